@@ -1,0 +1,1 @@
+"""Layer 4: what a person starts: the command line."""

@@ -1,0 +1,1 @@
+"""Layer 1: the leaf table and its folds, point sets, exact solids, clouds, meshes and metrics."""

@@ -1,0 +1,42 @@
+"""Rotation matrices and OpenSCAD's Euler degrees, ``R = Rz(rz) @ Ry(ry) @ Rx(rx)``."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from imdim.program.tree import Vec3
+
+
+def matrix_from_euler(euler_deg: Vec3) -> np.ndarray:
+    """The [3, 3] rotation of OpenSCAD's ``rotate([rx, ry, rz])``."""
+    (cx, cy, cz), (sx, sy, sz) = ([f(math.radians(a)) for a in euler_deg] for f in (math.cos, math.sin))
+    return np.array(
+        [
+            [cy * cz, sx * sy * cz - cx * sz, cx * sy * cz + sx * sz],
+            [cy * sz, sx * sy * sz + cx * cz, cx * sy * sz - sx * cz],
+            [-sy, sx * cy, cx * cy],
+        ]
+    )
+
+
+def euler_from_matrix(rotation: np.ndarray) -> Vec3:
+    """Euler degrees of a proper rotation; at the gimbal lock (ry = +-90) rx is set to 0."""
+    sy = -float(rotation[2, 0])
+    if abs(sy) > 1 - 1e-12:
+        # here only rz -+ rx is defined
+        rz = math.atan2(-rotation[0, 1], rotation[1, 1])
+        return (0.0, math.copysign(90.0, sy), math.degrees(rz))
+    rx = math.atan2(rotation[2, 1], rotation[2, 2])
+    rz = math.atan2(rotation[1, 0], rotation[0, 0])
+    return (math.degrees(rx), math.degrees(math.asin(sy)), math.degrees(rz))
+
+
+def frame_from_axis(axis: np.ndarray) -> np.ndarray:
+    """A rotation [3, 3] whose third column is the unit vector `axis`; identity for +z."""
+    z = np.asarray(axis, float) / np.linalg.norm(axis)
+    seed = np.eye(3)[0] if abs(z[0]) < 0.9 else np.eye(3)[1]
+    x = seed - seed @ z * z
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=1)

@@ -1,0 +1,95 @@
+"""Unbounded carrier surfaces: what detection finds and what candidate solids are made of.
+
+One uniform record, like `Primitive`: kind, point, axis, sizes.
+
+========  =======================  ==========================================  ================
+kind      point                    axis (unit)                                 sizes
+========  =======================  ==========================================  ================
+plane     a point on it            normal                                      ()
+sphere    centre                   (0, 0, 1)                                   (r,)
+cylinder  a point on the axis      axis                                        (r,)
+cone      apex                     from the apex into the nappe that is used   (half_angle_rad,)
+torus     centre                   axis                                        (r_major, r_minor)
+========  =======================  ==========================================  ================
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from imdim.program.tree import Vec3
+
+SURFACE_KINDS = ("plane", "sphere", "cylinder", "cone", "torus")
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """An unbounded surface; see the module's table for the meaning of the fields."""
+
+    kind: str
+    point: Vec3
+    axis: Vec3
+    sizes: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Patch:
+    """A piece of a carrier that the target shows.
+
+    `points` [m, 3] are samples of the piece (mesh vertices or cloud points), `area` its area in squared units,
+    `outward` is +1 where the target's outside lies on the positive side of `signed_distance` (a boss, a convex wall),
+    -1 where it lies on the negative side (the wall of a hole), 0 where it is not known.
+    """
+
+    surface: Surface
+    points: np.ndarray
+    area: float
+    outward: int = 0
+
+
+def signed_distance(surface: Surface, points: np.ndarray) -> np.ndarray:
+    """Signed distance [n] of `points` [n, 3]: negative on the side of the axis or centre, and behind a plane's normal.
+
+    The cone is the single nappe along +axis; its distance is exact outside the apex region.
+    """
+    q = np.asarray(points, float) - surface.point
+    axis = np.asarray(surface.axis)
+    if surface.kind == "plane":
+        return q @ axis
+    if surface.kind == "sphere":
+        return np.linalg.norm(q, axis=1) - surface.sizes[0]
+    h = q @ axis
+    rho = np.sqrt(np.maximum((q * q).sum(1) - h * h, 0.0))
+    if surface.kind == "cylinder":
+        return rho - surface.sizes[0]
+    if surface.kind == "cone":
+        return rho * math.cos(surface.sizes[0]) - h * math.sin(surface.sizes[0])
+    if surface.kind == "torus":
+        return np.hypot(rho - surface.sizes[0], h) - surface.sizes[1]
+    raise ValueError(f"unknown surface kind {surface.kind!r}; known are {', '.join(SURFACE_KINDS)}")
+
+
+def normals(surface: Surface, points: np.ndarray) -> np.ndarray:
+    """Unit gradients [n, 3] of `signed_distance` at `points` [n, 3]."""
+    q = np.asarray(points, float) - surface.point
+    axis = np.asarray(surface.axis)
+    if surface.kind == "plane":
+        return np.broadcast_to(axis, q.shape)
+    if surface.kind == "sphere":
+        return _unit(q)
+    h = q @ axis
+    radial = _unit(q - h[:, None] * axis)
+    if surface.kind == "cylinder":
+        return radial
+    if surface.kind == "cone":
+        return radial * math.cos(surface.sizes[0]) - axis * math.sin(surface.sizes[0])
+    if surface.kind == "torus":
+        return _unit(q - surface.sizes[0] * radial)
+    raise ValueError(f"unknown surface kind {surface.kind!r}; known are {', '.join(SURFACE_KINDS)}")
+
+
+def _unit(v: np.ndarray) -> np.ndarray:
+    return v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-300)

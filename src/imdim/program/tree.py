@@ -1,0 +1,125 @@
+"""The central type: a CSG program as an immutable tree of primitives and boolean operations.
+
+Every other form (ShapeState, tokens, CSG-Stump matrices, JSON, OpenSCAD, the leaf table) lowers to it or is lifted from it.
+A program is a value: frozen, hashable, made of plain floats. Changing it makes a new one.
+
+A primitive sits in its local frame, centred at the origin with its axis along local z, and is placed by
+``world = R @ local + center`` with ``R = Rz(rz) @ Ry(ry) @ Rx(rx)``, which is OpenSCAD's ``rotate([rx, ry, rz])``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal, TypeVar
+
+Op = Literal["union", "intersection", "difference"]
+Vec3 = tuple[float, float, float]
+T = TypeVar("T")
+
+OPS: tuple[Op, ...] = ("union", "intersection", "difference")
+
+# Full edge lengths for a box, semi-axes for an ellipsoid, full heights for cylinder and cone.
+SIZE_NAMES: Mapping[str, tuple[str, ...]] = {
+    "box": ("sx", "sy", "sz"),
+    "sphere": ("r",),
+    "cylinder": ("r", "h"),
+    "cone": ("r_bottom", "r_top", "h"),
+    "torus": ("r_major", "r_minor"),
+    "ellipsoid": ("rx", "ry", "rz"),
+}
+KINDS: tuple[str, ...] = tuple(SIZE_NAMES)
+
+
+def check_size(kind: str, size: tuple[float, ...]) -> None:
+    """Raise ValueError unless `size` is a proper size of `kind`; a cone may have one zero radius, a torus needs r_minor <= r_major."""
+    if kind not in SIZE_NAMES:
+        raise ValueError(f"unknown primitive kind {kind!r}; known are {', '.join(KINDS)}")
+    names = SIZE_NAMES[kind]
+    if len(size) != len(names):
+        raise ValueError(f"{kind} needs {len(names)} sizes {names}, got {size}")
+    free = {"r_bottom", "r_top"} if kind == "cone" else set()
+    for name, value in zip(names, size, strict=True):
+        if not math.isfinite(value) or value < 0 or (value == 0 and name not in free):
+            raise ValueError(f"{kind} needs positive {name}, got {value}")
+    if kind == "cone" and size[0] == size[1] == 0:
+        raise ValueError(f"cone needs one positive radius, got {size}")
+    if kind == "torus" and size[1] > size[0]:
+        raise ValueError(f"torus needs r_minor <= r_major, got {size}")
+
+
+@dataclass(frozen=True, slots=True)
+class Primitive:
+    """One solid: `kind`, `size` in the order of SIZE_NAMES[kind], `center`, `rotation` in Euler degrees."""
+
+    kind: str
+    size: tuple[float, ...]
+    center: Vec3 = (0.0, 0.0, 0.0)
+    rotation: Vec3 = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        check_size(self.kind, self.size)
+        for name, values in (("center", self.center), ("rotation", self.rotation)):
+            if len(values) != 3 or not all(math.isfinite(v) for v in values):
+                raise ValueError(f"{self.kind} needs three finite numbers as {name}, got {values}")
+
+
+@dataclass(frozen=True, slots=True)
+class Combine:
+    """A boolean operation on two programs; `difference` keeps `left` and cuts `right`."""
+
+    op: Op
+    left: Program
+    right: Program
+
+    def __post_init__(self) -> None:
+        if self.op not in OPS:
+            raise ValueError(f"unknown operation {self.op!r}; known are {', '.join(OPS)}")
+
+
+Program = Primitive | Combine
+
+
+def leaves(program: Program) -> Iterator[Primitive]:
+    """The primitives from left to right: row i of the leaf table is the i-th of these."""
+    stack: list[Program] = [program]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, Primitive):
+            yield node
+        else:
+            stack += (node.right, node.left)
+
+
+def fold(program: Program, leaf: Callable[[int, Primitive], T], combine: Mapping[Op, Callable[[T, T], T]]) -> T:
+    """Evaluate bottom-up without recursion: `leaf(i, primitive)` per leaf in order, then `combine[op](left, right)`."""
+    todo: list[tuple[Program, bool]] = [(program, False)]
+    values: list[T] = []
+    count = 0
+    while todo:
+        node, ready = todo.pop()
+        if isinstance(node, Primitive):
+            values.append(leaf(count, node))
+            count += 1
+        elif ready:
+            right = values.pop()
+            values.append(combine[node.op](values.pop(), right))
+        else:
+            todo += ((node, True), (node.right, False), (node.left, False))
+    return values[0]
+
+
+def map_leaves(program: Program, change: Callable[[int, Primitive], Primitive]) -> Program:
+    """The same tree with each primitive replaced by `change(i, primitive)`."""
+    return fold(program, lambda i, p: change(i, p), {op: (lambda a, b, op=op: Combine(op, a, b)) for op in OPS})  # type: ignore[arg-type, return-value]
+
+
+def combine_all(op: Op, programs: list[Program]) -> Program:
+    """A left fold of one operation over one or more programs."""
+    if not programs:
+        raise ValueError(f"{op} of no programs")
+    out = programs[0]
+    for part in programs[1:]:
+        out = Combine(op, out, part)
+    return out
