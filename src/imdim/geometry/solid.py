@@ -1,0 +1,100 @@
+"""Exact solids: programs and meshes as manifold3d solids, whose booleans are the referee of every other backend.
+
+Curved primitives are inscribed polyhedra with `segments` edges per circle, as in OpenSCAD: at 96 segments a cylinder lacks 0.07 % of its
+volume and a sphere 0.3 %.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import trimesh
+from manifold3d import CrossSection, Error, Manifold, Mesh64, OpType
+
+from imdim.geometry.rotations import matrix_from_euler
+from imdim.program.nary import fold_nary
+from imdim.program.tree import Op, Primitive, Program
+
+SEGMENTS = 96
+
+_LOCAL: Mapping[str, Callable[[tuple[float, ...], int], Manifold]] = {
+    "box": lambda s, n: Manifold.cube(s, True),
+    "sphere": lambda s, n: Manifold.sphere(s[0], n),
+    "cylinder": lambda s, n: Manifold.cylinder(s[1], s[0], s[0], n, True),
+    "cone": lambda s, n: Manifold.cylinder(s[2], s[0], s[1], n, True),
+    "torus": lambda s, n: CrossSection.circle(s[1], n).translate((s[0], 0.0)).revolve(n),
+    "ellipsoid": lambda s, n: Manifold.sphere(1.0, n).scale(s),
+}
+
+_COMBINE: Mapping[Op, Callable[[list[Manifold]], Manifold]] = {
+    "union": lambda parts: Manifold.batch_boolean(parts, OpType.Add),
+    "intersection": lambda parts: Manifold.batch_boolean(parts, OpType.Intersect),
+    "difference": lambda parts: Manifold.batch_boolean(parts, OpType.Subtract),
+}
+
+
+def primitive_to_manifold(primitive: Primitive, segments: int = SEGMENTS) -> Manifold:
+    """One placed primitive as an inscribed polyhedron."""
+    placement = np.column_stack([exact_rotation(primitive), primitive.center])
+    return _LOCAL[primitive.kind](primitive.size, segments).transform(placement)
+
+
+def to_manifold(program: Program, segments: int = SEGMENTS) -> Manifold:
+    """The exact solid of `program`, with `segments` edges per circle; empty where the program is empty."""
+    return fold_nary(program, lambda _, primitive: primitive_to_manifold(primitive, segments), _COMBINE)
+
+
+def exact_rotation(primitive: Primitive) -> np.ndarray:
+    """The rotation matrix [3, 3] with the noise of right angles removed, so that coincident faces stay coincident."""
+    rotation = matrix_from_euler(primitive.rotation)
+    nearest = np.round(rotation)
+    return np.where(np.abs(rotation - nearest) < 1e-15, nearest, rotation)
+
+
+def mesh_to_manifold(mesh: trimesh.Trimesh) -> Manifold:
+    """The solid that a closed, outward oriented mesh bounds.
+
+    Vertices at the same place are merged: exactly first, then, if that leaves it open, on a grid of 1e-6 of the diagonal.
+    Raises ValueError that names the reason when the mesh is not a closed manifold or encloses no volume.
+    """
+    vertices = np.asarray(mesh.vertices, np.float64)
+    if not len(mesh.faces) or not np.isfinite(vertices).all():
+        raise ValueError(f"mesh of {len(vertices)} vertices and {len(mesh.faces)} faces bounds no solid: it is empty or not finite")
+    diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    solid = _merged_solid(mesh, vertices)
+    if solid.status() != Error.NoError:
+        solid = _merged_solid(mesh, np.round(vertices / max(diagonal * 1e-6, 1e-300)))
+    if solid.status() != Error.NoError:
+        raise ValueError(f"mesh of {len(mesh.faces)} faces is not a closed manifold: {solid.status().name}")
+    if solid.volume() <= 0:
+        raise ValueError(f"mesh of {len(mesh.faces)} faces encloses no volume: {solid.volume():g}")
+    return solid
+
+
+def _merged_solid(mesh: trimesh.Trimesh, keys: np.ndarray) -> Manifold:
+    """A solid whose vertices with equal rows of `keys` [v, 3] are one; faces that thereby collapse are dropped."""
+    _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    faces = inverse.reshape(-1)[np.asarray(mesh.faces)]
+    proper = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    vertices = np.ascontiguousarray(np.asarray(mesh.vertices, np.float64)[first])
+    return Manifold(Mesh64(vertices, np.ascontiguousarray(faces[proper], dtype=np.uint64)))
+
+
+def to_trimesh(solid: Manifold) -> trimesh.Trimesh:
+    """The surface of a solid, in double precision, one shared vertex per corner."""
+    mesh = solid.to_mesh64()
+    vertices = np.array(mesh.vert_properties, np.float64)[:, :3]
+    return trimesh.Trimesh(vertices, np.array(mesh.tri_verts, np.int64), process=False)
+
+
+def volume(program: Program, segments: int = SEGMENTS) -> float:
+    """Volume of the inscribed solid of `program`, in cubed model units."""
+    return to_manifold(program, segments).volume()
+
+
+def volume_iou(a: Manifold, b: Manifold) -> float:
+    """Volume of the intersection over volume of the union, 0 to 1; 0 when both are empty."""
+    common = (a ^ b).volume()
+    joined = a.volume() + b.volume() - common
+    return min(common / joined, 1.0) if joined > 0 else 0.0
