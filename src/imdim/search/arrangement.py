@@ -1,0 +1,171 @@
+"""The arrangement of carrier surfaces: parallel planes collected into directions, curved surfaces, and the codes of points.
+
+Two points with equal codes lie in one canonical intersection (Du et al. 2018, definition 2): no candidate that is made of
+these carriers can tell them apart. A `Direction` holds all the offsets at which a candidate may begin or end along it:
+detected planes, planes through centres of curved surfaces and tangent to them, and two sentinels beyond the part, which are
+where a cutter may overshoot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from imdim.geometry.surface import Surface, signed_distance
+
+PARALLEL = 1 - 1e-6  # cosine above which two axes are one direction (0.08 degrees)
+ORTHOGONAL = 1e-3
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A unit vector and the sorted plane offsets [n >= 2] along it; the first and last are sentinels outside the part."""
+
+    vector: np.ndarray
+    offsets: np.ndarray
+
+    def bins(self, points: np.ndarray) -> np.ndarray:
+        """Index [n] of the slab between consecutive offsets that holds each of `points` [n, 3]."""
+        return np.clip(np.searchsorted(self.offsets, points @ self.vector) - 1, 0, len(self.offsets) - 2)
+
+
+@dataclass(frozen=True)
+class Arrangement:
+    """Directions with offsets, curved carriers, triples of orthogonal directions (box frames), and the box [2, 3] of the samples."""
+
+    directions: tuple[Direction, ...]
+    curved: tuple[Surface, ...]
+    axis_of: tuple[int, ...]  # direction index of each curved surface's axis, -1 where it has none
+    frames: tuple[tuple[int, int, int], ...]
+    bounds: np.ndarray
+
+
+@dataclass(frozen=True)
+class ArrangementConfig:
+    """Limits that keep the arrangement searchable."""
+
+    margin: float = 0.03  # of the diagonal, between the part and the sentinels
+    merge: float = 4e-4  # of the diagonal, under which two offsets are one
+    max_offsets: int = 48  # along one direction; the planes with least area go first
+    max_directions: int = 40
+    max_frames: int = 12
+
+
+def arrange(surfaces: Sequence[Surface], areas: Sequence[float], bounds: np.ndarray, config: ArrangementConfig) -> Arrangement:
+    """Collect carriers with their visible areas into an arrangement over the part's bounding box `bounds` [2, 3]."""
+    diagonal = float(np.linalg.norm(bounds[1] - bounds[0]))
+    box = np.stack([bounds[0] - config.margin * diagonal, bounds[1] + config.margin * diagonal])
+    curved = [(s, a) for s, a in zip(surfaces, areas, strict=True) if s.kind != "plane"]
+    vectors = _direction_vectors(surfaces, areas, config)
+    frames = _frames(vectors, config)
+    tol = config.merge * diagonal
+    directions = tuple(Direction(v, _offsets(v, surfaces, areas, box, tol, config)) for v in vectors)
+    axis_of = tuple(_axis_index(s, vectors) for s, _ in curved)
+    return Arrangement(directions, tuple(s for s, _ in curved), axis_of, frames, box)
+
+
+def _direction_vectors(surfaces: Sequence[Surface], areas: Sequence[float], config: ArrangementConfig) -> list[np.ndarray]:
+    """Distinct plane normals and axes by falling weight, completed so that each has two orthogonal partners."""
+    vectors: list[np.ndarray] = []
+    weights: list[float] = []
+    for surface, area in zip(surfaces, areas, strict=True):
+        if surface.kind == "sphere":
+            continue
+        axis = np.asarray(surface.axis)
+        match = next((i for i, v in enumerate(vectors) if abs(v @ axis) > PARALLEL), None)
+        if match is None:
+            vectors.append(_canonical_sign(axis))
+            weights.append(area)
+        else:
+            weights[match] += area
+    order = sorted(range(len(vectors)), key=lambda i: -weights[i])[: config.max_directions]
+    kept = [vectors[i] for i in order] or [np.array([0.0, 0.0, 1.0])]
+    return _complete(kept)
+
+
+def _canonical_sign(axis: np.ndarray) -> np.ndarray:
+    axis = axis / np.linalg.norm(axis)
+    lead = int(np.argmax(np.abs(axis) > 0.5)) if (np.abs(axis) > 0.5).any() else int(np.argmax(np.abs(axis)))
+    out = axis if axis[lead] > 0 else -axis
+    return out + 0.0  # no negative zeros in the output
+
+
+def _complete(vectors: list[np.ndarray]) -> list[np.ndarray]:
+    """Append the missing axes of each direction's box frame; the heaviest direction in sight lends its orientation."""
+    out = list(vectors)
+    for v in vectors:
+        partners = [w for w in out if abs(v @ w) < ORTHOGONAL]
+        if not partners:
+            guide = next((w for w in [*out, *np.eye(3)] if abs(v @ w) < 0.99), np.eye(3)[0])
+            partners = [_canonical_sign(guide - (guide @ v) * v)]
+            out.append(partners[0])
+        third = np.cross(v, partners[0])
+        if not any(abs(third @ w) > PARALLEL for w in out):
+            out.append(_canonical_sign(third))
+    return out
+
+
+def _frames(vectors: list[np.ndarray], config: ArrangementConfig) -> tuple[tuple[int, int, int], ...]:
+    frames: list[tuple[int, int, int]] = []
+    n = len(vectors)
+    for i in range(n):
+        for j in range(i + 1, n):
+            if abs(vectors[i] @ vectors[j]) >= ORTHOGONAL:
+                continue
+            for k in range(j + 1, n):
+                if abs(vectors[i] @ vectors[k]) < ORTHOGONAL and abs(vectors[j] @ vectors[k]) < ORTHOGONAL:
+                    frames.append((i, j, k))
+    return tuple(frames[: config.max_frames])
+
+
+def _offsets(
+    v: np.ndarray, surfaces: Sequence[Surface], areas: Sequence[float], box: np.ndarray, tol: float, config: ArrangementConfig
+) -> np.ndarray:
+    """Sorted offsets along `v`: detected planes first, then invented ones (centres, tangents) while there is room."""
+    corners = np.array([[box[i][0], box[j][1], box[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]) @ v
+    proposals: list[tuple[float, float]] = []
+    for surface, area in zip(surfaces, areas, strict=True):
+        proposals += [(rank * area, offset) for rank, offset in _proposed(surface, v)]
+    proposals.sort(key=lambda p: (-p[0], p[1]))
+    kept: list[float] = []
+    for _, offset in proposals:
+        if len(kept) >= config.max_offsets:
+            break
+        if all(abs(offset - other) > tol for other in kept) and corners.min() + tol < offset < corners.max() - tol:
+            kept.append(offset)
+    return np.array([corners.min(), *sorted(kept), corners.max()])
+
+
+def _proposed(surface: Surface, v: np.ndarray) -> list[tuple[float, float]]:
+    """(rank, offset) pairs along `v`; detected planes outrank whatever is invented."""
+    at = float(np.asarray(surface.point) @ v)
+    along = abs(float(np.asarray(surface.axis) @ v))
+    if surface.kind == "plane":
+        sign = float(np.sign(np.asarray(surface.axis) @ v))
+        return [(1e6, sign * float(np.asarray(surface.point) @ np.asarray(surface.axis)))] if along > PARALLEL else []
+    if surface.kind == "cone":
+        return [(1e3, at)] if along > PARALLEL or along < ORTHOGONAL else []
+    if surface.kind == "sphere":
+        return [(1.0, at)]
+    radius = surface.sizes[0]
+    if surface.kind == "torus":
+        return [(1.0, at), (0.5, at - surface.sizes[1]), (0.5, at + surface.sizes[1])] if along > PARALLEL else []
+    return [(1.0, at), (0.5, at - radius), (0.5, at + radius)] if along < ORTHOGONAL else []
+
+
+def _axis_index(surface: Surface, vectors: list[np.ndarray]) -> int:
+    if surface.kind in ("sphere", "torus"):
+        return -1
+    axis = np.asarray(surface.axis)
+    return int(np.argmax([abs(v @ axis) for v in vectors]))
+
+
+def codes(arrangement: Arrangement, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Slab indices [n, directions] int16 and inside flags [n, curved] bool of `points` [n, 3]."""
+    slabs = np.stack([d.bins(points) for d in arrangement.directions], axis=1).astype(np.int16)
+    inside = np.empty((len(points), len(arrangement.curved)), bool)
+    for i, surface in enumerate(arrangement.curved):
+        inside[:, i] = signed_distance(surface, points) < 0
+    return slabs, inside

@@ -1,0 +1,136 @@
+"""Candidate families: all the boxes, cylinders, cones, spheres and tori that an arrangement allows, never listed one by one.
+
+A family is a frame of three directions (boxes), a cylinder or cone with two caps along its axis, or a single sphere or torus.
+`Families.best` finds each family's candidate with the largest sum of a per-cell field; `mask` and `primitive` spell a candidate out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from imdim.geometry.rotations import euler_from_matrix, frame_from_axis
+from imdim.geometry.surface import Surface
+from imdim.program.tree import Primitive
+from imdim.search.arrangement import Arrangement
+from imdim.search.cells import Cells
+from imdim.search.kernels import axial_best, box_best
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A member of a family: `source` is ("box", frame index) or ("curved", surface index), `ranges` the offset indices (lo, hi) per axis."""
+
+    source: tuple[str, int]
+    ranges: tuple[tuple[int, int], ...]
+
+
+class Families:
+    """The families of an arrangement over one set of cells."""
+
+    def __init__(self, arrangement: Arrangement, cells: Cells) -> None:
+        self.arrangement = arrangement
+        self.cells = cells
+        self._pack_axial()
+
+    def _pack_axial(self) -> None:
+        """Lay the curved families out for the compiled loop: member cells, their slab along the axis, slab counts."""
+        members, bins, widths = [], [], []
+        for i, axis in enumerate(self.arrangement.axis_of):
+            inside = np.flatnonzero(self.cells.inside[:, i])
+            members.append(inside)
+            bins.append(self.cells.slabs[inside, axis].astype(np.int64) if axis >= 0 else np.zeros(len(inside), np.int64))
+            widths.append(len(self.arrangement.directions[axis].offsets) - 1 if axis >= 0 else 1)
+        self._starts = np.concatenate([[0], np.cumsum([len(m) for m in members])]).astype(np.int64)
+        self._members = np.concatenate(members) if members else np.zeros(0, np.int64)
+        self._bins = np.concatenate(bins) if bins else np.zeros(0, np.int64)
+        self._widths = np.array(widths, np.int64)
+
+    def best(self, field: np.ndarray, per_frame: int) -> list[tuple[float, Candidate]]:
+        """Candidates with large sums of `field` [m]: one per curved family, up to `per_frame` per box frame."""
+        out = self._best_curved(field)
+        for frame in range(len(self.arrangement.frames)):
+            out += self._best_boxes(field, frame, per_frame)
+        return out
+
+    def _best_curved(self, field: np.ndarray) -> list[tuple[float, Candidate]]:
+        table = np.empty((len(self._widths), 3))
+        axial_best(field, self._starts, self._members, self._bins, self._widths, table)
+        return [(float(v), Candidate(("curved", i), ((int(lo), int(hi)),))) for i, (v, lo, hi) in enumerate(table)]
+
+    def _best_boxes(self, field: np.ndarray, frame: int, count: int) -> list[tuple[float, Candidate]]:
+        axes = self.arrangement.frames[frame]
+        order = sorted(range(3), key=lambda a: len(self.arrangement.directions[axes[a]].offsets))
+        shape = [len(self.arrangement.directions[axes[a]].offsets) - 1 for a in order]
+        slabs = self.cells.slabs
+        flat = np.ravel_multi_index([slabs[:, axes[a]].astype(np.int64) for a in order], shape)
+        grid = np.bincount(flat, field, math.prod(shape)).reshape(shape)
+        table = np.empty((shape[0] * (shape[0] + 1) // 2, 7))
+        box_best(grid, table)
+        top = np.argsort(-table[:, 0], kind="stable")[:count]
+        out = []
+        for row in table[top]:
+            ranges = [(0, 0)] * 3
+            for position, axis in enumerate(order):
+                ranges[axis] = (int(row[1 + 2 * position]), int(row[2 + 2 * position]))
+            out.append((float(row[0]), Candidate(("box", frame), tuple(ranges))))
+        return out
+
+    def mask(self, candidate: Candidate) -> np.ndarray:
+        """The cells [m] that a candidate covers."""
+        kind, index = candidate.source
+        slabs = self.cells.slabs
+        if kind == "curved":
+            axis = self.arrangement.axis_of[index]
+            inside = self.cells.inside[:, index]
+            return inside & _between(slabs[:, axis], candidate.ranges[0]) if axis >= 0 else inside.copy()
+        columns = self.arrangement.frames[index]
+        return np.logical_and.reduce([_between(slabs[:, c], r) for c, r in zip(columns, candidate.ranges, strict=True)])
+
+    def primitive(self, candidate: Candidate) -> Primitive:
+        """The solid that a candidate stands for."""
+        kind, index = candidate.source
+        if kind == "box":
+            return self._box(index, candidate.ranges)
+        surface = self.arrangement.curved[index]
+        axis = self.arrangement.axis_of[index]
+        if axis < 0:
+            rotation = euler_from_matrix(frame_from_axis(np.asarray(surface.axis))) if surface.kind == "torus" else (0.0, 0.0, 0.0)
+            return Primitive(surface.kind, surface.sizes, surface.point, rotation)
+        direction = self.arrangement.directions[axis]
+        lo, hi = (float(direction.offsets[i]) for i in candidate.ranges[0])
+        return _capped(surface, direction.vector, lo, hi)
+
+    def _box(self, frame: int, ranges: tuple[tuple[int, int], ...]) -> Primitive:
+        chosen = [self.arrangement.directions[i] for i in self.arrangement.frames[frame]]
+        rotation = np.stack([d.vector for d in chosen], axis=1)
+        rotation[:, 2] *= np.sign(np.linalg.det(rotation))
+        spans = [(float(d.offsets[lo]), float(d.offsets[hi])) for d, (lo, hi) in zip(chosen, ranges, strict=True)]
+        middle = sum(d.vector * (lo + hi) / 2 for d, (lo, hi) in zip(chosen, spans, strict=True))
+        sizes = tuple(hi - lo for lo, hi in spans)
+        return Primitive("box", sizes, tuple(float(x) for x in middle), euler_from_matrix(rotation))  # type: ignore[arg-type]
+
+
+def _between(slab: np.ndarray, bounds: tuple[int, int]) -> np.ndarray:
+    return (slab >= bounds[0]) & (slab < bounds[1])
+
+
+def _capped(surface: Surface, direction: np.ndarray, lo: float, hi: float) -> Primitive:
+    """The cylinder or cone between two planes perpendicular to its axis; a cone starts at its apex at the earliest."""
+    point = np.asarray(surface.point)
+    at = float(point @ direction)
+    foot = point - at * direction
+    if surface.kind == "cylinder":
+        return _placed("cylinder", (surface.sizes[0], hi - lo), foot + (lo + hi) / 2 * direction, direction)
+    opens_up = float(np.asarray(surface.axis) @ direction) > 0
+    lo, hi = (max(lo, at), hi) if opens_up else (lo, min(hi, at))
+    slope = math.tan(surface.sizes[0])
+    bottom, top = abs(lo - at) * slope, abs(hi - at) * slope
+    return _placed("cone", (bottom, top, hi - lo), foot + (lo + hi) / 2 * direction, direction)
+
+
+def _placed(kind: str, size: tuple[float, ...], center: np.ndarray, axis: np.ndarray) -> Primitive:
+    rotation = euler_from_matrix(frame_from_axis(axis))
+    return Primitive(kind, size, tuple(float(x) for x in center), rotation)  # type: ignore[arg-type]

@@ -1,0 +1,68 @@
+"""Compiled inner loops of the search: the interval, and the box, with the largest sum of gains.
+
+The gain of a candidate is the sum of a per-cell field over the cells that the candidate covers. Sums over intervals between
+parallel planes are Kadane's maximum subarray (Bentley 1984); a box is that over the third axis for each pair of ranges of the
+first two, so every box that the planes allow is examined without being listed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(nogil=True, cache=True)
+def best_interval(sums: np.ndarray) -> tuple[float, int, int]:
+    """The largest sum of a run of `sums` [n], with its half-open bounds; the longest of equal runs to the left is kept."""
+    best, lo, hi = -np.inf, 0, 1
+    run, start = 0.0, 0
+    for i in range(len(sums)):
+        if run < 0.0 or i == 0:
+            run, start = sums[i], i
+        else:
+            run += sums[i]
+        if run > best:
+            best, lo, hi = run, start, i + 1
+    return best, lo, hi
+
+
+@njit(nogil=True, cache=True)
+def axial_best(field: np.ndarray, starts: np.ndarray, cells: np.ndarray, bins: np.ndarray, widths: np.ndarray, out: np.ndarray) -> None:
+    """Best interval of each axial family: family f owns `cells[starts[f]:starts[f+1]]`, binned along its axis into widths[f].
+
+    Writes (sum, lo, hi) into out [f, 3].
+    """
+    for f in range(len(widths)):
+        sums = np.zeros(widths[f])
+        for i in range(starts[f], starts[f + 1]):
+            sums[bins[i]] += field[cells[i]]
+        best, lo, hi = best_interval(sums)
+        out[f, 0], out[f, 1], out[f, 2] = best, lo, hi
+
+
+@njit(nogil=True, cache=True)
+def box_best(grid: np.ndarray, out: np.ndarray) -> None:
+    """Best box of `grid` [a, b, c] for each range of the first axis.
+
+    Writes (sum, i, j, k, l, m, n) into out [a(a+1)/2, 7]: the box is grid[i:j, k:l, m:n].
+    """
+    na, nb, nc = grid.shape
+    row = 0
+    slab = np.empty((nb, nc))
+    line = np.empty(nc)
+    for i in range(na):
+        slab[:] = 0.0
+        for j in range(i, na):
+            slab += grid[j]
+            top = -np.inf
+            for k in range(nb):
+                line[:] = 0.0
+                for m in range(k, nb):
+                    for c in range(nc):
+                        line[c] += slab[m, c]
+                    value, lo, hi = best_interval(line)
+                    if value > top:
+                        top = value
+                        out[row, 3], out[row, 4], out[row, 5], out[row, 6] = k, m + 1, lo, hi
+            out[row, 0], out[row, 1], out[row, 2] = top, i, j + 1
+            row += 1

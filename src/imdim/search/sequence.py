@@ -1,0 +1,192 @@
+"""Signed sequences over the cells: what a program is during the search, and what inserting one more term anywhere would win.
+
+A sequence starts from nothing and applies union, difference or intersection with one term after another. A cell's state is decided
+by the last step that speaks about it, so a term inserted after step k changes just the cells on which all later steps are silent.
+That makes the exact gain of every candidate at every position a sum of one field, which `Families.best` maximises over all candidates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from imdim.program.tree import Combine, Op, Program
+from imdim.search.families import Candidate, Families
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two candidates combined before they enter the sequence: `op` is intersection or difference."""
+
+    op: Op
+    left: Candidate
+    right: Candidate
+
+
+Term = Candidate | Pair
+
+
+@dataclass(frozen=True)
+class Step:
+    """One operation of a sequence with the cells [m] of its term."""
+
+    op: Op
+    term: Term
+    mask: np.ndarray
+
+    @property
+    def cost(self) -> int:
+        return 1 if isinstance(self.term, Candidate) else 2
+
+
+Sequence = tuple[Step, ...]
+
+
+@dataclass(frozen=True)
+class Insertion:
+    """`gain` in volume from putting `op term` at `position` (the number of steps before it)."""
+
+    gain: float
+    position: int
+    op: Op
+    term: Term
+
+
+def apply(step: Step, state: np.ndarray) -> np.ndarray:
+    """The cells [m] filled after one step."""
+    if step.op == "union":
+        return state | step.mask
+    return state & ~step.mask if step.op == "difference" else state & step.mask
+
+
+def run(sequence: Sequence, m: int) -> np.ndarray:
+    """The cells [m] that a sequence fills."""
+    state = np.zeros(m, bool)
+    for step in sequence:
+        state = apply(step, state)
+    return state
+
+
+def error(sequence: Sequence, families: Families) -> float:
+    """Volume in which the sequence and the target differ."""
+    cells = families.cells
+    state = run(sequence, len(cells.points))
+    return float(cells.w_out[state].sum() + cells.w_in[~state].sum())
+
+
+def cost(sequence: Sequence) -> int:
+    """Number of primitives."""
+    return sum(step.cost for step in sequence)
+
+
+def to_program(sequence: Sequence, families: Families) -> Program:
+    """The program tree of a non-empty sequence; raises ValueError for an empty one."""
+    if not sequence:
+        raise ValueError("an empty sequence is no program")
+    out: Program = _term_program(sequence[0].term, families)
+    for step in sequence[1:]:
+        out = Combine(step.op, out, _term_program(step.term, families))
+    return out
+
+
+def _term_program(term: Term, families: Families) -> Program:
+    if isinstance(term, Candidate):
+        return families.primitive(term)
+    return Combine(term.op, families.primitive(term.left), families.primitive(term.right))
+
+
+def term_mask(term: Term, families: Families) -> np.ndarray:
+    """The cells [m] of a term."""
+    if isinstance(term, Candidate):
+        return families.mask(term)
+    left, right = families.mask(term.left), families.mask(term.right)
+    return left & right if term.op == "intersection" else left & ~right
+
+
+def insert(sequence: Sequence, insertion: Insertion, families: Families) -> Sequence:
+    """The longer sequence."""
+    step = Step(insertion.op, insertion.term, term_mask(insertion.term, families))
+    return (*sequence[: insertion.position], step, *sequence[insertion.position :])
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A place in a sequence: the cells filled before it, and those on which every later step is silent."""
+
+    position: int
+    state: np.ndarray
+    free: np.ndarray
+
+
+def gaps(sequence: Sequence, m: int) -> Iterator[Gap]:
+    """All places where a step can go, the end first."""
+    states = [np.zeros(m, bool)]
+    for step in sequence:
+        states.append(apply(step, states[-1]))
+    free = np.ones(m, bool)
+    for position in range(len(sequence), -1, -1):
+        yield Gap(position, states[position], free)
+        if position:
+            step = sequence[position - 1]
+            free = free & (step.mask if step.op == "intersection" else ~step.mask)
+
+
+def insertions(sequence: Sequence, families: Families, per_frame: int, least: float) -> list[Insertion]:
+    """Insertions of single candidates that win more than `least`, best first."""
+    gain = families.cells.gain
+    out: list[Insertion] = []
+    best = least
+    for gap in gaps(sequence, len(gain)):
+        fields = _fields(gap, gain)
+        for op, field, total in fields:
+            if op == "intersection":
+                found = [(total + v, c) for v, c in families.best(field, per_frame)] if total > best * 0.5 else []
+            else:
+                found = families.best(field, per_frame) if field[field > 0].sum() > best * 0.5 else []
+            out += [Insertion(v, gap.position, op, c) for v, c in found if v > least]
+            best = max([best, *(v for v, _ in found)])
+    return sorted(out, key=lambda i: -i.gain)
+
+
+def _fields(gap: Gap, gain: np.ndarray) -> list[tuple[Op, np.ndarray, float]]:
+    """(op, field to maximise, constant) for the three operations at one place.
+
+    Keeping only a term wins what emptying all filled cells would win less what emptying those in the term would.
+    """
+    fill = np.where(gap.free & ~gap.state, gain, 0.0)
+    out: list[tuple[Op, np.ndarray, float]] = [("union", fill, 0.0)]
+    if gap.position:
+        empty = np.where(gap.free & gap.state, -gain, 0.0)
+        out.append(("difference", empty, 0.0))
+        out.append(("intersection", -empty, float(empty.sum())))
+    return out
+
+
+def pair_insertions(sequence: Sequence, families: Families, least: float, limit: int) -> list[Insertion]:
+    """Insertions of two candidates combined (round end of a bar, bored boss) at the end of the sequence, best first.
+
+    `limit` bounds how many curved candidates are tried as the left part.
+    """
+    gain = families.cells.gain
+    gap = next(gaps(sequence, len(gain)))
+    out: list[Insertion] = []
+    for op, field, _ in _fields(gap, gain)[:2]:
+        for left in _promising(field, families, limit):
+            inside = families.mask(left)
+            kept = np.where(inside, field, 0.0)
+            if kept[kept > 0].sum() <= least:
+                continue
+            whole = float(kept.sum())
+            out += [Insertion(v, gap.position, op, Pair("intersection", left, c)) for v, c in families.best(kept, 1) if v > least]
+            out += [Insertion(whole + v, gap.position, op, Pair("difference", left, c)) for v, c in families.best(-kept, 1) if whole + v > least]
+    return sorted(out, key=lambda i: -i.gain)
+
+
+def _promising(field: np.ndarray, families: Families, limit: int) -> list[Candidate]:
+    """Candidates with the largest positive content whatever else they cover: the widest of each curved family, the best boxes."""
+    positive = np.maximum(field, 0.0)
+    found = families.best(np.where(field > 0, field, 0.02 * np.minimum(field, 0.0)), 2)
+    found.sort(key=lambda f: -f[0])
+    return [c for v, c in found[:limit] if v > 0 and positive.any()]
