@@ -110,7 +110,8 @@ def split_bodies(target: Target) -> list[Target]:
         return [target]
     bodies = (_submesh(target.mesh, faces) for faces in groups)
     return [
-        _mesh_target(f"{target.name} body {i}", mesh.vertices, mesh.faces, target.is_solid, target.notes) for i, mesh in enumerate(bodies, 1)
+        _mesh_target(f"{target.name} body {i}", mesh.vertices, mesh.faces, target.is_solid, target.notes)
+        for i, mesh in enumerate(bodies, 1)
     ]
 
 
@@ -129,7 +130,9 @@ def _check_numbers(points: np.ndarray, name: str) -> None:
     if bad:
         raise InputError(f"{name}: {bad} of {len(points)} points are not finite (NaN or infinite)")
     if not np.linalg.norm(np.ptp(points, axis=0)) > 1e-9 * np.abs(points).max():
-        raise InputError(f"{name}: all {len(points)} points lie in one place, the box diagonal is {np.linalg.norm(np.ptp(points, axis=0)):.3g}")
+        raise InputError(
+            f"{name}: all {len(points)} points lie in one place, the box diagonal is {np.linalg.norm(np.ptp(points, axis=0)):.3g}"
+        )
 
 
 def _mesh_target(name: str, vertices: np.ndarray, faces: np.ndarray, is_solid: bool, notes: Iterable[str]) -> Target:

@@ -1,0 +1,198 @@
+"""Inside or outside by the generalised winding number, for closed, open and overlapping meshes and for oriented clouds.
+
+The number is the solid angle that the surface subtends at the query over 4 pi (Jacobson et al. 2013): 1 inside and 0
+outside a closed mesh that is oriented outward, in between where the surface has holes. Far groups of triangles are
+replaced by their first two moments (Barill et al. 2018, "Fast winding numbers for soups and clouds", section 3), near
+ones are summed exactly (Van Oosterom and Strackee 1983), so that a query costs about the logarithm of the face count.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from numba import njit
+from scipy.spatial import cKDTree
+
+LEAF_SIZE = 6
+FAR = 2.0  # a group is far at this many radii; Barill et al. find errors near 1e-3 at 2
+RAYS = ((0.4395064, 0.6175986, 0.6522315), (-0.5237419, 0.7719043, -0.3605217))  # oblique: parallel to no likely face
+QUARTER_TURN = 1 / (4 * math.pi)
+
+
+@dataclass(frozen=True, eq=False)
+class WindingTree:
+    """A complete binary tree over triangles (or points) in Morton order: node i has children 2 i and 2 i + 1.
+
+    `corners` [n, 9] are the triangles, or [n, 6] points with area-weighted normals; `moments` [2 l, 16] hold per node centre (3),
+    squared far radius (1), summed area vectors (3) and their first moment about the centre (9); leaf j owns rows
+    ``starts[j]:starts[j + 1]``.
+    """
+
+    corners: np.ndarray
+    moments: np.ndarray
+    starts: np.ndarray
+    center: np.ndarray
+    scale: float
+
+
+def triangle_tree(mesh_or_triangles: trimesh.Trimesh | np.ndarray) -> WindingTree:
+    """The tree of a mesh or of triangles [m, 3, 3]; build it once where many batches of queries follow."""
+    if isinstance(mesh_or_triangles, trimesh.Trimesh):
+        triangles = np.asarray(mesh_or_triangles.vertices, float)[mesh_or_triangles.faces]
+    else:
+        triangles = np.asarray(mesh_or_triangles, float)
+    center, scale = _unit_frame(triangles.reshape(-1, 3))
+    unit = (triangles - center) * scale
+    vector = np.cross(unit[:, 1] - unit[:, 0], unit[:, 2] - unit[:, 0]) / 2
+    return _tree(unit.reshape(-1, 9), unit.mean(axis=1), vector, unit.min(axis=1), unit.max(axis=1), center, scale)
+
+
+def cloud_tree(points: np.ndarray, normals: np.ndarray, neighbours: int = 8) -> WindingTree:
+    """The tree of an oriented cloud: `points` [n, 3], outward unit `normals` [n, 3]; each point stands for the disc of its neighbours."""
+    center, scale = _unit_frame(points)
+    unit = (np.asarray(points, float) - center) * scale
+    reach = cKDTree(unit).query(unit, k=[neighbours + 1])[0][:, 0]
+    vector = normals * (math.pi * reach**2 / neighbours)[:, None]
+    return _tree(np.hstack([unit, vector]), unit, vector, unit, unit, center, scale)
+
+
+def winding_number(source: trimesh.Trimesh | np.ndarray | WindingTree, queries: np.ndarray) -> np.ndarray:
+    """The winding number [m] of a mesh, of triangles [k, 3, 3] or of a tree at `queries` [m, 3]."""
+    tree = source if isinstance(source, WindingTree) else triangle_tree(source)
+    unit = (np.asarray(queries, float).reshape(-1, 3) - tree.center) * tree.scale
+    return _winding(tree.corners, tree.moments, tree.starts, np.ascontiguousarray(unit))
+
+
+def inside_mesh(source: trimesh.Trimesh | WindingTree, queries: np.ndarray) -> np.ndarray:
+    """Whether `queries` [m, 3] lie inside, bool [m]; the likelier answer for open meshes.
+
+    A closed mesh without self-overlap is asked by the parity of crossings along two oblique rays, which embree counts fast
+    but in float32; where the two disagree, and for every other mesh, the winding number decides.
+    """
+    queries = np.asarray(queries, float).reshape(-1, 3)
+    if isinstance(source, WindingTree) or not _suits_rays(source):
+        return winding_number(source, queries) > 0.5
+    low, high = source.bounds
+    near = np.flatnonzero(((queries > low) & (queries < high)).all(axis=1))
+    odd, other = (_odd_crossings(source, queries[near], direction) for direction in RAYS)
+    unsure = np.flatnonzero(odd != other)
+    if len(unsure):
+        odd[unsure] = winding_number(source, queries[near[unsure]]) > 0.5
+    inside = np.zeros(len(queries), bool)
+    inside[near] = odd
+    return inside
+
+
+def _suits_rays(mesh: trimesh.Trimesh) -> bool:
+    # embree scales the mesh but keeps its place: far from the origin float32 is too coarse
+    centre, scale = _unit_frame(mesh.bounds)
+    return bool(mesh.is_watertight) and float(np.linalg.norm(centre)) * scale < 10
+
+
+def _odd_crossings(mesh: trimesh.Trimesh, origins: np.ndarray, direction: tuple[float, float, float]) -> np.ndarray:
+    rays = np.broadcast_to(np.asarray(direction), origins.shape)
+    _, ray = mesh.ray.intersects_id(origins, rays, multiple_hits=True)
+    return np.bincount(ray, minlength=len(origins)) % 2 == 1
+
+
+def _unit_frame(points: np.ndarray) -> tuple[np.ndarray, float]:
+    low, high = points.min(axis=0), points.max(axis=0)
+    return (low + high) / 2, float(1 / max(np.linalg.norm(high - low), 1e-300))
+
+
+def _tree(
+    corners: np.ndarray, middle: np.ndarray, vector: np.ndarray, low: np.ndarray, high: np.ndarray, center: np.ndarray, scale: float
+) -> WindingTree:
+    order = np.argsort(_morton(middle), kind="stable")
+    leaves = 1 << max(0, math.ceil(math.log2(len(order) / LEAF_SIZE)))
+    starts = np.arange(leaves + 1) * len(order) // leaves
+    area = np.linalg.norm(vector, axis=1)
+    terms = np.hstack([area[:, None], area[:, None] * middle, vector, (middle[:, :, None] * vector[:, None, :]).reshape(-1, 9)])[order]
+    sums = _upwards(np.add.reduceat(terms, starts[:-1]), np.add)
+    low, high = (_upwards(f.reduceat(box[order], starts[:-1]), f) for f, box in ((np.minimum, low), (np.maximum, high)))
+    weight = sums[:, :1]
+    at = np.where(weight > 0, sums[:, 1:4] / np.where(weight > 0, weight, 1.0), (low + high) / 2)
+    radius = np.linalg.norm(np.maximum(high - at, at - low), axis=1)
+    first = sums[:, 7:] - (at[:, :, None] * sums[:, 4:7][:, None, :]).reshape(-1, 9)
+    moments = np.hstack([at, (FAR * radius[:, None]) ** 2, sums[:, 4:7], first])
+    return WindingTree(np.ascontiguousarray(corners[order]), np.ascontiguousarray(moments), starts, center, scale)
+
+
+def _upwards(leaf_values: np.ndarray, combine: np.ufunc) -> np.ndarray:
+    levels = [leaf_values]
+    while len(levels[-1]) > 1:
+        levels.append(combine(levels[-1][0::2], levels[-1][1::2]))
+    return np.concatenate([levels[-1], *levels[::-1]])  # row 0 is never visited
+
+
+def _morton(unit: np.ndarray) -> np.ndarray:
+    cell = np.clip((unit + 0.5) * (1 << 21), 0, (1 << 21) - 1).astype(np.uint64)
+    for shift, mask in (
+        (32, 0x1F00000000FFFF),
+        (16, 0x1F0000FF0000FF),
+        (8, 0x100F00F00F00F00F),
+        (4, 0x10C30C30C30C30C3),
+        (2, 0x1249249249249249),
+    ):
+        cell = (cell | (cell << np.uint64(shift))) & np.uint64(mask)
+    return cell[:, 0] | (cell[:, 1] << np.uint64(1)) | (cell[:, 2] << np.uint64(2))
+
+
+@njit(nogil=True, cache=True)
+def _winding(corners, moments, starts, queries):  # pragma: no cover - compiled
+    out = np.empty(len(queries))
+    leaves = len(starts) - 1
+    stack = np.empty(128, np.int64)
+    for i in range(len(queries)):
+        x, y, z = queries[i]
+        total = 0.0
+        stack[0] = 1
+        top = 1
+        while top:
+            top -= 1
+            node = stack[top]
+            m = moments[node]
+            dx, dy, dz = m[0] - x, m[1] - y, m[2] - z
+            square = dx * dx + dy * dy + dz * dz
+            if square > m[3]:
+                total += _far(m, dx, dy, dz, square)
+            elif node < leaves:
+                stack[top] = 2 * node
+                stack[top + 1] = 2 * node + 1
+                top += 2
+            else:
+                for row in range(starts[node - leaves], starts[node - leaves + 1]):
+                    total += _near(corners[row], x, y, z)
+        out[i] = total * QUARTER_TURN
+    return out
+
+
+@njit(nogil=True, cache=True, inline="always")
+def _far(m, dx, dy, dz, square):  # pragma: no cover - compiled
+    inverse = 1 / (square * math.sqrt(square))
+    first = m[4] * dx + m[5] * dy + m[6] * dz
+    trace = m[7] + m[11] + m[15]
+    bend = (
+        dx * (m[7] * dx + m[8] * dy + m[9] * dz) + dy * (m[10] * dx + m[11] * dy + m[12] * dz) + dz * (m[13] * dx + m[14] * dy + m[15] * dz)
+    )
+    return inverse * (first + trace - 3 * bend / square)
+
+
+@njit(nogil=True, cache=True, inline="always")
+def _near(c, x, y, z):  # pragma: no cover - compiled
+    ax, ay, az = c[0] - x, c[1] - y, c[2] - z
+    if len(c) == 6:
+        square = ax * ax + ay * ay + az * az
+        # a point's disc never subtends more than a half space
+        return max(-2 * math.pi, min(2 * math.pi, (c[3] * ax + c[4] * ay + c[5] * az) / max(square * math.sqrt(square), 1e-30)))
+    bx, by, bz = c[3] - x, c[4] - y, c[5] - z
+    cx, cy, cz = c[6] - x, c[7] - y, c[8] - z
+    a = math.sqrt(ax * ax + ay * ay + az * az)
+    b = math.sqrt(bx * bx + by * by + bz * bz)
+    d = math.sqrt(cx * cx + cy * cy + cz * cz)
+    det = ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
+    span = a * b * d + (ax * bx + ay * by + az * bz) * d + (bx * cx + by * cy + bz * cz) * a + (cx * ax + cy * ay + cz * az) * b
+    return 2 * math.atan2(det, span)
