@@ -19,12 +19,12 @@ from imdim.program.tree import Op, Primitive, Program
 SEGMENTS = 96
 
 _LOCAL: Mapping[str, Callable[[tuple[float, ...], int], Manifold]] = {
-    "box": lambda s, n: Manifold.cube(s, True),
+    "box": lambda s, n: Manifold.cube((s[0], s[1], s[2]), True),
     "sphere": lambda s, n: Manifold.sphere(s[0], n),
     "cylinder": lambda s, n: Manifold.cylinder(s[1], s[0], s[0], n, True),
     "cone": lambda s, n: Manifold.cylinder(s[2], s[0], s[1], n, True),
     "torus": lambda s, n: CrossSection.circle(s[1], n).translate((s[0], 0.0)).revolve(n),
-    "ellipsoid": lambda s, n: Manifold.sphere(1.0, n).scale(s),
+    "ellipsoid": lambda s, n: Manifold.sphere(1.0, n).scale((s[0], s[1], s[2])),
 }
 
 _COMBINE: Mapping[Op, Callable[[list[Manifold]], Manifold]] = {

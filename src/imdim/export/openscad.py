@@ -1,0 +1,46 @@
+"""Flat OpenSCAD text: one line per primitive, n-ary operations, numbers as a person would write them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from imdim.export.numbers import Rounding
+from imdim.geometry.solid import SEGMENTS
+from imdim.program.nary import fold_nary
+from imdim.program.tree import OPS, Op, Primitive, Program
+
+_SHAPE: Mapping[str, Callable[..., str]] = {
+    "box": lambda x, y, z: f"cube([{x}, {y}, {z}], center = true)",
+    "sphere": lambda r: f"sphere(r = {r})",
+    "cylinder": lambda r, h: f"cylinder(h = {h}, r = {r}, center = true)",
+    "cone": lambda bottom, top, h: f"cylinder(h = {h}, r1 = {bottom}, r2 = {top}, center = true)",
+    "torus": lambda major, minor: f"rotate_extrude() translate([{major}, 0, 0]) circle(r = {minor})",
+    "ellipsoid": lambda x, y, z: f"scale([{x}, {y}, {z}]) sphere(r = 1)",
+}
+
+
+def to_openscad(program: Program, segments: int = SEGMENTS) -> str:
+    """OpenSCAD text of `program` in its own units, with `$fn` at `segments`.
+
+    Lengths keep about nine significant digits of the model's size, angles nine decimals. Cutters are written as they are: see `overshoot`.
+    """
+    rounding = Rounding.of(program)
+    lines = fold_nary(program, lambda _, leaf: [primitive_text(leaf, rounding) + ";"], {op: _block(op) for op in OPS})
+    return "\n".join([f"$fn = {segments};", "", *lines, ""])
+
+
+def primitive_text(leaf: Primitive, rounding: Rounding) -> str:
+    """``translate(..) rotate(..) shape(..)`` without the semicolon; the identity parts are left out."""
+    place = _step("translate", [rounding.length(c) for c in leaf.center]) + _step("rotate", [rounding.angle(a) for a in leaf.rotation])
+    return place + _SHAPE[leaf.kind](*(rounding.size(s) for s in leaf.size))
+
+
+def _step(name: str, numbers: list[str]) -> str:
+    return "" if all(number == "0" for number in numbers) else f"{name}([{', '.join(numbers)}]) "
+
+
+def _block(op: Op) -> Callable[[list[list[str]]], list[str]]:
+    def lines(parts: list[list[str]]) -> list[str]:
+        return [f"{op}() {{", *("  " + line for part in parts for line in part), "}"]
+
+    return lines
