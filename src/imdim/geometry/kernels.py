@@ -1,0 +1,318 @@
+"""The leaf table, its folds and their derivatives as compiled serial loops on numpy arrays; `sdf.py` says what they compute.
+
+At almost every point one leaf decides the program's value, so the derivative is the gradient of that leaf alone: a row of a sparse
+Jacobian. It comes either with respect to the row of `params` [9] (Euler degrees), or in the leaf's own frame (sizes, shift along
+the local axes, rotation vector in radians about them, right-multiplied), which has no gimbal lock.
+
+All compiled functions stay in this one file: numba's on-disk cache does not notice a change in an imported one.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+from numba import njit
+
+from imdim.geometry.lowering import Lowered, lower
+from imdim.geometry.rotations import matrix_from_euler
+from imdim.program.tree import KINDS, Program, leaves
+
+BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID = range(len(KINDS))
+
+
+def leaf_table(kinds: np.ndarray, params: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Signed distances [k, n] of `points` [n, 3] to the leaves `kinds` [k], `params` [k, 9]."""
+    params = np.asarray(params, float).reshape(-1, 9)
+    rotations = np.array([matrix_from_euler(tuple(row)) for row in params[:, 6:9]]).reshape(-1, 3, 3)
+    return _leaf_table(np.require(kinds, np.int64, "CW"), params[:, :3].copy(), params[:, 3:6].copy(), rotations, _as_points(points))
+
+
+def program_sdf(program: Program | Lowered, points: np.ndarray) -> np.ndarray:
+    """Values [n] at `points` [n, 3]."""
+    p = _lowered(program)
+    return _program_values(p.code, p.kinds, p.sizes, p.centers, p.rotations, _as_points(points))[0]
+
+
+def inside(program: Program | Lowered, points: np.ndarray) -> np.ndarray:
+    """Whether each of `points` [n, 3] lies in the open solid, bool [n]."""
+    return program_sdf(program, points) < 0
+
+
+def program_tangent(program: Program | Lowered, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Deciding leaf int64 [n], value [n], local-frame derivative [n, 9] (sizes, shift, rotation vector), world normal [n, 3]."""
+    p = _lowered(program)
+    return _program_tangent(p.code, p.kinds, p.sizes, p.centers, p.rotations, _as_points(points))
+
+
+def program_gradient(program: Program, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Deciding leaf int64 [n], value [n] and its gradient [n, 9] with respect to that leaf's row of `params`."""
+    leaf, value, tangent, _ = program_tangent(program, points)
+    chain = np.stack([_tangent_from_params(p.rotation) for p in leaves(program)])
+    return leaf, value, np.einsum("ni,nij->nj", tangent, chain[leaf])
+
+
+def _tangent_from_params(euler_deg: tuple[float, float, float]) -> np.ndarray:
+    """The [9, 9] derivative of the local-frame coordinates with respect to sizes, centre and Euler degrees."""
+    rotation = matrix_from_euler(euler_deg)
+    rx, ry, rz = (matrix_from_euler(tuple(euler_deg[i] * (i == axis) for i in range(3))) for axis in range(3))
+    # the world axes about which the three angles turn: Rz Ry x, Rz y, z
+    axes = np.stack([(rz @ ry)[:, 0], rz[:, 1], (0.0, 0.0, 1.0)], axis=1)
+    out = np.eye(9)
+    out[3:6, 3:6] = rotation.T
+    out[6:9, 6:9] = rotation.T @ axes * (math.pi / 180)
+    return out
+
+
+def _lowered(program: Program | Lowered) -> Lowered:
+    return program if isinstance(program, Lowered) else lower(program)
+
+
+def _as_points(points: np.ndarray) -> np.ndarray:
+    # a read-only array would compile every kernel a second time
+    return np.require(points, np.float64, ["C", "W"]).reshape(-1, 3)
+
+
+@njit(nogil=True, cache=True)
+def _faces2(a, b):
+    """Distance to the corner of two orthogonal half-planes and its derivatives with respect to `a` and `b`."""
+    if a <= 0 and b <= 0:
+        return (a, 1.0, 0.0) if a > b else (b, 0.0, 1.0)
+    a, b = max(a, 0.0), max(b, 0.0)
+    d = math.sqrt(a * a + b * b)
+    return d, a / d, b / d
+
+
+@njit(nogil=True, cache=True)
+def _box(s, x, y, z, out):
+    ax, ay, az = abs(x) - s[0] / 2, abs(y) - s[1] / 2, abs(z) - s[2] / 2
+    side, gx, gy = _faces2(ax, ay)
+    d, g, gz = _faces2(side, az)
+    gx, gy = g * gx, g * gy
+    out[0], out[1], out[2] = -gx / 2, -gy / 2, -gz / 2
+    out[3], out[4], out[5] = math.copysign(gx, x), math.copysign(gy, y), math.copysign(gz, z)
+    return d
+
+
+@njit(nogil=True, cache=True)
+def _sphere(s, x, y, z, out):
+    d = math.sqrt(x * x + y * y + z * z)
+    inverse = 1 / d if d > 0 else 0.0
+    out[0], out[1], out[2] = -1.0, 0.0, 0.0
+    out[3], out[4], out[5] = x * inverse, y * inverse, z * inverse
+    return d - s[0]
+
+
+@njit(nogil=True, cache=True)
+def _turn(g_rho, g_z, rho, x, y, out):
+    """Write the space derivative of a solid of revolution."""
+    inverse = 1 / rho if rho > 0 else 0.0
+    out[3], out[4], out[5] = g_rho * x * inverse, g_rho * y * inverse, g_z
+
+
+@njit(nogil=True, cache=True)
+def _cylinder(s, x, y, z, out):
+    rho = math.sqrt(x * x + y * y)
+    d, g_rho, g_z = _faces2(rho - s[0], abs(z) - s[1] / 2)
+    out[0], out[1], out[2] = -g_rho, -g_z / 2, 0.0
+    _turn(g_rho, math.copysign(g_z, z), rho, x, y, out)
+    return d
+
+
+@njit(nogil=True, cache=True)
+def _cone(s, x, y, z, out):
+    rho = math.sqrt(x * x + y * y)
+    er, ez = s[1] - s[0], s[2]
+    wr, wz = rho - s[0], z + ez / 2
+    length2 = er * er + ez * ez
+    t = (wr * er + wz * ez) / length2
+    nr, nz = ez / math.sqrt(length2), -er / math.sqrt(length2)
+    d, cap = wr * nr + wz * nz, abs(z) - ez / 2
+    on_cap, bottom = cap > d, z < 0
+    beside = 0.0
+    if d > 0 or cap > 0:
+        t = min(max(t, 0.0), 1.0)
+        vr, vz = wr - t * er, wz - t * ez
+        beside = max(rho - (s[0] if bottom else s[1]), 0.0)
+        on_cap = beside * beside + cap * cap < vr * vr + vz * vz
+        d = math.sqrt(vr * vr + vz * vz)
+        # on the slant itself the line's normal stands, where the direction to the foot is nought by nought
+        if d > 1e-12 * (abs(wr) + abs(wz)):
+            nr, nz = vr / d, vz / d
+    if not on_cap:
+        # the foot is at ((1 - t) r_bottom + t r_top, (t - 1/2) h); its own slide along the slant changes nothing
+        out[0], out[1], out[2] = -nr * (1 - t), -nr * t, -nz * (t - 0.5)
+        _turn(nr, nz, rho, x, y, out)
+        return d
+    d, g_rho, g_z = _faces2(beside, cap) if beside > 0 else (cap, 0.0, 1.0)
+    out[0], out[1], out[2] = (-g_rho if bottom else 0.0), (0.0 if bottom else -g_rho), -g_z / 2
+    _turn(g_rho, math.copysign(g_z, z), rho, x, y, out)
+    return d
+
+
+@njit(nogil=True, cache=True)
+def _torus(s, x, y, z, out):
+    rho = math.sqrt(x * x + y * y)
+    d = math.sqrt((rho - s[0]) * (rho - s[0]) + z * z)
+    inverse = 1 / d if d > 0 else 0.0
+    g_rho = (rho - s[0]) * inverse
+    out[0], out[1], out[2] = -g_rho, -1.0, 0.0
+    _turn(g_rho, z * inverse, rho, x, y, out)
+    return d - s[1]
+
+
+@njit(nogil=True, cache=True)
+def _ellipsoid(s, x, y, z, out):
+    q = (x, y, z)
+    k0 = math.sqrt((x / s[0]) ** 2 + (y / s[1]) ** 2 + (z / s[2]) ** 2)
+    k1 = math.sqrt((x / s[0] ** 2) ** 2 + (y / s[1] ** 2) ** 2 + (z / s[2] ** 2) ** 2)
+    shortest = 0
+    for i in range(3):
+        if s[i] < s[shortest]:
+            shortest = i
+    d = k0 * (k0 - 1) / k1 if k1 > 0 else -s[shortest]
+    if k1 == 0 or d <= -s[shortest]:
+        out[:6] = 0.0
+        out[shortest] = -1.0
+        return -s[shortest]
+    for i in range(3):
+        by_k0, by_k1 = (2 * k0 - 1) / k1 * q[i] / (s[i] ** 2 * k0), d / k1 * q[i] / (s[i] ** 4 * k1)
+        out[3 + i] = by_k0 - by_k1
+        out[i] = (2 * by_k1 - by_k0) * q[i] / s[i]
+    return d
+
+
+@njit(nogil=True, cache=True)
+def _local(kind, s, x, y, z, out):
+    """Value at the local point, and into `out` [>= 6] its derivatives with respect to the sizes and the point."""
+    if kind == BOX:
+        return _box(s, x, y, z, out)
+    if kind == SPHERE:
+        return _sphere(s, x, y, z, out)
+    if kind == CYLINDER:
+        return _cylinder(s, x, y, z, out)
+    if kind == CONE:
+        return _cone(s, x, y, z, out)
+    if kind == TORUS:
+        return _torus(s, x, y, z, out)
+    return _ellipsoid(s, x, y, z, out)
+
+
+@njit(nogil=True, cache=True)
+def _to_local(center, rotation, point):
+    x, y, z = point[0] - center[0], point[1] - center[1], point[2] - center[2]
+    return (
+        rotation[0, 0] * x + rotation[1, 0] * y + rotation[2, 0] * z,
+        rotation[0, 1] * x + rotation[1, 1] * y + rotation[2, 1] * z,
+        rotation[0, 2] * x + rotation[1, 2] * y + rotation[2, 2] * z,
+    )
+
+
+@njit(nogil=True, cache=True)
+def _value(kind, a, b, c, x, y, z):
+    """The value of `_local` alone, on scalars, so that the loop over points can be vectorised."""
+    if kind == BOX:
+        ax, ay, az = abs(x) - a / 2, abs(y) - b / 2, abs(z) - c / 2
+        ox, oy, oz = max(ax, 0.0), max(ay, 0.0), max(az, 0.0)
+        return math.sqrt(ox * ox + oy * oy + oz * oz) + min(max(ax, ay, az), 0.0)
+    if kind == SPHERE:
+        return math.sqrt(x * x + y * y + z * z) - a
+    if kind == ELLIPSOID:
+        k0 = math.sqrt((x / a) ** 2 + (y / b) ** 2 + (z / c) ** 2)
+        k1 = math.sqrt((x / a**2) ** 2 + (y / b**2) ** 2 + (z / c**2) ** 2)
+        return max(k0 * (k0 - 1) / k1, -min(a, b, c)) if k1 > 0 else -min(a, b, c)
+    rho = math.sqrt(x * x + y * y)
+    if kind == CYLINDER:
+        side, cap = rho - a, abs(z) - b / 2
+        outer, upper = max(side, 0.0), max(cap, 0.0)
+        return math.sqrt(outer * outer + upper * upper) + min(max(side, cap), 0.0)
+    if kind == TORUS:
+        return math.sqrt((rho - a) * (rho - a) + z * z) - b
+    er, wr, wz, cap = b - a, rho - a, z + c / 2, abs(z) - c / 2
+    length2 = er * er + c * c
+    within = max((wr * c - wz * er) / math.sqrt(length2), cap)
+    t = min(max((wr * er + wz * c) / length2, 0.0), 1.0)
+    vr, vz, beside = wr - t * er, wz - t * c, max(rho - (a if z < 0 else b), 0.0)
+    return math.sqrt(min(beside * beside + cap * cap, vr * vr + vz * vz)) if within > 0 else within
+
+
+@njit(nogil=True, cache=True)
+def _fill_row(kind, size, center, rotation, points, row):
+    a, b, c = size
+    cx, cy, cz = center
+    r00, r01, r02 = rotation[0]
+    r10, r11, r12 = rotation[1]
+    r20, r21, r22 = rotation[2]
+    # a branch on a literal kind outside of the loop: each loop body is then free of branches
+    for literal in numba.literal_unroll((BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID)):
+        if kind == literal:
+            for j in range(len(points)):
+                x, y, z = points[j, 0] - cx, points[j, 1] - cy, points[j, 2] - cz
+                row[j] = _value(
+                    literal, a, b, c, r00 * x + r10 * y + r20 * z, r01 * x + r11 * y + r21 * z, r02 * x + r12 * y + r22 * z
+                )
+
+
+@njit(nogil=True, cache=True)
+def _leaf_table(kinds, sizes, centers, rotations, points):
+    table = np.empty((len(kinds), len(points)))
+    for i in range(len(kinds)):
+        _fill_row(kinds[i], sizes[i], centers[i], rotations[i], points, table[i])
+    return table
+
+
+@njit(nogil=True, cache=True)
+def _fold(code, table, stack):
+    """Values and deciding leaves of the columns of `table`; `stack` [k] is scratch. A complemented owner is stored as -1 - leaf."""
+    n = table.shape[1]
+    value, owner = np.empty(n), np.empty(n, np.int64)
+    owners = np.empty(len(stack), np.int64)
+    for j in range(n):
+        top = -1
+        for op in code:
+            if op >= 0:
+                top += 1
+                stack[top], owners[top] = table[op, j], op
+                continue
+            top -= 1
+            right, by = stack[top + 1], owners[top + 1]
+            if op == -3:
+                right, by = -right, -1 - by
+            if (right < stack[top]) if op == -1 else (right > stack[top]):
+                stack[top], owners[top] = right, by
+        value[j], owner[j] = stack[0], owners[0]
+    return value, owner
+
+
+@njit(nogil=True, cache=True)
+def _program_values(code, kinds, sizes, centers, rotations, points):
+    n, block = len(points), 1024
+    value, owner, stack = np.empty(n), np.empty(n, np.int64), np.empty(len(kinds))
+    for start in range(0, n, block):
+        part = points[start : start + block]
+        value[start : start + block], owner[start : start + block] = _fold(
+            code, _leaf_table(kinds, sizes, centers, rotations, part), stack
+        )
+    return value, owner
+
+
+@njit(nogil=True, cache=True)
+def _program_tangent(code, kinds, sizes, centers, rotations, points):
+    value, leaf = _program_values(code, kinds, sizes, centers, rotations, points)
+    tangent, normal = np.empty((len(points), 9)), np.empty((len(points), 3))
+    for j in range(len(points)):
+        sign = 1.0
+        if leaf[j] < 0:
+            leaf[j], sign = -1 - leaf[j], -1.0
+        i, row = leaf[j], tangent[j]
+        x, y, z = _to_local(centers[i], rotations[i], points[j])
+        _local(kinds[i], sizes[i], x, y, z, row)
+        for a in range(6):
+            row[a] *= sign
+        gx, gy, gz = row[3], row[4], row[5]
+        for a in range(3):
+            normal[j, a] = rotations[i, a, 0] * gx + rotations[i, a, 1] * gy + rotations[i, a, 2] * gz
+        row[3], row[4], row[5] = -gx, -gy, -gz
+        row[6], row[7], row[8] = gy * z - gz * y, gz * x - gx * z, gx * y - gy * x
+    return leaf, value, tangent, normal

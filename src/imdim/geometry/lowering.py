@@ -1,0 +1,64 @@
+"""Programs as flat arrays: the form that the numeric backends read.
+
+`params` [k, 9] holds one row per leaf in the order of `tree.leaves`: the sizes padded with zeros to three, the centre, the Euler
+degrees. The structure is a postfix instruction list: a number >= 0 pushes that leaf, -1, -2, -3 take two values off the stack and
+push their union, intersection, difference.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from imdim.geometry.rotations import matrix_from_euler
+from imdim.program.tree import KINDS, OPS, SIZE_NAMES, Primitive, Program, fold, leaves, map_leaves
+
+OP_CODES = {op: -1 - i for i, op in enumerate(OPS)}
+
+
+def pack(program: Program) -> tuple[np.ndarray, np.ndarray]:
+    """Kind ids int64 [k] (indices into KINDS) and parameters float64 [k, 9] of the leaves."""
+    parts = list(leaves(program))
+    kinds = np.array([KINDS.index(p.kind) for p in parts], np.int64)
+    rows = [(*p.size, *(0.0,) * (3 - len(p.size)), *p.center, *p.rotation) for p in parts]
+    return kinds, np.array(rows, float)
+
+
+def unpack(program: Program, params: np.ndarray) -> Program:
+    """The same structure with the numbers of `params` [k, 9]; raises ValueError for sizes that `check_size` refuses."""
+    rows = np.asarray(params, float).tolist()
+
+    def read(i: int, p: Primitive) -> Primitive:
+        row = rows[i]
+        return Primitive(p.kind, tuple(row[: len(SIZE_NAMES[p.kind])]), tuple(row[3:6]), tuple(row[6:9]))
+
+    return map_leaves(program, read)
+
+
+def postfix(program: Program) -> np.ndarray:
+    """The instruction list int64 [2k - 1]."""
+
+    def join(code: int):
+        return lambda left, right: [*left, *right, code]
+
+    # flat lists are joined at every node: quadratic for a chain, yet cheap at the few hundred leaves that a program has
+    return np.array(fold(program, lambda i, _: [i], {op: join(code) for op, code in OP_CODES.items()}), np.int64)
+
+
+@dataclass(frozen=True)
+class Lowered:
+    """`code` int64 [2k-1], `kinds` int64 [k], `sizes` [k, 3], `centers` [k, 3], `rotations` [k, 3, 3] (local to world)."""
+
+    code: np.ndarray
+    kinds: np.ndarray
+    sizes: np.ndarray
+    centers: np.ndarray
+    rotations: np.ndarray
+
+
+def lower(program: Program) -> Lowered:
+    """All arrays that the compiled kernels need."""
+    kinds, params = pack(program)
+    rotations = np.stack([matrix_from_euler(tuple(row)) for row in params[:, 6:9]])
+    return Lowered(postfix(program), kinds, params[:, :3].copy(), params[:, 3:6].copy(), rotations)
