@@ -1,0 +1,93 @@
+"""Flat facets of a triangle mesh: triangles grown into maximal coplanar pieces, with the smooth edges between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from numba import njit
+
+
+@dataclass(frozen=True)
+class Facets:
+    """A mesh [f triangles] seen as u flat facets.
+
+    `corners` [f, 3, 3] triangle corners; `facet_of` [f]; `normals` [u, 3], `centers` [u, 3], `areas` [u]; `edges` [e, 2] pairs of
+    facets that meet in a mesh edge and `angles` [e] between their normals in radians (each pair once); `diagonal` of the mesh's box.
+    """
+
+    corners: np.ndarray
+    facet_of: np.ndarray
+    normals: np.ndarray
+    centers: np.ndarray
+    areas: np.ndarray
+    edges: np.ndarray
+    angles: np.ndarray
+    diagonal: float
+
+    def triangles(self, facets: np.ndarray) -> np.ndarray:
+        """Indices of the triangles of the given facets."""
+        chosen = np.zeros(len(self.areas), bool)
+        chosen[facets] = True
+        return np.flatnonzero(chosen[self.facet_of])
+
+
+@njit(cache=True)
+def _grow(order, starts, neighbours, corners, normals, flat, cosine):  # noqa: ANN001, ANN202
+    """Flood coplanar triangles from the largest triangle down; every member lies within `flat` of the first triangle's plane."""
+    facet = np.full(len(order), -1, np.int64)
+    stack = np.empty(len(order), np.int64)
+    count = 0
+    for seed in order:
+        if facet[seed] >= 0:
+            continue
+        n, p = normals[seed], corners[seed, 0]
+        facet[seed] = count
+        stack[0], top = seed, 1
+        while top:
+            top -= 1
+            at = stack[top]
+            for k in range(starts[at], starts[at + 1]):
+                other = neighbours[k]
+                if facet[other] >= 0 or (normals[other] * n).sum() < cosine:
+                    continue
+                far = 0.0
+                for c in range(3):
+                    far = max(far, abs(((corners[other, c] - p) * n).sum()))
+                if far < flat:
+                    facet[other] = count
+                    stack[top] = other
+                    top += 1
+        count += 1
+    return facet
+
+
+def facets_of(mesh: trimesh.Trimesh, flat: float = 5e-6, angle_deg: float = 1.0) -> Facets:
+    """Group the triangles of `mesh`; `flat` is the coplanarity tolerance relative to the diagonal."""
+    diagonal = float(np.linalg.norm(mesh.extents))
+    corners = np.ascontiguousarray(mesh.vertices[mesh.faces], dtype=float)
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    double = np.linalg.norm(cross, axis=1)
+    normals = cross / np.maximum(double, 1e-300)[:, None]
+    pairs = np.asarray(mesh.face_adjacency, np.int64).reshape(-1, 2)
+    starts, neighbours = _adjacency(pairs, len(corners))
+    order = np.argsort(-double, kind="stable")
+    member = _grow(order, starts, neighbours, corners, normals, flat * diagonal, np.cos(np.radians(angle_deg)))
+    areas = np.bincount(member, double / 2)
+    mean_normal = np.stack([np.bincount(member, normals[:, i] * double) for i in range(3)], axis=1)
+    mean_normal /= np.maximum(np.linalg.norm(mean_normal, axis=1, keepdims=True), 1e-300)
+    middle = corners.mean(1)
+    centers = np.stack([np.bincount(member, middle[:, i] * double) for i in range(3)], axis=1) / np.maximum(2 * areas, 1e-300)[:, None]
+    edges = np.unique(np.sort(member[pairs], axis=1), axis=0)
+    edges = edges[edges[:, 0] != edges[:, 1]]
+    angles = np.arccos(np.clip((mean_normal[edges[:, 0]] * mean_normal[edges[:, 1]]).sum(1), -1, 1))
+    return Facets(corners, member, mean_normal, centers, areas, edges, angles, diagonal)
+
+
+def _adjacency(pairs: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Compressed neighbour lists of an undirected graph given by its edges [e, 2]."""
+    both = np.concatenate([pairs, pairs[:, ::-1]])
+    both = both[np.argsort(both[:, 0], kind="stable")]
+    starts = np.concatenate([[0], np.cumsum(np.bincount(both[:, 0], minlength=count))]).astype(np.int64)
+    return starts, np.ascontiguousarray(both[:, 1])
