@@ -1,0 +1,52 @@
+"""The `imdim` command. Only the standard library is imported before a command is known, so that help answers at once."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Mapping, Sequence
+
+ABOUT = "A mesh or a point cloud becomes a short, editable CSG program."
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; the exit status is 0, or 2 for input or arguments that cannot be used."""
+    parser = argparse.ArgumentParser(prog="imdim", description=ABOUT, epilog="`imdim fit --help` tells more.")
+    parser.add_argument("--version", action="version", version=f"imdim {_version()}")
+    parser.add_argument("command", choices=list(COMMANDS), help="fit: reconstruct one part")
+    parser.add_argument("arguments", nargs=argparse.REMAINDER, help="arguments of the command")
+    given = parser.parse_args(argv)
+    return COMMANDS[given.command](given.arguments)
+
+
+def fit_parser() -> argparse.ArgumentParser:
+    """The arguments of `imdim fit`."""
+    parser = argparse.ArgumentParser(prog="imdim fit", description="Reconstruct a mesh or a point cloud as a CSG program.")
+    parser.add_argument("input", help="STL, OBJ, OFF, PLY, 3MF, GLB, XYZ, TXT, CSV, PCD, NPY or NPZ file")
+    parser.add_argument("-o", "--output", required=True, metavar="FOLDER", help="where the results go")
+    parser.add_argument("--budget", type=float, metavar="SECONDS", help="time for the search (default 60)")
+    parser.add_argument("--seed", type=int, help="the same seed gives the same program (default 0)")
+    parser.add_argument("settings", nargs="*", metavar="key=value", help="any further setting of imdim.config.Settings")
+    return parser
+
+
+def _fit(argv: Sequence[str]) -> int:
+    # intermixed: `imdim fit part.stl -o out tolerance=0.001` has a positional after an option
+    given = fit_parser().parse_intermixed_args(argv)
+    from imdim.app.fit import main as run
+    from imdim.config import from_arguments
+
+    typed = {"input": given.input, "output": given.output, "budget_s": given.budget, "seed": given.seed}
+    return run(lambda: from_arguments(given.settings, **{k: v for k, v in typed.items() if v is not None}))
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return version("imdim")
+
+
+COMMANDS: Mapping[str, Callable[[Sequence[str]], int]] = {"fit": _fit}
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,71 @@
+"""Progress of a reconstruction on stderr: a live line on a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Protocol, TextIO, TypeVar
+
+if TYPE_CHECKING:
+    from imdim.program.tree import Program
+
+
+class Progressing(Protocol):
+    """What a snapshot must tell to be shown."""
+
+    @property
+    def stage(self) -> str: ...
+    @property
+    def program(self) -> Program: ...
+    @property
+    def error(self) -> float: ...
+    @property
+    def seconds(self) -> float: ...
+
+
+S = TypeVar("S", bound=Progressing)
+QUIET_S = 2.0  # between two plain lines of one stage
+
+
+def describe(snapshot: Progressing, best: float) -> str:
+    """One line: stage, best error so far, primitives."""
+    from imdim.program.tree import leaves
+
+    count = sum(1 for _ in leaves(snapshot.program))
+    return f"{snapshot.stage:<12} error {best:<9.3g} {count} primitive{'' if count == 1 else 's'}"
+
+
+def shown(snapshots: Iterable[S], budget_s: float, stream: TextIO | None = None) -> Iterator[S]:
+    """The same snapshots, each shown on `stream` (stderr) as it passes."""
+    stream = sys.stderr if stream is None else stream
+    return _live(snapshots, budget_s, stream) if stream.isatty() else _plain(snapshots, budget_s, stream)
+
+
+def _plain(snapshots: Iterable[S], budget_s: float, stream: TextIO) -> Iterator[S]:
+    stage, last, best = "", -QUIET_S, float("inf")
+    for snapshot in snapshots:
+        best = min(best, snapshot.error)
+        if snapshot.stage != stage or snapshot.seconds >= last + QUIET_S:
+            left = max(0.0, budget_s - snapshot.seconds)
+            stream.write(f"{snapshot.seconds:6.1f} s  {describe(snapshot, best)}, {left:.0f} s left\n")
+            stream.flush()
+            stage, last = snapshot.stage, snapshot.seconds
+        yield snapshot
+
+
+def _live(snapshots: Iterable[S], budget_s: float, stream: TextIO) -> Iterator[S]:
+    from rich.console import Console
+    from rich.progress import Progress, ProgressColumn, SpinnerColumn, Task, TextColumn
+    from rich.text import Text
+
+    class TimeLeft(ProgressColumn):
+        def render(self, task: Task) -> Text:
+            return Text(f"{max(0.0, budget_s - (task.elapsed or 0.0)):.0f} s left")
+
+    best = float("inf")
+    with Progress(SpinnerColumn(), TextColumn("{task.description}"), TimeLeft(), console=Console(file=stream), transient=True) as bar:
+        task = bar.add_task("finding surfaces", total=None)
+        for snapshot in snapshots:
+            best = min(best, snapshot.error)
+            bar.update(task, description=describe(snapshot, best))
+            yield snapshot
