@@ -1,0 +1,249 @@
+"""Let cutters overshoot: a program with the same solid, without faces that only just meet.
+
+Where a subtracted primitive ends exactly at a face of what it cuts, rounding leaves a skin of no thickness. Modellers therefore let the
+cutter stick out, and let joined parts sink into each other. Here every planar face of a primitive is moved outward if two things hold:
+
+- the primitive matters right up to that face: just inside it, the program's solid changes when the primitive is taken away;
+- it does not matter beyond it: from a skin's thickness outward, the solid is the same with and without it.
+
+Both are decided by exact booleans in the thin region concerned, so the solid stays the same up to skins and gaps thinner than `SKIN`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from manifold3d import Manifold
+
+from imdim.geometry.solid import exact_rotation, primitive_to_manifold
+from imdim.program.tree import Op, Primitive, Program, fold, leaves, map_leaves
+
+SKIN = 1e-4  # fraction of the diagonal: what is thinner is no feature
+REACH = 2e-2  # fraction of the diagonal: the overshoot is the power of ten below it
+NOTHING = 1e-6  # fraction of a region's volume that counts as unchanged
+SHRINK = 2e-3  # fraction of a radius by which regions are narrower than their face, more than the sagitta at CHECK_SEGMENTS
+CHECK_SEGMENTS = 64
+
+Face = tuple[int, int]  # local axis, and +1 or -1 for the end on it
+
+
+def overshoot(program: Program) -> Program:
+    """The same solid with cutters that stick out of what they cut, and joined parts that sink into each other.
+
+    Cutters go first. A second application changes nothing. Overshoots are round numbers: a power of ten, at most REACH of the diagonal.
+    """
+    placed = [Placed(leaf) for leaf in leaves(program)]
+    signs = _signs(program)
+    diagonal = _diagonal([part for part, sign in zip(placed, signs, strict=True) if sign > 0])
+    steps = [10.0 ** (math.floor(math.log10(REACH * diagonal)) - k) for k in range(2)]
+    for index in sorted(range(len(placed)), key=lambda i: signs[i]):
+        for face in _faces(placed[index].leaf):
+            step = next((s for s in steps if _may_extend(program, placed, index, face, s, SKIN * diagonal)), None)
+            if step is not None:
+                leaf = placed[index].leaf
+                placed[index] = Placed(between(leaf, face, -_length(leaf, face), step))
+    return map_leaves(program, lambda i, _: placed[i].leaf)
+
+
+def between(leaf: Primitive, face: Face, low: float, high: float) -> Primitive:
+    """The part of `leaf`, prolonged past `face`, from `low` to `high` measured outward from that face; a cone keeps its slope.
+
+    A cone ends at its apex at the latest.
+    """
+    axis, side = face
+    length = _length(leaf, face)
+    if leaf.kind == "cone":
+        high = min(high, _apex(leaf, face))
+    shift = side * (length + low + high) / 2
+    x, y, z = (c + float(d) * shift for c, d in zip(leaf.center, exact_rotation(leaf)[:, axis], strict=True))
+    return replace(leaf, size=_size_between(leaf, face, low, high), center=(x, y, z))
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A primitive with what the tests ask of it again and again."""
+
+    leaf: Primitive
+
+    @cached_property
+    def rotation(self) -> np.ndarray:
+        """World from local [3, 3]."""
+        return exact_rotation(self.leaf)
+
+    @cached_property
+    def half(self) -> np.ndarray:
+        """Half extents [3] of the local box."""
+        return np.array(_HALF[self.leaf.kind](self.leaf.size))
+
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Low and high corner [3] of the world box."""
+        reach = np.abs(self.rotation) @ self.half
+        return self.leaf.center - reach, self.leaf.center + reach
+
+    @cached_property
+    def corners(self) -> np.ndarray:
+        """The eight corners [8, 3] of the local box, in the world."""
+        return (_CUBE * self.half) @ self.rotation.T + self.leaf.center
+
+    @cached_property
+    def solid(self) -> Manifold:
+        """The exact solid."""
+        return primitive_to_manifold(self.leaf, CHECK_SEGMENTS)
+
+
+_CUBE = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+
+_HALF: Mapping[str, Callable[[tuple[float, ...]], tuple[float, float, float]]] = {
+    "box": lambda s: (s[0] / 2, s[1] / 2, s[2] / 2),
+    "sphere": lambda s: (s[0], s[0], s[0]),
+    "cylinder": lambda s: (s[0], s[0], s[1] / 2),
+    "cone": lambda s: (max(s[:2]), max(s[:2]), s[2] / 2),
+    "torus": lambda s: (s[0] + s[1], s[0] + s[1], s[1]),
+    "ellipsoid": lambda s: (s[0], s[1], s[2]),
+}
+
+# Whether local points [n, 3] lie inside, for the convex kinds: all corners inside means the whole region inside
+_CONVEX: Mapping[str, Callable[[tuple[float, ...], np.ndarray], Any]] = {
+    "box": lambda s, q: (np.abs(q) <= np.array(s) / 2).all(axis=1),
+    "sphere": lambda s, q: (q * q).sum(axis=1) <= s[0] ** 2,
+    "cylinder": lambda s, q: (np.hypot(q[:, 0], q[:, 1]) <= s[0]) & (np.abs(q[:, 2]) <= s[1] / 2),
+    "cone": lambda s, q: (np.hypot(q[:, 0], q[:, 1]) <= s[0] + (s[1] - s[0]) * (q[:, 2] / s[2] + 0.5)) & (np.abs(q[:, 2]) <= s[2] / 2),
+    "ellipsoid": lambda s, q: ((q / np.array(s)) ** 2).sum(axis=1) <= 1,
+}
+
+
+def _may_extend(program: Program, placed: list[Placed], index: int, face: Face, step: float, skin: float) -> bool:
+    """Whether the primitive ends within `skin` of where it stops to matter, and matters nowhere from there to `step`."""
+    leaf = placed[index].leaf
+    skin = min(skin, _length(leaf, face) / 8)
+    high = min(step, _apex(leaf, face)) if leaf.kind == "cone" else step
+    if high <= 2 * skin:
+        return False
+    beyond = _narrowed(between(leaf, face, skin, high), face, skin)
+    within = _narrowed(between(leaf, face, -2 * skin, -skin), face, skin)
+    return not _matters(program, placed, index, beyond) and _matters(program, placed, index, within)
+
+
+def _matters(program: Program, placed: list[Placed], index: int, region: Primitive) -> bool:
+    """Whether the program's solid inside `region`, a part of primitive `index` or its prolongation, depends on that primitive."""
+    where = Placed(region)
+    values = [_restricted(part, where) for part in placed]
+    whole = where.solid.volume()
+    without, with_it = (_filled(program, [*values[:index], present, *values[index + 1 :]], where.solid) for present in (False, True))
+    return abs(with_it - without) > NOTHING * whole
+
+
+# A part of the program inside one small region: everywhere (True), nowhere (False), or a solid that may reach out of the region.
+_Local = bool | Manifold
+
+
+def _restricted(part: Placed, where: Placed) -> _Local:
+    (low, high), (region_low, region_high) = part.bounds, where.bounds
+    if (low >= region_high).any() or (high <= region_low).any():
+        return False
+    contains = _CONVEX.get(part.leaf.kind)
+    if contains is not None and contains(part.leaf.size, (where.corners - part.leaf.center) @ part.rotation).all():
+        return True
+    return part.solid
+
+
+def _filled(program: Program, values: list[_Local], region: Manifold) -> float:
+    """Volume of the program inside `region`, given its leaves there."""
+    combine: Mapping[Op, Callable[[_Local, _Local], _Local]] = {
+        "union": _union,
+        "intersection": _intersection,
+        "difference": lambda keep, cut: _difference(keep, cut, region),
+    }
+    inside = fold(program, lambda i, _: values[i], combine)
+    if isinstance(inside, bool):
+        return region.volume() if inside else 0.0
+    return (inside ^ region).volume()
+
+
+def _union(a: _Local, b: _Local) -> _Local:
+    if isinstance(a, bool):
+        return True if a else b
+    return (True if b else a) if isinstance(b, bool) else a + b
+
+
+def _intersection(a: _Local, b: _Local) -> _Local:
+    if isinstance(a, bool):
+        return b if a else False
+    return (a if b else False) if isinstance(b, bool) else a ^ b
+
+
+def _difference(keep: _Local, cut: _Local, region: Manifold) -> _Local:
+    if isinstance(cut, bool):
+        return False if cut else keep
+    if isinstance(keep, bool):
+        return region - cut if keep else False
+    return keep - cut
+
+
+def _faces(leaf: Primitive) -> Iterator[Face]:
+    if leaf.kind == "box":
+        yield from ((axis, side) for axis in range(3) for side in (-1, 1))
+    elif leaf.kind in ("cylinder", "cone"):
+        yield from ((2, side) for side in (-1, 1) if leaf.kind == "cylinder" or _end_radii(leaf, side)[0] > 0)
+
+
+def _length(leaf: Primitive, face: Face) -> float:
+    """Size of the leaf across `face`."""
+    return leaf.size[face[0]] if leaf.kind == "box" else leaf.size[-1]
+
+
+def _end_radii(cone: Primitive, side: int) -> tuple[float, float]:
+    """Radius at the end on `side`, and at the other."""
+    bottom, top, _ = cone.size
+    return (top, bottom) if side > 0 else (bottom, top)
+
+
+def _slope(cone: Primitive, face: Face) -> float:
+    here, other = _end_radii(cone, face[1])
+    return (here - other) / cone.size[2]
+
+
+def _apex(cone: Primitive, face: Face) -> float:
+    """How far outward of `face` the cone has its apex; infinite where it widens."""
+    slope = _slope(cone, face)
+    return _end_radii(cone, face[1])[0] / -slope if slope < 0 else math.inf
+
+
+def _size_between(leaf: Primitive, face: Face, low: float, high: float) -> tuple[float, ...]:
+    axis, side = face
+    if leaf.kind == "box":
+        return (*leaf.size[:axis], high - low, *leaf.size[axis + 1 :])
+    if leaf.kind == "cylinder":
+        return (leaf.size[0], high - low)
+    here, slope = _end_radii(leaf, side)[0], _slope(leaf, face)
+    inner, outer = max(here + slope * low, 0.0), max(here + slope * high, 0.0)
+    return (inner, outer, high - low) if side > 0 else (outer, inner, high - low)
+
+
+def _narrowed(region: Primitive, face: Face, skin: float) -> Primitive:
+    """The region without its rim, where coarser circles and lateral skins would decide."""
+    if region.kind == "box":
+        return replace(region, size=tuple(s if axis == face[0] else max(s - 2 * skin, s / 2) for axis, s in enumerate(region.size)))
+    radii = tuple(max(r * (1 - SHRINK) - skin, r / 2) for r in region.size[:-1])
+    return replace(region, size=(*radii, region.size[-1]))
+
+
+def _signs(program: Program) -> list[int]:
+    """+1 for each leaf that adds, -1 for each that cuts, in order."""
+
+    def negate(keep: list[int], cut: list[int]) -> list[int]:
+        return keep + [-sign for sign in cut]
+
+    return fold(program, lambda _, __: [1], {"union": list.__add__, "intersection": list.__add__, "difference": negate})
+
+
+def _diagonal(parts: list[Placed]) -> float:
+    low = np.min([part.bounds[0] for part in parts], axis=0)
+    high = np.max([part.bounds[1] for part in parts], axis=0)
+    return float(np.linalg.norm(high - low))
