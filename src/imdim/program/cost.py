@@ -1,0 +1,42 @@
+"""The price of a program, which search and simplification bring down: primitives + operations (Occam's razor)."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from imdim.program.tree import KINDS, OPS, Op, Program, fold
+
+
+@dataclass(frozen=True)
+class Counts:
+    """How often each kind and each operation occurs; kinds and operations that do not occur count 0.
+
+    An operation is a binary one: a union of n parts counts n - 1, however it is nested or written.
+    """
+
+    kinds: Mapping[str, int]
+    ops: Mapping[Op, int]
+
+    @property
+    def primitives(self) -> int:
+        return sum(self.kinds.values())
+
+    @property
+    def operations(self) -> int:
+        return sum(self.ops.values())
+
+
+def count(program: Program) -> Counts:
+    """The counts of `program`, in the order of KINDS and OPS."""
+    kinds: Counter[str] = Counter()
+    ops: Counter[Op] = Counter()
+    fold(program, lambda _, p: kinds.update((p.kind,)), {op: (lambda a, b, op=op: ops.update((op,))) for op in OPS})
+    return Counts({kind: kinds[kind] for kind in KINDS}, {op: ops[op] for op in OPS})
+
+
+def cost(program: Program) -> int:
+    """Primitives + operations: 1 for a single primitive, 2 k - 1 for k of them."""
+    counts = count(program)
+    return counts.primitives + counts.operations

@@ -1,0 +1,63 @@
+"""The published JSON Schema (draft 2020-12) of program documents, made from the tables that the codec reads.
+
+`program.schema.json` beside this file is its text; the two are tested equal. What a schema cannot say (the depth cap,
+r_minor <= r_major, one positive radius of a cone) the codec checks.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from imdim.program.codec import CONVENTION, FORMAT, MAX_PRIMITIVES, UNITS, VERSION
+from imdim.program.tree import KINDS, OPS, SIZE_NAMES
+
+_VECTOR = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
+
+
+def schema() -> dict[str, Any]:
+    """The schema as plain dicts and lists."""
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "IMDIM CSG program",
+        "description": "A solid as primitives and boolean operations, in the target's own units and frame.",
+        **_record({"format": {"const": FORMAT}, "version": {"const": VERSION}, "program": {"$ref": "#/$defs/node"}}, _metadata()),
+        "$defs": {
+            "node": {"oneOf": [{"$ref": f"#/$defs/{name}"} for name in ("operation", *KINDS)]},
+            "operation": _operation(),
+            **{kind: _primitive(kind) for kind in KINDS},
+        },
+    }
+
+
+def schema_text() -> str:
+    """The text of `program.schema.json`."""
+    return json.dumps(schema(), indent=2) + "\n"
+
+
+def _metadata() -> dict[str, Any]:
+    frame = {key: {"const": value} for key, value in CONVENTION.items()}
+    frame |= {"center": _VECTOR, "scale": {"type": "number", "exclusiveMinimum": 0}}
+    about = "normalised = (original - center) * scale; the program's numbers are original ones"
+    return {"units": {"enum": list(UNITS)}, "frame": {"description": about, **_record({}, frame)}}
+
+
+def _operation() -> dict[str, Any]:
+    parts = {"type": "array", "items": {"$ref": "#/$defs/node"}, "minItems": 2, "maxItems": MAX_PRIMITIVES}
+    about = "Folded from the left; a difference keeps the first part and cuts the others."
+    return {"description": about, **_record({"op": {"enum": list(OPS)}, "parts": parts})}
+
+
+def _primitive(kind: str) -> dict[str, Any]:
+    about = "Centred in its local frame with its axis along z; world = R @ local + center."
+    size = _record({name: _size(kind, name) for name in SIZE_NAMES[kind]})
+    return {"description": about, **_record({"kind": {"const": kind}, "size": size}, {"center": _VECTOR, "rotation": _VECTOR})}
+
+
+def _size(kind: str, name: str) -> dict[str, Any]:
+    bound = "minimum" if kind == "cone" and name != "h" else "exclusiveMinimum"
+    return {"type": "number", bound: 0}
+
+
+def _record(needed: dict[str, Any], optional: dict[str, Any] | None = None) -> dict[str, Any]:
+    return {"type": "object", "properties": {**needed, **(optional or {})}, "required": list(needed), "additionalProperties": False}
