@@ -17,7 +17,7 @@ from numba import njit
 
 from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.rotations import matrix_from_euler
-from imdim.program.tree import KINDS, Program, leaves
+from imdim.program.tree import KINDS, Program, Vec3, leaves
 
 BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID = range(len(KINDS))
 
@@ -26,7 +26,7 @@ def leaf_table(kinds: np.ndarray, params: np.ndarray, points: np.ndarray) -> np.
     """Signed distances [k, n] of `points` [n, 3] to the leaves `kinds` [k], `params` [k, 9]."""
     params = np.asarray(params, float).reshape(-1, 9)
     rotations = np.array([matrix_from_euler(tuple(row)) for row in params[:, 6:9]]).reshape(-1, 3, 3)
-    return _leaf_table(np.require(kinds, np.int64, "CW"), params[:, :3].copy(), params[:, 3:6].copy(), rotations, _as_points(points))
+    return _leaf_table(np.require(kinds, np.int64, ["C", "W"]), params[:, :3].copy(), params[:, 3:6].copy(), rotations, _as_points(points))
 
 
 def program_sdf(program: Program | Lowered, points: np.ndarray) -> np.ndarray:
@@ -53,12 +53,12 @@ def program_gradient(program: Program, points: np.ndarray) -> tuple[np.ndarray, 
     return leaf, value, np.einsum("ni,nij->nj", tangent, chain[leaf])
 
 
-def _tangent_from_params(euler_deg: tuple[float, float, float]) -> np.ndarray:
+def _tangent_from_params(euler_deg: Vec3) -> np.ndarray:
     """The [9, 9] derivative of the local-frame coordinates with respect to sizes, centre and Euler degrees."""
     rotation = matrix_from_euler(euler_deg)
-    rx, ry, rz = (matrix_from_euler(tuple(euler_deg[i] * (i == axis) for i in range(3))) for axis in range(3))
+    _, ry, rz = euler_deg
     # the world axes about which the three angles turn: Rz Ry x, Rz y, z
-    axes = np.stack([(rz @ ry)[:, 0], rz[:, 1], (0.0, 0.0, 1.0)], axis=1)
+    axes = np.stack([matrix_from_euler((0.0, ry, rz))[:, 0], matrix_from_euler((0.0, 0.0, rz))[:, 1], (0.0, 0.0, 1.0)], axis=1)
     out = np.eye(9)
     out[3:6, 3:6] = rotation.T
     out[6:9, 6:9] = rotation.T @ axes * (math.pi / 180)
@@ -249,9 +249,7 @@ def _fill_row(kind, size, center, rotation, points, row):
         if kind == literal:
             for j in range(len(points)):
                 x, y, z = points[j, 0] - cx, points[j, 1] - cy, points[j, 2] - cz
-                row[j] = _value(
-                    literal, a, b, c, r00 * x + r10 * y + r20 * z, r01 * x + r11 * y + r21 * z, r02 * x + r12 * y + r22 * z
-                )
+                row[j] = _value(literal, a, b, c, r00 * x + r10 * y + r20 * z, r01 * x + r11 * y + r21 * z, r02 * x + r12 * y + r22 * z)
 
 
 @njit(nogil=True, cache=True)
@@ -291,9 +289,7 @@ def _program_values(code, kinds, sizes, centers, rotations, points):
     value, owner, stack = np.empty(n), np.empty(n, np.int64), np.empty(len(kinds))
     for start in range(0, n, block):
         part = points[start : start + block]
-        value[start : start + block], owner[start : start + block] = _fold(
-            code, _leaf_table(kinds, sizes, centers, rotations, part), stack
-        )
+        value[start : start + block], owner[start : start + block] = _fold(code, _leaf_table(kinds, sizes, centers, rotations, part), stack)
     return value, owner
 
 

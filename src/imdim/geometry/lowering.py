@@ -7,14 +7,15 @@ push their union, intersection, difference.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
-from imdim.program.tree import KINDS, OPS, SIZE_NAMES, Primitive, Program, fold, leaves, map_leaves
+from imdim.program.tree import KINDS, OPS, SIZE_NAMES, Op, Primitive, Program, fold, leaves, map_leaves
 
-OP_CODES = {op: -1 - i for i, op in enumerate(OPS)}
+OP_CODES: dict[Op, int] = {op: -1 - i for i, op in enumerate(OPS)}
 
 
 def pack(program: Program) -> tuple[np.ndarray, np.ndarray]:
@@ -39,7 +40,7 @@ def unpack(program: Program, params: np.ndarray) -> Program:
 def postfix(program: Program) -> np.ndarray:
     """The instruction list int64 [2k - 1]."""
 
-    def join(code: int):
+    def join(code: int) -> Callable[[list[int], list[int]], list[int]]:
         return lambda left, right: [*left, *right, code]
 
     # flat lists are joined at every node: quadratic for a chain, yet cheap at the few hundred leaves that a program has

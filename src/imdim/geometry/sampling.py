@@ -1,0 +1,73 @@
+"""Random points on the boundary of a whole program, walls of cuts included."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from imdim.geometry import kernels
+from imdim.geometry.lowering import lower, pack
+from imdim.geometry.rotations import matrix_from_euler
+from imdim.geometry.surface_map import SURFACE_MAPS, surface_area
+from imdim.program.tree import Primitive, Program, leaves
+
+# A program whose boundary is a smaller share of its leaves' surfaces than about one in this many is taken to have none.
+MAX_ROUNDS = 64
+
+
+def surface_points(program: Program, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """`n` area-weighted points [n, 3] on the boundary of the solid and its outward unit normals [n, 3].
+
+    Every leaf's surface is sampled and a point is kept where the solid lies on one side of it only, so sheets between touching parts
+    and skins of no thickness are no boundary. A boundary on which several leaves coincide is sampled once. A program without a
+    boundary (everything is cut away) gives arrays of length zero.
+    """
+    parts, lowered = list(leaves(program)), lower(program)
+    kinds, params = pack(program)
+    areas = np.array([surface_area(p.kind, p.size) for p in parts])
+    step = 1e-7 * float(np.ptp(_reach(parts), axis=0).max())
+    kept: list[tuple[np.ndarray, np.ndarray]] = [(np.empty((0, 3)), np.empty((0, 3)))]
+    found = 0
+    for drawn in range(1, MAX_ROUNDS + 1):
+        counts = rng.multinomial(max(n, 256), areas / areas.sum())
+        samples = [leaf_surface(p, int(m), rng) for p, m in zip(parts, counts, strict=True)]
+        points, normals = (np.concatenate(column) for column in zip(*samples, strict=True))
+        behind, ahead = (kernels.inside(lowered, points + side * normals) for side in (-step, step))
+        first = np.argmax(np.abs(kernels.leaf_table(kinds, params, points)) < step, axis=0)
+        keep = (behind != ahead) & (first == np.repeat(np.arange(len(parts)), counts))
+        kept.append((points[keep], np.where(behind, 1.0, -1.0)[keep, None] * normals[keep]))
+        found += int(keep.sum())
+        if found >= n or (found == 0 and drawn >= MAX_ROUNDS // 4):
+            break
+    points, normals = (np.concatenate(column) for column in zip(*kept, strict=True))
+    # the rounds list leaf after leaf, so the surplus is dropped at random
+    chosen = rng.permutation(len(points))[:n]
+    return points[chosen], normals[chosen]
+
+
+def leaf_surface(primitive: Primitive, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """`n` area-weighted points [n, 3] on one primitive and its outward unit normals [n, 3], in world coordinates."""
+    points, normals = np.empty((n, 3)), np.empty((n, 3))
+    done = 0
+    while done < n:
+        u = rng.random((n - done, 3))
+        local, direction, share = SURFACE_MAPS[primitive.kind](np, primitive.size, u)
+        keep = rng.random(n - done) < share
+        stop = done + int(keep.sum())
+        points[done:stop], normals[done:stop] = local[keep], direction[keep]
+        done = stop
+    rotation = matrix_from_euler(primitive.rotation)
+    return points @ rotation.T + primitive.center, normals @ rotation.T
+
+
+def bounding_radius(primitive: Primitive) -> float:
+    """Radius of a ball about the centre that holds the primitive."""
+    size = primitive.size
+    if primitive.kind == "box":
+        return float(np.linalg.norm(size)) / 2
+    if primitive.kind in ("cylinder", "cone"):
+        return float(np.hypot(max(size[:-1]), size[-1] / 2))
+    return sum(size) if primitive.kind == "torus" else max(size)
+
+
+def _reach(parts: list[Primitive]) -> np.ndarray:
+    return np.array([np.add(p.center, side * bounding_radius(p)) for p in parts for side in (-1, 1)])

@@ -1,0 +1,79 @@
+"""Programs whose exact volume is known in closed form: the truth that every backend is held against.
+
+Import `KNOWN` (name -> program, volume). Rotations and centres are deliberately odd: a closed form does not depend on them.
+"""
+
+import math
+
+from imdim.program.tree import Combine, Primitive, Program, combine_all
+
+TILT = (20.0, -35.0, 50.0)
+AWAY = (0.3, -0.2, 0.1)
+
+BOX = Primitive("box", (1.0, 0.7, 0.4), AWAY, TILT)
+SPHERE = Primitive("sphere", (0.5,), AWAY)
+CYLINDER = Primitive("cylinder", (0.4, 0.9), AWAY, TILT)
+FRUSTUM = Primitive("cone", (0.5, 0.2, 0.8), AWAY, TILT)
+POINTED = Primitive("cone", (0.5, 0.0, 0.8), AWAY, (0.0, 90.0, 0.0))
+TORUS = Primitive("torus", (0.5, 0.2), AWAY, TILT)
+ELLIPSOID = Primitive("ellipsoid", (0.6, 0.4, 0.3), AWAY, TILT)
+
+
+def along_z(kind: str, size: tuple[float, ...], z: float = 0.0, x: float = 0.0) -> Primitive:
+    return Primitive(kind, size, (x, 0.0, z))
+
+
+def _cap(r: float, h: float) -> float:
+    """Volume of the cap of height h of a ball of radius r."""
+    return math.pi * h * h * (3 * r - h) / 3
+
+
+BLOCK = along_z("box", (1.0, 1.0, 1.0))
+BORE = along_z("cylinder", (0.25, 1.2))
+DRILLED = Combine("difference", BLOCK, BORE)
+CROSS_BORES = Combine(
+    "union", Primitive("cylinder", (0.25, 2.0), rotation=(0.0, 90.0, 0.0)), Primitive("cylinder", (0.25, 2.0), rotation=(90.0, 0.0, 0.0))
+)
+BICYLINDER = Combine("intersection", CROSS_BORES.left, CROSS_BORES.right)
+PLATE_HOLES = [along_z("cylinder", (0.1, 0.4), x=x) for x in (-0.6, 0.6)]
+PLATE = Combine("union", along_z("box", (2.0, 1.0, 0.2)), along_z("cylinder", (0.2, 0.5), 0.35))
+
+_LENS = 2 * _cap(0.5, 0.2)
+_STEINMETZ = 16 * 0.25**3 / 3
+
+KNOWN: dict[str, tuple[Program, float]] = {
+    "box": (BOX, 0.28),
+    "sphere": (SPHERE, math.pi / 6),
+    "cylinder": (CYLINDER, math.pi * 0.16 * 0.9),
+    "frustum": (FRUSTUM, math.pi * 0.8 * (0.25 + 0.1 + 0.04) / 3),
+    "pointed cone": (POINTED, math.pi * 0.25 * 0.8 / 3),
+    "torus": (TORUS, 2 * math.pi**2 * 0.5 * 0.04),
+    "horn torus": (Primitive("torus", (0.3, 0.3), AWAY, TILT), 2 * math.pi**2 * 0.3**3),
+    "ellipsoid": (ELLIPSOID, 4 / 3 * math.pi * 0.6 * 0.4 * 0.3),
+    "drilled block": (DRILLED, 1 - math.pi / 16),
+    "lens": (Combine("intersection", along_z("sphere", (0.5,), 0.3), along_z("sphere", (0.5,), -0.3)), _LENS),
+    "two balls": (Combine("union", along_z("sphere", (0.5,), 0.3), along_z("sphere", (0.5,), -0.3)), math.pi / 3 - _LENS),
+    "crescent": (Combine("difference", along_z("sphere", (0.5,), 0.3), along_z("sphere", (0.5,), -0.3)), math.pi / 6 - _LENS),
+    "steinmetz": (BICYLINDER, _STEINMETZ),
+    "cross drilled": (Combine("difference", BLOCK, CROSS_BORES), 1 - (2 * math.pi / 16 - _STEINMETZ)),
+    "core left standing": (
+        Combine("difference", BLOCK, Combine("difference", BORE, along_z("cylinder", (0.1, 2.0)))),
+        1 - math.pi * 0.0525,
+    ),
+    "dome": (Combine("intersection", along_z("sphere", (0.5,)), along_z("box", (2.0, 2.0, 1.0), 0.5)), math.pi / 12),
+    "countersink": (
+        Combine("difference", DRILLED, along_z("cone", (0.25, 0.45, 0.2), 0.4)),
+        1 - math.pi / 16 * 0.8 - math.pi * 0.2 * (0.0625 + 0.1125 + 0.2025) / 3,
+    ),
+    "plate with boss and holes": (
+        combine_all("difference", [PLATE, *PLATE_HOLES]),
+        0.4 + math.pi * 0.04 * 0.5 - 2 * math.pi * 0.01 * 0.2,
+    ),
+    "touching boxes": (Combine("union", along_z("box", (1.0, 1.0, 0.5), 0.25), along_z("box", (0.5, 1.0, 0.5), -0.25)), 0.75),
+    "ring": (Combine("difference", along_z("cylinder", (0.5, 0.3)), along_z("cylinder", (0.3, 0.3))), math.pi * 0.16 * 0.3),
+    "half torus": (
+        Combine("intersection", along_z("torus", (0.5, 0.2)), Primitive("box", (2.0, 1.0, 2.0), (0.0, 0.5, 0.0))),
+        math.pi**2 * 0.02,
+    ),
+    "nothing": (Combine("difference", along_z("sphere", (0.3,)), along_z("box", (1.0, 1.0, 1.0))), 0.0),
+}
