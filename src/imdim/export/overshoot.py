@@ -139,7 +139,7 @@ def _matters(program: Program, placed: list[Placed], index: int, region: Primiti
     return abs(with_it - without) > NOTHING * whole
 
 
-# A part of the program inside one small region: everywhere (True), nowhere (False), or a solid that may reach out of the region.
+# A part of the program inside one small region: everywhere (True), nowhere (False), or a solid inside it.
 _Local = bool | Manifold
 
 
@@ -150,7 +150,8 @@ def _restricted(part: Placed, where: Placed) -> _Local:
     contains = _CONVEX.get(part.leaf.kind)
     if contains is not None and contains(part.leaf.size, (where.corners - part.leaf.center) @ part.rotation).all():
         return True
-    return part.solid
+    clipped = part.solid ^ where.solid
+    return False if clipped.is_empty() else clipped
 
 
 def _filled(program: Program, values: list[_Local], region: Manifold) -> float:
@@ -163,7 +164,7 @@ def _filled(program: Program, values: list[_Local], region: Manifold) -> float:
     inside = fold(program, lambda i, _: values[i], combine)
     if isinstance(inside, bool):
         return region.volume() if inside else 0.0
-    return (inside ^ region).volume()
+    return inside.volume()
 
 
 def _union(a: _Local, b: _Local) -> _Local:
