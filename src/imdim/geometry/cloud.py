@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from imdim.geometry.bodies import split_faces
 from imdim.geometry.readers import InputError, Raw, read
-from imdim.geometry.repair import clean_mesh, face_normals, split_faces
+from imdim.geometry.repair import clean_mesh
 from imdim.program.tree import Primitive, Program, Vec3, map_leaves
 
 __all__ = ["Frame", "InputError", "Target", "load_target", "split_bodies", "target_from"]
@@ -151,6 +152,15 @@ def sample_surface(vertices: np.ndarray, faces: np.ndarray, count: int, rng: np.
     root = np.sqrt(u)
     a, b, c = (np.asarray(vertices, float)[faces[face, i]] for i in range(3))
     return (1 - root) * a + root * (1 - v) * b + root * v * c, normals[face]
+
+
+def face_normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals [m, 3] (zero for a face without area) and areas [m], at any scale of coordinates."""
+    a, b, c = (np.asarray(vertices, float)[faces[:, i]] for i in range(3))
+    unit = np.abs(np.stack([b - a, c - a])).max(initial=0.0) or 1.0
+    cross = np.cross((b - a) / unit, (c - a) / unit)
+    length = np.linalg.norm(cross, axis=1)
+    return cross / np.maximum(length, 1e-300)[:, None], length / 2 * unit * unit
 
 
 def _cloud_target(raw: Raw, name: str, max_points: int) -> Target:

@@ -1,14 +1,23 @@
-"""A mesh as it comes made into a solid where it can be: merged, oriented outward, thinned, split into bodies."""
+"""A triangle mesh as it comes made into a solid where it can be: merged, oriented outward, united, thinned."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from manifold3d import Error, Manifold, Mesh64, OpType
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
+from imdim.geometry.bodies import edge_table, find_bodies, mesh_volume, split_faces
 from imdim.geometry.readers import InputError
+
+MAX_FACES = 200_000
+SEAM = 1e-6  # gap that is closed along open edges, relative to the diagonal
+FLAT = 1e-12  # volume relative to the cubed diagonal
+OVERLAP = 1e-6  # volume that two bodies must share to be united, relative to the whole
+THINNING = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3)  # tolerances relative to the diagonal, tried in turn
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,29 +30,160 @@ class Cleaned:
     notes: tuple[str, ...]
 
 
-def face_normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Unit normals [m, 3] (zero for a face without area) and areas [m], at any scale of coordinates."""
-    a, b, c = (np.asarray(vertices, float)[faces[:, i]] for i in range(3))
-    unit = np.abs(np.stack([b - a, c - a])).max(initial=0.0) or 1.0
-    cross = np.cross((b - a) / unit, (c - a) / unit)
-    length = np.linalg.norm(cross, axis=1)
-    return cross / np.maximum(length, 1e-300)[:, None], length / 2 * unit * unit
-
-
-def mesh_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
-    """The signed volume by the divergence theorem, positive when the faces are seen counter-clockwise from outside."""
-    a, b, c = (np.asarray(vertices, float)[faces[:, i]] - vertices[faces[0, 0]] for i in range(3))
-    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6)
-
-
 def clean_mesh(vertices: np.ndarray, faces: np.ndarray, name: str) -> Cleaned:
-    """Merge, orient and check a triangle mesh; raises InputError when it encloses nothing."""
-    volume = mesh_volume(vertices, faces)
-    if volume == 0:
-        raise InputError(f"{name}: the mesh encloses a volume of {volume:.3g}")
-    return Cleaned(vertices, faces if volume > 0 else faces[:, ::-1], True, ())
+    """Merge equal vertices, close seams, orient outward, unite overlapping bodies, thin what is too fine.
+
+    Raises InputError, one line with `name` and the number, when the mesh encloses no volume.
+    """
+    center = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+    diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    unit, faces = merge_equal((vertices - center) / diagonal, faces)
+    if not len(faces):
+        raise InputError(f"{name}: the mesh has 0 faces with three different corners")
+    faces, notes = _oriented(unit, faces)
+    volume = mesh_volume(unit, faces)
+    if abs(volume) < FLAT:
+        raise InputError(f"{name}: the mesh encloses no volume ({volume * diagonal**3:.3g} cubic units)")
+    found = _as_solid(unit, faces, notes)
+    unit, faces = found or _thinned_shell(unit, faces, notes)
+    used, corners = np.unique(faces, return_inverse=True)
+    return Cleaned(unit[used] * diagonal + center, corners.reshape(-1, 3).astype(np.int64), found is not None, tuple(notes))
 
 
-def split_faces(vertices: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:
-    """Face indices per body, largest volume first."""
-    return [np.arange(len(faces))]
+def merge_equal(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices at exactly the same place become one; faces that lose a corner are dropped."""
+    order = np.lexsort(vertices.T)
+    fresh = np.ones(len(order), bool)
+    fresh[1:] = (vertices[order[1:]] != vertices[order[:-1]]).any(axis=1)
+    label = np.empty(len(order), np.int64)
+    label[order] = np.cumsum(fresh) - 1
+    return vertices[order[fresh]], drop_collapsed(label[faces])
+
+
+def drop_collapsed(faces: np.ndarray) -> np.ndarray:
+    """The faces with three different corners."""
+    a, b, c = faces.T
+    return faces[(a != b) & (b != c) & (c != a)]
+
+
+def unpaired(faces: np.ndarray) -> np.ndarray:
+    """Vertices [k] of edges that are not walked equally often in both directions: none where the mesh is closed and consistent."""
+    low, high, forward, label = edge_table(faces)
+    broken = np.bincount(label, np.where(forward, 1, -1))[label] != 0
+    return np.unique(np.concatenate([low[broken], high[broken]]))
+
+
+def close_seams(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Merge vertices of open edges that nearly coincide, in a mesh of diagonal 1; repeated faces count once."""
+    rim = unpaired(faces)
+    pairs = KDTree(vertices[rim]).query_pairs(SEAM, output_type="ndarray")
+    count, label = connected_components(_graph(pairs[:, 0], pairs[:, 1], len(rim)), directed=False)
+    leader = np.full(count, len(vertices))
+    np.minimum.at(leader, label, rim)
+    target = np.arange(len(vertices))
+    target[rim] = leader[label]
+    merged = drop_collapsed(target[faces])
+    turn = np.argmin(merged, axis=1)[:, None]
+    canonical = np.take_along_axis(merged, (turn + np.arange(3)) % 3, axis=1)
+    return merged[np.sort(np.unique(canonical, axis=0, return_index=True)[1])]
+
+
+def orient_alike(faces: np.ndarray) -> tuple[np.ndarray, int]:
+    """Faces turned so that neighbours across an edge of two agree, and how many were turned (the smaller part of each piece).
+
+    Each face stands for two nodes, as it is and turned, and nodes that agree are joined. A piece that cannot be oriented stays as it is.
+    """
+    count = len(faces)
+    _, _, forward, label = edge_table(faces)
+    order = np.argsort(label, kind="stable")
+    paired = order[np.bincount(label)[label[order]] == 2]
+    one, two = paired[0::2], paired[1::2]
+    turned_too = np.where(forward[one] == forward[two], count, 0)
+    one, two = one % count, two % count
+    rows, columns = np.concatenate([one, one + count]), np.concatenate([two + turned_too, two + count - turned_too])
+    pieces, node = connected_components(_graph(rows, columns, 2 * count), directed=False)
+    kept, turned = node[:count], node[count:]
+    as_is = np.bincount(kept, minlength=pieces)
+    flip = (as_is[kept] < as_is[turned]) | ((as_is[kept] == as_is[turned]) & (kept > turned))
+    return np.where(flip[:, None], faces[:, ::-1], faces), int(flip.sum())
+
+
+def cluster(vertices: np.ndarray, faces: np.ndarray, limit: int = MAX_FACES) -> tuple[np.ndarray, np.ndarray]:
+    """At most about `limit` faces of a mesh of diagonal 1: vertices of a grid cell become their mean, collapsed faces go."""
+    cells = limit**0.5 / 2
+    while True:
+        _, label = np.unique(np.floor(vertices * cells).astype(np.int64), axis=0, return_inverse=True)
+        label = label.reshape(-1)
+        fewer = drop_collapsed(label[faces])
+        if len(fewer) <= limit:
+            size = np.bincount(label)
+            return np.stack([np.bincount(label, v) / size for v in vertices.T], axis=1), fewer
+        cells *= 0.8
+
+
+def _graph(rows: np.ndarray, columns: np.ndarray, size: int) -> coo_matrix:
+    return coo_matrix((np.ones(len(rows), bool), (rows, columns)), shape=(size, size))
+
+
+def _oriented(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    notes: list[str] = []
+    turned = 0
+    if unpaired(faces).size:
+        faces, turned = orient_alike(close_seams(vertices, faces))
+    if turned:
+        notes.append(f"{turned} of {len(faces)} faces turned to agree with their neighbours.")
+    bodies = find_bodies(vertices, faces)
+    # where neighbours had disagreed no body's own orientation can be trusted: cavities are told by their depth alone
+    wanted = np.where(bodies.depth % 2, -1, 1) if turned else np.sign(bodies.volume[bodies.root]) * np.sign(bodies.volume)
+    inverted = bodies.volume * wanted < 0
+    if inverted.any():
+        notes.append(
+            "The mesh was inside out: turned." if inverted.all() else f"{inverted.sum()} of {bodies.count} bodies were inside out: turned."
+        )
+        faces = np.where(inverted[bodies.label][:, None], faces[:, ::-1], faces)
+    return faces, notes
+
+
+def _as_solid(vertices: np.ndarray, faces: np.ndarray, notes: list[str]) -> tuple[np.ndarray, np.ndarray] | None:
+    """The closed manifold that the mesh bounds, with overlapping bodies united and fine faces thinned; None, and a note, where there is none."""
+    rim = unpaired(faces).size
+    if rim:
+        notes.append(f"The mesh is open ({rim} vertices on open edges): the winding number tells inside from outside.")
+        return None
+    bodies = [_manifold(vertices, faces[chosen]) for chosen in split_faces(vertices, faces)]
+    if any(body.status() != Error.NoError or body.volume() <= 0 for body in bodies):
+        notes.append("The mesh is closed but no manifold: the winding number tells inside from outside.")
+        return None
+    solid = Manifold.batch_boolean(bodies, OpType.Add)
+    total = sum(body.volume() for body in bodies)
+    overlap = total - solid.volume() > OVERLAP * total
+    if overlap:
+        notes.append(f"{len(bodies)} bodies overlapped: united.")
+    if len(faces) > MAX_FACES:
+        solid = _simplified(solid)
+        notes.append(f"{len(faces)} faces thinned to {solid.num_tri()}.")
+    elif not overlap:
+        return vertices, faces
+    mesh = solid.to_mesh64()
+    return np.array(mesh.vert_properties[:, :3], float), np.array(mesh.tri_verts, np.int64)
+
+
+def _manifold(vertices: np.ndarray, faces: np.ndarray) -> Manifold:
+    used, corners = np.unique(faces, return_inverse=True)
+    return Manifold(Mesh64(np.ascontiguousarray(vertices[used]), corners.reshape(-1, 3).astype(np.uint64)))
+
+
+def _simplified(solid: Manifold) -> Manifold:
+    for tolerance in THINNING:
+        thinner = solid.simplify(tolerance)
+        if thinner.num_tri() <= MAX_FACES:
+            return thinner
+    return solid.simplify(THINNING[-1])
+
+
+def _thinned_shell(vertices: np.ndarray, faces: np.ndarray, notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    if len(faces) <= MAX_FACES:
+        return vertices, faces
+    fewer = cluster(vertices, faces)
+    notes.append(f"{len(faces)} faces thinned to {len(fewer[1])}.")
+    return fewer

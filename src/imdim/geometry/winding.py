@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 from numba import njit
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 LEAF_SIZE = 6
 FAR = 2.0  # a group is far at this many radii; Barill et al. find errors near 1e-3 at 2
@@ -54,7 +54,7 @@ def cloud_tree(points: np.ndarray, normals: np.ndarray, neighbours: int = 8) -> 
     """The tree of an oriented cloud: `points` [n, 3], outward unit `normals` [n, 3]; each point stands for the disc of its neighbours."""
     center, scale = _unit_frame(points)
     unit = (np.asarray(points, float) - center) * scale
-    reach = cKDTree(unit).query(unit, k=[neighbours + 1])[0][:, 0]
+    reach = np.asarray(KDTree(unit).query(unit, k=neighbours + 1)[0])[:, -1]
     vector = normals * (math.pi * reach**2 / neighbours)[:, None]
     return _tree(np.hstack([unit, vector]), unit, vector, unit, unit, center, scale)
 
@@ -112,7 +112,8 @@ def _tree(
     area = np.linalg.norm(vector, axis=1)
     terms = np.hstack([area[:, None], area[:, None] * middle, vector, (middle[:, :, None] * vector[:, None, :]).reshape(-1, 9)])[order]
     sums = _upwards(np.add.reduceat(terms, starts[:-1]), np.add)
-    low, high = (_upwards(f.reduceat(box[order], starts[:-1]), f) for f, box in ((np.minimum, low), (np.maximum, high)))
+    low = _upwards(np.minimum.reduceat(low[order], starts[:-1]), np.minimum)
+    high = _upwards(np.maximum.reduceat(high[order], starts[:-1]), np.maximum)
     weight = sums[:, :1]
     at = np.where(weight > 0, sums[:, 1:4] / np.where(weight > 0, weight, 1.0), (low + high) / 2)
     radius = np.linalg.norm(np.maximum(high - at, at - low), axis=1)

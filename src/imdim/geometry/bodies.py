@@ -1,0 +1,102 @@
+"""The bodies of a triangle mesh: pieces joined by edges, their signed volumes, and which lies inside which."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from imdim.geometry.winding import winding_number
+
+PROBES = 7  # vertices of a body that must all lie inside another for it to be nested
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """`label` [m] is each face's body; per body: signed `volume`, `depth` (how many others hold it), the outermost holder `root`
+    and the innermost holder `parent` (both itself at depth 0)."""
+
+    label: np.ndarray
+    volume: np.ndarray
+    depth: np.ndarray
+    root: np.ndarray
+    parent: np.ndarray
+
+    @property
+    def count(self) -> int:
+        return len(self.volume)
+
+
+def edge_table(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Per face side [3 m] (side i belongs to face i mod m): lower vertex, higher vertex, walked from low to high, undirected edge label."""
+    start, end = faces.T.reshape(-1), np.roll(faces, -1, axis=1).T.reshape(-1)
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    label = np.unique(low * (int(faces.max()) + 1) + high, return_inverse=True)[1]
+    return low, high, start < end, label
+
+
+def mesh_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """The signed volume by the divergence theorem, positive when the faces are seen counter-clockwise from outside.
+
+    An open mesh is closed towards the mean of its corners.
+    """
+    return float(_face_volumes(vertices, faces, np.zeros(len(faces), np.int64)).sum())
+
+
+def find_bodies(vertices: np.ndarray, faces: np.ndarray) -> Bodies:
+    """The bodies of a mesh whose equal vertices are merged, numbered by falling absolute volume."""
+    label = _pieces(faces)
+    volume = np.bincount(label, _face_volumes(vertices, faces, label))
+    order = np.argsort(-np.abs(volume), kind="stable")
+    label, volume = np.argsort(order)[label], volume[order]
+    holders = _holders(vertices, faces, label, len(volume))
+    depth = np.array([len(h) for h in holders])
+    own = range(len(volume))
+    root = np.array([next((j for j in h if depth[j] == 0), i) for i, h in zip(own, holders, strict=True)])
+    parent = np.array([max(h, key=lambda j: depth[j], default=i) for i, h in zip(own, holders, strict=True)])
+    return Bodies(label, volume, depth, root, parent)
+
+
+def split_faces(vertices: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:
+    """Face indices [k] per solid body, largest first: a body of negative volume is a cavity and stays with the body around it."""
+    bodies = find_bodies(vertices, faces)
+    group = np.where(bodies.volume < 0, bodies.parent, np.arange(bodies.count))
+    owner = group[bodies.label]
+    return [np.flatnonzero(owner == g) for g in np.unique(group)]
+
+
+def _pieces(faces: np.ndarray) -> np.ndarray:
+    count = len(faces)
+    label = edge_table(faces)[3]
+    order = np.argsort(label, kind="stable")
+    together = label[order[1:]] == label[order[:-1]]
+    one, two = order[1:][together] % count, order[:-1][together] % count
+    return connected_components(coo_matrix((np.ones(len(one)), (one, two)), shape=(count, count)), directed=False)[1]
+
+
+def _face_volumes(vertices: np.ndarray, faces: np.ndarray, label: np.ndarray) -> np.ndarray:
+    """Signed tetrahedra [m] from each face to the mean corner of its body."""
+    corners = np.asarray(vertices, float)[faces]
+    weight = np.bincount(label)
+    middle = np.stack([np.bincount(label, corners[:, :, i].mean(axis=1)) / weight for i in range(3)], axis=1)[label]
+    a, b, c = (corners[:, i] - middle for i in range(3))
+    return np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
+
+
+def _holders(vertices: np.ndarray, faces: np.ndarray, label: np.ndarray, count: int) -> list[list[int]]:
+    """Per body, the larger bodies that hold it."""
+    if count == 1:
+        return [[]]
+    order = np.argsort(label, kind="stable")
+    members = np.split(order, np.searchsorted(label[order], np.arange(1, count)))
+    triangles = [vertices[faces[m]] for m in members]
+    low = np.array([t.min(axis=(0, 1)) for t in triangles])
+    high = np.array([t.max(axis=(0, 1)) for t in triangles])
+    holders = []
+    for i, own in enumerate(triangles):
+        probes = own.reshape(-1, 3)[:: max(1, 3 * len(own) // PROBES)]
+        around = np.flatnonzero(((low[:i] < low[i]) & (high[:i] > high[i])).all(axis=1))
+        holders.append([int(j) for j in around if (np.abs(winding_number(triangles[j], probes)) > 0.5).all()])
+    return holders
