@@ -5,6 +5,7 @@ Planes, cylinders, cones, spheres and tori stay what they are; only an ellipsoid
 
 from __future__ import annotations
 
+import importlib
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -36,15 +37,13 @@ def write_step(program: Program, path: Path) -> None:
     Raises StepError when OpenCASCADE is not installed or cannot build a valid solid, OSError when the file cannot be written.
     """
     shape = to_shape(program)
-    from OCP.Interface import Interface_Static
-    from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
-
-    writer = STEPControl_Writer()
-    Interface_Static.SetCVal_s("write.step.product.name", "program")
-    Interface_Static.SetCVal_s("write.step.unit", "MM")
+    control, settings = _ocp("STEPControl"), _ocp("Interface").Interface_Static
+    writer = control.STEPControl_Writer()
+    settings.SetCVal_s("write.step.product.name", "program")
+    settings.SetCVal_s("write.step.unit", "MM")
     # one product, also for several bodies
-    Interface_Static.SetIVal_s("write.step.assembly", 0)
-    writer.Transfer(shape, STEPControl_AsIs)
+    settings.SetIVal_s("write.step.assembly", 0)
+    writer.Transfer(shape, control.STEPControl_AsIs)
     if not writer.Write(str(path)).name.endswith("RetDone"):
         raise OSError(f"cannot write {path}")
     text = path.read_text(encoding="utf-8")
@@ -55,9 +54,7 @@ def write_step(program: Program, path: Path) -> None:
 def read_step(path: Path) -> Any:
     """The TopoDS_Shape in a STEP file; raises StepError when there is none."""
     _check_installed()
-    from OCP.STEPControl import STEPControl_Reader
-
-    reader = STEPControl_Reader()
+    reader = _ocp("STEPControl").STEPControl_Reader()
     if not reader.ReadFile(str(path)).name.endswith("RetDone") or not reader.TransferRoots():
         raise StepError(f"{path} holds no STEP shape")
     return reader.OneShape()
@@ -70,11 +67,8 @@ def step_volume(path: Path) -> float:
 
 def shape_volume(shape: Any) -> float:
     """Volume of a TopoDS_Shape by adaptive integration over its analytic faces."""
-    from OCP.BRepGProp import BRepGProp
-    from OCP.GProp import GProp_GProps
-
-    properties = GProp_GProps()
-    BRepGProp.VolumeProperties_s(shape, properties, INTEGRATION_ERROR)
+    properties = _ocp("GProp").GProp_GProps()
+    _ocp("BRepGProp").BRepGProp.VolumeProperties_s(shape, properties, INTEGRATION_ERROR)
     return properties.Mass()
 
 
@@ -91,7 +85,7 @@ def to_shape(program: Program) -> Any:
     }
     try:
         shape = _unified(fold_nary(program, lambda _, leaf: _placed(leaf), combine))
-    except RuntimeError as error:  # what the binding raises for Standard_Failure
+    except _ocp("Standard").Standard_Failure as error:
         raise StepError(f"OpenCASCADE failed: {str(error).splitlines()[0]}") from error
     _check_valid(shape)
     return shape
@@ -99,24 +93,25 @@ def to_shape(program: Program) -> Any:
 
 def _check_installed() -> None:
     try:
-        from OCP.Message import Message, Message_Gravity
+        message = _ocp("Message")
     except ImportError as error:
         raise StepError(f'no STEP without OpenCASCADE: pip install "imdim[step]" ({error})') from error
-    for printer in Message.DefaultMessenger_s().Printers():
-        printer.SetTraceLevel(Message_Gravity.Message_Fail)
+    for printer in message.Message.DefaultMessenger_s().Printers():
+        printer.SetTraceLevel(message.Message_Gravity.Message_Fail)
+
+
+def _ocp(module: str) -> Any:
+    # by name, since the binding comes without types and loads in a second
+    return importlib.import_module(f"OCP.{module}")
 
 
 def _check_valid(shape: Any) -> None:
-    from OCP.BRepCheck import BRepCheck_Analyzer
-
-    if not BRepCheck_Analyzer(shape).IsValid() or shape_volume(shape) <= 0:
+    if not _ocp("BRepCheck").BRepCheck_Analyzer(shape).IsValid() or shape_volume(shape) <= 0:
         raise StepError("OpenCASCADE built an invalid or empty solid")
 
 
 def _boolean(name: str, keep: list[Any], tools: list[Any]) -> Any:
-    from OCP import BRepAlgoAPI
-
-    operation = getattr(BRepAlgoAPI, f"BRepAlgoAPI_{name}")()
+    operation = getattr(_ocp("BRepAlgoAPI"), f"BRepAlgoAPI_{name}")()
     for shapes, setter in ((keep, operation.SetArguments), (tools, operation.SetTools)):
         listed = _shape_list()
         for shape in shapes:
@@ -130,10 +125,9 @@ def _boolean(name: str, keep: list[Any], tools: list[Any]) -> Any:
 
 def _shape_list() -> Any:
     try:
-        from OCP.collections import List_TopoDS_Shape
+        return _ocp("collections").List_TopoDS_Shape()
     except ImportError:  # before OpenCASCADE 8
-        from OCP.TopTools import TopTools_ListOfShape as List_TopoDS_Shape
-    return List_TopoDS_Shape()
+        return _ocp("TopTools").TopTools_ListOfShape()
 
 
 def _common(parts: list[Any]) -> Any:
@@ -146,32 +140,26 @@ def _common(parts: list[Any]) -> Any:
 
 def _unified(shape: Any) -> Any:
     """The shape with faces and edges on the same surface or curve merged."""
-    from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
-
-    unify = ShapeUpgrade_UnifySameDomain(shape, True, True, True)
+    unify = _ocp("ShapeUpgrade").ShapeUpgrade_UnifySameDomain(shape, True, True, True)
     unify.Build()
     return unify.Shape()
 
 
 def _placed(leaf: Primitive) -> Any:
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
-    from OCP.gp import gp_Trsf
-
-    placement = gp_Trsf()
+    placement = _ocp("gp").gp_Trsf()
     matrix = np.column_stack([exact_rotation(leaf), leaf.center])
     placement.SetValues(*(float(v) for v in matrix.ravel()))
-    return BRepBuilderAPI_Transform(_local(leaf.kind, leaf.size), placement, True).Shape()
+    return _ocp("BRepBuilderAPI").BRepBuilderAPI_Transform(_local(leaf.kind, leaf.size), placement, True).Shape()
 
 
 def _local(kind: str, size: tuple[float, ...]) -> Any:
-    from OCP import BRepPrimAPI as make
-    from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
+    make, gp = _ocp("BRepPrimAPI"), _ocp("gp")
 
     def upright(height: float) -> Any:
-        return gp_Ax2(gp_Pnt(0.0, 0.0, -height / 2), gp_Dir(0.0, 0.0, 1.0))
+        return gp.gp_Ax2(gp.gp_Pnt(0.0, 0.0, -height / 2), gp.gp_Dir(0.0, 0.0, 1.0))
 
     if kind == "box":
-        return make.BRepPrimAPI_MakeBox(gp_Pnt(*(-s / 2 for s in size)), *size).Shape()
+        return make.BRepPrimAPI_MakeBox(gp.gp_Pnt(*(-s / 2 for s in size)), *size).Shape()
     if kind == "sphere":
         return make.BRepPrimAPI_MakeSphere(size[0]).Shape()
     if kind == "torus":
@@ -184,11 +172,8 @@ def _local(kind: str, size: tuple[float, ...]) -> Any:
 
 
 def _ellipsoid(semi_axes: tuple[float, ...]) -> Any:
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_GTransform
-    from OCP.BRepPrimAPI import BRepPrimAPI_MakeSphere
-    from OCP.gp import gp_GTrsf
-
-    stretch = gp_GTrsf()
+    stretch = _ocp("gp").gp_GTrsf()
     for axis, length in enumerate(semi_axes, start=1):
         stretch.SetValue(axis, axis, length)
-    return BRepBuilderAPI_GTransform(BRepPrimAPI_MakeSphere(1.0).Shape(), stretch, True).Shape()
+    ball = _ocp("BRepPrimAPI").BRepPrimAPI_MakeSphere(1.0).Shape()
+    return _ocp("BRepBuilderAPI").BRepBuilderAPI_GTransform(ball, stretch, True).Shape()
