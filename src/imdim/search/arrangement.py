@@ -16,7 +16,7 @@ import numpy as np
 from imdim.geometry.surface import Surface, signed_distance
 
 PARALLEL = 1 - 1e-6  # cosine above which two axes are one direction (0.08 degrees)
-ORTHOGONAL = 1e-3
+ORTHOGONAL = 1.5e-3  # largest cosine of a right angle
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,18 @@ class Direction:
 
 @dataclass(frozen=True)
 class Arrangement:
-    """Directions with offsets, curved carriers, triples of orthogonal directions (box frames), and the box [2, 3] of the samples."""
+    """Directions with offsets, curved carriers, triples of orthogonal directions (box frames), and two boxes [2, 3] of samples.
+
+    `bounds` is the part with a margin; `outer` holds the whole of every curved carrier that is not far larger than the part, so that
+    what a sphere has outside the part counts against it until something cuts it off.
+    """
 
     directions: tuple[Direction, ...]
     curved: tuple[Surface, ...]
     axis_of: tuple[int, ...]  # direction index of each curved surface's axis, -1 where it has none
     frames: tuple[tuple[int, int, int], ...]
     bounds: np.ndarray
+    outer: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,7 @@ class ArrangementConfig:
     """Limits that keep the arrangement searchable."""
 
     margin: float = 0.03  # of the diagonal, between the part and the sentinels
+    reach: float = 1.0  # of the diagonal, how far beyond the part curved carriers are followed
     merge: float = 4e-4  # of the diagonal, under which two offsets are one
     max_offsets: int = 48  # along one direction; the planes with least area go first
     max_directions: int = 40
@@ -60,10 +66,27 @@ def arrange(surfaces: Sequence[Surface], areas: Sequence[float], bounds: np.ndar
     curved = [(s, a) for s, a in zip(surfaces, areas, strict=True) if s.kind != "plane"]
     vectors = _direction_vectors(surfaces, areas, config)
     frames = _frames(vectors, config)
+    outer = _outer([s for s, _ in curved], box, config.reach * diagonal)
     tol = config.merge * diagonal
-    directions = tuple(Direction(v, _offsets(v, surfaces, areas, box, tol, config)) for v in vectors)
+    directions = tuple(Direction(v, _offsets(v, surfaces, areas, box, outer, tol, config)) for v in vectors)
     axis_of = tuple(_axis_index(s, vectors) for s, _ in curved)
-    return Arrangement(directions, tuple(s for s, _ in curved), axis_of, frames, box)
+    return Arrangement(directions, tuple(s for s, _ in curved), axis_of, frames, box, outer)
+
+
+def _outer(curved: Sequence[Surface], box: np.ndarray, reach: float) -> np.ndarray:
+    """The box grown to hold spheres, tori and the girth of cylinders, by `reach` at most on each side."""
+    low, high = box[0].copy(), box[1].copy()
+    for surface in curved:
+        if surface.kind == "cone":
+            continue
+        center, axis = np.asarray(surface.point), np.asarray(surface.axis)
+        if surface.kind == "cylinder":
+            center = center + ((box.mean(0) - center) @ axis) * axis
+            extent = surface.sizes[0] * np.sqrt(np.maximum(1 - axis**2, 0))
+        else:
+            extent = np.full(3, sum(surface.sizes))
+        low, high = np.minimum(low, center - 1.01 * extent), np.maximum(high, center + 1.01 * extent)
+    return np.stack([np.maximum(low, box[0] - reach), np.minimum(high, box[1] + reach)])
 
 
 def _direction_vectors(surfaces: Sequence[Surface], areas: Sequence[float], config: ArrangementConfig) -> list[np.ndarray]:
@@ -73,16 +96,22 @@ def _direction_vectors(surfaces: Sequence[Surface], areas: Sequence[float], conf
     for surface, area in zip(surfaces, areas, strict=True):
         if surface.kind == "sphere":
             continue
-        axis = np.asarray(surface.axis)
+        axis = _canonical_sign(_snapped(np.asarray(surface.axis)))
         match = next((i for i, v in enumerate(vectors) if abs(v @ axis) > PARALLEL), None)
         if match is None:
-            vectors.append(_canonical_sign(axis))
+            vectors.append(axis)
             weights.append(area)
         else:
             weights[match] += area
     order = sorted(range(len(vectors)), key=lambda i: -weights[i])[: config.max_directions]
     kept = [vectors[i] for i in order] or [np.array([0.0, 0.0, 1.0])]
     return _complete(kept)
+
+
+def _snapped(axis: np.ndarray) -> np.ndarray:
+    """A coordinate axis where `axis` is within 0.1 degrees of it."""
+    lead = int(np.argmax(np.abs(axis)))
+    return np.eye(3)[lead] * np.sign(axis[lead]) if abs(axis[lead]) > 1 - 1.5e-6 else axis
 
 
 def _canonical_sign(axis: np.ndarray) -> np.ndarray:
@@ -121,10 +150,10 @@ def _frames(vectors: list[np.ndarray], config: ArrangementConfig) -> tuple[tuple
 
 
 def _offsets(
-    v: np.ndarray, surfaces: Sequence[Surface], areas: Sequence[float], box: np.ndarray, tol: float, config: ArrangementConfig
+    v: np.ndarray, surfaces: Sequence[Surface], areas: Sequence[float], box: np.ndarray, outer: np.ndarray, tol: float, config: ArrangementConfig
 ) -> np.ndarray:
     """Sorted offsets along `v`: detected planes first, then invented ones (centres, tangents) while there is room."""
-    corners = np.array([[box[i][0], box[j][1], box[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]) @ v
+    low, high = _span(box, v)
     proposals: list[tuple[float, float]] = []
     for surface, area in zip(surfaces, areas, strict=True):
         proposals += [(rank * area, offset) for rank, offset in _proposed(surface, v)]
@@ -133,9 +162,17 @@ def _offsets(
     for _, offset in proposals:
         if len(kept) >= config.max_offsets:
             break
-        if all(abs(offset - other) > tol for other in kept) and corners.min() + tol < offset < corners.max() - tol:
+        if all(abs(offset - other) > tol for other in kept) and low + tol < offset < high - tol:
             kept.append(offset)
-    return np.array([corners.min(), *sorted(kept), corners.max()])
+    farthest = _span(outer, v)
+    ends = [low - tol, high + tol] if (low - farthest[0], farthest[1] - high) < (tol, tol) else [*farthest, low, high]
+    return np.array(sorted([*kept, *ends]))
+
+
+def _span(box: np.ndarray, v: np.ndarray) -> tuple[float, float]:
+    """Smallest and largest offset of a box along `v`."""
+    middle, half = box.mean(0) @ v, (box[1] - box[0]) / 2 @ np.abs(v)
+    return float(middle - half), float(middle + half)
 
 
 def _proposed(surface: Surface, v: np.ndarray) -> list[tuple[float, float]]:

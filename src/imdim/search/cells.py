@@ -38,7 +38,9 @@ class Cells:
 def sample_cells(arrangement: Arrangement, label: Callable[[np.ndarray], np.ndarray], count: int, rng: np.random.Generator) -> Cells:
     """Sample about `count` weighted points, ask `label` for the probability [n] of being inside, and compress them."""
     points, weights = importance_samples(arrangement, count, rng)
-    probability = np.asarray(label(points), float)
+    near = ((points >= arrangement.bounds[0]) & (points <= arrangement.bounds[1])).all(1)
+    probability = np.zeros(len(points))
+    probability[near] = label(points[near])
     slabs, inside = codes(arrangement, points)
     first, member = _group(slabs, inside)
     w_in = np.bincount(member, weights * probability, len(first))
@@ -61,14 +63,15 @@ def importance_samples(arrangement: Arrangement, count: int, rng: np.random.Gene
     A mixture of densities that give thin slabs and thin shells their share: uniform, per box frame a product of slab-stratified
     axes, per axis of revolution a slab-stratified (radius, height). Weights follow the balance heuristic (Veach and Guibas 1995).
     """
-    low, high = arrangement.bounds
+    (low, high), (far_low, far_high) = arrangement.bounds, arrangement.outer
     parts = [*_frame_densities(arrangement), *_axial_densities(arrangement)]
-    share = count // (len(parts) + 2)
-    points = [rng.uniform(low, high, (2 * share, 3))]
+    share = count // (len(parts) + 3)
+    points = [rng.uniform(low, high, (2 * share, 3)), rng.uniform(far_low, far_high, (share, 3))]
     points += [part.draw(share, rng) for part in parts]
-    inside = [p[((p >= low) & (p <= high)).all(1)] for p in points]
-    every = np.concatenate(inside)
-    density = np.full(len(every), 2 * share / np.prod(high - low))
+    every = np.concatenate(points)
+    every = every[((every >= far_low) & (every <= far_high)).all(1)]
+    near = ((every >= low) & (every <= high)).all(1)
+    density = np.where(near, 2 * share / np.prod(high - low), 0.0) + share / np.prod(far_high - far_low)
     for part in parts:
         density += share * part.density(every)
     return every, 1 / density

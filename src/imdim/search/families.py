@@ -107,6 +107,8 @@ class Families:
         chosen = [self.arrangement.directions[i] for i in self.arrangement.frames[frame]]
         rotation = np.stack([d.vector for d in chosen], axis=1)
         rotation[:, 2] *= np.sign(np.linalg.det(rotation))
+        left, _, right = np.linalg.svd(rotation)  # detected directions are orthogonal to tolerance only
+        rotation = left @ right
         spans = [(float(d.offsets[lo]), float(d.offsets[hi])) for d, (lo, hi) in zip(chosen, ranges, strict=True)]
         middle = sum(d.vector * (lo + hi) / 2 for d, (lo, hi) in zip(chosen, spans, strict=True))
         sizes = tuple(hi - lo for lo, hi in spans)

@@ -69,11 +69,11 @@ def run(sequence: Sequence, m: int) -> np.ndarray:
     return state
 
 
-def error(sequence: Sequence, families: Families) -> float:
-    """Volume in which the sequence and the target differ."""
+def error(sequence: Sequence, families: Families, excess: float = 1.0) -> float:
+    """Volume in which the sequence and the target differ; what the sequence has too much counts `excess` times."""
     cells = families.cells
     state = run(sequence, len(cells.points))
-    return float(cells.w_out[state].sum() + cells.w_in[~state].sum())
+    return excess * float(cells.w_out[state].sum()) + float(cells.w_in[~state].sum())
 
 
 def cost(sequence: Sequence) -> int:
@@ -133,9 +133,9 @@ def gaps(sequence: Sequence, m: int) -> Iterator[Gap]:
             free = free & (step.mask if step.op == "intersection" else ~step.mask)
 
 
-def insertions(sequence: Sequence, families: Families, per_frame: int, least: float) -> list[Insertion]:
-    """Insertions of single candidates that win more than `least`, best first."""
-    gain = families.cells.gain
+def insertions(sequence: Sequence, families: Families, per_frame: int, least: float, excess: float = 1.0) -> list[Insertion]:
+    """Insertions of single candidates that win more than `least`, best first; `excess` as in `error`."""
+    gain = families.cells.w_in - excess * families.cells.w_out
     out: list[Insertion] = []
     best = least
     for gap in gaps(sequence, len(gain)):

@@ -21,10 +21,13 @@ class StructureConfig:
     """Limits and the price of a primitive, relative to the target's volume."""
 
     size_weight: float = 2.5e-4
+    # Starts cover the target first with excess volume at a discount: hollow parts are a hull minus cavities. A covering step must pay more.
+    discounts: tuple[float, ...] = (1.0, 0.3, 0.1, 0.02)
+    cover_weight: float = 0.01
     beam: int = 4
     branch: int = 4
-    beam_steps: int = 4  # steps searched with the whole beam; the best states are then completed greedily
-    finalists: int = 2  # states that get the local search
+    beam_steps: int = 3  # steps searched with the whole beam; the best states are then completed greedily
+    finalists: int = 3  # states that get the local search
     max_primitives: int = 120
     per_frame: int = 4
     pair_limit: int = 24
@@ -39,53 +42,66 @@ class Found:
     objective: float
 
 
+@dataclass(frozen=True)
+class _Price:
+    """The objective of a phase: the price of a primitive in volume, and the weight of excess volume."""
+
+    step: float
+    excess: float = 1.0
+
+
 def search(families: Families, config: StructureConfig, out_of_time: Callable[[], bool]) -> Iterator[Found]:
     """Yield better and better sequences; the last is the result. Yields at least one unless the target has no volume."""
-    states = [Found((), _objective((), families, config))]
-    best = states[0]
-    for _ in range(config.beam_steps):
-        states = _widen(states, families, config)
-        if not states or out_of_time():
-            break
-        if states[0].objective < best.objective:
-            best = states[0]
-            yield best
-    finalists = sorted([*states, best], key=lambda f: f.objective)[: config.beam]
-    completed = []
-    for start in finalists:
-        done = _complete(start, families, config, out_of_time)
+    exact = _Price(config.size_weight * families.cells.volume)
+    best: Found | None = None
+    completed: list[Found] = []
+    for start in _starts(families, config, exact, out_of_time):
+        done = _complete(start, families, config, exact, out_of_time)
         completed.append(done)
-        if done.objective < best.objective:
+        if done.sequence and (best is None or done.objective < best.objective):
             best = done
             yield best
+        if out_of_time():
+            return
     for start in sorted(_distinct(completed, families), key=lambda f: f.objective)[: config.finalists]:
-        for improved in _improve(start, families, config, out_of_time):
-            if improved.objective < best.objective - 1e-12:
+        for improved in _improve(start, families, config, exact, out_of_time):
+            if best is None or improved.objective < best.objective - 1e-12:
                 best = improved
                 yield best
 
 
-def _objective(sequence: Sequence, families: Families, config: StructureConfig) -> float:
-    return error(sequence, families) / families.cells.volume + config.size_weight * cost(sequence)
+def _starts(families: Families, config: StructureConfig, exact: _Price, out_of_time: Callable[[], bool]) -> Iterator[Found]:
+    """Beams under each discount, and for discounts under one the cover completed."""
+    for excess in config.discounts:
+        price = exact if excess == 1.0 else _Price(config.cover_weight * families.cells.volume, excess)
+        states = [_found((), families, price)]
+        for _ in range(config.beam_steps):
+            wider = _widen(states, families, config, price)
+            if not wider or out_of_time():
+                break
+            states = wider
+        for state in states:
+            cover = state if excess == 1.0 else _complete(state, families, config, price, out_of_time)
+            yield _found(cover.sequence, families, exact)
 
 
-def _least(families: Families, config: StructureConfig) -> float:
-    return config.size_weight * families.cells.volume
+def _found(sequence: Sequence, families: Families, price: _Price) -> Found:
+    return Found(sequence, error(sequence, families, price.excess) + price.step * cost(sequence))
 
 
-def _grown(found: Found, insertion: Insertion, families: Families, config: StructureConfig) -> Found:
-    sequence = insert(found.sequence, insertion, families)
-    return Found(sequence, _objective(sequence, families, config))
+def _grown(found: Found, insertion: Insertion, families: Families, price: _Price) -> Found:
+    return _found(insert(found.sequence, insertion, families), families, price)
 
 
-def _widen(states: list[Found], families: Families, config: StructureConfig) -> list[Found]:
-    """The next beam: the best distinct states among the best insertions into each state."""
-    grown = []
+def _widen(states: list[Found], families: Families, config: StructureConfig, price: _Price) -> list[Found]:
+    """The next beam: the best distinct states among the best insertions into each state, and the states that nothing improves."""
+    grown = list(states)
     for state in states:
-        found = insertions(state.sequence, families, config.per_frame, _least(families, config))
-        grown += [_grown(state, i, families, config) for i in _diverse(found, config.branch)]
+        found = insertions(state.sequence, families, config.per_frame, price.step, price.excess)
+        grown += [_grown(state, i, families, price) for i in _diverse(found, config.branch)]
     grown.sort(key=lambda f: f.objective)
-    return _distinct(grown, families)[: config.beam]
+    kept = _distinct(grown, families)[: config.beam]
+    return [] if kept == states else kept
 
 
 def _diverse(found: list[Insertion], count: int) -> list[Insertion]:
@@ -108,34 +124,35 @@ def _distinct(states: list[Found], families: Families) -> list[Found]:
     return out
 
 
-def _complete(found: Found, families: Families, config: StructureConfig, out_of_time: Callable[[], bool]) -> Found:
+def _complete(found: Found, families: Families, config: StructureConfig, price: _Price, out_of_time: Callable[[], bool]) -> Found:
     """Insert the best single step, or a pair where no single pays, until nothing pays."""
-    least = _least(families, config)
     while cost(found.sequence) < config.max_primitives and not out_of_time():
-        singles = insertions(found.sequence, families, 1, least)
-        options = singles[:1] or pair_insertions(found.sequence, families, 2 * least, config.pair_limit)[:1]
+        options = insertions(found.sequence, families, 1, price.step, price.excess)[:1]
+        if not options and price.excess == 1.0:
+            options = pair_insertions(found.sequence, families, 2 * price.step, config.pair_limit)[:1]
         if not options:
             break
-        grown = _grown(found, options[0], families, config)
-        if grown.objective >= found.objective - 1e-12:
+        grown = _grown(found, options[0], families, price)
+        if grown.objective >= found.objective * (1 - 1e-12):
             break
         found = grown
     return found
 
 
-def _improve(found: Found, families: Families, config: StructureConfig, out_of_time: Callable[[], bool]) -> Iterator[Found]:
-    """Local search: drop each step, and each pair of steps, and refill greedily; keep what is better."""
+def _improve(
+    found: Found, families: Families, config: StructureConfig, price: _Price, out_of_time: Callable[[], bool]
+) -> Iterator[Found]:
+    """Local search: drop each step, and pairs of steps, and refill greedily; keep what is better."""
     for _ in range(config.local_rounds):
         start = found
         for attempt in _attempts(start.sequence):
             if out_of_time():
                 return
-            shorter = tuple(s for i, s in enumerate(found.sequence) if i not in attempt)
             if max(attempt) >= len(found.sequence):
                 continue
-            trial = Found(shorter, _objective(shorter, families, config))
-            refilled = _complete_to(trial, found.objective, len(attempt), families, config, out_of_time)
-            if refilled.objective < found.objective - 1e-9:
+            shorter = tuple(s for i, s in enumerate(found.sequence) if i not in attempt)
+            refilled = _refill(_found(shorter, families, price), found.objective, len(attempt), families, price)
+            if refilled.objective < found.objective * (1 - 1e-9):
                 found = refilled
                 yield found
         if found is start:
@@ -149,14 +166,13 @@ def _attempts(sequence: Sequence) -> list[tuple[int, ...]]:
     return singles + pairs[:60]
 
 
-def _complete_to(
-    trial: Found, goal: float, removed: int, families: Families, config: StructureConfig, out_of_time: Callable[[], bool]
-) -> Found:
-    """Refill after a removal, with as many steps as were removed; more only while each still pays and the goal is in reach."""
-    least = _least(families, config)
+def _refill(trial: Found, goal: float, removed: int, families: Families, price: _Price) -> Found:
+    """Put back at most as many steps as were removed, stopping as soon as the goal is beaten."""
     for _ in range(removed):
-        options = insertions(trial.sequence, families, 1, least)[:1]
-        if trial.objective < goal - 1e-9 or not options or out_of_time():
-            return trial
-        trial = _grown(trial, options[0], families, config)
+        if trial.objective < goal * (1 - 1e-9):
+            break
+        options = insertions(trial.sequence, families, 1, price.step)[:1]
+        if not options:
+            break
+        trial = _grown(trial, options[0], families, price)
     return trial
