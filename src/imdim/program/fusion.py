@@ -6,6 +6,8 @@ A box has three such axes, a cylinder and a cone (its wall continued) their own.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 from imdim.program import relations
 from imdim.program.relations import along, axes, contains, dot, reach
 from imdim.program.tree import Op, Primitive
@@ -13,6 +15,7 @@ from imdim.program.tree import Op, Primitive
 _AXES_OF = {"box": (0, 1, 2), "cylinder": (2,), "cone": (2,)}
 
 
+@lru_cache(maxsize=1 << 16)
 def fuse(op: Op, a: Primitive, b: Primitive, slack: float = relations.SLACK) -> Primitive | None:
     """One primitive that surely equals ``op(a, b)``, or None if none was found."""
     for p, q in ((a, b),) if op == "difference" else ((a, b), (b, a)):

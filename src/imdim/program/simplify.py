@@ -13,6 +13,7 @@ from itertools import combinations, count
 from imdim.program import relations
 from imdim.program.cost import cost
 from imdim.program.fusion import fuse
+from imdim.program.nary import fold_nary
 from imdim.program.proofs import Prover, parts, spine
 from imdim.program.tree import OPS, Combine, Op, Primitive, Program, combine_all, fold, leaves, map_leaves
 
@@ -59,17 +60,19 @@ def reduce_program(program: Program, slack: float = relations.SLACK) -> Program:
 def _rewrite(program: Program, prover: Prover, slack: float) -> Program | None:
     """One pass from the leaves up; None stands for the empty solid."""
 
-    def union(a: Program | None, b: Program | None) -> Program | None:
-        return _union([t for side in (a, b) if side for t in parts(side, "union")], prover, slack)
+    def union(terms: list[Program | None]) -> Program | None:
+        return _union([t for term in terms if term for t in parts(term, "union")], prover, slack)
 
-    def intersection(a: Program | None, b: Program | None) -> Program | None:
-        return _product([a, b], [], prover, slack) if a and b else None
+    def intersection(factors: list[Program | None]) -> Program | None:
+        filled = [f for f in factors if f]
+        return _product(filled, [], prover, slack) if len(filled) == len(factors) else None
 
-    def difference(a: Program | None, b: Program | None) -> Program | None:
-        return _product([a], parts(b, "union"), prover, slack) if a and b else a
+    def difference(terms: list[Program | None]) -> Program | None:
+        base, *cuts = terms
+        return _product([base], [c for cut in cuts if cut for c in parts(cut, "union")], prover, slack) if base else None
 
     rules = {"union": union, "intersection": intersection, "difference": difference}
-    return fold(program, lambda _, p: p, rules)  # type: ignore[arg-type]
+    return fold_nary(program, lambda _, p: p, rules)  # type: ignore[arg-type]
 
 
 def _union(terms: list[Program], prover: Prover, slack: float) -> Program | None:

@@ -134,19 +134,18 @@ def _normal_form(program: Program, index: dict[Primitive, int], max_terms: int) 
 
 
 def _either(a: _Form, b: _Form, max_terms: int) -> _Form:
-    return _absorb([*a, *b], max_terms)
+    return _absorb(a, b, max_terms)
 
 
 def _both(a: _Form, b: _Form, max_terms: int) -> _Form:
     if len(a) * len(b) > 16 * max_terms:
         # bounds the work, which absorption may not reduce
         raise ValueError(f"the normal form needs {len(a)} x {len(b)} intersections before absorption; at most {16 * max_terms}")
-    return _absorb((s | t for s, t in product(a, b)), max_terms)
+    return _absorb([], (s | t for s, t in product(a, b)), max_terms)
 
 
-def _absorb(terms: Iterable[_Term], max_terms: int) -> _Form:
-    """Leave out impossible terms (A and not A) and those that a shorter one contains."""
-    kept: _Form = []
+def _absorb(kept: _Form, terms: Iterable[_Term], max_terms: int) -> _Form:
+    """Add terms but for impossible ones (A and not A) and those that a shorter one contains."""
     for term in terms:
         if any((i, 1 - flip) in term for i, flip in term) or any(other <= term for other in kept):
             continue
