@@ -1,0 +1,62 @@
+"""A build123d script: the program as Python that a modeller can edit, one line per primitive.
+
+build123d's primitives are centred with their axis along z, as ours are. Rotations are written one axis at a time, since its
+three-angle `Rot` turns about the moved axes and OpenSCAD's about the fixed ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from imdim.export.numbers import Rounding
+from imdim.program.nary import fold_nary
+from imdim.program.tree import Op, Primitive, Program
+
+_SHAPE: Mapping[str, Callable[..., str]] = {
+    "box": lambda x, y, z: f"Box({x}, {y}, {z})",
+    "sphere": lambda r: f"Sphere({r})",
+    "cylinder": lambda r, h: f"Cylinder({r}, {h})",
+    "cone": lambda bottom, top, h: f"Cone({bottom}, {top}, {h})" if bottom != top else f"Cylinder({bottom}, {h})",
+    "torus": lambda major, minor: f"Torus({major}, {minor})",
+    "ellipsoid": lambda x, y, z: f"scale(Sphere(1), by=({x}, {y}, {z}))",
+}
+
+_SIGN: Mapping[Op, str] = {"union": "+", "difference": "-", "intersection": "&"}
+
+_HEAD = '''"""CSG program as a build123d script: pip install build123d, then run this file to write part.step."""
+
+from build123d import Box, Cone, Cylinder, Pos, Rot, Sphere, Torus, export_step, scale
+
+part = (
+'''
+
+_TAIL = """)
+
+if __name__ == "__main__":
+    export_step(part, "part.step")
+"""
+
+
+def to_script(program: Program) -> str:
+    """Python text that builds `program` as `part` with build123d, in the program's own units (build123d takes them for mm)."""
+    rounding = Rounding.of(program)
+    lines = fold_nary(program, lambda _, leaf: [_primitive(leaf, rounding)], {op: _chain(sign) for op, sign in _SIGN.items()})
+    return _HEAD + "".join(f"    {line}\n" for line in lines) + _TAIL
+
+
+def _primitive(leaf: Primitive, rounding: Rounding) -> str:
+    place = [rounding.length(c) for c in leaf.center]
+    steps = [f"Pos({', '.join(place)})"] if any(c != "0" for c in place) else []
+    for axis in (2, 1, 0):
+        angle = rounding.angle(leaf.rotation[axis])
+        if angle != "0":
+            steps.append(f"Rot({', '.join(angle if a == axis else '0' for a in range(3))})")
+    return " * ".join([*steps, _SHAPE[leaf.kind](*(rounding.size(s) for s in leaf.size))])
+
+
+def _chain(sign: str) -> Callable[[list[list[str]]], list[str]]:
+    def lines(parts: list[list[str]]) -> list[str]:
+        blocks = [part if len(part) == 1 else ["(", *("    " + line for line in part), ")"] for part in parts]
+        return [*blocks[0], *(line for block in blocks[1:] for line in (f"{sign} {block[0]}", *block[1:]))]
+
+    return lines
