@@ -82,6 +82,20 @@ def test_noise_gives_its_rms():
     assert rms == pytest.approx(0.01, rel=0.1)
 
 
+@pytest.mark.parametrize("kind", ["plane", "cylinder", "cone", "torus"])
+def test_a_held_axis_stays_while_the_rest_is_fitted(kind):
+    sizes = dict(CASES)[kind]
+    points, _ = sampled(kind, sizes, np.random.default_rng(1))
+    start = Surface(kind, (0.03, -0.02, 0.01), (0.0, 0.0, 1.0), tuple(1.1 * s for s in sizes))
+    found, rms = fit_surface(kind, points, start=start, hold="axis")
+    assert found.axis == pytest.approx((0, 0, 1))
+    assert rms < 1e-7
+    if kind != "plane":
+        line, rms = fit_surface(kind, points, start=start, hold="line")
+        assert line.point[:2] == pytest.approx((0.03, -0.02))
+        assert 1e-3 < rms < 0.1
+
+
 def test_bad_input_names_the_number():
     with pytest.raises(ValueError, match="unknown surface kind 'egg'"):
         fit_surface("egg", np.zeros((9, 3)))

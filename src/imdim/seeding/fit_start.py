@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from imdim.geometry.surface import Surface
 
@@ -123,7 +123,7 @@ def _torus(points: np.ndarray, point: np.ndarray, axis: np.ndarray) -> Surface:
 
 def _by_own_normals(points: np.ndarray) -> list[Surface]:
     """Tori by the normals of each point's neighbourhood: a short arc of a torus escapes the sweep."""
-    _, near = cKDTree(points).query(points, k=12)
+    _, near = KDTree(points).query(points, k=12)
     around = points[near] - points[near].mean(1, keepdims=True)
     normals = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))[1][:, :, 0]
     return [_torus(points, p, a) for p, a in revolution_axes(points, normals)]

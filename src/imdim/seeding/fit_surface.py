@@ -11,6 +11,8 @@ from imdim.geometry.surface import SURFACE_KINDS, Surface, signed_distance
 from imdim.seeding.fit_start import starts
 
 MIN_POINTS = {"plane": 3, "sphere": 4, "cylinder": 5, "cone": 6, "torus": 7}
+# columns of the step that each way of holding the axis leaves out
+_FROZEN: dict[str, tuple[int, ...]] = {"": (), "axis": (2, 3), "line": (0, 1, 2, 3)}
 
 
 @dataclass(frozen=True)
@@ -31,11 +33,13 @@ def fit_surface(
     *,
     scale: float | None = None,
     iterations: int = 30,
+    hold: str = "",
 ) -> tuple[Surface, float]:
     """The surface of `kind` with the least squared orthogonal distances to `points` [n, 3], and the rms distance.
 
     `normals` [n, 3] (unit, of either sign) give the start; without them, and without `start`, a sweep of axis directions does.
     With `scale` the fit is robust: Tukey's biweight that ignores points farther than 3 `scale`, and the rms is the weighted one.
+    With `hold` of "axis" the start's direction is kept, with "line" the start's whole axis of revolution (a torus still slides along it).
     Raises ValueError for an unknown kind, too few points or numbers that are not finite.
     """
     points = np.asarray(points, float)
@@ -44,10 +48,10 @@ def fit_surface(
     size = float(np.sqrt(((points - middle) ** 2).sum(1).mean())) or 1.0
     local = (points - middle) / size
     if kind == "plane":
-        surface, rms = _fit_plane(local, start, middle, size, scale)
+        surface, rms = _fit_plane(local, start, middle, size, scale, hold)
     else:
         begin = [_scaled(start, middle, size)] if start else starts(kind, local, normals)
-        surface, rms = _best_of(kind, begin, local, scale / size if scale else None, iterations)
+        surface, rms = _best_of(kind, begin, local, scale / size if scale else None, iterations, _FROZEN[hold])
     return _unscaled(surface, middle, size), rms * size
 
 
@@ -85,37 +89,44 @@ def _rms(distance: np.ndarray, weight: np.ndarray) -> float:
     return float(np.sqrt((weight * distance**2).sum() / total)) if total > 0 else math.inf
 
 
-def _fit_plane(local: np.ndarray, start: Surface | None, middle: np.ndarray, size: float, scale: float | None) -> tuple[Surface, float]:
+def _fit_plane(
+    local: np.ndarray, start: Surface | None, middle: np.ndarray, size: float, scale: float | None, hold: str
+) -> tuple[Surface, float]:
     """Principal components; repeated with new weights when robust."""
+    axis = np.asarray(start.axis) if start is not None and hold else None
     weight = np.ones(len(local))
     if start is not None and scale is not None:
         weight = _tukey(signed_distance(_scaled(start, middle, size), local), scale / size)
-    surface = _weighted_plane(local, weight)
+    surface = _weighted_plane(local, weight, axis)
     for _ in range(10 if scale is not None else 0):
         weight = _tukey(signed_distance(surface, local), scale / size if scale else None)
-        surface = _weighted_plane(local, weight)
+        surface = _weighted_plane(local, weight, axis)
     if start is not None and np.dot(surface.axis, start.axis) < 0:
         surface = Surface("plane", surface.point, _vec(-np.asarray(surface.axis)))
     return surface, _rms(signed_distance(surface, local), weight)
 
 
-def _weighted_plane(local: np.ndarray, weight: np.ndarray) -> Surface:
+def _weighted_plane(local: np.ndarray, weight: np.ndarray, axis: np.ndarray | None) -> Surface:
     if np.count_nonzero(weight) < 3:
         weight = np.ones(len(local))
     center = weight @ local / weight.sum()
+    if axis is not None:
+        return Surface("plane", _vec(center), _vec(axis))
     q = local - center
     return Surface("plane", _vec(center), _vec(np.linalg.eigh((q * weight[:, None]).T @ q)[1][:, 0]))
 
 
-def _best_of(kind: str, begin: list[Surface], local: np.ndarray, scale: float | None, iterations: int) -> tuple[Surface, float]:
+def _best_of(
+    kind: str, begin: list[Surface], local: np.ndarray, scale: float | None, iterations: int, frozen: tuple[int, ...]
+) -> tuple[Surface, float]:
     """Polish the start that a few steps on a thinned set bring nearest."""
     if len(begin) > 1:
         thin = local[:: max(1, len(local) // 300)]
-        trial = [_descend(_state(s), thin, scale, 6) for s in begin]
+        trial = [_descend(_state(s), thin, scale, 6, frozen) for s in begin]
         state = min(trial, key=lambda pair: pair[1])[0]
     else:
         state = _state(begin[0])
-    state, rms = _descend(state, local, scale, iterations)
+    state, rms = _descend(state, local, scale, iterations, frozen)
     return _surface(state, local), rms
 
 
@@ -144,13 +155,15 @@ def _surface(state: _State, local: np.ndarray) -> Surface:
     return Surface("cone", _vec(apex), _vec(axis), (abs(angle),))
 
 
-def _descend(state: _State, local: np.ndarray, scale: float | None, iterations: int) -> tuple[_State, float]:
+def _descend(state: _State, local: np.ndarray, scale: float | None, iterations: int, frozen: tuple[int, ...]) -> tuple[_State, float]:
     """Levenberg-Marquardt; the weights are renewed after every accepted step."""
     damping = 1e-3
     distance, jacobian = _residual(state, local)
     weight = _tukey(distance, scale)
     cost = _loss(distance, scale)
     for _ in range(iterations):
+        if state.kind != "sphere":
+            jacobian[:, frozen] = 0.0
         weighted = jacobian * weight[:, None]
         normal, slope = weighted.T @ jacobian, weighted.T @ distance
         if np.abs(slope).max(initial=0.0) < 1e-14 * len(local):
