@@ -1,0 +1,218 @@
+"""One picture of a result: the target, the result, and the target coloured by its distance to the result.
+
+Meshes are ray cast with embree, clouds are drawn as discs; no display and no GL are needed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from PIL import Image, ImageDraw, ImageFont
+from scipy.spatial import KDTree
+
+from imdim.geometry.cloud import Target
+from imdim.geometry.triangles import TriangleTree, distances, triangle_tree
+
+PANEL = 480  # pixels, square
+GAP, HEADER, FOOTER = 20, 46, 64
+SUPERSAMPLE = 2
+CREASE_COSINE = 0.94  # neighbouring pixels whose normals differ more (20 degrees) get a line
+NEIGHBOURS = 12  # for the normals of a cloud that has none
+SMALLEST_RANGE = 1e-3  # of the diagonal: a perfect result is not to look patchy
+
+VIEW = np.array([0.55, -0.68, 0.48])  # towards the camera
+LIGHT = np.array([0.25, -0.6, 0.85])
+TARGET_COLOUR, RESULT_COLOUR = np.array([168, 178, 190.0]), np.array([112, 158, 204.0])
+INK, FAINT = (40, 44, 52), (120, 126, 136)
+
+# From explained to missed: light grey, sand, orange, red, dark red
+_RAMP = np.array([[222, 226, 230], [250, 214, 140], [244, 142, 60], [204, 40, 40], [96, 0, 30]], float)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """An orthographic view: `axes` rows are right, up and towards the camera; `scale` is pixels per model unit."""
+
+    axes: np.ndarray
+    center: np.ndarray
+    scale: float
+    pixels: int
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """Column, row (downward) and depth (towards the camera, model units) [n, 3] of `points` [n, 3]."""
+        local = (np.asarray(points, np.float64) - self.center) @ self.axes.T
+        half = self.pixels / 2
+        return np.column_stack([half + local[:, 0] * self.scale, half - local[:, 1] * self.scale, local[:, 2]])
+
+
+@dataclass(frozen=True)
+class Shot:
+    """What the camera sees: `seen` [h, w] bool, and for the seen pixels their point and unit normal [k, 3]; rim pixels darken."""
+
+    seen: np.ndarray
+    points: np.ndarray
+    normals: np.ndarray
+    rim: np.ndarray
+
+
+def preview(target: Target, result: trimesh.Trimesh, worst: float) -> Image.Image:
+    """The three panels, 1500 x 590 pixels; `worst` is the largest distance from the target to the result, in model units."""
+    bodies = [target.points if target.mesh is None else target.mesh.vertices, result.vertices]
+    camera = _camera(np.concatenate([np.asarray(b, np.float64) for b in bodies]))
+    tree = triangle_tree(result)
+    diagonal = float(np.linalg.norm(np.ptp(bodies[0], axis=0)))
+    top = max(worst, SMALLEST_RANGE * diagonal)
+    shot = _shoot_cloud(target, camera) if target.mesh is None else _shoot_mesh(target.mesh, camera)
+    panels = [_paint(shot, TARGET_COLOUR), _paint(_shoot_mesh(result, camera), RESULT_COLOUR), _paint(shot, _heat(shot, tree, top))]
+    return _sheet(panels, target.name, top, worst, diagonal)
+
+
+def _camera(points: np.ndarray) -> Camera:
+    toward = VIEW / np.linalg.norm(VIEW)
+    right = np.cross([0.0, 0.0, 1.0], toward)
+    right /= np.linalg.norm(right)
+    axes = np.stack([right, np.cross(toward, right), toward])
+    flat = points @ axes.T
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    pixels = PANEL * SUPERSAMPLE
+    return Camera(axes, (low + high) / 2 @ axes, 0.92 * pixels / max(float((high - low)[:2].max()), 1e-300), pixels)
+
+
+def _shoot_mesh(mesh: trimesh.Trimesh, camera: Camera) -> Shot:
+    rows, columns = np.mgrid[0 : camera.pixels, 0 : camera.pixels].reshape(2, -1)
+    half = camera.pixels / 2
+    # embree works in single precision: cast in pixel units around the origin
+    local = trimesh.Trimesh((mesh.vertices - camera.center) @ camera.axes.T * camera.scale, mesh.faces, process=False)
+    above = float(local.vertices[:, 2].max()) + 10.0
+    origins = np.column_stack([columns + 0.5 - half, half - rows - 0.5, np.full(len(rows), above)])
+    hit = np.asarray(local.ray.intersects_first(origins, np.broadcast_to([0.0, 0.0, -1.0], origins.shape)))
+    seen = (hit >= 0).reshape(camera.pixels, camera.pixels)
+    face = hit[hit >= 0]
+    flat = _dropped(origins[hit >= 0], local, face)
+    normals = local.face_normals[face]
+    points = flat / camera.scale @ camera.axes + camera.center
+    return Shot(seen, points, _facing(normals) @ camera.axes, _creases(seen, normals, flat[:, 2]))
+
+
+def _dropped(origins: np.ndarray, local: trimesh.Trimesh, face: np.ndarray) -> np.ndarray:
+    """The points [k, 3] of the faces right below `origins`; within the face's range of z where it stands almost upright."""
+    corners = np.asarray(local.vertices)[local.faces[face]]
+    normals = local.face_normals[face]
+    steep = np.where(np.abs(normals[:, 2]) < 1e-6, 1e-6, normals[:, 2])
+    z = corners[:, 0, 2] - ((origins[:, :2] - corners[:, 0, :2]) * normals[:, :2]).sum(axis=1) / steep
+    return np.column_stack([origins[:, :2], np.clip(z, corners[:, :, 2].min(axis=1), corners[:, :, 2].max(axis=1))])
+
+
+def _facing(normals: np.ndarray) -> np.ndarray:
+    # open or inverted targets show their backs as well
+    return np.where(normals[:, 2:] < 0, -normals, normals)
+
+
+def _creases(seen: np.ndarray, normals: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """Seen pixels [k] at silhouettes, depth jumps and creases."""
+    full_normals, full_depth = np.zeros((*seen.shape, 3)), np.full(seen.shape, -1e9)
+    full_normals[seen], full_depth[seen] = normals, depth
+    rim = np.zeros(seen.shape, bool)
+    for axis in (0, 1):
+        bend = (full_normals * np.roll(full_normals, 1, axis)).sum(axis=2) < CREASE_COSINE
+        jump = np.abs(full_depth - np.roll(full_depth, 1, axis)) > 12.0
+        rim |= bend | jump
+    return rim[seen]
+
+
+def _shoot_cloud(target: Target, camera: Camera) -> Shot:
+    """Discs as wide as the spacing of the points, nearest on top."""
+    projected = camera.project(target.points)
+    order = np.argsort(projected[:, 2], kind="stable")
+    radius = int(np.clip(0.5 * camera.pixels / np.sqrt(len(order)), 2, 8))
+    owner = np.full((camera.pixels, camera.pixels), -1)
+    columns, rows = projected[order, 0].astype(np.int64), projected[order, 1].astype(np.int64)
+    for dy in range(-radius, radius + 1):
+        for dx in range(-radius, radius + 1):
+            if dx * dx + dy * dy <= radius * radius:
+                _stamp(owner, rows + dy, columns + dx, order, projected[:, 2])
+    seen = owner >= 0
+    index = owner[seen]
+    normals = _cloud_normals(target, camera, index)
+    return Shot(seen, target.points[index], normals, np.zeros(len(index), bool))
+
+
+def _stamp(owner: np.ndarray, rows: np.ndarray, columns: np.ndarray, order: np.ndarray, depth: np.ndarray) -> None:
+    """Give each pixel to its nearest point so far; `order` goes from far to near, and the last of equal indices wins."""
+    inside = (rows >= 0) & (rows < owner.shape[0]) & (columns >= 0) & (columns < owner.shape[1])
+    rows, columns, order = rows[inside], columns[inside], order[inside]
+    fresh = np.full_like(owner, -1)
+    fresh[rows, columns] = order
+    nearer = (fresh >= 0) & ((owner < 0) | (depth[fresh] > depth[owner]))
+    owner[nearer] = fresh[nearer]
+
+
+def _cloud_normals(target: Target, camera: Camera, index: np.ndarray) -> np.ndarray:
+    """Normals [k, 3] that face the camera, of the file or else of the plane through the nearest points."""
+    shown, which = np.unique(index, return_inverse=True)
+    normals = _plane_normals(target.points, shown) if target.normals is None else target.normals[shown]
+    return (_facing(normals @ camera.axes.T) @ camera.axes)[which]
+
+
+def _plane_normals(points: np.ndarray, index: np.ndarray) -> np.ndarray:
+    near = points[KDTree(points).query(points[index], k=min(NEIGHBOURS, len(points)))[1]]
+    offsets = near - near.mean(axis=1, keepdims=True)
+    return np.linalg.eigh(offsets.transpose(0, 2, 1) @ offsets)[1][:, :, 0]
+
+
+def _paint(shot: Shot, colours: np.ndarray) -> Image.Image:
+    """The panel at final size: `colours` [k, 3] or [3] lit, on white."""
+    light = LIGHT / np.linalg.norm(LIGHT)
+    shade = 0.55 + 0.45 * np.clip(shot.normals @ light, 0.0, 1.0)
+    shade = np.where(shot.rim, 0.45 * shade, shade)
+    pixels = np.full((*shot.seen.shape, 3), 255.0)
+    pixels[shot.seen] = np.clip(1.06 * shade[:, None] * colours, 0, 255)
+    image = Image.fromarray(pixels.astype(np.uint8))
+    return image.resize((PANEL, PANEL), Image.Resampling.BOX)
+
+
+def _heat(shot: Shot, tree: TriangleTree, top: float) -> np.ndarray:
+    return _ramp(distances(tree, shot.points) / top)
+
+
+def _ramp(fraction: np.ndarray) -> np.ndarray:
+    """Colours [k, 3] of fractions 0 to 1; larger ones take the last colour."""
+    knots = np.linspace(0.0, 1.0, len(_RAMP))
+    return np.column_stack([np.interp(fraction, knots, _RAMP[:, channel]) for channel in range(3)])
+
+
+def _sheet(panels: list[Image.Image], name: str, top: float, worst: float, diagonal: float) -> Image.Image:
+    width = 3 * PANEL + 4 * GAP - 20
+    sheet = Image.new("RGB", (width, HEADER + PANEL + FOOTER), "white")
+    draw = ImageDraw.Draw(sheet)
+    titles = (f"target: {name}", "result", "target, coloured by distance to the result")
+    for number, (panel, title) in enumerate(zip(panels, titles, strict=True)):
+        left = GAP // 2 + number * (PANEL + GAP)
+        sheet.paste(panel, (left, HEADER))
+        draw.text((left + 8, 14), _fitted(draw, title, PANEL - 16), font=_font(19), fill=INK)
+    _bar(sheet, draw, GAP // 2 + 2 * (PANEL + GAP), top)
+    text = f"worst distance {worst:.4g} ({worst / diagonal:.2%} of the diagonal {diagonal:.4g}), in model units"
+    draw.text((GAP // 2 + 8, HEADER + PANEL + 22), text, font=_font(16), fill=FAINT)
+    return sheet
+
+
+def _bar(sheet: Image.Image, draw: ImageDraw.ImageDraw, left: int, top: float) -> None:
+    width, height, y = PANEL - 60, 14, HEADER + PANEL + 10
+    colours = np.broadcast_to(_ramp(np.linspace(0.0, 1.0, width)), (height, width, 3))
+    sheet.paste(Image.fromarray(colours.astype(np.uint8)), (left + 30, y))
+    for part in range(5):
+        x = left + 30 + part * (width - 1) / 4
+        draw.line([(x, y + height), (x, y + height + 5)], fill=FAINT)
+        draw.text((x, y + height + 7), f"{top * part / 4:.3g}", font=_font(14), fill=INK, anchor="ma")
+
+
+def _fitted(draw: ImageDraw.ImageDraw, text: str, width: int) -> str:
+    while draw.textlength(text, font=_font(19)) > width:
+        text = text[:-2].rstrip("…") + "…"
+    return text
+
+
+def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    return ImageFont.load_default(size)
