@@ -17,6 +17,7 @@ FRUSTUM = Primitive("cone", (0.5, 0.2, 0.8), AWAY, TILT)
 POINTED = Primitive("cone", (0.5, 0.0, 0.8), AWAY, (0.0, 90.0, 0.0))
 TORUS = Primitive("torus", (0.5, 0.2), AWAY, TILT)
 ELLIPSOID = Primitive("ellipsoid", (0.6, 0.4, 0.3), AWAY, TILT)
+LEAVES = [BOX, SPHERE, CYLINDER, FRUSTUM, POINTED, TORUS, ELLIPSOID]
 
 
 def along_z(kind: str, size: tuple[float, ...], z: float = 0.0, x: float = 0.0) -> Primitive:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import torch
-from tests.known_programs import BOX, CYLINDER, DRILLED, ELLIPSOID, FRUSTUM, KNOWN, POINTED, SPHERE, TORUS
+from tests.known_programs import BOX, DRILLED, KNOWN, LEAVES, TORUS
 
 from imdim.geometry import kernels
 from imdim.geometry.points import compute_error_embedding, is_inside, resample_to_fixed_size, sample_points, state_to_point_cloud
@@ -13,8 +13,6 @@ from imdim.geometry.sampling import leaf_surface, surface_points
 from imdim.geometry.surface_map import surface_area
 from imdim.program.state import ADD_BOX, ADD_SPHERE, ShapeState
 from imdim.program.tree import Primitive
-
-LEAVES = [BOX, SPHERE, CYLINDER, FRUSTUM, POINTED, TORUS, ELLIPSOID]
 
 
 def share_close(measured: np.ndarray, share: float) -> bool:
