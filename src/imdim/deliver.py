@@ -1,0 +1,125 @@
+"""Deliver a program: every file of the results folder, and the report measured over those files.
+
+The delivered program has the solid of the one given, with numbers rounded to nine digits and cutters that overshoot.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import trimesh
+
+from imdim.evaluate import Scores, evaluate_file
+from imdim.export.folder import FILES, OutputError, check_writable, replacing
+from imdim.export.meshes import write_meshes
+from imdim.export.numbers import rounded
+from imdim.export.openscad import to_openscad
+from imdim.export.openscad_reader import read_openscad
+from imdim.export.overshoot import overshoot
+from imdim.export.preview import preview
+from imdim.export.script import to_script
+from imdim.export.step import StepError
+from imdim.export.step_worker import StepJob, finish_step, start_step, stop_step
+from imdim.geometry.cloud import Frame, Target
+from imdim.geometry.solid import SEGMENTS, mesh_to_manifold, to_manifold, to_trimesh
+from imdim.program.codec import Meta
+from imdim.program.codec import dumps as program_text
+from imdim.program.tree import Program
+from imdim.report import RunRecord, dumps, report_of
+
+__all__ = ["OutputError", "RunRecord", "check_writable", "deliver", "finished"]
+
+STEP_LIMIT_S = 20.0
+
+
+def deliver(
+    program: Program, target: Target, folder: Path, run: RunRecord, segments: int = SEGMENTS, step_limit_s: float = STEP_LIMIT_S
+) -> dict[str, Any]:
+    """Write all results for `program` (in the target's units) into `folder`, whole or not at all; returns the report.
+
+    STEP is skipped, and the report says why, where OpenCASCADE is missing, fails or takes longer than `step_limit_s`.
+    Raises OutputError when the folder cannot be written or holds foreign files, ValueError when the program is empty.
+    """
+    seconds: dict[str, float] = {}
+    with replacing(folder) as partial:
+        with _timed(seconds, "program"):
+            program = finished(program)
+            _write_texts(program, target, partial, segments)
+        with _step(partial) as job:
+            with _timed(seconds, "meshes"):
+                write_meshes(to_manifold(program, segments), partial)
+            with _timed(seconds, "scores"):
+                scores = evaluate_file(partial / "program.scad", target, segments=segments)
+            with _timed(seconds, "preview"):
+                _write_preview(partial, target, scores, segments)
+            with _timed(seconds, "step"):
+                volumes = _volumes(partial, target, segments)
+                skipped = _finish(job, step_limit_s, volumes)
+        files = {name: skipped.get(name, "written") for name in FILES}
+        report = report_of(program, target, scores, volumes, files, run, seconds)
+        (partial / "report.json").write_text(dumps(report), encoding="utf-8")
+    return report
+
+
+def finished(program: Program) -> Program:
+    """The program as it is delivered: cutters overshoot, numbers are rounded."""
+    return rounded(overshoot(program))
+
+
+def _write_texts(program: Program, target: Target, folder: Path, segments: int) -> None:
+    frame = Frame.of(target)
+    texts = {
+        "program.json": program_text(program, Meta(center=frame.center, scale=frame.scale)),
+        "program.scad": to_openscad(program, segments),
+        "program.py": to_script(program),
+    }
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+
+
+def _write_preview(folder: Path, target: Target, scores: Scores, segments: int) -> None:
+    result = to_trimesh(to_manifold(read_openscad((folder / "program.scad").read_text(encoding="utf-8")), segments))
+    preview(target, result, scores.to_result.max).save(folder / "preview.png")
+
+
+def _volumes(folder: Path, target: Target, segments: int) -> dict[str, float]:
+    """Volumes of the target, where it has one, and of the delivered files, re-read."""
+    volumes = {"target": float(target.mesh.volume)} if target.mesh is not None and target.is_solid else {}
+    volumes["program.scad"] = to_manifold(read_openscad((folder / "program.scad").read_text(encoding="utf-8")), segments).volume()
+    volumes["mesh.stl"] = mesh_to_manifold(trimesh.load_mesh(folder / "mesh.stl")).volume()
+    return volumes
+
+
+@contextmanager
+def _step(folder: Path) -> Iterator[StepJob | StepError]:
+    """The export running beside the other work; it never outlives the block."""
+    try:
+        job = start_step(folder / "program.json", folder / "program.step")
+    except StepError as error:
+        yield error
+        return
+    try:
+        yield job
+    finally:
+        stop_step(job)
+
+
+def _finish(job: StepJob | StepError, limit_s: float, volumes: dict[str, float]) -> dict[str, str]:
+    try:
+        if isinstance(job, StepError):
+            raise job
+        volumes["program.step"] = finish_step(job, limit_s)
+    except StepError as error:
+        return {"program.step": f"skipped: {error}"}
+    return {}
+
+
+@contextmanager
+def _timed(seconds: dict[str, float], step: str) -> Iterator[None]:
+    start = time.perf_counter()
+    yield
+    seconds[step] = time.perf_counter() - start

@@ -1,0 +1,118 @@
+"""report.json: what was measured over the delivered files, and how they came about.
+
+All that depends on the clock is under ``timing``, so that the rest repeats byte for byte with the same input, settings and versions.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from imdim.evaluate import Distances, Scores
+from imdim.geometry.cloud import Target
+from imdim.program.cost import count
+from imdim.program.tree import Program
+
+FORMAT, VERSION = "imdim-report", 1
+
+PACKAGES = ("imdim", "numpy", "scipy", "numba", "torch", "trimesh", "manifold3d", "embreex", "cadquery-ocp-novtk")
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """How a program was found: the input as given, seconds per stage, why it stopped, the seed, and the settings as plain values."""
+
+    input: str
+    stages: Mapping[str, float]
+    stop: str
+    seed: int
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+
+def report_of(
+    program: Program,
+    target: Target,
+    scores: Scores,
+    volumes: Mapping[str, float],
+    files: Mapping[str, str],
+    run: RunRecord,
+    delivery: Mapping[str, float],
+) -> dict[str, Any]:
+    """The report as plain values; lengths in model units, `volumes` per file in cubed ones, `delivery` in seconds per step."""
+    counts = count(program)
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "input": run.input,
+        "target": _target(target, scores),
+        "result": {
+            "primitives": counts.primitives,
+            "operations": counts.operations,
+            "kinds": {kind: n for kind, n in counts.kinds.items() if n},
+            "ops": {op: n for op, n in counts.ops.items() if n},
+        },
+        "scores": _scores(scores),
+        "volumes": {name: number(volume) for name, volume in volumes.items()},
+        "stop": run.stop,
+        "seed": run.seed,
+        "settings": dict(run.settings),
+        "files": dict(files),
+        "versions": _versions(),
+        "timing": {
+            "stages_s": {stage: round(seconds, 3) for stage, seconds in run.stages.items()},
+            "delivery_s": {step: round(seconds, 3) for step, seconds in delivery.items()},
+            "total_s": round(sum(run.stages.values()) + sum(delivery.values()), 3),
+        },
+    }
+
+
+def dumps(report: Mapping[str, Any]) -> str:
+    """The report's text; raises ValueError for numbers that JSON does not know."""
+    return json.dumps(report, indent=2, allow_nan=False, ensure_ascii=False, default=str) + "\n"
+
+
+def number(value: float | None) -> float | None:
+    """Nine significant digits; None for what is missing or infinite, which JSON cannot say."""
+    return None if value is None or not math.isfinite(value) else float(f"{value:.9g}")
+
+
+def _target(target: Target, scores: Scores) -> dict[str, Any]:
+    kind = "cloud" if target.mesh is None else "solid" if target.is_solid else "open mesh"
+    faces = None if target.mesh is None else len(target.mesh.faces)
+    return {
+        "name": target.name,
+        "kind": kind,
+        "points": len(target.points),
+        "faces": faces,
+        "diagonal": number(scores.diagonal),
+        "notes": list(target.notes),
+    }
+
+
+def _scores(scores: Scores) -> dict[str, Any]:
+    both = {"target_to_result": scores.to_result, "result_to_target": scores.to_target}
+    return {
+        "volume_iou": number(scores.volume_iou),
+        **({} if scores.iou_missing is None else {"volume_iou_missing": scores.iou_missing}),
+        "distance": {way: _distances(distances) for way, distances in both.items()},
+        "distance_relative_to_diagonal": {way: _distances(scores.relative(distances)) for way, distances in both.items()},
+    }
+
+
+def _distances(distances: Distances) -> dict[str, float | None]:
+    return {"mean": number(distances.mean), "max": number(distances.max)}
+
+
+def _versions() -> dict[str, str]:
+    found = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
