@@ -8,14 +8,14 @@ from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
 from imdim.program.fusion import fuse
 from imdim.program.proofs import Prover
 from imdim.program.relations import bounding_radius, contains, disjoint, reach, same
-from imdim.program.tree import KINDS, OPS, SIZE_NAMES, Combine, Primitive
+from imdim.program.tree import KINDS, OPS, SIZE_NAMES, Combine, Primitive, Vec3
 
 TURN = (20.0, -35.0, 50.0)
 
 
-def placed(p: Primitive) -> Primitive:
-    """`p` moved rigidly as a whole by one fixed motion."""
-    turn = matrix_from_euler(TURN)
+def placed(p: Primitive, euler_deg: Vec3 = TURN) -> Primitive:
+    """`p` moved rigidly as a whole: turned about the origin and shifted."""
+    turn = matrix_from_euler(euler_deg)
     center = turn @ p.center + (0.3, -0.2, 0.1)
     return replace(p, center=tuple(center.tolist()), rotation=euler_from_matrix(turn @ matrix_from_euler(p.rotation)))
 
@@ -89,8 +89,9 @@ def test_most_true_containments_are_proven():
 )
 def test_touching_containments_are_proven_in_any_frame(outer: Primitive, inner: Primitive):
     assert contains(outer, inner)
-    assert contains(placed(outer), placed(inner))
     assert not contains(inner, outer)
+    for x, y, z in np.random.default_rng(0).uniform(-180, 180, (20, 3)).tolist():
+        assert contains(placed(outer, (x, y, z)), placed(inner, (x, y, z)))
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ FAR = Primitive("sphere", (0.5,), (5.0, 0.0, 0.0))
 SIDE = Primitive("box", (1.0, 1.0, 1.0), (1.2, 0.3, 0.0), (0.0, 30.0, 0.0))
 CORE = Primitive("sphere", (1.2,))
 PIPE = Primitive("cylinder", (0.5, 3.0))
+STUB = Primitive("cylinder", (0.6, 4.0), (0.0, 0.0, 1.0))
 NEXT = Primitive("box", (2.0, 2.0, 2.0), (0.0, 2.0, 0.0))
 SLAB = Primitive("box", (9.0, 9.0, 2.0), (0.0, 0.0, 1.5))
 
@@ -53,6 +54,7 @@ RULES = {
         unite(cut(BLOCK, ROD), PIPE),
         unite(BLOCK, PIPE),
     ),
+    "a cut that a united part fills as far as it cuts goes": (unite(cut(BLOCK, PIPE), STUB), unite(BLOCK, STUB)),
     "a spared core outside goes": (cut(BLOCK, cut(ROD, FAR)), cut(BLOCK, ROD)),
     "boxes in a row are one": (
         unite(BLOCK, NEXT, SIDE),

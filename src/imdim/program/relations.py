@@ -133,30 +133,27 @@ def _local(p: Primitive, r: _Round) -> tuple[Vec3, Vec3]:
     return (dot(q, x), dot(q, y), dot(q, z)), (dot(r.axis, x), dot(r.axis, y), dot(r.axis, z))
 
 
-def _lean(cosine: float) -> float:
-    """The sine that belongs to a cosine."""
-    return math.sqrt(max(0.0, 1.0 - cosine * cosine))
-
-
 def _out_of_box(size: tuple[float, ...], c: Vec3, n: Vec3, r: _Round) -> float:
-    return max(abs(c[i]) + r.disc * _lean(n[i]) + r.ball - size[i] / 2 for i in range(3))
+    # the sines from the other two components: 1 - cosine^2 would lose half of the digits
+    sines = (math.hypot(n[1], n[2]), math.hypot(n[2], n[0]), math.hypot(n[0], n[1]))
+    return max(abs(c[i]) + r.disc * sines[i] + r.ball - size[i] / 2 for i in range(3))
 
 
 def _out_of_sphere(size: tuple[float, ...], c: Vec3, n: Vec3, r: _Round) -> float:
     height = dot(c, n)
-    rho = math.sqrt(max(0.0, dot(c, c) - height * height))
+    rho = math.hypot(*along(c, n, -height))
     return math.hypot(rho + r.disc, height) + r.ball - size[0]
 
 
 def _out_of_cylinder(size: tuple[float, ...], c: Vec3, n: Vec3, r: _Round) -> float:
     side = math.hypot(c[0], c[1]) + r.disc + r.ball - size[0]
-    return max(side, abs(c[2]) + r.disc * _lean(n[2]) + r.ball - size[1] / 2)
+    return max(side, abs(c[2]) + r.disc * math.hypot(n[0], n[1]) + r.ball - size[1] / 2)
 
 
 def _out_of_cone(size: tuple[float, ...], c: Vec3, n: Vec3, r: _Round) -> float:
     bottom, top, h = size
     slant = math.hypot(h, top - bottom)
-    cosine, sine, lean = h / slant, abs(top - bottom) / slant, _lean(n[2])
+    cosine, sine, lean = h / slant, abs(top - bottom) / slant, math.hypot(n[0], n[1])
     wall = bottom + (top - bottom) * (c[2] / h + 0.5)
     side = (math.hypot(c[0], c[1]) + r.disc - wall) * cosine + r.disc * lean * sine + r.ball
     return max(side, abs(c[2]) + r.disc * lean + r.ball - h / 2)
@@ -185,9 +182,9 @@ _STICKS_OUT: Mapping[str, Callable[[tuple[float, ...], Vec3, Vec3, _Round], floa
 _REACH: Mapping[str, Callable[[tuple[float, ...], float, float, float], float]] = {
     "box": lambda s, x, y, z: (abs(x) * s[0] + abs(y) * s[1] + abs(z) * s[2]) / 2,
     "sphere": lambda s, x, y, z: s[0],
-    "cylinder": lambda s, x, y, z: s[0] * _lean(z) + abs(z) * s[1] / 2,
-    "cone": lambda s, x, y, z: max(s[0] * _lean(z) - z * s[2] / 2, s[1] * _lean(z) + z * s[2] / 2),
-    "torus": lambda s, x, y, z: s[0] * _lean(z) + s[1],
+    "cylinder": lambda s, x, y, z: s[0] * math.hypot(x, y) + abs(z) * s[1] / 2,
+    "cone": lambda s, x, y, z: max(s[0] * math.hypot(x, y) - z * s[2] / 2, s[1] * math.hypot(x, y) + z * s[2] / 2),
+    "torus": lambda s, x, y, z: s[0] * math.hypot(x, y) + s[1],
     "ellipsoid": lambda s, x, y, z: math.hypot(x * s[0], y * s[1], z * s[2]),
 }
 _RADIUS: Mapping[str, Callable[[tuple[float, ...]], float]] = {

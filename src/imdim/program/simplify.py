@@ -77,15 +77,17 @@ def _rewrite(program: Program, prover: Prover, slack: float) -> Program | None:
 
 def _union(terms: list[Program], prover: Prover, slack: float) -> Program | None:
     terms = _largest(terms, prover)
-    terms = [_without_filled_cuts(t, [*terms[:i], *terms[i + 1 :]], prover) for i, t in enumerate(terms)]
+    terms = [_without_filled_cuts(t, [*terms[:i], *terms[i + 1 :]], prover, slack) for i, t in enumerate(terms)]
     terms = _fuse_all("union", terms, slack)
     return combine_all("union", terms) if terms else None
 
 
-def _without_filled_cuts(term: Program, others: list[Program], prover: Prover) -> Program:
-    """(X - C) | Y is X | Y where C lies in Y."""
+def _without_filled_cuts(term: Program, others: list[Program], prover: Prover, slack: float) -> Program:
+    """(X - C) | Y is X | Y where Y holds C, or what C takes from X."""
     base, cuts = spine(term)
-    return _cut_all(base, [c for c in cuts if not any(prover.contains(other, c) for other in others)])
+    taken = [[c, _fuse_pair("intersection", c, base, slack)] for c in cuts]
+    filled = [any(t and prover.contains(other, t) for t in both for other in others) for both in taken]
+    return _cut_all(base, [c for c, gone in zip(cuts, filled, strict=True) if not gone])
 
 
 def _product(factors: list[Program], cuts: list[Program], prover: Prover, slack: float) -> Program | None:
