@@ -45,6 +45,12 @@ def mesh_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
     return float(_face_volumes(vertices, faces, np.zeros(len(faces), np.int64)).sum())
 
 
+def mesh_area(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """The summed area of all faces."""
+    a, b, c = (np.asarray(vertices, float)[faces[:, i]] for i in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
 def find_bodies(vertices: np.ndarray, faces: np.ndarray) -> Bodies:
     """The bodies of a mesh whose equal vertices are merged, numbered by falling absolute volume."""
     label = _pieces(faces)

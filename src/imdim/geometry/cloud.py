@@ -24,6 +24,7 @@ SURFACE_SAMPLES = 20_000
 SAMPLE_SEED = 0
 MIN_POINTS = 50
 MAX_POINTS = 100_000
+LARGEST = 1e30  # squares of coordinates and of their inverses stay finite
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,10 +131,12 @@ def _check_numbers(points: np.ndarray, name: str) -> None:
     bad = int((~np.isfinite(points)).any(axis=1).sum())
     if bad:
         raise InputError(f"{name}: {bad} of {len(points)} points are not finite (NaN or infinite)")
-    if not np.linalg.norm(np.ptp(points, axis=0)) > 1e-9 * np.abs(points).max():
-        raise InputError(
-            f"{name}: all {len(points)} points lie in one place, the box diagonal is {np.linalg.norm(np.ptp(points, axis=0)):.3g}"
-        )
+    largest = float(np.abs(points).max())
+    if largest > LARGEST:
+        raise InputError(f"{name}: a coordinate of {largest:.3g} is beyond {LARGEST:g}")
+    extent = float(np.ptp(points, axis=0).max())
+    if extent < 1 / LARGEST or extent <= 1e-9 * largest:
+        raise InputError(f"{name}: all {len(points)} points lie in one place, the box measures {extent:.3g}")
 
 
 def _mesh_target(name: str, vertices: np.ndarray, faces: np.ndarray, is_solid: bool, notes: Iterable[str]) -> Target:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 import struct
+import tokenize
 import warnings
 import zipfile
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,18 +28,10 @@ class Raw:
     faces: np.ndarray | None = None
 
 
-# what parsers raise on files that break their format
+# what numpy's and trimesh's parsers raise on files that break their format
 SYNTAX_ERRORS = (
-    ValueError,
-    KeyError,
-    IndexError,
-    TypeError,
-    AttributeError,
-    EOFError,
-    SyntaxError,
-    struct.error,
-    zipfile.BadZipFile,
-    NotImplementedError,
+    *(ValueError, KeyError, IndexError, TypeError, EOFError, SyntaxError, NotImplementedError, OverflowError),
+    *(struct.error, zlib.error, zipfile.BadZipFile, tokenize.TokenError),
 )
 
 
@@ -180,7 +174,8 @@ def _by_columns(table: np.ndarray, names: list[str]) -> Raw:
 
 def read_numpy(path: Path) -> Raw:
     """NPY: [n, 3], or [n, 6] with normals. NPZ: `points` (or vertices, xyz, pos), `normals`, `faces`. Pickles are refused."""
-    with np.load(path, allow_pickle=False) as found:
+    with path.open("rb") as file:
+        found = np.load(file, allow_pickle=False)
         if isinstance(found, np.ndarray):
             return _by_columns(_table(found, path), [])
         entries = {name.lower(): found[name] for name in found.files}

@@ -10,13 +10,13 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from imdim.geometry.bodies import edge_table, find_bodies, mesh_volume, split_faces
+from imdim.geometry.bodies import edge_table, find_bodies, mesh_area, mesh_volume, split_faces
 from imdim.geometry.readers import InputError
 
 MAX_FACES = 200_000
 SEAM = 1e-6  # gap that is closed along open edges, relative to the diagonal
 FLAT = 1e-12  # volume relative to the cubed diagonal
-OVERLAP = 1e-6  # volume that two bodies must share to be united, relative to the whole
+WALLS = 1e-6  # share of the surface that lies within the union of the bodies before it is taken for more than noise
 THINNING = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3)  # tolerances relative to the diagonal, tried in turn
 
 
@@ -38,6 +38,8 @@ def clean_mesh(vertices: np.ndarray, faces: np.ndarray, name: str) -> Cleaned:
     center = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     unit, faces = merge_equal((vertices - center) / diagonal, faces)
+    if len(faces) and unpaired(faces).size:
+        faces = close_seams(unit, faces)
     if not len(faces):
         raise InputError(f"{name}: the mesh has 0 faces with three different corners")
     faces, notes = _oriented(unit, faces)
@@ -129,7 +131,7 @@ def _oriented(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, list
     notes: list[str] = []
     turned = 0
     if unpaired(faces).size:
-        faces, turned = orient_alike(close_seams(vertices, faces))
+        faces, turned = orient_alike(faces)
     if turned:
         notes.append(f"{turned} of {len(faces)} faces turned to agree with their neighbours.")
     bodies = find_bodies(vertices, faces)
@@ -154,15 +156,14 @@ def _as_solid(vertices: np.ndarray, faces: np.ndarray, notes: list[str]) -> tupl
     if any(body.status() != Error.NoError or body.volume() <= 0 for body in bodies):
         notes.append("The mesh is closed but no manifold: the winding number tells inside from outside.")
         return None
-    solid = Manifold.batch_boolean(bodies, OpType.Add)
-    total = sum(body.volume() for body in bodies)
-    overlap = total - solid.volume() > OVERLAP * total
-    if overlap:
-        notes.append(f"{len(bodies)} bodies overlapped: united.")
+    solid = Manifold.batch_boolean([part for body in bodies for part in _parts(body)], OpType.Add)
+    walls = 1 - solid.surface_area() / mesh_area(vertices, faces)
+    if walls > WALLS:
+        notes.append(f"Bodies overlapped or touched: united, {100 * walls:.2g} % of the surface lay within.")
     if len(faces) > MAX_FACES:
         solid = _simplified(solid)
         notes.append(f"{len(faces)} faces thinned to {solid.num_tri()}.")
-    elif not overlap:
+    elif walls <= WALLS:
         return vertices, faces
     mesh = solid.to_mesh64()
     return np.array(mesh.vert_properties[:, :3], float), np.array(mesh.tri_verts, np.int64)
@@ -171,6 +172,12 @@ def _as_solid(vertices: np.ndarray, faces: np.ndarray, notes: list[str]) -> tupl
 def _manifold(vertices: np.ndarray, faces: np.ndarray) -> Manifold:
     used, corners = np.unique(faces, return_inverse=True)
     return Manifold(Mesh64(np.ascontiguousarray(vertices[used]), corners.reshape(-1, 3).astype(np.uint64)))
+
+
+def _parts(body: Manifold) -> list[Manifold]:
+    """A body that only touches itself along edges taken apart there; one with cavities stays whole."""
+    parts = body.decompose()
+    return [body] if any(part.volume() <= 0 for part in parts) else parts
 
 
 def _simplified(solid: Manifold) -> Manifold:
