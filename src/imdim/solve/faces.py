@@ -100,8 +100,8 @@ def lifted(program: Program, before: Lowered, after: Lowered) -> Program:
 
     def read(i: int, p: Primitive) -> Primitive:
         turned = not np.array_equal(before.rotations[i], after.rotations[i])
-        rotation = euler_from_matrix(after.rotations[i]) if turned else p.rotation
+        rx, ry, rz = euler_from_matrix(after.rotations[i]) if turned else p.rotation
         size = tuple(after.sizes[i, : len(p.size)].tolist())
-        return Primitive(p.kind, size, tuple(after.centers[i].tolist()), rotation)
+        return Primitive(p.kind, size, tuple(after.centers[i].tolist()), (rx + 0.0, ry + 0.0, rz + 0.0))  # no negative zeros
 
     return map_leaves(program, read)

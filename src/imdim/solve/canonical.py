@@ -1,0 +1,163 @@
+"""One rotation of the many that describe the same solid, and the round rotations near a given one.
+
+A box or ellipsoid looks the same in 24 frames with its sizes permuted, a cylinder, cone (with its radii swapped) or torus may point
+either way along its axis and spin about it, a sphere has no rotation at all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import permutations, product
+
+import numpy as np
+
+from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
+from imdim.program.tree import Primitive, Vec3
+
+AXIAL = ("cylinder", "cone", "torus")
+# Cosines of right angles carry errors of this size.
+EXACT = 1e-12
+# Degrees are kept to this many decimals, which turns a unit of length by less than 1e-11.
+DECIMALS = 9
+
+
+def canonical(primitive: Primitive) -> Primitive:
+    """The same solid with its simplest rotation: aligned boxes have none, aligned axes turn by one right angle at most."""
+    if primitive.kind == "sphere" or (primitive.kind == "ellipsoid" and len(set(primitive.size)) == 1):
+        return replace(primitive, rotation=(0.0, 0.0, 0.0))
+    if primitive.kind in AXIAL:
+        return along_axis(primitive, matrix_from_euler(primitive.rotation)[:, 2])
+    return in_frame(primitive, matrix_from_euler(primitive.rotation))
+
+
+def along_axis(primitive: Primitive, axis: np.ndarray) -> Primitive:
+    """`primitive` turned so that its axis is along `axis` (unit); a cone may come back upside down with its radii swapped."""
+    x, y, z = np.where(np.abs(axis) < EXACT, 0.0, axis)
+    # the half space z > 0, of its rim the half plane x > 0, of that one's rim the direction that rotate([90, 0, 0]) gives
+    flip = (z, x, -y) < (0.0, 0.0, 0.0)
+    if flip:
+        x, y, z = -x, -y, -z
+    if x == 0:
+        rotation = (math.degrees(math.atan2(-y, z)), 0.0, 0.0)
+    else:
+        side = math.copysign(1.0, x)
+        rotation = (0.0, math.degrees(math.atan2(side * math.hypot(x, y), z)), math.degrees(math.atan2(side * y, side * x)))
+    size = primitive.size
+    if primitive.kind == "cone" and flip:
+        size = (size[1], size[0], size[2])
+    return replace(primitive, size=size, rotation=_tidy(rotation))
+
+
+def in_frame(primitive: Primitive, frame: np.ndarray) -> Primitive:
+    """`primitive` (box, ellipsoid) turned into `frame` [3, 3] and written in the equal frame that turns least."""
+    best = min((_turn(frame @ turn) for turn in CUBE_ROTATIONS), key=_simplicity)
+    turn = np.rint(frame.T @ matrix_from_euler(best)).astype(int)
+    size = tuple(float(v) for v in np.abs(turn).T @ np.array(primitive.size))
+    return replace(primitive, size=size, rotation=best)
+
+
+def _cube_rotations() -> list[np.ndarray]:
+    signed = (np.eye(3)[list(order)] * signs for order in permutations(range(3)) for signs in product((1, -1), repeat=3))
+    return [m for m in signed if np.linalg.det(m) > 0]
+
+
+CUBE_ROTATIONS = _cube_rotations()
+
+
+def _turn(frame: np.ndarray) -> Vec3:
+    return _tidy(euler_from_matrix(np.where(np.abs(frame) < EXACT, 0.0, frame)))
+
+
+def _simplicity(rotation: Vec3) -> tuple[float, int, tuple[float, ...]]:
+    """Smaller is simpler: the angle of the whole turn, then the number of angles, then positive ones first."""
+    angle = math.acos(min(1.0, max(-1.0, (np.trace(matrix_from_euler(rotation)) - 1) / 2)))
+    return round(angle, 6), sum(a != 0 for a in rotation), tuple(-a for a in rotation)
+
+
+def _tidy(rotation: tuple[float, ...]) -> Vec3:
+    rx, ry, rz = (round(a, DECIMALS) + 0.0 for a in rotation)
+    return rx, ry, rz
+
+
+def round_turns(primitive: Primitive, max_deg: float) -> Iterator[Primitive]:
+    """The same primitive in rounder rotations within `max_deg` of its own, the roundest first.
+
+    They are: along the world's axes; one axis along the world's and a round angle about it (of a solid of revolution, the axis in a
+    plane of the world's axes); round Euler degrees.
+    """
+    if primitive.kind == "sphere":
+        return
+    before = matrix_from_euler(primitive.rotation)
+    axial = primitive.kind in AXIAL
+    seen = {canonical(primitive)}
+    for frame in _round_axes(before[:, 2]) if axial else _round_frames(before):
+        near = along_axis(primitive, frame) if axial else in_frame(primitive, frame)
+        angle = angle_between(before[:, 2], frame, undirected=True) if axial else frame_angle(before, frame)
+        if angle <= max_deg and near not in seen:
+            seen.add(near)
+            yield near
+
+
+STEPS = (45.0, 15.0, 5.0, 1.0)
+
+
+def _round_axes(axis: np.ndarray) -> Iterator[np.ndarray]:
+    """Directions near `axis`: the world's axes, round angles in a coordinate plane, any angle in it, round polar angles."""
+    largest = int(np.abs(axis).argmax())
+    yield np.eye(3)[largest] * np.sign(axis[largest])
+    flat = int(np.abs(axis).argmin())
+    u, v = (i for i in range(3) if i != flat)
+    angle = math.degrees(math.atan2(axis[v], axis[u]))
+    for step in (*STEPS, 0.0):
+        turned = math.radians(_to_step(angle, step))
+        yield np.eye(3)[u] * math.cos(turned) + np.eye(3)[v] * math.sin(turned)
+    polar, around = math.degrees(math.acos(np.clip(axis[2], -1, 1))), math.degrees(math.atan2(axis[1], axis[0]))
+    for step in (15.0, 5.0, 1.0, 0.1, 0.01):
+        yield matrix_from_euler((0.0, _to_step(polar, step), _to_step(around, step)))[:, 2]
+
+
+def _round_frames(frame: np.ndarray) -> Iterator[np.ndarray]:
+    """Frames near `frame`: a signed permutation, one axis along the world's with a round or any angle about it, round Euler degrees."""
+    yield max(CUBE_ROTATIONS, key=lambda m: float((m * frame).sum()))
+    world, local = np.unravel_index(np.abs(frame).argmax(), (3, 3))
+    fixed = np.eye(3)[world] * np.sign(frame[world, local])
+    level = _shortest_turn(frame[:, local], fixed) @ frame
+    first = (local + 1) % 3
+    u, v = (world + 1) % 3, (world + 2) % 3
+    angle = math.degrees(math.atan2(level[v, first], level[u, first]))
+    for step in (*STEPS, 0.0):
+        turned = math.radians(_to_step(angle, step) - angle)
+        yield _about(np.eye(3)[world], turned) @ level
+    euler = euler_from_matrix(frame)
+    for step in (15.0, 5.0, 1.0, 0.1, 0.01):
+        yield matrix_from_euler((_to_step(euler[0], step), _to_step(euler[1], step), _to_step(euler[2], step)))
+
+
+def _to_step(angle: float, step: float) -> float:
+    return round(angle / step) * step if step else angle
+
+
+def _shortest_turn(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The smallest rotation [3, 3] that takes the unit vector `a` to `b`, which must not be opposite."""
+    cross = np.cross(a, b)
+    sine = float(np.linalg.norm(cross))
+    return np.eye(3) if sine == 0 else _about(cross / sine, math.atan2(sine, float(a @ b)))
+
+
+def _about(axis: np.ndarray, angle: float) -> np.ndarray:
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+
+
+def angle_between(a: np.ndarray, b: np.ndarray, undirected: bool = False) -> float:
+    """Degrees between unit vectors, or between the lines along them."""
+    cosine = abs(float(a @ b)) if undirected else float(a @ b)
+    return math.degrees(math.atan2(float(np.linalg.norm(np.cross(a, b))), cosine))
+
+
+def frame_angle(a: np.ndarray, b: np.ndarray) -> float:
+    """Degrees of the turn between two rotations."""
+    return math.degrees(math.acos(np.clip((float((a * b).sum()) - 1) / 2, -1, 1)))

@@ -1,0 +1,160 @@
+"""Snap a program's numbers to what a person would have typed, wherever the error does not grow.
+
+Rotations become canonical and round, values that nearly agree become equal, and each takes the coarsest decimal grid that it bears.
+Proposals are tried all at once and halved where they fail, so that a program whose numbers are nearly round costs few evaluations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from imdim.program.tree import Primitive, Program, leaves, map_leaves
+from imdim.solve.canonical import canonical, round_turns
+from imdim.solve.values import Values, clusters, equal_groups, grids, rounded, span
+
+S = TypeVar("S")
+C = TypeVar("C")
+
+
+@dataclass
+class SnapConfig:
+    """Lengths are shares of the program's span."""
+
+    rel_tolerance: float = 0.03  # the error may grow by this share
+    abs_tolerance: float = 0.0  # and by this much, in the error's own unit
+    max_deg: float = 3.0  # a rotation turns by no more
+    max_move: float = 3e-3  # a value moves by no more
+    finest: float = 1e-5  # the last grid is about this wide
+    reviews: int = 12  # bold roundings of one grid that are looked at singly
+    tries: int = 32  # evaluations that one round of proposals may cost
+    max_calls: int = 300  # evaluations in all
+
+
+def snap(program: Program, error: Callable[[Program], float], *, unit: float = 1.0, config: SnapConfig | None = None) -> Program:
+    """The program with rounder numbers whose `error` is at most that of `program` grown by the tolerances.
+
+    `unit` is the length of one model unit: grids are unit times 1 or 5 times a power of ten.
+    """
+    config = config or SnapConfig()
+    program = map_leaves(program, lambda _, p: canonical(p))
+    judge = _Judge(program, error, config)
+    parts = _snap_rotations(list(leaves(program)), judge, config)
+    values = Values.of(parts)
+    largest = span(parts)
+    for share in (0.1, 0.3, 1.0):
+        changes = clusters(values, share * config.max_move * largest)
+        values = accepted(values, changes, _assign, judge.bears, config.tries)
+    values = _round(values, judge, config, largest, unit)
+    return _rebuilt(program, values.primitives())
+
+
+class _Judge:
+    """Tells whether a candidate's error stays within the limit; a spent budget says no.
+
+    What is accepted lowers the limit: error that one rounding saves is not there for the next to spend.
+    """
+
+    def __init__(self, program: Program, error: Callable[[Program], float], config: SnapConfig) -> None:
+        self.program, self.error, self.config = program, error, config
+        self.left, self.limit = config.max_calls, float("inf")
+        self.current = self.error_of(list(leaves(program)))
+        self.limit = self.allowed(self.current)
+
+    def allowed(self, error: float) -> float:
+        return min(self.limit, error * (1 + self.config.rel_tolerance) + self.config.abs_tolerance)
+
+    def error_of(self, parts: Sequence[Primitive]) -> float:
+        self.left -= 1
+        return self.error(_rebuilt(self.program, parts)) if self.left >= 0 else float("inf")
+
+    def bears(self, values: Values) -> bool:
+        parts = values.primitives_or_none()
+        return parts is not None and self.bears_parts(parts)
+
+    def bears_parts(self, parts: Sequence[Primitive]) -> bool:
+        error = self.error_of(parts)
+        if error > self.limit:
+            return False
+        self.current, self.limit = error, self.allowed(error)
+        return True
+
+
+def accepted(state: S, changes: Sequence[C], apply: Callable[[S, C], S], bears: Callable[[S], bool], tries: int) -> S:
+    """`state` after those of `changes` that `bears` allows: all at once if possible, else by halves, in at most `tries` trials."""
+    todo = [list(changes)] if changes else []
+    while todo and tries > 0:
+        batch = todo.pop()
+        trial = state
+        for change in batch:
+            trial = apply(trial, change)
+        tries -= 1
+        if bears(trial):
+            state = trial
+        elif len(batch) > 1:
+            half = len(batch) // 2
+            todo += [batch[half:], batch[:half]]
+    return state
+
+
+def _snap_rotations(parts: list[Primitive], judge: _Judge, config: SnapConfig) -> list[Primitive]:
+    """Offer every leaf its rounder rotations, rank by rank; a leaf that took one is done."""
+    offers = [list(round_turns(p, config.max_deg)) for p in parts]
+    current = tuple(parts)
+    for rank in range(max(map(len, offers), default=0)):
+        changes = [(i, o[rank]) for i, o in enumerate(offers) if rank < len(o) and current[i] == parts[i]]
+        current = accepted(current, changes, _replace, judge.bears_parts, config.tries)
+    return list(current)
+
+
+def _replace(parts: tuple[Primitive, ...], change: tuple[int, Primitive]) -> tuple[Primitive, ...]:
+    i, new = change
+    return (*parts[:i], new, *parts[i + 1 :])
+
+
+def _assign(values: Values, change: tuple[np.ndarray, float]) -> Values:
+    return values.with_numbers(*change)
+
+
+def _round(values: Values, judge: _Judge, config: SnapConfig, largest: float, unit: float) -> Values:
+    """Coarsest grid first; values that took a grid are done, unless they turn out to have been carried by the others."""
+    start, pending = values, equal_groups(values)
+    for grid in grids(largest, unit, config.finest * largest):
+        moves = [(group, rounded(float(values.numbers[group[0]]), grid, unit)) for group in pending]
+        close = [m for m in moves if _move(values, m) <= config.max_move * largest]
+        # the smallest moves stand first, so that halving parts them from the bold ones
+        close.sort(key=lambda m: _move(values, m))
+        values = accepted(values, close, _assign, judge.bears, config.tries)
+        taken = [m for m in close if values.numbers[m[0][0]] == m[1]]
+        values, returned = _reviewed(values, start, taken, judge, config)
+        done = {int(group[0]) for group, _ in taken} - returned
+        pending = [group for group in pending if int(group[0]) not in done]
+    return values
+
+
+def _reviewed(
+    values: Values, start: Values, taken: list[tuple[np.ndarray, float]], judge: _Judge, config: SnapConfig
+) -> tuple[Values, set[int]]:
+    """Undo those of the boldest moves without which the error is clearly smaller; the others had paid for them."""
+    returned: set[int] = set()
+    if len(taken) < 2:
+        return values, returned
+    for group, _ in sorted(taken, key=lambda m: -_move(start, m))[: config.reviews]:
+        undone = values.with_numbers(group, float(start.numbers[group[0]]))
+        parts = undone.primitives_or_none()
+        error = judge.error_of(parts) if parts is not None else float("inf")
+        if error * (1 + config.rel_tolerance) + config.abs_tolerance < judge.current:
+            values, judge.current, judge.limit = undone, error, judge.allowed(error)
+            returned.add(int(group[0]))
+    return values, returned
+
+
+def _move(values: Values, change: tuple[np.ndarray, float]) -> float:
+    return abs(change[1] - float(values.numbers[change[0][0]]))
+
+
+def _rebuilt(program: Program, parts: Sequence[Primitive]) -> Program:
+    return map_leaves(program, lambda i, _: parts[i])
