@@ -5,7 +5,9 @@ A, B, C, D = (Primitive("sphere", (float(r),)) for r in range(1, 5))
 
 
 def spelled(program: Program) -> str:
-    return fold_nary(program, lambda i, p: "abcd"[int(p.size[0]) - 1], {op: lambda parts, op=op: f"{op[0]}({''.join(parts)})" for op in OPS})
+    return fold_nary(
+        program, lambda i, p: "abcd"[int(p.size[0]) - 1], {op: lambda parts, op=op: f"{op[0]}({''.join(parts)})" for op in OPS}
+    )
 
 
 def join(op, left, right):

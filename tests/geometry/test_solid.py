@@ -1,0 +1,74 @@
+import math
+
+import numpy as np
+import pytest
+import trimesh
+from tests.known_programs import KNOWN
+
+from imdim.geometry.solid import mesh_to_manifold, to_manifold, to_trimesh, volume, volume_iou
+from imdim.program.tree import Primitive
+
+ROUND = {
+    "sphere": (Primitive("sphere", (0.7,)), 4 / 3 * math.pi * 0.343),
+    "cylinder": (Primitive("cylinder", (0.5, 2.0)), math.pi * 0.5),
+    "torus": (Primitive("torus", (1.0, 0.3)), 2 * math.pi**2 * 0.09),
+}
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_known_volumes(name):
+    program, exact = KNOWN[name]
+    assert volume(program, 256) == pytest.approx(exact, rel=1e-3, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ROUND)
+def test_inscribed_solids_lack_volume_with_the_square_of_the_segments(name):
+    program, exact = ROUND[name]
+    coarse, fine = (1 - volume(program, n) / exact for n in (64, 128))
+    assert coarse > 0
+    assert coarse / fine == pytest.approx(4, rel=0.01)
+
+
+def test_a_right_angle_is_exact():
+    solid = to_manifold(Primitive("box", (1.0, 2.0, 3.0), rotation=(90.0, 0.0, 90.0)))
+    assert solid.bounding_box() == (-1.5, -0.5, -1.0, 1.5, 0.5, 1.0)
+
+
+def test_iou_of_boxes_that_share_half():
+    a, b = (to_manifold(Primitive("box", (2.0, 1.0, 1.0), (x, 0.0, 0.0))) for x in (0.0, 1.0))
+    assert volume_iou(a, b) == pytest.approx(1 / 3)
+    assert volume_iou(a, a) == 1
+    assert volume_iou(a, b.translate((5.0, 0.0, 0.0))) == 0
+
+
+@pytest.mark.parametrize(("scale", "offset"), [(1.0, 0.0), (1e-6, 0.0), (1e6, 0.0), (1.0, 1e6)])
+def test_a_soup_of_triangles_is_merged(scale, offset):
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    corners = ball.vertices[ball.faces].reshape(-1, 3) * scale + offset
+    soup = trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False)
+    assert mesh_to_manifold(soup).volume() == pytest.approx(ball.volume * scale**3, rel=1e-8)
+
+
+def test_corners_a_rounding_apart_are_merged():
+    box = trimesh.creation.box()
+    corners = box.vertices[box.faces].reshape(-1, 3) + np.random.default_rng(0).uniform(-1e-8, 1e-8, (36, 3))
+    soup = trimesh.Trimesh(corners, np.arange(36).reshape(-1, 3), process=False)
+    assert mesh_to_manifold(soup).volume() == pytest.approx(1, abs=1e-6)
+
+
+def test_what_bounds_no_solid_is_refused():
+    box = trimesh.creation.box()
+    inverted = trimesh.Trimesh(box.vertices, box.faces[:, ::-1], process=False)
+    hole = trimesh.Trimesh(box.vertices, box.faces[1:], process=False)
+    nan = trimesh.Trimesh(np.where(box.vertices > 0, np.nan, box.vertices), box.faces, process=False)
+    for mesh, message in ((inverted, "encloses no volume: -1"), (hole, "11 faces is not a closed manifold"), (nan, "not finite")):
+        with pytest.raises(ValueError, match=message):
+            mesh_to_manifold(mesh)
+
+
+def test_the_surface_comes_back_closed():
+    program, exact = KNOWN["plate with boss and holes"]
+    surface = to_trimesh(to_manifold(program, 256))
+    assert surface.is_watertight
+    assert surface.volume == pytest.approx(exact, rel=1e-3)
+    assert volume_iou(mesh_to_manifold(surface), to_manifold(program, 256)) == pytest.approx(1, abs=1e-12)
