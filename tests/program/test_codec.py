@@ -161,6 +161,27 @@ def test_hostile_text_gives_one_line(text: str | bytes, message: str):
     assert len(str(caught.value)) < 300
 
 
+ANYTHING = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.sampled_from(["union", "box", "imdim-csg"]),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from(["op", "parts", "kind", "size", "sx", "r", "center"]), inner)
+    ),
+    max_leaves=12,
+)
+
+
+@given(
+    ANYTHING, st.sampled_from(["program", "program.parts", "program.parts.0", "program.parts.0.size", "program.parts.1.center", "frame"])
+)
+def test_no_json_value_anywhere_raises_anything_but_one_short_line(value: object, path: str):
+    try:
+        from_json(edited(path, value))
+    except ValueError as error:
+        assert str(error).startswith("$")
+        assert "\n" not in str(error)
+        assert len(str(error)) < 500
+
+
 def nested(depth: int) -> Program:
     program: Program = CUBE
     for i in range(depth):
