@@ -143,11 +143,12 @@ def _cost(residual: np.ndarray, scale: np.ndarray, trust: np.ndarray) -> float:
 def _linearise(numbers: Lowered, target: _Target, scale: float, config: RefineConfig) -> _Linear:
     leaf, value, tangent, normal = kernels.program_tangent(numbers, target.samples)
     residual, scales = _residuals(value, target.side), _scales(target, scale, config)
-    trust = np.where(target.side == 0, 1.0, np.where(residual == 0, 0.0, config.side_weight))
+    trust = np.where(target.side == 0, 1.0, config.side_weight)
     if target.normals is not None:
         n = len(target.points)
         trust[:n] = np.maximum((normal[:n] * target.normals).sum(1), 0.0) ** 2
-    weight = trust / (1 + (residual / scales) ** 2) ** 2
+    pulls = (target.side == 0) | (residual != 0)
+    weight = trust * pulls / (1 + (residual / scales) ** 2) ** 2
     matrix, gradient = _accumulate(leaf, tangent, residual, weight, len(numbers.kinds))
     maps = step_maps(numbers)
     back = maps.transpose(0, 2, 1)
