@@ -1,4 +1,4 @@
-"""``python infer.py input=part.stl output=out/part [budget_s=60] [seed=0]``: hydra composes the settings, one library call does the work."""
+"""``python infer.py input=part.stl output=out/part [budget_s=60] [seed=0]``: hydra composes the settings, the library does the work."""
 
 from __future__ import annotations
 

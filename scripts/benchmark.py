@@ -109,7 +109,7 @@ def run_part(part: Path, args: argparse.Namespace, reference: dict) -> Row:
         row.stop = f"FAILED, exit {status}: {error}"
         return row
     report = json.loads((folder / "report.json").read_text())
-    row.stop, row.search_s = report["stop"], sum(report["seconds"].values())
+    row.stop, row.search_s = report["stop"], sum(report["timing"]["stages_s"].values())
     try:
         row.iou, row.hausdorff, row.primitives = score(part, folder / "program.scad", args.scorer)
     except (ValueError, KeyError, subprocess.CalledProcessError) as problem:

@@ -46,11 +46,12 @@ def merge(schema: type[T], values: Mapping[str, Any]) -> T:
         merged = OmegaConf.merge(OmegaConf.structured(schema), OmegaConf.create(dict(values)))
         return OmegaConf.to_object(merged)  # type: ignore[return-value]
     except OmegaConfBaseException as error:
-        raise ConfigError(f"setting {error.full_key or ''}: {first_line(error)}") from error
+        where = error.full_key or ", ".join(key for key, value in values.items() if not isinstance(value, Mapping))
+        raise ConfigError(f"setting {where}: {first_line(error)}") from error
 
 
 def check_keys(schema: type, values: Mapping[str, Any], prefix: str = "") -> None:
-    """Raise ConfigError for the first key of `values`, at any depth, that the dataclass `schema` lacks, with the nearest key that it has."""
+    """Raise ConfigError for the first key of `values`, at any depth, that `schema` lacks, with the nearest key that it has."""
     hints = get_type_hints(schema)
     for key, value in values.items():
         if key not in hints:

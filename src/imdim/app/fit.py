@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import sys
+import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict
 from os import environ
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from imdim.app.progress import shown
 from imdim.config import ConfigError, Settings
@@ -27,26 +29,33 @@ INTERRUPTED = 130
 
 def main(settings_of: Callable[[], Settings], reconstruct: Reconstruct | None = None) -> int:
     """Compose settings and fit; the exit status: 0 fine, 2 for input, settings or an output that cannot be used (one line on stderr)."""
-    from imdim.deliver import OutputError
-    from imdim.geometry.cloud import InputError
-
     sys.excepthook = one_line
     try:
-        folder, summary = fit(settings_of(), reconstruct)
-    except (InputError, ConfigError, OutputError) as error:
+        settings = settings_of()
+        report = _fit_or_refuse(settings, reconstruct)
+    except ConfigError as error:
         sys.stderr.write(f"imdim: {error}\n")
         return BAD_INPUT
     except KeyboardInterrupt:
         sys.stderr.write("imdim: interrupted, nothing was written\n")
         return INTERRUPTED
-    sys.stdout.write(
-        f"{summary}\n  picture  {folder / 'preview.png'}\n  program  {folder / 'program.scad'}\n  report   {folder / 'report.json'}\n"
-    )
+    sys.stdout.write(summary(report, Path(settings.output)))
     return 0
 
 
-def fit(settings: Settings, reconstruct: Reconstruct | None = None) -> tuple[Path, str]:
-    """Reconstruct ``settings.input`` into the folder ``settings.output``; returns the folder and a one-line summary.
+def _fit_or_refuse(settings: Settings, reconstruct: Reconstruct | None) -> dict[str, Any]:
+    """As `fit`, with every refusal a ConfigError; imports the numeric libraries, which a misspelt setting need not wait for."""
+    from imdim.deliver import OutputError
+    from imdim.geometry.cloud import InputError
+
+    try:
+        return fit(settings, reconstruct)
+    except (InputError, OutputError) as error:
+        raise ConfigError(str(error)) from error
+
+
+def fit(settings: Settings, reconstruct: Reconstruct | None = None) -> dict[str, Any]:
+    """Reconstruct ``settings.input`` into the folder ``settings.output`` and return the report that was written there.
 
     Raises ConfigError where input or output is not given, OutputError where the folder cannot be written and InputError
     where the input cannot be used: in each case before anything was written.
@@ -54,12 +63,50 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None) -> tuple[Pat
     for key in ("input", "output"):
         if not getattr(settings, key):
             raise ConfigError(f"setting {key} is missing: give {key}=...")
-    from imdim.deliver import check_writable, deliver
+    import numpy as np
 
-    folder = Path(settings.output)
+    from imdim.deliver import RunRecord, check_writable, deliver
+    from imdim.geometry.cloud import load_target
+
+    folder, start = Path(settings.output), time.perf_counter()
     check_writable(folder)
-    target, snapshots = _start(settings, reconstruct)
-    raise NotImplementedError
+    target = load_target(settings.input)
+    stages = {"loading": time.perf_counter() - start}
+    for note in target.notes:
+        sys.stderr.write(f"imdim: {target.name}: {note}\n")
+    if reconstruct is None:
+        from imdim import pipeline
+
+        reconstruct = pipeline.reconstruct
+    last = _exhaust(shown(reconstruct(target, settings, np.random.default_rng(settings.seed)), settings.budget_s), stages)
+    run = RunRecord(settings.input, stages, last.stop or "finished", settings.seed, asdict(settings))
+    return deliver(last.program, target, folder, run, segments=settings.segments)
+
+
+def _exhaust(snapshots: Iterator[Snapshot], stages: dict[str, float]) -> Snapshot:
+    """The last snapshot; the time since the one before counts for its stage."""
+    last = None
+    for snapshot in snapshots:
+        since = 0.0 if last is None else last.seconds
+        stages[snapshot.stage] = stages.get(snapshot.stage, 0.0) + snapshot.seconds - since
+        last = snapshot
+    if last is None:
+        raise RuntimeError("the reconstruction yielded no program")
+    return last
+
+
+def summary(report: Mapping[str, Any], folder: Path) -> str:
+    """What was found and where it is, with the picture to open."""
+    scores, result = report["scores"], report["result"]
+    count, iou = result["primitives"], scores["volume_iou"]
+    furthest = scores["distance_relative_to_diagonal"]["target_to_result"]
+    fit = f"mean distance {100 * furthest['mean']:.3f} % of the diagonal" if iou is None else f"volume IoU {iou:.4f}"
+    lines = [f"{count} primitive{'' if count == 1 else 's'}, {fit}, {report['timing']['total_s']:.1f} s (stopped: {report['stop']})"]
+    lines += [
+        f"  {what:<8} {folder / name}"
+        for what, name in (("picture", "preview.png"), ("program", "program.scad"), ("report", "report.json"))
+    ]
+    return "\n".join(lines) + "\n"
 
 
 def one_line(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:

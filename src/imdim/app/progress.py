@@ -37,8 +37,8 @@ def describe(snapshot: Progressing, best: float) -> str:
 
 def shown(snapshots: Iterable[S], budget_s: float, stream: TextIO | None = None) -> Iterator[S]:
     """The same snapshots, each shown on `stream` (stderr) as it passes."""
-    stream = sys.stderr if stream is None else stream
-    return _live(snapshots, budget_s, stream) if stream.isatty() else _plain(snapshots, budget_s, stream)
+    out: TextIO = stream or sys.stderr
+    return _live(snapshots, budget_s, out) if out.isatty() else _plain(snapshots, budget_s, out)
 
 
 def _plain(snapshots: Iterable[S], budget_s: float, stream: TextIO) -> Iterator[S]:

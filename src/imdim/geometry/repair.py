@@ -147,7 +147,7 @@ def _oriented(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, list
 
 
 def _as_solid(vertices: np.ndarray, faces: np.ndarray, notes: list[str]) -> tuple[np.ndarray, np.ndarray] | None:
-    """The closed manifold that the mesh bounds, with overlapping bodies united and fine faces thinned; None, and a note, where there is none."""
+    """The closed manifold that the mesh bounds, bodies united and fine faces thinned; None, and a note, where there is none."""
     rim = unpaired(faces).size
     if rim:
         notes.append(f"The mesh is open ({rim} vertices on open edges): the winding number tells inside from outside.")

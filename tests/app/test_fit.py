@@ -1,0 +1,166 @@
+"""The command from end to end with a stand-in reconstruction: exit statuses, what is written, what is said."""
+
+from __future__ import annotations
+
+import io
+import json
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from imdim.app.cli import main as imdim
+from imdim.app.fit import fit, one_line
+from imdim.app.fit import main as run
+from imdim.app.progress import shown
+from imdim.config import Settings
+from imdim.program.tree import Combine, Primitive, Program
+
+ROOT = Path(__file__).parents[2]
+BOX = Primitive("box", (1.0, 2.0, 3.0))
+
+
+@dataclass(frozen=True)
+class Snap:
+    stage: str
+    program: Program
+    error: float
+    seconds: float
+    stop: str | None = None
+
+
+def box_found(target, settings, rng):
+    yield Snap("seeding", Primitive("sphere", (1.0,)), 0.5, 0.25)
+    yield Snap("search", BOX, 0.125, 1.0)
+    yield Snap("search", BOX, 0.0, 1.5, "tolerance_reached")
+
+
+@pytest.fixture
+def part(tmp_path):
+    path = tmp_path / "box.stl"
+    trimesh.creation.box((1.0, 2.0, 3.0)).export(path)
+    return path
+
+
+def test_the_results_are_written_and_named(part, tmp_path, capsys):
+    settings = Settings(input=str(part), output=str(tmp_path / "out"), seed=4)
+    assert run(lambda: settings, box_found) == 0
+    shown_text = capsys.readouterr()
+    assert "1 primitive, volume IoU 1.0000" in shown_text.out
+    assert str(tmp_path / "out" / "preview.png") in shown_text.out
+    assert (tmp_path / "out" / "preview.png").is_file()
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["stop"] == "tolerance_reached"
+    assert report["seed"] == 4
+    assert report["settings"]["budget_s"] == 60.0
+    stages = report["timing"]["stages_s"]
+    assert (stages["seeding"], stages["search"]) == pytest.approx((0.25, 1.25))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [("missing.stl", None, "no such file"), ("part.step", b"x", "unknown format"), ("few.csv", b"0,0,0\n1,1,1\n0,1,0\n", "3 points")],
+)
+def test_bad_input_is_one_line_and_writes_nothing(tmp_path, capsys, name, content, said):
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    before = sorted(tmp_path.iterdir())
+    assert imdim(["fit", str(tmp_path / name), "-o", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert said in error
+    assert name in error
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_an_output_that_cannot_be_written_is_one_line(part, tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert imdim(["fit", str(part), "-o", str(tmp_path / "file" / "out")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [(["budgets=3"], "did you mean budget_s?"), (["seed=x"], "seed"), (["nonsense"], "key=value"), (["segments=2"], "at least 3, got 2")],
+)
+def test_a_bad_setting_is_one_line(part, tmp_path, capsys, arguments, said):
+    assert imdim(["fit", str(part), "-o", str(tmp_path / "out"), *arguments]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert said in error
+    assert not (tmp_path / "out").exists()
+
+
+def infer(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, str(ROOT / "infer.py"), *arguments], capture_output=True, text=True, check=False, timeout=60)
+
+
+def test_the_hydra_entry_refuses_in_one_line_and_leaves_no_trace(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for arguments, said in (
+        (["input=missing.stl", "output=out"], "missing.stl: no such file"),
+        (["input=a.stl", "ouput=out"], "did you mean output?"),
+    ):
+        done = infer(*arguments)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert done.stderr.count("\n") == 1
+        assert said in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_help_answers_at_once():
+    start = time.perf_counter()
+    done = subprocess.run([sys.executable, "-X", "importtime", "-m", "imdim.app.cli", "--help"], capture_output=True, text=True, check=True)
+    assert time.perf_counter() - start < 2.0  # 0.05 s where nothing else runs
+    assert "CSG program" in done.stdout
+    heavy = {"numpy", "torch", "numba", "trimesh", "hydra", "rich"}
+    assert not heavy & {line.split("|")[-1].strip() for line in done.stderr.splitlines()}
+
+
+def test_a_defect_is_one_line_too(capsys):
+    try:
+        raise RuntimeError("first\nsecond")
+    except RuntimeError as error:
+        one_line(RuntimeError, error, error.__traceback__)
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "internal error, RuntimeError: first at test_fit.py:" in said
+
+
+def test_plain_progress_is_one_line_per_stage_or_two_seconds():
+    two = Combine("union", BOX, BOX)
+    snaps = [Snap("a", BOX, 0.5, 0.1), Snap("a", BOX, 0.4, 0.2), Snap("b", two, 0.6, 0.3), Snap("b", two, 0.1, 3.0)]
+    out = io.StringIO()
+    assert list(shown(snaps, 10.0, out)) == snaps
+    lines = out.getvalue().splitlines()
+    assert [line.split()[2] for line in lines] == ["a", "b", "b"]
+    assert "error 0.4 " in lines[1]  # the best so far, though this snapshot is worse
+    assert "2 primitives, 7 s left" in lines[2]
+
+
+def test_live_progress_passes_every_snapshot_on():
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    out = Terminal()
+    assert len(list(shown(iter([Snap("search", BOX, 0.5, 0.1)]), 10.0, out))) == 1
+    assert "s left" in out.getvalue()
+
+
+def test_the_seed_reaches_the_reconstruction(part, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr("imdim.deliver.deliver", lambda *_, **__: {})
+
+    def draw(target, settings, rng):
+        drawn.append(rng.random())
+        yield Snap("search", BOX, 0.0, 0.0)
+
+    for seed in (0, 0, 1):
+        fit(Settings(input=str(part), output=str(tmp_path / "out"), seed=seed), draw)
+    assert drawn[0] == drawn[1] == np.random.default_rng(0).random() != drawn[2]
