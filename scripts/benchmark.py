@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import csv
 import json
+import math
 import os
 import statistics
 import subprocess
@@ -28,6 +29,7 @@ from imdim.geometry.readers import FORMATS
 from imdim.geometry.scan import parse_condition, scan
 
 GRACE_S = 60.0  # for start-up and delivery, beyond the budget, before a part is ended by force
+COMMAND = [sys.executable, "-m", "imdim.app.cli", "fit"]
 REFERENCES = ("human.json", "inversecsg.json")
 
 
@@ -49,7 +51,7 @@ class Row:
 
 def main() -> None:
     args = _arguments()
-    parts = find_parts(args.folder, args.only.split(",") if args.only else [])
+    parts = find_parts(args.folder, _names(args.only), _names(args.skip))
     reference = read_reference(args.folder)
     args.out.mkdir(parents=True, exist_ok=True)
     with ThreadPoolExecutor(args.jobs) as pool:
@@ -75,6 +77,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--budget", type=float, default=60.0, metavar="SECONDS")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", default="", help="parts by name, joined by commas")
+    parser.add_argument("--skip", default="", help="parts to leave out, joined by commas")
     parser.add_argument("--scorer", type=Path, help="an independent scorer: `python SCORER TARGET PREDICTION` prints one JSON line")
     parser.add_argument("--out", type=Path, default=Path("out/bench"))
     parser.add_argument("--sheet", action="store_true", help="write sheet.png, all previews in one picture")
@@ -82,13 +85,17 @@ def _arguments() -> argparse.Namespace:
     return parser.parse_intermixed_args()
 
 
-def find_parts(folder: Path, only: list[str]) -> list[Path]:
-    """Model files of `folder` by name, or those of them that `only` names; exits with one line when there is none."""
-    parts = sorted(p for p in folder.glob("*") if p.suffix.lower() in FORMATS and (not only or p.stem in only))
-    missing = set(only) - {p.stem for p in parts}
-    if missing or not parts:
+def _names(text: str) -> set[str]:
+    return set(filter(None, text.split(",")))
+
+
+def find_parts(folder: Path, only: set[str], skip: set[str]) -> list[Path]:
+    """Model files of `folder` by name, those that `only` names (if any) but for those that `skip` names; exits with one line for none."""
+    every = sorted(p for p in folder.glob("*") if p.suffix.lower() in FORMATS)
+    missing = (only | skip) - {p.stem for p in every}
+    if missing or not every:
         sys.exit(f"{folder}: no part named {', '.join(sorted(missing))}" if missing else f"{folder}: 0 model files")
-    return parts
+    return [p for p in every if (not only or p.stem in only) and p.stem not in skip]
 
 
 def read_reference(folder: Path) -> dict[str, dict]:
@@ -102,8 +109,7 @@ def run_part(part: Path, args: argparse.Namespace, reference: dict) -> Row:
     row = Row(part.stem, reference=reference.get("primitives"), reference_iou=reference.get("iou"))
     folder = args.out / part.stem
     source = sample(part, args.condition, folder.with_suffix(".npy"))
-    command = [sys.executable, "-m", "imdim.app.cli", "fit", str(source), "-o", str(folder)]
-    command += ["--budget", str(args.budget), "--seed", str(args.seed), *args.settings]
+    command = [*COMMAND, str(source), "-o", str(folder), "--budget", str(args.budget), "--seed", str(args.seed), *args.settings]
     status, error, row.seconds, row.peak_mib = measured(command, args.budget + GRACE_S, folder.with_suffix(".log"))
     if status != 0:
         row.stop = f"FAILED, exit {status}: {error}"
@@ -131,20 +137,32 @@ def sample(part: Path, condition: str, out: Path) -> Path:
 
 
 def measured(command: list[str], limit_s: float, log: Path) -> tuple[int, str, float, float]:
-    """Run to the end or to `limit_s`: exit status (negative: a signal), last line of stderr, seconds, peak resident MiB."""
-    start, threads = time.monotonic(), {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
+    """Run to the end or to `limit_s`: exit status (negative: a signal), last line of its output, seconds, peak MiB.
+
+    The peak is of the resident memory of the process and its children together, looked at every 20 ms under /proc.
+    """
+    start, peak = time.monotonic(), 0.0
+    threads = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
     with log.open("w") as out:
         child = subprocess.Popen(command, stdout=out, stderr=out, env={**threads, **os.environ})
-        while True:
-            pid, status, usage = os.wait4(child.pid, os.WNOHANG)
-            if pid:
-                break
+        while child.poll() is None:
+            peak = max(peak, resident_mib(child.pid))
             if time.monotonic() - start > limit_s:
                 child.kill()
             time.sleep(0.02)
-    child.returncode = os.waitstatus_to_exitcode(status)
     lines = log.read_text(errors="replace").strip().splitlines()
-    return child.returncode, lines[-1] if lines else "", time.monotonic() - start, usage.ru_maxrss / 1024
+    return child.returncode, lines[-1] if lines else "", time.monotonic() - start, peak
+
+
+def resident_mib(pid: int) -> float:
+    """Resident memory of a process and its descendants; what has just ended counts 0."""
+    root = Path(f"/proc/{pid}")
+    try:
+        pages = int((root / "statm").read_text().split()[1])
+        children = (root / "task" / str(pid) / "children").read_text().split()
+    except (FileNotFoundError, ProcessLookupError):
+        return 0.0
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20 + sum(resident_mib(int(child)) for child in children)
 
 
 def score(part: Path, prediction: Path, scorer: Path | None) -> tuple[float, float, int]:
@@ -167,7 +185,7 @@ def line(row: Row) -> str:
 
 
 def markdown(rows: list[Row]) -> str:
-    """The table, worst IoU last."""
+    """The table, one row per part."""
     head = "| part | IoU | Hausdorff / diagonal | primitives | reference | reference IoU | seconds | peak MiB | stop |"
     body = [
         f"| {r.part} | {r.iou:.4f} | {r.hausdorff:.4f} | {_or(r.primitives)} | {_or(r.reference)} | {_or(r.reference_iou)} "
@@ -181,26 +199,29 @@ def summary(rows: list[Row], budget: float) -> list[str]:
     """Shares over every part, failures counted as misses."""
     count = len(rows)
     known = [r for r in rows if r.reference is not None]
-    short = [r for r in known if (r.primitives or count * 1000) <= (r.reference or 0)]
+    short = [r for r in known if _primitives(r) <= (r.reference or 0)]
     lines = [f"{count} parts, {sum(r.stop.startswith('FAILED') for r in rows)} failed"]
     lines += [f"IoU >= {bar}: {_share(sum(r.iou >= bar for r in rows), count)}" for bar in (0.99, 0.98, 0.97)]
     lines.append(f"mean IoU {statistics.fmean(r.iou for r in rows):.4f}")
     if known:
         lines.append(f"no more primitives than the reference: {_share(len(short), len(known))}")
         lines.append(f"IoU >= 0.99 and no more primitives than the reference: {_share(sum(r.iou >= 0.99 for r in short), len(known))}")
-    for title, rivals in (
-        ("", [r for r in known if r.reference_iou]),
-        (" (at most 30 reference primitives)", [r for r in known if r.reference_iou and r.reference <= 30]),
-    ):
+    for most in (math.inf, 30):
+        rivals = [r for r in known if r.reference_iou and (r.reference or 0) <= most]
+        better = sum(r.iou >= (r.reference_iou or 0) and _primitives(r) < (r.reference or 0) for r in rivals)
         if rivals:
-            better = sum(r.iou >= r.reference_iou and (r.primitives or 10**6) < r.reference for r in rivals)
-            lines.append(f"IoU at least the reference's with fewer primitives{title}: {_share(better, len(rivals))}")
+            among = "" if most == math.inf else f", among those of at most {most} reference primitives"
+            lines.append(f"IoU at least the reference's and fewer primitives{among}: {_share(better, len(rivals))}")
     times = [r.seconds for r in rows]
     lines.append(
         f"seconds: median {statistics.median(times):.1f}, longest {max(times):.1f}; over the budget: {sum(t > budget for t in times)}"
     )
     lines.append(f"peak memory: {max(r.peak_mib for r in rows):.0f} MiB")
     return lines
+
+
+def _primitives(row: Row) -> float:
+    return math.inf if row.primitives is None else row.primitives
 
 
 def _share(hits: int, count: int) -> str:
