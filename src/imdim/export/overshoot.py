@@ -126,7 +126,8 @@ def _may_extend(program: Program, placed: list[Placed], index: int, face: Face, 
     if high <= 2 * skin:
         return False
     beyond = _narrowed(between(leaf, face, skin, high), face, skin)
-    within = _narrowed(between(leaf, face, -2 * skin, -skin), face, skin)
+    # as narrow as the face itself, although a cone is wider there: another cutter that meets the rim covers it
+    within = _narrowed(between(leaf, face, -2 * skin, -skin), face, skin * (1 + 2 * _widening(leaf, face)))
     return not _matters(program, placed, index, beyond) and _matters(program, placed, index, within)
 
 
@@ -210,6 +211,11 @@ def _slope(cone: Primitive, face: Face) -> float:
     return (here - other) / cone.size[2]
 
 
+def _widening(leaf: Primitive, face: Face) -> float:
+    """Growth of the radius per unit of depth behind `face`."""
+    return max(-_slope(leaf, face), 0.0) if leaf.kind == "cone" else 0.0
+
+
 def _apex(cone: Primitive, face: Face) -> float:
     """How far outward of `face` the cone has its apex; infinite where it widens."""
     slope = _slope(cone, face)
@@ -227,11 +233,11 @@ def _size_between(leaf: Primitive, face: Face, low: float, high: float) -> tuple
     return (inner, outer, high - low) if side > 0 else (outer, inner, high - low)
 
 
-def _narrowed(region: Primitive, face: Face, skin: float) -> Primitive:
+def _narrowed(region: Primitive, face: Face, rim: float) -> Primitive:
     """The region without its rim, where coarser circles and lateral skins would decide."""
     if region.kind == "box":
-        return replace(region, size=tuple(s if axis == face[0] else max(s - 2 * skin, s / 2) for axis, s in enumerate(region.size)))
-    radii = tuple(max(r * (1 - SHRINK) - skin, r / 2) for r in region.size[:-1])
+        return replace(region, size=tuple(s if axis == face[0] else max(s - 2 * rim, s / 2) for axis, s in enumerate(region.size)))
+    radii = tuple(max(r * (1 - SHRINK) - rim, r / 2) for r in region.size[:-1])
     return replace(region, size=(*radii, region.size[-1]))
 
 

@@ -1,0 +1,88 @@
+from pathlib import Path
+
+import pytest
+
+from imdim.export.folder import OutputError, check_writable, replacing
+
+
+def results(folder: Path) -> dict[str, str]:
+    return {path.name: path.read_text() for path in folder.iterdir()}
+
+
+def write(folder: Path, text: str) -> None:
+    with replacing(folder) as partial:
+        (partial / "report.json").write_text(text)
+        (partial / "program.scad").write_text(text)
+
+
+def test_results_replace_earlier_results_whole(tmp_path):
+    folder = tmp_path / "deep" / "out"
+    write(folder, "one")
+    with replacing(folder) as partial:
+        (partial / "report.json").write_text("two")
+        assert set(results(folder)) == {"report.json", "program.scad"}
+    assert results(folder) == {"report.json": "two"}
+    assert [path.name for path in folder.parent.iterdir()] == ["out"]
+
+
+def stopped(folder: Path) -> None:
+    with replacing(folder) as partial:
+        (partial / "report.json").write_text("half")
+        raise KeyboardInterrupt
+
+
+def test_what_is_stopped_leaves_the_earlier_results(tmp_path):
+    folder = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        stopped(folder)
+    assert list(tmp_path.iterdir()) == []
+    write(folder, "one")
+    with pytest.raises(KeyboardInterrupt):
+        stopped(folder)
+    assert results(folder) == {"report.json": "one", "program.scad": "one"}
+    assert list(tmp_path.iterdir()) == [folder]
+
+
+def test_foreign_files_are_never_touched(tmp_path):
+    folder = tmp_path / "out"
+    write(folder, "one")
+    (folder / "thesis.txt").write_text("mine")
+    for attempt in (check_writable, lambda f: write(f, "two")):
+        with pytest.raises(OutputError, match=r"out holds thesis\.txt"):
+            attempt(folder)
+    assert results(folder) == {"report.json": "one", "program.scad": "one", "thesis.txt": "mine"}
+    assert list(tmp_path.iterdir()) == [folder]
+
+
+def foreign_meanwhile(folder: Path) -> None:
+    with replacing(folder) as partial:
+        (partial / "report.json").write_text("two")
+        (folder / "thesis.txt").write_text("mine")
+
+
+def test_a_foreign_file_that_came_meanwhile_is_not_touched(tmp_path):
+    folder = tmp_path / "out"
+    write(folder, "one")
+    with pytest.raises(OutputError, match="thesis"):
+        foreign_meanwhile(folder)
+    assert results(folder)["thesis.txt"] == "mine"
+    assert list(tmp_path.iterdir()) == [folder]
+
+
+def test_unusable_folders_are_named(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    cases = {
+        tmp_path / "file": "is a file",
+        tmp_path / "file" / "below" / "out": "cannot be written: Not a directory",
+        Path(): "cannot be replaced as a whole",
+        Path("/proc/nowhere/out"): "cannot be written",
+    }
+    for folder, message in cases.items():
+        with pytest.raises(OutputError, match=message) as caught:
+            check_writable(folder)
+        assert str(folder.resolve()) in str(caught.value)
+        assert "\n" not in str(caught.value)
+    check_writable(tmp_path / "new" / "out")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "here"]

@@ -1,0 +1,60 @@
+import numpy as np
+import pytest
+import trimesh
+
+from imdim.export.preview import HEADER, PANEL, VIEW, preview
+from imdim.geometry.cloud import Target, target_from
+from imdim.geometry.solid import to_manifold, to_trimesh
+from imdim.program.tree import Combine, Primitive
+
+BLOCK = Primitive("box", (3.0, 2.0, 1.0))
+STEPPED = Combine("union", BLOCK, Primitive("box", (1.0, 1.0, 1.0), (0.0, 0.0, 1.0)))
+
+
+def mesh(program) -> trimesh.Trimesh:
+    return to_trimesh(to_manifold(program))
+
+
+def panels(target: Target, result, worst: float) -> list[np.ndarray]:
+    pixels = np.asarray(preview(target, mesh(result), worst), np.int64)
+    lefts = (10 + number * (PANEL + 20) for number in range(3))
+    return [pixels[HEADER : HEADER + PANEL, left : left + PANEL] for left in lefts]
+
+
+def reddish(panel: np.ndarray) -> int:
+    return int((panel[..., 0] - panel[..., 2] > 60).sum())
+
+
+def inked(panel: np.ndarray) -> int:
+    return int((panel.min(axis=2) < 250).sum())
+
+
+def test_the_silhouette_has_the_area_of_the_projected_box():
+    view = VIEW / np.linalg.norm(VIEW)
+    area = abs(view) @ [2 * 1, 3 * 1, 3 * 2]
+    right = np.cross([0, 0, 1], view) / np.linalg.norm(np.cross([0, 0, 1], view))
+    wide = abs(right) @ [3, 2, 1]
+    tall = abs(np.cross(view, right)) @ [3, 2, 1]
+    exact = area * (0.92 * PANEL / max(wide, tall)) ** 2
+    for panel in panels(target_from(mesh(BLOCK)), BLOCK, 0.0):
+        assert inked(panel) == pytest.approx(exact, rel=0.02)
+
+
+@pytest.mark.parametrize("as_cloud", [False, True])
+def test_what_is_missed_is_red_and_what_is_found_is_not(as_cloud):
+    body = mesh(STEPPED)
+    target = target_from(trimesh.sample.sample_surface(body, 4000, seed=0)[0] if as_cloud else body)
+    assert [reddish(panel) > 1000 for panel in panels(target, BLOCK, 1.0)] == [False, False, True]
+    assert [reddish(panel) for panel in panels(target, STEPPED, 0.0)] == [0, 0, 0]
+
+
+@pytest.mark.parametrize(("scale", "offset"), [(1e-6, 0.0), (1e6, 0.0), (1.0, 1e6)])
+def test_scale_and_place_do_not_matter(scale, offset):
+    def placed(leaf: Primitive) -> Primitive:
+        x, y, z = (scale * c + offset for c in leaf.center)
+        return Primitive("box", tuple(scale * s for s in leaf.size), (x, y, z))
+
+    moved = Combine("union", placed(STEPPED.left), placed(STEPPED.right))
+    here, there = panels(target_from(mesh(STEPPED)), BLOCK, 1.0), panels(target_from(mesh(moved)), placed(BLOCK), scale)
+    for a, b in zip(here, there, strict=True):
+        assert (np.abs(a - b).max(axis=2) > 16).mean() < 0.005

@@ -1,0 +1,86 @@
+import re
+import sys
+from collections import Counter
+
+import pytest
+from tests.export.coincident import MEANT
+from tests.known_programs import KNOWN
+
+from imdim.export import step_worker
+from imdim.export.overshoot import overshoot
+from imdim.export.step import StepError, read_step, step_volume, write_step
+from imdim.program.codec import dumps
+from imdim.program.tree import Combine, Primitive
+
+pytest.importorskip("OCP", reason="the extra [step] is not installed")
+
+PARTS = {**{n: known for n, known in KNOWN.items() if n != "nothing"}, **{n: meant[:2] for n, meant in MEANT.items()}}
+
+
+def surface_kinds(path) -> dict[str, int]:
+    """Surfaces by their STEP entity: one per face, since faces on the same surface were merged."""
+    return dict(Counter(re.findall(r"= (PLANE|\w+_SURFACE\w*)\(", path.read_text())))
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_opencascade_rereads_the_exact_volume(name, tmp_path):
+    program, exact = PARTS[name]
+    write_step(overshoot(program), tmp_path / "part.step")
+    assert step_volume(tmp_path / "part.step") == pytest.approx(exact, rel=1e-5)
+
+
+def test_faces_are_analytic(tmp_path):
+    write_step(overshoot(MEANT["bracket"][0]), tmp_path / "part.step")
+    # boss, bore and hole; the plate's six faces, the boss's top, two of the notch, five of the pocket
+    assert surface_kinds(tmp_path / "part.step") == {"PLANE": 6 + 1 + 2 + 5, "CYLINDRICAL_SURFACE": 3, "CONICAL_SURFACE": 1}
+
+
+@pytest.mark.parametrize(("name", "kind"), [("sphere", "SPHERICAL_SURFACE"), ("torus", "TOROIDAL_SURFACE")])
+def test_round_faces_are_analytic(name, kind, tmp_path):
+    write_step(KNOWN[name][0], tmp_path / "part.step")
+    assert surface_kinds(tmp_path / "part.step") == {kind: 1}
+
+
+@pytest.mark.parametrize("name", ["core left standing", "bracket"])
+def test_the_same_bytes_every_time(name, tmp_path):
+    for number in range(2):
+        write_step(PARTS[name][0], tmp_path / f"{number}.step")
+    first, second = ((tmp_path / f"{number}.step").read_bytes() for number in range(2))
+    assert first == second
+    assert b"SI_UNIT(.MILLI.,.METRE.)" in first
+    assert b"1970-01-01T00:00:00" in first
+
+
+def test_what_opencascade_cannot_say_is_an_error(tmp_path):
+    with pytest.raises(StepError, match="invalid or empty"):
+        write_step(KNOWN["nothing"][0], tmp_path / "part.step")
+    with pytest.raises(StepError, match="largest size is 1e-05"):
+        write_step(Primitive("sphere", (1e-5,)), tmp_path / "part.step")
+    (tmp_path / "part.step").write_text("no step")
+    with pytest.raises(StepError, match="holds no STEP shape"):
+        read_step(tmp_path / "part.step")
+
+
+def test_a_process_of_its_own_gives_the_volume_or_the_reason(tmp_path, monkeypatch):
+    program, exact = KNOWN["drilled block"]
+    for name, part in (("good", program), ("empty", Combine("difference", program, program))):
+        (tmp_path / f"{name}.json").write_text(dumps(part))
+    good, empty = (step_worker.start_step(tmp_path / f"{name}.json", tmp_path / f"{name}.step") for name in ("good", "empty"))
+    assert step_worker.finish_step(good, 60) == pytest.approx(exact, rel=1e-9)
+    with pytest.raises(StepError, match=r"^OpenCASCADE built an invalid or empty solid$"):
+        step_worker.finish_step(empty, 60)
+    slow = step_worker.start_step(tmp_path / "good.json", tmp_path / "slow.step")
+    with pytest.raises(StepError, match="took more than 0 s"):
+        step_worker.finish_step(slow, 0)
+    assert slow.process.returncode is not None
+    assert sorted(path.name for path in tmp_path.glob("*.step")) == ["good.step"]
+
+
+def test_without_opencascade_one_line_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setattr(step_worker, "find_spec", lambda name: None)
+    with pytest.raises(StepError, match=r"imdim\[step\]"):
+        step_worker.start_step(tmp_path / "program.json", tmp_path / "program.step")
+    monkeypatch.setitem(sys.modules, "OCP", None)
+    monkeypatch.setitem(sys.modules, "OCP.Message", None)
+    with pytest.raises(StepError, match=r"imdim\[step\]"):
+        write_step(KNOWN["box"][0], tmp_path / "part.step")
