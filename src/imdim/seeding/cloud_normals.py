@@ -16,7 +16,7 @@ _NEIGHBOURS, _TRIPLES, _QUANTILE, _CALIBRATION = 24, 120, 8, 0.257
 
 @dataclass(frozen=True)
 class CloudScale:
-    """`spacing`: the side of the square that one point stands for; `sigma`: deviation of the noise along the normal; `diagonal` of the box."""
+    """`spacing`: side of the square that one point stands for; `sigma`: deviation of the noise along the normal; `diagonal`: of the box."""
 
     spacing: float
     sigma: float
@@ -134,5 +134,6 @@ def _consensus(points, near, pairs, tolerance, reach):  # pragma: no cover - com
             v = np.linalg.eigh(moment)[1][:, 0]
             bx, by, bz = v[0], v[1], v[2]
         normals[i] = (bx, by, bz)
-        trust[i] = max(best, 0.0) / total
+        # three points always agree: without others there is nothing to trust
+        trust[i] = max(best - 2.0, 0.0) / max(total - 2.0, 3.0)
     return normals, trust

@@ -1,0 +1,116 @@
+"""Compiled twins of the carrier surfaces' distances, and the score of many hypotheses over a cloud."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from imdim.geometry.surface import SURFACE_KINDS, Surface
+
+PLANE, SPHERE, CYLINDER, CONE, TORUS = range(5)
+
+
+def pack(surface: Surface) -> np.ndarray:
+    """Point, axis and sizes padded with zeros: [8]."""
+    sizes = (*surface.sizes, 0.0, 0.0)
+    return np.array([*surface.point, *surface.axis, sizes[0], sizes[1]])
+
+
+def unpack(kind: int, row: np.ndarray) -> Surface:
+    """The inverse of `pack`, for the kind of index `kind` in SURFACE_KINDS."""
+    count = (0, 1, 1, 1, 2)[kind]
+    values = [float(v) for v in row]
+    return Surface(SURFACE_KINDS[kind], (values[0], values[1], values[2]), (values[3], values[4], values[5]), tuple(values[6 : 6 + count]))
+
+
+@njit(cache=True, inline="always")
+def distance_and_cosine(kind, row, x, y, z, nx, ny, nz):  # pragma: no cover - compiled
+    """Signed distance to a carrier, and the cosine between its gradient there and a given normal."""
+    qx, qy, qz = x - row[0], y - row[1], z - row[2]
+    ax, ay, az = row[3], row[4], row[5]
+    if kind == PLANE:
+        return qx * ax + qy * ay + qz * az, nx * ax + ny * ay + nz * az
+    if kind == SPHERE:
+        length = math.sqrt(qx * qx + qy * qy + qz * qz)
+        return length - row[6], (nx * qx + ny * qy + nz * qz) / max(length, 1e-12)
+    h = qx * ax + qy * ay + qz * az
+    rx, ry, rz = qx - h * ax, qy - h * ay, qz - h * az
+    rho = math.sqrt(rx * rx + ry * ry + rz * rz)
+    radial = (nx * rx + ny * ry + nz * rz) / max(rho, 1e-12)
+    if kind == CYLINDER:
+        return rho - row[6], radial
+    axial = nx * ax + ny * ay + nz * az
+    if kind == CONE:
+        c, s = math.cos(row[6]), math.sin(row[6])
+        return rho * c - h * s, radial * c - axial * s
+    out = rho - row[6]
+    length = math.hypot(out, h)
+    return length - row[7], (radial * out + axial * h) / max(length, 1e-12)
+
+
+@njit(cache=True)
+def score(kinds, rows, tolerance, points, normals, trust, least_cosine):  # pragma: no cover - compiled
+    """Per hypothesis the sum over points of 1 - (distance / tolerance)^2 (MSAC, Torr & Zisserman 2000), and the largest it could be.
+
+    A point whose normal disagrees counts by the distrust in its normal only.
+    """
+    out = np.zeros(len(kinds))
+    for i in range(len(kinds)):
+        row, kind, reach = rows[i], kinds[i], tolerance[i]
+        total = 0.0
+        for j in range(len(points)):
+            d, c = distance_and_cosine(kind, row, points[j, 0], points[j, 1], points[j, 2], normals[j, 0], normals[j, 1], normals[j, 2])
+            r = d / reach
+            if -1.0 < r < 1.0:
+                gain = 1.0 - r * r
+                if abs(c) < least_cosine:
+                    gain *= 1.0 - trust[j]
+                total += gain
+        out[i] = total
+    return out
+
+
+@njit(cache=True)
+def gains(kind, row, tolerance, points, normals, trust, least_cosine):  # pragma: no cover - compiled
+    """The terms [n] that `score` sums for one hypothesis; 0 outside of the tolerance."""
+    out = np.zeros(len(points))
+    for j in range(len(points)):
+        d, c = distance_and_cosine(kind, row, points[j, 0], points[j, 1], points[j, 2], normals[j, 0], normals[j, 1], normals[j, 2])
+        r = d / tolerance
+        if -1.0 < r < 1.0:
+            out[j] = 1.0 - r * r
+            if abs(c) < least_cosine:
+                out[j] *= 1.0 - trust[j]
+    return out
+
+
+@njit(cache=True)
+def sharp_gains(kind, row, tolerance, points, normals, trust, least_cosine):  # pragma: no cover - compiled
+    """`gains` [n], halved for points beyond a quarter of the tolerance.
+
+    A true carrier lies well within the tolerance; one that is laid over several others does not.
+    """
+    wide = gains(kind, row, tolerance, points, normals, trust, least_cosine)
+    return 0.5 * (wide + gains(kind, row, 0.25 * tolerance, points, normals, trust, least_cosine))
+
+
+@njit(cache=True)
+def largest_plane(points, triples, tolerance):  # pragma: no cover - compiled
+    """The most points [n, 3] that one plane through a triple of them [t, 3] holds."""
+    best = 0
+    for t in range(len(triples)):
+        a, b, c = points[triples[t, 0]], points[triples[t, 1]], points[triples[t, 2]]
+        ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        length = math.sqrt(nx * nx + ny * ny + nz * nz)
+        if length < 0.02 * (ux * ux + uy * uy + uz * uz + vx * vx + vy * vy + vz * vz) or length == 0.0:
+            continue
+        count = 0
+        for j in range(len(points)):
+            if abs((points[j, 0] - a[0]) * nx + (points[j, 1] - a[1]) * ny + (points[j, 2] - a[2]) * nz) < tolerance * length:
+                count += 1
+        best = max(best, count)
+    return best
