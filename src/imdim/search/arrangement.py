@@ -55,7 +55,9 @@ class ArrangementConfig:
     reach: float = 1.0  # of the diagonal, how far beyond the part curved carriers are followed
     merge: float = 4e-4  # of the diagonal, under which two offsets are one
     max_offsets: int = 48  # along one direction; the planes with least area go first
+    least_direction: float = 2e-3  # of the visible area; directions with less are not searched
     max_directions: int = 40
+    max_curved: int = 80
     max_frames: int = 12
 
 
@@ -63,8 +65,9 @@ def arrange(surfaces: Sequence[Surface], areas: Sequence[float], bounds: np.ndar
     """Collect carriers with their visible areas into an arrangement over the part's bounding box `bounds` [2, 3]."""
     diagonal = float(np.linalg.norm(bounds[1] - bounds[0]))
     box = np.stack([bounds[0] - config.margin * diagonal, bounds[1] + config.margin * diagonal])
-    curved = [(s, a) for s, a in zip(surfaces, areas, strict=True) if s.kind != "plane"]
+    curved = sorted(((s, a) for s, a in zip(surfaces, areas, strict=True) if s.kind != "plane"), key=lambda c: -c[1])[: config.max_curved]
     vectors = _direction_vectors(surfaces, areas, config)
+    curved = [(s, a) for s, a in curved if s.kind in ("sphere", "torus") or _axis_index(s, vectors) >= 0]
     frames = _frames(vectors, config)
     outer = _outer([s for s, _ in curved], box, config.reach * diagonal)
     tol = config.merge * diagonal
@@ -103,7 +106,8 @@ def _direction_vectors(surfaces: Sequence[Surface], areas: Sequence[float], conf
             weights.append(area)
         else:
             weights[match] += area
-    order = sorted(range(len(vectors)), key=lambda i: -weights[i])[: config.max_directions]
+    least = config.least_direction * sum(areas)
+    order = [i for i in sorted(range(len(vectors)), key=lambda i: -weights[i]) if weights[i] >= least][: config.max_directions]
     kept = [vectors[i] for i in order] or [np.array([0.0, 0.0, 1.0])]
     return _complete(kept)
 
@@ -165,7 +169,7 @@ def _offsets(
         if all(abs(offset - other) > tol for other in kept) and low + tol < offset < high - tol:
             kept.append(offset)
     farthest = _span(outer, v)
-    ends = [low - tol, high + tol] if (low - farthest[0], farthest[1] - high) < (tol, tol) else [*farthest, low, high]
+    ends = [low, high] if max(low - farthest[0], farthest[1] - high) < tol else [*farthest, low, high]
     return np.array(sorted([*kept, *ends]))
 
 
@@ -195,8 +199,9 @@ def _proposed(surface: Surface, v: np.ndarray) -> list[tuple[float, float]]:
 def _axis_index(surface: Surface, vectors: list[np.ndarray]) -> int:
     if surface.kind in ("sphere", "torus"):
         return -1
-    axis = np.asarray(surface.axis)
-    return int(np.argmax([abs(v @ axis) for v in vectors]))
+    along = [abs(float(v @ np.asarray(surface.axis))) for v in vectors]
+    best = int(np.argmax(along))
+    return best if along[best] > PARALLEL - 2e-6 else -1
 
 
 def codes(arrangement: Arrangement, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

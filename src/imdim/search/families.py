@@ -49,9 +49,9 @@ class Families:
         self._widths = np.array(widths, np.int64)
 
     def best(self, field: np.ndarray, per_frame: int) -> list[tuple[float, Candidate]]:
-        """Candidates with large sums of `field` [m]: one per curved family, up to `per_frame` per box frame."""
+        """Candidates with large sums of `field` [m]: one per curved family, up to `per_frame` (or none) per box frame."""
         out = self._best_curved(field)
-        for frame in range(len(self.arrangement.frames)):
+        for frame in range(len(self.arrangement.frames) if per_frame else 0):
             out += self._best_boxes(field, frame, per_frame)
         return out
 

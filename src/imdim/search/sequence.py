@@ -69,11 +69,11 @@ def run(sequence: Sequence, m: int) -> np.ndarray:
     return state
 
 
-def error(sequence: Sequence, families: Families, excess: float = 1.0) -> float:
-    """Volume in which the sequence and the target differ; what the sequence has too much counts `excess` times."""
+def error(sequence: Sequence, families: Families, weights: tuple[float, float] = (1.0, 1.0)) -> float:
+    """Volume in which the sequence and the target differ; `weights` count (what it has too much, what it lacks)."""
     cells = families.cells
     state = run(sequence, len(cells.points))
-    return excess * float(cells.w_out[state].sum()) + float(cells.w_in[~state].sum())
+    return weights[0] * float(cells.w_out[state].sum()) + weights[1] * float(cells.w_in[~state].sum())
 
 
 def cost(sequence: Sequence) -> int:
@@ -133,18 +133,19 @@ def gaps(sequence: Sequence, m: int) -> Iterator[Gap]:
             free = free & (step.mask if step.op == "intersection" else ~step.mask)
 
 
-def insertions(sequence: Sequence, families: Families, per_frame: int, least: float, excess: float = 1.0) -> list[Insertion]:
-    """Insertions of single candidates that win more than `least`, best first; `excess` as in `error`."""
-    gain = families.cells.w_in - excess * families.cells.w_out
+def insertions(sequence: Sequence, families: Families, per_frame: int, least: float, weights: tuple[float, float] = (1.0, 1.0)) -> list[Insertion]:
+    """Insertions of single candidates that win more than `least`, best first; `weights` as in `error`."""
+    gain = weights[1] * families.cells.w_in - weights[0] * families.cells.w_out
     out: list[Insertion] = []
     best = least
+    enough = 0.5 if per_frame > 1 else 1.0  # a place whose whole potential is below this share of the best is skipped
     for gap in gaps(sequence, len(gain)):
         fields = _fields(gap, gain)
         for op, field, total in fields:
             if op == "intersection":
-                found = [(total + v, c) for v, c in families.best(field, per_frame)] if total > best * 0.5 else []
+                found = [(total + v, c) for v, c in families.best(field, per_frame)] if total > best * enough else []
             else:
-                found = families.best(field, per_frame) if field[field > 0].sum() > best * 0.5 else []
+                found = families.best(field, per_frame) if field[field > 0].sum() > best * enough else []
             out += [Insertion(v, gap.position, op, c) for v, c in found if v > least]
             best = max([best, *(v for v, _ in found)])
     return sorted(out, key=lambda i: -i.gain)
@@ -167,26 +168,37 @@ def _fields(gap: Gap, gain: np.ndarray) -> list[tuple[Op, np.ndarray, float]]:
 def pair_insertions(sequence: Sequence, families: Families, least: float, limit: int) -> list[Insertion]:
     """Insertions of two candidates combined (round end of a bar, bored boss) at the end of the sequence, best first.
 
-    `limit` bounds how many curved candidates are tried as the left part.
+    `limit` bounds how many candidates are tried as one half; the other half is the best of all for it.
     """
     gain = families.cells.gain
     gap = next(gaps(sequence, len(gain)))
     out: list[Insertion] = []
     for op, field, _ in _fields(gap, gain)[:2]:
-        for left in _promising(field, families, limit):
-            inside = families.mask(left)
-            kept = np.where(inside, field, 0.0)
-            if kept[kept > 0].sum() <= least:
-                continue
-            whole = float(kept.sum())
-            out += [Insertion(v, gap.position, op, Pair("intersection", left, c)) for v, c in families.best(kept, 1) if v > least]
-            out += [Insertion(whole + v, gap.position, op, Pair("difference", left, c)) for v, c in families.best(-kept, 1) if whole + v > least]
+        for half in _promising(field, families, limit):
+            out += [Insertion(v, gap.position, op, pair) for v, pair in _paired(half, field, families, least)]
+        for half in _separating(field, families, limit):
+            rest = np.where(families.mask(half), 0.0, field)
+            out += [Insertion(v, gap.position, op, Pair("difference", c, half)) for v, c in families.best(rest, 1) if v > least]
     return sorted(out, key=lambda i: -i.gain)
 
 
+def _paired(half: Candidate, field: np.ndarray, families: Families, least: float) -> list[tuple[float, Pair]]:
+    """The best intersections with, and subtractions from, one half."""
+    kept = np.where(families.mask(half), field, 0.0)
+    if kept[kept > 0].sum() <= least:
+        return []
+    whole = float(kept.sum())
+    both = [(v, Pair("intersection", half, c)) for v, c in families.best(kept, 1) if v > least]
+    return both + [(whole + v, Pair("difference", half, c)) for v, c in families.best(-kept, 1) if whole + v > least]
+
+
 def _promising(field: np.ndarray, families: Families, limit: int) -> list[Candidate]:
-    """Candidates with the largest positive content whatever else they cover: the widest of each curved family, the best boxes."""
-    positive = np.maximum(field, 0.0)
-    found = families.best(np.where(field > 0, field, 0.02 * np.minimum(field, 0.0)), 2)
-    found.sort(key=lambda f: -f[0])
-    return [c for v, c in found[:limit] if v > 0 and positive.any()]
+    """Candidates with the largest positive content, whatever else they cover."""
+    found = families.best(np.where(field > 0, field, 0.02 * field), 2)
+    return [c for v, c in sorted(found, key=lambda f: -f[0])[:limit] if v > 0]
+
+
+def _separating(field: np.ndarray, families: Families, limit: int) -> list[Candidate]:
+    """Candidates that hold the most of what must not be covered: something larger less one of them may pay."""
+    found = families.best(np.where(field < 0, -field, 0.02 * -field), 2)
+    return [c for v, c in sorted(found, key=lambda f: -f[0])[:limit] if v > 0]

@@ -21,9 +21,19 @@ class StructureConfig:
     """Limits and the price of a primitive, relative to the target's volume."""
 
     size_weight: float = 2.5e-4
-    # Starts cover the target first with excess volume at a discount: hollow parts are a hull minus cavities. A covering step must pay more.
-    discounts: tuple[float, ...] = (1.0, 0.3, 0.1, 0.02)
-    cover_weight: float = 0.01
+    # Each schedule is a row of phases (weight of excess, weight of lack, price of a step in units of size_weight, kinds of candidates).
+    # The true objective over all candidates ends each schedule.
+    # Discounted excess covers the target first: hollow parts are a hull minus cavities. Dear lack then makes cuts pure: a row of holes
+    # is not a slot with walls put back. Dear excess adds pure pieces only.
+    schedules: tuple[tuple[tuple[float, float, float, str], ...], ...] = (
+        (),
+        ((0.3, 1.0, 40.0, "all"),),
+        ((0.1, 1.0, 40.0, "all"), (1.0, 5.0, 1.0, "all")),
+        ((0.02, 1.0, 40.0, "all"), (1.0, 20.0, 1.0, "all")),
+        ((0.1, 1.0, 40.0, "curved"), (1.0, 5.0, 1.0, "all")),
+        ((0.01, 1.0, 40.0, "curved"), (1.0, 20.0, 1.0, "all")),
+        ((20.0, 1.0, 1.0, "all"),),
+    )
     beam: int = 4
     branch: int = 4
     beam_steps: int = 3  # steps searched with the whole beam; the best states are then completed greedily
@@ -44,10 +54,11 @@ class Found:
 
 @dataclass(frozen=True)
 class _Price:
-    """The objective of a phase: the price of a primitive in volume, and the weight of excess volume."""
+    """The objective of a phase: the price of a primitive in volume, and the weights of excess and lacking volume."""
 
     step: float
-    excess: float = 1.0
+    weights: tuple[float, float] = (1.0, 1.0)
+    boxes: bool = True
 
 
 def search(families: Families, config: StructureConfig, out_of_time: Callable[[], bool]) -> Iterator[Found]:
@@ -63,7 +74,7 @@ def search(families: Families, config: StructureConfig, out_of_time: Callable[[]
             yield best
         if out_of_time():
             return
-    for start in sorted(_distinct(completed, families), key=lambda f: f.objective)[: config.finalists]:
+    for start in sorted(_distinct(completed), key=lambda f: f.objective)[: config.finalists]:
         for improved in _improve(start, families, config, exact, out_of_time):
             if best is None or improved.objective < best.objective - 1e-12:
                 best = improved
@@ -71,22 +82,27 @@ def search(families: Families, config: StructureConfig, out_of_time: Callable[[]
 
 
 def _starts(families: Families, config: StructureConfig, exact: _Price, out_of_time: Callable[[], bool]) -> Iterator[Found]:
-    """Beams under each discount, and for discounts under one the cover completed."""
-    for excess in config.discounts:
-        price = exact if excess == 1.0 else _Price(config.cover_weight * families.cells.volume, excess)
-        states = [_found((), families, price)]
-        for _ in range(config.beam_steps):
-            wider = _widen(states, families, config, price)
-            if not wider or out_of_time():
-                break
-            states = wider
-        for state in states:
-            cover = state if excess == 1.0 else _complete(state, families, config, price, out_of_time)
-            yield _found(cover.sequence, families, exact)
+    """The beams of each schedule's first phase, carried through its phases."""
+    for schedule in config.schedules:
+        phases = [_Price(step * exact.step, (excess, lack), kinds == "all") for excess, lack, step, kinds in schedule]
+        for state in _beam(families, config, [*phases, exact][0], out_of_time):
+            for phase in phases:
+                state = _complete(_found(state.sequence, families, phase), families, config, phase, out_of_time)
+            yield _found(state.sequence, families, exact)
+
+
+def _beam(families: Families, config: StructureConfig, price: _Price, out_of_time: Callable[[], bool]) -> list[Found]:
+    states = [_found((), families, price)]
+    for _ in range(config.beam_steps):
+        wider = _widen(states, families, config, price)
+        if not wider or out_of_time():
+            break
+        states = wider
+    return states
 
 
 def _found(sequence: Sequence, families: Families, price: _Price) -> Found:
-    return Found(sequence, error(sequence, families, price.excess) + price.step * cost(sequence))
+    return Found(sequence, error(sequence, families, price.weights) + price.step * cost(sequence))
 
 
 def _grown(found: Found, insertion: Insertion, families: Families, price: _Price) -> Found:
@@ -97,10 +113,10 @@ def _widen(states: list[Found], families: Families, config: StructureConfig, pri
     """The next beam: the best distinct states among the best insertions into each state, and the states that nothing improves."""
     grown = list(states)
     for state in states:
-        found = insertions(state.sequence, families, config.per_frame, price.step, price.excess)
+        found = insertions(state.sequence, families, config.per_frame if price.boxes else 0, price.step, price.weights)
         grown += [_grown(state, i, families, price) for i in _diverse(found, config.branch)]
     grown.sort(key=lambda f: f.objective)
-    kept = _distinct(grown, families)[: config.beam]
+    kept = _distinct(grown)[: config.beam]
     return [] if kept == states else kept
 
 
@@ -114,10 +130,11 @@ def _diverse(found: list[Insertion], count: int) -> list[Insertion]:
     return sorted([*first[:count], *rest[: count // 2]], key=lambda i: -i.gain)[: count + count // 2]
 
 
-def _distinct(states: list[Found], families: Families) -> list[Found]:
+def _distinct(states: list[Found]) -> list[Found]:
+    """One state for each set of filled cells and size, in the order given."""
     seen, out = set(), []
     for state in states:
-        key = np.packbits(run(state.sequence, len(families.cells.points))).tobytes()
+        key = (cost(state.sequence), np.packbits(run(state.sequence, len(state.sequence[0].mask))).tobytes() if state.sequence else b"")
         if key not in seen:
             seen.add(key)
             out.append(state)
@@ -127,8 +144,8 @@ def _distinct(states: list[Found], families: Families) -> list[Found]:
 def _complete(found: Found, families: Families, config: StructureConfig, price: _Price, out_of_time: Callable[[], bool]) -> Found:
     """Insert the best single step, or a pair where no single pays, until nothing pays."""
     while cost(found.sequence) < config.max_primitives and not out_of_time():
-        options = insertions(found.sequence, families, 1, price.step, price.excess)[:1]
-        if not options and price.excess == 1.0:
+        options = insertions(found.sequence, families, int(price.boxes), price.step, price.weights)[:1]
+        if not options and price.weights == (1.0, 1.0):
             options = pair_insertions(found.sequence, families, 2 * price.step, config.pair_limit)[:1]
         if not options:
             break

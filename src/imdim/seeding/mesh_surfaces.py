@@ -8,7 +8,8 @@ band of latitude is also an exact cone: area decides that too. What no curved ca
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
+from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
@@ -23,6 +24,7 @@ class MeshSurfaceConfig:
     """Tolerances relative to the diagonal, angles in degrees."""
 
     on_surface: float = 2e-4  # corner to carrier
+    loose: float = 8e-4  # the same in the second pass
     smooth_deg: float = 46.0  # facets that meet under more are not one smooth surface (an octagon still is)
     follow_deg: float = 24.0  # facet normal to carrier normal at the facet's corners
     wide_span: float = 2.6  # a facet spanning this many times the typical angle is a flat, not a part of the curve
@@ -36,8 +38,10 @@ def detect_patches(mesh: trimesh.Trimesh, config: MeshSurfaceConfig | None = Non
     """Carriers with their visible pieces, curved ones first, each kind by falling area."""
     config = config or MeshSurfaceConfig()
     facets = facets_of(mesh)
-    curved, taken = _curved(facets, config)
-    return sorted(curved, key=lambda p: -p.area) + _planes(facets, ~taken, config)
+    curved, free = _curved(facets, np.ones(len(facets.areas), bool), config)
+    # corners where two tessellations cut each other lie on chords: what the strict pass leaves gets a second one
+    more, free = _curved(facets, free, replace(config, on_surface=config.loose, max_failures=config.max_failures // 3))
+    return sorted(curved + more, key=lambda p: -p.area) + _planes(facets, free, config)
 
 
 @dataclass
@@ -50,13 +54,14 @@ class _Growing:
     config: MeshSurfaceConfig
 
 
-def _curved(facets: Facets, config: MeshSurfaceConfig) -> tuple[list[Patch], np.ndarray]:
+def _curved(facets: Facets, free: np.ndarray, config: MeshSurfaceConfig) -> tuple[list[Patch], np.ndarray]:
+    """Curved patches among the `free` facets [u], and the facets that stay free."""
     smooth = (facets.angles > 1e-3) & (facets.angles < np.radians(config.smooth_deg))
     neighbours: list[list[int]] = [[] for _ in facets.areas]
     for a, b in facets.edges[smooth]:
         neighbours[a].append(int(b))
         neighbours[b].append(int(a))
-    state = _Growing(facets, np.ones(len(facets.areas), bool), neighbours, config)
+    state = _Growing(facets, free.copy(), neighbours, config)
     patches, failures = [], 0
     for seed in np.argsort(-facets.areas, kind="stable"):
         if not state.free[seed] or len(neighbours[seed]) == 0:
@@ -71,7 +76,7 @@ def _curved(facets: Facets, config: MeshSurfaceConfig) -> tuple[list[Patch], np.
         members = np.union1d(members, _members(surface, state, 1.0 + _sagitta(surface, facets, members) / (config.on_surface * facets.diagonal)))
         state.free[members] = False
         patches.append(_patch(surface, facets, members))
-    return patches, ~state.free
+    return patches, state.free
 
 
 def _grow_from(seed: int, state: _Growing) -> tuple[Surface, np.ndarray] | None:
@@ -94,24 +99,37 @@ def _hypotheses(seed: int, state: _Growing) -> list[tuple[float, Surface]]:
     alike = [n for n in near if 0.02 < facets.areas[n] / facets.areas[seed] < 50]
     for other in sorted(alike, key=lambda n: -facets.areas[n])[:4]:
         out.append((1.02, _cylinder_through(facets, np.array([seed, other]))))
-    ring = _ring(seed, alike, state)
+    ring = _ring(seed, alike, state, 30)
     if len(ring) >= 3:
-        out += [(1.01, s) for s in (_cone_through(facets, np.array([seed, *alike])), _cone_through(facets, ring)) if s]
+        trios = [np.array([seed, a, b]) for a, b in itertools.combinations(_gentlest(seed, alike, state), 2)]
+        out += [(1.01, s) for s in (_cone_through(facets, trio) for trio in [*trios, ring]) if s]
     if len(ring) >= 4:
         points, point_normals = _corner_normals(facets, ring)
         out.append((1.0, fit_surface("sphere", points)[0]))
+        wide = _ring(seed, alike, state, 150)
+        if len(wide) > len(ring):
+            out.append((1.0, fit_surface("sphere", _points(facets, wide))[0]))
         if len(ring) >= 8:
             out.append((0.95, fit_surface("torus", points, point_normals, iterations=15)[0]))
     return out
 
 
-def _ring(seed: int, near: list[int], state: _Growing, most: int = 30) -> np.ndarray:
-    """The seed, its smooth neighbours of like size, and theirs."""
-    found = [seed, *near]
-    for n in near:
-        found += [m for m in state.neighbours[n] if state.free[m] and m not in found and state.facets.areas[m] < 50 * state.facets.areas[seed]]
-        if len(found) > most:
+def _gentlest(seed: int, near: list[int], state: _Growing) -> list[int]:
+    """The three neighbours under the smallest angles: along a cone they are its own strips, across it something else may follow."""
+    cosines = state.facets.normals[near] @ state.facets.normals[seed] if near else np.zeros(0)
+    return [near[i] for i in np.argsort(-cosines, kind="stable")[:3]]
+
+
+def _ring(seed: int, near: list[int], state: _Growing, most: int) -> np.ndarray:
+    """The seed, its smooth neighbours of like size, theirs, and so on up to `most` facets."""
+    found, known = [seed, *near], {seed, *near}
+    limit = 50 * state.facets.areas[seed]
+    for n in found:
+        if len(found) >= most:
             break
+        fresh = [m for m in state.neighbours[n] if m not in known and state.free[m] and state.facets.areas[m] < limit]
+        known.update(fresh)
+        found += fresh
     return np.array(found[:most])
 
 
@@ -226,11 +244,32 @@ def _without_flats(members: np.ndarray, fine: np.ndarray, along: np.ndarray, sta
 def _believable(surface: Surface, members: np.ndarray, facets: Facets) -> bool:
     """Enough facets for the turn they make: two coarse strips are a chamfer, not a cylinder."""
     least = {"cylinder": 3, "cone": 3, "sphere": 6, "torus": 8}[surface.kind]
+    if surface.kind == "cone" and surface.sizes[0] > 1.35:
+        least = 8  # nearly flat
     if len(members) < least:
+        return False
+    if surface.kind in ("sphere", "torus") and _meridian_steps(surface, members, facets) < 3.5:
         return False
     n = facets.normals[members]
     turn = np.arccos(np.clip((n @ n.T).min() if len(n) < 800 else -1.0, -1, 1))
     return turn > np.radians(4.0)
+
+
+def _meridian_steps(surface: Surface, members: np.ndarray, facets: Facets) -> float:
+    """How many facets long the patch is along its profile: two circles of corners lie on many spheres and tori, and mean a cone."""
+    corners = facets.corners[facets.triangles(members)]
+    direction = normals(surface, corners.reshape(-1, 3)).reshape(-1, 3, 3)
+    if surface.kind == "sphere":
+        spans = np.arccos(np.clip((direction * np.roll(direction, 1, axis=1)).sum(2), -1, 1)).max(1)
+        flat = direction.reshape(-1, 3)
+        extent = float(np.arccos(np.clip((flat @ flat[0]).min(), -1, 1)))
+        return extent / max(float(np.median(spans)), 1e-9)
+    outward = corners - surface.point
+    radial = outward - (outward @ np.asarray(surface.axis))[..., None] * np.asarray(surface.axis)
+    radial /= np.maximum(np.linalg.norm(radial, axis=2, keepdims=True), 1e-12)
+    turn = np.arctan2(direction @ np.asarray(surface.axis), (direction * radial).sum(2))
+    turn = (turn - np.median(turn) + np.pi) % (2 * np.pi)
+    return float(np.ptp(turn)) / max(float(np.median(np.ptp(turn, axis=1))), 1e-9)
 
 
 def _patch(surface: Surface, facets: Facets, members: np.ndarray) -> Patch:
