@@ -1,0 +1,44 @@
+# make demo   set up .venv and reconstruct the bundled part
+# make test   set up .venv with the test tools and run the whole suite
+# make check  what CI runs: ruff, pyright, import-linter, the suite
+# make bench BENCH=folder [ARGS="--jobs 2 --scorer score.py"]   measure a folder of parts
+
+PYTHON ?= python3
+BIN := .venv/bin
+PIP := $(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt
+# one thread per process: several processes share the cores
+export OMP_NUM_THREADS ?= 1
+
+.PHONY: demo test check lint bench
+
+demo: .venv/use
+	$(BIN)/python infer.py input=dataset/examples/bracket.stl output=out/demo
+
+test: .venv/develop
+	$(BIN)/python -m pytest -n 2
+
+check: lint test
+
+lint: .venv/develop
+	$(BIN)/ruff check .
+	$(BIN)/pyright
+	$(BIN)/lint-imports --no-logo
+
+bench: .venv/use
+	@test -n "$(BENCH)" || { echo "give a folder of parts: make bench BENCH=folder"; exit 2; }
+	$(BIN)/python scripts/benchmark.py $(BENCH) $(ARGS)
+
+.venv/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "Python 3.11 or newer is needed, $$($(PYTHON) --version 2>&1) found: make demo PYTHON=python3.12"; exit 2; }
+	$(PYTHON) -m venv .venv
+
+.venv/use: pyproject.toml constraints.txt | .venv/bin/python
+	@echo "Installing into .venv (some 2 GB, a few minutes the first time)"
+	$(PIP) -e '.[step]'
+	@touch $@
+
+.venv/develop: pyproject.toml constraints.txt | .venv/bin/python
+	@echo "Installing into .venv (some 2 GB, a few minutes the first time)"
+	$(PIP) -e '.[step,dev]'
+	@touch $@ .venv/use
