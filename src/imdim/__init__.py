@@ -2,3 +2,26 @@
 
 Read `program.tree`, `geometry.sdf`, `pipeline` and `evaluate`, in this order, and you know the house.
 """
+
+from __future__ import annotations
+
+from typing import Any
+
+__all__ = ["Settings", "Snapshot", "load_target", "reconstruct"]
+
+_HOMES = {
+    "reconstruct": ("imdim.pipeline", "reconstruct_best"),
+    "Snapshot": ("imdim.pipeline", "Snapshot"),
+    "Settings": ("imdim.config", "Settings"),
+    "load_target": ("imdim.geometry.cloud", "load_target"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import on first use, so that ``import imdim`` and ``imdim --help`` answer at once."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'imdim' has no attribute {name!r}")
+    from importlib import import_module
+
+    module, attribute = _HOMES[name]
+    return getattr(import_module(module), attribute)

@@ -1,0 +1,230 @@
+"""From a target to a program: the only place that wires detection, search and solver together.
+
+Per body: carriers (`seeding`), sample cells labelled inside or outside and the structure search over them (`search`), then the numbers
+(`solve`). A generator of snapshots, so that progress, a time limit and tests work from outside. Work is bounded by counts; the clock
+only cuts a search that outruns its budget, and the last snapshot then says so.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import trimesh
+
+from imdim.config import Settings
+from imdim.geometry import kernels
+from imdim.geometry.cloud import Frame, InputError, Target, split_bodies, target_from
+from imdim.geometry.surface import Patch
+from imdim.geometry.winding import inside_mesh
+from imdim.program.cost import count
+from imdim.program.simplify import reduce_program
+from imdim.program.tree import Combine, Program
+from imdim.search.arrangement import ArrangementConfig, arrange
+from imdim.search.cells import Cells, sample_cells
+from imdim.search.families import Families
+from imdim.search.sequence import to_program
+from imdim.search.structure import StructureConfig
+from imdim.search.structure import search as search_structure
+from imdim.search.tidy import tidy
+from imdim.seeding.cloud_surfaces import detect_cloud
+from imdim.seeding.decision_tree import grow
+from imdim.seeding.mesh_surfaces import detect_patches
+from imdim.seeding.tree_to_csg import to_program as tree_to_program
+from imdim.solve.refine import RefineConfig, refine
+from imdim.solve.snap import SnapConfig, snap
+
+SEARCH_SHARE = 0.6  # of the budget; detection, the solver and delivery need the rest
+METHODS = ("auto", "search", "tree")
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The state of a run: `program` in the target's units, `error` relative to the target's volume, `seconds` since the start.
+
+    `stop` is None until the last snapshot, which says why the run ended: "finished" or "budget_spent".
+    """
+
+    stage: str
+    program: Program
+    error: float
+    seconds: float
+    stop: str | None = None
+
+
+@dataclass
+class _Clock:
+    """Seconds since the start, and whether the search's share of the budget is spent."""
+
+    budget_s: float
+    now: Callable[[], float] = time.perf_counter
+    start: float = field(init=False)
+    cut: bool = False
+
+    def __post_init__(self) -> None:
+        self.start = self.now()
+
+    def seconds(self) -> float:
+        return self.now() - self.start
+
+    def out_of_time(self) -> bool:
+        self.cut = self.cut or self.seconds() > SEARCH_SHARE * self.budget_s
+        return self.cut
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What detection and labelling know of one body in its unit frame."""
+
+    target: Target
+    patches: list[Patch]
+    families: Families
+
+    @property
+    def cells(self) -> Cells:
+        return self.families.cells
+
+
+def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) -> Iterator[Snapshot]:
+    """Yield better and better programs for `target`; the last one is the result.
+
+    Raises InputError where the target shows no surface or has no volume, ValueError for an unknown method.
+    """
+    if settings.method not in METHODS:
+        raise ValueError(f"unknown method {settings.method!r}; known are {', '.join(METHODS)}")
+    clock = _Clock(settings.budget_s)
+    bodies = split_bodies(target)
+    done: Program | None = None
+    last: Snapshot | None = None
+    for body in bodies:
+        for stage, program, error in _body(body, settings, clock, rng):
+            whole = program if done is None else Combine("union", done, program)
+            last = Snapshot(stage, whole, error, clock.seconds())
+            yield last
+        done = last.program if last else None
+    if last is None:
+        raise InputError(f"{target.name}: no program found for {len(bodies)} bodies")
+    yield Snapshot("finished", last.program, last.error, clock.seconds(), "budget_spent" if clock.cut else "finished")
+
+
+def _body(body: Target, settings: Settings, clock: _Clock, rng: np.random.Generator) -> Iterator[tuple[str, Program, float]]:
+    """(stage, program, error) of one body, in its own units."""
+    frame = Frame.of(body)
+    seen = _look(frame.normalise(body), rng)
+    program, error = None, np.inf
+    if settings.method != "tree":
+        for program, error in _searched(seen, clock):
+            yield "search", frame.undo(program), error
+    if settings.method == "tree" or program is None or error > 0.2:
+        grown = _tree(seen)
+        if grown is not None and (program is None or _price(grown, seen) < _price(program, seen)):
+            program, error = grown, _sampled_error(grown, seen.cells)
+            yield "tree", frame.undo(program), error
+    if program is None:
+        raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces; volume {seen.cells.volume:.3g} of the box")
+    program = reduce_program(program)
+    yield "simplify", frame.undo(program), _sampled_error(program, seen.cells)
+    program = _solved(program, seen)
+    snapped = _snapped(program, seen, frame)
+    yield "solve", snapped, _sampled_error(program, seen.cells)
+
+
+def _look(unit: Target, rng: np.random.Generator) -> _Seen:
+    """Surfaces, cells and candidate families of a body in the unit frame."""
+    patches = detect_patches(unit.mesh) if unit.mesh is not None else detect_cloud(unit.points, unit.normals, rng)
+    if not patches:
+        raise InputError(f"{unit.name}: no plane, sphere, cylinder, cone or torus found in {len(unit.points)} points")
+    corners = unit.points if unit.mesh is None else unit.mesh.vertices
+    bounds = np.stack([np.min(corners, axis=0), np.max(corners, axis=0)])
+    arrangement = arrange([p.surface for p in patches], [p.area for p in patches], bounds, ArrangementConfig())
+    cells = sample_cells(arrangement, _labeller(unit, patches), 150_000, rng)
+    if cells.volume <= 0:
+        raise InputError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells")
+    return _Seen(unit, patches, Families(arrangement, cells))
+
+
+def _labeller(unit: Target, patches: list[Patch]) -> Callable[[np.ndarray], np.ndarray]:
+    """The function that gives the probability of being inside [n] for points [n, 3]."""
+    mesh = unit.mesh
+    if mesh is not None:
+        return lambda points: inside_mesh(mesh, points)
+    from imdim.seeding.cloud_occupancy import inside_probability
+
+    return lambda points: inside_probability(patches, unit.points, points)
+
+
+def _searched(seen: _Seen, clock: _Clock) -> Iterator[tuple[Program, float]]:
+    """Programs of the structure search in the unit frame, each better than the one before."""
+    found = None
+    for found in search_structure(seen.families, StructureConfig(), clock.out_of_time):
+        program = to_program(found.sequence, seen.families)
+        yield program, _sampled_error(program, seen.cells)
+    if found is not None:
+        program = to_program(tidy(found.sequence, seen.families), seen.families)
+        yield program, _sampled_error(program, seen.cells)
+
+
+def _tree(seen: _Seen) -> Program | None:
+    cells = seen.cells
+    weights = cells.w_in + cells.w_out
+    tree = grow(cells.points, cells.w_in > cells.w_out, [p.surface for p in seen.patches], weights)
+    low, high = seen.families.arrangement.bounds
+    return tree_to_program(tree, low, high)
+
+
+def _sampled_error(program: Program, cells: Cells) -> float:
+    """Volume in which program and target differ over the cells, relative to the target's."""
+    inside = kernels.inside(program, cells.points)
+    return float(np.where(inside, cells.w_out, cells.w_in).sum()) / cells.volume
+
+
+def _price(program: Program, seen: _Seen) -> float:
+    return _sampled_error(program, seen.cells) + StructureConfig().size_weight * count(program).primitives
+
+
+def _solved(program: Program, seen: _Seen) -> Program:
+    """The numbers fitted to a cloud; a mesh's carriers are exact already, and its facets would pull them inwards."""
+    if seen.target.mesh is not None:
+        return program
+    points = seen.target.points
+    chosen = points[:: max(1, len(points) // 8192)]
+    fit = refine(program, chosen, config=RefineConfig(adam_steps=0, start_scale=0.01))
+    return fit.program if _mean_distance(fit.program, chosen) < _mean_distance(program, chosen) else program
+
+
+def _mean_distance(program: Program, points: np.ndarray) -> float:
+    return float(np.abs(kernels.program_sdf(program, points)).mean())
+
+
+def _snapped(program: Program, seen: _Seen, frame: Frame) -> Program:
+    """The program in the target's units with the numbers that its designer may have typed."""
+    on_surface = _surface_points(seen)
+    world = on_surface / frame.scale + np.asarray(frame.center)
+    diagonal = 1 / frame.scale
+    exact = seen.target.mesh is not None
+    config = SnapConfig(max_move=1e-3, abs_tolerance=2e-6 if exact else 2e-5) if exact else SnapConfig(max_move=2e-3, abs_tolerance=2e-5)
+    limit = 2e-3 if exact else 1e-2
+
+    def distance(trial: Program) -> float:
+        return float(np.minimum(np.abs(kernels.program_sdf(trial, world)) / diagonal, limit).mean())
+
+    return snap(frame.undo(program), distance, unit=1.0, config=config)
+
+
+def _surface_points(seen: _Seen) -> np.ndarray:
+    """Points that lie on the true surface: the corners of a mesh's patches, or the cloud; some thousands, evenly picked."""
+    if seen.target.mesh is None:
+        points = seen.target.points
+    else:
+        per_patch = [p.points[:: max(1, len(p.points) // 60)] for p in seen.patches]
+        points = np.concatenate(per_patch)
+    return points[:: max(1, len(points) // 6000)]
+
+
+def reconstruct_best(points_or_mesh: np.ndarray | trimesh.Trimesh | Target, settings: Settings | None = None, seed: int = 0) -> Snapshot:
+    """The last snapshot for points [n, 3], points with normals [n, 6], a trimesh or a `Target`; the Python way in."""
+    target = points_or_mesh if isinstance(points_or_mesh, Target) else target_from(points_or_mesh)
+    *_, last = reconstruct(target, settings or Settings(), np.random.default_rng(seed))
+    return last

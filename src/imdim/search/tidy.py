@@ -1,0 +1,68 @@
+"""Ranges of a found sequence made as a person would have drawn them: solids no longer than they must be, cutters just through."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from imdim.search.arrangement import Arrangement
+from imdim.search.families import Candidate, Families
+from imdim.search.sequence import Pair, Sequence, Step, Term, run, term_mask
+
+
+def tidy(sequence: Sequence, families: Families) -> Sequence:
+    """The same filled cells, with each range shrunk from the far sentinels, and those of added solids as short as they can be."""
+    goal = run(sequence, len(families.cells.points))
+    for i in range(len(sequence)):
+        sequence = _tidy_step(sequence, i, families, goal)
+    return sequence
+
+
+def _tidy_step(sequence: Sequence, i: int, families: Families, goal: np.ndarray) -> Sequence:
+    term = sequence[i].term
+    halves = [term] if isinstance(term, Candidate) else [term.left, term.right]
+    for h in range(len(halves)):
+        for axis in range(len(halves[h].ranges)):
+            for end in (0, 1):
+                while True:
+                    shorter = _shortened(halves[h], axis, end, families.arrangement, added=sequence[i].op == "union" and h == 0)
+                    if shorter is None:
+                        break
+                    trial = _with(sequence, i, [shorter if k == h else c for k, c in enumerate(halves)], families)
+                    if not np.array_equal(run(trial, len(goal)), goal):
+                        break
+                    sequence, halves[h] = trial, shorter
+    return sequence
+
+
+def _shortened(candidate: Candidate, axis: int, end: int, arrangement: Arrangement, added: bool) -> Candidate | None:
+    """One slab less at one end; a cutter is only taken back from the far sentinel to the near one."""
+    lo, hi = candidate.ranges[axis]
+    if hi - lo <= 1:
+        return None
+    direction = _direction(candidate, axis, arrangement)
+    if direction < 0:
+        return None
+    offsets = arrangement.directions[direction].offsets
+    middle, half = _span(arrangement.bounds, arrangement.directions[direction].vector)
+    at = offsets[lo if end == 0 else hi]
+    if not added and abs(at - middle) <= half * (1 + 1e-9):
+        return None
+    moved = (lo + 1, hi) if end == 0 else (lo, hi - 1)
+    return replace(candidate, ranges=tuple(moved if a == axis else r for a, r in enumerate(candidate.ranges)))
+
+
+def _direction(candidate: Candidate, axis: int, arrangement: Arrangement) -> int:
+    kind, index = candidate.source
+    return arrangement.axis_of[index] if kind == "curved" else arrangement.frames[index][axis]
+
+
+def _span(box: np.ndarray, v: np.ndarray) -> tuple[float, float]:
+    return float(box.mean(0) @ v), float((box[1] - box[0]) / 2 @ np.abs(v))
+
+
+def _with(sequence: Sequence, i: int, halves: list[Candidate], families: Families) -> Sequence:
+    old = sequence[i].term
+    term: Term = halves[0] if isinstance(old, Candidate) else Pair(old.op, halves[0], halves[1])
+    return (*sequence[:i], Step(sequence[i].op, term, term_mask(term, families)), *sequence[i + 1 :])
