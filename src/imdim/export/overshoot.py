@@ -35,7 +35,7 @@ Face = tuple[int, int]  # local axis, and +1 or -1 for the end on it
 def overshoot(program: Program) -> Program:
     """The same solid with cutters that stick out of what they cut, and joined parts that sink into each other.
 
-    Cutters go first. A second application changes nothing. Overshoots are round numbers: a power of ten, at most REACH of the diagonal.
+    Cutters go first, and what already sticks out stays. Overshoots are round numbers: a power of ten, at most REACH of the diagonal.
     """
     placed = [Placed(leaf) for leaf in leaves(program)]
     signs = _signs(program)

@@ -13,14 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from imdim.geometry.solid import exact_rotation
+from imdim.geometry.solid import exact_rotation, volume
 from imdim.program.nary import fold_nary
 from imdim.program.tree import Op, Primitive, Program, leaves
 
 # OpenCASCADE takes points closer than 1e-7 for one, so a part needs to be a good deal larger
 SMALLEST_SIZE = 1e-4
 
-INTEGRATION_ERROR = 1e-6  # relative; the default integration of a NURBS face is off by 4e-4
+FACETS = 1e-2  # relative volume that inscribed facets may lack
+INTEGRATION_ERROR = 1e-6  # relative; without it, a NURBS face is off by 4e-4
 
 _STAMP = re.compile(r"(FILE_NAME\()'[^']*',\s*'[^']*'")
 # OpenCASCADE numbers the products of a process
@@ -65,10 +66,10 @@ def step_volume(path: Path) -> float:
     return shape_volume(read_step(path))
 
 
-def shape_volume(shape: Any) -> float:
-    """Volume of a TopoDS_Shape by adaptive integration over its analytic faces."""
+def shape_volume(shape: Any, error: float = INTEGRATION_ERROR) -> float:
+    """Volume of a TopoDS_Shape by adaptive integration over its analytic faces, to the relative `error`."""
     properties = _ocp("GProp").GProp_GProps()
-    _ocp("BRepGProp").BRepGProp.VolumeProperties_s(shape, properties, INTEGRATION_ERROR)
+    _ocp("BRepGProp").BRepGProp.VolumeProperties_s(shape, properties, error)
     return properties.Mass()
 
 
@@ -83,12 +84,14 @@ def to_shape(program: Program) -> Any:
         "difference": lambda parts: _boolean("Cut", parts[:1], parts[1:]),
         "intersection": _common,
     }
+    exact = volume(program)
     try:
-        shape = _unified(fold_nary(program, lambda _, leaf: _placed(leaf), combine))
+        shape = fold_nary(program, lambda _, leaf: _placed(leaf), combine)
     except _ocp("Standard").Standard_Failure as error:
         raise StepError(f"OpenCASCADE failed: {str(error).splitlines()[0]}") from error
-    _check_valid(shape)
-    return shape
+    if not _is_right(shape, exact):
+        raise StepError("OpenCASCADE built an invalid or empty solid")
+    return _unified(shape, exact)
 
 
 def _check_installed() -> None:
@@ -105,9 +108,9 @@ def _ocp(module: str) -> Any:
     return importlib.import_module(f"OCP.{module}")
 
 
-def _check_valid(shape: Any) -> None:
-    if not _ocp("BRepCheck").BRepCheck_Analyzer(shape).IsValid() or shape_volume(shape) <= 0:
-        raise StepError("OpenCASCADE built an invalid or empty solid")
+def _is_right(shape: Any, exact: float) -> bool:
+    """Whether a shape is valid and has the volume of the exact booleans, up to their facets."""
+    return _ocp("BRepCheck").BRepCheck_Analyzer(shape).IsValid() and abs(shape_volume(shape, FACETS / 10) - exact) < FACETS * exact
 
 
 def _boolean(name: str, keep: list[Any], tools: list[Any]) -> Any:
@@ -138,11 +141,15 @@ def _common(parts: list[Any]) -> Any:
     return shape
 
 
-def _unified(shape: Any) -> Any:
-    """The shape with faces and edges on the same surface or curve merged."""
-    unify = _ocp("ShapeUpgrade").ShapeUpgrade_UnifySameDomain(shape, True, True, True)
-    unify.Build()
-    return unify.Shape()
+def _unified(shape: Any, exact: float) -> Any:
+    """The shape with faces and edges on the same surface or curve merged, or as it is where OpenCASCADE spoils it by that."""
+    try:
+        unify = _ocp("ShapeUpgrade").ShapeUpgrade_UnifySameDomain(shape, True, True, True)
+        unify.Build()
+        unified = unify.Shape()
+    except _ocp("Standard").Standard_Failure:
+        return shape
+    return unified if _is_right(unified, exact) else shape
 
 
 def _placed(leaf: Primitive) -> Any:
