@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 
 from imdim.geometry.surface import SURFACE_KINDS, Patch, Surface, signed_distance
 from imdim.seeding.cloud_hypotheses import propose
-from imdim.seeding.cloud_kernels import CONE, CYLINDER, PLANE, SPHERE, TORUS, gains, largest_plane, pack, score, sharp_gains, unpack
+from imdim.seeding.cloud_kernels import CONE, PLANE, gains, largest_plane, pack, score, sharp_gains, unpack
 from imdim.seeding.cloud_normals import CloudScale, estimate_normals, measure_scale
 from imdim.seeding.fit_surface import MIN_POINTS, fit_surface
 
