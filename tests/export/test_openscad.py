@@ -77,8 +77,11 @@ def rendered(text: str, folder) -> trimesh.Trimesh:
     if tool is None:
         pytest.skip("openscad is not installed")
     (folder / "program.scad").write_text(text)
-    subprocess.run([tool, "-o", folder / "program.off", folder / "program.scad"], check=True, capture_output=True, timeout=120)
-    return trimesh.load_mesh(folder / "program.off")
+    command = [tool, "-o", folder / "program.stl", folder / "program.scad"]
+    report = subprocess.run(command, check=True, capture_output=True, timeout=120, text=True).stderr
+    # OpenSCAD's word for a closed solid whose parts do not only touch
+    assert re.search(r"Simple: +yes", report), report
+    return trimesh.load_mesh(folder / "program.stl")
 
 
 @pytest.mark.tool
