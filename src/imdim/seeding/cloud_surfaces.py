@@ -14,7 +14,9 @@ from imdim.geometry.surface import SURFACE_KINDS, Patch, Surface, signed_distanc
 from imdim.seeding.cloud_hypotheses import propose
 from imdim.seeding.cloud_kernels import CONE, PLANE, gains, largest_plane, pack, score, sharp_gains, unpack
 from imdim.seeding.cloud_normals import CloudScale, estimate_normals, measure_scale
+from imdim.seeding.cloud_occupancy import orient
 from imdim.seeding.fit_surface import MIN_POINTS, fit_surface
+from imdim.seeding.regularise import regularise
 
 
 @dataclass
@@ -23,6 +25,7 @@ class CloudConfig:
 
     flat: float = 3e-4  # tolerance of planes in a clean cloud
     curved: float = 6e-4  # the same of curved surfaces
+    exact: float = 1.5e-4  # by which relations (parallel, coaxial, flush) may move a surface of a clean cloud
     facet: float = 6e-3  # of the radius: curved walls of a design often are prisms of 30 or more sides
     noise: float = 2.7  # tolerance in deviations of the noise
     max_angle_deg: float = 28.0  # between a point's normal and the surface's
@@ -87,7 +90,8 @@ def detect_cloud(
     share one patch. `area` is the points' number times the area that one stands for.
     """
     points = np.asarray(points, float)
-    cloud = _begin(points, normals, measure_scale(points, rng), config or CloudConfig(), rng)
+    scale = measure_scale(points, rng)
+    cloud = _begin(points, normals, scale, config or CloudConfig(), rng)
     _extract(cloud, rng, 1)
     calmer = _measured_sigma(cloud)
     if calmer < 0.5 * cloud.scale.sigma:
@@ -95,7 +99,8 @@ def detect_cloud(
         cloud = _begin(points, normals, replace(cloud.scale, sigma=calmer), cloud.config, rng)
     _extract(cloud, rng, cloud.config.rounds)
     _settle(cloud)
-    return _patches(cloud)
+    patches = regularise(_patches(cloud), max(cloud.config.exact * scale.diagonal, 0.3 * cloud.scale.sigma))
+    return orient(patches, points)
 
 
 def _begin(points: np.ndarray, normals: np.ndarray | None, scale: CloudScale, config: CloudConfig, rng: np.random.Generator) -> _Cloud:
