@@ -17,11 +17,12 @@ import trimesh
 from imdim.config import Settings
 from imdim.geometry import kernels
 from imdim.geometry.cloud import Frame, InputError, Target, split_bodies, target_from
+from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.geometry.surface import Patch
 from imdim.geometry.winding import inside_mesh
 from imdim.program.cost import count
 from imdim.program.simplify import reduce_program
-from imdim.program.tree import Combine, Program
+from imdim.program.tree import Combine, Program, map_leaves
 from imdim.search.arrangement import ArrangementConfig, arrange
 from imdim.search.cells import Cells, sample_cells
 from imdim.search.families import Families
@@ -33,9 +34,11 @@ from imdim.seeding.cloud_surfaces import detect_cloud
 from imdim.seeding.decision_tree import grow
 from imdim.seeding.mesh_surfaces import detect_patches
 from imdim.seeding.tree_to_csg import to_program as tree_to_program
+from imdim.solve.canonical import canonical
 from imdim.solve.refine import RefineConfig, refine
 from imdim.solve.snap import SnapConfig, snap
 
+SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may cost
 SEARCH_SHARE = 0.6  # of the budget; detection, the solver and delivery need the rest
 METHODS = ("auto", "search", "tree")
 
@@ -199,18 +202,29 @@ def _mean_distance(program: Program, points: np.ndarray) -> float:
 
 
 def _snapped(program: Program, seen: _Seen, frame: Frame) -> Program:
-    """The program in the target's units with the numbers that its designer may have typed."""
-    on_surface = _surface_points(seen)
-    world = on_surface / frame.scale + np.asarray(frame.center)
-    diagonal = 1 / frame.scale
+    """The program in the target's units with the numbers that its designer may have typed.
+
+    Snapping is judged by the distance of surface points, which is fast; the volume it changed decides whether it was too bold.
+    """
+    world = _surface_points(seen) / frame.scale + np.asarray(frame.center)
     exact = seen.target.mesh is not None
-    config = SnapConfig(max_move=1e-3, abs_tolerance=2e-6 if exact else 2e-5) if exact else SnapConfig(max_move=2e-3, abs_tolerance=2e-5)
-    limit = 2e-3 if exact else 1e-2
+    limit = (2e-3 if exact else 1e-2) / frame.scale
 
     def distance(trial: Program) -> float:
-        return float(np.minimum(np.abs(kernels.program_sdf(trial, world)) / diagonal, limit).mean())
+        return float(np.minimum(np.abs(kernels.program_sdf(trial, world)), limit).mean())
 
-    return snap(frame.undo(program), distance, unit=1.0, config=config)
+    plain = map_leaves(frame.undo(program), lambda _, leaf: canonical(leaf))
+    for boldness in (1.0, 0.1, 0.01) if exact else (1.0, 0.3):
+        config = SnapConfig(max_move=(1e-3 if exact else 2e-3) * boldness, abs_tolerance=(2e-6 if exact else 2e-5) * boldness / frame.scale)
+        snapped = snap(frame.undo(program), distance, config=config)
+        if _changed_volume(plain, snapped) < (SNAP_CHANGE if exact else 10 * SNAP_CHANGE):
+            return snapped
+    return plain
+
+
+def _changed_volume(before: Program, after: Program) -> float:
+    """Volume in which two programs differ, relative to the first; by exact booleans."""
+    return 1 - volume_iou(to_manifold(before), to_manifold(after))
 
 
 def _surface_points(seen: _Seen) -> np.ndarray:

@@ -34,6 +34,7 @@ class Families:
         self.arrangement = arrangement
         self.cells = cells
         self._pack_axial()
+        self._frames = [self._pack_frame(f) for f in range(len(arrangement.frames))]
 
     def _pack_axial(self) -> None:
         """Lay the curved families out for the compiled loop: member cells, their slab along the axis, slab counts."""
@@ -48,6 +49,14 @@ class Families:
         self._bins = np.concatenate(bins) if bins else np.zeros(0, np.int64)
         self._widths = np.array(widths, np.int64)
 
+    def _pack_frame(self, frame: int) -> tuple[list[int], tuple[int, ...], np.ndarray]:
+        """Axis order (fewest slabs first, which is cheapest for the compiled loop), grid shape, and each cell's place in the grid."""
+        axes = self.arrangement.frames[frame]
+        order = sorted(range(3), key=lambda a: len(self.arrangement.directions[axes[a]].offsets))
+        shape = tuple(len(self.arrangement.directions[axes[a]].offsets) - 1 for a in order)
+        places = np.ravel_multi_index([self.cells.slabs[:, axes[a]].astype(np.int64) for a in order], shape)
+        return order, shape, places
+
     def best(self, field: np.ndarray, per_frame: int) -> list[tuple[float, Candidate]]:
         """Candidates with large sums of `field` [m]: one per curved family, up to `per_frame` (or none) per box frame."""
         out = self._best_curved(field)
@@ -61,12 +70,8 @@ class Families:
         return [(float(v), Candidate(("curved", i), ((int(lo), int(hi)),))) for i, (v, lo, hi) in enumerate(table)]
 
     def _best_boxes(self, field: np.ndarray, frame: int, count: int) -> list[tuple[float, Candidate]]:
-        axes = self.arrangement.frames[frame]
-        order = sorted(range(3), key=lambda a: len(self.arrangement.directions[axes[a]].offsets))
-        shape = [len(self.arrangement.directions[axes[a]].offsets) - 1 for a in order]
-        slabs = self.cells.slabs
-        flat = np.ravel_multi_index([slabs[:, axes[a]].astype(np.int64) for a in order], shape)
-        grid = np.bincount(flat, field, math.prod(shape)).reshape(shape)
+        order, shape, places = self._frames[frame]
+        grid = np.bincount(places, field, math.prod(shape)).reshape(shape)
         table = np.empty((shape[0] * (shape[0] + 1) // 2, 7))
         box_best(grid, table)
         top = np.argsort(-table[:, 0], kind="stable")[:count]

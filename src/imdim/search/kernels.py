@@ -58,11 +58,16 @@ def box_best(grid: np.ndarray, out: np.ndarray) -> None:
             for k in range(nb):
                 line[:] = 0.0
                 for m in range(k, nb):
+                    # best_interval, run while the line is summed
+                    run, start = 0.0, 0
                     for c in range(nc):
                         line[c] += slab[m, c]
-                    value, lo, hi = best_interval(line)
-                    if value > top:
-                        top = value
-                        out[row, 3], out[row, 4], out[row, 5], out[row, 6] = k, m + 1, lo, hi
+                        if run < 0.0 or c == 0:
+                            run, start = line[c], c
+                        else:
+                            run += line[c]
+                        if run > top:
+                            top = run
+                            out[row, 3], out[row, 4], out[row, 5], out[row, 6] = k, m + 1, start, c + 1
             out[row, 0], out[row, 1], out[row, 2] = top, i, j + 1
             row += 1

@@ -140,28 +140,27 @@ def insertions(sequence: Sequence, families: Families, per_frame: int, least: fl
     best = least
     enough = 0.5 if per_frame > 1 else 1.0  # a place whose whole potential is below this share of the best is skipped
     for gap in gaps(sequence, len(gain)):
-        fields = _fields(gap, gain)
-        for op, field, total in fields:
-            if op == "intersection":
-                found = [(total + v, c) for v, c in families.best(field, per_frame)] if total > best * enough else []
-            else:
-                found = families.best(field, per_frame) if field[field > 0].sum() > best * enough else []
+        for op, field, total, potential in _fields(gap, gain):
+            if potential <= best * enough:
+                continue
+            found = [(total + v, c) for v, c in families.best(field, per_frame)]
             out += [Insertion(v, gap.position, op, c) for v, c in found if v > least]
             best = max([best, *(v for v, _ in found)])
     return sorted(out, key=lambda i: -i.gain)
 
 
-def _fields(gap: Gap, gain: np.ndarray) -> list[tuple[Op, np.ndarray, float]]:
-    """(op, field to maximise, constant) for the three operations at one place.
+def _fields(gap: Gap, gain: np.ndarray) -> list[tuple[Op, np.ndarray, float, float]]:
+    """(op, field to maximise, constant, upper bound of the sum) for the three operations at one place.
 
     Keeping only a term wins what emptying all filled cells would win less what emptying those in the term would.
     """
     fill = np.where(gap.free & ~gap.state, gain, 0.0)
-    out: list[tuple[Op, np.ndarray, float]] = [("union", fill, 0.0)]
+    out: list[tuple[Op, np.ndarray, float, float]] = [("union", fill, 0.0, float(np.maximum(fill, 0).sum()))]
     if gap.position:
         empty = np.where(gap.free & gap.state, -gain, 0.0)
-        out.append(("difference", empty, 0.0))
-        out.append(("intersection", -empty, float(empty.sum())))
+        potential = float(np.maximum(empty, 0).sum())
+        out.append(("difference", empty, 0.0, potential))
+        out.append(("intersection", -empty, float(empty.sum()), potential))
     return out
 
 
@@ -173,7 +172,7 @@ def pair_insertions(sequence: Sequence, families: Families, least: float, limit:
     gain = families.cells.gain
     gap = next(gaps(sequence, len(gain)))
     out: list[Insertion] = []
-    for op, field, _ in _fields(gap, gain)[:2]:
+    for op, field, _, _ in _fields(gap, gain)[:2]:
         for half in _promising(field, families, limit):
             out += [Insertion(v, gap.position, op, pair) for v, pair in _paired(half, field, families, least)]
         for half in _separating(field, families, limit):

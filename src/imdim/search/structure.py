@@ -34,10 +34,11 @@ class StructureConfig:
         ((0.01, 1.0, 40.0, "curved"), (1.0, 20.0, 1.0, "all")),
         ((20.0, 1.0, 1.0, "all"),),
     )
-    beam: int = 4
-    branch: int = 4
+    beam: int = 3
+    branch: int = 3
     beam_steps: int = 3  # steps searched with the whole beam; the best states are then completed greedily
     finalists: int = 3  # states that get the local search
+    abandon: float = 1.5  # a completion whose steps alone cost this many times the best objective is given up
     max_primitives: int = 120
     per_frame: int = 4
     pair_limit: int = 24
@@ -67,7 +68,8 @@ def search(families: Families, config: StructureConfig, out_of_time: Callable[[]
     best: Found | None = None
     completed: list[Found] = []
     for start in _starts(families, config, exact, out_of_time):
-        done = _complete(start, families, config, exact, out_of_time)
+        limit = config.abandon * best.objective if best else np.inf
+        done = _pruned(_complete(start, families, config, exact, out_of_time, limit), families, exact)
         completed.append(done)
         if done.sequence and (best is None or done.objective < best.objective):
             best = done
@@ -83,12 +85,28 @@ def search(families: Families, config: StructureConfig, out_of_time: Callable[[]
 
 def _starts(families: Families, config: StructureConfig, exact: _Price, out_of_time: Callable[[], bool]) -> Iterator[Found]:
     """The beams of each schedule's first phase, carried through its phases."""
+    seen: list[Found] = []
     for schedule in config.schedules:
         phases = [_Price(step * exact.step, (excess, lack), kinds == "all") for excess, lack, step, kinds in schedule]
         for state in _beam(families, config, [*phases, exact][0], out_of_time):
             for phase in phases:
                 state = _complete(_found(state.sequence, families, phase), families, config, phase, out_of_time)
-            yield _found(state.sequence, families, exact)
+            start = _pruned(_found(state.sequence, families, exact), families, exact)
+            if len(_distinct([*seen, start])) > len(seen):
+                seen.append(start)
+                yield start
+
+
+def _pruned(found: Found, families: Families, price: _Price) -> Found:
+    """Without the steps that do not earn their price; later steps often make earlier ones idle."""
+    i = len(found.sequence) - 1
+    while i >= 0:
+        shorter = _found(found.sequence[:i] + found.sequence[i + 1 :], families, price)
+        if shorter.objective <= found.objective:
+            found = shorter
+            i = len(found.sequence)
+        i -= 1
+    return found
 
 
 def _beam(families: Families, config: StructureConfig, price: _Price, out_of_time: Callable[[], bool]) -> list[Found]:
@@ -141,9 +159,11 @@ def _distinct(states: list[Found]) -> list[Found]:
     return out
 
 
-def _complete(found: Found, families: Families, config: StructureConfig, price: _Price, out_of_time: Callable[[], bool]) -> Found:
-    """Insert the best single step, or a pair where no single pays, until nothing pays."""
-    while cost(found.sequence) < config.max_primitives and not out_of_time():
+def _complete(
+    found: Found, families: Families, config: StructureConfig, price: _Price, out_of_time: Callable[[], bool], limit: float = np.inf
+) -> Found:
+    """Insert the best single step, or a pair where no single pays, until nothing pays or the steps alone cost more than `limit`."""
+    while cost(found.sequence) < config.max_primitives and price.step * cost(found.sequence) < limit and not out_of_time():
         options = insertions(found.sequence, families, int(price.boxes), price.step, price.weights)[:1]
         if not options and price.weights == (1.0, 1.0):
             options = pair_insertions(found.sequence, families, 2 * price.step, config.pair_limit)[:1]
@@ -168,7 +188,7 @@ def _improve(
             if max(attempt) >= len(found.sequence):
                 continue
             shorter = tuple(s for i, s in enumerate(found.sequence) if i not in attempt)
-            refilled = _refill(_found(shorter, families, price), found.objective, len(attempt), families, price)
+            refilled = _pruned(_refill(_found(shorter, families, price), found.objective, len(attempt), families, price), families, price)
             if refilled.objective < found.objective * (1 - 1e-9):
                 found = refilled
                 yield found

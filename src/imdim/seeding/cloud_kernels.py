@@ -50,6 +50,29 @@ def distance_and_cosine(kind, row, x, y, z, nx, ny, nz):  # pragma: no cover - c
     return length - row[7], (radial * out + axial * h) / max(length, 1e-12)
 
 
+@njit(cache=True, inline="always")
+def gradient(kind, row, x, y, z):  # pragma: no cover - compiled
+    """Unit gradient of the distance to a carrier."""
+    qx, qy, qz = x - row[0], y - row[1], z - row[2]
+    ax, ay, az = row[3], row[4], row[5]
+    if kind == PLANE:
+        return ax, ay, az
+    if kind == SPHERE:
+        length = max(math.sqrt(qx * qx + qy * qy + qz * qz), 1e-12)
+        return qx / length, qy / length, qz / length
+    h = qx * ax + qy * ay + qz * az
+    rx, ry, rz = qx - h * ax, qy - h * ay, qz - h * az
+    rho = max(math.sqrt(rx * rx + ry * ry + rz * rz), 1e-12)
+    rx, ry, rz = rx / rho, ry / rho, rz / rho
+    out, along = 1.0, 0.0
+    if kind == CONE:
+        out, along = math.cos(row[6]), -math.sin(row[6])
+    elif kind == TORUS:
+        length = max(math.hypot(rho - row[6], h), 1e-12)
+        out, along = (rho - row[6]) / length, h / length
+    return out * rx + along * ax, out * ry + along * ay, out * rz + along * az
+
+
 @njit(cache=True)
 def score(kinds, rows, tolerance, points, normals, trust, least_cosine):  # pragma: no cover - compiled
     """Per hypothesis the sum over points of 1 - (distance / tolerance)^2 (MSAC, Torr & Zisserman 2000), and the largest it could be.

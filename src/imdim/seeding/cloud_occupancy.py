@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 from imdim.geometry.surface import SURFACE_KINDS, Patch
 from imdim.geometry.surface import normals as surface_normals
 from imdim.seeding.cloud_kernels import pack
-from imdim.seeding.cloud_rays import build_grid, parity_votes, sides_of
+from imdim.seeding.cloud_rays import build_grid, parity_votes, presence, sides_of
 
 
 @dataclass
@@ -20,7 +20,9 @@ class OccupancyConfig:
     pure: tuple[float, float] = (0.92, 0.97)  # a cell of the carriers' arrangement this unanimous begins to, and does, speak for all in it
     outward_lines: int = 6  # per side of a point when patches are oriented
     lift: float = 0.15  # spacings from a point to its probes on either side
-    reach: float = 2.0  # spacings within which a point bears out a crossing: a Poisson process misses it once in 300,000
+    reach: float = 1.5  # spacings within which a point bears out a crossing: a Poisson process misses it once in 1,200
+    presence: int = 2  # reaches within which a carrier's points let it bound other faces
+    merge: float = 0.2  # spacings within which tangent carriers count as one place
     band: float = 2e-4  # of the diagonal: points nearer to a carrier lie on no side of it
 
 
@@ -102,6 +104,7 @@ class _Scene:
     grid: tuple
     boxes: tuple[np.ndarray, np.ndarray]
     reach: float
+    merge: float
     spacing: float
 
     @staticmethod
@@ -115,14 +118,17 @@ class _Scene:
         owner = np.repeat(np.arange(len(patches)), [len(p.points) for p in patches])
         side = sides_of(owned, kinds, rows, config.band * diagonal)
         low = owned.min(0) - 1e-9 * diagonal
-        cell = max(reach, diagonal / 150)
+        cell = max(reach, diagonal / 80)
         shape = np.maximum(np.ceil((owned.max(0) - low) / cell).astype(np.int64), 1)
         starts, order = build_grid(owned, low, cell, shape)
+        marks = presence(owned, owner, low, cell, shape, len(kinds), config.presence)
         boxes = np.array([p.points.min(0) - reach for p in patches]), np.array([p.points.max(0) + reach for p in patches])
-        return _Scene((kinds, rows, owned, owner, side), (starts, order, low, cell, shape), boxes, reach, spacing)
+        return _Scene(
+            (kinds, rows, owned, owner, side), (starts, order, low, cell, shape, marks), boxes, reach, config.merge * spacing, spacing
+        )
 
     def votes(self, queries: np.ndarray, lines: int) -> np.ndarray:
-        return parity_votes(queries, _directions(), lines, self.boxes, self.cloud, self.grid, self.reach)
+        return parity_votes(queries, _directions(), lines, self.boxes, self.cloud, self.grid, self.reach, self.merge)
 
 
 def _directions(count: int = 61) -> np.ndarray:

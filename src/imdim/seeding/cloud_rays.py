@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from imdim.seeding.cloud_kernels import CONE, CYLINDER, PLANE, SPHERE, distance_and_cosine
+from imdim.seeding.cloud_kernels import CONE, CYLINDER, PLANE, SPHERE, distance_and_cosine, gradient
 
 
 @njit(cache=True, inline="always")
@@ -119,15 +119,35 @@ def sides_of(points, kinds, rows, band):  # pragma: no cover - compiled
 
 
 @njit(cache=True)
-def supported(x, carrier, cloud, grid, reach, scratch):  # pragma: no cover - compiled
+def presence(points, owner, low, cell, shape, count, dilate):  # pragma: no cover - compiled
+    """Which of `count` carriers have a point within `dilate` cells: 0 or 1 in [x, y, z, count]."""
+    marks = np.zeros((shape[0], shape[1], shape[2], count), np.uint8)
+    at = np.empty(3, np.int64)
+    for p in range(len(points)):
+        for a in range(3):
+            at[a] = min(max(int((points[p, a] - low[a]) / cell), 0), shape[a] - 1)
+        if marks[at[0], at[1], at[2], owner[p]] >= 2:
+            continue
+        for i in range(max(at[0] - dilate, 0), min(at[0] + dilate + 1, shape[0])):
+            for j in range(max(at[1] - dilate, 0), min(at[1] + dilate + 1, shape[1])):
+                for k in range(max(at[2] - dilate, 0), min(at[2] + dilate + 1, shape[2])):
+                    marks[i, j, k, owner[p]] |= 1
+        marks[at[0], at[1], at[2], owner[p]] = 2
+    return marks
+
+
+@njit(cache=True)
+def supported(x, carrier, cloud, grid, reach, merge, scratch):  # pragma: no cover - compiled
     """Whether a point of `carrier` lies within `reach` of `x` with no other carrier that is present there between the two.
 
-    The carriers' own intersections thus trim the faces, and the reach may be generous without spilling over edges.
+    The carriers' own intersections thus trim the faces, and the reach may be generous without spilling over edges. Where
+    another carrier is tangent (within `merge`), no side tells them apart, and the one with the nearer point has the place.
     """
     kinds, rows, points, owner, side = cloud
-    starts, order, low, cell, shape = grid
-    mine, others, signs = scratch
-    own, around = 0, 0
+    starts, order, low, cell, shape, marks = grid
+    mine, nearest, others, signs = scratch
+    own = 0
+    nearest[:] = np.inf
     i0, i1 = max(int((x[0] - reach - low[0]) / cell), 0), min(int((x[0] + reach - low[0]) / cell), shape[0] - 1)
     j0, j1 = max(int((x[1] - reach - low[1]) / cell), 0), min(int((x[1] + reach - low[1]) / cell), shape[1] - 1)
     k0, k1 = max(int((x[2] - reach - low[2]) / cell), 0), min(int((x[2] + reach - low[2]) / cell), shape[2] - 1)
@@ -138,25 +158,33 @@ def supported(x, carrier, cloud, grid, reach, scratch):  # pragma: no cover - co
                 continue
             for s in range(starts[base + k0], starts[base + k1 + 1]):
                 p = order[s]
-                if (points[p, 0] - x[0]) ** 2 + (points[p, 1] - x[1]) ** 2 + (points[p, 2] - x[2]) ** 2 > reach * reach:
+                far = (points[p, 0] - x[0]) ** 2 + (points[p, 1] - x[1]) ** 2 + (points[p, 2] - x[2]) ** 2
+                if far > reach * reach:
                     continue
-                if owner[p] == carrier:
-                    if own < len(mine):
-                        mine[own] = p
-                        own += 1
-                elif owner[p] >= 0:
-                    fresh = around < len(others)
-                    for b in range(around):
-                        fresh = fresh and others[b] != owner[p]
-                    if fresh:
-                        others[around] = owner[p]
-                        around += 1
-    for b in range(around):
-        d, _ = distance_and_cosine(kinds[others[b]], rows[others[b]], x[0], x[1], x[2], 0.0, 0.0, 0.0)
-        signs[b] = 1 if d > 0 else -1
+                nearest[owner[p]] = min(nearest[owner[p]], far)
+                if owner[p] == carrier and own < len(mine):
+                    mine[own] = p
+                    own += 1
+    if own == 0:
+        return False
+    gx, gy, gz = gradient(kinds[carrier], rows[carrier], x[0], x[1], x[2])
+    c0 = min(max(int((x[0] - low[0]) / cell), 0), shape[0] - 1)
+    c1 = min(max(int((x[1] - low[1]) / cell), 0), shape[1] - 1)
+    c2 = min(max(int((x[2] - low[2]) / cell), 0), shape[2] - 1)
+    kept = 0
+    for c in range(len(kinds)):
+        if c == carrier or marks[c0, c1, c2, c] == 0:
+            continue
+        d, cosine = distance_and_cosine(kinds[c], rows[c], x[0], x[1], x[2], gx, gy, gz)
+        if abs(d) < merge and abs(cosine) > 0.9:
+            if nearest[c] < nearest[carrier]:
+                return False
+        elif abs(d) < reach:
+            others[kept], signs[kept] = c, 1 if d > 0 else -1
+            kept += 1
     for m in range(own):
         apart = False
-        for b in range(around):
+        for b in range(kept):
             apart = apart or side[mine[m], others[b]] == -signs[b]
         if not apart:
             return True
@@ -164,7 +192,7 @@ def supported(x, carrier, cloud, grid, reach, scratch):  # pragma: no cover - co
 
 
 @njit(cache=True)
-def parity_votes(queries, directions, lines, boxes, cloud, grid, reach):  # pragma: no cover - compiled
+def parity_votes(queries, directions, lines, boxes, cloud, grid, reach, merge):  # pragma: no cover - compiled
     """Per query the lines whose two halves both cross oddly, those that agree at all, and half lines that cross oddly: [m, 3].
 
     Each query takes `lines` of the `directions` in turn. A line that crosses a closed surface an odd number of times in all
@@ -174,7 +202,7 @@ def parity_votes(queries, directions, lines, boxes, cloud, grid, reach):  # prag
     low, high = boxes
     out = np.zeros((len(queries), 3))
     roots, x = np.empty(4), np.empty(3)
-    scratch = (np.empty(256, np.int64), np.empty(32, np.int64), np.empty(32, np.int64))
+    scratch = (np.empty(256, np.int64), np.empty(len(kinds)), np.empty(len(kinds), np.int64), np.empty(len(kinds), np.int64))
     for q in range(len(queries)):
         o = queries[q]
         for line in range(lines):
@@ -187,7 +215,7 @@ def parity_votes(queries, directions, lines, boxes, cloud, grid, reach):  # prag
                     for a in range(3):
                         x[a] = o[a] + roots[r] * d[a]
                         inside = inside and low[c, a] <= x[a] <= high[c, a]
-                    if inside and supported(x, c, cloud, grid, reach, scratch):
+                    if inside and supported(x, c, cloud, grid, reach, merge, scratch):
                         if roots[r] > 0:
                             ahead += 1
                         else:

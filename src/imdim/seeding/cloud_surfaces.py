@@ -290,21 +290,28 @@ def _settle(cloud: _Cloud) -> None:
 
 
 def _reassign(cloud: _Cloud) -> None:
-    best = np.zeros(len(cloud.points))
+    """Each point to the nearest surface that has its normal and a piece there; distances in units of what is common to all kinds."""
+    nearest = np.full(len(cloud.points), np.inf)
     owner = np.full(len(cloud.points), -1)
     for i, surface in enumerate(cloud.found):
-        kind, row = SURFACE_KINDS.index(surface.kind), pack(surface)
-        tolerance = float(cloud.tolerance(np.array([kind]), row[None])[0])
-        gain = gains(kind, row, tolerance, cloud.points, cloud.normals, cloud.trust, cloud.cosine)
-        near = np.flatnonzero(gain > 0)
+        near = _members(cloud, surface)
         if len(near) < cloud.least:
             continue
         label = pieces(cloud.points[near], cloud.config.linked * cloud.scale.spacing)
         near = near[np.bincount(label)[label] >= cloud.least]
-        better = near[gain[near] > best[near]]
-        best[better], owner[better] = gain[better], i
+        distance = np.abs(signed_distance(surface, cloud.points[near]))
+        better = near[distance < nearest[near]]
+        nearest[near] = np.minimum(nearest[near], distance)
+        owner[better] = i
     cloud.owner = owner
     _drop(cloud)
+
+
+def _members(cloud: _Cloud, surface: Surface) -> np.ndarray:
+    """Indices of all points within the surface's tolerance and of its normal."""
+    kind, row = SURFACE_KINDS.index(surface.kind), pack(surface)
+    tolerance = float(cloud.tolerance(np.array([kind]), row[None])[0])
+    return np.flatnonzero(gains(kind, row, tolerance, cloud.points, cloud.normals, cloud.trust, cloud.cosine) > 0)
 
 
 def _drop(cloud: _Cloud) -> None:
@@ -317,17 +324,17 @@ def _drop(cloud: _Cloud) -> None:
 
 
 def _merge(cloud: _Cloud) -> None:
-    """Surfaces of one kind that pass through each other's points are one."""
+    """A surface whose points a larger one explains as well is let go: doubles, and slivers between the sides of a faceted wall."""
     counts = np.bincount(cloud.owner[cloud.owner >= 0], minlength=len(cloud.found))
     for i in np.argsort(-counts, kind="stable"):
+        if counts[i] == 0:
+            continue
+        member = np.zeros(len(cloud.points), bool)
+        member[_members(cloud, cloud.found[i])] = True
         for j in range(len(cloud.found)):
-            if j == i or counts[j] == 0 or counts[i] < counts[j] or cloud.found[i].kind != cloud.found[j].kind:
-                continue
-            kind, row = SURFACE_KINDS.index(cloud.found[i].kind), pack(cloud.found[i])
-            band = 1.5 * float(cloud.tolerance(np.array([kind]), row[None])[0])
-            mine = cloud.points[cloud.owner == j]
-            if (np.abs(signed_distance(cloud.found[i], mine)) < band).mean() > 0.9:
-                cloud.owner[cloud.owner == j] = i
+            mine = cloud.owner == j
+            if j != i and 0 < counts[j] < counts[i] and member[mine].mean() > 0.9:
+                cloud.owner[mine] = i
                 counts[i] += counts[j]
                 counts[j] = 0
     _drop(cloud)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import trimesh
 
+from imdim.geometry.rotations import frame_from_axis
 from imdim.geometry.surface import Patch, Surface, normals, signed_distance
 from imdim.seeding.facets import Facets, facets_of
 from imdim.seeding.fit_surface import fit_surface
@@ -189,7 +190,9 @@ def _settle(guess: Surface, state: _Growing) -> tuple[Surface, np.ndarray] | Non
         points = _points(facets, members)
         if len(points) < 7:
             return None
-        surface, rms = fit_surface(surface.kind, points[:: max(1, len(points) // 1500)], start=surface, iterations=12)
+        thinned = points[:: max(1, len(points) // 1500)]
+        # corners on chords lie off by the sagitta: the robust fit follows those on the curve
+        surface, rms = fit_surface(surface.kind, thinned, start=surface, scale=0.5 * config.on_surface * facets.diagonal, iterations=12)
         if not _sane(surface, facets.diagonal) or rms > config.on_surface * facets.diagonal:
             return None
         grown = _members(surface, state, 1.0)
@@ -248,15 +251,18 @@ def _believable(surface: Surface, members: np.ndarray, facets: Facets) -> bool:
         least = 8  # nearly flat
     if len(members) < least:
         return False
-    if surface.kind in ("sphere", "torus") and _meridian_steps(surface, members, facets) < 3.5:
+    if surface.kind in ("sphere", "torus") and _least_steps(surface, members, facets) < 3.5:
         return False
     n = facets.normals[members]
     turn = np.arccos(np.clip((n @ n.T).min() if len(n) < 800 else -1.0, -1, 1))
     return turn > np.radians(4.0)
 
 
-def _meridian_steps(surface: Surface, members: np.ndarray, facets: Facets) -> float:
-    """How many facets long the patch is along its profile: two circles of corners lie on many spheres and tori, and mean a cone."""
+def _least_steps(surface: Surface, members: np.ndarray, facets: Facets) -> float:
+    """How many facets long a sphere's or torus's patch is, for a torus along and about its axis, whichever is less.
+
+    Two circles of corners lie on many spheres and tori, and mean a cone; strips that are one facet long mean a cylinder.
+    """
     corners = facets.corners[facets.triangles(members)]
     direction = normals(surface, corners.reshape(-1, 3)).reshape(-1, 3, 3)
     if surface.kind == "sphere":
@@ -264,12 +270,18 @@ def _meridian_steps(surface: Surface, members: np.ndarray, facets: Facets) -> fl
         flat = direction.reshape(-1, 3)
         extent = float(np.arccos(np.clip((flat @ flat[0]).min(), -1, 1)))
         return extent / max(float(np.median(spans)), 1e-9)
-    outward = corners - surface.point
-    radial = outward - (outward @ np.asarray(surface.axis))[..., None] * np.asarray(surface.axis)
-    radial /= np.maximum(np.linalg.norm(radial, axis=2, keepdims=True), 1e-12)
-    turn = np.arctan2(direction @ np.asarray(surface.axis), (direction * radial).sum(2))
-    turn = (turn - np.median(turn) + np.pi) % (2 * np.pi)
-    return float(np.ptp(turn)) / max(float(np.median(np.ptp(turn, axis=1))), 1e-9)
+    frame = frame_from_axis(np.asarray(surface.axis))
+    local = (corners - surface.point) @ frame
+    around = np.arctan2(local[..., 1], local[..., 0])
+    radial = np.cos(around)[..., None] * frame[:, 0] + np.sin(around)[..., None] * frame[:, 1]
+    along = np.arctan2(direction @ frame[:, 2], (direction * radial).sum(2))
+    return min(_turns(along), _turns(around))
+
+
+def _turns(angles: np.ndarray) -> float:
+    """Range of angles [t, 3] of triangle corners over the median range within a triangle."""
+    centered = (angles - np.median(angles) + np.pi) % (2 * np.pi)
+    return float(np.ptp(centered)) / max(float(np.median(np.ptp(centered, axis=1))), 1e-9)
 
 
 def _patch(surface: Surface, facets: Facets, members: np.ndarray) -> Patch:
