@@ -7,7 +7,7 @@ GRID = np.stack(np.meshgrid(*[np.arange(4.0)] * 3), axis=-1).reshape(-1, 3)
 
 
 def test_a_shifted_grid():
-    shifted = GRID + (0.25, 0.0, 0.0)
+    shifted = GRID + np.array([0.25, 0.0, 0.0])
     assert chamfer(GRID, shifted) == pytest.approx(0.5)
     assert hausdorff(GRID, shifted) == pytest.approx(0.25)
 
