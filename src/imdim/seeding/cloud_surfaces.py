@@ -3,82 +3,25 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from imdim.geometry.surface import SURFACE_KINDS, Patch, Surface, signed_distance
+from imdim.geometry.surface import Patch, Surface, signed_distance
 from imdim.seeding.cloud_hypotheses import propose
-from imdim.seeding.cloud_kernels import CONE, PLANE, gains, largest_plane, pack, score, sharp_gains, unpack
+from imdim.seeding.cloud_kernels import PLANE, gains, largest_plane, pack, score, sharp_gains, unpack
 from imdim.seeding.cloud_normals import CloudScale, estimate_normals, measure_scale
 from imdim.seeding.cloud_occupancy import orient
+from imdim.seeding.cloud_settle import patches_of, settle
+from imdim.seeding.cloud_state import Cloud, CloudConfig, pieces, sane
 from imdim.seeding.fit_surface import MIN_POINTS, fit_surface
 from imdim.seeding.regularise import regularise
-
-
-@dataclass
-class CloudConfig:
-    """Lengths are fractions of the cloud's diagonal."""
-
-    flat: float = 3e-4  # tolerance of planes in a clean cloud
-    curved: float = 6e-4  # the same of curved surfaces
-    exact: float = 1.5e-4  # by which relations (parallel, coaxial, flush) may move a surface of a clean cloud
-    facet: float = 6e-3  # of the radius: curved walls of a design often are prisms of 30 or more sides
-    noise: float = 2.7  # tolerance in deviations of the noise
-    max_angle_deg: float = 28.0  # between a point's normal and the surface's
-    min_points: int = 9
-    noisy_min_points: int = 30
-    linked: float = 4.0  # spacings between neighbours of one piece
-    hypotheses: int = 260  # per family of minimal sets and round
-    polished: int = 5  # hypotheses per kind and round that are fitted
-    off_frame: float = 0.85  # what support is worth on an axis that no other surface of the part shares
-    tightness: float = 0.5  # least mean gain of a curved surface's points; points strewn evenly over the tolerance have 0.42
-    sparse: float = 2.2  # spacings to the third neighbour on a curved surface; a Poisson process on a surface has 1
-    rounds: int = 120
-    patience: int = 3  # rounds without a find before the rest is given up
-
 
 # a richer kind must explain more to be preferred: plane, sphere, cylinder, cone, torus
 _PREFERENCE = np.array([1.0, 0.95, 0.95, 0.9, 0.8])
 # and needs more points to be believed at all
 _LEAST = np.array([1.0, 1.3, 1.0, 1.6, 2.2])
-
-
-@dataclass
-class _Cloud:
-    points: np.ndarray
-    normals: np.ndarray
-    trust: np.ndarray
-    scale: CloudScale
-    config: CloudConfig
-    owner: np.ndarray  # index of the found surface, -1 for none
-    viewed: int  # free points when their normals were last estimated; 0 for given normals
-    found: list[Surface] = field(default_factory=list)
-
-    @property
-    def cosine(self) -> float:
-        return math.cos(math.radians(self.config.max_angle_deg))
-
-    @property
-    def noisy(self) -> bool:
-        return self.scale.sigma > 1e-3 * self.scale.diagonal
-
-    @property
-    def least(self) -> int:
-        return self.config.noisy_min_points if self.noisy else self.config.min_points
-
-    def tolerance(self, kinds: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Of each hypothesis: noise, or the flats of a faceted wall."""
-        d = self.scale.diagonal
-        radius = np.choose(kinds, [0 * rows[:, 6], rows[:, 6], rows[:, 6], 0 * rows[:, 6], rows[:, 7]])
-        # a radius beyond the part's own is a gentle arc, and such arcs have many sides
-        facet = self.config.facet * np.where(radius < 0.5 * d, radius, 0.0)
-        base = np.where(kinds == PLANE, self.config.flat * d, np.maximum(self.config.curved * d, facet))
-        base = np.where(kinds == CONE, 2 * self.config.curved * d, base)
-        return np.maximum(base, self.config.noise * self.scale.sigma)
 
 
 def detect_cloud(
@@ -98,26 +41,26 @@ def detect_cloud(
         # curvature or thin walls were taken for noise
         cloud = _begin(points, normals, replace(cloud.scale, sigma=calmer), cloud.config, rng)
     _extract(cloud, rng, cloud.config.rounds)
-    _settle(cloud)
-    patches = regularise(_patches(cloud), max(cloud.config.exact * scale.diagonal, 0.3 * cloud.scale.sigma))
+    settle(cloud)
+    patches = regularise(patches_of(cloud), max(cloud.config.exact * scale.diagonal, 0.3 * cloud.scale.sigma))
     return orient(patches, points)
 
 
-def _begin(points: np.ndarray, normals: np.ndarray | None, scale: CloudScale, config: CloudConfig, rng: np.random.Generator) -> _Cloud:
+def _begin(points: np.ndarray, normals: np.ndarray | None, scale: CloudScale, config: CloudConfig, rng: np.random.Generator) -> Cloud:
     if normals is None:
         directed, trust = estimate_normals(points, scale, rng)
     else:
         directed, trust = np.array(normals, dtype=float), np.ones(len(points))
-    return _Cloud(points, directed, trust, scale, config, np.full(len(points), -1), len(points) if normals is None else 0)
+    return Cloud(points, directed, trust, scale, config, np.full(len(points), -1), len(points) if normals is None else 0)
 
 
-def _measured_sigma(cloud: _Cloud) -> float:
+def _measured_sigma(cloud: Cloud) -> float:
     """Deviation of the points from the surfaces found, by their medians."""
     spread = [np.median(np.abs(signed_distance(s, cloud.points[cloud.owner == i]))) for i, s in enumerate(cloud.found)]
     return 1.4826 * float(min(spread)) if spread else math.inf
 
 
-def _extract(cloud: _Cloud, rng: np.random.Generator, rounds: int) -> None:
+def _extract(cloud: Cloud, rng: np.random.Generator, rounds: int) -> None:
     """Round by round, take the surfaces with the most support out of the points that are left."""
     misses = 0
     for _ in range(rounds):
@@ -132,7 +75,7 @@ def _extract(cloud: _Cloud, rng: np.random.Generator, rounds: int) -> None:
         misses = 0 if _accept(cloud, candidates) else misses + 1
 
 
-def _candidates(cloud: _Cloud, rest: np.ndarray, rng: np.random.Generator) -> list[tuple[float, Surface, np.ndarray]]:
+def _candidates(cloud: Cloud, rest: np.ndarray, rng: np.random.Generator) -> list[tuple[float, Surface, np.ndarray]]:
     """Polished hypotheses as (preferred support, surface, indices of the points), best first."""
     points, normals, trust = cloud.points[rest], cloud.normals[rest], cloud.trust[rest]
     kinds, rows = propose(points, normals, *_known(cloud), cloud.config.hypotheses, rng)
@@ -161,7 +104,7 @@ def _candidates(cloud: _Cloud, rest: np.ndarray, rng: np.random.Generator) -> li
     return out
 
 
-def _known(cloud: _Cloud) -> tuple[np.ndarray, np.ndarray]:
+def _known(cloud: Cloud) -> tuple[np.ndarray, np.ndarray]:
     """Distinct directions [d, 3] and axes [a, 6] of the surfaces found so far, at most 16 of each."""
     directions: list[np.ndarray] = []
     axes: list[np.ndarray] = []
@@ -178,12 +121,12 @@ def _known(cloud: _Cloud) -> tuple[np.ndarray, np.ndarray]:
     return np.array(directions[:16]).reshape(-1, 3), np.array(axes[:16]).reshape(-1, 6)
 
 
-def _polish(cloud: _Cloud, rest: np.ndarray, kind: int, row: np.ndarray) -> tuple[float, Surface, np.ndarray] | None:
+def _polish(cloud: Cloud, rest: np.ndarray, kind: int, row: np.ndarray) -> tuple[float, Surface, np.ndarray] | None:
     """Refit to the points within a shrinking band, then measure the connected support."""
     points, normals, trust = cloud.points[rest], cloud.normals[rest], cloud.trust[rest]
     surface = unpack(kind, row)
     for factor in (2.0, 1.5, 1.0) if kind == PLANE else (3.0, 2.5, 2.0, 1.5, 1.0):
-        band = factor * float(cloud.tolerance(np.array([kind]), row[None])[0])
+        band = factor * cloud.tolerance_of(surface)
         near = np.flatnonzero(gains(kind, row, band, points, normals, trust, cloud.cosine) > 0.05)
         if len(near) < max(MIN_POINTS[surface.kind], cloud.least):
             return None
@@ -191,12 +134,12 @@ def _polish(cloud: _Cloud, rest: np.ndarray, kind: int, row: np.ndarray) -> tupl
             near = near[:: len(near) // 800 + 1]
         surface, _ = fit_surface(surface.kind, points[near], start=surface, scale=band / 2, iterations=8)
         row = pack(surface)
-        if not _sane(surface, cloud):
+        if not sane(surface, cloud.scale.diagonal):
             return None
     return _support(cloud, rest, kind, surface)
 
 
-def _mostly_flat(cloud: _Cloud, index: np.ndarray, rng: np.random.Generator) -> bool:
+def _mostly_flat(cloud: Cloud, index: np.ndarray, rng: np.random.Generator) -> bool:
     """Whether one plane holds a good part of a curved surface's points: it then leans over an edge between faces."""
     points = cloud.points[index]
     if len(points) > 400:
@@ -207,20 +150,9 @@ def _mostly_flat(cloud: _Cloud, index: np.ndarray, rng: np.random.Generator) -> 
     return bool(largest_plane(points, triples, band) > max(share * len(points), 5))
 
 
-def _sane(surface: Surface, cloud: _Cloud) -> bool:
-    if surface.kind == "plane":
-        return True
-    if surface.kind == "cone":
-        return 0.01 < surface.sizes[0] < 1.54
-    if surface.kind == "torus" and surface.sizes[1] >= surface.sizes[0]:
-        return False
-    return surface.sizes[0] < 1.5 * cloud.scale.diagonal
-
-
-def _support(cloud: _Cloud, rest: np.ndarray, kind: int, surface: Surface) -> tuple[float, Surface, np.ndarray] | None:
+def _support(cloud: Cloud, rest: np.ndarray, kind: int, surface: Surface) -> tuple[float, Surface, np.ndarray] | None:
     row = pack(surface)
-    tolerance = float(cloud.tolerance(np.array([kind]), row[None])[0])
-    gain = sharp_gains(kind, row, tolerance, cloud.points[rest], cloud.normals[rest], cloud.trust[rest], cloud.cosine)
+    gain = sharp_gains(kind, row, cloud.tolerance_of(surface), cloud.points[rest], cloud.normals[rest], cloud.trust[rest], cloud.cosine)
     near = np.flatnonzero(gain > 0)
     if len(near) < cloud.least:
         return None
@@ -235,7 +167,7 @@ def _support(cloud: _Cloud, rest: np.ndarray, kind: int, surface: Surface) -> tu
     return value * (1.0 if _in_frame(cloud, surface) else cloud.config.off_frame), surface, rest[near]
 
 
-def _convincing(cloud: _Cloud, kind: int, points: np.ndarray, gain: np.ndarray) -> bool:
+def _convincing(cloud: Cloud, kind: int, points: np.ndarray, gain: np.ndarray) -> bool:
     """Whether the points lie well within the tolerance, and as densely as a surface of the cloud does."""
     if len(points) < cloud.least * _LEAST[kind] or gain.mean() < cloud.config.tightness:
         return False
@@ -243,23 +175,13 @@ def _convincing(cloud: _Cloud, kind: int, points: np.ndarray, gain: np.ndarray) 
     return float(np.median(third)) < cloud.config.sparse * cloud.scale.spacing
 
 
-def _in_frame(cloud: _Cloud, surface: Surface) -> bool:
+def _in_frame(cloud: Cloud, surface: Surface) -> bool:
     """Whether the axis is along a plane's normal or another axis of the part, as designed axes are."""
     known = [s.axis for s in cloud.found if s.kind != "sphere"]
     return surface.kind in ("plane", "sphere") or not known or float(np.abs(np.array(known) @ surface.axis).max()) > 0.9995
 
 
-def pieces(points: np.ndarray, reach: float) -> np.ndarray:
-    """Labels [n] of the connected pieces of `points` when near neighbours within `reach` are linked."""
-    k = min(9, len(points))
-    distance, near = KDTree(points).query(points, k=k)
-    ok = (distance < reach).ravel()
-    start = np.repeat(np.arange(len(points)), k)[ok]
-    graph = coo_matrix((np.ones(len(start)), (start, near.reshape(-1)[ok])), shape=(len(points), len(points)))
-    return connected_components(graph, directed=False)[1]
-
-
-def _accept(cloud: _Cloud, candidates: list[tuple[float, Surface, np.ndarray]]) -> bool:
+def _accept(cloud: Cloud, candidates: list[tuple[float, Surface, np.ndarray]]) -> bool:
     """Take the best, and others of the round that do not share its points and are of its order."""
     took = False
     best = candidates[0][0] if candidates else 0.0
@@ -271,80 +193,3 @@ def _accept(cloud: _Cloud, candidates: list[tuple[float, Surface, np.ndarray]]) 
         cloud.found.append(surface)
         took = True
     return took
-
-
-def _settle(cloud: _Cloud) -> None:
-    """Give every point its nearest surface, refit, and let go of surfaces that others explain."""
-    for _ in range(2):
-        _reassign(cloud)
-        _merge(cloud)
-        for i, surface in enumerate(cloud.found):
-            mine = np.flatnonzero(cloud.owner == i)
-            if len(mine) >= MIN_POINTS[surface.kind]:
-                kind = SURFACE_KINDS.index(surface.kind)
-                band = float(cloud.tolerance(np.array([kind]), pack(surface)[None])[0])
-                fitted, _ = fit_surface(surface.kind, cloud.points[mine], start=surface, scale=band / 2, iterations=10)
-                if _sane(fitted, cloud):
-                    cloud.found[i] = fitted
-    _reassign(cloud)
-
-
-def _reassign(cloud: _Cloud) -> None:
-    """Each point to the nearest surface that has its normal and a piece there; distances in units of what is common to all kinds."""
-    nearest = np.full(len(cloud.points), np.inf)
-    owner = np.full(len(cloud.points), -1)
-    for i, surface in enumerate(cloud.found):
-        near = _members(cloud, surface)
-        if len(near) < cloud.least:
-            continue
-        label = pieces(cloud.points[near], cloud.config.linked * cloud.scale.spacing)
-        near = near[np.bincount(label)[label] >= cloud.least]
-        distance = np.abs(signed_distance(surface, cloud.points[near]))
-        better = near[distance < nearest[near]]
-        nearest[near] = np.minimum(nearest[near], distance)
-        owner[better] = i
-    cloud.owner = owner
-    _drop(cloud)
-
-
-def _members(cloud: _Cloud, surface: Surface) -> np.ndarray:
-    """Indices of all points within the surface's tolerance and of its normal."""
-    kind, row = SURFACE_KINDS.index(surface.kind), pack(surface)
-    tolerance = float(cloud.tolerance(np.array([kind]), row[None])[0])
-    return np.flatnonzero(gains(kind, row, tolerance, cloud.points, cloud.normals, cloud.trust, cloud.cosine) > 0)
-
-
-def _drop(cloud: _Cloud) -> None:
-    counts = np.bincount(cloud.owner[cloud.owner >= 0], minlength=len(cloud.found))
-    keep = np.flatnonzero(counts >= cloud.least)
-    number = np.full(len(cloud.found) + 1, -1)
-    number[keep] = np.arange(len(keep))
-    cloud.owner = number[cloud.owner]
-    cloud.found = [cloud.found[i] for i in keep]
-
-
-def _merge(cloud: _Cloud) -> None:
-    """A surface whose points a larger one explains as well is let go: doubles, and slivers between the sides of a faceted wall."""
-    counts = np.bincount(cloud.owner[cloud.owner >= 0], minlength=len(cloud.found))
-    for i in np.argsort(-counts, kind="stable"):
-        if counts[i] == 0:
-            continue
-        member = np.zeros(len(cloud.points), bool)
-        member[_members(cloud, cloud.found[i])] = True
-        for j in range(len(cloud.found)):
-            mine = cloud.owner == j
-            if j != i and 0 < counts[j] < counts[i] and member[mine].mean() > 0.9:
-                cloud.owner[mine] = i
-                counts[i] += counts[j]
-                counts[j] = 0
-    _drop(cloud)
-
-
-def _patches(cloud: _Cloud) -> list[Patch]:
-    share = cloud.scale.spacing**2
-    out = []
-    for i, surface in enumerate(cloud.found):
-        mine = cloud.points[cloud.owner == i]
-        out.append(Patch(surface, mine, share * len(mine)))
-    out.sort(key=lambda p: -p.area)
-    return out

@@ -1,0 +1,87 @@
+"""After the search for surfaces: every point to its nearest one, doubles let go, all refitted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from imdim.geometry.surface import Patch, signed_distance
+from imdim.seeding.cloud_state import Cloud, pieces, sane
+from imdim.seeding.fit_surface import MIN_POINTS, fit_surface
+
+
+def settle(cloud: Cloud) -> None:
+    """Give every point its nearest surface, refit, and let go of surfaces that others explain."""
+    for _ in range(2):
+        _reassign(cloud)
+        _merge(cloud)
+        for i, surface in enumerate(cloud.found):
+            mine = np.flatnonzero(cloud.owner == i)
+            if len(mine) >= MIN_POINTS[surface.kind]:
+                band = cloud.tolerance_of(surface)
+                fitted, _ = fit_surface(surface.kind, cloud.points[mine], start=surface, scale=band / 2, iterations=10)
+                if sane(fitted, cloud.scale.diagonal):
+                    cloud.found[i] = fitted
+    _reassign(cloud)
+
+
+def _reassign(cloud: Cloud) -> None:
+    """Each point to the nearest surface that has its normal and a piece there; distances in units of what is common to all kinds."""
+    nearest = np.full(len(cloud.points), np.inf)
+    owner = np.full(len(cloud.points), -1)
+    for i, surface in enumerate(cloud.found):
+        near = cloud.members(surface)
+        if len(near) < cloud.least:
+            continue
+        label = pieces(cloud.points[near], cloud.config.linked * cloud.scale.spacing)
+        near = near[np.bincount(label)[label] >= cloud.least]
+        distance = np.abs(signed_distance(surface, cloud.points[near]))
+        better = near[distance < nearest[near]]
+        nearest[near] = np.minimum(nearest[near], distance)
+        owner[better] = i
+    cloud.owner = owner
+    _drop(cloud)
+
+
+def _drop(cloud: Cloud) -> None:
+    counts = np.bincount(cloud.owner[cloud.owner >= 0], minlength=len(cloud.found))
+    keep = np.flatnonzero(counts >= cloud.least)
+    number = np.full(len(cloud.found) + 1, -1)
+    number[keep] = np.arange(len(keep))
+    cloud.owner = number[cloud.owner]
+    cloud.found = [cloud.found[i] for i in keep]
+
+
+def _merge(cloud: Cloud) -> None:
+    """A surface whose points a larger one explains as well is let go: doubles, and slivers between the sides of a faceted wall."""
+    counts = np.bincount(cloud.owner[cloud.owner >= 0], minlength=len(cloud.found))
+    for i in np.argsort(-counts, kind="stable"):
+        if counts[i] == 0:
+            continue
+        member = np.zeros(len(cloud.points), bool)
+        member[cloud.members(cloud.found[i])] = True
+        for j in range(len(cloud.found)):
+            mine = cloud.owner == j
+            if j != i and 0 < counts[j] < counts[i] and member[mine].mean() > 0.9 and _as_well(cloud, i, j):
+                cloud.owner[mine] = i
+                counts[i] += counts[j]
+                counts[j] = 0
+    _drop(cloud)
+
+
+def _as_well(cloud: Cloud, i: int, j: int) -> bool:
+    """In noise the tolerance is wider than walls are thick: there surface `i` must fit the points of `j` about as closely as `j`."""
+    if not cloud.noisy:
+        return True
+    mine = cloud.points[cloud.owner == j]
+    rms_i, rms_j = (float(np.sqrt((signed_distance(cloud.found[k], mine) ** 2).mean())) for k in (i, j))
+    return rms_i < 1.25 * rms_j
+
+
+def patches_of(cloud: Cloud) -> list[Patch]:
+    share = cloud.scale.spacing**2
+    out = []
+    for i, surface in enumerate(cloud.found):
+        mine = cloud.points[cloud.owner == i]
+        out.append(Patch(surface, mine, share * len(mine)))
+    out.sort(key=lambda p: -p.area)
+    return out
