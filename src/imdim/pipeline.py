@@ -118,7 +118,7 @@ def _body(body: Target, settings: Settings, clock: _Clock, rng: np.random.Genera
     seen = _look(frame.normalise(body), rng)
     program, error = None, np.inf
     if settings.method != "tree":
-        for program, error in _searched(seen, clock):
+        for program, error in _searched(seen, clock, rng):
             yield "search", frame.undo(program), error
     if settings.method == "tree" or program is None or error > 0.2:
         grown = _tree(seen)
@@ -158,10 +158,10 @@ def _labeller(unit: Target, patches: list[Patch]) -> Callable[[np.ndarray], np.n
     return lambda points: inside_probability(patches, unit.points, points)
 
 
-def _searched(seen: _Seen, clock: _Clock) -> Iterator[tuple[Program, float]]:
+def _searched(seen: _Seen, clock: _Clock, rng: np.random.Generator) -> Iterator[tuple[Program, float]]:
     """Programs of the structure search in the unit frame, each better than the one before."""
     found = None
-    for found in search_structure(seen.families, StructureConfig(), clock.out_of_time):
+    for found in search_structure(seen.families, StructureConfig(), rng, clock.out_of_time):
         program = to_program(found.sequence, seen.families)
         yield program, _sampled_error(program, seen.cells)
     if found is not None:

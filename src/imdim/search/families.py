@@ -57,26 +57,31 @@ class Families:
         places = np.ravel_multi_index([self.cells.slabs[:, axes[a]].astype(np.int64) for a in order], shape)
         return order, shape, places
 
-    def best(self, field: np.ndarray, per_frame: int) -> list[tuple[float, Candidate]]:
-        """Candidates with large sums of `field` [m]: one per curved family, up to `per_frame` (or none) per box frame."""
-        out = self._best_curved(field)
+    def best(self, field: np.ndarray, per_frame: int, floor: float = 0.0) -> list[tuple[float, Candidate]]:
+        """Candidates whose sums of `field` [m] are above `floor`: one per curved family, up to `per_frame` (or none) per box frame."""
+        out = self._best_curved(field, floor)
         for frame in range(len(self.arrangement.frames) if per_frame else 0):
-            out += self._best_boxes(field, frame, per_frame)
+            if per_frame == 1:
+                floor = max([floor, *(v for v, _ in out)])
+            out += self._best_boxes(field, frame, per_frame, floor)
         return out
 
-    def _best_curved(self, field: np.ndarray) -> list[tuple[float, Candidate]]:
+    def _best_curved(self, field: np.ndarray, floor: float) -> list[tuple[float, Candidate]]:
         table = np.empty((len(self._widths), 3))
         axial_best(field, self._starts, self._members, self._bins, self._widths, table)
-        return [(float(v), Candidate(("curved", i), ((int(lo), int(hi)),))) for i, (v, lo, hi) in enumerate(table)]
+        return [
+            (float(table[i, 0]), Candidate(("curved", int(i)), ((int(table[i, 1]), int(table[i, 2])),)))
+            for i in np.flatnonzero(table[:, 0] > floor)
+        ]
 
-    def _best_boxes(self, field: np.ndarray, frame: int, count: int) -> list[tuple[float, Candidate]]:
+    def _best_boxes(self, field: np.ndarray, frame: int, count: int, floor: float) -> list[tuple[float, Candidate]]:
         order, shape, places = self._frames[frame]
         grid = np.bincount(places, field, math.prod(shape)).reshape(shape)
         table = np.empty((shape[0] * (shape[0] + 1) // 2, 7))
-        box_best(grid, table)
+        box_best(grid, floor, count == 1, table)
         top = np.argsort(-table[:, 0], kind="stable")[:count]
         out = []
-        for row in table[top]:
+        for row in table[top[table[top, 0] > floor]]:
             ranges = [(0, 0)] * 3
             for position, axis in enumerate(order):
                 ranges[axis] = (int(row[1 + 2 * position]), int(row[2 + 2 * position]))

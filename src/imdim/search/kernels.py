@@ -41,23 +41,45 @@ def axial_best(field: np.ndarray, starts: np.ndarray, cells: np.ndarray, bins: n
 
 
 @njit(nogil=True, cache=True)
-def box_best(grid: np.ndarray, out: np.ndarray) -> None:
-    """Best box of `grid` [a, b, c] for each range of the first axis.
+def box_best(grid: np.ndarray, floor: float, rising: bool, out: np.ndarray) -> None:
+    """Best box of `grid` [a, b, c] for each range of the first axis, where it is above `floor`.
 
-    Writes (sum, i, j, k, l, m, n) into out [a(a+1)/2, 7]: the box is grid[i:j, k:l, m:n].
+    Writes (sum, i, j, k, l, m, n) into out [a(a+1)/2, 7]: the box is grid[i:j, k:l, m:n]; the sum is -inf where no box is above the floor.
+    With `rising` the floor follows the best sum so far. What is positive in a range bounds its boxes, so most are never summed.
     """
     na, nb, nc = grid.shape
     row = 0
     slab = np.empty((nb, nc))
     line = np.empty(nc)
+    positive = np.empty(nb)  # of the slab's rows
     for i in range(na):
         slab[:] = 0.0
+        positive[:] = 0.0
         for j in range(i, na):
-            slab += grid[j]
-            top = -np.inf
             for k in range(nb):
+                for c in range(nc):
+                    v = grid[j, k, c]
+                    slab[k, c] += v
+                    if v > 0.0:
+                        positive[k] += v
+            top = -np.inf
+            least = floor
+            rest = positive.sum()
+            for k in range(nb):
+                if rest <= least:
+                    break
+                rest -= positive[k]
+                if positive[k] == 0.0:
+                    # a box that begins with a row that wins nothing is not better than without it
+                    continue
                 line[:] = 0.0
+                bound = 0.0
                 for m in range(k, nb):
+                    bound += positive[m]
+                    if bound <= least or positive[m] == 0.0:
+                        for c in range(nc):
+                            line[c] += slab[m, c]
+                        continue
                     # best_interval, run while the line is summed
                     run, start = 0.0, 0
                     for c in range(nc):
@@ -66,8 +88,11 @@ def box_best(grid: np.ndarray, out: np.ndarray) -> None:
                             run, start = line[c], c
                         else:
                             run += line[c]
-                        if run > top:
+                        if run > least:
                             top = run
+                            least = run
                             out[row, 3], out[row, 4], out[row, 5], out[row, 6] = k, m + 1, start, c + 1
+            if rising and top > floor:
+                floor = top
             out[row, 0], out[row, 1], out[row, 2] = top, i, j + 1
             row += 1

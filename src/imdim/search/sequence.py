@@ -143,7 +143,7 @@ def insertions(sequence: Sequence, families: Families, per_frame: int, least: fl
         for op, field, total, potential in _fields(gap, gain):
             if potential <= best * enough:
                 continue
-            found = [(total + v, c) for v, c in families.best(field, per_frame)]
+            found = [(total + v, c) for v, c in families.best(field, per_frame, max(best * enough - total, 0.0))]
             out += [Insertion(v, gap.position, op, c) for v, c in found if v > least]
             best = max([best, *(v for v, _ in found)])
     return sorted(out, key=lambda i: -i.gain)
@@ -177,7 +177,7 @@ def pair_insertions(sequence: Sequence, families: Families, least: float, limit:
             out += [Insertion(v, gap.position, op, pair) for v, pair in _paired(half, field, families, least)]
         for half in _separating(field, families, limit):
             rest = np.where(families.mask(half), 0.0, field)
-            out += [Insertion(v, gap.position, op, Pair("difference", c, half)) for v, c in families.best(rest, 1) if v > least]
+            out += [Insertion(v, gap.position, op, Pair("difference", c, half)) for v, c in families.best(rest, 1, least)]
     return sorted(out, key=lambda i: -i.gain)
 
 
@@ -187,8 +187,8 @@ def _paired(half: Candidate, field: np.ndarray, families: Families, least: float
     if kept[kept > 0].sum() <= least:
         return []
     whole = float(kept.sum())
-    both = [(v, Pair("intersection", half, c)) for v, c in families.best(kept, 1) if v > least]
-    return both + [(whole + v, Pair("difference", half, c)) for v, c in families.best(-kept, 1) if whole + v > least]
+    both = [(v, Pair("intersection", half, c)) for v, c in families.best(kept, 1, least)]
+    return both + [(whole + v, Pair("difference", half, c)) for v, c in families.best(-kept, 1, max(least - whole, 0.0)) if whole + v > least]
 
 
 def _promising(field: np.ndarray, families: Families, limit: int) -> list[Candidate]:

@@ -98,7 +98,7 @@ def _candidates(cloud: Cloud, rest: np.ndarray, rng: np.random.Generator) -> lis
                 continue
             claimed.append(near)
             result = _polish(cloud, rest, kind, rows[i])
-            if result is not None and (kind == PLANE or not _mostly_flat(cloud, result[2], rng)):
+            if result is not None and (kind == PLANE or not _mostly_flat(cloud, result[1], result[2], rng)):
                 out.append(result)
     out.sort(key=lambda item: -item[0])
     return out
@@ -139,14 +139,17 @@ def _polish(cloud: Cloud, rest: np.ndarray, kind: int, row: np.ndarray) -> tuple
     return _support(cloud, rest, kind, surface)
 
 
-def _mostly_flat(cloud: Cloud, index: np.ndarray, rng: np.random.Generator) -> bool:
+def _mostly_flat(cloud: Cloud, surface: Surface, index: np.ndarray, rng: np.random.Generator) -> bool:
     """Whether one plane holds a good part of a curved surface's points: it then leans over an edge between faces."""
     points = cloud.points[index]
     if len(points) > 400:
         points = points[rng.choice(len(points), 400, replace=False)]
     triples = rng.integers(len(points), size=(200, 3))
     band = max(cloud.config.flat * cloud.scale.diagonal, 1.5 * cloud.scale.sigma)
-    share = 0.55 if cloud.noisy else 0.3
+    share = 0.3
+    if surface.kind == "cylinder":
+        # what a plane at the best depth cuts out of a whole thin cylinder
+        share = min(max(share, 1.5 * math.acos(max(1 - 2 * band / surface.sizes[0], -1.0)) / math.pi), 0.6)
     return bool(largest_plane(points, triples, band) > max(share * len(points), 5))
 
 
@@ -161,7 +164,7 @@ def _support(cloud: Cloud, rest: np.ndarray, kind: int, surface: Surface) -> tup
     if not keep.any():
         return None
     near = near[keep]
-    if kind != PLANE and not _convincing(cloud, kind, cloud.points[rest[near]], gain[near]):
+    if (kind != PLANE or cloud.noisy) and not _convincing(cloud, kind, cloud.points[rest[near]], gain[near]):
         return None
     value = float(gain[near].sum() * _PREFERENCE[kind])
     return value * (1.0 if _in_frame(cloud, surface) else cloud.config.off_frame), surface, rest[near]
@@ -169,7 +172,7 @@ def _support(cloud: Cloud, rest: np.ndarray, kind: int, surface: Surface) -> tup
 
 def _convincing(cloud: Cloud, kind: int, points: np.ndarray, gain: np.ndarray) -> bool:
     """Whether the points lie well within the tolerance, and as densely as a surface of the cloud does."""
-    if len(points) < cloud.least * _LEAST[kind] or gain.mean() < cloud.config.tightness:
+    if len(points) < cloud.least * _LEAST[kind] or (kind != PLANE and gain.mean() < cloud.config.tightness):
         return False
     third = KDTree(points).query(points, k=4)[0][:, 3]
     return float(np.median(third)) < cloud.config.sparse * cloud.scale.spacing

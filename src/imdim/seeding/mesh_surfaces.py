@@ -19,6 +19,8 @@ from imdim.geometry.surface import Patch, Surface, normals, signed_distance
 from imdim.seeding.facets import Facets, facets_of
 from imdim.seeding.fit_surface import fit_surface
 
+LEAST_STEPS = {"sphere": 3.5, "torus": 4.5}  # facets along a patch; four circles of corners may lie on a torus by mere symmetry
+
 
 @dataclass(frozen=True)
 class MeshSurfaceConfig:
@@ -251,7 +253,7 @@ def _believable(surface: Surface, members: np.ndarray, facets: Facets) -> bool:
         least = 8  # nearly flat
     if len(members) < least:
         return False
-    if surface.kind in ("sphere", "torus") and _least_steps(surface, members, facets) < 3.5:
+    if surface.kind in LEAST_STEPS and _least_steps(surface, members, facets) < LEAST_STEPS[surface.kind]:
         return False
     n = facets.normals[members]
     turn = np.arccos(np.clip((n @ n.T).min() if len(n) < 800 else -1.0, -1, 1))
@@ -280,7 +282,8 @@ def _least_steps(surface: Surface, members: np.ndarray, facets: Facets) -> float
 
 def _turns(angles: np.ndarray) -> float:
     """Range of angles [t, 3] of triangle corners over the median range within a triangle."""
-    centered = (angles - np.median(angles) + np.pi) % (2 * np.pi)
+    middle = np.arctan2(np.sin(angles).mean(), np.cos(angles).mean())
+    centered = (angles - middle + np.pi) % (2 * np.pi)
     return float(np.ptp(centered)) / max(float(np.median(np.ptp(centered, axis=1))), 1e-9)
 
 

@@ -1,0 +1,149 @@
+"""Moves on one sequence: greedy completion, pruning, and a local search that removes related steps and refills the hole.
+
+The local search is a large neighbourhood search (Shaw 1998): a step and some that touch it are removed, the hole is refilled under
+a price drawn at random (pure cuts first, pure pieces first, or the true one), and the result stays if it is no worse.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from imdim.search.families import Families
+from imdim.search.sequence import Insertion, Sequence, cost, error, insert, insertions, pair_insertions
+
+
+@dataclass
+class LocalConfig:
+    """Limits of completion and local search."""
+
+    max_primitives: int = 120
+    pair_limit: int = 24
+    rounds: int = 120  # of removal and refill
+    patience: int = 45  # rounds without an improvement before it ends
+    most_removed: int = 4
+
+
+@dataclass(frozen=True)
+class Price:
+    """The objective of a phase: the price of a primitive in volume, the weights of excess and lacking volume, and whether boxes may be used."""
+
+    step: float
+    weights: tuple[float, float] = (1.0, 1.0)
+    boxes: bool = True
+
+
+@dataclass(frozen=True)
+class Found:
+    """A sequence with its objective."""
+
+    sequence: Sequence
+    objective: float
+
+
+def found_of(sequence: Sequence, families: Families, price: Price) -> Found:
+    """The sequence with its objective under `price`."""
+    return Found(sequence, error(sequence, families, price.weights) + price.step * cost(sequence))
+
+
+def grown(found: Found, insertion: Insertion, families: Families, price: Price) -> Found:
+    """One step more."""
+    return found_of(insert(found.sequence, insertion, families), families, price)
+
+
+def complete(
+    found: Found, families: Families, config: LocalConfig, price: Price, out_of_time: Callable[[], bool], limit: float = np.inf
+) -> Found:
+    """Insert the best single step, or a pair where no single pays, until nothing pays or the steps alone cost more than `limit`."""
+    while cost(found.sequence) < config.max_primitives and price.step * cost(found.sequence) < limit and not out_of_time():
+        options = insertions(found.sequence, families, int(price.boxes), price.step, price.weights)[:1]
+        if not options and price.weights == (1.0, 1.0):
+            options = pair_insertions(found.sequence, families, 2 * price.step, config.pair_limit)[:1]
+        if not options:
+            break
+        longer = grown(found, options[0], families, price)
+        if longer.objective >= found.objective * (1 - 1e-12):
+            break
+        found = longer
+    return found
+
+
+def pruned(found: Found, families: Families, price: Price) -> Found:
+    """Without the steps that do not earn their price; later steps often make earlier ones idle."""
+    i = len(found.sequence) - 1
+    while i >= 0:
+        shorter = found_of(found.sequence[:i] + found.sequence[i + 1 :], families, price)
+        if shorter.objective <= found.objective:
+            found = shorter
+            i = len(found.sequence)
+        i -= 1
+    return found
+
+
+def improve(
+    found: Found, families: Families, config: LocalConfig, price: Price, rng: np.random.Generator, out_of_time: Callable[[], bool]
+) -> Iterator[Found]:
+    """Yield better and better sequences."""
+    idle = 0
+    attempts = _single_removals(found.sequence)
+    for _ in range(config.rounds):
+        if out_of_time() or idle >= config.patience + len(attempts):
+            return
+        removed = attempts.pop(0) if attempts else _related(found.sequence, config, rng)
+        trial = _refilled(found, removed, families, config, price, rng, out_of_time)
+        better = trial.objective < found.objective * (1 - 1e-9)
+        idle = 0 if better else idle + 1
+        if trial.objective <= found.objective:
+            found = trial
+            attempts = attempts if not better else _single_removals(found.sequence)
+        if better:
+            yield found
+
+
+def _single_removals(sequence: Sequence) -> list[tuple[int, ...]]:
+    return [(i,) for i in range(len(sequence))] if len(sequence) <= 40 else []
+
+
+def _related(sequence: Sequence, config: LocalConfig, rng: np.random.Generator) -> tuple[int, ...]:
+    """A random step with up to `most_removed` - 1 others, those that share cells with it first."""
+    n = len(sequence)
+    seed = int(rng.integers(n))
+    count = min(n, int(rng.integers(2, config.most_removed + 1)))
+    shared = np.array([float((s.mask & sequence[seed].mask).sum()) for s in sequence]) * rng.random(n) + 1e-3 * rng.random(n)
+    shared[seed] = np.inf
+    return tuple(sorted(int(i) for i in np.argsort(-shared, kind="stable")[:count]))
+
+
+def _refilled(
+    found: Found,
+    removed: tuple[int, ...],
+    families: Families,
+    config: LocalConfig,
+    price: Price,
+    rng: np.random.Generator,
+    out_of_time: Callable[[], bool],
+) -> Found:
+    """The sequence with some steps taken out and the hole filled again, pruned."""
+    shorter = tuple(s for i, s in enumerate(found.sequence) if i not in removed)
+    if len(removed) > 1:
+        excess, lack = ((1.0, 1.0), (1.0, 8.0), (8.0, 1.0), (0.1, 1.0))[int(rng.integers(4))]
+        phase = Price(price.step * (10.0 if excess < 1 else 1.0), (excess, lack))
+        start = found_of(shorter, families, phase)
+        shorter = _steps(start, len(removed) - 1, families, phase).sequence
+    filled = _steps(found_of(shorter, families, price), len(removed) + 1, families, price)
+    trial = pruned(filled, families, price)
+    if trial.objective < found.objective * 1.2:
+        trial = pruned(complete(trial, families, config, price, out_of_time, 1.2 * found.objective), families, price)
+    return trial
+
+
+def _steps(found: Found, count: int, families: Families, price: Price) -> Found:
+    """Up to `count` best single insertions that pay."""
+    for _ in range(count):
+        options = insertions(found.sequence, families, 1, price.step, price.weights)[:1]
+        if not options:
+            break
+        found = grown(found, options[0], families, price)
+    return found
