@@ -48,18 +48,16 @@ def pca_normals(points: np.ndarray, k: int = 12) -> np.ndarray:
     return np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))[1][:, :, 0]
 
 
-def estimate_normals(points: np.ndarray, scale: CloudScale, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def estimate_normals(points: np.ndarray, scale: CloudScale, rng: np.random.Generator, k: int = 18) -> tuple[np.ndarray, np.ndarray]:
     """Normals [n, 3] of either sign and trust [n] in 0..1, by consensus of planes through each point and two of its neighbours.
 
     A consensus, unlike an average, does not blend the faces that meet at an edge or the two sides of a wall.
     """
-    # noise tilts a small neighbourhood more than a large one
-    noisy = min(scale.sigma / (0.3 * scale.spacing), 1.0)
-    k = min(int(18 + 30 * noisy), len(points) - 1)
+    k = min(k, len(points) - 1)
     _, near = KDTree(points).query(points, k=k + 1)
     pairs = np.array([rng.choice(np.arange(1, k + 1), 2, replace=False) for _ in range(48)])
     tolerance = 0.1 * scale.spacing + 2 * scale.sigma
-    return _consensus(points, near, pairs, tolerance, (2.5 + 1.5 * noisy) * scale.spacing)
+    return _consensus(points, near, pairs, tolerance, 2.5 * scale.spacing)
 
 
 @njit(cache=True)

@@ -34,7 +34,7 @@ class Facets:
 
 
 @njit(cache=True)
-def _grow(order, starts, neighbours, corners, normals, flat, cosine):  # noqa: ANN001, ANN202
+def _grow(order, starts, neighbours, corners, normals, flat, cosine):
     """Flood coplanar triangles from the largest triangle down; every member lies within `flat` of the first triangle's plane."""
     facet = np.full(len(order), -1, np.int64)
     stack = np.empty(len(order), np.int64)

@@ -76,7 +76,8 @@ def _curved(facets: Facets, free: np.ndarray, config: MeshSurfaceConfig) -> tupl
                 break
             continue
         surface, members = found
-        members = np.union1d(members, _members(surface, state, 1.0 + _sagitta(surface, facets, members) / (config.on_surface * facets.diagonal)))
+        slack = 1.0 + _sagitta(surface, facets, members) / (config.on_surface * facets.diagonal)
+        members = np.union1d(members, _members(surface, state, slack))
         state.free[members] = False
         patches.append(_patch(surface, facets, members))
     return patches, state.free
@@ -108,10 +109,11 @@ def _hypotheses(seed: int, state: _Growing) -> list[tuple[float, Surface]]:
         out += [(1.01, s) for s in (_cone_through(facets, trio) for trio in [*trios, ring]) if s]
     if len(ring) >= 4:
         points, point_normals = _corner_normals(facets, ring)
-        out.append((1.0, fit_surface("sphere", points)[0]))
-        wide = _ring(seed, alike, state, 150)
-        if len(wide) > len(ring):
-            out.append((1.0, fit_surface("sphere", _points(facets, wide))[0]))
+        # a small ring keeps clear of cuts, a wide one is more exact
+        for size in (8, 30, 150):
+            chosen = _points(facets, _ring(seed, alike, state, size))
+            if len(chosen) >= 5:
+                out.append((1.0, fit_surface("sphere", chosen)[0]))
         if len(ring) >= 8:
             out.append((0.95, fit_surface("torus", points, point_normals, iterations=15)[0]))
     return out
@@ -203,7 +205,10 @@ def _settle(guess: Surface, state: _Growing) -> tuple[Surface, np.ndarray] | Non
         members, loose = grown, 1.0
         if len(members) < 2:
             return None
-    return (surface, members) if _believable(surface, members, facets) else None
+    if not _believable(surface, members, facets):
+        return None
+    polished, rms = fit_surface(surface.kind, _points(facets, members), start=surface, iterations=12)
+    return (polished if _sane(polished, facets.diagonal) and rms < config.on_surface * facets.diagonal else surface), members
 
 
 def _sagitta(surface: Surface, facets: Facets, members: np.ndarray) -> float:
