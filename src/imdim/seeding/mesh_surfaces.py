@@ -19,7 +19,7 @@ from imdim.geometry.surface import Patch, Surface, normals, signed_distance
 from imdim.seeding.facets import Facets, facets_of
 from imdim.seeding.fit_surface import fit_surface
 
-LEAST_STEPS = {"sphere": 3.5, "torus": 4.5}  # facets along a patch; four circles of corners may lie on a torus by mere symmetry
+LEAST_STEPS = {"sphere": 2.5, "torus": 4.5}  # facets along a patch; four circles of corners may lie on a torus by mere symmetry
 
 
 @dataclass(frozen=True)
@@ -194,9 +194,7 @@ def _settle(guess: Surface, state: _Growing) -> tuple[Surface, np.ndarray] | Non
         points = _points(facets, members)
         if len(points) < 7:
             return None
-        thinned = points[:: max(1, len(points) // 1500)]
-        # corners on chords lie off by the sagitta: the robust fit follows those on the curve
-        surface, rms = fit_surface(surface.kind, thinned, start=surface, scale=0.5 * config.on_surface * facets.diagonal, iterations=12)
+        surface, rms = _fitted(surface, points[:: max(1, len(points) // 1500)], facets, members, config)
         if not _sane(surface, facets.diagonal) or rms > config.on_surface * facets.diagonal:
             return None
         grown = _members(surface, state, 1.0)
@@ -207,8 +205,39 @@ def _settle(guess: Surface, state: _Growing) -> tuple[Surface, np.ndarray] | Non
             return None
     if not _believable(surface, members, facets):
         return None
-    polished, rms = fit_surface(surface.kind, _points(facets, members), start=surface, iterations=12)
-    return (polished if _sane(polished, facets.diagonal) and rms < config.on_surface * facets.diagonal else surface), members
+    return _polished(surface, facets, members, config), members
+
+
+def _fitted(surface: Surface, points: np.ndarray, facets: Facets, members: np.ndarray, config: MeshSurfaceConfig) -> tuple[Surface, float]:
+    """The carrier through corners [n, 3] of its facets, and their rms distance to it.
+
+    The normals of a cylinder's strips are exact, so they give its axis. Corners on chords lie off by the sagitta: where the plain fit
+    is not good a robust one follows those on the curve.
+    """
+    hold = ""
+    if surface.kind == "cylinder":
+        n = facets.normals[members] * np.sqrt(facets.areas[members])[:, None]
+        spread, vectors = np.linalg.eigh(n.T @ n)
+        if spread[1] > 1e-3 * spread[2]:
+            surface, hold = replace(surface, axis=_vec(vectors[:, 0])), "axis"
+    tolerance = config.on_surface * facets.diagonal
+    fitted, rms = fit_surface(surface.kind, points, start=surface, iterations=12, hold=hold)
+    if rms > 0.3 * tolerance:
+        return fit_surface(surface.kind, points, start=surface, scale=0.5 * tolerance, iterations=12, hold=hold)
+    return fitted, rms
+
+
+def _polished(surface: Surface, facets: Facets, members: np.ndarray, config: MeshSurfaceConfig) -> Surface:
+    """Reweighted twice with the scale of the better half: a design's corners are exact but for those that cuts made."""
+    points = _points(facets, members)
+    hold = "axis" if surface.kind == "cylinder" else ""
+    for _ in range(2):
+        scale = 3 * float(np.median(np.abs(signed_distance(surface, points)))) + 1e-7 * facets.diagonal
+        polished, rms = fit_surface(surface.kind, points, start=surface, scale=scale, iterations=12, hold=hold)
+        if not _sane(polished, facets.diagonal) or not rms < config.on_surface * facets.diagonal:
+            break
+        surface = polished
+    return surface
 
 
 def _sagitta(surface: Surface, facets: Facets, members: np.ndarray) -> float:
@@ -266,18 +295,19 @@ def _believable(surface: Surface, members: np.ndarray, facets: Facets) -> bool:
 
 
 def _least_steps(surface: Surface, members: np.ndarray, facets: Facets) -> float:
-    """How many facets long a sphere's or torus's patch is, for a torus along and about its axis, whichever is less.
+    """How many facets long a sphere's patch is along its pole, or a torus's along and about its axis, whichever is less.
 
     Two circles of corners lie on many spheres and tori, and mean a cone; strips that are one facet long mean a cylinder.
     """
     corners = facets.corners[facets.triangles(members)]
     direction = normals(surface, corners.reshape(-1, 3)).reshape(-1, 3, 3)
+    axis = np.asarray(surface.axis)
     if surface.kind == "sphere":
-        spans = np.arccos(np.clip((direction * np.roll(direction, 1, axis=1)).sum(2), -1, 1)).max(1)
         flat = direction.reshape(-1, 3)
-        extent = float(np.arccos(np.clip((flat @ flat[0]).min(), -1, 1)))
-        return extent / max(float(np.median(spans)), 1e-9)
-    frame = frame_from_axis(np.asarray(surface.axis))
+        # the axis of a band, the pole of a cap
+        axis = np.linalg.eigh(np.cov(flat.T))[1][:, 0]
+        return _turns(np.arcsin(np.clip(direction @ axis, -1, 1)))
+    frame = frame_from_axis(axis)
     local = (corners - surface.point) @ frame
     around = np.arctan2(local[..., 1], local[..., 0])
     radial = np.cos(around)[..., None] * frame[:, 0] + np.sin(around)[..., None] * frame[:, 1]
