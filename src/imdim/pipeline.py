@@ -18,7 +18,7 @@ from imdim.config import Settings
 from imdim.geometry import kernels
 from imdim.geometry.cloud import Frame, InputError, Target, split_bodies, target_from
 from imdim.geometry.solid import to_manifold, volume_iou
-from imdim.geometry.surface import Patch
+from imdim.geometry.surface import Patch, Surface
 from imdim.geometry.winding import inside_mesh
 from imdim.program.cost import count
 from imdim.program.simplify import reduce_program
@@ -30,6 +30,8 @@ from imdim.search.sequence import to_program
 from imdim.search.structure import StructureConfig
 from imdim.search.structure import search as search_structure
 from imdim.search.tidy import tidy
+from imdim.seeding.closing import closing_planes
+from imdim.seeding.cloud_normals import measure_scale
 from imdim.seeding.cloud_surfaces import detect_cloud
 from imdim.seeding.decision_tree import grow
 from imdim.seeding.mesh_surfaces import detect_patches
@@ -38,6 +40,7 @@ from imdim.solve.canonical import canonical
 from imdim.solve.refine import RefineConfig, refine
 from imdim.solve.snap import SnapConfig, snap
 
+CLOSING_AREA = 1e-7  # of the squared diagonal; implied planes rank behind detected ones
 SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may cost
 SEARCH_SHARE = 0.6  # of the budget; detection, the solver and delivery need the rest
 METHODS = ("auto", "search", "tree")
@@ -136,16 +139,26 @@ def _body(body: Target, settings: Settings, clock: _Clock, rng: np.random.Genera
 
 def _look(unit: Target, rng: np.random.Generator) -> _Seen:
     """Surfaces, cells and candidate families of a body in the unit frame."""
-    patches = detect_patches(unit.mesh) if unit.mesh is not None else detect_cloud(unit.points, unit.normals, rng)
+    patches, closing = _surfaces(unit, rng)
     if not patches:
         raise InputError(f"{unit.name}: no plane, sphere, cylinder, cone or torus found in {len(unit.points)} points")
     corners = unit.points if unit.mesh is None else unit.mesh.vertices
     bounds = np.stack([np.min(corners, axis=0), np.max(corners, axis=0)])
-    arrangement = arrange([p.surface for p in patches], [p.area for p in patches], bounds, ArrangementConfig())
+    surfaces = [p.surface for p in patches] + closing
+    areas = [p.area for p in patches] + [CLOSING_AREA] * len(closing)
+    arrangement = arrange(surfaces, areas, bounds, ArrangementConfig())
     cells = sample_cells(arrangement, _labeller(unit, patches), 150_000, rng)
     if cells.volume <= 0:
         raise InputError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells")
     return _Seen(unit, patches, Families(arrangement, cells))
+
+
+def _surfaces(unit: Target, rng: np.random.Generator) -> tuple[list[Patch], list[Surface]]:
+    """What the target shows, and for a cloud the planes that its faces only imply."""
+    if unit.mesh is not None:
+        return detect_patches(unit.mesh), []
+    patches = detect_cloud(unit.points, unit.normals, rng)
+    return patches, closing_planes(patches, measure_scale(unit.points, rng).spacing)
 
 
 def _labeller(unit: Target, patches: list[Patch]) -> Callable[[np.ndarray], np.ndarray]:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 Reconstruct = Callable[["Target", Settings, "np.random.Generator"], "Iterator[Snapshot]"]
 
+DELIVERY_S = 6.0
 BAD_INPUT = 2
 INTERRUPTED = 130
 
@@ -65,7 +66,7 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None) -> dict[str,
             raise ConfigError(f"setting {key} is missing: give {key}=...")
     import numpy as np
 
-    from imdim.deliver import RunRecord, check_writable, deliver
+    from imdim.deliver import STEP_LIMIT_S, RunRecord, check_writable, deliver
     from imdim.geometry.cloud import load_target
 
     folder, start = Path(settings.output), time.perf_counter()
@@ -80,7 +81,10 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None) -> dict[str,
         reconstruct = pipeline.reconstruct
     last = _exhaust(shown(reconstruct(target, settings, np.random.default_rng(settings.seed)), settings.budget_s), stages)
     run = RunRecord(settings.input, stages, last.stop or "finished", settings.seed, asdict(settings))
-    return deliver(last.program, target, folder, run, segments=settings.segments)
+    left = settings.budget_s - (time.perf_counter() - start)
+    # the other files take a few seconds; STEP, which may be slow, gets what is left
+    step_limit_s = min(max(left - DELIVERY_S, 1.0), STEP_LIMIT_S)
+    return deliver(last.program, target, folder, run, segments=settings.segments, step_limit_s=step_limit_s)
 
 
 def _exhaust(snapshots: Iterator[Snapshot], stages: dict[str, float]) -> Snapshot:

@@ -21,8 +21,10 @@ class LocalConfig:
 
     max_primitives: int = 120
     pair_limit: int = 24
-    rounds: int = 120  # of removal and refill
-    patience: int = 45  # rounds without an improvement before it ends
+    rounds: int = 400  # of removal and refill, at most
+    work: float = 2.4e7  # cells times steps times rounds; large parts get fewer rounds
+    least_rounds: int = 40
+    patience: float = 0.3  # of the rounds, without an improvement, before it ends
     most_removed: int = 4
 
 
@@ -88,8 +90,10 @@ def improve(
     """Yield better and better sequences."""
     idle = 0
     attempts = _single_removals(found.sequence)
-    for _ in range(config.rounds):
-        if out_of_time() or idle >= config.patience + len(attempts):
+    size = max(1, len(found.sequence) * len(families.cells.points))
+    rounds = int(np.clip(config.work / size, config.least_rounds, config.rounds))
+    for _ in range(rounds):
+        if out_of_time() or not found.sequence or idle >= config.patience * rounds + len(attempts):
             return
         removed = attempts.pop(0) if attempts else _related(found.sequence, config, rng)
         trial = _refilled(found, removed, families, config, price, rng, out_of_time)
