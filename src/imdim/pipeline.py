@@ -41,6 +41,8 @@ from imdim.solve.refine import RefineConfig, refine
 from imdim.solve.snap import SnapConfig, snap
 
 CLOSING_AREA = 1e-7  # of the squared diagonal; implied planes rank behind detected ones
+MOST_JOINT = 8  # bodies
+JOINT_ERROR = 2e-3  # of the volume, that a shorter program of all bodies at once may cost
 SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may cost
 SEARCH_SHARE = 0.6  # of the budget; detection, the solver and delivery need the rest
 METHODS = ("auto", "search", "tree")
@@ -101,6 +103,16 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) ->
     if settings.method not in METHODS:
         raise ValueError(f"unknown method {settings.method!r}; known are {', '.join(METHODS)}")
     clock = _Clock(settings.budget_s)
+    last: Snapshot | None = None
+    for last in _by_body(target, settings, clock, rng):
+        yield last
+    if last is None:
+        raise InputError(f"{target.name}: no program found")
+    yield Snapshot("finished", last.program, last.error, clock.seconds(), "budget_spent" if clock.cut else "finished")
+
+
+def _by_body(target: Target, settings: Settings, clock: _Clock, rng: np.random.Generator) -> Iterator[Snapshot]:
+    """Snapshots of the union of the bodies done so far; a few bodies are then tried as one, since one cut may have parted them."""
     bodies = split_bodies(target)
     done: Program | None = None
     last: Snapshot | None = None
@@ -110,9 +122,11 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) ->
             last = Snapshot(stage, whole, error, clock.seconds())
             yield last
         done = last.program if last else None
-    if last is None:
-        raise InputError(f"{target.name}: no program found for {len(bodies)} bodies")
-    yield Snapshot("finished", last.program, last.error, clock.seconds(), "budget_spent" if clock.cut else "finished")
+    if last is None or not 1 < len(bodies) <= MOST_JOINT or clock.out_of_time():
+        return
+    *_, (_, joint, error) = _body(target, settings, clock, rng)
+    if count(joint).primitives < count(last.program).primitives and error < last.error + JOINT_ERROR:
+        yield Snapshot("joint", joint, error, clock.seconds())
 
 
 def _body(body: Target, settings: Settings, clock: _Clock, rng: np.random.Generator) -> Iterator[tuple[str, Program, float]]:
@@ -168,7 +182,8 @@ def _labeller(unit: Target, patches: list[Patch]) -> Callable[[np.ndarray], np.n
         return lambda points: inside_mesh(mesh, points)
     from imdim.seeding.cloud_occupancy import inside_probability
 
-    return lambda points: inside_probability(patches, unit.points, points)
+    # single queries are right far more often than their votes are unanimous: a cell averages decisions, not doubts
+    return lambda points: inside_probability(patches, unit.points, points) > 0.5
 
 
 def _searched(seen: _Seen, clock: _Clock, rng: np.random.Generator) -> Iterator[tuple[Program, float]]:

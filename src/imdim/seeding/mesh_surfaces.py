@@ -255,13 +255,15 @@ def _sane(surface: Surface, diagonal: float) -> bool:
 
 
 def _members(surface: Surface, state: _Growing, slack: float) -> np.ndarray:
-    """Free facets whose every corner lies on the carrier and whose normal follows it."""
+    """Free facets whose every corner lies on the carrier and whose normal follows it there and in the middle."""
     facets, config = state.facets, state.config
     corners = facets.corners.reshape(-1, 3)
     off = np.abs(signed_distance(surface, corners)) > slack * config.on_surface * facets.diagonal
     bad_triangle = off.reshape(-1, 3).any(1) | ~state.free[facets.facet_of]
     fine = np.flatnonzero(~bad_triangle)
-    gradient = normals(surface, facets.corners[fine].reshape(-1, 3)).reshape(-1, 3, 3)
+    # a disc within a torus's topmost circle, or a wall between two rounds, follows it at the corners alone
+    probes = np.concatenate([facets.corners[fine], facets.corners[fine].mean(1, keepdims=True)], axis=1)
+    gradient = normals(surface, probes.reshape(-1, 3)).reshape(-1, 4, 3)
     along = np.abs(np.einsum("tci,ti->tc", gradient, facets.normals[facets.facet_of[fine]])).min(1)
     bad_triangle[fine[along < np.cos(np.radians(config.follow_deg))]] = True
     bad = np.zeros(len(facets.areas), bool)

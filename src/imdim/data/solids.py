@@ -1,0 +1,186 @@
+"""`Solids`: a batch of signed sequences as tensors, the form in which programs are drawn, checked and sampled.
+
+A point belongs to the left fold of unions and differences exactly when the last primitive that holds it is positive: later
+primitives overwrite earlier ones. All questions of membership here are that one rule.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from imdim.geometry.sdf import rotation_matrices
+from imdim.program.state import ADD_BOX, ADD_CYLINDER, ADD_SPHERE, END, PARAM_COUNT, UNDO_LAST, ShapeState
+
+BOX, SPHERE, CYLINDER, ABSENT = int(ADD_BOX), int(ADD_SPHERE), int(ADD_CYLINDER), -1
+PAD = -1  # stands after END where a batch is wider than a sequence; no token
+
+
+@dataclass(frozen=True)
+class Solids:
+    """`kinds` int64 [b, t] (the id of the token that adds it, or ABSENT), `positive` bool [b, t], `centers` [b, t, 3], `sizes` [b, t, 3]
+    (box edges; sphere r, 0, 0; cylinder r, h, 0), `rotations` [b, t, 3, 3] (local to world)."""
+
+    kinds: Tensor
+    positive: Tensor
+    centers: Tensor
+    sizes: Tensor
+    rotations: Tensor
+
+    @property
+    def present(self) -> Tensor:
+        """bool [b, t]."""
+        return self.kinds != ABSENT
+
+    @property
+    def lengths(self) -> Tensor:
+        """Number of primitives, int64 [b]."""
+        return self.present.sum(1)
+
+    def __getitem__(self, rows: Tensor | slice) -> Solids:
+        return Solids(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+    def prefix(self, lengths: Tensor) -> Solids:
+        """The first `lengths` [b] columns of each row; the others become absent."""
+        column = torch.arange(self.kinds.shape[1], device=self.kinds.device)
+        return replace(self, kinds=torch.where(column < lengths[:, None], self.kinds, ABSENT))
+
+    def taken(self, order: Tensor) -> Solids:
+        """The columns `order` int64 [b, u] of each row."""
+        rows = torch.arange(len(order), device=order.device)[:, None]
+        return Solids(*(getattr(self, f.name)[rows, order] for f in fields(self)))
+
+    def compact(self) -> Solids:
+        """Present primitives first, in their order, as wide as the longest row."""
+        order = torch.argsort((~self.present).to(torch.uint8), dim=1, stable=True)
+        return self.taken(order[:, : max(1, int(self.lengths.max()) if len(self.kinds) else 1)])
+
+
+class Sequences(NamedTuple):
+    """`tokens` int64 [b, t] (ends with END, then PAD) and `params` [b, t, 10], zeros except on ADD_* steps."""
+
+    tokens: Tensor
+    params: Tensor
+
+
+def concatenate(parts: list[Solids], width: int) -> Solids:
+    """Rows of all `parts`, each padded with absent primitives to `width` columns."""
+    padded = [_padded(p, width) for p in parts]
+    return Solids(*(torch.cat([getattr(p, f.name) for p in padded]) for f in fields(Solids)))
+
+
+def to_sequences(solids: Solids, steps: int | None = None) -> Sequences:
+    """Tokens and parameters of compact `solids`, `steps` columns wide (as many as the longest needs if None).
+
+    Raises ValueError when a sequence with its END does not fit.
+    """
+    needed = int(solids.lengths.max()) + 1
+    steps = needed if steps is None else steps
+    if needed > steps:
+        raise ValueError(f"{needed - 1} primitives and END do not fit in {steps} steps")
+    wide = _padded(solids, steps) if solids.kinds.shape[1] < steps else solids.taken(_columns(solids, steps))
+    column = torch.arange(steps, device=solids.kinds.device)
+    tokens = torch.where(column == solids.lengths[:, None], int(END), torch.where(wide.present, wide.kinds, PAD))
+    sign = torch.where(wide.positive, 1.0, -1.0)[..., None]
+    params = torch.cat([wide.centers, wide.sizes, euler_from_matrices(wide.rotations), sign], -1)
+    return Sequences(tokens, torch.where(wide.present[..., None], params, 0.0))
+
+
+def from_sequences(tokens: Tensor, params: Tensor) -> Solids:
+    """Execute `tokens` [b, t] with `params` [b, t, 10], UNDO_LAST included; END and PAD add nothing. Sizes are read by magnitude.
+
+    Raises ValueError for a token that adds another kind than box, sphere or cylinder.
+    """
+    known = (tokens <= int(END)) & (tokens >= PAD)
+    if not known.all():
+        raise ValueError(f"token {int(tokens[~known][0])} is not of the signed sequences of boxes, spheres and cylinders")
+    rows = torch.arange(len(tokens), device=tokens.device)
+    top = torch.zeros_like(rows)
+    order = torch.full_like(tokens, -1)
+    for step in range(tokens.shape[1]):
+        added = (tokens[:, step] >= 0) & (tokens[:, step] <= CYLINDER)
+        order[rows[added], top[added]] = step
+        top = (top + added.long() - (tokens[:, step] == int(UNDO_LAST)).long()).clamp_min(0)
+        order = torch.where(torch.arange(order.shape[1], device=tokens.device) < top[:, None], order, -1)
+    chosen = params[rows[:, None], order.clamp_min(0)]
+    kinds = torch.where(order >= 0, tokens.gather(1, order.clamp_min(0)), ABSENT)
+    rotations = rotation_matrices(chosen[..., 6:9])
+    return Solids(kinds, chosen[..., 9] >= 0, chosen[..., 0:3], chosen[..., 3:6].abs(), rotations).compact()
+
+
+def to_states(tokens: Tensor, params: Tensor) -> list[ShapeState]:
+    """Each row applied to its own `ShapeState`; PAD is skipped."""
+    states = []
+    for row, numbers in zip(tokens.tolist(), params.double().tolist(), strict=True):
+        state = ShapeState()
+        for token, vector in zip(row, numbers, strict=True):
+            if token != PAD and not state.done:
+                state.apply_action(token, vector)
+        states.append(state)
+    return states
+
+
+def levels(solids: Solids, points: Tensor, directions: Tensor | None = None, step: float = 0.0) -> Tensor:
+    """[b, t, n]: negative inside primitive t, zero on it, positive outside, infinite where absent; `points` [b, n, 3].
+
+    The zero set is exact; off it the value is the largest violated bound, which is a distance on faces only. With `directions`
+    [b, n, 3] the points are first moved by `step` along them.
+    """
+    moved = points if directions is None else points + step * directions
+    local = moved[:, None] @ solids.rotations - (solids.centers[:, :, None] @ solids.rotations)
+    x, y, z = local.unbind(-1)
+    a, b, c = (s[..., None] for s in solids.sizes.unbind(-1))
+    kinds = solids.kinds[..., None]
+    box, sphere = kinds == BOX, kinds == SPHERE
+    radial = torch.sqrt(x * x + y * y + torch.where(sphere, z * z, 0.0)) - a
+    across = torch.where(box, torch.maximum(x.abs() - a / 2, y.abs() - b / 2), radial)
+    half = torch.where(box, c / 2, b / 2)
+    value = torch.where(sphere, across, torch.maximum(across, z.abs() - half))
+    return torch.where(kinds == ABSENT, torch.inf, value)
+
+
+def inside(solids: Solids, held: Tensor) -> Tensor:
+    """Membership bool [b, n] in the left fold, from that in the primitives, `held` bool [b, t, n]."""
+    return last_two(solids, held)[1]
+
+
+def last_two(solids: Solids, held: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """The last holder of each point int64 [b, n] (-1: none), whether it is positive, and whether the one before it is (bool [b, n])."""
+    rank = torch.arange(1, held.shape[1] + 1, device=held.device, dtype=torch.int16)[:, None] * held
+    last = rank.amax(1)
+    before = torch.where(rank == last[:, None], 0, rank).amax(1)
+    sign = torch.cat([torch.zeros_like(solids.positive[:, :1]), solids.positive], 1)
+    return last.long() - 1, sign.gather(1, last.long()), sign.gather(1, before.long())
+
+
+def euler_from_matrices(rotations: Tensor) -> Tensor:
+    """Euler degrees [..., 3] of rotations [..., 3, 3]; at the gimbal lock (ry = +-90) rx is 0."""
+    sy = -rotations[..., 2, 0]
+    lock = sy.abs() > 1 - 1e-6
+    rx = torch.where(lock, 0.0, torch.atan2(rotations[..., 2, 1], rotations[..., 2, 2]))
+    level = torch.atan2(rotations[..., 1, 0], rotations[..., 0, 0])
+    rz = torch.where(lock, torch.atan2(-rotations[..., 0, 1], rotations[..., 1, 1]), level)
+    # asin is ill-conditioned near a right angle, atan2 is not
+    ry = torch.atan2(sy, torch.hypot(rotations[..., 2, 1], rotations[..., 2, 2]))
+    return torch.rad2deg(torch.stack([rx, ry, rz], -1))
+
+
+def _columns(solids: Solids, steps: int) -> Tensor:
+    return torch.arange(steps, device=solids.kinds.device).expand(len(solids.kinds), steps)
+
+
+def _padded(solids: Solids, width: int) -> Solids:
+    extra = width - solids.kinds.shape[1]
+    if extra <= 0:
+        return solids
+    shape = (len(solids.kinds), extra)
+    new = solids.centers.new_zeros
+    identity = torch.eye(3, dtype=solids.centers.dtype, device=solids.centers.device).expand(*shape, 3, 3)
+    tail = (solids.kinds.new_full(shape, ABSENT), solids.positive.new_zeros(shape), new(*shape, 3), new(*shape, 3), identity)
+    return Solids(*(torch.cat([getattr(solids, f.name), t], 1) for f, t in zip(fields(Solids), tail, strict=True)))
+
+
+assert PARAM_COUNT == 10
