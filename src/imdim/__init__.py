@@ -5,7 +5,13 @@ Read `program.tree`, `geometry.sdf`, `pipeline` and `evaluate`, in this order, a
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from imdim.config import Settings
+    from imdim.geometry.cloud import load_target
+    from imdim.pipeline import Snapshot
+    from imdim.pipeline import reconstruct_best as reconstruct
 
 __all__ = ["Settings", "Snapshot", "load_target", "reconstruct"]
 

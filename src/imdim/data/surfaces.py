@@ -17,7 +17,8 @@ def surface_clouds(solids: Solids, n: int, generator: torch.Generator) -> tuple[
     """Points [b, n, 3], outward unit normals [b, n, 3] and the number of different points int64 [b].
 
     A point is kept where the solid lies on one side of it only; faces on which several primitives coincide are sampled once. Rows whose
-    boundary is a small share of their primitives' surfaces repeat points; rows without a boundary are zeros. `generator` lives on the device.
+    boundary is a small share of their primitives' surfaces repeat points; rows without a boundary are zeros. `generator` lives on the
+    device.
     """
     points, normals, kept = _candidates(solids, 2 * n, generator)
     for _ in range(ROUNDS - 1):

@@ -154,7 +154,13 @@ def _frames(vectors: list[np.ndarray], config: ArrangementConfig) -> tuple[tuple
 
 
 def _offsets(
-    v: np.ndarray, surfaces: Sequence[Surface], areas: Sequence[float], box: np.ndarray, outer: np.ndarray, tol: float, config: ArrangementConfig
+    v: np.ndarray,
+    surfaces: Sequence[Surface],
+    areas: Sequence[float],
+    box: np.ndarray,
+    outer: np.ndarray,
+    tol: float,
+    config: ArrangementConfig,
 ) -> np.ndarray:
     """Sorted offsets along `v`: detected planes first, then invented ones (centres, tangents) while there is room."""
     low, high = _span(box, v)

@@ -21,7 +21,7 @@ from imdim.search.kernels import axial_best, box_best
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A member of a family: `source` is ("box", frame index) or ("curved", surface index), `ranges` the offset indices (lo, hi) per axis."""
+    """A member of a family: `source` is ("box", frame index) or ("curved", surface index), `ranges` offset indices (lo, hi) per axis."""
 
     source: tuple[str, int]
     ranges: tuple[tuple[int, int], ...]

@@ -30,7 +30,7 @@ class LocalConfig:
 
 @dataclass(frozen=True)
 class Price:
-    """The objective of a phase: the price of a primitive in volume, the weights of excess and lacking volume, and whether boxes may be used."""
+    """The objective of a phase: the price of a primitive in volume, the weights of excess and lacking volume, whether boxes may be used."""
 
     step: float
     weights: tuple[float, float] = (1.0, 1.0)

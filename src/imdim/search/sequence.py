@@ -133,7 +133,9 @@ def gaps(sequence: Sequence, m: int) -> Iterator[Gap]:
             free = free & (step.mask if step.op == "intersection" else ~step.mask)
 
 
-def insertions(sequence: Sequence, families: Families, per_frame: int, least: float, weights: tuple[float, float] = (1.0, 1.0)) -> list[Insertion]:
+def insertions(
+    sequence: Sequence, families: Families, per_frame: int, least: float, weights: tuple[float, float] = (1.0, 1.0)
+) -> list[Insertion]:
     """Insertions of single candidates that win more than `least`, best first; `weights` as in `error`."""
     gain = weights[1] * families.cells.w_in - weights[0] * families.cells.w_out
     out: list[Insertion] = []
@@ -188,7 +190,8 @@ def _paired(half: Candidate, field: np.ndarray, families: Families, least: float
         return []
     whole = float(kept.sum())
     both = [(v, Pair("intersection", half, c)) for v, c in families.best(kept, 1, least)]
-    return both + [(whole + v, Pair("difference", half, c)) for v, c in families.best(-kept, 1, max(least - whole, 0.0)) if whole + v > least]
+    cuts = families.best(-kept, 1, max(least - whole, 0.0))
+    return both + [(whole + v, Pair("difference", half, c)) for v, c in cuts if whole + v > least]
 
 
 def _promising(field: np.ndarray, families: Families, limit: int) -> list[Candidate]:
