@@ -123,23 +123,24 @@ def to_states(tokens: Tensor, params: Tensor) -> list[ShapeState]:
     return states
 
 
-def levels(solids: Solids, points: Tensor, directions: Tensor | None = None, step: float = 0.0) -> Tensor:
+def levels(solids: Solids, points: Tensor) -> Tensor:
     """[b, t, n]: negative inside primitive t, zero on it, positive outside, infinite where absent; `points` [b, n, 3].
 
-    The zero set is exact; off it the value is the largest violated bound, which is a distance on faces only. With `directions`
-    [b, n, 3] the points are first moved by `step` along them.
+    The zero set is exact; off it the value is the largest violated bound, which is a distance on faces only.
     """
-    moved = points if directions is None else points + step * directions
-    local = moved[:, None] @ solids.rotations - (solids.centers[:, :, None] @ solids.rotations)
-    x, y, z = local.unbind(-1)
+    rows, t = solids.kinds.shape
+    # one product per row, with the points along the contiguous axis: [b, 3t, 3] @ [b, 3, n]
+    inverse = solids.rotations.permute(0, 3, 1, 2).reshape(rows, 3 * t, 3)
+    origin = (solids.centers[..., None, :] @ solids.rotations)[..., 0, :].permute(0, 2, 1).reshape(rows, 3 * t, 1)
+    x, y, z = torch.baddbmm(-origin, inverse, points.mT).view(rows, 3, t, -1).unbind(1)
     a, b, c = (s[..., None] for s in solids.sizes.unbind(-1))
     kinds = solids.kinds[..., None]
-    box, sphere = kinds == BOX, kinds == SPHERE
-    radial = torch.sqrt(x * x + y * y + torch.where(sphere, z * z, 0.0)) - a
-    across = torch.where(box, torch.maximum(x.abs() - a / 2, y.abs() - b / 2), radial)
-    half = torch.where(box, c / 2, b / 2)
-    value = torch.where(sphere, across, torch.maximum(across, z.abs() - half))
-    return torch.where(kinds == ABSENT, torch.inf, value)
+    # a sphere has no ends, nothing is inside of what is absent
+    half = torch.where(kinds == BOX, c / 2, b / 2)
+    half = torch.where(kinds == SPHERE, torch.inf, torch.where(kinds == ABSENT, -torch.inf, half))
+    radial = torch.sqrt(x * x + y * y + z * z * (kinds == SPHERE)) - a
+    across = torch.where(kinds == BOX, torch.maximum(x.abs() - a / 2, y.abs() - b / 2), radial)
+    return torch.maximum(across, z.abs() - half)
 
 
 def inside(solids: Solids, held: Tensor) -> Tensor:

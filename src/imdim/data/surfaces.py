@@ -50,7 +50,8 @@ def _candidates(solids: Solids, m: int, generator: torch.Generator) -> tuple[Ten
     normals = (rotation @ direction[..., None])[..., 0]
     step = STEP * _extent(solids)
     behind, ahead = (levels(solids, points + s * step[:, None, None] * normals) < 0 for s in (-1, 1))
-    first = (behind != ahead).to(torch.uint8).argmax(1)
+    countdown = torch.arange(behind.shape[1], 0, -1, device=owner.device, dtype=torch.int16)[:, None]
+    first = behind.shape[1] - (countdown * (behind != ahead)).amax(1)
     within, without = inside(solids, behind), inside(solids, ahead)
     kept = (within != without) & (first == owner) & solids.present.any(1)[:, None]
     return points, torch.where(within[..., None], normals, -normals), kept

@@ -1,0 +1,78 @@
+"""One way to write each signed sequence: equal solids of equal primitives get equal numbers in an equal order.
+
+A box has 24 equal rotations and a cylinder a free spin and two ends; neighbours of one sign commute. A network that regresses
+among such equals learns their mean, which is none of them.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from imdim.data.solids import ABSENT, BOX, CYLINDER, Solids
+from imdim.data.surfaces import volumes
+
+
+def canonical(solids: Solids) -> Solids:
+    """The same solids with canonical primitives, each run of one sign sorted by falling volume, then by position."""
+    return _sorted(canonical_primitives(solids))
+
+
+def canonical_primitives(solids: Solids) -> Solids:
+    """Boxes: of the 24 equal rotations the one nearest to none. Cylinders: the largest part of the axis is positive, and the
+    rotation is the shortest from +z. Spheres: none. Unused sizes become 0."""
+    box, cylinder = (solids.kinds == BOX), (solids.kinds == CYLINDER)
+    turned, edges = _nearest_box(solids.rotations, solids.sizes)
+    axis = solids.rotations[..., 2]
+    axis = axis * torch.where(axis.gather(-1, axis.abs().argmax(-1, keepdim=True)) < 0, -1.0, 1.0)
+    identity = torch.eye(3, dtype=axis.dtype, device=axis.device)
+    rotations = torch.where(cylinder[..., None, None], shortest_from_z(axis), identity)
+    used = torch.stack([torch.ones_like(box), cylinder, torch.zeros_like(box)], -1)
+    sizes = torch.where(box[..., None], edges, torch.where(used, solids.sizes, 0.0))
+    return replace(solids, sizes=sizes, rotations=torch.where(box[..., None, None], turned, rotations))
+
+
+def shortest_from_z(axis: Tensor) -> Tensor:
+    """The rotation [..., 3, 3] by the smallest angle that takes +z to the unit vector `axis` [..., 3], which is not -z."""
+    x, y, z = axis.unbind(-1)
+    f = 1 / (1 + z).clamp_min(1e-6)
+    rows = ((1 - x * x * f, -x * y * f, x), (-x * y * f, 1 - y * y * f, y), (-x, -y, z))
+    return torch.stack([torch.stack(row, -1) for row in rows], -2)
+
+
+def box_symmetries() -> Tensor:
+    """The 24 proper rotations [24, 3, 3] that map coordinate axes to coordinate axes."""
+    identity = torch.eye(3)
+    found = []
+    for order in itertools.permutations(range(3)):
+        for signs in itertools.product((1.0, -1.0), repeat=3):
+            matrix = identity[:, list(order)] * torch.tensor(signs)
+            if torch.linalg.det(matrix) > 0:
+                found.append(matrix)
+    return torch.stack(found)
+
+
+def _nearest_box(rotations: Tensor, sizes: Tensor) -> tuple[Tensor, Tensor]:
+    group = box_symmetries().to(rotations)
+    trace = torch.einsum("...ij,gji->...g", rotations, group)
+    # at 45 degrees two are equally near; a small preference keeps rounding from choosing
+    preference = torch.linspace(1e-3, 0.0, len(group), dtype=trace.dtype, device=trace.device)
+    turn = group[(trace + preference).argmax(-1)]
+    return rotations @ turn, (turn.abs().mT @ sizes[..., None])[..., 0]
+
+
+def _sorted(solids: Solids) -> Solids:
+    """Stable sorts from the least to the most significant key: x, y, z, size, run."""
+    change = solids.positive[:, 1:] != solids.positive[:, :-1]
+    run = torch.cat([torch.zeros_like(solids.kinds[:, :1]), change.cumsum(1)], 1)
+    run = torch.where(solids.kinds == ABSENT, run.shape[1] + 1, run)
+    # rounded, so that equal holes of a pattern are ordered by position and not by the noise of their numbers
+    bulk = -torch.round(torch.log(volumes(solids).clamp_min(1e-12)) * 20)
+    keys = [*(torch.round(c * 200) for c in solids.centers.unbind(-1)), bulk, run]
+    order = torch.arange(run.shape[1], device=run.device).expand(run.shape)
+    for key in keys:
+        order = order.gather(1, torch.argsort(key.gather(1, order), dim=1, stable=True))
+    return solids.taken(order)

@@ -1,0 +1,234 @@
+"""The shapes people make, as signed sequences with random numbers: one function per family, all rows of a batch at once.
+
+A family draws `Dice.n` rows in any units and pose; rows may hold steps that do nothing, which `synthesize` removes. Aligned and
+touching faces are built in: bosses stand on plates, uprights are flush with edges, shafts meet end to end.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+import torch
+from torch import Tensor
+
+from imdim.data.canonical import shortest_from_z
+from imdim.data.dice import Dice
+from imdim.data.solids import ABSENT, BOX, CYLINDER, SPHERE, Solids
+
+Column = tuple[Tensor, bool | Tensor, Tensor, Tensor, Tensor]
+_AXES = torch.eye(3)
+
+
+def _part(
+    dice: Dice,
+    kind: int | Tensor,
+    center: tuple[float | Tensor, float | Tensor, float | Tensor],
+    size: tuple[float | Tensor, float | Tensor, float | Tensor],
+    positive: bool | Tensor = True,
+    where: Tensor | None = None,
+    rotation: Tensor | None = None,
+) -> Column:
+    """One column; `where` [n] says which rows have it."""
+    device = dice.generator.device
+    kinds = torch.as_tensor(kind, device=device).expand(dice.n)
+    kinds = kinds if where is None else torch.where(where, kinds, ABSENT)
+    turn = torch.eye(3, device=device) if rotation is None else rotation
+    return kinds, positive, _vector(dice, center), _vector(dice, size), turn.expand(dice.n, 3, 3)
+
+
+def _vector(dice: Dice, values: tuple[float | Tensor, ...]) -> Tensor:
+    device = dice.generator.device
+    return torch.stack([torch.as_tensor(v, dtype=torch.float32, device=device).expand(dice.n) for v in values], -1)
+
+
+def _solids(dice: Dice, columns: list[Column]) -> Solids:
+    device = dice.generator.device
+    kinds, positive, centers, sizes, rotations = zip(*columns, strict=True)
+    signs = [torch.as_tensor(p, device=device).expand(dice.n) for p in positive]
+    return Solids(*(torch.stack(c, 1) for c in (kinds, signs, centers, sizes, rotations)))
+
+
+def _along(dice: Dice, axis: int) -> Tensor:
+    return shortest_from_z(_AXES[axis].to(dice.generator.device))
+
+
+def _about_z(angle: Tensor) -> Tensor:
+    c, s, o = torch.cos(angle), torch.sin(angle), torch.zeros_like(angle)
+    return torch.stack([torch.stack([c, -s, o], -1), torch.stack([s, c, o], -1), torch.stack([o, o, o + 1], -1)], -2)
+
+
+def _round_or_square(dice: Dice, r: Tensor, h: Tensor, p_square: float) -> tuple[Tensor, tuple[Tensor, Tensor, Tensor]]:
+    """Kind and size of a cylinder (r, h), or of the box of edges 2r, 2r, h."""
+    square = dice.coin(p_square)
+    kind = torch.where(square, BOX, CYLINDER)
+    return kind, (torch.where(square, 2 * r, r), torch.where(square, 2 * r, h), torch.where(square, h, torch.zeros_like(h)))
+
+
+def plate(dice: Dice) -> Solids:
+    """A plate or disc with bosses that stand on it, corner holes, a bore through the boss and a slot from an edge."""
+    w, d = dice.log_uniform(0.6, 2.0), dice.log_uniform(0.6, 2.0)
+    h = dice.log_uniform(0.04, 0.5)
+    least = torch.minimum(w, d)
+    disc = dice.coin(0.25)
+    w, d = torch.where(disc, least, w), torch.where(disc, least, d)
+    base_size = (torch.where(disc, w / 2, w), torch.where(disc, h, d), torch.where(disc, 0.0, h))
+    columns = [_part(dice, torch.where(disc, CYLINDER, BOX), (0.0, 0.0, 0.0), base_size)]
+    r, tall = least * dice.uniform(0.12, 0.38), dice.log_uniform(0.1, 0.8)
+    kind, size = _round_or_square(dice, r, tall, 0.3)
+    x = torch.where(dice.coin(0.5), 0.0, (w / 2 - r) * dice.uniform(-0.9, 0.9))
+    columns.append(_part(dice, kind, (x, 0.0, h / 2 + tall / 2), size, where=dice.coin(0.6)))
+    inset = least * dice.uniform(0.1, 0.22)
+    hole = inset * dice.uniform(0.25, 0.75)
+    dx, dy = w / 2 - inset, d / 2 - inset
+    dx, dy = torch.where(disc, dx * 0.7, dx), torch.where(disc, dy * 0.7, dy)
+    four, two = dice.coin(0.45), dice.coin(0.4)
+    for sx, sy in ((1, 1), (-1, -1), (1, -1), (-1, 1)):
+        columns.append(_part(dice, CYLINDER, (sx * dx, sy * dy, 0.0), (hole, 2 * h, 0.0), False, four | two if sx == sy else four))
+    bore = r * dice.uniform(0.3, 0.8)
+    depth = torch.where(dice.coin(0.5), 2 * (h + tall), tall)
+    columns.append(_part(dice, CYLINDER, (x, 0.0, h / 2 + tall - depth / 2 + 0.1 * tall), (bore, depth, 0.0), False, dice.coin(0.6)))
+    slot = dice.uniform(0.1, 0.35)
+    columns.append(_part(dice, BOX, (w / 2, 0.0, 0.0), (w * dice.uniform(0.2, 0.8), d * slot, 3 * h), False, dice.coin(0.25)))
+    return _solids(dice, columns)
+
+
+def bracket(dice: Dice) -> Solids:
+    """A base with one or two uprights flush with its edges, a rib, a boss on the upright, and holes in both."""
+    w, d, t = dice.log_uniform(0.7, 1.6), dice.log_uniform(0.3, 1.2), dice.log_uniform(0.05, 0.25)
+    t2, tall = dice.log_uniform(0.05, 0.25), dice.log_uniform(0.3, 1.4)
+    top, middle = t / 2 + tall, t / 2 + tall / 2
+    across = _along(dice, 0)
+    columns = [_part(dice, BOX, (0.0, 0.0, 0.0), (w, d, t)), _part(dice, BOX, (t2 / 2 - w / 2, 0.0, middle), (t2, d, tall))]
+    columns.append(_part(dice, BOX, (w / 2 - t2 / 2, 0.0, middle), (t2, d, tall), where=dice.coin(0.35)))
+    rib, reach = d * dice.uniform(0.1, 0.3), w * dice.uniform(0.2, 0.6)
+    columns.append(_part(dice, BOX, (t2 - w / 2 + reach / 2, 0.0, t / 2 + tall / 4), (reach, rib, tall / 2), where=dice.coin(0.2)))
+    r = torch.minimum(d, tall) * dice.uniform(0.15, 0.45)
+    z = top - r * dice.uniform(0.9, 1.6)
+    boss = dice.coin(0.4)
+    length = t2 * dice.uniform(1.5, 4.0)
+    columns.append(_part(dice, CYLINDER, (length / 2 - w / 2, 0.0, z), (r, length, 0.0), where=boss, rotation=across))
+    bore = r * dice.uniform(0.3, 0.8)
+    columns.append(_part(dice, CYLINDER, (-w / 2, 0.0, z), (bore, 2 * length + 2 * t2, 0.0), False, dice.coin(0.7), across))
+    y, x, hole = d * dice.uniform(0.2, 0.32), w * dice.uniform(0.1, 0.35), d * dice.uniform(0.05, 0.13)
+    pair, one = dice.coin(0.5), dice.coin(0.3)
+    columns.append(_part(dice, CYLINDER, (x, torch.where(pair, y, 0.0), 0.0), (hole, 2 * t, 0.0), False, pair | one))
+    columns.append(_part(dice, CYLINDER, (x, -y, 0.0), (hole, 2 * t, 0.0), False, pair))
+    return _solids(dice, columns)
+
+
+def turned(dice: Dice) -> Solids:
+    """Coaxial cylinders end to end, a ball or a flat at the end, an axial bore, a counterbore and a cross hole."""
+    count = dice.integers(1, 5)
+    z, least, columns = torch.zeros(dice.n, device=dice.generator.device), None, []
+    for i in range(5):
+        r, h, there = dice.log_uniform(0.15, 0.8), dice.log_uniform(0.06, 1.0), count > i
+        columns.append(_part(dice, CYLINDER, (0.0, 0.0, z + h / 2), (r, h, 0.0), where=there))
+        z = torch.where(there, z + h, z)
+        least = r if least is None else torch.where(there, torch.minimum(least, r), least)
+    assert least is not None
+    ball = least * dice.uniform(0.9, 1.8)
+    columns.append(_part(dice, SPHERE, (0.0, 0.0, z), (ball, 0.0, 0.0), where=dice.coin(0.2)))
+    flat = dice.coin(0.2)
+    columns.append(_part(dice, BOX, (least * 1.4, 0.0, z), (least, 4 * least, z * dice.uniform(0.3, 0.9)), False, flat))
+    bore, deep = least * dice.uniform(0.2, 0.85), torch.where(dice.coin(0.6), 2.2, dice.uniform(0.3, 1.2)) * z
+    columns.append(_part(dice, CYLINDER, (0.0, 0.0, 1.05 * z - deep / 2), (bore, deep, 0.0), False, dice.coin(0.6)))
+    wide = bore + (least - bore) * dice.uniform(0.2, 0.8)
+    columns.append(_part(dice, CYLINDER, (0.0, 0.0, z), (wide, z * dice.uniform(0.1, 0.5), 0.0), False, dice.coin(0.25)))
+    cross = least * dice.uniform(0.15, 0.5)
+    up = z * dice.uniform(0.1, 0.9)
+    columns.append(_part(dice, CYLINDER, (0.0, 0.0, up), (cross, 4.0, 0.0), False, dice.coin(0.3), _along(dice, 0)))
+    return _solids(dice, columns)
+
+
+def pattern(dice: Dice) -> Solids:
+    """Equal pegs or holes in a ring or a row on a base, with a hub and a bore."""
+    ring, holes = dice.coin(0.6), dice.coin(0.5)
+    big, h = dice.uniform(0.5, 1.0), dice.log_uniform(0.05, 0.4)
+    count = dice.integers(2, 8)
+    square = ~ring | dice.coin(0.3)
+    length = torch.where(ring, 2 * big, count * 0.4 * big)
+    width = torch.where(ring, 2 * big, 0.8 * big)
+    base = (torch.where(square, length, big), torch.where(square, width, h), torch.where(square, h, 0.0))
+    columns = [_part(dice, torch.where(square, BOX, CYLINDER), (0.0, 0.0, 0.0), base)]
+    orbit = big * dice.uniform(0.6, 0.78)
+    r = torch.minimum(big * 0.16, orbit * torch.sin(math.pi / count)) * dice.uniform(0.3, 0.95)
+    tall = torch.where(holes, 3 * h, h * dice.uniform(0.8, 3.0))
+    kind, size = _round_or_square(dice, r, tall, 0.3)
+    z = torch.where(holes, 0.0, h / 2 + tall / 2)
+    for i in range(8):
+        angle = 2 * math.pi * i / count
+        x = torch.where(ring, orbit * torch.cos(angle), (i - (count - 1) / 2) * 0.4 * big)
+        y = torch.where(ring, orbit * torch.sin(angle), 0.0)
+        turn = _about_z(torch.where(ring, angle, 0.0))
+        columns.append(_part(dice, kind, (x, y, z), size, ~holes, count > i, turn))
+    hub, post, centre = big * dice.uniform(0.2, 0.42), dice.uniform(0.1, 0.6), ring & dice.coin(0.5)
+    columns.append(_part(dice, CYLINDER, (0.0, 0.0, h / 2 + post / 2), (hub, post, 0.0), where=centre))
+    bore = hub * dice.uniform(0.3, 0.8)
+    columns.append(_part(dice, CYLINDER, (0.0, 0.0, 0.0), (bore, 4.0, 0.0), False, ring & dice.coin(0.5)))
+    return _solids(dice, columns)
+
+
+def shell(dice: Dice) -> Solids:
+    """A hollow box, tube or ball, open at the top, with feet and windows."""
+    w, d, h = dice.log_uniform(0.5, 1.5), dice.log_uniform(0.5, 1.5), dice.log_uniform(0.3, 1.5)
+    kind = torch.tensor([BOX, BOX, CYLINDER, CYLINDER, SPHERE], device=dice.generator.device)[dice.integers(0, 4)]
+    box, ball = kind == BOX, kind == SPHERE
+    h = torch.where(ball, w, h)
+    d = torch.where(box, d, w)
+    wall = torch.minimum(torch.minimum(w, d), h) * dice.uniform(0.04, 0.2)
+    outer = (torch.where(box, w, w / 2), torch.where(box, d, torch.where(ball, 0.0, h)), torch.where(box, h, 0.0))
+    inner_h = torch.where(dice.coin(0.5), h, 1.5 * h)
+    inner = (
+        torch.where(box, w - 2 * wall, w / 2 - wall),
+        torch.where(box, d - 2 * wall, torch.where(ball, 0.0, inner_h)),
+        torch.where(box, inner_h, 0.0),
+    )
+    lift = torch.where(ball, 0.0, wall - h / 2 + inner_h / 2)
+    columns = [_part(dice, kind, (0.0, 0.0, 0.0), outer)]
+    foot, fx, fy = wall * dice.uniform(0.7, 1.5), w * 0.3, d * 0.3
+    feet, step = dice.coin(0.2) & ~ball, h * dice.uniform(0.08, 0.3)
+    for sx, sy in ((1, 1), (-1, -1), (1, -1), (-1, 1)):
+        columns.append(_part(dice, CYLINDER, (sx * fx, sy * fy, -h / 2 - step / 2), (foot, step, 0.0), where=feet))
+    columns.append(_part(dice, kind, (0.0, 0.0, lift), inner, False))
+    open_at = h * dice.uniform(0.0, 0.35)
+    columns.append(_part(dice, BOX, (0.0, 0.0, open_at + h), (2 * w, 2 * d, 2 * h), False, ball))
+    r = torch.minimum(d, h) * dice.uniform(0.08, 0.25)
+    columns.append(_part(dice, CYLINDER, (w / 2, 0.0, 0.0), (r, w * dice.uniform(0.5, 2.2), 0.0), False, dice.coin(0.4), _along(dice, 0)))
+    width = w * dice.uniform(0.1, 0.5)
+    columns.append(_part(dice, BOX, (0.0, d / 2, h / 2), (width, d * 0.6, h * dice.uniform(0.3, 0.9)), False, dice.coin(0.3)))
+    return _solids(dice, columns)
+
+
+def free(dice: Dice) -> Solids:
+    """One to eight signed primitives of any size, freely rotated or aligned, each centred within or at the skin of an earlier one."""
+    count, aligned = dice.integers(1, 8), dice.coin(0.5)
+    device = dice.generator.device
+    identity = torch.eye(3, device=device)
+    columns: list[Column] = []
+    for i in range(8):
+        kind = dice.integers(0, 2)
+        spread = dice.log_uniform(0.08, 1.0, 3) * (1.0 if i == 0 else 0.8)
+        flat = torch.where(kind[:, None] == BOX, spread, spread / 2)
+        size = torch.stack([flat[:, 0], torch.where(kind == BOX, flat[:, 1], spread[:, 1]), flat[:, 2]], -1)
+        center = torch.zeros(dice.n, 3, device=device)
+        if i > 0:
+            near = dice.integers(0, i - 1)
+            placed = torch.stack([c[2] for c in columns], 1)
+            extents = torch.stack([c[3] for c in columns], 1)
+            rows = torch.arange(dice.n, device=device)
+            center = placed[rows, near] + extents[rows, near].clamp_min(0.1) * dice.uniform(-0.6, 0.6, 3)
+        rotation = torch.where(aligned[:, None, None], identity, dice.rotations())
+        positive = ~dice.coin(0.4) if i > 0 else torch.ones(dice.n, dtype=torch.bool, device=device)
+        columns.append((torch.where(count > i, kind, ABSENT), positive, center, size, rotation))
+    return _solids(dice, columns)
+
+
+FAMILIES: Mapping[str, Callable[[Dice], Solids]] = {
+    "plate": plate,
+    "bracket": bracket,
+    "turned": turned,
+    "pattern": pattern,
+    "shell": shell,
+    "free": free,
+}

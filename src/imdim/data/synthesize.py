@@ -1,0 +1,150 @@
+"""Synthetic samples: programs of which every step counts, their clouds and the clouds of their prefixes.
+
+Programs come from `families`. Steps that no sampled volume depends on are removed, so nothing is hidden, undone or idle; what
+remains is posed, made canonical and scaled to the frame of its cloud (box centre 0, box diagonal 1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from imdim.data.augment import AugmentConfig, augment
+from imdim.data.canonical import box_symmetries, canonical
+from imdim.data.dice import Dice
+from imdim.data.families import FAMILIES
+from imdim.data.solids import Solids, concatenate, inside, last_two, levels, to_sequences
+from imdim.data.surfaces import bounds, surface_clouds
+
+MAX_PRIMITIVES = 12
+DRAWS = 40
+
+
+@dataclass
+class SynthesisConfig:
+    """What is drawn. `smallest_change` is the least share of the sampled volume that must depend on each step; `free_rotation` the share of
+    programs in any pose (the others have their axes along the coordinate axes, any of 24 ways)."""
+
+    n_min: int = 1
+    n_max: int = MAX_PRIMITIVES
+    gt_points: int = 2048
+    cur_points: int = 512
+    free_rotation: float = 0.2
+    smallest_change: float = 0.004
+    volume_samples: int = 4096
+    families: tuple[str, ...] = tuple(FAMILIES)
+    augment: AugmentConfig = field(default_factory=AugmentConfig)
+
+
+class Samples(NamedTuple):
+    """A batch: `gt_points` [b, n, 3], `cur_points` [b, m, 3] (zeros: the empty prefix), `gt_tokens` int64 [b, t] (END, then PAD),
+    `gt_params` [b, t, 10], and `steps` int64 [b], the length of the prefix that `cur_points` shows."""
+
+    gt_points: Tensor
+    cur_points: Tensor
+    gt_tokens: Tensor
+    gt_params: Tensor
+    steps: Tensor
+
+
+def synthesize(n: int, config: SynthesisConfig, generator: torch.Generator) -> Samples:
+    """`n` samples on the generator's device, `config.n_max` + 1 steps wide, each with a random prefix.
+
+    Raises ValueError for bounds that cannot be met and RuntimeError when the families do not yield programs within them.
+    """
+    solids, clouds = draw_programs(n, config, generator)
+    steps = (Dice(generator, n).uniform(0.0, 1.0) * (solids.lengths + 1)).long()
+    current = surface_clouds(solids.prefix(steps), config.cur_points, generator)[0]
+    tokens, params = to_sequences(solids, config.n_max + 1)
+    return Samples(augment(clouds, config.augment, generator), current, tokens, params, steps)
+
+
+def draw_programs(n: int, config: SynthesisConfig, generator: torch.Generator) -> tuple[Solids, Tensor]:
+    """`n` canonical programs of `n_min` to `n_max` primitives in the frame of their clouds [n, gt_points, 3], which are exact."""
+    _check(config)
+    found: list[Solids] = []
+    missing = n
+    for _ in range(DRAWS):
+        drawn = _draw(max(16, missing + missing // 4), config, generator)
+        found.append(drawn[: min(missing, len(drawn.kinds))])
+        missing -= len(found[-1].kinds)
+        if not missing:
+            solids, clouds, whole = framed(concatenate(found, MAX_PRIMITIVES).compact(), config.gt_points, generator)
+            if whole.all():
+                return canonical(solids), clouds
+            found, missing = [concatenate(found, MAX_PRIMITIVES)[whole]], int((~whole).sum())
+    raise RuntimeError(f"{missing} of {n} programs of {config.n_min} to {config.n_max} primitives not found in {DRAWS} draws")
+
+
+def _check(config: SynthesisConfig) -> None:
+    if not 1 <= config.n_min <= config.n_max <= MAX_PRIMITIVES:
+        raise ValueError(f"programs have 1 to {MAX_PRIMITIVES} primitives, got n_min={config.n_min}, n_max={config.n_max}")
+    unknown = set(config.families) - set(FAMILIES)
+    if unknown or not config.families:
+        raise ValueError(f"unknown families {sorted(unknown)}; known are {', '.join(FAMILIES)}")
+
+
+def _draw(n: int, config: SynthesisConfig, generator: torch.Generator) -> Solids:
+    """At most `n` programs in a random pose, of which every step counts."""
+    share = -(-n // len(config.families))
+    drawn = concatenate([FAMILIES[f](Dice(generator, share)) for f in config.families], MAX_PRIMITIVES)
+    shuffled = drawn[torch.randperm(len(drawn.kinds), generator=generator, device=generator.device)]
+    kept, valid = without_idle_steps(shuffled, config, generator)
+    fitting = valid & (kept.lengths >= config.n_min) & (kept.lengths <= config.n_max)
+    return posed(kept[fitting], config.free_rotation, generator)
+
+
+def without_idle_steps(solids: Solids, config: SynthesisConfig, generator: torch.Generator) -> tuple[Solids, Tensor]:
+    """Compact programs whose every step passes `contributions` >= `smallest_change`, and which rows [b] are such programs.
+
+    A removed step may have been what another one changed: rows are checked again, and fail if idle steps are left.
+    """
+    first = contributions(solids, config.volume_samples, generator) >= config.smallest_change
+    kept = replace(solids, kinds=torch.where(first, solids.kinds, -1)).compact()
+    again = contributions(kept, config.volume_samples, generator) >= config.smallest_change
+    opens = kept.present[:, 0] & kept.positive[:, 0]
+    return kept, opens & (again | ~kept.present).all(1)
+
+
+def contributions(solids: Solids, samples: int, generator: torch.Generator) -> Tensor:
+    """Share [b, t] of the final volume that would differ if the step were left out, by `samples` points of the solid's box.
+
+    A point depends on its last holder alone, and only where the one before has the other sign. Hidden steps, idle steps and steps undone
+    later all count 0.
+    """
+    low, high = bounds(solids)
+    u = torch.rand(len(low), samples, 3, generator=generator, device=low.device)
+    points = low[:, None] + u * (high - low)[:, None]
+    last, now, before = last_two(solids, levels(solids, points) < 0)
+    counts = torch.zeros(len(low), solids.kinds.shape[1] + 1, device=low.device)
+    counts.scatter_add_(1, last + 1, (now != before).float())
+    return counts[:, 1:] / now.sum(1, keepdim=True).clamp_min(1)
+
+
+def posed(solids: Solids, free_rotation: float, generator: torch.Generator) -> Solids:
+    """Each program turned as a whole: anyhow with probability `free_rotation`, else by one of the 24 turns of the axes."""
+    dice = Dice(generator, len(solids.kinds))
+    group = box_symmetries().to(solids.rotations)
+    turn = torch.where(dice.coin(free_rotation)[:, None, None], dice.rotations(), group[dice.integers(0, 23)])
+    return replace(solids, centers=solids.centers @ turn.mT, rotations=turn[:, None] @ solids.rotations)
+
+
+def framed(solids: Solids, n: int, generator: torch.Generator) -> tuple[Solids, Tensor, Tensor]:
+    """Programs and clouds [b, n, 3] in the frame of the cloud (box centre 0, box diagonal 1), and which rows have a proper cloud."""
+    points, _, count = surface_clouds(solids, n, generator)
+    low, high = points.amin(1), points.amax(1)
+    middle, scale = (low + high) / 2, 1 / torch.linalg.vector_norm(high - low, dim=-1).clamp_min(1e-9)
+    placed = replace(solids, centers=(solids.centers - middle[:, None]) * scale[:, None, None], sizes=solids.sizes * scale[:, None, None])
+    return placed, (points - middle[:, None]) * scale[:, None, None], count == n
+
+
+def sampled_iou(a: Solids, b: Solids, samples: int, generator: torch.Generator) -> Tensor:
+    """Volume IoU [b] estimated with `samples` points in the box of both; 0 where both are empty. Standard error below 0.5 / sqrt(hits)."""
+    (low_a, high_a), (low_b, high_b) = bounds(a), bounds(b)
+    low, high = torch.minimum(low_a, low_b), torch.maximum(high_a, high_b)
+    points = low[:, None] + torch.rand(len(low), samples, 3, generator=generator, device=low.device) * (high - low)[:, None]
+    in_a, in_b = (inside(s, levels(s, points) < 0) for s in (a, b))
+    return (in_a & in_b).sum(1) / (in_a | in_b).sum(1).clamp_min(1)
