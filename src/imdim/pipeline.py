@@ -44,7 +44,7 @@ CLOSING_AREA = 1e-7  # of the squared diagonal; implied planes rank behind detec
 MOST_JOINT = 8  # bodies
 JOINT_ERROR = 2e-3  # of the volume, that a shorter program of all bodies at once may cost
 SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may cost
-SEARCH_SHARE = 0.6  # of the budget; detection, the solver and delivery need the rest
+SEARCH_SHARE = 0.5  # of the budget; detection, the solver and delivery need the rest
 METHODS = ("auto", "search", "tree")
 
 

@@ -6,7 +6,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from os import environ
 from pathlib import Path
 from types import TracebackType
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 Reconstruct = Callable[["Target", Settings, "np.random.Generator"], "Iterator[Snapshot]"]
 
 DELIVERY_S = 6.0
+LEAST_S = 1.0  # for the reconstruction, however long loading took
 BAD_INPUT = 2
 INTERRUPTED = 130
 
@@ -79,7 +80,9 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None) -> dict[str,
         from imdim import pipeline
 
         reconstruct = pipeline.reconstruct
-    last = _exhaust(shown(reconstruct(target, settings, np.random.default_rng(settings.seed)), settings.budget_s), stages)
+    left = max(settings.budget_s - stages["loading"], LEAST_S)
+    snapshots = reconstruct(target, replace(settings, budget_s=left), np.random.default_rng(settings.seed))
+    last = _exhaust(shown(snapshots, left), stages)
     run = RunRecord(settings.input, stages, last.stop or "finished", settings.seed, asdict(settings))
     left = settings.budget_s - (time.perf_counter() - start)
     # the other files take a few seconds; STEP, which may be slow, gets what is left
