@@ -16,8 +16,9 @@ from imdim.data.augment import AugmentConfig, augment
 from imdim.data.canonical import box_symmetries, canonical
 from imdim.data.dice import Dice
 from imdim.data.families import FAMILIES
-from imdim.data.solids import Solids, concatenate, inside, last_two, levels, to_sequences
+from imdim.data.solids import PAD, Solids, concatenate, from_sequences, inside, last_two, levels, to_sequences
 from imdim.data.surfaces import bounds, surface_clouds
+from imdim.program.state import UNDO_LAST
 
 MAX_PRIMITIVES = 12
 DRAWS = 40
@@ -26,7 +27,8 @@ DRAWS = 40
 @dataclass
 class SynthesisConfig:
     """What is drawn. `smallest_change` is the least share of the sampled volume that must depend on each step; `free_rotation` the share of
-    programs in any pose (the others have their axes along the coordinate axes, any of 24 ways)."""
+    programs in any pose (the others have their axes along the coordinate axes, any of 24 ways); `p_undo` the share of samples whose prefix ends
+    with a foreign primitive that the next token takes back; `prefixes` how many samples of a batch share a program and its cloud."""
 
     n_min: int = 1
     n_max: int = MAX_PRIMITIVES
@@ -34,6 +36,8 @@ class SynthesisConfig:
     cur_points: int = 512
     free_rotation: float = 0.2
     smallest_change: float = 0.004
+    p_undo: float = 0.0
+    prefixes: int = 1
     volume_samples: int = 4096
     families: tuple[str, ...] = tuple(FAMILIES)
     augment: AugmentConfig = field(default_factory=AugmentConfig)
@@ -55,11 +59,35 @@ def synthesize(n: int, config: SynthesisConfig, generator: torch.Generator) -> S
 
     Raises ValueError for bounds that cannot be met and RuntimeError when the families do not yield programs within them.
     """
-    solids, clouds = draw_programs(n, config, generator)
-    steps = (Dice(generator, n).uniform(0.0, 1.0) * (solids.lengths + 1)).long()
-    current = surface_clouds(solids.prefix(steps), config.cur_points, generator)[0]
+    solids, clouds = draw_programs(-(-n // config.prefixes), config, generator)
     tokens, params = to_sequences(solids, config.n_max + 1)
-    return Samples(augment(clouds, config.augment, generator), current, tokens, params, steps)
+    rows = torch.arange(n, device=tokens.device) % len(tokens)
+    return with_prefixes(augment(clouds[rows], config.augment, generator), tokens[rows], params[rows], config, generator)
+
+
+def with_prefixes(gt_points: Tensor, tokens: Tensor, params: Tensor, config: SynthesisConfig, generator: torch.Generator) -> Samples:
+    """Samples of given targets and sequences without UNDO_LAST: a random prefix of each is rendered, some after a mistake."""
+    dice = Dice(generator, len(tokens))
+    steps = (dice.uniform(0.0, 1.0) * (tokens != PAD).sum(1)).long()
+    if config.p_undo > 0:
+        tokens, params, steps = _mistaken(tokens, params, steps, dice.coin(config.p_undo))
+    column = torch.arange(tokens.shape[1], device=tokens.device)
+    shown = from_sequences(torch.where(column < steps[:, None], tokens, PAD), params)
+    return Samples(gt_points, surface_clouds(shown, config.cur_points, generator)[0], tokens, params, steps)
+
+
+def _mistaken(tokens: Tensor, params: Tensor, steps: Tensor, where: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Two columns wider; in rows `where` the first primitive of the next row and UNDO_LAST stand at `steps`, which then points at UNDO_LAST."""
+    column = torch.arange(tokens.shape[1] + 2, device=tokens.device)
+    shift = torch.where(where[:, None] & (column >= steps[:, None] + 2), 2, 0)
+    source = (column - shift).clamp_max(tokens.shape[1] - 1)
+    beyond = column - shift >= tokens.shape[1]
+    wide = torch.where(beyond, PAD, tokens.gather(1, source))
+    numbers = torch.where(beyond[..., None], 0.0, params.gather(1, source[..., None].expand(-1, -1, params.shape[2])))
+    mistake, undo = (where[:, None] & (column == steps[:, None] + i) for i in (0, 1))
+    wide = torch.where(mistake, tokens[:, :1].roll(-1, 0), torch.where(undo, int(UNDO_LAST), wide))
+    numbers = torch.where(mistake[..., None], params[:, :1].roll(-1, 0), torch.where(undo[..., None], 0.0, numbers))
+    return wide, numbers, steps + where
 
 
 def draw_programs(n: int, config: SynthesisConfig, generator: torch.Generator) -> tuple[Solids, Tensor]:

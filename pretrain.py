@@ -1,0 +1,17 @@
+"""``python pretrain.py [experiment=base] [max_minutes=60] [resume=true]``: train a policy; settings are key=value, see configs/pretrain.yaml."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+if __name__ == "__main__":
+    if {"-h", "--help"} & set(sys.argv):
+        sys.stdout.write(
+            f"{__doc__}\nAll settings: src/imdim/learn/train.py; overrides: configs/pretrain.yaml, configs/experiment/*.yaml.\n"
+        )
+        sys.exit(0)
+
+    from imdim.app.pretrain import main
+
+    sys.exit(main(sys.argv[1:], Path(__file__).parent / "configs", lambda text: print(text, flush=True)))

@@ -1,0 +1,61 @@
+"""A training run on the terminal and in tensorboard."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import torch
+
+from imdim.app.arguments import from_arguments
+from imdim.config import ConfigError
+from imdim.learn.train import NotFinite, Report, TrainConfig, train
+
+
+def main(arguments: Sequence[str], configs: Path, say: Callable[[str], object]) -> int:
+    """Train as `arguments` say, report each epoch to `say` and to tensorboard in the run's folder; exit status 2 for bad settings."""
+    from torch.utils.tensorboard import SummaryWriter
+
+    try:
+        config = from_arguments(TrainConfig, arguments, configs, "pretrain")
+        notes = {"command": "python pretrain.py " + " ".join(arguments), "commit": commit(), "hardware": hardware(config)}
+        with SummaryWriter(config.out) as writer:
+            for report in train(config, notes):
+                log(writer, report)
+                say(line(report))
+    except (ConfigError, ValueError, OSError, NotFinite) as error:
+        sys.stderr.write(f"pretrain: {error}\n")
+        return 1 if isinstance(error, NotFinite) else 2
+    return 0
+
+
+def line(report: Report) -> str:
+    """One line for people."""
+    parts = " ".join(f"{name} {value:.3f}" for name, value in report.val.items())
+    mark = " *" if report.best else ""
+    stop = f", stopped: {report.stop}" if report.stop else ""
+    return f"step {report.step}: train {report.train['loss']:.3f}, val {parts}, {report.samples_per_second:.0f} samples/s{mark}{stop}"
+
+
+def log(writer: object, report: Report) -> None:
+    """All numbers against samples seen."""
+    pace = {"lr": report.lr, "samples_per_second": report.samples_per_second, "data_share": report.data_share}
+    for group, values in (("train", report.train), ("val", report.val), ("run", pace)):
+        for name, value in values.items():
+            writer.add_scalar(f"{group}/{name}", value, report.samples)  # type: ignore[attr-defined]
+    writer.flush()  # type: ignore[attr-defined]
+
+
+def commit() -> str:
+    """The commit of the source, or "unknown" outside of a checkout."""
+    result = subprocess.run(
+        ["git", "-C", str(Path(__file__).parent), "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
+    )
+    return result.stdout.strip() if result.returncode == 0 else "unknown"
+
+
+def hardware(config: TrainConfig) -> str:
+    """What the run computes on."""
+    return torch.cuda.get_device_name(config.device) if config.device.startswith("cuda") else f"{config.threads} CPU thread(s)"

@@ -1,0 +1,112 @@
+"""From a cloud to a program: greedy, sampled, and beam search that renders its prefixes and is scored by geometry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import torch
+from torch import Tensor
+
+from imdim.data.solids import ABSENT, CYLINDER, Solids
+from imdim.data.surfaces import surface_clouds
+from imdim.learn.policy import Move, Policy
+from imdim.program.state import END, UNDO_LAST
+
+
+@dataclass
+class DecodeConfig:
+    """`beam` hypotheses per target, each tried `expand` ways per step; `points` of each cloud are compared; a primitive must lower the
+    Chamfer distance by `price` to be worth it; `undo_limit` steps may be spent on taking back."""
+
+    beam: int = 16
+    expand: int = 2
+    points: int = 512
+    cur_points: int = 384
+    price: float = 5e-4
+    max_primitives: int = 12
+    undo_limit: int = 4
+
+
+def empty(rows: int, width: int, device: torch.device | str = "cpu") -> Solids:
+    """`rows` sequences of nothing, `width` columns wide."""
+    shape = (rows, width)
+    zeros = torch.zeros(*shape, 3, device=device)
+    kinds = torch.full(shape, ABSENT, device=device)
+    return Solids(
+        kinds, torch.zeros(shape, dtype=torch.bool, device=device), zeros, zeros, torch.eye(3, device=device).expand(*shape, 3, 3)
+    )
+
+
+@torch.no_grad()
+def decode(
+    policy: Policy, gt_points: Tensor, config: DecodeConfig, render: torch.Generator, chance: torch.Generator | None = None
+) -> Solids:
+    """One program for each cloud [b, n, 3] of diagonal 1: greedy, or a sample with `chance`. `render` draws the prefixes' clouds."""
+    solids = empty(len(gt_points), config.max_primitives, gt_points.device)
+    done = torch.zeros(len(gt_points), dtype=torch.bool, device=gt_points.device)
+    for _ in range(config.max_primitives + 2 * config.undo_limit):
+        if done.all():
+            break
+        current = surface_clouds(solids, config.cur_points, render)[0]
+        move = policy.propose(gt_points, current, solids, chance)
+        solids, done = applied(solids, move, done), done | (move.tokens == int(END))
+    return solids
+
+
+@torch.no_grad()
+def beam_search(
+    policy: Policy, gt_points: Tensor, config: DecodeConfig, render: torch.Generator, chance: torch.Generator
+) -> tuple[Solids, Tensor]:
+    """The `beam` best programs [b * beam] of each cloud, row after row, best first, and their costs [b, beam]: Chamfer distance plus price.
+
+    Every step samples `expand` moves of each hypothesis, renders them all, and keeps the cheapest different ones; finished ones stay in the race.
+    """
+    rows, beam, ways = len(gt_points), config.beam, config.beam * config.expand
+    solids = empty(rows * beam, config.max_primitives, gt_points.device)
+    done = torch.zeros(rows * beam, dtype=torch.bool, device=gt_points.device)
+    costs = torch.full((rows, beam), torch.inf, device=gt_points.device)
+    for _ in range(config.max_primitives + config.undo_limit):
+        if done.all():
+            break
+        origin = torch.arange(rows * beam, device=done.device).repeat_interleave(config.expand)
+        target = gt_points[origin // beam]
+        current = surface_clouds(solids, config.cur_points, render)[0]
+        tried = solids[origin]
+        move = policy.propose(target, current[origin], tried, chance)
+        ended = done[origin] | (move.tokens == int(END))
+        tried = applied(tried, move, done[origin])
+        cost = costs_of(tried, target, config, render).view(rows, ways)
+        keep = _cheapest(cost, tried.lengths.view(rows, ways), ended.view(rows, ways), beam)
+        chosen = (torch.arange(rows, device=done.device)[:, None] * ways + keep).flatten()
+        solids, done, costs = tried[chosen], ended[chosen], cost.gather(1, keep)
+    order = costs.argsort(1)
+    chosen = (torch.arange(rows, device=done.device)[:, None] * beam + order).flatten()
+    return solids[chosen], costs.gather(1, order)
+
+
+def costs_of(solids: Solids, gt_points: Tensor, config: DecodeConfig, render: torch.Generator) -> Tensor:
+    """Chamfer distance (sum of both directed means) of renderings and clouds, plus the price of the primitives, [b]; infinite for nothing."""
+    points, _, count = surface_clouds(solids, config.points, render)
+    between = torch.cdist(gt_points[:, : config.points], points)
+    chamfer = between.amin(2).mean(1) + between.amin(1).mean(1)
+    return torch.where(count > 0, chamfer + config.price * solids.lengths, torch.inf)
+
+
+def applied(solids: Solids, move: Move, done: Tensor) -> Solids:
+    """The sequences after the move; rows that are `done` stay."""
+    rows = torch.arange(len(done), device=done.device)
+    width, length = solids.kinds.shape[1], solids.lengths
+    adds = (move.tokens <= CYLINDER) & ~done & (length < width)
+    at = rows[adds], length[adds]
+    after = Solids(*(getattr(solids, f.name).index_put(at, getattr(move.part, f.name)[adds, 0]) for f in fields(Solids)))
+    back = (move.tokens == int(UNDO_LAST)) & ~done
+    last = torch.arange(width, device=done.device) == (length - 1)[:, None]
+    return replace(after, kinds=torch.where(back[:, None] & last, ABSENT, after.kinds))
+
+
+def _cheapest(cost: Tensor, lengths: Tensor, ended: Tensor, beam: int) -> Tensor:
+    """Indices [b, beam]. Twins, finished or not, of one length and cost stand once before anything stands twice."""
+    order = cost.argsort(1)
+    key = cost.gather(1, order) * 4 + lengths.gather(1, order) + 0.5 * ended.gather(1, order)
+    twin = torch.cat([torch.zeros_like(ended[:, :1]), key[:, 1:] == key[:, :-1]], 1)
+    return order.gather(1, torch.argsort(twin.to(torch.uint8), dim=1, stable=True))[:, :beam]

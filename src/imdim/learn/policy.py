@@ -1,0 +1,62 @@
+"""What every policy offers: losses on a batch of samples, and a move from a state that it sees as a cloud."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from imdim.data.solids import CYLINDER, PAD, Solids
+from imdim.data.synthesize import Samples
+from imdim.program.state import END, UNDO_LAST
+
+VOCAB = 5  # ADD_BOX, ADD_SPHERE, ADD_CYLINDER, UNDO_LAST, END; later tokens are not of signed sequences of these three
+
+
+class Move(NamedTuple):
+    """One step for each row: `tokens` int64 [b], the primitive `part` [b, 1] (meaningless unless the token adds it) and log p [b]."""
+
+    tokens: Tensor
+    part: Solids
+    log_p: Tensor
+
+
+class Policy(nn.Module):
+    @abstractmethod
+    def losses(self, batch: Samples) -> dict[str, Tensor]:
+        """Scalars; `loss` is what training minimises, `token_accuracy` is 0 to 1."""
+
+    @abstractmethod
+    def propose(self, gt_points: Tensor, cur_points: Tensor, solids: Solids, generator: torch.Generator | None = None) -> Move:
+        """A legal move for targets [b, n, 3] with `solids` written so far, whose cloud is `cur_points` [b, m, 3] (zeros: empty).
+
+        The most likely one without `generator`, else a sample. The first primitive is positive.
+        """
+
+
+def legal(lengths: Tensor, most: int) -> Tensor:
+    """Mask [b, VOCAB]: no UNDO_LAST or END in an empty state, no primitive beyond `most`."""
+    mask = torch.ones(len(lengths), VOCAB, dtype=torch.bool, device=lengths.device)
+    mask[:, int(UNDO_LAST)] = mask[:, int(END)] = lengths > 0
+    mask[:, : CYLINDER + 1] = (lengths < most)[:, None]
+    return mask
+
+
+def chosen_tokens(logits: Tensor, lengths: Tensor, most: int, generator: torch.Generator | None) -> tuple[Tensor, Tensor]:
+    """Tokens [b] and their log p [b] among the legal ones."""
+    return drawn(logits.masked_fill(~legal(lengths, most), -torch.inf), generator)
+
+
+def drawn(logits: Tensor, generator: torch.Generator | None) -> tuple[Tensor, Tensor]:
+    """The likeliest index [b] of `logits` [b, k], or one drawn with `generator`, and its log p."""
+    log_p = logits.log_softmax(-1)
+    index = log_p.argmax(-1) if generator is None else torch.multinomial(log_p.exp(), 1, generator=generator)[:, 0]
+    return index, log_p.gather(1, index[:, None])[:, 0]
+
+
+def supervised(tokens: Tensor) -> Tensor:
+    """Steps [b, t] to learn: not padding, and not a primitive that the next step takes back."""
+    following = torch.cat([tokens[:, 1:], tokens.new_full((len(tokens), 1), PAD)], 1)
+    return (tokens != PAD) & (following != int(UNDO_LAST))

@@ -1,0 +1,112 @@
+"""The first design, literally: one pooled vector per cloud, tokens as history, parameters by regression.
+
+Source: the project's design, sections 4.3, 5.5 and 7.1. It is the yardstick for `base`. Parameters are raw: Euler degrees beside lengths
+of at most 1, so the angles rule the squared error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from imdim.data.canonical import canonical_primitives
+from imdim.data.solids import CYLINDER, Solids, from_sequences
+from imdim.data.synthesize import Samples
+from imdim.geometry.points import compute_error_embedding
+from imdim.learn.heads import ParamHead, TokenHead
+from imdim.learn.pointnet import PointNet
+from imdim.learn.policy import VOCAB, Move, Policy, chosen_tokens, supervised
+from imdim.learn.transformer import TokenTransformer
+
+ERROR_POINTS = 512  # the Chamfer distance of the error embedding needs no more
+
+
+@dataclass
+class SeedConfig:
+    d_model: int = 128
+    layers: int = 4
+    heads: int = 4
+    hidden: int = 256
+    sign_weight: float = 1.0
+
+
+@dataclass(frozen=True)
+class ModelComponents:
+    """The four networks of the design."""
+
+    pointnet: PointNet
+    transformer: TokenTransformer
+    param_head: ParamHead
+    token_head: TokenHead
+
+
+def build_cad_model(config: SeedConfig, max_seq_len: int) -> ModelComponents:
+    """Fresh networks for sequences of up to `max_seq_len` steps, END included."""
+    d = config.d_model
+    return ModelComponents(
+        PointNet(d),
+        TokenTransformer(VOCAB, d, config.layers, config.heads, max_seq_len),
+        ParamHead(4 * d + 3, config.hidden),
+        TokenHead(d, VOCAB),
+    )
+
+
+def forward_params_only(
+    components: ModelComponents, gt_points: Tensor, cur_points: Tensor, gt_tokens: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
+    """`params_pred` [b, t, 10], `hidden_states` [b, t, d], `token_logits` [b, t, vocab], teacher-forced.
+
+    `cur_points` of zeros, or with no points, is the empty state: its embedding and error are zero. `hidden_states` and `token_logits` at t
+    depend on the tokens before t; `params_pred` at t on token t too.
+    """
+    gt_embed = components.pointnet(gt_points)
+    there = cur_points.flatten(1).any(1, keepdim=True) if cur_points.shape[1] else cur_points.new_zeros(len(gt_points), 1, dtype=torch.bool)
+    cur_embed = components.pointnet(cur_points) * there if cur_points.shape[1] else torch.zeros_like(gt_embed)
+    err_embed = compute_error_embedding(gt_points[:, :ERROR_POINTS], cur_points[:, :ERROR_POINTS]) * there
+    hidden = components.transformer(gt_tokens, gt_embed, cur_embed, err_embed)
+    clouds = torch.cat([gt_embed, cur_embed], -1)[:, None].expand(-1, hidden.shape[1], -1)
+    errors = err_embed[:, None].expand(-1, hidden.shape[1], -1)
+    current = components.transformer.embed(gt_tokens.clamp_min(0))
+    params = components.param_head(torch.cat([hidden, clouds, current, errors], -1))
+    return params, hidden, components.token_head(hidden)
+
+
+class SeedPolicy(Policy):
+    def __init__(self, config: SeedConfig, max_seq_len: int) -> None:
+        super().__init__()
+        self.config, self.max_seq_len = config, max_seq_len
+        built = build_cad_model(config, max_seq_len)
+        self.parts = nn.ModuleDict({k: getattr(built, k) for k in ("pointnet", "transformer", "param_head", "token_head")})
+        self.components = built
+
+    def losses(self, batch: Samples) -> dict[str, Tensor]:
+        """Means over steps that are neither padding nor taken back; `loss` is their weighted sum."""
+        params, _, logits = forward_params_only(self.components, batch.gt_points, batch.cur_points, batch.gt_tokens)
+        return seed_losses(params, logits, batch.gt_tokens, batch.gt_params, self.config.sign_weight)
+
+    def propose(self, gt_points: Tensor, cur_points: Tensor, solids: Solids, generator: torch.Generator | None = None) -> Move:
+        length = solids.lengths
+        steps = min(int(length.max()) + 1, self.max_seq_len)
+        tokens = F.pad(solids.kinds, (0, max(0, steps - solids.kinds.shape[1])), value=-1)[:, :steps]
+        at = torch.arange(len(tokens), device=tokens.device), length.clamp_max(steps - 1)
+        logits = forward_params_only(self.components, gt_points, cur_points, tokens)[2][at]
+        token, log_p = chosen_tokens(logits, length, self.max_seq_len - 1, generator)
+        tokens = tokens.index_put(at, token)
+        numbers = forward_params_only(self.components, gt_points, cur_points, tokens)[0][at]
+        part = from_sequences(token[:, None].clamp_max(CYLINDER), numbers[:, None])
+        part = replace(part, positive=part.positive | (length == 0)[:, None], sizes=part.sizes.clamp_min(1e-3))
+        return Move(token, canonical_primitives(part), log_p)
+
+
+def seed_losses(params: Tensor, logits: Tensor, tokens: Tensor, targets: Tensor, sign_weight: float = 1.0) -> dict[str, Tensor]:
+    """`loss` and its parts, and `token_accuracy`, with padding and steps that are taken back masked; shapes as in `forward_params_only`."""
+    valid = supervised(tokens)
+    adds = valid & (tokens <= CYLINDER)
+    mse = F.mse_loss(params[adds][:, :9], targets[adds][:, :9])
+    sign = F.binary_cross_entropy_with_logits(params[adds][:, 9], (targets[adds][:, 9] >= 0).float())
+    token = F.cross_entropy(logits[valid], tokens[valid])
+    accuracy = (logits[valid].argmax(-1) == tokens[valid]).float().mean()
+    return {"loss": mse + sign_weight * sign + token, "params": mse, "sign": sign, "token": token, "token_accuracy": accuracy}
