@@ -1,4 +1,4 @@
-"""``python pretrain.py [experiment=base] [max_minutes=60] [resume=true]``: train a policy; settings are key=value, see configs/pretrain.yaml."""
+"""``python pretrain.py [experiment=base] [max_minutes=60] [resume=true]``: train a policy; settings are key=value."""
 
 from __future__ import annotations
 
@@ -14,4 +14,4 @@ if __name__ == "__main__":
 
     from imdim.app.pretrain import main
 
-    sys.exit(main(sys.argv[1:], Path(__file__).parent / "configs", lambda text: print(text, flush=True)))
+    sys.exit(main(sys.argv[1:], Path(__file__).parent / "configs", lambda text: sys.stdout.write(text + "\n")))

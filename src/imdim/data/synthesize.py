@@ -26,9 +26,9 @@ DRAWS = 40
 
 @dataclass
 class SynthesisConfig:
-    """What is drawn. `smallest_change` is the least share of the sampled volume that must depend on each step; `free_rotation` the share of
-    programs in any pose (the others have their axes along the coordinate axes, any of 24 ways); `p_undo` the share of samples whose prefix ends
-    with a foreign primitive that the next token takes back; `prefixes` how many samples of a batch share a program and its cloud."""
+    """What is drawn. `smallest_change` is the least share of the sampled volume that must depend on each step; `free_rotation` the
+    share of programs in any pose (the others have their axes along the coordinate axes, any of 24 ways); `p_undo` the share of samples
+    whose prefix ends with a foreign primitive that the next token takes back; `prefixes` how many samples of a batch share a program."""
 
     n_min: int = 1
     n_max: int = MAX_PRIMITIVES
@@ -77,7 +77,7 @@ def with_prefixes(gt_points: Tensor, tokens: Tensor, params: Tensor, config: Syn
 
 
 def _mistaken(tokens: Tensor, params: Tensor, steps: Tensor, where: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Two columns wider; in rows `where` the first primitive of the next row and UNDO_LAST stand at `steps`, which then points at UNDO_LAST."""
+    """Two columns wider; in rows `where` the first primitive of the next row and UNDO_LAST stand at `steps`, which then counts the former."""
     column = torch.arange(tokens.shape[1] + 2, device=tokens.device)
     shift = torch.where(where[:, None] & (column >= steps[:, None] + 2), 2, 0)
     source = (column - shift).clamp_max(tokens.shape[1] - 1)

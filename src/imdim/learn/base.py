@@ -1,9 +1,9 @@
 """The better design: a policy that writes, executes and looks.
 
-Against `seed`: canonical order and parameters (the data's), local point tokens of target and current cloud that know how far the other
-cloud is, the executed primitives themselves as history, and each primitive as a short sequence of binned numbers, every one conditioned on those
-before, so that the distribution over primitives has as many modes as the shape has next steps. The state is the executed one: one step is
-one sample, and undone steps leave no trace.
+Against `seed`: local point tokens of target and current cloud that know how far the other cloud is, the executed primitives themselves as
+history, and each primitive as a short sequence of binned numbers, every one conditioned on those before, so that the distribution over
+primitives has as many modes as the shape has next steps. The state is the executed one: one step is one sample, and undone steps leave
+no trace. Both learn from the data's canonical order and parameters.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class BasePolicy(Policy):
         self.to_bins, self.to_offsets = (nn.Parameter(torch.randn(SLOTS, d, BINS) * scale) for scale in (d**-0.5, 0.01))
 
     def losses(self, batch: Samples) -> dict[str, Tensor]:
-        """Cross-entropies in nats of the step after the prefix that `cur_points` shows; `values` and `offsets` are means over used slots."""
+        """Cross-entropies (nats) of the step after the prefix that `cur_points` shows; `values`, `offsets`: means over used slots."""
         rows = torch.arange(len(batch.steps), device=batch.steps.device)
         column = torch.arange(batch.gt_tokens.shape[1], device=rows.device)
         written = from_sequences(torch.where(column < batch.steps[:, None], batch.gt_tokens, PAD), batch.gt_params)

@@ -59,7 +59,7 @@ def beam_search(
 ) -> tuple[Solids, Tensor]:
     """The `beam` best programs [b * beam] of each cloud, row after row, best first, and their costs [b, beam]: Chamfer distance plus price.
 
-    Every step samples `expand` moves of each hypothesis, renders them all, and keeps the cheapest different ones; finished ones stay in the race.
+    Every step samples `expand` moves of each hypothesis, renders them all, and keeps the cheapest different ones; finished ones stay.
     """
     rows, beam, ways = len(gt_points), config.beam, config.beam * config.expand
     solids = empty(rows * beam, config.max_primitives, gt_points.device)
@@ -85,7 +85,7 @@ def beam_search(
 
 
 def costs_of(solids: Solids, gt_points: Tensor, config: DecodeConfig, render: torch.Generator) -> Tensor:
-    """Chamfer distance (sum of both directed means) of renderings and clouds, plus the price of the primitives, [b]; infinite for nothing."""
+    """Chamfer distance (sum of both directed means) of renderings and clouds plus the price of primitives, [b]; infinite for nothing."""
     points, _, count = surface_clouds(solids, config.points, render)
     between = torch.cdist(gt_points[:, : config.points], points)
     chamfer = between.amin(2).mean(1) + between.amin(1).mean(1)

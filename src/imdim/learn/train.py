@@ -177,7 +177,8 @@ class _Run:
         if not (torch.isfinite(losses["loss"]) and torch.isfinite(norm)):
             path = self.out / f"not_finite_{self.step}.pt"
             save_state(path, {"step": self.step, **state_tensors(batch._asdict())})
-            raise NotFinite(f"loss {float(losses["loss"].detach())}, gradient norm {float(norm)} at step {self.step}; its batch is in {path}")
+            found = f"loss {losses['loss'].item()}, gradient norm {norm.item()}"
+            raise NotFinite(f"{found} at step {self.step}; its batch is in {path}")
         self.optimizer.step()
         return {**{name: float(value.detach()) for name, value in losses.items()}, "gradient_norm": float(norm)}
 
