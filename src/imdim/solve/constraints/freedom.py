@@ -98,7 +98,8 @@ def _rows_of(system: System) -> list[np.ndarray]:
 
 def _loose(x: np.ndarray, jacobian: np.ndarray, rank: int, dimension: int) -> tuple[int, ...]:
     """The points outside of the largest body found by growing one from each point."""
-    motions = np.linalg.svd(jacobian)[2][rank:].reshape(-1, len(x), dimension) if rank else np.eye(len(x) * dimension).reshape(-1, len(x), dimension)
+    kernel = np.linalg.svd(jacobian)[2][rank:] if rank else np.eye(jacobian.shape[1])
+    motions = kernel.reshape(-1, len(x), dimension)
     apart = x[:, None, :dimension] - x[None, :, :dimension]
     stretch = np.abs(np.einsum("fijd,ijd->fij", motions[:, :, None] - motions[:, None, :], apart)).max(axis=0)
     firm = stretch < 1e-6 * max(1.0, float(np.abs(apart).max()))

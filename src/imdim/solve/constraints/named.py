@@ -23,7 +23,8 @@ def cube(edge: float = 1.0) -> Theory:
 
 def box() -> Theory:
     """The cube without its lengths: three degrees of freedom."""
-    right = [(1, 0, 2), (1, 0, 4), (2, 0, 4), (0, 1, 3), (0, 2, 3), (0, 1, 5), (0, 4, 5), (0, 2, 6), (0, 4, 6), (1, 3, 7), (2, 3, 7), (1, 5, 7)]
+    right = [(1, 0, 2), (1, 0, 4), (2, 0, 4), (0, 1, 3), (0, 2, 3), (0, 1, 5), (0, 4, 5), (0, 2, 6), (0, 4, 6)]
+    right += [(1, 3, 7), (2, 3, 7), (1, 5, 7)]
     flat = [(0, 1, 2, 3), (0, 1, 4, 5), (0, 2, 4, 6)]
     return Theory(8, (*(Constraint("angle", i, RIGHT) for i in right), *(Constraint("plane_distance", i) for i in flat)))
 

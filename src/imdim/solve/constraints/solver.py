@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -18,7 +18,7 @@ class SolveConfig:
     descent: DescentConfig = field(default_factory=DescentConfig)
     rounds: int = 3  # of restarts, where the first start leads to no solution
     restarts: int = 8  # in each round, together
-    kick: float = 0.3  # half of them start this far from the best so far, as a share of the theory's length
+    kick: float = 0.3  # half of them start about this far from the best so far, as a share of the theory's length
 
 
 @dataclass(frozen=True)
@@ -48,25 +48,25 @@ class Solution:
             raise TheoryError(f"no solution found from {self.starts} starts; {worst} is missed by {self.violation:.3g}")
 
 
-def solve(
-    theory: Theory, start: np.ndarray | None = None, *, rng: np.random.Generator, config: SolveConfig | None = None
-) -> Solution:
+def solve(theory: Theory, start: np.ndarray | None = None, *, rng: np.random.Generator, config: SolveConfig | None = None) -> Solution:
     """The solution near `start` [n, 3], or from a random start; the same for the same `rng`.
 
     Raises TheoryError for a start that is not finite or has another shape. Whether a theory can be met is judged by the starts tried:
     a conflict that is reported was missed by all of them.
     """
     config = config or SolveConfig()
-    start = random_starts(theory, 1, rng)[0] if start is None else checked(theory, start)
-    scale = length_of(theory, start)
-    found = _attempt(theory, start[None] / scale, config.descent, scale)
+    first = random_starts(theory, 1, rng)[0] if start is None else checked(theory, start)
+    scale = length_of(theory, first)
+    found = _attempt(theory, first[None] / scale, replace(config.descent, adam_steps=0), scale)
+    if not found.good:  # only then: soft penalties lead away from a solution close by
+        found = min(found, _attempt(theory, first[None] / scale, config.descent, scale), key=_order)
     starts = 1
     for _ in range(config.rounds):
         if found.good:
             break
         fresh = _restarts(theory, found.points, scale, config, rng)
         starts += len(fresh)
-        found = min(found, _attempt(theory, fresh, config.descent, scale), key=lambda f: (not f.good, f.worst))
+        found = min(found, _attempt(theory, fresh, config.descent, scale), key=_order)
     if found.good:
         return Solution(found.points * scale, found.violations, "solved", starts=starts)
     conflict = _conflict(theory, found, scale, config, rng)
@@ -119,6 +119,10 @@ class _Attempt:
     good: bool
 
 
+def _order(attempt: _Attempt) -> tuple[bool, float]:
+    return not attempt.good, attempt.worst
+
+
 def _attempt(theory: Theory, starts: np.ndarray, config: DescentConfig, scale: float) -> _Attempt:
     copies, scales = [theory] * len(starts), np.full(len(starts), scale)
     points, worst = relax(copies, starts * scale, scales, config)
@@ -131,7 +135,8 @@ def _attempt(theory: Theory, starts: np.ndarray, config: DescentConfig, scale: f
 def _restarts(theory: Theory, best: np.ndarray, scale: float, config: SolveConfig, rng: np.random.Generator) -> np.ndarray:
     near = config.restarts // 2
     starts = random_starts(theory, config.restarts, rng) / scale
-    starts[:near] = best + config.kick * rng.normal(size=(near, *best.shape))
+    kicks = config.kick * 3.0 ** (1 - np.arange(near))
+    starts[:near] = best + kicks[:, None, None] * rng.normal(size=(near, *best.shape))
     if theory.dimension == 2:
         starts[..., 2] = 0
     return starts
@@ -156,4 +161,4 @@ def _conflict(theory: Theory, found: _Attempt, scale: float, config: SolveConfig
         rest = [i for i in kept if i != number]
         if not met(rest):
             kept = rest
-    return tuple(sorted(kept)) if not met(kept) else ()
+    return tuple(sorted(kept)) if not any(met(kept) for _ in range(3)) else ()
