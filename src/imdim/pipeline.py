@@ -22,7 +22,7 @@ from imdim.geometry.surface import Patch, Surface
 from imdim.geometry.winding import inside_mesh
 from imdim.program.cost import count
 from imdim.program.simplify import reduce_program
-from imdim.program.tree import Combine, Program, map_leaves
+from imdim.program.tree import Program, combine_all, map_leaves
 from imdim.search.arrangement import ArrangementConfig, arrange
 from imdim.search.cells import Cells, sample_cells
 from imdim.search.families import Families
@@ -43,6 +43,7 @@ from imdim.solve.snap import SnapConfig, snap
 CLOSING_AREA = 1e-7  # of the squared diagonal; implied planes rank behind detected ones
 MOST_JOINT = 8  # bodies
 JOINT_ERROR = 2e-3  # of the volume, that a shorter program of all bodies at once may cost
+POOR = 0.05  # of the volume; a search that leaves more is compared with the decision tree
 SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may cost
 SEARCH_SHARE = 0.5  # of the budget; detection, the solver and delivery need the rest
 METHODS = ("auto", "search", "tree")
@@ -84,15 +85,41 @@ class _Clock:
 
 @dataclass(frozen=True)
 class _Seen:
-    """What detection and labelling know of one body in its unit frame."""
+    """What detection and labelling know of one body: the body in its unit frame, and that frame."""
 
     target: Target
+    frame: Frame
     patches: list[Patch]
     families: Families
 
     @property
     def cells(self) -> Cells:
         return self.families.cells
+
+    @property
+    def volume(self) -> float:
+        """Of the body, as sampled, in its own units."""
+        return self.cells.volume / self.frame.scale**3
+
+    def error(self, program: Program) -> float:
+        """Volume in which the body and a program in its units differ over the cells, relative to the body's."""
+        cells = self.cells
+        inside = kernels.inside(program, cells.points / self.frame.scale + np.asarray(self.frame.center))
+        return float(np.where(inside, cells.w_out, cells.w_in).sum()) / cells.volume
+
+    def price(self, program: Program) -> float:
+        """The search's objective, relative to the body's volume."""
+        return self.error(program) + StructureConfig().size_weight * count(program).primitives
+
+
+@dataclass(frozen=True)
+class _State:
+    """A program of one body in its own units, `error` relative to its `volume`."""
+
+    stage: str
+    program: Program
+    error: float
+    volume: float
 
 
 def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) -> Iterator[Snapshot]:
@@ -114,45 +141,54 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) ->
 def _by_body(target: Target, settings: Settings, clock: _Clock, rng: np.random.Generator) -> Iterator[Snapshot]:
     """Snapshots of the union of the bodies done so far; a few bodies are then tried as one, since one cut may have parted them."""
     bodies = split_bodies(target)
-    done: Program | None = None
-    last: Snapshot | None = None
+    done: list[_State] = []
     for body in bodies:
-        for stage, program, error in _body(body, settings, clock, rng):
-            whole = program if done is None else Combine("union", done, program)
-            last = Snapshot(stage, whole, error, clock.seconds())
-            yield last
-        done = last.program if last else None
-    if last is None or not 1 < len(bodies) <= MOST_JOINT or clock.out_of_time():
+        state = None
+        for state in _body(body, settings, clock, rng):
+            yield _together(state.stage, [*done, state], clock)
+        done += [state] if state else []
+    if not 1 < len(done) <= MOST_JOINT or clock.out_of_time():
         return
-    *_, (_, joint, error) = _body(target, settings, clock, rng)
-    if count(joint).primitives < count(last.program).primitives and error < last.error + JOINT_ERROR:
-        yield Snapshot("joint", joint, error, clock.seconds())
+    apart = _together("joint", done, clock)
+    *_, joint = _body(target, settings, clock, rng)
+    if count(joint.program).primitives < count(apart.program).primitives and joint.error < apart.error + JOINT_ERROR:
+        yield _together("joint", [joint], clock)
 
 
-def _body(body: Target, settings: Settings, clock: _Clock, rng: np.random.Generator) -> Iterator[tuple[str, Program, float]]:
-    """(stage, program, error) of one body, in its own units."""
-    frame = Frame.of(body)
-    seen = _look(frame.normalise(body), rng)
-    program, error = None, np.inf
+def _together(stage: str, states: list[_State], clock: _Clock) -> Snapshot:
+    """The union of several bodies' programs, with the error of all of them relative to their volume."""
+    volume = sum(s.volume for s in states)
+    error = sum(s.error * s.volume for s in states) / volume
+    return Snapshot(stage, combine_all("union", [s.program for s in states]), error, clock.seconds())
+
+
+def _body(body: Target, settings: Settings, clock: _Clock, rng: np.random.Generator) -> Iterator[_State]:
+    """Better and better programs of one body."""
+    seen = _look(body, rng)
+
+    def state(stage: str, program: Program) -> _State:
+        return _State(stage, program, seen.error(program), seen.volume)
+
+    program = None
     if settings.method != "tree":
-        for program, error in _searched(seen, clock, rng):
-            yield "search", frame.undo(program), error
-    if settings.method == "tree" or program is None or error > 0.2:
+        for program in _searched(seen, clock, rng):
+            yield state("search", program)
+    if settings.method == "tree" or program is None or clock.cut or seen.error(program) > POOR:
         grown = _tree(seen)
-        if grown is not None and (program is None or _price(grown, seen) < _price(program, seen)):
-            program, error = grown, _sampled_error(grown, seen.cells)
-            yield "tree", frame.undo(program), error
+        if grown is not None and (program is None or seen.price(grown) < seen.price(program)):
+            program = grown
+            yield state("tree", program)
     if program is None:
-        raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces; volume {seen.cells.volume:.3g} of the box")
+        raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
     program = reduce_program(program)
-    yield "simplify", frame.undo(program), _sampled_error(program, seen.cells)
-    program = _solved(program, seen)
-    snapped = _snapped(program, seen, frame)
-    yield "solve", snapped, _sampled_error(program, seen.cells)
+    yield state("simplify", program)
+    yield state("solve", _snapped(_solved(program, seen, body), seen, body))
 
 
-def _look(unit: Target, rng: np.random.Generator) -> _Seen:
-    """Surfaces, cells and candidate families of a body in the unit frame."""
+def _look(body: Target, rng: np.random.Generator) -> _Seen:
+    """Surfaces, cells and candidate families of a body, in its unit frame."""
+    frame = Frame.of(body)
+    unit = frame.normalise(body)
     patches, closing = _surfaces(unit, rng)
     if not patches:
         raise InputError(f"{unit.name}: no plane, sphere, cylinder, cone or torus found in {len(unit.points)} points")
@@ -164,7 +200,7 @@ def _look(unit: Target, rng: np.random.Generator) -> _Seen:
     cells = sample_cells(arrangement, _labeller(unit, patches), 150_000, rng)
     if cells.volume <= 0:
         raise InputError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells")
-    return _Seen(unit, patches, Families(arrangement, cells))
+    return _Seen(unit, frame, patches, Families(arrangement, cells))
 
 
 def _surfaces(unit: Target, rng: np.random.Generator) -> tuple[list[Patch], list[Surface]]:
@@ -186,15 +222,13 @@ def _labeller(unit: Target, patches: list[Patch]) -> Callable[[np.ndarray], np.n
     return lambda points: inside_probability(patches, unit.points, points) > 0.5
 
 
-def _searched(seen: _Seen, clock: _Clock, rng: np.random.Generator) -> Iterator[tuple[Program, float]]:
-    """Programs of the structure search in the unit frame, each better than the one before."""
+def _searched(seen: _Seen, clock: _Clock, rng: np.random.Generator) -> Iterator[Program]:
+    """Programs of the structure search, each better than the one before."""
     found = None
     for found in search_structure(seen.families, StructureConfig(), rng, clock.out_of_time):
-        program = to_program(found.sequence, seen.families)
-        yield program, _sampled_error(program, seen.cells)
+        yield seen.frame.undo(to_program(found.sequence, seen.families))
     if found is not None:
-        program = to_program(tidy(found.sequence, seen.families), seen.families)
-        yield program, _sampled_error(program, seen.cells)
+        yield seen.frame.undo(to_program(tidy(found.sequence, seen.families), seen.families))
 
 
 def _tree(seen: _Seen) -> Program | None:
@@ -202,49 +236,40 @@ def _tree(seen: _Seen) -> Program | None:
     weights = cells.w_in + cells.w_out
     tree = grow(cells.points, cells.w_in > cells.w_out, [p.surface for p in seen.patches], weights)
     low, high = seen.families.arrangement.bounds
-    return tree_to_program(tree, low, high)
+    program = tree_to_program(tree, low, high)
+    return None if program is None else seen.frame.undo(program)
 
 
-def _sampled_error(program: Program, cells: Cells) -> float:
-    """Volume in which program and target differ over the cells, relative to the target's."""
-    inside = kernels.inside(program, cells.points)
-    return float(np.where(inside, cells.w_out, cells.w_in).sum()) / cells.volume
-
-
-def _price(program: Program, seen: _Seen) -> float:
-    return _sampled_error(program, seen.cells) + StructureConfig().size_weight * count(program).primitives
-
-
-def _solved(program: Program, seen: _Seen) -> Program:
+def _solved(program: Program, seen: _Seen, body: Target) -> Program:
     """The numbers fitted to a cloud; a mesh's carriers are exact already, and its facets would pull them inwards."""
-    if seen.target.mesh is not None:
+    if body.mesh is not None:
         return program
-    points = seen.target.points
-    chosen = points[:: max(1, len(points) // 8192)]
+    chosen = body.points[:: max(1, len(body.points) // 8192)]
     fit = refine(program, chosen, config=RefineConfig(adam_steps=0, start_scale=0.01))
-    return fit.program if _mean_distance(fit.program, chosen) < _mean_distance(program, chosen) else program
+    nearer = _mean_distance(fit.program, chosen) < _mean_distance(program, chosen)
+    return fit.program if nearer and seen.error(fit.program) < seen.error(program) + POOR else program
 
 
 def _mean_distance(program: Program, points: np.ndarray) -> float:
     return float(np.abs(kernels.program_sdf(program, points)).mean())
 
 
-def _snapped(program: Program, seen: _Seen, frame: Frame) -> Program:
-    """The program in the target's units with the numbers that its designer may have typed.
+def _snapped(program: Program, seen: _Seen, body: Target) -> Program:
+    """The program with the numbers that its designer may have typed.
 
     Snapping is judged by the distance of surface points, which is fast; the volume it changed decides whether it was too bold.
     """
-    world = _surface_points(seen) / frame.scale + np.asarray(frame.center)
-    exact = seen.target.mesh is not None
-    limit = (2e-3 if exact else 1e-2) / frame.scale
+    exact, diagonal = body.mesh is not None, 1 / seen.frame.scale
+    points = _surface_points(seen)
+    limit = (2e-3 if exact else 1e-2) * diagonal
 
     def distance(trial: Program) -> float:
-        return float(np.minimum(np.abs(kernels.program_sdf(trial, world)), limit).mean())
+        return float(np.minimum(np.abs(kernels.program_sdf(trial, points)), limit).mean())
 
-    plain = map_leaves(frame.undo(program), lambda _, leaf: canonical(leaf))
+    plain = map_leaves(program, lambda _, leaf: canonical(leaf))
     for boldness in (1.0, 0.1, 0.01) if exact else (1.0, 0.3):
-        config = SnapConfig(max_move=(1e-3 if exact else 2e-3) * boldness, abs_tolerance=(2e-6 if exact else 2e-5) * boldness / frame.scale)
-        snapped = snap(frame.undo(program), distance, config=config)
+        config = SnapConfig(max_move=(1e-3 if exact else 2e-3) * boldness, abs_tolerance=(2e-6 if exact else 2e-5) * boldness * diagonal)
+        snapped = snap(program, distance, config=config)
         if _changed_volume(plain, snapped) < (SNAP_CHANGE if exact else 10 * SNAP_CHANGE):
             return snapped
     return plain
@@ -256,13 +281,12 @@ def _changed_volume(before: Program, after: Program) -> float:
 
 
 def _surface_points(seen: _Seen) -> np.ndarray:
-    """Points that lie on the true surface: the corners of a mesh's patches, or the cloud; some thousands, evenly picked."""
+    """Points of the true surface in the body's units: corners of a mesh's patches, or the cloud; some thousands, evenly picked."""
     if seen.target.mesh is None:
         points = seen.target.points
     else:
-        per_patch = [p.points[:: max(1, len(p.points) // 60)] for p in seen.patches]
-        points = np.concatenate(per_patch)
-    return points[:: max(1, len(points) // 6000)]
+        points = np.concatenate([p.points[:: max(1, len(p.points) // 60)] for p in seen.patches])
+    return points[:: max(1, len(points) // 6000)] / seen.frame.scale + np.asarray(seen.frame.center)
 
 
 def reconstruct_best(points_or_mesh: np.ndarray | trimesh.Trimesh | Target, settings: Settings | None = None, seed: int = 0) -> Snapshot:

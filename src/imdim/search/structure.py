@@ -85,9 +85,9 @@ def _beam(families: Families, config: StructureConfig, price: Price, out_of_time
     states = [found_of((), families, price)]
     for _ in range(config.beam_steps):
         wider = _widen(states, families, config, price)
+        states = wider or states
         if not wider or out_of_time():
             break
-        states = wider
     return states
 
 

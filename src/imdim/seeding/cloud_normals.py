@@ -60,6 +60,15 @@ def estimate_normals(points: np.ndarray, scale: CloudScale, rng: np.random.Gener
     return _consensus(points, near, pairs, tolerance, 2.5 * scale.spacing)
 
 
+def consensus_normals(points: np.ndarray, near: np.ndarray, scale: CloudScale, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """`estimate_normals` over given neighbours [n, k], the nearest of which is the point itself; for noisy clouds."""
+    k = near.shape[1] - 1
+    # planes through near pairs are mostly noise
+    pairs = np.array([rng.choice(np.arange(k // 4, k + 1), 2, replace=False) for _ in range(80)])
+    reach = math.sqrt(k / math.pi) * scale.spacing
+    return _consensus(points, near, pairs, 0.1 * scale.spacing + 1.5 * scale.sigma, reach)
+
+
 @njit(cache=True)
 def _least_quantiles(points, near, triples, rank):  # pragma: no cover - compiled
     out = np.empty(near.shape[0])

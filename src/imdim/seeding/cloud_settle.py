@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+from scipy.spatial import KDTree
 
 from imdim.geometry.surface import Patch, signed_distance
+from imdim.geometry.surface import normals as surface_normals
 from imdim.seeding.cloud_state import Cloud, pieces, sane
 from imdim.seeding.fit_surface import MIN_POINTS, fit_surface
 
@@ -85,3 +89,28 @@ def patches_of(cloud: Cloud) -> list[Patch]:
         out.append(Patch(surface, mine, share * len(mine)))
     out.sort(key=lambda p: -p.area)
     return out
+
+
+def measured_patches(cloud: Cloud, scale: float) -> list[Patch]:
+    """`patches_of` a denoised cloud with the points as measured, and carriers fitted to those; `scale` is that of a robust fit."""
+    assert cloud.raw is not None
+    out = []
+    for i, surface in enumerate(cloud.found):
+        mine = cloud.raw[cloud.owner == i]
+        fitted, _ = fit_surface(surface.kind, mine, start=surface, scale=scale, iterations=15)
+        good = sane(fitted, cloud.scale.diagonal)
+        out.append(Patch(fitted if good else surface, mine, cloud.scale.spacing**2 * len(mine)))
+    out.sort(key=lambda p: -p.area)
+    return out
+
+
+def gathered(patch: Patch, neighbours: int = 8) -> Patch:
+    """The patch with every point moved to the middle of its neighbours on it, and onto its carrier.
+
+    Noise strews points past a face's edges; their neighbours' middles lie within.
+    """
+    near = KDTree(patch.points).query(patch.points, k=min(neighbours, len(patch.points)))[1].reshape(len(patch.points), -1)
+    points = patch.points[near].mean(1)
+    for _ in range(2):
+        points = points - signed_distance(patch.surface, points)[:, None] * surface_normals(patch.surface, points)
+    return replace(patch, points=points)

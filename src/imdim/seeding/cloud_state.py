@@ -27,6 +27,7 @@ class CloudConfig:
     max_angle_deg: float = 28.0  # between a point's normal and the surface's
     min_points: int = 9
     noisy_min_points: int = 30
+    calmed: float = 0.35  # of the noise is left after denoising
     linked: float = 4.0  # spacings between neighbours of one piece
     hypotheses: int = 260  # per family of minimal sets and round
     polished: int = 5  # hypotheses per kind and round that are fitted
@@ -49,6 +50,7 @@ class Cloud:
     owner: np.ndarray  # index of the found surface, -1 for none
     viewed: int  # free points when their normals were last estimated; 0 for given normals
     found: list[Surface] = field(default_factory=list)
+    raw: np.ndarray | None = None  # the points as measured, where `points` are denoised
 
     @property
     def cosine(self) -> float:
@@ -56,7 +58,7 @@ class Cloud:
 
     @property
     def noisy(self) -> bool:
-        return self.scale.sigma > 1e-3 * self.scale.diagonal
+        return self.raw is not None or self.scale.sigma > 1e-3 * self.scale.diagonal
 
     @property
     def least(self) -> int:

@@ -9,11 +9,12 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from imdim.geometry.surface import Patch, Surface, signed_distance
+from imdim.seeding.cloud_denoise import denoise, inliers
 from imdim.seeding.cloud_hypotheses import propose
 from imdim.seeding.cloud_kernels import PLANE, gains, largest_plane, pack, score, sharp_gains, unpack
 from imdim.seeding.cloud_normals import CloudScale, estimate_normals, measure_scale
 from imdim.seeding.cloud_occupancy import orient
-from imdim.seeding.cloud_settle import patches_of, settle
+from imdim.seeding.cloud_settle import gathered, measured_patches, patches_of, settle
 from imdim.seeding.cloud_state import Cloud, CloudConfig, pieces, sane
 from imdim.seeding.fit_surface import MIN_POINTS, fit_surface
 from imdim.seeding.regularise import regularise
@@ -40,10 +41,27 @@ def detect_cloud(
     if calmer < 0.5 * cloud.scale.sigma:
         # curvature or thin walls were taken for noise
         cloud = _begin(points, normals, replace(cloud.scale, sigma=calmer), cloud.config, rng)
+    if cloud.noisy:
+        return _detect_noisy(points, normals, cloud.config, rng)
     _extract(cloud, rng, cloud.config.rounds)
     settle(cloud)
     patches = regularise(patches_of(cloud), max(cloud.config.exact * scale.diagonal, 0.3 * cloud.scale.sigma))
     return orient(patches, points)
+
+
+def _detect_noisy(points: np.ndarray, normals: np.ndarray | None, config: CloudConfig, rng: np.random.Generator) -> list[Patch]:
+    """Surfaces are found in a calmed cloud and fitted to the points as measured; patches hold points on their carriers."""
+    kept = inliers(points)
+    points, normals = points[kept], None if normals is None else normals[kept]
+    scale = measure_scale(points, rng)
+    calm, directed = denoise(points, normals, scale, rng)
+    trust = np.full(len(points), 0.9)
+    left = replace(scale, sigma=config.calmed * scale.sigma)
+    cloud = Cloud(calm, directed, trust, left, config, np.full(len(points), -1), len(points) if normals is None else 0, raw=points)
+    _extract(cloud, rng, config.rounds)
+    settle(cloud)
+    patches = regularise(measured_patches(cloud, 1.5 * scale.sigma), max(config.exact * scale.diagonal, 0.3 * scale.sigma))
+    return orient([gathered(p) for p in patches], points)
 
 
 def _begin(points: np.ndarray, normals: np.ndarray | None, scale: CloudScale, config: CloudConfig, rng: np.random.Generator) -> Cloud:
@@ -69,7 +87,11 @@ def _extract(cloud: Cloud, rng: np.random.Generator, rounds: int) -> None:
             break
         if len(rest) < 0.6 * cloud.viewed and len(rest) > 24:
             # without the faces already found, small ones show their own normals
-            cloud.normals[rest], cloud.trust[rest] = estimate_normals(cloud.points[rest], cloud.scale, rng)
+            if cloud.raw is None:
+                cloud.normals[rest], cloud.trust[rest] = estimate_normals(cloud.points[rest], cloud.scale, rng)
+            else:
+                whole = replace(cloud.scale, sigma=cloud.scale.sigma / cloud.config.calmed)
+                cloud.points[rest], cloud.normals[rest] = denoise(cloud.raw[rest], None, whole, rng)
             cloud.viewed = len(rest)
         candidates = _candidates(cloud, rest, rng)
         misses = 0 if _accept(cloud, candidates) else misses + 1
