@@ -14,6 +14,7 @@ from imdim.seeding.cloud_hypotheses import propose
 from imdim.seeding.cloud_kernels import PLANE, gains, largest_plane, pack, score, sharp_gains, unpack
 from imdim.seeding.cloud_normals import CloudScale, estimate_normals, measure_scale
 from imdim.seeding.cloud_occupancy import orient
+from imdim.seeding.cloud_prune import prune
 from imdim.seeding.cloud_settle import gathered, measured_patches, patches_of, settle
 from imdim.seeding.cloud_state import Cloud, CloudConfig, pieces, sane
 from imdim.seeding.fit_surface import MIN_POINTS, fit_surface
@@ -60,6 +61,7 @@ def _detect_noisy(points: np.ndarray, normals: np.ndarray | None, config: CloudC
     cloud = Cloud(calm, directed, trust, left, config, np.full(len(points), -1), len(points) if normals is None else 0, raw=points)
     _extract(cloud, rng, config.rounds)
     settle(cloud)
+    prune(cloud, scale.sigma)
     patches = regularise(measured_patches(cloud, 1.5 * scale.sigma), max(config.exact * scale.diagonal, 0.3 * scale.sigma))
     return orient([gathered(p) for p in patches], points)
 
