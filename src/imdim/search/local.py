@@ -21,8 +21,8 @@ class LocalConfig:
 
     max_primitives: int = 120
     pair_limit: int = 24
-    rounds: int = 1000  # of removal and refill, at most
-    work: float = 5e7  # cells times steps times rounds; large parts get fewer rounds
+    rounds: int = 600  # of removal and refill, at most
+    work: float = 3e7  # cells times steps times rounds; large parts get fewer rounds
     least_rounds: int = 40
     patience: float = 0.3  # of the rounds, without an improvement, before it ends
     most_removed: int = 4
