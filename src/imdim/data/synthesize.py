@@ -77,7 +77,7 @@ def with_prefixes(gt_points: Tensor, tokens: Tensor, params: Tensor, config: Syn
 
 
 def _mistaken(tokens: Tensor, params: Tensor, steps: Tensor, where: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Two columns wider; in rows `where` the first primitive of the next row and UNDO_LAST stand at `steps`, which then counts the former."""
+    """Two columns wider; in rows `where` the first primitive of the next row and UNDO_LAST stand at `steps`, which counts the former."""
     column = torch.arange(tokens.shape[1] + 2, device=tokens.device)
     shift = torch.where(where[:, None] & (column >= steps[:, None] + 2), 2, 0)
     source = (column - shift).clamp_max(tokens.shape[1] - 1)

@@ -67,12 +67,14 @@ class BasePolicy(Policy):
         tokens = batch.gt_tokens[rows, batch.steps]
         adds = tokens <= CYLINDER
         part = from_sequences(tokens[:, None].clamp_max(CYLINDER), batch.gt_params[rows, batch.steps][:, None])
+        mask = used(part.kinds[:, 0]) & adds[:, None]
         index, offset = to_bins(encode(part)[:, 0])
+        # as in `propose`, where slots without a meaning are not drawn
+        index = torch.where(mask, index, 0)
         hidden = self._slots(self._memory(batch.gt_points, batch.cur_points, written), tokens, part.positive[:, 0].long(), index)
         logits, sign = self.to_token(hidden[:, 0]), self.to_sign(hidden[:, 1])
         bins = torch.einsum("bsd,sdk->bsk", hidden[:, 2:], self.to_bins)
         shift = torch.einsum("bsd,sdk->bsk", hidden[:, 2:], self.to_offsets).gather(2, index[..., None])[..., 0]
-        mask = used(part.kinds[:, 0]) & adds[:, None]
         parts = {
             "token": F.cross_entropy(logits, tokens),
             "sign": (F.cross_entropy(sign, part.positive[:, 0].long(), reduction="none") * adds).sum() / adds.sum().clamp_min(1),
@@ -83,16 +85,23 @@ class BasePolicy(Policy):
         loss = parts["token"] + parts["sign"] + 4 * parts["values"] + self.config.offset_weight * parts["offsets"]
         return {"loss": loss, **parts, "token_accuracy": (logits.argmax(-1) == tokens).float().mean()}
 
-    def propose(self, gt_points: Tensor, cur_points: Tensor, solids: Solids, generator: torch.Generator | None = None) -> Move:
+    def propose(
+        self,
+        gt_points: Tensor,
+        cur_points: Tensor,
+        solids: Solids,
+        generator: torch.Generator | None = None,
+        may_undo: Tensor | None = None,
+    ) -> Move:
         memory = self._memory(gt_points, cur_points, solids)
         index = torch.zeros(len(gt_points), SLOTS, dtype=torch.long, device=gt_points.device)
         numbers = torch.zeros(len(gt_points), SLOTS, device=gt_points.device)
         zero = index[:, 0]
         hidden = self._slots(memory, zero, zero, index, 1)[:, -1]
-        tokens, log_p = chosen_tokens(self.to_token(hidden), solids.lengths, self.max_seq_len - 1, generator)
+        tokens, log_p = chosen_tokens(self.to_token(hidden), solids.lengths, self.max_seq_len - 1, generator, may_undo)
         adds = tokens <= CYLINDER
         hidden = self._slots(memory, tokens, zero, index, 2)[:, -1]
-        first = torch.tensor([-torch.inf, 0.0], device=hidden.device) * 1.0
+        first = torch.tensor([-torch.inf, 0.0], device=hidden.device)
         sign_logits = torch.where((solids.lengths == 0)[:, None], first, self.to_sign(hidden))
         sign, log_sign = drawn(sign_logits, generator)
         log_p = log_p + log_sign * adds
@@ -101,9 +110,10 @@ class BasePolicy(Policy):
             if not means[:, slot].any():
                 continue
             hidden = self._slots(memory, tokens, sign, index, slot + 3)[:, -1]
-            index[:, slot], log_value = drawn(hidden @ self.to_bins[slot], generator)
-            shift = (hidden @ self.to_offsets[slot]).gather(1, index[:, slot, None])[:, 0].clamp(-0.5, 0.5)
-            numbers[:, slot] = from_bins(index[:, slot], shift, slot)
+            value, log_value = drawn(hidden @ self.to_bins[slot], generator)
+            index[:, slot] = torch.where(means[:, slot], value, 0)
+            shift = (hidden @ self.to_offsets[slot]).gather(1, value[:, None])[:, 0].clamp(-0.5, 0.5)
+            numbers[:, slot] = from_bins(value, shift, slot)
             log_p = log_p + log_value * means[:, slot]
         part = decode(tokens[:, None].clamp_max(CYLINDER), sign[:, None].bool(), numbers[:, None])
         return Move(tokens, part, log_p)

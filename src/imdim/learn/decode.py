@@ -44,11 +44,14 @@ def decode(
     """One program for each cloud [b, n, 3] of diagonal 1: greedy, or a sample with `chance`. `render` draws the prefixes' clouds."""
     solids = empty(len(gt_points), config.max_primitives, gt_points.device)
     done = torch.zeros(len(gt_points), dtype=torch.bool, device=gt_points.device)
-    for _ in range(config.max_primitives + 2 * config.undo_limit):
+    undone = torch.zeros(len(gt_points), dtype=torch.long, device=gt_points.device)
+    # as many as a row can take: it adds, takes back up to the limit, adds again, and ends
+    for _ in range(config.max_primitives + 2 * config.undo_limit + 1):
         if done.all():
             break
         current = surface_clouds(solids, config.cur_points, render)[0]
-        move = policy.propose(gt_points, current, solids, chance)
+        move = policy.propose(gt_points, current, solids, chance, undone < config.undo_limit)
+        undone = undone + ((move.tokens == int(UNDO_LAST)) & ~done)
         solids, done = applied(solids, move, done), done | (move.tokens == int(END))
     return solids
 
@@ -65,19 +68,21 @@ def beam_search(
     solids = empty(rows * beam, config.max_primitives, gt_points.device)
     done = torch.zeros(rows * beam, dtype=torch.bool, device=gt_points.device)
     costs = torch.full((rows, beam), torch.inf, device=gt_points.device)
-    for _ in range(config.max_primitives + config.undo_limit):
+    undone = torch.zeros(rows * beam, dtype=torch.long, device=gt_points.device)
+    for _ in range(config.max_primitives + 2 * config.undo_limit + 1):
         if done.all():
             break
         origin = torch.arange(rows * beam, device=done.device).repeat_interleave(config.expand)
         target = gt_points[origin // beam]
         current = surface_clouds(solids, config.cur_points, render)[0]
         tried = solids[origin]
-        move = policy.propose(target, current[origin], tried, chance)
+        move = policy.propose(target, current[origin], tried, chance, undone[origin] < config.undo_limit)
         ended = done[origin] | (move.tokens == int(END))
         tried = applied(tried, move, done[origin])
         cost = costs_of(tried, target, config, render).view(rows, ways)
         keep = _cheapest(cost, tried.lengths.view(rows, ways), ended.view(rows, ways), beam)
         chosen = (torch.arange(rows, device=done.device)[:, None] * ways + keep).flatten()
+        undone = (undone[origin] + ((move.tokens == int(UNDO_LAST)) & ~done[origin]))[chosen]
         solids, done, costs = tried[chosen], ended[chosen], cost.gather(1, keep)
     order = costs.argsort(1)
     chosen = (torch.arange(rows, device=done.device)[:, None] * beam + order).flatten()

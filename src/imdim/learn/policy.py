@@ -29,24 +29,35 @@ class Policy(nn.Module):
         """Scalars; `loss` is what training minimises, `token_accuracy` is 0 to 1."""
 
     @abstractmethod
-    def propose(self, gt_points: Tensor, cur_points: Tensor, solids: Solids, generator: torch.Generator | None = None) -> Move:
+    def propose(
+        self,
+        gt_points: Tensor,
+        cur_points: Tensor,
+        solids: Solids,
+        generator: torch.Generator | None = None,
+        may_undo: Tensor | None = None,
+    ) -> Move:
         """A legal move for targets [b, n, 3] with `solids` written so far, whose cloud is `cur_points` [b, m, 3] (zeros: empty).
 
-        The most likely one without `generator`, else a sample. The first primitive is positive.
+        The most likely one without `generator`, else a sample. The first primitive is positive. UNDO_LAST is barred
+        where `may_undo` [b] is false: a policy that adds and takes back without end would not halt.
         """
 
 
-def legal(lengths: Tensor, most: int) -> Tensor:
+def legal(lengths: Tensor, most: int, may_undo: Tensor | None = None) -> Tensor:
     """Mask [b, VOCAB]: no UNDO_LAST or END in an empty state, no primitive beyond `most`."""
     mask = torch.ones(len(lengths), VOCAB, dtype=torch.bool, device=lengths.device)
-    mask[:, int(UNDO_LAST)] = mask[:, int(END)] = lengths > 0
+    mask[:, int(END)] = lengths > 0
+    mask[:, int(UNDO_LAST)] = lengths > 0 if may_undo is None else (lengths > 0) & may_undo
     mask[:, : CYLINDER + 1] = (lengths < most)[:, None]
     return mask
 
 
-def chosen_tokens(logits: Tensor, lengths: Tensor, most: int, generator: torch.Generator | None) -> tuple[Tensor, Tensor]:
+def chosen_tokens(
+    logits: Tensor, lengths: Tensor, most: int, generator: torch.Generator | None, may_undo: Tensor | None = None
+) -> tuple[Tensor, Tensor]:
     """Tokens [b] and their log p [b] among the legal ones."""
-    return drawn(logits.masked_fill(~legal(lengths, most), -torch.inf), generator)
+    return drawn(logits.masked_fill(~legal(lengths, most, may_undo), -torch.inf), generator)
 
 
 def drawn(logits: Tensor, generator: torch.Generator | None) -> tuple[Tensor, Tensor]:

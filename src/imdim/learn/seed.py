@@ -87,13 +87,20 @@ class SeedPolicy(Policy):
         params, _, logits = forward_params_only(self.components, batch.gt_points, batch.cur_points, batch.gt_tokens)
         return seed_losses(params, logits, batch.gt_tokens, batch.gt_params, self.config.sign_weight)
 
-    def propose(self, gt_points: Tensor, cur_points: Tensor, solids: Solids, generator: torch.Generator | None = None) -> Move:
+    def propose(
+        self,
+        gt_points: Tensor,
+        cur_points: Tensor,
+        solids: Solids,
+        generator: torch.Generator | None = None,
+        may_undo: Tensor | None = None,
+    ) -> Move:
         length = solids.lengths
         steps = min(int(length.max()) + 1, self.max_seq_len)
         tokens = F.pad(solids.kinds, (0, max(0, steps - solids.kinds.shape[1])), value=-1)[:, :steps]
         at = torch.arange(len(tokens), device=tokens.device), length.clamp_max(steps - 1)
         logits = forward_params_only(self.components, gt_points, cur_points, tokens)[2][at]
-        token, log_p = chosen_tokens(logits, length, self.max_seq_len - 1, generator)
+        token, log_p = chosen_tokens(logits, length, self.max_seq_len - 1, generator, may_undo)
         tokens = tokens.index_put(at, token)
         numbers = forward_params_only(self.components, gt_points, cur_points, tokens)[0][at]
         part = from_sequences(token[:, None].clamp_max(CYLINDER), numbers[:, None])

@@ -1,0 +1,123 @@
+"""What a policy is worth, by numbers that do not depend on its design: moves against the true next step, and executed programs.
+
+Every target counts: a program without a solid has IoU 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from imdim.data.canonical import box_symmetries
+from imdim.data.solids import BOX, CYLINDER, PAD, SPHERE, Solids, from_sequences, to_sequences, to_states
+from imdim.data.synthesize import Samples
+from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.learn.decode import DecodeConfig, beam_search, decode
+from imdim.learn.policy import Move, Policy
+from imdim.program.tree import Program
+
+KIND_NAMES = {BOX: "box", SPHERE: "sphere", CYLINDER: "cylinder"}
+
+
+@dataclass(frozen=True)
+class KindError:
+    """Over `count` steps at which policy and truth add this kind: medians of the distance of the centres and of the largest error of a
+    size (shares of the diagonal), and of the angle (degrees) to the nearest equal rotation (a ball has none)."""
+
+    count: int
+    center: float
+    size: float
+    angle_deg: float
+
+
+@torch.no_grad()
+def moves(policy: Policy, batch: Samples) -> tuple[Move, Tensor]:
+    """The greedy moves from the true prefixes of `batch`, and which tokens [b] are the true next ones."""
+    rows = torch.arange(len(batch.steps))
+    column = torch.arange(batch.gt_tokens.shape[1])
+    written = from_sequences(torch.where(column < batch.steps[:, None], batch.gt_tokens, PAD), batch.gt_params)
+    move = policy.propose(batch.gt_points, batch.cur_points, written)
+    return move, move.tokens == batch.gt_tokens[rows, batch.steps]
+
+
+def errors_by_kind(batch: Samples, move: Move) -> dict[str, KindError]:
+    """Errors of the proposed primitives, by kind, where the proposed kind is the true one."""
+    rows = torch.arange(len(batch.steps))
+    tokens = batch.gt_tokens[rows, batch.steps]
+    truth = from_sequences(tokens[:, None].clamp_max(CYLINDER), batch.gt_params[rows, batch.steps][:, None])
+    center = torch.linalg.vector_norm(truth.centers - move.part.centers, dim=-1)[:, 0]
+    size = (truth.sizes - move.part.sizes).abs().amax(-1)[:, 0]
+    angle = _angles(truth, move.part)[:, 0]
+    found = {}
+    for kind, name in KIND_NAMES.items():
+        here = (tokens == kind) & (move.tokens == kind)
+        medians = [float(v[here].median()) if here.any() else float("nan") for v in (center, size, angle)]
+        found[name] = KindError(int(here.sum()), *medians)
+    return found
+
+
+def exact_structure(found: Solids, truth: Solids) -> Tensor:
+    """Whether each row has the kinds and signs of the truth, in its order, bool [b]."""
+    width = max(found.kinds.shape[1], truth.kinds.shape[1]) + 1
+    (a, p), (b, q) = (to_sequences(s, width) for s in (found, truth))
+    return (a == b).all(1) & (p[..., 9] == q[..., 9]).all(1)
+
+
+def written_programs(solids: Solids) -> list[Program | None]:
+    """Each row as a program of the tree; None where nothing positive is there."""
+    return [state.to_program() for state in to_states(*to_sequences(solids.compact()))]
+
+
+def exact_iou(found: Program | None, truth: Program) -> float:
+    """Volume IoU by exact booleans, 0 where nothing was found."""
+    return 0.0 if found is None else volume_iou(to_manifold(found), to_manifold(truth))
+
+
+def bounding_boxes(gt_points: Tensor) -> Solids:
+    """The answer that needs no policy: the cloud's box."""
+    low, high = gt_points.amin(1), gt_points.amax(1)
+    rows = len(low)
+    identity = torch.eye(3).expand(rows, 1, 3, 3)
+    kinds = torch.full((rows, 1), BOX)
+    return Solids(kinds, torch.ones_like(kinds, dtype=torch.bool), ((low + high) / 2)[:, None], (high - low)[:, None], identity)
+
+
+def answers(policy: Policy, gt_points: Tensor, config: DecodeConfig, seed: int = 0, rows: int = 8) -> Mapping[str, Callable[[], Solids]]:
+    """Ways to answer, by name: the bounding box, greedy, and the best of a beam; targets are searched `rows` at a time."""
+
+    def generator(stream: int) -> torch.Generator:
+        return torch.Generator().manual_seed(seed * 1000 + stream)
+
+    def beam() -> Solids:
+        best = []
+        for first in range(0, len(gt_points), rows):
+            part = gt_points[first : first + rows]
+            found, _ = beam_search(policy, part, config, generator(first), generator(first + 1))
+            best.append(found[torch.arange(len(part)) * config.beam])
+        return Solids(*(torch.cat([getattr(b, name) for b in best]) for name in Solids.__dataclass_fields__))
+
+    return {
+        "bounding box": lambda: bounding_boxes(gt_points),
+        "greedy": lambda: decode(policy, gt_points, config, generator(0)),
+        f"beam {config.beam}": beam,
+    }
+
+
+def summary(values: list[float]) -> dict[str, float]:
+    """Median, mean, and share of at least 0.9."""
+    array = np.array(values)
+    return {"median": float(np.median(array)), "mean": float(array.mean()), "share_090": float((array >= 0.9).mean())}
+
+
+def _angles(truth: Solids, found: Solids) -> Tensor:
+    """Degrees [b, t] between boxes up to their 24 symmetries, between axes of cylinders; 0 for balls."""
+    relative = truth.rotations.mT @ found.rotations
+    trace = torch.einsum("...ij,gji->...g", relative, box_symmetries().to(relative)).amax(-1)
+    box = torch.rad2deg(torch.arccos(((trace - 1) / 2).clamp(-1, 1)))
+    axis = torch.rad2deg(torch.arccos(relative[..., 2, 2].abs().clamp(0, 1)))
+    zero = torch.zeros_like(axis)
+    return torch.where(truth.kinds == BOX, box, torch.where(truth.kinds == CYLINDER, axis, zero))
