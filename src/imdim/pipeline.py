@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import trimesh
 
-from imdim.config import Settings
+from imdim.config import ConfigError, Settings
 from imdim.geometry import kernels
 from imdim.geometry.cloud import Frame, InputError, Target, split_bodies, target_from
 from imdim.geometry.solid import to_manifold, volume_iou
@@ -46,7 +46,7 @@ JOINT_ERROR = 2e-3  # of the volume, that a shorter program of all bodies at onc
 POOR = 0.05  # of the volume; a search that leaves more is compared with the decision tree
 SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may cost
 SEARCH_SHARE = 0.5  # of the budget; detection, the solver and delivery need the rest
-METHODS = ("auto", "search", "tree")
+METHODS = ("auto", "tree")
 
 
 @dataclass(frozen=True)
@@ -125,10 +125,10 @@ class _State:
 def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) -> Iterator[Snapshot]:
     """Yield better and better programs for `target`; the last one is the result.
 
-    Raises InputError where the target shows no surface or has no volume, ValueError for an unknown method.
+    Raises InputError where the target shows no surface or has no volume, ConfigError for an unknown method.
     """
     if settings.method not in METHODS:
-        raise ValueError(f"unknown method {settings.method!r}; known are {', '.join(METHODS)}")
+        raise ConfigError(f"unknown method {settings.method!r}; known are {', '.join(METHODS)}")
     clock = _Clock(settings.budget_s)
     last: Snapshot | None = None
     for last in _by_body(target, settings, clock, rng):
