@@ -42,11 +42,12 @@ def decode(
     policy: Policy, gt_points: Tensor, config: DecodeConfig, render: torch.Generator, chance: torch.Generator | None = None
 ) -> Solids:
     """One program for each cloud [b, n, 3] of diagonal 1: greedy, or a sample with `chance`. `render` draws the prefixes' clouds."""
-    solids = empty(len(gt_points), config.max_primitives, gt_points.device)
+    most = min(config.max_primitives, policy.max_seq_len - 1)
+    solids = empty(len(gt_points), most, gt_points.device)
     done = torch.zeros(len(gt_points), dtype=torch.bool, device=gt_points.device)
     undone = torch.zeros(len(gt_points), dtype=torch.long, device=gt_points.device)
     # as many as a row can take: it adds, takes back up to the limit, adds again, and ends
-    for _ in range(config.max_primitives + 2 * config.undo_limit + 1):
+    for _ in range(most + 2 * config.undo_limit + 1):
         if done.all():
             break
         current = surface_clouds(solids, config.cur_points, render)[0]
@@ -65,11 +66,12 @@ def beam_search(
     Every step samples `expand` moves of each hypothesis, renders them all, and keeps the cheapest different ones; finished ones stay.
     """
     rows, beam, ways = len(gt_points), config.beam, config.beam * config.expand
-    solids = empty(rows * beam, config.max_primitives, gt_points.device)
+    most = min(config.max_primitives, policy.max_seq_len - 1)
+    solids = empty(rows * beam, most, gt_points.device)
     done = torch.zeros(rows * beam, dtype=torch.bool, device=gt_points.device)
     costs = torch.full((rows, beam), torch.inf, device=gt_points.device)
     undone = torch.zeros(rows * beam, dtype=torch.long, device=gt_points.device)
-    for _ in range(config.max_primitives + 2 * config.undo_limit + 1):
+    for _ in range(most + 2 * config.undo_limit + 1):
         if done.all():
             break
         origin = torch.arange(rows * beam, device=done.device).repeat_interleave(config.expand)

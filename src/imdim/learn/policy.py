@@ -24,6 +24,10 @@ class Move(NamedTuple):
 
 
 class Policy(nn.Module):
+    """`max_seq_len` is the longest sequence it writes, END included."""
+
+    max_seq_len: int
+
     @abstractmethod
     def losses(self, batch: Samples) -> dict[str, Tensor]:
         """Scalars; `loss` is what training minimises, `token_accuracy` is 0 to 1."""

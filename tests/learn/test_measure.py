@@ -1,0 +1,102 @@
+"""Measurements against answers whose worth is known in closed form."""
+
+import json
+import math
+
+import pytest
+import torch
+
+from imdim.app.policy_table import main
+from imdim.data.solids import from_sequences
+from imdim.data.synthesize import SynthesisConfig, synthesize
+from imdim.learn.base import BaseConfig, BasePolicy
+from imdim.learn.checkpoint import save_policy
+from imdim.learn.measure import bounding_boxes, errors_by_kind, exact_iou, exact_structure, moves, summary, written_programs
+from imdim.learn.policy import Move
+from imdim.program.state import ADD_BOX, ADD_CYLINDER, ADD_SPHERE, END
+from imdim.program.tree import Primitive
+
+SMALL = BaseConfig(
+    d_model=16, encoder_layers=1, decoder_layers=1, heads=2, gt_points=64, cur_points=32, gt_patches=4, cur_patches=4, neighbours=4
+)
+
+
+def one(token, numbers):
+    return from_sequences(torch.tensor([[int(token)]]), torch.tensor([[[*numbers, 1.0]]], dtype=torch.float32))
+
+
+def test_iou_counts_failures_and_is_exact():
+    cube, half = Primitive("box", (1.0, 1.0, 1.0)), Primitive("box", (0.5, 1.0, 1.0))
+    assert exact_iou(half, cube) == pytest.approx(0.5)
+    assert exact_iou(None, cube) == 0.0
+    assert summary([0.0, 0.5, 0.95, 1.0]) == {"median": pytest.approx(0.725), "mean": pytest.approx(0.6125), "share_090": 0.5}
+
+
+def test_the_box_of_a_ball_is_worth_pi_sixths():
+    u = torch.randn(1, 20_000, 3, generator=torch.Generator().manual_seed(0))
+    ball = torch.nn.functional.normalize(u, dim=-1) * 0.5
+    found = written_programs(bounding_boxes(ball))[0]
+    assert exact_iou(found, Primitive("sphere", (0.5,))) == pytest.approx(math.pi / 6, abs=0.01)
+
+
+def test_errors_are_those_that_were_planted():
+    """A cylinder turned end over end and spun is the same; one tilted by 30 degrees, longer by 0.1 and moved by 0.2 is not."""
+    batch = synthesize(3, SynthesisConfig(gt_points=32, cur_points=16, n_max=1, volume_samples=256), torch.Generator().manual_seed(0))
+    rows = [(0, 0, 0, 0.2, 0.5, 0, 0, 0, 0), (0, 0, 0, 0.2, 0.5, 0, 0, 0, 0), (0, 0, 0, 0.3, 0.5, 0.7, 0, 0, 0)]
+    tokens = torch.tensor([[ADD_CYLINDER, END], [ADD_CYLINDER, END], [ADD_BOX, END]]).int().long()
+    params = torch.zeros(3, 2, 10)
+    params[:, 0, :9] = torch.tensor(rows)
+    batch = batch._replace(gt_tokens=tokens, gt_params=params, steps=torch.zeros(3, dtype=torch.long))
+    found = [(0, 0, 0, 0.2, 0.5, 0, 180, 0, 40), (0, 0, 0.2, 0.2, 0.6, 0, 30, 0, 0), (0, 0, 0, 0.3, 0.5, 0.7, 0, 0, 180)]
+    parts = [one(t, n) for t, n in zip(tokens[:, 0], found, strict=True)]
+    part = type(parts[0])(*(torch.cat([getattr(p, f) for p in parts]) for f in type(parts[0]).__dataclass_fields__))
+    errors = errors_by_kind(batch, Move(tokens[:, 0], part, torch.zeros(3)))
+    second = errors_by_kind(type(batch)(*(v[1:2] for v in batch)), Move(tokens[1:2, 0], part[1:2], torch.zeros(1)))["cylinder"]
+    assert (errors["cylinder"].count, errors["box"].count, errors["sphere"].count) == (2, 1, 0)
+    assert errors["box"].angle_deg == pytest.approx(0.0, abs=0.05)
+    assert (second.center, second.size, second.angle_deg) == (pytest.approx(0.2), pytest.approx(0.1), pytest.approx(30.0, abs=0.05))
+    assert errors["cylinder"].angle_deg == pytest.approx(0.0, abs=0.05)  # torch's median of two is the lower one
+    assert math.isnan(errors["sphere"].center)
+
+
+def test_structure_is_kinds_and_signs():
+    a, b = one(ADD_BOX, (0, 0, 0, 1, 1, 1, 0, 0, 0)), one(ADD_BOX, (0, 0, 0.3, 0.2, 1, 1, 0, 0, 0))
+    ball = one(ADD_SPHERE, (0, 0, 0, 1, 1, 1, 0, 0, 0))
+    assert bool(exact_structure(a, b)[0])
+    assert not bool(exact_structure(a, ball)[0])
+
+
+def test_moves_in_a_mixed_batch_are_those_of_each_row_alone():
+    """Rows of other kinds use other slots; none may change what a row writes."""
+    torch.manual_seed(0)
+    batch = synthesize(6, SynthesisConfig(gt_points=64, cur_points=32, n_max=4, volume_samples=256), torch.Generator().manual_seed(0))
+    policy = BasePolicy(SMALL, 6).eval()
+    with torch.no_grad():
+        policy.to_bins.mul_(20)  # decided, so that rounding cannot choose
+    together = moves(policy, batch)[0]
+    for row in range(6):
+        alone = moves(policy, type(batch)(*(v[row : row + 1] for v in batch)))[0]
+        assert alone.tokens[0] == together.tokens[row]
+        assert torch.allclose(alone.part.centers[0], together.part.centers[row], atol=1e-4)
+        assert torch.allclose(alone.log_p[0], together.log_p[row], atol=1e-3)
+
+
+def test_the_script_measures_a_checkpoint_and_refuses_none(tmp_path, capsys):
+    save_policy(tmp_path / "a.safetensors", BasePolicy(SMALL, 5), {})
+    small = [
+        "synthesis.gt_points=64",
+        "synthesis.cur_points=32",
+        "synthesis.n_max=3",
+        "decode.beam=2",
+        "decode.points=32",
+        "decode.cur_points=32",
+    ]
+    arguments = [f"checkpoint={tmp_path / 'a.safetensors'}", "n=4", f"out={tmp_path / 'out.json'}", *small]
+    said: list[str] = []
+    assert main(arguments, said.append) == 0
+    results = json.loads((tmp_path / "out.json").read_text())
+    assert set(results["answers"]) == {"bounding box", "greedy", "beam 2"}
+    assert all(len(answer["ious"]) == 4 for answer in results["answers"].values())
+    assert any("| beam 2 |" in line for line in said)
+    assert main([f"checkpoint={tmp_path / 'none'}"], said.append) == 2
+    assert "no checkpoint at" in capsys.readouterr().err
