@@ -29,8 +29,8 @@ def test_defaults_come_from_the_dataclass():
 
 
 def test_both_ways_give_the_same_settings():
-    arguments = ["input=a.stl", "output=o", "budget_s=5", "seed=3", "tolerance=0.01"]
-    expected = Settings(input="a.stl", output="o", budget_s=5.0, seed=3, tolerance=0.01)
+    arguments = ["input=a.stl", "output=o", "budget_s=5", "seed=3", "size_weight=0.01"]
+    expected = Settings(input="a.stl", output="o", budget_s=5.0, seed=3, size_weight=0.01)
     assert from_arguments(arguments) == expected
     assert from_hydra(CONFIGS, "infer", arguments) == expected
 
@@ -69,7 +69,7 @@ def test_what_does_not_fit_is_one_line(values, said):
         ("seed=-1", "at least 0, got -1"),
         ("budget_s=nan", "got nan"),
         ("budget_s=inf", "got inf"),
-        ("tolerance=2", r"in 0\.\.1, got 2"),
+        ("size_weight=2", r"in 0\.\.1, got 2"),
         ("input=a (1).stl", "quote special characters"),
     ],
 )

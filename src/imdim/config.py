@@ -23,8 +23,8 @@ class ConfigError(ValueError):
 class Settings:
     """What one reconstruction needs to know.
 
-    `budget_s` bounds the search in seconds of wall clock; `tolerance` is the error at which the shortest program wins, relative to
-    the target's volume, or None for the pipeline's own choice; `segments` is the number of facets per circle in delivered meshes.
+    `budget_s` bounds the run in seconds of wall clock; `size_weight` is the price of a primitive: the share of the target's volume that
+    one more must set right (larger gives shorter and cruder programs); `segments` is the number of facets per circle in delivered meshes.
     """
 
     input: str = ""
@@ -32,7 +32,7 @@ class Settings:
     seed: int = 0
     budget_s: float = 60.0
     method: str = "auto"
-    tolerance: float | None = None
+    size_weight: float = 2.5e-4
     segments: int = 96
 
 
@@ -120,8 +120,8 @@ def check(settings: Settings) -> Settings:
         value = getattr(settings, key)
         if not value >= low or value == float("inf"):
             raise ConfigError(f"setting {key} must be a finite number of at least {low:g}, got {value}")
-    if settings.tolerance is not None and not 0 <= settings.tolerance < 1:
-        raise ConfigError(f"setting tolerance must lie in 0..1, got {settings.tolerance}")
+    if not 0 < settings.size_weight < 1:
+        raise ConfigError(f"setting size_weight must lie in 0..1, got {settings.size_weight}")
     return settings
 
 

@@ -91,6 +91,7 @@ class _Seen:
     frame: Frame
     patches: list[Patch]
     families: Families
+    size_weight: float
 
     @property
     def cells(self) -> Cells:
@@ -109,7 +110,7 @@ class _Seen:
 
     def price(self, program: Program) -> float:
         """The search's objective, relative to the body's volume."""
-        return self.error(program) + StructureConfig().size_weight * count(program).primitives
+        return self.error(program) + self.size_weight * count(program).primitives
 
 
 @dataclass(frozen=True)
@@ -164,7 +165,7 @@ def _together(stage: str, states: list[_State], clock: _Clock) -> Snapshot:
 
 def _body(body: Target, settings: Settings, clock: _Clock, rng: np.random.Generator) -> Iterator[_State]:
     """Better and better programs of one body."""
-    seen = _look(body, rng)
+    seen = _look(body, settings.size_weight, rng)
 
     def state(stage: str, program: Program) -> _State:
         return _State(stage, program, seen.error(program), seen.volume)
@@ -185,7 +186,7 @@ def _body(body: Target, settings: Settings, clock: _Clock, rng: np.random.Genera
     yield state("solve", _snapped(_solved(program, seen, body), seen, body))
 
 
-def _look(body: Target, rng: np.random.Generator) -> _Seen:
+def _look(body: Target, size_weight: float, rng: np.random.Generator) -> _Seen:
     """Surfaces, cells and candidate families of a body, in its unit frame."""
     frame = Frame.of(body)
     unit = frame.normalise(body)
@@ -200,7 +201,7 @@ def _look(body: Target, rng: np.random.Generator) -> _Seen:
     cells = sample_cells(arrangement, _labeller(unit, patches), 150_000, rng)
     if cells.volume <= 0:
         raise InputError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells")
-    return _Seen(unit, frame, patches, Families(arrangement, cells))
+    return _Seen(unit, frame, patches, Families(arrangement, cells), size_weight)
 
 
 def _surfaces(unit: Target, rng: np.random.Generator) -> tuple[list[Patch], list[Surface]]:
@@ -225,7 +226,7 @@ def _labeller(unit: Target, patches: list[Patch]) -> Callable[[np.ndarray], np.n
 def _searched(seen: _Seen, clock: _Clock, rng: np.random.Generator) -> Iterator[Program]:
     """Programs of the structure search, each better than the one before."""
     found = None
-    for found in search_structure(seen.families, StructureConfig(), rng, clock.out_of_time):
+    for found in search_structure(seen.families, StructureConfig(size_weight=seen.size_weight), rng, clock.out_of_time):
         yield seen.frame.undo(to_program(found.sequence, seen.families))
     if found is not None:
         yield seen.frame.undo(to_program(tidy(found.sequence, seen.families), seen.families))

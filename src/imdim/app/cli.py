@@ -31,7 +31,7 @@ def fit_parser() -> argparse.ArgumentParser:
 
 
 def _fit(argv: Sequence[str]) -> int:
-    # intermixed: `imdim fit part.stl -o out tolerance=0.001` has a positional after an option
+    # intermixed: `imdim fit part.stl -o out size_weight=0.001` has a positional after an option
     given = fit_parser().parse_intermixed_args(argv)
     from imdim.app.fit import main as run
     from imdim.config import from_arguments
