@@ -21,7 +21,7 @@ check: lint test
 
 lint: .venv/develop
 	$(BIN)/ruff check .
-	$(BIN)/pyright
+	$(BIN)/pyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports --no-logo
 
 bench: .venv/use
