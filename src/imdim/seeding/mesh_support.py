@@ -94,7 +94,7 @@ def members_of(surface: Surface, state: Growing, slack: float, among: np.ndarray
     state.spent += len(triangles)
     corners = facets.corners[triangles]
     off = np.abs(signed_distance(surface, corners.reshape(-1, 3))) > slack * config.on_surface * facets.diagonal
-    good = ~off.reshape(-1, 3).any(1)
+    good = np.logical_not(off.reshape(-1, 3).any(axis=1))
     fine = triangles[good]
     along = _following(surface, corners[good], facets.normals[facets.facet_of[fine]], 10 * config.on_surface * facets.diagonal)
     good[good] = along >= np.cos(np.radians(config.follow_deg))
