@@ -31,7 +31,8 @@ def run(picture: Path, seed: int = 0) -> Solution:
 def main() -> None:
     picture = Path(sys.argv[1] if len(sys.argv) > 1 else "out/phases/phase1_cube.png")
     found = run(picture, int(sys.argv[2]) if len(sys.argv) > 2 else 0)
-    print(f"{found.stop} after {found.starts} start(s), violation {found.violation:.1e}; {freedom(named.cube(), found.points).verdict}; {picture}")
+    verdict = freedom(named.cube(), found.points).verdict
+    print(f"{found.stop} after {found.starts} start(s), violation {found.violation:.1e}; {verdict}; {picture}")
 
 
 if __name__ == "__main__":

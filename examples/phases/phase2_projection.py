@@ -50,7 +50,8 @@ def fit_box(cloud: np.ndarray) -> Fitted:
     start = center + (CORNERS - 0.5) * np.ptp((cloud - center) @ axes.T, axis=0).mean() @ axes
     still = cloud - project_on_faces(cloud, start, named.CUBE_FACES) @ start
     corners, rms, violation = fit(named.box(), start, to_faces(cloud, named.CUBE_FACES))
-    return Fitted(float(np.sqrt((still**2).sum(axis=1).mean())), rms, corners, project_on_faces(cloud, corners, named.CUBE_FACES), violation)
+    weights = project_on_faces(cloud, corners, named.CUBE_FACES)
+    return Fitted(float(np.sqrt((still**2).sum(axis=1).mean())), rms, corners, weights, violation)
 
 
 def run(picture: Path, seed: int = 0) -> tuple[Fitted, np.ndarray]:

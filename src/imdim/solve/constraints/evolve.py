@@ -32,8 +32,9 @@ class TheoryEvolution:
     value_cost: float = 1.0  # of a number that is neither round nor shared; a point or a constraint costs 1
     kinds: tuple[str, ...] = ("distance", "angle")  # may also hold equal_length and line_distance
     corners: tuple[int, int] = (3, 6)
-    population: int = 40
+    population: int = 48
     elites: int = 8
+    strangers: int = 16  # of each generation are drawn anew, as large as the best
     generations: int = 120
     review: int = 6  # generations without a better best after which all its neighbours are tried
     patience: int = 30  # generations without a better best
@@ -81,10 +82,11 @@ def evolve(
         yield Generation(number, ranked[0], judge.place(ranked[0]), score, complexity(ranked[0], config.value_cost), stop)
         if stop:
             return
-        children = [_child(ranked, judge, rng) for _ in range(config.population - config.elites)]
+        children = [_child(ranked, judge, rng) for _ in range(config.population - config.elites - config.strangers)]
+        strangers = [_assembled(ranked[0], judge, rng) for _ in range(config.strangers)]
         neighbours = _swaps(ranked[0], judge) if idle and idle % config.review == 0 else []
         niches = [next((t for t in ranked if t.n_points == n), ranked[0]) for n in judge.polygons]
-        population = ranked[: config.elites] + niches + children + neighbours
+        population = ranked[: config.elites] + niches + children + strangers + neighbours
 
 
 class _Judge:
@@ -178,14 +180,21 @@ def _random(judge: _Judge, rng: np.random.Generator) -> Theory:
     return theory
 
 
-def _add(theory: Theory, judge: _Judge, rng: np.random.Generator) -> Theory:
+def _assembled(best: Theory, judge: _Judge, rng: np.random.Generator) -> Theory:
+    theory = Theory(best.n_points, (), 2)
+    for _ in best.constraints:
+        theory = _add(theory, judge, rng, snapped=1.0)
+    return theory
+
+
+def _add(theory: Theory, judge: _Judge, rng: np.random.Generator, snapped: float = 0.7) -> Theory:
     kinds = judge.config.kinds
     options = _references(kinds[rng.integers(len(kinds))], theory.n_points)
     kind, indices = options[rng.integers(len(options))]
     if any((c.kind, c.indices) == (kind, indices) for c in theory.constraints):
         return theory
     new = judge.measured(kind, indices, theory.n_points)
-    return _with(theory, [*theory.constraints, _snapped(new, theory.constraints) if rng.random() < 0.7 else new])
+    return _with(theory, [*theory.constraints, _snapped(new, theory.constraints) if rng.random() < snapped else new])
 
 
 @cache
