@@ -42,7 +42,7 @@ def denoise(
     """
     config = config or DenoiseConfig()
     k = min(config.neighbours, len(points) - 1)
-    near = KDTree(points).query(points, k=k + 1)[1]
+    near = np.asarray(KDTree(points).query(points, k=k + 1)[1])
     signed = normals is not None
     if normals is None:
         found, trust = consensus_normals(points, near, scale, rng)
