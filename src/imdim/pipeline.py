@@ -45,7 +45,7 @@ MOST_JOINT = 8  # bodies
 JOINT_ERROR = 2e-3  # of the volume, that a shorter program of all bodies at once may cost
 POOR = 0.05  # of the volume; a search that leaves more is compared with the decision tree
 SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may cost
-SEARCH_SHARE = 0.5  # of the budget; detection, the solver and delivery need the rest
+SEARCH_SHARE = 0.4  # of the budget; detection, the solver and delivery need the rest
 METHODS = ("auto", "tree")
 
 
