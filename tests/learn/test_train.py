@@ -13,12 +13,18 @@ from safetensors.torch import save_file
 from imdim.app.arguments import from_arguments
 from imdim.config import ConfigError
 from imdim.data.folder import FolderConfig, make_folder
-from imdim.data.synthesize import SynthesisConfig
+from imdim.data.solids import from_sequences
+from imdim.data.synthesize import SynthesisConfig, synthesize
 from imdim.learn import checkpoint
 from imdim.learn.base import BaseConfig
 from imdim.learn.checkpoint import CheckpointError, load_policy, load_state, save_policy
+from imdim.learn.optimise import NotFinite, Optimiser
+from imdim.learn.policy import Move, Policy
+from imdim.learn.schedule import Plan, learning_rate, planned, shortened
 from imdim.learn.seed import SeedConfig
-from imdim.learn.train import NotFinite, TrainConfig, build, train
+from imdim.learn.settings import TrainConfig, build
+from imdim.learn.train import train
+from imdim.learn.validation import Validation
 
 BASE = BaseConfig(
     d_model=16, encoder_layers=1, decoder_layers=1, heads=2, gt_points=64, cur_points=32, gt_patches=4, cur_patches=4, neighbours=4
@@ -29,7 +35,7 @@ DATA = SynthesisConfig(gt_points=64, cur_points=32, n_max=3, volume_samples=256,
 
 def small(out, experiment="base", **changes) -> TrainConfig:
     config = TrainConfig(experiment, out=str(out), epochs=3, samples_per_epoch=12, n_val=8, batch_size=4, max_seq_len=6, synthesis=DATA)
-    return replace(config, base=BASE, seed_design=SEED, warmup=2, **changes)
+    return replace(config, base=BASE, seed_design=SEED, warmup=2, **{"n_measure": 4, **changes})
 
 
 def weights(path):
@@ -48,8 +54,8 @@ def test_a_run_that_was_killed_ends_with_the_same_weights(tmp_path, experiment):
     resumed = list(train(small(tmp_path / "killed", experiment, save_every=2, resume=True)))
     assert [r.step for r in resumed] == [6, 9]
     assert [r.val for r in resumed] == [r.val for r in whole[1:]]
-    a, b = (load_state(tmp_path / name / "state.pt")["policy"] for name in ("whole", "killed"))
-    assert all(torch.equal(a[key], b[key]) for key in a)
+    a, b = (load_state(tmp_path / name / "state.pt") for name in ("whole", "killed"))
+    assert all(torch.equal(a[part][key], b[part][key]) for part in ("policy", "average") for key in a[part])
     one, other = (weights(tmp_path / name / "best.safetensors") for name in ("whole", "killed"))
     assert all(torch.equal(one[key], other[key]) for key in one)
 
@@ -69,13 +75,139 @@ def test_training_reads_npz_and_lowers_the_loss(tmp_path):
     assert len(reports) == 15
     assert reports[-1].train["loss"] < 0.8 * reports[0].train["loss"]
     assert reports[0].best
-    assert reports[-1].lr < 0.05 * 5e-3 < reports[2].lr
+    assert reports[-1].lr < 0.1 * 5e-3 < reports[2].lr
 
 
-def test_a_time_limit_stops_with_a_whole_state(tmp_path):
-    reports = list(train(small(tmp_path, max_minutes=1e-6)))
-    assert [(r.step, r.stop) for r in reports] == [(1, "max_minutes")]
-    assert list(train(small(tmp_path, resume=True)))[-1].stop == "finished"
+class Clock:
+    """A second passes whenever it is looked at."""
+
+    def __init__(self, seconds=1.0):
+        self.now, self.seconds = 0.0, seconds
+
+    def __call__(self):
+        self.now += self.seconds
+        return self.now
+
+
+def test_a_time_limit_makes_the_rate_fall_in_time(tmp_path):
+    """3 looks at the clock a step: 30 s are 10 steps, of which a fifth falls; the run says why it stopped and has a whole state."""
+    clock = Clock()
+    config = small(tmp_path, max_minutes=0.5)
+    reports = list(train(replace(config, epochs=30, cooldown=0.2), clock=clock))
+    assert reports[-1].stop == "max_minutes"
+    assert [r.stop for r in reports[:-1]] == [None] * (len(reports) - 1)
+    assert 25 <= clock.now <= 45
+    state = load_state(tmp_path / "state.pt")
+    start, end = state["plan"]
+    assert end == state["step"] == reports[-1].step < 15
+    assert start < end
+    assert reports[-1].lr < config.lr
+
+
+def test_a_fall_that_was_killed_ends_as_the_one_that_was_not(tmp_path):
+    """The clock of the resumed run stands still: when to end was settled before."""
+    limit = {"max_minutes": 0.5, "save_every": 1}
+    configs = [replace(small(tmp_path / name, **limit), epochs=30, cooldown=0.5) for name in ("whole", "killed")]
+    whole = list(train(configs[0], clock=Clock()))[-1]
+    killed = train(configs[1], clock=Clock())
+    while True:
+        next(killed)
+        state = load_state(tmp_path / "killed" / "state.pt")
+        if state["step"] >= state["plan"][0]:
+            break
+    killed.close()
+    assert state["step"] < whole.step
+    resumed = list(train(replace(configs[1], resume=True), clock=Clock(0.0)))[-1]
+    assert (resumed.step, resumed.val) == (whole.step, whole.val)
+
+
+@pytest.mark.parametrize("cooldown", [0.0, 0.4])
+def test_a_run_that_is_over_goes_on_as_if_it_had_been_meant_to_be_longer(tmp_path, cooldown):
+    long, short = (replace(small(tmp_path / name), cooldown=cooldown) for name in ("long", "short"))
+    list(train(replace(long, epochs=4)))
+    list(train(replace(short, epochs=2)))
+    with pytest.raises(ValueError, match="is of a run that is over, 6 steps long; give it more epochs"):
+        next(train(replace(short, epochs=2, resume=True)))
+    list(train(replace(short, epochs=4, resume=True)))
+    a, b = (load_state(tmp_path / name / "state.pt") for name in ("long", "short"))
+    assert all(torch.equal(a[part][key], b[part][key]) for part in ("policy", "average") for key in a[part])
+
+
+def test_the_rate_warms_up_stays_and_falls_like_one_minus_root():
+    plan = planned(100, 0.2)
+    assert plan == Plan(80, 100)
+    rates = [learning_rate(2.0, 10, plan, step) for step in range(100)]
+    assert rates[:10] == pytest.approx([0.2 * (i + 1) for i in range(10)])
+    assert set(rates[10:80]) == {2.0}
+    assert rates[80:] == pytest.approx([2.0 * (1 - math.sqrt(i / 21)) for i in range(1, 21)])
+    assert learning_rate(2.0, 0, Plan(5, 5), 4) == 2.0
+    with pytest.raises(ValueError, match=r"0 to 1, got 1.5"):
+        planned(100, 1.5)
+
+
+def test_a_fall_is_brought_forward_once_it_has_to_begin():
+    plan = Plan(800, 1000)
+    assert shortened(plan, 80, 80, 79.9, 100.0, 0.2) == plan
+    assert shortened(plan, 80, 80, 80.0, 100.0, 0.2) == Plan(80, 100)
+    assert shortened(plan, 580, 80, 80.0, 100.0, 0.2) == Plan(580, 600)  # a resumed run counts its own steps
+    assert shortened(Plan(80, 100), 90, 90, 99.0, 100.0, 0.2) == Plan(80, 100)  # under way
+    assert shortened(plan, 0, 0, 1.0, 1e-9, 0.2) == Plan(0, 1)
+
+
+def test_the_average_is_the_moving_one(tmp_path):
+    """Against the closed form of its first two steps; without a decay it is the weights themselves."""
+    for ema in (0.999, 0.0):
+        optimiser = Optimiser(build(small(tmp_path)), ema, 1.0)
+        seen = [[p.detach().clone() for p in optimiser.policy.parameters()]]
+        for step in range(2):
+            optimiser.step(synthesize(4, DATA, torch.Generator().manual_seed(step)), 1e-2, step)
+            seen.append([p.detach().clone() for p in optimiser.policy.parameters()])
+        keep = [min(ema, 1 / 10), min(ema, 2 / 11)]
+        for mean, zero, one, two in zip(optimiser.average.parameters(), *seen, strict=True):
+            expected = keep[1] * (keep[0] * zero + (1 - keep[0]) * one) + (1 - keep[1]) * two
+            assert torch.allclose(mean, expected, atol=1e-6)
+
+
+def test_what_is_validated_and_saved_is_the_average(tmp_path):
+    list(train(small(tmp_path, ema=0.9)))
+    state, best = load_state(tmp_path / "state.pt"), weights(tmp_path / "best.safetensors")
+    assert all(torch.equal(best[key], state["average"][key]) for key in best)
+    assert not all(torch.equal(best[key], state["policy"][key]) for key in best)
+
+
+def test_programs_and_errors_are_measured_every_few_epochs_and_at_the_end(tmp_path):
+    reports = list(train(replace(small(tmp_path, measure_every=2, n_measure=4), epochs=3)))
+    assert [bool(r.measured) for r in reports] == [False, True, True]
+    last = reports[-1]
+    assert last.shown is not None
+    assert last.shown.iou.shape == (4,)
+    assert {"iou_median", "iou_mean", "iou_share_090", "exact_structure"} <= last.measured.keys()
+    assert last.measured["iou_mean"] == pytest.approx(float(last.shown.iou.mean()))
+
+
+def test_measured_iou_is_that_of_the_true_program_when_the_policy_knows_it(tmp_path):
+    """A policy that writes the truth step by step has IoU 1 and every structure right."""
+    validation = Validation(small(tmp_path, n_measure=6))
+    values, shown = validation.programs(Oracle(validation.targets, 6))
+    assert values["iou_mean"] == 1.0
+    assert values["iou_share_090"] == 1.0
+    assert values["exact_structure"] == 1.0
+    assert torch.equal(shown.found.compact().kinds, shown.truth.kinds)
+
+
+class Oracle(Policy):
+    def __init__(self, batch, max_seq_len):
+        super().__init__()
+        self.batch, self.max_seq_len = batch, max_seq_len
+
+    def losses(self, batch):
+        raise NotImplementedError
+
+    def propose(self, gt_points, cur_points, solids, generator=None, may_undo=None):
+        at = torch.arange(len(gt_points)), solids.lengths
+        tokens = self.batch.gt_tokens[at].clamp_min(0)
+        part = from_sequences(tokens[:, None].clamp_max(2), self.batch.gt_params[at][:, None])
+        return Move(tokens, part, torch.zeros(len(tokens)))
 
 
 def test_a_loss_that_is_not_finite_stops_with_step_and_batch(tmp_path, monkeypatch):

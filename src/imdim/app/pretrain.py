@@ -10,8 +10,11 @@ from pathlib import Path
 import torch
 
 from imdim.app.arguments import from_arguments
+from imdim.app.pictures import pairs
 from imdim.config import ConfigError
-from imdim.learn.train import NotFinite, Report, TrainConfig, train
+from imdim.learn.optimise import NotFinite
+from imdim.learn.settings import TrainConfig
+from imdim.learn.train import Report, train
 
 
 def main(arguments: Sequence[str], configs: Path, say: Callable[[str], object]) -> int:
@@ -34,17 +37,22 @@ def main(arguments: Sequence[str], configs: Path, say: Callable[[str], object]) 
 def line(report: Report) -> str:
     """One line for people."""
     parts = " ".join(f"{name} {value:.3f}" for name, value in report.val.items())
+    written = "".join(f" {name} {value:.3f}" for name, value in report.measured.items() if name.startswith(("iou", "exact")))
+    pace = f"lr {report.lr:.1e}, {report.samples_per_second:.0f} samples/s, {report.data_share:.0%} data"
     mark = " *" if report.best else ""
     stop = f", stopped: {report.stop}" if report.stop else ""
-    return f"step {report.step}: train {report.train['loss']:.3f}, val {parts}, {report.samples_per_second:.0f} samples/s{mark}{stop}"
+    return f"step {report.step}: train {report.train['loss']:.3f}, val {parts}{written}, {pace}{mark}{stop}"
 
 
 def log(writer: object, report: Report) -> None:
-    """All numbers against samples seen."""
-    pace = {"lr": report.lr, "samples_per_second": report.samples_per_second, "data_share": report.data_share}
-    for group, values in (("train", report.train), ("val", report.val), ("run", pace)):
+    """All numbers against samples seen, and pictures of targets beside what was written."""
+    pace = {name: getattr(report, name) for name in ("lr", "samples_per_second", "data_share", "validation_share")}
+    for group, values in (("train", report.train), ("val", report.val | report.measured), ("run", pace)):
         for name, value in values.items():
             writer.add_scalar(f"{group}/{name}", value, report.samples)  # type: ignore[attr-defined]
+    if report.shown is not None:
+        picture = pairs(report.shown.truth, report.shown.found)
+        writer.add_image("target and written", picture, report.samples, dataformats="HWC")  # type: ignore[attr-defined]
     writer.flush()  # type: ignore[attr-defined]
 
 

@@ -37,8 +37,8 @@ class KindError:
 @torch.no_grad()
 def moves(policy: Policy, batch: Samples) -> tuple[Move, Tensor]:
     """The greedy moves from the true prefixes of `batch`, and which tokens [b] are the true next ones."""
-    rows = torch.arange(len(batch.steps))
-    column = torch.arange(batch.gt_tokens.shape[1])
+    rows = torch.arange(len(batch.steps), device=batch.steps.device)
+    column = torch.arange(batch.gt_tokens.shape[1], device=rows.device)
     written = from_sequences(torch.where(column < batch.steps[:, None], batch.gt_tokens, PAD), batch.gt_params)
     move = policy.propose(batch.gt_points, batch.cur_points, written)
     return move, move.tokens == batch.gt_tokens[rows, batch.steps]
@@ -46,7 +46,7 @@ def moves(policy: Policy, batch: Samples) -> tuple[Move, Tensor]:
 
 def errors_by_kind(batch: Samples, move: Move) -> dict[str, KindError]:
     """Errors of the proposed primitives, by kind, where the proposed kind is the true one."""
-    rows = torch.arange(len(batch.steps))
+    rows = torch.arange(len(batch.steps), device=batch.steps.device)
     tokens = batch.gt_tokens[rows, batch.steps]
     truth = from_sequences(tokens[:, None].clamp_max(CYLINDER), batch.gt_params[rows, batch.steps][:, None])
     center = torch.linalg.vector_norm(truth.centers - move.part.centers, dim=-1)[:, 0]
@@ -80,9 +80,9 @@ def exact_iou(found: Program | None, truth: Program) -> float:
 def bounding_boxes(gt_points: Tensor) -> Solids:
     """The answer that needs no policy: the cloud's box."""
     low, high = gt_points.amin(1), gt_points.amax(1)
-    rows = len(low)
-    identity = torch.eye(3).expand(rows, 1, 3, 3)
-    kinds = torch.full((rows, 1), BOX)
+    rows, device = len(low), low.device
+    identity = torch.eye(3, device=device).expand(rows, 1, 3, 3)
+    kinds = torch.full((rows, 1), BOX, device=device)
     return Solids(kinds, torch.ones_like(kinds, dtype=torch.bool), ((low + high) / 2)[:, None], (high - low)[:, None], identity)
 
 
@@ -90,14 +90,14 @@ def answers(policy: Policy, gt_points: Tensor, config: DecodeConfig, seed: int =
     """Ways to answer, by name: the bounding box, greedy, and the best of a beam; targets are searched `rows` at a time."""
 
     def generator(stream: int) -> torch.Generator:
-        return torch.Generator().manual_seed(seed * 1000 + stream)
+        return torch.Generator(gt_points.device).manual_seed(seed * 1000 + stream)
 
     def beam() -> Solids:
         best = []
         for first in range(0, len(gt_points), rows):
             part = gt_points[first : first + rows]
             found, _ = beam_search(policy, part, config, generator(first), generator(first + 1))
-            best.append(found[torch.arange(len(part)) * config.beam])
+            best.append(found[torch.arange(len(part), device=part.device) * config.beam])
         return Solids(*(torch.cat([getattr(b, name) for b in best]) for name in Solids.__dataclass_fields__))
 
     return {

@@ -1,0 +1,76 @@
+"""What a training run is told, and the fresh policy it starts from."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+
+import torch
+
+from imdim.data.synthesize import SynthesisConfig
+from imdim.learn.base import BaseConfig, BasePolicy
+from imdim.learn.policy import Policy
+from imdim.learn.seed import SeedConfig, SeedPolicy
+
+# where a run computes, how long, and what it reports: a resumed run may change these
+_FREE = ("resume", "epochs", "max_minutes", "device", "threads", "out", "save_every", "val_root", "n_val", "n_measure", "measure_every")
+
+
+@dataclass
+class TrainConfig:
+    """`data_root` and `val_root` are folders of npz; where empty, samples are made on the fly and never repeat. An epoch is
+    `samples_per_epoch` samples (or the folder, once) and ends with a validation on `n_val` samples; every `measure_every` epochs
+    `n_measure` whole programs are written, executed and compared too. `max_seq_len` counts END.
+
+    The learning rate warms up over `warmup` steps, stays, and falls to nothing over the last `cooldown` share of the steps. The run is
+    over after `epochs` or after about `max_minutes` (0: no limit) of this command: the fall starts early enough. `ema` is the decay per
+    step of the average of the weights that is validated and saved (0: the weights themselves).
+    """
+
+    experiment: str = "base"
+    data_root: str = ""
+    val_root: str = ""
+    out: str = "runs/base"
+    epochs: int = 20
+    samples_per_epoch: int = 4096
+    n_val: int = 256
+    n_measure: int = 64
+    measure_every: int = 5
+    batch_size: int = 32
+    lr: float = 5e-4
+    warmup: int = 200
+    cooldown: float = 0.2
+    ema: float = 0.999
+    clip: float = 1.0
+    max_seq_len: int = 13
+    device: str = "cpu"
+    threads: int = 1
+    seed: int = 0
+    max_minutes: float = 0.0
+    save_every: int = 200
+    resume: bool = False
+    synthesis: SynthesisConfig = field(default_factory=SynthesisConfig)
+    base: BaseConfig = field(default_factory=BaseConfig)
+    seed_design: SeedConfig = field(default_factory=SeedConfig)
+
+
+def build(config: TrainConfig) -> Policy:
+    """A fresh policy of `config.experiment`, the same for the same `config.seed`. Raises ValueError for an unknown experiment."""
+    kinds = {"seed": (SeedPolicy, config.seed_design), "base": (BasePolicy, config.base)}
+    if config.experiment not in kinds:
+        raise ValueError(f"unknown experiment {config.experiment!r}; known are {', '.join(kinds)}")
+    kind, settings = kinds[config.experiment]
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(config.seed)
+        return kind(settings, config.max_seq_len)
+
+
+def fixed(config: TrainConfig) -> dict[str, object]:
+    """The settings that a resumed run must share."""
+    return {key: _plain(value) for key, value in asdict(config).items() if key not in _FREE}
+
+
+def _plain(value: object) -> object:
+    """Tuples as lists, as they come back from a file."""
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    return [_plain(v) for v in value] if isinstance(value, (tuple, list)) else value

@@ -1,0 +1,91 @@
+"""What a policy in training is worth on targets that stay the same: losses, errors of its next primitive, IoU of whole programs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+from typing import NamedTuple
+
+import torch
+
+from imdim.data.folder import chunk_generator
+from imdim.data.solids import Solids, from_sequences
+from imdim.data.synthesize import Samples, sampled_iou, synthesize
+from imdim.learn.batches import TARGET_STREAM, validation_batches
+from imdim.learn.decode import DecodeConfig, decode
+from imdim.learn.measure import errors_by_kind, exact_structure, moves, summary
+from imdim.learn.policy import Policy
+from imdim.learn.settings import TrainConfig
+
+IOU_SAMPLES = 4096
+
+
+class Shown(NamedTuple):
+    """Targets and what was written for them, row by row, with the IoU [b] of each."""
+
+    truth: Solids
+    found: Solids
+    iou: torch.Tensor
+
+
+class Validation:
+    """The samples are drawn once, when they are first asked for."""
+
+    def __init__(self, config: TrainConfig) -> None:
+        self.config = config
+
+    @cached_property
+    def batches(self) -> list[Samples]:
+        """For the losses, and for the moves from true prefixes."""
+        return list(validation_batches(self.config))
+
+    @cached_property
+    def targets(self) -> Samples:
+        """For whole programs: no program stands twice among them."""
+        config = self.config
+        if config.val_root:
+            return next(validation_batches(replace(config, n_val=config.n_measure, batch_size=config.n_measure)))
+        generator = chunk_generator(0, TARGET_STREAM, 0, config.device)
+        return synthesize(config.n_measure, replace(config.synthesis, prefixes=1, p_undo=0.0), generator)
+
+    @torch.no_grad()
+    def losses(self, policy: Policy) -> dict[str, float]:
+        """Means over `n_val` samples."""
+        policy.eval()
+        sums: dict[str, torch.Tensor] = {}
+        for batch in self.batches:
+            for name, value in policy.losses(batch).items():
+                sums[name] = sums.get(name, 0.0) + value * len(batch.steps)
+        count = sum(len(batch.steps) for batch in self.batches)
+        return {name: float(value) / count for name, value in sums.items()}
+
+    @torch.no_grad()
+    def programs(self, policy: Policy) -> tuple[dict[str, float], Shown]:
+        """Greedy programs for `n_measure` targets: IoU (sampled, standard error below 0.01) and share of exact structures."""
+        policy.eval()
+        targets, device = self.targets, self.config.device
+        settings = DecodeConfig(cur_points=self.config.synthesis.cur_points, max_primitives=self.config.synthesis.n_max)
+        found = decode(policy, targets.gt_points, settings, chance_free(device))
+        truth = from_sequences(targets.gt_tokens, targets.gt_params)
+        iou = sampled_iou(found, truth, IOU_SAMPLES, chance_free(device))
+        exact = exact_structure(found.compact(), truth).float().mean()
+        values = {f"iou_{name}": value for name, value in summary(iou.tolist()).items()}
+        return {**values, "exact_structure": float(exact)}, Shown(truth, found, iou)
+
+    @torch.no_grad()
+    def errors(self, policy: Policy) -> dict[str, float]:
+        """Medians of the errors of the next primitive at true prefixes, by kind; a kind that was never met is left out."""
+        policy.eval()
+        batch = self.batches[0]
+        found = errors_by_kind(batch, moves(policy, batch)[0])
+        return {
+            f"{kind}_{name}": getattr(error, name)
+            for kind, error in found.items()
+            for name in ("center", "size", "angle_deg")
+            if error.count
+        }
+
+
+def chance_free(device: str) -> torch.Generator:
+    """The same generator every time."""
+    return torch.Generator(device).manual_seed(0)
