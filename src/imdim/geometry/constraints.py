@@ -1,0 +1,281 @@
+"""The residuals of constraints on a program's numbers, with their derivatives.
+
+A leaf moves by nine coordinates, all lengths: its sizes, its shift along its own axes, and its rotation vector about them times its
+bounding radius. Residuals are lengths, or sines of angles; both vanish exactly where the constraint holds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from imdim.geometry.lowering import Lowered, lower
+from imdim.geometry.sampling import bounding_radius
+from imdim.program.constraints import AXES_OF, WORLD, Constraint, ConstraintError, Ref, check, describe
+from imdim.program.tree import KINDS, SIZE_NAMES, Primitive, Program, leaves
+
+HOLDS = 1e-9  # of the largest size: what a residual may be off
+DEPENDENT = 1e-7  # a row shorter than this share of what it was is a combination of the others
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Residuals [m], their Jacobian [m, 9 k], and the number of the constraint that each row belongs to."""
+
+    residual: np.ndarray
+    jacobian: np.ndarray
+    owner: np.ndarray
+
+
+def rows_of(constraints: Iterable[Constraint], numbers: Lowered) -> Rows:
+    """All constraints at the numbers of a program, which must be well-formed for it (see `check`)."""
+    pose = Pose.of(numbers)
+    residual: list[float] = []
+    jacobian: list[np.ndarray] = []
+    owner: list[int] = []
+    for number, constraint in enumerate(constraints):
+        for value, slope in _ROWS[constraint.kind](constraint, pose):
+            residual.append(value)
+            jacobian.append(slope)
+            owner.append(number)
+    width = 9 * len(numbers.kinds)
+    return Rows(np.array(residual), np.array(jacobian).reshape(-1, width), np.array(owner, int))
+
+
+def verify(program: Program, constraints: Sequence[Constraint], tolerance: float = HOLDS) -> None:
+    """Raise ConstraintError, one line that names the constraint, unless all are well-formed and hold to `tolerance` times the largest size.
+
+    Where those that hold leave no room for the one at fault, they are named as what it contradicts.
+    """
+    parts = list(leaves(program))
+    for number, constraint in enumerate(constraints):
+        check(number, constraint, parts)
+    found = rows_of(constraints, lower(program))
+    off = np.abs(found.residual) / max(max(p.size) for p in parts)
+    wrong = np.flatnonzero(~(off <= tolerance))
+    if len(wrong):
+        row = int(wrong[np.argmax(off[wrong])])
+        number = int(found.owner[row])
+        others = _implying(found.jacobian, row, found.owner)
+        reason = f"contradicts constraints {', '.join(map(str, others))}" if others else f"is off by {found.residual[row]:.3g}"
+        raise ConstraintError(f"{describe(number, constraints[number])}: {reason}")
+
+
+def _implying(jacobian: np.ndarray, row: int, owner: np.ndarray) -> list[int]:
+    """The constraints of other rows of which `row` is a combination, none if it is none."""
+    others = np.flatnonzero(owner != owner[row])
+    weights = np.linalg.lstsq(jacobian[others].T, jacobian[row], rcond=DEPENDENT)[0]
+    rest = jacobian[row] - weights @ jacobian[others]
+    if np.linalg.norm(rest) > DEPENDENT * np.linalg.norm(jacobian[row]):
+        return []
+    return sorted({int(owner[i]) for i, w in zip(others, weights, strict=True) if abs(w) > 1e-6})
+
+
+Row = tuple[float, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Vector:
+    """A point or direction [3] with its derivative [3, 9 k]."""
+
+    value: np.ndarray
+    slope: np.ndarray
+
+    def __sub__(self, other: Vector) -> Vector:
+        return Vector(self.value - other.value, self.slope - other.slope)
+
+    def __add__(self, other: Vector) -> Vector:
+        return Vector(self.value + other.value, self.slope + other.slope)
+
+    def dot(self, other: Vector) -> Row:
+        return float(self.value @ other.value), self.value @ other.slope + other.value @ self.slope
+
+
+@dataclass(frozen=True)
+class Pose:
+    """The features of leaves at given numbers."""
+
+    numbers: Lowered
+    radii: np.ndarray
+
+    @staticmethod
+    def of(numbers: Lowered) -> Pose:
+        return Pose(numbers, radii(numbers))
+
+    def _zeros(self) -> np.ndarray:
+        return np.zeros((3, 9 * len(self.numbers.kinds)))
+
+    def direction(self, leaf: int, axis: int) -> Vector:
+        """A local axis of a leaf, or one of the world."""
+        slope = self._zeros()
+        if leaf == WORLD:
+            return Vector(np.eye(3)[axis], slope)
+        rotation = self.numbers.rotations[leaf]
+        # a small turn w in the local frame moves R e by R (w x e)
+        slope[:, 9 * leaf + 6 : 9 * leaf + 9] = -rotation @ _skew(np.eye(3)[axis]) / self.radii[leaf]
+        return Vector(rotation[:, axis], slope)
+
+    def axis(self, ref: Ref) -> Vector:
+        return self.direction(ref.leaf, ref.axis)
+
+    def center(self, leaf: int) -> Vector:
+        slope = self._zeros()
+        slope[:, 9 * leaf + 3 : 9 * leaf + 6] = self.numbers.rotations[leaf]
+        return Vector(self.numbers.centers[leaf], slope)
+
+    def position(self, ref: Ref) -> Vector:
+        """A point of a face (its centre), or a leaf's centre."""
+        center = self.center(ref.leaf)
+        if not ref.side:
+            return center
+        outward, column = self.axis(ref), self.column(ref.leaf, ref.axis)
+        half = ref.side * self.numbers.sizes[ref.leaf, column] / 2
+        slope = center.slope + half * outward.slope
+        slope[:, 9 * ref.leaf + column] += ref.side / 2 * outward.value
+        return Vector(center.value + half * outward.value, slope)
+
+    def column(self, leaf: int, axis: int) -> int:
+        """The size across a plane face."""
+        kind = KINDS[self.numbers.kinds[leaf]]
+        return axis if kind == "box" else len(SIZE_NAMES[kind]) - 1
+
+    def size(self, ref: Ref) -> Row:
+        column = SIZE_NAMES[KINDS[self.numbers.kinds[ref.leaf]]].index(ref.feature)
+        slope = np.zeros(9 * len(self.numbers.kinds))
+        slope[9 * ref.leaf + column] = 1.0
+        return float(self.numbers.sizes[ref.leaf, column]), slope
+
+    def across(self, ref: Ref) -> tuple[Vector, Vector]:
+        """Two directions that, with the axis `ref`, make a right-handed frame."""
+        return self.direction(ref.leaf, (ref.axis + 1) % 3), self.direction(ref.leaf, (ref.axis + 2) % 3)
+
+    def kind(self, leaf: int) -> str:
+        return KINDS[self.numbers.kinds[leaf]]
+
+
+def radii(numbers: Lowered) -> np.ndarray:
+    """Bounding radii [k] of the leaves."""
+    sizes = zip(numbers.kinds.tolist(), numbers.sizes.tolist(), strict=True)
+    return np.array([bounding_radius(Primitive(KINDS[k], tuple(s[: len(SIZE_NAMES[KINDS[k]])]))) for k, s in sizes])
+
+
+def _skew(a: np.ndarray) -> np.ndarray:
+    x, y, z = a
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def _minus(a: Row, b: Row) -> Row:
+    return a[0] - b[0], a[1] - b[1]
+
+
+def _equal(c: Constraint, pose: Pose) -> list[Row]:
+    first, *others = (pose.size(ref) for ref in c.of)
+    return [_minus(other, first) for other in others]
+
+
+def _value(c: Constraint, pose: Pose) -> list[Row]:
+    size, slope = pose.size(c.of[0])
+    return [(size - c.value, slope)]
+
+
+def _parallel(c: Constraint, pose: Pose) -> list[Row]:
+    first, *others = c.of
+    u, v = pose.across(first)
+    return [side.dot(pose.axis(other)) for other in others for side in (u, v)]
+
+
+def _perpendicular(c: Constraint, pose: Pose) -> list[Row]:
+    return [pose.axis(c.of[0]).dot(pose.axis(c.of[1]))]
+
+
+def _coplanar(c: Constraint, pose: Pose) -> list[Row]:
+    first, second = c.of
+    value, slope = (pose.position(second) - pose.position(first)).dot(pose.axis(first))
+    return [(first.side * value - c.value, first.side * slope)]
+
+
+def _aligned(c: Constraint, pose: Pose) -> list[Row]:
+    assert c.about is not None
+    first, second = c.of
+    value, slope = (pose.position(second) - pose.position(first)).dot(pose.axis(c.about))
+    return [(value - c.value, slope)]
+
+
+def _coaxial(c: Constraint, pose: Pose) -> list[Row]:
+    first, *others = c.of
+    offsets = [pose.center(other.leaf) - pose.center(first.leaf) for other in others]
+    return [side.dot(offset) for offset in offsets for side in pose.across(first)]
+
+
+def _concentric(c: Constraint, pose: Pose) -> list[Row]:
+    first, *others = c.of
+    offsets = [pose.center(other.leaf) - pose.center(first.leaf) for other in others]
+    return [pose.direction(WORLD, axis).dot(offset) for offset in offsets for axis in range(3)]
+
+
+def _symmetric(c: Constraint, pose: Pose) -> list[Row]:
+    assert c.about is not None
+    first, second, middle = (pose.position(ref) for ref in c.of)
+    return [((first - middle) + (second - middle)).dot(pose.axis(c.about))]
+
+
+def _linear(c: Constraint, pose: Pose) -> list[Row]:
+    first = c.of[0].leaf
+    axes = range(2) if AXES_OF[pose.kind(first)] == ("z",) else range(3)
+    points = [pose.center(ref.leaf) for ref in c.of]
+    bends = [(a - b) + (d - b) for a, b, d in zip(points, points[1:], points[2:], strict=False)]
+    return [pose.direction(first, axis).dot(bend) for bend in bends for axis in axes]
+
+
+def _circular(c: Constraint, pose: Pose) -> list[Row]:
+    assert c.about is not None
+    sides = pose.across(c.about)
+    members = [ref.leaf for ref in c.of]
+    points = [[side.dot(pose.center(leaf)) for side in sides] for leaf in members]
+    angle = 2 * math.pi / len(members)
+    rows: list[Row] = []
+    for a, b, d in zip(points, points[1:], points[2:], strict=False):
+        back, ahead = [_minus(q, p) for p, q in zip(a, b, strict=True)], [_minus(q, p) for p, q in zip(b, d, strict=True)]
+        rows += [_minus(q, p) for p, q in zip(_turned(back, angle), ahead, strict=True)]
+    if c.about.leaf not in members:
+        for i, side in enumerate(sides):
+            mean, hub = _mean([p[i] for p in points]), side.dot(pose.center(c.about.leaf))
+            rows.append(_minus(mean, hub))
+    turning = [ref for ref in c.of if ref.feature and len(AXES_OF[pose.kind(ref.leaf)]) == 3]
+    axes = [[side.dot(pose.axis(ref)) for side in sides] for ref in turning]
+    rows += [_cross(_turned(a, angle), b) for a, b in pairwise(axes)]
+    return rows
+
+
+def _turned(point: list[Row], angle: float) -> list[Row]:
+    (x, dx), (y, dy) = point
+    c, s = math.cos(angle), math.sin(angle)
+    return [(c * x - s * y, c * dx - s * dy), (s * x + c * y, s * dx + c * dy)]
+
+
+def _cross(a: list[Row], b: list[Row]) -> Row:
+    (ax, dax), (ay, day), (bx, dbx), (by, dby) = *a, *b
+    return ax * by - ay * bx, ax * dby + by * dax - ay * dbx - bx * day
+
+
+def _mean(rows: list[Row]) -> Row:
+    return sum(r[0] for r in rows) / len(rows), np.mean([r[1] for r in rows], axis=0)
+
+
+_ROWS: Mapping[str, Callable[[Constraint, Pose], list[Row]]] = {
+    "equal": _equal,
+    "value": _value,
+    "parallel": _parallel,
+    "perpendicular": _perpendicular,
+    "coplanar": _coplanar,
+    "aligned": _aligned,
+    "coaxial": _coaxial,
+    "concentric": _concentric,
+    "symmetric": _symmetric,
+    "linear": _linear,
+    "circular": _circular,
+}

@@ -1,0 +1,108 @@
+"""What a cloud says about a program's numbers: their normal distribution around the fit.
+
+The coordinates are those of `geometry.constraints`: nine lengths per leaf. The inverse covariance is the sum of the squared derivatives of
+the distances at the cloud's points over the variance of their residuals (Gauss-Newton), plus a prior as wide as the part, which alone
+stands where no point shows a number. Outliers are weighed down as in `refine` (Geman and McClure).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from imdim.geometry import kernels
+from imdim.geometry.constraints import radii
+from imdim.geometry.lowering import Lowered
+from imdim.solve.faces import moved
+
+MAD = 1.4826  # from the median of absolute normal deviations to their standard deviation
+CUT = 4.0  # residuals well beyond this many standard deviations say nothing
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """Points [n, 3] of the target's surface, unit outward normals [n, 3] if known; `length` is the diagonal of their box."""
+
+    points: np.ndarray
+    normals: np.ndarray | None
+    length: float
+
+    @staticmethod
+    def of(points: np.ndarray, normals: np.ndarray | None = None) -> Cloud:
+        """Raises ValueError unless there are points of some extent, all finite."""
+        points = np.ascontiguousarray(points, float)
+        if points.ndim != 2 or points.shape[1] != 3 or not len(points) or not np.isfinite(points).all():
+            raise ValueError(f"relations need finite points [n, 3], got {list(points.shape)}")
+        length = float(np.linalg.norm(np.ptp(points, axis=0)))
+        if length == 0:
+            raise ValueError("relations need points of some extent, all coincide")
+        return Cloud(points, normals, length)
+
+
+@dataclass(frozen=True)
+class Normal:
+    """The normal equations of the distances at a cloud, residuals weighed by the robust scale `scale`.
+
+    `matrix` [k, 9, 9] and `gradient` [k, 9] per leaf in lengths; `cost` is the robust sum of squares, `noise` the residuals' standard
+    deviation, `explained` how many points count.
+    """
+
+    cost: float
+    noise: float
+    explained: float
+    matrix: np.ndarray
+    gradient: np.ndarray
+
+
+def normal_equations(numbers: Lowered, cloud: Cloud, scale: float) -> Normal:
+    """Evaluate at `numbers`."""
+    leaf, value, tangent, normal = kernels.program_tangent(numbers, cloud.points)
+    square = (value / scale) ** 2
+    trust = 1.0 if cloud.normals is None else np.maximum((normal * cloud.normals).sum(1), 0.0) ** 2
+    weight = trust / (1 + square) ** 2
+    tangent = tangent.copy()
+    tangent[:, 6:] /= radii(numbers)[leaf, None]
+    k = len(numbers.kinds)
+    order = np.argsort(leaf, kind="stable")
+    bounds = np.searchsorted(leaf[order], np.arange(k + 1))
+    matrix, gradient = np.zeros((k, 9, 9)), np.zeros((k, 9))
+    for i in range(k):
+        mine = order[bounds[i] : bounds[i + 1]]
+        rows = tangent[mine] * weight[mine, None]
+        matrix[i], gradient[i] = rows.T @ tangent[mine], rows.T @ value[mine]
+    noise = MAD * float(np.median(np.abs(value)))
+    return Normal(float((trust * value**2 / (1 + square)).sum()), noise, float(np.sum(weight)), matrix, gradient)
+
+
+def noise_of(numbers: Lowered, cloud: Cloud) -> float:
+    """The robust standard deviation of the cloud's distances."""
+    return MAD * float(np.median(np.abs(kernels.program_sdf(numbers, cloud.points))))
+
+
+def shifted(numbers: Lowered, step: np.ndarray) -> Lowered:
+    """The leaves after a step [9 k]; too long ones are cut short, sizes stay positive."""
+    k = len(numbers.kinds)
+    maps = np.zeros((k, 9, 9))
+    maps[:, range(9), range(9)] = np.repeat([1.0, 1.0], [6, 3])
+    maps[:, range(6, 9), range(6, 9)] /= radii(numbers)[:, None]
+    return moved(numbers, maps, step.reshape(k, 9))
+
+
+def prior(numbers: Lowered, length: float) -> np.ndarray:
+    """Inverse variances [k, 9] where nothing is known: sizes and places as wide as the part, turns as wide as the leaf."""
+    out = np.full((len(numbers.kinds), 9), length**-2.0)
+    out[:, 6:] = radii(numbers)[:, None] ** -2.0
+    return out
+
+
+def covariance(numbers: Lowered, cloud: Cloud, floor: float) -> np.ndarray:
+    """Covariance [9 k, 9 k], block by leaf, of the fitted numbers; `floor` is a length below which nothing counts as known."""
+    noise = max(noise_of(numbers, cloud), floor)
+    matrix = normal_equations(numbers, cloud, CUT * noise).matrix / noise**2
+    known = prior(numbers, cloud.length)
+    k = len(known)
+    blocks = np.linalg.inv(matrix + known[:, :, None] * np.eye(9)) + floor**2 * np.eye(9)
+    out = np.zeros((k, 9, k, 9))
+    out[range(k), :, range(k)] = blocks
+    return out.reshape(9 * k, 9 * k)

@@ -1,0 +1,305 @@
+"""Candidates for relations between sizes and places: all pairs and triples of features that lie close enough to be looked at.
+
+Directions are settled before, so that places compare as numbers along them. `alike` leaves, of one kind and of sizes that may be equal,
+are the ones that stand in symmetric pairs, rows and circles.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from imdim.geometry.constraints import Pose
+from imdim.program.constraints import FACES_OF, Constraint, Ref
+from imdim.program.tree import KINDS, SIZE_NAMES
+from imdim.solve.relations.directions import KIND_BITS, Directions
+from imdim.solve.relations.select import Candidate
+
+LOOK = 4.5  # deviations within which a pair is a candidate
+MIN_SUPPORT = 6.0  # what fewer points show is not shown
+MOST_ALIKE = 200  # leaves of one group that are compared in triples
+RADIUS_NAMES = {"r", "r_bottom", "r_top", "r_major", "r_minor", "rx", "ry", "rz"}
+
+
+@dataclass(frozen=True)
+class Known:
+    """Features [n] as numbers with their variances and rows [n, 9 k]; hidden ones are left out."""
+
+    refs: list[Ref]
+    values: np.ndarray
+    rows: np.ndarray
+    covariance: np.ndarray
+
+    @property
+    def variances(self) -> np.ndarray:
+        return np.diagonal(self.covariance)
+
+    def pairs(self) -> Iterator[tuple[int, int]]:
+        """Those of different numbers that may be equal."""
+        variance = self.variances
+        both = variance[:, None] + variance - 2 * self.covariance
+        near = np.abs(self.values[:, None] - self.values) <= LOOK * np.sqrt(np.maximum(both, 0.0)) + 1e-300
+        yield from zip(*np.nonzero(np.triu(near, 1)), strict=True)
+
+
+@dataclass(frozen=True)
+class Places:
+    """What the proposals read: the pose, the covariance [9 k, 9 k], the noise of one point, the directions."""
+
+    pose: Pose
+    covariance: np.ndarray
+    noise: float
+    directions: Directions
+
+    def known(self, refs: list[Ref], rows: list[tuple[float, np.ndarray]]) -> Known:
+        if not rows:
+            return Known([], np.zeros(0), np.zeros((0, len(self.covariance))), np.zeros((0, 0)))
+        values, slopes = np.array([r[0] for r in rows]), np.array([r[1] for r in rows])
+        covariance = slopes @ self.covariance @ slopes.T
+        shown = np.diagonal(covariance) < self.noise**2 / MIN_SUPPORT
+        index = np.flatnonzero(shown)
+        return Known([refs[i] for i in index], values[index], slopes[index], covariance[np.ix_(index, index)])
+
+    def leaves(self) -> range:
+        return range(len(self.pose.numbers.kinds))
+
+    def kind(self, leaf: int) -> str:
+        return KINDS[self.pose.numbers.kinds[leaf]]
+
+
+def proposals(places: Places) -> Iterator[Candidate]:
+    """All candidates; the same relation may come in several forms, of which the choice takes the one that saves most."""
+    sizes = _sizes(places)
+    for known in sizes:
+        yield from _equal(known)
+    alike = _alike(places, sizes)
+    for members in places.directions.used:
+        yield from _along(places, members, alike)
+        yield from _coaxial(places, members)
+    yield from _concentric(places)
+    for group in alike:
+        yield from _rows(places, group)
+        for members in places.directions.used:
+            yield from _circles(places, group, members)
+
+
+def _sizes(places: Places) -> list[Known]:
+    """The shown radii, and the shown lengths."""
+    refs = [Ref(leaf, name) for leaf in places.leaves() for name in SIZE_NAMES[places.kind(leaf)]]
+    groups = [[r for r in refs if (r.feature in RADIUS_NAMES) == radius] for radius in (True, False)]
+    return [places.known(group, [places.pose.size(ref) for ref in group]) for group in groups]
+
+
+def _equal(known: Known) -> Iterator[Candidate]:
+    bits = KIND_BITS + math.log2(max(len(known.refs), 2))
+    for i, j in known.pairs():
+        if known.values[i] > 0 and known.values[j] > 0:
+            yield Candidate(Constraint("equal", (known.refs[i], known.refs[j])), bits)
+
+
+def _alike(places: Places, sizes: list[Known]) -> list[list[int]]:
+    """Groups of two or more leaves of one kind whose shown sizes may be equal."""
+    apart: set[tuple[int, int]] = set()
+    for known in sizes:
+        deviation = np.sqrt(known.variances)
+        for i, a in enumerate(known.refs):
+            for j, b in enumerate(known.refs):
+                differ = a.feature == b.feature and abs(known.values[i] - known.values[j]) > LOOK * math.hypot(deviation[i], deviation[j])
+                if differ:
+                    apart.add((a.leaf, b.leaf))
+    groups: list[list[int]] = []
+    for leaf in places.leaves():
+        home = next((g for g in groups if places.kind(g[0]) == places.kind(leaf) and not any((leaf, m) in apart for m in g)), None)
+        if home is None:
+            groups.append([leaf])
+        else:
+            home.append(leaf)
+    return [g[:MOST_ALIKE] for g in groups if len(g) > 1]
+
+
+def _along(places: Places, members: list[Ref], alike: list[list[int]]) -> Iterator[Candidate]:
+    """Coplanar faces, centres level with each other or with a face, and symmetric pairs, along one direction."""
+    pose, direction = places.pose, places.pose.axis(members[0])
+    across = [m for m in members if m.leaf >= 0 and m.feature in FACES_OF.get(places.kind(m.leaf), ())]
+    faces = [Ref(m.leaf, sign + m.feature) for m in across for sign in "+-"]
+    refs = faces + [Ref(leaf) for leaf in places.leaves()]
+    known = places.known(refs, [pose.position(ref).dot(direction) for ref in refs])
+    bits = KIND_BITS + math.log2(max(len(known.refs), 2))
+    for i, j in known.pairs():
+        first, second = known.refs[i], known.refs[j]
+        if first.leaf != second.leaf:
+            both = bool(first.side and second.side)
+            yield Candidate(Constraint("coplanar" if both else "aligned", (first, second), None if both else members[0]), bits)
+    yield from _symmetric(known, members[0], alike)
+
+
+def _symmetric(known: Known, about: Ref, alike: list[list[int]]) -> Iterator[Candidate]:
+    centers = {ref.leaf: i for i, ref in enumerate(known.refs) if not ref.side}
+    hubs = np.array(list(centers.values()), int)
+    for group in alike:
+        shown = [leaf for leaf in group if leaf in centers]
+        bits = KIND_BITS + math.log2(max(len(hubs) * len(shown), 2))
+        for a, first in enumerate(shown):
+            for second in shown[a + 1 :]:
+                i, j = centers[first], centers[second]
+                apart = known.variances[i] + known.variances[j]
+                if abs(known.values[i] - known.values[j]) <= LOOK * math.sqrt(apart):
+                    continue
+                rows = known.rows[i] + known.rows[j] - 2 * known.rows[hubs]
+                off = known.values[i] + known.values[j] - 2 * known.values[hubs]
+                variance = apart + 4 * known.variances[hubs]
+                for hub in hubs[(np.abs(off) <= LOOK * np.sqrt(variance)) & (np.abs(rows).max(1) > 0)]:
+                    middle = known.refs[hub]
+                    if middle.leaf not in (first, second):
+                        yield Candidate(Constraint("symmetric", (Ref(first), Ref(second), middle), about), bits)
+
+
+def _coaxial(places: Places, members: list[Ref]) -> Iterator[Candidate]:
+    """Leaves of revolution about one line, and balls on it."""
+    pose = places.pose
+    axial = [m.leaf for m in members if m.leaf >= 0 and places.kind(m.leaf) in ("cylinder", "cone", "torus")]
+    balls = [leaf for leaf in places.leaves() if places.kind(leaf) == "sphere"]
+    if not axial:
+        return
+    refs = [Ref(leaf) for leaf in axial + balls]
+    both = [places.known(refs, [pose.center(ref.leaf).dot(side) for ref in refs]) for side in pose.across(members[0])]
+    near = [{(known.refs[i].leaf, known.refs[j].leaf) for i, j in known.pairs()} for known in both]
+    bits = KIND_BITS + math.log2(max(len(axial) + len(balls), 2))
+    for a, b in sorted(near[0] & near[1]):
+        if a in axial:
+            yield Candidate(Constraint("coaxial", (Ref(a, "z"), Ref(b, "z" if b in axial else ""))), bits)
+
+
+def _concentric(places: Places) -> Iterator[Candidate]:
+    pose = places.pose
+    refs = [Ref(leaf) for leaf in places.leaves()]
+    near: set[tuple[int, int]] | None = None
+    for axis in range(3):
+        known = places.known(refs, [pose.center(ref.leaf).dot(pose.direction(-1, axis)) for ref in refs])
+        pairs = {(known.refs[i].leaf, known.refs[j].leaf) for i, j in known.pairs()}
+        near = pairs if near is None else near & pairs
+    bits = KIND_BITS + math.log2(max(len(refs), 2))
+    for a, b in sorted(near or ()):
+        yield Candidate(Constraint("concentric", (Ref(a), Ref(b))), bits)
+
+
+@dataclass(frozen=True)
+class _Centers:
+    """Centres [n, d] of a group of leaves in the directions shown, and the deviation of each."""
+
+    leaves: np.ndarray
+    points: np.ndarray
+    deviation: np.ndarray
+
+    def without(self, leaf: int) -> _Centers:
+        others = self.leaves != leaf
+        return _Centers(self.leaves[others], self.points[others], self.deviation[others])
+
+
+def _centers(places: Places, group: list[int], sides: list) -> _Centers:
+    """Those of `group` that are shown in all `sides`."""
+    columns = [[places.pose.center(leaf).dot(side) for leaf in group] for side in sides]
+    points = np.array([[row[0] for row in column] for column in columns]).T
+    variances = [np.einsum("ni,ij,nj->n", s, places.covariance, s) for s in (np.array([row[1] for row in c]) for c in columns)]
+    deviation = np.sqrt(np.max(variances, axis=0))
+    shown = deviation < places.noise / math.sqrt(MIN_SUPPORT)
+    return _Centers(np.array(group)[shown], points[shown], deviation[shown])
+
+
+def _rows(places: Places, group: list[int]) -> Iterator[Candidate]:
+    """Longest runs of equal steps among alike leaves."""
+    first = group[0]
+    axes = range(2) if places.kind(first) in ("cylinder", "cone", "torus") else range(3)
+    centers = _centers(places, group, [places.pose.direction(first, axis) for axis in axes])
+    n = len(centers.leaves)
+    reach = 3 * LOOK * float(centers.deviation.max(initial=0.0))
+    for i in range(n):
+        for j in range(n):
+            step = centers.points[j] - centers.points[i]
+            if i == j or np.linalg.norm(step) <= reach or _at(centers, centers.points[i] - step, reach) is not None:
+                continue
+            run = [i, j]
+            while (following := _at(centers, 2 * centers.points[run[-1]] - centers.points[run[-2]], reach)) is not None:
+                run.append(following)
+            if len(run) > 2 and run[0] < run[-1]:
+                bits = KIND_BITS + 2 * math.log2(n) + len(run) - 2
+                yield Candidate(Constraint("linear", tuple(Ref(int(centers.leaves[m])) for m in run)), bits)
+
+
+def _at(centers: _Centers, point: np.ndarray, reach: float) -> int | None:
+    """The leaf next to `point`, if one is within reach."""
+    gaps = np.linalg.norm(centers.points - point, axis=1)
+    nearest = int(np.argmin(gaps))
+    return nearest if gaps[nearest] <= reach else None
+
+
+def _circles(places: Places, group: list[int], members: list[Ref]) -> Iterator[Candidate]:
+    """Alike leaves evenly round the axis of another, or round their own middle, seen along one direction."""
+    # the axis of a leaf turns a leaf, that of the frame does not
+    axes = [m for m in members if m.leaf >= 0]
+    inside = {m.leaf for m in axes}
+    group = [leaf for leaf in group if leaf in inside or places.kind(leaf) == "sphere"]
+    if len(group) < 2 or not axes:
+        return
+    sides = list(places.pose.across(axes[0]))
+    ring = _centers(places, group, sides)
+    hubs = _centers(places, sorted(inside), sides)
+    for hub, at, deviation in zip(hubs.leaves.tolist(), hubs.points, hubs.deviation, strict=True):
+        about = next(m for m in axes if m.leaf == hub)
+        yield from _rings(places, ring.without(hub), at, deviation, about, len(hubs.leaves), 2)
+    if len(ring.leaves) > 2:
+        own = next((m for m in axes if m.leaf in ring.leaves), None)
+        if own is not None:
+            yield from _rings(places, ring, ring.points.mean(0), float(ring.deviation.max()), own, 1, 3)
+
+
+def _rings(places: Places, ring: _Centers, at: np.ndarray, deviation: float, about: Ref, hubs: int, least: int) -> Iterator[Candidate]:
+    """Full circles about the point `at` with one radius and equal angles."""
+    offsets = ring.points - at
+    radius, angle = np.linalg.norm(offsets, axis=1), np.arctan2(offsets[:, 1], offsets[:, 0])
+    slack = 2 * LOOK * (float(ring.deviation.max(initial=0.0)) + deviation)
+    todo = list(np.argsort(radius, kind="stable"))
+    while todo:
+        near = [i for i in todo if radius[i] <= radius[todo[0]] + slack]
+        todo = [i for i in todo if i not in near]
+        if len(near) < least or radius[near[0]] <= slack:
+            continue
+        near.sort(key=lambda i: angle[i])
+        for count in _divisors(len(near), least):
+            for start in range(len(near) // count):
+                chosen = near[start :: len(near) // count]
+                gaps = np.diff([*angle[chosen], angle[chosen[0]] + 2 * math.pi]) - 2 * math.pi / count
+                if np.abs(gaps).max() * radius[near[0]] <= slack:
+                    refs = _turning(places, [int(ring.leaves[i]) for i in chosen], about, 2 * math.pi / count)
+                    bits = KIND_BITS + math.log2(max(hubs, 1)) + len(near)
+                    # the sense of the angle is that of the frame `across` the axis that stands for the direction
+                    yield Candidate(Constraint("circular", refs, about), bits)
+                    break
+            else:
+                continue
+            break
+
+
+def _divisors(n: int, least: int) -> list[int]:
+    return [d for d in range(n, least - 1, -1) if n % d == 0]
+
+
+def _turning(places: Places, leaves: list[int], about: Ref, angle: float) -> tuple[Ref, ...]:
+    """The members; of boxes also the axis that turns with the circle, whichever of the two that is nearest to the turned one before."""
+    if places.kind(leaves[0]) != "box":
+        return tuple(Ref(leaf) for leaf in leaves)
+    pose = places.pose
+    axis = pose.axis(about).value
+    frames = [pose.numbers.rotations[leaf] for leaf in leaves]
+    flat = [[a for a in range(3) if abs(frame[:, a] @ axis) < 0.5] for frame in frames]
+    current = flat[0][0]
+    refs = [Ref(leaves[0], "xyz"[current])]
+    for i in range(1, len(leaves)):
+        before = frames[i - 1][:, current]
+        turned = math.cos(angle) * before + math.sin(angle) * np.cross(axis, before)
+        current = max(flat[i], key=lambda a: abs(frames[i][:, a] @ turned))
+        refs.append(Ref(leaves[i], "xyz"[current]))
+    return tuple(refs)

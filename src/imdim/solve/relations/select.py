@@ -1,0 +1,140 @@
+"""Choose relations by description length, one after the other, each given those before it.
+
+The code: a number of the program that stays free costs ``log2(width / deviation)`` bits, its prior width over the deviation to which the
+fit knows it; a relation that gives its place costs the `bits` that name it among its alternatives, and leaves ``z^2 / (2 ln 2)`` bits for
+how far the fit is from it in deviations. Both together are the logarithm of a Bayes factor between two normal distributions of the
+relation's residuals, that of the prior and that of the fit. What is accepted narrows the distribution (a Kalman update), so that later
+candidates are judged by what is known then. Rows of the Jacobian that accepted ones span are redundant: they save nothing.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from imdim.geometry.constraints import rows_of
+from imdim.geometry.lowering import Lowered
+from imdim.program.constraints import Constraint
+
+SPANNED = 1e-8  # squared share of a row that accepted ones do not explain, below which they span it
+CONFLICT = 0.5  # deviations of the fit alone by which a redundant candidate may be off: those taken leave it none
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A relation that may hold, and the bits that name it among its alternatives."""
+
+    constraint: Constraint
+    bits: float
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A candidate's saving in bits, the rank of its new rows, and how far off it is, in deviations."""
+
+    saving: float
+    rank: int
+    deviations: float
+
+
+class Choice:
+    """A normal distribution of the numbers that narrows with each accepted relation.
+
+    `mean` [9 k] is the shift from `numbers`; `dropped` says why candidates that looked good were not taken.
+    """
+
+    def __init__(self, numbers: Lowered, covariance: np.ndarray, prior: np.ndarray) -> None:
+        self.numbers = numbers
+        self.before, self.covariance = covariance, covariance.copy()
+        self.width = 1 / prior.ravel()
+        self.mean = np.zeros(len(covariance))
+        self.basis = np.zeros((len(covariance), 0))
+        self.taken: list[Constraint] = []
+        self.dropped: list[tuple[Constraint, str]] = []
+
+    def judge(self, candidate: Candidate) -> Judged:
+        """What accepting the candidate now would save."""
+        residual, jacobian, columns = self._rows(candidate.constraint)
+        residual = residual + jacobian @ self.mean[columns]
+        combine = self._new(jacobian, columns)
+        if not combine.shape[1]:
+            return Judged(0.0, 0, _deviations(residual, jacobian @ self.before[np.ix_(columns, columns)] @ jacobian.T))
+        jacobian, residual = combine.T @ jacobian, combine.T @ residual
+        fit = jacobian @ self.covariance[np.ix_(columns, columns)] @ jacobian.T
+        wide = (jacobian * self.width[columns]) @ jacobian.T
+        z2 = float(residual @ np.linalg.solve(fit, residual))
+        volume = (np.linalg.slogdet(wide)[1] - np.linalg.slogdet(fit)[1]) / 2
+        saving = (volume - z2 / 2) / math.log(2) - candidate.bits
+        return Judged(saving, combine.shape[1], math.sqrt(z2))
+
+    def accept(self, constraint: Constraint) -> None:
+        """Let the relation hold from now on."""
+        residual, jacobian, columns = self._rows(constraint)
+        residual = residual + jacobian @ self.mean[columns]
+        combine = self._new(jacobian, columns)
+        self.taken.append(constraint)
+        if not combine.shape[1]:
+            return
+        jacobian, residual = combine.T @ jacobian, combine.T @ residual
+        spread = self.covariance[:, columns] @ jacobian.T
+        gain = np.linalg.solve(jacobian @ spread[columns], spread.T).T
+        self.mean -= gain @ residual
+        self.covariance -= gain @ spread.T
+        self.basis = np.hstack([self.basis, self._orthonormal(jacobian, columns)])
+
+    def greedy(self, candidates: Iterable[Candidate]) -> list[Constraint]:
+        """Accept the candidate that saves most, again and again, while one saves anything; those accepted, in order.
+
+        Savings are only looked at again when a candidate comes to the top: they seldom grow.
+        """
+        order = [(-self.judge(c).saving, i, c) for i, c in enumerate(candidates)]
+        heapq.heapify(order)
+        accepted: list[Constraint] = []
+        while order:
+            _, i, candidate = heapq.heappop(order)
+            judged = self.judge(candidate)
+            if judged.rank == 0:
+                if judged.deviations > CONFLICT:
+                    self.dropped.append((candidate.constraint, f"contradicts those taken, by {judged.deviations:.1f} deviations"))
+                continue
+            if judged.saving <= 0:
+                self.dropped.append((candidate.constraint, f"costs {-judged.saving:.1f} bits more than it saves"))
+                continue
+            if order and judged.saving < -order[0][0]:
+                heapq.heappush(order, (-judged.saving, i, candidate))
+                continue
+            self.accept(candidate.constraint)
+            accepted.append(candidate.constraint)
+        return accepted
+
+    def _rows(self, constraint: Constraint) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Residuals [m], Jacobian [m, c] and its columns [c], those of the leaves that it moves."""
+        rows = rows_of([constraint], self.numbers)
+        columns = np.flatnonzero(np.abs(rows.jacobian).max(0, initial=0.0) > 0)
+        return rows.residual, rows.jacobian[:, columns], columns
+
+    def _new(self, jacobian: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """Combinations [m, n] of rows that are independent of each other and of what was accepted."""
+        scale = np.linalg.norm(jacobian, axis=1)
+        unit = jacobian / np.maximum(scale, 1e-300)[:, None]
+        along = unit @ self.basis[columns]
+        values, vectors = np.linalg.eigh(unit @ unit.T - along @ along.T)
+        kept = values > SPANNED
+        return vectors[:, kept] / np.maximum(scale, 1e-300)[:, None]
+
+    def _orthonormal(self, jacobian: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        full = np.zeros((len(self.mean), len(jacobian)))
+        full[columns] = jacobian.T
+        for _ in range(2):  # once more removes what rounding left
+            full -= self.basis @ (self.basis.T @ full)
+            full = np.linalg.qr(full)[0]
+        return full
+
+
+def _deviations(residual: np.ndarray, covariance: np.ndarray) -> float:
+    """The largest residual in units of its own deviation."""
+    return float(np.max(np.abs(residual) / np.sqrt(np.maximum(np.diagonal(covariance), 1e-300)), initial=0.0))
