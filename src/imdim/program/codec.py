@@ -2,7 +2,8 @@
 
 In memory a tree is binary; on paper operations are n-ary. Writing flattens nested unions, nested intersections and the
 left spine of differences (``(a - b) - c`` is ``[a, b, c]``); reading folds the parts from the left. Re-reading gives the
-same solid with the same order of primitives, and writing that again the same bytes. `schema.py` publishes the JSON Schema.
+same solid with the same order of primitives, and writing that again the same bytes. Constraints (`constraints.py`) count the
+primitives in that order. A document has the lowest version that can say it. `schema.py` publishes the JSON Schema.
 """
 
 from __future__ import annotations
@@ -10,16 +11,18 @@ from __future__ import annotations
 import difflib
 import json
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
-from imdim.program.tree import KINDS, OPS, SIZE_NAMES, Op, Primitive, Program, Vec3, combine_all, fold
+from imdim.program.constraints import RULES, Constraint, ConstraintError, Ref, check_all, read_ref
+from imdim.program.tree import KINDS, OPS, SIZE_NAMES, Op, Primitive, Program, Vec3, combine_all, fold, leaves
 
 FORMAT = "imdim-csg"
-VERSION = 1
+VERSION, CONSTRAINED = 1, 2  # without and with constraints
 MAX_DEPTH = 200  # operations inside each other
 MAX_PRIMITIVES = 10_000
+MAX_CONSTRAINTS = 10_000
 MAX_CHARACTERS = 8 * 1024 * 1024
 UNITS = ("unspecified", "micron", "millimeter", "centimeter", "meter", "inch", "foot")
 CONVENTION = {"axes": "right-handed", "rotation": "Rz @ Ry @ Rx, degrees"}
@@ -43,14 +46,21 @@ class Meta:
             raise ValueError(f"a frame needs a finite center and a positive scale, got {self.center} and {self.scale}")
 
 
-def to_json(program: Program, meta: Meta | None = None) -> dict[str, Any]:
-    """The document as plain dicts, lists, strings and numbers. Raises ValueError beyond MAX_DEPTH or MAX_PRIMITIVES."""
+def to_json(program: Program, meta: Meta | None = None, constraints: Sequence[Constraint] = ()) -> dict[str, Any]:
+    """The document as plain dicts, lists, strings and numbers. Raises ValueError beyond MAX_DEPTH or MAX_PRIMITIVES.
+
+    Raises ConstraintError, which names it, for a constraint that is ill-formed or contradicts another.
+    """
     meta = meta or Meta()
     count, depth, node = fold(program, lambda _, p: (1, 0, _leaf(p)), {op: _joiner(op) for op in OPS})
     if count > MAX_PRIMITIVES or depth > MAX_DEPTH:
         raise ValueError(f"a document holds {MAX_PRIMITIVES} primitives and {MAX_DEPTH} nested operations at most, got {count} and {depth}")
     frame = {**CONVENTION, "center": [float(v) for v in meta.center], "scale": float(meta.scale)}
-    return {"format": FORMAT, "version": VERSION, "units": meta.units, "frame": frame, "program": node}
+    document = {"format": FORMAT, "version": VERSION, "units": meta.units, "frame": frame, "program": node}
+    if not constraints:
+        return document
+    check_all(constraints, list(leaves(program)))
+    return {**document, "version": CONSTRAINED, "constraints": [_constraint(c) for c in constraints]}
 
 
 def from_json(document: object) -> Program:
@@ -63,11 +73,19 @@ def meta_of(document: object) -> Meta:
     return _read_document(document)[1]
 
 
-def dumps(program: Program, meta: Meta | None = None) -> str:
-    """The document as text, one primitive per line; deterministic. Raises like `to_json`."""
-    document = to_json(program, meta)
-    head = [f"  {_text(key)}: {_text(document[key])}" for key in ("format", "version", "units", "frame")]
-    return "{\n" + ",\n".join([*head, '  "program": ' + "\n".join(_lines(document["program"], "  "))]) + "\n}\n"
+def constraints_of(document: object) -> tuple[Constraint, ...]:
+    """The constraints of a document, none where it has none; raises like `from_json`, ConstraintError for those at fault."""
+    return _read_document(document)[2]
+
+
+def dumps(program: Program, meta: Meta | None = None, constraints: Sequence[Constraint] = ()) -> str:
+    """The document as text, one primitive and one constraint per line; deterministic. Raises like `to_json`."""
+    document = to_json(program, meta, constraints)
+    entries = [f"  {_text(key)}: {_text(document[key])}" for key in ("format", "version", "units", "frame")]
+    entries.append('  "program": ' + "\n".join(_lines(document["program"], "  ")))
+    if constraints:
+        entries.append('  "constraints": [\n' + ",\n".join(f"    {_text(c)}" for c in document["constraints"]) + "\n  ]")
+    return "{\n" + ",\n".join(entries) + "\n}\n"
 
 
 def loads(text: str | bytes) -> Program:
@@ -109,6 +127,15 @@ def _joiner(op: Op) -> Any:
     return join
 
 
+def _constraint(c: Constraint) -> dict[str, Any]:
+    out: dict[str, Any] = {"kind": c.kind, "of": [str(ref) for ref in c.of]}
+    if c.about is not None:
+        out["about"] = str(c.about)
+    if RULES[c.kind].has_value:
+        out["value"] = float(c.value)
+    return out | ({"name": c.name} if c.name else {})
+
+
 def _text(value: object) -> str:
     return json.dumps(value, allow_nan=False)
 
@@ -131,13 +158,47 @@ def _lines(node: dict[str, Any], indent: str) -> Iterator[str]:
 # --- reading ---------------------------------------------------------------------------------------------------------
 
 
-def _read_document(document: object) -> tuple[Program, Meta]:
-    top = _object(document, "$", ("format", "version", "program"), ("units", "frame"))
+def _read_document(document: object) -> tuple[Program, Meta, tuple[Constraint, ...]]:
+    top = _object(document, "$", ("format", "version", "program"), ("units", "frame", "constraints"))
     if top["format"] != FORMAT:
         raise ValueError(f"$.format: expected {FORMAT!r}, got {_show(top['format'])}")
-    if type(top["version"]) is not int or top["version"] != VERSION:
-        raise ValueError(f"$.version: this reader knows version {VERSION}, got {_show(top['version'])}")
-    return _read_node(top["program"], "$.program", 0, [0]), _read_meta(top)
+    if type(top["version"]) is not int or top["version"] not in (VERSION, CONSTRAINED):
+        raise ValueError(f"$.version: this reader knows versions {VERSION} and {CONSTRAINED}, got {_show(top['version'])}")
+    if top["version"] == VERSION and "constraints" in top:
+        raise ValueError(f"$.constraints: version {VERSION} has none, they came with version {CONSTRAINED}")
+    program = _read_node(top["program"], "$.program", 0, [0])
+    return program, _read_meta(top), _read_constraints(top.get("constraints", []), program)
+
+
+def _read_constraints(entries: object, program: Program) -> tuple[Constraint, ...]:
+    if not isinstance(entries, list) or len(entries) > MAX_CONSTRAINTS:
+        raise ConstraintError(f"$.constraints: expected a list of at most {MAX_CONSTRAINTS}, got {_show(entries)}")
+    constraints = tuple(_read_constraint(entry, f"$.constraints[{i}]") for i, entry in enumerate(entries))
+    try:
+        check_all(constraints, list(leaves(program)))
+    except ConstraintError as error:
+        raise ConstraintError(f"$.{error}") from None
+    return constraints
+
+
+def _read_constraint(entry: object, path: str) -> Constraint:
+    fields = _object(entry, path, ("kind", "of"), ("about", "value", "name"))
+    kind = _choice(fields["kind"], f"{path}.kind", tuple(RULES))
+    if not isinstance(fields["of"], list):
+        raise ConstraintError(f"{path}.of: expected a list of features, got {_show(fields['of'])}")
+    of = tuple(_read_feature(ref, f"{path}.of[{i}]") for i, ref in enumerate(fields["of"]))
+    about = _read_feature(fields["about"], f"{path}.about") if "about" in fields else None
+    name = fields.get("name", "")
+    if not isinstance(name, str) or not (name == "" or (name.isascii() and name.isidentifier() and len(name) <= 100)):
+        raise ConstraintError(f"{path}.name: expected a name of letters, digits and _, got {_show(name)}")
+    return Constraint(kind, of, about, _number(fields.get("value", 0), f"{path}.value"), name)
+
+
+def _read_feature(text: object, path: str) -> Ref:
+    try:
+        return read_ref(text)
+    except ValueError as error:
+        raise ConstraintError(f"{path}: {error}, got {_show(text)}") from None
 
 
 def _read_meta(top: dict[str, Any]) -> Meta:

@@ -113,6 +113,33 @@ def describe(number: int, constraint: Constraint) -> str:
     return f"constraints[{number}]{label} ({constraint})"
 
 
+def check_all(constraints: Sequence[Constraint], parts: Sequence[Primitive]) -> None:
+    """Raise ConstraintError for the first that is ill-formed, and for two that give one length two values.
+
+    Whether the others agree with each other and with the numbers is a matter of geometry: see `geometry.constraints.verify`.
+    """
+    for number, constraint in enumerate(constraints):
+        check(number, constraint, parts)
+    same = _equal_groups(constraints)
+    given: dict[Ref, int] = {}
+    for number, constraint in enumerate(constraints):
+        if constraint.kind == "value":
+            first = given.setdefault(same.get(constraint.of[0], constraint.of[0]), number)
+            if constraints[first].value != constraint.value:
+                raise ConstraintError(f"{describe(number, constraint)}: contradicts {describe(first, constraints[first])}")
+
+
+def _equal_groups(constraints: Sequence[Constraint]) -> dict[Ref, Ref]:
+    """Each size that is equal to others, and the one that stands for all of them."""
+    same: dict[Ref, Ref] = {}
+    for constraint in constraints:
+        if constraint.kind == "equal":
+            old = {same.get(ref, ref) for ref in constraint.of}
+            members = [*constraint.of, *(ref for ref, head in same.items() if head in old)]
+            same |= dict.fromkeys(members, constraint.of[0])
+    return same
+
+
 def check(number: int, constraint: Constraint, parts: Sequence[Primitive]) -> None:
     """Raise ConstraintError unless constraint `number` is well-formed for the leaves `parts`."""
     where, rule = describe(number, constraint), RULES.get(constraint.kind)

@@ -1,7 +1,7 @@
 """The published JSON Schema (draft 2020-12) of program documents, made from the tables that the codec reads.
 
 `program.schema.json` beside this file is its text; the two are tested equal. What a schema cannot say (the depth cap,
-r_minor <= r_major, one positive radius of a cone) the codec checks.
+r_minor <= r_major, one positive radius of a cone, which features a constraint may name) the codec checks.
 """
 
 from __future__ import annotations
@@ -9,7 +9,8 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from imdim.program.codec import CONVENTION, FORMAT, MAX_PRIMITIVES, UNITS, VERSION
+from imdim.program.codec import CONSTRAINED, CONVENTION, FORMAT, MAX_CONSTRAINTS, MAX_PRIMITIVES, UNITS, VERSION
+from imdim.program.constraints import RULES
 from imdim.program.tree import KINDS, OPS, SIZE_NAMES
 
 _VECTOR = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
@@ -21,11 +22,15 @@ def schema() -> dict[str, Any]:
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "IMDIM CSG program",
         "description": "A solid as primitives and boolean operations, in the target's own units and frame.",
-        **_record({"format": {"const": FORMAT}, "version": {"const": VERSION}, "program": {"$ref": "#/$defs/node"}}, _metadata()),
+        **_record(
+            {"format": {"const": FORMAT}, "version": {"enum": [VERSION, CONSTRAINED]}, "program": {"$ref": "#/$defs/node"}}, _metadata()
+        ),
         "$defs": {
             "node": {"oneOf": [{"$ref": f"#/$defs/{name}"} for name in ("operation", *KINDS)]},
             "operation": _operation(),
             **{kind: _primitive(kind) for kind in KINDS},
+            "constraint": _constraint(),
+            "feature": {"type": "string", "pattern": r"^(world|\d{1,9})(\.[a-z+-][a-z_]*)?$"},
         },
     }
 
@@ -39,7 +44,19 @@ def _metadata() -> dict[str, Any]:
     frame = {key: {"const": value} for key, value in CONVENTION.items()}
     frame |= {"center": _VECTOR, "scale": {"type": "number", "exclusiveMinimum": 0}}
     about = "normalised = (original - center) * scale; the program's numbers are original ones"
-    return {"units": {"enum": list(UNITS)}, "frame": {"description": about, **_record({}, frame)}}
+    constraints = {"type": "array", "items": {"$ref": "#/$defs/constraint"}, "maxItems": MAX_CONSTRAINTS}
+    return {"units": {"enum": list(UNITS)}, "frame": {"description": about, **_record({}, frame)}, "constraints": constraints}
+
+
+def _constraint() -> dict[str, Any]:
+    feature = {"$ref": "#/$defs/feature"}
+    name = {"type": "string", "pattern": "^([A-Za-z_][A-Za-z0-9_]{0,99})?$"}
+    of = {"type": "array", "items": feature, "minItems": 1, "maxItems": MAX_PRIMITIVES}
+    about = "A relation among features of primitives, counted from 0 in the order of the document: '3.r', '0.z', '0.+z', '4', 'world.z'."
+    return {
+        "description": about,
+        **_record({"kind": {"enum": list(RULES)}, "of": of}, {"about": feature, "value": {"type": "number"}, "name": name}),
+    }
 
 
 def _operation() -> dict[str, Any]:
