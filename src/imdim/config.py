@@ -24,7 +24,8 @@ class Settings:
     """What one reconstruction needs to know.
 
     `budget_s` bounds the run in seconds of wall clock; `size_weight` is the price of a primitive: the share of the target's volume that
-    one more must set right (larger gives shorter and cruder programs); `segments` is the number of facets per circle in delivered meshes.
+    one more must set right (larger gives shorter and cruder programs); `segments` is the number of facets per circle in delivered meshes;
+    `logdir` is where an evolution writes tensorboard's event files (empty: nowhere).
     """
 
     input: str = ""
@@ -34,6 +35,7 @@ class Settings:
     method: str = "auto"
     size_weight: float = 2.5e-4
     segments: int = 96
+    logdir: str = ""
 
 
 def merge(schema: type[T], values: Mapping[str, Any]) -> T:

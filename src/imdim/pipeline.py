@@ -9,22 +9,26 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import trimesh
 
 from imdim.config import ConfigError, Settings
+from imdim.evolution import Ground, choices, evolved, few, logged, seeds_of, united
 from imdim.geometry import kernels
 from imdim.geometry.cloud import Frame, InputError, Target, split_bodies, target_from
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.geometry.surface import Patch, Surface
 from imdim.geometry.winding import inside_mesh
 from imdim.program.cost import count
+from imdim.program.front import Choice
 from imdim.program.simplify import reduce_program
 from imdim.program.tree import Program, combine_all, map_leaves
 from imdim.search.arrangement import ArrangementConfig, arrange
-from imdim.search.cells import Cells, sample_cells
+from imdim.search.cells import Cells, Samples, compressed, label_samples
+from imdim.search.evolve.population import Generation
 from imdim.search.families import Families
 from imdim.search.sequence import to_program
 from imdim.search.structure import StructureConfig
@@ -33,9 +37,7 @@ from imdim.search.tidy import tidy
 from imdim.seeding.closing import closing_planes
 from imdim.seeding.cloud_normals import measure_scale
 from imdim.seeding.cloud_surfaces import detect_cloud
-from imdim.seeding.decision_tree import grow
 from imdim.seeding.mesh_surfaces import detect_patches
-from imdim.seeding.tree_to_csg import to_program as tree_to_program
 from imdim.solve.canonical import canonical
 from imdim.solve.refine import RefineConfig, refine
 from imdim.solve.snap import SnapConfig, snap
@@ -46,14 +48,16 @@ JOINT_ERROR = 2e-3  # of the volume, that a shorter program of all bodies at onc
 POOR = 0.05  # of the volume; a search that leaves more is compared with the decision tree
 SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may cost
 SEARCH_SHARE = 0.4  # of the budget; detection, the solver and delivery need the rest
-METHODS = ("auto", "tree")
+SEED_SHARE = 0.4  # of the search's time, that evolution gives to its seeds
+METHODS = ("auto", "evolve", "tree")
 
 
 @dataclass(frozen=True)
 class Snapshot:
     """The state of a run: `program` in the target's units, `error` relative to the target's volume, `seconds` since the start.
 
-    `stop` is None until the last snapshot, which says why the run ended: "finished" or "budget_spent".
+    `stop` is None until the last snapshot, which says why the run ended: "finished" or "budget_spent", after an evolution also "exact" or
+    "stagnation". That one has the `front`, programs from crude to exact, of which `program` is one.
     """
 
     stage: str
@@ -61,16 +65,18 @@ class Snapshot:
     error: float
     seconds: float
     stop: str | None = None
+    front: tuple[Choice, ...] = ()
 
 
 @dataclass
 class _Clock:
-    """Seconds since the start, and whether the search's share of the budget is spent."""
+    """Seconds since the start, and whether the search's share of the budget is spent; `ending` is how an evolution ended."""
 
     budget_s: float
     now: Callable[[], float] = time.perf_counter
     start: float = field(init=False)
     cut: bool = False
+    ending: str = "finished"
 
     def __post_init__(self) -> None:
         self.start = self.now()
@@ -82,6 +88,11 @@ class _Clock:
         self.cut = self.cut or self.seconds() > SEARCH_SHARE * self.budget_s
         return self.cut
 
+    def part(self, share: float) -> Callable[[], bool]:
+        """Whether a share of the time that the search has left is spent."""
+        end = self.seconds() + share * max(SEARCH_SHARE * self.budget_s - self.seconds(), 0.0)
+        return lambda: self.seconds() > end
+
 
 @dataclass(frozen=True)
 class _Seen:
@@ -90,8 +101,17 @@ class _Seen:
     target: Target
     frame: Frame
     patches: list[Patch]
+    samples: Samples
     families: Families
     size_weight: float
+
+    @cached_property
+    def ground(self) -> Ground:
+        """What evolution and the front need to know."""
+        mesh = self.target.mesh
+        area = sum(p.area for p in self.patches) if mesh is None else float(mesh.area)
+        surfaces = [p.surface for p in self.patches]
+        return Ground(surfaces, self.families, self.samples, self.target.points, area, self.size_weight)
 
     @property
     def cells(self) -> Cells:
@@ -103,10 +123,10 @@ class _Seen:
         return self.cells.volume / self.frame.scale**3
 
     def error(self, program: Program) -> float:
-        """Volume in which the body and a program in its units differ over the cells, relative to the body's."""
-        cells = self.cells
-        inside = kernels.inside(program, cells.points / self.frame.scale + np.asarray(self.frame.center))
-        return float(np.where(inside, cells.w_out, cells.w_in).sum()) / cells.volume
+        """Volume in which the body and a program in its units differ over the samples, relative to the body's."""
+        samples = self.samples
+        inside = kernels.inside(program, samples.points / self.frame.scale + np.asarray(self.frame.center))
+        return float(np.where(inside, samples.w_out, samples.w_in).sum()) / self.cells.volume
 
     def price(self, program: Program) -> float:
         """The search's objective, relative to the body's volume."""
@@ -121,6 +141,7 @@ class _State:
     program: Program
     error: float
     volume: float
+    front: tuple[Choice, ...] = ()
 
 
 def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) -> Iterator[Snapshot]:
@@ -136,16 +157,17 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) ->
         yield last
     if last is None:
         raise InputError(f"{target.name}: no program found")
-    yield Snapshot("finished", last.program, last.error, clock.seconds(), "budget_spent" if clock.cut else "finished")
+    front = tuple(few(last.front, last.program))
+    yield Snapshot("finished", last.program, last.error, clock.seconds(), "budget_spent" if clock.cut else clock.ending, front)
 
 
 def _by_body(target: Target, settings: Settings, clock: _Clock, rng: np.random.Generator) -> Iterator[Snapshot]:
     """Snapshots of the union of the bodies done so far; a few bodies are then tried as one, since one cut may have parted them."""
     bodies = split_bodies(target)
     done: list[_State] = []
-    for body in bodies:
+    for i, body in enumerate(bodies):
         state = None
-        for state in _body(body, settings, clock, rng):
+        for state in _body(body, settings, clock, rng, 1 / (len(bodies) - i)):
             yield _together(state.stage, [*done, state], clock)
         done += [state] if state else []
     if not 1 < len(done) <= MOST_JOINT or clock.out_of_time():
@@ -160,21 +182,30 @@ def _together(stage: str, states: list[_State], clock: _Clock) -> Snapshot:
     """The union of several bodies' programs, with the error of all of them relative to their volume."""
     volume = sum(s.volume for s in states)
     error = sum(s.error * s.volume for s in states) / volume
-    return Snapshot(stage, combine_all("union", [s.program for s in states]), error, clock.seconds())
+    fronts = [s.front for s in states]
+    front = united(fronts, [s.program for s in states], [s.volume for s in states]) if all(fronts) else []
+    return Snapshot(stage, combine_all("union", [s.program for s in states]), error, clock.seconds(), front=tuple(front))
 
 
-def _body(body: Target, settings: Settings, clock: _Clock, rng: np.random.Generator) -> Iterator[_State]:
-    """Better and better programs of one body."""
+def _body(body: Target, settings: Settings, clock: _Clock, rng: np.random.Generator, share: float = 1.0) -> Iterator[_State]:
+    """Better and better programs of one body, which may take a share of the time left."""
     seen = _look(body, settings.size_weight, rng)
 
     def state(stage: str, program: Program) -> _State:
         return _State(stage, program, seen.error(program), seen.volume)
 
     program = None
-    if settings.method != "tree":
+    passed: list[Program] = []
+    if settings.method == "evolve":
+        for generation in _evolved(seen, settings, clock, rng, share):
+            passed = [seen.frame.undo(i.program) for i in (*generation.front, generation.best)]
+            program = passed[-1]
+            yield _State("evolve", program, generation.best.score.volume, seen.volume)
+    elif settings.method != "tree":
         for program in _searched(seen, clock, rng):
+            passed.append(program)
             yield state("search", program)
-    if settings.method == "tree" or program is None or clock.cut or seen.error(program) > POOR:
+    if program is None or (settings.method != "evolve" and (clock.cut or seen.error(program) > POOR)):
         grown = _tree(seen)
         if grown is not None and (program is None or seen.price(grown) < seen.price(program)):
             program = grown
@@ -183,7 +214,8 @@ def _body(body: Target, settings: Settings, clock: _Clock, rng: np.random.Genera
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
     program = reduce_program(program)
     yield state("simplify", program)
-    yield state("solve", _snapped(_solved(program, seen, body), seen, body))
+    solved = state("solve", _snapped(_solved(program, seen, body), seen, body))
+    yield replace(solved, front=_front([*passed, solved.program], seen))
 
 
 def _look(body: Target, size_weight: float, rng: np.random.Generator) -> _Seen:
@@ -198,10 +230,11 @@ def _look(body: Target, size_weight: float, rng: np.random.Generator) -> _Seen:
     surfaces = [p.surface for p in patches] + closing
     areas = [p.area for p in patches] + [CLOSING_AREA] * len(closing)
     arrangement = arrange(surfaces, areas, bounds, ArrangementConfig())
-    cells = sample_cells(arrangement, _labeller(unit, patches), 150_000, rng)
+    samples = label_samples(arrangement, _labeller(unit, patches), 150_000, rng)
+    cells = compressed(arrangement, samples)
     if cells.volume <= 0:
         raise InputError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells")
-    return _Seen(unit, frame, patches, Families(arrangement, cells), size_weight)
+    return _Seen(unit, frame, patches, samples, Families(arrangement, cells), size_weight)
 
 
 def _surfaces(unit: Target, rng: np.random.Generator) -> tuple[list[Patch], list[Surface]]:
@@ -232,13 +265,28 @@ def _searched(seen: _Seen, clock: _Clock, rng: np.random.Generator) -> Iterator[
         yield seen.frame.undo(to_program(tidy(found.sequence, seen.families), seen.families))
 
 
+def _evolved(seen: _Seen, settings: Settings, clock: _Clock, rng: np.random.Generator, share: float) -> Iterator[Generation]:
+    """Generations that start from the tree, the surfaces and the search."""
+    end = clock.part(share)
+    seeds = seeds_of(seen.ground, rng, clock.part(SEED_SHARE * share))
+    generations = evolved(seen.ground, seeds, rng, end)
+    for generation in logged(generations, settings.logdir, seen.target.name) if settings.logdir else generations:
+        clock.ending = generation.stop or clock.ending
+        yield generation
+    clock.out_of_time()
+
+
 def _tree(seen: _Seen) -> Program | None:
-    cells = seen.cells
-    weights = cells.w_in + cells.w_out
-    tree = grow(cells.points, cells.w_in > cells.w_out, [p.surface for p in seen.patches], weights)
-    low, high = seen.families.arrangement.bounds
-    program = tree_to_program(tree, low, high)
+    program = seen.ground.tree()
     return None if program is None else seen.frame.undo(program)
+
+
+def _front(programs: list[Program], seen: _Seen) -> tuple[Choice, ...]:
+    """The front of programs in the body's units, the last one always among them."""
+    front = choices(seen.ground, [seen.frame.apply(p) for p in programs])
+    size = count(programs[-1]).primitives
+    # what is delivered stays as it is, to the last digit
+    return tuple(Choice(programs[-1] if count(c.program).primitives == size else seen.frame.undo(c.program), c.error) for c in front)
 
 
 def _solved(program: Program, seen: _Seen, body: Target) -> Program:

@@ -75,6 +75,14 @@ class Frame:
         """A program in the unit frame, put back into the target's units and place."""
         return map_leaves(program, lambda _, leaf: self._undo_leaf(leaf))
 
+    def apply(self, program: Program) -> Program:
+        """A program in the target's units, in the unit frame."""
+        return map_leaves(program, lambda _, leaf: self._apply_leaf(leaf))
+
+    def _apply_leaf(self, leaf: Primitive) -> Primitive:
+        x, y, z = self.to_unit(np.array(leaf.center)).tolist()
+        return replace(leaf, size=tuple(s * self.scale for s in leaf.size), center=(x, y, z))
+
     def _undo_leaf(self, leaf: Primitive) -> Primitive:
         x, y, z = (c / self.scale + origin for c, origin in zip(leaf.center, self.center, strict=True))
         return replace(leaf, size=tuple(s / self.scale for s in leaf.size), center=(x, y, z))

@@ -40,3 +40,14 @@ def frame_from_axis(axis: np.ndarray) -> np.ndarray:
     x = seed - seed @ z * z
     x /= np.linalg.norm(x)
     return np.stack([x, np.cross(z, x), z], axis=1)
+
+
+def matrices_from_euler(euler_deg: np.ndarray) -> np.ndarray:
+    """The rotations [k, 3, 3] of Euler degrees [k, 3]."""
+    (cx, cy, cz), (sx, sy, sz) = (f(np.radians(np.asarray(euler_deg, float))).T for f in (np.cos, np.sin))
+    rows = (
+        (cy * cz, sx * sy * cz - cx * sz, cx * sy * cz + sx * sz),
+        (cy * sz, sx * sy * sz + cx * cz, cx * sy * sz - sx * cz),
+        (-sy, sx * cy, cx * cy),
+    )
+    return np.array(rows).transpose(2, 0, 1)

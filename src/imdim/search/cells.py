@@ -35,17 +35,35 @@ class Cells:
         return float(self.w_in.sum())
 
 
-def sample_cells(arrangement: Arrangement, label: Callable[[np.ndarray], np.ndarray], count: int, rng: np.random.Generator) -> Cells:
-    """Sample about `count` weighted points, ask `label` for the probability [n] of being inside, and compress them."""
+@dataclass(frozen=True)
+class Samples:
+    """Points [n, 3] and the volume [n] inside and outside the target that each stands for."""
+
+    points: np.ndarray
+    w_in: np.ndarray
+    w_out: np.ndarray
+
+
+def label_samples(arrangement: Arrangement, label: Callable[[np.ndarray], np.ndarray], count: int, rng: np.random.Generator) -> Samples:
+    """About `count` weighted points, with what `label` gives as their probability [n] of being inside."""
     points, weights = importance_samples(arrangement, count, rng)
     near = ((points >= arrangement.bounds[0]) & (points <= arrangement.bounds[1])).all(1)
     probability = np.zeros(len(points))
     probability[near] = label(points[near])
-    slabs, inside = codes(arrangement, points)
+    return Samples(points, weights * probability, weights * (1 - probability))
+
+
+def compressed(arrangement: Arrangement, samples: Samples) -> Cells:
+    """The cells of the arrangement that hold samples, with the volume of theirs."""
+    slabs, inside = codes(arrangement, samples.points)
     first, member = _group(slabs, inside)
-    w_in = np.bincount(member, weights * probability, len(first))
-    w_out = np.bincount(member, weights * (1 - probability), len(first))
-    return Cells(points[first], slabs[first], inside[first], w_in, w_out)
+    w_in, w_out = (np.bincount(member, w, len(first)) for w in (samples.w_in, samples.w_out))
+    return Cells(samples.points[first], slabs[first], inside[first], w_in, w_out)
+
+
+def sample_cells(arrangement: Arrangement, label: Callable[[np.ndarray], np.ndarray], count: int, rng: np.random.Generator) -> Cells:
+    """The cells of about `count` labelled samples."""
+    return compressed(arrangement, label_samples(arrangement, label, count, rng))
 
 
 def _group(slabs: np.ndarray, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

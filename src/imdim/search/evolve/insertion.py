@@ -1,0 +1,188 @@
+"""The best candidate for a place in a tree: exact, over all boxes, cylinders, cones, spheres and tori that the arrangement allows.
+
+`search/sequence.py` does so for signed sequences; a tree has more places. A cell hears a node where a change of the node's value there
+changes the solid. What a candidate at the node would win is then a sum of one field over its cells, which `Families.best` maximises.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from imdim.program.paths import Path, leaf_paths, nodes, replaced, without
+from imdim.program.tree import Combine, Op, Primitive, Program, leaves
+from imdim.search.evolve.scene import Scene
+from imdim.search.families import Candidate
+
+# Weights of (excess, lack). Cheap excess proposes hulls to cut from; dear lack pure cuts, dear excess pure pieces.
+WEIGHTS = ((1.0, 1.0), (1.0, 1.0), (1.0, 1.0), (0.1, 1.0), (1.0, 8.0), (8.0, 1.0))
+PROMISING = 4  # places whose best candidates are worked out
+
+
+@dataclass(frozen=True)
+class View:
+    """A node: its cells [m], the cells that hear it, and +1 or -1 as filling it fills or empties the solid."""
+
+    path: Path
+    node: Program
+    value: np.ndarray
+    heard: np.ndarray
+    sign: int
+
+
+@dataclass(frozen=True)
+class Place:
+    """A node and an operation with a new right part: it wins `constant` and the sum of `field` over the part, `potential` at most."""
+
+    view: View
+    op: Op
+    field: np.ndarray
+    constant: float
+    potential: float
+
+
+def views(program: Program, cells: dict[Primitive, np.ndarray]) -> list[View]:
+    """All nodes, parents first."""
+    order = nodes(program)
+    value: dict[Path, np.ndarray] = {}
+    for path, node in reversed(order):
+        value[path] = cells[node] if isinstance(node, Primitive) else _combined(node.op, value[*path, 0], value[*path, 1])
+    everything = np.ones_like(value[()])
+    heard: dict[Path, tuple[np.ndarray, int]] = {(): (everything, 1)}
+    for path, node in order:
+        if isinstance(node, Combine):
+            here, sign = heard[path]
+            left, right = value[*path, 0], value[*path, 1]
+            heard[*path, 0] = (here & right if node.op == "intersection" else here & ~right, sign)
+            heard[*path, 1] = (here & ~left if node.op == "union" else here & left, -sign if node.op == "difference" else sign)
+    return [View(path, node, value[path], *heard[path]) for path, node in order]
+
+
+def _combined(op: Op, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    if op == "union":
+        return left | right
+    return left & right if op == "intersection" else left & ~right
+
+
+def places(view: View, gain: np.ndarray) -> Iterator[Place]:
+    """The three operations at a node, `gain` [m] being what filling a cell wins."""
+    gain = view.sign * gain
+    fill = np.where(view.heard & ~view.value, gain, 0.0)
+    yield Place(view, "union", fill, 0.0, float(np.maximum(fill, 0).sum()))
+    empty = np.where(view.heard & view.value, -gain, 0.0)
+    potential = float(np.maximum(empty, 0).sum())
+    yield Place(view, "difference", empty, 0.0, potential)
+    yield Place(view, "intersection", -empty, float(empty.sum()), potential)
+
+
+def cells_of(program: Program, scene: Scene) -> dict[Primitive, np.ndarray]:
+    """The cells [m] of each leaf."""
+    columns = scene.cells
+    assert columns is not None
+    rows = columns.rows(leaves(program))
+    return {p: columns.unpacked(columns.table[row]) for p, row in rows.items()}
+
+
+def weighted_gain(scene: Scene, weights: tuple[float, float]) -> np.ndarray:
+    """What filling each cell wins [m] under the weights of (excess, lack)."""
+    assert scene.families is not None
+    cells = scene.families.cells
+    return weights[1] * cells.w_in - weights[0] * cells.w_out
+
+
+def with_best_insertion(program: Program, scene: Scene, gain: np.ndarray, rng: np.random.Generator, bold: bool = False) -> Program | None:
+    """The program with the best single candidate at one of its promising places, or with a good one (`bold`); None where none pays."""
+    families = scene.families
+    if families is None:
+        return None
+    least = scene.scorer.config.size_weight * families.cells.volume
+    every = [p for view in views(program, cells_of(program, scene)) for p in places(view, gain) if p.potential > least]
+    every.sort(key=lambda p: -p.potential)
+    if bold and every:
+        weight = np.array([p.potential for p in every])
+        every = [every[i] for i in rng.choice(len(every), min(2, len(every)), replace=False, p=weight / weight.sum())]
+    best, chosen = least, None
+    for place in every[:PROMISING]:
+        for value, candidate in families.best(place.field, 1, max(best - place.constant, 0.0)):
+            if value + place.constant > best:
+                best, chosen = value + place.constant, (place, candidate)
+    if chosen is None:
+        return None
+    place, candidate = chosen
+    return replaced(program, place.view.path, Combine(place.op, place.view.node, families.primitive(candidate)))
+
+
+def with_best_refit(program: Program, scene: Scene, gain: np.ndarray, rng: np.random.Generator) -> Program | None:
+    """One leaf replaced by the candidate that serves best in its place."""
+    families = scene.families
+    if families is None:
+        return None
+    seen = [v for v in views(program, cells_of(program, scene)) if isinstance(v.node, Primitive)]
+    view = seen[rng.integers(len(seen))]
+    found = families.best(np.where(view.heard, view.sign * gain, 0.0), 1)
+    if not found:
+        return None
+    candidate = max(found, key=lambda f: f[0])[1]
+    return replaced(program, view.path, families.primitive(candidate))
+
+
+def regrown(program: Program, scene: Scene, rng: np.random.Generator, most: int = 3) -> Program | None:
+    """Related leaves taken out, as many or one fewer or more put back, each the best for its place (Shaw 1998, large neighbourhoods)."""
+    taken = _without_related(program, scene, rng, most)
+    if taken is None:
+        return None
+    shorter, count = taken
+    gain = weighted_gain(scene, WEIGHTS[rng.integers(len(WEIGHTS))])
+    true = weighted_gain(scene, (1.0, 1.0))
+    for step in range(count + int(rng.integers(-1, 2))):
+        longer = with_best_insertion(shorter, scene, gain if step == 0 else true, rng, bold=step == 0)
+        if longer is None:
+            break
+        shorter = longer
+    return shorter
+
+
+def _without_related(program: Program, scene: Scene, rng: np.random.Generator, most: int) -> tuple[Program, int] | None:
+    """The program without a random leaf and some that share cells with it, and how many went."""
+    every = leaf_paths(program)
+    if len(every) < 2:
+        return None
+    cells = cells_of(program, scene)
+    first = cells[every[rng.integers(len(every))][1]]
+    near = np.array([float((cells[p] & first).sum()) + 1e-3 for _, p in every]) * rng.random(len(every))
+    count = int(rng.integers(1, min(most, len(every) - 1) + 1))
+    shorter = without(program, [every[i][0] for i in np.argsort(-near)[:count]])
+    return (shorter, count) if shorter else None
+
+
+def random_candidate(scene: Scene, point: np.ndarray, rng: np.random.Generator) -> Candidate | None:
+    """A random candidate that covers the place of `point` [3]: any curved family around it, or any box of slabs."""
+    families = scene.families
+    assert families is not None
+    arrangement = families.arrangement
+    at = [int(d.bins(point[None])[0]) for d in arrangement.directions]
+    inside = [i for i in range(len(arrangement.curved)) if _covers(scene, i, point)]
+    if inside and (not arrangement.frames or rng.random() < 0.5):
+        index = inside[rng.integers(len(inside))]
+        axis = arrangement.axis_of[index]
+        return Candidate(("curved", index), (_range(at[axis], len(arrangement.directions[axis].offsets), rng),) if axis >= 0 else ((0, 1),))
+    if not arrangement.frames:
+        return None
+    frame = int(rng.integers(len(arrangement.frames)))
+    axes = arrangement.frames[frame]
+    return Candidate(("box", frame), tuple(_range(at[a], len(arrangement.directions[a].offsets), rng) for a in axes))
+
+
+def _covers(scene: Scene, index: int, point: np.ndarray) -> bool:
+    from imdim.geometry.surface import signed_distance
+
+    assert scene.families is not None
+    return bool(signed_distance(scene.families.arrangement.curved[index], point[None])[0] < 0)
+
+
+def _range(slab: int, offsets: int, rng: np.random.Generator) -> tuple[int, int]:
+    """Offset indices around a slab, near ones more likely."""
+    low, high = (int(rng.geometric(0.4)) - 1 for _ in range(2))
+    return max(slab - low, 0), min(slab + 1 + high, offsets - 1)

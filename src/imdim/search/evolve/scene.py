@@ -1,0 +1,91 @@
+"""What operators may look at: the scorer, the candidate families of the detected surfaces (if any), and where a program is wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from imdim.geometry import kernels
+from imdim.geometry.rotations import euler_from_matrix
+from imdim.program.tree import Primitive, Program, Vec3, leaves
+from imdim.search.evolve.columns import Columns
+from imdim.search.evolve.fitness import Scorer
+from imdim.search.families import Families
+
+OWNED = 1024  # surface points that tell the local error of leaves
+
+
+@dataclass
+class Scene:
+    """`bounds` [2, 3] is the box that every primitive must touch; lengths of mutations are shares of its diagonal."""
+
+    scorer: Scorer
+    bounds: np.ndarray
+    families: Families | None = None
+    cells: Columns | None = field(init=False, default=None)
+    near: np.ndarray = field(init=False)
+    rotations: tuple[Vec3, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        surface = self.scorer.evidence.surface
+        self.near = surface[:: max(1, len(surface) // OWNED)]
+        if self.families is not None:
+            self.cells = Columns(self.families.cells.points, "bits", self.scorer.config.capacity)
+        self.rotations = _rotations(self.families)
+
+    @property
+    def diagonal(self) -> float:
+        return float(np.linalg.norm(self.bounds[1] - self.bounds[0]))
+
+    def holds(self, primitive: Primitive) -> bool:
+        """Whether the ball around a primitive touches the bounds, and no size is negligible."""
+        center = np.asarray(primitive.center)
+        outside = np.maximum(np.maximum(self.bounds[0] - center, center - self.bounds[1]), 0.0)
+        least = 1e-5 * self.diagonal
+        thin = min(primitive.size) < least if primitive.kind != "cone" else max(primitive.size[:2]) < least or primitive.size[2] < least
+        return not thin and float(np.linalg.norm(outside)) <= radius(primitive)
+
+    def wrong_point(self, program: Program, rng: np.random.Generator) -> np.ndarray | None:
+        """A sample [3] on the wrong side of `program`, drawn by volume; of the surface, by distance, where no sample is wrong."""
+        scorer = self.scorer
+        wrong = scorer.bits.unpacked(scorer.filled([program])[0] ^ scorer.label)
+        weight = np.where(wrong, scorer.weight[: scorer.bits.count], 0.0)
+        if weight.sum() > 0:
+            return scorer.evidence.samples[rng.choice(len(weight), p=weight / weight.sum())]
+        if not len(self.near):
+            return None
+        far = np.abs(kernels.program_sdf(program, self.near))
+        return self.near[rng.choice(len(far), p=far / far.sum())] if far.sum() > 0 else None
+
+    def local_errors(self, program: Program) -> np.ndarray:
+        """Mean distance [k] to the surface points that each leaf decides; leaves that decide none get the mean of all."""
+        if not len(self.near):
+            return np.full(sum(1 for _ in leaves(program)), 0.01 * self.diagonal)
+        leaf, value, _, _ = kernels.program_tangent(program, self.near)
+        size = np.minimum(np.abs(value), self.scorer.config.cap * self.diagonal)
+        count = sum(1 for _ in leaves(program))
+        total, points = np.bincount(leaf, size, count), np.bincount(leaf, minlength=count)
+        return np.where(points > 0, total / np.maximum(points, 1), size.mean())
+
+
+def radius(primitive: Primitive) -> float:
+    """Of a ball around the centre that holds the primitive."""
+    size = primitive.size
+    if primitive.kind == "box":
+        return float(np.linalg.norm(size)) / 2
+    if primitive.kind in ("cylinder", "cone"):
+        return float(np.hypot(max(size[:-1]), size[-1] / 2))
+    return sum(size) if primitive.kind == "torus" else max(size)
+
+
+def _rotations(families: Families | None) -> tuple[Vec3, ...]:
+    """Orientations that occur: upright, lying along x and y, and the frames of detected directions."""
+    out: list[Vec3] = [(0.0, 0.0, 0.0), (0.0, 90.0, 0.0), (-90.0, 0.0, 0.0)]
+    for frame in families.arrangement.frames if families else ():
+        axes = np.stack([families.arrangement.directions[i].vector for i in frame], axis=1)  # type: ignore[union-attr]
+        axes[:, 2] *= np.sign(np.linalg.det(axes))
+        left, _, right = np.linalg.svd(axes)
+        for turn in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            out.append(euler_from_matrix((left @ right)[:, turn]))
+    return tuple(dict.fromkeys(out))
