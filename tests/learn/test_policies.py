@@ -1,27 +1,27 @@
 """Both designs: what may depend on what, what is masked, legal moves, and that they can learn a program by heart."""
 
+import dataclasses
 import math
 
+import numpy as np
 import pytest
 import torch
 
 from imdim.data.canonical import canonical_primitives
-from imdim.data.dice import Dice
 from imdim.data.families import FAMILIES
-from imdim.data.solids import PAD, from_sequences, to_sequences
+from imdim.data.solids import PAD, from_sequences
+from imdim.data.surfaces import surface_clouds
 from imdim.data.synthesize import SynthesisConfig, sampled_iou, synthesize
-from imdim.learn.base import BaseConfig, BasePolicy
-from imdim.learn.codes import BINS, SLOTS, decode, encode, from_bins, to_bins, used
+from imdim.learn.base import BaseConfig, BasePolicy, Draft
+from imdim.learn.codes import ENDS, FIRST, FREE, NUMBERS, PLACES, STEPS, Choices, decode, encode, ruler
 from imdim.learn.decode import DecodeConfig, applied, beam_search, costs_of, empty
 from imdim.learn.decode import decode as write
-from imdim.learn.patches import farthest, gaps
 from imdim.learn.policy import VOCAB, Move, drawn, legal, supervised
+from imdim.learn.profile import histograms, look, signed_level, voxel_moments, voxel_of
 from imdim.learn.seed import ModelComponents, SeedConfig, SeedPolicy, build_cad_model, forward_params_only, seed_losses
 from imdim.program.state import ADD_BOX, ADD_SPHERE, END, UNDO_LAST, ShapeState
 
-SMALL = BaseConfig(
-    d_model=32, encoder_layers=1, decoder_layers=1, heads=2, gt_points=128, cur_points=64, gt_patches=8, cur_patches=4, neighbours=8
-)
+SMALL = BaseConfig(d_model=32, encoder_layers=1, decoder_layers=1, heads=2, gt_points=128, cur_points=64, point_width=16)
 TINY = SeedConfig(d_model=32, layers=1, heads=2, hidden=32)
 DATA = SynthesisConfig(gt_points=128, cur_points=64, n_max=4, volume_samples=512)
 
@@ -110,38 +110,123 @@ def test_base_ignores_what_comes_after_the_prefix(batch):
         assert torch.allclose(value, policy.losses(changed)[name])
 
 
+def written(batch, rows=slice(None)):
+    """The solids that the prefixes of a batch show."""
+    column = torch.arange(batch.gt_tokens.shape[1])
+    return from_sequences(torch.where(column < batch.steps[:, None], batch.gt_tokens, PAD), batch.gt_params)[rows]
+
+
+def blank(count):
+    zeros = torch.zeros(count, ENDS, dtype=torch.long)
+    choices = Choices(zeros[:, 0], zeros, torch.zeros(count, NUMBERS, dtype=torch.long), torch.zeros(count, ENDS + NUMBERS))
+    return Draft(zeros[:, 0], zeros[:, 0], choices, [])
+
+
 def test_base_slots_see_only_the_slots_before(batch):
     policy = BasePolicy(SMALL, 7)
-    memory = policy._memory(batch.gt_points, batch.cur_points, empty(8, 3))
-    index = torch.zeros(8, SLOTS, dtype=torch.long)
-    other = index.clone()
-    other[:, 5:] = 7
-    zero = index[:, 0]
-    a, b = (policy._slots(memory, zero, zero, i) for i in (index, other))
-    assert torch.allclose(a[:, :8], b[:, :8])  # token, sign, six numbers: slot 5's own value is not seen by slot 5
-    assert not torch.allclose(a[:, 8], b[:, 8])
-    assert torch.allclose(policy._slots(memory, zero, zero, index, 4), a[:, :4], atol=1e-5)
+    view = policy._view(batch.gt_points, batch.cur_points, written(batch))
+    a, b = blank(8), blank(8)
+    b.choices.places[:, 4:] = FIRST + 7  # z low and z high
+    before, after = policy._hidden(view, a, 18), policy._hidden(view, b, 18)
+    assert torch.allclose(before[:, :8], after[:, :8])  # token, sign, turn, x and y ends, z low: it does not see itself
+    assert not torch.allclose(before[:, 8], after[:, 8])
+    assert torch.allclose(policy._hidden(view, a, 5), before[:, :5], atol=1e-5)
 
 
-def test_codes_return_the_primitive():
-    solids = canonical_primitives(FAMILIES["free"](Dice(generator(), 100)))
-    numbers = encode(solids)
-    index, offset = to_bins(numbers)
-    mask = used(solids.kinds)
-    within = mask & (offset.abs() <= 0.5 + 1e-4)
-    assert within.sum() > 0.7 * mask.sum()
-    for slot in range(SLOTS):
-        back = from_bins(index[..., slot], offset[..., slot], slot)
-        assert torch.allclose(back, numbers[..., slot], atol=1e-4)
-    again = decode(solids.kinds, solids.positive, torch.where(mask, numbers, 0.37))  # unused slots must not matter
-    for got, meant in zip(to_sequences(again), to_sequences(solids), strict=True):
-        assert torch.allclose(got.float(), meant.float(), atol=5e-3)
+def test_log_p_of_a_draw_is_that_of_teacher_forcing(batch):
+    """What `propose` multiplies slot by slot is what the loss sums over a whole draft."""
+    policy = BasePolicy(SMALL, 7).eval()
+    drafts = []
+    inner = policy._draw_end
+
+    def spy(view, draft, end, chance):
+        drafts.append((view, draft))
+        return inner(view, draft, end, chance)
+
+    policy._draw_end = spy
+    move = policy.propose(batch.gt_points, batch.cur_points, written(batch), generator(3))
+    view, draft = drafts[-1]
+    log_p, _, _ = policy._log_p(view, Draft(draft.tokens, draft.sign, draft.choices, []))
+    free_to_choose = (batch.steps > 0) & (move.tokens <= 2)  # else masks take part
+    total = sum(log_p.values())
+    assert free_to_choose.any()
+    assert torch.allclose(total[free_to_choose], move.log_p[free_to_choose], atol=1e-3)
 
 
-def test_axes_of_aligned_parts_are_centres_of_bins():
-    assert BINS % 2 == 1
-    _, offset = to_bins(torch.tensor([0.0, 1, -1, 0, 0, 1, 0, 0, 0, 0, 0, 0]))
-    assert offset[:6].abs().max() < 1e-5
+@pytest.mark.parametrize("family", sorted(FAMILIES))
+def test_choices_return_the_solid(family):
+    """Every program rewritten by its choices is the same solid: hidden ends of cutters may move, nothing else."""
+    config = SynthesisConfig(gt_points=512, cur_points=16, n_max=5, families=(family,))
+    data = synthesize(24, config, generator(4))
+    truth = from_sequences(data.gt_tokens, data.gt_params)
+    low, edges = ruler(data.gt_points)
+    parts = []
+    for step in range(truth.kinds.shape[1]):
+        one = truth.taken(torch.full((24, 1), step))
+        parts.append(decode(one.kinds[:, 0].clamp_min(0), one.positive[:, 0], encode(one, low, edges), low, edges))
+    again = type(truth)(*(torch.cat([getattr(p, f) for p in parts], 1) for f in type(truth).__dataclass_fields__))
+    again = type(truth)(torch.where(truth.present, again.kinds, -1), again.positive, again.centers, again.sizes, again.rotations)
+    iou = sampled_iou(again, truth, 8000, generator())
+    assert float(iou.median()) > 0.999
+    assert float((iou > 0.97).float().mean()) > 0.9, iou
+
+
+def test_aligned_ends_are_marks_and_free_turns_are_told_apart():
+    low, edges = torch.zeros(2, 3), torch.tensor([[1.0, 2.0, 4.0]]).expand(2, 3)
+    params = torch.tensor([[[0.5, 1.0, 3.0, 1.0, 1.0, 2.0, 0, 0, 0, 1.0]], [[0.5, 1.0, 3.0, 1.0, 1.0, 2.0, 20, 0, 0, 1.0]]])
+    choices = encode(canonical_primitives(from_sequences(torch.zeros(2, 1, dtype=torch.long), params)), low, edges)
+    assert choices.turn.tolist() == [0, FREE]
+    assert (choices.places[0] - FIRST).tolist() == [0, STEPS, STEPS // 4, 3 * STEPS // 4, STEPS // 2, STEPS]
+    assert choices.offsets[0, :ENDS].abs().max() < 1e-5
+
+
+def test_the_unseen_end_of_a_cut_is_one_choice():
+    low, edges = torch.zeros(2, 3), torch.ones(2, 3)
+    params = torch.tensor([[[0.5, 0.5, 0.5, 0.2, h, 0.0, 0, 0, 0, -1.0]] for h in (1.5, 7.0)])
+    part = canonical_primitives(from_sequences(torch.full((2, 1), 2), params))
+    choices = encode(part, low, edges)
+    assert choices.places[:, 4:].tolist() == [[0, PLACES - 1]] * 2
+    back = decode(part.kinds[:, 0], part.positive[:, 0], choices, low, edges)
+    assert torch.allclose(back.sizes[:, 0, :2], torch.tensor([0.2, 3.0]), atol=1e-5)
+
+
+def test_a_look_tells_what_is_explained_from_what_is_not():
+    """A plate with a peg; the plate is written. Counted by hand: points on the plate are on, points of the peg beyond."""
+    tokens, params = torch.tensor([[0, 2, int(END)]]), torch.zeros(1, 3, 10)
+    params[0, 0] = torch.tensor([0.0, 0, -0.1, 0.6, 0.6, 0.2, 0, 0, 0, 1])
+    params[0, 1] = torch.tensor([0.0, 0, 0.2, 0.1, 0.4, 0, 0, 0, 0, 1])
+    whole = from_sequences(tokens, params)
+    points = surface_clouds(whole, 512, generator())[0]
+    plate = whole.prefix(torch.tensor([1]))
+    shown = surface_clouds(plate, 64, generator(1))[0]
+    low, edges = ruler(points)
+    clouds = look(points, shown, plate, low, edges)
+    peg = points[0, :, 2] > 0.013
+    assert torch.equal(clouds.kinds[0, :512, 1].bool(), peg)
+    assert torch.equal(clouds.kinds[0, :512, 3].bool(), ~peg)
+    profile = histograms(clouds, 2)
+    assert profile.shape == (1, STEPS + 1, 7)
+    assert float(profile[0, -1, 0]) > float(profile[0, -2, 0])  # the peg's top is fuller than its side
+    assert torch.allclose(signed_level(plate, points)[0, ~peg], torch.zeros(int((~peg).sum())), atol=1e-4)
+
+
+def test_voxel_moments_are_those_of_numpy():
+    points = torch.rand(1, 4000, 3, generator=generator()) - 0.5
+    table, at = voxel_moments(points), voxel_of(points)[0]
+    fullest = int(torch.bincount(at).argmax())
+    here = points[0, at == fullest].double().numpy()
+    covariance = np.cov(here.T, bias=True)
+    assert int(table[0, fullest, 0]) == len(here)
+    assert np.allclose(table[0, fullest, 1:4], here.mean(0), atol=1e-6)
+    assert np.allclose(table[0, fullest, 4:], (covariance / np.trace(covariance))[np.triu_indices(3)], atol=1e-2)
+
+
+@pytest.mark.parametrize("switch", ["feedback", "pointing", "within"])
+def test_design_changes_can_be_taken_back(batch, switch):
+    torch.manual_seed(0)
+    policy = BasePolicy(dataclasses.replace(SMALL, **{switch: False}), 7)
+    policy.losses(batch)["loss"].backward()
+    assert all(torch.isfinite(p.grad).all() for p in policy.parameters() if p.grad is not None)
 
 
 def test_masks_are_those_of_the_state_machine():
@@ -171,14 +256,6 @@ def test_undo_and_end_move_the_batch_as_the_state_machine_does():
         done = done | (move.tokens == 4)
     assert solids.lengths.tolist() == [1, 1, 1]
     assert solids.kinds[:, 0].tolist() == [0, 0, 0]
-
-
-def test_farthest_points_spread_and_gaps_measure():
-    line = torch.linspace(0, 1, 101)[None, :, None] * torch.tensor([1.0, 0, 0])
-    assert sorted(farthest(line, 3)[0].tolist()) == [0, 50, 100]
-    near, far = gaps(line, line[:, :51], torch.tensor([True]))
-    assert float(near[0, 100]) == pytest.approx(math.tanh(5.0))
-    assert float(far.max()) < 0.02
 
 
 @pytest.mark.parametrize("index", [0, 1])

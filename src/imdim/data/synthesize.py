@@ -16,8 +16,9 @@ from imdim.data.augment import AugmentConfig, augment
 from imdim.data.canonical import box_symmetries, canonical
 from imdim.data.dice import Dice
 from imdim.data.families import FAMILIES
-from imdim.data.solids import PAD, Solids, concatenate, from_sequences, inside, last_two, levels, to_sequences
+from imdim.data.solids import CYLINDER, PAD, Solids, concatenate, from_sequences, inside, last_two, levels, to_sequences
 from imdim.data.surfaces import bounds, surface_clouds
+from imdim.geometry.sdf import rotation_matrices
 from imdim.program.state import UNDO_LAST
 
 MAX_PRIMITIVES = 12
@@ -28,7 +29,9 @@ DRAWS = 40
 class SynthesisConfig:
     """What is drawn. `smallest_change` is the least share of the sampled volume that must depend on each step; `free_rotation` the
     share of programs in any pose (the others have their axes along the coordinate axes, any of 24 ways); `p_undo` the share of samples
-    whose prefix ends with a foreign primitive that the next token takes back; `prefixes` how many samples of a batch share a program."""
+    whose prefix ends with a wrong primitive that the next token takes back; `p_shaken` the share whose prefix is a little wrong throughout,
+    as what a policy writes is, by `shake` of the diagonal; `tilt` how many degrees the aligned poses are off (standard deviation);
+    `prefixes` how many samples of a batch share a program."""
 
     n_min: int = 1
     n_max: int = MAX_PRIMITIVES
@@ -37,6 +40,9 @@ class SynthesisConfig:
     free_rotation: float = 0.2
     smallest_change: float = 0.004
     p_undo: float = 0.0
+    p_shaken: float = 0.0
+    shake: float = 0.01
+    tilt: float = 0.0
     prefixes: int = 1
     volume_samples: int = 4096
     families: tuple[str, ...] = tuple(FAMILIES)
@@ -70,14 +76,27 @@ def with_prefixes(gt_points: Tensor, tokens: Tensor, params: Tensor, config: Syn
     dice = Dice(generator, len(tokens))
     steps = (dice.uniform(0.0, 1.0) * (tokens != PAD).sum(1)).long()
     if config.p_undo > 0:
-        tokens, params, steps = _mistaken(tokens, params, steps, dice.coin(config.p_undo))
+        tokens, params, steps = _mistaken(tokens, params, steps, dice.coin(config.p_undo), dice)
     column = torch.arange(tokens.shape[1], device=tokens.device)
+    if config.p_shaken > 0:
+        off = dice.coin(config.p_shaken)[:, None] & (column < steps[:, None])
+        params = torch.where(off[..., None], _shaken(params, config.shake, dice), params)
     shown = from_sequences(torch.where(column < steps[:, None], tokens, PAD), params)
     return Samples(gt_points, surface_clouds(shown, config.cur_points, generator)[0], tokens, params, steps)
 
 
-def _mistaken(tokens: Tensor, params: Tensor, steps: Tensor, where: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Two columns wider; in rows `where` the first primitive of the next row and UNDO_LAST stand at `steps`, which counts the former."""
+def _shaken(params: Tensor, size: float, dice: Dice) -> Tensor:
+    """Parameters [b, t, 10] whose centres are off by `size` (standard deviation) and whose sizes by at most as much, and by a tenth."""
+    noise = size * dice.normal(params.shape[1], 6)
+    edges = params[..., 3:6] + torch.minimum(noise[..., 3:].abs(), 0.1 * params[..., 3:6]) * noise[..., 3:].sign()
+    return torch.cat([params[..., :3] + noise[..., :3], edges, params[..., 6:]], -1)
+
+
+def _mistaken(tokens: Tensor, params: Tensor, steps: Tensor, where: Tensor, dice: Dice) -> tuple[Tensor, Tensor, Tensor]:
+    """Two columns wider; in rows `where` a mistake and UNDO_LAST stand at `steps`, which counts the former.
+
+    A mistake is the first primitive of the next row or, as often, the right primitive in a wrong place.
+    """
     column = torch.arange(tokens.shape[1] + 2, device=tokens.device)
     shift = torch.where(where[:, None] & (column >= steps[:, None] + 2), 2, 0)
     source = (column - shift).clamp_max(tokens.shape[1] - 1)
@@ -85,8 +104,13 @@ def _mistaken(tokens: Tensor, params: Tensor, steps: Tensor, where: Tensor) -> t
     wide = torch.where(beyond, PAD, tokens.gather(1, source))
     numbers = torch.where(beyond[..., None], 0.0, params.gather(1, source[..., None].expand(-1, -1, params.shape[2])))
     mistake, undo = (where[:, None] & (column == steps[:, None] + i) for i in (0, 1))
-    wide = torch.where(mistake, tokens[:, :1].roll(-1, 0), torch.where(undo, int(UNDO_LAST), wide))
-    numbers = torch.where(mistake[..., None], params[:, :1].roll(-1, 0), torch.where(undo[..., None], 0.0, numbers))
+    rows = torch.arange(len(tokens), device=tokens.device)
+    right, astray = tokens[rows, steps], params[rows, steps].clone()
+    astray[:, :3] += 0.1 * dice.normal(3)
+    near = (dice.coin(0.5) & (right <= CYLINDER))[:, None]
+    wrong, error = torch.where(near, right[:, None], tokens[:, :1].roll(-1, 0)), torch.where(near, astray, params[:, 0].roll(-1, 0))
+    wide = torch.where(mistake, wrong, torch.where(undo, int(UNDO_LAST), wide))
+    numbers = torch.where(mistake[..., None], error[:, None], torch.where(undo[..., None], 0.0, numbers))
     return wide, numbers, steps + where
 
 
@@ -122,7 +146,7 @@ def _draw(n: int, config: SynthesisConfig, generator: torch.Generator) -> Solids
     shuffled = drawn[torch.randperm(len(drawn.kinds), generator=generator, device=generator.device)]
     kept, valid = without_idle_steps(shuffled, config, generator)
     fitting = valid & (kept.lengths >= config.n_min) & (kept.lengths <= config.n_max)
-    return posed(kept[fitting], config.free_rotation, generator)
+    return posed(kept[fitting], config, generator)
 
 
 def without_idle_steps(solids: Solids, config: SynthesisConfig, generator: torch.Generator) -> tuple[Solids, Tensor]:
@@ -152,11 +176,13 @@ def contributions(solids: Solids, samples: int, generator: torch.Generator) -> T
     return counts[:, 1:] / now.sum(1, keepdim=True).clamp_min(1)
 
 
-def posed(solids: Solids, free_rotation: float, generator: torch.Generator) -> Solids:
-    """Each program turned as a whole: anyhow with probability `free_rotation`, else by one of the 24 turns of the axes."""
+def posed(solids: Solids, config: SynthesisConfig, generator: torch.Generator) -> Solids:
+    """Each program turned as a whole: anyhow with probability `free_rotation`, else by one of the 24 turns of the axes, and tilted."""
     dice = Dice(generator, len(solids.kinds))
-    group = box_symmetries().to(solids.rotations)
-    turn = torch.where(dice.coin(free_rotation)[:, None, None], dice.rotations(), group[dice.integers(0, 23)])
+    straight = box_symmetries().to(solids.rotations)[dice.integers(0, 23)]
+    if config.tilt > 0:
+        straight = rotation_matrices(config.tilt * dice.normal(3)) @ straight
+    turn = torch.where(dice.coin(config.free_rotation)[:, None, None], dice.rotations(), straight)
     return replace(solids, centers=solids.centers @ turn.mT, rotations=turn[:, None] @ solids.rotations)
 
 

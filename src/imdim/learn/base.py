@@ -1,40 +1,72 @@
 """The better design: a policy that writes, executes and looks.
 
-Against `seed`: local point tokens of target and current cloud that know how far the other cloud is, the executed primitives themselves as
-history, and each primitive as a short sequence of binned numbers, every one conditioned on those before, so that the distribution over
-primitives has as many modes as the shape has next steps. The state is the executed one: one step is one sample, and undone steps leave
-no trace. Both learn from the data's canonical order and parameters.
+Against `seed`: it reads profiles of target and current cloud along the axes of the target's box instead of one vector each; the state is
+the executed one, so one step is one sample and undone steps leave no trace; and each primitive is a short sequence of choices, every one
+conditioned on those before, so that the distribution over primitives has as many modes as the shape has next steps. The places of its
+ends are pointed at, and the profile along the next axis is taken anew over the points within the ends already chosen.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from imdim.data.solids import CYLINDER, PAD, Solids, from_sequences
+from imdim.data.solids import ABSENT, CYLINDER, PAD, Solids, from_sequences
 from imdim.data.synthesize import Samples
-from imdim.learn.codes import BINS, SLOTS, decode, encode, from_bins, to_bins, used
-from imdim.learn.patches import PatchTokens, gaps
+from imdim.learn.attention import Layer, causal
+from imdim.learn.codes import BINS, ENDS, FIRST, NUMBERS, PLACES, STEPS, TURNS, Choices, decode, encode, numbers_of, ruler
+from imdim.learn.pointer import Pointer
 from imdim.learn.policy import VOCAB, Move, Policy, chosen_tokens, drawn
+from imdim.learn.profile import COUNTS, Clouds, SlabTokens, histograms, look
+
+HEAD = 3  # slots before the ends: token, sign, turn
+SLOTS = HEAD + ENDS + NUMBERS
+MARGIN = 0.6 / STEPS  # points this far outside of the ends chosen still count as within
 
 
 @dataclass
 class BaseConfig:
-    """`gt_points` and `cur_points` are how many points of each cloud are used; patches are the tokens made of them."""
+    """`gt_points` and `cur_points` are how many points of each cloud are used, `point_width` how many features a point has. The switches take
+    a design change back, to measure what it is worth: `feedback` sees the written solid, `pointing` scores marks by what is there,
+    `within` looks only at points within the ends chosen so far."""
 
     d_model: int = 128
-    encoder_layers: int = 2
+    encoder_layers: int = 3
     decoder_layers: int = 2
     heads: int = 4
-    gt_points: int = 768
-    cur_points: int = 384
-    gt_patches: int = 48
-    cur_patches: int = 24
-    neighbours: int = 20
-    offset_weight: float = 2.0
+    gt_points: int = 1024
+    cur_points: int = 256
+    point_width: int = 48
+    offset_weight: float = 4.0
+    feedback: bool = True
+    pointing: bool = True
+    within: bool = True
+
+
+@dataclass(frozen=True)
+class View:
+    """What a state shows: the ruler `low`, `edges` [b, 3], the `clouds`, encoded tokens `memory` [b, s, d], which
+    are `there` [b, 1, 1, s], and the encoded `slabs` [b, STEPS + 1, d] of each axis."""
+
+    low: Tensor
+    edges: Tensor
+    clouds: Clouds
+    memory: Tensor
+    there: Tensor
+    slabs: tuple[Tensor, ...]
+
+
+@dataclass
+class Draft:
+    """A primitive as far as it is written: `tokens`, `sign` [b] and `choices`; `profiles` are those along the axes begun, [b, marks, kinds]."""
+
+    tokens: Tensor
+    sign: Tensor
+    choices: Choices
+    profiles: list[Tensor]
 
 
 class BasePolicy(Policy):
@@ -42,48 +74,38 @@ class BasePolicy(Policy):
         super().__init__()
         self.config, self.max_seq_len = config, max_seq_len
         d = config.d_model
-        self.gt_tokens = PatchTokens(d, config.gt_patches, config.neighbours)
-        self.cur_tokens = PatchTokens(d, config.cur_patches, config.neighbours)
-        self.history = nn.Linear(SLOTS + VOCAB + 1, d)
-        self.roles = nn.Parameter(0.02 * torch.randn(3, d))
+        self.slabs = SlabTokens(d, config.point_width)
+        self.history = nn.Linear(ENDS + NUMBERS + TURNS + VOCAB + 1, d)
         self.order = nn.Parameter(0.02 * torch.randn(max_seq_len, d))
-        shape = {"dropout": 0.0, "activation": "gelu", "batch_first": True, "norm_first": True}
-        encoder = nn.TransformerEncoderLayer(d, config.heads, 2 * d, **shape)
-        self.encoder = nn.TransformerEncoder(encoder, config.encoder_layers, nn.LayerNorm(d), enable_nested_tensor=False)
-        self.start = nn.Parameter(0.02 * torch.randn(1, 1, d))
-        self.token_embed, self.sign_embed = nn.Embedding(VOCAB, d), nn.Embedding(2, d)
-        self.value_embed = nn.Embedding(SLOTS * BINS, d)
-        self.slot = nn.Parameter(0.02 * torch.randn(SLOTS + 2, d))
-        decoder = nn.TransformerDecoderLayer(d, config.heads, 2 * d, **shape)
-        self.decoder = nn.TransformerDecoder(decoder, config.decoder_layers, nn.LayerNorm(d))
-        self.to_token, self.to_sign = nn.Linear(d, VOCAB), nn.Linear(d, 2)
-        self.to_bins, self.to_offsets = (nn.Parameter(torch.randn(SLOTS, d, BINS) * scale) for scale in (d**-0.5, 0.01))
+        self.encoder = nn.ModuleList(Layer(d, config.heads) for _ in range(config.encoder_layers))
+        self.decoder = nn.ModuleList(Layer(d, config.heads, cross=True) for _ in range(config.decoder_layers))
+        self.encoded, self.decoded = nn.LayerNorm(d), nn.LayerNorm(d)
+        self.slot = nn.Parameter(0.02 * torch.randn(SLOTS, d))
+        self.token_embed, self.sign_embed, self.turn_embed = (nn.Embedding(n, d) for n in (VOCAB, 2, TURNS))
+        self.place_embed, self.bin_embed = nn.Embedding(PLACES, d), nn.Embedding(BINS * NUMBERS, d)
+        self.glance = nn.Linear((STEPS + 1) * (COUNTS + 1), d)
+        self.to_token, self.to_sign, self.to_turn = (nn.Linear(d, n) for n in (VOCAB, 2, TURNS))
+        self.pointer = Pointer(d, config.pointing)
+        self.to_bins = nn.Parameter(torch.randn(NUMBERS, d, BINS) * d**-0.5)
+        self.to_shifts = nn.Parameter(torch.randn(NUMBERS, d, BINS) * 0.01)
 
     def losses(self, batch: Samples) -> dict[str, Tensor]:
-        """Cross-entropies (nats) of the step after the prefix that `cur_points` shows; `values`, `offsets`: means over used slots."""
+        """Cross-entropies (nats) of the step after the prefix that `cur_points` shows; `ends` and `numbers` are sums over a primitive's."""
         rows = torch.arange(len(batch.steps), device=batch.steps.device)
         column = torch.arange(batch.gt_tokens.shape[1], device=rows.device)
         written = from_sequences(torch.where(column < batch.steps[:, None], batch.gt_tokens, PAD), batch.gt_params)
         tokens = batch.gt_tokens[rows, batch.steps]
-        adds = tokens <= CYLINDER
+        adds = (tokens <= CYLINDER).float()
         part = from_sequences(tokens[:, None].clamp_max(CYLINDER), batch.gt_params[rows, batch.steps][:, None])
-        mask = used(part.kinds[:, 0]) & adds[:, None]
-        index, offset = to_bins(encode(part)[:, 0])
-        # as in `propose`, where slots without a meaning are not drawn
-        index = torch.where(mask, index, 0)
-        hidden = self._slots(self._memory(batch.gt_points, batch.cur_points, written), tokens, part.positive[:, 0].long(), index)
-        logits, sign = self.to_token(hidden[:, 0]), self.to_sign(hidden[:, 1])
-        bins = torch.einsum("bsd,sdk->bsk", hidden[:, 2:], self.to_bins)
-        shift = torch.einsum("bsd,sdk->bsk", hidden[:, 2:], self.to_offsets).gather(2, index[..., None])[..., 0]
-        parts = {
-            "token": F.cross_entropy(logits, tokens),
-            "sign": (F.cross_entropy(sign, part.positive[:, 0].long(), reduction="none") * adds).sum() / adds.sum().clamp_min(1),
-            "values": (F.cross_entropy(bins.mT, index, reduction="none") * mask).sum() / mask.sum().clamp_min(1),
-            "offsets": ((shift - offset.clamp(-0.5, 0.5)).square() * mask).sum() / mask.sum().clamp_min(1),
-        }
-        # a primitive is a handful of numbers: their mean is weighted as several tokens
-        loss = parts["token"] + parts["sign"] + 4 * parts["values"] + self.config.offset_weight * parts["offsets"]
-        return {"loss": loss, **parts, "token_accuracy": (logits.argmax(-1) == tokens).float().mean()}
+        view = self._view(batch.gt_points, batch.cur_points, written)
+        draft = Draft(tokens, part.positive[:, 0].long(), encode(part, view.low, view.edges), [])
+        log_p, shift, logits = self._log_p(view, draft)
+        count = adds.sum().clamp_min(1)
+        parts = {name: -(value * adds).sum() / count for name, value in log_p.items() if name != "token"}
+        parts["token"], parts["shift"] = -log_p["token"].mean(), (shift * adds).sum() / count
+        loss = sum(value * (self.config.offset_weight if name == "shift" else 1.0) for name, value in parts.items())
+        accuracy = (logits.argmax(-1) == tokens).float().mean()
+        return {"loss": torch.as_tensor(loss), **parts, "token_accuracy": accuracy}
 
     def propose(
         self,
@@ -93,51 +115,110 @@ class BasePolicy(Policy):
         generator: torch.Generator | None = None,
         may_undo: Tensor | None = None,
     ) -> Move:
-        memory = self._memory(gt_points, cur_points, solids)
-        index = torch.zeros(len(gt_points), SLOTS, dtype=torch.long, device=gt_points.device)
-        numbers = torch.zeros(len(gt_points), SLOTS, device=gt_points.device)
-        zero = index[:, 0]
-        hidden = self._slots(memory, zero, zero, index, 1)[:, -1]
-        tokens, log_p = chosen_tokens(self.to_token(hidden), solids.lengths, self.max_seq_len - 1, generator, may_undo)
-        adds = tokens <= CYLINDER
-        hidden = self._slots(memory, tokens, zero, index, 2)[:, -1]
-        first = torch.tensor([-torch.inf, 0.0], device=hidden.device)
-        sign_logits = torch.where((solids.lengths == 0)[:, None], first, self.to_sign(hidden))
-        sign, log_sign = drawn(sign_logits, generator)
-        log_p = log_p + log_sign * adds
-        means = used(tokens.clamp_max(CYLINDER)) & adds[:, None]
-        for slot in range(SLOTS):
-            if not means[:, slot].any():
-                continue
-            hidden = self._slots(memory, tokens, sign, index, slot + 3)[:, -1]
-            value, log_value = drawn(hidden @ self.to_bins[slot], generator)
-            index[:, slot] = torch.where(means[:, slot], value, 0)
-            shift = (hidden @ self.to_offsets[slot]).gather(1, value[:, None])[:, 0].clamp(-0.5, 0.5)
-            numbers[:, slot] = from_bins(value, shift, slot)
-            log_p = log_p + log_value * means[:, slot]
-        part = decode(tokens[:, None].clamp_max(CYLINDER), sign[:, None].bool(), numbers[:, None])
-        return Move(tokens, part, log_p)
+        view = self._view(gt_points, cur_points, solids)
+        b, device = len(gt_points), gt_points.device
+        zeros = torch.zeros(b, SLOTS, dtype=torch.long, device=device)
+        choices = Choices(zeros[:, 0], zeros[:, :ENDS].clone(), zeros[:, :NUMBERS].clone(), torch.zeros(b, ENDS + NUMBERS, device=device))
+        draft = Draft(zeros[:, 0], zeros[:, 0], choices, [])
+        draft.tokens, log_p = chosen_tokens(self._logits(view, draft), solids.lengths, self.max_seq_len - 1, generator, may_undo)
+        adds = (draft.tokens <= CYLINDER).float()
+        first = torch.tensor([-torch.inf, 0.0], device=device)
+        sign = torch.where((solids.lengths == 0)[:, None], first, self.to_sign(self._hidden(view, draft, 2)[:, 1]))
+        draft.sign, log_sign = drawn(sign, generator)
+        turn, log_turn = drawn(self.to_turn(self._hidden(view, draft, 3)[:, 2]), generator)
+        draft.choices = Choices(turn, choices.places, choices.bins, choices.offsets)
+        log_p = log_p + (log_sign + log_turn) * adds
+        for end in range(ENDS):
+            log_p = log_p + self._draw_end(view, draft, end, generator) * adds
+        used = draft.choices.used_bins(draft.tokens) & (adds > 0)[:, None]
+        for slot in range(NUMBERS):
+            if used[:, slot].any():
+                log_p = log_p + self._draw_number(view, draft, slot, generator) * used[:, slot]
+        part = decode(draft.tokens.clamp_max(CYLINDER), draft.sign.bool(), draft.choices, view.low, view.edges)
+        return Move(draft.tokens, part, log_p)
 
-    def _memory(self, gt_points: Tensor, cur_points: Tensor, written: Solids) -> tuple[Tensor, Tensor]:
-        """Encoded tokens [b, s, d] of both clouds and the history, and which of them are padding [b, s]."""
-        gt, current = gt_points[:, : self.config.gt_points], cur_points[:, : self.config.cur_points]
-        there = current.flatten(1).any(1)
-        gt_gap, cur_gap = gaps(gt, current, there)
+    def _draw_end(self, view: View, draft: Draft, end: int, generator: torch.Generator | None) -> Tensor:
+        """Choose one end in place; its log p [b]."""
+        hidden = self._hidden(view, draft, HEAD + end + 1)[:, -1]
+        keys = self._keys(view, draft, end)
+        place, log_p = drawn(self.pointer.scores(hidden, keys), generator)
+        draft.choices.places[:, end] = place
+        draft.choices.offsets[:, end] = self.pointer.offset(hidden, keys, place)
+        return log_p
+
+    def _draw_number(self, view: View, draft: Draft, slot: int, generator: torch.Generator | None) -> Tensor:
+        """Choose one number of a free rotation in place; its log p [b]."""
+        hidden = self._hidden(view, draft, HEAD + ENDS + slot + 1)[:, -1]
+        index, log_p = drawn(hidden @ self.to_bins[slot], generator)
+        draft.choices.bins[:, slot] = index
+        draft.choices.offsets[:, ENDS + slot] = (hidden @ self.to_shifts[slot]).gather(1, index[:, None])[:, 0].clamp(-0.5, 0.5)
+        return log_p
+
+    def _logits(self, view: View, draft: Draft) -> Tensor:
+        return self.to_token(self._hidden(view, draft, 1)[:, 0])
+
+    def _log_p(self, view: View, draft: Draft) -> tuple[dict[str, Tensor], Tensor, Tensor]:
+        """Log p [b] of each group of a whole draft's choices, the squared errors [b] of its offsets, in steps, and the token's logits."""
+        choices, rows = draft.choices, torch.arange(len(draft.tokens), device=draft.tokens.device)
+        hidden = self._hidden(view, draft, SLOTS)
+        ends, shift = torch.zeros_like(view.low[:, 0]), torch.zeros_like(view.low[:, 0])
+        for end in range(ENDS):
+            at, keys, place = hidden[:, HEAD + end], self._keys(view, draft, end), choices.places[:, end]
+            ends = ends + self.pointer.scores(at, keys).log_softmax(-1)[rows, place]
+            shift = shift + (self.pointer.offset(at, keys, place) - choices.offsets[:, end]).square()
+        used = choices.used_bins(draft.tokens)
+        bins = torch.einsum("bsd,sdk->bsk", hidden[:, HEAD + ENDS :], self.to_bins).log_softmax(-1)
+        shifts = torch.einsum("bsd,sdk->bsk", hidden[:, HEAD + ENDS :], self.to_shifts)
+        numbers, moved = (v.gather(2, choices.bins[..., None])[..., 0] for v in (bins, shifts))
+        shift = shift + ((moved - choices.offsets[:, ENDS:]).square() * used).sum(1)
+        logits = [head(hidden[:, i]) for i, head in enumerate((self.to_token, self.to_sign, self.to_turn))]
+        chosen = (draft.tokens, draft.sign, choices.turn)
+        token, sign, turn = (scores.log_softmax(-1)[rows, value] for scores, value in zip(logits, chosen, strict=True))
+        return {"token": token, "sign": sign, "turn": turn, "ends": ends, "numbers": (numbers * used).sum(1)}, shift, logits[0]
+
+    def _view(self, gt_points: Tensor, cur_points: Tensor, written: Solids) -> View:
+        low, edges = ruler(gt_points)
+        if not self.config.feedback:
+            cur_points, written = torch.zeros_like(cur_points), replace(written, kinds=torch.full_like(written.kinds, ABSENT))
+        clouds = look(gt_points[:, : self.config.gt_points], cur_points[:, : self.config.cur_points], written, low, edges)
         sign = torch.where(written.positive, 1.0, -1.0)[..., None]
         kinds = F.one_hot(written.kinds.clamp_min(0), VOCAB)
-        past = self.history(torch.cat([encode(written) * used(written.kinds), kinds, sign], -1)) + self.order[: written.kinds.shape[1]]
-        groups = (self.gt_tokens(gt, gt_gap), self.cur_tokens(current, cur_gap), past)
-        tokens = torch.cat([g + role for g, role in zip(groups, self.roles, strict=True)], 1)
-        count = [g.shape[1] for g in groups]
-        padding = torch.cat(
-            [torch.zeros_like(there)[:, None].expand(-1, count[0]), ~there[:, None].expand(-1, count[1]), ~written.present], 1
-        )
-        return self.encoder(tokens, src_key_padding_mask=padding), padding
+        past = self.history(torch.cat([numbers_of(written, low, edges), kinds, sign], -1)) + self.order[: written.kinds.shape[1]]
+        slabs = self.slabs(clouds, edges)
+        there = torch.cat([torch.ones_like(slabs[..., 0], dtype=torch.bool), written.present], 1)[:, None, None]
+        memory = torch.cat([slabs, past], 1)
+        for layer in self.encoder:
+            memory = layer(memory, there)
+        memory = self.encoded(memory)
+        return View(low, edges, clouds, memory, there, memory[:, : 3 * (STEPS + 1)].split(STEPS + 1, 1))
 
-    def _slots(self, memory: tuple[Tensor, Tensor], tokens: Tensor, sign: Tensor, index: Tensor, count: int = SLOTS + 2) -> Tensor:
-        """Hidden states [b, count, d] of the first slots (token, sign, numbers), each seeing those before it; later inputs are ignored."""
-        values = self.value_embed(index + BINS * torch.arange(SLOTS, device=index.device))
-        before = [self.start.expand(len(tokens), 1, -1), self.token_embed(tokens)[:, None], self.sign_embed(sign)[:, None], values[:, :-1]]
+    def _profile(self, view: View, draft: Draft, axis: int) -> Tensor:
+        """The profile along `axis` of the points within the ends chosen along the axes before it."""
+        while len(draft.profiles) <= axis:
+            weight, shares, done = None, draft.choices.shares(), len(draft.profiles)
+            if done and self.config.within:
+                low, high = shares[:, None, 0 : 2 * done : 2] - MARGIN, shares[:, None, 1 : 2 * done : 2] + MARGIN
+                seen = view.clouds.shares[..., :done]
+                weight = ((seen > low) & (seen < high)).all(-1).float()
+            draft.profiles.append(histograms(view.clouds, done, weight))
+        return draft.profiles[axis]
+
+    def _keys(self, view: View, draft: Draft, end: int) -> Tensor:
+        from_low = draft.choices.places[:, end - 1] - FIRST if end % 2 else None
+        return self.pointer.keys(view.slabs[end // 2], self._profile(view, draft, end // 2), from_low)
+
+    def _hidden(self, view: View, draft: Draft, count: int) -> Tensor:
+        """Hidden states [b, count, d] of the first `count` slots, each seeing those before it; later choices are not looked at."""
+        choices = draft.choices
+        number = choices.bins + BINS * torch.arange(NUMBERS, device=choices.bins.device)
+        before = [torch.zeros_like(view.memory[:, :1]), self.token_embed(draft.tokens)[:, None], self.sign_embed(draft.sign)[:, None]]
+        before += [self.turn_embed(choices.turn)[:, None], self.place_embed(choices.places), self.bin_embed(number)[:, :-1]]
         x = (torch.cat(before, 1) + self.slot)[:, :count]
-        ahead = torch.ones(count, count, dtype=torch.bool, device=x.device).triu(1)
-        return self.decoder(x, memory[0], tgt_mask=ahead, memory_key_padding_mask=memory[1])
+        axes = range((min(ENDS, max(0, count - HEAD)) + 1) // 2)
+        if axes:
+            glances = torch.stack([self.glance(self._profile(view, draft, axis).flatten(1)) for axis in axes], 1)
+            seen = nn.functional.pad(glances.repeat_interleave(2, 1), (0, 0, HEAD, NUMBERS))
+            x = x + seen[:, :count]
+        for layer in self.decoder:
+            x = layer(x, causal(count, x.device), view.memory, view.there)
+        return self.decoded(x)

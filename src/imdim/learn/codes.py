@@ -1,56 +1,162 @@
-"""A primitive as twelve bounded numbers, each with bins: what `base` predicts instead of ten raw ones.
+"""A primitive as choices among places: what `base` predicts instead of ten raw numbers.
 
-Slots: the z axis (3) and the x axis (3) of the frame, the centre (3), the sizes (3). Two columns of the rotation are a continuous code
-(Zhou et al. 2019, "On the continuity of rotation representations"); the z axis comes first, so that a cylinder needs no other.
+The box of the target's cloud is the ruler. Along each of its three axes a place is one of `STEPS` + 1 marks from face to face, some marks
+further out, or "beyond". A primitive is its `turn` (the axis of a cylinder, or a free rotation) and the low and high ends of its own
+axis-parallel box, so that faces of boxes and ends of cylinders stand where the cloud shows them. Only what is turned freely needs more: two
+columns of its rotation (Zhou et al. 2019, "On the continuity of rotation representations") and the logarithms of its sizes.
+
+Ends of cutters outside of the cloud's box are one choice: where a cut leaves the solid, its length is nobody's to know.
 """
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass, fields
+
 import torch
 from torch import Tensor
+from torch.nn.functional import normalize, one_hot
 
-from imdim.data.canonical import canonical_primitives
-from imdim.data.solids import ABSENT, BOX, CYLINDER, Solids
+from imdim.data.canonical import canonical_primitives, shortest_from_z
+from imdim.data.solids import BOX, CYLINDER, SPHERE, Solids
 
-SLOTS = 12
-BINS = 61  # odd, so that -1, 0 and 1 of an axis are centres of bins
-LOW = torch.tensor([-1.0] * 6 + [-0.6] * 3 + [0.0] * 3)
-HIGH = torch.tensor([1.0] * 6 + [0.6] * 3 + [1.2] * 3)
-# which slots mean something, by kind
-USED = torch.tensor([[True] * 12, [False] * 6 + [True] * 4 + [False] * 2, [True] * 3 + [False] * 3 + [True] * 5 + [False]])
+STEPS, OUTSIDE = 40, 20
+PLACES = STEPS + 1 + 2 * OUTSIDE + 2  # beyond low, OUTSIDE marks, the marks of the box, OUTSIDE marks, beyond high
+FIRST = OUTSIDE + 1  # the place of the box's low face
+FREE, TURNS = 3, 4  # the turn of what no coordinate axis describes; 0 to 2: along x, y, z
+BINS = 41
+ENDS, NUMBERS = 6, 9
+HIDDEN, BEYOND = 0.02, 0.1  # of an edge: a cutter's end further out is not seen, and where a network is told it is
+THROUGH = 1.0  # of the longest edge: where such an end is put
+ALIGNED = math.cos(math.radians(2.5))
 SMALLEST = 1e-3
+LOG_LOW, LOG_HIGH = math.log(0.005), math.log(1.3)
 
 
-def encode(solids: Solids) -> Tensor:
-    """Numbers [b, t, 12] of canonical `solids`."""
-    return torch.cat([solids.rotations[..., 2], solids.rotations[..., 0], solids.centers, solids.sizes], -1)
+@dataclass(frozen=True)
+class Choices:
+    """`turn` [b], `places` [b, 6] (x low, x high, y low, ...) and `bins` [b, 9] (z axis, x axis, sizes), int64; `offsets` [b, 15] from the
+    mark or bin, in steps, -0.5 to 0.5."""
+
+    turn: Tensor
+    places: Tensor
+    bins: Tensor
+    offsets: Tensor
+
+    def shares(self) -> Tensor:
+        """The ends [b, 6] in shares of the box's edges; what is beyond stands a little outside."""
+        ends = (self.places - FIRST + self.offsets[:, :ENDS]) / STEPS
+        ends = torch.where(self.places == 0, -BEYOND, ends)
+        return torch.where(self.places == PLACES - 1, 1 + BEYOND, ends)
+
+    def used_bins(self, kinds: Tensor) -> Tensor:
+        """Which of the nine bins mean something, bool [b, 9], for tokens `kinds` [b]."""
+        cylinder = torch.tensor([True] * 3 + [False] * 3 + [True] * 2 + [False], device=kinds.device)
+        return (self.turn == FREE)[:, None] & ((kinds == BOX)[:, None] | cylinder)
 
 
-def used(kinds: Tensor) -> Tensor:
-    """bool [..., 12] of `kinds` [...]; nothing of what is absent."""
-    return USED.to(kinds.device)[kinds.clamp(BOX, CYLINDER)] & (kinds != ABSENT)[..., None]
+def numbers_of(solids: Solids, low: Tensor, edges: Tensor) -> Tensor:
+    """Canonical `solids` [b, t] as bounded numbers [b, t, ENDS + NUMBERS + TURNS] for a network to read: what `encode` chooses, unrounded."""
+    b, t = solids.kinds.shape
+    flat = Solids(*(getattr(solids, f.name).flatten(0, 1)[:, None] for f in fields(Solids)))
+    wide = (v[:, None].expand(b, t, 3).flatten(0, 1) for v in (low, edges))
+    choices = encode(flat, *wide)
+    free = (choices.bins + choices.offsets[:, ENDS:]) / (BINS - 1)
+    return torch.cat([choices.shares(), free, one_hot(choices.turn, TURNS)], -1).view(b, t, -1) * solids.present[..., None]
 
 
-def decode(kinds: Tensor, positive: Tensor, numbers: Tensor) -> Solids:
-    """Canonical solids [b, t] of `numbers` [b, t, 12], read by magnitude and made orthogonal."""
-    z = torch.nn.functional.normalize(numbers[..., 0:3] + torch.tensor([0.0, 0.0, 1e-6], device=numbers.device), dim=-1)
-    x = numbers[..., 3:6] - (numbers[..., 3:6] * z).sum(-1, keepdim=True) * z
+def ruler(gt_points: Tensor) -> tuple[Tensor, Tensor]:
+    """Lower corner and edges [b, 3] of the boxes of clouds [b, n, 3]."""
+    low, high = gt_points.amin(1), gt_points.amax(1)
+    return low, (high - low).clamp_min(SMALLEST)
+
+
+def encode(part: Solids, low: Tensor, edges: Tensor) -> Choices:
+    """The choices that describe canonical primitives `part` [b, 1] by the ruler `low`, `edges` [b, 3]."""
+    kinds, rotation, sizes = part.kinds[:, 0], part.rotations[:, 0], part.sizes[:, 0]
+    axis = rotation[..., 2].abs()
+    along = axis.argmax(-1)
+    straight = torch.where(kinds == BOX, rotation.diagonal(dim1=-2, dim2=-1).amin(-1), axis.amax(-1)) > ALIGNED
+    turn = torch.where(kinds == SPHERE, 0, torch.where(straight, torch.where(kinds == CYLINDER, along, 0), FREE))
+    half, middle = half_extents(kinds, rotation, sizes, turn), part.centers[:, 0] - low
+    ends = torch.stack([middle - half, middle + half], -1) / edges[..., None]
+    flat = ((kinds == BOX)[:, None] | ((kinds == CYLINDER)[:, None] & one_hot(along, 3).bool())) & (turn != FREE)[:, None]
+    unseen = (flat & ~part.positive)[..., None] & ((ends < -HIDDEN) | (ends > 1 + HIDDEN))
+    places, shift = _to_places(ends.flatten(1), unseen.flatten(1))
+    scaled = (torch.log(sizes.clamp_min(SMALLEST)) - LOG_LOW) / (LOG_HIGH - LOG_LOW)
+    position = torch.cat([(rotation[..., 2] + 1) / 2, (rotation[..., 0] + 1) / 2, scaled], -1) * (BINS - 1)
+    bins = position.round().clamp(0, BINS - 1)
+    return Choices(turn, places, bins.long(), torch.cat([shift, (position - bins).clamp(-0.5, 0.5)], -1))
+
+
+def decode(kinds: Tensor, positive: Tensor, choices: Choices, low: Tensor, edges: Tensor) -> Solids:
+    """Canonical primitives [b, 1] of kinds [b] (tokens ADD_*) and signs [b] that `choices` describe."""
+    ends = choices.shares().view(-1, 3, 2) * edges[..., None] + low[..., None]
+    # a cutter may have to remove what a positive primitive left far outside
+    far = edges.amax(-1)[:, None] * THROUGH
+    places = choices.places.view(-1, 3, 2)
+    ends = torch.where(places == 0, (low - far)[..., None], torch.where(places == PLACES - 1, (low + edges + far)[..., None], ends))
+    known = (places != 0) & (places != PLACES - 1)
+    turned = one_hot(choices.turn.clamp_max(2), 3).bool()
+    free = choices.turn == FREE
+    # the axes along which the primitive is as wide as its radius
+    across = ((kinds == SPHERE)[:, None] | ((kinds == CYLINDER)[:, None] & ~turned)) & ~free[:, None]
+    radius, middle = _radius_and_middle(ends, known, across)
+    edge = (ends[..., 1] - ends[..., 0]).abs()
+    height = (edge * turned).sum(-1)
+    zero = torch.zeros_like(radius)
+    round_sizes = torch.stack([radius, torch.where(kinds == CYLINDER, height, zero), zero], -1)
+    numbers = (choices.bins + choices.offsets[:, ENDS:]) / (BINS - 1)
+    free_sizes = torch.exp(LOG_LOW + numbers[:, 6:] * (LOG_HIGH - LOG_LOW))
+    sizes = torch.where(free[:, None], free_sizes, torch.where((kinds == BOX)[:, None], edge, round_sizes))
+    eye = torch.eye(3, device=kinds.device)
+    straight = torch.where((kinds == CYLINDER)[:, None, None], shortest_from_z(eye[choices.turn.clamp_max(2)]), eye)
+    rotation = torch.where(free[:, None, None], _frame(numbers[:, :6] * 2 - 1), straight)
+    return canonical_primitives(Solids(kinds[:, None], positive[:, None], middle[:, None], sizes[:, None].clamp_min(SMALLEST), rotation[:, None]))
+
+
+def half_extents(kinds: Tensor, rotation: Tensor, sizes: Tensor, turn: Tensor) -> Tensor:
+    """Half the edges [b, 3] of the axis-parallel boxes of primitives; nearly straight ones count as straight."""
+    axis = torch.where((turn == FREE)[:, None], rotation[..., 2].abs(), one_hot(turn.clamp_max(2), 3).to(sizes))
+    box = torch.where((turn == FREE)[:, None], (rotation.abs() @ sizes[..., None])[..., 0], sizes) / 2
+    radius, height = sizes[:, :1], sizes[:, 1:2]
+    cylinder = height / 2 * axis + radius * torch.sqrt((1 - axis.square()).clamp_min(0.0))
+    return torch.where((kinds == BOX)[:, None], box, torch.where((kinds == CYLINDER)[:, None], cylinder, radius))
+
+
+def _to_places(ends: Tensor, unseen: Tensor) -> tuple[Tensor, Tensor]:
+    """Places int64 and offsets of `ends` in shares; those `unseen` and those too far out are beyond."""
+    mark = (ends * STEPS).round()
+    below = (mark < -OUTSIDE) | (unseen & (ends < 0.5))
+    above = (mark > STEPS + OUTSIDE) | (unseen & (ends > 0.5))
+    place = torch.where(below, 0, torch.where(above, PLACES - 1, mark + FIRST))
+    return place.long(), torch.where(below | above, 0.0, ends * STEPS - mark)
+
+
+def _radius_and_middle(ends: Tensor, known: Tensor, across: Tensor) -> tuple[Tensor, Tensor]:
+    """Radius [b] by the axes `across` [b, 3] that show both ends, and centres [b, 3]; one known end and the radius give a centre too."""
+    both = known.all(-1) & across
+    half = (ends[..., 1] - ends[..., 0]).abs() / 2
+    some = both.any(-1)
+    counted = torch.where(some[:, None], both, across)
+    radius = (half * counted).sum(-1) / counted.sum(-1).clamp_min(1)
+    middle = ends.mean(-1)
+    one = across & (known[..., 0] != known[..., 1]) & some[:, None]
+    from_end = torch.where(known[..., 0], ends[..., 0] + radius[:, None], ends[..., 1] - radius[:, None])
+    return radius, torch.where(one, from_end, middle)
+
+
+def _frame(columns: Tensor) -> Tensor:
+    """Rotations [b, 3, 3] from approximate z and x axes [b, 6] by Gram-Schmidt."""
+    z = normalize(columns[:, :3] + torch.tensor([0.0, 0.0, 1e-6], device=columns.device), dim=-1)
+    x = columns[:, 3:] - (columns[:, 3:] * z).sum(-1, keepdim=True) * z
     # an x axis along z, or none, leaves the choice open
     spare = torch.eye(3, device=z.device)[z.abs().argmin(-1)]
     spare = spare - (spare * z).sum(-1, keepdim=True) * z
-    x = torch.nn.functional.normalize(torch.where(torch.linalg.vector_norm(x, dim=-1, keepdim=True) > 1e-3, x, spare), dim=-1)
-    rotations = torch.stack([x, torch.linalg.cross(z, x), z], -1)
-    return canonical_primitives(Solids(kinds, positive, numbers[..., 6:9], numbers[..., 9:12].abs().clamp_min(SMALLEST), rotations))
+    x = normalize(torch.where(torch.linalg.vector_norm(x, dim=-1, keepdim=True) > 1e-3, x, spare), dim=-1)
+    return torch.stack([x, torch.linalg.cross(z, x), z], -1)
 
 
-def to_bins(numbers: Tensor) -> tuple[Tensor, Tensor]:
-    """Bin indices int64 [..., 12] and offsets from the bin's centre in bins, -0.5 to 0.5 (more beyond the range)."""
-    low, high = LOW.to(numbers), HIGH.to(numbers)
-    place = (numbers - low) / (high - low) * (BINS - 1)
-    index = place.round().clamp(0, BINS - 1)
-    return index.long(), place - index
-
-
-def from_bins(index: Tensor, offset: Tensor, slot: int) -> Tensor:
-    """The numbers [...] of one slot."""
-    return LOW[slot].item() + (index + offset) * ((HIGH[slot] - LOW[slot]).item() / (BINS - 1))
+def relative(points: Tensor, low: Tensor, edges: Tensor) -> Tensor:
+    """Points [b, n, 3] in shares of the box: 0 at its low faces, 1 at its high ones."""
+    return (points - low[:, None]) / edges[:, None]

@@ -1,0 +1,50 @@
+"""Pre-norm transformer layers, batch first throughout. Source: Vaswani et al. 2017; Xiong et al. 2020, "On Layer Normalization".
+
+`torch.nn.MultiheadAttention` lays its inputs out sequence first inside; on a CPU its copies take as long as its products.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+
+class Attention(nn.Module):
+    """Multi-head attention of queries [b, q, d] to a memory [b, s, d]; `mask` (broadcast to [b, heads, q, s]) is true where one may look."""
+
+    def __init__(self, d_model: int, heads: int) -> None:
+        super().__init__()
+        self.heads = heads
+        self.query, self.key, self.value, self.out = (nn.Linear(d_model, d_model) for _ in range(4))
+
+    def forward(self, x: Tensor, memory: Tensor, mask: Tensor | None) -> Tensor:
+        q, k, v = (
+            f(a).unflatten(-1, (self.heads, -1)).transpose(1, 2)
+            for f, a in ((self.query, x), (self.key, memory), (self.value, memory))
+        )
+        scores = (q @ k.mT) * q.shape[-1] ** -0.5
+        scores = scores if mask is None else scores.masked_fill(~mask, -torch.inf)
+        return self.out((scores.softmax(-1).to(v.dtype) @ v).transpose(1, 2).flatten(2))
+
+
+class Layer(nn.Module):
+    """Self-attention, attention to a memory if `cross`, and a feed-forward part, each added to what comes in."""
+
+    def __init__(self, d_model: int, heads: int, cross: bool = False) -> None:
+        super().__init__()
+        self.norms = nn.ModuleList(nn.LayerNorm(d_model) for _ in range(3 if cross else 2))
+        self.attend = Attention(d_model, heads)
+        self.consult = Attention(d_model, heads) if cross else None
+        self.feed = nn.Sequential(nn.Linear(d_model, 2 * d_model), nn.GELU(), nn.Linear(2 * d_model, d_model))
+
+    def forward(self, x: Tensor, mask: Tensor, memory: Tensor | None = None, memory_mask: Tensor | None = None) -> Tensor:
+        inner = self.norms[0](x)
+        x = x + self.attend(inner, inner, mask)
+        if self.consult is not None and memory is not None:
+            x = x + self.consult(self.norms[1](x), memory, memory_mask)
+        return x + self.feed(self.norms[-1](x))
+
+
+def causal(count: int, device: torch.device) -> Tensor:
+    """Mask bool [count, count]: each place sees itself and those before it."""
+    return torch.ones(count, count, dtype=torch.bool, device=device).tril()
