@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 
 class Attention(nn.Module):
-    """Multi-head attention of queries [b, q, d] to a memory [b, s, d]; `mask` (broadcast to [b, heads, q, s]) is true where one may look."""
+    """Multi-head attention of queries [b, q, d] to a memory [b, s, d]; `mask`, broadcast to [b, heads, q, s], is true where one may look."""
 
     def __init__(self, d_model: int, heads: int) -> None:
         super().__init__()
@@ -19,8 +19,7 @@ class Attention(nn.Module):
 
     def forward(self, x: Tensor, memory: Tensor, mask: Tensor | None) -> Tensor:
         q, k, v = (
-            f(a).unflatten(-1, (self.heads, -1)).transpose(1, 2)
-            for f, a in ((self.query, x), (self.key, memory), (self.value, memory))
+            f(a).unflatten(-1, (self.heads, -1)).transpose(1, 2) for f, a in ((self.query, x), (self.key, memory), (self.value, memory))
         )
         scores = (q @ k.mT) * q.shape[-1] ** -0.5
         scores = scores if mask is None else scores.masked_fill(~mask, -torch.inf)

@@ -29,9 +29,11 @@ MARGIN = 0.6 / STEPS  # points this far outside of the ends chosen still count a
 
 @dataclass
 class BaseConfig:
-    """`gt_points` and `cur_points` are how many points of each cloud are used, `point_width` how many features a point has. The switches take
-    a design change back, to measure what it is worth: `feedback` sees the written solid, `pointing` scores marks by what is there,
-    `within` looks only at points within the ends chosen so far."""
+    """`gt_points` and `cur_points` are how many points of each cloud are used, `point_width` how many features a point has.
+
+    The switches take a design change back, to measure what it is worth: `feedback` sees the written solid, `pointing` scores marks by what
+    is there, `within` looks only at points within the ends chosen so far.
+    """
 
     d_model: int = 128
     encoder_layers: int = 3
@@ -61,7 +63,7 @@ class View:
 
 @dataclass
 class Draft:
-    """A primitive as far as it is written: `tokens`, `sign` [b] and `choices`; `profiles` are those along the axes begun, [b, marks, kinds]."""
+    """A primitive as far as it is written: `tokens`, `sign` [b] and `choices`; `profiles` [b, marks, kinds] are of the axes begun."""
 
     tokens: Tensor
     sign: Tensor

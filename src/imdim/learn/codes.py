@@ -56,7 +56,7 @@ class Choices:
 
 
 def numbers_of(solids: Solids, low: Tensor, edges: Tensor) -> Tensor:
-    """Canonical `solids` [b, t] as bounded numbers [b, t, ENDS + NUMBERS + TURNS] for a network to read: what `encode` chooses, unrounded."""
+    """What `encode` chooses for canonical `solids` [b, t], unrounded, as numbers [b, t, ENDS + NUMBERS + TURNS] for a network to read."""
     b, t = solids.kinds.shape
     flat = Solids(*(getattr(solids, f.name).flatten(0, 1)[:, None] for f in fields(Solids)))
     wide = (v[:, None].expand(b, t, 3).flatten(0, 1) for v in (low, edges))
@@ -112,7 +112,8 @@ def decode(kinds: Tensor, positive: Tensor, choices: Choices, low: Tensor, edges
     eye = torch.eye(3, device=kinds.device)
     straight = torch.where((kinds == CYLINDER)[:, None, None], shortest_from_z(eye[choices.turn.clamp_max(2)]), eye)
     rotation = torch.where(free[:, None, None], _frame(numbers[:, :6] * 2 - 1), straight)
-    return canonical_primitives(Solids(kinds[:, None], positive[:, None], middle[:, None], sizes[:, None].clamp_min(SMALLEST), rotation[:, None]))
+    columns = (kinds, positive, middle, sizes.clamp_min(SMALLEST), rotation)
+    return canonical_primitives(Solids(*(column[:, None] for column in columns)))
 
 
 def half_extents(kinds: Tensor, rotation: Tensor, sizes: Tensor, turn: Tensor) -> Tensor:

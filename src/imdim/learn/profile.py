@@ -56,7 +56,8 @@ def _clouds(gt_points: Tensor, cur_points: Tensor, written: Solids, low: Tensor,
     level = torch.cat([outside, torch.zeros_like(cur_points[..., 0])], 1)
     waves = shares[..., None] * (math.pi * 2.0 ** torch.arange(WAVES, device=points.device))
     near = torch.stack([torch.tanh(level / 0.05), torch.exp(-(level / NEAR).square())], -1)
-    features = torch.cat([shares, points * 2, waves.sin().flatten(2), waves.cos().flatten(2), torch.log1p(moments[..., :1]), moments[..., 1:], near], -1)
+    around = torch.cat([torch.log1p(moments[..., :1]), moments[..., 1:]], -1)
+    features = torch.cat([shares, points * 2, waves.sin().flatten(2), waves.cos().flatten(2), around, near], -1)
     seen = gt_points.shape[1]
     kinds = torch.zeros(*points.shape[:2], COUNTS, device=points.device)
     kinds[:, :seen] = _kinds_of(outside)
@@ -92,7 +93,7 @@ def voxel_of(points: Tensor) -> Tensor:
 
 def voxel_moments(points: Tensor) -> Tensor:
     """Count, mean [3] and normalised covariance [6] of the points in each voxel, [b, VOXELS^3, 10]; the covariance's trace is 1, or 0."""
-    b, n, _ = points.shape
+    b = len(points)
     first, second = torch.triu_indices(3, 3, device=points.device)
     columns = torch.cat([torch.ones_like(points[..., :1]), points, points[..., first] * points[..., second]], -1)
     at = (voxel_of(points) + VOXELS**3 * torch.arange(b, device=points.device)[:, None]).flatten()
