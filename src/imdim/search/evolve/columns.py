@@ -14,14 +14,29 @@ from imdim.search.evolve.kernels import fill_bits, fill_distances
 _CODES = {kind: i for i, kind in enumerate(KINDS)}
 
 
+class Registry:
+    """Numbers for primitives, equal ones sharing theirs, in the order in which they were first seen."""
+
+    def __init__(self) -> None:
+        self.ids: dict[Primitive, int] = {}
+        self.primitives: list[Primitive] = []
+
+    def id(self, primitive: Primitive) -> int:
+        found = self.ids.get(primitive)
+        if found is None:
+            found = self.ids[primitive] = len(self.primitives)
+            self.primitives.append(primitive)
+        return found
+
+
 class Columns:
     """Rows over fixed `points` [n, 3]: signed distances float32 [n], or occupancy bits uint64 [ceil(n / 64)], low bit first.
 
     Rows beyond `capacity` take the place of those that were least recently asked for.
     """
 
-    def __init__(self, points: np.ndarray, content: Literal["distances", "bits"], capacity: int = 4096) -> None:
-        self.content = content
+    def __init__(self, points: np.ndarray, content: Literal["distances", "bits"], registry: Registry, capacity: int = 4096) -> None:
+        self.content, self.registry = content, registry
         self.count = len(points)
         pad = -len(points) % 64 if content == "bits" else 0
         # padding lies too far away for any leaf
@@ -29,48 +44,61 @@ class Columns:
         self._xyz = np.ascontiguousarray(padded.T, np.float32)
         self._width = len(padded) // 64 if content == "bits" else len(padded)
         self.table = self._empty(capacity)
-        self._rows: dict[Primitive, int] = {}  # in the order of use
-        self._free = list(range(capacity))[::-1]
+        self._row = np.zeros(0, np.int64)  # of each id, -1 where it has none
+        self._id = np.full(capacity, -1)  # of each row, -1 where it is free
+        self._used = np.zeros(capacity, np.int64)  # when each row was last asked for
+        self._time = 0
 
     def __len__(self) -> int:
-        return len(self._rows)
+        return int((self._id >= 0).sum())
 
-    def rows(self, primitives: Iterable[Primitive]) -> dict[Primitive, int]:
-        """The row of `table` of each of `primitives`; missing ones are computed in one call."""
-        wanted = dict.fromkeys(primitives)
-        found = {p: row for p in wanted if (row := self._rows.pop(p, None)) is not None}
-        missing = [p for p in wanted if p not in found]
-        self._make_room(len(missing), len(found))
-        fresh = {p: self._free.pop() for p in missing}
-        self._fill(fresh)
-        self._rows.update(found)
-        self._rows.update(fresh)
-        return {**found, **fresh}
+    def rows(self, ids: np.ndarray) -> np.ndarray:
+        """The rows [k] of `table` of the primitives with these ids [k]; missing ones are computed in one call."""
+        self._time += 1
+        self._row = np.concatenate([self._row, np.full(max(len(self.registry.primitives) - len(self._row), 0), -1)])
+        rows = self._row[ids]
+        self._used[rows[rows >= 0]] = self._time
+        missing = np.unique(ids[rows < 0])
+        if len(missing):
+            self._fill(missing, self._room(len(missing)))
+            rows = self._row[ids]
+        return rows
 
-    def _make_room(self, needed: int, held: int) -> None:
-        while len(self._free) < needed and self._rows:
-            self._free.append(self._rows.pop(next(iter(self._rows))))
-        if len(self._free) < needed:
-            size = max(2 * len(self.table), needed + held)
-            self._free += range(len(self.table), size)
-            self.table = np.concatenate([self.table, self._empty(size - len(self.table))])
-
-    def _empty(self, size: int) -> np.ndarray:
-        return np.empty((size, self._width), np.uint64 if self.content == "bits" else np.float32)
-
-    def _fill(self, fresh: dict[Primitive, int]) -> None:
-        if not fresh:
-            return
-        kinds = np.array([_CODES[p.kind] for p in fresh], np.int64)
-        numbers = np.array([(*p.size, *(0.0,) * (3 - len(p.size)), *p.center, *p.rotation) for p in fresh])
-        axes = matrices_from_euler(numbers[:, 6:9]).transpose(0, 2, 1).reshape(-1, 9)
-        leaves = np.concatenate([numbers[:, :6], axes], axis=1).astype(np.float32)
-        fill = fill_bits if self.content == "bits" else fill_distances
-        fill(kinds, leaves, self._xyz, np.array(list(fresh.values()), np.int64), self.table)
+    def rows_of(self, primitives: Iterable[Primitive]) -> np.ndarray:
+        """The rows [k] of some primitives."""
+        return self.rows(np.array([self.registry.id(p) for p in primitives], np.int64))
 
     def unpacked(self, words: np.ndarray) -> np.ndarray:
         """Bits [..., w] as bool [..., n]."""
         return np.unpackbits(np.ascontiguousarray(words).view(np.uint8), axis=-1, bitorder="little")[..., : self.count].view(bool)
+
+    def _room(self, needed: int) -> np.ndarray:
+        """Rows [needed] to write into: free ones, then the least recently used; more of them where all were asked for just now."""
+        idle = np.flatnonzero((self._id < 0) | (self._used < self._time))
+        if len(idle) < needed:
+            more = max(len(self.table), needed)
+            self.table = np.concatenate([self.table, self._empty(more)])
+            self._id, self._used = np.append(self._id, np.full(more, -1)), np.append(self._used, np.zeros(more, np.int64))
+            idle = np.flatnonzero((self._id < 0) | (self._used < self._time))
+        age = np.where(self._id[idle] < 0, -1, self._used[idle])
+        return idle[np.argsort(age, kind="stable")[:needed]]
+
+    def _empty(self, size: int) -> np.ndarray:
+        return np.empty((size, self._width), np.uint64 if self.content == "bits" else np.float32)
+
+    def _fill(self, ids: np.ndarray, rows: np.ndarray) -> None:
+        displaced = self._id[rows]
+        self._row[displaced[displaced >= 0]] = -1
+        self._row[ids], self._id[rows], self._used[rows] = rows, ids, self._time
+        parts = [self.registry.primitives[i] for i in ids]
+        numbers = np.array([(*p.size, *_PADDING[len(p.size)], *p.center, *p.rotation) for p in parts])
+        axes = matrices_from_euler(numbers[:, 6:9]).transpose(0, 2, 1).reshape(-1, 9)
+        leaves = np.concatenate([numbers[:, :6], axes], axis=1).astype(np.float32)
+        fill = fill_bits if self.content == "bits" else fill_distances
+        fill(np.array([_CODES[p.kind] for p in parts], np.int64), leaves, self._xyz, rows, self.table)
+
+
+_PADDING = {n: (0.0,) * (3 - n) for n in (1, 2, 3)}
 
 
 def packed(flags: np.ndarray) -> np.ndarray:

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 
 import numpy as np
 
-from imdim.program.tree import Combine, Primitive, Program, leaves
-from imdim.search.evolve.columns import Columns, packed
+from imdim.program.tree import Combine, Program
+from imdim.search.evolve.columns import Columns, Registry, packed
 from imdim.search.evolve.kernels import mean_distances, states, wrong_weight
 
 _NONE = np.zeros((0, 3))
@@ -67,104 +68,102 @@ class Scorer:
     def __init__(self, evidence: Evidence, config: FitnessConfig | None = None) -> None:
         self.evidence, self.config = evidence, config or FitnessConfig()
         self.evaluations = 0
-        self._distances = Columns(evidence.surface, "distances", self.config.capacity)
-        self.bits = Columns(evidence.samples, "bits", self.config.capacity)
+        self.registry = Registry()
+        self._distances = Columns(evidence.surface, "distances", self.registry, self.config.capacity)
+        self.bits = Columns(evidence.samples, "bits", self.registry, self.config.capacity)
         self.label = packed(evidence.w_in > evidence.w_out)
         self.weight = np.concatenate([np.abs(evidence.w_in - evidence.w_out), np.zeros(-len(evidence.samples) % 64)])
         self._least = float(np.minimum(evidence.w_in, evidence.w_out).sum())
         self._known: dict[int, Score] = {}
-        self._keys: dict[Primitive | tuple[int, int, int], int] = {}
+        self._nodes: dict[tuple[int, int, int], int] = {}
 
     def score(self, programs: Sequence[Program]) -> list[Score]:
         """The scores, in order. Trees equal up to the order of united and intersected parts are folded once."""
-        keys = [self.key(p) for p in programs]
-        fresh = {k: p for k, p in zip(keys, programs, strict=True) if k not in self._known}
+        codes = [self._code(p) for p in programs]
+        keys = [self._key(code) for code in codes]
+        fresh = {k: code for k, code in zip(keys, codes, strict=True) if k not in self._known}
         if fresh:
             self._known.update(zip(fresh, self._measure(list(fresh.values())), strict=True))
         return [self._known[k] for k in keys]
 
     def key(self, program: Program) -> int:
         """A number for the structure: equal for trees that differ in the order of united or intersected parts alone."""
-        keys, stack, values = self._keys, [(program, False)], []
-        while stack:
-            node, ready = stack.pop()
-            if isinstance(node, Primitive):
-                values.append(keys.setdefault(node, len(keys)))
-            elif ready:
-                b, a = values.pop(), values.pop()
-                if node.op != "difference" and b < a:
-                    a, b = b, a
-                values.append(keys.setdefault((_CODE[node.op], a, b), len(keys)))
-            else:
-                stack += ((node, True), (node.right, False), (node.left, False))
-        return values[0]
+        return self._key(self._code(program))
 
     def filled(self, programs: Sequence[Program]) -> np.ndarray:
         """The samples inside of each program, as words [t, w]."""
-        batch = Batch.of(programs, self.bits.rows(_leaves(programs)))
-        out = np.empty((len(programs), len(self.label)), np.uint64)
-        states(batch.code, batch.starts, batch.depth, self.bits.table, out)
+        return self._filled(_Batch.of([self._code(p) for p in programs]))
+
+    def _code(self, program: Program) -> list[int]:
+        """Postfix code: ids of primitives and the codes of operations."""
+        # the reverse of node, right, left is left, right, node
+        out: list[int] = []
+        stack, number = [program], self.registry.id
+        while stack:
+            node = stack.pop()
+            if isinstance(node, Combine):
+                out.append(_CODE[node.op])
+                stack += (node.left, node.right)
+            else:
+                out.append(number(node))
+        return out[::-1]
+
+    def _key(self, code: list[int]) -> int:
+        nodes, values = self._nodes, []
+        for step in code:
+            if step >= 0:
+                values.append(step)
+                continue
+            b, a = values.pop(), values[-1]
+            if b < a and step != _CODE["difference"]:
+                a, b = b, a
+            values[-1] = nodes.setdefault((step, a, b), -1 - len(nodes))
+        return values[0]
+
+    def _measure(self, codes: list[list[int]]) -> list[Score]:
+        self.evaluations += len(codes)
+        batch = _Batch.of(codes)
+        volume = (self._least + wrong_weight(self._filled(batch), self.label, self.weight)) / self.evidence.volume
+        distance = self._distance(batch) * (self.evidence.area / self.evidence.volume)
+        error = volume + (self.config.distance_weight if len(self.evidence.samples) else 1.0) * distance
+        sizes = [(len(code) + 1) // 2 for code in codes]
+        fitness = error + self.config.size_weight * np.array(sizes)
+        rows = zip(volume.tolist(), distance.tolist(), error.tolist(), sizes, fitness.tolist(), strict=True)
+        return [Score(*row) for row in rows]
+
+    def _filled(self, batch: _Batch) -> np.ndarray:
+        out = np.empty((len(batch.starts) - 1, len(self.label)), np.uint64)
+        code = batch.over(self.bits)
+        states(code, batch.starts, batch.depth, self.bits.table, out)
         return out
 
-    def _measure(self, programs: list[Program]) -> list[Score]:
-        self.evaluations += len(programs)
-        known = bool(len(self.evidence.samples))
-        volume = (self._least + wrong_weight(self.filled(programs), self.label, self.weight)) / self.evidence.volume
-        distance = self._distance(programs) * (self.evidence.area / self.evidence.volume)
-        error = volume + (self.config.distance_weight if known else 1.0) * distance
-        sizes = [sum(1 for _ in leaves(p)) for p in programs]
-        return [
-            Score(float(v), float(d), float(e), n, float(e) + self.config.size_weight * n)
-            for v, d, e, n in zip(volume, distance, error, sizes, strict=True)
-        ]
-
-    def _distance(self, programs: list[Program]) -> np.ndarray:
+    def _distance(self, batch: _Batch) -> np.ndarray:
         if not len(self.evidence.surface) or not self.evidence.area:
-            return np.zeros(len(programs))
-        batch = Batch.of(programs, self._distances.rows(_leaves(programs)))
+            return np.zeros(len(batch.starts) - 1)
         cap = np.float32(self.config.cap * self.evidence.diagonal)
-        return mean_distances(batch.code, batch.starts, batch.depth, self._distances.table, cap)
+        code = batch.over(self._distances)
+        return mean_distances(code, batch.starts, batch.depth, self._distances.table, cap)
 
 
 @dataclass(frozen=True)
-class Batch:
-    """Postfix code of many trees in one array: tree t is ``code[starts[t]:starts[t + 1]]``; numbers >= 0 are rows of a table."""
+class _Batch:
+    """Postfix code of many trees in one array: tree t is ``code[starts[t]:starts[t + 1]]``; its stack holds `depth` values at most."""
 
     code: np.ndarray
     starts: np.ndarray
     depth: int
 
     @staticmethod
-    def of(programs: Sequence[Program], rows: dict[Primitive, int]) -> Batch:
-        code: list[int] = []
-        starts, depth = [0], 1
-        for program in programs:
-            height = 0
-            for step in _postfix(program):
-                if isinstance(step, int):
-                    height -= 1
-                    code.append(step)
-                else:
-                    height += 1
-                    depth = max(depth, height)
-                    code.append(rows[step])
-            starts.append(len(code))
-        return Batch(np.array(code, np.int64), np.array(starts, np.int64), depth)
+    def of(codes: Sequence[list[int]]) -> _Batch:
+        code = np.fromiter(chain.from_iterable(codes), np.int64)
+        lengths = np.array([len(c) for c in codes], np.int64)
+        starts = np.concatenate([[0], np.cumsum(lengths)])
+        # every tree leaves one value behind
+        heights = np.cumsum(np.where(code >= 0, 1, -1)) - np.repeat(np.arange(len(codes)), lengths)
+        return _Batch(code, starts, int(heights.max(initial=1)))
 
-
-def _postfix(program: Program) -> list[Primitive | int]:
-    # the reverse of node, right, left is left, right, node
-    out: list[Primitive | int] = []
-    stack = [program]
-    while stack:
-        node = stack.pop()
-        if isinstance(node, Combine):
-            out.append(_CODE[node.op])
-            stack += (node.left, node.right)
-        else:
-            out.append(node)
-    return out[::-1]
-
-
-def _leaves(programs: Sequence[Program]) -> list[Primitive]:
-    return [leaf for program in programs for leaf in leaves(program)]
+    def over(self, columns: Columns) -> np.ndarray:
+        """The code with rows of `columns` in place of ids."""
+        out = self.code.copy()
+        out[out >= 0] = columns.rows(out[out >= 0])
+        return out

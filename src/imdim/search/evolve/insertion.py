@@ -81,8 +81,8 @@ def cells_of(program: Program, scene: Scene) -> dict[Primitive, np.ndarray]:
     """The cells [m] of each leaf."""
     columns = scene.cells
     assert columns is not None
-    rows = columns.rows(leaves(program))
-    return {p: columns.unpacked(columns.table[row]) for p, row in rows.items()}
+    parts = list(leaves(program))
+    return dict(zip(parts, columns.unpacked(columns.table[columns.rows_of(parts)]), strict=True))
 
 
 def weighted_gain(scene: Scene, weights: tuple[float, float]) -> np.ndarray:

@@ -31,7 +31,7 @@ class Scene:
         surface = self.scorer.evidence.surface
         self.near = surface[:: max(1, len(surface) // OWNED)]
         if self.families is not None:
-            self.cells = Columns(self.families.cells.points, "bits", self.scorer.config.capacity)
+            self.cells = Columns(self.families.cells.points, "bits", self.scorer.registry, self.scorer.config.capacity)
         self.rotations = _rotations(self.families)
 
     @property
