@@ -16,9 +16,7 @@ from imdim.learn.policy import Move
 from imdim.program.state import ADD_BOX, ADD_CYLINDER, ADD_SPHERE, END
 from imdim.program.tree import Primitive
 
-SMALL = BaseConfig(
-    d_model=16, encoder_layers=1, decoder_layers=1, heads=2, gt_points=64, cur_points=32, gt_patches=4, cur_patches=4, neighbours=4
-)
+SMALL = BaseConfig(d_model=16, encoder_layers=1, decoder_layers=1, heads=2, gt_points=64, cur_points=32)
 
 
 def one(token, numbers):

@@ -4,6 +4,7 @@ import errno
 import json
 import math
 from dataclasses import replace
+from functools import partial
 
 import pytest
 import torch
@@ -13,6 +14,7 @@ from safetensors.torch import save_file
 from imdim.app.arguments import from_arguments
 from imdim.config import ConfigError
 from imdim.data.folder import FolderConfig, make_folder
+from imdim.data.npz import SampleError
 from imdim.data.solids import from_sequences
 from imdim.data.synthesize import SynthesisConfig, synthesize
 from imdim.learn import checkpoint
@@ -26,9 +28,7 @@ from imdim.learn.settings import TrainConfig, build
 from imdim.learn.train import train
 from imdim.learn.validation import Validation
 
-BASE = BaseConfig(
-    d_model=16, encoder_layers=1, decoder_layers=1, heads=2, gt_points=64, cur_points=32, gt_patches=4, cur_patches=4, neighbours=4
-)
+BASE = BaseConfig(d_model=16, encoder_layers=1, decoder_layers=1, heads=2, gt_points=64, cur_points=32)
 SEED = SeedConfig(d_model=16, layers=1, heads=2, hidden=16)
 DATA = SynthesisConfig(gt_points=64, cur_points=32, n_max=3, volume_samples=256, p_undo=0.2)
 
@@ -160,7 +160,8 @@ def test_the_average_is_the_moving_one(tmp_path):
         optimiser = Optimiser(build(small(tmp_path)), ema, 1.0)
         seen = [[p.detach().clone() for p in optimiser.policy.parameters()]]
         for step in range(2):
-            optimiser.step(synthesize(4, DATA, torch.Generator().manual_seed(step)), 1e-2, step)
+            batch = synthesize(4, DATA, torch.Generator().manual_seed(step))
+            optimiser.step([partial(optimiser.policy.losses, batch)], 1, 1e-2, step)
             seen.append([p.detach().clone() for p in optimiser.policy.parameters()])
         keep = [min(ema, 1 / 10), min(ema, 2 / 11)]
         for mean, zero, one, two in zip(optimiser.average.parameters(), *seen, strict=True):
@@ -195,6 +196,55 @@ def test_measured_iou_is_that_of_the_true_program_when_the_policy_knows_it(tmp_p
     assert torch.equal(shown.found.compact().kinds, shown.truth.kinds)
 
 
+@pytest.mark.parametrize("changes", [{"workers": 1}, {"shards": 2}, {"precision": "bfloat16"}])
+def test_what_may_not_change_the_run_does_not(tmp_path, changes):
+    """Workers make the same samples; a run in parts or in half precision learns nearly the same and resumes like any other."""
+    plain = list(train(small(tmp_path / "plain", "seed")))
+    killed = train(small(tmp_path / "other", "seed", **changes))
+    next(killed)
+    killed.close()
+    other = list(train(small(tmp_path / "other", "seed", resume=True, **changes)))
+    assert other[-1].step == plain[-1].step
+    if "workers" in changes:
+        assert other[-1].val == plain[-1].val
+    else:
+        assert other[-1].val != plain[-1].val
+        assert other[-1].val["loss"] == pytest.approx(plain[-1].val["loss"], rel=0.3)
+
+
+@pytest.mark.parametrize("experiment", ["base", "seed"])
+def test_losses_in_half_precision_are_close(tmp_path, experiment):
+    policy = build(small(tmp_path, experiment))
+    batch = synthesize(8, DATA, torch.Generator().manual_seed(0))
+    exact = policy.losses(batch)
+    with torch.autocast("cpu", torch.bfloat16):
+        half = policy.losses(batch)
+    for name, value in exact.items():
+        assert half[name].item() == pytest.approx(value.item(), rel=0.03, abs=0.03), name
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"precision": "half"}, "unknown precision 'half'; known are auto, float32, bfloat16"),
+        ({"shards": 3}, "3 shards .* cannot share a batch of 4 among 1 process"),
+        ({"cooldown": 2.0}, "cooldown is a share"),
+        ({"experiment": "third"}, "unknown experiment 'third'"),
+    ],
+)
+def test_settings_that_cannot_be_say_so(tmp_path, changes, message):
+    with pytest.raises(ValueError, match=message):
+        next(train(small(tmp_path, **changes)))
+
+
+def test_a_sample_that_cannot_be_read_is_named_even_by_a_worker(tmp_path):
+    list(make_folder(FolderConfig(str(tmp_path), 4, 4, 0, replace(DATA, p_undo=0.0))))
+    (tmp_path / "train" / "sample_00002.npz").write_bytes(b"no archive")
+    roots = {"data_root": str(tmp_path / "train"), "val_root": str(tmp_path / "val")}
+    with pytest.raises(SampleError, match=r"^[^\n]*sample_00002.npz: not an npz archive[^\n]*$"):
+        list(train(small(tmp_path / "run", "seed", workers=1, **roots)))
+
+
 class Oracle(Policy):
     def __init__(self, batch, max_seq_len):
         super().__init__()
@@ -226,7 +276,7 @@ def test_a_loss_that_is_not_finite_stops_with_step_and_batch(tmp_path, monkeypat
         list(train(small(tmp_path)))
     saved = load_state(tmp_path / "not_finite_1.pt")
     assert saved["step"] == 1
-    assert torch.equal(saved["gt_points"], calls[1].gt_points)
+    assert torch.equal(saved["parts"][0]["gt_points"], calls[1].gt_points)
 
 
 def test_a_checkpoint_comes_back_as_it_was(tmp_path):
@@ -286,7 +336,7 @@ def test_settings_come_from_files_and_arguments(tmp_path):
 
     configs = Path(__file__).parents[2] / "configs"
     plain = from_arguments(TrainConfig, [], configs, "pretrain")
-    assert (plain.experiment, plain.out, plain.synthesis.p_undo) == ("base", "runs/base", 0.1)
+    assert (plain.experiment, plain.out, plain.synthesis.gt_points) == ("base", "runs/base", 1024)
     other = from_arguments(TrainConfig, ["experiment=seed", "synthesis.n_max=4", "batch_size=8"], configs, "pretrain")
     assert (other.out, other.synthesis.n_max, other.synthesis.prefixes, other.batch_size) == ("runs/seed", 4, 2, 8)
     for wrong, message in (

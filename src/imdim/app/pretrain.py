@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import torch
 
 from imdim.app.arguments import from_arguments
 from imdim.app.pictures import pairs
-from imdim.config import ConfigError
+from imdim.config import ConfigError, first_line
+from imdim.learn.distributed import processes
 from imdim.learn.optimise import NotFinite
 from imdim.learn.settings import TrainConfig
 from imdim.learn.train import Report, train
@@ -19,19 +22,41 @@ from imdim.learn.train import Report, train
 
 def main(arguments: Sequence[str], configs: Path, say: Callable[[str], object]) -> int:
     """Train as `arguments` say, report each epoch to `say` and to tensorboard in the run's folder; exit status 2 for bad settings."""
-    from torch.utils.tensorboard import SummaryWriter
-
+    rank = 0
     try:
         config = from_arguments(TrainConfig, arguments, configs, "pretrain")
-        notes = {"command": "python pretrain.py " + " ".join(arguments), "commit": commit(), "hardware": hardware(config)}
-        with SummaryWriter(config.out) as writer:
-            for report in train(config, notes):
-                log(writer, report)
+        with processes(checked_device(config.device)) as (group, device):
+            rank = group.rank
+            config = replace(config, device=device)
+            notes = {"command": "python pretrain.py " + " ".join(arguments), "commit": commit(), "hardware": hardware(config, group.count)}
+            for report in written(config.out, train(config, notes, processes=group)):
                 say(line(report))
     except (ConfigError, ValueError, OSError, NotFinite) as error:
-        sys.stderr.write(f"pretrain: {error}\n")
+        if rank == 0:
+            sys.stderr.write(f"pretrain: {error}\n")
         return 1 if isinstance(error, NotFinite) else 2
     return 0
+
+
+def written(out: str, reports: Iterable[Report]) -> Iterator[Report]:
+    """The same reports, each logged for tensorboard in the folder `out` as it passes; no folder is made before the first."""
+    from torch.utils.tensorboard import SummaryWriter
+
+    with ExitStack() as stack:
+        writer = None
+        for report in reports:
+            writer = writer or stack.enter_context(SummaryWriter(out))
+            log(writer, report)
+            yield report
+
+
+def checked_device(name: str) -> str:
+    """`name`, if torch can compute there. Raises ConfigError."""
+    try:
+        torch.zeros(1, device=name)
+    except (RuntimeError, AssertionError) as error:
+        raise ConfigError(f"setting device: cannot use {name!r}: {first_line(error)}") from error
+    return name
 
 
 def line(report: Report) -> str:
@@ -64,6 +89,8 @@ def commit() -> str:
     return result.stdout.strip() if result.returncode == 0 else "unknown"
 
 
-def hardware(config: TrainConfig) -> str:
+def hardware(config: TrainConfig, count: int) -> str:
     """What the run computes on."""
-    return torch.cuda.get_device_name(config.device) if config.device.startswith("cuda") else f"{config.threads} CPU thread(s)"
+    cuda = config.device.startswith("cuda")
+    one = torch.cuda.get_device_name(config.device) if cuda else f"{config.threads} CPU thread(s), {config.workers} worker(s)"
+    return one if count == 1 else f"{count} processes of {one}"

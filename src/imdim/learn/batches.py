@@ -6,34 +6,64 @@ from collections.abc import Iterator
 
 import torch
 from torch import Tensor
-from torch.utils.data import Dataset
+from torch.utils.data import DataLoader, Dataset
 
 from imdim.data.folder import chunk_generator
 from imdim.data.npz import NPZCADDataset, collate
 from imdim.data.synthesize import Samples, SynthesisConfig, synthesize, with_prefixes
+from imdim.learn.distributed import Processes
 from imdim.learn.settings import TrainConfig
 
 TRAIN_STREAM, ORDER_STREAM, VAL_STREAM, NPZ_STREAM, TARGET_STREAM = 10, 11, 12, 13, 14
+AHEAD = 4  # steps whose samples wait in memory, for each worker
 
 
-class Batches:
-    """The training data; `per_epoch` is the number of steps of an epoch."""
+class Batches(Dataset[list[Samples] | Exception]):
+    """Item k are the parts of step k's batch that this process learns from; `per_epoch` is the number of steps of an epoch.
 
-    def __init__(self, config: TrainConfig) -> None:
+    A part is a function of the seed, the step and its own number: one process that has all parts learns what several learn together.
+    Raises ValueError where a batch cannot be shared out.
+    """
+
+    def __init__(self, config: TrainConfig, processes: Processes) -> None:
+        if config.shards % processes.count or config.batch_size % config.shards:
+            raise ValueError(
+                f"{config.shards} shards (setting shards) cannot share a batch of {config.batch_size} among {processes.count} process(es)"
+            )
         self.config = config
+        self.device = "cpu" if config.workers else config.device
+        self.mine = range(processes.rank, config.shards, processes.count)
         self.data = NPZCADDataset(config.data_root, config.max_seq_len) if config.data_root else None
         self.per_epoch = max(1, (len(self.data) if self.data else config.samples_per_epoch) // config.batch_size)
 
-    def of_step(self, step: int) -> Samples:
-        """The samples of one step, on the device."""
+    def __getitem__(self, step: int) -> list[Samples] | Exception:
+        try:
+            return [self.part(step, shard) for shard in self.mine]
+        except (ValueError, OSError, RuntimeError) as error:
+            # from a worker it would come with a traceback in its message
+            return error
+
+    def part(self, step: int, shard: int) -> Samples:
+        """Part `shard` of the batch of one step."""
         config = self.config
-        generator = chunk_generator(config.seed, TRAIN_STREAM, step, config.device)
+        generator = chunk_generator(config.seed, TRAIN_STREAM, step * config.shards + shard, self.device)
         if self.data is None:
-            return synthesize(config.batch_size, config.synthesis, generator)
+            return synthesize(config.batch_size // config.shards, config.synthesis, generator)
         epoch, place = divmod(step, self.per_epoch)
         order = torch.randperm(len(self.data), generator=chunk_generator(config.seed, ORDER_STREAM, epoch))
-        chosen = order[place * config.batch_size : (place + 1) * config.batch_size].tolist()
+        chosen = order[place * config.batch_size : (place + 1) * config.batch_size][shard :: config.shards].tolist()
         return from_npz(self.data, chosen, config.synthesis, generator)
+
+    def steps(self, first: int, end: int) -> Iterator[list[Samples]]:
+        """The items from `first` to before `end`, on the device, made ahead where there are workers."""
+        workers = self.config.workers
+        loader = DataLoader(
+            self, None, sampler=range(first, end), num_workers=workers, collate_fn=_as_it_is, prefetch_factor=AHEAD if workers else None
+        )
+        for parts in loader:
+            if isinstance(parts, Exception):
+                raise parts
+            yield [Samples(*(tensor.to(self.config.device) for tensor in part)) for part in parts]
 
 
 def validation_batches(config: TrainConfig) -> Iterator[Samples]:
@@ -54,3 +84,7 @@ def from_npz(data: Dataset[dict[str, Tensor]], rows: list[int], synthesis: Synth
     """Samples of files. Their prefixes are drawn and rendered anew: a file does not say how long the one is that its `cur_points` shows."""
     batch = {name: tensor.to(generator.device) for name, tensor in collate([data[i] for i in rows]).items()}
     return with_prefixes(batch["gt_points"], batch["gt_tokens"], batch["gt_params"], synthesis, generator)
+
+
+def _as_it_is(item: object) -> object:
+    return item

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from imdim.data.synthesize import Samples
+from imdim.learn.distributed import Processes
 from imdim.learn.policy import Policy
 
 
@@ -19,25 +20,45 @@ class NotFinite(FloatingPointError):
 class Optimiser:
     """`policy` is what is trained, `average` the exponential moving average of its weights (Polyak and Juditsky 1992)."""
 
-    def __init__(self, policy: Policy, ema: float, clip: float) -> None:
-        self.policy, self.ema, self.clip = policy, ema, clip
+    def __init__(
+        self, policy: Policy, ema: float, clip: float, dtype: torch.dtype = torch.float32, processes: Processes | None = None
+    ) -> None:
+        self.policy, self.ema, self.clip, self.dtype = policy, ema, clip, dtype
+        self.processes = processes or Processes()
         self.average = copy.deepcopy(policy).eval().requires_grad_(False)
-        self.adam = torch.optim.AdamW(policy.parameters(), weight_decay=0.01)
+        self.weights = list(policy.parameters())
+        self.adam = torch.optim.AdamW(self.weights, weight_decay=0.01)
 
-    def step(self, batch: Samples, lr: float, step: int) -> dict[str, Tensor]:
-        """Learn from one batch at rate `lr`; `step` counts from 0. Raises NotFinite before any weight has changed."""
+    def step(self, parts: list[Callable[[], dict[str, Tensor]]], shards: int, lr: float, step: int) -> dict[str, Tensor]:
+        """Learn at rate `lr` from the mean of the losses that `shards` parts of a batch give, of which `parts` are this process's.
+
+        `step` counts from 0. Returns the means of all losses over all parts. Raises NotFinite before any weight has changed.
+        """
         self.policy.train()
+        self.adam.zero_grad()
+        sums: dict[str, Tensor] = {}
+        for part in parts:
+            with torch.autocast(self.weights[0].device.type, self.dtype, enabled=self.dtype != torch.float32):
+                losses = part()
+            (losses["loss"] / shards).backward()
+            for name, value in losses.items():
+                sums[name] = sums.get(name, 0.0) + value.detach().float() / shards
+        norm = self._gradients(sums)
+        if not torch.isfinite(sums["loss"] + norm):
+            raise NotFinite(f"loss {sums['loss'].item()}, gradient norm {norm.item()}")
         for group in self.adam.param_groups:
             group["lr"] = lr
-        losses = self.policy.losses(batch)
-        self.adam.zero_grad()
-        losses["loss"].backward()
-        norm = torch.nn.utils.clip_grad_norm_(self.policy.parameters(), self.clip)
-        if not torch.isfinite(losses["loss"].detach() + norm):
-            raise NotFinite(f"loss {losses['loss'].item()}, gradient norm {norm.item()}")
         self.adam.step()
         self._follow(step)
-        return {**{name: value.detach() for name, value in losses.items()}, "gradient_norm": norm}
+        return {**sums, "gradient_norm": norm}
+
+    def _gradients(self, sums: dict[str, Tensor]) -> Tensor:
+        """Gradients and losses of all processes together; the norm of the former before it is clipped."""
+        for weight in self.weights:
+            if weight.grad is None:
+                weight.grad = torch.zeros_like(weight)
+        self.processes.total([weight.grad for weight in self.weights if weight.grad is not None] + list(sums.values()))
+        return torch.nn.utils.clip_grad_norm_(self.weights, self.clip)
 
     @torch.no_grad()
     def _follow(self, step: int) -> None:

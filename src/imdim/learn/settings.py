@@ -12,7 +12,9 @@ from imdim.learn.policy import Policy
 from imdim.learn.seed import SeedConfig, SeedPolicy
 
 # where a run computes, how long, and what it reports: a resumed run may change these
-_FREE = ("resume", "epochs", "max_minutes", "device", "threads", "out", "save_every", "val_root", "n_val", "n_measure", "measure_every")
+_FREE = ("resume", "epochs", "max_minutes", "device", "threads", "workers", "precision", "out", "save_every")
+_FREE += ("val_root", "n_val", "n_measure", "measure_every")
+PRECISIONS = {"float32": torch.float32, "bfloat16": torch.bfloat16}
 
 
 @dataclass
@@ -24,6 +26,10 @@ class TrainConfig:
     The learning rate warms up over `warmup` steps, stays, and falls to nothing over the last `cooldown` share of the steps. The run is
     over after `epochs` or after about `max_minutes` (0: no limit) of this command: the fall starts early enough. `ema` is the decay per
     step of the average of the weights that is validated and saved (0: the weights themselves).
+
+    A batch is made of `shards` parts (0: as many as processes), each drawn apart. `workers` processes make samples ahead on the CPU
+    (0: they are made between the steps, on `device`). `precision` is that of the networks' products: float32, bfloat16, or auto, which is
+    bfloat16 on a GPU.
     """
 
     experiment: str = "base"
@@ -31,11 +37,12 @@ class TrainConfig:
     val_root: str = ""
     out: str = "runs/base"
     epochs: int = 20
-    samples_per_epoch: int = 4096
+    samples_per_epoch: int = 8192
     n_val: int = 256
-    n_measure: int = 64
-    measure_every: int = 5
+    n_measure: int = 48
+    measure_every: int = 4
     batch_size: int = 32
+    shards: int = 0
     lr: float = 5e-4
     warmup: int = 200
     cooldown: float = 0.2
@@ -44,6 +51,8 @@ class TrainConfig:
     max_seq_len: int = 13
     device: str = "cpu"
     threads: int = 1
+    workers: int = 0
+    precision: str = "auto"
     seed: int = 0
     max_minutes: float = 0.0
     save_every: int = 200
@@ -62,6 +71,16 @@ def build(config: TrainConfig) -> Policy:
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
         return kind(settings, config.max_seq_len)
+
+
+def precision(config: TrainConfig) -> torch.dtype:
+    """Raises ValueError for an unknown one."""
+    name = config.precision
+    if name == "auto":
+        name = "bfloat16" if config.device.startswith("cuda") else "float32"
+    if name not in PRECISIONS:
+        raise ValueError(f"unknown precision {name!r}; known are auto, {', '.join(PRECISIONS)}")
+    return PRECISIONS[name]
 
 
 def fixed(config: TrainConfig) -> dict[str, object]:

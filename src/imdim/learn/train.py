@@ -9,17 +9,20 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import torch
 from torch import Tensor
 
+from imdim.data.synthesize import Samples
 from imdim.learn.batches import Batches
 from imdim.learn.checkpoint import load_state, save_policy, save_state, state_tensors
+from imdim.learn.distributed import Processes
 from imdim.learn.optimise import NotFinite, Optimiser
 from imdim.learn.schedule import Plan, learning_rate, planned, shortened
-from imdim.learn.settings import TrainConfig, build, fixed
+from imdim.learn.settings import TrainConfig, build, fixed, precision
 from imdim.learn.validation import Shown, Validation
 
 
@@ -64,23 +67,31 @@ class _Tally:
         return {name: float(value) / self.steps for name, value in self.sums.items()}
 
 
-def train(config: TrainConfig, notes: dict[str, str] | None = None, clock: Callable[[], float] = time.monotonic) -> Iterator[Report]:
+def train(
+    config: TrainConfig,
+    notes: dict[str, str] | None = None,
+    clock: Callable[[], float] = time.monotonic,
+    processes: Processes | None = None,
+) -> Iterator[Report]:
     """Train in `config.out`: `best.safetensors` by validation loss, `state.pt` every `save_every` steps and after each epoch, and
     `before_cooldown.pt`, from which a run that was over goes on when it may take more epochs.
+
+    Of several `processes` the first one reports and writes.
 
     Raises NotFinite, which names the step and the file with the batch, FileNotFoundError when there is nothing to resume, ValueError when
     the run to resume was of another configuration or is over.
     """
-    run = _Run(config, notes or {}, clock)
+    processes = processes or Processes()
+    run = _Run(replace(config, shards=config.shards or processes.count), notes or {}, clock, processes)
     yield from run.reports()
 
 
 class _Run:
-    def __init__(self, config: TrainConfig, notes: dict[str, str], clock: Callable[[], float]) -> None:
+    def __init__(self, config: TrainConfig, notes: dict[str, str], clock: Callable[[], float], processes: Processes) -> None:
         torch.set_num_threads(config.threads)
-        self.config, self.notes, self.out, self.clock = config, notes, Path(config.out), clock
-        self.optimiser = Optimiser(build(config).to(config.device), config.ema, config.clip)
-        self.batches, self.validation = Batches(config), Validation(config)
+        self.config, self.notes, self.out, self.clock, self.processes = config, notes, Path(config.out), clock, processes
+        self.optimiser = Optimiser(build(config).to(config.device), config.ema, config.clip, precision(config), processes)
+        self.batches, self.validation = Batches(config, processes), Validation(config)
         self.plan = planned(self.batches.per_epoch * config.epochs, config.cooldown)
         self.whole = self.plan.end
         self.step, self.best = 0, math.inf
@@ -89,30 +100,36 @@ class _Run:
 
     def reports(self) -> Iterator[Report]:
         config, begun, first = self.config, self.clock(), self.step
+        batches = self.batches.steps(self.step, self.whole)
         tally = _Tally(begun)
         while self.step < self.plan.end:
             if config.max_minutes:
-                spent = self.clock() - begun
-                self.plan = shortened(self.plan, self.step, self.step - first, spent, 60 * config.max_minutes, config.cooldown)
+                self._hurry(self.clock() - begun, self.step - first)
             if self.step == self.plan.start:
                 self._save("before_cooldown.pt")
                 self._save("state.pt")
-            self._take(tally)
+            self._take(batches, tally)
             if self.step % self.batches.per_epoch == 0 or self.step == self.plan.end:
-                yield self._report(tally)
+                if self.processes.first:
+                    yield self._report(tally)
                 tally = _Tally(self.clock())
             elif self.step % config.save_every == 0:
                 self._save("state.pt")
 
-    def _take(self, tally: _Tally) -> None:
+    def _hurry(self, seconds: float, taken: int) -> None:
+        plan = shortened(self.plan, self.step, taken, seconds, 60 * self.config.max_minutes, self.config.cooldown)
+        self.plan = Plan(*self.processes.agreed(plan, self.config.device))
+
+    def _take(self, batches: Iterator[list[Samples]], tally: _Tally) -> None:
         before = self.clock()
-        batch = self.batches.of_step(self.step)
+        parts = next(batches)
         waited = self.clock() - before
+        losses = [partial(self.optimiser.policy.losses, part) for part in parts]
         try:
-            tally.add(self.optimiser.step(batch, self._lr(self.step), self.step), waited)
+            tally.add(self.optimiser.step(losses, self.config.shards, self._lr(self.step), self.step), waited)
         except NotFinite as error:
-            path = self.out / f"not_finite_{self.step}.pt"
-            save_state(path, {"step": self.step, **state_tensors(batch._asdict())})
+            path = self.out / f"not_finite_{self.step}{f'_of_{self.processes.rank}' if self.processes.rank else ''}.pt"
+            save_state(path, {"step": self.step, "parts": [state_tensors(part._asdict()) for part in parts]})
             raise NotFinite(f"{error} at step {self.step}; its batch is in {path}") from None
         self.step += 1
 
@@ -151,6 +168,8 @@ class _Run:
         return learning_rate(self.config.lr, self.config.warmup, self.plan, step)
 
     def _save(self, name: str) -> None:
+        if not self.processes.first:
+            return
         state = {"step": self.step, "best": self.best, "plan": list(self.plan), "config": fixed(self.config)}
         save_state(self.out / name, {**state, **self.optimiser.state_dict()})
 
