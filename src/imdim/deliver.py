@@ -1,12 +1,13 @@
 """Deliver a program: every file of the results folder, and the report measured over those files.
 
-The delivered program has the solid of the one given, with numbers rounded to nine digits and cutters that overshoot.
+The delivered program has the solid of the one given, with numbers rounded to nine digits and cutters that overshoot. Constraints that hold
+for the program become named parameters of the texts; by how much a cutter overshoots stays a number beside them.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -20,14 +21,17 @@ from imdim.export.numbers import rounded
 from imdim.export.openscad import to_openscad
 from imdim.export.openscad_reader import read_openscad
 from imdim.export.overshoot import overshoot
+from imdim.export.parameters import Parameters, parametrise
 from imdim.export.preview import preview
 from imdim.export.script import to_script
 from imdim.export.step import StepError
 from imdim.export.step_worker import StepJob, finish_step, start_step, stop_step
 from imdim.geometry.cloud import Frame, Target
+from imdim.geometry.constraints import rebased
 from imdim.geometry.solid import SEGMENTS, mesh_to_manifold, to_manifold, to_trimesh
 from imdim.program.codec import Meta
 from imdim.program.codec import dumps as program_text
+from imdim.program.constraints import Constraint
 from imdim.program.tree import Program
 from imdim.report import RunRecord, dumps, report_of
 
@@ -37,9 +41,17 @@ STEP_LIMIT_S = 20.0
 
 
 def deliver(
-    program: Program, target: Target, folder: Path, run: RunRecord, segments: int = SEGMENTS, step_limit_s: float = STEP_LIMIT_S
+    program: Program,
+    target: Target,
+    folder: Path,
+    run: RunRecord,
+    segments: int = SEGMENTS,
+    step_limit_s: float = STEP_LIMIT_S,
+    constraints: Sequence[Constraint] = (),
 ) -> dict[str, Any]:
     """Write all results for `program` (in the target's units) into `folder`, whole or not at all; returns the report.
+
+    `constraints` hold for `program` (see `solve.discover`).
 
     STEP is skipped, and the report says why, where OpenCASCADE is missing, fails or takes longer than `step_limit_s`.
     Raises OutputError when the folder cannot be written or holds foreign files, ValueError when the program is empty.
@@ -47,8 +59,10 @@ def deliver(
     seconds: dict[str, float] = {}
     with replacing(folder) as partial:
         with _timed(seconds, "program"):
-            program = finished(program)
-            _write_texts(program, target, partial, segments)
+            given, program = program, finished(program)
+            parameters = parametrise(given, constraints, program)
+            constraints = rebased(program, constraints)
+            _write_texts(program, target, partial, segments, constraints, parameters)
         with _step(partial) as job:
             with _timed(seconds, "meshes"):
                 write_meshes(to_manifold(program, segments), partial)
@@ -60,7 +74,7 @@ def deliver(
                 volumes = _volumes(partial, target, segments)
                 skipped = _finish(job, step_limit_s, volumes)
         files = {name: skipped.get(name, "written") for name in FILES}
-        report = report_of(program, target, scores, volumes, files, run, seconds)
+        report = report_of(program, target, scores, volumes, files, run, seconds, constraints, parameters.values)
         (partial / "report.json").write_text(dumps(report), encoding="utf-8")
     return report
 
@@ -70,12 +84,14 @@ def finished(program: Program) -> Program:
     return rounded(overshoot(program))
 
 
-def _write_texts(program: Program, target: Target, folder: Path, segments: int) -> None:
+def _write_texts(
+    program: Program, target: Target, folder: Path, segments: int, constraints: Sequence[Constraint], parameters: Parameters
+) -> None:
     frame = Frame.of(target)
     texts = {
-        "program.json": program_text(program, Meta(center=frame.center, scale=frame.scale)),
-        "program.scad": to_openscad(program, segments),
-        "program.py": to_script(program),
+        "program.json": program_text(program, Meta(center=frame.center, scale=frame.scale), constraints),
+        "program.scad": to_openscad(program, segments, parameters),
+        "program.py": to_script(program, parameters),
     }
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")

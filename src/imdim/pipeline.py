@@ -19,9 +19,11 @@ from imdim.config import ConfigError, Settings
 from imdim.evolution import Ground, choices, evolved, few, logged, seeds_of, united
 from imdim.geometry import kernels
 from imdim.geometry.cloud import Frame, InputError, Target, split_bodies, target_from
+from imdim.geometry.metrics import diagonal
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.geometry.surface import Patch, Surface
 from imdim.geometry.winding import inside_mesh
+from imdim.program.constraints import Constraint
 from imdim.program.cost import count
 from imdim.program.front import Choice
 from imdim.program.simplify import reduce_program
@@ -39,6 +41,7 @@ from imdim.seeding.cloud_normals import measure_scale
 from imdim.seeding.cloud_surfaces import detect_cloud
 from imdim.seeding.mesh_surfaces import detect_patches
 from imdim.solve.canonical import canonical
+from imdim.solve.discover import discover, exact_relations
 from imdim.solve.refine import RefineConfig, refine
 from imdim.solve.snap import SnapConfig, snap
 
@@ -49,6 +52,7 @@ POOR = 0.05  # of the volume; a search that leaves more is compared with the dec
 SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may cost
 SEARCH_SHARE = 0.4  # of the budget; detection, the solver and delivery need the rest
 SEED_SHARE = 0.4  # of the search's time, that evolution gives to its seeds
+RELATE_ERROR, RELATE_MOVE = 1e-2, 1e-5  # share of the mean distance, and of the diagonal, that relations may cost
 METHODS = ("auto", "evolve", "tree")
 
 
@@ -57,7 +61,7 @@ class Snapshot:
     """The state of a run: `program` in the target's units, `error` relative to the target's volume, `seconds` since the start.
 
     `stop` is None until the last snapshot, which says why the run ended: "finished" or "budget_spent", after an evolution also "exact" or
-    "stagnation". That one has the `front`, programs from crude to exact, of which `program` is one.
+    "stagnation". That one has the `front`, programs from crude to exact, of which `program` is one, and the `constraints` that hold for it.
     """
 
     stage: str
@@ -66,6 +70,7 @@ class Snapshot:
     seconds: float
     stop: str | None = None
     front: tuple[Choice, ...] = ()
+    constraints: tuple[Constraint, ...] = ()
 
 
 @dataclass
@@ -157,8 +162,9 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) ->
         yield last
     if last is None:
         raise InputError(f"{target.name}: no program found")
-    front = tuple(few(last.front, last.program))
-    yield Snapshot("finished", last.program, last.error, clock.seconds(), "budget_spent" if clock.cut else clock.ending, front)
+    program, constraints = _related(last.program, target, rng)
+    front = tuple(replace(c, program=program) if c.program == last.program else c for c in few(last.front, last.program))
+    yield Snapshot("finished", program, last.error, clock.seconds(), "budget_spent" if clock.cut else clock.ending, front, constraints)
 
 
 def _by_body(target: Target, settings: Settings, clock: _Clock, rng: np.random.Generator) -> Iterator[Snapshot]:
@@ -295,8 +301,23 @@ def _solved(program: Program, seen: _Seen, body: Target) -> Program:
         return program
     chosen = body.points[:: max(1, len(body.points) // 8192)]
     fit = refine(program, chosen, config=RefineConfig(adam_steps=0, start_scale=0.01))
-    nearer = _mean_distance(fit.program, chosen) < _mean_distance(program, chosen)
-    return fit.program if nearer and seen.error(fit.program) < seen.error(program) + POOR else program
+    fitted = _constrained(fit.program, chosen)
+    nearer = _mean_distance(fitted, chosen) < _mean_distance(program, chosen)
+    return fitted if nearer and seen.error(fitted) < seen.error(program) + POOR else program
+
+
+def _constrained(program: Program, points: np.ndarray) -> Program:
+    """Numbers fitted to a cloud under the relations that it bears out, or those given where that explains the cloud worse."""
+    found = discover(program, points).program
+    return found if _mean_distance(found, points) < (1 + RELATE_ERROR) * _mean_distance(program, points) else program
+
+
+def _related(program: Program, target: Target, rng: np.random.Generator) -> tuple[Program, tuple[Constraint, ...]]:
+    """The relations that hold for a finished program; its numbers move by rounding alone, or not at all if the target is then missed."""
+    found = exact_relations(program, rng)
+    shown = target.points[:: max(1, len(target.points) // 8192)]
+    limit = (1 + RELATE_ERROR) * _mean_distance(program, shown) + RELATE_MOVE * diagonal(shown)
+    return (found.program, found.constraints) if _mean_distance(found.program, shown) <= limit else (program, ())
 
 
 def _mean_distance(program: Program, points: np.ndarray) -> float:

@@ -8,13 +8,14 @@ from __future__ import annotations
 import json
 import math
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from imdim.evaluate import Distances, Scores
 from imdim.geometry.cloud import Target
+from imdim.program.constraints import Constraint
 from imdim.program.cost import count
 from imdim.program.tree import Program
 
@@ -42,8 +43,13 @@ def report_of(
     files: Mapping[str, str],
     run: RunRecord,
     delivery: Mapping[str, float],
+    constraints: Sequence[Constraint] = (),
+    parameters: Mapping[str, float] | None = None,
 ) -> dict[str, Any]:
-    """The report as plain values; lengths in model units, `volumes` per file in cubed ones, `delivery` in seconds per step."""
+    """The report as plain values; lengths in model units, `volumes` per file in cubed ones, `delivery` in seconds per step.
+
+    `constraints` are those in `program.json`, `parameters` the names in `program.scad` with their values.
+    """
     counts = count(program)
     return {
         "format": FORMAT,
@@ -56,6 +62,8 @@ def report_of(
             "kinds": {kind: n for kind, n in counts.kinds.items() if n},
             "ops": {op: n for op, n in counts.ops.items() if n},
         },
+        "constraints": [{"name": c.name, "kind": c.kind, "says": str(c)} for c in constraints],
+        "parameters": {name: number(value) for name, value in (parameters or {}).items()},
         "scores": _scores(scores),
         "volumes": {name: number(volume) for name, volume in volumes.items()},
         "stop": run.stop,

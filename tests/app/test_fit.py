@@ -32,6 +32,7 @@ class Snap:
     error: float
     seconds: float
     stop: str | None = None
+    constraints: tuple = ()
 
 
 def box_found(target, settings, rng):

@@ -1,10 +1,11 @@
-"""Flat OpenSCAD text: one line per primitive, n-ary operations, numbers as a person would write them."""
+"""Flat OpenSCAD text: parameters, then one line per primitive, n-ary operations, numbers as a person would write them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from imdim.export.numbers import Rounding
+from imdim.export.parameters import Expression, Parameters, openscad_degrees, written
 from imdim.geometry.solid import SEGMENTS
 from imdim.program.nary import fold_nary
 from imdim.program.tree import OPS, Op, Primitive, Program
@@ -19,20 +20,28 @@ _SHAPE: Mapping[str, Callable[..., str]] = {
 }
 
 
-def to_openscad(program: Program, segments: int = SEGMENTS) -> str:
-    """OpenSCAD text of `program` in its own units, with `$fn` at `segments`.
+def to_openscad(program: Program, segments: int = SEGMENTS, parameters: Parameters | None = None) -> str:
+    """OpenSCAD text of `program` in its own units, with `$fn` at `segments`, and numbers that follow `parameters` if given.
 
     Lengths keep about nine significant digits of the model's size, angles nine decimals. Cutters are written as they are: see `overshoot`.
     """
-    rounding = Rounding.of(program)
-    lines = fold_nary(program, lambda _, leaf: [primitive_text(leaf, rounding) + ";"], {op: _block(op) for op in OPS})
-    return "\n".join([f"$fn = {segments};", "", *lines, ""])
+    rounding, named = Rounding.of(program), parameters or Parameters.none(program)
+
+    def line(number: int, leaf: Primitive) -> list[str]:
+        return [primitive_text(leaf, rounding, named.sizes[number], named.centers[number]) + ";"]
+
+    lines = fold_nary(program, line, {op: _block(op) for op in OPS})
+    head = [*named.lines(rounding, ";"), ""] if named.values else []
+    return "\n".join([f"$fn = {segments};", "", *head, *lines, ""])
 
 
-def primitive_text(leaf: Primitive, rounding: Rounding) -> str:
+def primitive_text(leaf: Primitive, rounding: Rounding, sizes: Sequence[Expression], center: Sequence[Expression]) -> str:
     """``translate(..) rotate(..) shape(..)`` without the semicolon; the identity parts are left out."""
-    place = _step("translate", [rounding.length(c) for c in leaf.center]) + _step("rotate", [rounding.angle(a) for a in leaf.rotation])
-    return place + _SHAPE[leaf.kind](*(rounding.size(s) for s in leaf.size))
+    place = _step("translate", [written(c, rounding.length, openscad_degrees) for c in center])
+    place += _step("rotate", [rounding.angle(a) for a in leaf.rotation])
+    # a bare number is a size, which never vanishes; the constant of a sum may
+    texts = [written(s, rounding.length if s.terms else rounding.size, openscad_degrees) for s in sizes]
+    return place + _SHAPE[leaf.kind](*texts)
 
 
 def _step(name: str, numbers: list[str]) -> str:

@@ -1,41 +1,47 @@
 """Read back the flat OpenSCAD that `openscad.py` writes, so that the delivered file itself can be measured.
 
-One statement per primitive: ``translate([..]) rotate([..]) SHAPE``, any of the two optional, inside nested union, difference and
-intersection blocks. Anything else raises ValueError: this is a check of our own files, not an OpenSCAD interpreter.
+Parameters, ``name = sum;``, then one statement per primitive: ``translate([..]) rotate([..]) SHAPE``, any of the two optional, inside
+nested union, difference and intersection blocks. Numbers may be sums and products of parameters, and cosines and sines of degrees.
+Anything else raises ValueError: this is a check of our own files, not an OpenSCAD interpreter.
 """
 
 from __future__ import annotations
 
+import ast
+import math
+import operator
 import re
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from imdim.program.tree import OPS, Op, Primitive, Program, Vec3, combine_all
 
-_NUMBER = r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
-_VECTOR = rf"\[({_NUMBER}), ({_NUMBER}), ({_NUMBER})\]"
-_PLACED = re.compile(rf"(?:translate\({_VECTOR}\) )?(?:rotate\({_VECTOR}\) )?(.*);")
+_ASSIGNMENT = re.compile(r"([A-Za-z_]\w*) = (.+);")
+_CALLS = re.compile(r"(?:(translate)(\(\[[^\]]*\]\)) )?(?:(rotate)(\(\[[^\]]*\]\)) )?(.+);")
+_TORUS = re.compile(r"rotate_extrude\(\) translate(\(\[[^\]]*\]\)) circle(\(.*\))")
+_ELLIPSOID = re.compile(r"scale(\(\[[^\]]*\]\)) sphere(\(.*\))")
 
-_SHAPES: Mapping[str, tuple[re.Pattern[str], Callable[..., tuple[float, ...]]]] = {
-    "box": (re.compile(rf"cube\({_VECTOR}, center = true\)"), lambda *s: s),
-    "sphere": (re.compile(rf"sphere\(r = ({_NUMBER})\)"), lambda r: (r,)),
-    "cylinder": (re.compile(rf"cylinder\(h = ({_NUMBER}), r = ({_NUMBER}), center = true\)"), lambda h, r: (r, h)),
-    "cone": (
-        re.compile(rf"cylinder\(h = ({_NUMBER}), r1 = ({_NUMBER}), r2 = ({_NUMBER}), center = true\)"),
-        lambda h, bottom, top: (bottom, top, h),
-    ),
-    "torus": (
-        re.compile(rf"rotate_extrude\(\) translate\(\[({_NUMBER}), 0, 0\]\) circle\(r = ({_NUMBER})\)"),
-        lambda major, minor: (major, minor),
-    ),
-    "ellipsoid": (re.compile(rf"scale\({_VECTOR}\) sphere\(r = 1\)"), lambda *s: s),
+_OPERATORS: Mapping[type, Callable[[float, float], float]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
 }
+_FUNCTIONS: Mapping[str, Callable[[float], float]] = {"cos": math.cos, "sin": math.sin}
+
+Values = dict[str, float]
 
 
-def read_openscad(text: str) -> Program:
-    """The program in a text that `to_openscad` wrote; raises ValueError with the line's number for anything else."""
+def read_openscad(text: str, **given: float) -> Program:
+    """The program in a text that `to_openscad` wrote, with parameters `given` in place of the text's, as OpenSCAD's -D has it.
+
+    Raises ValueError with the line's number for anything else, and for a parameter that the text does not have.
+    """
     open_blocks: list[tuple[Op, list[Program]]] = [("union", [])]
+    values: Values = {}
     for number, raw in enumerate(text.splitlines(), start=1):
         line = raw.partition("//")[0].strip()
+        assigned = _ASSIGNMENT.fullmatch(line)
         if not line or line.startswith("$fn = "):
             continue
         if line == "}" and len(open_blocks) > 1 and open_blocks[-1][1]:
@@ -43,10 +49,15 @@ def read_openscad(text: str) -> Program:
             open_blocks[-1][1].append(combine_all(op, parts))
         elif line.removesuffix("() {") in OPS and line.endswith("() {"):
             open_blocks.append((_op(line), []))
+        elif assigned is not None:
+            values[assigned[1]] = given.get(assigned[1], _number(assigned[2], values, number))
         else:
-            open_blocks[-1][1].append(_primitive(line, number))
+            open_blocks[-1][1].append(_primitive(line, values, number))
     if len(open_blocks) != 1 or not open_blocks[0][1]:
         raise ValueError(f"OpenSCAD text ends with {len(open_blocks) - 1} open blocks and {len(open_blocks[0][1])} solids")
+    unknown = sorted(set(given) - set(values))
+    if unknown:
+        raise ValueError(f"the text has no parameter {unknown[0]!r}; it has {', '.join(values) or 'none'}")
     return combine_all(*open_blocks[0])
 
 
@@ -54,18 +65,95 @@ def _op(line: str) -> Op:
     return next(op for op in OPS if line.startswith(op))
 
 
-def _primitive(line: str, number: int) -> Primitive:
-    placed = _PLACED.fullmatch(line)
+def _primitive(line: str, values: Values, number: int) -> Primitive:
+    placed = _CALLS.fullmatch(line)
     if placed is None:
         raise ValueError(f"line {number} is not flat OpenSCAD of ours: {line!r}")
-    values = placed.groups()
-    for kind, (pattern, size) in _SHAPES.items():
-        found = pattern.fullmatch(values[6])
-        if found is not None:
-            return Primitive(kind, size(*map(float, found.groups())), _vector(values[:3]), _vector(values[3:6]))
-    raise ValueError(f"line {number} is no primitive of ours: {line!r}")
+    center, rotation = (_vector(placed[2], values, number), _vector(placed[4], values, number))
+    kind, size = _shape(placed[5], values, number)
+    try:
+        return Primitive(kind, size, center, rotation)
+    except ValueError as error:
+        raise ValueError(f"line {number}: {error}") from None
 
 
-def _vector(texts: tuple[str | None, ...]) -> Vec3:
-    x, y, z = (float(text or 0) for text in texts)
+def _shape(text: str, values: Values, number: int) -> tuple[str, tuple[float, ...]]:
+    """Kind and size of the last part of a statement."""
+    torus, ellipsoid = _TORUS.fullmatch(text), _ELLIPSOID.fullmatch(text)
+    if torus is not None:
+        return "torus", (_vector(torus[1], values, number)[0], *_arguments(f"f{torus[2]}", ("r",), values, number))
+    if ellipsoid is not None and _arguments(f"f{ellipsoid[2]}", ("r",), values, number) == (1.0,):
+        return "ellipsoid", _vector(ellipsoid[1], values, number)
+    for kind, start, names, order in _PLAIN:
+        if text.startswith(start):
+            found = _arguments(text, names, values, number, optional=True)
+            if found is not None:
+                return kind, tuple(found[i] for i in order)
+    raise ValueError(f"line {number} is no primitive of ours: {text!r}")
+
+
+# kind, what its text begins with, names of its arguments ("" for a vector in front), and where its sizes stand among them
+_PLAIN: tuple[tuple[str, str, tuple[str, ...], tuple[int, ...]], ...] = (
+    ("box", "cube(", ("", "center"), (0, 1, 2)),
+    ("sphere", "sphere(", ("r",), (0,)),
+    ("cylinder", "cylinder(", ("h", "r", "center"), (1, 0)),
+    ("cone", "cylinder(", ("h", "r1", "r2", "center"), (1, 2, 0)),
+)
+
+
+def _arguments(text: str, names: tuple[str, ...], values: Values, number: int, optional: bool = False) -> Any:
+    """The numbers of a call with exactly these arguments; `center` has to be true. None if it has others and `optional` is set."""
+    call = _parsed(text, number)
+    if not isinstance(call, ast.Call):
+        raise ValueError(f"line {number} is no primitive of ours: {text!r}")
+    keywords = {k.arg: k.value for k in call.keywords}
+    fits = tuple(keywords) == tuple(n for n in names if n) and len(call.args) == names.count("")
+    centre = keywords.pop("center", None)
+    if not fits or ("center" in names and not (isinstance(centre, ast.Name) and centre.id == "true")):
+        if optional:
+            return None
+        raise ValueError(f"line {number} is no primitive of ours: {text!r}")
+    first = _entries(call.args[0], values, number) if call.args else ()
+    return (*first, *(_value(node, values, number) for node in keywords.values()))
+
+
+def _vector(text: str | None, values: Values, number: int) -> Vec3:
+    if text is None:
+        return (0.0, 0.0, 0.0)
+    x, y, z = _entries(_parsed(text, number), values, number)
     return (x, y, z)
+
+
+def _entries(node: ast.AST, values: Values, number: int) -> tuple[float, ...]:
+    if not isinstance(node, ast.List) or len(node.elts) != 3:
+        raise ValueError(f"line {number}: expected a list of 3 numbers, got {ast.unparse(node)!r}")
+    return tuple(_value(entry, values, number) for entry in node.elts)
+
+
+def _number(text: str, values: Values, number: int) -> float:
+    return _value(_parsed(text, number), values, number)
+
+
+def _parsed(text: str, number: int) -> ast.expr:
+    try:
+        return ast.parse(text.strip(), mode="eval").body
+    except (SyntaxError, RecursionError):
+        raise ValueError(f"line {number} is not flat OpenSCAD of ours: {text!r}") from None
+
+
+def _value(node: ast.AST, values: Values, number: int) -> float:
+    """The number that a sum, product, cosine or sine stands for."""
+    if isinstance(node, ast.Constant) and type(node.value) in (int, float):
+        return float(node.value)
+    if isinstance(node, ast.Name) and node.id in values:
+        return values[node.id]
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        return -_value(node.operand, values, number)
+    if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
+        try:
+            return _OPERATORS[type(node.op)](_value(node.left, values, number), _value(node.right, values, number))
+        except ZeroDivisionError:
+            raise ValueError(f"line {number} divides by zero: {ast.unparse(node)!r}") from None
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS and len(node.args) == 1:
+        return _FUNCTIONS[node.func.id](math.radians(_value(node.args[0], values, number)))
+    raise ValueError(f"line {number}: {ast.unparse(node)!r} is no number of ours")

@@ -1,4 +1,4 @@
-"""A build123d script: the program as Python that a modeller can edit, one line per primitive.
+"""A build123d script: the program as Python that a modeller can edit, parameters first, then one line per primitive.
 
 build123d's primitives are centred with their axis along z, as ours are. Rotations are written one axis at a time, since its
 three-angle `Rot` turns about the moved axes and OpenSCAD's about the fixed ones.
@@ -6,9 +6,10 @@ three-angle `Rot` turns about the moved axes and OpenSCAD's about the fixed ones
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from imdim.export.numbers import Rounding
+from imdim.export.parameters import Expression, Parameters, python_degrees, written
 from imdim.program.nary import fold_nary
 from imdim.program.tree import Op, Primitive, Program
 
@@ -25,10 +26,11 @@ _SIGN: Mapping[Op, str] = {"union": "+", "difference": "-", "intersection": "&"}
 
 _HEAD = '''"""CSG program as a build123d script: pip install build123d, then run this file to write part.step."""
 
-from build123d import Box, Cone, Cylinder, Pos, Rot, Sphere, Torus, export_step, scale
-
-part = (
 '''
+
+_TRIGONOMETRY = "from math import cos, radians, sin\n\n"
+
+_IMPORT = "from build123d import Box, Cone, Cylinder, Pos, Rot, Sphere, Torus, export_step, scale\n\n"
 
 _TAIL = """)
 
@@ -37,21 +39,31 @@ if __name__ == "__main__":
 """
 
 
-def to_script(program: Program) -> str:
-    """Python text that builds `program` as `part` with build123d, in the program's own units (build123d takes them for mm)."""
-    rounding = Rounding.of(program)
-    lines = fold_nary(program, lambda _, leaf: [_primitive(leaf, rounding)], {op: _chain(sign) for op, sign in _SIGN.items()})
-    return _HEAD + "".join(f"    {line}\n" for line in lines) + _TAIL
+def to_script(program: Program, parameters: Parameters | None = None) -> str:
+    """Python text that builds `program` as `part` with build123d, in the program's own units (build123d takes them for mm).
+
+    Numbers follow `parameters` if given.
+    """
+    rounding, named = Rounding.of(program), parameters or Parameters.none(program)
+
+    def line(number: int, leaf: Primitive) -> list[str]:
+        return [_primitive(leaf, rounding, named.sizes[number], named.centers[number])]
+
+    lines = fold_nary(program, line, {op: _chain(sign) for op, sign in _SIGN.items()})
+    head = _HEAD + (_TRIGONOMETRY if named.turns else "") + _IMPORT
+    names = "".join(f"{text}\n" for text in named.lines(rounding)) + ("\n" if named.values else "")
+    return head + names + "part = (\n" + "".join(f"    {text}\n" for text in lines) + _TAIL
 
 
-def _primitive(leaf: Primitive, rounding: Rounding) -> str:
-    place = [rounding.length(c) for c in leaf.center]
+def _primitive(leaf: Primitive, rounding: Rounding, sizes: Sequence[Expression], center: Sequence[Expression]) -> str:
+    place = [written(c, rounding.length, python_degrees) for c in center]
     steps = [f"Pos({', '.join(place)})"] if any(c != "0" for c in place) else []
     for axis in (2, 1, 0):
         angle = rounding.angle(leaf.rotation[axis])
         if angle != "0":
             steps.append(f"Rot({', '.join(angle if a == axis else '0' for a in range(3))})")
-    return " * ".join([*steps, _SHAPE[leaf.kind](*(rounding.size(s) for s in leaf.size))])
+    texts = [written(s, rounding.length if s.terms else rounding.size, python_degrees) for s in sizes]
+    return " * ".join([*steps, _SHAPE[leaf.kind](*texts)])
 
 
 def _chain(sign: str) -> Callable[[list[list[str]]], list[str]]:

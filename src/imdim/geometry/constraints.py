@@ -8,17 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from imdim.geometry.lowering import Lowered, lower
-from imdim.geometry.sampling import bounding_radius
 from imdim.program.constraints import AXES_OF, WORLD, Constraint, ConstraintError, Ref, check, describe
-from imdim.program.tree import KINDS, SIZE_NAMES, Primitive, Program, leaves
+from imdim.program.tree import KINDS, SIZE_NAMES, Program, leaves
 
-HOLDS = 1e-9  # of the largest size: what a residual may be off
+HOLDS = 1e-7  # of the largest size: what a residual may be off, where files keep nine digits of each number
 DEPENDENT = 1e-7  # a row shorter than this share of what it was is a combination of the others
 
 
@@ -31,9 +30,9 @@ class Rows:
     owner: np.ndarray
 
 
-def rows_of(constraints: Iterable[Constraint], numbers: Lowered) -> Rows:
+def rows_of(constraints: Iterable[Constraint], numbers: Lowered | Pose) -> Rows:
     """All constraints at the numbers of a program, which must be well-formed for it (see `check`)."""
-    pose = Pose.of(numbers)
+    pose = numbers if isinstance(numbers, Pose) else Pose.of(numbers)
     residual: list[float] = []
     jacobian: list[np.ndarray] = []
     owner: list[int] = []
@@ -42,7 +41,7 @@ def rows_of(constraints: Iterable[Constraint], numbers: Lowered) -> Rows:
             residual.append(value)
             jacobian.append(slope)
             owner.append(number)
-    width = 9 * len(numbers.kinds)
+    width = 9 * len(pose.numbers.kinds)
     return Rows(np.array(residual), np.array(jacobian).reshape(-1, width), np.array(owner, int))
 
 
@@ -63,6 +62,23 @@ def verify(program: Program, constraints: Sequence[Constraint], tolerance: float
         others = _implying(found.jacobian, row, found.owner)
         reason = f"contradicts constraints {', '.join(map(str, others))}" if others else f"is off by {found.residual[row]:.3g}"
         raise ConstraintError(f"{describe(number, constraints[number])}: {reason}")
+
+
+def rebased(program: Program, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
+    """The constraints as they hold for `program`, whose numbers have changed.
+
+    Faces and centres that were level keep the distance that they now have; what else no longer holds is left out.
+    """
+    numbers = lower(program)
+    largest = max(max(p.size) for p in leaves(program))
+    out: list[Constraint] = []
+    for constraint in constraints:
+        off = rows_of([constraint], numbers).residual
+        if np.abs(off).max(initial=0.0) <= HOLDS * largest / 2:
+            out.append(constraint)
+        elif constraint.kind in ("coplanar", "aligned"):
+            out.append(replace(constraint, value=float(f"{constraint.value + off[0]:.9g}")))
+    return tuple(out)
 
 
 def _implying(jacobian: np.ndarray, row: int, owner: np.ndarray) -> list[int]:
@@ -159,8 +175,16 @@ class Pose:
 
 def radii(numbers: Lowered) -> np.ndarray:
     """Bounding radii [k] of the leaves."""
-    sizes = zip(numbers.kinds.tolist(), numbers.sizes.tolist(), strict=True)
-    return np.array([bounding_radius(Primitive(KINDS[k], tuple(s[: len(SIZE_NAMES[KINDS[k]])]))) for k, s in sizes])
+    a, b, c = numbers.sizes.T
+    of_kind = {
+        "box": np.sqrt(a * a + b * b + c * c) / 2,
+        "sphere": a,
+        "cylinder": np.hypot(a, b / 2),
+        "cone": np.hypot(np.maximum(a, b), c / 2),
+        "torus": a + b,
+        "ellipsoid": np.maximum(np.maximum(a, b), c),
+    }
+    return np.choose(numbers.kinds, [of_kind[kind] for kind in KINDS])
 
 
 def _skew(a: np.ndarray) -> np.ndarray:

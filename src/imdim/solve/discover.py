@@ -8,22 +8,27 @@ what the cloud contradicts, by a test of the cost that each adds, is given up ag
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2
 
 from imdim.geometry.constraints import Pose, rows_of
 from imdim.geometry.lowering import Lowered, lower
+from imdim.geometry.sampling import surface_points
 from imdim.program.constraints import Constraint
+from imdim.program.roles import named
 from imdim.program.tree import Program
 from imdim.solve.faces import lifted
-from imdim.solve.relations.belief import CUT, Cloud, covariance, noise_of, normal_equations, prior
+from imdim.solve.relations.belief import CUT, Cloud, Shown, covariance, noise_of, normal_equations, prior
 from imdim.solve.relations.directions import relate_directions
 from imdim.solve.relations.hold import fitted, onto, strains
 from imdim.solve.relations.merge import merged
 from imdim.solve.relations.places import Places, proposals
 from imdim.solve.relations.select import Choice
+
+SAME = 1e-10  # what a number moves by rounding, as a share of the part
+EXACT_POINTS = 6000  # of a program's own surface, which say what of it shows
 
 
 @dataclass
@@ -31,6 +36,7 @@ class DiscoverConfig:
     """`floor` is a share of the part's diagonal below which no number counts as known: what exact targets differ from their design by."""
 
     floor: float = 2e-6
+    min_support: float = 6.0  # what fewer points show is not shown, as in `refine`
     significance: float = 1e-4  # of the test by which a relation is given up
     reviews: int = 8  # relations that are given up at most
     fit: bool = True  # fit to the cloud; else the numbers move only as far as the relations need
@@ -71,8 +77,19 @@ def discover(program: Program, points: np.ndarray, *, normals: np.ndarray | None
         number, reason = worst
         dropped.append((taken.pop(number), reason))
         numbers, cost, before = _solved(start, taken, cloud, noise, config)
-    constraints = merged(taken)
+    constraints = named(merged(taken), program)
     return Discovery(lifted(program, start, numbers), constraints, tuple(dropped), noise, cost / noise**2, before / noise**2)
+
+
+def exact_relations(program: Program, rng: np.random.Generator, config: DiscoverConfig | None = None) -> Discovery:
+    """Relations that the numbers of a finished program bear out by themselves, to the floor of `config`; none without a surface.
+
+    Numbers move by no more than that. What of the program shows is told by points of its own surface, drawn with `rng`.
+    """
+    points = surface_points(program, EXACT_POINTS, rng)[0]
+    if len(points) == 0:
+        return Discovery(program, (), (), 0.0, 0.0, 0.0)
+    return discover(program, points, config=replace(config or DiscoverConfig(), fit=False))
 
 
 def _chosen(start: Lowered, cloud: Cloud, config: DiscoverConfig) -> tuple[list[Constraint], list[tuple[Constraint, str]]]:
@@ -86,7 +103,7 @@ def _chosen(start: Lowered, cloud: Cloud, config: DiscoverConfig) -> tuple[list[
     choice = Choice(numbers, spread, wide)
     for constraint in accepted:
         choice.accept(constraint)
-    places = Places(Pose.of(numbers), choice.covariance.copy(), noise, directions)
+    places = Places(Pose.of(numbers), choice.covariance.copy(), Shown.of(start, cloud, floor, config.min_support), directions)
     choice.greedy(proposals(places))
     return choice.taken, first.dropped + choice.dropped
 
@@ -100,8 +117,18 @@ def _solved(
     if config.fit:
         numbers, cost = fitted(start, taken, cloud, scale)
         return numbers, cost, min(free.cost, fitted(start, [], cloud, scale)[1])
-    numbers = onto(start, taken, cloud, free)
+    numbers = _unmoved(start, onto(start, taken, cloud, free), cloud.length)
     return numbers, normal_equations(numbers, cloud, scale).cost, free.cost
+
+
+def _unmoved(before: Lowered, after: Lowered, length: float) -> Lowered:
+    """`after`, with the numbers of `before` wherever only rounding moved them."""
+
+    def kept(old: np.ndarray, new: np.ndarray, scale: float) -> np.ndarray:
+        return np.where(np.abs(new - old) <= SAME * scale, old, new)
+
+    sizes, centers = kept(before.sizes, after.sizes, length), kept(before.centers, after.centers, length)
+    return replace(after, sizes=sizes, centers=centers, rotations=kept(before.rotations, after.rotations, 1.0))
 
 
 def _strained(numbers: Lowered, taken: Sequence[Constraint], cloud: Cloud, noise: float, config: DiscoverConfig) -> tuple[int, str] | None:

@@ -14,7 +14,7 @@ import numpy as np
 from imdim.geometry import kernels
 from imdim.geometry.constraints import radii
 from imdim.geometry.lowering import Lowered
-from imdim.solve.faces import moved
+from imdim.solve.faces import moved, step_maps
 
 MAD = 1.4826  # from the median of absolute normal deviations to their standard deviation
 CUT = 4.0  # residuals well beyond this many standard deviations say nothing
@@ -106,3 +106,25 @@ def covariance(numbers: Lowered, cloud: Cloud, floor: float) -> np.ndarray:
     out = np.zeros((k, 9, k, 9))
     out[range(k), :, range(k)] = blocks
     return out.reshape(9 * k, 9 * k)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Which face coordinates [k, 6] of `faces` enough points show, and the maps [k, 6, 6] from them to sizes and shifts."""
+
+    faces: np.ndarray
+    maps: np.ndarray
+
+    @staticmethod
+    def of(numbers: Lowered, cloud: Cloud, floor: float, least: float) -> Shown:
+        """A face is shown by the points that would feel it move, weighed as in the fit; it takes `least` of them."""
+        scale = CUT * max(noise_of(numbers, cloud), floor)
+        matrix = normal_equations(numbers, cloud, scale).matrix[:, :6, :6]
+        maps = step_maps(numbers)[:, :6, :6]
+        support = np.diagonal(maps.transpose(0, 2, 1) @ matrix @ maps, axis1=1, axis2=2)
+        return Shown(support >= least, maps)
+
+    def rows(self, slopes: np.ndarray) -> np.ndarray:
+        """Whether functions with the derivatives `slopes` [n, 9 k] depend on shown faces alone, bool [n]."""
+        by_face = np.einsum("nki,kij->nkj", slopes.reshape(len(slopes), -1, 9)[:, :, :6], self.maps)
+        return ~((np.abs(by_face) > 1e-9) & ~self.faces).any(axis=(1, 2))

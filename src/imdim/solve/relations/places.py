@@ -13,13 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from imdim.geometry.constraints import Pose
-from imdim.program.constraints import FACES_OF, Constraint, Ref
+from imdim.program.constraints import FACES_OF, WORLD, Constraint, Ref
 from imdim.program.tree import KINDS, SIZE_NAMES
+from imdim.solve.relations.belief import Shown
 from imdim.solve.relations.directions import KIND_BITS, Directions
 from imdim.solve.relations.select import Candidate
 
 LOOK = 4.5  # deviations within which a pair is a candidate
-MIN_SUPPORT = 6.0  # what fewer points show is not shown
+NEIGHBOURS = 4  # with which a feature is paired
 MOST_ALIKE = 200  # leaves of one group that are compared in triples
 RADIUS_NAMES = {"r", "r_bottom", "r_top", "r_major", "r_minor", "rx", "ry", "rz"}
 
@@ -31,37 +32,41 @@ class Known:
     refs: list[Ref]
     values: np.ndarray
     rows: np.ndarray
-    covariance: np.ndarray
-
-    @property
-    def variances(self) -> np.ndarray:
-        return np.diagonal(self.covariance)
+    variances: np.ndarray
 
     def pairs(self) -> Iterator[tuple[int, int]]:
-        """Those of different numbers that may be equal."""
-        variance = self.variances
-        both = variance[:, None] + variance - 2 * self.covariance
-        near = np.abs(self.values[:, None] - self.values) <= LOOK * np.sqrt(np.maximum(both, 0.0)) + 1e-300
-        yield from zip(*np.nonzero(np.triu(near, 1)), strict=True)
+        """Those that may be equal."""
+        return near_pairs(self.values[:, None], self.variances)
+
+
+def near_pairs(points: np.ndarray, variances: np.ndarray) -> Iterator[tuple[int, int]]:
+    """Pairs of `points` [n, d] that may be equal, each point with its nearest few: what equals them equals the others too."""
+    apart = np.abs(points[:, None] - points).max(2, initial=0.0) / np.sqrt(variances[:, None] + variances + 1e-300)
+    np.fill_diagonal(apart, np.inf)
+    nearest = np.argsort(apart, axis=1, kind="stable")[:, :NEIGHBOURS]
+    found = {(min(i, j), max(i, j)) for i in range(len(points)) for j in nearest[i].tolist() if apart[i, j] <= LOOK}
+    yield from sorted(found)
 
 
 @dataclass(frozen=True)
 class Places:
-    """What the proposals read: the pose, the covariance [9 k, 9 k], the noise of one point, the directions."""
+    """What the proposals read: the pose, the covariance [9 k, 9 k], what the cloud shows, the directions."""
 
     pose: Pose
     covariance: np.ndarray
-    noise: float
+    shown: Shown
     directions: Directions
 
     def known(self, refs: list[Ref], rows: list[tuple[float, np.ndarray]]) -> Known:
         if not rows:
-            return Known([], np.zeros(0), np.zeros((0, len(self.covariance))), np.zeros((0, 0)))
+            return Known([], np.zeros(0), np.zeros((0, len(self.covariance))), np.zeros(0))
         values, slopes = np.array([r[0] for r in rows]), np.array([r[1] for r in rows])
-        covariance = slopes @ self.covariance @ slopes.T
-        shown = np.diagonal(covariance) < self.noise**2 / MIN_SUPPORT
-        index = np.flatnonzero(shown)
-        return Known([refs[i] for i in index], values[index], slopes[index], covariance[np.ix_(index, index)])
+        index = np.flatnonzero(self.shown.rows(slopes))
+        return Known([refs[i] for i in index], values[index], slopes[index], self.variances(slopes[index]))
+
+    def variances(self, slopes: np.ndarray) -> np.ndarray:
+        """Those [n] of functions with the derivatives `slopes` [n, 9 k]."""
+        return ((slopes @ self.covariance) * slopes).sum(1)
 
     def leaves(self) -> range:
         return range(len(self.pose.numbers.kinds))
@@ -145,13 +150,15 @@ def _symmetric(known: Known, about: Ref, alike: list[list[int]]) -> Iterator[Can
         for a, first in enumerate(shown):
             for second in shown[a + 1 :]:
                 i, j = centers[first], centers[second]
-                apart = known.variances[i] + known.variances[j]
-                if abs(known.values[i] - known.values[j]) <= LOOK * math.sqrt(apart):
+                pair = known.variances[i] + known.variances[j]
+                if abs(known.values[i] - known.values[j]) <= LOOK * math.sqrt(pair):
                     continue
                 rows = known.rows[i] + known.rows[j] - 2 * known.rows[hubs]
                 off = known.values[i] + known.values[j] - 2 * known.values[hubs]
-                variance = apart + 4 * known.variances[hubs]
-                for hub in hubs[(np.abs(off) <= LOOK * np.sqrt(variance)) & (np.abs(rows).max(1) > 0)]:
+                variance = pair + 4 * known.variances[hubs]
+                apart = np.where(np.abs(rows).max(1) > 0, np.abs(off) / np.sqrt(variance + 1e-300), np.inf)
+                nearest = np.argsort(apart, kind="stable")[:NEIGHBOURS]
+                for hub in hubs[nearest[apart[nearest] <= LOOK]]:
                     middle = known.refs[hub]
                     if middle.leaf not in (first, second):
                         yield Candidate(Constraint("symmetric", (Ref(first), Ref(second), middle), about), bits)
@@ -164,26 +171,19 @@ def _coaxial(places: Places, members: list[Ref]) -> Iterator[Candidate]:
     balls = [leaf for leaf in places.leaves() if places.kind(leaf) == "sphere"]
     if not axial:
         return
-    refs = [Ref(leaf) for leaf in axial + balls]
-    both = [places.known(refs, [pose.center(ref.leaf).dot(side) for ref in refs]) for side in pose.across(members[0])]
-    near = [{(known.refs[i].leaf, known.refs[j].leaf) for i, j in known.pairs()} for known in both]
+    both = _centers(places, axial + balls, list(pose.across(members[0])))
     bits = KIND_BITS + math.log2(max(len(axial) + len(balls), 2))
-    for a, b in sorted(near[0] & near[1]):
+    for i, j in near_pairs(both.points, both.deviation**2):
+        a, b = int(both.leaves[i]), int(both.leaves[j])
         if a in axial:
             yield Candidate(Constraint("coaxial", (Ref(a, "z"), Ref(b, "z" if b in axial else ""))), bits)
 
 
 def _concentric(places: Places) -> Iterator[Candidate]:
-    pose = places.pose
-    refs = [Ref(leaf) for leaf in places.leaves()]
-    near: set[tuple[int, int]] | None = None
-    for axis in range(3):
-        known = places.known(refs, [pose.center(ref.leaf).dot(pose.direction(-1, axis)) for ref in refs])
-        pairs = {(known.refs[i].leaf, known.refs[j].leaf) for i, j in known.pairs()}
-        near = pairs if near is None else near & pairs
-    bits = KIND_BITS + math.log2(max(len(refs), 2))
-    for a, b in sorted(near or ()):
-        yield Candidate(Constraint("concentric", (Ref(a), Ref(b))), bits)
+    every = _centers(places, list(places.leaves()), [places.pose.direction(WORLD, axis) for axis in range(3)])
+    bits = KIND_BITS + math.log2(max(len(every.leaves), 2))
+    for i, j in near_pairs(every.points, every.deviation**2):
+        yield Candidate(Constraint("concentric", (Ref(int(every.leaves[i])), Ref(int(every.leaves[j])))), bits)
 
 
 @dataclass(frozen=True)
@@ -203,9 +203,9 @@ def _centers(places: Places, group: list[int], sides: list) -> _Centers:
     """Those of `group` that are shown in all `sides`."""
     columns = [[places.pose.center(leaf).dot(side) for leaf in group] for side in sides]
     points = np.array([[row[0] for row in column] for column in columns]).T
-    variances = [np.einsum("ni,ij,nj->n", s, places.covariance, s) for s in (np.array([row[1] for row in c]) for c in columns)]
-    deviation = np.sqrt(np.max(variances, axis=0))
-    shown = deviation < places.noise / math.sqrt(MIN_SUPPORT)
+    slopes = [np.array([row[1] for row in column]) for column in columns]
+    deviation = np.sqrt(np.max([places.variances(s) for s in slopes], axis=0))
+    shown = np.all([places.shown.rows(s) for s in slopes], axis=0)
     return _Centers(np.array(group)[shown], points[shown], deviation[shown])
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imdim.geometry.constraints import rows_of
+from imdim.geometry.constraints import Pose, rows_of
 from imdim.geometry.lowering import Lowered
 from imdim.program.constraints import Constraint
 
@@ -48,11 +48,12 @@ class Choice:
     """
 
     def __init__(self, numbers: Lowered, covariance: np.ndarray, prior: np.ndarray) -> None:
-        self.numbers = numbers
+        self.numbers, self.pose = numbers, Pose.of(numbers)
         self.before, self.covariance = covariance, covariance.copy()
         self.width = 1 / prior.ravel()
         self.mean = np.zeros(len(covariance))
         self.basis = np.zeros((len(covariance), 0))
+        self.rows: dict[Constraint, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         self.taken: list[Constraint] = []
         self.dropped: list[tuple[Constraint, str]] = []
 
@@ -113,9 +114,11 @@ class Choice:
 
     def _rows(self, constraint: Constraint) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Residuals [m], Jacobian [m, c] and its columns [c], those of the leaves that it moves."""
-        rows = rows_of([constraint], self.numbers)
-        columns = np.flatnonzero(np.abs(rows.jacobian).max(0, initial=0.0) > 0)
-        return rows.residual, rows.jacobian[:, columns], columns
+        if constraint not in self.rows:
+            rows = rows_of([constraint], self.pose)
+            columns = np.flatnonzero(np.abs(rows.jacobian).max(0, initial=0.0) > 0)
+            self.rows[constraint] = rows.residual, rows.jacobian[:, columns], columns
+        return self.rows[constraint]
 
     def _new(self, jacobian: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Combinations [m, n] of rows that are independent of each other and of what was accepted."""

@@ -1,0 +1,195 @@
+"""Which numbers of a program follow from which others, by Gaussian elimination over its linear constraints.
+
+Variables are, per leaf, three sizes and the three coordinates of its centre; rows and circles of equal steps add spacings, diameters and
+middles. Centres are eliminated before sizes and later leaves before earlier ones, so that what stays free are the sizes that a person
+would name.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from imdim.geometry.constraints import rows_of
+from imdim.geometry.lowering import Lowered, lower
+from imdim.program.constraints import AXES_OF, Constraint
+from imdim.program.tree import KINDS, Primitive, Program, leaves
+
+ALIGNED = 1e-7  # how far a direction may be off the world's axes
+ZERO = 1e-9  # coefficients
+PATTERNS = ("linear", "circular")
+
+
+@dataclass(frozen=True)
+class Turn:
+    """The cosine or sine of `degrees`."""
+
+    function: str
+    degrees: float
+
+    @property
+    def value(self) -> float:
+        return {"cos": math.cos, "sin": math.sin}[self.function](math.radians(self.degrees))
+
+
+@dataclass
+class System:
+    """Equations [m, n] that hold at `start` [n]; variables from `extra` on are those of patterns, each with its first leaf and a word.
+
+    `length` is the largest size.
+    """
+
+    start: list[float]
+    extra: int
+    length: float
+    rows: list[dict[int, float]] = field(default_factory=list)
+    extras: list[tuple[int, str]] = field(default_factory=list)
+    turns: list[Turn] = field(default_factory=list)
+
+    @staticmethod
+    def of(program: Program, constraints: Sequence[Constraint]) -> System:
+        """The equations of those constraints that are linear while all directions stay."""
+        parts, numbers = list(leaves(program)), lower(program)
+        start = vector(parts).tolist()
+        system = System(start, len(start), max(max(p.size) for p in parts))
+        for constraint in constraints:
+            if constraint.kind == "linear":
+                system._add_row(constraint, numbers)
+            elif constraint.kind == "circular" and len(constraint.of) > 2:
+                system._add_circle(constraint, numbers)
+        plain = [c for c in constraints if c.kind not in PATTERNS or len(c.of) == 2]
+        system.rows += [row for row in _linear(plain, numbers) if system._holds(row)]
+        system.rows += list(_grounded(parts[0], numbers))
+        return system
+
+    def solve(self) -> dict[int, dict[int, float]]:
+        """Each number that follows from others, with their coefficients; a constant makes up the rest."""
+        n = len(self.start)
+        matrix = np.zeros((len(self.rows), n))
+        for i, row in enumerate(self.rows):
+            matrix[i, list(row)] = list(row.values())
+        pivots: dict[int, int] = {}
+        for v in self._order():
+            free = [i for i in range(len(matrix)) if i not in pivots.values()]
+            pivot = max(free, key=lambda i: abs(matrix[i, v]), default=None)
+            if pivot is None or abs(matrix[pivot, v]) <= ZERO:
+                continue
+            matrix[pivot] /= matrix[pivot, v]
+            others = np.flatnonzero(np.abs(matrix[:, v]) > 0)
+            others = others[others != pivot]
+            matrix[others] -= np.outer(matrix[others, v], matrix[pivot])
+            matrix[np.abs(matrix) <= ZERO] = 0.0
+            pivots[v] = pivot
+        return {v: {int(w): -float(matrix[i, w]) for w in np.flatnonzero(matrix[i]) if w != v} for v, i in pivots.items()}
+
+    def is_origin(self, v: int) -> bool:
+        """Whether the variable is a coordinate that is 0: no name is needed for that."""
+        is_place = v % 6 > 2 if v < self.extra else self.extras[v - self.extra][1] in ("center_x", "center_y", "center_z")
+        return is_place and abs(self.start[v]) <= ZERO * self.length
+
+    def is_diameter(self, v: int) -> bool:
+        """Whether the variable is that of a circle."""
+        return v >= self.extra and self.extras[v - self.extra][1] == "circle"
+
+    def _order(self) -> list[int]:
+        """Variables in the order in which they are eliminated."""
+        own = range(self.extra)
+        middles = [v for v in range(self.extra, len(self.start)) if not self.is_diameter(v)]
+        return sorted(own, key=lambda v: (v % 6 < 3, -v)) + middles + [v for v in range(self.extra, len(self.start)) if v not in middles]
+
+    def _holds(self, row: dict[int, float]) -> bool:
+        """Whether the coefficients are ones that elimination keeps simple: wholes and halves."""
+        return all(abs(2 * c - round(2 * c)) <= ZERO for c in row.values())
+
+    def _new(self, leaf: int, word: str, value: float) -> int:
+        self.start.append(value)
+        self.extras.append((leaf, word))
+        return len(self.start) - 1
+
+    def _add_row(self, c: Constraint, numbers: Lowered) -> None:
+        """Equal steps along each coordinate in which they step."""
+        members = [ref.leaf for ref in c.of]
+        for axis in _constrained_axes(members[0], numbers):
+            at = [6 * leaf + 3 + axis for leaf in members]
+            step = (self.start[at[-1]] - self.start[at[0]]) / (len(at) - 1)
+            moves = abs(step) > ZERO * self.length
+            spacing = {self._new(members[0], "spacing", step): 1.0} if moves else {}
+            for number, v in enumerate(at[1:], start=1):
+                self.rows.append({v: 1.0, at[0]: -1.0} | {s: -float(number) for s in spacing})
+
+    def _add_circle(self, c: Constraint, numbers: Lowered) -> None:
+        """Members at half a diameter from the middle, at angles that are numbers."""
+        assert c.about is not None
+        members = [ref.leaf for ref in c.of]
+        direction = numbers.rotations[c.about.leaf][:, c.about.axis]
+        axis = _world_axis(direction)
+        if axis is None:
+            return
+        plane = [(axis + 1) % 3, (axis + 2) % 3]
+        points = numbers.centers[members][:, plane]
+        hub = c.about.leaf if c.about.leaf not in members else None
+        middle = points.mean(0) if hub is None else numbers.centers[hub][plane]
+        offsets = points - middle
+        diameter = self._new(members[0], "circle", 2 * float(np.linalg.norm(offsets, axis=1).mean()))
+        if hub is None:
+            centers = [self._new(members[0], f"center_{'xyz'[a]}", float(m)) for a, m in zip(plane, middle, strict=True)]
+        else:
+            centers = [6 * hub + 3 + a for a in plane]
+        for leaf, (x, y) in zip(members, offsets, strict=True):
+            degrees = round(math.degrees(math.atan2(y, x)), 7)
+            for a, center, function in zip(plane, centers, ("cos", "sin"), strict=True):
+                turn = Turn(function, degrees)
+                self.turns.append(turn)
+                part = {diameter: -turn.value / 2} if abs(turn.value) > ZERO else {}
+                self.rows.append({6 * leaf + 3 + a: 1.0, center: -1.0} | part)
+
+
+def vector(parts: Sequence[Primitive]) -> np.ndarray:
+    """The variables [6 k] of leaves: sizes padded with zeros, then the centre."""
+    return np.array([v for p in parts for v in (*p.size, *(0.0,) * (3 - len(p.size)), *p.center)])
+
+
+def _linear(constraints: Sequence[Constraint], numbers: Lowered) -> Iterator[dict[int, float]]:
+    """The rows of constraints with respect to sizes and centres; those of directions alone are empty and left out."""
+    k = len(numbers.kinds)
+    rows = rows_of([c for c in constraints if c.kind not in ("parallel", "perpendicular")], numbers)
+    local = rows.jacobian.reshape(-1, k, 9)
+    world = np.concatenate([local[:, :, :3], np.einsum("mki,kji->mkj", local[:, :, 3:6], numbers.rotations)], axis=2).reshape(-1, 6 * k)
+    for row in world:
+        found = {int(v): float(row[v]) for v in np.flatnonzero(np.abs(row) > ZERO)}
+        if found:
+            yield found
+
+
+def _grounded(first: Primitive, numbers: Lowered) -> Iterator[dict[int, float]]:
+    """Where the first leaf stands on a plane through the origin: it keeps standing there."""
+    for column, axis in _extents(first, numbers.rotations[0]):
+        center, half = first.center[axis], first.size[column] / 2
+        for side in (-1, 1):
+            if abs(center + side * half) <= ZERO * half:
+                yield {3 + axis: 1.0, column: side / 2}
+
+
+def _extents(p: Primitive, rotation: np.ndarray) -> Iterator[tuple[int, int]]:
+    """Sizes across plane faces, with the world's axis that each lies along."""
+    local = {"box": (0, 1, 2), "cylinder": (2,), "cone": (2,)}.get(p.kind, ())
+    for axis in local:
+        along = _world_axis(rotation[:, axis])
+        if along is not None:
+            yield (axis if p.kind == "box" else len(p.size) - 1), along
+
+
+def _world_axis(direction: np.ndarray) -> int | None:
+    axis = int(np.abs(direction).argmax())
+    return axis if abs(direction[axis]) > 1 - ALIGNED**2 else None
+
+
+def _constrained_axes(leaf: int, numbers: Lowered) -> list[int]:
+    """The world's axes along which the steps of a row are equal: not along the axis of a hole or shaft."""
+    if AXES_OF[KINDS[numbers.kinds[leaf]]] != ("z",):
+        return [0, 1, 2]
+    own = _world_axis(numbers.rotations[leaf][:, 2])
+    return [] if own is None else [a for a in range(3) if a != own]

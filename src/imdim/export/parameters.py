@@ -1,0 +1,175 @@
+"""Numbers of a program as named parameters and expressions of them, so that editing one name moves all that follows.
+
+Constraints among leaves whose axes lie along the world's are linear in sizes and centres. `elimination` writes as many of these as it
+can in terms of the others; those that others need get names. What no constraint ties stays a number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+from imdim.export.elimination import System, Turn, vector
+from imdim.export.numbers import Rounding, plain
+from imdim.program.constraints import Constraint
+from imdim.program.roles import labels, signs, size_word, unique
+from imdim.program.tree import Primitive, Program, leaves
+
+LARGEST_PART = 12  # a fraction with a larger denominator is none that a person would write
+ZERO = 1e-9
+
+
+@dataclass(frozen=True)
+class Term:
+    """``coefficient * name``, times the cosine or sine of `turn` if there is one."""
+
+    name: str
+    coefficient: Fraction
+    turn: Turn | None = None
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A sum of terms and a constant."""
+
+    terms: tuple[Term, ...]
+    constant: float
+
+
+# How a language writes the cosine or sine of degrees: (function, number) -> text
+Trigonometry = Callable[[str, str], str]
+
+
+def openscad_degrees(function: str, degrees: str) -> str:
+    return f"{function}({degrees})"
+
+
+def python_degrees(function: str, degrees: str) -> str:
+    return f"{function}(radians({degrees}))"
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """`values` of the names in the order of the text; for each leaf the expressions of its sizes and of its centre."""
+
+    values: dict[str, float] = field(default_factory=dict)
+    sizes: tuple[tuple[Expression, ...], ...] = ()
+    centers: tuple[tuple[Expression, ...], ...] = ()
+
+    @staticmethod
+    def none(program: Program) -> Parameters:
+        """No names: each number stands for itself."""
+        parts = list(leaves(program))
+        return Parameters({}, tuple(_plain(p.size) for p in parts), tuple(_plain(p.center) for p in parts))
+
+    @property
+    def turns(self) -> bool:
+        """Whether an expression needs a cosine or sine."""
+        return any(t.turn for row in (*self.sizes, *self.centers) for e in row for t in e.terms)
+
+    def uses(self) -> dict[str, int]:
+        """How many numbers follow each name."""
+        out = dict.fromkeys(self.values, 0)
+        for expression in (e for row in (*self.sizes, *self.centers) for e in row):
+            for name in {t.name for t in expression.terms}:
+                out[name] += 1
+        return out
+
+    def lines(self, rounding: Rounding, end: str = "") -> list[str]:
+        """``name = value`` for each name."""
+        return [f"{name} = {rounding.size(value)}{end}" for name, value in self.values.items()]
+
+
+def _plain(values: Sequence[float]) -> tuple[Expression, ...]:
+    return tuple(Expression((), v) for v in values)
+
+
+def written(expression: Expression, number: Callable[[float], str], degrees: Trigonometry) -> str:
+    """The sum as OpenSCAD and Python read it; `number` rounds the constant."""
+    if not expression.terms:
+        return number(expression.constant)
+    constant = number(expression.constant)
+    parts = [_term(t, degrees) for t in expression.terms] + ([constant] if abs(float(constant)) > 0 else [])
+    return " + ".join(parts).replace("+ -", "- ")
+
+
+def _term(term: Term, degrees: Trigonometry) -> str:
+    size = abs(term.coefficient)
+    text = term.name if size.numerator == 1 else f"{size.numerator}*{term.name}"
+    text += "" if size.denominator == 1 else f"/{size.denominator}"
+    if term.turn is not None:
+        text += "*" + degrees(term.turn.function, plain(round(term.turn.degrees, 9)))
+    return ("-" if term.coefficient < 0 else "") + text
+
+
+def parametrise(program: Program, constraints: Sequence[Constraint], delivered: Program) -> Parameters:
+    """Names and expressions for the numbers of `delivered`, from constraints that hold for `program`.
+
+    Both have the same leaves but for what `overshoot` and rounding changed, which becomes a constant of the expression.
+    """
+    system = System.of(program, constraints)
+    solved = {v: terms for v, row in system.solve().items() if (terms := _terms(row, system)) is not None}
+    names = _names(program, constraints, system, solved)
+    after = vector(list(leaves(delivered)))
+    built = [_expression(v, float(value), system, solved, names) for v, value in enumerate(after)]
+    parts = list(leaves(delivered))
+    return Parameters(
+        {name: float(system.start[v]) for v, name in names.items()},
+        tuple(tuple(built[6 * i + c] for c in range(len(p.size))) for i, p in enumerate(parts)),
+        tuple(tuple(built[6 * i + 3 + c] for c in range(3)) for i in range(len(parts))),
+    )
+
+
+_Solved = dict[int, list[tuple[int, Fraction, Turn | None]]]
+
+
+def _terms(row: dict[int, float], system: System) -> list[tuple[int, Fraction, Turn | None]] | None:
+    """The coefficients as a person would write them, or None; a place that is 0 is left out."""
+    out: list[tuple[int, Fraction, Turn | None]] = []
+    for v, coefficient in sorted(row.items(), key=lambda item: _rank(item[0], system)):
+        if system.is_origin(v):
+            continue
+        fraction = Fraction(coefficient).limit_denominator(LARGEST_PART)
+        if abs(float(fraction) - coefficient) < ZERO:
+            out.append((v, fraction, None))
+            continue
+        turn = next((t for t in system.turns if abs(abs(t.value) / 2 - abs(coefficient)) < ZERO), None)
+        if turn is None or not system.is_diameter(v):
+            return None
+        out.append((v, Fraction(1, 2) if (turn.value > 0) == (coefficient > 0) else Fraction(-1, 2), turn))
+    return out
+
+
+def _rank(v: int, system: System) -> tuple[bool, bool, int]:
+    """Places first, sizes after them, spacings and diameters last."""
+    return v >= system.extra, v % 6 < 3, v
+
+
+def _expression(v: int, value: float, system: System, solved: _Solved, names: dict[int, str]) -> Expression:
+    terms = solved.get(v, [(v, Fraction(1), None)] if v in names else [])
+    known = sum(float(c) * (t.value if t else 1.0) * float(system.start[w]) for w, c, t in terms)
+    constant = value - known
+    tiny = ZERO * max(abs(value), system.length)
+    return Expression(tuple(Term(names[w], c, t) for w, c, t in terms), 0.0 if terms and abs(constant) < 10 * tiny else constant)
+
+
+def _names(program: Program, constraints: Sequence[Constraint], system: System, solved: _Solved) -> dict[int, str]:
+    """Names of the free numbers that others need, and of the first leaf's sizes; in the order of the text."""
+    parts, label, sign = list(leaves(program)), labels(program, constraints), signs(program)
+    needed = {w for row in solved.values() for w, _, _ in row} | {c for c in range(len(parts[0].size)) if c not in solved}
+    taken: set[str] = set(RESERVED)
+    return {v: unique(_name(v, system, parts, label, sign), taken) for v in sorted(needed, key=lambda v: (v >= system.extra, v))}
+
+
+# Words that mean something else in OpenSCAD or in the Python script.
+RESERVED = ("part", "scale", "sin", "cos", "radians", "export_step")
+
+
+def _name(v: int, system: System, parts: Sequence[Primitive], label: Sequence[str], sign: Sequence[int]) -> str:
+    if v >= system.extra:
+        leaf, word = system.extras[v - system.extra]
+        return "bolt_circle" if word == "circle" and label[leaf].startswith("hole") else f"{label[leaf]}_{word}"
+    leaf, column = divmod(v, 6)
+    word = size_word(parts[leaf], column, sign[leaf], label[leaf]) if column < 3 else "xyz"[column - 3]
+    return f"{label[leaf]}_{word}"

@@ -1,0 +1,118 @@
+"""Names that say what primitives and their sizes are for: plate_thickness, hole_radius, boss_height.
+
+A role follows from the kind of a primitive, whether it adds or cuts, and whether it comes first. Primitives of one role whose leading
+sizes are constrained to be equal share a label; the next group of that role is hole2, boss2 and so on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+from imdim.program.constraints import WORLD, Constraint, Ref
+from imdim.program.tree import SIZE_NAMES, Primitive, Program, fold, leaves
+
+FLAT = 0.35  # a first box thinner than this share of its next edge is a plate
+
+_ADDS: Mapping[str, str] = {"box": "block", "cylinder": "boss", "cone": "cone", "sphere": "ball", "torus": "ring", "ellipsoid": "dome"}
+_CUTS: Mapping[str, str] = {
+    "box": "pocket",
+    "cylinder": "hole",
+    "cone": "countersink",
+    "sphere": "dimple",
+    "torus": "groove",
+    "ellipsoid": "hollow",
+}
+_SIZES: Mapping[str, tuple[str, ...]] = {
+    "box": ("length", "width", "height"),
+    "sphere": ("radius",),
+    "cylinder": ("radius", "height"),
+    "cone": ("bottom_radius", "top_radius", "height"),
+    "torus": ("ring_radius", "tube_radius"),
+    "ellipsoid": ("x_radius", "y_radius", "z_radius"),
+}
+
+
+def signs(program: Program) -> list[int]:
+    """+1 for each leaf that adds, -1 for each that cuts, in order."""
+    return fold(program, lambda _, __: [1], {"union": list.__add__, "intersection": list.__add__, "difference": _negated})
+
+
+def _negated(keep: list[int], cut: list[int]) -> list[int]:
+    return keep + [-sign for sign in cut]
+
+
+def labels(program: Program, constraints: Iterable[Constraint] = ()) -> list[str]:
+    """One label per leaf, in order."""
+    parts = list(leaves(program))
+    roles = [_role(i, p, sign) for i, (p, sign) in enumerate(zip(parts, signs(program), strict=True))]
+    leading = {Ref(i, SIZE_NAMES[p.kind][0]): i for i, p in enumerate(parts)}
+    group = list(range(len(parts)))
+    for constraint in constraints:
+        if constraint.kind == "equal":
+            same = [leading[ref] for ref in constraint.of if ref in leading]
+            group = [min(same) if i in same else g for i, g in enumerate(group)]
+    heads: dict[str, list[int]] = {}
+    for role, head in zip(roles, group, strict=True):
+        if head not in heads.setdefault(role, []):
+            heads[role].append(head)
+    numbers = [heads[role].index(head) + 1 for role, head in zip(roles, group, strict=True)]
+    return [role + (str(n) if n > 1 else "") for role, n in zip(roles, numbers, strict=True)]
+
+
+def _role(number: int, p: Primitive, sign: int) -> str:
+    if number == 0 and p.kind == "box":
+        return "plate" if min(p.size) < FLAT * sorted(p.size)[1] else "body"
+    if number == 0 and p.kind == "cylinder":
+        return "disc" if p.size[1] < p.size[0] else "shaft"
+    return (_ADDS if sign > 0 else _CUTS)[p.kind]
+
+
+def size_word(p: Primitive, column: int, sign: int, label: str) -> str:
+    """What size number `column` of a leaf is called."""
+    if label.startswith("plate") and column == p.size.index(min(p.size)):
+        return "thickness"
+    word = _SIZES[p.kind][column]
+    return "depth" if word == "height" and sign < 0 and p.kind != "box" else word
+
+
+def named(constraints: Sequence[Constraint], program: Program) -> tuple[Constraint, ...]:
+    """The constraints with a name each, no two alike."""
+    parts, label, sign = list(leaves(program)), labels(program, constraints), signs(program)
+    taken: set[str] = set()
+    out: list[Constraint] = []
+    for constraint in constraints:
+        name = unique(_name(constraint, parts, label, sign), taken)
+        out.append(replace(constraint, name=name))
+    return tuple(out)
+
+
+def unique(name: str, taken: set[str]) -> str:
+    """`name`, or `name` with the first free number from 2; it is taken from now on."""
+    number = 1
+    while (candidate := name if number == 1 else f"{name}_{number}") in taken:
+        number += 1
+    taken.add(candidate)
+    return candidate
+
+
+def _name(c: Constraint, parts: Sequence[Primitive], label: Sequence[str], sign: Sequence[int]) -> str:
+    who = "_".join(dict.fromkeys("frame" if ref.leaf == WORLD else label[ref.leaf] for ref in c.of[:3]))
+    if c.kind in ("equal", "value"):
+        leaf = c.of[0].leaf
+        column = SIZE_NAMES[parts[leaf].kind].index(c.of[0].feature)
+        return f"{label[leaf]}_{size_word(parts[leaf], column, sign[leaf], label[leaf])}"
+    return f"{who}_{_WORDS[c.kind]}"
+
+
+_WORDS: Mapping[str, str] = {
+    "parallel": "parallel",
+    "perpendicular": "square",
+    "coplanar": "flush",
+    "aligned": "level",
+    "coaxial": "coaxial",
+    "concentric": "concentric",
+    "symmetric": "pair",
+    "linear": "row",
+    "circular": "circle",
+}
