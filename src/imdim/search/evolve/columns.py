@@ -64,9 +64,11 @@ class Columns:
             rows = self._row[ids]
         return rows
 
-    def rows_of(self, primitives: Iterable[Primitive]) -> np.ndarray:
-        """The rows [k] of some primitives."""
-        return self.rows(np.array([self.registry.id(p) for p in primitives], np.int64))
+    def of(self, primitives: Iterable[Primitive]) -> np.ndarray:
+        """The rows' content [k, ...] for some primitives."""
+        # the table may be replaced by a longer one when rows are asked for
+        rows = self.rows(np.array([self.registry.id(p) for p in primitives], np.int64))
+        return self.table[rows]
 
     def unpacked(self, words: np.ndarray) -> np.ndarray:
         """Bits [..., w] as bool [..., n]."""

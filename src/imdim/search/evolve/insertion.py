@@ -82,7 +82,7 @@ def cells_of(program: Program, scene: Scene) -> dict[Primitive, np.ndarray]:
     columns = scene.cells
     assert columns is not None
     parts = list(leaves(program))
-    return dict(zip(parts, columns.unpacked(columns.table[columns.rows_of(parts)]), strict=True))
+    return dict(zip(parts, columns.unpacked(columns.of(parts)), strict=True))
 
 
 def weighted_gain(scene: Scene, weights: tuple[float, float]) -> np.ndarray:

@@ -153,12 +153,13 @@ def _other_kind(leaf: Primitive, rng: np.random.Generator) -> Primitive | None:
     turn = list(_TURNS[rng.integers(3)])
     x, y, z = np.array(_EXTENTS[leaf.kind](leaf.size))[turn].tolist()
     width, taper = min(x, y) / 2, float(rng.uniform(0, 1))
+    tube = min(z, width) / 2
     size = {
         "box": (x, y, z),
         "sphere": (min(x, y, z) / 2,),
         "cylinder": (width, z),
         "cone": (width, taper * width, z) if rng.random() < 0.5 else (taper * width, width, z),
-        "torus": (max(width - z / 2, z / 2), z / 2),
+        "torus": (width - tube, tube),
     }[kind]
     rotation = euler_from_matrix(matrix_from_euler(leaf.rotation)[:, turn])
     return checked(lambda: Primitive(kind, size, leaf.center, rotation))

@@ -1,0 +1,32 @@
+"""Scenes of planted parts: their families, samples labelled by the program itself, and points of its exact surface."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import trimesh
+from tests.planted import PARTS, mesh_of
+from tests.search.planted_families import arrangement_of
+
+from imdim.geometry import kernels
+from imdim.program.tree import Program
+from imdim.search.cells import compressed, label_samples
+from imdim.search.evolve.fitness import Evidence, FitnessConfig, Scorer
+from imdim.search.evolve.scene import Scene
+from imdim.search.families import Families
+
+
+def scene_of(program: Program, count: int = 20_000, detected: bool = True) -> Scene:
+    arrangement = arrangement_of(program)
+    samples = label_samples(arrangement, lambda p: kernels.inside(program, p).astype(float), count, np.random.default_rng(7))
+    mesh = mesh_of(program)
+    surface = trimesh.sample.sample_surface(mesh, 1000, seed=3)[0]
+    evidence = Evidence(surface, float(mesh.area), samples.points, samples.w_in, samples.w_out)
+    families = Families(arrangement, compressed(arrangement, samples)) if detected else None
+    return Scene(Scorer(evidence, FitnessConfig(capacity=512)), arrangement.outer, families)
+
+
+@cache
+def planted_scene(name: str) -> Scene:
+    return scene_of(PARTS[name])
