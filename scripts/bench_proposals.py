@@ -16,6 +16,7 @@ import torch
 
 from imdim.data.solids import from_sequences
 from imdim.data.synthesize import SynthesisConfig, synthesize
+from imdim.geometry.axes import main_axes
 from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.learn.measure import written_programs
@@ -96,7 +97,7 @@ def row(sigma: float, change: str, args: argparse.Namespace) -> str:
     for truth, cloud in targets(args.n, *args.primitives, args.noise, args.seed):
         candidates = [spoilt(truth, sigma, change, rng) for _ in range(args.k)]
         start = time.perf_counter()
-        found = settle(candidates, cloud)[0]
+        found = settle(candidates, cloud, main_axes(cloud))[0]
         seconds.append(time.perf_counter() - start)
         exact = to_program(truth)
         before.append(max(iou(to_program(c), exact) for c in candidates[:4]))

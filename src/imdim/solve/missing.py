@@ -1,7 +1,8 @@
-"""Primitives that a sequence lacks, guessed from the points that its surface does not explain.
+"""Primitives that a sequence lacks, guessed from points that its surface does not explain and from surface without points.
 
 Points inside the solid lie on walls of cuts that are missing, points outside on parts that are missing. Each connected group of them
-offers a box, a sphere and a cylinder along each axis of the part; what they are worth is for the caller to find out.
+offers a box, a sphere and a cylinder along each axis of the part. Surface without points is where a cut has taken it away: each such
+region offers a box and a cylinder that go through the part. What guesses are worth is for the caller to find out.
 """
 
 from __future__ import annotations
@@ -12,9 +13,11 @@ import numpy as np
 from numba import njit
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
 from imdim.geometry import kernels
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler
+from imdim.geometry.sampling import surface_points
 from imdim.program.tree import Primitive, Program
 from imdim.solve.pool import Cloud
 
@@ -22,6 +25,8 @@ LEAST = 8  # points of a group
 MOST_GROUPS = 6
 LINKED = 2.2  # spacings between neighbours of a group
 LOOK = 0.03  # of the diagonal: how far an end looks, and how much longer it becomes
+SAMPLED = 1500  # points of the program's surface that are looked at
+BARE = 1.2  # spacings to the nearest point
 TRIALS = 60  # circles and balls through random points
 
 
@@ -33,22 +38,70 @@ def missing(program: Program, cloud: Cloud, axes: np.ndarray, off: float) -> lis
         for group in _groups(np.flatnonzero(here), cloud):
             for guess in _guesses(cloud.points[group], axes, off, cloud.spacing):
                 out += [(reached, positive) for reached in _reaching(guess, program, positive, cloud.diagonal)]
+    return out + [(guess, False) for guess in _through(program, cloud, axes)]
+
+
+def whole(cloud: Cloud, axes: np.ndarray) -> list[Primitive]:
+    """What the whole cloud would be as one primitive."""
+    return _guesses(cloud.points, axes, 0.03 * cloud.diagonal, cloud.spacing)
+
+
+def trimmed(primitive: Primitive, points: np.ndarray) -> list[Primitive]:
+    """The primitive made as short, and as slim, as the `points` [m, 3] that it explains: a face beyond them has nothing to hold it."""
+    if primitive.kind == "sphere" or len(points) < LEAST:
+        return []
+    rotation = matrix_from_euler(primitive.rotation)
+    local = (points - primitive.center) @ rotation
+    out = []
+    for k, slot in ((0, 0), (1, 1), (2, 2)) if primitive.kind == "box" else ((2, 1),):
+        low, high = np.quantile(local[:, k], (0.003, 0.997))
+        x, y, z = (np.array(primitive.center) + (low + high) / 2 * rotation[:, k]).tolist()
+        size = [*primitive.size]
+        size[slot] = max(float(high - low), 1e-3 * size[slot])
+        out.append(replace(primitive, size=tuple(size), center=(x, y, z)))
+    if primitive.kind == "cylinder":
+        radius = float(np.quantile(np.hypot(local[:, 0], local[:, 1]), 0.995))
+        out.append(replace(primitive, size=(radius, primitive.size[1])))
     return out
 
 
 def _groups(index: np.ndarray, cloud: Cloud) -> list[np.ndarray]:
     """Connected groups of the points `index` [m], the largest first."""
-    if len(index) < LEAST:
+    return [index[g] for g in _linked(cloud.points[index], LINKED * cloud.spacing)]
+
+
+def _linked(points: np.ndarray, reach: float) -> list[np.ndarray]:
+    """Indices of the largest connected groups of `points` [n, 3]."""
+    if len(points) < LEAST:
         return []
-    pairs = cloud.tree.query_pairs(LINKED * cloud.spacing, output_type="ndarray")
-    place = np.full(len(cloud.points), -1)
-    place[index] = np.arange(len(index))
-    a, b = place[pairs].T
-    both = (a >= 0) & (b >= 0)
-    links = coo_matrix((np.ones(int(both.sum())), (a[both], b[both])), shape=(len(index), len(index)))
+    a, b = KDTree(points).query_pairs(reach, output_type="ndarray").T
+    links = coo_matrix((np.ones(len(a)), (a, b)), shape=(len(points), len(points)))
     label = connected_components(links, directed=False)[1]
     sizes = np.bincount(label)
-    return [index[label == i] for i in np.argsort(-sizes, kind="stable")[:MOST_GROUPS] if sizes[i] >= LEAST]
+    return [np.flatnonzero(label == i) for i in np.argsort(-sizes, kind="stable")[:MOST_GROUPS] if sizes[i] >= LEAST]
+
+
+def _through(program: Program, cloud: Cloud, axes: np.ndarray) -> list[Primitive]:
+    """Cuts where the surface of `program` bears no points, through the whole part and from there to its middle."""
+    points, normals = surface_points(program, SAMPLED, np.random.default_rng(0))
+    if not len(points):
+        return []
+    bare = cloud.tree.query(points, distance_upper_bound=2 * cloud.spacing)[0] > BARE * cloud.spacing
+    points, normals = points[bare], normals[bare]
+    low, high = (cloud.points @ axes).min(0) - LOOK * cloud.diagonal, (cloud.points @ axes).max(0) + LOOK * cloud.diagonal
+    out: list[Primitive] = []
+    for group in _linked(points, LINKED * cloud.spacing):
+        local, normal = points[group] @ axes, (normals[group] @ axes).mean(0)
+        k = int(np.abs(normal).argmax())
+        # the rim of the region has points nearby
+        bottom, top = local.min(0) - 0.7 * cloud.spacing, local.max(0) + 0.7 * cloud.spacing
+        for ends in ((low[k], high[k]), (bottom[k], high[k]) if normal[k] > 0 else (low[k], top[k])):
+            bottom[k], top[k] = ends
+            size, middle = top - bottom, (bottom + top) / 2
+            out.append(_placed("box", tuple(size), middle, axes))
+            radius = float(np.delete(size, k).mean()) / 2
+            out.append(_placed("cylinder", (radius, size[k]), middle, axes, frame_from_axis(axes[:, k])))
+    return out
 
 
 def _guesses(points: np.ndarray, axes: np.ndarray, off: float, spacing: float) -> list[Primitive]:
@@ -85,7 +138,8 @@ def _round(points: np.ndarray, off: float) -> tuple[np.ndarray, float, np.ndarra
         return None
     centers = np.linalg.solve(matrix[proper], (square[:, 1:] - square[:, :1])[proper][..., None])[..., 0]
     radii = np.linalg.norm(chosen[proper, 0] - centers, axis=1)
-    small = radii < 1.5 * np.linalg.norm(np.ptp(points, axis=0))
+    largest = 1.5 * float(np.linalg.norm(np.ptp(points, axis=0)))
+    small = radii < largest
     if not small.any():
         return None
     best = _most_borne(points, centers[small], radii[small], 0.5 * off)
@@ -97,7 +151,7 @@ def _round(points: np.ndarray, off: float) -> tuple[np.ndarray, float, np.ndarra
         # Kasa (1976): |p|^2 = 2 p.c + (r^2 - |c|^2) is linear
         solution = np.linalg.lstsq(np.column_stack([2 * points[on], np.ones(on.sum())]), (points[on] ** 2).sum(1), rcond=None)[0]
         squared = solution[d] + (solution[:d] ** 2).sum()
-        if squared <= 0:
+        if not 0 < squared < largest**2:
             return None
         center, radius = solution[:d], float(np.sqrt(squared))
     return center, radius, on

@@ -15,7 +15,6 @@ from numba import njit
 from scipy.spatial import KDTree
 
 from imdim.geometry import kernels
-from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sampling import leaf_surface
 from imdim.geometry.surface_map import surface_area
 from imdim.program.tree import KINDS, Combine, Primitive, Program, leaves
@@ -32,7 +31,8 @@ class PoolConfig:
     surface_weight: float = 1.0  # of surface without points, where points without surface have 1
     gap: float = 3e-3  # sheets nearer than this are one
     samples: int = 160  # of each primitive's surface
-    rounds: int = 12  # of local search
+    rounds: int = 16  # of local search
+    longest: int = 16  # primitives of a sequence
 
 
 @dataclass(frozen=True)
@@ -84,37 +84,48 @@ def with_numbers(signed: Signed, program: Program) -> Signed:
 
 @dataclass(frozen=True)
 class Pool:
-    """`primitives`, their `signed distances` [p, n] to the cloud, and the samples of their surfaces that no point bears out: `weight` [s]
-    (share of the cloud's area), and which primitives hold the places just `behind` and `ahead` of them, [p, s]; those of primitive i
-    are `starts[i]` to `starts[i + 1]`."""
+    """`primitives`, their signed distances `table` [p, n] to the cloud with gradients `normals` [p, n, 3], and the samples of their
+    surfaces that no point bears out: `weight` [s] (share of the cloud's area), and which primitives hold the places just `behind` and
+    `ahead` of them, [p, s]; those of primitive i are `starts[i]` to `starts[i + 1]`."""
 
     primitives: tuple[Primitive, ...]
     table: np.ndarray
+    normals: np.ndarray
     starts: np.ndarray
     weight: np.ndarray
     behind: np.ndarray
     ahead: np.ndarray
     explained: float
+    gap: float
     price: float
 
     @staticmethod
     def of(primitives: Sequence[Primitive], cloud: Cloud, config: PoolConfig, count: int = 768) -> Pool:
         """The pool over `count` points of the cloud."""
-        kinds = np.array([KINDS.index(p.kind) for p in primitives])
-        params = np.array([(*p.size, *(0.0,) * (3 - len(p.size)), *p.center, *p.rotation) for p in primitives])
-        table = kernels.leaf_table(kinds, params, cloud.thinned(count))
+        kinds, params = _packed(primitives)
+        seen, step = cloud.thinned(count), 1e-5 * cloud.diagonal
+        table = kernels.leaf_table(kinds, params, seen)
+        ahead_of = [kernels.leaf_table(kinds, params, seen + step * axis) for axis in np.eye(3)]
+        gradients = (np.stack(ahead_of, -1) - table[..., None]) / step
         points, normals, weight, starts = _unborne(primitives, cloud, config)
-        step = config.gap * cloud.diagonal * normals
-        behind, ahead = (kernels.leaf_table(kinds, params, points + side) < 0 for side in (-step, step))
-        explained = config.explained * cloud.diagonal
+        gap = config.gap * cloud.diagonal
+        behind, ahead = (kernels.leaf_table(kinds, params, points + side * normals) < 0 for side in (-gap, gap))
         weight = weight * config.surface_weight
-        return Pool(tuple(primitives), table.astype(np.float32), starts, weight, behind, ahead, explained, config.price)
+        explained = config.explained * cloud.diagonal
+        arrays = table.astype(np.float32), gradients.astype(np.float32), starts, weight, behind, ahead
+        return Pool(tuple(primitives), *arrays, explained, gap, config.price)
 
     def cost(self, chosen: Choice) -> float:
-        """Of a sequence of (index, sign); 1 for nothing."""
-        index, sign = np.array([i for i, _ in chosen], np.int64), np.array([s for _, s in chosen], np.bool_)
-        shares = _shares(index, sign, self.table, self.starts, self.weight, self.behind, self.ahead, self.explained)
-        return shares + self.price * len(chosen)
+        """Of a sequence of (index, sign)."""
+        return float(self.costs([chosen])[0])
+
+    def costs(self, choices: Sequence[Choice], limit: float = np.inf) -> np.ndarray:
+        """Of each choice; infinite where `limit` is reached."""
+        width = max(map(len, choices), default=0)
+        padded = [[*c, *((-1, False),) * (width - len(c))] for c in choices]
+        both = np.array(padded, np.int64).reshape(len(choices), width, 2)
+        arrays = self.table, self.normals, self.starts, self.weight, self.behind, self.ahead
+        return _costs(both[..., 0], both[..., 1] > 0, *arrays, self.explained, self.gap, self.price, limit)
 
     def signed(self, chosen: Choice) -> Signed:
         return tuple((self.primitives[i], s) for i, s in chosen)
@@ -139,48 +150,92 @@ def _unborne(primitives: Sequence[Primitive], cloud: Cloud, config: PoolConfig) 
 
 
 @njit(nogil=True, cache=True)
-def _shares(index, sign, table, starts, weight, behind, ahead, explained):  # pragma: no cover - compiled
-    k = len(index)
+def _costs(index, sign, table, normals, starts, weight, behind, ahead, explained, gap, price, limit):  # pragma: no cover - compiled
+    out = np.full(len(index), np.inf)
+    for i in range(len(index)):
+        k = 0
+        while k < index.shape[1] and index[i, k] >= 0:
+            k += 1
+        cost = price * k + _bare_share(index[i, :k], sign[i, :k], starts, weight, behind, ahead)
+        if cost < limit:
+            cost += _unexplained_share(index[i, :k], sign[i, :k], table, normals, explained, gap, limit - cost)
+        if cost < limit:
+            out[i] = cost
+    return out
+
+
+@njit(nogil=True, cache=True)
+def _bare_share(index, sign, starts, weight, behind, ahead):  # pragma: no cover - compiled
     total = 0.0
-    for j in range(table.shape[1]):
-        value = explained
-        for t in range(k):
-            v = table[index[t], j]
-            value = min(value, v) if sign[t] else max(value, -v)
-        total += min(abs(value), explained)
-    cost = total / (explained * table.shape[1])
-    for t in range(k):
+    for t in range(len(index)):
         for s in range(starts[index[t]], starts[index[t] + 1]):
             within, without = False, False
-            for u in range(k):
+            for u in range(len(index)):
                 if behind[index[u], s]:
                     within = sign[u]
                 if ahead[index[u], s]:
                     without = sign[u]
             if within != without:
-                cost += weight[s]
-    return cost
+                total += weight[s]
+    return total
 
 
-def best_choice(pool: Pool, start: Choice, config: PoolConfig, widths: tuple[str, ...] = ("own", "pool")) -> tuple[Choice, float]:
-    """Local search: of all single changes the best, until none lowers the cost. Changes within the sequence come before those
-    that look at the whole pool."""
+@njit(nogil=True, cache=True)
+def _unexplained_share(index, sign, table, normals, explained, gap, limit):  # pragma: no cover - compiled
+    """Mean distance to the surface in units of `explained`, 1 beyond; what exceeds `limit` need not be exact."""
+    n, total = table.shape[1], 0.0
+    for j in range(n):
+        value, owner = explained, -1
+        for t in range(len(index)):
+            v = table[index[t], j] if sign[t] else -table[index[t], j]
+            if (v < value) if sign[t] else (v > value):
+                value, owner = v, t
+        off = min(abs(value), explained)
+        if owner >= 0 and off < explained and _is_no_boundary(index, sign, owner, j, table, normals, gap):
+            off = explained
+        total += off
+        if total > limit * explained * n:
+            break
+    return total / (explained * n)
+
+
+@njit(nogil=True, cache=True)
+def _is_no_boundary(index, sign, owner, j, table, normals, gap):  # pragma: no cover - compiled
+    """Whether both sides of the owner's surface at point j are alike: a part and the cut that takes it away share their surface."""
+    own = index[owner]
+    within, without = False, False
+    for u in range(len(index)):
+        i = index[u]
+        slope = 0.0
+        for c in range(3):
+            slope += normals[i, j, c] * normals[own, j, c]
+        at = table[i, j] - table[own, j] * slope
+        if at - gap * slope < 0:
+            within = sign[u]
+        if at + gap * slope < 0:
+            without = sign[u]
+    return within == without
+
+
+def best_choice(pool: Pool, start: Choice, config: PoolConfig) -> tuple[Choice, float]:
+    """Local search: of all single changes the best, until none lowers the cost.
+
+    The whole pool is looked at once; after that only those of its primitives that any change could use.
+    """
     best, cost = start, pool.cost(start)
+    useful = set(range(len(pool.primitives)))
     for _ in range(config.rounds):
-        trials = ((c, pool.cost(c)) for width in widths for c in _MOVES[width](pool, best))
-        improved = _first_half_best(trials, cost, len(best), pool)
-        if improved is None:
-            return best, cost
-        best, cost = improved
+        moves = [(c, -1) for c in _own_moves(best)]
+        moves += [(c, i) for i in useful for c in _uses(i, best) if len(c) <= config.longest]
+        costs = pool.costs([c for c, _ in moves], cost - 1e-9)
+        if not np.isfinite(costs).any():
+            break
+        useful = {moves[j][1] for j in np.flatnonzero(np.isfinite(costs))} - {-1}
+        best, cost = moves[int(costs.argmin())][0], float(costs.min())
     return best, cost
 
 
-def _first_half_best(trials: Iterator[tuple[Choice, float]], cost: float, length: int, pool: Pool) -> tuple[Choice, float] | None:
-    found = min(trials, key=lambda t: t[1], default=None)
-    return found if found is not None and found[1] < cost - 1e-9 else None
-
-
-def _own_moves(_: Pool, chosen: Choice) -> Iterator[Choice]:
+def _own_moves(chosen: Choice) -> Iterator[Choice]:
     """Leave one out, turn a sign, move one to another place."""
     for i, (index, sign) in enumerate(chosen):
         rest = chosen[:i] + chosen[i + 1 :]
@@ -195,35 +250,27 @@ def _own_moves(_: Pool, chosen: Choice) -> Iterator[Choice]:
                 yield moved
 
 
-def _pool_moves(pool: Pool, chosen: Choice) -> Iterator[Choice]:
-    """Put one in at the end or before the closing run of cuts, or in the place of another."""
-    used = {i for i, _ in chosen}
+def _uses(index: int, chosen: Choice) -> Iterator[Choice]:
+    """Put one primitive in at the end or before the closing run of cuts, or in the place of another."""
+    if any(i == index for i, _ in chosen):
+        return
     closing = len(chosen)
     while closing and not chosen[closing - 1][1]:
         closing -= 1
-    for index in range(len(pool.primitives)):
-        if index in used:
-            continue
-        for sign in (True, False):
-            for at in {closing, len(chosen)}:
-                if at or sign:
-                    yield (*chosen[:at], (index, sign), *chosen[at:])
-        for i, (_, sign) in enumerate(chosen):
-            yield (*chosen[:i], (index, sign), *chosen[i + 1 :])
-
-
-_MOVES = {"own": _own_moves, "pool": _pool_moves}
+    for at in sorted({closing, len(chosen)}):
+        yield (*chosen[:at], (index, True), *chosen[at:])
+        yield (*chosen[:at], (index, False), *chosen[at:])
+    for i, (_, sign) in enumerate(chosen):
+        yield (*chosen[:i], (index, sign), *chosen[i + 1 :])
 
 
 def _proper(chosen: Choice) -> bool:
     return bool(chosen) and chosen[0][1]
 
 
-def distinct(primitives: Sequence[Primitive], cloud: Cloud, tolerance: float = 2e-3, count: int = 200) -> list[Primitive]:
+def distinct(primitives: Sequence[Primitive], cloud: Cloud, tolerance: float = 5e-4, count: int = 200) -> list[Primitive]:
     """Without those whose distances to the cloud are, on average, within `tolerance` of the diagonal of an earlier one's."""
-    kinds = np.array([KINDS.index(p.kind) for p in primitives])
-    params = np.array([(*p.size, *(0.0,) * (3 - len(p.size)), *p.center, *p.rotation) for p in primitives])
-    table = kernels.leaf_table(kinds, params, cloud.thinned(count)).astype(np.float32)
+    table = kernels.leaf_table(*_packed(primitives), cloud.thinned(count)).astype(np.float32)
     kept: list[int] = []
     for i in range(len(primitives)):
         if not kept or float(np.abs(table[kept] - table[i]).mean(1).min()) > tolerance * cloud.diagonal:
@@ -231,6 +278,6 @@ def distinct(primitives: Sequence[Primitive], cloud: Cloud, tolerance: float = 2
     return [primitives[i] for i in kept]
 
 
-def axes_of(primitive: Primitive) -> np.ndarray:
-    """Local to world [3, 3]."""
-    return matrix_from_euler(primitive.rotation)
+def _packed(primitives: Sequence[Primitive]) -> tuple[np.ndarray, np.ndarray]:
+    kinds = np.array([KINDS.index(p.kind) for p in primitives])
+    return kinds, np.array([(*p.size, *(0.0,) * (3 - len(p.size)), *p.center, *p.rotation) for p in primitives])

@@ -13,9 +13,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from imdim.geometry import kernels
-from imdim.geometry.rotations import matrix_from_euler
+from imdim.geometry.axes import SYMMETRIES
+from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler
 from imdim.program.tree import Primitive, Program
-from imdim.solve.missing import missing
+from imdim.solve.missing import missing, trimmed, whole
 from imdim.solve.pool import Choice, Cloud, Pool, PoolConfig, Signed, best_choice, distinct, to_program, with_numbers
 from imdim.solve.refine import RefineConfig, refine
 
@@ -29,6 +30,7 @@ class ProposalConfig:
     seen: int = 768  # points of the quick fits and of the pool
     most: int = 2048  # points of the last fit
     pool_limit: int = 48
+    level_deg: float = 12.0  # a primitive this near to the part's directions is also tried along them
     first: RefineConfig = field(default_factory=lambda: RefineConfig(adam_steps=0, newton_steps=14, start_scale=0.06))
     again: RefineConfig = field(default_factory=lambda: RefineConfig(adam_steps=0, newton_steps=14, start_scale=0.03))
     last: RefineConfig = field(default_factory=lambda: RefineConfig(adam_steps=0, newton_steps=40, start_scale=0.02))
@@ -57,7 +59,9 @@ def settle(
     config = config or ProposalConfig()
     cloud = Cloud.of(points[:: max(1, len(points) // config.most)])
     axes = np.eye(3) if axes is None else axes
-    starts = list(dict.fromkeys(c for c in candidates if c and c[0][1]))
+    given = [c for c in candidates if c and c[0][1]]
+    level = [tuple((_levelled(p, axes, config.level_deg), s) for p, s in c) for c in given]
+    starts = list(dict.fromkeys([*level, *given, *(((p, True),) for p in whole(cloud, axes))]))
     fitted = [_fitted(s, cloud, config.first, config.seen) for s in starts]
     if not fitted:
         return []
@@ -86,7 +90,8 @@ def _repaired(start: Proposal, lent: Sequence[Primitive], axes: np.ndarray, clou
     best = start
     for _ in range(config.rounds):
         guesses = missing(best.program, cloud, axes, _off(best.program, cloud))
-        chosen = _chosen(best.signed, [*lent, *(p for p, _ in guesses)], cloud, config)
+        varied = _varied(best, axes, cloud, config)
+        chosen = _chosen(best.signed, [*varied, *lent, *(p for p, _ in guesses)], cloud, config)
         fitted = _fitted(chosen, cloud, config.again, config.seen)
         after = _ranked([fitted, chosen], [p for s in (fitted, chosen) for p, _ in s], cloud, config)[0]
         if after.cost >= best.cost - 1e-4:
@@ -94,6 +99,27 @@ def _repaired(start: Proposal, lent: Sequence[Primitive], axes: np.ndarray, clou
         best = after
     last = _fitted(best.signed, cloud, config.last, config.most)
     return _ranked([last, best.signed], [p for s in (last, best.signed) for p, _ in s], cloud, config)[0]
+
+
+def _varied(proposal: Proposal, axes: np.ndarray, cloud: Cloud, config: ProposalConfig) -> list[Primitive]:
+    """The primitives levelled, and trimmed to the points that they explain."""
+    leaf, value, _, _ = kernels.program_tangent(proposal.program, cloud.points)
+    near = np.abs(value) < _off(proposal.program, cloud)
+    level = [_levelled(p, axes, config.level_deg) for p, _ in proposal.signed]
+    return level + [t for i, (p, _) in enumerate(proposal.signed) for t in trimmed(p, cloud.points[near & (leaf == i)])]
+
+
+def _levelled(primitive: Primitive, axes: np.ndarray, most_deg: float) -> Primitive:
+    """Turned into the nearest directions of the part, where these are no further than `most_deg`."""
+    rotation = matrix_from_euler(primitive.rotation)
+    if primitive.kind == "box":
+        near = max((axes @ s for s in SYMMETRIES), key=lambda f: float((f * rotation).sum()))
+        cosine = (float((near * rotation).sum()) - 1) / 2
+    else:
+        along = rotation[:, 2] @ axes
+        k = int(np.abs(along).argmax())
+        near, cosine = frame_from_axis(axes[:, k]), abs(float(along[k]))
+    return replace(primitive, rotation=euler_from_matrix(near)) if cosine > np.cos(np.radians(most_deg)) else primitive
 
 
 def _off(program: Program, cloud: Cloud) -> float:
