@@ -162,7 +162,7 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) ->
         yield last
     if last is None:
         raise InputError(f"{target.name}: no program found")
-    program, constraints = _related(last.program, target, rng)
+    program, constraints = _related(last.program, target)
     front = tuple(replace(c, program=program) if c.program == last.program else c for c in few(last.front, last.program))
     yield Snapshot("finished", program, last.error, clock.seconds(), "budget_spent" if clock.cut else clock.ending, front, constraints)
 
@@ -312,9 +312,9 @@ def _constrained(program: Program, points: np.ndarray) -> Program:
     return found if _mean_distance(found, points) < (1 + RELATE_ERROR) * _mean_distance(program, points) else program
 
 
-def _related(program: Program, target: Target, rng: np.random.Generator) -> tuple[Program, tuple[Constraint, ...]]:
+def _related(program: Program, target: Target) -> tuple[Program, tuple[Constraint, ...]]:
     """The relations that hold for a finished program; its numbers move by rounding alone, or not at all if the target is then missed."""
-    found = exact_relations(program, rng)
+    found = exact_relations(program)
     shown = target.points[:: max(1, len(target.points) // 8192)]
     limit = (1 + RELATE_ERROR) * _mean_distance(program, shown) + RELATE_MOVE * diagonal(shown)
     return (found.program, found.constraints) if _mean_distance(found.program, shown) <= limit else (program, ())

@@ -13,14 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2
 
-from imdim.geometry.constraints import Pose, rows_of
+from imdim.geometry.constraints import Pose, radii, rows_of
 from imdim.geometry.lowering import Lowered, lower
-from imdim.geometry.sampling import surface_points
 from imdim.program.constraints import Constraint
 from imdim.program.roles import named
 from imdim.program.tree import Program
 from imdim.solve.faces import lifted
-from imdim.solve.relations.belief import CUT, Cloud, Shown, covariance, noise_of, normal_equations, prior
+from imdim.solve.relations.belief import CUT, Cloud, Normal, Shown, covariance, noise_of, normal_equations, prior, uniform
 from imdim.solve.relations.directions import relate_directions
 from imdim.solve.relations.hold import fitted, onto, strains
 from imdim.solve.relations.merge import merged
@@ -28,7 +27,6 @@ from imdim.solve.relations.places import Places, proposals
 from imdim.solve.relations.select import Choice
 
 SAME = 1e-10  # what a number moves by rounding, as a share of the part
-EXACT_POINTS = 6000  # of a program's own surface, which say what of it shows
 
 
 @dataclass
@@ -39,7 +37,6 @@ class DiscoverConfig:
     min_support: float = 6.0  # what fewer points show is not shown, as in `refine`
     significance: float = 1e-4  # of the test by which a relation is given up
     reviews: int = 8  # relations that are given up at most
-    fit: bool = True  # fit to the cloud; else the numbers move only as far as the relations need
 
 
 @dataclass(frozen=True)
@@ -68,57 +65,56 @@ def discover(program: Program, points: np.ndarray, *, normals: np.ndarray | None
     cloud = Cloud.of(points, normals)
     start = lower(program)
     noise = max(noise_of(start, cloud), config.floor * cloud.length)
-    taken, dropped = _chosen(start, cloud, config)
-    numbers, cost, before = _solved(start, taken, cloud, noise, config)
+    floor = config.floor * cloud.length
+    shown = Shown.of(start, cloud, floor, config.min_support)
+    metric = normal_equations(start, cloud, CUT * noise)
+    chosen = _chosen(start, covariance(start, cloud, floor), prior(start, cloud.length), shown, metric)
+    taken, dropped = chosen.taken, chosen.dropped
+    numbers, cost, before = _solved(start, taken, cloud, noise)
     for _ in range(config.reviews):
-        worst = _strained(numbers, taken, cloud, noise, config)
+        worst = _strained(numbers, taken, cloud, noise, config.significance)
         if worst is None:
             break
         number, reason = worst
         dropped.append((taken.pop(number), reason))
-        numbers, cost, before = _solved(start, taken, cloud, noise, config)
+        numbers, cost, before = _solved(start, taken, cloud, noise)
     constraints = named(merged(taken), program)
     return Discovery(lifted(program, start, numbers), constraints, tuple(dropped), noise, cost / noise**2, before / noise**2)
 
 
-def exact_relations(program: Program, rng: np.random.Generator, config: DiscoverConfig | None = None) -> Discovery:
-    """Relations that the numbers of a finished program bear out by themselves, to the floor of `config`; none without a surface.
+def exact_relations(program: Program, config: DiscoverConfig | None = None) -> Discovery:
+    """Relations that the numbers of a finished program bear out by themselves, each known to the floor of `config`.
 
-    Numbers move by no more than that. What of the program shows is told by points of its own surface, drawn with `rng`.
+    Numbers move by no more than that. Unlike `discover`, it also sees faces that are hidden where parts meet.
     """
-    points = surface_points(program, EXACT_POINTS, rng)[0]
-    if len(points) == 0:
-        return Discovery(program, (), (), 0.0, 0.0, 0.0)
-    return discover(program, points, config=replace(config or DiscoverConfig(), fit=False))
+    config = config or DiscoverConfig()
+    start = lower(program)
+    length = float(np.linalg.norm(np.ptp(start.centers, axis=0)) + 2 * radii(start).max())
+    k, floor = len(start.kinds), config.floor * length
+    chosen = _chosen(start, floor**2 * np.eye(9 * k), prior(start, length), Shown.everything(start), uniform(k))
+    numbers = _unmoved(start, onto(start, chosen.taken, length, uniform(k)), length)
+    return Discovery(lifted(program, start, numbers), named(merged(chosen.taken), program), tuple(chosen.dropped), floor, 0.0, 0.0)
 
 
-def _chosen(start: Lowered, cloud: Cloud, config: DiscoverConfig) -> tuple[list[Constraint], list[tuple[Constraint, str]]]:
+def _chosen(start: Lowered, spread: np.ndarray, wide: np.ndarray, shown: Shown, metric: Normal) -> Choice:
     """The relations that shorten the description, directions first."""
-    floor = config.floor * cloud.length
-    noise = max(noise_of(start, cloud), floor)
-    spread, wide = covariance(start, cloud, floor), prior(start, cloud.length)
     first = Choice(start, spread, wide)
     directions, accepted = relate_directions(first)
-    numbers = onto(start, accepted, cloud, normal_equations(start, cloud, CUT * noise))
+    length = float(np.sqrt(1 / wide[:, :6].max()))
+    numbers = onto(start, accepted, length, metric)
     choice = Choice(numbers, spread, wide)
     for constraint in accepted:
         choice.accept(constraint)
-    places = Places(Pose.of(numbers), choice.covariance.copy(), Shown.of(start, cloud, floor, config.min_support), directions)
-    choice.greedy(proposals(places))
-    return choice.taken, first.dropped + choice.dropped
+    choice.greedy(proposals(Places(Pose.of(numbers), choice.covariance.copy(), shown, directions)))
+    choice.dropped[:0] = first.dropped
+    return choice
 
 
-def _solved(
-    start: Lowered, taken: Sequence[Constraint], cloud: Cloud, noise: float, config: DiscoverConfig
-) -> tuple[Lowered, float, float]:
+def _solved(start: Lowered, taken: Sequence[Constraint], cloud: Cloud, noise: float) -> tuple[Lowered, float, float]:
     """Numbers and cost under the constraints, and the cost without."""
     scale = CUT * noise
-    free = normal_equations(start, cloud, scale)
-    if config.fit:
-        numbers, cost = fitted(start, taken, cloud, scale)
-        return numbers, cost, min(free.cost, fitted(start, [], cloud, scale)[1])
-    numbers = _unmoved(start, onto(start, taken, cloud, free), cloud.length)
-    return numbers, normal_equations(numbers, cloud, scale).cost, free.cost
+    numbers, cost = fitted(start, taken, cloud, scale)
+    return numbers, cost, min(normal_equations(start, cloud, scale).cost, fitted(start, [], cloud, scale)[1])
 
 
 def _unmoved(before: Lowered, after: Lowered, length: float) -> Lowered:
@@ -131,14 +127,14 @@ def _unmoved(before: Lowered, after: Lowered, length: float) -> Lowered:
     return replace(after, sizes=sizes, centers=centers, rotations=kept(before.rotations, after.rotations, 1.0))
 
 
-def _strained(numbers: Lowered, taken: Sequence[Constraint], cloud: Cloud, noise: float, config: DiscoverConfig) -> tuple[int, str] | None:
+def _strained(numbers: Lowered, taken: Sequence[Constraint], cloud: Cloud, noise: float, significance: float) -> tuple[int, str] | None:
     """The relation that adds most to the cost beyond what noise adds, if any does."""
     if not taken:
         return None
     rows = rows_of(taken, numbers)
     strain = strains(numbers, rows, cloud, noise, len(taken))
     counts = np.bincount(rows.owner, minlength=len(taken))
-    limits = chi2.ppf(1 - config.significance, np.maximum(counts, 1))
+    limits = chi2.ppf(1 - significance, np.maximum(counts, 1))
     worst = int(np.argmax(strain / limits))
     if strain[worst] <= limits[worst]:
         return None

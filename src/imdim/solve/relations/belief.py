@@ -75,6 +75,11 @@ def normal_equations(numbers: Lowered, cloud: Cloud, scale: float) -> Normal:
     return Normal(float((trust * value**2 / (1 + square)).sum()), noise, float(np.sum(weight)), matrix, gradient)
 
 
+def uniform(k: int) -> Normal:
+    """As if one point showed each of the numbers of `k` leaves: a metric in which all lengths weigh alike."""
+    return Normal(0.0, 0.0, 1.0, np.tile(np.eye(9), (k, 1, 1)), np.zeros((k, 9)))
+
+
 def noise_of(numbers: Lowered, cloud: Cloud) -> float:
     """The robust standard deviation of the cloud's distances."""
     return MAD * float(np.median(np.abs(kernels.program_sdf(numbers, cloud.points))))
@@ -123,6 +128,11 @@ class Shown:
         maps = step_maps(numbers)[:, :6, :6]
         support = np.diagonal(maps.transpose(0, 2, 1) @ matrix @ maps, axis1=1, axis2=2)
         return Shown(support >= least, maps)
+
+    @staticmethod
+    def everything(numbers: Lowered) -> Shown:
+        """As if all faces were shown."""
+        return Shown(np.ones((len(numbers.kinds), 6), bool), step_maps(numbers)[:, :6, :6])
 
     def rows(self, slopes: np.ndarray) -> np.ndarray:
         """Whether functions with the derivatives `slopes` [n, 9 k] depend on shown faces alone, bool [n]."""

@@ -68,11 +68,11 @@ def hold(
 
 def fitted(numbers: Lowered, constraints: Sequence[Constraint], cloud: Cloud, scale: float) -> tuple[Lowered, float]:
     """The numbers under the constraints, and their cost at the robust scale `scale`; as near as can be where they conflict."""
-    numbers = onto(numbers, constraints, cloud, normal_equations(numbers, cloud, scale))
+    numbers = onto(numbers, constraints, cloud.length, normal_equations(numbers, cloud, scale))
     damping, now = 1e-3, normal_equations(numbers, cloud, scale)
     for _ in range(STEPS):
         step = _step(now, rows_of(constraints, numbers), damping)
-        trial = onto(shifted(numbers, step), constraints, cloud, now)
+        trial = onto(shifted(numbers, step), constraints, cloud.length, now)
         after = normal_equations(trial, cloud, scale)
         if after.cost > now.cost:
             if damping > 1e3 or np.abs(step).max(initial=0.0) < 1e-9 * cloud.length:
@@ -86,13 +86,13 @@ def fitted(numbers: Lowered, constraints: Sequence[Constraint], cloud: Cloud, sc
     return numbers, now.cost
 
 
-def onto(numbers: Lowered, constraints: Sequence[Constraint], cloud: Cloud, metric: Normal, steps: int = 12) -> Lowered:
+def onto(numbers: Lowered, constraints: Sequence[Constraint], length: float, metric: Normal, steps: int = 12) -> Lowered:
     """The numbers moved onto the constraints by the shortest way in `metric`, which moves least what the points show best."""
     inverse = _inverse(metric, 0.0)
     best, least = numbers, np.inf
     for _ in range(steps):
         rows = rows_of(constraints, numbers)
-        off = float(np.abs(rows.residual).max(initial=0.0)) / cloud.length
+        off = float(np.abs(rows.residual).max(initial=0.0)) / length
         if off < least:
             best, least = numbers, off
         if off <= EXACT:
