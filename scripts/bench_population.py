@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from imdim.search.evolve.fitness import Evidence, FitnessConfig, Scorer
 
 KINDS = ("box", "sphere", "cylinder", "cone", "torus")
 BAR = 20.0
+T = TypeVar("T")
 
 
 def main() -> None:
@@ -55,11 +57,11 @@ def measured(trees: int, primitives: int, points: int, repeat: int) -> dict[str,
     scorer = Scorer(evidence, config)
     scorer.score([random_tree(rng, 2)])
 
-    loop_s, expected = timed(lambda: [plain(p, evidence, config) for p in parents], 1)
+    loop_s, expected = timed(lambda: [plain(p, evidence, config) for p in parents])
     populations = [[random_tree(rng, primitives) for _ in range(trees)] for _ in range(repeat)]
-    cold_s = min(timed(lambda p=p: scorer.score(p), 1)[0] for p in populations)
+    cold_s = min(timed(lambda p=p: scorer.score(p))[0] for p in populations)
     got = [s.error for s in scorer.score(parents)]
-    warm_s = timed(lambda: scorer.score(children), 1)[0]
+    warm_s = timed(lambda: scorer.score(children))[0]
     table_s = min(leaf_table_s(p, evidence, capacity) for p in populations)
     double_s = min(double_table_s(p, evidence) for p in populations)
     return {
@@ -77,13 +79,10 @@ def measured(trees: int, primitives: int, points: int, repeat: int) -> dict[str,
     }
 
 
-def timed(run: Callable[[], object], repeat: int) -> tuple[float, object]:
-    best, value = float("inf"), None
-    for _ in range(repeat):
-        start = time.perf_counter()
-        value = run()
-        best = min(best, time.perf_counter() - start)
-    return best, value
+def timed(run: Callable[[], T]) -> tuple[float, T]:
+    start = time.perf_counter()
+    value = run()
+    return time.perf_counter() - start, value
 
 
 def leaf_table_s(population: list[Program], evidence: Evidence, capacity: int) -> float:
@@ -94,14 +93,14 @@ def leaf_table_s(population: list[Program], evidence: Evidence, capacity: int) -
     for table in tables:
         table.table.fill(0)  # the pages are there, as they are in a run
     ids = np.array([registry.id(part) for part in parts])
-    return timed(lambda: [table.rows(ids) for table in tables], 1)[0]
+    return timed(lambda: [table.rows(ids) for table in tables])[0]
 
 
 def double_table_s(population: list[Program], evidence: Evidence) -> float:
     """The same points through the project's double-precision leaf table, a tree at a time."""
     packed = [pack(p) for p in population]
     both = np.concatenate([evidence.surface, evidence.samples])
-    return timed(lambda: [kernels.leaf_table(kinds, params, both) for kinds, params in packed], 1)[0]
+    return timed(lambda: [kernels.leaf_table(kinds, params, both) for kinds, params in packed])[0]
 
 
 def random_tree(rng: np.random.Generator, count: int) -> Program:

@@ -32,6 +32,8 @@ from imdim.geometry.solid import SEGMENTS, mesh_to_manifold, to_manifold, to_tri
 from imdim.program.codec import Meta
 from imdim.program.codec import dumps as program_text
 from imdim.program.constraints import Constraint
+from imdim.program.front import Choice
+from imdim.program.front import dumps as front_text
 from imdim.program.tree import Program
 from imdim.report import RunRecord, dumps, report_of
 
@@ -48,10 +50,12 @@ def deliver(
     segments: int = SEGMENTS,
     step_limit_s: float = STEP_LIMIT_S,
     constraints: Sequence[Constraint] = (),
+    front: Sequence[Choice] = (),
 ) -> dict[str, Any]:
     """Write all results for `program` (in the target's units) into `folder`, whole or not at all; returns the report.
 
-    `constraints` hold for `program` (see `solve.discover`).
+    `constraints` hold for `program` (see `solve.discover`). `front` holds programs from crude to exact, `program` among them; without it
+    `front.json` holds the program alone.
 
     STEP is skipped, and the report says why, where OpenCASCADE is missing, fails or takes longer than `step_limit_s`.
     Raises OutputError when the folder cannot be written or holds foreign files, ValueError when the program is empty.
@@ -62,7 +66,8 @@ def deliver(
             given, program = program, finished(program)
             parameters = parametrise(given, constraints, program)
             constraints = rebased(program, constraints)
-            _write_texts(program, target, partial, segments, constraints, parameters)
+            _write_texts(program, Frame.of(target), partial, segments, constraints, parameters)
+            _write_front(front or [Choice(given)], given, Frame.of(target), partial)
         with _step(partial) as job:
             with _timed(seconds, "meshes"):
                 write_meshes(to_manifold(program, segments), partial)
@@ -84,10 +89,24 @@ def finished(program: Program) -> Program:
     return rounded(overshoot(program))
 
 
+def export(program: Program, folder: Path, meta: Meta, segments: int = SEGMENTS, step_limit_s: float = STEP_LIMIT_S) -> dict[str, str]:
+    """Write what needs no target for `program` into `folder`, whole or not at all: texts, meshes and STEP; what became of each file.
+
+    Raises as `deliver` does.
+    """
+    with replacing(folder) as partial:
+        program = finished(program)
+        _write_texts(program, Frame(meta.center, meta.scale), partial, segments, (), parametrise(program, (), program))
+        with _step(partial) as job:
+            write_meshes(to_manifold(program, segments), partial)
+            skipped = _finish(job, step_limit_s, {})
+        files = {path.name: "written" for path in sorted(partial.iterdir())}
+    return {**files, **skipped}
+
+
 def _write_texts(
-    program: Program, target: Target, folder: Path, segments: int, constraints: Sequence[Constraint], parameters: Parameters
+    program: Program, frame: Frame, folder: Path, segments: int, constraints: Sequence[Constraint], parameters: Parameters
 ) -> None:
-    frame = Frame.of(target)
     texts = {
         "program.json": program_text(program, Meta(center=frame.center, scale=frame.scale), constraints),
         "program.scad": to_openscad(program, segments, parameters),
@@ -100,6 +119,13 @@ def _write_texts(
 def _write_preview(folder: Path, target: Target, scores: Scores, segments: int) -> None:
     result = to_trimesh(to_manifold(read_openscad((folder / "program.scad").read_text(encoding="utf-8")), segments))
     preview(target, result, scores.to_result.max).save(folder / "preview.png")
+
+
+def _write_front(front: Sequence[Choice], picked: Program, frame: Frame, folder: Path) -> None:
+    """Cutters do not overshoot in front.json: they do where a choice is exported."""
+    number = next((i for i, choice in enumerate(front, 1) if choice.program == picked), None)
+    choices = [Choice(rounded(choice.program), choice.error) for choice in front]
+    (folder / "front.json").write_text(front_text(choices, Meta(center=frame.center, scale=frame.scale), number), encoding="utf-8")
 
 
 def _volumes(folder: Path, target: Target, segments: int) -> dict[str, float]:

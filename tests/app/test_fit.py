@@ -33,6 +33,7 @@ class Snap:
     seconds: float
     stop: str | None = None
     constraints: tuple = ()
+    front: tuple = ()
 
 
 def box_found(target, settings, rng):

@@ -13,7 +13,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; the exit status is 0, or 2 for input or arguments that cannot be used."""
     parser = argparse.ArgumentParser(prog="imdim", description=ABOUT, epilog="`imdim fit --help` tells more.")
     parser.add_argument("--version", action="version", version=f"imdim {_version()}")
-    parser.add_argument("command", choices=list(COMMANDS), help="fit: reconstruct one part")
+    parser.add_argument("command", choices=list(COMMANDS), help="fit: reconstruct one part; export: write one program of a front.json")
     parser.add_argument("arguments", nargs=argparse.REMAINDER, help="arguments of the command")
     given = parser.parse_args(argv)
     return COMMANDS[given.command](given.arguments)
@@ -40,13 +40,32 @@ def _fit(argv: Sequence[str]) -> int:
     return run(lambda: from_arguments(given.settings, **{k: v for k, v in typed.items() if v is not None}))
 
 
+def export_parser() -> argparse.ArgumentParser:
+    """The arguments of `imdim export`."""
+    parser = argparse.ArgumentParser(prog="imdim export", description="Write one program of a front.json, or a program.json, as CAD files.")
+    parser.add_argument("input", help="front.json or program.json of a results folder")
+    parser.add_argument(
+        "--pick", type=int, metavar="N", help="which of the front, from 1, the crudest (default: the delivered one)"
+    )
+    parser.add_argument("-o", "--output", required=True, metavar="FOLDER", help="where the files go")
+    parser.add_argument("--segments", type=int, default=96, help="facets per circle in meshes (default 96)")
+    return parser
+
+
+def _export(argv: Sequence[str]) -> int:
+    given = export_parser().parse_args(argv)
+    from imdim.app.export import main as run
+
+    return run(given.input, given.output, given.pick, given.segments)
+
+
 def _version() -> str:
     from importlib.metadata import version
 
     return version("imdim")
 
 
-COMMANDS: Mapping[str, Callable[[Sequence[str]], int]] = {"fit": _fit}
+COMMANDS: Mapping[str, Callable[[Sequence[str]], int]] = {"fit": _fit, "export": _export}
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -87,7 +87,7 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None) -> dict[str,
     left = settings.budget_s - (time.perf_counter() - start)
     # the other files take a few seconds; STEP, which may be slow, gets what is left
     step_limit_s = min(max(left - DELIVERY_S, 1.0), STEP_LIMIT_S)
-    return deliver(last.program, target, folder, run, settings.segments, step_limit_s, last.constraints)
+    return deliver(last.program, target, folder, run, settings.segments, step_limit_s, last.constraints, last.front)
 
 
 def _exhaust(snapshots: Iterator[Snapshot], stages: dict[str, float]) -> Snapshot:

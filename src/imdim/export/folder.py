@@ -17,6 +17,7 @@ FILES = (
     "mesh.glb",
     "mesh.3mf",
     "preview.png",
+    "front.json",
     "report.json",
 )
 

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from imdim.program.codec import Meta, from_json, meta_of, parse, to_json
+from imdim.program.codec import Meta, meta_of, parse, to_json
+from imdim.program.codec import from_json as program_from_json
 from imdim.program.cost import count
 from imdim.program.tree import Program
 
@@ -44,7 +45,11 @@ def _entry(number: int, choice: Choice, meta: Meta | None) -> dict[str, Any]:
 
 def loads(text: str | bytes) -> tuple[list[Choice], Meta]:
     """The choices of a text and what their numbers mean; raises a one-line ValueError that names the JSON path at fault."""
-    document = parse(text)
+    return from_json(parse(text))
+
+
+def from_json(document: object) -> tuple[list[Choice], Meta]:
+    """As `loads`, for a document that was parsed already."""
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise ValueError(f"$.format: expected {FORMAT!r}")
     if document.get("version") != VERSION:
@@ -59,6 +64,6 @@ def _read(entry: object, i: int) -> Choice:
     if not isinstance(entry, dict) or not isinstance(entry.get("error"), int | float | None) or "document" not in entry:
         raise ValueError(f"$.choices[{i}]: expected an error and a document")
     try:
-        return Choice(from_json(entry["document"]), entry["error"])
+        return Choice(program_from_json(entry["document"]), entry["error"])
     except ValueError as error:
         raise ValueError(f"$.choices[{i}].document{str(error).removeprefix('$')}") from None

@@ -1,0 +1,47 @@
+"""One program of a front.json, or a program.json, written as CAD files."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from imdim.config import ConfigError
+
+
+def main(source: str, folder: str, pick: int | None = None, segments: int = 96) -> int:
+    """The exit status: 0 fine, 2 for a file, a pick or a folder that cannot be used (one line on stderr)."""
+    try:
+        sys.stdout.write(exported(Path(source), Path(folder), pick, segments))
+    except ConfigError as error:
+        sys.stderr.write(f"imdim: {error}\n")
+        return 2
+    return 0
+
+
+def exported(source: Path, folder: Path, pick: int | None, segments: int) -> str:
+    """Write the files, and say what was written. Raises ConfigError."""
+    from imdim.deliver import OutputError, export
+    from imdim.program import codec, front
+
+    if segments < 3:
+        raise ConfigError(f"segments must be at least 3, got {segments}")
+    try:
+        document = codec.parse(source.read_bytes())
+        if isinstance(document, dict) and document.get("format") == front.FORMAT:
+            choices, meta = front.from_json(document)
+            number = document.get("picked") or len(choices) if pick is None else pick
+            if not 1 <= number <= len(choices):
+                raise ConfigError(f"{source}: pick must lie in 1..{len(choices)}, got {number}")
+            program = choices[number - 1].program
+        elif pick is not None:
+            raise ConfigError(f"{source}: holds one program, there is nothing to pick")
+        else:
+            program, meta = codec.from_json(document), codec.meta_of(document)
+        files = export(program, folder, meta, segments)
+    except OutputError as error:
+        raise ConfigError(str(error)) from error
+    except OSError as error:
+        raise ConfigError(f"{source}: {error.strerror}") from error
+    except ValueError as error:
+        raise error if isinstance(error, ConfigError) else ConfigError(f"{source}: {error}") from error
+    return "".join(f"  {folder / name}{'' if state == 'written' else '  ' + state}\n" for name, state in files.items())

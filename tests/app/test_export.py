@@ -1,0 +1,71 @@
+"""`imdim export`: every program of a front comes out as files that hold its solid; what cannot be is one line and status 2."""
+
+import json
+
+import pytest
+import trimesh
+from tests.planted import PARTS, box
+
+from imdim.app.cli import main
+from imdim.export.openscad_reader import read_openscad
+from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
+from imdim.program import codec, front
+from imdim.program.front import Choice
+from imdim.program.tree import Program
+
+CHOICES = [Choice(box(60, 40, 5, (0.0, 0.0, 2.5)), 0.4), Choice(PARTS["L bracket"], 0.0)]
+
+
+@pytest.fixture
+def front_file(tmp_path):
+    path = tmp_path / "front.json"
+    path.write_text(front.dumps(CHOICES, codec.Meta(center=(1.0, 2.0, 3.0), scale=0.5), picked=2))
+    return path
+
+
+def same(a: Program, b: Program) -> bool:
+    return volume_iou(to_manifold(a), to_manifold(b)) > 1 - 1e-9
+
+
+@pytest.mark.parametrize(("pick", "expected"), [(["--pick", "1"], 0), (["--pick", "2"], 1), ([], 1)])
+def test_the_picked_program_is_in_every_file(front_file, tmp_path, capsys, pick, expected):
+    folder = tmp_path / "out"
+    assert main(["export", str(front_file), *pick, "-o", str(folder)]) == 0
+    program = CHOICES[expected].program
+    document = json.loads((folder / "program.json").read_text())
+    assert same(codec.from_json(document), program)
+    assert codec.meta_of(document).center == (1.0, 2.0, 3.0)
+    assert same(read_openscad((folder / "program.scad").read_text()), program)
+    mesh = mesh_to_manifold(trimesh.load_mesh(folder / "mesh.stl"))
+    assert volume_iou(mesh, to_manifold(program)) > 1 - 1e-6
+    assert {p.name for p in folder.iterdir()} >= {"program.py", "mesh.glb", "mesh.3mf"}
+    assert str(folder / "program.scad") in capsys.readouterr().out
+
+
+def test_a_program_is_exported_too(tmp_path):
+    source = tmp_path / "program.json"
+    source.write_text(codec.dumps(PARTS["countersink"]))
+    assert main(["export", str(source), "-o", str(tmp_path / "out")]) == 0
+    assert same(read_openscad((tmp_path / "out" / "program.scad").read_text()), PARTS["countersink"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["front.json", "--pick", "3"], "pick must lie in 1..2, got 3"),
+        (["front.json", "--pick", "0"], "pick must lie in 1..2, got 0"),
+        (["missing.json"], "No such file"),
+        (["broken.json"], "not JSON"),
+        (["program.json", "--pick", "1"], "nothing to pick"),
+        (["front.json", "--segments", "2"], "at least 3, got 2"),
+    ],
+)
+def test_bad_input_is_one_line(front_file, tmp_path, capsys, monkeypatch, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "broken.json").write_text("{")
+    (tmp_path / "program.json").write_text(codec.dumps(box(1, 1, 1)))
+    assert main(["export", *arguments, "-o", "out"]) == 2
+    said = capsys.readouterr().err
+    assert message in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "out").exists()
