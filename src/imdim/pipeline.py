@@ -224,6 +224,12 @@ def _body(body: Target, settings: Settings, clock: _Clock, rng: np.random.Genera
     yield replace(solved, front=_front([*passed, solved.program], seen))
 
 
+def ground_of(body: Target, settings: Settings, rng: np.random.Generator) -> tuple[Ground, Frame]:
+    """What evolution needs to know of a body, and the frame in which it knows it; raises InputError as `reconstruct` does."""
+    seen = _look(body, settings.size_weight, rng)
+    return seen.ground, seen.frame
+
+
 def _look(body: Target, size_weight: float, rng: np.random.Generator) -> _Seen:
     """Surfaces, cells and candidate families of a body, in its unit frame."""
     frame = Frame.of(body)
