@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -37,23 +39,47 @@ def empty(rows: int, width: int, device: torch.device | str = "cpu") -> Solids:
     )
 
 
+class Step(NamedTuple):
+    """What a policy saw, the cloud `current` [b, m, 3] of the `written` programs, its `move`, and the programs `after` it. UNDO_LAST was
+    barred where `may_undo` [b] is false; rows that are not `active` [b] had ended, and their moves were not made."""
+
+    current: Tensor
+    written: Solids
+    may_undo: Tensor
+    move: Move
+    active: Tensor
+    after: Solids
+
+
 @torch.no_grad()
-def decode(
+def steps(
     policy: Policy, gt_points: Tensor, config: DecodeConfig, render: torch.Generator, chance: torch.Generator | None = None
-) -> Solids:
-    """One program for each cloud [b, n, 3] of diagonal 1: greedy, or a sample with `chance`. `render` draws the prefixes' clouds."""
+) -> Iterator[Step]:
+    """The moves by which programs for clouds [b, n, 3] of diagonal 1 are written: greedy ones, or samples with `chance`. `render` draws
+    the prefixes' clouds."""
     most = min(config.max_primitives, policy.max_seq_len - 1)
     solids = empty(len(gt_points), most, gt_points.device)
-    done = torch.zeros(len(gt_points), dtype=torch.bool, device=gt_points.device)
+    active = torch.ones(len(gt_points), dtype=torch.bool, device=gt_points.device)
     undone = torch.zeros(len(gt_points), dtype=torch.long, device=gt_points.device)
     # as many as a row can take: it adds, takes back up to the limit, adds again, and ends
     for _ in range(most + 2 * config.undo_limit + 1):
-        if done.all():
+        if not active.any():
             break
-        current = surface_clouds(solids, config.cur_points, render)[0]
-        move = policy.propose(gt_points, current, solids, chance, undone < config.undo_limit)
-        undone = undone + ((move.tokens == int(UNDO_LAST)) & ~done)
-        solids, done = applied(solids, move, done), done | (move.tokens == int(END))
+        current, may_undo = surface_clouds(solids, config.cur_points, render)[0], undone < config.undo_limit
+        move = policy.propose(gt_points, current, solids, chance, may_undo)
+        after = applied(solids, move, ~active)
+        yield Step(current, solids, may_undo, move, active, after)
+        undone = undone + ((move.tokens == int(UNDO_LAST)) & active)
+        solids, active = after, active & (move.tokens != int(END))
+
+
+def decode(
+    policy: Policy, gt_points: Tensor, config: DecodeConfig, render: torch.Generator, chance: torch.Generator | None = None
+) -> Solids:
+    """One program for each cloud; arguments as in `steps`."""
+    solids = empty(len(gt_points), 1, gt_points.device)
+    for step in steps(policy, gt_points, config, render, chance):
+        solids = step.after
     return solids
 
 

@@ -47,6 +47,13 @@ class Policy(nn.Module):
         where `may_undo` [b] is false: a policy that adds and takes back without end would not halt.
         """
 
+    @abstractmethod
+    def log_prob(self, gt_points: Tensor, cur_points: Tensor, solids: Solids, move: Move, may_undo: Tensor | None = None) -> Tensor:
+        """Log p [b], with gradients, with which `propose` draws the token, the sign and the numbers of `move` in this state.
+
+        Numbers that the policy does not draw do not count. What `propose` bars has no probability.
+        """
+
 
 def legal(lengths: Tensor, most: int, may_undo: Tensor | None = None) -> Tensor:
     """Mask [b, VOCAB]: no UNDO_LAST or END in an empty state, no primitive beyond `most`."""
@@ -62,6 +69,11 @@ def chosen_tokens(
 ) -> tuple[Tensor, Tensor]:
     """Tokens [b] and their log p [b] among the legal ones."""
     return drawn(logits.masked_fill(~legal(lengths, most, may_undo), -torch.inf), generator)
+
+
+def token_log_p(logits: Tensor, tokens: Tensor, lengths: Tensor, most: int, may_undo: Tensor | None = None) -> Tensor:
+    """Log p [b] of `tokens` [b] among the legal ones."""
+    return logits.masked_fill(~legal(lengths, most, may_undo), -torch.inf).log_softmax(-1).gather(1, tokens[:, None])[:, 0]
 
 
 def drawn(logits: Tensor, generator: torch.Generator | None) -> tuple[Tensor, Tensor]:

@@ -18,7 +18,7 @@ from imdim.data.synthesize import Samples
 from imdim.geometry.points import compute_error_embedding
 from imdim.learn.heads import ParamHead, TokenHead
 from imdim.learn.pointnet import PointNet
-from imdim.learn.policy import VOCAB, Move, Policy, chosen_tokens, supervised
+from imdim.learn.policy import VOCAB, Move, Policy, chosen_tokens, supervised, token_log_p
 from imdim.learn.transformer import TokenTransformer
 
 ERROR_POINTS = 512  # the Chamfer distance of the error embedding needs no more
@@ -95,17 +95,27 @@ class SeedPolicy(Policy):
         generator: torch.Generator | None = None,
         may_undo: Tensor | None = None,
     ) -> Move:
-        length = solids.lengths
-        steps = min(int(length.max()) + 1, self.max_seq_len)
-        tokens = F.pad(solids.kinds, (0, max(0, steps - solids.kinds.shape[1])), value=-1)[:, :steps]
-        at = torch.arange(len(tokens), device=tokens.device), length.clamp_max(steps - 1)
+        tokens, at = self._history(solids)
         logits = forward_params_only(self.components, gt_points, cur_points, tokens)[2][at]
-        token, log_p = chosen_tokens(logits, length, self.max_seq_len - 1, generator, may_undo)
+        token, log_p = chosen_tokens(logits, solids.lengths, self.max_seq_len - 1, generator, may_undo)
         tokens = tokens.index_put(at, token)
         numbers = forward_params_only(self.components, gt_points, cur_points, tokens)[0][at]
         part = from_sequences(token[:, None].clamp_max(CYLINDER), numbers[:, None])
-        part = replace(part, positive=part.positive | (length == 0)[:, None], sizes=part.sizes.clamp_min(1e-3))
+        part = replace(part, positive=part.positive | (solids.lengths == 0)[:, None], sizes=part.sizes.clamp_min(1e-3))
         return Move(token, canonical_primitives(part), log_p)
+
+    def log_prob(self, gt_points: Tensor, cur_points: Tensor, solids: Solids, move: Move, may_undo: Tensor | None = None) -> Tensor:
+        """Of the token alone: signs and numbers are regressed, not drawn."""
+        tokens, at = self._history(solids)
+        logits = forward_params_only(self.components, gt_points, cur_points, tokens)[2][at]
+        return token_log_p(logits, move.tokens, solids.lengths, self.max_seq_len - 1, may_undo)
+
+    def _history(self, solids: Solids) -> tuple[Tensor, tuple[Tensor, Tensor]]:
+        """The tokens [b, t] written, padded, and the indices of the next one of each row."""
+        length = solids.lengths
+        steps = min(int(length.max()) + 1, self.max_seq_len)
+        tokens = F.pad(solids.kinds, (0, max(0, steps - solids.kinds.shape[1])), value=-1)[:, :steps]
+        return tokens, (torch.arange(len(tokens), device=tokens.device), length.clamp_max(steps - 1))
 
 
 def seed_losses(params: Tensor, logits: Tensor, tokens: Tensor, targets: Tensor, sign_weight: float = 1.0) -> dict[str, Tensor]:

@@ -1,0 +1,48 @@
+"""A reinforcement run on the terminal and in tensorboard."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from imdim.app.arguments import from_arguments
+from imdim.app.pretrain import checked_device, commit
+from imdim.config import ConfigError
+from imdim.learn.checkpoint import load_policy
+from imdim.learn.optimise import NotFinite
+from imdim.learn.reinforce import Progress, ReinforceConfig, reinforce
+
+
+def main(arguments: Sequence[str], configs: Path, say: Callable[[str], object]) -> int:
+    """Fine-tune as `arguments` say, report to `say` and to tensorboard in the run's folder; exit status 2 for bad settings or files."""
+    from torch.utils.tensorboard import SummaryWriter
+
+    try:
+        config = from_arguments(ReinforceConfig, arguments, configs, "reinforce")
+        policy, header = load_policy(Path(config.checkpoint), checked_device(config.device))
+        notes = {**header, "reinforced_by": "python reinforce.py " + " ".join(arguments), "reinforced_commit": commit()}
+        with SummaryWriter(config.out) as writer:
+            for progress in reinforce(policy.requires_grad_(True), config, notes):
+                for name, value in scalars(progress).items():
+                    writer.add_scalar(name, value, progress.step)
+                writer.flush()
+                say(line(progress))
+    except (ConfigError, ValueError, OSError, NotFinite) as error:
+        sys.stderr.write(f"reinforce: {error}\n")
+        return 1 if isinstance(error, NotFinite) else 2
+    return 0
+
+
+def scalars(progress: Progress) -> dict[str, float]:
+    """All numbers by their names in tensorboard."""
+    groups = {"train": progress.train, "val": progress.val, "run": {"programs_per_second": progress.programs_per_second}}
+    return {f"{group}/{name}": value for group, values in groups.items() for name, value in values.items()}
+
+
+def line(progress: Progress) -> str:
+    """One line for people."""
+    val = " ".join(f"{name} {value:.3f}" for name, value in progress.val.items())
+    train = f", sampled reward {progress.train['reward']:.3f}, {progress.programs_per_second:.0f} programs/s" if progress.train else ""
+    mark = " *" if progress.best else ""
+    return f"step {progress.step}: val {val}{train}{mark}{f', stopped: {progress.stop}' if progress.stop else ''}"

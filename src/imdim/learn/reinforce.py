@@ -1,0 +1,253 @@
+"""Reinforcement: a policy writes several programs for each target and makes those likelier that came out better than their siblings.
+
+Source: the project's design, section 9; Shao et al. 2024, "DeepSeekMath", section 4.1 (advantages within a group, clipped ratios). Instead
+of a divergence from the first policy, the supervised loss on fresh samples holds the weights where programs look like programs.
+
+Step k is a function of the seed, k and the weights alone, so a run that was killed and resumed takes the steps that one left alone takes.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property, partial
+from pathlib import Path
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from imdim.data.folder import chunk_generator
+from imdim.data.solids import Solids, concatenate, from_sequences
+from imdim.data.synthesize import Samples, SynthesisConfig, sampled_iou, synthesize
+from imdim.learn.checkpoint import load_state, save_policy, save_state
+from imdim.learn.decode import DecodeConfig, Step, steps
+from imdim.learn.optimise import Optimiser
+from imdim.learn.policy import Move, Policy
+
+STREAM, TARGETS = 20, 21
+
+
+@dataclass
+class ReinforceConfig:
+    """Each step writes `group` programs for each of `targets` clouds and learns `reuse` times from them at rate `lr`, `rows` moves at
+    a time. The reward is the IoU (by `iou_samples` points) minus `price` for each move. Ratios are clipped at 1 +- `clip_ratio`; `anchor`
+    weighs the supervised loss on `anchor_batch` samples. Every `validate_every` steps greedy programs for `n_val` targets are rewarded,
+    and the best average of the weights (decay `ema` per step) is saved.
+    """
+
+    checkpoint: str = "models/imdim-base.safetensors"
+    out: str = "runs/reinforce"
+    steps: int = 1000
+    max_minutes: float = 0.0
+    targets: int = 8
+    group: int = 8
+    reuse: int = 2
+    rows: int = 128
+    lr: float = 5e-5
+    price: float = 0.005
+    clip_ratio: float = 0.2
+    anchor: float = 0.1
+    anchor_batch: int = 32
+    clip: float = 1.0
+    ema: float = 0.95
+    iou_samples: int = 2048
+    n_val: int = 128
+    validate_every: int = 20
+    device: str = "cpu"
+    threads: int = 1
+    seed: int = 0
+    resume: bool = False
+    synthesis: SynthesisConfig = field(default_factory=SynthesisConfig)
+
+
+class Written(NamedTuple):
+    """All moves made for a step's targets, one after another: what was seen, the `move`, and the `advantage` [m] of its program."""
+
+    gt_points: Tensor
+    current: Tensor
+    written: Solids
+    may_undo: Tensor
+    move: Move
+    advantage: Tensor
+
+
+@dataclass(frozen=True)
+class Progress:
+    """After a validation: means over the steps since the last one, and greedy reward, IoU and number of moves on the validation targets."""
+
+    step: int
+    train: dict[str, float]
+    val: dict[str, float]
+    best: bool
+    programs_per_second: float
+    stop: str | None = None
+
+
+def reinforce(
+    policy: Policy, config: ReinforceConfig, notes: dict[str, str] | None = None, clock: Callable[[], float] = time.monotonic
+) -> Iterator[Progress]:
+    """Fine-tune `policy` in place; `best.safetensors` and `state.pt` in `config.out`. The first record is of the policy as it was.
+
+    Raises NotFinite, FileNotFoundError when there is nothing to resume, ValueError when the run to resume was of other settings.
+    """
+    yield from _Run(policy, config, notes or {}, clock).progress()
+
+
+class _Run:
+    def __init__(self, policy: Policy, config: ReinforceConfig, notes: dict[str, str], clock: Callable[[], float]) -> None:
+        torch.set_num_threads(config.threads)
+        self.config, self.notes, self.out, self.clock = config, notes, Path(config.out), clock
+        self.optimiser = Optimiser(policy, config.ema, config.clip)
+        self.targets_of = replace(config.synthesis, prefixes=1, p_undo=0.0)
+        self.decoding = DecodeConfig(cur_points=config.synthesis.cur_points, max_primitives=config.synthesis.n_max)
+        self.step, self.best = 0, -math.inf
+        if config.resume:
+            self._load()
+
+    def progress(self) -> Iterator[Progress]:
+        config, begun = self.config, self.clock()
+        if self.step == 0:
+            yield self._validated([], begun, None)
+        since, means = self.clock(), []
+        while self.step < config.steps:
+            means.append(self._learn())
+            self.step += 1
+            late = bool(config.max_minutes) and self.clock() - begun > 60 * config.max_minutes
+            if self.step % config.validate_every == 0 or self.step == config.steps or late:
+                stop = "finished" if self.step == config.steps else "max_minutes" if late else None
+                yield self._validated(means, since, stop)
+                if stop:
+                    return
+                since, means = self.clock(), []
+
+    def _learn(self) -> dict[str, float]:
+        config, chance = self.config, chunk_generator(self.config.seed, STREAM, self.step, self.config.device)
+        self.optimiser.policy.eval()
+        made, facts = write(self.optimiser.policy, self._targets(config.targets, chance), config, self.decoding, chance)
+        anchor = synthesize(config.anchor_batch, config.synthesis, chance)
+        chunks = torch.arange(len(made.advantage), device=config.device).split(config.rows)
+        old: list[Tensor | None] = [None] * len(chunks)
+        for _ in range(config.reuse):
+            parts = [partial(self._gain, made, rows, old, i) for i, rows in enumerate(chunks)]
+            facts |= self.optimiser.step([*parts, partial(self._anchored, anchor)], 1, config.lr, self.step)
+        return {name: float(value) for name, value in facts.items()}
+
+    def _targets(self, n: int, chance: torch.Generator) -> Samples:
+        return synthesize(n, self.targets_of, chance)
+
+    def _gain(self, made: Written, rows: Tensor, old: list[Tensor | None], chunk: int) -> dict[str, Tensor]:
+        """The clipped objective of some moves, as their share of the mean over all; fills `old` where there is none yet."""
+        move = Move(made.move.tokens[rows], made.move.part[rows], made.move.log_p[rows])
+        log_p = self.optimiser.policy.log_prob(made.gt_points[rows], made.current[rows], made.written[rows], move, made.may_undo[rows])
+        before = old[chunk]
+        if before is None:
+            before = old[chunk] = log_p.detach()
+        loss = clipped(log_p - before, made.advantage[rows], self.config.clip_ratio)
+        share = len(rows) / len(made.advantage)
+        moved = ((log_p - before).exp() - 1).abs() > self.config.clip_ratio
+        return {"loss": loss.mean() * share, "clipped": moved.float().mean() * share}
+
+    def _anchored(self, anchor: Samples) -> dict[str, Tensor]:
+        loss = self.optimiser.policy.losses(anchor)["loss"]
+        return {"loss": self.config.anchor * loss, "supervised": loss}
+
+    @cached_property
+    def _validation(self) -> Samples:
+        return self._targets(self.config.n_val, chunk_generator(0, TARGETS, 0, self.config.device))
+
+    def _validated(self, means: list[dict[str, float]], since: float, stop: str | None) -> Progress:
+        config, average = self.config, self.optimiser.average
+        seconds = self.clock() - since
+        targets = self._validation
+        chance = chunk_generator(0, TARGETS, 1, config.device)
+        count = torch.zeros(config.n_val, device=config.device)
+        found = None
+        for step in steps(average, targets.gt_points, self.decoding, chance):
+            count, found = count + step.active, step.after
+        assert found is not None
+        iou = sampled_iou(found, from_sequences(targets.gt_tokens, targets.gt_params), 2 * config.iou_samples, chance)
+        reward = iou - config.price * count
+        val = {"reward": reward.mean().item(), "iou": iou.mean().item(), "iou_median": iou.median().item(), "moves": count.mean().item()}
+        best = val["reward"] > self.best
+        if best:
+            self.best = val["reward"]
+            facts = {f"reinforced_{name}": f"{value:.4f}" for name, value in val.items()}
+            save_policy(self.out / "best.safetensors", average, {**self.notes, "reinforced_steps": str(self.step), **facts})
+        self._save()
+        train = {name: sum(m[name] for m in means) / len(means) for name in means[0]} if means else {}
+        pace = len(means) * config.targets * config.group / max(seconds, 1e-9)
+        return Progress(self.step, train, val, best, pace, stop)
+
+    def _save(self) -> None:
+        state = {"step": self.step, "best": self.best, "config": _fixed(self.config)}
+        save_state(self.out / "state.pt", {**state, **self.optimiser.state_dict()})
+
+    def _load(self) -> None:
+        path = self.out / "state.pt"
+        if not path.is_file():
+            raise FileNotFoundError(f"nothing to resume: no {path}")
+        state = load_state(path)
+        other = [key for key, value in _fixed(self.config).items() if key in state["config"] and state["config"][key] != value]
+        if other:
+            raise ValueError(f"{path} is of a run with another {', '.join(other)}")
+        if state["step"] >= self.config.steps:
+            raise ValueError(f"{path} is of a run that is over, {state['step']} steps long; give it more steps")
+        self.step, self.best = state["step"], state["best"]
+        self.optimiser.load_state_dict(state)
+
+
+@torch.no_grad()
+def write(
+    policy: Policy, targets: Samples, config: ReinforceConfig, decoding: DecodeConfig, chance: torch.Generator
+) -> tuple[Written, dict[str, float]]:
+    """Sample `config.group` programs for each target; the moves, and means of reward, IoU and moves."""
+    clouds = targets.gt_points.repeat_interleave(config.group, 0)
+    made = list(steps(policy, clouds, decoding, chance, chance))
+    count = torch.stack([step.active for step in made]).sum(0)
+    truth = from_sequences(targets.gt_tokens, targets.gt_params)
+    origin = torch.arange(len(truth.kinds), device=clouds.device).repeat_interleave(config.group)
+    iou = sampled_iou(made[-1].after, truth[origin], config.iou_samples, chance)
+    reward = iou - config.price * count
+    spread = reward.view(-1, config.group).std(1).mean().item()
+    facts = {"reward": reward.mean().item(), "iou": iou.mean().item(), "moves": count.float().mean().item(), "spread": spread}
+    return _flat(made, clouds, advantages(reward, config.group)), facts
+
+
+def advantages(reward: Tensor, group: int) -> Tensor:
+    """Rewards [b * group] as standard deviations from the mean of their group; 0 where all of a group are equal."""
+    grouped = reward.view(-1, group)
+    spread = grouped.std(1, keepdim=True)
+    # sampled IoUs of equal programs differ by less than this
+    return ((grouped - grouped.mean(1, keepdim=True)) / spread.clamp_min(0.01)).flatten()
+
+
+def clipped(log_ratio: Tensor, advantage: Tensor, clip_ratio: float) -> Tensor:
+    """What to minimise, [m] (Schulman et al. 2017, "Proximal policy optimization", equation 7)."""
+    ratio = log_ratio.exp()
+    return -torch.minimum(ratio * advantage, ratio.clamp(1 - clip_ratio, 1 + clip_ratio) * advantage)
+
+
+def _flat(made: list[Step], clouds: Tensor, advantage: Tensor) -> Written:
+    """The moves that were made, without those of rows that had ended."""
+    rows = [step.active.nonzero()[:, 0] for step in made]
+    width = made[0].written.kinds.shape[1]
+    pairs = list(zip(made, rows, strict=True))
+    move = Move(
+        torch.cat([s.move.tokens[r] for s, r in pairs]),
+        concatenate([s.move.part[r] for s, r in pairs], 1),
+        torch.cat([s.move.log_p[r] for s, r in pairs]),
+    )
+    order = torch.cat(rows)
+    current, may_undo = (torch.cat([getattr(s, name)[r] for s, r in pairs]) for name in ("current", "may_undo"))
+    return Written(clouds[order], current, concatenate([s.written[r] for s, r in pairs], width), may_undo, move, advantage[order])
+
+
+def _fixed(config: ReinforceConfig) -> dict[str, object]:
+    """The settings that a resumed run must share."""
+    free = ("resume", "steps", "max_minutes", "device", "threads", "out", "checkpoint", "n_val", "validate_every")
+    values = {key: value for key, value in asdict(config).items() if key not in free}
+    values["synthesis"] = {**values["synthesis"], "families": list(config.synthesis.families)}
+    return values
