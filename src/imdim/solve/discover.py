@@ -19,13 +19,14 @@ from imdim.program.constraints import Constraint
 from imdim.program.roles import named
 from imdim.program.tree import Program
 from imdim.solve.faces import lifted
-from imdim.solve.relations.belief import CUT, Cloud, Normal, Shown, covariance, noise_of, normal_equations, prior, uniform
+from imdim.solve.relations.belief import CUT, Cloud, Normal, Shown, away_from_edges, covariance, noise_of, normal_equations, prior, uniform
 from imdim.solve.relations.directions import relate_directions
 from imdim.solve.relations.hold import fitted, onto, strains
 from imdim.solve.relations.merge import merged
 from imdim.solve.relations.places import Places, proposals
 from imdim.solve.relations.select import Choice
 
+TILTED = 1e-2  # while axes are off by degrees: what a row keeps beside those that span it once they are not
 SAME = 1e-10  # what a number moves by rounding, as a share of the part
 
 
@@ -66,6 +67,7 @@ def discover(program: Program, points: np.ndarray, *, normals: np.ndarray | None
     start = lower(program)
     noise = max(noise_of(start, cloud), config.floor * cloud.length)
     floor = config.floor * cloud.length
+    cloud = away_from_edges(cloud, start, noise)
     shown = Shown.of(start, cloud, floor, config.min_support)
     metric = normal_equations(start, cloud, CUT * noise)
     chosen = _chosen(start, covariance(start, cloud, floor), prior(start, cloud.length), shown, metric)
@@ -98,7 +100,7 @@ def exact_relations(program: Program, config: DiscoverConfig | None = None) -> D
 
 def _chosen(start: Lowered, spread: np.ndarray, wide: np.ndarray, shown: Shown, metric: Normal) -> Choice:
     """The relations that shorten the description, directions first."""
-    first = Choice(start, spread, wide)
+    first = Choice(start, spread, wide, TILTED)
     directions, accepted = relate_directions(first)
     length = float(np.sqrt(1 / wide[:, :6].max()))
     numbers = onto(start, accepted, length, metric)

@@ -7,7 +7,7 @@ stands where no point shows a number. Outliers are weighed down as in `refine` (
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,16 +17,20 @@ from imdim.geometry.lowering import Lowered
 from imdim.solve.faces import moved, step_maps
 
 MAD = 1.4826  # from the median of absolute normal deviations to their standard deviation
+EDGE = 2.0  # standard deviations of the noise
+SMOOTH = 0.9  # cosine between normals of one smooth face, that far apart
+MOST, FEW = 0.3, 12.0  # share of its points and number of points that a face keeps at least
 CUT = 4.0  # residuals well beyond this many standard deviations say nothing
 
 
 @dataclass(frozen=True)
 class Cloud:
-    """Points [n, 3] of the target's surface, unit outward normals [n, 3] if known; `length` is the diagonal of their box."""
+    """Points [n, 3] of the target's surface, unit outward normals [n, 3] if known, weights [n]; `length` is the diagonal of their box."""
 
     points: np.ndarray
     normals: np.ndarray | None
     length: float
+    weights: np.ndarray
 
     @staticmethod
     def of(points: np.ndarray, normals: np.ndarray | None = None) -> Cloud:
@@ -37,7 +41,7 @@ class Cloud:
         length = float(np.linalg.norm(np.ptp(points, axis=0)))
         if length == 0:
             raise ValueError("relations need points of some extent, all coincide")
-        return Cloud(points, normals, length)
+        return Cloud(points, normals, length, np.ones(len(points)))
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,7 @@ def normal_equations(numbers: Lowered, cloud: Cloud, scale: float) -> Normal:
     """Evaluate at `numbers`."""
     leaf, value, tangent, normal = kernels.program_tangent(numbers, cloud.points)
     square = (value / scale) ** 2
-    trust = 1.0 if cloud.normals is None else np.maximum((normal * cloud.normals).sum(1), 0.0) ** 2
+    trust = cloud.weights if cloud.normals is None else cloud.weights * np.maximum((normal * cloud.normals).sum(1), 0.0) ** 2
     weight = trust / (1 + square) ** 2
     tangent = tangent.copy()
     tangent[:, 6:] /= radii(numbers)[leaf, None]
@@ -73,6 +77,42 @@ def normal_equations(numbers: Lowered, cloud: Cloud, scale: float) -> Normal:
         matrix[i], gradient[i] = rows.T @ tangent[mine], rows.T @ value[mine]
     noise = MAD * float(np.median(np.abs(value)))
     return Normal(float((trust * value**2 / (1 + square)).sum()), noise, float(np.sum(weight)), matrix, gradient)
+
+
+def away_from_edges(cloud: Cloud, numbers: Lowered, noise: float) -> Cloud:
+    """The cloud without points from which another face is within EDGE standard deviations of the noise.
+
+    There a noisy point is told the face that it lies further out of, which makes solids grow and holes shrink. A face that would lose most
+    of its points keeps them all.
+    """
+    leaf, value, tangent, normal = kernels.program_tangent(numbers, cloud.points)
+    foot = cloud.points - value[:, None] * normal
+    u = np.cross(normal, np.where(np.abs(normal[:, :1]) < 0.6, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
+    u /= np.maximum(np.linalg.norm(u, axis=1, keepdims=True), 1e-300)
+    v = np.cross(normal, u)
+    clear = np.ones(len(foot), bool)
+    for side in (u, -u, v, -v):
+        beside, off, _, there = kernels.program_tangent(numbers, foot + EDGE * noise * side)
+        clear &= (beside == leaf) & ((there * normal).sum(1) > SMOOTH)
+    by_face = _face_weights(numbers, leaf, tangent)
+    kept, all_ = by_face[clear], by_face
+    support, before = _by_leaf(leaf[clear], kept, len(numbers.kinds)), _by_leaf(leaf, all_, len(numbers.kinds))
+    poor = (support < MOST * before) | (support < FEW)
+    needed = (by_face > 1e-3) & poor[leaf]
+    return replace(cloud, weights=np.where(clear | needed.any(1), cloud.weights, 0.0))
+
+
+def _face_weights(numbers: Lowered, leaf: np.ndarray, tangent: np.ndarray) -> np.ndarray:
+    """How much each point [n, 6] feels each face of its leaf move: squares of the derivatives."""
+    maps = step_maps(numbers)[:, :6, :6]
+    return np.einsum("ni,nij->nj", tangent[:, :6], maps[leaf]) ** 2
+
+
+def _by_leaf(leaf: np.ndarray, values: np.ndarray, k: int) -> np.ndarray:
+    """Sums [k, 6] of `values` [n, 6]."""
+    out = np.zeros((k, values.shape[1]))
+    np.add.at(out, leaf, values)
+    return out
 
 
 def uniform(k: int) -> Normal:

@@ -54,7 +54,7 @@ def _settle(ref: Ref, found: Directions, choice: Choice) -> list[Constraint]:
     best = max(judged, key=lambda j: (j[0].rank == 0, j[0].saving), default=None)
     if best is not None and (best[0].rank == 0 or best[0].saving > 0):
         best[1].append(ref)
-        return choice.greedy([best[2]])
+        return choice.greedy([best[2]]) if best[0].rank else []
     upright = [m for m in found.members if _cosine(m[0], ref, choice) < NEAR and m[0].leaf != ref.leaf]
     offers = [Candidate(Constraint("perpendicular", (m[0], ref)), bits) for m in upright if m[0].leaf != WORLD or len(m) > 1]
     accepted = choice.greedy(offers)

@@ -20,7 +20,7 @@ from imdim.geometry.constraints import Pose, rows_of
 from imdim.geometry.lowering import Lowered
 from imdim.program.constraints import Constraint
 
-SPANNED = 1e-8  # squared share of a row that accepted ones do not explain, below which they span it
+SPANNED = 1e-7  # squared share of a row that accepted ones do not explain, below which they span it
 CONFLICT = 0.5  # deviations of the fit alone by which a redundant candidate may be off: those taken leave it none
 
 
@@ -47,8 +47,9 @@ class Choice:
     `mean` [9 k] is the shift from `numbers`; `dropped` says why candidates that looked good were not taken.
     """
 
-    def __init__(self, numbers: Lowered, covariance: np.ndarray, prior: np.ndarray) -> None:
+    def __init__(self, numbers: Lowered, covariance: np.ndarray, prior: np.ndarray, spanned: float = SPANNED) -> None:
         self.numbers, self.pose = numbers, Pose.of(numbers)
+        self.spanned = spanned
         self.before, self.covariance = covariance, covariance.copy()
         self.width = 1 / prior.ravel()
         self.mean = np.zeros(len(covariance))
@@ -126,7 +127,7 @@ class Choice:
         unit = jacobian / np.maximum(scale, 1e-300)[:, None]
         along = unit @ self.basis[columns]
         values, vectors = np.linalg.eigh(unit @ unit.T - along @ along.T)
-        kept = values > SPANNED
+        kept = values > self.spanned
         return vectors[:, kept] / np.maximum(scale, 1e-300)[:, None]
 
     def _orthonormal(self, jacobian: np.ndarray, columns: np.ndarray) -> np.ndarray:
