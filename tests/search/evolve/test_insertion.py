@@ -67,11 +67,14 @@ def test_a_place_foretells_what_a_candidate_wins(seed):
     gain = weighted_gain(scene, WEIGHTS[rng.integers(len(WEIGHTS))])
     (candidate,) = random_candidates(scene.families, 1, rng)
     mask = scene.families.mask(candidate)
-    for view in views(program, cells_of(program, scene)):
-        for place in places(view, gain):
-            changed = replaced(program, view.path, Combine(place.op, view.node, scene.families.primitive(candidate)))
-            assert place.constant + place.field[mask].sum() == pytest.approx(won(changed, gain) - won(program, gain), abs=1e-9)
-            assert place.potential >= place.constant + place.field[mask].sum() - 1e-9
+    for place in places(views(program, cells_of(program, scene)), gain):
+        changed = replaced(program, place.view.path, Combine(place.op, place.view.node, scene.families.primitive(candidate)))
+        field, constant = place.field(gain)
+        assert constant + field[mask].sum() == pytest.approx(won(changed, gain) - won(program, gain), abs=1e-9)
+        # a part of exactly the cells that win anything
+        most = constant + np.maximum(field, 0).sum()
+        assert place.potential == pytest.approx(most, abs=1e-9)
+        assert place.potential >= constant + field[mask].sum() - 1e-9
 
 
 def test_the_missing_part_is_found_again():

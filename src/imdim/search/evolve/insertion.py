@@ -6,7 +6,6 @@ changes the solid. What a candidate at the node would win is then a sum of one f
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,13 +33,20 @@ class View:
 
 @dataclass(frozen=True)
 class Place:
-    """A node and an operation with a new right part: it wins `constant` and the sum of `field` over the part, `potential` at most."""
+    """A node and an operation with a new right part, which wins `potential` at most."""
 
     view: View
     op: Op
-    field: np.ndarray
-    constant: float
     potential: float
+
+    def field(self, gain: np.ndarray) -> tuple[np.ndarray, float]:
+        """What a part at this place wins: the sum of a field [m] over its cells, and a constant; `gain` [m] is that of filling a cell."""
+        view, gain = self.view, self.view.sign * gain
+        if self.op == "union":
+            return np.where(view.heard & ~view.value, gain, 0.0), 0.0
+        empty = np.where(view.heard & view.value, -gain, 0.0)
+        # keeping only a part wins what emptying all would win, less what emptying the part would
+        return (empty, 0.0) if self.op == "difference" else (-empty, float(empty.sum()))
 
 
 def views(program: Program, cells: dict[Primitive, np.ndarray]) -> list[View]:
@@ -66,15 +72,18 @@ def _combined(op: Op, left: np.ndarray, right: np.ndarray) -> np.ndarray:
     return left & right if op == "intersection" else left & ~right
 
 
-def places(view: View, gain: np.ndarray) -> Iterator[Place]:
-    """The three operations at a node, `gain` [m] being what filling a cell wins."""
-    gain = view.sign * gain
-    fill = np.where(view.heard & ~view.value, gain, 0.0)
-    yield Place(view, "union", fill, 0.0, float(np.maximum(fill, 0).sum()))
-    empty = np.where(view.heard & view.value, -gain, 0.0)
-    potential = float(np.maximum(empty, 0).sum())
-    yield Place(view, "difference", empty, 0.0, potential)
-    yield Place(view, "intersection", -empty, float(empty.sum()), potential)
+def places(seen: list[View], gain: np.ndarray) -> list[Place]:
+    """The three operations at each node of a program, `gain` [m] being what filling a cell wins."""
+    filled = seen[0].value
+    # a change that is heard and wins anything is in a cell that is wrong now: usually few
+    wrong = np.flatnonzero(np.where(filled, -gain, gain) > 0)
+    weight = np.abs(gain[wrong])
+    out: list[Place] = []
+    for view in seen:
+        heard, value = weight * view.heard[wrong], view.value[wrong]
+        empties, fills = float(heard @ value), float(heard @ ~value)
+        out += [Place(view, "union", fills), Place(view, "difference", empties), Place(view, "intersection", empties)]
+    return out
 
 
 def cells_of(program: Program, scene: Scene) -> dict[Primitive, np.ndarray]:
@@ -98,16 +107,17 @@ def with_best_insertion(program: Program, scene: Scene, gain: np.ndarray, rng: n
     if families is None:
         return None
     least = scene.scorer.config.size_weight * families.cells.volume
-    every = [p for view in views(program, cells_of(program, scene)) for p in places(view, gain) if p.potential > least]
+    every = [p for p in places(views(program, cells_of(program, scene)), gain) if p.potential > least]
     every.sort(key=lambda p: -p.potential)
     if bold and every:
         weight = np.array([p.potential for p in every])
         every = [every[i] for i in rng.choice(len(every), min(2, len(every)), replace=False, p=weight / weight.sum())]
     best, chosen = least, None
     for place in every[:PROMISING]:
-        for value, candidate in families.best(place.field, 1, max(best - place.constant, 0.0)):
-            if value + place.constant > best:
-                best, chosen = value + place.constant, (place, candidate)
+        field, constant = place.field(gain)
+        for value, candidate in families.best(field, 1, max(best - constant, 0.0)):
+            if value + constant > best:
+                best, chosen = value + constant, (place, candidate)
     if chosen is None:
         return None
     place, candidate = chosen

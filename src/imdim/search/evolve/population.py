@@ -129,7 +129,7 @@ class _Evolution:
 
     def generation(self, number: int, stop: Stop | None) -> Generation:
         filled = self.scene.scorer.filled([i.program for i in self.population])
-        diversity = len(np.unique(filled, axis=0)) / len(filled)
+        diversity = len({row.tobytes() for row in filled}) / len(filled)
         front = tuple(self.archive.front())
         return Generation(number, self.best, front, self.scene.scorer.evaluations, diversity, dict(self.origins), stop)
 

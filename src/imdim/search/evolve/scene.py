@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -26,6 +27,7 @@ class Scene:
     cells: Columns | None = field(init=False, default=None)
     near: np.ndarray = field(init=False)
     rotations: tuple[Vec3, ...] = field(init=False)
+    _held: dict[Primitive, bool] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         surface = self.scorer.evidence.surface
@@ -34,12 +36,17 @@ class Scene:
             self.cells = Columns(self.families.cells.points, "bits", self.scorer.registry, self.scorer.config.capacity)
         self.rotations = _rotations(self.families)
 
-    @property
+    @cached_property
     def diagonal(self) -> float:
         return float(np.linalg.norm(self.bounds[1] - self.bounds[0]))
 
     def holds(self, primitive: Primitive) -> bool:
         """Whether the ball around a primitive touches the bounds, and no size is negligible."""
+        if primitive not in self._held:
+            self._held[primitive] = self._holds(primitive)
+        return self._held[primitive]
+
+    def _holds(self, primitive: Primitive) -> bool:
         center = np.asarray(primitive.center)
         outside = np.maximum(np.maximum(self.bounds[0] - center, center - self.bounds[1]), 0.0)
         least = 1e-5 * self.diagonal
