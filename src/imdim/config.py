@@ -25,7 +25,8 @@ class Settings:
 
     `budget_s` bounds the run in seconds of wall clock; `size_weight` is the price of a primitive: the share of the target's volume that
     one more must set right (larger gives shorter and cruder programs); `segments` is the number of facets per circle in delivered meshes;
-    `logdir` is where an evolution writes tensorboard's event files (empty: nowhere).
+    `logdir` is where an evolution writes tensorboard's event files (empty: nowhere); `checkpoint` is the policy of method=policy and of
+    method=auto on clouds (empty: the shipped one, and none at all where auto finds none).
     """
 
     input: str = ""
@@ -36,6 +37,7 @@ class Settings:
     size_weight: float = 2.5e-4
     segments: int = 96
     logdir: str = ""
+    checkpoint: str = ""
 
 
 def merge(schema: type[T], values: Mapping[str, Any]) -> T:

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
@@ -28,6 +29,7 @@ from imdim.program.cost import count
 from imdim.program.front import Choice
 from imdim.program.simplify import reduce_program
 from imdim.program.tree import Program, combine_all, map_leaves
+from imdim.proposals import POINTS, load, load_if_any, misfit, proposals
 from imdim.search.arrangement import ArrangementConfig, arrange
 from imdim.search.cells import Cells, Samples, compressed, label_samples
 from imdim.search.evolve.population import Generation
@@ -42,8 +44,12 @@ from imdim.seeding.cloud_surfaces import detect_cloud
 from imdim.seeding.mesh_surfaces import detect_patches
 from imdim.solve.canonical import canonical
 from imdim.solve.discover import discover, exact_relations
+from imdim.solve.pool import Cloud
 from imdim.solve.refine import RefineConfig, refine
 from imdim.solve.snap import SnapConfig, snap
+
+if TYPE_CHECKING:
+    from imdim.learn.policy import Policy
 
 CLOSING_AREA = 1e-7  # of the squared diagonal; implied planes rank behind detected ones
 MOST_JOINT = 8  # bodies
@@ -53,7 +59,8 @@ SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may cost
 SEARCH_SHARE = 0.4  # of the budget; detection, the solver and delivery need the rest
 SEED_SHARE = 0.4  # of the search's time, that evolution gives to its seeds
 RELATE_ERROR, RELATE_MOVE = 1e-2, 1e-5  # share of the mean distance, and of the diagonal, that relations may cost
-METHODS = ("auto", "evolve", "tree")
+FAR_BETTER = 0.75  # of the misfit of the search's program
+METHODS = ("auto", "evolve", "policy", "tree")
 
 
 @dataclass(frozen=True)
@@ -152,13 +159,14 @@ class _State:
 def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) -> Iterator[Snapshot]:
     """Yield better and better programs for `target`; the last one is the result.
 
-    Raises InputError where the target shows no surface or has no volume, ConfigError for an unknown method.
+    Raises InputError where the target shows no surface or has no volume, ConfigError for an unknown method or an unusable checkpoint.
     """
     if settings.method not in METHODS:
         raise ConfigError(f"unknown method {settings.method!r}; known are {', '.join(METHODS)}")
+    policy = _policy_of(settings, target)
     clock = _Clock(settings.budget_s)
     last: Snapshot | None = None
-    for last in _by_body(target, settings, clock, rng):
+    for last in _by_body(target, settings, policy, clock, rng):
         yield last
     if last is None:
         raise InputError(f"{target.name}: no program found")
@@ -167,19 +175,26 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) ->
     yield Snapshot("finished", program, last.error, clock.seconds(), "budget_spent" if clock.cut else clock.ending, front, constraints)
 
 
-def _by_body(target: Target, settings: Settings, clock: _Clock, rng: np.random.Generator) -> Iterator[Snapshot]:
+def _policy_of(settings: Settings, target: Target) -> Policy | None:
+    """What method=policy needs, and method=auto uses for a cloud if there is one: a mesh's surfaces are exact, and say more."""
+    if settings.method == "policy":
+        return load(settings.checkpoint)
+    return load_if_any(settings.checkpoint) if settings.method == "auto" and target.mesh is None else None
+
+
+def _by_body(target: Target, settings: Settings, policy: Policy | None, clock: _Clock, rng: np.random.Generator) -> Iterator[Snapshot]:
     """Snapshots of the union of the bodies done so far; a few bodies are then tried as one, since one cut may have parted them."""
     bodies = split_bodies(target)
     done: list[_State] = []
     for i, body in enumerate(bodies):
         state = None
-        for state in _body(body, settings, clock, rng, 1 / (len(bodies) - i)):
+        for state in _body(body, settings, policy, clock, rng, 1 / (len(bodies) - i)):
             yield _together(state.stage, [*done, state], clock)
         done += [state] if state else []
     if not 1 < len(done) <= MOST_JOINT or clock.out_of_time():
         return
     apart = _together("joint", done, clock)
-    *_, joint = _body(target, settings, clock, rng)
+    *_, joint = _body(target, settings, policy, clock, rng)
     if count(joint.program).primitives < count(apart.program).primitives and joint.error < apart.error + JOINT_ERROR:
         yield _together("joint", [joint], clock)
 
@@ -193,7 +208,9 @@ def _together(stage: str, states: list[_State], clock: _Clock) -> Snapshot:
     return Snapshot(stage, combine_all("union", [s.program for s in states]), error, clock.seconds(), front=tuple(front))
 
 
-def _body(body: Target, settings: Settings, clock: _Clock, rng: np.random.Generator, share: float = 1.0) -> Iterator[_State]:
+def _body(
+    body: Target, settings: Settings, policy: Policy | None, clock: _Clock, rng: np.random.Generator, share: float = 1.0
+) -> Iterator[_State]:
     """Better and better programs of one body, which may take a share of the time left."""
     seen = _look(body, settings.size_weight, rng)
 
@@ -207,15 +224,23 @@ def _body(body: Target, settings: Settings, clock: _Clock, rng: np.random.Genera
             passed = [seen.frame.undo(i.program) for i in (*generation.front, generation.best)]
             program = passed[-1]
             yield _State("evolve", program, generation.best.score.volume, seen.volume)
+    elif settings.method == "policy":
+        program = _proposed(policy, seen, [])
+        yield state("policy", program)
     elif settings.method != "tree":
         for program in _searched(seen, clock, rng):
             passed.append(program)
             yield state("search", program)
-    if program is None or (settings.method != "evolve" and (clock.cut or seen.error(program) > POOR)):
+    if program is None or (settings.method in ("auto", "tree") and (clock.cut or seen.error(program) > POOR)):
         grown = _tree(seen)
         if grown is not None and (program is None or seen.price(grown) < seen.price(program)):
             program = grown
             yield state("tree", program)
+    if policy is not None and settings.method == "auto" and not clock.cut:
+        proposed = _proposed(policy, seen, [] if program is None else [program])
+        if program is None or _preferred(proposed, program, seen):
+            program = proposed
+            yield state("policy", program)
     if program is None:
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
     program = reduce_program(program)
@@ -286,6 +311,20 @@ def _evolved(seen: _Seen, settings: Settings, clock: _Clock, rng: np.random.Gene
         clock.ending = generation.stop or clock.ending
         yield generation
     clock.out_of_time()
+
+
+def _proposed(policy: Policy | None, seen: _Seen, starts: list[Program]) -> Program:
+    """The best that the solver makes of a policy's beam and of programs in the body's units."""
+    best, *_ = proposals(policy, seen.target.points, [seen.frame.apply(p) for p in starts])
+    return seen.frame.undo(best.program)
+
+
+def _preferred(proposed: Program, program: Program, seen: _Seen) -> bool:
+    """By the objective. Cells of a cloud know no surface that detection missed: what fits the points far better is taken too."""
+    if seen.price(proposed) < seen.price(program):
+        return True
+    cloud = Cloud.of(seen.target.points[:: max(1, len(seen.target.points) // POINTS)])
+    return misfit(seen.frame.apply(proposed), cloud) < FAR_BETTER * misfit(seen.frame.apply(program), cloud)
 
 
 def _tree(seen: _Seen) -> Program | None:

@@ -51,7 +51,8 @@ def written(policy: Policy, points: np.ndarray, axes: np.ndarray, seed: int = 0,
     """The sequences of a beam for the surface `points` [n, 3], best first, in their units; `axes` [3, 3] are the part's directions."""
     import torch
 
-    from imdim.learn.decode import DecodeConfig, beam_search
+    from imdim.learn.beam import beam_search
+    from imdim.learn.decode import DecodeConfig
     from imdim.learn.measure import written_programs
 
     config = config or DecodeConfig()

@@ -39,7 +39,7 @@ def main_axes(points: np.ndarray) -> np.ndarray:
 def local_normals(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Unit normals [m, 3] of either sign at every so-manieth point, and how flat the cloud is there, [m] in 0..1."""
     picked = points[:: max(1, len(points) // MOST)]
-    _, near = KDTree(points).query(picked, k=min(max(NEIGHBOURS), len(points)))
+    near = np.asarray(KDTree(points).query(picked, k=min(max(NEIGHBOURS), len(points)))[1])
     normals, trust = zip(*(_flattest(points[near[:, :k]]) for k in NEIGHBOURS), strict=True)
     return np.concatenate(normals), np.concatenate(trust)
 
@@ -57,7 +57,7 @@ def _searched(normals: np.ndarray, trust: np.ndarray) -> list[np.ndarray]:
     directions = np.concatenate([_half_sphere(TRIALS), np.eye(3)])
     worth = _direction_worths(directions, normals, trust, WIDTHS[0])
     frames: list[np.ndarray] = []
-    for i in np.argsort(-worth, kind="stable"):
+    for i in np.argsort(-worth, kind="stable").tolist():
         if any(np.abs(f.T @ directions[i]).max() > 0.98 for f in frames):
             continue
         frames.append(_completed(directions[i], normals, trust))
