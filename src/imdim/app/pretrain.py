@@ -16,7 +16,7 @@ from imdim.app.pictures import pairs
 from imdim.config import ConfigError, first_line
 from imdim.learn.distributed import processes
 from imdim.learn.optimise import NotFinite
-from imdim.learn.settings import TrainConfig
+from imdim.learn.settings import TrainConfig, settled
 from imdim.learn.train import Report, train
 
 
@@ -27,7 +27,7 @@ def main(arguments: Sequence[str], configs: Path, say: Callable[[str], object]) 
         config = from_arguments(TrainConfig, arguments, configs, "pretrain")
         with processes(checked_device(config.device)) as (group, device):
             rank = group.rank
-            config = replace(config, device=device)
+            config = settled(replace(config, device=device), group.count)
             notes = {"command": "python pretrain.py " + " ".join(arguments), "commit": commit(), "hardware": hardware(config, group.count)}
             for report in written(config.out, train(config, notes, processes=group)):
                 say(line(report))

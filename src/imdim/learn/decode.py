@@ -40,14 +40,14 @@ def empty(rows: int, width: int, device: torch.device | str = "cpu") -> Solids:
 
 
 class Step(NamedTuple):
-    """What a policy saw, the cloud `current` [b, m, 3] of the `written` programs, its `move`, and the programs `after` it. UNDO_LAST was
-    barred where `may_undo` [b] is false; rows that are not `active` [b] had ended, and their moves were not made."""
+    """A move of the `rows` int64 [r] that have not ended: what the policy saw there, the cloud `current` [r, m, 3] of the `written`
+    programs, whether it `may_undo` [r] (else UNDO_LAST was barred), its `move`, and the programs [b] of all rows `after` it."""
 
+    rows: Tensor
     current: Tensor
     written: Solids
     may_undo: Tensor
     move: Move
-    active: Tensor
     after: Solids
 
 
@@ -59,18 +59,20 @@ def steps(
     the prefixes' clouds."""
     most = min(config.max_primitives, policy.max_seq_len - 1)
     solids = empty(len(gt_points), most, gt_points.device)
-    active = torch.ones(len(gt_points), dtype=torch.bool, device=gt_points.device)
-    undone = torch.zeros(len(gt_points), dtype=torch.long, device=gt_points.device)
+    rows = torch.arange(len(gt_points), device=gt_points.device)
+    undone = torch.zeros_like(rows)
     # as many as a row can take: it adds, takes back up to the limit, adds again, and ends
     for _ in range(most + 2 * config.undo_limit + 1):
-        if not active.any():
+        if not len(rows):
             break
-        current, may_undo = surface_clouds(solids, config.cur_points, render)[0], undone < config.undo_limit
-        move = policy.propose(gt_points, current, solids, chance, may_undo)
-        after = applied(solids, move, ~active)
-        yield Step(current, solids, may_undo, move, active, after)
-        undone = undone + ((move.tokens == int(UNDO_LAST)) & active)
-        solids, active = after, active & (move.tokens != int(END))
+        written, may_undo = solids[rows], undone[rows] < config.undo_limit
+        current = surface_clouds(written, config.cur_points, render)[0]
+        move = policy.propose(gt_points[rows], current, written, chance, may_undo)
+        after = applied(written, move, torch.zeros_like(may_undo))
+        solids = Solids(*(getattr(solids, f.name).index_copy(0, rows, getattr(after, f.name)) for f in fields(Solids)))
+        yield Step(rows, current, written, may_undo, move, solids)
+        undone[rows] += move.tokens == int(UNDO_LAST)
+        rows = rows[move.tokens != int(END)]
 
 
 def decode(

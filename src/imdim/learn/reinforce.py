@@ -163,12 +163,9 @@ class _Run:
         seconds = self.clock() - since
         targets = self._validation
         chance = chunk_generator(0, TARGETS, 1, config.device)
-        count = torch.zeros(config.n_val, device=config.device)
-        found = None
-        for step in steps(average, targets.gt_points, self.decoding, chance):
-            count, found = count + step.active, step.after
-        assert found is not None
-        iou = sampled_iou(found, from_sequences(targets.gt_tokens, targets.gt_params), 2 * config.iou_samples, chance)
+        made = list(steps(average, targets.gt_points, self.decoding, chance))
+        count = moves_of(made, config.n_val)
+        iou = sampled_iou(made[-1].after, from_sequences(targets.gt_tokens, targets.gt_params), 2 * config.iou_samples, chance)
         reward = iou - config.price * count
         val = {"reward": reward.mean().item(), "iou": iou.mean().item(), "iou_median": iou.median().item(), "moves": count.mean().item()}
         best = val["reward"] > self.best
@@ -206,13 +203,13 @@ def write(
     """Sample `config.group` programs for each target; the moves, and means of reward, IoU and moves."""
     clouds = targets.gt_points.repeat_interleave(config.group, 0)
     made = list(steps(policy, clouds, decoding, chance, chance))
-    count = torch.stack([step.active for step in made]).sum(0)
+    count = moves_of(made, len(clouds))
     truth = from_sequences(targets.gt_tokens, targets.gt_params)
     origin = torch.arange(len(truth.kinds), device=clouds.device).repeat_interleave(config.group)
     iou = sampled_iou(made[-1].after, truth[origin], config.iou_samples, chance)
     reward = iou - config.price * count
     spread = reward.view(-1, config.group).std(1).mean().item()
-    facts = {"reward": reward.mean().item(), "iou": iou.mean().item(), "moves": count.float().mean().item(), "spread": spread}
+    facts = {"reward": reward.mean().item(), "iou": iou.mean().item(), "moves": count.mean().item(), "spread": spread}
     return _flat(made, clouds, advantages(reward, config.group)), facts
 
 
@@ -230,19 +227,19 @@ def clipped(log_ratio: Tensor, advantage: Tensor, clip_ratio: float) -> Tensor:
     return -torch.minimum(ratio * advantage, ratio.clamp(1 - clip_ratio, 1 + clip_ratio) * advantage)
 
 
+def moves_of(made: list[Step], n: int) -> Tensor:
+    """How many moves each of `n` rows made."""
+    return torch.cat([step.rows for step in made]).bincount(minlength=n).float()
+
+
 def _flat(made: list[Step], clouds: Tensor, advantage: Tensor) -> Written:
-    """The moves that were made, without those of rows that had ended."""
-    rows = [step.active.nonzero()[:, 0] for step in made]
     width = made[0].written.kinds.shape[1]
-    pairs = list(zip(made, rows, strict=True))
+    rows = torch.cat([step.rows for step in made])
     move = Move(
-        torch.cat([s.move.tokens[r] for s, r in pairs]),
-        concatenate([s.move.part[r] for s, r in pairs], 1),
-        torch.cat([s.move.log_p[r] for s, r in pairs]),
+        torch.cat([s.move.tokens for s in made]), concatenate([s.move.part for s in made], 1), torch.cat([s.move.log_p for s in made])
     )
-    order = torch.cat(rows)
-    current, may_undo = (torch.cat([getattr(s, name)[r] for s, r in pairs]) for name in ("current", "may_undo"))
-    return Written(clouds[order], current, concatenate([s.written[r] for s, r in pairs], width), may_undo, move, advantage[order])
+    current, may_undo = (torch.cat([getattr(s, name) for s in made]) for name in ("current", "may_undo"))
+    return Written(clouds[rows], current, concatenate([s.written for s in made], width), may_undo, move, advantage[rows])
 
 
 def _fixed(config: ReinforceConfig) -> dict[str, object]:

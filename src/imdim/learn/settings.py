@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 
 import torch
 
@@ -28,8 +28,8 @@ class TrainConfig:
     step of the average of the weights that is validated and saved (0: the weights themselves).
 
     A batch is made of `shards` parts (0: as many as processes), each drawn apart. `workers` processes make samples ahead on the CPU
-    (0: they are made between the steps, on `device`). `precision` is that of the networks' products: float32, bfloat16, or auto, which is
-    bfloat16 on a GPU.
+    (0: they are made between the steps, on `device`; -1: one worker on a CPU, none on a GPU). `precision` is that of the networks'
+    products: float32, bfloat16, or auto, which is bfloat16 on a GPU.
     """
 
     experiment: str = "base"
@@ -38,9 +38,9 @@ class TrainConfig:
     out: str = "runs/base"
     epochs: int = 20
     samples_per_epoch: int = 8192
-    n_val: int = 256
+    n_val: int = 192
     n_measure: int = 48
-    measure_every: int = 4
+    measure_every: int = 8
     batch_size: int = 32
     shards: int = 0
     lr: float = 5e-4
@@ -81,6 +81,12 @@ def precision(config: TrainConfig) -> torch.dtype:
     if name not in PRECISIONS:
         raise ValueError(f"unknown precision {name!r}; known are auto, {', '.join(PRECISIONS)}")
     return PRECISIONS[name]
+
+
+def settled(config: TrainConfig, processes: int) -> TrainConfig:
+    """`config` with numbers in place of what it leaves open."""
+    workers = (0 if config.device.startswith("cuda") else 1) if config.workers < 0 else config.workers
+    return replace(config, shards=config.shards or processes, workers=workers)
 
 
 def fixed(config: TrainConfig) -> dict[str, object]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from imdim.learn.checkpoint import load_state, save_policy, save_state, state_te
 from imdim.learn.distributed import Processes
 from imdim.learn.optimise import NotFinite, Optimiser
 from imdim.learn.schedule import Plan, learning_rate, planned, shortened
-from imdim.learn.settings import TrainConfig, build, fixed, precision
+from imdim.learn.settings import TrainConfig, build, fixed, precision, settled
 from imdim.learn.validation import Shown, Validation
 
 
@@ -82,7 +82,7 @@ def train(
     the run to resume was of another configuration or is over.
     """
     processes = processes or Processes()
-    run = _Run(replace(config, shards=config.shards or processes.count), notes or {}, clock, processes)
+    run = _Run(settled(config, processes.count), notes or {}, clock, processes)
     yield from run.reports()
 
 
