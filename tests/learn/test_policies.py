@@ -14,7 +14,8 @@ from imdim.data.surfaces import surface_clouds
 from imdim.data.synthesize import SynthesisConfig, sampled_iou, synthesize
 from imdim.learn.base import BaseConfig, BasePolicy, Draft
 from imdim.learn.codes import ENDS, FIRST, FREE, NUMBERS, PLACES, STEPS, Choices, decode, encode, ruler
-from imdim.learn.decode import DecodeConfig, applied, beam_search, costs_of, empty
+from imdim.learn.beam import beam_search, costs_of
+from imdim.learn.decode import DecodeConfig, applied, empty
 from imdim.learn.decode import decode as write
 from imdim.learn.policy import VOCAB, Move, drawn, legal, supervised
 from imdim.learn.profile import histograms, look, signed_level, voxel_moments, voxel_of
@@ -271,10 +272,19 @@ def test_decoded_programs_are_legal(batch, index):
     assert (costs[:, 0] <= costs[:, 1]).all()
 
 
+@pytest.mark.parametrize("index", [0, 1])
+def test_several_ways_are_the_same_moves(batch, index):
+    policy = policies()[index].eval()
+    one, three = (policy.propose(batch.gt_points, batch.cur_points, written(batch), ways=w) for w in (1, 3))
+    for value, wide in ((one.tokens, three.tokens), (one.part.sizes, three.part.sizes), (one.log_p, three.log_p)):
+        assert torch.allclose(value.repeat_interleave(3, 0), wide, atol=1e-4)
+
+
 def test_costs_prefer_the_true_program(batch):
     config = DecodeConfig(points=128)
     truth = from_sequences(batch.gt_tokens, batch.gt_params)
-    right, wrong = (costs_of(s, batch.gt_points, config, generator()) for s in (truth, truth[torch.arange(8).roll(1)]))
+    both = (truth, truth[torch.arange(8).roll(1)])
+    right, wrong = (costs_of(s, batch.gt_points, surface_clouds(s, 64, generator())[0], config) for s in both)
     assert (right < wrong).float().mean() > 0.8
 
 

@@ -9,21 +9,32 @@ import torch
 from torch import Tensor, nn
 
 
+Read = tuple[Tensor, Tensor]
+
+
 class Attention(nn.Module):
-    """Multi-head attention of queries [b, q, d] to a memory [b, s, d]; `mask`, broadcast to [b, heads, q, s], is true where one may look."""
+    """Multi-head attention of queries [b, q, d] to what `read` made of a memory [b, s, d].
+
+    `mask`, broadcast to [b, heads, q, s], is true where one may look.
+    """
 
     def __init__(self, d_model: int, heads: int) -> None:
         super().__init__()
         self.heads = heads
         self.query, self.key, self.value, self.out = (nn.Linear(d_model, d_model) for _ in range(4))
 
-    def forward(self, x: Tensor, memory: Tensor, mask: Tensor | None) -> Tensor:
-        q, k, v = (
-            f(a).unflatten(-1, (self.heads, -1)).transpose(1, 2) for f, a in ((self.query, x), (self.key, memory), (self.value, memory))
-        )
+    def read(self, memory: Tensor) -> Read:
+        """Keys and values [b, heads, s, d / heads]."""
+        return self._split(self.key(memory)), self._split(self.value(memory))
+
+    def forward(self, x: Tensor, read: Read, mask: Tensor | None) -> Tensor:
+        q, (k, v) = self._split(self.query(x)), read
         scores = (q @ k.mT) * q.shape[-1] ** -0.5
         scores = scores if mask is None else scores.masked_fill(~mask, -torch.inf)
         return self.out((scores.softmax(-1).to(v.dtype) @ v).transpose(1, 2).flatten(2))
+
+    def _split(self, x: Tensor) -> Tensor:
+        return x.unflatten(-1, (self.heads, -1)).transpose(1, 2)
 
 
 class Layer(nn.Module):
@@ -36,9 +47,9 @@ class Layer(nn.Module):
         self.consult = Attention(d_model, heads) if cross else None
         self.feed = nn.Sequential(nn.Linear(d_model, 2 * d_model), nn.GELU(), nn.Linear(2 * d_model, d_model))
 
-    def forward(self, x: Tensor, mask: Tensor, memory: Tensor | None = None, memory_mask: Tensor | None = None) -> Tensor:
+    def forward(self, x: Tensor, mask: Tensor, memory: Read | None = None, memory_mask: Tensor | None = None) -> Tensor:
         inner = self.norms[0](x)
-        x = x + self.attend(inner, inner, mask)
+        x = x + self.attend(inner, self.attend.read(inner), mask)
         if self.consult is not None and memory is not None:
             x = x + self.consult(self.norms[1](x), memory, memory_mask)
         return x + self.feed(self.norms[-1](x))

@@ -16,8 +16,8 @@ from torch.nn import functional as F
 
 from imdim.data.solids import ABSENT, CYLINDER, PAD, Solids, from_sequences
 from imdim.data.synthesize import Samples
-from imdim.learn.attention import Layer, causal
-from imdim.learn.codes import BINS, ENDS, FIRST, NUMBERS, PLACES, STEPS, TURNS, Choices, decode, encode, numbers_of, ruler
+from imdim.learn.attention import Layer, Read, causal
+from imdim.learn.codes import BINS, ENDS, FIRST, NUMBERS, PLACES, STEPS, TURNS, Choices, decode, encode, implied_x, numbers_of, ruler
 from imdim.learn.pointer import Pointer
 from imdim.learn.policy import VOCAB, Move, Policy, chosen_tokens, drawn
 from imdim.learn.profile import COUNTS, Clouds, SlabTokens, histograms, look
@@ -50,15 +50,28 @@ class BaseConfig:
 
 @dataclass(frozen=True)
 class View:
-    """What a state shows: the ruler `low`, `edges` [b, 3], the `clouds`, encoded tokens `memory` [b, s, d], which
-    are `there` [b, 1, 1, s], and the encoded `slabs` [b, STEPS + 1, d] of each axis."""
+    """What a state shows: the ruler `low`, `edges` [b, 3], the `clouds`, what each decoder layer `reads` of its encoded
+    tokens, which of them are `there` [b, 1, 1, s], and the encoded `slabs` [b, STEPS + 1, d] of each axis."""
 
     low: Tensor
     edges: Tensor
     clouds: Clouds
-    memory: Tensor
+    reads: tuple[Read, ...]
     there: Tensor
     slabs: tuple[Tensor, ...]
+
+    def only(self, rows: Tensor) -> View:
+        """Some rows, without the clouds."""
+        reads = tuple((k[rows], v[rows]) for k, v in self.reads)
+        return View(self.low[rows], self.edges[rows], self.clouds, reads, self.there[rows], tuple(s[rows] for s in self.slabs))
+
+    def repeated(self, ways: int) -> View:
+        """Each row `ways` times; the clouds, which are large, stay shared."""
+        if ways == 1:
+            return self
+        low, edges, there = (v.repeat_interleave(ways, 0) for v in (self.low, self.edges, self.there))
+        reads = tuple((k.repeat_interleave(ways, 0), v.repeat_interleave(ways, 0)) for k, v in self.reads)
+        return View(low, edges, self.clouds, reads, there, tuple(s.repeat_interleave(ways, 0) for s in self.slabs))
 
 
 @dataclass
@@ -69,6 +82,12 @@ class Draft:
     sign: Tensor
     choices: Choices
     profiles: list[Tensor]
+
+    def only(self, rows: Tensor) -> Draft:
+        """A copy of some rows."""
+        c = self.choices
+        choices = Choices(c.turn[rows], c.places[rows], c.bins[rows], c.offsets[rows])
+        return Draft(self.tokens[rows], self.sign[rows], choices, [p[rows] for p in self.profiles])
 
 
 class BasePolicy(Policy):
@@ -116,16 +135,18 @@ class BasePolicy(Policy):
         solids: Solids,
         generator: torch.Generator | None = None,
         may_undo: Tensor | None = None,
+        ways: int = 1,
     ) -> Move:
-        view = self._view(gt_points, cur_points, solids)
-        b, device = len(gt_points), gt_points.device
+        view = self._view(gt_points, cur_points, solids).repeated(ways)
+        b, device = len(gt_points) * ways, gt_points.device
+        lengths, may_undo = (None if v is None else v.repeat_interleave(ways) for v in (solids.lengths, may_undo))
         zeros = torch.zeros(b, SLOTS, dtype=torch.long, device=device)
         choices = Choices(zeros[:, 0], zeros[:, :ENDS].clone(), zeros[:, :NUMBERS].clone(), torch.zeros(b, ENDS + NUMBERS, device=device))
         draft = Draft(zeros[:, 0], zeros[:, 0], choices, [])
-        draft.tokens, log_p = chosen_tokens(self._logits(view, draft), solids.lengths, self.max_seq_len - 1, generator, may_undo)
+        draft.tokens, log_p = chosen_tokens(self._logits(view, draft), lengths, self.max_seq_len - 1, generator, may_undo)
         adds = (draft.tokens <= CYLINDER).float()
         first = torch.tensor([-torch.inf, 0.0], device=device)
-        sign = torch.where((solids.lengths == 0)[:, None], first, self.to_sign(self._hidden(view, draft, 2)[:, 1]))
+        sign = torch.where((lengths == 0)[:, None], first, self.to_sign(self._hidden(view, draft, 2)[:, 1]))
         draft.sign, log_sign = drawn(sign, generator)
         turn, log_turn = drawn(self.to_turn(self._hidden(view, draft, 3)[:, 2]), generator)
         draft.choices = Choices(turn, choices.places, choices.bins, choices.offsets)
@@ -133,9 +154,9 @@ class BasePolicy(Policy):
         for end in range(ENDS):
             log_p = log_p + self._draw_end(view, draft, end, generator) * adds
         used = draft.choices.used_bins(draft.tokens) & (adds > 0)[:, None]
-        for slot in range(NUMBERS):
-            if used[:, slot].any():
-                log_p = log_p + self._draw_number(view, draft, slot, generator) * used[:, slot]
+        free = used.any(1).nonzero()[:, 0]
+        if len(free):
+            log_p = log_p.index_add(0, free, self._draw_numbers(view, draft, free, generator))
         part = decode(draft.tokens.clamp_max(CYLINDER), draft.sign.bool(), draft.choices, view.low, view.edges)
         return Move(draft.tokens, part, log_p)
 
@@ -148,12 +169,21 @@ class BasePolicy(Policy):
         draft.choices.offsets[:, end] = self.pointer.offset(hidden, keys, place)
         return log_p
 
-    def _draw_number(self, view: View, draft: Draft, slot: int, generator: torch.Generator | None) -> Tensor:
-        """Choose one number of a free rotation in place; its log p [b]."""
-        hidden = self._hidden(view, draft, HEAD + ENDS + slot + 1)[:, -1]
-        index, log_p = drawn(hidden @ self.to_bins[slot], generator)
-        draft.choices.bins[:, slot] = index
-        draft.choices.offsets[:, ENDS + slot] = (hidden @ self.to_shifts[slot]).gather(1, index[:, None])[:, 0].clamp(-0.5, 0.5)
+    def _draw_numbers(self, view: View, draft: Draft, rows: Tensor, generator: torch.Generator | None) -> Tensor:
+        """Choose the numbers of the free rotations of `rows` in place; their log p [rows]."""
+        view, part = view.only(rows), draft.only(rows)
+        used, log_p = part.choices.used_bins(part.tokens), torch.zeros(len(rows), device=rows.device)
+        for slot in range(NUMBERS):
+            if slot == 3:
+                # what a cylinder's x axis is in the data, it is here
+                implied = implied_x(part.choices.bins[:, :3] + part.choices.offsets[:, ENDS : ENDS + 3])
+                part.choices.bins[:, 3:6] = torch.where(used[:, 3:6], 0, implied)
+            hidden = self._hidden(view, part, HEAD + ENDS + slot + 1)[:, -1]
+            index, log_index = drawn(hidden @ self.to_bins[slot], generator)
+            part.choices.bins[:, slot] = torch.where(used[:, slot], index, part.choices.bins[:, slot])
+            part.choices.offsets[:, ENDS + slot] = (hidden @ self.to_shifts[slot]).gather(1, index[:, None])[:, 0].clamp(-0.5, 0.5)
+            log_p = log_p + log_index * used[:, slot]
+        draft.choices.bins[rows], draft.choices.offsets[rows] = part.choices.bins, part.choices.offsets
         return log_p
 
     def _logits(self, view: View, draft: Draft) -> Tensor:
@@ -192,7 +222,8 @@ class BasePolicy(Policy):
         for layer in self.encoder:
             memory = layer(memory, there)
         memory = self.encoded(memory)
-        return View(low, edges, clouds, memory, there, memory[:, : 3 * (STEPS + 1)].split(STEPS + 1, 1))
+        reads = tuple(layer.consult.read(memory) for layer in self.decoder)
+        return View(low, edges, clouds, reads, there, memory[:, : 3 * (STEPS + 1)].split(STEPS + 1, 1))
 
     def _profile(self, view: View, draft: Draft, axis: int) -> Tensor:
         """The profile along `axis` of the points within the ends chosen along the axes before it."""
@@ -201,8 +232,10 @@ class BasePolicy(Policy):
             if done and self.config.within:
                 low, high = shares[:, None, 0 : 2 * done : 2] - MARGIN, shares[:, None, 1 : 2 * done : 2] + MARGIN
                 seen = view.clouds.shares[..., :done]
+                seen = seen.repeat_interleave(len(low) // len(seen), 0)
                 weight = ((seen > low) & (seen < high)).all(-1).float()
-            draft.profiles.append(histograms(view.clouds, done, weight))
+            profile = histograms(view.clouds, done, weight)
+            draft.profiles.append(profile.repeat_interleave(len(shares) // len(profile), 0))
         return draft.profiles[axis]
 
     def _keys(self, view: View, draft: Draft, end: int) -> Tensor:
@@ -213,7 +246,7 @@ class BasePolicy(Policy):
         """Hidden states [b, count, d] of the first `count` slots, each seeing those before it; later choices are not looked at."""
         choices = draft.choices
         number = choices.bins + BINS * torch.arange(NUMBERS, device=choices.bins.device)
-        before = [torch.zeros_like(view.memory[:, :1]), self.token_embed(draft.tokens)[:, None], self.sign_embed(draft.sign)[:, None]]
+        before = [torch.zeros_like(view.slabs[0][:, :1]), self.token_embed(draft.tokens)[:, None], self.sign_embed(draft.sign)[:, None]]
         before += [self.turn_embed(choices.turn)[:, None], self.place_embed(choices.places), self.bin_embed(number)[:, :-1]]
         x = (torch.cat(before, 1) + self.slot)[:, :count]
         axes = range((min(ENDS, max(0, count - HEAD)) + 1) // 2)
@@ -221,6 +254,6 @@ class BasePolicy(Policy):
             glances = torch.stack([self.glance(self._profile(view, draft, axis).flatten(1)) for axis in axes], 1)
             seen = nn.functional.pad(glances.repeat_interleave(2, 1), (0, 0, HEAD, NUMBERS))
             x = x + seen[:, :count]
-        for layer in self.decoder:
-            x = layer(x, causal(count, x.device), view.memory, view.there)
+        for layer, read in zip(self.decoder, view.reads, strict=True):
+            x = layer(x, causal(count, x.device), read, view.there)
         return self.decoded(x)

@@ -158,6 +158,12 @@ def _frame(columns: Tensor) -> Tensor:
     return torch.stack([x, torch.linalg.cross(z, x), z], -1)
 
 
+def implied_x(z_bins: Tensor) -> Tensor:
+    """Bins int64 [b, 3] of the x axis that canonical cylinders have, for those of their z axis [b, 3]."""
+    z = normalize(z_bins / (BINS - 1) * 2 - 1 + torch.tensor([0.0, 0.0, 1e-6], device=z_bins.device), dim=-1)
+    return ((shortest_from_z(z)[..., 0] + 1) / 2 * (BINS - 1)).round().clamp(0, BINS - 1).long()
+
+
 def relative(points: Tensor, low: Tensor, edges: Tensor) -> Tensor:
     """Points [b, n, 3] in shares of the box: 0 at its low faces, 1 at its high ones."""
     return (points - low[:, None]) / edges[:, None]

@@ -1,4 +1,4 @@
-"""From a cloud to a program: greedy, sampled, and beam search that renders its prefixes and is scored by geometry."""
+"""From a cloud to a program: write, execute, look, until the policy ends; greedy or sampled."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from imdim.program.state import END, UNDO_LAST
 
 @dataclass
 class DecodeConfig:
-    """`beam` hypotheses per target, each tried `expand` ways per step; `points` of each cloud are compared; a primitive must lower the
-    Chamfer distance by `price` to be worth it; `undo_limit` steps may be spent on taking back."""
+    """`beam` states per target, each tried `expand` ways per step; `points` of the cloud judge them; a primitive must lower the distance by
+    `price` to be worth it; `undo_limit` steps may be spent on taking back."""
 
     beam: int = 16
     expand: int = 2
-    points: int = 512
-    cur_points: int = 384
-    price: float = 5e-4
+    points: int = 1024
+    cur_points: int = 256
+    price: float = 1e-4
     max_primitives: int = 12
     undo_limit: int = 4
 
@@ -85,48 +85,6 @@ def decode(
     return solids
 
 
-@torch.no_grad()
-def beam_search(
-    policy: Policy, gt_points: Tensor, config: DecodeConfig, render: torch.Generator, chance: torch.Generator
-) -> tuple[Solids, Tensor]:
-    """The `beam` best programs [b * beam] of each cloud, row after row, best first, and their costs [b, beam]: Chamfer distance plus price.
-
-    Every step samples `expand` moves of each hypothesis, renders them all, and keeps the cheapest different ones; finished ones stay.
-    """
-    rows, beam, ways = len(gt_points), config.beam, config.beam * config.expand
-    most = min(config.max_primitives, policy.max_seq_len - 1)
-    solids = empty(rows * beam, most, gt_points.device)
-    done = torch.zeros(rows * beam, dtype=torch.bool, device=gt_points.device)
-    costs = torch.full((rows, beam), torch.inf, device=gt_points.device)
-    undone = torch.zeros(rows * beam, dtype=torch.long, device=gt_points.device)
-    for _ in range(most + 2 * config.undo_limit + 1):
-        if done.all():
-            break
-        origin = torch.arange(rows * beam, device=done.device).repeat_interleave(config.expand)
-        target = gt_points[origin // beam]
-        current = surface_clouds(solids, config.cur_points, render)[0]
-        tried = solids[origin]
-        move = policy.propose(target, current[origin], tried, chance, undone[origin] < config.undo_limit)
-        ended = done[origin] | (move.tokens == int(END))
-        tried = applied(tried, move, done[origin])
-        cost = costs_of(tried, target, config, render).view(rows, ways)
-        keep = _cheapest(cost, tried.lengths.view(rows, ways), ended.view(rows, ways), beam)
-        chosen = (torch.arange(rows, device=done.device)[:, None] * ways + keep).flatten()
-        undone = (undone[origin] + ((move.tokens == int(UNDO_LAST)) & ~done[origin]))[chosen]
-        solids, done, costs = tried[chosen], ended[chosen], cost.gather(1, keep)
-    order = costs.argsort(1)
-    chosen = (torch.arange(rows, device=done.device)[:, None] * beam + order).flatten()
-    return solids[chosen], costs.gather(1, order)
-
-
-def costs_of(solids: Solids, gt_points: Tensor, config: DecodeConfig, render: torch.Generator) -> Tensor:
-    """Chamfer distance (sum of both directed means) of renderings and clouds plus the price of primitives, [b]; infinite for nothing."""
-    points, _, count = surface_clouds(solids, config.points, render)
-    between = torch.cdist(gt_points[:, : config.points], points)
-    chamfer = between.amin(2).mean(1) + between.amin(1).mean(1)
-    return torch.where(count > 0, chamfer + config.price * solids.lengths, torch.inf)
-
-
 def applied(solids: Solids, move: Move, done: Tensor) -> Solids:
     """The sequences after the move; rows that are `done` stay."""
     rows = torch.arange(len(done), device=done.device)
@@ -137,11 +95,3 @@ def applied(solids: Solids, move: Move, done: Tensor) -> Solids:
     back = (move.tokens == int(UNDO_LAST)) & ~done
     last = torch.arange(width, device=done.device) == (length - 1)[:, None]
     return replace(after, kinds=torch.where(back[:, None] & last, ABSENT, after.kinds))
-
-
-def _cheapest(cost: Tensor, lengths: Tensor, ended: Tensor, beam: int) -> Tensor:
-    """Indices [b, beam]. Twins, finished or not, of one length and cost stand once before anything stands twice."""
-    order = cost.argsort(1)
-    key = cost.gather(1, order) * 4 + lengths.gather(1, order) + 0.5 * ended.gather(1, order)
-    twin = torch.cat([torch.zeros_like(ended[:, :1]), key[:, 1:] == key[:, :-1]], 1)
-    return order.gather(1, torch.argsort(twin.to(torch.uint8), dim=1, stable=True))[:, :beam]

@@ -16,7 +16,8 @@ from imdim.data.canonical import box_symmetries
 from imdim.data.solids import BOX, CYLINDER, PAD, SPHERE, Solids, from_sequences, to_sequences, to_states
 from imdim.data.synthesize import Samples
 from imdim.geometry.solid import to_manifold, volume_iou
-from imdim.learn.decode import DecodeConfig, beam_search, decode
+from imdim.learn.beam import beam_search
+from imdim.learn.decode import DecodeConfig, decode
 from imdim.learn.policy import Move, Policy
 from imdim.program.tree import Program
 

@@ -40,10 +40,12 @@ class Policy(nn.Module):
         solids: Solids,
         generator: torch.Generator | None = None,
         may_undo: Tensor | None = None,
+        ways: int = 1,
     ) -> Move:
-        """A legal move for targets [b, n, 3] with `solids` written so far, whose cloud is `cur_points` [b, m, 3] (zeros: empty).
+        """`ways` legal moves for each row, side by side: for targets [b, n, 3] with `solids` written so far, whose cloud is `cur_points`
+        [b, m, 3] (zeros: empty).
 
-        The most likely one without `generator`, else a sample. The first primitive is positive. UNDO_LAST is barred
+        The most likely one without `generator`, else samples. The first primitive is positive. UNDO_LAST is barred
         where `may_undo` [b] is false: a policy that adds and takes back without end would not halt.
         """
 

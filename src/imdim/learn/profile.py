@@ -107,7 +107,7 @@ def voxel_moments(points: Tensor) -> Tensor:
 
 def histograms(clouds: Clouds, axis: int, weight: Tensor | None = None) -> Tensor:
     """Profile [b, STEPS + 1, COUNTS + 1] along `axis`: logarithms of the counts of each kind, and the target points' mean offset from the
-    mark, in steps; of points with `weight` [b, n] if given. A share of 1 of the target reads 2."""
+    mark, in steps. A share of 1 of the target reads 2. With `weight` [b * w, n] of the points, w profiles of each row."""
     # counts and offsets are wanted exactly, in whatever precision the network runs
     with torch.autocast(clouds.shares.device.type, enabled=False):
         return _histograms(clouds, axis, weight)
@@ -116,8 +116,13 @@ def histograms(clouds: Clouds, axis: int, weight: Tensor | None = None) -> Tenso
 def _histograms(clouds: Clouds, axis: int, weight: Tensor | None) -> Tensor:
     kinds, place = clouds.kinds, clouds.shares[..., axis] * STEPS
     columns = torch.cat([kinds, (place - place.round())[..., None] * kinds[..., :1]], -1)
-    columns = columns if weight is None else columns * weight[..., None]
-    sums = clouds.slabs[axis].mT @ columns
+    slabs = clouds.slabs[axis].mT
+    if weight is None:
+        sums = slabs @ columns
+    else:
+        # the profiles of a row share one product: their columns stand side by side
+        weights = weight.view(len(columns), -1, columns.shape[1]).mT[..., None]
+        sums = (slabs @ (weights * columns[:, :, None]).flatten(2)).unflatten(2, (weights.shape[2], -1)).transpose(1, 2).flatten(0, 1)
     scale = (math.exp(2) - 1) * 4 / clouds.target
     return torch.cat([torch.log1p(sums[..., :-1] * scale), sums[..., -1:] / sums[..., :1].clamp_min(1)], -1)
 

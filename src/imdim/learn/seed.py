@@ -94,7 +94,12 @@ class SeedPolicy(Policy):
         solids: Solids,
         generator: torch.Generator | None = None,
         may_undo: Tensor | None = None,
+        ways: int = 1,
     ) -> Move:
+        if ways > 1:
+            each = torch.arange(len(gt_points), device=gt_points.device).repeat_interleave(ways)
+            may = None if may_undo is None else may_undo[each]
+            return self.propose(gt_points[each], cur_points[each], solids[each], generator, may)
         tokens, at = self._history(solids)
         logits = forward_params_only(self.components, gt_points, cur_points, tokens)[2][at]
         token, log_p = chosen_tokens(logits, solids.lengths, self.max_seq_len - 1, generator, may_undo)
