@@ -1,8 +1,8 @@
 """Training runs: resuming, stopping, files; checkpoints that refuse what they are not."""
 
-import errno
 import json
 import math
+import resource
 from dataclasses import replace
 from functools import partial
 
@@ -17,9 +17,8 @@ from imdim.data.folder import FolderConfig, make_folder
 from imdim.data.npz import SampleError
 from imdim.data.solids import from_sequences
 from imdim.data.synthesize import SynthesisConfig, synthesize
-from imdim.learn import checkpoint
 from imdim.learn.base import BaseConfig
-from imdim.learn.checkpoint import CheckpointError, load_policy, load_state, save_policy
+from imdim.learn.checkpoint import CheckpointError, load_policy, load_state, save_policy, save_state
 from imdim.learn.optimise import NotFinite, Optimiser
 from imdim.learn.policy import Move, Policy
 from imdim.learn.schedule import Plan, learning_rate, planned, shortened
@@ -316,20 +315,38 @@ def test_broken_and_missing_checkpoints_are_named(tmp_path):
         load_policy(tmp_path / "none")
 
 
-def test_a_full_disk_leaves_the_last_checkpoint_whole(tmp_path, monkeypatch):
-    path = tmp_path / "a.safetensors"
-    save_policy(path, build(small(tmp_path)), {})
-    before = path.read_bytes()
+@pytest.fixture
+def full_disk():
+    """Files cannot grow beyond 2,000 bytes: what is written fails half-way, as on a disk that is full."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    yield lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (2000, hard))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
-    def full(weights, part, header):
-        part.write_bytes(b"half of it")
-        raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(checkpoint, "save_file", full)
-    with pytest.raises(OSError, match="No space"):
-        save_policy(path, build(small(tmp_path)), {})
-    assert path.read_bytes() == before
-    assert [p.name for p in tmp_path.iterdir()] == ["a.safetensors"]
+@pytest.mark.parametrize("name", ["a.safetensors", "state.pt"])
+def test_a_full_disk_leaves_the_last_checkpoint_whole(tmp_path, full_disk, name):
+    def write(seed):
+        policy = build(small(tmp_path, "seed", seed=seed))
+        save_policy(tmp_path / name, policy, {}) if name.endswith("s") else save_state(tmp_path / name, policy.state_dict())
+
+    write(0)
+    before = (tmp_path / name).read_bytes()
+    full_disk()
+    with pytest.raises(OSError, match=rf"too large.*{name}"):
+        write(1)
+    assert (tmp_path / name).read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == [name]
+
+
+@pytest.mark.parametrize("content", [b"", b"no state", b"PK\x03\x04 cut off", "other"])
+def test_states_that_are_none_are_named(tmp_path, content):
+    path = tmp_path / "state.pt"
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        torch.save({"weights": torch.zeros(2)}, path)
+    with pytest.raises(CheckpointError, match=r"state.pt: not (a training state|the state of a training run)"):
+        next(train(small(tmp_path, resume=True)))
 
 
 def test_settings_come_from_files_and_arguments(tmp_path):

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
-from collections.abc import Callable, Mapping
+import pickle
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor
 
 from imdim.learn.base import BaseConfig, BasePolicy
@@ -41,7 +43,7 @@ def save_policy(path: Path, policy: Policy, notes: Mapping[str, str]) -> None:
         "max_seq_len": str(policy.max_seq_len),
     }
     weights = {k: v.detach().cpu().contiguous() for k, v in policy.state_dict().items()}
-    replace_whole(path, lambda part: save_file(weights, part, header))
+    replace_whole(path, save(weights, header))
 
 
 def load_policy(path: Path, device: torch.device | str = "cpu") -> tuple[Policy, dict[str, str]]:
@@ -66,23 +68,48 @@ def load_policy(path: Path, device: torch.device | str = "cpu") -> tuple[Policy,
 
 def save_state(path: Path, state: Mapping[str, Any]) -> None:
     """A training state: nested dictionaries and lists of tensors and plain values."""
-    replace_whole(path, lambda part: torch.save(dict(state), part))
+    buffer = io.BytesIO()
+    torch.save(dict(state), buffer)
+    replace_whole(path, buffer.getbuffer())
 
 
 def load_state(path: Path) -> dict[str, Any]:
-    """What `save_state` wrote, on the CPU; no code is executed."""
-    return torch.load(path, map_location="cpu", weights_only=True)
+    """What `save_state` wrote, on the CPU; no code is executed. Raises CheckpointError for another file."""
+    try:
+        return torch.load(path, map_location="cpu", weights_only=True)
+    except (RuntimeError, EOFError, pickle.UnpicklingError) as error:
+        raise CheckpointError(f"{path}: not a training state") from error
 
 
-def replace_whole(path: Path, write: Callable[[Path], Any]) -> None:
-    """Let `write` make a file beside `path`, bring it to the disk and put it in place of `path`; nothing is left of a failure."""
+def load_own_state(path: Path, settings: Mapping[str, object]) -> dict[str, Any]:
+    """The state of a run with these `settings`, which it notes under "config"; settings that it does not know may be any.
+
+    Raises FileNotFoundError, CheckpointError, ValueError when the settings are others.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"nothing to resume: no {path}")
+    state = load_state(path)
+    if not isinstance(state, dict) or not {"step", "best", "config", "policy", "average", "optimizer"} <= state.keys():
+        raise CheckpointError(f"{path}: not the state of a training run")
+    other = [key for key, value in settings.items() if key in state["config"] and state["config"][key] != value]
+    if other:
+        raise ValueError(f"{path} is of a run with another {', '.join(other)}")
+    return state
+
+
+def replace_whole(path: Path, content: bytes | memoryview) -> None:
+    """Write a file beside `path`, bring it to the disk and put it in place of `path`; nothing is left of a failure."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(path.name + ".part")
     try:
-        write(part)
-        with part.open("rb") as file:
+        # torch and safetensors report a full disk as errors of other kinds, so they write to memory
+        with part.open("wb") as file:
+            file.write(content)
+            file.flush()
             os.fsync(file.fileno())
         os.replace(part, path)
+    except OSError as error:
+        raise type(error)(error.errno, error.strerror, str(path)) from error
     finally:
         part.unlink(missing_ok=True)
 

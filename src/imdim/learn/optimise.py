@@ -75,6 +75,10 @@ class Optimiser:
         return {"policy": self.policy.state_dict(), "average": self.average.state_dict(), "optimizer": self.adam.state_dict()}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        self.policy.load_state_dict(state["policy"])
-        self.average.load_state_dict(state["average"])
-        self.adam.load_state_dict(state["optimizer"])
+        """Raises ValueError when the weights are of another design."""
+        try:
+            self.policy.load_state_dict(state["policy"])
+            self.average.load_state_dict(state["average"])
+            self.adam.load_state_dict(state["optimizer"])
+        except RuntimeError as error:
+            raise ValueError(f"the weights of the run to resume do not fit this program's design {type(self.policy).__name__}") from error

@@ -22,7 +22,7 @@ from torch import Tensor
 from imdim.data.folder import chunk_generator
 from imdim.data.solids import Solids, concatenate, from_sequences
 from imdim.data.synthesize import Samples, SynthesisConfig, sampled_iou, synthesize
-from imdim.learn.checkpoint import load_state, save_policy, save_state
+from imdim.learn.checkpoint import load_own_state, save_policy, save_state
 from imdim.learn.decode import DecodeConfig, Step, steps
 from imdim.learn.optimise import Optimiser
 from imdim.learn.policy import Move, Policy
@@ -184,12 +184,7 @@ class _Run:
 
     def _load(self) -> None:
         path = self.out / "state.pt"
-        if not path.is_file():
-            raise FileNotFoundError(f"nothing to resume: no {path}")
-        state = load_state(path)
-        other = [key for key, value in _fixed(self.config).items() if key in state["config"] and state["config"][key] != value]
-        if other:
-            raise ValueError(f"{path} is of a run with another {', '.join(other)}")
+        state = load_own_state(path, _fixed(self.config))
         if state["step"] >= self.config.steps:
             raise ValueError(f"{path} is of a run that is over, {state['step']} steps long; give it more steps")
         self.step, self.best = state["step"], state["best"]

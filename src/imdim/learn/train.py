@@ -18,7 +18,7 @@ from torch import Tensor
 
 from imdim.data.synthesize import Samples
 from imdim.learn.batches import Batches
-from imdim.learn.checkpoint import load_state, save_policy, save_state, state_tensors
+from imdim.learn.checkpoint import load_own_state, load_state, save_policy, save_state, state_tensors
 from imdim.learn.distributed import Processes
 from imdim.learn.optimise import NotFinite, Optimiser
 from imdim.learn.schedule import Plan, learning_rate, planned, shortened
@@ -175,12 +175,7 @@ class _Run:
 
     def _load(self) -> None:
         path = self.out / "state.pt"
-        if not path.is_file():
-            raise FileNotFoundError(f"nothing to resume: no {path}")
-        state = load_state(path)
-        other = [key for key, value in fixed(self.config).items() if key in state["config"] and state["config"][key] != value]
-        if other:
-            raise ValueError(f"{path} is of a run with another {', '.join(other)}")
+        state = load_own_state(path, fixed(self.config))
         self.best = state["best"]
         start, end = state["plan"]
         if state["step"] >= end:
