@@ -27,6 +27,8 @@ LINKED = 2.2  # spacings between neighbours of a group
 LOOK = 0.03  # of the diagonal: how far an end looks, and how much longer it becomes
 SAMPLED = 1500  # points of the program's surface that are looked at
 BARE = 1.2  # spacings to the nearest point
+WALLS = (0.03, 0.06)  # of the diagonal
+SKINS = {"box": (2, 2, 2), "cylinder": (1, 2), "sphere": (1,)}  # walls within a size
 TRIALS = 60  # circles and balls through random points
 
 
@@ -44,6 +46,42 @@ def missing(program: Program, cloud: Cloud, axes: np.ndarray, off: float) -> lis
 def whole(cloud: Cloud, axes: np.ndarray) -> list[Primitive]:
     """What the whole cloud would be as one primitive."""
     return _guesses(cloud.points, axes, 0.03 * cloud.diagonal, cloud.spacing)
+
+
+def alternatives(points: np.ndarray, axes: np.ndarray, cloud: Cloud) -> list[Primitive]:
+    """Other primitives for the `points` [m, 3] that one explains."""
+    return _guesses(points, axes, 0.01 * cloud.diagonal, cloud.spacing) if len(points) >= LEAST else []
+
+
+def hollows(primitive: Primitive, wall: float, cloud: Cloud) -> list[Primitive]:
+    """Cavities of a part: itself with walls taken off, open at the ends that bear no points. `wall` is a guess of their half thickness:
+    a part that was fitted to both skins of a thin wall runs between them."""
+    rotation, center = matrix_from_euler(primitive.rotation), np.array(primitive.center)
+    slots = {"box": (0, 1, 2), "cylinder": (None, None, 1)}.get(primitive.kind, (None, None, None))
+    bare = [(k, sign) for k, slot in enumerate(slots) if slot is not None for sign in (-1, 1) if _is_bare(primitive, k, sign, cloud)]
+    out = []
+    for thick in (wall, *(w * cloud.diagonal for w in WALLS)):
+        size = np.array(primitive.size) - np.array(SKINS[primitive.kind]) * thick
+        middle = center.copy()
+        for k, sign in bare:
+            size[slots[k]] += thick + LOOK * cloud.diagonal
+            middle += sign * (thick + LOOK * cloud.diagonal) / 2 * rotation[:, k]
+        if size.min() > cloud.spacing:
+            out.append(_placed(primitive.kind, tuple(size), middle, np.eye(3), rotation))
+    return out
+
+
+def _is_bare(primitive: Primitive, axis: int, sign: int, cloud: Cloud) -> bool:
+    """Whether most of the middle of a flat end lies off the cloud."""
+    rotation = matrix_from_euler(primitive.rotation)
+    half = (
+        np.array(primitive.size if primitive.kind == "box" else (1.4 * primitive.size[0], 1.4 * primitive.size[0], primitive.size[1])) / 2
+    )
+    steps = np.linspace(-0.7, 0.7, 6)
+    grid = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
+    local = np.insert(grid, axis, sign, axis=1) * half
+    away = cloud.tree.query(local @ rotation.T + primitive.center)[0]
+    return bool((away > BARE * cloud.spacing).mean() > 0.6)
 
 
 def trimmed(primitive: Primitive, points: np.ndarray) -> list[Primitive]:

@@ -16,9 +16,11 @@ from imdim.geometry import kernels
 from imdim.geometry.axes import SYMMETRIES
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler
 from imdim.program.tree import Primitive, Program
-from imdim.solve.missing import missing, trimmed, whole
+from imdim.solve.missing import alternatives, hollows, missing, trimmed, whole
 from imdim.solve.pool import Choice, Cloud, Pool, PoolConfig, Signed, best_choice, distinct, to_program, with_numbers
 from imdim.solve.refine import RefineConfig, refine
+
+HOLLOW = ("box", "sphere", "cylinder")
 
 
 @dataclass(frozen=True)
@@ -102,11 +104,16 @@ def _repaired(start: Proposal, lent: Sequence[Primitive], axes: np.ndarray, clou
 
 
 def _varied(proposal: Proposal, axes: np.ndarray, cloud: Cloud, config: ProposalConfig) -> list[Primitive]:
-    """The primitives levelled, and trimmed to the points that they explain."""
+    """The primitives levelled, trimmed to the points that they explain, and exchanged for others that explain these."""
     leaf, value, _, _ = kernels.program_tangent(proposal.program, cloud.points)
     near = np.abs(value) < _off(proposal.program, cloud)
-    level = [_levelled(p, axes, config.level_deg) for p, _ in proposal.signed]
-    return level + [t for i, (p, _) in enumerate(proposal.signed) for t in trimmed(p, cloud.points[near & (leaf == i)])]
+    out = [_levelled(p, axes, config.level_deg) for p, _ in proposal.signed]
+    for i, (primitive, positive) in enumerate(proposal.signed):
+        own = near & (leaf == i)
+        out += trimmed(primitive, cloud.points[own]) + alternatives(cloud.points[own], axes, cloud)
+        if positive and own.any() and primitive.kind in HOLLOW:
+            out += hollows(primitive, float(np.median(np.abs(value[own]))), cloud)
+    return out
 
 
 def _levelled(primitive: Primitive, axes: np.ndarray, most_deg: float) -> Primitive:
