@@ -27,6 +27,7 @@ from imdim.solve.relations.places import Places, proposals
 from imdim.solve.relations.select import Choice
 
 TILTED = 1e-2  # while axes are off by degrees: what a row keeps beside those that span it once they are not
+REACH = 8.0  # deviations
 SAME = 1e-10  # what a number moves by rounding, as a share of the part
 
 
@@ -70,16 +71,18 @@ def discover(program: Program, points: np.ndarray, *, normals: np.ndarray | None
     cloud = away_from_edges(cloud, start, noise)
     shown = Shown.of(start, cloud, floor, config.min_support)
     metric = normal_equations(start, cloud, CUT * noise)
-    chosen = _chosen(start, covariance(start, cloud, floor), prior(start, cloud.length), shown, metric)
+    known = covariance(start, cloud, floor)
+    chosen = _chosen(start, known, prior(start, cloud.length), shown, metric)
     taken, dropped = chosen.taken, chosen.dropped
-    numbers, cost, before = _solved(start, taken, cloud, noise)
+    numbers, cost = _solved(start, taken, cloud, noise, known)
     for _ in range(config.reviews):
         worst = _strained(numbers, taken, cloud, noise, config.significance)
         if worst is None:
             break
         number, reason = worst
         dropped.append((taken.pop(number), reason))
-        numbers, cost, before = _solved(start, taken, cloud, noise)
+        numbers, cost = _solved(start, taken, cloud, noise, known)
+    before = min(metric.cost, fitted(start, [], cloud, CUT * noise)[1])
     constraints = named(merged(taken), program)
     return Discovery(lifted(program, start, numbers), constraints, tuple(dropped), noise, cost / noise**2, before / noise**2)
 
@@ -112,11 +115,21 @@ def _chosen(start: Lowered, spread: np.ndarray, wide: np.ndarray, shown: Shown, 
     return choice
 
 
-def _solved(start: Lowered, taken: Sequence[Constraint], cloud: Cloud, noise: float) -> tuple[Lowered, float, float]:
-    """Numbers and cost under the constraints, and the cost without."""
+def _solved(start: Lowered, taken: Sequence[Constraint], cloud: Cloud, noise: float, known: np.ndarray) -> tuple[Lowered, float]:
+    """Numbers under the constraints, and their cost: fitted if the fit stays within what is `known` (a covariance), else as near as can be."""
     scale = CUT * noise
     numbers, cost = fitted(start, taken, cloud, scale)
-    return numbers, cost, min(normal_equations(start, cloud, scale).cost, fitted(start, [], cloud, scale)[1])
+    if _near(start, numbers, known):
+        return numbers, cost
+    numbers = onto(start, taken, cloud.length, normal_equations(start, cloud, scale))
+    return numbers, normal_equations(numbers, cloud, scale).cost
+
+
+def _near(before: Lowered, after: Lowered, known: np.ndarray) -> bool:
+    """Whether no size or place moved by more than REACH deviations: further off lies another minimum."""
+    shift = np.einsum("kji,kj->ki", before.rotations, after.centers - before.centers)
+    moves = np.concatenate([after.sizes - before.sizes, shift], axis=1)
+    return bool((np.abs(moves) <= REACH * np.sqrt(np.diagonal(known)).reshape(-1, 9)[:, :6]).all())
 
 
 def _unmoved(before: Lowered, after: Lowered, length: float) -> Lowered:

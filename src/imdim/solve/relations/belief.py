@@ -99,7 +99,7 @@ def away_from_edges(cloud: Cloud, numbers: Lowered, noise: float) -> Cloud:
     support, before = _by_leaf(leaf[clear], kept, len(numbers.kinds)), _by_leaf(leaf, all_, len(numbers.kinds))
     poor = (support < MOST * before) | (support < FEW)
     needed = (by_face > 1e-3) & poor[leaf]
-    return replace(cloud, weights=np.where(clear | needed.any(1), cloud.weights, 0.0))
+    return replace(cloud, weights=np.where(clear | needed.any(1), cloud.weights, 0.1 * cloud.weights))
 
 
 def _face_weights(numbers: Lowered, leaf: np.ndarray, tangent: np.ndarray) -> np.ndarray:
