@@ -13,8 +13,8 @@ from imdim.data.solids import PAD, from_sequences
 from imdim.data.surfaces import surface_clouds
 from imdim.data.synthesize import SynthesisConfig, sampled_iou, synthesize
 from imdim.learn.base import BaseConfig, BasePolicy, Draft
-from imdim.learn.codes import ENDS, FIRST, FREE, NUMBERS, PLACES, STEPS, Choices, decode, encode, ruler
 from imdim.learn.beam import beam_search, costs_of
+from imdim.learn.codes import ENDS, FIRST, FREE, NUMBERS, PLACES, STEPS, Choices, decode, encode, ruler
 from imdim.learn.decode import DecodeConfig, applied, empty
 from imdim.learn.decode import decode as write
 from imdim.learn.policy import VOCAB, Move, drawn, legal, supervised

@@ -53,7 +53,8 @@ def beam_search(
     most = min(config.max_primitives, policy.max_seq_len - 1)
     nothing = empty(rows * config.beam, most, device)
     far = torch.full((rows, config.beam), torch.inf, device=device)
-    blank, zero = torch.zeros(rows * config.beam, config.cur_points, 3, device=device), torch.zeros(rows * config.beam, dtype=torch.long, device=device)
+    blank = torch.zeros(rows * config.beam, config.cur_points, 3, device=device)
+    zero = torch.zeros(rows * config.beam, dtype=torch.long, device=device)
     answers = _Ranked(nothing, far, blank, zero)
     start = far.clone()
     start[:, 0] = 0.0
