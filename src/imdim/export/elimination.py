@@ -2,7 +2,7 @@
 
 Variables are, per leaf, three sizes and the three coordinates of its centre; rows and circles of equal steps add spacings, diameters and
 middles. Centres are eliminated before sizes and later leaves before earlier ones, so that what stays free are the sizes that a person
-would name.
+would name. Cutters keep sticking out of what they cut by as much as they do (`through`).
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from imdim.export.through import End, ends_of, overhangs, world_axis
 from imdim.geometry.constraints import rows_of
 from imdim.geometry.lowering import Lowered, lower
-from imdim.program.constraints import AXES_OF, Constraint
+from imdim.program.constraints import AXES_OF, Constraint, Ref
 from imdim.program.tree import KINDS, Primitive, Program, leaves
 
-ALIGNED = 1e-7  # how far a direction may be off the world's axes
 ZERO = 1e-9  # coefficients
 PATTERNS = ("linear", "circular")
 
@@ -39,13 +39,14 @@ class Turn:
 class System:
     """Equations [m, n] that hold at `start` [n]; variables from `extra` on are those of patterns, each with its first leaf and a word.
 
-    `length` is the largest size.
+    `ties` are equations for the numbers of one leaf, that are to bind no others. `length` is the largest size.
     """
 
     start: list[float]
     extra: int
     length: float
     rows: list[dict[int, float]] = field(default_factory=list)
+    ties: list[tuple[int, dict[int, float]]] = field(default_factory=list)
     extras: list[tuple[int, str]] = field(default_factory=list)
     turns: list[Turn] = field(default_factory=list)
 
@@ -63,27 +64,38 @@ class System:
         plain = [c for c in constraints if c.kind not in PATTERNS or len(c.of) == 2]
         system.rows += [row for row in _linear(plain, numbers) if system._holds(row)]
         system.rows += list(_grounded(parts[0], numbers))
+        flush = {ref for c in constraints if c.kind in ("coplanar", "aligned") for ref in c.of}
+        for cutter, behind in overhangs(program):
+            if Ref(cutter.leaf, cutter.local) not in flush:
+                system.ties.append((cutter.leaf, _place(cutter, 1.0) | _place(behind, -1.0)))
         return system
 
     def solve(self) -> dict[int, dict[int, float]]:
         """Each number that follows from others, with their coefficients; a constant makes up the rest."""
-        n = len(self.start)
-        matrix = np.zeros((len(self.rows), n))
-        for i, row in enumerate(self.rows):
-            matrix[i, list(row)] = list(row.values())
+        order = self._order()
+        matrix = np.array([self._dense(row) for row in self.rows]).reshape(-1, len(self.start))
         pivots: dict[int, int] = {}
-        for v in self._order():
+        for v in order:
             free = [i for i in range(len(matrix)) if i not in pivots.values()]
             pivot = max(free, key=lambda i: abs(matrix[i, v]), default=None)
-            if pivot is None or abs(matrix[pivot, v]) <= ZERO:
-                continue
-            matrix[pivot] /= matrix[pivot, v]
-            others = np.flatnonzero(np.abs(matrix[:, v]) > 0)
-            others = others[others != pivot]
-            matrix[others] -= np.outer(matrix[others, v], matrix[pivot])
-            matrix[np.abs(matrix) <= ZERO] = 0.0
-            pivots[v] = pivot
+            if pivot is not None and abs(matrix[pivot, v]) > ZERO:
+                _eliminate(matrix, pivot, v)
+                pivots[v] = pivot
+        for leaf, row in self.ties:
+            reduced = self._dense(row)
+            for v, i in pivots.items():
+                reduced -= reduced[v] * matrix[i]
+            own = next((v for v in order if v // 6 == leaf and v < self.extra and abs(reduced[v]) > ZERO), None)
+            if own is not None:
+                matrix = np.vstack([matrix, reduced])
+                _eliminate(matrix, len(matrix) - 1, own)
+                pivots[own] = len(matrix) - 1
         return {v: {int(w): -float(matrix[i, w]) for w in np.flatnonzero(matrix[i]) if w != v} for v, i in pivots.items()}
+
+    def _dense(self, row: dict[int, float]) -> np.ndarray:
+        out = np.zeros(len(self.start))
+        out[list(row)] = list(row.values())
+        return out
 
     def is_origin(self, v: int) -> bool:
         """Whether the variable is a coordinate that is 0: no name is needed for that."""
@@ -125,7 +137,7 @@ class System:
         assert c.about is not None
         members = [ref.leaf for ref in c.of]
         direction = numbers.rotations[c.about.leaf][:, c.about.axis]
-        axis = _world_axis(direction)
+        axis = world_axis(direction)
         if axis is None:
             return
         plane = [(axis + 1) % 3, (axis + 2) % 3]
@@ -147,6 +159,15 @@ class System:
                 self.rows.append({6 * leaf + 3 + a: 1.0, center: -1.0} | part)
 
 
+def _eliminate(matrix: np.ndarray, pivot: int, v: int) -> None:
+    """Solve row `pivot` for variable v and take it out of the other rows."""
+    matrix[pivot] /= matrix[pivot, v]
+    others = np.flatnonzero(np.abs(matrix[:, v]) > 0)
+    others = others[others != pivot]
+    matrix[others] -= np.outer(matrix[others, v], matrix[pivot])
+    matrix[np.abs(matrix) <= ZERO] = 0.0
+
+
 def vector(parts: Sequence[Primitive]) -> np.ndarray:
     """The variables [6 k] of leaves: sizes padded with zeros, then the centre."""
     return np.array([v for p in parts for v in (*p.size, *(0.0,) * (3 - len(p.size)), *p.center)])
@@ -166,30 +187,20 @@ def _linear(constraints: Sequence[Constraint], numbers: Lowered) -> Iterator[dic
 
 def _grounded(first: Primitive, numbers: Lowered) -> Iterator[dict[int, float]]:
     """Where the first leaf stands on a plane through the origin: it keeps standing there."""
-    for column, axis in _extents(first, numbers.rotations[0]):
-        center, half = first.center[axis], first.size[column] / 2
-        for side in (-1, 1):
-            if abs(center + side * half) <= ZERO * half:
-                yield {3 + axis: 1.0, column: side / 2}
+    for end in ends_of(0, first, numbers):
+        half = first.size[end.column] / 2
+        if abs(first.center[end.axis] + end.side * half) <= ZERO * half:
+            yield _place(end, 1.0)
 
 
-def _extents(p: Primitive, rotation: np.ndarray) -> Iterator[tuple[int, int]]:
-    """Sizes across plane faces, with the world's axis that each lies along."""
-    local = {"box": (0, 1, 2), "cylinder": (2,), "cone": (2,)}.get(p.kind, ())
-    for axis in local:
-        along = _world_axis(rotation[:, axis])
-        if along is not None:
-            yield (axis if p.kind == "box" else len(p.size) - 1), along
-
-
-def _world_axis(direction: np.ndarray) -> int | None:
-    axis = int(np.abs(direction).argmax())
-    return axis if abs(direction[axis]) > 1 - ALIGNED**2 else None
+def _place(end: End, sign: float) -> dict[int, float]:
+    """The position of a face, times `sign`."""
+    return {6 * end.leaf + 3 + end.axis: sign, 6 * end.leaf + end.column: sign * end.side / 2}
 
 
 def _constrained_axes(leaf: int, numbers: Lowered) -> list[int]:
     """The world's axes along which the steps of a row are equal: not along the axis of a hole or shaft."""
     if AXES_OF[KINDS[numbers.kinds[leaf]]] != ("z",):
         return [0, 1, 2]
-    own = _world_axis(numbers.rotations[leaf][:, 2])
+    own = world_axis(numbers.rotations[leaf][:, 2])
     return [] if own is None else [a for a in range(3) if a != own]

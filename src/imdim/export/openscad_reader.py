@@ -143,7 +143,7 @@ def _parsed(text: str, number: int) -> ast.expr:
 
 def _value(node: ast.AST, values: Values, number: int) -> float:
     """The number that a sum, product, cosine or sine stands for."""
-    if isinstance(node, ast.Constant) and type(node.value) in (int, float):
+    if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
         return float(node.value)
     if isinstance(node, ast.Name) and node.id in values:
         return values[node.id]
