@@ -14,6 +14,7 @@ from imdim.program.cost import count
 from imdim.program.front import Choice
 from imdim.program.tree import Program, combine_all
 from imdim.search.cells import Samples
+from imdim.search.evolve.carriers import Carriers
 from imdim.search.evolve.fitness import Evidence, FitnessConfig, Scorer
 from imdim.search.evolve.front import Individual, spread
 from imdim.search.evolve.population import EvolutionConfig, Generation, evolve
@@ -43,6 +44,7 @@ class Ground:
     points: np.ndarray
     area: float
     size_weight: float
+    exact: bool = False  # whether detected surfaces are exact: numbers then leave them only where it pays
 
     @cached_property
     def scorer(self) -> Scorer:
@@ -52,7 +54,8 @@ class Ground:
         share = len(self.samples.points) / len(chosen)
         w_in, w_out = self.samples.w_in[chosen] * share, self.samples.w_out[chosen] * share
         evidence = Evidence(self._surface(), self.area, self.samples.points[chosen], w_in, w_out)
-        return Scorer(evidence, FitnessConfig(self.size_weight))
+        config = FitnessConfig(self.size_weight, free_weight=self.size_weight if self.exact else 0.0)
+        return Scorer(evidence, config, Carriers(self.families.arrangement))
 
     def _surface(self) -> np.ndarray:
         return self.points[np.random.default_rng(1).permutation(len(self.points))[:SURFACE]]

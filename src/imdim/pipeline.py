@@ -123,7 +123,7 @@ class _Seen:
         mesh = self.target.mesh
         area = sum(p.area for p in self.patches) if mesh is None else float(mesh.area)
         surfaces = [p.surface for p in self.patches]
-        return Ground(surfaces, self.families, self.samples, self.target.points, area, self.size_weight)
+        return Ground(surfaces, self.families, self.samples, self.target.points, area, self.size_weight, mesh is not None)
 
     @property
     def cells(self) -> Cells:

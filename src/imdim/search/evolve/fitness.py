@@ -2,7 +2,8 @@
 
 Design, section 3.1: ``F = sum of dist(p, surface) + lambda * complexity``. Each point stands for its share of the target's area, so the
 sum of distances is a volume, and is divided by the target's: it then adds to the volume in which program and target differ, where inside
-and outside are known. Operations are one fewer than primitives, so the price is per primitive.
+and outside are known. Operations are one fewer than primitives, so the price is per primitive. Where detected surfaces are exact, as those
+of a mesh are, a face that lies on none of them has a price too: else numbers would drift to fit the facets of round surfaces.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from itertools import chain
 import numpy as np
 
 from imdim.program.tree import Combine, Program
+from imdim.search.evolve.carriers import Carriers
 from imdim.search.evolve.columns import Columns, Registry, packed
 from imdim.search.evolve.kernels import mean_distances, states, wrong_weight
 
@@ -47,26 +49,30 @@ class Evidence:
 class FitnessConfig:
     size_weight: float = 2.5e-4  # lambda: of the target's volume, per primitive
     distance_weight: float = 0.25  # of the distances where volumes are known too; else 1
+    free_weight: float = 0.0  # of the target's volume, per face that lies on no detected surface, where that is known
     cap: float = 0.02  # of the diagonal: no point counts as farther away
     capacity: int = 4096  # primitives whose rows are kept
 
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """`volume` and `distance` relative to the target's volume, `error` their weighted sum, `fitness` with the price of the size."""
+    """`volume` and `distance` relative to the target's volume, `error` their weighted sum and the price of `free` faces, `fitness` with the
+    price of the size.
+    """
 
     volume: float
     distance: float
     error: float
     primitives: int
     fitness: float
+    free: int = 0
 
 
 class Scorer:
     """Scores programs against one target, remembering leaves and trees. `evaluations` counts the trees that had to be folded."""
 
-    def __init__(self, evidence: Evidence, config: FitnessConfig | None = None) -> None:
-        self.evidence, self.config = evidence, config or FitnessConfig()
+    def __init__(self, evidence: Evidence, config: FitnessConfig | None = None, carriers: Carriers | None = None) -> None:
+        self.evidence, self.config, self.carriers = evidence, config or FitnessConfig(), carriers
         self.evaluations = 0
         self.registry = Registry()
         self._distances = Columns(evidence.surface, "distances", self.registry, self.config.capacity)
@@ -125,11 +131,19 @@ class Scorer:
         batch = _Batch.of(codes)
         volume = (self._least + wrong_weight(self._filled(batch), self.label, self.weight)) / self.evidence.volume
         distance = self._distance(batch) * (self.evidence.area / self.evidence.volume)
-        error = volume + (self.config.distance_weight if len(self.evidence.samples) else 1.0) * distance
+        free = [self._free_faces(code) for code in codes]
+        weight = self.config.distance_weight if len(self.evidence.samples) else 1.0
+        error = volume + weight * distance + self.config.free_weight * np.array(free)
         sizes = [(len(code) + 1) // 2 for code in codes]
         fitness = error + self.config.size_weight * np.array(sizes)
-        rows = zip(volume.tolist(), distance.tolist(), error.tolist(), sizes, fitness.tolist(), strict=True)
+        rows = zip(volume.tolist(), distance.tolist(), error.tolist(), sizes, fitness.tolist(), free, strict=True)
         return [Score(*row) for row in rows]
+
+    def _free_faces(self, code: list[int]) -> int:
+        if self.carriers is None or not self.config.free_weight:
+            return 0
+        parts = self.registry.primitives
+        return sum(self.carriers.free_faces(parts[step]) for step in code if step >= 0)
 
     def _filled(self, batch: _Batch) -> np.ndarray:
         out = np.empty((len(batch.starts) - 1, len(self.label)), np.uint64)
