@@ -7,7 +7,7 @@ and handed with the cloud to the solver of imperfect sequences. torch is only im
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,6 +24,8 @@ from imdim.solve.pool import Cloud, PoolConfig, Signed, to_signed
 from imdim.solve.proposals import Proposal, ProposalConfig, settle
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from imdim.data.solids import Solids
     from imdim.learn.decode import DecodeConfig
     from imdim.learn.policy import Policy
@@ -47,38 +49,63 @@ def load_if_any(checkpoint: str) -> Policy | None:
     return load(checkpoint) if checkpoint or SHIPPED.is_file() else None
 
 
+@dataclass(frozen=True)
+class Poses:
+    """How clouds stand in the frame that policies know: ``local = (points @ axes - middle) * scale``, box centre 0, box diagonal 1.
+    `axes` [b, 3, 3] have the main directions as columns, `middle` [b, 3], `scale` [b]."""
+
+    axes: np.ndarray
+    middle: np.ndarray
+    scale: np.ndarray
+
+    @staticmethod
+    def of(clouds: Sequence[np.ndarray], axes: Sequence[np.ndarray]) -> Poses:
+        """Of each cloud [n, 3] with its main directions [3, 3]."""
+        turned = [c @ a for c, a in zip(clouds, axes, strict=True)]
+        low, high = (np.stack([f(t, axis=0) for t in turned]) for f in (np.min, np.max))
+        diagonals = np.maximum(np.linalg.norm(high - low, axis=1), 1e-300)
+        return Poses(np.stack(axes), (low + high) / 2, 1 / diagonals)
+
+    def local(self, clouds: np.ndarray) -> Tensor:
+        """Clouds [b, n, 3] as policies see them."""
+        import torch
+
+        return torch.as_tensor((clouds @ self.axes - self.middle[:, None]) * self.scale[:, None, None], dtype=torch.float32)
+
+    def back(self, solids: Solids) -> Solids:
+        """Solids of the policy's frame, `k` rows for each cloud, in that of the clouds, in double precision."""
+        import torch
+
+        each = len(solids.kinds) // len(self.scale)
+        turn, middle, scale = (torch.as_tensor(v).repeat_interleave(each, 0) for v in (self.axes, self.middle, self.scale))
+        centers = solids.centers.double() / scale[:, None, None] + middle[:, None]
+        return replace(
+            solids,
+            centers=centers @ turn.mT,
+            sizes=solids.sizes.double() / scale[:, None, None],
+            rotations=turn[:, None] @ solids.rotations.double(),
+        )
+
+
 def written(policy: Policy, points: np.ndarray, axes: np.ndarray, seed: int = 0, config: DecodeConfig | None = None) -> list[Signed]:
     """The sequences of a beam for the surface `points` [n, 3], best first, in their units; `axes` [3, 3] are the part's directions."""
     import torch
 
     from imdim.learn.beam import beam_search
     from imdim.learn.decode import DecodeConfig
+
+    cloud = points[np.resize(np.random.default_rng(seed).permutation(len(points)), POINTS)]
+    poses = Poses.of([cloud], [axes])
+    render, chance = (torch.Generator().manual_seed(2 * seed + stream) for stream in (0, 1))
+    found, _ = beam_search(policy, poses.local(cloud[None]), config or DecodeConfig(), render, chance)
+    return signed_of(poses.back(found))
+
+
+def signed_of(solids: Solids) -> list[Signed]:
+    """The sequences of all rows that begin with something positive."""
     from imdim.learn.measure import written_programs
 
-    config = config or DecodeConfig()
-    chosen = np.random.default_rng(seed).permutation(len(points))[:POINTS]
-    local = points[np.resize(chosen, POINTS)] @ axes
-    low, high = local.min(0), local.max(0)
-    middle, scale = (low + high) / 2, float(np.linalg.norm(high - low)) or 1.0
-    cloud = torch.as_tensor((local - middle) / scale, dtype=torch.float32)[None]
-    render, chance = (torch.Generator().manual_seed(2 * seed + stream) for stream in (0, 1))
-    with torch.no_grad():
-        found, _ = beam_search(policy, cloud, config, render, chance)
-    programs = written_programs(_placed(found, axes, middle, scale))
-    return [s for p in programs if p is not None and (s := to_signed(p)) is not None]
-
-
-def _placed(solids: Solids, axes: np.ndarray, middle: np.ndarray, scale: float) -> Solids:
-    """Solids of the policy's frame in that of the points, in double precision."""
-    import torch
-
-    turn, centre = torch.as_tensor(axes), torch.as_tensor(middle)
-    return replace(
-        solids,
-        centers=(solids.centers.double() * scale + centre) @ turn.mT,
-        sizes=solids.sizes.double() * scale,
-        rotations=turn @ solids.rotations.double(),
-    )
+    return [s for p in written_programs(solids) if p is not None and (s := to_signed(p)) is not None]
 
 
 def proposals(

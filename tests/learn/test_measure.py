@@ -89,12 +89,13 @@ def test_the_script_measures_a_checkpoint_and_refuses_none(tmp_path, capsys):
         "decode.points=32",
         "decode.cur_points=32",
     ]
-    arguments = [f"checkpoint={tmp_path / 'a.safetensors'}", "n=4", f"out={tmp_path / 'out.json'}", *small]
+    arguments = [f"checkpoint={tmp_path / 'a.safetensors'}", "n=4", "first=2", f"out={tmp_path / 'out.json'}", *small]
     said: list[str] = []
     assert main(arguments, said.append) == 0
     results = json.loads((tmp_path / "out.json").read_text())
-    assert set(results["answers"]) == {"bounding box", "greedy", "beam 2"}
-    assert all(len(answer["ious"]) == 4 for answer in results["answers"].values())
+    answers = results["1-3"]["answers"]
+    assert list(answers) == ["bounding box", "bounding box + solver", "greedy", "beam 2", "beam 2 + solver"]
+    assert all(len(answer["ious"]) == 2 for answer in answers.values())
     assert any("| beam 2 |" in line for line in said)
     assert main([f"checkpoint={tmp_path / 'none'}"], said.append) == 2
     assert "no checkpoint at" in capsys.readouterr().err
