@@ -46,6 +46,12 @@ class Layer(nn.Module):
         self.consult = Attention(d_model, heads) if cross else None
         self.feed = nn.Sequential(nn.Linear(d_model, 2 * d_model), nn.GELU(), nn.Linear(2 * d_model, d_model))
 
+    def read(self, memory: Tensor) -> Read:
+        """What `forward` consults. Raises TypeError for a layer without `cross`."""
+        if not isinstance(self.consult, Attention):
+            raise TypeError("this layer consults no memory")
+        return self.consult.read(memory)
+
     def forward(self, x: Tensor, mask: Tensor, memory: Read | None = None, memory_mask: Tensor | None = None) -> Tensor:
         inner = self.norms[0](x)
         x = x + self.attend(inner, self.attend.read(inner), mask)

@@ -139,7 +139,8 @@ class BasePolicy(Policy):
     ) -> Move:
         view = self._view(gt_points, cur_points, solids).repeated(ways)
         b, device = len(gt_points) * ways, gt_points.device
-        lengths, may_undo = (None if v is None else v.repeat_interleave(ways) for v in (solids.lengths, may_undo))
+        lengths = solids.lengths.repeat_interleave(ways)
+        may_undo = None if may_undo is None else may_undo.repeat_interleave(ways)
         zeros = torch.zeros(b, SLOTS, dtype=torch.long, device=device)
         choices = Choices(zeros[:, 0], zeros[:, :ENDS].clone(), zeros[:, :NUMBERS].clone(), torch.zeros(b, ENDS + NUMBERS, device=device))
         draft = Draft(zeros[:, 0], zeros[:, 0], choices, [])
@@ -222,7 +223,7 @@ class BasePolicy(Policy):
         for layer in self.encoder:
             memory = layer(memory, there)
         memory = self.encoded(memory)
-        reads = tuple(layer.consult.read(memory) for layer in self.decoder)
+        reads = tuple(layer.read(memory) for layer in self.decoder if isinstance(layer, Layer))
         return View(low, edges, clouds, reads, there, memory[:, : 3 * (STEPS + 1)].split(STEPS + 1, 1))
 
     def _profile(self, view: View, draft: Draft, axis: int) -> Tensor:
