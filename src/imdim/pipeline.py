@@ -32,7 +32,7 @@ from imdim.program.tree import Program, combine_all, map_leaves
 from imdim.proposals import POINTS, load, load_if_any, misfit, proposals
 from imdim.search.arrangement import ArrangementConfig, arrange
 from imdim.search.cells import Cells, Samples, compressed, label_samples
-from imdim.search.evolve.population import Generation
+from imdim.search.evolve.population import EvolutionConfig, Generation
 from imdim.search.families import Families
 from imdim.search.sequence import to_program
 from imdim.search.structure import StructureConfig
@@ -57,7 +57,10 @@ JOINT_ERROR = 2e-3  # of the volume, that a shorter program of all bodies at onc
 POOR = 0.05  # of the volume; a search that leaves more is compared with the decision tree
 SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may cost
 SEARCH_SHARE = 0.4  # of the budget; detection, the solver and delivery need the rest
+TOUCHED = 2e-3  # of the volume; a search that leaves more is followed by a short evolution
+TOUCH = EvolutionConfig(generations=30, patience=12)
 SEED_SHARE = 0.4  # of the search's time, that evolution gives to its seeds
+MOST_RELATED = 120  # primitives; the time that relations take grows with the square
 RELATE_ERROR, RELATE_MOVE = 1e-2, 1e-5  # share of the mean distance, and of the diagonal, that relations may cost
 FAR_BETTER = 0.75  # of the misfit of the search's program
 METHODS = ("auto", "evolve", "policy", "tree")
@@ -176,10 +179,13 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) ->
 
 
 def _policy_of(settings: Settings, target: Target) -> Policy | None:
-    """What method=policy needs, and method=auto uses for a cloud if there is one: a mesh's surfaces are exact, and say more."""
+    """What method=policy needs, method=evolve starts from if there is one, and method=auto uses for a cloud: a mesh's surfaces are exact,
+    and say more.
+    """
     if settings.method == "policy":
         return load(settings.checkpoint)
-    return load_if_any(settings.checkpoint) if settings.method == "auto" and target.mesh is None else None
+    wanted = settings.method == "evolve" or (settings.method == "auto" and target.mesh is None)
+    return load_if_any(settings.checkpoint) if wanted else None
 
 
 def _by_body(target: Target, settings: Settings, policy: Policy | None, clock: _Clock, rng: np.random.Generator) -> Iterator[Snapshot]:
@@ -220,7 +226,8 @@ def _body(
     program = None
     passed: list[Program] = []
     if settings.method == "evolve":
-        for generation in _evolved(seen, settings, clock, rng, share):
+        for generation in _evolved(seen, _seeds(seen, policy, clock.part(SEED_SHARE * share), rng), settings, clock.part(share), rng):
+            clock.ending = generation.stop or clock.ending
             passed = [seen.frame.undo(i.program) for i in (*generation.front, generation.best)]
             program = passed[-1]
             yield _State("evolve", program, generation.best.score.volume, seen.volume)
@@ -231,6 +238,9 @@ def _body(
         for program in _searched(seen, clock, rng):
             passed.append(program)
             yield state("search", program)
+        for program in _touched(seen, passed, settings, clock, rng):
+            passed.append(program)
+            yield state("evolve", program)
     if program is None or (settings.method in ("auto", "tree") and (clock.cut or seen.error(program) > POOR)):
         grown = _tree(seen)
         if grown is not None and (program is None or seen.price(grown) < seen.price(program)):
@@ -302,15 +312,37 @@ def _searched(seen: _Seen, clock: _Clock, rng: np.random.Generator) -> Iterator[
         yield seen.frame.undo(to_program(tidy(found.sequence, seen.families), seen.families))
 
 
-def _evolved(seen: _Seen, settings: Settings, clock: _Clock, rng: np.random.Generator, share: float) -> Iterator[Generation]:
-    """Generations that start from the tree, the surfaces and the search."""
-    end = clock.part(share)
-    seeds = seeds_of(seen.ground, rng, clock.part(SEED_SHARE * share))
-    generations = evolved(seen.ground, seeds, rng, end)
-    for generation in logged(generations, settings.logdir, seen.target.name) if settings.logdir else generations:
-        clock.ending = generation.stop or clock.ending
-        yield generation
-    clock.out_of_time()
+def _seeds(seen: _Seen, policy: Policy | None, out_of_time: Callable[[], bool], rng: np.random.Generator) -> dict[str, list[Program]]:
+    """What an evolution starts from: the policy's programs, where there is one, the tree, the surfaces and the search."""
+    beam = [] if policy is None else [p.program for p in proposals(policy, seen.target.points)]
+    return seeds_of(seen.ground, rng, out_of_time, beam)
+
+
+def _evolved(
+    seen: _Seen,
+    seeds: dict[str, list[Program]],
+    settings: Settings,
+    out_of_time: Callable[[], bool],
+    rng: np.random.Generator,
+    config: EvolutionConfig | None = None,
+) -> Iterator[Generation]:
+    generations = evolved(seen.ground, seeds, rng, out_of_time, config)
+    yield from logged(generations, settings.logdir, seen.target.name) if settings.logdir else generations
+
+
+def _touched(seen: _Seen, found: list[Program], settings: Settings, clock: _Clock, rng: np.random.Generator) -> Iterator[Program]:
+    """Fitter programs of a few generations that start from those the search passed through: what no signed sequence of candidates is.
+
+    For a mesh, where the search left something; in a cloud the doubts about what is inside outweigh it.
+    """
+    if not found or clock.out_of_time() or not seen.ground.exact or seen.error(found[-1]) < TOUCHED:
+        return
+    seeds = {"search": [seen.frame.apply(p) for p in found]}
+    best = seen.ground.scorer.score(seeds["search"][-1:])[0].fitness
+    for generation in _evolved(seen, seeds, settings, clock.out_of_time, rng, TOUCH):
+        if generation.best.score.fitness < best * (1 - 1e-6):
+            best = generation.best.score.fitness
+            yield seen.frame.undo(generation.best.program)
 
 
 def _proposed(policy: Policy | None, seen: _Seen, starts: list[Program]) -> Program:
@@ -359,6 +391,8 @@ def _constrained(program: Program, points: np.ndarray) -> Program:
 
 def _related(program: Program, target: Target) -> tuple[Program, tuple[Constraint, ...]]:
     """The relations that hold for a finished program; its numbers move by rounding alone, or not at all if the target is then missed."""
+    if count(program).primitives > MOST_RELATED:
+        return program, ()
     found = exact_relations(program)
     shown = target.points[:: max(1, len(target.points) // 8192)]
     limit = (1 + RELATE_ERROR) * _mean_distance(program, shown) + RELATE_MOVE * diagonal(shown)

@@ -7,7 +7,6 @@ would name. Cutters keep sticking out of what they cut by as much as they do (`t
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
@@ -23,18 +22,6 @@ ZERO = 1e-9  # coefficients
 PATTERNS = ("linear", "circular")
 
 
-@dataclass(frozen=True)
-class Turn:
-    """The cosine or sine of `degrees`."""
-
-    function: str
-    degrees: float
-
-    @property
-    def value(self) -> float:
-        return {"cos": math.cos, "sin": math.sin}[self.function](math.radians(self.degrees))
-
-
 @dataclass
 class System:
     """Equations [m, n] that hold at `start` [n]; variables from `extra` on are those of patterns, each with its first leaf and a word.
@@ -48,7 +35,6 @@ class System:
     rows: list[dict[int, float]] = field(default_factory=list)
     ties: list[tuple[int, dict[int, float]]] = field(default_factory=list)
     extras: list[tuple[int, str]] = field(default_factory=list)
-    turns: list[Turn] = field(default_factory=list)
 
     @staticmethod
     def of(program: Program, constraints: Sequence[Constraint]) -> System:
@@ -75,12 +61,13 @@ class System:
         order = self._order()
         matrix = np.array([self._dense(row) for row in self.rows]).reshape(-1, len(self.start))
         pivots: dict[int, int] = {}
-        for v in order:
-            free = [i for i in range(len(matrix)) if i not in pivots.values()]
-            pivot = max(free, key=lambda i: abs(matrix[i, v]), default=None)
-            if pivot is not None and abs(matrix[pivot, v]) > ZERO:
+        free = np.ones(len(matrix), bool)
+        for v in order if len(matrix) else []:
+            column = np.where(free, np.abs(matrix[:, v]), 0.0)
+            pivot = int(column.argmax())
+            if column[pivot] > ZERO:
                 _eliminate(matrix, pivot, v)
-                pivots[v] = pivot
+                pivots[v], free[pivot] = pivot, False
         for leaf, row in self.ties:
             reduced = self._dense(row)
             for v, i in pivots.items():
@@ -150,12 +137,9 @@ class System:
             centers = [self._new(members[0], f"center_{'xyz'[a]}", float(m)) for a, m in zip(plane, middle, strict=True)]
         else:
             centers = [6 * hub + 3 + a for a in plane]
-        for leaf, (x, y) in zip(members, offsets, strict=True):
-            degrees = round(math.degrees(math.atan2(y, x)), 7)
-            for a, center, function in zip(plane, centers, ("cos", "sin"), strict=True):
-                turn = Turn(function, degrees)
-                self.turns.append(turn)
-                part = {diameter: -turn.value / 2} if abs(turn.value) > ZERO else {}
+        for leaf, offset in zip(members, offsets / self.start[diameter], strict=True):
+            for a, center, share in zip(plane, centers, offset, strict=True):
+                part = {diameter: -float(share)} if abs(share) > ZERO else {}
                 self.rows.append({6 * leaf + 3 + a: 1.0, center: -1.0} | part)
 
 
@@ -164,8 +148,9 @@ def _eliminate(matrix: np.ndarray, pivot: int, v: int) -> None:
     matrix[pivot] /= matrix[pivot, v]
     others = np.flatnonzero(np.abs(matrix[:, v]) > 0)
     others = others[others != pivot]
-    matrix[others] -= np.outer(matrix[others, v], matrix[pivot])
-    matrix[np.abs(matrix) <= ZERO] = 0.0
+    columns = np.flatnonzero(matrix[pivot])
+    changed = matrix[np.ix_(others, columns)] - np.outer(matrix[others, v], matrix[pivot, columns])
+    matrix[np.ix_(others, columns)] = np.where(np.abs(changed) <= ZERO, 0.0, changed)
 
 
 def vector(parts: Sequence[Primitive]) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from imdim.export.numbers import Rounding
-from imdim.export.parameters import Expression, Parameters, openscad_degrees, written
+from imdim.export.parameters import Expression, Parameters, written
 from imdim.geometry.solid import SEGMENTS
 from imdim.program.nary import fold_nary
 from imdim.program.tree import OPS, Op, Primitive, Program
@@ -37,10 +37,10 @@ def to_openscad(program: Program, segments: int = SEGMENTS, parameters: Paramete
 
 def primitive_text(leaf: Primitive, rounding: Rounding, sizes: Sequence[Expression], center: Sequence[Expression]) -> str:
     """``translate(..) rotate(..) shape(..)`` without the semicolon; the identity parts are left out."""
-    place = _step("translate", [written(c, rounding.length, openscad_degrees) for c in center])
+    place = _step("translate", [written(c, rounding.length) for c in center])
     place += _step("rotate", [rounding.angle(a) for a in leaf.rotation])
     # a bare number is a size, which never vanishes; the constant of a sum may
-    texts = [written(s, rounding.length if s.terms else rounding.size, openscad_degrees) for s in sizes]
+    texts = [written(s, rounding.length if s.terms else rounding.size) for s in sizes]
     return place + _SHAPE[leaf.kind](*texts)
 
 

@@ -1,14 +1,13 @@
 """Read back the flat OpenSCAD that `openscad.py` writes, so that the delivered file itself can be measured.
 
 Parameters, ``name = sum;``, then one statement per primitive: ``translate([..]) rotate([..]) SHAPE``, any of the two optional, inside
-nested union, difference and intersection blocks. Numbers may be sums and products of parameters, and cosines and sines of degrees.
+nested union, difference and intersection blocks. Numbers may be sums and products of parameters.
 Anything else raises ValueError: this is a check of our own files, not an OpenSCAD interpreter.
 """
 
 from __future__ import annotations
 
 import ast
-import math
 import operator
 import re
 from collections.abc import Callable, Mapping
@@ -27,7 +26,6 @@ _OPERATORS: Mapping[type, Callable[[float, float], float]] = {
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
 }
-_FUNCTIONS: Mapping[str, Callable[[float], float]] = {"cos": math.cos, "sin": math.sin}
 
 Values = dict[str, float]
 
@@ -142,7 +140,7 @@ def _parsed(text: str, number: int) -> ast.expr:
 
 
 def _value(node: ast.AST, values: Values, number: int) -> float:
-    """The number that a sum, product, cosine or sine stands for."""
+    """The number that a sum or product stands for."""
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
         return float(node.value)
     if isinstance(node, ast.Name) and node.id in values:
@@ -154,6 +152,4 @@ def _value(node: ast.AST, values: Values, number: int) -> float:
             return _OPERATORS[type(node.op)](_value(node.left, values, number), _value(node.right, values, number))
         except ZeroDivisionError:
             raise ValueError(f"line {number} divides by zero: {ast.unparse(node)!r}") from None
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS and len(node.args) == 1:
-        return _FUNCTIONS[node.func.id](math.radians(_value(node.args[0], values, number)))
     raise ValueError(f"line {number}: {ast.unparse(node)!r} is no number of ours")

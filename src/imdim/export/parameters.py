@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from imdim.export.elimination import System, Turn, vector
+from imdim.export.elimination import System, vector
 from imdim.export.numbers import Rounding, plain
 from imdim.program.constraints import Constraint
 from imdim.program.roles import labels, signs, size_word, unique
@@ -22,11 +22,10 @@ ZERO = 1e-9
 
 @dataclass(frozen=True)
 class Term:
-    """``coefficient * name``, times the cosine or sine of `turn` if there is one."""
+    """``coefficient * name``: a simple fraction, or any number for a place on a circle."""
 
     name: str
-    coefficient: Fraction
-    turn: Turn | None = None
+    coefficient: Fraction | float
 
 
 @dataclass(frozen=True)
@@ -35,18 +34,6 @@ class Expression:
 
     terms: tuple[Term, ...]
     constant: float
-
-
-# How a language writes the cosine or sine of degrees: (function, number) -> text
-Trigonometry = Callable[[str, str], str]
-
-
-def openscad_degrees(function: str, degrees: str) -> str:
-    return f"{function}({degrees})"
-
-
-def python_degrees(function: str, degrees: str) -> str:
-    return f"{function}(radians({degrees}))"
 
 
 @dataclass(frozen=True)
@@ -62,11 +49,6 @@ class Parameters:
         """No names: each number stands for itself."""
         parts = list(leaves(program))
         return Parameters({}, tuple(_plain(p.size) for p in parts), tuple(_plain(p.center) for p in parts))
-
-    @property
-    def turns(self) -> bool:
-        """Whether an expression needs a cosine or sine."""
-        return any(t.turn for row in (*self.sizes, *self.centers) for e in row for t in e.terms)
 
     def uses(self) -> dict[str, int]:
         """How many numbers follow each name."""
@@ -85,22 +67,21 @@ def _plain(values: Sequence[float]) -> tuple[Expression, ...]:
     return tuple(Expression((), v) for v in values)
 
 
-def written(expression: Expression, number: Callable[[float], str], degrees: Trigonometry) -> str:
+def written(expression: Expression, number: Callable[[float], str]) -> str:
     """The sum as OpenSCAD and Python read it; `number` rounds the constant."""
     if not expression.terms:
         return number(expression.constant)
     constant = number(expression.constant)
-    parts = [_term(t, degrees) for t in expression.terms] + ([constant] if abs(float(constant)) > 0 else [])
+    parts = [_term(t) for t in expression.terms] + ([constant] if float(constant) else [])
     return " + ".join(parts).replace("+ -", "- ")
 
 
-def _term(term: Term, degrees: Trigonometry) -> str:
-    size = abs(term.coefficient)
+def _term(term: Term) -> str:
+    sign, size = "-" if term.coefficient < 0 else "", abs(term.coefficient)
+    if isinstance(size, float):
+        return f"{sign}{term.name}*{plain(round(size, 12))}"
     text = term.name if size.numerator == 1 else f"{size.numerator}*{term.name}"
-    text += "" if size.denominator == 1 else f"/{size.denominator}"
-    if term.turn is not None:
-        text += "*" + degrees(term.turn.function, plain(round(term.turn.degrees, 9)))
-    return ("-" if term.coefficient < 0 else "") + text
+    return sign + (text if size.denominator == 1 else f"{text}/{size.denominator}")
 
 
 def parametrise(program: Program, constraints: Sequence[Constraint], delivered: Program) -> Parameters:
@@ -121,23 +102,20 @@ def parametrise(program: Program, constraints: Sequence[Constraint], delivered: 
     )
 
 
-_Solved = dict[int, list[tuple[int, Fraction, Turn | None]]]
+_Solved = dict[int, list[tuple[int, Fraction | float]]]
 
 
-def _terms(row: dict[int, float], system: System) -> list[tuple[int, Fraction, Turn | None]] | None:
+def _terms(row: dict[int, float], system: System) -> list[tuple[int, Fraction | float]] | None:
     """The coefficients as a person would write them, or None; a place that is 0 is left out."""
-    out: list[tuple[int, Fraction, Turn | None]] = []
+    out: list[tuple[int, Fraction | float]] = []
     for v, coefficient in sorted(row.items(), key=lambda item: _rank(item[0], system)):
         if system.is_origin(v):
             continue
         fraction = Fraction(coefficient).limit_denominator(LARGEST_PART)
-        if abs(float(fraction) - coefficient) < ZERO:
-            out.append((v, fraction, None))
-            continue
-        turn = next((t for t in system.turns if abs(abs(t.value) / 2 - abs(coefficient)) < ZERO), None)
-        if turn is None or not system.is_diameter(v):
+        simple = abs(float(fraction) - coefficient) < ZERO
+        if not simple and not system.is_diameter(v):
             return None
-        out.append((v, Fraction(1, 2) if (turn.value > 0) == (coefficient > 0) else Fraction(-1, 2), turn))
+        out.append((v, fraction if simple else coefficient))
     return out
 
 
@@ -147,23 +125,23 @@ def _rank(v: int, system: System) -> tuple[bool, bool, int]:
 
 
 def _expression(v: int, value: float, system: System, solved: _Solved, names: dict[int, str]) -> Expression:
-    terms = solved.get(v, [(v, Fraction(1), None)] if v in names else [])
-    known = sum(float(c) * (t.value if t else 1.0) * float(system.start[w]) for w, c, t in terms)
+    terms = solved.get(v, [(v, Fraction(1))] if v in names else [])
+    known = sum(float(c) * float(system.start[w]) for w, c in terms)
     constant = value - known
     tiny = ZERO * max(abs(value), system.length)
-    return Expression(tuple(Term(names[w], c, t) for w, c, t in terms), 0.0 if terms and abs(constant) < 10 * tiny else constant)
+    return Expression(tuple(Term(names[w], c) for w, c in terms), 0.0 if terms and abs(constant) < 10 * tiny else constant)
 
 
 def _names(program: Program, constraints: Sequence[Constraint], system: System, solved: _Solved) -> dict[int, str]:
     """Names of the free numbers that others need, and of the first leaf's sizes; in the order of the text."""
     parts, label, sign = list(leaves(program)), labels(program, constraints), signs(program)
-    needed = {w for row in solved.values() for w, _, _ in row} | {c for c in range(len(parts[0].size)) if c not in solved}
+    needed = {w for row in solved.values() for w, _ in row} | {c for c in range(len(parts[0].size)) if c not in solved}
     taken: set[str] = set(RESERVED)
     return {v: unique(_name(v, system, parts, label, sign), taken) for v in sorted(needed, key=lambda v: (v >= system.extra, v))}
 
 
 # Words that mean something else in OpenSCAD or in the Python script.
-RESERVED = ("part", "scale", "sin", "cos", "radians", "export_step")
+RESERVED = ("part", "scale", "export_step")
 
 
 def _name(v: int, system: System, parts: Sequence[Primitive], label: Sequence[str], sign: Sequence[int]) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from imdim.export.numbers import Rounding
-from imdim.export.parameters import Expression, Parameters, python_degrees, written
+from imdim.export.parameters import Expression, Parameters, written
 from imdim.program.nary import fold_nary
 from imdim.program.tree import Op, Primitive, Program
 
@@ -26,11 +26,9 @@ _SIGN: Mapping[Op, str] = {"union": "+", "difference": "-", "intersection": "&"}
 
 _HEAD = '''"""CSG program as a build123d script: pip install build123d, then run this file to write part.step."""
 
+from build123d import Box, Cone, Cylinder, Pos, Rot, Sphere, Torus, export_step, scale
+
 '''
-
-_TRIGONOMETRY = "from math import cos, radians, sin\n\n"
-
-_IMPORT = "from build123d import Box, Cone, Cylinder, Pos, Rot, Sphere, Torus, export_step, scale\n\n"
 
 _TAIL = """)
 
@@ -50,19 +48,18 @@ def to_script(program: Program, parameters: Parameters | None = None) -> str:
         return [_primitive(leaf, rounding, named.sizes[number], named.centers[number])]
 
     lines = fold_nary(program, line, {op: _chain(sign) for op, sign in _SIGN.items()})
-    head = _HEAD + (_TRIGONOMETRY if named.turns else "") + _IMPORT
     names = "".join(f"{text}\n" for text in named.lines(rounding)) + ("\n" if named.values else "")
-    return head + names + "part = (\n" + "".join(f"    {text}\n" for text in lines) + _TAIL
+    return _HEAD + names + "part = (\n" + "".join(f"    {text}\n" for text in lines) + _TAIL
 
 
 def _primitive(leaf: Primitive, rounding: Rounding, sizes: Sequence[Expression], center: Sequence[Expression]) -> str:
-    place = [written(c, rounding.length, python_degrees) for c in center]
+    place = [written(c, rounding.length) for c in center]
     steps = [f"Pos({', '.join(place)})"] if any(c != "0" for c in place) else []
     for axis in (2, 1, 0):
         angle = rounding.angle(leaf.rotation[axis])
         if angle != "0":
             steps.append(f"Rot({', '.join(angle if a == axis else '0' for a in range(3))})")
-    texts = [written(s, rounding.length if s.terms else rounding.size, python_degrees) for s in sizes]
+    texts = [written(s, rounding.length if s.terms else rounding.size) for s in sizes]
     return " * ".join([*steps, _SHAPE[leaf.kind](*texts)])
 
 

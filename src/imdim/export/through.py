@@ -70,13 +70,13 @@ def _place(end: End, parts: list[Primitive]) -> float:
 
 def _reach(p: Primitive, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Low and high corner [3] of a box around a leaf."""
-    radial = max(p.size) if p.kind != "torus" else sum(p.size)
-    half = {
-        "box": [s / 2 for s in p.size],
-        "cylinder": [p.size[0]] * 2 + [p.size[-1] / 2],
-        "cone": [max(p.size[:2])] * 2 + [p.size[-1] / 2],
-    }
-    reach = np.abs(rotation) @ np.array(half.get(p.kind, [radial] * 3))
+    radius = sum(p.size) if p.kind == "torus" else max(p.size)
+    half = [radius] * 3
+    if p.kind == "box":
+        half = [s / 2 for s in p.size]
+    elif p.kind in ("cylinder", "cone"):
+        half = [max(p.size[:-1])] * 2 + [p.size[-1] / 2]
+    reach = np.abs(rotation) @ np.array(half)
     return p.center - reach, p.center + reach
 
 

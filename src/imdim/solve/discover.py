@@ -110,13 +110,13 @@ def _chosen(start: Lowered, spread: np.ndarray, wide: np.ndarray, shown: Shown, 
     choice = Choice(numbers, spread, wide)
     for constraint in accepted:
         choice.accept(constraint)
-    choice.greedy(proposals(Places(Pose.of(numbers), choice.covariance.copy(), shown, directions)))
+    choice.greedy(proposals(Places(Pose.of(numbers), choice.covariance, shown, directions)))
     choice.dropped[:0] = first.dropped
     return choice
 
 
 def _solved(start: Lowered, taken: Sequence[Constraint], cloud: Cloud, noise: float, known: np.ndarray) -> tuple[Lowered, float]:
-    """Numbers under the constraints, and their cost: fitted if the fit stays within what is `known` (a covariance), else as near as can be."""
+    """Numbers under the constraints, and their cost: fitted if that stays within what is `known` (a covariance), else as near as can be."""
     scale = CUT * noise
     numbers, cost = fitted(start, taken, cloud, scale)
     if _near(start, numbers, known):

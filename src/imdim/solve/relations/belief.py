@@ -92,7 +92,7 @@ def away_from_edges(cloud: Cloud, numbers: Lowered, noise: float) -> Cloud:
     v = np.cross(normal, u)
     clear = np.ones(len(foot), bool)
     for side in (u, -u, v, -v):
-        beside, off, _, there = kernels.program_tangent(numbers, foot + EDGE * noise * side)
+        beside, _, _, there = kernels.program_tangent(numbers, foot + EDGE * noise * side)
         clear &= (beside == leaf) & ((there * normal).sum(1) > SMOOTH)
     by_face = _face_weights(numbers, leaf, tangent)
     kept, all_ = by_face[clear], by_face

@@ -50,28 +50,58 @@ class Choice:
     def __init__(self, numbers: Lowered, covariance: np.ndarray, prior: np.ndarray, spanned: float = SPANNED) -> None:
         self.numbers, self.pose = numbers, Pose.of(numbers)
         self.spanned = spanned
-        self.before, self.covariance = covariance, covariance.copy()
+        self.before = covariance
         self.width = 1 / prior.ravel()
         self.mean = np.zeros(len(covariance))
-        self.basis = np.zeros((len(covariance), 0))
+        # filled column by column: an orthonormal basis of accepted rows, and what each took from the covariance as an outer product
+        self._basis, self._known = np.zeros_like(covariance), np.zeros_like(covariance)
+        self.rank = 0
         self.rows: dict[Constraint, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         self.taken: list[Constraint] = []
         self.dropped: list[tuple[Constraint, str]] = []
+
+    @property
+    def basis(self) -> np.ndarray:
+        return self._basis[:, : self.rank]
+
+    @property
+    def known(self) -> np.ndarray:
+        return self._known[:, : self.rank]
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Of the numbers given what was accepted."""
+        return self.before - self.known @ self.known.T
+
+    def _block(self, columns: np.ndarray) -> np.ndarray:
+        known = self.known[columns]
+        return self.before[np.ix_(columns, columns)] - known @ known.T
 
     def judge(self, candidate: Candidate) -> Judged:
         """What accepting the candidate now would save."""
         residual, jacobian, columns = self._rows(candidate.constraint)
         residual = residual + jacobian @ self.mean[columns]
+        if len(residual) == 1:
+            return self._judge_row(float(residual[0]), jacobian[0], columns, candidate.bits)
         combine = self._new(jacobian, columns)
         if not combine.shape[1]:
             return Judged(0.0, 0, _deviations(residual, jacobian @ self.before[np.ix_(columns, columns)] @ jacobian.T))
         jacobian, residual = combine.T @ jacobian, combine.T @ residual
-        fit = jacobian @ self.covariance[np.ix_(columns, columns)] @ jacobian.T
+        fit = jacobian @ self._block(columns) @ jacobian.T
         wide = (jacobian * self.width[columns]) @ jacobian.T
         z2 = float(residual @ np.linalg.solve(fit, residual))
         volume = (np.linalg.slogdet(wide)[1] - np.linalg.slogdet(fit)[1]) / 2
         saving = (volume - z2 / 2) / math.log(2) - candidate.bits
         return Judged(saving, combine.shape[1], math.sqrt(z2))
+
+    def _judge_row(self, residual: float, row: np.ndarray, columns: np.ndarray, bits: float) -> Judged:
+        """As `judge` for a single equation, which most candidates are."""
+        along = row @ self.basis[columns]
+        if 1 - float(along @ along) / float(row @ row) <= self.spanned:
+            return Judged(0.0, 0, abs(residual) / math.sqrt(max(float(row @ self.before[np.ix_(columns, columns)] @ row), 1e-300)))
+        fit, wide = float(row @ self._block(columns) @ row), float(row * row @ self.width[columns])
+        z2 = residual**2 / fit
+        return Judged((math.log(wide / fit) - z2) / 2 / math.log(2) - bits, 1, math.sqrt(z2))
 
     def accept(self, constraint: Constraint) -> None:
         """Let the relation hold from now on."""
@@ -82,11 +112,14 @@ class Choice:
         if not combine.shape[1]:
             return
         jacobian, residual = combine.T @ jacobian, combine.T @ residual
-        spread = self.covariance[:, columns] @ jacobian.T
-        gain = np.linalg.solve(jacobian @ spread[columns], spread.T).T
-        self.mean -= gain @ residual
-        self.covariance -= gain @ spread.T
-        self.basis = np.hstack([self.basis, self._orthonormal(jacobian, columns)])
+        spread = self.before[:, columns] @ jacobian.T - self.known @ (self.known[columns].T @ jacobian.T)
+        root = np.linalg.cholesky(jacobian @ spread[columns])
+        taken = np.linalg.solve(root, spread.T).T
+        self.mean -= taken @ np.linalg.solve(root, residual)
+        new = slice(self.rank, self.rank + len(residual))
+        self._basis[:, new] = self._orthonormal(jacobian, columns)
+        self._known[:, new] = taken
+        self.rank += len(residual)
 
     def greedy(self, candidates: Iterable[Candidate]) -> list[Constraint]:
         """Accept the candidate that saves most, again and again, while one saves anything; those accepted, in order.
