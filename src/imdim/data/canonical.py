@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from functools import cache
 
 import torch
 from torch import Tensor
@@ -43,8 +44,9 @@ def shortest_from_z(axis: Tensor) -> Tensor:
     return torch.stack([torch.stack(row, -1) for row in rows], -2)
 
 
+@cache
 def box_symmetries() -> Tensor:
-    """The 24 proper rotations [24, 3, 3] that map coordinate axes to coordinate axes."""
+    """The 24 proper rotations [24, 3, 3] that map coordinate axes to coordinate axes; always the same tensor."""
     identity = torch.eye(3)
     found = []
     for order in itertools.permutations(range(3)):

@@ -16,11 +16,19 @@ VOCAB = 5  # ADD_BOX, ADD_SPHERE, ADD_CYLINDER, UNDO_LAST, END; later tokens are
 
 
 class Move(NamedTuple):
-    """One step for each row: `tokens` int64 [b], the primitive `part` [b, 1] (meaningless unless the token adds it) and log p [b]."""
+    """One step for each row: `tokens` int64 [b], the primitive `part` [b, 1] (meaningless unless the token adds it) and log p [b].
+
+    `draws` [b, k] is what a policy drew to get there, for its own `log_prob`, where the primitive does not tell.
+    """
 
     tokens: Tensor
     part: Solids
     log_p: Tensor
+    draws: Tensor | None = None
+
+    def of(self, rows: Tensor) -> Move:
+        """The moves of some rows."""
+        return Move(self.tokens[rows], self.part[rows], self.log_p[rows], None if self.draws is None else self.draws[rows])
 
 
 class Policy(nn.Module):

@@ -140,8 +140,8 @@ class _Run:
 
     def _gain(self, made: Written, rows: Tensor, old: list[Tensor | None], chunk: int) -> dict[str, Tensor]:
         """The clipped objective of some moves, as their share of the mean over all; fills `old` where there is none yet."""
-        move = Move(made.move.tokens[rows], made.move.part[rows], made.move.log_p[rows])
-        log_p = self.optimiser.policy.log_prob(made.gt_points[rows], made.current[rows], made.written[rows], move, made.may_undo[rows])
+        seen = made.gt_points[rows], made.current[rows], made.written[rows]
+        log_p = self.optimiser.policy.log_prob(*seen, made.move.of(rows), made.may_undo[rows])
         before = old[chunk]
         if before is None:
             before = old[chunk] = log_p.detach()
@@ -230,8 +230,12 @@ def moves_of(made: list[Step], n: int) -> Tensor:
 def _flat(made: list[Step], clouds: Tensor, advantage: Tensor) -> Written:
     width = made[0].written.kinds.shape[1]
     rows = torch.cat([step.rows for step in made])
+    draws = [s.move.draws for s in made if s.move.draws is not None]
     move = Move(
-        torch.cat([s.move.tokens for s in made]), concatenate([s.move.part for s in made], 1), torch.cat([s.move.log_p for s in made])
+        torch.cat([s.move.tokens for s in made]),
+        concatenate([s.move.part for s in made], 1),
+        torch.cat([s.move.log_p for s in made]),
+        torch.cat(draws) if draws else None,
     )
     current, may_undo = (torch.cat([getattr(s, name) for s in made]) for name in ("current", "may_undo"))
     return Written(clouds[rows], current, concatenate([s.written for s in made], width), may_undo, move, advantage[rows])
