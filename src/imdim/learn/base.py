@@ -19,7 +19,7 @@ from imdim.data.synthesize import Samples
 from imdim.learn.attention import Layer, Read, causal
 from imdim.learn.codes import BINS, ENDS, FIRST, NUMBERS, PLACES, STEPS, TURNS, Choices, decode, encode, implied_x, numbers_of, ruler
 from imdim.learn.pointer import Pointer
-from imdim.learn.policy import VOCAB, Move, Policy, chosen_tokens, drawn
+from imdim.learn.policy import VOCAB, Move, Policy, chosen_tokens, drawn, token_log_p
 from imdim.learn.profile import COUNTS, Clouds, SlabTokens, histograms, look
 
 HEAD = 3  # slots before the ends: token, sign, turn
@@ -160,6 +160,16 @@ class BasePolicy(Policy):
             log_p = log_p.index_add(0, free, self._draw_numbers(view, draft, free, generator))
         part = decode(draft.tokens.clamp_max(CYLINDER), draft.sign.bool(), draft.choices, view.low, view.edges)
         return Move(draft.tokens, part, log_p)
+
+    def log_prob(self, gt_points: Tensor, cur_points: Tensor, solids: Solids, move: Move, may_undo: Tensor | None = None) -> Tensor:
+        """Of the choices that describe the primitive of `move`; a radius that two axes disagreed on is the one that was written."""
+        view = self._view(gt_points, cur_points, solids)
+        draft = Draft(move.tokens, move.part.positive[:, 0].long(), encode(move.part, view.low, view.edges), [])
+        log_p, _, logits = self._log_p(view, draft)
+        token = token_log_p(logits, move.tokens, solids.lengths, self.max_seq_len - 1, may_undo)
+        # the first primitive is positive without a choice
+        primitive = log_p["sign"] * (solids.lengths > 0) + log_p["turn"] + log_p["ends"] + log_p["numbers"]
+        return token + primitive * (move.tokens <= CYLINDER)
 
     def _draw_end(self, view: View, draft: Draft, end: int, generator: torch.Generator | None) -> Tensor:
         """Choose one end in place; its log p [b]."""
