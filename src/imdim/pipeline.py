@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,7 +29,7 @@ from imdim.program.cost import count
 from imdim.program.front import Choice
 from imdim.program.simplify import reduce_program
 from imdim.program.tree import Program, combine_all, map_leaves
-from imdim.proposals import POINTS, load, load_if_any, misfit, proposals
+from imdim.proposals import load, load_if_any, misfit, proposals
 from imdim.search.arrangement import ArrangementConfig, arrange
 from imdim.search.cells import Cells, Samples, compressed, label_samples
 from imdim.search.evolve.population import EvolutionConfig, Generation
@@ -51,6 +51,8 @@ from imdim.solve.snap import SnapConfig, snap
 if TYPE_CHECKING:
     from imdim.learn.policy import Policy
 
+    PolicyOf = Callable[[], Policy | None]
+
 CLOSING_AREA = 1e-7  # of the squared diagonal; implied planes rank behind detected ones
 MOST_JOINT = 8  # bodies
 JOINT_ERROR = 2e-3  # of the volume, that a shorter program of all bodies at once may cost
@@ -62,7 +64,7 @@ TOUCH = EvolutionConfig(generations=30, patience=12)
 SEED_SHARE = 0.4  # of the search's time, that evolution gives to its seeds
 MOST_RELATED = 120  # primitives; the time that relations take grows with the square
 RELATE_ERROR, RELATE_MOVE = 1e-2, 1e-5  # share of the mean distance, and of the diagonal, that relations may cost
-FAR_BETTER = 0.75  # of the misfit of the search's program
+FAR_BETTER = 0.6  # of the misfit of the search's program
 METHODS = ("auto", "evolve", "policy", "tree")
 
 
@@ -166,7 +168,7 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) ->
     """
     if settings.method not in METHODS:
         raise ConfigError(f"unknown method {settings.method!r}; known are {', '.join(METHODS)}")
-    policy = _policy_of(settings, target)
+    policy = _policy_of(settings)
     clock = _Clock(settings.budget_s)
     last: Snapshot | None = None
     for last in _by_body(target, settings, policy, clock, rng):
@@ -178,17 +180,15 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) ->
     yield Snapshot("finished", program, last.error, clock.seconds(), "budget_spent" if clock.cut else clock.ending, front, constraints)
 
 
-def _policy_of(settings: Settings, target: Target) -> Policy | None:
-    """What method=policy needs, method=evolve starts from if there is one, and method=auto uses for a cloud: a mesh's surfaces are exact,
-    and say more.
-    """
-    if settings.method == "policy":
-        return load(settings.checkpoint)
-    wanted = settings.method == "evolve" or (settings.method == "auto" and target.mesh is None)
-    return load_if_any(settings.checkpoint) if wanted else None
+def _policy_of(settings: Settings) -> PolicyOf:
+    """Loads the policy when it is asked for. One that must be there, and is not, is told at once."""
+    policy = cache(lambda: (load if settings.method == "policy" else load_if_any)(settings.checkpoint))
+    if settings.method == "policy" or (settings.method == "auto" and settings.checkpoint):
+        policy()
+    return policy
 
 
-def _by_body(target: Target, settings: Settings, policy: Policy | None, clock: _Clock, rng: np.random.Generator) -> Iterator[Snapshot]:
+def _by_body(target: Target, settings: Settings, policy: PolicyOf, clock: _Clock, rng: np.random.Generator) -> Iterator[Snapshot]:
     """Snapshots of the union of the bodies done so far; a few bodies are then tried as one, since one cut may have parted them."""
     bodies = split_bodies(target)
     done: list[_State] = []
@@ -215,7 +215,7 @@ def _together(stage: str, states: list[_State], clock: _Clock) -> Snapshot:
 
 
 def _body(
-    body: Target, settings: Settings, policy: Policy | None, clock: _Clock, rng: np.random.Generator, share: float = 1.0
+    body: Target, settings: Settings, policy: PolicyOf, clock: _Clock, rng: np.random.Generator, share: float = 1.0
 ) -> Iterator[_State]:
     """Better and better programs of one body, which may take a share of the time left."""
     seen = _look(body, settings.size_weight, rng)
@@ -232,7 +232,7 @@ def _body(
             program = passed[-1]
             yield _State("evolve", program, generation.best.score.volume, seen.volume)
     elif settings.method == "policy":
-        program = _proposed(policy, seen, [])
+        program = _proposed(policy(), seen, [])
         yield state("policy", program)
     elif settings.method != "tree":
         for program in _searched(seen, clock, rng):
@@ -246,8 +246,8 @@ def _body(
         if grown is not None and (program is None or seen.price(grown) < seen.price(program)):
             program = grown
             yield state("tree", program)
-    if policy is not None and settings.method == "auto" and not clock.cut:
-        proposed = _proposed(policy, seen, [] if program is None else [program])
+    if settings.method == "auto" and body.mesh is None and (program is None or seen.error(program) > POOR):
+        proposed = _proposed(policy(), seen, [] if program is None else [program])
         if program is None or _preferred(proposed, program, seen):
             program = proposed
             yield state("policy", program)
@@ -340,7 +340,8 @@ def _touched(seen: _Seen, found: list[Program], settings: Settings, clock: _Cloc
     seeds = {"search": [seen.frame.apply(p) for p in found]}
     best = seen.ground.scorer.score(seeds["search"][-1:])[0].fitness
     for generation in _evolved(seen, seeds, settings, clock.out_of_time, rng, TOUCH):
-        if generation.best.score.fitness < best * (1 - 1e-6):
+        # what is not worth half a primitive is not worth another way to draw it
+        if generation.best.score.fitness < best - 0.5 * seen.size_weight:
             best = generation.best.score.fitness
             yield seen.frame.undo(generation.best.program)
 
@@ -352,10 +353,8 @@ def _proposed(policy: Policy | None, seen: _Seen, starts: list[Program]) -> Prog
 
 
 def _preferred(proposed: Program, program: Program, seen: _Seen) -> bool:
-    """By the objective. Cells of a cloud know no surface that detection missed: what fits the points far better is taken too."""
-    if seen.price(proposed) < seen.price(program):
-        return True
-    cloud = Cloud.of(seen.target.points[:: max(1, len(seen.target.points) // POINTS)])
+    """Cells of a cloud know no surface that detection missed: what fits the points far better is taken, whatever its cells say."""
+    cloud = Cloud.of(seen.target.points)
     return misfit(seen.frame.apply(proposed), cloud) < FAR_BETTER * misfit(seen.frame.apply(program), cloud)
 
 

@@ -8,7 +8,7 @@ from tests.planted import PARTS, box, cone, cylinder, sphere, torus, union
 from tests.search.planted_families import arrangement_of, planted, random_candidates
 
 from imdim.program.tree import leaves
-from imdim.search.evolve.carriers import Carriers
+from imdim.search.evolve.carriers import DRIFTED, Carriers
 from imdim.search.evolve.numbers import face_at
 
 
@@ -53,5 +53,9 @@ def test_one_moved_face_is_one_free_face():
     moved = face_at(plate, 1, 1, 0, 0.3)
     assert moved is not None
     assert carriers.free_faces(moved) == 1
-    off = cylinder(6.01, 4, (24.0, 14.0, 0.0))
-    assert carriers.free_faces(off) == 1
+
+
+def test_a_wall_beside_a_detected_one_is_dearer_than_one_of_its_own():
+    carriers = Carriers(planted("rounded plate").arrangement)
+    beside, alone = cylinder(5.99, 4, (24.0, 14.0, 0.0)), cylinder(5.99, 4, (10.0, 14.0, 0.0))
+    assert (carriers.free_faces(beside), carriers.free_faces(alone)) == (DRIFTED, 1)

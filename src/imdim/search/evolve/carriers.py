@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,8 +11,20 @@ from imdim.geometry.rotations import matrix_from_euler
 from imdim.program.tree import Primitive
 from imdim.search.arrangement import Arrangement
 
-SAME_AXIS = 1 - 1e-10  # cosine above which two axes are one
-SAME_PLACE = 1e-6  # of the diagonal
+DRIFTED = 40  # free faces that a wall beside a detected one counts as: it fits facets, which lie within the true surface
+
+
+@dataclass(frozen=True)
+class _Tolerance:
+    """`cosine` above which two axes are one, `place` below which two points are (of the diagonal), `size` of one (relative)."""
+
+    cosine: float
+    place: float
+    size: float
+
+
+SAME = _Tolerance(1 - 1e-10, 1e-6, 1e-6)
+NEAR = _Tolerance(1 - 6e-4, 0.02, 0.08)
 
 
 class Carriers:
@@ -19,13 +32,16 @@ class Carriers:
 
     def __init__(self, arrangement: Arrangement) -> None:
         self._arrangement = arrangement
-        self._tolerance = SAME_PLACE * float(np.linalg.norm(arrangement.bounds[1] - arrangement.bounds[0]))
+        self._diagonal = float(np.linalg.norm(arrangement.bounds[1] - arrangement.bounds[0]))
         self._axes, self._owner = _axes(arrangement)
         self._spans = [_span(arrangement.bounds, d.vector) for d in arrangement.directions]
         self._known: dict[Primitive, int] = {}
 
     def free_faces(self, primitive: Primitive) -> int:
-        """How many of the faces (six of a box, one or three of the others) lie on nothing that was detected."""
+        """How many of the faces (six of a box, one or three of the others) lie on nothing that was detected.
+
+        A curved wall close beside a detected one counts as many: the true surface is known there, and what is gained is the facets'.
+        """
         if primitive not in self._known:
             self._known[primitive] = self._count(primitive)
         return self._known[primitive]
@@ -34,51 +50,47 @@ class Carriers:
         axes, center = matrix_from_euler(leaf.rotation), np.asarray(leaf.center)
         if leaf.kind == "box":
             return sum(self._free_ends(center, axes[:, i], leaf.size[i]) for i in range(3))
-        wall = not any(self._on_curved(leaf, center, axes[:, 2], i) for i in range(len(self._arrangement.curved)))
-        return int(wall) + (self._free_ends(center, axes[:, 2], leaf.size[-1]) if leaf.kind in ("cylinder", "cone") else 0)
+        ends = self._free_ends(center, axes[:, 2], leaf.size[-1]) if leaf.kind in ("cylinder", "cone") else 0
+        return ends + self._free_wall(leaf, center, axes[:, 2])
+
+    def _free_wall(self, leaf: Primitive, center: np.ndarray, axis: np.ndarray) -> int:
+        alike = [i for i, s in enumerate(self._arrangement.curved) if s.kind == leaf.kind]
+        if any(self._lies_on(leaf, center, axis, i, SAME) for i in alike):
+            return 0
+        return DRIFTED if any(self._lies_on(leaf, center, axis, i, NEAR) for i in alike) else 1
 
     def _free_ends(self, center: np.ndarray, axis: np.ndarray, length: float) -> int:
         """How many of the two ends of a span are at none of the offsets along its direction; beyond the part nothing is free."""
         cosine = np.abs(self._axes @ axis)
         best = int(np.argmax(cosine))
-        if cosine[best] < SAME_AXIS:
+        if cosine[best] < SAME.cosine:
             return 2
         direction = self._arrangement.directions[self._owner[best]]
         ends = center @ direction.vector + np.array([-0.5, 0.5]) * length
         low, high = self._spans[self._owner[best]]
         within = (ends > low) & (ends < high)
-        return int((within & (np.abs(direction.offsets[:, None] - ends).min(0) > self._tolerance)).sum())
+        return int((within & (np.abs(direction.offsets[:, None] - ends).min(0) > SAME.place * self._diagonal)).sum())
 
-    def _on_curved(self, leaf: Primitive, center: np.ndarray, axis: np.ndarray, index: int) -> bool:
+    def _lies_on(self, leaf: Primitive, center: np.ndarray, axis: np.ndarray, index: int, tolerance: _Tolerance) -> bool:
         surface = self._arrangement.curved[index]
-        if surface.kind != leaf.kind:
-            return False
-        gap = center - surface.point
-        if leaf.kind == "sphere":
-            return self._same(leaf.size, surface.sizes) and self._near(gap)
-        owner = self._arrangement.axis_of[index]
+        gap, owner = center - surface.point, self._arrangement.axis_of[index]
         true_axis = self._arrangement.directions[owner].vector if owner >= 0 else np.asarray(surface.axis)
-        along = float(axis @ true_axis)
-        if abs(along) < SAME_AXIS:
+        if leaf.kind != "sphere" and abs(float(axis @ true_axis)) < tolerance.cosine:
             return False
-        if leaf.kind == "torus":
-            return self._same(leaf.size, surface.sizes) and self._near(gap)
-        if not self._near(gap - (gap @ true_axis) * true_axis):
+        if leaf.kind in ("cylinder", "cone"):
+            gap = gap - (gap @ true_axis) * true_axis
+        if float(np.linalg.norm(gap)) > tolerance.place * self._diagonal:
             return False
-        return self._same(leaf.size[:1], surface.sizes) if leaf.kind == "cylinder" else self._same_cone(leaf, gap, axis, surface.sizes[0])
+        if leaf.kind == "cone":
+            rims = self._rims(leaf, float((center - surface.point) @ axis), surface.sizes[0])
+            return all(abs(a - b) <= tolerance.size * max(leaf.size[:2]) for a, b in zip(leaf.size[:2], rims, strict=True))
+        sizes = leaf.size[:1] if leaf.kind == "cylinder" else leaf.size
+        return all(abs(a - b) <= tolerance.size * b for a, b in zip(sizes, surface.sizes, strict=True))
 
-    def _same_cone(self, leaf: Primitive, gap: np.ndarray, axis: np.ndarray, half_angle: float) -> bool:
-        """Whether both rims are as wide as the nappe is at their distances from the apex."""
-        height = float(gap @ axis)
-        slope = math.tan(half_angle)
-        rims = [abs(height + end * leaf.size[2]) * slope for end in (-0.5, 0.5)]
-        return self._same(leaf.size[:2], tuple(rims))
-
-    def _near(self, gap: np.ndarray) -> bool:
-        return float(np.linalg.norm(gap)) <= self._tolerance
-
-    def _same(self, a: tuple[float, ...], b: tuple[float, ...]) -> bool:
-        return all(abs(x - y) <= self._tolerance for x, y in zip(a, b, strict=True))
+    def _rims(self, leaf: Primitive, height: float, half_angle: float) -> tuple[float, float]:
+        """How wide a nappe is at both ends of a leaf whose centre is `height` along its axis from the apex."""
+        bottom, top = (abs(height + end * leaf.size[2]) * math.tan(half_angle) for end in (-0.5, 0.5))
+        return bottom, top
 
 
 def _span(box: np.ndarray, axis: np.ndarray) -> tuple[float, float]:
