@@ -183,7 +183,7 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) ->
 def _policy_of(settings: Settings) -> PolicyOf:
     """Loads the policy when it is asked for. One that must be there, and is not, is told at once."""
     policy = cache(lambda: (load if settings.method == "policy" else load_if_any)(settings.checkpoint))
-    if settings.method == "policy" or (settings.method == "auto" and settings.checkpoint):
+    if settings.method == "policy" or settings.checkpoint:
         policy()
     return policy
 
@@ -226,7 +226,7 @@ def _body(
     program = None
     passed: list[Program] = []
     if settings.method == "evolve":
-        for generation in _evolved(seen, _seeds(seen, policy, clock.part(SEED_SHARE * share), rng), settings, clock.part(share), rng):
+        for generation in _evolved(seen, _seeds(seen, policy(), clock.part(SEED_SHARE * share), rng), settings, clock.part(share), rng):
             clock.ending = generation.stop or clock.ending
             passed = [seen.frame.undo(i.program) for i in (*generation.front, generation.best)]
             program = passed[-1]

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 SHIPPED = Path(__file__).parents[2] / "models" / "imdim-base.safetensors"
 POINTS = 2048  # of a cloud that a policy sees
+MEASURED = 4096  # points each way of a misfit
+FINE = ProposalConfig(seen=1536, most=8192)  # dense clouds show walls thinner than a policy's cloud can
 
 
 def load(checkpoint: str) -> Policy:
@@ -117,7 +119,8 @@ def proposals(
     """
     axes = main_axes(points[:: max(1, len(points) // POINTS)])
     given = [s for p in starts if (s := to_signed(p)) is not None]
-    return settle([*given, *(written(policy, points, axes, seed) if policy is not None else [])], points, axes, config)
+    beam = written(policy, points, axes, seed) if policy is not None else []
+    return settle([*given, *beam], points, axes, config or FINE)
 
 
 def misfit(program: Program, cloud: Cloud, config: PoolConfig | None = None) -> float:
@@ -127,8 +130,8 @@ def misfit(program: Program, cloud: Cloud, config: PoolConfig | None = None) -> 
     if not len(surface.faces):
         return 1.0 + config.price * count(program).primitives
     explained, calm = config.explained * cloud.diagonal, config.calm * cloud.noise
-    away = np.minimum(distances(triangle_tree(surface), cloud.thinned(POINTS)), explained)
-    shown = trimesh.sample.sample_surface(surface, POINTS, seed=0)[0]
+    away = np.minimum(distances(triangle_tree(surface), cloud.thinned(MEASURED)), explained)
+    shown = trimesh.sample.sample_surface(surface, MEASURED, seed=0)[0]
     bare = np.clip((cloud.tree.query(shown)[0] - calm) / cloud.spacing - 1.0, 0.0, 1.0)
     area = float(surface.area) / (len(cloud.points) * cloud.spacing**2)
     left = float(np.maximum(away - calm, 0.0).mean()) / explained

@@ -135,6 +135,8 @@ def _through(program: Program, cloud: Cloud, axes: np.ndarray) -> list[Primitive
         bottom, top = local.min(0) - 0.7 * cloud.spacing, local.max(0) + 0.7 * cloud.spacing
         for ends in ((low[k], high[k]), (bottom[k], high[k]) if normal[k] > 0 else (low[k], top[k])):
             bottom[k], top[k] = ends
+            if (top <= bottom).any():
+                continue
             size, middle = top - bottom, (bottom + top) / 2
             out.append(_placed("box", tuple(size), middle, axes))
             radius = float(np.delete(size, k).mean()) / 2
