@@ -123,7 +123,8 @@ def main() -> None:
         results.append(row)
         if arguments.verbose:
             ratio = row["error_held"] / max(row["error_free"], 1e-12)
-            print(f"{number}: wrong {row['wrong']}/{row['found']} spanned {row['spanned']}/{row['rank']} error x{ratio:.2f} {row['seconds']:.2f} s")
+            counts = f"wrong {row['wrong']}/{row['found']} spanned {row['spanned']}/{row['rank']}"
+            print(f"{number}: {counts} error x{ratio:.2f} {row['seconds']:.2f} s")
             print("\n".join(f"    wrong {name}" for name in row["wrong_names"]) or "    none wrong")
             print("\n".join(f"    missed {name}" for name in row["missed"]) or "    none missed")
     result = summary(results)

@@ -241,13 +241,18 @@ class Truth:
 
     def _patterns(self, axes: list[Ref]) -> Iterator[Constraint]:
         for group in self._groups():
-            yield from self._true(Constraint("linear", (Ref(i), Ref(j), Ref(k))) for i, k in itertools.combinations(group, 2) for j in group)
+            yield from self._true(
+                Constraint("linear", (Ref(i), Ref(j), Ref(k))) for i, k in itertools.combinations(group, 2) for j in group
+            )
             for about in axes:
                 yield from self._rings(group, about)
 
     def _rings(self, group: list[int], about: Ref) -> Iterator[Constraint]:
         axis = direction(self.parts, about)
-        u, v = self.parts[about.leaf].frame[:, (AXES.index(about.feature) + 1) % 3], self.parts[about.leaf].frame[:, (AXES.index(about.feature) + 2) % 3]
+        u, v = (
+            self.parts[about.leaf].frame[:, (AXES.index(about.feature) + 1) % 3],
+            self.parts[about.leaf].frame[:, (AXES.index(about.feature) + 2) % 3],
+        )
         if not (self._shows_center(about.leaf, u) and self._shows_center(about.leaf, v)):
             return
         members = [i for i in group if i != about.leaf and self._shows_center(i, u) and self._shows_center(i, v)]
@@ -302,7 +307,9 @@ class Truth:
                 for k in range(9):
                     step = np.zeros(9)
                     step[k] = 1e-4
-                    ahead, behind = (gap(c, [*self.parts[:leaf], self.parts[leaf].moved(s), *self.parts[leaf + 1 :]]) for s in (step, -step))
+                    ahead, behind = (
+                        gap(c, [*self.parts[:leaf], self.parts[leaf].moved(s), *self.parts[leaf + 1 :]]) for s in (step, -step)
+                    )
                     columns[9 * leaf + k] = (ahead - behind) / 2e-4
             rows = np.zeros((len(gap(c, self.parts)), 9 * len(self.parts)))
             for column, slope in columns.items():
@@ -335,7 +342,9 @@ def shown_faces(parts: Leaves, points: np.ndarray) -> list[set[str]]:
 
 def _box_faces(p: Leaf, local: np.ndarray) -> dict[str, np.ndarray]:
     inside = np.abs(local) <= p.size / 2 + EXACT
-    return {f: inside.all(1) & (np.abs((1 if f[0] == "+" else -1) * local[:, AXES.index(f[1])] - p.half(f[1])) < EXACT) for f in FACES["box"]}
+    return {
+        f: inside.all(1) & (np.abs((1 if f[0] == "+" else -1) * local[:, AXES.index(f[1])] - p.half(f[1])) < EXACT) for f in FACES["box"]
+    }
 
 
 def _round_faces(p: Leaf, local: np.ndarray) -> dict[str, np.ndarray]:

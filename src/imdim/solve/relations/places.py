@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imdim.geometry.constraints import Pose
+from imdim.geometry.constraints import Pose, Vector
 from imdim.program.constraints import FACES_OF, WORLD, Constraint, Ref
 from imdim.program.tree import KINDS, SIZE_NAMES
 from imdim.solve.relations.belief import Shown
@@ -75,6 +75,11 @@ class Places:
         return KINDS[self.pose.numbers.kinds[leaf]]
 
 
+def fixed(direction: Vector) -> Vector:
+    """A direction that stands, however uncertain: places along it are compared with each other, not with the origin."""
+    return Vector(direction.value, np.zeros_like(direction.slope))
+
+
 def proposals(places: Places) -> Iterator[Candidate]:
     """All candidates; the same relation may come in several forms, of which the choice takes the one that saves most."""
     sizes = _sizes(places)
@@ -127,7 +132,7 @@ def _alike(places: Places, sizes: list[Known]) -> list[list[int]]:
 
 def _along(places: Places, members: list[Ref], alike: list[list[int]]) -> Iterator[Candidate]:
     """Coplanar faces, centres level with each other or with a face, and symmetric pairs, along one direction."""
-    pose, direction = places.pose, places.pose.axis(members[0])
+    pose, direction = places.pose, fixed(places.pose.axis(members[0]))
     across = [m for m in members if m.leaf >= 0 and m.feature in FACES_OF.get(places.kind(m.leaf), ())]
     faces = [Ref(m.leaf, sign + m.feature) for m in across for sign in "+-"]
     refs = faces + [Ref(leaf) for leaf in places.leaves()]
@@ -171,7 +176,7 @@ def _coaxial(places: Places, members: list[Ref]) -> Iterator[Candidate]:
     balls = [leaf for leaf in places.leaves() if places.kind(leaf) == "sphere"]
     if not axial:
         return
-    both = _centers(places, axial + balls, list(pose.across(members[0])))
+    both = _centers(places, axial + balls, list(places.pose.across(members[0])))
     bits = KIND_BITS + math.log2(max(len(axial) + len(balls), 2))
     for i, j in near_pairs(both.points, both.deviation**2):
         a, b = int(both.leaves[i]), int(both.leaves[j])
@@ -201,7 +206,7 @@ class _Centers:
 
 def _centers(places: Places, group: list[int], sides: list) -> _Centers:
     """Those of `group` that are shown in all `sides`."""
-    columns = [[places.pose.center(leaf).dot(side) for leaf in group] for side in sides]
+    columns = [[places.pose.center(leaf).dot(fixed(side)) for leaf in group] for side in sides]
     points = np.array([[row[0] for row in column] for column in columns]).T
     slopes = [np.array([row[1] for row in column]) for column in columns]
     deviation = np.sqrt(np.max([places.variances(s) for s in slopes], axis=0))
