@@ -3,7 +3,7 @@
     python scripts/bench_seeds.py FOLDER [--least 3] [--most 10] [--parts N] [--limit 20] [--json out.json] [--programs DIR]
 
 Parts are those of FOLDER whose reference (human.json) has `least` to `most` primitives; with --parts an even choice of N of them. Sources:
-random trees, the decision tree, greedy insertion over detected surfaces, the structure search, all of them together, and `policy` where
+random trees (`blind`: with operators that know no detected surface either), the decision tree, greedy insertion over detected surfaces, the structure search, all of them together, and `policy` where
 --programs names a folder with PART/program.json files that a policy wrote. Every evolution has the same operators and the same generator;
 it ends at IoU 0.95 (by the samples: one minus the volume that differs, a lower bound) or after --limit seconds. Evaluations count trees
 that were folded, seeds among them; a part that never gets there counts with what it used, so its ratio is a bound. Seconds include
@@ -86,7 +86,7 @@ def part_runs(part: Path, limit_s: float, programs: Path | None) -> list[Run]:
     """One run per source. Each starts from the same generator and a scorer that has seen nothing."""
     target = load_target(part)
     runs = []
-    for source in ("random", "tree", "surfaces", "search", *(("policy",) if programs else ()), "all"):
+    for source in ("random", "blind", "tree", "surfaces", "search", *(("policy",) if programs else ()), "all"):
         ground, frame = ground_of(target, Settings(), np.random.default_rng(0))
         given = programs / part.stem / "program.json" if programs else None
         runs.append(one_run(part.stem, source, ground, frame, limit_s, given))
@@ -94,7 +94,7 @@ def part_runs(part: Path, limit_s: float, programs: Path | None) -> list[Run]:
 
 
 def one_run(part: str, source: str, ground: Ground, frame: Frame, limit_s: float, given: Path | None) -> Run:
-    scene = Scene(ground.scorer, ground.families.arrangement.outer, ground.families)
+    scene = Scene(ground.scorer, ground.families.arrangement.outer, None if source == "blind" else ground.families)
     scene.scorer.score(random_programs(scene, 1, np.random.default_rng(9)))  # compiled code is loaded before the clock starts
     rng, start, before = np.random.default_rng(1), time.perf_counter(), scene.scorer.evaluations
     seeds = make_seeds(source, ground, scene, frame, given)
@@ -117,7 +117,7 @@ def one_run(part: str, source: str, ground: Ground, frame: Frame, limit_s: float
 
 def make_seeds(source: str, ground: Ground, scene: Scene, frame: Frame, given: Path | None) -> list[Program]:
     """Programs of a source in the unit frame; the policy's, then the cheapest first where all are asked for."""
-    if source == "random":
+    if source in ("random", "blind"):
         return random_programs(scene, RANDOM, np.random.default_rng(2))
     if source == "tree":
         return [tree] if (tree := ground.tree()) else []

@@ -9,6 +9,8 @@ from imdim.program.tree import Program
 from imdim.search.evolve.fitness import Scorer
 from imdim.search.evolve.front import Archive, Individual
 
+TOGETHER = 30  # a program of more leaves loses one more at a time for each so many
+
 
 def thinned(programs: Iterable[Program], scorer: Scorer) -> list[Individual]:
     """The non-dominated among `programs` and all that thinning the last of them passes through, from crude to exact."""
@@ -17,8 +19,9 @@ def thinned(programs: Iterable[Program], scorer: Scorer) -> list[Individual]:
     archive.add(Individual(p, s) for p, s in zip(every, scorer.score(every), strict=True))
     program = every[-1]
     while len(paths := leaf_paths(program)) > 1:
-        trials = [p for path, _ in paths if (p := without(program, [path])) is not None]
-        scores = scorer.score(trials)
-        archive.add(Individual(p, s, "shorten") for p, s in zip(trials, scores, strict=True))
-        program = trials[min(range(len(trials)), key=lambda i: scores[i].fitness)]
+        trials = {path: p for path, _ in paths if (p := without(program, [path])) is not None}
+        scores = dict(zip(trials, scorer.score(list(trials.values())), strict=True))
+        archive.add(Individual(trials[path], score, "shorten") for path, score in scores.items())
+        cheapest = sorted(trials, key=lambda path: scores[path].fitness)
+        program = without(program, cheapest[: 1 + len(paths) // TOGETHER]) or trials[cheapest[0]]
     return archive.front()
