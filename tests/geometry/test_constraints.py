@@ -69,10 +69,10 @@ def test_what_holds_by_construction_holds():
 @pytest.mark.parametrize("constraint", HOLD, ids=str)
 def test_a_disturbance_is_felt(constraint):
     rng = np.random.default_rng(1)
-    disturbed = [
-        Primitive(p.kind, tuple(np.array(p.size) * rng.uniform(0.8, 1.2, len(p.size))), tuple(p.center + rng.normal(size=3) * 0.1), tuple(turn))
-        for p, turn in zip(PARTS, rng.normal(size=(len(PARTS), 3)) * 5 + TILT, strict=True)
-    ]
+    disturbed = []
+    for p in PARTS:
+        size, center = np.array(p.size) * rng.uniform(0.8, 1.2, len(p.size)), p.center + rng.normal(size=3) * 0.1
+        disturbed.append(Primitive(p.kind, tuple(size), tuple(center), tuple(rng.normal(size=3) * 5 + TILT)))
     with pytest.raises(ConstraintError, match=r"^constraints\[0\]"):
         verify(combine_all("union", disturbed), [constraint])
 

@@ -1,0 +1,186 @@
+"""Named parameters in the texts: the same solid as before, and after an edit all that follows has moved. OpenSCAD itself is the judge."""
+
+import math
+import re
+import shutil
+import subprocess
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+import trimesh
+from tests.planted import PARTS, box, cut, cylinder, union
+
+from imdim.deliver import finished
+from imdim.export.openscad import to_openscad
+from imdim.export.openscad_reader import read_openscad
+from imdim.export.parameters import Parameters, parametrise
+from imdim.export.script import to_script
+from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
+from imdim.program.constraints import Constraint, Ref
+from imdim.program.tree import Program, leaves
+from imdim.solve.discover import exact_relations
+
+# A plate on the ground with a boss, four holes in the corners, a bore through the boss; cutters end where the plate and the boss end.
+MOUNT = cut(
+    union(box(80, 50, 6, (0, 0, 3)), cylinder(12, 14, (0, 0, 13))),
+    *(cylinder(3, 6, (x, y, 3.0)) for x in (-30.0, 30.0) for y in (-15.0, 15.0)),
+    cylinder(5, 20, (0, 0, 10)),
+)
+ROW = cut(box(90, 20, 8), *(cylinder(2, 8, (x, 3.0, 0.0)) for x in (-30.0, -10.0, 10.0, 30.0)))
+FLANGE = cut(cylinder(40, 8), *(cylinder(3, 12, (30 * math.cos(a), 30 * math.sin(a), 0.0)) for a in [i * math.pi / 3 for i in range(6)]))
+
+
+def parametrised(program: Program) -> tuple[Program, Parameters]:
+    """As `deliver` has it: relations of the program, then overshoot and rounding."""
+    found = exact_relations(program)
+    delivered = finished(found.program)
+    return delivered, parametrise(found.program, found.constraints, delivered)
+
+
+def mount(thickness: float = 6.0, hole: float = 3.0, boss: float = 14.0) -> Program:
+    """MOUNT as a person would have edited it."""
+    top = thickness + boss
+    return cut(
+        union(box(80, 50, thickness, (0, 0, thickness / 2)), cylinder(12, boss, (0, 0, thickness + boss / 2))),
+        *(cylinder(hole, 2 * thickness, (x, y, thickness / 2)) for x in (-30.0, 30.0) for y in (-15.0, 15.0)),
+        cylinder(5, 2 * top, (0, 0, top / 2)),
+    )
+
+
+@pytest.mark.parametrize("program", [*PARTS.values(), MOUNT, ROW, FLANGE], ids=[*PARTS, "mount", "row", "flange"])
+def test_the_text_reads_back_as_the_delivered_numbers(program):
+    delivered, parameters = parametrised(program)
+    read = read_openscad(to_openscad(delivered, 48, parameters))
+    largest = max(max(p.size) for p in leaves(delivered))
+    for ours, theirs in zip(leaves(delivered), leaves(read), strict=True):
+        assert (ours.kind, ours.rotation) == (theirs.kind, theirs.rotation)
+        assert theirs.size == pytest.approx(ours.size, abs=2e-9 * largest)
+        assert theirs.center == pytest.approx(ours.center, abs=2e-9 * largest)
+
+
+def test_names_say_what_they_are():
+    delivered, parameters = parametrised(MOUNT)
+    assert parameters.values["plate_thickness"] == 6
+    assert parameters.values["hole_radius"] == 3
+    assert parameters.uses()["hole_radius"] == 4
+    text = to_openscad(delivered, 48, parameters)
+    assert "hole_radius = 3;" in text.splitlines()
+    assert text.count("r = hole_radius") == 4
+    assert parametrised(ROW)[1].values["hole_spacing"] == 20
+    assert parametrised(FLANGE)[1].values["bolt_circle"] == pytest.approx(60)
+
+
+@pytest.mark.parametrize("edit", [{"plate_thickness": 9.0}, {"hole_radius": 4.0}, {"plate_thickness": 20.0, "hole_radius": 2.0}])
+def test_an_edit_moves_all_that_follows(edit):
+    delivered, parameters = parametrised(MOUNT)
+    read = read_openscad(to_openscad(delivered, 64, parameters), **edit)
+    meant = mount(edit.get("plate_thickness", 6.0), edit.get("hole_radius", 3.0))
+    assert volume_iou(to_manifold(read, 64), to_manifold(meant, 64)) == pytest.approx(1, abs=1e-6)
+
+
+def test_a_row_and_a_circle_stretch():
+    delivered, parameters = parametrised(ROW)
+    read = list(leaves(read_openscad(to_openscad(delivered, 48, parameters), hole_spacing=22.0)))
+    steps = [b.center[0] - a.center[0] for a, b in pairwise(read[1:])]
+    assert steps == pytest.approx([22.0] * 3)
+    delivered, parameters = parametrised(FLANGE)
+    read = list(leaves(read_openscad(to_openscad(delivered, 48, parameters), bolt_circle=66.0)))
+    assert [math.hypot(*p.center[:2]) for p in read[1:]] == pytest.approx([33.0] * 6)
+
+
+def test_a_name_that_is_not_there_is_refused():
+    delivered, parameters = parametrised(MOUNT)
+    with pytest.raises(ValueError, match="no parameter 'holes'; it has plate_length"):
+        read_openscad(to_openscad(delivered, 48, parameters), holes=1.0)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("a = b;\nsphere(r = a);", "line 1: 'b' is no number of ours"),
+        ("a = 0;\nsphere(r = 1/a);", "line 2 divides by zero"),
+        ("a = -1;\nsphere(r = a);", "line 2: sphere needs positive r, got -1"),
+        ("a = __import__('os');\nsphere(r = 1);", "line 1: .* is no number of ours"),
+    ],
+)
+def test_other_expressions_are_refused(line, message):
+    with pytest.raises(ValueError, match=message):
+        read_openscad(line)
+
+
+def test_without_constraints_the_first_part_has_names_and_what_cutters_pass():
+    delivered = finished(MOUNT)
+    parameters = parametrise(MOUNT, [], delivered)
+    assert set(parameters.values) == {"plate_length", "plate_width", "plate_thickness", "boss_height", "boss_z"}
+    assert list(leaves(read_openscad(to_openscad(delivered, 48, parameters)))) == list(leaves(delivered))
+
+
+def test_a_relation_of_hidden_depths_names_them_too():
+    program = cut(box(30, 30, 10), cylinder(3, 6, (-8, 0, 4)), cylinder(4, 6, (8, 0, 4)))
+    equal = Constraint("equal", (Ref(1, "h"), Ref(2, "h")), name="hole_depth")
+    parameters = parametrise(program, [equal], finished(program))
+    assert parameters.values["hole_depth"] == 6
+    assert parameters.uses()["hole_depth"] >= 2
+
+
+def rendered(text: str, folder: Path, *define: str) -> trimesh.Trimesh:
+    tool = shutil.which("openscad")
+    if tool is None:
+        pytest.skip("openscad is not installed")
+    (folder / "program.scad").write_text(text)
+    options = [f"-D{d}" for d in define]
+    command = [tool, "-o", str(folder / "program.stl"), *options, str(folder / "program.scad")]
+    report = subprocess.run(command, check=True, capture_output=True, timeout=120, text=True).stderr
+    assert re.search(r"Simple: +yes", report), report
+    assert "WARNING" not in report
+    return trimesh.load_mesh(folder / "program.stl")
+
+
+@pytest.mark.tool
+@pytest.mark.parametrize("program", [MOUNT, FLANGE, PARTS["L bracket"]], ids=["mount", "flange", "bracket"])
+def test_openscad_renders_the_same_solid_with_names(program, tmp_path):
+    delivered, parameters = parametrised(program)
+    named = mesh_to_manifold(rendered(to_openscad(delivered, 48, parameters), tmp_path))
+    plain = mesh_to_manifold(rendered(to_openscad(delivered, 48), tmp_path))
+    assert volume_iou(named, plain) == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.tool
+def test_openscad_moves_all_followers(tmp_path):
+    """Four holes grow together; a thicker plate lifts the boss, and cutters still go through."""
+    delivered, parameters = parametrised(MOUNT)
+    text = to_openscad(delivered, 64, parameters)
+    wide = mesh_to_manifold(rendered(text, tmp_path, "hole_radius=4"))
+    assert volume_iou(wide, to_manifold(mount(hole=4.0), 64)) == pytest.approx(1, abs=1e-5)
+    thick = mesh_to_manifold(rendered(text, tmp_path, "plate_thickness=15"))
+    assert volume_iou(thick, to_manifold(mount(thickness=15.0), 64)) == pytest.approx(1, abs=1e-5)
+    # five holes through: no cutter ends inside
+    assert thick.genus() == 5
+
+
+@pytest.mark.parametrize("program", [MOUNT, FLANGE], ids=["mount", "flange"])
+def test_the_script_has_the_same_names_and_numbers(program):
+    """Evaluated by Python itself, statement by statement, with stand-ins that record sizes and places."""
+    delivered, parameters = parametrised(program)
+    text = to_script(delivered, parameters)
+    seen: list[tuple[float, ...]] = []
+
+    class Part:
+        def __mul__(self, other):
+            return self
+
+        __add__ = __sub__ = __rmul__ = __mul__
+
+    def recorded(*numbers: float) -> Part:
+        seen.append(numbers)
+        return Part()
+
+    scope = {"__name__": "program", "Box": recorded, "Cylinder": recorded, "Pos": recorded}
+    code = "\n".join(line for line in text.splitlines() if not line.startswith("from build123d"))
+    exec(compile(code, "program.py", "exec"), scope)
+    sizes = [p.size for p in leaves(delivered)]
+    places = [p.center for p in leaves(delivered) if any(p.center)]
+    for numbers in (*sizes, *places):
+        assert any(len(s) == len(numbers) and s == pytest.approx(numbers, abs=1e-7) for s in seen)
+    assert all(scope[name] == pytest.approx(value) for name, value in parameters.values.items())
