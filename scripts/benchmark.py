@@ -1,6 +1,8 @@
 """Run a folder of parts through `imdim fit`, score what was delivered, print and write the table.
 
-    python scripts/benchmark.py FOLDER [--condition mesh] [--jobs 2] [--budget 60] [--scorer score.py] [--out out/bench] [key=value ...]
+    python scripts/benchmark.py FOLDER [--condition mesh] [--jobs 2] [--budget 60] [--scorer score.py] [--out out/bench] [--set key=value]
+
+What a policy is worth on clouds: `--condition noise=1%` once with `--set checkpoint=none` and once without.
 
 Each part runs in its own process, with its wall clock and peak memory measured by the system. A part that fails, in whatever
 way, is a row with IoU 0. `human.json` or `inversecsg.json` in the folder give reference counts (and IoUs).
@@ -59,7 +61,9 @@ def main() -> None:
         for row in pool.map(lambda part: run_part(part, args, reference.get(part.stem, {})), parts):
             rows.append(row)
             print(line(row), flush=True)
-    title = f"{args.folder.name}, {args.condition}, budget {args.budget:g} s, seed {args.seed}, {args.jobs} at a time"
+    title = ", ".join(
+        [f"{args.folder.name}, {args.condition}, budget {args.budget:g} s, seed {args.seed}, {args.jobs} at a time", *args.settings]
+    )
     text = f"# {title}\n\n{markdown(rows)}\n\n" + "\n".join(f"- {s}" for s in summary(rows, args.budget)) + "\n"
     (args.out / "table.md").write_text(text)
     write_csv(rows, args.out / "table.csv")
@@ -81,8 +85,11 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--scorer", type=Path, help="an independent scorer: `python SCORER TARGET PREDICTION` prints one JSON line")
     parser.add_argument("--out", type=Path, default=Path("out/bench"))
     parser.add_argument("--sheet", action="store_true", help="write sheet.png, all previews in one picture")
-    parser.add_argument("settings", nargs="*", metavar="key=value")
-    return parser.parse_intermixed_args()
+    parser.add_argument("--set", action="append", default=[], dest="given", metavar="key=value", help="a setting of the run, any number")
+    parser.add_argument("settings", nargs="*", metavar="key=value", help="the same")
+    args = parser.parse_intermixed_args()
+    args.settings += args.given
+    return args
 
 
 def _names(text: str) -> set[str]:

@@ -48,7 +48,8 @@ def parts(tmp_path):
 def test_a_folder_becomes_a_table(parts, tmp_path, monkeypatch, capsys):
     (tmp_path / "stand_in.py").write_text(STAND_IN)
     monkeypatch.setattr(benchmark, "COMMAND", [sys.executable, str(tmp_path / "stand_in.py")])
-    monkeypatch.setattr(sys, "argv", ["benchmark.py", str(parts), "--jobs", "2", "--out", str(tmp_path / "out")])
+    arguments = [str(parts), "--jobs", "2", "--out", str(tmp_path / "out"), "--set", "a=1", "--set", "b=2"]
+    monkeypatch.setattr(sys, "argv", ["benchmark.py", *arguments])
     benchmark.main()
     with (tmp_path / "out" / "table.csv").open() as file:
         rows = {row["part"]: row for row in csv.DictReader(file)}
@@ -59,7 +60,13 @@ def test_a_folder_becomes_a_table(parts, tmp_path, monkeypatch, capsys):
     assert (rows["bad"]["iou"], rows["bad"]["primitives"]) == ("0.0", "")
     assert rows["bad"]["stop"] == "FAILED, exit 1: bad.stl: 0 points"
     said = capsys.readouterr().out
-    for line in ("3 parts, 1 failed", "IoU >= 0.99: 1 of 3", "mean IoU 0.5", "no more primitives than the reference: 2 of 3"):
+    for line in (
+        "2 at a time, a=1, b=2",
+        "3 parts, 1 failed",
+        "IoU >= 0.99: 1 of 3",
+        "mean IoU 0.5",
+        "no more primitives than the reference: 2 of 3",
+    ):
         assert line in said
     assert "IoU >= 0.99 and no more primitives than the reference: 1 of 3 (33 %)" in said
 

@@ -131,6 +131,7 @@ def test_no_checkpoint_and_a_foreign_one_are_one_line(tmp_path, checkpoint, monk
     with pytest.raises(ConfigError, match=r"checkpoint: no checkpoint at .*none.safetensors"):
         load("")
     assert load_if_any("") is None
+    assert load_if_any("none") is None
     (tmp_path / "text.safetensors").write_text("weights")
     with pytest.raises(ConfigError, match="not a safetensors file"):
         load_if_any(str(tmp_path / "text.safetensors"))

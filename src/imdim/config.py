@@ -25,8 +25,8 @@ class Settings:
 
     `budget_s` bounds the run in seconds of wall clock; `size_weight` is the price of a primitive: the share of the target's volume that
     one more must set right (larger gives shorter and cruder programs); `segments` is the number of facets per circle in delivered meshes;
-    `logdir` is where an evolution writes tensorboard's event files (empty: nowhere); `checkpoint` is the policy of method=policy and of
-    method=auto on clouds (empty: the shipped one, and none at all where auto finds none).
+    `logdir` is where an evolution writes tensorboard's event files (empty: nowhere); `checkpoint` is the policy of method=policy, which
+    auto and evolve use too (empty: the shipped one, for these if there is one; none: no policy).
     """
 
     input: str = ""

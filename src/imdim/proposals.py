@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 SHIPPED = Path(__file__).parents[2] / "models" / "imdim-base.safetensors"
 POINTS = 2048  # of a cloud that a policy sees
+NONE = "none"
 MEASURED = 4096  # points each way of a misfit
 FINE = ProposalConfig(seen=1536, most=8192)  # dense clouds show walls thinner than a policy's cloud can
 
@@ -47,8 +48,8 @@ def load(checkpoint: str) -> Policy:
 
 
 def load_if_any(checkpoint: str) -> Policy | None:
-    """As `load`, but None where no path is given and none is shipped."""
-    return load(checkpoint) if checkpoint or SHIPPED.is_file() else None
+    """As `load`, but None for ``none``, and where no path is given and none is shipped."""
+    return load(checkpoint) if checkpoint != NONE and (checkpoint or SHIPPED.is_file()) else None
 
 
 @dataclass(frozen=True)
