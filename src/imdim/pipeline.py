@@ -64,7 +64,7 @@ TOUCH = EvolutionConfig(generations=30, patience=12)
 SEED_SHARE = 0.4  # of the search's time, that evolution gives to its seeds
 MOST_RELATED = 120  # primitives; the time that relations take grows with the square
 RELATE_ERROR, RELATE_MOVE = 1e-2, 1e-5  # share of the mean distance, and of the diagonal, that relations may cost
-FAR_BETTER = 0.6  # of the misfit of the search's program
+FAR_BETTER = 0.5  # of the misfit of the search's program
 METHODS = ("auto", "evolve", "policy", "tree")
 
 
