@@ -10,6 +10,7 @@ from imdim.app.reinforce import main
 from imdim.data.folder import chunk_generator
 from imdim.data.solids import from_sequences
 from imdim.data.synthesize import SynthesisConfig, sampled_iou, synthesize
+from imdim.learn.base import BaseConfig, BasePolicy
 from imdim.learn.checkpoint import load_policy, load_state, save_policy
 from imdim.learn.decode import DecodeConfig, steps
 from imdim.learn.reinforce import TARGETS, ReinforceConfig, advantages, clipped, reinforce, write
@@ -19,6 +20,7 @@ from imdim.program.state import ADD_BOX, ADD_CYLINDER, ADD_SPHERE
 DATA = SynthesisConfig(
     gt_points=64, cur_points=32, n_max=3, volume_samples=256, families=("plate", "turned"), free_rotation=0.0, smallest_change=0.05
 )
+BASE = BaseConfig(d_model=16, encoder_layers=1, decoder_layers=1, heads=2, gt_points=64, cur_points=32)
 TINY = SeedConfig(d_model=16, layers=1, heads=2, hidden=32)
 CONFIG = ReinforceConfig(
     steps=6, targets=2, group=4, rows=8, anchor_batch=4, iou_samples=128, n_val=4, validate_every=2, synthesis=DATA, reuse=2
@@ -43,9 +45,10 @@ def test_the_objective_is_clipped_where_a_step_would_go_too_far():
     assert clipped(ratio.log(), gain, 0.2).tolist() == pytest.approx([-2.0, -2.4, -1.0, 3.0, 1.6])
 
 
-def test_log_p_is_that_of_the_draw():
+@pytest.mark.parametrize("policy", [SeedPolicy(TINY, 7), BasePolicy(BASE, 7)], ids=["seed", "base"])
+def test_log_p_is_that_of_the_draw(policy):
     """Over whole sampled episodes, bars on UNDO_LAST included."""
-    policy = SeedPolicy(TINY, 7).eval()
+    policy.eval()
     batch = synthesize(16, DATA, torch.Generator().manual_seed(0))
     chance = torch.Generator().manual_seed(1)
     config = DecodeConfig(cur_points=32, max_primitives=3, undo_limit=1)
@@ -53,7 +56,7 @@ def test_log_p_is_that_of_the_draw():
     assert len(made) > 3
     for step in made:
         log_p = policy.log_prob(batch.gt_points[step.rows], step.current, step.written, step.move, step.may_undo)
-        assert torch.allclose(log_p, step.move.log_p, atol=1e-5)
+        assert torch.allclose(log_p, step.move.log_p, atol=1e-4)
         assert log_p.requires_grad
 
 

@@ -89,6 +89,17 @@ class Draft:
         choices = Choices(c.turn[rows], c.places[rows], c.bins[rows], c.offsets[rows])
         return Draft(self.tokens[rows], self.sign[rows], choices, [p[rows] for p in self.profiles])
 
+    def draws(self) -> Tensor:
+        """Sign, turn, places, bins and offsets [b, 2 + 2 (ENDS + NUMBERS)], from which `of` makes the draft again."""
+        c = self.choices
+        return torch.cat([self.sign[:, None], c.turn[:, None], c.places, c.bins, c.offsets], 1)
+
+    @staticmethod
+    def of(tokens: Tensor, draws: Tensor) -> Draft:
+        """The draft of `tokens` [b] and their `draws`."""
+        sign, turn, places, bins, offsets = draws.split([1, 1, ENDS, NUMBERS, ENDS + NUMBERS], 1)
+        return Draft(tokens, sign[:, 0].long(), Choices(turn[:, 0].long(), places.long(), bins.long(), offsets), [])
+
 
 class BasePolicy(Policy):
     def __init__(self, config: BaseConfig, max_seq_len: int) -> None:
@@ -159,12 +170,13 @@ class BasePolicy(Policy):
         if len(free):
             log_p = log_p.index_add(0, free, self._draw_numbers(view, draft, free, generator))
         part = decode(draft.tokens.clamp_max(CYLINDER), draft.sign.bool(), draft.choices, view.low, view.edges)
-        return Move(draft.tokens, part, log_p)
+        return Move(draft.tokens, part, log_p, draft.draws())
 
     def log_prob(self, gt_points: Tensor, cur_points: Tensor, solids: Solids, move: Move, may_undo: Tensor | None = None) -> Tensor:
-        """Of the choices that describe the primitive of `move`; a radius that two axes disagreed on is the one that was written."""
-        view = self._view(gt_points, cur_points, solids)
-        draft = Draft(move.tokens, move.part.positive[:, 0].long(), encode(move.part, view.low, view.edges), [])
+        """Of a move that `propose` drew: several draws make one primitive, so it is asked for the draws."""
+        if move.draws is None:
+            raise ValueError("a move of this policy's own is needed: the primitive does not tell what was drawn")
+        view, draft = self._view(gt_points, cur_points, solids), Draft.of(move.tokens, move.draws)
         log_p, _, logits = self._log_p(view, draft)
         token = token_log_p(logits, move.tokens, solids.lengths, self.max_seq_len - 1, may_undo)
         # the first primitive is positive without a choice
