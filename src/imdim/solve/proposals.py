@@ -54,9 +54,10 @@ class Proposal:
 def settle(
     candidates: Sequence[Signed], points: np.ndarray, axes: np.ndarray | None = None, config: ProposalConfig | None = None
 ) -> list[Proposal]:
-    """The best sequences for the surface `points` [n, 3], cheapest first; empty without a candidate that begins with a positive primitive.
+    """The best sequences for the surface `points` [n, 3], cheapest first.
 
-    `axes` [3, 3] has the part's main directions as columns (default: the coordinate axes).
+    Candidates that begin with a cut are left out; single primitives fitted to the whole cloud are added, so there is always an answer
+    unless the cloud has no extent. `axes` [3, 3] has the part's main directions as columns (default: the coordinate axes).
     """
     config = config or ProposalConfig()
     cloud = Cloud.of(points[:: max(1, len(points) // config.most)])
