@@ -4,15 +4,18 @@ import pytest
 import trimesh
 from tests.export.coincident import MEANT
 from tests.known_programs import KNOWN
+from tests.planted import box, cut, cylinder
 
 from imdim import deliver as module
 from imdim.deliver import OutputError, RunRecord, deliver, finished
 from imdim.export import step_worker
 from imdim.export.folder import FILES
 from imdim.geometry.cloud import target_from
+from imdim.geometry.constraints import verify
 from imdim.geometry.solid import to_manifold, to_trimesh
-from imdim.program.codec import loads
+from imdim.program.codec import constraints_of, from_json, loads, parse
 from imdim.program.tree import Primitive
+from imdim.solve.discover import exact_relations
 
 PROGRAM, EXACT, _ = MEANT["bracket"]
 RUN = RunRecord("parts/bracket.stl", {"load": 0.5, "search": 2.25}, "tolerance met", 7, {"budget_s": 60.0})
@@ -105,3 +108,19 @@ def test_a_cloud_and_a_tiny_part(tmp_path):
     assert report["scores"]["volume_iou_missing"] == "the target is a cloud"
     assert report["volumes"]["mesh.stl"] == pytest.approx(4 / 3 * 3.14159 * 8e-18, rel=4e-3)
     assert report["files"]["program.step"].startswith("skipped: ")
+
+
+def test_constraints_are_delivered_as_they_hold_for_the_delivered_numbers(tmp_path):
+    """Holes that end flush with the plate overshoot; the file says by how much, and its names are those of the report."""
+    part = cut(box(40, 30, 6), *(cylinder(3, 6, (x, 0.0, 0.0)) for x in (-12.0, 12.0)))
+    found = exact_relations(part)
+    folder = tmp_path / "out"
+    report = deliver(found.program, target_from(to_trimesh(to_manifold(part))), folder, RUN, constraints=found.constraints)
+    document = parse((folder / "program.json").read_text())
+    constraints = constraints_of(document)
+    verify(from_json(document), constraints)
+    assert [c["name"] for c in report["constraints"]] == [c.name for c in constraints]
+    assert any(c.kind == "coplanar" and c.value > 0 for c in constraints)
+    assert report["parameters"]["hole_radius"] == 3
+    assert "hole_radius = 3\n" in (folder / "program.py").read_text()
+    assert report["scores"]["volume_iou"] > 0.999
