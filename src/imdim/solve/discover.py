@@ -21,9 +21,10 @@ from imdim.program.tree import Program
 from imdim.solve.faces import lifted
 from imdim.solve.relations.belief import CUT, Cloud, Normal, Shown, away_from_edges, covariance, noise_of, normal_equations, prior, uniform
 from imdim.solve.relations.directions import relate_directions
+from imdim.solve.relations.features import Places
 from imdim.solve.relations.hold import fitted, onto, strains
-from imdim.solve.relations.merge import merged
-from imdim.solve.relations.places import Places, proposals
+from imdim.solve.relations.merge import merged, pruned
+from imdim.solve.relations.places import proposals
 from imdim.solve.relations.select import Choice
 
 TILTED = 1e-2  # while axes are off by degrees: what a row keeps beside those that span it once they are not
@@ -45,14 +46,15 @@ class DiscoverConfig:
 class Discovery:
     """`program` with numbers under `constraints`, which are independent and hold to rounding.
 
-    `saved_bits` is what the constraints save, `dropped` holds candidates that were not taken, with the reason. `noise` is the standard
-    deviation of the cloud around the given program, `cost` and `cost_before` the robust sums of squared distances with and without
-    the constraints, over the squared noise.
+    `saved_bits` is what they save of the description, `dropped` holds candidates that were not taken, with the reason. `noise` is the
+    standard deviation of the cloud around the given program, `cost` and `cost_before` the robust sums of squared distances with and
+    without the constraints, over the squared noise.
     """
 
     program: Program
     constraints: tuple[Constraint, ...]
     dropped: tuple[tuple[Constraint, str], ...]
+    saved_bits: float
     noise: float
     cost: float
     cost_before: float
@@ -83,8 +85,8 @@ def discover(program: Program, points: np.ndarray, *, normals: np.ndarray | None
         dropped.append((taken.pop(number), reason))
         numbers, cost = _solved(start, taken, cloud, noise, known)
     before = min(metric.cost, fitted(start, [], cloud, CUT * noise)[1])
-    constraints = named(merged(taken), program)
-    return Discovery(lifted(program, start, numbers), constraints, tuple(dropped), noise, cost / noise**2, before / noise**2)
+    constraints = named(merged(pruned(taken, numbers)), program)
+    return Discovery(lifted(program, start, numbers), constraints, tuple(dropped), chosen.saved, noise, cost / noise**2, before / noise**2)
 
 
 def exact_relations(program: Program, config: DiscoverConfig | None = None) -> Discovery:
@@ -98,7 +100,8 @@ def exact_relations(program: Program, config: DiscoverConfig | None = None) -> D
     k, floor = len(start.kinds), config.floor * length
     chosen = _chosen(start, floor**2 * np.eye(9 * k), prior(start, length), Shown.everything(start), uniform(k))
     numbers = _unmoved(start, onto(start, chosen.taken, length, uniform(k)), length)
-    return Discovery(lifted(program, start, numbers), named(merged(chosen.taken), program), tuple(chosen.dropped), floor, 0.0, 0.0)
+    constraints = named(merged(pruned(chosen.taken, numbers)), program)
+    return Discovery(lifted(program, start, numbers), constraints, tuple(chosen.dropped), chosen.saved, floor, 0.0, 0.0)
 
 
 def _chosen(start: Lowered, spread: np.ndarray, wide: np.ndarray, shown: Shown, metric: Normal) -> Choice:
@@ -112,6 +115,7 @@ def _chosen(start: Lowered, spread: np.ndarray, wide: np.ndarray, shown: Shown, 
         choice.accept(constraint)
     choice.greedy(proposals(Places(Pose.of(numbers), choice.covariance, shown, directions)))
     choice.dropped[:0] = first.dropped
+    choice.saved += first.saved
     return choice
 
 

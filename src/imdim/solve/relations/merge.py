@@ -1,14 +1,37 @@
-"""Pairs that say one thing of several features become one constraint."""
+"""What was chosen, as one would say it: nothing twice, and pairs that say one thing of several features as one constraint."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
+from imdim.geometry.constraints import rows_of
+from imdim.geometry.lowering import Lowered
 from imdim.program.constraints import WORLD, Constraint, Ref
 
 TRANSITIVE = ("parallel", "equal", "coaxial", "concentric")
 ORDER = ("parallel", "perpendicular", "equal", "coaxial", "concentric")
+
+
+SPANNED = 1e-6  # weights in combinations of rows that vanish
+
+
+def pruned(constraints: Sequence[Constraint], numbers: Lowered) -> list[Constraint]:
+    """Without single equations that the others imply at `numbers`: what was said first may be said again by what came later."""
+    kept = list(constraints)
+    while kept:
+        rows = rows_of(kept, numbers)
+        scaled = rows.jacobian / np.maximum(np.linalg.norm(rows.jacobian, axis=1), 1e-300)[:, None]
+        values, vectors = np.linalg.eigh(scaled @ scaled.T)
+        weight = np.abs(vectors[:, values < SPANNED**2 * len(values)]).max(1, initial=0.0)
+        single = np.bincount(rows.owner, minlength=len(kept))[rows.owner] == 1
+        spare = np.flatnonzero(single & (weight > SPANNED**0.5))
+        if not len(spare):
+            break
+        kept.pop(int(rows.owner[spare[np.argmax(weight[spare])]]))
+    return kept
 
 
 def merged(constraints: Iterable[Constraint]) -> tuple[Constraint, ...]:
