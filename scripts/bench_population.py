@@ -21,6 +21,7 @@ import numpy as np
 
 from imdim.geometry import kernels
 from imdim.geometry.lowering import pack
+from imdim.geometry.rotations import matrix_from_euler
 from imdim.program.paths import leaf_paths, replaced
 from imdim.program.tree import OPS, SIZE_NAMES, Combine, Primitive, Program, fold, leaves
 from imdim.search.evolve.columns import Columns, Registry
@@ -139,8 +140,6 @@ def plain(program: Program, evidence: Evidence, config: FitnessConfig) -> float:
 
 def plain_leaf(leaf: Primitive, points: np.ndarray) -> np.ndarray:
     """Signed distances [n]; written from the definitions, for the comparison is with what one would write first."""
-    from imdim.geometry.rotations import matrix_from_euler
-
     q = (points - leaf.center) @ matrix_from_euler(leaf.rotation)
     size = np.array(leaf.size)
     if leaf.kind == "box":

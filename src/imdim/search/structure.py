@@ -44,9 +44,7 @@ class StructureConfig:
     local: LocalConfig = field(default_factory=LocalConfig)
 
 
-def search(
-    families: Families, config: StructureConfig, rng: np.random.Generator, out_of_time: Callable[[], bool]
-) -> Iterator[Found]:
+def search(families: Families, config: StructureConfig, rng: np.random.Generator, out_of_time: Callable[[], bool]) -> Iterator[Found]:
     """Yield better and better sequences; the last is the result. Yields at least one unless the target has no volume."""
     exact = Price(config.size_weight * families.cells.volume)
     best: Found | None = None

@@ -6,6 +6,7 @@ from tests.planted import PARTS, box, cut, cylinder
 from tests.search.evolve.scenes import planted_scene
 from tests.search.planted_families import random_candidates
 
+from imdim.geometry.kernels import program_sdf
 from imdim.program.paths import nodes, replaced, without
 from imdim.program.tree import OPS, Combine, Program, fold, leaves
 from imdim.search.evolve.insertion import (
@@ -106,6 +107,4 @@ def test_random_candidates_hold_their_point():
         point = rng.uniform(*scene.families.arrangement.bounds)
         candidate = random_candidate(scene, point, rng)
         assert candidate is not None
-        from imdim.geometry.kernels import program_sdf
-
         assert program_sdf(scene.families.primitive(candidate), point[None])[0] < 1e-6

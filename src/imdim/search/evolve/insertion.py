@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imdim.geometry.surface import signed_distance
 from imdim.program.paths import Path, leaf_paths, nodes, replaced, without
 from imdim.program.tree import Combine, Op, Primitive, Program, leaves
 from imdim.search.evolve.scene import Scene
@@ -186,8 +187,6 @@ def random_candidate(scene: Scene, point: np.ndarray, rng: np.random.Generator) 
 
 
 def _covers(scene: Scene, index: int, point: np.ndarray) -> bool:
-    from imdim.geometry.surface import signed_distance
-
     assert scene.families is not None
     return bool(signed_distance(scene.families.arrangement.curved[index], point[None])[0] < 0)
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from imdim.geometry import kernels
-from imdim.program.tree import Primitive, Program, Vec3
+from imdim.program.tree import OPS, Combine, Primitive, Program, Vec3
 from imdim.search.evolve.insertion import random_candidate
 from imdim.search.evolve.scene import Scene
 
@@ -29,8 +29,6 @@ def propose(program: Program | None, scene: Scene, rng: np.random.Generator) -> 
 
 def random_programs(scene: Scene, count: int, rng: np.random.Generator, most: int = 6) -> list[Program]:
     """Random trees of up to `most` random primitives: the seeds that others are measured against."""
-    from imdim.program.tree import OPS, Combine
-
     out: list[Program] = []
     while len(out) < count:
         program: Program | None = None
