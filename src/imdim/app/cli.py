@@ -44,9 +44,7 @@ def export_parser() -> argparse.ArgumentParser:
     """The arguments of `imdim export`."""
     parser = argparse.ArgumentParser(prog="imdim export", description="Write one program of a front.json, or a program.json, as CAD files.")
     parser.add_argument("input", help="front.json or program.json of a results folder")
-    parser.add_argument(
-        "--pick", type=int, metavar="N", help="which of the front, from 1, the crudest (default: the delivered one)"
-    )
+    parser.add_argument("--pick", type=int, metavar="N", help="which of the front, from 1, the crudest (default: the delivered one)")
     parser.add_argument("-o", "--output", required=True, metavar="FOLDER", help="where the files go")
     parser.add_argument("--segments", type=int, default=96, help="facets per circle in meshes (default 96)")
     return parser
