@@ -43,7 +43,7 @@ from imdim.seeding.cloud_normals import measure_scale
 from imdim.seeding.cloud_surfaces import detect_cloud
 from imdim.seeding.mesh_surfaces import detect_patches
 from imdim.solve.canonical import canonical
-from imdim.solve.discover import discover, exact_relations
+from imdim.solve.discover import DiscoverConfig, discover, exact_relations
 from imdim.solve.pool import Cloud
 from imdim.solve.refine import RefineConfig, refine
 from imdim.solve.snap import SnapConfig, snap
@@ -63,7 +63,7 @@ TOUCHED = 2e-3  # of the volume; a search that leaves more is followed by a shor
 TOUCH = EvolutionConfig(generations=30, patience=12)
 SEED_SHARE = 0.4  # of the search's time, that evolution gives to its seeds
 MOST_RELATED = 120  # primitives; the time that relations take grows with the square
-RELATE_ERROR, RELATE_MOVE = 1e-2, 1e-5  # share of the mean distance, and of the diagonal, that relations may cost
+RELATE_ERROR, RELATE_MOVE, RELATE_VOLUME = 1e-2, 1e-5, 2.5e-3  # shares of mean distance, diagonal, volume that relations may cost
 FAR_BETTER = 0.5  # of the misfit of the search's program
 METHODS = ("auto", "evolve", "policy", "tree")
 
@@ -377,15 +377,16 @@ def _solved(program: Program, seen: _Seen, body: Target) -> Program:
         return program
     chosen = body.points[:: max(1, len(body.points) // 8192)]
     fit = refine(program, chosen, config=RefineConfig(adam_steps=0, start_scale=0.01))
-    fitted = _constrained(fit.program, chosen)
+    fitted = _constrained(fit.program, chosen, seen)
     nearer = _mean_distance(fitted, chosen) < _mean_distance(program, chosen)
     return fitted if nearer and seen.error(fitted) < seen.error(program) + POOR else program
 
 
-def _constrained(program: Program, points: np.ndarray) -> Program:
-    """Numbers fitted to a cloud under the relations that it bears out, or those given where that explains the cloud worse."""
-    found = discover(program, points).program
-    return found if _mean_distance(found, points) < (1 + RELATE_ERROR) * _mean_distance(program, points) else program
+def _constrained(program: Program, points: np.ndarray, seen: _Seen) -> Program:
+    """The relations that a cloud bears out made exact, unless that explains its points or its volume worse."""
+    found = discover(program, points, config=DiscoverConfig(fit=False)).program
+    nearer = _mean_distance(found, points) <= (1 + RELATE_ERROR) * _mean_distance(program, points)
+    return found if nearer and seen.error(found) <= seen.error(program) + RELATE_VOLUME else program
 
 
 def _related(program: Program, target: Target) -> tuple[Program, tuple[Constraint, ...]]:

@@ -40,6 +40,7 @@ class DiscoverConfig:
     min_support: float = 6.0  # what fewer points show is not shown, as in `refine`
     significance: float = 1e-4  # of the test by which a relation is given up
     reviews: int = 8  # relations that are given up at most
+    fit: bool = True  # fit to the cloud under the relations; else the numbers move no further than these need, as a crude program bears
 
 
 @dataclass(frozen=True)
@@ -76,14 +77,14 @@ def discover(program: Program, points: np.ndarray, *, normals: np.ndarray | None
     known = covariance(start, cloud, floor)
     chosen = _chosen(start, known, prior(start, cloud.length), shown, metric)
     taken, dropped = chosen.taken, chosen.dropped
-    numbers, cost = _solved(start, taken, cloud, noise, known)
+    numbers, cost = _solved(start, taken, cloud, noise, known if config.fit else None)
     for _ in range(config.reviews):
         worst = _strained(numbers, taken, cloud, noise, config.significance)
         if worst is None:
             break
         number, reason = worst
         dropped.append((taken.pop(number), reason))
-        numbers, cost = _solved(start, taken, cloud, noise, known)
+        numbers, cost = _solved(start, taken, cloud, noise, known if config.fit else None)
     before = min(metric.cost, fitted(start, [], cloud, CUT * noise)[1])
     constraints = named(merged(pruned(taken, numbers)), program)
     return Discovery(lifted(program, start, numbers), constraints, tuple(dropped), chosen.saved, noise, cost / noise**2, before / noise**2)
@@ -119,12 +120,13 @@ def _chosen(start: Lowered, spread: np.ndarray, wide: np.ndarray, shown: Shown, 
     return choice
 
 
-def _solved(start: Lowered, taken: Sequence[Constraint], cloud: Cloud, noise: float, known: np.ndarray) -> tuple[Lowered, float]:
+def _solved(start: Lowered, taken: Sequence[Constraint], cloud: Cloud, noise: float, known: np.ndarray | None) -> tuple[Lowered, float]:
     """Numbers under the constraints, and their cost: fitted if that stays within what is `known` (a covariance), else as near as can be."""
     scale = CUT * noise
-    numbers, cost = fitted(start, taken, cloud, scale)
-    if _near(start, numbers, known):
-        return numbers, cost
+    if known is not None:
+        numbers, cost = fitted(start, taken, cloud, scale)
+        if _near(start, numbers, known):
+            return numbers, cost
     numbers = onto(start, taken, cloud.length, normal_equations(start, cloud, scale))
     return numbers, normal_equations(numbers, cloud, scale).cost
 
