@@ -22,10 +22,10 @@ from pathlib import Path
 
 import numpy as np
 
+from imdim.body import ground_of
 from imdim.config import Settings
 from imdim.evolution import Ground
 from imdim.geometry.cloud import Frame, load_target
-from imdim.pipeline import ground_of
 from imdim.program.codec import loads
 from imdim.program.tree import Program
 from imdim.search.evolve.population import EvolutionConfig, evolve

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from tests.planted import PARTS, box, cut, cylinder, mesh_of, union
 
 from imdim import pipeline
+from imdim.body import look
 from imdim.config import ConfigError, Settings
 from imdim.data.solids import BOX, CYLINDER, Solids
 from imdim.geometry.axes import main_axes
@@ -120,7 +121,7 @@ def test_what_fits_far_better_replaces_what_the_search_found():
     """A search that only found half of a part is the worse of the two by its surface, whatever its cells say."""
     truth = PARTS["L bracket"]
     points = cloud(truth, n=3000)
-    seen = pipeline._look(target_from(points), 2.5e-4, np.random.default_rng(0))
+    seen = look(target_from(points), 2.5e-4, np.random.default_rng(0))
     assert pipeline._preferred(truth, truth.left, seen)
     assert not pipeline._preferred(truth.left, truth, seen)
     assert not pipeline._preferred(truth, truth, seen)

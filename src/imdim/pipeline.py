@@ -10,60 +10,41 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
 
+from imdim.body import Seen, look
 from imdim.config import ConfigError, Settings
-from imdim.evolution import Ground, choices, evolved, few, logged, seeds_of, united
-from imdim.geometry import kernels
-from imdim.geometry.cloud import Frame, InputError, Target, split_bodies, target_from
-from imdim.geometry.metrics import diagonal
-from imdim.geometry.solid import to_manifold, volume_iou
-from imdim.geometry.surface import Patch, Surface
-from imdim.geometry.winding import inside_mesh
+from imdim.evolution import choices, evolved, few, logged, seeds_of, united
+from imdim.fitting import POOR, related, snapped, solved
+from imdim.geometry.cloud import InputError, Target, split_bodies, target_from
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
 from imdim.program.front import Choice
 from imdim.program.simplify import reduce_program
-from imdim.program.tree import Program, combine_all, map_leaves
+from imdim.program.tree import Program, combine_all
 from imdim.proposals import load, load_if_any, misfit, proposals
-from imdim.search.arrangement import ArrangementConfig, arrange
-from imdim.search.cells import Cells, Samples, compressed, label_samples
 from imdim.search.evolve.population import EvolutionConfig, Generation
-from imdim.search.families import Families
 from imdim.search.sequence import to_program
 from imdim.search.structure import StructureConfig
 from imdim.search.structure import search as search_structure
 from imdim.search.tidy import tidy
-from imdim.seeding.closing import closing_planes
-from imdim.seeding.cloud_normals import measure_scale
-from imdim.seeding.cloud_surfaces import detect_cloud
-from imdim.seeding.mesh_surfaces import detect_patches
-from imdim.solve.canonical import canonical
-from imdim.solve.discover import DiscoverConfig, discover, exact_relations
 from imdim.solve.pool import Cloud
-from imdim.solve.refine import RefineConfig, refine
-from imdim.solve.snap import SnapConfig, snap
 
 if TYPE_CHECKING:
     from imdim.learn.policy import Policy
 
     PolicyOf = Callable[[], Policy | None]
 
-CLOSING_AREA = 1e-7  # of the squared diagonal; implied planes rank behind detected ones
 MOST_JOINT = 8  # bodies
 JOINT_ERROR = 2e-3  # of the volume, that a shorter program of all bodies at once may cost
-POOR = 0.05  # of the volume; a search that leaves more is compared with the decision tree
-SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may cost
 SEARCH_SHARE = 0.4  # of the budget; detection, the solver and delivery need the rest
 TOUCHED = 2e-3  # of the volume; a search that leaves more is followed by a short evolution
 TOUCH = EvolutionConfig(generations=30, patience=12)
 SEED_SHARE = 0.4  # of the search's time, that evolution gives to its seeds
-MOST_RELATED = 120  # primitives; the time that relations take grows with the square
-RELATE_ERROR, RELATE_MOVE, RELATE_VOLUME = 1e-2, 1e-5, 2.5e-3  # shares of mean distance, diagonal, volume that relations may cost
 FAR_BETTER = 0.5  # of the misfit of the search's program
 METHODS = ("auto", "evolve", "policy", "tree")
 
@@ -112,45 +93,6 @@ class _Clock:
 
 
 @dataclass(frozen=True)
-class _Seen:
-    """What detection and labelling know of one body: the body in its unit frame, and that frame."""
-
-    target: Target
-    frame: Frame
-    patches: list[Patch]
-    samples: Samples
-    families: Families
-    size_weight: float
-
-    @cached_property
-    def ground(self) -> Ground:
-        """What evolution and the front need to know."""
-        mesh = self.target.mesh
-        area = sum(p.area for p in self.patches) if mesh is None else float(mesh.area)
-        surfaces = [p.surface for p in self.patches]
-        return Ground(surfaces, self.families, self.samples, self.target.points, area, self.size_weight, mesh is not None)
-
-    @property
-    def cells(self) -> Cells:
-        return self.families.cells
-
-    @property
-    def volume(self) -> float:
-        """Of the body, as sampled, in its own units."""
-        return self.cells.volume / self.frame.scale**3
-
-    def error(self, program: Program) -> float:
-        """Volume in which the body and a program in its units differ over the samples, relative to the body's."""
-        samples = self.samples
-        inside = kernels.inside(program, samples.points / self.frame.scale + np.asarray(self.frame.center))
-        return float(np.where(inside, samples.w_out, samples.w_in).sum()) / self.cells.volume
-
-    def price(self, program: Program) -> float:
-        """The search's objective, relative to the body's volume."""
-        return self.error(program) + self.size_weight * count(program).primitives
-
-
-@dataclass(frozen=True)
 class _State:
     """A program of one body in its own units, `error` relative to its `volume`."""
 
@@ -175,7 +117,7 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) ->
         yield last
     if last is None:
         raise InputError(f"{target.name}: no program found")
-    program, constraints = _related(last.program, target)
+    program, constraints = related(last.program, target)
     front = tuple(replace(c, program=program) if c.program == last.program else c for c in few(last.front, last.program))
     yield Snapshot("finished", program, last.error, clock.seconds(), "budget_spent" if clock.cut else clock.ending, front, constraints)
 
@@ -218,7 +160,7 @@ def _body(
     body: Target, settings: Settings, policy: PolicyOf, clock: _Clock, rng: np.random.Generator, share: float = 1.0
 ) -> Iterator[_State]:
     """Better and better programs of one body, which may take a share of the time left."""
-    seen = _look(body, settings.size_weight, rng)
+    seen = look(body, settings.size_weight, rng)
 
     def state(stage: str, program: Program) -> _State:
         return _State(stage, program, seen.error(program), seen.volume)
@@ -255,55 +197,11 @@ def _body(
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
     program = reduce_program(program)
     yield state("simplify", program)
-    solved = state("solve", _snapped(_solved(program, seen, body), seen, body))
-    yield replace(solved, front=_front([*passed, solved.program], seen))
+    last = state("solve", snapped(solved(program, seen, body), seen, body))
+    yield replace(last, front=_front([*passed, last.program], seen))
 
 
-def ground_of(body: Target, settings: Settings, rng: np.random.Generator) -> tuple[Ground, Frame]:
-    """What evolution needs to know of a body, and the frame in which it knows it; raises InputError as `reconstruct` does."""
-    seen = _look(body, settings.size_weight, rng)
-    return seen.ground, seen.frame
-
-
-def _look(body: Target, size_weight: float, rng: np.random.Generator) -> _Seen:
-    """Surfaces, cells and candidate families of a body, in its unit frame."""
-    frame = Frame.of(body)
-    unit = frame.normalise(body)
-    patches, closing = _surfaces(unit, rng)
-    if not patches:
-        raise InputError(f"{unit.name}: no plane, sphere, cylinder, cone or torus found in {len(unit.points)} points")
-    corners = unit.points if unit.mesh is None else unit.mesh.vertices
-    bounds = np.stack([np.min(corners, axis=0), np.max(corners, axis=0)])
-    surfaces = [p.surface for p in patches] + closing
-    areas = [p.area for p in patches] + [CLOSING_AREA] * len(closing)
-    arrangement = arrange(surfaces, areas, bounds, ArrangementConfig())
-    samples = label_samples(arrangement, _labeller(unit, patches), 150_000, rng)
-    cells = compressed(arrangement, samples)
-    if cells.volume <= 0:
-        raise InputError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells")
-    return _Seen(unit, frame, patches, samples, Families(arrangement, cells), size_weight)
-
-
-def _surfaces(unit: Target, rng: np.random.Generator) -> tuple[list[Patch], list[Surface]]:
-    """What the target shows, and for a cloud the planes that its faces only imply."""
-    if unit.mesh is not None:
-        return detect_patches(unit.mesh), []
-    patches = detect_cloud(unit.points, unit.normals, rng)
-    return patches, closing_planes(patches, measure_scale(unit.points, rng).spacing)
-
-
-def _labeller(unit: Target, patches: list[Patch]) -> Callable[[np.ndarray], np.ndarray]:
-    """The function that gives the probability of being inside [n] for points [n, 3]."""
-    mesh = unit.mesh
-    if mesh is not None:
-        return lambda points: inside_mesh(mesh, points)
-    from imdim.seeding.cloud_occupancy import inside_probability
-
-    # single queries are right far more often than their votes are unanimous: a cell averages decisions, not doubts
-    return lambda points: inside_probability(patches, unit.points, points) > 0.5
-
-
-def _searched(seen: _Seen, clock: _Clock, rng: np.random.Generator) -> Iterator[Program]:
+def _searched(seen: Seen, clock: _Clock, rng: np.random.Generator) -> Iterator[Program]:
     """Programs of the structure search, each better than the one before."""
     found = None
     for found in search_structure(seen.families, StructureConfig(size_weight=seen.size_weight), rng, clock.out_of_time):
@@ -312,14 +210,14 @@ def _searched(seen: _Seen, clock: _Clock, rng: np.random.Generator) -> Iterator[
         yield seen.frame.undo(to_program(tidy(found.sequence, seen.families), seen.families))
 
 
-def _seeds(seen: _Seen, policy: Policy | None, out_of_time: Callable[[], bool], rng: np.random.Generator) -> dict[str, list[Program]]:
+def _seeds(seen: Seen, policy: Policy | None, out_of_time: Callable[[], bool], rng: np.random.Generator) -> dict[str, list[Program]]:
     """What an evolution starts from: the policy's programs, where there is one, the tree, the surfaces and the search."""
     beam = [] if policy is None else [p.program for p in proposals(policy, seen.target.points)]
     return seeds_of(seen.ground, rng, out_of_time, beam)
 
 
 def _evolved(
-    seen: _Seen,
+    seen: Seen,
     seeds: dict[str, list[Program]],
     settings: Settings,
     out_of_time: Callable[[], bool],
@@ -330,7 +228,7 @@ def _evolved(
     yield from logged(generations, settings.logdir, seen.target.name) if settings.logdir else generations
 
 
-def _touched(seen: _Seen, found: list[Program], settings: Settings, clock: _Clock, rng: np.random.Generator) -> Iterator[Program]:
+def _touched(seen: Seen, found: list[Program], settings: Settings, clock: _Clock, rng: np.random.Generator) -> Iterator[Program]:
     """Fitter programs of a few generations that start from those the search passed through: what no signed sequence of candidates is.
 
     For a mesh, where the search left something; in a cloud the doubts about what is inside outweigh it.
@@ -346,96 +244,29 @@ def _touched(seen: _Seen, found: list[Program], settings: Settings, clock: _Cloc
             yield seen.frame.undo(generation.best.program)
 
 
-def _proposed(policy: Policy | None, seen: _Seen, starts: list[Program]) -> Program:
+def _proposed(policy: Policy | None, seen: Seen, starts: list[Program]) -> Program:
     """The best that the solver makes of a policy's beam and of programs in the body's units."""
     best, *_ = proposals(policy, seen.target.points, [seen.frame.apply(p) for p in starts])
     return seen.frame.undo(best.program)
 
 
-def _preferred(proposed: Program, program: Program, seen: _Seen) -> bool:
+def _preferred(proposed: Program, program: Program, seen: Seen) -> bool:
     """Cells of a cloud know no surface that detection missed: what fits the points far better is taken, whatever its cells say."""
     cloud = Cloud.of(seen.target.points)
     return misfit(seen.frame.apply(proposed), cloud) < FAR_BETTER * misfit(seen.frame.apply(program), cloud)
 
 
-def _tree(seen: _Seen) -> Program | None:
+def _tree(seen: Seen) -> Program | None:
     program = seen.ground.tree()
     return None if program is None else seen.frame.undo(program)
 
 
-def _front(programs: list[Program], seen: _Seen) -> tuple[Choice, ...]:
+def _front(programs: list[Program], seen: Seen) -> tuple[Choice, ...]:
     """The front of programs in the body's units, the last one always among them."""
     front = choices(seen.ground, [seen.frame.apply(p) for p in programs])
     size = count(programs[-1]).primitives
     # what is delivered stays as it is, to the last digit
     return tuple(Choice(programs[-1] if count(c.program).primitives == size else seen.frame.undo(c.program), c.error) for c in front)
-
-
-def _solved(program: Program, seen: _Seen, body: Target) -> Program:
-    """The numbers fitted to a cloud; a mesh's carriers are exact already, and its facets would pull them inwards."""
-    if body.mesh is not None:
-        return program
-    chosen = body.points[:: max(1, len(body.points) // 8192)]
-    fit = refine(program, chosen, config=RefineConfig(adam_steps=0, start_scale=0.01))
-    fitted = _constrained(fit.program, chosen, seen)
-    nearer = _mean_distance(fitted, chosen) < _mean_distance(program, chosen)
-    return fitted if nearer and seen.error(fitted) < seen.error(program) + POOR else program
-
-
-def _constrained(program: Program, points: np.ndarray, seen: _Seen) -> Program:
-    """The relations that a cloud bears out made exact, unless that explains its points or its volume worse."""
-    found = discover(program, points, config=DiscoverConfig(fit=False)).program
-    nearer = _mean_distance(found, points) <= (1 + RELATE_ERROR) * _mean_distance(program, points)
-    return found if nearer and seen.error(found) <= seen.error(program) + RELATE_VOLUME else program
-
-
-def _related(program: Program, target: Target) -> tuple[Program, tuple[Constraint, ...]]:
-    """The relations that hold for a finished program; its numbers move by rounding alone, or not at all if the target is then missed."""
-    if count(program).primitives > MOST_RELATED:
-        return program, ()
-    found = exact_relations(program)
-    shown = target.points[:: max(1, len(target.points) // 8192)]
-    limit = (1 + RELATE_ERROR) * _mean_distance(program, shown) + RELATE_MOVE * diagonal(shown)
-    return (found.program, found.constraints) if _mean_distance(found.program, shown) <= limit else (program, ())
-
-
-def _mean_distance(program: Program, points: np.ndarray) -> float:
-    return float(np.abs(kernels.program_sdf(program, points)).mean())
-
-
-def _snapped(program: Program, seen: _Seen, body: Target) -> Program:
-    """The program with the numbers that its designer may have typed.
-
-    Snapping is judged by the distance of surface points, which is fast; the volume it changed decides whether it was too bold.
-    """
-    exact, diagonal = body.mesh is not None, 1 / seen.frame.scale
-    points = _surface_points(seen)
-    limit = (2e-3 if exact else 1e-2) * diagonal
-
-    def distance(trial: Program) -> float:
-        return float(np.minimum(np.abs(kernels.program_sdf(trial, points)), limit).mean())
-
-    plain = map_leaves(program, lambda _, leaf: canonical(leaf))
-    for boldness in (1.0, 0.1, 0.01) if exact else (1.0, 0.3):
-        config = SnapConfig(max_move=(1e-3 if exact else 2e-3) * boldness, abs_tolerance=(2e-6 if exact else 2e-5) * boldness * diagonal)
-        snapped = snap(program, distance, config=config)
-        if _changed_volume(plain, snapped) < (SNAP_CHANGE if exact else 10 * SNAP_CHANGE):
-            return snapped
-    return plain
-
-
-def _changed_volume(before: Program, after: Program) -> float:
-    """Volume in which two programs differ, relative to the first; by exact booleans."""
-    return 1 - volume_iou(to_manifold(before), to_manifold(after))
-
-
-def _surface_points(seen: _Seen) -> np.ndarray:
-    """Points of the true surface in the body's units: corners of a mesh's patches, or the cloud; some thousands, evenly picked."""
-    if seen.target.mesh is None:
-        points = seen.target.points
-    else:
-        points = np.concatenate([p.points[:: max(1, len(p.points) // 60)] for p in seen.patches])
-    return points[:: max(1, len(points) // 6000)] / seen.frame.scale + np.asarray(seen.frame.center)
 
 
 def reconstruct_best(points_or_mesh: np.ndarray | trimesh.Trimesh | Target, settings: Settings | None = None, seed: int = 0) -> Snapshot:

@@ -1,0 +1,110 @@
+"""What a body shows: its surfaces, the cells between them labelled inside or outside, and the families of candidates over them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from imdim.config import Settings
+from imdim.evolution import Ground
+from imdim.geometry import kernels
+from imdim.geometry.cloud import Frame, InputError, Target
+from imdim.geometry.surface import Patch, Surface
+from imdim.geometry.winding import inside_mesh
+from imdim.program.cost import count
+from imdim.program.tree import Program
+from imdim.search.arrangement import ArrangementConfig, arrange
+from imdim.search.cells import Cells, Samples, compressed, label_samples
+from imdim.search.families import Families
+from imdim.seeding.closing import closing_planes
+from imdim.seeding.cloud_normals import measure_scale
+from imdim.seeding.cloud_surfaces import detect_cloud
+from imdim.seeding.mesh_surfaces import detect_patches
+
+CLOSING_AREA = 1e-7  # of the squared diagonal; implied planes rank behind detected ones
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What detection and labelling know of one body: the body in its unit frame, and that frame."""
+
+    target: Target
+    frame: Frame
+    patches: list[Patch]
+    samples: Samples
+    families: Families
+    size_weight: float
+
+    @cached_property
+    def ground(self) -> Ground:
+        """What evolution and the front need to know."""
+        mesh = self.target.mesh
+        area = sum(p.area for p in self.patches) if mesh is None else float(mesh.area)
+        surfaces = [p.surface for p in self.patches]
+        return Ground(surfaces, self.families, self.samples, self.target.points, area, self.size_weight, mesh is not None)
+
+    @property
+    def cells(self) -> Cells:
+        return self.families.cells
+
+    @property
+    def volume(self) -> float:
+        """Of the body, as sampled, in its own units."""
+        return self.cells.volume / self.frame.scale**3
+
+    def error(self, program: Program) -> float:
+        """Volume in which the body and a program in its units differ over the samples, relative to the body's."""
+        samples = self.samples
+        inside = kernels.inside(program, samples.points / self.frame.scale + np.asarray(self.frame.center))
+        return float(np.where(inside, samples.w_out, samples.w_in).sum()) / self.cells.volume
+
+    def price(self, program: Program) -> float:
+        """The search's objective, relative to the body's volume."""
+        return self.error(program) + self.size_weight * count(program).primitives
+
+
+def look(body: Target, size_weight: float, rng: np.random.Generator) -> Seen:
+    """Surfaces, cells and candidate families of a body, in its unit frame."""
+    frame = Frame.of(body)
+    unit = frame.normalise(body)
+    patches, closing = _surfaces(unit, rng)
+    if not patches:
+        raise InputError(f"{unit.name}: no plane, sphere, cylinder, cone or torus found in {len(unit.points)} points")
+    corners = unit.points if unit.mesh is None else unit.mesh.vertices
+    bounds = np.stack([np.min(corners, axis=0), np.max(corners, axis=0)])
+    surfaces = [p.surface for p in patches] + closing
+    areas = [p.area for p in patches] + [CLOSING_AREA] * len(closing)
+    arrangement = arrange(surfaces, areas, bounds, ArrangementConfig())
+    samples = label_samples(arrangement, _labeller(unit, patches), 150_000, rng)
+    cells = compressed(arrangement, samples)
+    if cells.volume <= 0:
+        raise InputError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells")
+    return Seen(unit, frame, patches, samples, Families(arrangement, cells), size_weight)
+
+
+def _surfaces(unit: Target, rng: np.random.Generator) -> tuple[list[Patch], list[Surface]]:
+    """What the target shows, and for a cloud the planes that its faces only imply."""
+    if unit.mesh is not None:
+        return detect_patches(unit.mesh), []
+    patches = detect_cloud(unit.points, unit.normals, rng)
+    return patches, closing_planes(patches, measure_scale(unit.points, rng).spacing)
+
+
+def _labeller(unit: Target, patches: list[Patch]) -> Callable[[np.ndarray], np.ndarray]:
+    """The function that gives the probability of being inside [n] for points [n, 3]."""
+    mesh = unit.mesh
+    if mesh is not None:
+        return lambda points: inside_mesh(mesh, points)
+    from imdim.seeding.cloud_occupancy import inside_probability
+
+    # single queries are right far more often than their votes are unanimous: a cell averages decisions, not doubts
+    return lambda points: inside_probability(patches, unit.points, points) > 0.5
+
+
+def ground_of(body: Target, settings: Settings, rng: np.random.Generator) -> tuple[Ground, Frame]:
+    """What evolution needs to know of a body, and the frame in which it knows it; raises InputError as `reconstruct` does."""
+    seen = look(body, settings.size_weight, rng)
+    return seen.ground, seen.frame

@@ -1,0 +1,90 @@
+"""The numbers of a program whose structure is found: fitted to a cloud, related to each other, rounded to what may have been typed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from imdim.body import Seen
+from imdim.geometry import kernels
+from imdim.geometry.cloud import Target
+from imdim.geometry.metrics import diagonal
+from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.program.constraints import Constraint
+from imdim.program.cost import count
+from imdim.program.tree import Program, map_leaves
+from imdim.solve.canonical import canonical
+from imdim.solve.discover import DiscoverConfig, discover, exact_relations
+from imdim.solve.refine import RefineConfig, refine
+from imdim.solve.snap import SnapConfig, snap
+
+POOR = 0.05  # of the volume; a search that leaves more is compared with the decision tree
+SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may cost
+MOST_RELATED = 120  # primitives; the time that relations take grows with the square
+RELATE_ERROR, RELATE_MOVE, RELATE_VOLUME = 1e-2, 1e-5, 2.5e-3  # shares of mean distance, diagonal, volume that relations may cost
+
+
+def solved(program: Program, seen: Seen, body: Target) -> Program:
+    """The numbers fitted to a cloud; a mesh's carriers are exact already, and its facets would pull them inwards."""
+    if body.mesh is not None:
+        return program
+    chosen = body.points[:: max(1, len(body.points) // 8192)]
+    fit = refine(program, chosen, config=RefineConfig(adam_steps=0, start_scale=0.01))
+    fitted = _constrained(fit.program, chosen, seen)
+    nearer = _mean_distance(fitted, chosen) < _mean_distance(program, chosen)
+    return fitted if nearer and seen.error(fitted) < seen.error(program) + POOR else program
+
+
+def _constrained(program: Program, points: np.ndarray, seen: Seen) -> Program:
+    """The relations that a cloud bears out made exact, unless that explains its points or its volume worse."""
+    found = discover(program, points, config=DiscoverConfig(fit=False)).program
+    nearer = _mean_distance(found, points) <= (1 + RELATE_ERROR) * _mean_distance(program, points)
+    return found if nearer and seen.error(found) <= seen.error(program) + RELATE_VOLUME else program
+
+
+def related(program: Program, target: Target) -> tuple[Program, tuple[Constraint, ...]]:
+    """The relations that hold for a finished program; its numbers move by rounding alone, or not at all if the target is then missed."""
+    if count(program).primitives > MOST_RELATED:
+        return program, ()
+    found = exact_relations(program)
+    shown = target.points[:: max(1, len(target.points) // 8192)]
+    limit = (1 + RELATE_ERROR) * _mean_distance(program, shown) + RELATE_MOVE * diagonal(shown)
+    return (found.program, found.constraints) if _mean_distance(found.program, shown) <= limit else (program, ())
+
+
+def _mean_distance(program: Program, points: np.ndarray) -> float:
+    return float(np.abs(kernels.program_sdf(program, points)).mean())
+
+
+def snapped(program: Program, seen: Seen, body: Target) -> Program:
+    """The program with the numbers that its designer may have typed.
+
+    Snapping is judged by the distance of surface points, which is fast; the volume it changed decides whether it was too bold.
+    """
+    exact, diagonal = body.mesh is not None, 1 / seen.frame.scale
+    points = _surface_points(seen)
+    limit = (2e-3 if exact else 1e-2) * diagonal
+
+    def distance(trial: Program) -> float:
+        return float(np.minimum(np.abs(kernels.program_sdf(trial, points)), limit).mean())
+
+    plain = map_leaves(program, lambda _, leaf: canonical(leaf))
+    for boldness in (1.0, 0.1, 0.01) if exact else (1.0, 0.3):
+        config = SnapConfig(max_move=(1e-3 if exact else 2e-3) * boldness, abs_tolerance=(2e-6 if exact else 2e-5) * boldness * diagonal)
+        rounder = snap(program, distance, config=config)
+        if _changed_volume(plain, rounder) < (SNAP_CHANGE if exact else 10 * SNAP_CHANGE):
+            return rounder
+    return plain
+
+
+def _changed_volume(before: Program, after: Program) -> float:
+    """Volume in which two programs differ, relative to the first; by exact booleans."""
+    return 1 - volume_iou(to_manifold(before), to_manifold(after))
+
+
+def _surface_points(seen: Seen) -> np.ndarray:
+    """Points of the true surface in the body's units: corners of a mesh's patches, or the cloud; some thousands, evenly picked."""
+    if seen.target.mesh is None:
+        points = seen.target.points
+    else:
+        points = np.concatenate([p.points[:: max(1, len(p.points) // 60)] for p in seen.patches])
+    return points[:: max(1, len(points) // 6000)] / seen.frame.scale + np.asarray(seen.frame.center)
