@@ -26,6 +26,7 @@ from imdim.export.preview import preview
 from imdim.export.script import to_script
 from imdim.export.step import StepError
 from imdim.export.step_worker import StepJob, finish_step, start_step, stop_step
+from imdim.export.ucad import to_ucad
 from imdim.geometry.cloud import Frame, Target
 from imdim.geometry.constraints import rebased
 from imdim.geometry.solid import SEGMENTS, mesh_to_manifold, to_manifold, to_trimesh
@@ -111,6 +112,7 @@ def _write_texts(
         "program.json": program_text(program, Meta(center=frame.center, scale=frame.scale), constraints),
         "program.scad": to_openscad(program, segments, parameters),
         "program.py": to_script(program, parameters),
+        "program.ucad": to_ucad(program, parameters),
     }
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")

@@ -13,6 +13,7 @@ FILES = (
     "program.scad",
     "program.step",
     "program.py",
+    "program.ucad",
     "mesh.stl",
     "mesh.glb",
     "mesh.3mf",

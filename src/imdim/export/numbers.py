@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from decimal import Decimal
 
 from imdim.program.tree import Primitive, Program, leaves, map_leaves
 
@@ -52,3 +53,8 @@ def plain(value: float) -> str:
     if value == 0:
         return "0"
     return repr(float(value)).removesuffix(".0")
+
+
+def fixed(text: str) -> str:
+    """A decimal text without an exponent."""
+    return format(Decimal(text), "f")

@@ -31,7 +31,7 @@ def to_openscad(program: Program, segments: int = SEGMENTS, parameters: Paramete
         return [primitive_text(leaf, rounding, named.sizes[number], named.centers[number]) + ";"]
 
     lines = fold_nary(program, line, {op: _block(op) for op in OPS})
-    head = [*named.lines(rounding, ";"), ""] if named.values else []
+    head = [*named.lines(rounding.size, ";"), ""] if named.values else []
     return "\n".join([f"$fn = {segments};", "", *head, *lines, ""])
 
 

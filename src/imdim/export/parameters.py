@@ -58,21 +58,21 @@ class Parameters:
                 out[name] += 1
         return out
 
-    def lines(self, rounding: Rounding, end: str = "") -> list[str]:
+    def lines(self, number: Callable[[float], str], end: str = "") -> list[str]:
         """``name = value`` for each name."""
-        return [f"{name} = {rounding.size(value)}{end}" for name, value in self.values.items()]
+        return [f"{name} = {number(value)}{end}" for name, value in self.values.items()]
 
 
 def _plain(values: Sequence[float]) -> tuple[Expression, ...]:
     return tuple(Expression((), v) for v in values)
 
 
-def written(expression: Expression, number: Callable[[float], str]) -> str:
-    """The sum as OpenSCAD and Python read it; `number` rounds the constant."""
-    if not expression.terms:
-        return number(expression.constant)
+def written(expression: Expression, number: Callable[[float], str], unit: str = "") -> str:
+    """The sum as OpenSCAD, Python and, with a `unit` behind constants, µcad read it; `number` rounds the constant."""
     constant = number(expression.constant)
-    parts = [_term(t) for t in expression.terms] + ([constant] if float(constant) else [])
+    if not expression.terms:
+        return constant + unit
+    parts = [_term(t) for t in expression.terms] + ([constant + unit] if float(constant) else [])
     return " + ".join(parts).replace("+ -", "- ")
 
 

@@ -48,7 +48,7 @@ def to_script(program: Program, parameters: Parameters | None = None) -> str:
         return [_primitive(leaf, rounding, named.sizes[number], named.centers[number])]
 
     lines = fold_nary(program, line, {op: _chain(sign) for op, sign in _SIGN.items()})
-    names = "".join(f"{text}\n" for text in named.lines(rounding)) + ("\n" if named.values else "")
+    names = "".join(f"{text}\n" for text in named.lines(rounding.size)) + ("\n" if named.values else "")
     return _HEAD + names + "part = (\n" + "".join(f"    {text}\n" for text in lines) + _TAIL
 
 
