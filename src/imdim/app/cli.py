@@ -13,7 +13,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; the exit status is 0, or 2 for input or arguments that cannot be used."""
     parser = argparse.ArgumentParser(prog="imdim", description=ABOUT, epilog="`imdim fit --help` tells more.")
     parser.add_argument("--version", action="version", version=f"imdim {_version()}")
-    parser.add_argument("command", choices=list(COMMANDS), help="fit: reconstruct one part; export: write one program of a front.json")
+    about = "fit: reconstruct one part; export: write one program of a front.json; edit: change named numbers of a program"
+    parser.add_argument("command", choices=list(COMMANDS), help=about)
     parser.add_argument("arguments", nargs=argparse.REMAINDER, help="arguments of the command")
     given = parser.parse_args(argv)
     return COMMANDS[given.command](given.arguments)
@@ -57,13 +58,19 @@ def _export(argv: Sequence[str]) -> int:
     return run(given.input, given.output, given.pick, given.segments)
 
 
+def _edit(argv: Sequence[str]) -> int:
+    from imdim.app.edit import main as run
+
+    return run(argv)
+
+
 def _version() -> str:
     from importlib.metadata import version
 
     return version("imdim")
 
 
-COMMANDS: Mapping[str, Callable[[Sequence[str]], int]] = {"fit": _fit, "export": _export}
+COMMANDS: Mapping[str, Callable[[Sequence[str]], int]] = {"fit": _fit, "export": _export, "edit": _edit}
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 
 from imdim.export.elimination import System, vector
-from imdim.export.numbers import Rounding, plain
+from imdim.export.numbers import plain
 from imdim.program.constraints import Constraint
 from imdim.program.roles import labels, signs, size_word, unique
 from imdim.program.tree import Primitive, Program, leaves

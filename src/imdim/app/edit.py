@@ -1,0 +1,100 @@
+"""``imdim edit program.json --set name=value -o folder``: a delivered program with named numbers changed, all that follows with them."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from imdim.config import ConfigError
+
+if TYPE_CHECKING:
+    from imdim.export.edit import Delivered
+
+STEP_LIMIT_S = 60.0
+
+
+def parser(prog: str) -> argparse.ArgumentParser:
+    """The arguments of the command."""
+    out = argparse.ArgumentParser(prog=prog, description="Change named numbers of a delivered program; what follows them moves along.")
+    out.add_argument("input", help="program.json of a results folder; the texts beside it have the names")
+    out.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a name and its new value; may be repeated")
+    out.add_argument("--list", action="store_true", help="print the names, their values, and what they mean")
+    out.add_argument("-o", "--output", metavar="FOLDER", help="where the edited files go")
+    out.add_argument("--step", action="store_true", help="write program.step too, which takes seconds")
+    return out
+
+
+def main(argv: Sequence[str], prog: str = "imdim edit") -> int:
+    """The exit status: 0 fine, 2 for a file, a name, a value or a folder that cannot be used (one line on stderr)."""
+    given = parser(prog).parse_args(argv)
+    try:
+        source, folder = Path(given.input), given.output
+        if given.list:
+            sys.stdout.write(listed(source))
+        elif not given.set or folder is None:
+            raise ConfigError(f"{prog} needs --set NAME=VALUE and -o FOLDER, or --list")
+        else:
+            sys.stdout.write(edited(source, _assignments(given.set), Path(folder), given.step))
+    except ConfigError as error:
+        sys.stderr.write(f"imdim: {error}\n")
+        return 2
+    return 0
+
+
+def listed(source: Path) -> str:
+    """The table of names. Raises ConfigError."""
+    from imdim.export.edit import meanings
+
+    delivered = _opened(source)
+    rows = [(name, f"{delivered.values[name]:.9g}", meaning) for name, meaning in meanings(delivered).items()]
+    names, values = (max((len(row[i]) for row in rows), default=0) for i in (0, 1))
+    return "".join(f"{name:<{names}}  {value:>{values}}  {meaning}\n" for name, value, meaning in rows) or f"{source}: no names\n"
+
+
+def edited(source: Path, values: dict[str, float], folder: Path, step: bool = False) -> str:
+    """Write the edited files, and say what was written. Raises ConfigError, and then nothing was written."""
+    from imdim.export.edit import changed, write
+    from imdim.export.folder import OutputError
+
+    if folder.resolve() == source.resolve().parent:
+        raise ConfigError(f"output folder {folder} is that of {source.name}, whose report would be lost: give another")
+    try:
+        files = write(changed(_opened(source), values), folder, STEP_LIMIT_S if step else 0.0)
+    except OutputError as error:
+        raise ConfigError(str(error)) from error
+    except ValueError as error:
+        raise error if isinstance(error, ConfigError) else ConfigError(f"{source}: {error}") from error
+    return "".join(f"  {folder / name}{'' if state == 'written' else '  ' + state}\n" for name, state in files.items())
+
+
+def _opened(source: Path) -> Delivered:
+    from imdim.export.edit import TEXTS, opened
+    from imdim.program import codec
+
+    try:
+        document = codec.parse(source.read_bytes())
+        texts = {name: (source.parent / name).read_text(encoding="utf-8") for name in TEXTS if (source.parent / name).is_file()}
+        return opened(document, texts)
+    except OSError as error:
+        raise ConfigError(f"{source}: {error.strerror}") from error
+    except ValueError as error:
+        raise ConfigError(f"{source}: {error}") from error
+
+
+def _assignments(given: Sequence[str]) -> dict[str, float]:
+    out: dict[str, float] = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        try:
+            number = float(value)
+        except ValueError:
+            number = None
+        if not equals or number is None:
+            raise ConfigError(f"--set {text}: expected NAME=NUMBER")
+        if name in out:
+            raise ConfigError(f"--set {text}: {name} is given twice")
+        out[name] = number
+    return out

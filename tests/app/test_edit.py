@@ -1,0 +1,87 @@
+"""`imdim edit` and scripts/edit.py: files whole or not at all, one line and status 2 for what cannot be."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import trimesh
+from tests.planted import box, cut, cylinder
+
+from imdim.app.cli import main
+from imdim.program import codec
+from imdim.program.constraints import Constraint, Ref
+
+PLATE = cut(box(80, 50, 6), cylinder(3, 8, (-20, 0, 0)), cylinder(3, 8, (20, 0, 0)))
+SAME = Constraint("equal", (Ref(1, "r"), Ref(2, "r")), name="hole_radius")
+
+
+@pytest.fixture
+def source(tmp_path):
+    path = tmp_path / "out" / "program.json"
+    path.parent.mkdir()
+    path.write_text(codec.dumps(PLATE, codec.Meta(), [SAME]))
+    return path
+
+
+def test_the_edited_folder(source, tmp_path, capsys):
+    folder = tmp_path / "new"
+    assert main(["edit", str(source), "--set", "hole_radius=3.2", "--set", "plate_thickness=9", "-o", str(folder)]) == 0
+    assert {p.name for p in folder.iterdir()} == {
+        "program.json",
+        "program.scad",
+        "program.py",
+        "program.ucad",
+        "mesh.stl",
+        "mesh.glb",
+        "mesh.3mf",
+    }
+    sizes = [part["size"] for part in json.loads((folder / "program.json").read_text())["program"]["parts"]]
+    assert (sizes[0]["sz"], sizes[1]["r"], sizes[2]["r"]) == (9, 3.2, 3.2)
+    assert trimesh.load_mesh(folder / "mesh.stl").extents == pytest.approx([80, 50, 9])
+    assert str(folder / "program.scad") in capsys.readouterr().out
+
+
+def test_the_list(source, capsys):
+    assert main(["edit", str(source), "--list"]) == 0
+    assert "hole_radius       3  radius of primitive 1, 2\n" in capsys.readouterr().out
+
+
+def test_the_script_is_the_command(source, tmp_path):
+    script = Path(__file__).parents[2] / "scripts" / "edit.py"
+    done = subprocess.run([sys.executable, script, source, "--set", "holes=3"], capture_output=True, text=True, cwd=tmp_path, timeout=60)
+    assert (done.returncode, done.stderr) == (2, "imdim: scripts/edit.py needs --set NAME=VALUE and -o FOLDER, or --list\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["out/program.json", "--set", "hole_radus=3"], "nearest are hole_radius"),
+        (["out/program.json", "--set", "hole_radius=nan"], "finite number"),
+        (["out/program.json", "--set", "hole_radius=-1"], "positive number, got -1"),
+        (["out/program.json", "--set", "hole_radius=500"], "no solid is left"),
+        (["out/program.json", "--set", "hole_radius"], "expected NAME=NUMBER"),
+        (["out/program.json", "--set", "hole_radius=wide"], "expected NAME=NUMBER"),
+        (["out/program.json", "--set", "hole_radius=3", "--set", "hole_radius=4"], "given twice"),
+        (["missing.json", "--set", "hole_radius=3"], "No such file"),
+        (["broken.json", "--set", "hole_radius=3"], "not JSON"),
+        (["notes", "--set", "hole_radius=3"], "Is a directory"),
+    ],
+)
+def test_bad_input_is_one_line(source, tmp_path, capsys, monkeypatch, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "broken.json").write_text("{")
+    (tmp_path / "notes").mkdir()
+    assert main(["edit", *arguments, "-o", "new"]) == 2
+    said = capsys.readouterr().err
+    assert message in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "new").exists()
+
+
+def test_folders_that_are_not_ours_stay(source, tmp_path, capsys):
+    for folder in (source.parent, tmp_path):
+        assert main(["edit", str(source), "--set", "hole_radius=3.2", "-o", str(folder)]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    assert source.exists()

@@ -1,0 +1,159 @@
+"""Edits by name: OpenSCAD's -D is the truth for what moves; what cannot be is refused in one line."""
+
+import math
+import re
+import shutil
+import subprocess
+
+import pytest
+import trimesh
+from tests.export.test_parameters import FLANGE, MOUNT, ROW, mount, parametrised
+from tests.planted import PARTS, box, cut, cylinder, union
+
+from imdim.export.edit import EditError, changed, meanings, opened, solid_of, write
+from imdim.export.openscad import to_openscad
+from imdim.export.openscad_reader import read_openscad
+from imdim.export.parameters import parametrise
+from imdim.export.script import to_script
+from imdim.export.ucad import to_ucad
+from imdim.geometry.constraints import rebased, verify
+from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
+from imdim.program.codec import Meta, constraints_of, dumps, parse
+from imdim.program.constraints import Constraint, Ref
+from imdim.program.tree import Program, leaves
+from imdim.solve.discover import exact_relations
+
+
+def delivered_of(program: Program):
+    """As `deliver` writes it."""
+    found = exact_relations(program)
+    after, parameters = parametrised(program)
+    texts = {
+        "program.scad": to_openscad(after, 64, parameters),
+        "program.py": to_script(after, parameters),
+        "program.ucad": to_ucad(after, parameters),
+    }
+    return opened(parse(dumps(after, Meta("millimeter"), rebased(after, found.constraints))), texts)
+
+
+@pytest.mark.tool
+@pytest.mark.parametrize(
+    ("program", "values"),
+    [
+        (MOUNT, {"hole_radius": 4.25}),
+        (MOUNT, {"plate_thickness": 15.0, "hole_x": -25.0, "boss_height": 3.5}),
+        (ROW, {"hole_spacing": 17.0}),
+        (FLANGE, {"bolt_circle": 66.0, "hole_radius": 4.0}),
+        (PARTS["L bracket"], {"plate_thickness": 9.0}),
+    ],
+    ids=["holes", "plate", "row", "circle", "bracket"],
+)
+def test_an_edit_is_openscads_d(program, values, tmp_path):
+    tool = shutil.which("openscad")
+    if tool is None:
+        pytest.skip("openscad is not installed")
+    delivered = delivered_of(program)
+    (tmp_path / "given.scad").write_text(delivered.texts["program.scad"])
+    options = [f"-D{name}={value}" for name, value in values.items()]
+    command = [tool, "-o", str(tmp_path / "given.stl"), *options, str(tmp_path / "given.scad")]
+    assert "WARNING" not in subprocess.run(command, check=True, capture_output=True, timeout=120, text=True).stderr
+    theirs = mesh_to_manifold(trimesh.load_mesh(tmp_path / "given.stl"))
+    write(changed(delivered, values), tmp_path / "new")
+    ours = mesh_to_manifold(trimesh.load_mesh(tmp_path / "new" / "mesh.stl"))
+    assert volume_iou(ours, theirs) == pytest.approx(1, abs=1e-5)
+    assert volume_iou(ours, to_manifold(program, 64)) < 0.999
+
+
+def test_all_files_say_the_same_and_can_be_edited_back(tmp_path):
+    delivered = delivered_of(MOUNT)
+    write(changed(delivered, {"hole_radius": 4.0}), tmp_path / "new")
+    texts = {p.name: p.read_text() for p in (tmp_path / "new").iterdir() if p.suffix in (".scad", ".py", ".ucad")}
+    document = parse((tmp_path / "new" / "program.json").read_text())
+    again = opened(document, texts)
+    assert volume_iou(to_manifold(again.program, 64), to_manifold(mount(hole=4.0), 64)) == pytest.approx(1, abs=1e-9)
+    verify(again.program, constraints_of(document))
+    assert again.meta.units == "millimeter"
+    assert "hole_radius = 4\n" in texts["program.py"]
+    assert "hole_radius = 4mm;" in texts["program.ucad"]
+    back = changed(again, {"hole_radius": 3.0})
+    assert (back.program, back.texts, back.constraints) == (delivered.program, delivered.texts, delivered.constraints)
+
+
+def test_without_the_text_the_constraints_give_the_names():
+    given = delivered_of(MOUNT)
+    alone = opened(parse(dumps(given.program, given.meta, given.constraints)), {})
+    assert alone.values["hole_radius"] == 3
+    wide = changed(alone, {"hole_radius": 4.0})
+    assert volume_iou(solid_of(wide), to_manifold(mount(hole=4.0), wide.segments)) == pytest.approx(1, abs=1e-6)
+
+
+def test_a_length_that_a_constraint_gives_has_no_name():
+    program = cut(box(30, 20, 6), cylinder(3, 8))
+    value = Constraint("value", (Ref(0, "sx"),), value=30.0)
+    with pytest.raises(EditError, match="no parameter 'plate_length'"):
+        changed(opened(parse(dumps(program, None, [value])), {}), {"plate_length": 40.0})
+
+
+def test_names_say_what_they_are_and_what_follows():
+    said = meanings(delivered_of(MOUNT))
+    assert said["hole_radius"] == "radius of primitive 2, 3, 4, 5"
+    assert said["plate_thickness"].startswith("length along z of primitive 0; moves 0.z, 1.z, 2.h")
+    assert said["hole_x"] == "centre along x of primitive 2, 3; moves 4.x, 5.x"
+    assert "1.x" in meanings(delivered_of(FLANGE))["bolt_circle"]
+
+
+@pytest.mark.parametrize(
+    ("program", "values", "message"),
+    [
+        (MOUNT, {"hole_radus": 3.0}, "no parameter 'hole_radus'; nearest are hole_radius"),
+        (MOUNT, {"qqq": 3.0}, "no parameter 'qqq'; it has plate_length, plate_width"),
+        (MOUNT, {"hole_radius": math.nan}, "hole_radius needs a finite number, got nan"),
+        (MOUNT, {"hole_radius": math.inf}, "hole_radius needs a finite number, got inf"),
+        (MOUNT, {"plate_thickness": 0.0}, "plate_thickness needs a positive number, got 0"),
+        (FLANGE, {"bolt_circle": -60.0}, "bolt_circle needs a positive number, got -60"),
+        (MOUNT, {"boss_height": -30.0}, "boss_height = -30: line .* needs positive h"),
+        (ROW, {"hole_spacing": 0.0}, "hole_spacing = 0: .* a reference of no length"),
+    ],
+)
+def test_what_cannot_be_is_refused(program, values, message):
+    with pytest.raises(EditError, match=message) as caught:
+        changed(delivered_of(program), values)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_empty_solid_is_refused(tmp_path):
+    gone = changed(delivered_of(FLANGE), {"hole_radius": 1000.0})
+    with pytest.raises(EditError, match="no solid is left"):
+        write(gone, tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+def test_an_edit_that_breaks_a_relation_is_refused():
+    """Names that know nothing of a constraint: a plate that has to be square, with two names for its edges."""
+    plate = cut(box(30, 30, 6), cylinder(3, 8))
+    square = Constraint("equal", (Ref(0, "sx"), Ref(0, "sy")), name="square")
+    texts = {"program.scad": to_openscad(plate, 48, parametrise(plate, (), plate))}
+    delivered = opened(parse(dumps(plate, None, [square])), texts)
+    with pytest.raises(EditError, match=r"plate_length = 40: constraints\[0\] 'square'.*is off by"):
+        changed(delivered, {"plate_length": 40.0})
+    assert changed(delivered, {"plate_length": 40.0, "plate_width": 40.0}).values["plate_width"] == 40
+
+
+def test_texts_that_were_changed_by_hand_are_refused():
+    given = delivered_of(MOUNT)
+    document = parse(dumps(given.program, given.meta, given.constraints))
+    scad = given.texts["program.scad"]
+    with pytest.raises(ValueError, match=r"program\.scad beside it describes another program"):
+        opened(document, {**given.texts, "program.scad": scad.replace("plate_length = 80", "plate_length = 81")})
+    with pytest.raises(ValueError, match=r"program\.py beside it begins with other names"):
+        opened(document, {**given.texts, "program.py": given.texts["program.py"].replace("plate_length = 80", "plate_length = 81")})
+    with pytest.raises(ValueError, match=r"program\.scad: line \d+ is no primitive"):
+        opened(document, {**given.texts, "program.scad": scad + "text();\n"})
+
+
+def test_the_openscad_text_keeps_what_a_person_wrote_beside_the_numbers():
+    given = delivered_of(union(box(10, 10, 10), box(5, 5, 20)))
+    noted = re.sub(r"(?m)^(body_length = .*)$", "// a remark\n\\1", given.texts["program.scad"])
+    new = changed(opened(parse(dumps(given.program)), {"program.scad": noted}), {"body_length": 12.0})
+    assert "// a remark\nbody_length = 12;" in new.texts["program.scad"]
+    assert next(leaves(read_openscad(new.texts["program.scad"]))).size[0] == 12
