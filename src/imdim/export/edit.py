@@ -31,7 +31,7 @@ from imdim.program.constraints import Constraint
 from imdim.program.tree import SIZE_NAMES, Program, leaves
 
 TEXTS = ("program.scad", "program.py", "program.ucad")
-SAME = 1e-8  # of the largest size: texts keep nine digits
+AGREE = 1e-6  # of the largest size: the nine digits of each number of a text, summed up along its expressions
 PROBE = 1e-3  # share of a value by which it is moved to see what follows
 LARGEST_VOLUME = 1e30  # mesh files hold single precision
 
@@ -99,7 +99,7 @@ def changed(delivered: Delivered, values: Mapping[str, float]) -> Delivered:
     said = ", ".join(f"{name} = {plain(value)}" for name, value in values.items())
     try:
         program = rounded(read_openscad(texts["program.scad"]))
-        verify(program, delivered.constraints)
+        verify(program, delivered.constraints, AGREE)
     except ValueError as error:
         raise EditError(f"{said}: {error}") from None
     return replace(delivered, program=program, texts=texts, values={**delivered.values, **values})
@@ -164,7 +164,7 @@ def _values(text: str) -> dict[str, float]:
 def _check_same(delivered: Delivered) -> None:
     """Refuse texts that say something else than the document: an edit would undo what was changed in one of them."""
     ours, theirs = list(leaves(delivered.program)), list(leaves(_read(delivered, {})))
-    slack = SAME * max(max(p.size) for p in ours)
+    slack = AGREE * max(max(p.size) for p in ours)
     differ = len(ours) != len(theirs) or any(
         a.kind != b.kind or max(abs(u - v) for u, v in zip((*a.size, *a.center), (*b.size, *b.center), strict=True)) > slack
         for a, b in zip(ours, theirs, strict=False)
@@ -210,8 +210,8 @@ def _followers(delivered: Delivered, name: str) -> tuple[list[Feature], list[Fea
     value = delivered.values[name]
     step = PROBE * (abs(value) or max(max(p.size) for p in leaves(delivered.program)))
     before, after = (dict(_numbers(_read(delivered, {name: v}))) for v in (value, value + step))
-    moved = {feature: after[feature] - before[feature] for feature in before if abs(after[feature] - before[feature]) > SAME * step}
-    equal = [f for f, way in moved.items() if abs(way - step) <= SAME * step and abs(before[f] - value) <= SAME * step]
+    moved = {feature: after[feature] - before[feature] for feature in before if abs(after[feature] - before[feature]) > AGREE * step}
+    equal = [f for f, way in moved.items() if max(abs(way - step), abs(before[f] - value)) <= AGREE * step]
     return equal, [f for f in moved if f not in equal]
 
 
