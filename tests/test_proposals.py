@@ -78,6 +78,13 @@ def test_programs_come_back_in_the_pose_and_units_of_the_cloud():
     assert iou(proposals(Script(bore=0.1), points)[0].program, truth) >= 0.99
 
 
+def test_stray_points_do_not_move_the_box_that_a_policy_measures_by():
+    truth = cut(box(60, 40, 20), cylinder(8, 60))
+    points = cloud(truth, n=4000)
+    stray = np.random.default_rng(1).uniform(-60, 60, (60, 3))
+    assert iou(proposals(Script(), np.concatenate([points, stray]))[0].program, truth) >= 0.98
+
+
 def test_misfit_orders_programs_by_what_they_get_wrong():
     truth = PARTS["L bracket"]
     seen = Cloud.of(cloud(truth, n=2048))

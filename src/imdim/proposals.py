@@ -20,6 +20,7 @@ from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.geometry.triangles import distances, triangle_tree
 from imdim.program.cost import count
 from imdim.program.tree import Program
+from imdim.seeding.cloud_denoise import inliers
 from imdim.solve.pool import Cloud, PoolConfig, Signed, to_signed
 from imdim.solve.proposals import Proposal, ProposalConfig, settle
 
@@ -118,6 +119,8 @@ def proposals(
 
     Programs that are no signed sequence (intersections) are left out.
     """
+    # a stray point moves the box that a policy measures by
+    points = points[inliers(points)]
     axes = main_axes(points[:: max(1, len(points) // POINTS)])
     given = [s for p in starts if (s := to_signed(p)) is not None]
     beam = written(policy, points, axes, seed) if policy is not None else []
