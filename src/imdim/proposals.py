@@ -6,6 +6,7 @@ and handed with the cloud to the solver of imperfect sequences. torch is only im
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -31,7 +32,9 @@ if TYPE_CHECKING:
     from imdim.learn.decode import DecodeConfig
     from imdim.learn.policy import Policy
 
-SHIPPED = Path(__file__).parents[2] / "models" / "imdim-base.safetensors"
+_HOMES = (Path(__file__).parents[2], Path(sys.prefix, "share/imdim"))  # a source tree, and where an installed wheel puts its data
+_MODELS = [home / "models" / "imdim-base.safetensors" for home in _HOMES]
+SHIPPED = next((model for model in _MODELS if model.is_file()), _MODELS[0])
 POINTS = 2048  # of a cloud that a policy sees
 NONE = "none"
 MEASURED = 4096  # points each way of a misfit
