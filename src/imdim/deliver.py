@@ -27,6 +27,7 @@ from imdim.export.script import to_script
 from imdim.export.step import StepError
 from imdim.export.step_worker import StepJob, finish_step, start_step, stop_step
 from imdim.export.ucad import to_ucad
+from imdim.fitting import relations_of
 from imdim.geometry.cloud import Frame, Target
 from imdim.geometry.constraints import rebased
 from imdim.geometry.solid import SEGMENTS, mesh_to_manifold, to_manifold, to_trimesh
@@ -91,13 +92,16 @@ def finished(program: Program) -> Program:
 
 
 def export(program: Program, folder: Path, meta: Meta, segments: int = SEGMENTS, step_limit_s: float = STEP_LIMIT_S) -> dict[str, str]:
-    """Write what needs no target for `program` into `folder`, whole or not at all: texts, meshes and STEP; what became of each file.
+    """Write what needs no target for `program` into `folder`, whole or not at all: texts with the names of
+    what its own numbers relate, meshes and STEP; what became of each file.
 
     Raises as `deliver` does.
     """
     with replacing(folder) as partial:
-        program = finished(program)
-        _write_texts(program, Frame(meta.center, meta.scale), partial, segments, (), parametrise(program, (), program))
+        given, constraints = relations_of(program)
+        program = finished(given)
+        parameters = parametrise(given, constraints, program)
+        _write_texts(program, Frame(meta.center, meta.scale), partial, segments, rebased(program, constraints), parameters)
         with _step(partial) as job:
             write_meshes(to_manifold(program, segments), partial)
             skipped = _finish(job, step_limit_s, {})

@@ -43,12 +43,18 @@ def _constrained(program: Program, points: np.ndarray, seen: Seen) -> Program:
 
 def related(program: Program, target: Target) -> tuple[Program, tuple[Constraint, ...]]:
     """The relations that hold for a finished program; its numbers move by rounding alone, or not at all if the target is then missed."""
+    found, constraints = relations_of(program)
+    shown = target.points[:: max(1, len(target.points) // 8192)]
+    limit = (1 + RELATE_ERROR) * _mean_distance(program, shown) + RELATE_MOVE * diagonal(shown)
+    return (found, constraints) if _mean_distance(found, shown) <= limit else (program, ())
+
+
+def relations_of(program: Program) -> tuple[Program, tuple[Constraint, ...]]:
+    """A finished program with the relations that its own numbers bear out; none for a very long one."""
     if count(program).primitives > MOST_RELATED:
         return program, ()
     found = exact_relations(program)
-    shown = target.points[:: max(1, len(target.points) // 8192)]
-    limit = (1 + RELATE_ERROR) * _mean_distance(program, shown) + RELATE_MOVE * diagonal(shown)
-    return (found.program, found.constraints) if _mean_distance(found.program, shown) <= limit else (program, ())
+    return found.program, found.constraints
 
 
 def _mean_distance(program: Program, points: np.ndarray) -> float:

@@ -4,7 +4,7 @@ import json
 
 import pytest
 import trimesh
-from tests.planted import PARTS, box
+from tests.planted import PARTS, box, cut, cylinder
 
 from imdim.app.cli import main
 from imdim.export.openscad_reader import read_openscad
@@ -47,6 +47,18 @@ def test_a_program_is_exported_too(tmp_path):
     source.write_text(codec.dumps(PARTS["countersink"]))
     assert main(["export", str(source), "-o", str(tmp_path / "out")]) == 0
     assert same(read_openscad((tmp_path / "out" / "program.scad").read_text()), PARTS["countersink"])
+
+
+def test_what_is_exported_has_names_to_edit(tmp_path):
+    source = tmp_path / "program.json"
+    holes = [cylinder(3, 5, (x, 0.0, 2.5)) for x in (-20.0, 20.0)]
+    source.write_text(codec.dumps(cut(box(60, 40, 5, (0.0, 0.0, 2.5)), *holes)))
+    assert main(["export", str(source), "-o", str(tmp_path / "out")]) == 0
+    text = (tmp_path / "out" / "program.scad").read_text()
+    assert "hole_radius = 3;" in text
+    wider = cut(box(60, 40, 5, (0.0, 0.0, 2.5)), *(cylinder(4, 5, (x, 0.0, 2.5)) for x in (-20.0, 20.0)))
+    assert same(read_openscad(text, hole_radius=4), wider)
+    assert json.loads((tmp_path / "out" / "program.json").read_text())["constraints"]
 
 
 @pytest.mark.parametrize(
