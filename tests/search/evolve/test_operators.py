@@ -7,11 +7,12 @@ from tests.planted import PARTS, box, cut, cylinder, sphere, union
 from tests.search.evolve.scenes import planted_scene, scene_of
 
 from imdim.geometry.kernels import inside, program_sdf
+from imdim.geometry.sampling import bounding_radius
 from imdim.program.paths import leaf_paths
 from imdim.program.tree import Combine, Primitive, Program, check_size, leaves, map_leaves
 from imdim.search.evolve.numbers import face_at, jittered, shared, snapped
 from imdim.search.evolve.operators import MUTATIONS, _shortened, crossover, hull, merge, move, remove, split, substitute
-from imdim.search.evolve.scene import Scene, radius
+from imdim.search.evolve.scene import Scene
 
 NAME = "rounded plate"
 BLIND = scene_of(PARTS[NAME], 2_000, detected=False)
@@ -36,7 +37,7 @@ def check(program: Program, scene: Scene) -> None:
         center = np.asarray(leaf.center)
         outside = np.linalg.norm(np.maximum(np.maximum(scene.bounds[0] - center, center - scene.bounds[1]), 0))
         assert np.isfinite([*leaf.center, *leaf.rotation]).all()
-        assert outside <= radius(leaf)
+        assert outside <= bounding_radius(leaf)
         assert max(leaf.size) < 1e3 * scene.diagonal
 
 
@@ -141,7 +142,7 @@ def test_substitutes_are_of_the_same_extent():
         child = substitute(cylinder(10, 30), BLIND, np.random.default_rng(seed))
         if isinstance(child, Primitive) and child.center == (0, 0, 0):
             seen.add(child.kind)
-            assert radius(child) <= 1.5 * radius(cylinder(10, 30))
+            assert bounding_radius(child) <= 1.5 * bounding_radius(cylinder(10, 30))
     assert seen >= {"box", "sphere", "cone", "torus"}
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from imdim.geometry import kernels
 from imdim.geometry.rotations import euler_from_matrix
+from imdim.geometry.sampling import bounding_radius
 from imdim.program.tree import Primitive, Program, Vec3, leaves
 from imdim.search.evolve.columns import Columns
 from imdim.search.evolve.fitness import Scorer
@@ -51,7 +52,7 @@ class Scene:
         outside = np.maximum(np.maximum(self.bounds[0] - center, center - self.bounds[1]), 0.0)
         least = 1e-5 * self.diagonal
         thin = min(primitive.size) < least if primitive.kind != "cone" else max(primitive.size[:2]) < least or primitive.size[2] < least
-        return not thin and float(np.linalg.norm(outside)) <= radius(primitive)
+        return not thin and float(np.linalg.norm(outside)) <= bounding_radius(primitive)
 
     def wrong_point(self, program: Program, rng: np.random.Generator) -> np.ndarray | None:
         """A sample [3] on the wrong side of `program`, drawn by volume; of the surface, by distance, where no sample is wrong."""
@@ -74,16 +75,6 @@ class Scene:
         count = sum(1 for _ in leaves(program))
         total, points = np.bincount(leaf, size, count), np.bincount(leaf, minlength=count)
         return np.where(points > 0, total / np.maximum(points, 1), size.mean())
-
-
-def radius(primitive: Primitive) -> float:
-    """Of a ball around the centre that holds the primitive."""
-    size = primitive.size
-    if primitive.kind == "box":
-        return float(np.linalg.norm(size)) / 2
-    if primitive.kind in ("cylinder", "cone"):
-        return float(np.hypot(max(size[:-1]), size[-1] / 2))
-    return sum(size) if primitive.kind == "torus" else max(size)
 
 
 def _rotations(families: Families | None) -> tuple[Vec3, ...]:
