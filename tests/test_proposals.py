@@ -10,7 +10,7 @@ import torch
 from scipy.spatial.transform import Rotation
 from tests.planted import PARTS, box, cut, cylinder, mesh_of, union
 
-from imdim import pipeline
+from imdim import methods, pipeline
 from imdim.body import look
 from imdim.config import ConfigError, Settings
 from imdim.data.solids import BOX, CYLINDER, Solids
@@ -114,7 +114,7 @@ def test_the_policy_alone_explains_a_mesh_and_a_cloud(checkpoint):
 
 def test_auto_takes_a_policy_for_clouds_and_is_none_the_worse(checkpoint, monkeypatch):
     asked = []
-    monkeypatch.setattr(pipeline, "POOR", -1.0)
+    monkeypatch.setattr(methods, "POOR", -1.0)
     monkeypatch.setattr(pipeline, "load_if_any", lambda path: asked.append(path) or Script())
     part = cut(box(60, 40, 20), cylinder(8, 60))
     *_, last = pipeline.reconstruct(target_from(cloud(part, n=4000)), Settings(checkpoint="x"), np.random.default_rng(0))
@@ -129,9 +129,9 @@ def test_what_fits_far_better_replaces_what_the_search_found():
     truth = PARTS["L bracket"]
     points = cloud(truth, n=3000)
     seen = look(target_from(points), 2.5e-4, np.random.default_rng(0))
-    assert pipeline._preferred(truth, truth.left, seen)
-    assert not pipeline._preferred(truth.left, truth, seen)
-    assert not pipeline._preferred(truth, truth, seen)
+    assert methods.preferred(truth, truth.left, seen)
+    assert not methods.preferred(truth.left, truth, seen)
+    assert not methods.preferred(truth, truth, seen)
 
 
 def test_no_checkpoint_and_a_foreign_one_are_one_line(tmp_path, checkpoint, monkeypatch):

@@ -1,0 +1,36 @@
+"""How long a run has been going, and whether the search's share of its budget is spent."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+SEARCH_SHARE = 0.4  # of the budget; detection, the solver and delivery need the rest
+
+
+@dataclass
+class Clock:
+    """Seconds since the start, and whether the search's share of the budget is spent; `ending` is how an evolution ended."""
+
+    budget_s: float
+    now: Callable[[], float] = time.perf_counter
+    start: float = field(init=False)
+    cut: bool = False
+    ending: str = "finished"
+
+    def __post_init__(self) -> None:
+        self.start = self.now()
+
+    def seconds(self) -> float:
+        return self.now() - self.start
+
+    def out_of_time(self) -> bool:
+        """Whether the search must end; that it was cut stays known."""
+        self.cut = self.cut or self.seconds() > SEARCH_SHARE * self.budget_s
+        return self.cut
+
+    def part(self, share: float) -> Callable[[], bool]:
+        """Whether a share of the time that the search has left is spent."""
+        end = self.seconds() + share * max(SEARCH_SHARE * self.budget_s - self.seconds(), 0.0)
+        return lambda: self.seconds() > end

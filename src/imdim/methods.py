@@ -1,0 +1,188 @@
+"""The methods by which one body's program is found: each a generator of better and better programs in the body's units.
+
+A method knows a `Run` and yields `Step`s; its last step is its answer, and no step at all means that it found nothing. Simplifying, fitting
+and rounding come after it and are the same for all (`pipeline`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from imdim.body import Seen
+from imdim.clock import Clock
+from imdim.config import Settings
+from imdim.evolution import evolved, logged, seeds_of
+from imdim.fitting import POOR
+from imdim.program.tree import Program
+from imdim.proposals import misfit, proposals
+from imdim.search.evolve.population import EvolutionConfig, Generation
+from imdim.search.sequence import to_program
+from imdim.search.structure import StructureConfig
+from imdim.search.structure import search as search_structure
+from imdim.search.tidy import tidy
+from imdim.solve.pool import Cloud
+
+if TYPE_CHECKING:
+    from imdim.learn.policy import Policy
+
+PolicyOf = Callable[[], "Policy | None"]
+
+TOUCHED = 2e-3  # of the volume; a search that leaves more is followed by a short evolution
+TOUCH = EvolutionConfig(generations=30, patience=12)
+SEED_SHARE = 0.4  # of the search's time, that evolution gives to its seeds
+FAR_BETTER = 0.5  # of the misfit of the search's program
+
+
+@dataclass(frozen=True)
+class Run:
+    """One body to be explained: what is seen of it, and what the method may use. `share` is its part of the time left to the search."""
+
+    seen: Seen
+    settings: Settings
+    policy: PolicyOf
+    clock: Clock
+    rng: np.random.Generator
+    share: float = 1.0
+
+
+@dataclass(frozen=True)
+class Step:
+    """A program in the body's units. `error` is relative to the body's volume, None where the method does not know it.
+
+    `others` are cruder and finer programs that a user may choose instead.
+    """
+
+    stage: str
+    program: Program
+    error: float | None = None
+    others: tuple[Program, ...] = ()
+
+
+Method = Callable[[Run], Iterator[Step]]
+
+
+def auto(run: Run) -> Iterator[Step]:
+    """The structure search and a short evolution; the decision tree and the policy where these leave much."""
+    best: Step | None = None
+    for best in _searched_and_touched(run):
+        yield best
+    for source in (_grown_if_poor, _proposed_if_poor):
+        better = source(run, best)
+        if better is not None:
+            best = better
+            yield best
+
+
+def tree(run: Run) -> Iterator[Step]:
+    """The decision tree alone."""
+    program = grown(run.seen)
+    if program is not None:
+        yield Step("tree", program)
+
+
+def policy(run: Run) -> Iterator[Step]:
+    """The policy's beam and the solver alone."""
+    yield Step("policy", _proposed(run, []))
+
+
+def evolve(run: Run) -> Iterator[Step]:
+    """Evolution from the programs of the policy, the tree, the surfaces and the search."""
+    seen, written = run.seen, run.policy()
+    beam = [] if written is None else [p.program for p in proposals(written, seen.target.points)]
+    seeds = seeds_of(seen.ground, run.rng, run.clock.part(SEED_SHARE * run.share), beam)
+    for generation in _generations(run, seeds, run.clock.part(run.share)):
+        run.clock.ending = generation.stop or run.clock.ending
+        program = seen.frame.undo(generation.best.program)
+        others = tuple(seen.frame.undo(i.program) for i in (*generation.front, generation.best))
+        yield Step("evolve", program, generation.best.score.volume, others)
+
+
+METHODS: dict[str, Method] = {"auto": auto, "evolve": evolve, "policy": policy, "tree": tree}
+
+
+def _searched_and_touched(run: Run) -> Iterator[Step]:
+    passed: list[Program] = []
+    for program in searched(run):
+        passed.append(program)
+        yield Step("search", program, others=tuple(passed))
+    for program in _touched(run, passed):
+        passed.append(program)
+        yield Step("evolve", program, others=tuple(passed))
+
+
+def searched(run: Run) -> Iterator[Program]:
+    """Programs of the structure search, each better than the one before."""
+    seen, found = run.seen, None
+    for found in search_structure(seen.families, StructureConfig(size_weight=seen.size_weight), run.rng, run.clock.out_of_time):
+        yield seen.frame.undo(to_program(found.sequence, seen.families))
+    if found is not None:
+        yield seen.frame.undo(to_program(tidy(found.sequence, seen.families), seen.families))
+
+
+def _touched(run: Run, found: list[Program]) -> Iterator[Program]:
+    """Fitter programs of a few generations that start from those the search passed through: what no signed sequence of candidates is.
+
+    For a mesh, where the search left something; in a cloud the doubts about what is inside outweigh it.
+    """
+    seen = run.seen
+    if not found or run.clock.out_of_time() or not seen.ground.exact or seen.error(found[-1]) < TOUCHED:
+        return
+    seeds = {"search": [seen.frame.apply(p) for p in found]}
+    best = seen.ground.scorer.score(seeds["search"][-1:])[0].fitness
+    for generation in _generations(run, seeds, run.clock.out_of_time, TOUCH):
+        # what is not worth half a primitive is not worth another way to draw it
+        if generation.best.score.fitness < best - 0.5 * seen.size_weight:
+            best = generation.best.score.fitness
+            yield seen.frame.undo(generation.best.program)
+
+
+def _generations(
+    run: Run, seeds: dict[str, list[Program]], out_of_time: Callable[[], bool], config: EvolutionConfig | None = None
+) -> Iterator[Generation]:
+    generations = evolved(run.seen.ground, seeds, run.rng, out_of_time, config)
+    yield from logged(generations, run.settings.logdir, run.seen.target.name) if run.settings.logdir else generations
+
+
+def _grown_if_poor(run: Run, best: Step | None) -> Step | None:
+    """The decision tree's program, where there is nothing or much is left and it costs less."""
+    seen = run.seen
+    if best is not None and not run.clock.cut and seen.error(best.program) <= POOR:
+        return None
+    program = grown(seen)
+    if program is None or (best is not None and seen.price(program) >= seen.price(best.program)):
+        return None
+    return Step("tree", program) if best is None else replace(best, stage="tree", program=program)
+
+
+def grown(seen: Seen) -> Program | None:
+    """The decision tree's program in the body's units."""
+    program = seen.ground.tree()
+    return None if program is None else seen.frame.undo(program)
+
+
+def _proposed_if_poor(run: Run, best: Step | None) -> Step | None:
+    """The policy's program for a cloud, where there is nothing or much is left and it fits far better."""
+    seen = run.seen
+    if seen.target.mesh is not None or (best is not None and seen.error(best.program) <= POOR):
+        return None
+    program = _proposed(run, [] if best is None else [best.program])
+    if best is None:
+        return Step("policy", program)
+    return replace(best, stage="policy", program=program) if preferred(program, best.program, seen) else None
+
+
+def _proposed(run: Run, starts: list[Program]) -> Program:
+    """The best that the solver makes of a policy's beam and of programs in the body's units."""
+    seen = run.seen
+    best, *_ = proposals(run.policy(), seen.target.points, [seen.frame.apply(p) for p in starts])
+    return seen.frame.undo(best.program)
+
+
+def preferred(proposed: Program, program: Program, seen: Seen) -> bool:
+    """Cells of a cloud know no surface that detection missed: what fits the points far better is taken, whatever its cells say."""
+    cloud = Cloud.of(seen.target.points)
+    return misfit(seen.frame.apply(proposed), cloud) < FAR_BETTER * misfit(seen.frame.apply(program), cloud)
