@@ -38,11 +38,15 @@ class Dice:
 
     def rotations(self, *shape: int) -> Tensor:
         """Evenly distributed rotations [n, *shape, 3, 3] (Shoemake 1992: unit quaternions from normal numbers)."""
-        q = self.normal(*shape, 4)
-        w, x, y, z = (q / torch.linalg.vector_norm(q, dim=-1, keepdim=True)).unbind(-1)
-        rows = (
-            (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
-            (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
-            (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
-        )
-        return torch.stack([torch.stack(row, -1) for row in rows], -2)
+        return quaternion_matrices(self.normal(*shape, 4))
+
+
+def quaternion_matrices(quaternions: Tensor) -> Tensor:
+    """Rotations [..., 3, 3] of quaternions [..., 4] (real part first) of any length but zero."""
+    w, x, y, z = (quaternions / torch.linalg.vector_norm(quaternions, dim=-1, keepdim=True)).unbind(-1)
+    rows = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
+        (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
+        (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
+    )
+    return torch.stack([torch.stack(row, -1) for row in rows], -2)

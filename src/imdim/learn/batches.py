@@ -10,15 +10,19 @@ from torch.utils.data import DataLoader, Dataset
 
 from imdim.data.folder import chunk_generator
 from imdim.data.npz import NPZCADDataset, collate
-from imdim.data.synthesize import Samples, SynthesisConfig, synthesize, with_prefixes
+from imdim.data.solids import from_sequences
+from imdim.data.synthesize import Samples, synthesize, with_prefixes
 from imdim.learn.distributed import Processes
 from imdim.learn.settings import TrainConfig
+from imdim.learn.stump.samples import Occupied, labelled, occupied_samples
+
+Batch = Samples | Occupied
 
 TRAIN_STREAM, ORDER_STREAM, VAL_STREAM, NPZ_STREAM, TARGET_STREAM = 10, 11, 12, 13, 14
 AHEAD = 4  # steps whose samples wait in memory, for each worker
 
 
-class Batches(Dataset[list[Samples] | Exception]):
+class Batches(Dataset[list[Batch] | Exception]):
     """Item k are the parts of step k's batch that this process learns from; `per_epoch` is the number of steps of an epoch.
 
     A part is a function of the seed, the step and its own number: one process that has all parts learns what several learn together.
@@ -36,25 +40,25 @@ class Batches(Dataset[list[Samples] | Exception]):
         self.data = NPZCADDataset(config.data_root, config.max_seq_len) if config.data_root else None
         self.per_epoch = max(1, (len(self.data) if self.data else config.samples_per_epoch) // config.batch_size)
 
-    def __getitem__(self, step: int) -> list[Samples] | Exception:
+    def __getitem__(self, step: int) -> list[Batch] | Exception:
         try:
             return [self.part(step, shard) for shard in self.mine]
         except (ValueError, OSError, RuntimeError) as error:
             # from a worker it would come with a traceback in its message
             return error
 
-    def part(self, step: int, shard: int) -> Samples:
+    def part(self, step: int, shard: int) -> Batch:
         """Part `shard` of the batch of one step."""
         config = self.config
         generator = chunk_generator(config.seed, TRAIN_STREAM, step * config.shards + shard, self.device)
         if self.data is None:
-            return synthesize(config.batch_size // config.shards, config.synthesis, generator)
+            return fresh(config.batch_size // config.shards, config, generator)
         epoch, place = divmod(step, self.per_epoch)
         order = torch.randperm(len(self.data), generator=chunk_generator(config.seed, ORDER_STREAM, epoch))
         chosen = order[place * config.batch_size : (place + 1) * config.batch_size][shard :: config.shards].tolist()
-        return from_npz(self.data, chosen, config.synthesis, generator)
+        return from_npz(self.data, chosen, config, generator)
 
-    def steps(self, first: int, end: int) -> Iterator[list[Samples]]:
+    def steps(self, first: int, end: int) -> Iterator[list[Batch]]:
         """The items from `first` to before `end`, on the device, made ahead where there are workers."""
         workers = self.config.workers
         loader = DataLoader(
@@ -63,10 +67,10 @@ class Batches(Dataset[list[Samples] | Exception]):
         for parts in loader:
             if isinstance(parts, Exception):
                 raise parts
-            yield [Samples(*(tensor.to(self.config.device) for tensor in part)) for part in parts]
+            yield [part._make(tensor.to(self.config.device) for tensor in part) for part in parts]
 
 
-def validation_batches(config: TrainConfig) -> Iterator[Samples]:
+def validation_batches(config: TrainConfig) -> Iterator[Batch]:
     """The validation set in batches of `batch_size`: at most `n_val` files of `val_root`, or samples of a stream of their own."""
     data = NPZCADDataset(config.val_root, config.max_seq_len) if config.val_root else None
     total = min(config.n_val, len(data)) if data else config.n_val
@@ -75,15 +79,25 @@ def validation_batches(config: TrainConfig) -> Iterator[Samples]:
         # a fixed seed: runs of any seed are validated on the same samples
         generator = chunk_generator(0, NPZ_STREAM if data else VAL_STREAM, index, config.device)
         if data is None:
-            yield synthesize(count, config.synthesis, generator)
+            yield fresh(count, config, generator)
         else:
-            yield from_npz(data, list(range(first, first + count)), config.synthesis, generator)
+            yield from_npz(data, list(range(first, first + count)), config, generator)
 
 
-def from_npz(data: Dataset[dict[str, Tensor]], rows: list[int], synthesis: SynthesisConfig, generator: torch.Generator) -> Samples:
+def fresh(n: int, config: TrainConfig, generator: torch.Generator) -> Batch:
+    """Samples made for the experiment."""
+    if config.experiment == "stump":
+        return occupied_samples(n, config.synthesis, config.stump, generator)
+    return synthesize(n, config.synthesis, generator)
+
+
+def from_npz(data: Dataset[dict[str, Tensor]], rows: list[int], config: TrainConfig, generator: torch.Generator) -> Batch:
     """Samples of files. Their prefixes are drawn and rendered anew: a file does not say how long the one is that its `cur_points` shows."""
     batch = {name: tensor.to(generator.device) for name, tensor in collate([data[i] for i in rows]).items()}
-    return with_prefixes(batch["gt_points"], batch["gt_tokens"], batch["gt_params"], synthesis, generator)
+    if config.experiment == "stump":
+        solids = from_sequences(batch["gt_tokens"], batch["gt_params"])
+        return labelled(solids, batch["gt_points"], config.synthesis, config.stump, generator)
+    return with_prefixes(batch["gt_points"], batch["gt_tokens"], batch["gt_params"], config.synthesis, generator)
 
 
 def _as_it_is(item: object) -> object:

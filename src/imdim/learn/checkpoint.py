@@ -19,15 +19,27 @@ from torch import Tensor
 from imdim.learn.base import BaseConfig, BasePolicy
 from imdim.learn.policy import VOCAB, Policy
 from imdim.learn.seed import SeedConfig, SeedPolicy
+from imdim.learn.stump.net import StumpNet
+from imdim.learn.stump.settings import StumpConfig
 from imdim.program.state import Token
 
 FORMAT, VERSION = "imdim-policy", "1"
+STUMP_FORMAT, STUMP_VERSION = "imdim-stump", "1"
 VOCABULARY = [Token(i).name for i in range(VOCAB)]
 POLICIES: Mapping[str, tuple[type, type]] = {"seed": (SeedPolicy, SeedConfig), "base": (BasePolicy, BaseConfig)}
 
 
 class CheckpointError(ValueError):
     """A file is no checkpoint that this version reads; the message names the file and the reason."""
+
+
+def save_net(path: Path, net: Policy | StumpNet, notes: Mapping[str, str]) -> None:
+    """`save_policy`, or the same of a CSG-Stump Net, which has no vocabulary."""
+    if isinstance(net, StumpNet):
+        header = {"format": STUMP_FORMAT, "version": STUMP_VERSION, "config": json.dumps(asdict(net.config))}
+        replace_whole(path, save(_weights(net), {**notes, **header}))
+    else:
+        save_policy(path, net, notes)
 
 
 def save_policy(path: Path, policy: Policy, notes: Mapping[str, str]) -> None:
@@ -42,20 +54,24 @@ def save_policy(path: Path, policy: Policy, notes: Mapping[str, str]) -> None:
         "config": json.dumps(asdict(policy.config)),  # type: ignore[call-overload]
         "max_seq_len": str(policy.max_seq_len),
     }
-    weights = {k: v.detach().cpu().contiguous() for k, v in policy.state_dict().items()}
-    replace_whole(path, save(weights, header))
+    replace_whole(path, save(_weights(policy), header))
+
+
+def load_stump(path: Path, device: torch.device | str = "cpu") -> tuple[StumpNet, dict[str, str]]:
+    """The CSG-Stump Net in evaluation mode, and the file's header. Raises as `load_policy` does."""
+    header, weights = _read(path)
+    _check_format(path, header, STUMP_FORMAT, STUMP_VERSION)
+    try:
+        net = StumpNet(StumpConfig(**json.loads(header["config"])))
+        net.load_state_dict(weights)
+    except (TypeError, KeyError, RuntimeError) as error:
+        raise CheckpointError(f"{path}: the weights do not fit a CSG-Stump Net: {error}") from error
+    return net.to(device).eval(), header
 
 
 def load_policy(path: Path, device: torch.device | str = "cpu") -> tuple[Policy, dict[str, str]]:
     """The policy in evaluation mode, and the file's header. Raises CheckpointError, OSError when the file cannot be read."""
-    if not path.is_file():
-        raise FileNotFoundError(f"no checkpoint at {path}")
-    try:
-        with safe_open(path, framework="pt") as file:
-            header = dict(file.metadata() or {})
-            weights = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 (not a mapping)
-    except SafetensorError as error:
-        raise CheckpointError(f"{path}: not a safetensors file: {error}") from error
+    header, weights = _read(path)
     _check(path, header)
     kind, config = POLICIES[header["design"]]
     try:
@@ -114,11 +130,30 @@ def replace_whole(path: Path, content: bytes | memoryview) -> None:
         part.unlink(missing_ok=True)
 
 
+def _weights(net: Policy | StumpNet) -> dict[str, Tensor]:
+    return {k: v.detach().cpu().contiguous() for k, v in net.state_dict().items()}
+
+
+def _read(path: Path) -> tuple[dict[str, str], dict[str, Tensor]]:
+    """Header and weights of a safetensors file."""
+    if not path.is_file():
+        raise FileNotFoundError(f"no checkpoint at {path}")
+    try:
+        with safe_open(path, framework="pt") as file:
+            return dict(file.metadata() or {}), {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 (not a mapping)
+    except SafetensorError as error:
+        raise CheckpointError(f"{path}: not a safetensors file: {error}") from error
+
+
+def _check_format(path: Path, header: Mapping[str, str], form: str, version: str) -> None:
+    if header.get("format") != form:
+        raise CheckpointError(f"{path}: not a checkpoint of {form}, its format is {header.get('format', 'not given')}")
+    if header.get("version") != version:
+        raise CheckpointError(f"{path}: checkpoint version {header.get('version')}, this program reads version {version}")
+
+
 def _check(path: Path, header: Mapping[str, str]) -> None:
-    if header.get("format") != FORMAT:
-        raise CheckpointError(f"{path}: not a checkpoint of {FORMAT}, its format is {header.get('format', 'not given')}")
-    if header.get("version") != VERSION:
-        raise CheckpointError(f"{path}: checkpoint version {header.get('version')}, this program reads version {VERSION}")
+    _check_format(path, header, FORMAT, VERSION)
     vocabulary = json.loads(header.get("vocabulary", "[]"))
     if vocabulary != VOCABULARY:
         raise CheckpointError(f"{path}: vocabulary {' '.join(vocabulary)}, this program's is {' '.join(VOCABULARY)}")

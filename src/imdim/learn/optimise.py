@@ -4,25 +4,24 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from imdim.learn.distributed import Processes
-from imdim.learn.policy import Policy
+
+N = TypeVar("N", bound=nn.Module)
 
 
 class NotFinite(FloatingPointError):
     """The loss or a gradient is not finite."""
 
 
-class Optimiser:
+class Optimiser(Generic[N]):
     """`policy` is what is trained, `average` the exponential moving average of its weights (Polyak and Juditsky 1992)."""
 
-    def __init__(
-        self, policy: Policy, ema: float, clip: float, dtype: torch.dtype = torch.float32, processes: Processes | None = None
-    ) -> None:
+    def __init__(self, policy: N, ema: float, clip: float, dtype: torch.dtype = torch.float32, processes: Processes | None = None) -> None:
         self.policy, self.ema, self.clip, self.dtype = policy, ema, clip, dtype
         self.processes = processes or Processes()
         self.average = copy.deepcopy(policy).eval().requires_grad_(False)

@@ -1,4 +1,4 @@
-"""What a training run is told, and the fresh policy it starts from."""
+"""What a training run is told, and the fresh network it starts from."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from imdim.data.synthesize import SynthesisConfig
 from imdim.learn.base import BaseConfig, BasePolicy
 from imdim.learn.policy import Policy
 from imdim.learn.seed import SeedConfig, SeedPolicy
+from imdim.learn.stump.net import StumpNet
+from imdim.learn.stump.settings import StumpConfig
 
 # where a run computes, how long, and what it reports: a resumed run may change these
 _FREE = ("resume", "epochs", "max_minutes", "device", "threads", "workers", "precision", "out", "save_every")
@@ -60,17 +62,21 @@ class TrainConfig:
     synthesis: SynthesisConfig = field(default_factory=SynthesisConfig)
     base: BaseConfig = field(default_factory=BaseConfig)
     seed_design: SeedConfig = field(default_factory=SeedConfig)
+    stump: StumpConfig = field(default_factory=StumpConfig)
 
 
-def build(config: TrainConfig) -> Policy:
-    """A fresh policy of `config.experiment`, the same for the same `config.seed`. Raises ValueError for an unknown experiment."""
-    kinds = {"seed": (SeedPolicy, config.seed_design), "base": (BasePolicy, config.base)}
+def build(config: TrainConfig) -> Policy | StumpNet:
+    """A fresh network of `config.experiment`, the same for the same `config.seed`. Raises ValueError for an unknown experiment."""
+    kinds = {
+        "seed": lambda: SeedPolicy(config.seed_design, config.max_seq_len),
+        "base": lambda: BasePolicy(config.base, config.max_seq_len),
+        "stump": lambda: StumpNet(config.stump),
+    }
     if config.experiment not in kinds:
         raise ValueError(f"unknown experiment {config.experiment!r}; known are {', '.join(kinds)}")
-    kind, settings = kinds[config.experiment]
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
-        return kind(settings, config.max_seq_len)
+        return kinds[config.experiment]()
 
 
 def precision(config: TrainConfig) -> torch.dtype:

@@ -16,13 +16,13 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from imdim.data.synthesize import Samples
-from imdim.learn.batches import Batches
-from imdim.learn.checkpoint import load_own_state, load_state, save_policy, save_state, state_tensors
+from imdim.learn.batches import Batch, Batches
+from imdim.learn.checkpoint import load_own_state, load_state, save_net, save_state, state_tensors
 from imdim.learn.distributed import Processes
 from imdim.learn.optimise import NotFinite, Optimiser
 from imdim.learn.schedule import Plan, learning_rate, planned, shortened
 from imdim.learn.settings import TrainConfig, build, fixed, precision, settled
+from imdim.learn.stump.measure import StumpValidation
 from imdim.learn.validation import Shown, Validation
 
 
@@ -90,8 +90,10 @@ class _Run:
     def __init__(self, config: TrainConfig, notes: dict[str, str], clock: Callable[[], float], processes: Processes) -> None:
         torch.set_num_threads(config.threads)
         self.config, self.notes, self.out, self.clock, self.processes = config, notes, Path(config.out), clock, processes
-        self.optimiser = Optimiser(build(config).to(config.device), config.ema, config.clip, precision(config), processes)
-        self.batches, self.validation = Batches(config, processes), Validation(config)
+        self.net = build(config).to(config.device)
+        self.optimiser = Optimiser(self.net, config.ema, config.clip, precision(config), processes)
+        self.batches = Batches(config, processes)
+        self.validation = StumpValidation(config) if config.experiment == "stump" else Validation(config)
         self.plan = planned(self.batches.per_epoch * config.epochs, config.cooldown)
         self.whole = self.plan.end
         self.step, self.best = 0, math.inf
@@ -120,11 +122,11 @@ class _Run:
         plan = shortened(self.plan, self.step, taken, seconds, 60 * self.config.max_minutes, self.config.cooldown)
         self.plan = Plan(*self.processes.agreed(plan, self.config.device))
 
-    def _take(self, batches: Iterator[list[Samples]], tally: _Tally) -> None:
+    def _take(self, batches: Iterator[list[Batch]], tally: _Tally) -> None:
         before = self.clock()
         parts = next(batches)
         waited = self.clock() - before
-        losses = [partial(self.optimiser.policy.losses, part) for part in parts]
+        losses = [partial(self.net.losses, part) for part in parts]  # type: ignore[arg-type]
         try:
             tally.add(self.optimiser.step(losses, self.config.shards, self._lr(self.step), self.step), waited)
         except NotFinite as error:
@@ -137,17 +139,16 @@ class _Run:
         config, over = self.config, self.step == self.plan.end
         trained = self.clock() - tally.start
         average = self.optimiser.average
-        val = self.validation.losses(average)
+        val = self.validation.losses(average)  # type: ignore[arg-type]
         measured, shown = {}, None
         if over or self.step // self.batches.per_epoch % config.measure_every == 0:
-            measured, shown = self.validation.programs(average)
-            measured |= self.validation.errors(average)
+            measured, shown = self.validation.measured(average)  # type: ignore[arg-type]
         seen = self.step * config.batch_size
         best = val["loss"] < self.best
         if best:
             self.best = val["loss"]
             facts = {"step": str(self.step), "samples": str(seen), "val_loss": f"{val['loss']:.4f}"}
-            save_policy(self.out / "best.safetensors", average, {**self.notes, **facts})
+            save_net(self.out / "best.safetensors", average, {**self.notes, **facts})
         self._save("state.pt")
         return Report(
             self.step,

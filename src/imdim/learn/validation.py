@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
@@ -16,6 +17,8 @@ from imdim.learn.decode import DecodeConfig, decode
 from imdim.learn.measure import errors_by_kind, exact_structure, moves, summary
 from imdim.learn.policy import Policy
 from imdim.learn.settings import TrainConfig
+from imdim.learn.stump.net import StumpNet
+from imdim.learn.stump.samples import Occupied
 
 IOU_SAMPLES = 4096
 
@@ -37,27 +40,27 @@ class Validation:
     @cached_property
     def batches(self) -> list[Samples]:
         """For the losses, and for the moves from true prefixes."""
-        return list(validation_batches(self.config))
+        return [b for b in validation_batches(self.config) if isinstance(b, Samples)]
 
     @cached_property
     def targets(self) -> Samples:
         """For whole programs: no program stands twice among them."""
         config = self.config
         if config.val_root:
-            return next(validation_batches(replace(config, n_val=config.n_measure, batch_size=config.n_measure)))
+            first = next(validation_batches(replace(config, n_val=config.n_measure, batch_size=config.n_measure)))
+            assert isinstance(first, Samples)
+            return first
         generator = chunk_generator(0, TARGET_STREAM, 0, config.device)
         return synthesize(config.n_measure, replace(config.synthesis, prefixes=1, p_undo=0.0), generator)
 
-    @torch.no_grad()
     def losses(self, policy: Policy) -> dict[str, float]:
         """Means over `n_val` samples."""
-        policy.eval()
-        sums: dict[str, torch.Tensor] = {}
-        for batch in self.batches:
-            for name, value in policy.losses(batch).items():
-                sums[name] = sums.get(name, 0.0) + value * len(batch.steps)
-        count = sum(len(batch.steps) for batch in self.batches)
-        return {name: float(value) / count for name, value in sums.items()}
+        return mean_losses(policy, self.batches)
+
+    def measured(self, policy: Policy) -> tuple[dict[str, float], Shown]:
+        """Whole programs and next primitives."""
+        values, shown = self.programs(policy)
+        return values | self.errors(policy), shown
 
     @torch.no_grad()
     def programs(self, policy: Policy) -> tuple[dict[str, float], Shown]:
@@ -84,6 +87,18 @@ class Validation:
             for name in ("center", "size", "angle_deg")
             if error.count
         }
+
+
+@torch.no_grad()
+def mean_losses(net: Policy | StumpNet, batches: Sequence[Samples] | Sequence[Occupied]) -> dict[str, float]:
+    """Means of the losses over all samples of the network's kind of `batches`."""
+    net.eval()
+    sums: dict[str, torch.Tensor] = {}
+    for batch in batches:
+        for name, value in net.losses(batch).items():  # type: ignore[arg-type]
+            sums[name] = sums.get(name, 0.0) + value * len(batch[0])
+    count = sum(len(batch[0]) for batch in batches)
+    return {name: float(value) / count for name, value in sums.items()}
 
 
 def chance_free(device: str) -> torch.Generator:
