@@ -136,6 +136,21 @@ def test_canonical_keeps_the_solid_and_forgets_how_it_was_written(drawn):
         assert torch.allclose(one.float(), other.float(), atol=1e-3)
 
 
+def test_programs_may_stay_as_they_were_drawn(drawn):
+    """The same solids, in orders and with rotations that `canonical` would not have chosen."""
+    solids, _ = drawn
+    raw, _ = draw_programs(24, replace(CONFIG, canonical_numbers=False, canonical_order=False), generator())
+    points = torch.rand(24, 500, 3, generator=generator(2)) * 1.1 - 0.55
+    a, b = (inside(s, levels(s, points) < 0) for s in (solids, raw))
+    assert (a == b).float().mean() > 0.9999
+    ordered, _ = draw_programs(24, replace(CONFIG, canonical_numbers=False), generator())
+    same = (raw.centers == ordered.centers).all(-1).all(1)
+    assert 0 < int(same.sum()) < 24
+    boxes = raw.kinds == 0
+    assert (raw.rotations.diagonal(dim1=-2, dim2=-1).sum(-1)[boxes] < 2.0).any()
+    assert torch.equal(torch.sort(ordered.kinds, 1).values, torch.sort(raw.kinds, 1).values)
+
+
 def test_sequences_round_trip_through_the_state_machine(drawn):
     tokens, params = to_sequences(drawn[0], 14)
     assert tokens.shape == (24, 14)

@@ -6,19 +6,22 @@ import math
 import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 
 from imdim.data.canonical import canonical_primitives
 from imdim.data.families import FAMILIES
-from imdim.data.solids import PAD, from_sequences
+from imdim.data.solids import PAD, Solids, from_sequences
 from imdim.data.surfaces import surface_clouds
 from imdim.data.synthesize import SynthesisConfig, sampled_iou, synthesize
-from imdim.learn.base import BaseConfig, BasePolicy, Draft
+from imdim.learn.base import BaseConfig, BasePolicy
 from imdim.learn.beam import beam_search, costs_of
-from imdim.learn.codes import ENDS, FIRST, FREE, NUMBERS, PLACES, STEPS, Choices, decode, encode, ruler
+from imdim.learn.codes import ENDS, FIRST, FREE, NUMBERS, PLACES, STEPS, Choices, decode, encode, ruler, to_bins
 from imdim.learn.decode import DecodeConfig, applied, empty
 from imdim.learn.decode import decode as write
+from imdim.learn.draft import Draft
 from imdim.learn.policy import VOCAB, Move, drawn, legal, supervised
 from imdim.learn.profile import histograms, look, signed_level, voxel_moments, voxel_of
+from imdim.learn.rotations import ROTATION_CODES
 from imdim.learn.seed import ModelComponents, SeedConfig, SeedPolicy, build_cad_model, forward_params_only, seed_losses
 from imdim.program.state import ADD_BOX, ADD_SPHERE, END, UNDO_LAST, ShapeState
 
@@ -226,12 +229,90 @@ def test_voxel_moments_are_those_of_numpy():
     assert np.allclose(table[0, fullest, 4:], (covariance / np.trace(covariance))[np.triu_indices(3)], atol=1e-2)
 
 
-@pytest.mark.parametrize("switch", ["feedback", "pointing", "within"])
-def test_design_changes_can_be_taken_back(batch, switch):
+SWITCHES = [{name: False} for name in ("feedback", "pointing", "within", "local", "distributions", "canonical")]
+SWITCHES += [{"rotation": "euler"}, {"rotation": "euler", "distributions": False, "local": False}]
+
+
+def switched(changes):
     torch.manual_seed(0)
-    policy = BasePolicy(dataclasses.replace(SMALL, **{switch: False}), 7)
-    policy.losses(batch)["loss"].backward()
-    assert all(torch.isfinite(p.grad).all() for p in policy.parameters() if p.grad is not None)
+    return BasePolicy(dataclasses.replace(SMALL, **changes), 7)
+
+
+@pytest.mark.parametrize("changes", SWITCHES, ids=str)
+def test_design_changes_can_be_taken_back(batch, changes):
+    """The loss falls, and what is drawn has the log p of teacher forcing and a finite solid."""
+    policy = switched(changes)
+    optimizer = torch.optim.AdamW(policy.parameters(), 3e-3)
+    losses = []
+    for _ in range(12):
+        optimizer.zero_grad()
+        losses.append(policy.losses(batch)["loss"])
+        losses[-1].backward()
+        optimizer.step()
+    assert losses[-1] < 0.9 * losses[0]
+    policy.eval()
+    with torch.no_grad():
+        move = policy.propose(batch.gt_points, batch.cur_points, written(batch), generator(3))
+        again = policy.log_prob(batch.gt_points, batch.cur_points, written(batch), move)
+    assert torch.allclose(again, move.log_p, atol=1e-3)
+    assert all(torch.isfinite(v).all() for v in (move.part.centers, move.part.sizes, move.part.rotations))
+
+
+def test_one_vector_knows_no_places(batch):
+    """Without local tokens the order of the points is all the same, and the whole cloud is as many tokens as there are vectors."""
+    policy = switched({"local": False}).eval()
+    view = policy._view(batch.gt_points, batch.cur_points, written(batch))
+    assert view.there.shape[-1] == 3 + written(batch).kinds.shape[1]
+    mixed = batch.gt_points[:, torch.randperm(128, generator=generator(1))]
+    other = policy._view(mixed, batch.cur_points, written(batch))
+    assert torch.allclose(view.reads[0][0], other.reads[0][0], atol=1e-4)
+
+
+def test_regression_minimises_the_squared_error_of_what_it_writes(batch):
+    """The value written is the value of the loss: an error of 0 writes the truth, up to what a mark's reach cuts off."""
+    policy = switched({"distributions": False}).eval()
+    part = from_sequences(torch.tensor([[int(ADD_BOX)]]), torch.tensor([[[0.1, 0, 0, 0.3, 0.4, 0.5, 20, 30, 40, 1.0]]]))
+    low, edges = torch.full((1, 3), -0.5), torch.ones(1, 3)
+    truth = encode(canonical_primitives(part), low, edges)
+    head = policy.regression.requires_grad_(False)
+    torch.nn.init.zeros_(head.weight)
+    head.bias.data = truth.values()[0]
+    hidden, used = torch.zeros(1, ENDS + NUMBERS, 32), truth.used_bins(torch.tensor([0]))
+    assert used.all()
+    assert float(head.errors(hidden, truth, used)) == pytest.approx(0.0, abs=1e-9)
+    ends = torch.stack([torch.stack(head.place(hidden[:, 0], i)).float()[:, 0] for i in range(ENDS)], 1)
+    assert torch.equal(ends[0].long(), truth.places[0])
+    assert torch.allclose(ends[1], truth.offsets[0, :ENDS], atol=1e-4)
+    head.bias.data = truth.values()[0] + 0.1
+    assert float(head.errors(hidden, truth, used)) == pytest.approx(5.0 * 15 * 0.01, rel=1e-3)
+
+
+@pytest.mark.parametrize("code", sorted(ROTATION_CODES))
+def test_rotation_codes_come_back(code):
+    """Boxes and cylinders in any pose, against scipy's rotations."""
+    matrices = Rotation.random(200, rng=np.random.default_rng(0)).as_matrix()
+    kinds = torch.arange(200) % 2 * 2  # boxes and cylinders
+    zeros, sizes = torch.zeros(200, 1, 3), torch.tensor([0.2, 0.4, 0.3]).expand(200, 1, 3)
+    turned = torch.tensor(matrices, dtype=torch.float32)[:, None]
+    part = canonical_primitives(Solids(kinds[:, None], torch.ones(200, 1, dtype=torch.bool), zeros, sizes, turned))
+    low, edges = torch.full((200, 3), -0.5), torch.ones(200, 3)
+    choices = encode(part, low, edges, code)
+    used = choices.used_bins(kinds, code)
+    bins = torch.where(used, choices.bins, 0)
+    if code == "columns":
+        implied = to_bins(ROTATION_CODES[code].implied(choices.values()[:, ENDS : ENDS + 3]))[0]
+        bins[:, 3:6] = torch.where(used[:, 3:6], bins[:, 3:6], implied)
+    again = canonical_primitives(decode(kinds, torch.ones(200), dataclasses.replace(choices, bins=bins), low, edges, code))
+    free = choices.turn == FREE
+    assert free.sum() > 150
+    z, x = (torch.linalg.vecdot(part.rotations[:, 0, :, i], again.rotations[:, 0, :, i]) for i in (2, 0))
+    assert (z[free] > 0.999).all()
+    assert (x[free & (kinds == 0)] > 0.999).all()
+
+
+def test_an_unknown_rotation_code_says_what_is_known():
+    with pytest.raises(ValueError, match="unknown rotation code 'quaternion'; known are columns, euler"):
+        switched({"rotation": "quaternion"})
 
 
 def test_masks_are_those_of_the_state_machine():

@@ -38,13 +38,15 @@ LONG = (7, 12)  # primitives of the second range
 @dataclass
 class EvaluateConfig:
     """`n` targets of `synthesis` and `n_long` of 7 to 12 primitives from `seed`, which training streams never use; of each the `first` so
-    many are answered (0: all), for a quick look at the same targets. The model card has n=500 n_long=200."""
+    many are answered (0: all), for a quick look at the same targets. Without `solver` its rows are left out. The model card has n=500
+    n_long=200."""
 
     checkpoint: str = "models/imdim-base.safetensors"
     n: int = 60
     n_long: int = 0
     first: int = 0
     seed: int = 1000
+    solver: bool = True
     threads: int = 1
     out: str = ""
     synthesis: SynthesisConfig = field(default_factory=lambda: SynthesisConfig(n_max=6))
@@ -60,7 +62,15 @@ def main(arguments: list[str], say: Callable[[str], object]) -> int:
     except (ConfigError, ValueError, OSError) as error:
         sys.stderr.write(f"evaluate: {error}\n")
         return 2
-    results: dict[str, object] = {"header": header, "config": asdict(config)}
+    results = {"header": header, "config": asdict(config), **measured(policy, config, say)}
+    if config.out:
+        replace_whole(Path(config.out), json.dumps(results, indent=1).encode())
+    return 0
+
+
+def measured(policy: Policy, config: EvaluateConfig, say: Callable[[str], object]) -> dict[str, object]:
+    """All numbers for each range of lengths, as their tables are told to `say`."""
+    results: dict[str, object] = {}
     for low, high, n in ((config.synthesis.n_min, config.synthesis.n_max, config.n), (*LONG, config.n_long)):
         if n:
             say(f"\n## {low} to {high} primitives, {config.first or n} of {n} targets\n")
@@ -68,9 +78,7 @@ def main(arguments: list[str], say: Callable[[str], object]) -> int:
             batch = synthesize(n, synthesis, torch.Generator().manual_seed(config.seed))
             some = Samples(*(v[: config.first or n] for v in batch))
             results[f"{low}-{high}"] = {**step_results(policy, some, say), "answers": answer_results(policy, some, config, say)}
-    if config.out:
-        replace_whole(Path(config.out), json.dumps(results, indent=1).encode())
-    return 0
+    return results
 
 
 def step_results(policy: Policy, batch: Samples, say: Callable[[str], object]) -> dict[str, object]:
@@ -106,12 +114,18 @@ def _answers(policy: Policy, gt_points: Tensor, config: EvaluateConfig) -> Itera
     local = poses.local(clouds)
     render, chance = torch.Generator().manual_seed(config.seed), torch.Generator().manual_seed(config.seed + 1)
     yield "bounding box", _timed(lambda: bounding_boxes(gt_points), len(clouds))
-    yield "bounding box + solver", _timed(lambda: _solved([[s] for s in signed_of(bounding_boxes(gt_points))], clouds, poses), len(clouds))
+    if config.solver:
+        yield (
+            "bounding box + solver",
+            _timed(lambda: _solved([[s] for s in signed_of(bounding_boxes(gt_points))], clouds, poses), len(clouds)),
+        )
     greedy, seconds = _timed(lambda: poses.back(decode(policy, local, config.decode, render)), len(clouds))
     yield "greedy", (greedy, seconds + turning)
     width = config.decode.beam
     beams, seconds = _timed(lambda: poses.back(_beams(policy, local, config.decode, render, chance)), len(clouds))
     yield f"beam {width}", (beams[torch.arange(len(clouds)) * width], seconds + turning)
+    if not config.solver:
+        return
     candidates = [signed_of(beams[slice(i * width, (i + 1) * width)]) for i in range(len(clouds))]
     solved, more = _timed(lambda: _solved(candidates, clouds, poses), len(clouds))
     yield f"beam {width} + solver", (solved, seconds + turning + more)

@@ -18,8 +18,8 @@ from imdim.data.surfaces import volumes
 
 
 def canonical(solids: Solids) -> Solids:
-    """The same solids with canonical primitives, each run of one sign sorted by falling volume, then by position."""
-    return _sorted(canonical_primitives(solids))
+    """The same solids with canonical primitives in canonical order."""
+    return canonical_order(canonical_primitives(solids))
 
 
 def canonical_primitives(solids: Solids) -> Solids:
@@ -34,6 +34,21 @@ def canonical_primitives(solids: Solids) -> Solids:
     used = torch.stack([torch.ones_like(box), cylinder, torch.zeros_like(box)], -1)
     sizes = torch.where(box[..., None], edges, torch.where(used, solids.sizes, 0.0))
     return replace(solids, sizes=sizes, rotations=torch.where(box[..., None, None], turned, rotations))
+
+
+def canonical_order(solids: Solids) -> Solids:
+    """The same solids, each run of one sign sorted by falling volume, then by position."""
+    change = solids.positive[:, 1:] != solids.positive[:, :-1]
+    run = torch.cat([torch.zeros_like(solids.kinds[:, :1]), change.cumsum(1)], 1)
+    run = torch.where(solids.kinds == ABSENT, run.shape[1] + 1, run)
+    # rounded, so that equal holes of a pattern are ordered by position and not by the noise of their numbers
+    bulk = -torch.round(torch.log(volumes(solids).clamp_min(1e-12)) * 20)
+    keys = [*(torch.round(c * 200) for c in solids.centers.unbind(-1)), bulk, run]
+    # stable sorts from the least to the most significant key
+    order = torch.arange(run.shape[1], device=run.device).expand(run.shape)
+    for key in keys:
+        order = order.gather(1, torch.argsort(key.gather(1, order), dim=1, stable=True))
+    return solids.taken(order)
 
 
 def shortest_from_z(axis: Tensor) -> Tensor:
@@ -64,17 +79,3 @@ def _nearest_box(rotations: Tensor, sizes: Tensor) -> tuple[Tensor, Tensor]:
     preference = torch.linspace(1e-3, 0.0, len(group), dtype=trace.dtype, device=trace.device)
     turn = group[(trace + preference).argmax(-1)]
     return rotations @ turn, (turn.abs().mT @ sizes[..., None])[..., 0]
-
-
-def _sorted(solids: Solids) -> Solids:
-    """Stable sorts from the least to the most significant key: x, y, z, size, run."""
-    change = solids.positive[:, 1:] != solids.positive[:, :-1]
-    run = torch.cat([torch.zeros_like(solids.kinds[:, :1]), change.cumsum(1)], 1)
-    run = torch.where(solids.kinds == ABSENT, run.shape[1] + 1, run)
-    # rounded, so that equal holes of a pattern are ordered by position and not by the noise of their numbers
-    bulk = -torch.round(torch.log(volumes(solids).clamp_min(1e-12)) * 20)
-    keys = [*(torch.round(c * 200) for c in solids.centers.unbind(-1)), bulk, run]
-    order = torch.arange(run.shape[1], device=run.device).expand(run.shape)
-    for key in keys:
-        order = order.gather(1, torch.argsort(key.gather(1, order), dim=1, stable=True))
-    return solids.taken(order)

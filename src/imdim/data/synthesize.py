@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from imdim.data.augment import AugmentConfig, augment
-from imdim.data.canonical import box_symmetries, canonical
+from imdim.data.canonical import box_symmetries, canonical_order, canonical_primitives
 from imdim.data.dice import Dice
 from imdim.data.families import FAMILIES
 from imdim.data.solids import CYLINDER, PAD, Solids, concatenate, from_sequences, inside, last_two, levels, to_sequences
@@ -31,7 +31,8 @@ class SynthesisConfig:
     share of programs in any pose (the others have their axes along the coordinate axes, any of 24 ways); `p_undo` the share of samples
     whose prefix ends with a wrong primitive that the next token takes back; `p_shaken` the share whose prefix is a little wrong throughout,
     as what a policy writes is, by `shake` of the diagonal; `tilt` how many degrees the aligned poses are off (standard deviation);
-    `prefixes` how many samples of a batch share a program."""
+    `prefixes` how many samples of a batch share a program. Without `canonical_numbers` boxes and cylinders keep the one of their equal
+    rotations that they were drawn with, without `canonical_order` primitives come in the order drawn."""
 
     n_min: int = 1
     n_max: int = MAX_PRIMITIVES
@@ -44,6 +45,8 @@ class SynthesisConfig:
     shake: float = 0.01
     tilt: float = 0.0
     prefixes: int = 1
+    canonical_numbers: bool = True
+    canonical_order: bool = True
     volume_samples: int = 4096
     families: tuple[str, ...] = tuple(FAMILIES)
     augment: AugmentConfig = field(default_factory=AugmentConfig)
@@ -115,7 +118,8 @@ def _mistaken(tokens: Tensor, params: Tensor, steps: Tensor, where: Tensor, dice
 
 
 def draw_programs(n: int, config: SynthesisConfig, generator: torch.Generator) -> tuple[Solids, Tensor]:
-    """`n` canonical programs of `n_min` to `n_max` primitives in the frame of their clouds [n, gt_points, 3], which are exact."""
+    """`n` programs of `n_min` to `n_max` primitives, canonical as far as `config` says, in the frame of their clouds [n, gt_points, 3],
+    which are exact."""
     _check(config)
     found: list[Solids] = []
     missing = n
@@ -126,9 +130,14 @@ def draw_programs(n: int, config: SynthesisConfig, generator: torch.Generator) -
         if not missing:
             solids, clouds, whole = framed(concatenate(found, MAX_PRIMITIVES).compact(), config.gt_points, generator)
             if whole.all():
-                return canonical(solids), clouds
+                return _written(solids, config), clouds
             found, missing = [concatenate(found, MAX_PRIMITIVES)[whole]], int((~whole).sum())
     raise RuntimeError(f"{missing} of {n} programs of {config.n_min} to {config.n_max} primitives not found in {DRAWS} draws")
+
+
+def _written(solids: Solids, config: SynthesisConfig) -> Solids:
+    solids = canonical_primitives(solids) if config.canonical_numbers else solids
+    return canonical_order(solids) if config.canonical_order else solids
 
 
 def _check(config: SynthesisConfig) -> None:

@@ -14,13 +14,17 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from imdim.data.canonical import canonical_primitives
 from imdim.data.solids import ABSENT, CYLINDER, PAD, Solids, from_sequences
 from imdim.data.synthesize import Samples
-from imdim.learn.attention import Layer, Read, causal
-from imdim.learn.codes import BINS, ENDS, FIRST, NUMBERS, PLACES, STEPS, TURNS, Choices, decode, encode, implied_x, numbers_of, ruler
+from imdim.learn.attention import Layer, causal
+from imdim.learn.codes import BINS, ENDS, FIRST, NUMBERS, PLACES, STEPS, TURNS, Choices, decode, encode, numbers_of, ruler, to_bins
+from imdim.learn.draft import Draft, View
 from imdim.learn.pointer import Pointer
 from imdim.learn.policy import VOCAB, Move, Policy, chosen_tokens, drawn, token_log_p
-from imdim.learn.profile import COUNTS, Clouds, SlabTokens, histograms, look
+from imdim.learn.profile import COUNTS, SlabTokens, histograms, look
+from imdim.learn.regression import Regression
+from imdim.learn.rotations import ROTATION_CODES
 
 HEAD = 3  # slots before the ends: token, sign, turn
 SLOTS = HEAD + ENDS + NUMBERS
@@ -32,7 +36,9 @@ class BaseConfig:
     """`gt_points` and `cur_points` are how many points of each cloud are used, `point_width` how many features a point has.
 
     The switches take a design change back, to measure what it is worth: `feedback` sees the written solid, `pointing` scores marks by what
-    is there, `within` looks only at points within the ends chosen so far.
+    is there, `within` looks only at points within the ends chosen so far. Without `local` there is one max-pooled vector of each cloud and
+    nothing to point at; without `distributions` ends and numbers are regressed; `rotation` is a key of ROTATION_CODES. What is not
+    `canonical` writes as it was taught, which is for samples without `canonical_numbers`.
     """
 
     d_model: int = 128
@@ -46,67 +52,21 @@ class BaseConfig:
     feedback: bool = True
     pointing: bool = True
     within: bool = True
-
-
-@dataclass(frozen=True)
-class View:
-    """What a state shows: the ruler `low`, `edges` [b, 3], the `clouds`, what each decoder layer `reads` of its encoded
-    tokens, which of them are `there` [b, 1, 1, s], and the encoded `slabs` [b, STEPS + 1, d] of each axis."""
-
-    low: Tensor
-    edges: Tensor
-    clouds: Clouds
-    reads: tuple[Read, ...]
-    there: Tensor
-    slabs: tuple[Tensor, ...]
-
-    def only(self, rows: Tensor) -> View:
-        """Some rows, without the clouds."""
-        reads = tuple((k[rows], v[rows]) for k, v in self.reads)
-        return View(self.low[rows], self.edges[rows], self.clouds, reads, self.there[rows], tuple(s[rows] for s in self.slabs))
-
-    def repeated(self, ways: int) -> View:
-        """Each row `ways` times; the clouds, which are large, stay shared."""
-        if ways == 1:
-            return self
-        low, edges, there = (v.repeat_interleave(ways, 0) for v in (self.low, self.edges, self.there))
-        reads = tuple((k.repeat_interleave(ways, 0), v.repeat_interleave(ways, 0)) for k, v in self.reads)
-        return View(low, edges, self.clouds, reads, there, tuple(s.repeat_interleave(ways, 0) for s in self.slabs))
-
-
-@dataclass
-class Draft:
-    """A primitive as far as it is written: `tokens`, `sign` [b] and `choices`; `profiles` [b, marks, kinds] are of the axes begun."""
-
-    tokens: Tensor
-    sign: Tensor
-    choices: Choices
-    profiles: list[Tensor]
-
-    def only(self, rows: Tensor) -> Draft:
-        """A copy of some rows."""
-        c = self.choices
-        choices = Choices(c.turn[rows], c.places[rows], c.bins[rows], c.offsets[rows])
-        return Draft(self.tokens[rows], self.sign[rows], choices, [p[rows] for p in self.profiles])
-
-    def draws(self) -> Tensor:
-        """Sign, turn, places, bins and offsets [b, 2 + 2 (ENDS + NUMBERS)], from which `of` makes the draft again."""
-        c = self.choices
-        return torch.cat([self.sign[:, None], c.turn[:, None], c.places, c.bins, c.offsets], 1)
-
-    @staticmethod
-    def of(tokens: Tensor, draws: Tensor) -> Draft:
-        """The draft of `tokens` [b] and their `draws`."""
-        sign, turn, places, bins, offsets = draws.split([1, 1, ENDS, NUMBERS, ENDS + NUMBERS], 1)
-        return Draft(tokens, sign[:, 0].long(), Choices(turn[:, 0].long(), places.long(), bins.long(), offsets), [])
+    local: bool = True
+    distributions: bool = True
+    rotation: str = "columns"
+    canonical: bool = True
 
 
 class BasePolicy(Policy):
     def __init__(self, config: BaseConfig, max_seq_len: int) -> None:
+        """Raises ValueError for a rotation code that is none."""
         super().__init__()
+        if config.rotation not in ROTATION_CODES:
+            raise ValueError(f"unknown rotation code {config.rotation!r}; known are {', '.join(ROTATION_CODES)}")
         self.config, self.max_seq_len = config, max_seq_len
         d = config.d_model
-        self.slabs = SlabTokens(d, config.point_width)
+        self.slabs = SlabTokens(d, config.point_width, config.local)
         self.history = nn.Linear(ENDS + NUMBERS + TURNS + VOCAB + 1, d)
         self.order = nn.Parameter(0.02 * torch.randn(max_seq_len, d))
         self.encoder = nn.ModuleList(Layer(d, config.heads) for _ in range(config.encoder_layers))
@@ -117,9 +77,10 @@ class BasePolicy(Policy):
         self.place_embed, self.bin_embed = nn.Embedding(PLACES, d), nn.Embedding(BINS * NUMBERS, d)
         self.glance = nn.Linear((STEPS + 1) * (COUNTS + 1), d)
         self.to_token, self.to_sign, self.to_turn = (nn.Linear(d, n) for n in (VOCAB, 2, TURNS))
-        self.pointer = Pointer(d, config.pointing)
+        self.pointer = Pointer(d, config.pointing and config.local)
         self.to_bins = nn.Parameter(torch.randn(NUMBERS, d, BINS) * d**-0.5)
         self.to_shifts = nn.Parameter(torch.randn(NUMBERS, d, BINS) * 0.01)
+        self.regression = None if config.distributions else Regression(d)
 
     def losses(self, batch: Samples) -> dict[str, Tensor]:
         """Cross-entropies (nats) of the step after the prefix that `cur_points` shows; `ends` and `numbers` are sums over a primitive's."""
@@ -130,7 +91,7 @@ class BasePolicy(Policy):
         adds = (tokens <= CYLINDER).float()
         part = from_sequences(tokens[:, None].clamp_max(CYLINDER), batch.gt_params[rows, batch.steps][:, None])
         view = self._view(batch.gt_points, batch.cur_points, written)
-        draft = Draft(tokens, part.positive[:, 0].long(), encode(part, view.low, view.edges), [])
+        draft = Draft(tokens, part.positive[:, 0].long(), encode(part, view.low, view.edges, self.config.rotation), [])
         log_p, shift, logits = self._log_p(view, draft)
         count = adds.sum().clamp_min(1)
         parts = {name: -(value * adds).sum() / count for name, value in log_p.items() if name != "token"}
@@ -165,12 +126,12 @@ class BasePolicy(Policy):
         log_p = log_p + (log_sign + log_turn) * adds
         for end in range(ENDS):
             log_p = log_p + self._draw_end(view, draft, end, generator) * adds
-        used = draft.choices.used_bins(draft.tokens) & (adds > 0)[:, None]
+        used = draft.choices.used_bins(draft.tokens, self.config.rotation) & (adds > 0)[:, None]
         free = used.any(1).nonzero()[:, 0]
         if len(free):
             log_p = log_p.index_add(0, free, self._draw_numbers(view, draft, free, generator))
-        part = decode(draft.tokens.clamp_max(CYLINDER), draft.sign.bool(), draft.choices, view.low, view.edges)
-        return Move(draft.tokens, part, log_p, draft.draws())
+        part = decode(draft.tokens.clamp_max(CYLINDER), draft.sign.bool(), draft.choices, view.low, view.edges, self.config.rotation)
+        return Move(draft.tokens, canonical_primitives(part) if self.config.canonical else part, log_p, draft.draws())
 
     def log_prob(self, gt_points: Tensor, cur_points: Tensor, solids: Solids, move: Move, may_undo: Tensor | None = None) -> Tensor:
         """Of a move that `propose` drew: several draws make one primitive, so it is asked for the draws."""
@@ -186,6 +147,9 @@ class BasePolicy(Policy):
     def _draw_end(self, view: View, draft: Draft, end: int, generator: torch.Generator | None) -> Tensor:
         """Choose one end in place; its log p [b]."""
         hidden = self._hidden(view, draft, HEAD + end + 1)[:, -1]
+        if self.regression is not None:
+            draft.choices.places[:, end], draft.choices.offsets[:, end] = self.regression.place(hidden, end)
+            return torch.zeros_like(hidden[:, 0])
         keys = self._keys(view, draft, end)
         place, log_p = drawn(self.pointer.scores(hidden, keys), generator)
         draft.choices.places[:, end] = place
@@ -195,19 +159,26 @@ class BasePolicy(Policy):
     def _draw_numbers(self, view: View, draft: Draft, rows: Tensor, generator: torch.Generator | None) -> Tensor:
         """Choose the numbers of the free rotations of `rows` in place; their log p [rows]."""
         view, part = view.only(rows), draft.only(rows)
-        used, log_p = part.choices.used_bins(part.tokens), torch.zeros(len(rows), device=rows.device)
+        code, log_p = ROTATION_CODES[self.config.rotation], torch.zeros(len(rows), device=rows.device)
+        used = part.choices.used_bins(part.tokens, self.config.rotation)
         for slot in range(NUMBERS):
             if slot == 3:
                 # what a cylinder's x axis is in the data, it is here
-                implied = implied_x(part.choices.bins[:, :3] + part.choices.offsets[:, ENDS : ENDS + 3])
+                implied, _ = to_bins(code.implied(part.choices.values()[:, ENDS : ENDS + 3]))
                 part.choices.bins[:, 3:6] = torch.where(used[:, 3:6], 0, implied)
-            hidden = self._hidden(view, part, HEAD + ENDS + slot + 1)[:, -1]
-            index, log_index = drawn(hidden @ self.to_bins[slot], generator)
+            index, shift, log_index = self._draw_bin(self._hidden(view, part, HEAD + ENDS + slot + 1)[:, -1], slot, generator)
             part.choices.bins[:, slot] = torch.where(used[:, slot], index, part.choices.bins[:, slot])
-            part.choices.offsets[:, ENDS + slot] = (hidden @ self.to_shifts[slot]).gather(1, index[:, None])[:, 0].clamp(-0.5, 0.5)
+            part.choices.offsets[:, ENDS + slot] = shift
             log_p = log_p + log_index * used[:, slot]
         draft.choices.bins[rows], draft.choices.offsets[rows] = part.choices.bins, part.choices.offsets
         return log_p
+
+    def _draw_bin(self, hidden: Tensor, slot: int, generator: torch.Generator | None) -> tuple[Tensor, Tensor, Tensor]:
+        """Bin, offset and log p [b] of one number."""
+        if self.regression is not None:
+            return *self.regression.bin(hidden, slot), torch.zeros_like(hidden[:, 0])
+        index, log_p = drawn(hidden @ self.to_bins[slot], generator)
+        return index, (hidden @ self.to_shifts[slot]).gather(1, index[:, None])[:, 0].clamp(-0.5, 0.5), log_p
 
     def _logits(self, view: View, draft: Draft) -> Tensor:
         return self.to_token(self._hidden(view, draft, 1)[:, 0])
@@ -216,20 +187,30 @@ class BasePolicy(Policy):
         """Log p [b] of each group of a whole draft's choices, the squared errors [b] of its offsets, in steps, and the token's logits."""
         choices, rows = draft.choices, torch.arange(len(draft.tokens), device=draft.tokens.device)
         hidden = self._hidden(view, draft, SLOTS)
+        used = choices.used_bins(draft.tokens, self.config.rotation)
+        if self.regression is not None:
+            shift = self.regression.errors(hidden[:, HEAD:], choices, used)
+            ends = numbers = torch.zeros_like(shift)
+        else:
+            ends, numbers, shift = self._chosen(view, draft, hidden, used)
+        logits = [head(hidden[:, i]) for i, head in enumerate((self.to_token, self.to_sign, self.to_turn))]
+        chosen = (draft.tokens, draft.sign, choices.turn)
+        token, sign, turn = (scores.log_softmax(-1)[rows, value] for scores, value in zip(logits, chosen, strict=True))
+        return {"token": token, "sign": sign, "turn": turn, "ends": ends, "numbers": numbers}, shift, logits[0]
+
+    def _chosen(self, view: View, draft: Draft, hidden: Tensor, used: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Log p [b] of the ends and of the `used` numbers, and the squared errors [b] of their offsets."""
+        choices, rows = draft.choices, torch.arange(len(draft.tokens), device=draft.tokens.device)
         ends, shift = torch.zeros_like(view.low[:, 0]), torch.zeros_like(view.low[:, 0])
         for end in range(ENDS):
             at, keys, place = hidden[:, HEAD + end], self._keys(view, draft, end), choices.places[:, end]
             ends = ends + self.pointer.scores(at, keys).log_softmax(-1)[rows, place]
             shift = shift + (self.pointer.offset(at, keys, place) - choices.offsets[:, end]).square()
-        used = choices.used_bins(draft.tokens)
         bins = torch.einsum("bsd,sdk->bsk", hidden[:, HEAD + ENDS :], self.to_bins).log_softmax(-1)
         shifts = torch.einsum("bsd,sdk->bsk", hidden[:, HEAD + ENDS :], self.to_shifts)
         numbers, moved = (v.gather(2, choices.bins[..., None])[..., 0] for v in (bins, shifts))
         shift = shift + ((moved - choices.offsets[:, ENDS:]).square() * used).sum(1)
-        logits = [head(hidden[:, i]) for i, head in enumerate((self.to_token, self.to_sign, self.to_turn))]
-        chosen = (draft.tokens, draft.sign, choices.turn)
-        token, sign, turn = (scores.log_softmax(-1)[rows, value] for scores, value in zip(logits, chosen, strict=True))
-        return {"token": token, "sign": sign, "turn": turn, "ends": ends, "numbers": (numbers * used).sum(1)}, shift, logits[0]
+        return ends, (numbers * used).sum(1), shift
 
     def _view(self, gt_points: Tensor, cur_points: Tensor, written: Solids) -> View:
         low, edges = ruler(gt_points)
@@ -238,7 +219,8 @@ class BasePolicy(Policy):
         clouds = look(gt_points[:, : self.config.gt_points], cur_points[:, : self.config.cur_points], written, low, edges)
         sign = torch.where(written.positive, 1.0, -1.0)[..., None]
         kinds = F.one_hot(written.kinds.clamp_min(0), VOCAB)
-        past = self.history(torch.cat([numbers_of(written, low, edges), kinds, sign], -1)) + self.order[: written.kinds.shape[1]]
+        numbers = numbers_of(written, low, edges, self.config.rotation)
+        past = self.history(torch.cat([numbers, kinds, sign], -1)) + self.order[: written.kinds.shape[1]]
         slabs = self.slabs(clouds, edges)
         there = torch.cat([torch.ones_like(slabs[..., 0], dtype=torch.bool), written.present], 1)[:, None, None]
         memory = torch.cat([slabs, past], 1)
@@ -246,7 +228,9 @@ class BasePolicy(Policy):
             memory = layer(memory, there)
         memory = self.encoded(memory)
         reads = tuple(layer.read(memory) for layer in self.decoder if isinstance(layer, Layer))
-        return View(low, edges, clouds, reads, there, memory[:, : 3 * (STEPS + 1)].split(STEPS + 1, 1))
+        # one vector has no places
+        tokens = memory[:, : 3 * (STEPS + 1)] if self.config.local else torch.zeros_like(memory[:, :1]).expand(-1, 3 * (STEPS + 1), -1)
+        return View(low, edges, clouds, reads, there, tokens.split(STEPS + 1, 1))
 
     def _profile(self, view: View, draft: Draft, axis: int) -> Tensor:
         """The profile along `axis` of the points within the ends chosen along the axes before it."""
@@ -263,7 +247,8 @@ class BasePolicy(Policy):
 
     def _keys(self, view: View, draft: Draft, end: int) -> Tensor:
         from_low = draft.choices.places[:, end - 1] - FIRST if end % 2 else None
-        return self.pointer.keys(view.slabs[end // 2], self._profile(view, draft, end // 2), from_low)
+        profile = self._profile(view, draft, end // 2) if self.pointer.fixed is None else None
+        return self.pointer.keys(view.slabs[end // 2], profile, from_low)
 
     def _hidden(self, view: View, draft: Draft, count: int) -> Tensor:
         """Hidden states [b, count, d] of the first `count` slots, each seeing those before it; later choices are not looked at."""
@@ -273,7 +258,7 @@ class BasePolicy(Policy):
         before += [self.turn_embed(choices.turn)[:, None], self.place_embed(choices.places), self.bin_embed(number)[:, :-1]]
         x = (torch.cat(before, 1) + self.slot)[:, :count]
         axes = range((min(ENDS, max(0, count - HEAD)) + 1) // 2)
-        if axes:
+        if axes and self.config.local:
             glances = torch.stack([self.glance(self._profile(view, draft, axis).flatten(1)) for axis in axes], 1)
             seen = nn.functional.pad(glances.repeat_interleave(2, 1), (0, 0, HEAD, NUMBERS))
             x = x + seen[:, :count]

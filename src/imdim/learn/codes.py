@@ -3,7 +3,7 @@
 The box of the target's cloud is the ruler. Along each of its three axes a place is one of `STEPS` + 1 marks from face to face, some marks
 further out, or "beyond". A primitive is its `turn` (the axis of a cylinder, or a free rotation) and the low and high ends of its own
 axis-parallel box, so that faces of boxes and ends of cylinders stand where the cloud shows them. Only what is turned freely needs more: two
-columns of its rotation (Zhou et al. 2019, "On the continuity of rotation representations") and the logarithms of its sizes.
+columns of its rotation (or another of the `ROTATION_CODES`) and the logarithms of its sizes.
 
 Ends of cutters outside of the cloud's box are one choice: where a cut leaves the solid, its length is nobody's to know.
 """
@@ -15,10 +15,11 @@ from dataclasses import dataclass, fields
 
 import torch
 from torch import Tensor
-from torch.nn.functional import normalize, one_hot
+from torch.nn.functional import one_hot
 
-from imdim.data.canonical import canonical_primitives, shortest_from_z
+from imdim.data.canonical import shortest_from_z
 from imdim.data.solids import BOX, CYLINDER, SPHERE, Solids
+from imdim.learn.rotations import ROTATION_CODES
 
 STEPS, OUTSIDE = 40, 20
 PLACES = STEPS + 1 + 2 * OUTSIDE + 2  # beyond low, OUTSIDE marks, the marks of the box, OUTSIDE marks, beyond high
@@ -49,20 +50,25 @@ class Choices:
         ends = torch.where(self.places == 0, -BEYOND, ends)
         return torch.where(self.places == PLACES - 1, 1 + BEYOND, ends)
 
-    def used_bins(self, kinds: Tensor) -> Tensor:
-        """Which of the nine bins mean something, bool [b, 9], for tokens `kinds` [b]."""
-        cylinder = torch.tensor([True] * 3 + [False] * 3 + [True] * 2 + [False], device=kinds.device)
-        return (self.turn == FREE)[:, None] & ((kinds == BOX)[:, None] | cylinder)
+    def values(self) -> Tensor:
+        """What places, bins and offsets stand for: ends in shares, numbers of 0 to 1, [b, ENDS + NUMBERS]."""
+        return torch.cat([self.shares(), (self.bins + self.offsets[:, ENDS:]) / (BINS - 1)], 1)
+
+    def used_bins(self, kinds: Tensor, code: str = "columns") -> Tensor:
+        """Which of the nine bins mean something, bool [b, 9], for tokens `kinds` [b]; `code` is of the rotation."""
+        box, turn = (kinds == BOX)[:, None], ROTATION_CODES[code]
+        needed = torch.where(box, turn.box, turn.cylinder) > torch.arange(6, device=kinds.device)
+        always = torch.ones_like(box)
+        return (self.turn == FREE)[:, None] & torch.cat([needed, always, always, box], 1)
 
 
-def numbers_of(solids: Solids, low: Tensor, edges: Tensor) -> Tensor:
+def numbers_of(solids: Solids, low: Tensor, edges: Tensor, code: str = "columns") -> Tensor:
     """What `encode` chooses for canonical `solids` [b, t], unrounded, as numbers [b, t, ENDS + NUMBERS + TURNS] for a network to read."""
     b, t = solids.kinds.shape
     flat = Solids(*(getattr(solids, f.name).flatten(0, 1)[:, None] for f in fields(Solids)))
-    wide = (v[:, None].expand(b, t, 3).flatten(0, 1) for v in (low, edges))
-    choices = encode(flat, *wide)
-    free = (choices.bins + choices.offsets[:, ENDS:]) / (BINS - 1)
-    return torch.cat([choices.shares(), free, one_hot(choices.turn, TURNS)], -1).view(b, t, -1) * solids.present[..., None]
+    each_low, each_edges = (v[:, None].expand(b, t, 3).flatten(0, 1) for v in (low, edges))
+    choices = encode(flat, each_low, each_edges, code)
+    return torch.cat([choices.values(), one_hot(choices.turn, TURNS)], -1).view(b, t, -1) * solids.present[..., None]
 
 
 def ruler(gt_points: Tensor) -> tuple[Tensor, Tensor]:
@@ -71,7 +77,7 @@ def ruler(gt_points: Tensor) -> tuple[Tensor, Tensor]:
     return low, (high - low).clamp_min(SMALLEST)
 
 
-def encode(part: Solids, low: Tensor, edges: Tensor) -> Choices:
+def encode(part: Solids, low: Tensor, edges: Tensor, code: str = "columns") -> Choices:
     """The choices that describe canonical primitives `part` [b, 1] by the ruler `low`, `edges` [b, 3]."""
     kinds, rotation, sizes = part.kinds[:, 0], part.rotations[:, 0], part.sizes[:, 0]
     axis = rotation[..., 2].abs()
@@ -82,15 +88,14 @@ def encode(part: Solids, low: Tensor, edges: Tensor) -> Choices:
     ends = torch.stack([middle - half, middle + half], -1) / edges[..., None]
     flat = ((kinds == BOX)[:, None] | ((kinds == CYLINDER)[:, None] & one_hot(along, 3).bool())) & (turn != FREE)[:, None]
     unseen = (flat & ~part.positive)[..., None] & ((ends < -HIDDEN) | (ends > 1 + HIDDEN))
-    places, shift = _to_places(ends.flatten(1), unseen.flatten(1))
+    places, shift = to_places(ends.flatten(1), unseen.flatten(1))
     scaled = (torch.log(sizes.clamp_min(SMALLEST)) - LOG_LOW) / (LOG_HIGH - LOG_LOW)
-    position = torch.cat([(rotation[..., 2] + 1) / 2, (rotation[..., 0] + 1) / 2, scaled], -1) * (BINS - 1)
-    bins = position.round().clamp(0, BINS - 1)
-    return Choices(turn, places, bins.long(), torch.cat([shift, (position - bins).clamp(-0.5, 0.5)], -1))
+    bins, moved = to_bins(torch.cat([ROTATION_CODES[code].numbers(rotation), scaled], -1))
+    return Choices(turn, places, bins, torch.cat([shift, moved], -1))
 
 
-def decode(kinds: Tensor, positive: Tensor, choices: Choices, low: Tensor, edges: Tensor) -> Solids:
-    """Canonical primitives [b, 1] of kinds [b] (tokens ADD_*) and signs [b] that `choices` describe."""
+def decode(kinds: Tensor, positive: Tensor, choices: Choices, low: Tensor, edges: Tensor, code: str = "columns") -> Solids:
+    """Primitives [b, 1] of kinds [b] (tokens ADD_*) and signs [b] that `choices` describe."""
     ends = choices.shares().view(-1, 3, 2) * edges[..., None] + low[..., None]
     # a cutter may have to remove what a positive primitive left far outside
     far = edges.amax(-1)[:, None] * THROUGH
@@ -106,14 +111,14 @@ def decode(kinds: Tensor, positive: Tensor, choices: Choices, low: Tensor, edges
     height = (edge * turned).sum(-1)
     zero = torch.zeros_like(radius)
     round_sizes = torch.stack([radius, torch.where(kinds == CYLINDER, height, zero), zero], -1)
-    numbers = (choices.bins + choices.offsets[:, ENDS:]) / (BINS - 1)
+    numbers = choices.values()[:, ENDS:]
     free_sizes = torch.exp(LOG_LOW + numbers[:, 6:] * (LOG_HIGH - LOG_LOW))
     sizes = torch.where(free[:, None], free_sizes, torch.where((kinds == BOX)[:, None], edge, round_sizes))
     eye = torch.eye(3, device=kinds.device)
     straight = torch.where((kinds == CYLINDER)[:, None, None], shortest_from_z(eye[choices.turn.clamp_max(2)]), eye)
-    rotation = torch.where(free[:, None, None], _frame(numbers[:, :6] * 2 - 1), straight)
+    rotation = torch.where(free[:, None, None], ROTATION_CODES[code].rotations(numbers[:, :6]), straight)
     columns = (kinds, positive, middle, sizes.clamp_min(SMALLEST), rotation)
-    return canonical_primitives(Solids(*(column[:, None] for column in columns)))
+    return Solids(*(column[:, None] for column in columns))
 
 
 def half_extents(kinds: Tensor, rotation: Tensor, sizes: Tensor, turn: Tensor) -> Tensor:
@@ -125,13 +130,20 @@ def half_extents(kinds: Tensor, rotation: Tensor, sizes: Tensor, turn: Tensor) -
     return torch.where((kinds == BOX)[:, None], box, torch.where((kinds == CYLINDER)[:, None], cylinder, radius))
 
 
-def _to_places(ends: Tensor, unseen: Tensor) -> tuple[Tensor, Tensor]:
+def to_places(ends: Tensor, unseen: Tensor) -> tuple[Tensor, Tensor]:
     """Places int64 and offsets of `ends` in shares; those `unseen` and those too far out are beyond."""
     mark = (ends * STEPS).round()
     below = (mark < -OUTSIDE) | (unseen & (ends < 0.5))
     above = (mark > STEPS + OUTSIDE) | (unseen & (ends > 0.5))
     place = torch.where(below, 0, torch.where(above, PLACES - 1, mark + FIRST))
     return place.long(), torch.where(below | above, 0.0, ends * STEPS - mark)
+
+
+def to_bins(numbers: Tensor) -> tuple[Tensor, Tensor]:
+    """Bins int64 and offsets of `numbers` of 0 to 1."""
+    position = numbers * (BINS - 1)
+    bins = position.round().clamp(0, BINS - 1)
+    return bins.long(), (position - bins).clamp(-0.5, 0.5)
 
 
 def _radius_and_middle(ends: Tensor, known: Tensor, across: Tensor) -> tuple[Tensor, Tensor]:
@@ -145,23 +157,6 @@ def _radius_and_middle(ends: Tensor, known: Tensor, across: Tensor) -> tuple[Ten
     one = across & (known[..., 0] != known[..., 1]) & some[:, None]
     from_end = torch.where(known[..., 0], ends[..., 0] + radius[:, None], ends[..., 1] - radius[:, None])
     return radius, torch.where(one, from_end, middle)
-
-
-def _frame(columns: Tensor) -> Tensor:
-    """Rotations [b, 3, 3] from approximate z and x axes [b, 6] by Gram-Schmidt."""
-    z = normalize(columns[:, :3] + torch.tensor([0.0, 0.0, 1e-6], device=columns.device), dim=-1)
-    x = columns[:, 3:] - (columns[:, 3:] * z).sum(-1, keepdim=True) * z
-    # an x axis along z, or none, leaves the choice open
-    spare = torch.eye(3, device=z.device)[z.abs().argmin(-1)]
-    spare = spare - (spare * z).sum(-1, keepdim=True) * z
-    x = normalize(torch.where(torch.linalg.vector_norm(x, dim=-1, keepdim=True) > 1e-3, x, spare), dim=-1)
-    return torch.stack([x, torch.linalg.cross(z, x), z], -1)
-
-
-def implied_x(z_bins: Tensor) -> Tensor:
-    """Bins int64 [b, 3] of the x axis that canonical cylinders have, for those of their z axis [b, 3]."""
-    z = normalize(z_bins / (BINS - 1) * 2 - 1 + torch.tensor([0.0, 0.0, 1e-6], device=z_bins.device), dim=-1)
-    return ((shortest_from_z(z)[..., 0] + 1) / 2 * (BINS - 1)).round().clamp(0, BINS - 1).long()
 
 
 def relative(points: Tensor, low: Tensor, edges: Tensor) -> Tensor:

@@ -12,11 +12,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from imdim.data.canonical import box_symmetries
+from imdim.data.canonical import box_symmetries, canonical_primitives
 from imdim.data.solids import BOX, CYLINDER, PAD, SPHERE, Solids, from_sequences, to_sequences, to_states
 from imdim.data.synthesize import Samples
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.learn.beam import beam_search
+from imdim.learn.codes import FREE, encode, ruler
 from imdim.learn.decode import DecodeConfig, decode
 from imdim.learn.policy import Move, Policy
 from imdim.program.tree import Program
@@ -46,16 +47,21 @@ def moves(policy: Policy, batch: Samples) -> tuple[Move, Tensor]:
 
 
 def errors_by_kind(batch: Samples, move: Move) -> dict[str, KindError]:
-    """Errors of the proposed primitives, by kind, where the proposed kind is the true one."""
+    """Errors of the proposed primitives, by kind, where the proposed kind is the true one; both are made canonical. "turned" are
+    boxes and cylinders along no coordinate axis."""
     rows = torch.arange(len(batch.steps), device=batch.steps.device)
     tokens = batch.gt_tokens[rows, batch.steps]
-    truth = from_sequences(tokens[:, None].clamp_max(CYLINDER), batch.gt_params[rows, batch.steps][:, None])
-    center = torch.linalg.vector_norm(truth.centers - move.part.centers, dim=-1)[:, 0]
-    size = (truth.sizes - move.part.sizes).abs().amax(-1)[:, 0]
-    angle = _angles(truth, move.part)[:, 0]
+    truth = canonical_primitives(from_sequences(tokens[:, None].clamp_max(CYLINDER), batch.gt_params[rows, batch.steps][:, None]))
+    part = canonical_primitives(move.part)
+    center = torch.linalg.vector_norm(truth.centers - part.centers, dim=-1)[:, 0]
+    size = (truth.sizes - part.sizes).abs().amax(-1)[:, 0]
+    angle = _angles(truth, part)[:, 0]
+    right = tokens == move.tokens
+    turned = (tokens != SPHERE) & (encode(truth, *ruler(batch.gt_points)).turn == FREE)
+    met = {**{name: tokens == kind for kind, name in KIND_NAMES.items()}, "turned": (tokens <= CYLINDER) & turned}
     found = {}
-    for kind, name in KIND_NAMES.items():
-        here = (tokens == kind) & (move.tokens == kind)
+    for name, rows_of in met.items():
+        here = right & rows_of
         medians = [float(v[here].median()) if here.any() else float("nan") for v in (center, size, angle)]
         found[name] = KindError(int(here.sum()), *medians)
     return found

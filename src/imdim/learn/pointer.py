@@ -28,14 +28,17 @@ class Pointer(nn.Module):
         self.query, self.question = nn.Linear(d_model, d_model), nn.Linear(d_model, d_model)
         self.to_offset = nn.Sequential(nn.GELU(), nn.Linear(d_model, 1))
 
-    def keys(self, slabs: Tensor, profile: Tensor, from_low: Tensor | None) -> Tensor:
-        """Keys [b, PLACES, d] of slab tokens [b, STEPS + 1, d] and the profile [b, STEPS + 1, COUNTS + 1] along the same axis.
+    def keys(self, slabs: Tensor, profile: Tensor | None, from_low: Tensor | None) -> Tensor:
+        """Keys [b, PLACES, d] of slab tokens [b, STEPS + 1, d] and the profile [b, STEPS + 1, COUNTS + 1] along the same axis (needed for
+        pointing alone).
 
         `from_low` [b] is the mark of the low end where the high one is sought, else None.
         """
         low, far = (o.expand(len(slabs), -1, -1) for o in self.outside.split(OUTSIDE + 1))
         if self.fixed is not None:
             return torch.cat([low, self.fixed.expand(len(slabs), -1, -1), far], 1)
+        if profile is None:
+            raise TypeError("pointing needs a profile")
         padded = nn.functional.pad(profile, (0, 0, 1, 1))
         around = torch.cat([padded[:, :-2], padded[:, 1:-1], padded[:, 2:]], -1)
         mark = torch.arange(STEPS + 1, device=slabs.device).expand(slabs.shape[:2])

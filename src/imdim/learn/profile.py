@@ -128,25 +128,32 @@ def _histograms(clouds: Clouds, axis: int, weight: Tensor | None) -> Tensor:
 
 
 class SlabTokens(nn.Module):
-    """Tokens [b, 3 * (STEPS + 1) + 1, d] of the slabs of x, y and z, and one of everything."""
+    """Tokens [b, 3 * (STEPS + 1) + 1, d] of the slabs of x, y and z, and one of everything.
 
-    def __init__(self, d_model: int, width: int) -> None:
+    Not `local`: tokens [b, 3, d], the maximum over the target's points, that over the written solid's, and one of everything.
+    """
+
+    def __init__(self, d_model: int, width: int, local: bool = True) -> None:
         super().__init__()
-        self.width = width
         self.point_net = nn.Sequential(nn.Linear(POINT + 1, 2 * width), nn.GELU(), nn.Linear(2 * width, width), nn.GELU())
         self.slab = nn.Sequential(nn.Linear(2 * width + COUNTS + 1, 2 * d_model), nn.GELU(), nn.Linear(2 * d_model, d_model))
         self.place = nn.Parameter(0.02 * torch.randn(3, STEPS + 1, d_model))
         self.mark = nn.Parameter(0.2 * torch.randn(STEPS + 1, d_model))
         self.whole = nn.Linear(width + 3, d_model)
+        self.pooled = None if local else nn.Linear(width, d_model)
 
     def forward(self, clouds: Clouds, edges: Tensor) -> Tensor:
         source = torch.ones_like(clouds.features[..., :1])
         source[:, clouds.target :] = 0.0
         split = self.point_net(torch.cat([clouds.features, source], -1)).split((clouds.target, source.shape[1] - clouds.target), 1)
-        tokens = []
-        for axis, slabs in enumerate(clouds.slabs):
-            parts = (slabs[:, : clouds.target], slabs[:, clouds.target :] * clouds.kinds[:, clouds.target :, 4:5])
-            pooled = [(s.mT @ f) / s.sum(1)[..., None].clamp_min(1) for s, f in zip(parts, split, strict=True)]
-            tokens.append(self.slab(torch.cat([*pooled, histograms(clouds, axis)], -1)) + self.place[axis] + self.mark)
-        whole = torch.cat([split[0].mean(1), torch.log(edges)], -1)
-        return torch.cat([*tokens, self.whole(whole)[:, None]], 1)
+        whole = self.whole(torch.cat([split[0].mean(1), torch.log(edges)], -1))[:, None]
+        if self.pooled is not None:
+            target, current = (self.pooled(part).amax(1, keepdim=True) for part in split)
+            return torch.cat([target, current * clouds.kinds[:, clouds.target :, 4:5].amax(1, keepdim=True), whole], 1)
+        return torch.cat([*(self._slabs(clouds, axis, split) for axis in range(3)), whole], 1)
+
+    def _slabs(self, clouds: Clouds, axis: int, split: tuple[Tensor, ...]) -> Tensor:
+        slabs = clouds.slabs[axis]
+        parts = (slabs[:, : clouds.target], slabs[:, clouds.target :] * clouds.kinds[:, clouds.target :, 4:5])
+        pooled = [(s.mT @ f) / s.sum(1)[..., None].clamp_min(1) for s, f in zip(parts, split, strict=True)]
+        return self.slab(torch.cat([*pooled, histograms(clouds, axis)], -1)) + self.place[axis] + self.mark

@@ -1,0 +1,65 @@
+"""What `base` sees of a state, and a primitive as far as it is written."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from imdim.learn.attention import Read
+from imdim.learn.codes import ENDS, NUMBERS, Choices
+from imdim.learn.profile import Clouds
+
+
+@dataclass(frozen=True)
+class View:
+    """What a state shows: the ruler `low`, `edges` [b, 3], the `clouds`, what each decoder layer `reads` of its encoded
+    tokens, which of them are `there` [b, 1, 1, s], and the encoded `slabs` [b, STEPS + 1, d] of each axis."""
+
+    low: Tensor
+    edges: Tensor
+    clouds: Clouds
+    reads: tuple[Read, ...]
+    there: Tensor
+    slabs: tuple[Tensor, ...]
+
+    def only(self, rows: Tensor) -> View:
+        """Some rows, without the clouds."""
+        reads = tuple((k[rows], v[rows]) for k, v in self.reads)
+        return View(self.low[rows], self.edges[rows], self.clouds, reads, self.there[rows], tuple(s[rows] for s in self.slabs))
+
+    def repeated(self, ways: int) -> View:
+        """Each row `ways` times; the clouds, which are large, stay shared."""
+        if ways == 1:
+            return self
+        low, edges, there = (v.repeat_interleave(ways, 0) for v in (self.low, self.edges, self.there))
+        reads = tuple((k.repeat_interleave(ways, 0), v.repeat_interleave(ways, 0)) for k, v in self.reads)
+        return View(low, edges, self.clouds, reads, there, tuple(s.repeat_interleave(ways, 0) for s in self.slabs))
+
+
+@dataclass
+class Draft:
+    """A primitive as far as it is written: `tokens`, `sign` [b] and `choices`; `profiles` [b, marks, kinds] are of the axes begun."""
+
+    tokens: Tensor
+    sign: Tensor
+    choices: Choices
+    profiles: list[Tensor]
+
+    def only(self, rows: Tensor) -> Draft:
+        """A copy of some rows."""
+        c = self.choices
+        choices = Choices(c.turn[rows], c.places[rows], c.bins[rows], c.offsets[rows])
+        return Draft(self.tokens[rows], self.sign[rows], choices, [p[rows] for p in self.profiles])
+
+    def draws(self) -> Tensor:
+        """Sign, turn, places, bins and offsets [b, 2 + 2 (ENDS + NUMBERS)], from which `of` makes the draft again."""
+        c = self.choices
+        return torch.cat([self.sign[:, None], c.turn[:, None], c.places, c.bins, c.offsets], 1)
+
+    @staticmethod
+    def of(tokens: Tensor, draws: Tensor) -> Draft:
+        """The draft of `tokens` [b] and their `draws`."""
+        sign, turn, places, bins, offsets = draws.split([1, 1, ENDS, NUMBERS, ENDS + NUMBERS], 1)
+        return Draft(tokens, sign[:, 0].long(), Choices(turn[:, 0].long(), places.long(), bins.long(), offsets), [])
