@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-CHANNELS = (64, 64, 128)
+CHANNELS = (64, 64, 64)  # as in the published code of CSG-Stump Net
 SLOPE = 0.2
 
 
@@ -50,8 +50,10 @@ class EdgeConv(nn.Module):
     def strongest(self, x: Tensor) -> Tensor:
         """max_j A x_i + B (x_j - x_i) [b, n, out_dim]."""
         near, offset = nearest(x, self.neighbours), self.offset(x)
-        rows = torch.arange(len(x), device=x.device)[:, None, None]
-        return self.own(x) - offset + offset[rows, near].amax(2)
+        first = torch.arange(len(x), device=x.device)[:, None, None] * x.shape[1]
+        # a bag is a point's neighbours; its maximum is found without the table of all edges
+        strongest = F.embedding_bag((near + first).flatten(0, 1), offset.flatten(0, 1), mode="max").view_as(offset)
+        return self.own(x) - offset + strongest
 
 
 @torch.no_grad()

@@ -20,13 +20,13 @@ class StumpConfig:
     primitives: int = 64
     intersections: int = 32
     width: int = 256
-    neighbours: int = 20
-    cloud: int = 512
-    eta: float = 75.0
+    neighbours: int = 16
+    cloud: int = 384
+    eta: float = 50.0
     primitive_weight: float = 0.001
     points: int = 512
-    near: float = 0.5
-    spread: float = 0.02
+    near: float = 0.25
+    spread: float = 0.03
     margin: float = 0.05
 
 
