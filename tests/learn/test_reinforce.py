@@ -12,8 +12,9 @@ from imdim.data.solids import from_sequences
 from imdim.data.synthesize import SynthesisConfig, sampled_iou, synthesize
 from imdim.learn.base import BaseConfig, BasePolicy
 from imdim.learn.checkpoint import load_policy, load_state, save_policy
-from imdim.learn.decode import DecodeConfig, steps
-from imdim.learn.reinforce import TARGETS, ReinforceConfig, advantages, clipped, reinforce, write
+from imdim.learn.decode import DecodeConfig, applied, steps
+from imdim.learn.reinforce import TARGETS, ReinforceConfig, clipped, reinforce
+from imdim.learn.rollouts import CREDIT, RewardConfig, advantages, branches, whole_programs
 from imdim.learn.seed import SeedConfig, SeedPolicy
 from imdim.program.state import ADD_BOX, ADD_CYLINDER, ADD_SPHERE
 
@@ -78,7 +79,7 @@ def test_the_reward_rises_to_what_is_best(tmp_path):
 
     def sampled() -> float:
         decoding, chance = DecodeConfig(cur_points=32, max_primitives=3), torch.Generator().manual_seed(6)
-        return write(policy, targets, replace(config, group=8, iou_samples=512), decoding, chance)[1]["reward"]
+        return whole_programs(policy, targets, RewardConfig(8, config.price, 512), decoding, chance)[1]["reward"]
 
     before = sampled()
     last = list(reinforce(policy, replace(config, n_val=64, iou_samples=1024, validate_every=12)))[-1]
@@ -94,10 +95,70 @@ def test_the_reward_rises_to_what_is_best(tmp_path):
     assert last.val["reward"] == pytest.approx(max(worth), abs=0.02)
 
 
-def test_a_run_that_was_killed_ends_with_the_same_weights(tmp_path):
+@pytest.mark.parametrize("policy", [SeedPolicy(TINY, 7), BasePolicy(BASE, 7)], ids=["seed", "base"])
+def test_moves_from_one_state_are_worth_the_solids_they_lead_to(policy):
+    """Executed one by one and measured with many points: the best of a group has the best solid, and log p is that of the draw."""
+    targets = synthesize(6, replace(DATA, prefixes=1), torch.Generator().manual_seed(2))
+    policy.eval()
+    chance = torch.Generator().manual_seed(3)
+    made, facts = branches(policy, targets, RewardConfig(4, 0.0, 4096), DecodeConfig(cur_points=32, max_primitives=3, undo_limit=1), chance)
+    assert made.ways == 4
+    assert made.advantage.view(-1, 4).sum(1).abs().max() < 1e-3
+    log_p = policy.log_prob(made.gt_points, made.current, made.written, made.move, made.may_undo)
+    assert torch.allclose(log_p, made.move.log_p, atol=1e-4)
+    some = made.of(torch.tensor([len(made.may_undo) - 1]))
+    assert torch.equal(some.move.log_p, made.move.log_p[-4:])
+    truth = from_sequences(targets.gt_tokens, targets.gt_params)
+    for state in range(len(made.may_undo)):
+        here = made.of(torch.tensor([state]))
+        row = int((targets.gt_points[:, 0] == here.gt_points[:, 0]).all(1).nonzero()[0])
+        worth = []
+        for way in range(4):
+            after = applied(here.written, here.move.of(torch.tensor([way])), torch.zeros(1, dtype=torch.bool))
+            worth.append(float(sampled_iou(after, truth[row : row + 1], 40_000, torch.Generator().manual_seed(way))))
+        best = worth[int(here.advantage.argmax())]
+        assert best == pytest.approx(max(worth), abs=0.02)
+    assert 0 <= facts["reward"] <= 1
+
+
+def test_siblings_share_their_points():
+    """Equal solids have equal estimates, where each alone is off by more."""
+    params = torch.zeros(1, 2, 10)
+    params[0, 0] = torch.tensor([0, 0, 0, 0.4, 0.4, 0.4, 0, 0, 0, 1.0])
+    ball = from_sequences(torch.tensor([[int(ADD_SPHERE), -1]]), params)[torch.zeros(8, dtype=torch.long)]
+    box = from_sequences(torch.tensor([[int(ADD_BOX), -1]]), params)[torch.zeros(8, dtype=torch.long)]
+    alike, alone = (sampled_iou(ball, box, 500, torch.Generator().manual_seed(0), n) for n in (4, 1))
+    assert torch.equal(alike[:4], alike[:1].expand(4))
+    assert alike[0] != alike[4]
+    assert len(alone.unique()) > 4
+    assert torch.allclose(alike.mean(), alone.mean(), atol=0.05)
+
+
+def test_learning_move_by_move_raises_the_reward_too(tmp_path):
+    """As above, with several moves from each state."""
+    data = replace(DATA, families=("plate",))
+    changes = {"targets": 16, "group": 8, "rows": 512, "lr": 5e-3, "anchor": 0.0, "price": 0.02, "reuse": 1, "credit": "move"}
+    config = replace(CONFIG, out=str(tmp_path), steps=16, n_val=64, iou_samples=1024, validate_every=16, synthesis=data, **changes)
+    first, last = reinforce(of_one_size(0.5, 0.5, 0.4), config)
+    assert last.val["reward"] >= first.val["reward"]
+    assert last.val["moves"] == 2.0
+    assert last.train["reward"] > 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [({"credit": "luck"}, "unknown credit 'luck'; known are program, move"), ({"precision": "half"}, "unknown precision 'half'")],
+)
+def test_settings_that_cannot_be_say_so(tmp_path, changes, message):
+    with pytest.raises(ValueError, match=message):
+        next(reinforce(SeedPolicy(TINY, 5), replace(CONFIG, out=str(tmp_path), **changes)))
+
+
+@pytest.mark.parametrize("credit", sorted(CREDIT))
+def test_a_run_that_was_killed_ends_with_the_same_weights(tmp_path, credit):
     def run(name, **changes):
         torch.manual_seed(0)
-        return reinforce(SeedPolicy(TINY, 5), replace(CONFIG, out=str(tmp_path / name), **changes))
+        return reinforce(SeedPolicy(TINY, 5), replace(CONFIG, out=str(tmp_path / name), credit=credit, **changes))
 
     whole = list(run("whole"))
     assert [p.step for p in whole] == [0, 2, 4, 6]
@@ -106,7 +167,7 @@ def test_a_run_that_was_killed_ends_with_the_same_weights(tmp_path):
     next(killed), next(killed)
     killed.close()
     torch.manual_seed(1)
-    resumed = list(reinforce(SeedPolicy(TINY, 5), replace(CONFIG, out=str(tmp_path / "killed"), resume=True)))
+    resumed = list(reinforce(SeedPolicy(TINY, 5), replace(CONFIG, out=str(tmp_path / "killed"), credit=credit, resume=True)))
     assert [p.val for p in resumed] == [p.val for p in whole[2:]]
     a, b = (load_state(tmp_path / name / "state.pt") for name in ("whole", "killed"))
     assert all(torch.equal(a[part][key], b[part][key]) for part in ("policy", "average") for key in a[part])

@@ -204,10 +204,14 @@ def framed(solids: Solids, n: int, generator: torch.Generator) -> tuple[Solids, 
     return placed, (points - middle[:, None]) * scale[:, None, None], count == n
 
 
-def sampled_iou(a: Solids, b: Solids, samples: int, generator: torch.Generator) -> Tensor:
-    """Volume IoU [b] estimated with `samples` points in the box of both; 0 where both are empty. Standard error below 0.5 / sqrt(hits)."""
+def sampled_iou(a: Solids, b: Solids, samples: int, generator: torch.Generator, alike: int = 1) -> Tensor:
+    """Volume IoU [b] estimated with `samples` points in the box of both; 0 where both are empty. Standard error below 0.5 / sqrt(hits).
+
+    Every `alike` rows, one after another, share their random numbers: they are compared with less error than each has.
+    """
     (low_a, high_a), (low_b, high_b) = bounds(a), bounds(b)
     low, high = torch.minimum(low_a, low_b), torch.maximum(high_a, high_b)
-    points = low[:, None] + torch.rand(len(low), samples, 3, generator=generator, device=low.device) * (high - low)[:, None]
+    u = torch.rand(len(low) // alike, samples, 3, generator=generator, device=low.device).repeat_interleave(alike, 0)
+    points = low[:, None] + u * (high - low)[:, None]
     in_a, in_b = (inside(s, levels(s, points) < 0) for s in (a, b))
     return (in_a & in_b).sum(1) / (in_a | in_b).sum(1).clamp_min(1)

@@ -137,11 +137,14 @@ class BasePolicy(Policy):
         """Of a move that `propose` drew: several draws make one primitive, so it is asked for the draws."""
         if move.draws is None:
             raise ValueError("a move of this policy's own is needed: the primitive does not tell what was drawn")
-        view, draft = self._view(gt_points, cur_points, solids), Draft.of(move.tokens, move.draws)
+        ways = len(move.tokens) // len(gt_points)
+        view, draft = self._view(gt_points, cur_points, solids).repeated(ways), Draft.of(move.tokens, move.draws)
         log_p, _, logits = self._log_p(view, draft)
-        token = token_log_p(logits, move.tokens, solids.lengths, self.max_seq_len - 1, may_undo)
+        lengths = solids.lengths.repeat_interleave(ways)
+        may_undo = None if may_undo is None else may_undo.repeat_interleave(ways)
+        token = token_log_p(logits, move.tokens, lengths, self.max_seq_len - 1, may_undo)
         # the first primitive is positive without a choice
-        primitive = log_p["sign"] * (solids.lengths > 0) + log_p["turn"] + log_p["ends"] + log_p["numbers"]
+        primitive = log_p["sign"] * (lengths > 0) + log_p["turn"] + log_p["ends"] + log_p["numbers"]
         return token + primitive * (move.tokens <= CYLINDER)
 
     def _draw_end(self, view: View, draft: Draft, end: int, generator: torch.Generator | None) -> Tensor:

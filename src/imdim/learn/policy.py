@@ -59,7 +59,7 @@ class Policy(nn.Module):
 
     @abstractmethod
     def log_prob(self, gt_points: Tensor, cur_points: Tensor, solids: Solids, move: Move, may_undo: Tensor | None = None) -> Tensor:
-        """Log p [b], with gradients, with which `propose` draws the token, the sign and the numbers of `move` in this state.
+        """Log p [b * ways], with gradients, with which `propose` draws the token, the sign and the numbers of `move` in this state.
 
         Numbers that the policy does not draw do not count. What `propose` bars has no probability.
         """

@@ -1,4 +1,4 @@
-"""Reinforcement: a policy writes several programs for each target and makes those likelier that came out better than their siblings.
+"""Reinforcement: a policy tries several programs or moves and makes those likelier that came out better than their siblings.
 
 Source: the project's design, section 9; Shao et al. 2024, "DeepSeekMath", section 4.1 (advantages within a group, clipped ratios). Instead
 of a divergence from the first policy, the supervised loss on fresh samples holds the weights where programs look like programs.
@@ -14,28 +14,30 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from imdim.data.folder import chunk_generator
-from imdim.data.solids import Solids, concatenate, from_sequences
+from imdim.data.solids import from_sequences
 from imdim.data.synthesize import Samples, SynthesisConfig, sampled_iou, synthesize
 from imdim.learn.checkpoint import load_own_state, save_policy, save_state
-from imdim.learn.decode import DecodeConfig, Step, steps
+from imdim.learn.decode import DecodeConfig, steps
 from imdim.learn.optimise import Optimiser
-from imdim.learn.policy import Move, Policy
+from imdim.learn.policy import Policy
+from imdim.learn.rollouts import CREDIT, RewardConfig, Written, moves_of
+from imdim.learn.settings import PRECISIONS
 
 STREAM, TARGETS = 20, 21
 
 
 @dataclass
 class ReinforceConfig:
-    """Each step writes `group` programs for each of `targets` clouds and learns `reuse` times from them at rate `lr`, `rows` moves at
-    a time. The reward is the IoU (by `iou_samples` points) minus `price` for each move. Ratios are clipped at 1 +- `clip_ratio`; `anchor`
-    weighs the supervised loss on `anchor_batch` samples. Every `validate_every` steps greedy programs for `n_val` targets are rewarded,
-    and the best average of the weights (decay `ema` per step) is saved.
+    """Each step tries `group` programs for each of `targets` clouds (`credit` "program") or `group` moves from each state of one program
+    for each ("move"), and learns `reuse` times from them at rate `lr`, `rows` moves at a time with the products in `precision`. The reward
+    is the IoU (by `iou_samples` points) minus `price` for each move; `undo_limit` steps of a program may be taken back. Ratios are clipped
+    at 1 +- `clip_ratio`; `anchor` weighs the supervised loss on `anchor_batch` samples. Every `validate_every` steps greedy programs for
+    `n_val` targets are rewarded, and the best average of the weights (decay `ema` per step) is saved.
     """
 
     checkpoint: str = "models/imdim-base.safetensors"
@@ -44,9 +46,12 @@ class ReinforceConfig:
     max_minutes: float = 0.0
     targets: int = 8
     group: int = 8
+    credit: str = "program"
+    undo_limit: int = 4
     reuse: int = 2
     rows: int = 128
     lr: float = 5e-5
+    precision: str = "float32"
     price: float = 0.005
     clip_ratio: float = 0.2
     anchor: float = 0.1
@@ -61,17 +66,6 @@ class ReinforceConfig:
     seed: int = 0
     resume: bool = False
     synthesis: SynthesisConfig = field(default_factory=SynthesisConfig)
-
-
-class Written(NamedTuple):
-    """All moves made for a step's targets, one after another: what was seen, the `move`, and the `advantage` [m] of its program."""
-
-    gt_points: Tensor
-    current: Tensor
-    written: Solids
-    may_undo: Tensor
-    move: Move
-    advantage: Tensor
 
 
 @dataclass(frozen=True)
@@ -100,9 +94,14 @@ class _Run:
     def __init__(self, policy: Policy, config: ReinforceConfig, notes: dict[str, str], clock: Callable[[], float]) -> None:
         torch.set_num_threads(config.threads)
         self.config, self.notes, self.out, self.clock = config, notes, Path(config.out), clock
-        self.optimiser = Optimiser(policy, config.ema, config.clip)
+        for name, known in (("credit", CREDIT), ("precision", PRECISIONS)):
+            if getattr(config, name) not in known:
+                raise ValueError(f"unknown {name} {getattr(config, name)!r}; known are {', '.join(known)}")
+        self.optimiser = Optimiser(policy, config.ema, config.clip, PRECISIONS[config.precision])
+        self.rewards = RewardConfig(config.group, config.price, config.iou_samples)
         self.targets_of = replace(config.synthesis, prefixes=1, p_undo=0.0)
-        self.decoding = DecodeConfig(cur_points=config.synthesis.cur_points, max_primitives=config.synthesis.n_max)
+        limits = {"max_primitives": config.synthesis.n_max, "undo_limit": config.undo_limit}
+        self.decoding = DecodeConfig(cur_points=config.synthesis.cur_points, **limits)
         self.step, self.best = 0, -math.inf
         if config.resume:
             self._load()
@@ -126,9 +125,10 @@ class _Run:
     def _learn(self) -> dict[str, float]:
         config, chance = self.config, chunk_generator(self.config.seed, STREAM, self.step, self.config.device)
         self.optimiser.policy.eval()
-        made, facts = write(self.optimiser.policy, self._targets(config.targets, chance), config, self.decoding, chance)
+        targets = self._targets(config.targets, chance)
+        made, facts = CREDIT[config.credit](self.optimiser.policy, targets, self.rewards, self.decoding, chance)
         anchor = synthesize(config.anchor_batch, config.synthesis, chance)
-        chunks = torch.arange(len(made.advantage), device=config.device).split(config.rows)
+        chunks = torch.arange(len(made.may_undo), device=config.device).split(max(1, config.rows // made.ways))
         old: list[Tensor | None] = [None] * len(chunks)
         for _ in range(config.reuse):
             parts = [partial(self._gain, made, rows, old, i) for i, rows in enumerate(chunks)]
@@ -139,14 +139,14 @@ class _Run:
         return synthesize(n, self.targets_of, chance)
 
     def _gain(self, made: Written, rows: Tensor, old: list[Tensor | None], chunk: int) -> dict[str, Tensor]:
-        """The clipped objective of some moves, as their share of the mean over all; fills `old` where there is none yet."""
-        seen = made.gt_points[rows], made.current[rows], made.written[rows]
-        log_p = self.optimiser.policy.log_prob(*seen, made.move.of(rows), made.may_undo[rows])
+        """The clipped objective of the moves from some states, as their share of the mean over all; fills `old` where there is none yet."""
+        some = made.of(rows)
+        log_p = self.optimiser.policy.log_prob(some.gt_points, some.current, some.written, some.move, some.may_undo)
         before = old[chunk]
         if before is None:
             before = old[chunk] = log_p.detach()
-        loss = clipped(log_p - before, made.advantage[rows], self.config.clip_ratio)
-        share = len(rows) / len(made.advantage)
+        loss = clipped(log_p - before, some.advantage, self.config.clip_ratio)
+        share = len(rows) / len(made.may_undo)
         moved = ((log_p - before).exp() - 1).abs() > self.config.clip_ratio
         return {"loss": loss.mean() * share, "clipped": moved.float().mean() * share}
 
@@ -175,7 +175,7 @@ class _Run:
             save_policy(self.out / "best.safetensors", average, {**self.notes, "reinforced_steps": str(self.step), **facts})
         self._save()
         train = {name: sum(m[name] for m in means) / len(means) for name in means[0]} if means else {}
-        pace = len(means) * config.targets * config.group / max(seconds, 1e-9)
+        pace = len(means) * config.targets * (config.group if config.credit == "program" else 1) / max(seconds, 1e-9)
         return Progress(self.step, train, val, best, pace, stop)
 
     def _save(self) -> None:
@@ -191,54 +191,10 @@ class _Run:
         self.optimiser.load_state_dict(state)
 
 
-@torch.no_grad()
-def write(
-    policy: Policy, targets: Samples, config: ReinforceConfig, decoding: DecodeConfig, chance: torch.Generator
-) -> tuple[Written, dict[str, float]]:
-    """Sample `config.group` programs for each target; the moves, and means of reward, IoU and moves."""
-    clouds = targets.gt_points.repeat_interleave(config.group, 0)
-    made = list(steps(policy, clouds, decoding, chance, chance))
-    count = moves_of(made, len(clouds))
-    truth = from_sequences(targets.gt_tokens, targets.gt_params)
-    origin = torch.arange(len(truth.kinds), device=clouds.device).repeat_interleave(config.group)
-    iou = sampled_iou(made[-1].after, truth[origin], config.iou_samples, chance)
-    reward = iou - config.price * count
-    spread = reward.view(-1, config.group).std(1).mean().item()
-    facts = {"reward": reward.mean().item(), "iou": iou.mean().item(), "moves": count.mean().item(), "spread": spread}
-    return _flat(made, clouds, advantages(reward, config.group)), facts
-
-
-def advantages(reward: Tensor, group: int) -> Tensor:
-    """Rewards [b * group] as standard deviations from the mean of their group; 0 where all of a group are equal."""
-    grouped = reward.view(-1, group)
-    spread = grouped.std(1, keepdim=True)
-    # sampled IoUs of equal programs differ by less than this
-    return ((grouped - grouped.mean(1, keepdim=True)) / spread.clamp_min(0.01)).flatten()
-
-
 def clipped(log_ratio: Tensor, advantage: Tensor, clip_ratio: float) -> Tensor:
     """What to minimise, [m] (Schulman et al. 2017, "Proximal policy optimization", equation 7)."""
     ratio = log_ratio.exp()
     return -torch.minimum(ratio * advantage, ratio.clamp(1 - clip_ratio, 1 + clip_ratio) * advantage)
-
-
-def moves_of(made: list[Step], n: int) -> Tensor:
-    """How many moves each of `n` rows made."""
-    return torch.cat([step.rows for step in made]).bincount(minlength=n).float()
-
-
-def _flat(made: list[Step], clouds: Tensor, advantage: Tensor) -> Written:
-    width = made[0].written.kinds.shape[1]
-    rows = torch.cat([step.rows for step in made])
-    draws = [s.move.draws for s in made if s.move.draws is not None]
-    move = Move(
-        torch.cat([s.move.tokens for s in made]),
-        concatenate([s.move.part for s in made], 1),
-        torch.cat([s.move.log_p for s in made]),
-        torch.cat(draws) if draws else None,
-    )
-    current, may_undo = (torch.cat([getattr(s, name) for s in made]) for name in ("current", "may_undo"))
-    return Written(clouds[rows], current, concatenate([s.written for s in made], width), may_undo, move, advantage[rows])
 
 
 def _fixed(config: ReinforceConfig) -> dict[str, object]:

@@ -113,7 +113,9 @@ class SeedPolicy(Policy):
         """Of the token alone: signs and numbers are regressed, not drawn."""
         tokens, at = self._history(solids)
         logits = forward_params_only(self.components, gt_points, cur_points, tokens)[2][at]
-        return token_log_p(logits, move.tokens, solids.lengths, self.max_seq_len - 1, may_undo)
+        each = torch.arange(len(gt_points), device=gt_points.device).repeat_interleave(len(move.tokens) // len(gt_points))
+        may = None if may_undo is None else may_undo[each]
+        return token_log_p(logits[each], move.tokens, solids.lengths[each], self.max_seq_len - 1, may)
 
     def _history(self, solids: Solids) -> tuple[Tensor, tuple[Tensor, Tensor]]:
         """The tokens [b, t] written, padded, and the indices of the next one of each row."""
