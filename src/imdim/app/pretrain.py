@@ -63,7 +63,8 @@ def line(report: Report) -> str:
     """One line for people."""
     parts = " ".join(f"{name} {value:.3f}" for name, value in report.val.items())
     written = "".join(f" {name} {value:.3f}" for name, value in report.measured.items() if name.startswith(("iou", "exact")))
-    pace = f"lr {report.lr:.1e}, {report.samples_per_second:.0f} samples/s, {report.data_share:.0%} data"
+    pace = f"lr {report.lr:.1e}, {report.samples_per_second:.0f} samples/s, {report.data_share:.1%} waiting for data, "
+    pace += f"{report.validation_share:.1%} validation"
     mark = " *" if report.best else ""
     stop = f", stopped: {report.stop}" if report.stop else ""
     return f"step {report.step}: train {report.train['loss']:.3f}, val {parts}{written}, {pace}{mark}{stop}"
