@@ -59,7 +59,8 @@ def _grown(rng: np.random.Generator, primitives: int) -> Program | None:
             return program
         size = min(left, int(rng.choice([1, 1, 1, 2, 3])))
         longer = _extended(rng, program, size, 60.0 / max(1.0, primitives / 10) ** 0.5)
-        if 1 - volume_iou(to_manifold(program), to_manifold(longer)) >= 1.5 * LEAST / primitives:
+        before, after = to_manifold(program), to_manifold(longer)
+        if after.volume() > 0.2 * before.volume() and 1 - volume_iou(before, after) >= 1.5 * LEAST / primitives:
             program, left = longer, left - size
     return None
 

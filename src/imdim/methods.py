@@ -18,6 +18,7 @@ from imdim.config import Settings
 from imdim.evolution import evolved, logged, seeds_of
 from imdim.fitting import POOR
 from imdim.program.tree import Program
+from imdim.proof import proof_of
 from imdim.proposals import misfit, proposals
 from imdim.search.evolve.population import EvolutionConfig, Generation
 from imdim.search.sequence import to_program
@@ -53,24 +54,25 @@ class Run:
 class Step:
     """A program in the body's units. `error` is relative to the body's volume, None where the method does not know it.
 
-    `others` are cruder and finer programs that a user may choose instead.
+    `others` are cruder and finer programs that a user may choose instead. `proof` says whether it is proved minimal, empty if nobody asked.
     """
 
     stage: str
     program: Program
     error: float | None = None
     others: tuple[Program, ...] = ()
+    proof: str = ""
 
 
 Method = Callable[[Run], Iterator[Step]]
 
 
 def auto(run: Run) -> Iterator[Step]:
-    """The structure search and a short evolution; the decision tree and the policy where these leave much."""
+    """The structure search and a short evolution; the decision tree and the policy where these leave much; at last the proof."""
     best: Step | None = None
     for best in _searched_and_touched(run):
         yield best
-    for source in (_grown_if_poor, _proposed_if_poor):
+    for source in (_grown_if_poor, _proposed_if_poor, _proved):
         better = source(run, best)
         if better is not None:
             best = better
@@ -173,6 +175,15 @@ def _proposed_if_poor(run: Run, best: Step | None) -> Step | None:
     if best is None:
         return Step("policy", program)
     return replace(best, stage="policy", program=program) if preferred(program, best.program, seen) else None
+
+
+def _proved(run: Run, best: Step | None) -> Step | None:
+    """The best with its proof, or a shorter program that the search for one met."""
+    if best is None:
+        return None
+    program, proof = proof_of(best.program, run.seen, run.clock, run.share)
+    others = (*best.others, best.program) if proof.program else best.others
+    return replace(best, stage="proof", program=program, error=None, others=others, proof=str(proof))
 
 
 def _proposed(run: Run, starts: list[Program]) -> Program:

@@ -38,6 +38,7 @@ class Snapshot:
 
     `stop` is None until the last snapshot, which says why the run ended: "finished" or "budget_spent", after an evolution also "exact" or
     "stagnation". That one has the `front`, programs from crude to exact, of which `program` is one, and the `constraints` that hold for it.
+    `proof` says whether the program was proved minimal, and why not; it is empty where the method does not ask.
     """
 
     stage: str
@@ -47,6 +48,7 @@ class Snapshot:
     stop: str | None = None
     front: tuple[Choice, ...] = ()
     constraints: tuple[Constraint, ...] = ()
+    proof: str = ""
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,7 @@ class _State:
     error: float
     volume: float
     front: tuple[Choice, ...] = ()
+    proof: str = ""
 
 
 def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) -> Iterator[Snapshot]:
@@ -76,7 +79,8 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) ->
         raise InputError(f"{target.name}: no program found")
     program, constraints = related(last.program, target)
     front = tuple(replace(c, program=program) if c.program == last.program else c for c in few(last.front, last.program))
-    yield Snapshot("finished", program, last.error, clock.seconds(), "budget_spent" if clock.cut else clock.ending, front, constraints)
+    stop = "budget_spent" if clock.cut else clock.ending
+    yield Snapshot("finished", program, last.error, clock.seconds(), stop, front, constraints, last.proof)
 
 
 def _policy_of(settings: Settings) -> PolicyOf:
@@ -110,7 +114,15 @@ def _together(stage: str, states: list[_State], clock: Clock) -> Snapshot:
     error = sum(s.error * s.volume for s in states) / volume
     fronts = [s.front for s in states]
     front = united(fronts, [s.program for s in states], [s.volume for s in states]) if all(fronts) else []
-    return Snapshot(stage, combine_all("union", [s.program for s in states]), error, clock.seconds(), front=tuple(front))
+    program, proof = combine_all("union", [s.program for s in states]), _proof([s.proof for s in states])
+    return Snapshot(stage, program, error, clock.seconds(), front=tuple(front), proof=proof)
+
+
+def _proof(proofs: list[str]) -> str:
+    """Of several bodies: the first that is lacking, or what holds for each."""
+    if len(set(proofs)) == 1:
+        return proofs[0] + (f", each of {len(proofs)} bodies" if proofs[0] and len(proofs) > 1 else "")
+    return next((p for p in proofs if p.startswith("not")), "")
 
 
 def _body(
@@ -119,10 +131,12 @@ def _body(
     """Better and better programs of one body, which may take a share of the time left."""
     seen = look(body, settings.size_weight, rng)
 
-    def state(stage: str, program: Program, error: float | None = None) -> _State:
-        return _State(stage, program, seen.error(program) if error is None else error, seen.volume)
-
     step = None
+
+    def state(stage: str, program: Program, error: float | None = None) -> _State:
+        proof = step.proof if step else ""
+        return _State(stage, program, seen.error(program) if error is None else error, seen.volume, proof=proof)
+
     for step in METHODS[settings.method](Run(seen, settings, policy, clock, rng, share)):
         yield state(step.stage, step.program, step.error)
     if step is None:

@@ -26,13 +26,17 @@ PACKAGES = ("imdim", "numpy", "scipy", "numba", "torch", "trimesh", "manifold3d"
 
 @dataclass(frozen=True)
 class RunRecord:
-    """How a program was found: the input as given, seconds per stage, why it stopped, the seed, and the settings as plain values."""
+    """How a program was found: the input as given, seconds per stage, why it stopped, the seed, and the settings as plain values.
+
+    `proof` says whether it was proved minimal, and why not; it is empty where the method does not ask.
+    """
 
     input: str
     stages: Mapping[str, float]
     stop: str
     seed: int
     settings: Mapping[str, Any] = field(default_factory=dict)
+    proof: str = ""
 
 
 def report_of(
@@ -67,6 +71,7 @@ def report_of(
         "scores": _scores(scores),
         "volumes": {name: number(volume) for name, volume in volumes.items()},
         "stop": run.stop,
+        "proof": run.proof or None,
         "seed": run.seed,
         "settings": dict(run.settings),
         "files": dict(files),

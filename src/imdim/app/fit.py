@@ -83,7 +83,7 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None) -> dict[str,
     left = max(settings.budget_s - stages["loading"], LEAST_S)
     snapshots = reconstruct(target, replace(settings, budget_s=left), np.random.default_rng(settings.seed))
     last = _exhaust(shown(snapshots, left), stages)
-    run = RunRecord(settings.input, stages, last.stop or "finished", settings.seed, asdict(settings))
+    run = RunRecord(settings.input, stages, last.stop or "finished", settings.seed, asdict(settings), last.proof)
     left = settings.budget_s - (time.perf_counter() - start)
     # the other files take a few seconds; STEP, which may be slow, gets what is left
     step_limit_s = min(max(left - DELIVERY_S, 1.0), STEP_LIMIT_S)
@@ -109,6 +109,7 @@ def summary(report: Mapping[str, Any], folder: Path) -> str:
     furthest = scores["distance_relative_to_diagonal"]["target_to_result"]
     fit = f"mean distance {100 * furthest['mean']:.3f} % of the diagonal" if iou is None else f"volume IoU {iou:.4f}"
     lines = [f"{count} primitive{'' if count == 1 else 's'}, {fit}, {report['timing']['total_s']:.1f} s (stopped: {report['stop']})"]
+    lines += [f"  {report['proof']}"] if report.get("proof") else []
     lines += [
         f"  {what:<8} {folder / name}"
         for what, name in (("picture", "preview.png"), ("program", "program.scad"), ("report", "report.json"))

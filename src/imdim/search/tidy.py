@@ -26,7 +26,7 @@ def _tidy_step(sequence: Sequence, i: int, families: Families, goal: np.ndarray)
         for axis in range(len(halves[h].ranges)):
             for end in (0, 1):
                 while True:
-                    shorter = _shortened(halves[h], axis, end, families.arrangement, added=sequence[i].op == "union" and h == 0)
+                    shorter = shortened(halves[h], axis, end, families.arrangement, added=sequence[i].op == "union" and h == 0)
                     if shorter is None:
                         break
                     trial = _with(sequence, i, [shorter if k == h else c for k, c in enumerate(halves)], families)
@@ -36,7 +36,7 @@ def _tidy_step(sequence: Sequence, i: int, families: Families, goal: np.ndarray)
     return sequence
 
 
-def _shortened(candidate: Candidate, axis: int, end: int, arrangement: Arrangement, added: bool) -> Candidate | None:
+def shortened(candidate: Candidate, axis: int, end: int, arrangement: Arrangement, added: bool) -> Candidate | None:
     """One slab less at one end; a cutter is only taken back from the far sentinel to the near one."""
     lo, hi = candidate.ranges[axis]
     if hi - lo <= 1:

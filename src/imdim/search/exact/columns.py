@@ -88,9 +88,7 @@ def unpack(bits: np.ndarray, n: int) -> np.ndarray:
     return np.unpackbits(np.ascontiguousarray(bits).view(np.uint8), axis=1, count=n, bitorder="little").astype(bool)
 
 
-def _curved(
-    families: Families, tables: list[_Ranges], left: np.ndarray, right: np.ndarray
-) -> tuple[list[np.ndarray], list[Candidate]]:
+def _curved(families: Families, tables: list[_Ranges], left: np.ndarray, right: np.ndarray) -> tuple[list[np.ndarray], list[Candidate]]:
     bits, candidates = [], []
     inside = families.cells.inside
     for i, axis in enumerate(families.arrangement.axis_of):

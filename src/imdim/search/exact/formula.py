@@ -1,8 +1,8 @@
 """Read-once formulas: a tree that uses each of a few sets at most once and holds what it must and nothing that it must not.
 
-Sets are ints, bit g for group g of cells. A set that holds nothing forbidden may be united first, one that holds all that is required may be
-intersected first, without loss (what a formula says elsewhere with that set, it also says with a constant in its place). Only where nothing
-can be peeled off so is the formula split in two, both ways of sharing what either half could hold being tried.
+Sets are ints, bit g for group g of cells. A set that holds nothing forbidden may be united first, one that holds all that is required may
+be intersected first, without loss (what a formula says elsewhere with that set, it also says with a constant in its place). Only where
+nothing can be peeled off so is the formula split in two, both ways of sharing what either half could hold being tried.
 """
 
 from __future__ import annotations

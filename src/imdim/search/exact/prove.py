@@ -1,10 +1,9 @@
 """Whether a program is the shortest that the candidates allow, by counterexamples (after Du et al. 2018, section 4.3).
 
 The price of a program is its error, in units of what a primitive costs, plus its primitives. A relaxation bounds it from below: any
-program must separate the cells inside from those outside by its primitives (`cover`). It is solved over a few pairs of cells; those that the
-answer leaves mixed are added, until there is no answer left, which proves that no program of any form over the candidates is as cheap with
-fewer primitives, or until an answer separates all cells. Its few candidates are then joined into a tree, if there is one; that is
-a shorter program, and the search for a proof goes on below it.
+program must separate the cells inside from those outside by its primitives (`cover`). It is solved over a few pairs of cells, and those
+that the answer leaves mixed are added. No answer left proves that no program of any form over the candidates is as cheap with fewer
+primitives. Candidates that separate all cells are joined into a tree, if there is one: a shorter program, below which the proof goes on.
 """
 
 from __future__ import annotations
@@ -14,11 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imdim.program.cost import count
 from imdim.program.tree import Program
 from imdim.search.exact.columns import TooManyError, candidate_count, maximal_columns, unpack
-from imdim.search.exact.cover import cover
-from imdim.search.exact.formula import MOST_SETS, holds, read_once, to_program
-from imdim.search.exact.pairs import Labels, counterexamples, groups, least_error
+from imdim.search.exact.cover import Limits, cover
+from imdim.search.exact.joining import joined
+from imdim.search.exact.pairs import Labels, counterexamples, least_error
 from imdim.search.families import Candidate, Families
 
 EQUAL = 1e-3  # of a primitive's price
@@ -31,8 +31,9 @@ class ProveConfig:
     most_primitives: int = 16
     pairs_per_round: int = 60
     most_pairs: int = 480
-    most_columns: int = 8_000
-    solver_s: float = 6.0  # of one solution, which its count of nodes ends first
+    most_columns: int = 20_000
+    most_barred: int = 12  # sets of candidates without a tree
+    solver_s: float = 3.0  # of one solution, which its count of nodes ends first
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,7 @@ class _Prover:
         self.mixed = float(np.minimum(cells.w_in, cells.w_out).sum()) / self.unit  # which no program over the candidates can avoid
         codes = np.concatenate([cells.slabs, cells.inside], axis=1).astype(float)
         self.labels = Labels(codes, cells.gain > 0, np.abs(cells.gain) / self.unit)
+        self.barred: list[list[Candidate]] = []  # sets that tell all cells apart, of which no tree was found
         self.inside, self.outside = np.zeros(0, np.int64), np.zeros(0, np.int64)
 
     def run(self, primitives: int, error: float) -> Proof:
@@ -92,14 +94,11 @@ class _Prover:
         why = None
         while why is None:
             shorter = self._joined(chosen, best)
-            if shorter is None and chosen and self._price(chosen) <= best.price - EQUAL:
-                why = f"{len(chosen)} candidates tell all cells apart, but no tree of them was found"
-                break
-            best = shorter or best
-            if best.primitives <= 1:
-                why = ""
-                break
-            why, chosen = self._round(chosen, best)
+            if shorter is not None:
+                best, self.barred = shorter, []
+            elif chosen and self._price(chosen) <= best.price - EQUAL:
+                self.barred.append(chosen)
+            why, chosen = self._round(chosen, best) if best.primitives > 1 else ("", [])
         return Proof(not why, best.primitives, candidate_count(self.families), why or "", best.program)
 
     def _price(self, chosen: list[Candidate]) -> float:
@@ -112,7 +111,9 @@ class _Prover:
 
     def _round(self, chosen: list[Candidate], best: _Best) -> tuple[str | None, list[Candidate]]:
         """More counterexamples and the cheapest candidates that satisfy them; "" for none, which is the proof, or why it must end."""
-        config, limit = self.config, best.price - EQUAL
+        config = self.config
+        if len(self.barred) > config.most_barred:
+            return self._unjoined(), chosen
         more = counterexamples(self.labels, self._masks(chosen), config.pairs_per_round)
         self.inside, self.outside = np.append(self.inside, more.inside), np.append(self.outside, more.outside)
         if self.out_of_time():
@@ -126,41 +127,26 @@ class _Prover:
         if len(columns.candidates) > config.most_columns:
             return f"too large, more than {config.most_columns} candidates that matter", chosen
         separates = unpack(columns.bits, len(self.inside))
-        found = cover(separates, self.inside, self.outside, self.labels.weight, best.primitives - 1, limit, config.solver_s)
-        if found.chosen is None:
-            return "" if found.known else "time of the solver ran out", chosen
-        return None, [columns.candidates[i] for i in found.chosen]
+        place = {candidate: i for i, candidate in enumerate(columns.candidates)}
+        # counterexamples that were added since may have other columns stand for those of a set without a tree
+        barred = [[place[c] for c in some] for some in self.barred if all(c in place for c in some)]
+        limits = Limits(best.primitives - 1, best.price - EQUAL, config.solver_s, barred)
+        found = cover(separates, self.inside, self.outside, self.labels.weight, limits)
+        if found.chosen is not None:
+            return None, [columns.candidates[i] for i in found.chosen]
+        if not found.known:
+            return "time of the solver ran out", chosen
+        return self._unjoined() if self.barred else "", chosen
+
+    def _unjoined(self) -> str:
+        return f"{len(self.barred[0])} candidates could tell all cells apart, but no tree of them was found"
 
     def _joined(self, chosen: list[Candidate], best: _Best) -> _Best | None:
         """A tree of the chosen candidates that is cheaper than the best; groups of cells too light to matter are left to chance."""
-        if not chosen or len(chosen) > MOST_SETS:
+        slack = best.price - EQUAL - self._price(chosen)
+        found = joined(chosen, self.labels, self.families, slack) if chosen and slack >= 0 else None
+        if found is None:
             return None
-        masks = self._masks(chosen)
-        group = groups(masks, masks.shape[1])
-        gain = np.bincount(group, np.where(self.labels.filled, 1, -1) * self.labels.weight)
-        order = np.argsort(np.abs(gain), kind="stable")
-        slack = best.price - EQUAL - len(chosen) - least_error(self.labels, masks)
-        matters = order[np.cumsum(np.abs(gain)[order]) > slack]
-        if slack < 0 or not len(matters):
-            return None
-        first = np.unique(group, return_index=True)[1]
-        sets = [_bits(masks[k, first]) for k in range(len(chosen))]
-        wanted = np.isin(np.arange(len(gain)), matters)
-        formula = read_once(sets, _bits(wanted & (gain > 0)), _bits(wanted & (gain < 0)))
-        program = to_program(formula, [self.families.primitive(c) for c in chosen]) if formula else None
-        if formula is None or program is None:
-            return None
-        everything = (1 << len(gain)) - 1
-        filled = np.array([holds(formula, sets, everything) >> g & 1 for g in range(len(gain))], bool)[group]
-        used = len(_leaves(program))
+        program, filled = found
+        used = count(program).primitives
         return _Best(used, used + float(self.labels.weight[filled != self.labels.filled].sum()), program)
-
-
-def _leaves(program: Program) -> list:
-    from imdim.program.tree import leaves
-
-    return list(leaves(program))
-
-
-def _bits(flags: np.ndarray) -> int:
-    return int.from_bytes(np.packbits(flags, bitorder="little").tobytes(), "little")
