@@ -14,14 +14,14 @@ from typing import Any
 
 import trimesh
 
+from imdim.completed import Completed, completed, finished
 from imdim.evaluate import Scores, evaluate_file
 from imdim.export.folder import FILES, OutputError, check_writable, replacing
 from imdim.export.meshes import write_meshes
 from imdim.export.numbers import rounded
 from imdim.export.openscad import to_openscad
+from imdim.export.openscad_loops import to_openscad_loops
 from imdim.export.openscad_reader import read_openscad
-from imdim.export.overshoot import overshoot
-from imdim.export.parameters import Parameters, parametrise
 from imdim.export.preview import preview
 from imdim.export.script import to_script
 from imdim.export.step import StepError
@@ -29,7 +29,6 @@ from imdim.export.step_worker import StepJob, finish_step, start_step, stop_step
 from imdim.export.ucad import to_ucad
 from imdim.fitting import relations_of
 from imdim.geometry.cloud import Frame, Target
-from imdim.geometry.constraints import rebased
 from imdim.geometry.solid import SEGMENTS, mesh_to_manifold, to_manifold, to_trimesh
 from imdim.program.codec import Meta
 from imdim.program.codec import dumps as program_text
@@ -65,10 +64,9 @@ def deliver(
     seconds: dict[str, float] = {}
     with replacing(folder) as partial:
         with _timed(seconds, "program"):
-            given, program = program, finished(program)
-            parameters = parametrise(given, constraints, program)
-            constraints = rebased(program, constraints)
-            _write_texts(program, Frame.of(target), partial, segments, constraints, parameters)
+            given, found = program, completed(program, constraints)
+            program = found.program
+            _write_texts(found, Frame.of(target), partial, segments)
             _write_front(front or [Choice(given)], given, Frame.of(target), partial)
         with _step(partial) as job:
             with _timed(seconds, "meshes"):
@@ -80,15 +78,12 @@ def deliver(
             with _timed(seconds, "step"):
                 volumes = _volumes(partial, target, segments)
                 skipped = _finish(job, step_limit_s, volumes)
+        if found.folded is None:
+            skipped["program.loops.scad"] = "skipped: no part repeats"
         files = {name: skipped.get(name, "written") for name in FILES}
-        report = report_of(program, target, scores, volumes, files, run, seconds, constraints, parameters.values)
+        report = report_of(program, target, scores, volumes, files, run, seconds, found.constraints, found.parameters.values, found.folded)
         (partial / "report.json").write_text(dumps(report), encoding="utf-8")
     return report
-
-
-def finished(program: Program) -> Program:
-    """The program as it is delivered: cutters overshoot, numbers are rounded."""
-    return rounded(overshoot(program))
 
 
 def export(program: Program, folder: Path, meta: Meta, segments: int = SEGMENTS, step_limit_s: float = STEP_LIMIT_S) -> dict[str, str]:
@@ -98,10 +93,9 @@ def export(program: Program, folder: Path, meta: Meta, segments: int = SEGMENTS,
     Raises as `deliver` does.
     """
     with replacing(folder) as partial:
-        given, constraints = relations_of(program)
-        program = finished(given)
-        parameters = parametrise(given, constraints, program)
-        _write_texts(program, Frame(meta.center, meta.scale), partial, segments, rebased(program, constraints), parameters)
+        found = completed(*relations_of(program))
+        program = found.program
+        _write_texts(found, Frame(meta.center, meta.scale), partial, segments)
         with _step(partial) as job:
             write_meshes(to_manifold(program, segments), partial)
             skipped = _finish(job, step_limit_s, {})
@@ -109,15 +103,16 @@ def export(program: Program, folder: Path, meta: Meta, segments: int = SEGMENTS,
     return {**files, **skipped}
 
 
-def _write_texts(
-    program: Program, frame: Frame, folder: Path, segments: int, constraints: Sequence[Constraint], parameters: Parameters
-) -> None:
+def _write_texts(found: Completed, frame: Frame, folder: Path, segments: int) -> None:
+    program, parameters, folded = found.program, found.parameters, found.folded
     texts = {
-        "program.json": program_text(program, Meta(center=frame.center, scale=frame.scale), constraints),
+        "program.json": program_text(program, Meta(center=frame.center, scale=frame.scale), found.constraints, folded),
         "program.scad": to_openscad(program, segments, parameters),
-        "program.py": to_script(program, parameters),
-        "program.ucad": to_ucad(program, parameters),
+        "program.py": to_script(program, parameters, folded),
+        "program.ucad": to_ucad(program, parameters, folded),
     }
+    if folded is not None:
+        texts["program.loops.scad"] = to_openscad_loops(folded, segments, parameters)
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
 

@@ -17,6 +17,8 @@ from imdim.evaluate import Distances, Scores
 from imdim.geometry.cloud import Target
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
+from imdim.program.repeats import Folded, Repeat, repeats, size
+from imdim.program.roles import labels
 from imdim.program.tree import Program
 
 FORMAT, VERSION = "imdim-report", 1
@@ -49,10 +51,11 @@ def report_of(
     delivery: Mapping[str, float],
     constraints: Sequence[Constraint] = (),
     parameters: Mapping[str, float] | None = None,
+    folded: Folded | None = None,
 ) -> dict[str, Any]:
     """The report as plain values; lengths in model units, `volumes` per file in cubed ones, `delivery` in seconds per step.
 
-    `constraints` are those in `program.json`, `parameters` the names in `program.scad` with their values.
+    `constraints` are those in `program.json`, `parameters` the names in `program.scad` with their values, `folded` the repeats.
     """
     counts = count(program)
     return {
@@ -66,6 +69,7 @@ def report_of(
             "kinds": {kind: n for kind, n in counts.kinds.items() if n},
             "ops": {op: n for op, n in counts.ops.items() if n},
         },
+        "repeats": [] if folded is None else _repeats(folded, labels(program, constraints)),
         "constraints": [{"name": c.name, "kind": c.kind, "says": str(c)} for c in constraints],
         "parameters": {name: number(value) for name, value in (parameters or {}).items()},
         "scores": _scores(scores),
@@ -82,6 +86,34 @@ def report_of(
             "total_s": round(sum(run.stages.values()) + sum(delivery.values()), 3),
         },
     }
+
+
+def _repeats(folded: Folded, label: Sequence[str]) -> list[dict[str, Any]]:
+    """What each repeat says; `leaves` are the primitives of one copy, `first` the number of the first of them in `program.json`."""
+    return [
+        {
+            "says": said(repeat, label[first]),
+            "kind": repeat.kind,
+            "counts": list(repeat.counts),
+            "leaves": size(repeat.part),
+            "first": first,
+        }
+        for first, repeat in repeats(folded)
+    ]
+
+
+def said(repeat: Repeat, label: str) -> str:
+    """In words: "12 holes as a 3 x 4 grid"."""
+    own = size(repeat.part)
+    what = f"{repeat.number} {label.rstrip('0123456789')}s" if own == 1 else f"{repeat.number} groups of {own} primitives"
+    counts = " x ".join(map(str, repeat.counts))
+    how = {
+        "linear": "in a row",
+        "grid": f"as a {counts} grid",
+        "circular": "on a circle" if repeat.is_full else f"on a circle, {number(repeat.angle)} degrees apart",
+        "mirror": "as mirror images",
+    }
+    return f"{what} {how[repeat.kind]}"
 
 
 def dumps(report: Mapping[str, Any]) -> str:

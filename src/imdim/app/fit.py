@@ -110,6 +110,8 @@ def summary(report: Mapping[str, Any], folder: Path) -> str:
     fit = f"mean distance {100 * furthest['mean']:.3f} % of the diagonal" if iou is None else f"volume IoU {iou:.4f}"
     lines = [f"{count} primitive{'' if count == 1 else 's'}, {fit}, {report['timing']['total_s']:.1f} s (stopped: {report['stop']})"]
     lines += [f"  {report['proof']}"] if report.get("proof") else []
+    said = [repeat["says"] for repeat in report.get("repeats", [])]
+    lines += [f"  {'repeats':<8} {'; '.join(said)}"] if said else []
     lines += [
         f"  {what:<8} {folder / name}"
         for what, name in (("picture", "preview.png"), ("program", "program.scad"), ("report", "report.json"))

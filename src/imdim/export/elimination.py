@@ -7,15 +7,17 @@ would name. Cutters keep sticking out of what they cut by as much as they do (`t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from imdim.export.repeat_rows import add_repeats
 from imdim.export.through import End, ends_of, overhangs, world_axis
 from imdim.geometry.constraints import rows_of
 from imdim.geometry.lowering import Lowered, lower
 from imdim.program.constraints import AXES_OF, Constraint, Ref
+from imdim.program.repeats import Folded, instances
 from imdim.program.tree import KINDS, Primitive, Program, leaves
 
 ZERO = 1e-9  # coefficients
@@ -37,18 +39,24 @@ class System:
     extras: list[tuple[int, str]] = field(default_factory=list)
 
     @staticmethod
-    def of(program: Program, constraints: Sequence[Constraint]) -> System:
-        """The equations of those constraints that are linear while all directions stay."""
+    def of(program: Program, constraints: Sequence[Constraint], folded: Folded | None = None, fixed: Collection[int] = ()) -> System:
+        """The equations of those constraints that are linear while all directions stay, and of the repeats in `folded`.
+
+        Places in repeats whose numbers (in the order of `repeats`) are in `fixed` follow nothing.
+        """
         parts, numbers = list(leaves(program)), lower(program)
         start = vector(parts).tolist()
         system = System(start, len(start), max(max(p.size) for p in parts))
-        for constraint in constraints:
+        if folded is not None:
+            add_repeats(system, folded, parts, fixed)
+        plain = [c for c in constraints if not _is_implied(c, folded)]
+        for constraint in plain:
             if constraint.kind == "linear":
                 system._add_row(constraint, numbers)
             elif constraint.kind == "circular" and len(constraint.of) > 2:
                 system._add_circle(constraint, numbers)
-        plain = [c for c in constraints if c.kind not in PATTERNS or len(c.of) == 2]
-        system.rows += [row for row in _linear(plain, numbers) if system._holds(row)]
+        others = [c for c in plain if c.kind not in PATTERNS or len(c.of) == 2]
+        system.rows += [row for row in _linear(others, numbers) if system._holds(row)]
         system.rows += list(_grounded(parts[0], numbers))
         flush = {ref for c in constraints if c.kind in ("coplanar", "aligned") for ref in c.of}
         for cutter, behind in overhangs(program):
@@ -103,7 +111,8 @@ class System:
         """Whether the coefficients are ones that elimination keeps simple: wholes and halves."""
         return all(abs(2 * c - round(2 * c)) <= ZERO for c in row.values())
 
-    def _new(self, leaf: int, word: str, value: float) -> int:
+    def new(self, leaf: int, word: str, value: float) -> int:
+        """A further variable, named after a leaf and a word."""
         self.start.append(value)
         self.extras.append((leaf, word))
         return len(self.start) - 1
@@ -115,7 +124,7 @@ class System:
             at = [6 * leaf + 3 + axis for leaf in members]
             step = (self.start[at[-1]] - self.start[at[0]]) / (len(at) - 1)
             moves = abs(step) > ZERO * self.length
-            spacing = {self._new(members[0], "spacing", step): 1.0} if moves else {}
+            spacing = {self.new(members[0], "spacing", step): 1.0} if moves else {}
             for number, v in enumerate(at[1:], start=1):
                 self.rows.append({v: 1.0, at[0]: -1.0} | {s: -float(number) for s in spacing})
 
@@ -132,15 +141,21 @@ class System:
         hub = c.about.leaf if c.about.leaf not in members else None
         middle = points.mean(0) if hub is None else numbers.centers[hub][plane]
         offsets = points - middle
-        diameter = self._new(members[0], "circle", 2 * float(np.linalg.norm(offsets, axis=1).mean()))
+        diameter = self.new(members[0], "circle", 2 * float(np.linalg.norm(offsets, axis=1).mean()))
         if hub is None:
-            centers = [self._new(members[0], f"center_{'xyz'[a]}", float(m)) for a, m in zip(plane, middle, strict=True)]
+            centers = [self.new(members[0], f"center_{'xyz'[a]}", float(m)) for a, m in zip(plane, middle, strict=True)]
         else:
             centers = [6 * hub + 3 + a for a in plane]
         for leaf, offset in zip(members, offsets / self.start[diameter], strict=True):
             for a, center, share in zip(plane, centers, offset, strict=True):
                 part = {diameter: -float(share)} if abs(share) > ZERO else {}
                 self.rows.append({6 * leaf + 3 + a: 1.0, center: -1.0} | part)
+
+
+def _is_implied(c: Constraint, folded: Folded | None) -> bool:
+    """Whether a row or circle is one of copies of one leaf."""
+    sources = [leaf for leaf, _ in instances(folded)] if folded is not None and c.kind in PATTERNS else []
+    return bool(sources) and len({sources[ref.leaf] for ref in c.of}) == 1
 
 
 def _eliminate(matrix: np.ndarray, pivot: int, v: int) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 FILES = (
     "program.json",
     "program.scad",
+    "program.loops.scad",
     "program.step",
     "program.py",
     "program.ucad",

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+from imdim.export.expressions import Expression, written
 from imdim.export.numbers import Rounding
-from imdim.export.parameters import Expression, Parameters, written
+from imdim.export.parameters import Parameters
 from imdim.geometry.solid import SEGMENTS
 from imdim.program.nary import fold_nary
 from imdim.program.tree import OPS, Op, Primitive, Program

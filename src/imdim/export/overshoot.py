@@ -7,6 +7,7 @@ cutter stick out, and let joined parts sink into each other. Here every planar f
 - it does not matter beyond it: from a skin's thickness outward, the solid is the same with and without it.
 
 Both are decided by exact booleans in the thin region concerned, so the solid stays the same up to skins and gaps thinner than `SKIN`.
+Copies of one part stay alike: a face of all of them moves if one of them has to and all of them may.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import numpy as np
 from manifold3d import Manifold
 
 from imdim.geometry.solid import exact_rotation, primitive_to_manifold
+from imdim.program.repeats import Folded, instances
 from imdim.program.tree import Op, Primitive, Program, fold, leaves, map_leaves
 
 SKIN = 1e-4  # fraction of the diagonal: what is thinner is no feature
@@ -32,21 +34,24 @@ CHECK_SEGMENTS = 64
 Face = tuple[int, int]  # local axis, and +1 or -1 for the end on it
 
 
-def overshoot(program: Program) -> Program:
+def overshoot(program: Program, folded: Folded | None = None) -> Program:
     """The same solid with cutters that stick out of what they cut, and joined parts that sink into each other.
 
-    Cutters go first, and what already sticks out stays. Overshoots are round numbers: a power of ten, at most REACH of the diagonal.
+    `folded`, which `program` is the expansion of, says which leaves are copies. Cutters go first, and what already sticks out stays.
+    Overshoots are round numbers: a power of ten, at most REACH of the diagonal.
     """
     placed = [Placed(leaf) for leaf in leaves(program)]
     signs = _signs(program)
     diagonal = _diagonal([part for part, sign in zip(placed, signs, strict=True) if sign > 0])
     steps = [10.0 ** (math.floor(math.log10(REACH * diagonal)) - k) for k in range(2)]
-    for index in sorted(range(len(placed)), key=lambda i: signs[i]):
+    copies = {i: [(i, False)] for i in range(len(placed))} if folded is None else _copies(folded)
+    for index in sorted(copies, key=lambda i: signs[i]):
         for face in _faces(placed[index].leaf):
-            step = next((s for s in steps if _may_extend(program, placed, index, face, s, SKIN * diagonal)), None)
-            if step is not None:
-                leaf = placed[index].leaf
-                placed[index] = Placed(between(leaf, face, -_length(leaf, face), step))
+            faces = [(i, _flipped(face) if mirrored else face) for i, mirrored in copies[index]]
+            step = next((s for s in steps if _may_extend(program, placed, faces, s, SKIN * diagonal)), None)
+            for i, own in faces if step is not None else ():
+                leaf = placed[i].leaf
+                placed[i] = Placed(between(leaf, own, -_length(leaf, own), step))  # type: ignore[arg-type]
     return map_leaves(program, lambda i, _: placed[i].leaf)
 
 
@@ -118,17 +123,37 @@ _CONVEX: Mapping[str, Callable[[tuple[float, ...], np.ndarray], Any]] = {
 }
 
 
-def _may_extend(program: Program, placed: list[Placed], index: int, face: Face, step: float, skin: float) -> bool:
-    """Whether the primitive ends within `skin` of where it stops to matter, and matters nowhere from there to `step`."""
+def _copies(folded: Folded) -> dict[int, list[tuple[int, bool]]]:
+    """For each leaf that is no copy, itself and its copies, and whether these are mirrored."""
+    out: dict[int, list[tuple[int, bool]]] = {}
+    for i, (source, motion) in enumerate(instances(folded)):
+        out.setdefault(source, []).append((i, motion.mirrors))
+    return out
+
+
+def _flipped(face: Face) -> Face:
+    """The face of a mirror image, which is turned so that its local x is the other way."""
+    return (0, -face[1]) if face[0] == 0 else face
+
+
+def _may_extend(program: Program, placed: list[Placed], faces: list[tuple[int, Face]], step: float, skin: float) -> bool:
+    """Whether a primitive ends within `skin` of where it stops to matter, and none of the copies matters from there to `step`."""
+    index, face = faces[0]
     leaf = placed[index].leaf
     skin = min(skin, _length(leaf, face) / 8)
     high = min(step, _apex(leaf, face)) if leaf.kind == "cone" else step
-    if high <= 2 * skin:
+    if high <= 2 * skin or any(_matters(program, placed, i, _beyond(placed[i].leaf, own, skin, high)) for i, own in faces):
         return False
-    beyond = _narrowed(between(leaf, face, skin, high), face, skin)
-    # as narrow as the face itself, although a cone is wider there: another cutter that meets the rim covers it
-    within = _narrowed(between(leaf, face, -2 * skin, -skin), face, skin * (1 + 2 * _widening(leaf, face)))
-    return not _matters(program, placed, index, beyond) and _matters(program, placed, index, within)
+    return any(_matters(program, placed, i, _within(placed[i].leaf, own, skin)) for i, own in faces)
+
+
+def _beyond(leaf: Primitive, face: Face, skin: float, high: float) -> Primitive:
+    return _narrowed(between(leaf, face, skin, high), face, skin)
+
+
+def _within(leaf: Primitive, face: Face, skin: float) -> Primitive:
+    """As narrow as the face itself, although a cone is wider there: another cutter that meets the rim covers it."""
+    return _narrowed(between(leaf, face, -2 * skin, -skin), face, skin * (1 + 2 * _widening(leaf, face)))
 
 
 def _matters(program: Program, placed: list[Placed], index: int, region: Primitive) -> bool:

@@ -7,12 +7,14 @@ can in terms of the others; those that others need get names. What no constraint
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from imdim.export.elimination import System, vector
-from imdim.export.numbers import plain
+from imdim.export.expressions import Expression, Term, constants
+from imdim.export.loops import Loop, loop_of
 from imdim.program.constraints import Constraint
+from imdim.program.repeats import Folded, Repeat, repeats
 from imdim.program.roles import labels, signs, size_word, unique
 from imdim.program.tree import Primitive, Program, leaves
 
@@ -21,34 +23,25 @@ ZERO = 1e-9
 
 
 @dataclass(frozen=True)
-class Term:
-    """``coefficient * name``: a simple fraction, or any number for a place on a circle."""
-
-    name: str
-    coefficient: Fraction | float
-
-
-@dataclass(frozen=True)
-class Expression:
-    """A sum of terms and a constant."""
-
-    terms: tuple[Term, ...]
-    constant: float
-
-
-@dataclass(frozen=True)
 class Parameters:
-    """`values` of the names in the order of the text; for each leaf the expressions of its sizes and of its centre."""
+    """`values` of the names in the order of the text; for each leaf the expressions of its sizes and of its centre.
+
+    `counts` are the names that say how often parts repeat, `loops` the repeats in the order of `repeats`.
+    """
 
     values: dict[str, float] = field(default_factory=dict)
     sizes: tuple[tuple[Expression, ...], ...] = ()
     centers: tuple[tuple[Expression, ...], ...] = ()
+    counts: dict[str, int] = field(default_factory=dict)
+    loops: tuple[Loop, ...] = ()
 
     @staticmethod
-    def none(program: Program) -> Parameters:
-        """No names: each number stands for itself."""
+    def none(program: Program, folded: Folded | None = None) -> Parameters:
+        """No names but those of counts: each number stands for itself."""
         parts = list(leaves(program))
-        return Parameters({}, tuple(_plain(p.size) for p in parts), tuple(_plain(p.center) for p in parts))
+        sizes, centers = tuple(constants(p.size) for p in parts), tuple(constants(p.center) for p in parts)
+        bare = Parameters({}, sizes, centers)
+        return bare if folded is None else _looped(bare, folded, labels(program), max(max(p.size) for p in parts))[0]
 
     def uses(self) -> dict[str, int]:
         """How many numbers follow each name."""
@@ -59,37 +52,63 @@ class Parameters:
         return out
 
     def lines(self, number: Callable[[float], str], end: str = "") -> list[str]:
-        """``name = value`` for each name."""
+        """``name = value`` for each name but those of counts."""
         return [f"{name} = {number(value)}{end}" for name, value in self.values.items()]
 
-
-def _plain(values: Sequence[float]) -> tuple[Expression, ...]:
-    return tuple(Expression((), v) for v in values)
-
-
-def written(expression: Expression, number: Callable[[float], str], unit: str = "") -> str:
-    """The sum as OpenSCAD, Python and, with a `unit` behind constants, µcad read it; `number` rounds the constant."""
-    constant = number(expression.constant)
-    if not expression.terms:
-        return constant + unit
-    parts = [_term(t) for t in expression.terms] + ([constant + unit] if float(constant) else [])
-    return " + ".join(parts).replace("+ -", "- ")
+    def count_lines(self, end: str = "") -> list[str]:
+        """``name = count`` for each count."""
+        return [f"{name} = {count}{end}" for name, count in self.counts.items()]
 
 
-def _term(term: Term) -> str:
-    sign, size = "-" if term.coefficient < 0 else "", abs(term.coefficient)
-    if isinstance(size, float):
-        return f"{sign}{term.name}*{plain(round(size, 12))}"
-    text = term.name if size.numerator == 1 else f"{size.numerator}*{term.name}"
-    return sign + (text if size.denominator == 1 else f"{text}/{size.denominator}")
-
-
-def parametrise(program: Program, constraints: Sequence[Constraint], delivered: Program) -> Parameters:
+def parametrise(program: Program, constraints: Sequence[Constraint], delivered: Program, folded: Folded | None = None) -> Parameters:
     """Names and expressions for the numbers of `delivered`, from constraints that hold for `program`.
 
-    Both have the same leaves but for what `overshoot` and rounding changed, which becomes a constant of the expression.
+    Both have the same leaves but for what `overshoot` and rounding changed, which becomes a constant of the expression. `folded`, which
+    `delivered` is the expansion of, adds what its repeats say, and their counts.
     """
-    system = System.of(program, constraints)
+    fixed: set[int] = set()
+    while True:
+        named = _parametrised(System.of(program, constraints, folded, fixed), program, constraints, delivered)
+        if folded is None:
+            return named
+        looped, broken = _looped(named, folded, labels(program, constraints), max(max(p.size) for p in leaves(delivered)))
+        if not broken:
+            return looped
+        if broken <= fixed:
+            return Parameters.none(delivered, folded)
+        fixed |= broken
+
+
+def _looped(named: Parameters, folded: Folded, label: Sequence[str], length: float) -> tuple[Parameters, set[int]]:
+    """With loops, and the numbers of the repeats that the expressions do not repeat in, which have none."""
+    taken, broken = {*RESERVED, *named.values}, set[int]()
+    counts: dict[str, int] = {}
+    loops: list[Loop] = []
+    for number, (first, repeat) in enumerate(repeats(folded)):
+        loop = loop_of(repeat, first, named.sizes, named.centers, length)
+        if loop is None:
+            broken.add(number)
+            continue
+        known = (o for o in loops if replace(o, counts=(), part="") == loop and _counts(o, counts) == repeat.counts)
+        same = next(known, None)
+        names = same.counts if same else tuple(unique(f"{label[first]}_{word}", taken) for word in _count_words(repeat))
+        counts |= dict(zip(names, repeat.counts, strict=False))
+        loops.append(replace(loop, counts=names, part=unique(label[first], taken)))
+    return replace(named, counts=counts, loops=tuple(loops)), broken
+
+
+def _count_words(repeat: Repeat) -> tuple[str, ...]:
+    if repeat.kind != "grid":
+        return () if repeat.kind == "mirror" else ("count",)
+    along = [[a for a in range(3) if step[a]] for step in repeat.steps]
+    return tuple(f"count_{'xyz'[a[0]]}" for a in along) if all(len(a) == 1 for a in along) else ("rows", "columns")
+
+
+def _counts(loop: Loop, counts: dict[str, int]) -> tuple[int, ...]:
+    return tuple(counts[name] for name in loop.counts) or (2,)
+
+
+def _parametrised(system: System, program: Program, constraints: Sequence[Constraint], delivered: Program) -> Parameters:
     solved = {v: terms for v, row in system.solve().items() if (terms := _terms(row, system)) is not None}
     names = _names(program, constraints, system, solved)
     after = vector(list(leaves(delivered)))

@@ -8,10 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+from imdim.export.expressions import Expression, written
 from imdim.export.numbers import Rounding
-from imdim.export.parameters import Expression, Parameters, written
+from imdim.export.parameters import Parameters
+from imdim.export.script_loops import SIGN, ScriptLoops, chain
 from imdim.program.nary import fold_nary
-from imdim.program.tree import Op, Primitive, Program
+from imdim.program.repeats import Folded
+from imdim.program.tree import Primitive, Program
 
 _SHAPE: Mapping[str, Callable[..., str]] = {
     "box": lambda x, y, z: f"Box({x}, {y}, {z})",
@@ -22,13 +25,14 @@ _SHAPE: Mapping[str, Callable[..., str]] = {
     "ellipsoid": lambda x, y, z: f"scale(Sphere(1), by=({x}, {y}, {z}))",
 }
 
-_SIGN: Mapping[Op, str] = {"union": "+", "difference": "-", "intersection": "&"}
-
 _HEAD = '''"""CSG program as a build123d script: pip install build123d, then run this file to write part.step."""
 
-from build123d import Box, Cone, Cylinder, Pos, Rot, Sphere, Torus, export_step, scale
+from build123d import {names}
 
 '''
+
+_NAMES = ("Box", "Cone", "Cylinder", "Part", "Plane", "Pos", "Rot", "Sphere", "Torus", "export_step", "mirror", "scale")
+_LOOPS = ("Part", "Plane", "mirror")  # what plain scripts do without
 
 _TAIL = """)
 
@@ -37,19 +41,23 @@ if __name__ == "__main__":
 """
 
 
-def to_script(program: Program, parameters: Parameters | None = None) -> str:
+def to_script(program: Program, parameters: Parameters | None = None, folded: Folded | None = None) -> str:
     """Python text that builds `program` as `part` with build123d, in the program's own units (build123d takes them for mm).
 
-    Numbers follow `parameters` if given.
+    Numbers follow `parameters` if given. `folded`, which `program` is the expansion of, gives it loops.
     """
-    rounding, named = Rounding.of(program), parameters or Parameters.none(program)
+    rounding, named = Rounding.of(program), parameters or Parameters.none(program, folded)
 
     def line(number: int, leaf: Primitive) -> list[str]:
         return [_primitive(leaf, rounding, named.sizes[number], named.centers[number])]
 
-    lines = fold_nary(program, line, {op: _chain(sign) for op, sign in _SIGN.items()})
-    names = "".join(f"{text}\n" for text in named.lines(rounding.size)) + ("\n" if named.values else "")
-    return _HEAD + names + "part = (\n" + "".join(f"    {text}\n" for text in lines) + _TAIL
+    writer = ScriptLoops(rounding, named, line)
+    joins = {op: chain(sign) for op, sign in SIGN.items()}
+    lines = fold_nary(program, line, joins) if folded is None else writer.lines(folded, 0)
+    names = [*named.lines(rounding.size), *named.count_lines()]
+    body = [*names, *([""] if names else []), *writer.parts, "part = (", *("    " + text for text in lines)]
+    used = [n for n in _NAMES if n not in _LOOPS or any(f"{n}(" in text for text in body)]
+    return _HEAD.format(names=", ".join(used)) + "\n".join(body) + "\n" + _TAIL
 
 
 def _primitive(leaf: Primitive, rounding: Rounding, sizes: Sequence[Expression], center: Sequence[Expression]) -> str:
@@ -61,11 +69,3 @@ def _primitive(leaf: Primitive, rounding: Rounding, sizes: Sequence[Expression],
             steps.append(f"Rot({', '.join(angle if a == axis else '0' for a in range(3))})")
     texts = [written(s, rounding.length if s.terms else rounding.size) for s in sizes]
     return " * ".join([*steps, _SHAPE[leaf.kind](*texts)])
-
-
-def _chain(sign: str) -> Callable[[list[list[str]]], list[str]]:
-    def lines(parts: list[list[str]]) -> list[str]:
-        blocks = [part if len(part) == 1 else ["(", *("    " + line for line in part), ")"] for part in parts]
-        return [*blocks[0], *(line for block in blocks[1:] for line in (f"{sign} {block[0]}", *block[1:]))]
-
-    return lines

@@ -9,10 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+from imdim.export.expressions import Expression, written
 from imdim.export.numbers import Rounding, fixed
-from imdim.export.parameters import Expression, Parameters, written
+from imdim.export.parameters import Parameters
+from imdim.export.script_loops import chain
+from imdim.export.ucad_loops import SIGN, UcadLoops
 from imdim.program.nary import fold_nary
-from imdim.program.tree import Op, Primitive, Program
+from imdim.program.repeats import Folded
+from imdim.program.tree import Primitive, Program
 
 _HEAD = """// µcad 0.5
 // A CSG program; `microcad export program.ucad` writes a mesh of it.
@@ -22,19 +26,22 @@ use std::ops::*;
 
 """
 
-_SIGN: Mapping[Op, str] = {"union": "|", "difference": "-", "intersection": "&"}
 
+def to_ucad(program: Program, parameters: Parameters | None = None, folded: Folded | None = None) -> str:
+    """µcad text of `program`, whose units are taken for mm; numbers follow `parameters` if given.
 
-def to_ucad(program: Program, parameters: Parameters | None = None) -> str:
-    """µcad text of `program`, whose units are taken for mm; numbers follow `parameters` if given."""
-    rounding, named = Rounding.of(program), parameters or Parameters.none(program)
+    `folded`, which `program` is the expansion of, gives it repeats.
+    """
+    rounding, named = Rounding.of(program), parameters or Parameters.none(program, folded)
 
     def line(number: int, leaf: Primitive) -> list[str]:
         return [_primitive(leaf, rounding, named.sizes[number], named.centers[number])]
 
-    lines = fold_nary(program, line, {op: _chain(sign) for op, sign in _SIGN.items()})
-    names = named.lines(lambda value: fixed(rounding.size(value)), "mm;")
-    return _HEAD + "\n".join([*names, *([""] if names else []), *lines]) + ";\n"
+    writer = UcadLoops(rounding, named, line)
+    joins = {op: chain(sign) for op, sign in SIGN.items()}
+    lines = fold_nary(program, line, joins) if folded is None else writer.lines(folded, 0)
+    names = [*named.lines(lambda value: fixed(rounding.size(value)), "mm;"), *named.count_lines(";")]
+    return _HEAD + "\n".join([*names, *([""] if names else []), *writer.parts, *lines]) + ";\n"
 
 
 def _primitive(leaf: Primitive, rounding: Rounding, sizes: Sequence[Expression], center: Sequence[Expression]) -> str:
@@ -73,11 +80,3 @@ _SHAPE: Mapping[str, Callable[..., str]] = {
     "torus": lambda _, major, minor: f"Torus(major_radius = {major}, minor_radius = {minor})",
     "ellipsoid": _ellipsoid,
 }
-
-
-def _chain(sign: str) -> Callable[[list[list[str]]], list[str]]:
-    def lines(parts: list[list[str]]) -> list[str]:
-        blocks = [part if len(part) == 1 else ["(", *("    " + line for line in part), ")"] for part in parts]
-        return [*blocks[0], *(line for block in blocks[1:] for line in (f"{sign} {block[0]}", *block[1:]))]
-
-    return lines

@@ -9,11 +9,25 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from imdim.program.codec import CONSTRAINED, CONVENTION, FORMAT, MAX_CONSTRAINTS, MAX_PRIMITIVES, UNITS, VERSION
+from imdim.program.codec import CONVENTION, FORMAT, MAX_CONSTRAINTS, UNITS, VERSIONS
 from imdim.program.constraints import RULES
+from imdim.program.node_codec import MAX_PRIMITIVES, REPEAT_FIELDS
+from imdim.program.repeats import REPEATS
 from imdim.program.tree import KINDS, OPS, SIZE_NAMES
 
 _VECTOR = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
+
+_COUNT = {"type": "integer", "minimum": 2, "maximum": MAX_PRIMITIVES}
+_REPEAT_FIELD: dict[str, dict[str, Any]] = {
+    "count": _COUNT,
+    "counts": {"type": "array", "items": _COUNT, "minItems": 2, "maxItems": 2},
+    "step": _VECTOR,
+    "steps": {"type": "array", "items": _VECTOR, "minItems": 2, "maxItems": 2},
+    "angle": {"type": "number"},
+    "point": _VECTOR,
+    "axis": _VECTOR,
+    "normal": _VECTOR,
+}
 
 
 def schema() -> dict[str, Any]:
@@ -22,12 +36,11 @@ def schema() -> dict[str, Any]:
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "IMDIM CSG program",
         "description": "A solid as primitives and boolean operations, in the target's own units and frame.",
-        **_record(
-            {"format": {"const": FORMAT}, "version": {"enum": [VERSION, CONSTRAINED]}, "program": {"$ref": "#/$defs/node"}}, _metadata()
-        ),
+        **_record({"format": {"const": FORMAT}, "version": {"enum": list(VERSIONS)}, "program": {"$ref": "#/$defs/node"}}, _metadata()),
         "$defs": {
-            "node": {"oneOf": [{"$ref": f"#/$defs/{name}"} for name in ("operation", *KINDS)]},
+            "node": {"oneOf": [{"$ref": f"#/$defs/{name}"} for name in ("operation", *map(_repeat_name, REPEATS), *KINDS)]},
             "operation": _operation(),
+            **{_repeat_name(kind): _repeat(kind) for kind in REPEATS},
             **{kind: _primitive(kind) for kind in KINDS},
             "constraint": _constraint(),
             "feature": {"type": "string", "pattern": r"^(world|\d{1,9})(\.[a-z+-][a-z_]*)?$"},
@@ -61,8 +74,17 @@ def _constraint() -> dict[str, Any]:
 
 def _operation() -> dict[str, Any]:
     parts = {"type": "array", "items": {"$ref": "#/$defs/node"}, "minItems": 2, "maxItems": MAX_PRIMITIVES}
-    about = "Folded from the left; a difference keeps the first part and cuts the others."
+    about = "Folded from the left; a difference keeps the first part and cuts the others. A repeat stands for its copies."
     return {"description": about, **_record({"op": {"enum": list(OPS)}, "parts": parts})}
+
+
+def _repeat_name(kind: str) -> str:
+    return f"{kind}_repeat"
+
+
+def _repeat(kind: str) -> dict[str, Any]:
+    needed = {"repeat": {"const": kind}, **{key: _REPEAT_FIELD[key] for key in REPEAT_FIELDS[kind]}, "part": {"$ref": "#/$defs/node"}}
+    return {"description": f"The union of {REPEATS[kind]}.", **_record(needed)}
 
 
 def _primitive(kind: str) -> dict[str, Any]:

@@ -1,0 +1,67 @@
+"""What a program becomes when it is delivered: repeated parts written once, cutters that overshoot, rounded numbers, and names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from imdim.export.numbers import rounded
+from imdim.export.overshoot import overshoot
+from imdim.export.parameters import Parameters, parametrise
+from imdim.fitting import SNAP_CHANGE, relations_of
+from imdim.geometry.constraints import rebased
+from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.program.constraints import WORLD, Constraint, Ref
+from imdim.program.folding import Folding, extent, fold_repeats
+from imdim.program.repeats import Folded, expand, with_leaves, written
+from imdim.program.tree import Program
+
+NEAR = 2e-4  # of the part's size, by which what nearly repeats may move
+
+
+@dataclass(frozen=True)
+class Completed:
+    """`folded`, which `program` is the expansion of, has the repeats, None if there are none. `constraints` hold for `program`."""
+
+    program: Program
+    constraints: tuple[Constraint, ...]
+    parameters: Parameters
+    folded: Folded | None
+
+
+def completed(program: Program, constraints: Sequence[Constraint] = ()) -> Completed:
+    """The program as it is delivered; `constraints` hold for the one given.
+
+    Repeats change the order of primitives. What nearly repeats is made to repeat if that hardly changes the solid.
+    """
+    folding = fold_repeats(program)
+    near = fold_repeats(program, NEAR * extent(program))
+    if near is not None and _shorter(near, folding) and volume_iou(to_manifold(program), to_manifold(near.program)) >= 1 - SNAP_CHANGE:
+        program, constraints = relations_of(near.program)
+        folding = fold_repeats(program)
+    if folding is None:
+        delivered = finished(program)
+        return Completed(delivered, rebased(delivered, constraints), parametrise(program, constraints, delivered), None)
+    given, constraints = folding.program, _renumbered(constraints, folding.order)
+    folded = with_leaves(folding.folded, rounded(overshoot(given, folding.folded)))
+    delivered = expand(folded)
+    return Completed(delivered, rebased(delivered, constraints), parametrise(given, constraints, delivered, folded), folded)
+
+
+def finished(program: Program) -> Program:
+    """A program without repeats as it is delivered: cutters overshoot, numbers are rounded."""
+    return rounded(overshoot(program))
+
+
+def _shorter(near: Folding, exact: Folding | None) -> bool:
+    return exact is None or written(near.folded) < written(exact.folded)
+
+
+def _renumbered(constraints: Sequence[Constraint], order: Sequence[int]) -> tuple[Constraint, ...]:
+    """The constraints of a program whose leaf i was number ``order[i]`` before."""
+    number = {old: new for new, old in enumerate(order)} | {WORLD: WORLD}
+
+    def moved(ref: Ref) -> Ref:
+        return ref._replace(leaf=number[ref.leaf])
+
+    return tuple(replace(c, of=tuple(map(moved, c.of)), about=None if c.about is None else moved(c.about)) for c in constraints)

@@ -1,0 +1,160 @@
+"""Programs with repeated parts written once: n-ary operations, and copies in a row, in a grid, on a circle or as a mirror image.
+
+A view beside the binary tree, which `expand` leads back to: what evaluates, searches and solves knows plain trees alone. `folding` finds
+repeats; JSON, OpenSCAD, the build123d script and µcad write them. Leaves are counted as in the expanded program, copy after copy, so that
+the first copy comes first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import product
+
+from imdim.program.motions import Motion, after, mirror, moved, step, turn
+from imdim.program.tree import Op, Primitive, Program, Vec3, combine_all, leaves
+
+REPEATS: Mapping[str, str] = {
+    "linear": "count copies, each a step from the one before",
+    "grid": "two counts of copies along two steps; the second step is taken first",
+    "circular": "count copies, each turned by an angle about the line through a point along an axis",
+    "mirror": "the part and its image in the plane through a point across an axis",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Repeat:
+    """The union of copies of `part`; `counts` and `steps` have one entry each along every direction of copies.
+
+    `steps` are those of rows and grids, `point` and unit `axis` those of circles and mirrors, `angle` degrees from copy to copy.
+    """
+
+    kind: str
+    part: Folded
+    counts: tuple[int, ...]
+    steps: tuple[Vec3, ...] = ()
+    point: Vec3 = (0.0, 0.0, 0.0)
+    axis: Vec3 = (0.0, 0.0, 1.0)
+    angle: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.kind not in REPEATS:
+            raise ValueError(f"unknown repeat {self.kind!r}; known are {', '.join(REPEATS)}")
+        if len(self.counts) != (2 if self.kind == "grid" else 1) or any(n < 2 for n in self.counts):
+            raise ValueError(f"{self.kind} needs {'two counts' if self.kind == 'grid' else 'a count'} of 2 or more, got {self.counts}")
+        if self.kind == "mirror" and self.counts != (2,):
+            raise ValueError(f"mirror makes 2 of a part, not {self.counts}")
+        if len(self.steps) != (len(self.counts) if self.kind in ("linear", "grid") else 0) or not all(map(any, self.steps)):
+            raise ValueError(f"{self.kind} of {self.counts} has steps {self.steps}")
+        if self.kind in ("circular", "mirror") and abs(math.hypot(*self.axis) - 1) > 1e-9:
+            raise ValueError(f"{self.kind} needs an axis of length 1, got {self.axis}")
+        if self.kind == "circular" and not self.angle % 360:
+            raise ValueError(f"circular needs an angle, got {self.angle}")
+
+    @property
+    def number(self) -> int:
+        """How many copies there are."""
+        return math.prod(self.counts)
+
+    @property
+    def is_full(self) -> bool:
+        """Whether the copies go all the way round."""
+        return self.kind == "circular" and abs(abs(self.angle) * self.counts[0] - 360) < 1e-6
+
+    def motions(self) -> Iterator[Motion]:
+        """Where each copy is from the first, the first included."""
+        if self.kind == "circular":
+            yield from (turn(self.point, self.axis, self.angle * i) for i in range(self.counts[0]))
+        elif self.kind == "mirror":
+            yield from (step((0.0, 0.0, 0.0)), mirror(self.point, self.axis))
+        else:
+            for numbers in product(*map(range, self.counts)):
+                x, y, z = (sum(n * s[a] for n, s in zip(numbers, self.steps, strict=True)) for a in range(3))
+                yield step((x, y, z))
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """One operation on two or more parts; a difference keeps the first. Repeats among what is united or cut stand for all their copies."""
+
+    op: Op
+    parts: tuple[Folded, ...]
+
+
+Folded = Primitive | Group | Repeat
+
+
+def expand(folded: Folded) -> Program:
+    """The plain program."""
+    if isinstance(folded, Primitive):
+        return folded
+    if isinstance(folded, Repeat):
+        return combine_all("union", list(_copies(folded)))
+    out: list[Program] = []
+    for number, part in enumerate(folded.parts):
+        spread = isinstance(part, Repeat) and folded.op != "intersection" and (number > 0 or folded.op == "union")
+        out += _copies(part) if spread else [expand(part)]  # type: ignore[arg-type]
+    return combine_all(folded.op, out)
+
+
+def _copies(repeat: Repeat) -> Iterator[Program]:
+    own = list(_copies(repeat.part)) if isinstance(repeat.part, Repeat) else [expand(repeat.part)]
+    for motion in repeat.motions():
+        yield from (moved(program, motion) for program in own)
+
+
+def size(folded: Folded) -> int:
+    """How many primitives the expanded program has; counts, and expands nothing."""
+    if isinstance(folded, Primitive):
+        return 1
+    return folded.number * size(folded.part) if isinstance(folded, Repeat) else sum(size(part) for part in folded.parts)
+
+
+def written(folded: Folded) -> int:
+    """How many primitives are written out."""
+    if isinstance(folded, Primitive):
+        return 1
+    return written(folded.part) if isinstance(folded, Repeat) else sum(written(part) for part in folded.parts)
+
+
+def repeats(folded: Folded, first: int = 0) -> Iterator[tuple[int, Repeat]]:
+    """Every repeat with the number of its first leaf, those around others before them, from left to right."""
+    if isinstance(folded, Repeat):
+        yield first, folded
+        yield from repeats(folded.part, first)
+    elif isinstance(folded, Group):
+        for part in folded.parts:
+            yield from repeats(part, first)
+            first += size(part)
+
+
+def instances(folded: Folded) -> list[tuple[int, Motion]]:
+    """For each leaf of the expanded program the number of the leaf that it is a copy of (itself if of none), and the motion from that."""
+    if isinstance(folded, Primitive):
+        return [(0, step((0.0, 0.0, 0.0)))]
+    if isinstance(folded, Repeat):
+        own = instances(folded.part)
+        return [(leaf, after(motion, inner)) for motion in folded.motions() for leaf, inner in own]
+    out: list[tuple[int, Motion]] = []
+    for part in folded.parts:
+        start = len(out)
+        out += [(start + leaf, motion) for leaf, motion in instances(part)]
+    return out
+
+
+def with_leaves(folded: Folded, program: Program) -> Folded:
+    """The same repeats with the first copies' leaves taken from `program`, which has the leaves of the expanded one in order."""
+    return _filled(folded, list(leaves(program)), 0)
+
+
+def _filled(folded: Folded, parts: list[Primitive], first: int) -> Folded:
+    if isinstance(folded, Primitive):
+        return parts[first]
+    if isinstance(folded, Repeat):
+        return Repeat(folded.kind, _filled(folded.part, parts, first), folded.counts, folded.steps, folded.point, folded.axis, folded.angle)
+    out: list[Folded] = []
+    for part in folded.parts:
+        out.append(_filled(part, parts, first))
+        first += size(part)
+    return Group(folded.op, tuple(out))
