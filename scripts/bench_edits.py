@@ -18,7 +18,8 @@ import numpy as np
 import trimesh
 from manifold3d import Manifold
 
-from imdim.export.edit import TEXTS, Delivered, EditError, changed, opened, solid_of
+from imdim.export.delivered import TEXTS, Delivered, EditError
+from imdim.export.edit import changed, opened, solid_of
 from imdim.geometry.solid import mesh_to_manifold, volume_iou
 from imdim.program import codec
 from imdim.program.cost import count

@@ -10,7 +10,9 @@ import trimesh
 from tests.export.test_parameters import FLANGE, MOUNT, ROW, mount, parametrised
 from tests.planted import PARTS, box, cut, cylinder, union
 
-from imdim.export.edit import EditError, changed, meanings, opened, solid_of, write
+from imdim.export.delivered import EditError
+from imdim.export.edit import changed, opened, solid_of, write
+from imdim.export.meanings import meanings
 from imdim.export.openscad import to_openscad
 from imdim.export.openscad_reader import read_openscad
 from imdim.export.parameters import parametrise

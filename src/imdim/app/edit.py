@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from imdim.config import ConfigError
 
 if TYPE_CHECKING:
-    from imdim.export.edit import Delivered
+    from imdim.export.delivered import Delivered
 
 STEP_LIMIT_S = 60.0
 
@@ -46,10 +46,11 @@ def main(argv: Sequence[str], prog: str = "imdim edit") -> int:
 
 def listed(source: Path) -> str:
     """The table of names. Raises ConfigError."""
-    from imdim.export.edit import meanings
+    from imdim.export.meanings import meanings
 
     delivered = _opened(source)
-    rows = [(name, f"{delivered.values[name]:.9g}", meaning) for name, meaning in meanings(delivered).items()]
+    values = {**delivered.values, **delivered.counts}
+    rows = [(name, f"{values[name]:.9g}", meaning) for name, meaning in meanings(delivered).items()]
     names, values = (max((len(row[i]) for row in rows), default=0) for i in (0, 1))
     return "".join(f"{name:<{names}}  {value:>{values}}  {meaning}\n" for name, value, meaning in rows) or f"{source}: no names\n"
 
@@ -71,7 +72,8 @@ def edited(source: Path, values: dict[str, float], folder: Path, step: bool = Fa
 
 
 def _opened(source: Path) -> Delivered:
-    from imdim.export.edit import TEXTS, opened
+    from imdim.export.delivered import TEXTS
+    from imdim.export.edit import opened
     from imdim.program import codec
 
     try:

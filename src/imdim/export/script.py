@@ -52,8 +52,7 @@ def to_script(program: Program, parameters: Parameters | None = None, folded: Fo
         return [_primitive(leaf, rounding, named.sizes[number], named.centers[number])]
 
     writer = ScriptLoops(rounding, named, line)
-    joins = {op: chain(sign) for op, sign in SIGN.items()}
-    lines = fold_nary(program, line, joins) if folded is None else writer.lines(folded, 0)
+    lines = fold_nary(program, line, {op: chain(sign) for op, sign in SIGN.items()}) if folded is None else writer.lines(folded, 0)
     names = [*named.lines(rounding.size), *named.count_lines()]
     body = [*names, *([""] if names else []), *writer.parts, "part = (", *("    " + text for text in lines)]
     used = [n for n in _NAMES if n not in _LOOPS or any(f"{n}(" in text for text in body)]

@@ -38,8 +38,7 @@ def to_ucad(program: Program, parameters: Parameters | None = None, folded: Fold
         return [_primitive(leaf, rounding, named.sizes[number], named.centers[number])]
 
     writer = UcadLoops(rounding, named, line)
-    joins = {op: chain(sign) for op, sign in SIGN.items()}
-    lines = fold_nary(program, line, joins) if folded is None else writer.lines(folded, 0)
+    lines = fold_nary(program, line, {op: chain(sign) for op, sign in SIGN.items()}) if folded is None else writer.lines(folded, 0)
     names = [*named.lines(lambda value: fixed(rounding.size(value)), "mm;"), *named.count_lines(";")]
     return _HEAD + "\n".join([*names, *([""] if names else []), *writer.parts, *lines]) + ";\n"
 

@@ -46,8 +46,7 @@ class UcadLoops:
         moves = self._moves(repeat, loop)
         if not moves:
             list(islice(self._loops, sum(1 for _ in repeats(repeat.part))))
-            joins = {op: chain(sign) for op, sign in SIGN.items()}
-            return fold_nary(expand(repeat), lambda number, leaf: self._line(first + number, leaf), joins)
+            return fold_nary(expand(repeat), lambda n, leaf: self._line(first + n, leaf), {op: chain(s) for op, s in SIGN.items()})
         body = self.lines(repeat.part, first)
         self.parts += [f"{loop.part} = {body[0]}"] if len(body) == 1 else [f"{loop.part} =", *("    " + line for line in body)]
         self.parts[-1] += ";"

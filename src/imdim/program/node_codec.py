@@ -38,20 +38,26 @@ def folded_node(folded: Folded) -> Counted:
 
 
 def text_lines(node: dict[str, Any], indent: str) -> Iterator[str]:
-    """A primitive on one line; an operation or a repeat as its head, its parts indented, and its end."""
+    """A primitive on one line; an operation as its head, its parts indented, and its end; a repeat before its part."""
     if "kind" in node:
         yield json.dumps(node, allow_nan=False)
         return
-    last = "parts" if "op" in node else "part"
-    head = ", ".join(f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in node.items() if key != last)
-    parts = node["parts"] if "op" in node else [node["part"]]
-    yield f'{{{head}, "{last}": ' + ("[" if "op" in node else "")
-    for i, part in enumerate(parts):
+    inner = "parts" if "op" in node else "part"
+    head = ", ".join(f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in node.items() if key != inner)
+    if "repeat" in node:
+        lines = list(text_lines(node["part"], indent))
+        lines[0] = f'{{{head}, "part": {lines[0]}'
+        lines[-1] += "}"
+        yield from lines
+        return
+    yield f'{{{head}, "parts": ['
+    last = len(node["parts"]) - 1
+    for i, part in enumerate(node["parts"]):
         lines = list(text_lines(part, indent + "  "))
         lines[0] = indent + "  " + lines[0]
-        lines[-1] += "," if i < len(parts) - 1 else ""
+        lines[-1] += "," if i < last else ""
         yield from lines
-    yield indent + ("]}" if "op" in node else "}")
+    yield indent + "]}"
 
 
 def _leaf(p: Primitive) -> dict[str, Any]:

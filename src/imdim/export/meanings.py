@@ -1,0 +1,74 @@
+"""What the names of a delivered program are: which sizes and places follow them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from imdim.export.delivered import AGREE, Delivered, read
+from imdim.export.numbers import plain
+from imdim.program.tree import SIZE_NAMES, Program, leaves
+
+PROBE = 1e-3  # share of a value by which it is moved to see what follows
+
+_MEANING: Mapping[str, str] = {
+    "sx": "length along x",
+    "sy": "length along y",
+    "sz": "length along z",
+    "r": "radius",
+    "h": "height",
+    "r_bottom": "radius at the bottom",
+    "r_top": "radius at the top",
+    "r_major": "radius of the ring",
+    "r_minor": "radius of the tube",
+    "rx": "radius along x",
+    "ry": "radius along y",
+    "rz": "radius along z",
+    "x": "centre along x",
+    "y": "centre along y",
+    "z": "centre along z",
+}
+
+
+def meanings(delivered: Delivered) -> dict[str, str]:
+    """For each name the sizes and places that are its value, and those that move with it, as ``primitive.feature``.
+
+    Primitives are counted from 0 in the order of program.json, as constraints count them.
+    """
+    out: dict[str, str] = {}
+    for name, value in delivered.values.items():
+        equal, moved = _followers(delivered, name)
+        words = [_MEANING[feature] for _, feature in equal]
+        is_what = [f"{word} of primitive {_some([str(leaf) for leaf, f in equal if _MEANING[f] == word])}" for word in dict.fromkeys(words)]
+        follow = [f"moves {_some([f'{leaf}.{feature}' for leaf, feature in moved])}"] if moved else []
+        out[name] = "; ".join(is_what + follow) or f"nothing follows {plain(value)}"
+    return out | dict.fromkeys(delivered.counts, "how many copies there are")
+
+
+def is_size(delivered: Delivered, name: str) -> bool:
+    """Whether some size is the named value, or the name is that of a diameter."""
+    return "circle" in name.split("_") or any(feature in SIZES for _, feature in _followers(delivered, name)[0])
+
+
+SIZES = frozenset(name for names in SIZE_NAMES.values() for name in names)
+
+Feature = tuple[int, str]  # the primitive's number, and the name of a size or of a coordinate
+
+
+def _followers(delivered: Delivered, name: str) -> tuple[list[Feature], list[Feature]]:
+    """The numbers that are the named value, and the others that move with it."""
+    value = delivered.values[name]
+    step = PROBE * (abs(value) or max(max(p.size) for p in leaves(delivered.program)))
+    before, after = (dict(_numbers(read(delivered, {name: v}))) for v in (value, value + step))
+    moved = {feature: after[feature] - before[feature] for feature in before if abs(after[feature] - before[feature]) > AGREE * step}
+    equal = [f for f, way in moved.items() if max(abs(way - step), abs(before[f] - value)) <= AGREE * step]
+    return equal, [f for f in moved if f not in equal]
+
+
+def _numbers(program: Program) -> Iterator[tuple[Feature, float]]:
+    for i, p in enumerate(leaves(program)):
+        for feature, number in zip((*SIZE_NAMES[p.kind], "x", "y", "z"), (*p.size, *p.center), strict=True):
+            yield (i, feature), number
+
+
+def _some(words: Sequence[str], most: int = 8) -> str:
+    return ", ".join(words[:most]) + (f" and {len(words) - most} more" if len(words) > most else "")
