@@ -26,7 +26,8 @@ class Settings:
     `budget_s` bounds the run in seconds of wall clock; `size_weight` is the price of a primitive: the share of the target's volume that
     one more must set right (larger gives shorter and cruder programs); `segments` is the number of facets per circle in delivered meshes;
     `logdir` is where an evolution writes tensorboard's event files (empty: nowhere); `checkpoint` is the policy of method=policy, which
-    auto and evolve use too (empty: the shipped one, for these if there is one; none: no policy).
+    auto and evolve use too (empty: the shipped one, for these if there is one; none: no policy), `stump_checkpoint` the network of
+    method=stump-net (empty: the shipped one, if there is one; none: random starts).
     """
 
     input: str = ""
@@ -38,6 +39,7 @@ class Settings:
     segments: int = 96
     logdir: str = ""
     checkpoint: str = ""
+    stump_checkpoint: str = ""
 
 
 def merge(schema: type[T], values: Mapping[str, Any]) -> T:

@@ -14,6 +14,7 @@ from imdim.program.stump import CsgStump
 from imdim.program.tree import Primitive
 
 SWEEPS = 12
+STARTS = 4
 LEAST_GAIN = 1e-9
 
 
@@ -70,7 +71,7 @@ class _Descent:
         self.missing = (columns == self.complement[:, None]).astype(np.float32)  # 1 where a node lacks a point
         # an intersection of complements alone is unbounded
         bounded = self.connection[:, ~self.complement].any(1)
-        self.union = matrices.union & bounded
+        self.connection[~bounded], self.union = False, matrices.union & bounded
         self.misses = self.connection.astype(np.float32) @ self.missing
         self.cover = (self.misses[self.union] == 0).sum(0)
 
@@ -79,21 +80,29 @@ class _Descent:
         return sum(self._revise(c) for c in range(len(self.union))) > 0
 
     def _revise(self, c: int) -> bool:
-        row, misses, was = self.connection[c], self.misses[c], bool(self.union[c])
-        if not row[~self.complement].any():
-            return False
-        free = self.value * (self.cover - (was & (misses == 0)) == 0)
-        self.cover -= was & (misses == 0)
-        changed = False
+        """Better one intersection; one that is not in the union or not worth it begins again from each of the fullest primitives."""
+        before = (self.connection[c].copy(), bool(self.union[c]))
+        self.cover -= self.union[c] & (self.misses[c] == 0)
+        free = self.value * (self.cover == 0)
+        gain, row, misses = self._descended(self.connection[c], free) if self.union[c] else (0.0, self.connection[c], self.misses[c])
+        if gain <= LEAST_GAIN:
+            gain, row, misses = max((self._descended(start, free) for start in self._starts(free)), key=lambda found: found[0])
+        self.connection[c], self.misses[c], self.union[c] = row, misses, gain > LEAST_GAIN
+        self.cover += self.union[c] & (misses == 0)
+        return bool(self.union[c]) != before[1] or (before[1] and bool((row != before[0]).any()))
+
+    def _starts(self, free: np.ndarray) -> np.ndarray:
+        """Rows [STARTS, K] of the plain primitives that hold most of what is still to be held."""
+        full = np.where(self.complement, -np.inf, -(self.missing @ np.maximum(free, 0)))
+        return np.arange(len(full)) == np.argsort(-full)[:STARTS, None]
+
+    def _descended(self, row: np.ndarray, free: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        """An intersection after the best flips: what it wins, its row, and how many of its nodes lack each point."""
+        row, misses = row.copy(), row.astype(np.float32) @ self.missing
         while (k := self._best_flip(row, misses, free)) is not None:
-            misses += self.missing[k] if not row[k] else -self.missing[k]
+            misses += -self.missing[k] if row[k] else self.missing[k]
             row[k] = not row[k]
-            changed = True
-        held = misses == 0
-        self.union[c] = float(free @ held) > self.price * row.sum() + LEAST_GAIN
-        self.cover += self.union[c] & held
-        # what an unused intersection looks like is no change of the solid
-        return bool(self.union[c]) != was or (changed and was)
+        return float(free @ (misses == 0)) - self.price * float(row.sum()), row, misses
 
     def _best_flip(self, row: np.ndarray, misses: np.ndarray, free: np.ndarray) -> int | None:
         """The entry whose change wins most, if any wins."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -39,10 +38,6 @@ class Decoded:
     def tensors(self) -> list[Tensor]:
         """All but the kinds."""
         return [getattr(self, f.name) for f in fields(self)[1:]]
-
-    def row(self, index: int) -> Decoded:
-        """One shape as a batch of one, apart from any graph."""
-        return Decoded(self.kinds, *(t[index : index + 1].detach().clone() for t in self.tensors))
 
 
 def even_kinds(count: int) -> tuple[int, ...]:
@@ -76,7 +71,7 @@ def distances(kinds: tuple[int, ...], numbers: Tensor, points: Tensor) -> Tensor
         first, count = kinds.index(kind) if kind in kinds else 0, kinds.count(kind)
         if count:
             columns.append(LOCAL_SDF[name](local[:, first : first + count], sizes[:, first : first + count]))
-    return torch.cat(columns, 1).mT
+    return torch.cat(columns, 1).mT.contiguous()
 
 
 def occupancy(shape: Decoded, points: Tensor, eta: float, binary: bool = False) -> tuple[Tensor, Tensor]:
@@ -101,11 +96,3 @@ def to_primitives(shape: Decoded) -> list[Primitive]:
     euler = euler_from_matrices(quaternion_matrices(quaternions))
     rows = zip(shape.kinds, (sizes.abs() + LEAST).tolist(), centers.tolist(), euler.tolist(), strict=True)
     return [Primitive(KINDS[k], tuple(s[: len(SIZE_NAMES[KINDS[k]])]), tuple(c), tuple(e)) for k, s, c, e in rows]  # type: ignore[arg-type]
-
-
-def selected(shape: Decoded, primitives: np.ndarray, terms: np.ndarray) -> Decoded:
-    """Only some `primitives` (rising indices) and intersections of a batch of one."""
-    keep, rows = torch.as_tensor(primitives), torch.as_tensor(terms)
-    kinds = tuple(shape.kinds[i] for i in primitives)
-    connection = shape.connection[:, rows][:, :, keep]
-    return Decoded(kinds, shape.numbers[:, keep], shape.complement[:, keep], connection, shape.union[:, rows])

@@ -1,44 +1,63 @@
 """One shape fitted by its own occupancy, from a network's prediction or from a random start, and made binary.
 
 Adam on the decoder's numbers and logits (the paper trains the network alone): first with soft matrices, then straight through thresholds,
-so that little is lost when they become binary; then the numbers of what is left alone.
+so that little is lost when they become binary; then the numbers of what the binary matrices use and these matrices in turns, from few
+entries to many.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from imdim.geometry import kernels
 from imdim.geometry.lowering import pack
 from imdim.learn.stump.binary import Labels, Matrices, improved, to_stump, used
-from imdim.learn.stump.decoded import Decoded, selected, to_primitives
+from imdim.learn.stump.decoded import Decoded, start, to_primitives
 from imdim.learn.stump.net import losses
 from imdim.program.stump import CsgStump
 from imdim.program.tree import combine_all
 
 CERTAIN = 20.0  # a logit of 1 or 0
+RICHER = 4.0  # times as dear an entry of W_I is in a round as in the next
+CENTER = slice(4, 7)  # of a primitive's numbers
 
 
 @dataclass
 class FitConfig:
-    """`soft`, `hard` and `last` steps of the three stages, each on `points` of the labels; learning rates of numbers and logits; `eta`
-    grows from the first to the second; an entry of W_I must set `price` of the volume right, over `counted` points."""
+    """Steps: `soft`, then `hard` ones on `points` labels each, then `rounds` times `last` on `last_points`; learning rates of numbers and
+    logits, which fall to a tenth; the steepness of occupancy in the first two stages and at the ends of a round. In the last round an
+    entry of W_I must set `price` of the volume right; matrices are judged by `counted` labels."""
 
     soft: int = 200
-    hard: int = 100
-    last: int = 150
-    points: int = 1024
+    hard: int = 60
+    rounds: int = 4
+    last: int = 80
+    points: int = 512
+    last_points: int = 2048
     lr: float = 0.01
     lr_logits: float = 0.1
-    eta: tuple[float, float] = (40.0, 300.0)
+    eta: tuple[float, float] = (40.0, 110.0)
+    last_eta: tuple[float, float] = (40.0, 250.0)
     primitive_weight: float = 0.001
-    price: float = 1e-3
+    price: float = 2.5e-4
     counted: int = 8192
+
+
+def random_start(labels: Labels, primitives: int, intersections: int, seed: int) -> Decoded:
+    """`start` with its plain primitives at labels inside, its complemented ones at labels outside but in the box of those inside."""
+    generator = torch.Generator().manual_seed(seed)
+    shape = start(primitives, intersections, generator)
+    held = labels.points[labels.w_in > 0]
+    near = ((labels.points >= held.min(0)) & (labels.points <= held.max(0))).all(1)
+    weights = (torch.as_tensor(w) for w in (labels.w_in, near * (labels.w_out + 1e-9 * labels.w_in)))
+    drawn = [torch.multinomial(w, primitives, replacement=True, generator=generator) for w in weights]
+    within, without = (torch.as_tensor(labels.points, dtype=torch.float32)[rows] for rows in drawn)
+    shape.numbers[0, :, CENTER] = torch.where(shape.complement[0][:, None] > 0, without, within)
+    return shape
 
 
 def fit(shape: Decoded, labels: Labels, config: FitConfig, seed: int = 0, out_of_time: Callable[[], bool] = lambda: False) -> CsgStump:
@@ -46,31 +65,27 @@ def fit(shape: Decoded, labels: Labels, config: FitConfig, seed: int = 0, out_of
 
     Where `out_of_time`, the stages end early.
     """
-    torch.set_num_threads(1)
-    generator = torch.Generator().manual_seed(seed)
     counted = labels.some(np.random.default_rng(seed).permutation(len(labels.points))[: config.counted])
+    generator = torch.Generator().manual_seed(seed)
     descend = _Descent(labels, config, generator, out_of_time)
-    middle = config.eta[0] ** 0.5 * config.eta[1] ** 0.5
-    shape = descend(shape, config.soft, (config.eta[0], middle), binary=False)
-    shape = descend(shape, config.hard, (middle, middle), binary=True)
-    shape, matrices = binarised(shape, counted, config.price)
-    shape = descend(shape, config.last, (middle, config.eta[1]), binary=True, numbers_only=True)
-    shape, matrices = binarised(shape, counted, config.price)
+    shape = descend(shape, config.soft, config.eta, binary=False)
+    shape = descend(shape, config.hard, (config.eta[1], config.eta[1]), binary=True)
+    descend = _Descent(labels, replace(config, points=config.last_points), generator, out_of_time)
+    matrices = Matrices(*((t[0] > 0).numpy() for t in shape.tensors[1:]))
+    for turn in reversed(range(config.rounds)):
+        matrices = improved(matrices, columns(shape, counted.points), counted, config.price * RICHER**turn)
+        part = selected(shape, matrices)
+        shape.numbers[:, used(matrices)[0]] = descend(part, config.last, config.last_eta, binary=True, numbers_only=True).numbers
+    matrices = improved(matrices, columns(shape, counted.points), counted, config.price)
     return to_stump(to_primitives(shape), matrices)
 
 
-def binarised(shape: Decoded, labels: Labels, price: float) -> tuple[Decoded, Matrices]:
-    """Only what is used of a shape, its logits certain, and the same as matrices."""
-    complement, connection, union = ((t[0] > 0).numpy() for t in shape.tensors[1:])
-    matrices = improved(Matrices(complement, connection, union), columns(shape, labels.points), labels, price)
+def selected(shape: Decoded, matrices: Matrices) -> Decoded:
+    """What `matrices` use of a batch of one, with logits that say so."""
     kept, terms = used(matrices)
-    matrices = Matrices(complement[kept], matrices.connection[np.ix_(terms, kept)], matrices.union[terms])
-    certain = [torch.where(torch.as_tensor(m), CERTAIN, -CERTAIN)[None] for m in (matrices.complement, matrices.connection, matrices.union)]
-    return Decoded(*_leading(selected(shape, kept, terms)), *certain), matrices
-
-
-def _leading(shape: Decoded) -> tuple[tuple[int, ...], Tensor]:
-    return shape.kinds, shape.numbers
+    bits = (matrices.complement[kept], matrices.connection[np.ix_(terms, kept)], matrices.union[terms])
+    logits = (torch.where(torch.as_tensor(b), CERTAIN, -CERTAIN)[None] for b in bits)
+    return Decoded(tuple(shape.kinds[k] for k in kept), shape.numbers[:, kept], *logits)
 
 
 def columns(shape: Decoded, points: np.ndarray) -> np.ndarray:
@@ -80,7 +95,7 @@ def columns(shape: Decoded, points: np.ndarray) -> np.ndarray:
 
 @dataclass
 class _Descent:
-    """Adam on batches of labels, half of them inside, half as the labels lie."""
+    """Adam on batches of labels: half of them drawn by the volume they hold inside, half as they lie."""
 
     labels: Labels
     config: FitConfig
@@ -94,21 +109,28 @@ class _Descent:
         self.inside = (w_in / (w_in + w_out)).float()
 
     def __call__(self, shape: Decoded, steps: int, eta: tuple[float, float], binary: bool, numbers_only: bool = False) -> Decoded:
-        numbers, *logits = (t.detach().clone().requires_grad_(i == 0 or not numbers_only) for i, t in enumerate(shape.tensors))
-        config, shape = self.config, Decoded(shape.kinds, numbers, *logits)
-        groups = [{"params": [numbers], "lr": config.lr}, {"params": [] if numbers_only else logits, "lr": config.lr_logits}]
-        adam = torch.optim.Adam([g for g in groups if g["params"]], betas=(0.9, 0.98))
+        config = self.config
+        numbers, *logits = (t.detach().clone() for t in shape.tensors)
+        shape = Decoded(shape.kinds, numbers, *logits)
+        adam = torch.optim.Adam([{"params": [numbers], "lr": config.lr}], betas=(0.9, 0.98))
+        if not numbers_only:
+            adam.add_param_group({"params": logits, "lr": config.lr_logits})
         rates = [group["lr"] for group in adam.param_groups]
+        for group in adam.param_groups:
+            for weight in group["params"]:
+                weight.requires_grad_()
         for step in range(steps):
             if self.out_of_time():
                 break
             done = step / steps
             for group, rate in zip(adam.param_groups, rates, strict=True):
                 group["lr"] = rate * (1 - 0.9 * done)
-            rows = torch.multinomial(self.chance, config.points, replacement=True, generator=self.generator)
-            steep = eta[0] * (eta[1] / eta[0]) ** done
-            found = losses(shape, self.points[rows][None], self.inside[rows][None], steep, config.primitive_weight, binary)
-            adam.zero_grad()
-            found["loss"].backward()
-            adam.step()
+            self._step(shape, adam, eta[0] * (eta[1] / eta[0]) ** done, binary)
         return Decoded(shape.kinds, *(t.detach() for t in shape.tensors))
+
+    def _step(self, shape: Decoded, adam: torch.optim.Adam, eta: float, binary: bool) -> None:
+        rows = torch.multinomial(self.chance, self.config.points, replacement=True, generator=self.generator)
+        found = losses(shape, self.points[rows][None], self.inside[rows][None], eta, self.config.primitive_weight, binary)
+        adam.zero_grad()
+        found["loss"].backward()
+        adam.step()
