@@ -97,3 +97,31 @@ def _primitive(rng: np.random.Generator, at: np.ndarray, scale: float, base: boo
 
 def _round(v: np.ndarray) -> np.ndarray:
     return np.maximum(np.round(np.abs(v) * 2) / 2, 1.0) * np.where(v < 0, -1, 1)
+
+
+PITCH = 20.0
+
+
+def plate(rng: np.random.Generator, primitives: int) -> Program:
+    """A plate with a square array of holes, blind holes, bosses, blocks and pockets: as many primitives as wanted, each visible."""
+    side = int(np.ceil(np.sqrt(primitives - 1)))
+    program: Program = Primitive("box", (PITCH * side, PITCH * side, 10.0), (0.0, 0.0, 5.0))
+    added: list[Primitive] = []
+    cut: list[Primitive] = []
+    for spot in sorted(rng.permutation(side * side)[: primitives - 1].tolist()):
+        x, y = ((i - (side - 1) / 2) * PITCH for i in divmod(spot, side))
+        kind, wide = rng.integers(5), float(rng.choice([6.0, 8.0, 10.0]))
+        if kind == 0:
+            cut.append(Primitive("cylinder", (wide / 2, 14.0), (x, y, 5.0)))
+        elif kind == 1:
+            cut.append(Primitive("cylinder", (wide / 2, 8.0), (x, y, 10.0)))
+        elif kind == 2:
+            added.append(Primitive("cylinder", (wide / 2, 10.0), (x, y, 12.0)))
+        elif kind == 3:
+            added.append(Primitive("box", (wide, wide, 12.0), (x, y, 10.0)))
+        else:
+            cut.append(Primitive("box", (wide, wide, 6.0), (x, y, 10.0)))
+    for op, parts in (("union", added), ("difference", cut)):
+        for part in parts:
+            program = Combine(op, program, part)  # type: ignore[arg-type]
+    return program

@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from imdim import stump_net as stump_nets
 from imdim.body import Seen
 from imdim.clock import Clock
 from imdim.config import Settings
 from imdim.evolution import evolved, logged, seeds_of
 from imdim.fitting import POOR
 from imdim.program.tree import Program
-from imdim.proof import proof_of
+from imdim.proof import Proofs
 from imdim.proposals import misfit, proposals
 from imdim.search.evolve.population import EvolutionConfig, Generation
 from imdim.search.sequence import to_program
@@ -68,15 +69,18 @@ Method = Callable[[Run], Iterator[Step]]
 
 
 def auto(run: Run) -> Iterator[Step]:
-    """The structure search and a short evolution; the decision tree and the policy where these leave much; at last the proof."""
+    """The structure search and a short evolution; the decision tree and the policy where these leave much; proofs, which end it early."""
     best: Step | None = None
-    for best in _searched_and_touched(run):
+    proofs = Proofs(run.seen, run.clock, run.share)
+    for best in _searched_and_touched(run, proofs):
         yield best
-    for source in (_grown_if_poor, _proposed_if_poor, _proved):
+    for source in (_grown_if_poor, _proposed_if_poor):
         better = source(run, best)
         if better is not None:
             best = better
             yield best
+    if best is not None:
+        yield _proved(best, proofs)
 
 
 def tree(run: Run) -> Iterator[Step]:
@@ -103,26 +107,43 @@ def evolve(run: Run) -> Iterator[Step]:
         yield Step("evolve", program, generation.best.score.volume, others)
 
 
-METHODS: dict[str, Method] = {"auto": auto, "evolve": evolve, "policy": policy, "tree": tree}
+def stump_net(run: Run) -> Iterator[Step]:
+    """CSG-Stump Net's prediction, fitted to the body's samples, alone."""
+    net = stump_nets.load(run.settings.stump_checkpoint)
+    yield Step("stump-net", stump_nets.proposed(run.seen, net, run.settings.seed, run.clock.out_of_time))
 
 
-def _searched_and_touched(run: Run) -> Iterator[Step]:
+METHODS: dict[str, Method] = {"auto": auto, "evolve": evolve, "policy": policy, "stump-net": stump_net, "tree": tree}
+
+
+def _searched_and_touched(run: Run, proofs: Proofs) -> Iterator[Step]:
     passed: list[Program] = []
-    for program in searched(run):
+    for stage, program in _searched(run, proofs):
         passed.append(program)
-        yield Step("search", program, others=tuple(passed))
+        yield Step(stage, program, others=tuple(passed))
     for program in _touched(run, passed):
         passed.append(program)
         yield Step("evolve", program, others=tuple(passed))
 
 
-def searched(run: Run) -> Iterator[Program]:
-    """Programs of the structure search, each better than the one before."""
-    seen, found = run.seen, None
+def _searched(run: Run, proofs: Proofs) -> Iterator[tuple[str, Program]]:
+    """Programs of the structure search, each better than the one before, until one is proved minimal."""
+    seen, found, shortest = run.seen, None, None
     for found in search_structure(seen.families, StructureConfig(size_weight=seen.size_weight), run.rng, run.clock.out_of_time):
-        yield seen.frame.undo(to_program(found.sequence, seen.families))
-    if found is not None:
-        yield seen.frame.undo(to_program(tidy(found.sequence, seen.families), seen.families))
+        program = seen.frame.undo(to_program(found.sequence, seen.families))
+        yield "search", program
+        program, proof = proofs.early(program) or (program, None)
+        if proof and proof.program and (shortest is None or seen.price(program) < seen.price(shortest)):
+            shortest = program
+        if proof and proof.minimal:
+            break
+    if found is None:
+        return
+    tidied = seen.frame.undo(to_program(tidy(found.sequence, seen.families), seen.families))
+    if shortest is not None and seen.price(shortest) < seen.price(tidied):
+        yield "proof", shortest
+    else:
+        yield "search", tidied
 
 
 def _touched(run: Run, found: list[Program]) -> Iterator[Program]:
@@ -177,11 +198,9 @@ def _proposed_if_poor(run: Run, best: Step | None) -> Step | None:
     return replace(best, stage="policy", program=program) if preferred(program, best.program, seen) else None
 
 
-def _proved(run: Run, best: Step | None) -> Step | None:
+def _proved(best: Step, proofs: Proofs) -> Step:
     """The best with its proof, or a shorter program that the search for one met."""
-    if best is None:
-        return None
-    program, proof = proof_of(best.program, run.seen, run.clock, run.share)
+    program, proof = proofs.of(best.program)
     others = (*best.others, best.program) if proof.program else best.others
     return replace(best, stage="proof", program=program, error=None, others=others, proof=str(proof))
 

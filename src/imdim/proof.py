@@ -2,22 +2,46 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+
 from imdim.body import Seen
 from imdim.clock import Clock
 from imdim.program.cost import count
 from imdim.program.tree import Program
-from imdim.search.exact.prove import Proof, prove
+from imdim.search.exact.prove import Proof, Prover
 
-PROOF_S = 8.0  # at most, of the search's share of the budget
+PROOF_S = 8.0  # for one proof, at most
+PROOF_SHARE = 0.55  # of the budget; a search that took all of its own leaves some for the last proof
+MOST_EARLY = 3  # proofs before the search has ended
 
 
-def proof_of(program: Program, seen: Seen, clock: Clock, share: float = 1.0) -> tuple[Program, Proof]:
-    """A proof about a program in the body's units, and a shorter or the same program."""
-    start, over = clock.seconds(), clock.part(share)
+@dataclass
+class Proofs:
+    """Asks for proofs about programs of one body, which may take a `share` of the time left."""
 
-    def late() -> bool:
-        return over() or clock.seconds() - start > PROOF_S
+    seen: Seen
+    clock: Clock
+    share: float = 1.0
+    asked: int = 0
+    fewest: int | None = None
 
-    error = seen.error(program) * seen.cells.volume
-    proof = prove(seen.families, seen.size_weight, count(program).primitives, error, late)
-    return program if proof.program is None else seen.frame.undo(proof.program), proof
+    @cached_property
+    def _prover(self) -> Prover:
+        return Prover(self.seen.families, self.seen.size_weight)
+
+    def of(self, program: Program) -> tuple[Program, Proof]:
+        """A proof about a program in the body's units, and a shorter or the same program."""
+        start = self.clock.seconds()
+        end = start + min(PROOF_S, self.share * (PROOF_SHARE * self.clock.budget_s - start))
+        error = self.seen.error(program) * self.seen.cells.volume
+        proof = self._prover.prove(count(program).primitives, error, lambda: self.clock.seconds() > end)
+        return program if proof.program is None else self.seen.frame.undo(proof.program), proof
+
+    def early(self, program: Program) -> tuple[Program, Proof] | None:
+        """As `of`, for a program that the search passes through, where it is shorter than those before; None where that is not worth it."""
+        primitives = count(program).primitives
+        if self.asked == MOST_EARLY or (self.fewest is not None and primitives >= self.fewest):
+            return None
+        self.asked, self.fewest = self.asked + 1, primitives
+        return self.of(program)

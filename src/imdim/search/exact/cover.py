@@ -16,6 +16,7 @@ from scipy.sparse import csr_array, hstack, vstack
 
 INFEASIBLE = 2  # scipy's status
 MOST_NODES = 20_000
+NEAR = 0.02  # relative gap of an answer among these
 PROMISING = 400  # variables tried first, by their reduced costs
 ENOUGH = 0.15  # relative gap: any answer below the price shows what counterexamples lack, it need not be the cheapest
 SLACK = 1e-5  # what the solver's arithmetic may be off by
@@ -23,10 +24,14 @@ SLACK = 1e-5  # what the solver's arithmetic may be off by
 
 @dataclass(frozen=True)
 class Cover:
-    """`chosen` columns, None where no cover as cheap as asked for was found; `known` is whether that is certain."""
+    """`chosen` columns, None where no cover as cheap as asked for was found; `known` is whether that is certain.
+
+    `binding` bool [pairs]: those that bear the bound of the linear relaxation.
+    """
 
     chosen: list[int] | None
     known: bool
+    binding: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -54,23 +59,25 @@ def cover(separates: np.ndarray, left: np.ndarray, right: np.ndarray, weight: np
     size = np.concatenate([np.ones(n), np.zeros(len(cells))])
     at_most = np.append(-np.ones(len(left)), limits.most)
     relaxed = linprog(cost, A_ub=vstack([-rows, size[None]]), b_ub=at_most, bounds=(0, 1), method="highs")
-    if relaxed.status == INFEASIBLE or (relaxed.status == 0 and relaxed.fun > price + SLACK):
-        return Cover(None, True)
     if relaxed.status != 0:
-        return Cover(None, False)
+        return Cover(None, relaxed.status == INFEASIBLE, np.ones(len(left), bool))
+    binding = relaxed.ineqlin.marginals[:-1] < 0
+    if relaxed.fun > price + SLACK:
+        return Cover(None, True, binding)
     # a variable whose reduced cost lifts the bound over the price is 0 in every answer
     lifted = relaxed.fun + relaxed.lower.marginals
     kept = np.flatnonzero(lifted <= price + SLACK)
     promising = kept[np.sort(np.argsort(lifted[kept], kind="stable")[:PROMISING])]
-    for some in (promising, kept) if len(promising) < len(kept) else (kept,):
-        found = _solved(cost[some], rows[:, some], size[some], [np.flatnonzero(np.isin(some, b)) for b in limits.barred], limits)
+    for some, gap in ((promising, NEAR), (kept, ENOUGH)) if len(promising) < len(kept) else ((kept, NEAR),):
+        barred = [np.flatnonzero(np.isin(some, b)) for b in limits.barred]
+        found = _solved(cost[some], rows[:, some], size[some], barred, limits, gap)
         if found.x is not None:
             chosen = some[found.x > 0.5]
-            return Cover(chosen[chosen < n].tolist(), True)
-    return Cover(None, found.status == INFEASIBLE)
+            return Cover(chosen[chosen < n].tolist(), True, binding)
+    return Cover(None, found.status == INFEASIBLE, binding)
 
 
-def _solved(cost: np.ndarray, rows: csr_array, size: np.ndarray, barred: list[np.ndarray], limits: Limits) -> OptimizeResult:
+def _solved(cost: np.ndarray, rows: csr_array, size: np.ndarray, barred: list[np.ndarray], limits: Limits, gap: float) -> OptimizeResult:
     bounds = [
         LinearConstraint(rows, lb=1.0),
         LinearConstraint(size[None], ub=float(limits.most)),
@@ -80,5 +87,5 @@ def _solved(cost: np.ndarray, rows: csr_array, size: np.ndarray, barred: list[np
         row = np.zeros(len(cost))
         row[columns] = 1.0
         bounds.append(LinearConstraint(row[None], ub=len(whole) - 1.0))
-    options = {"time_limit": limits.solver_s, "node_limit": MOST_NODES, "mip_rel_gap": ENOUGH}
+    options = {"time_limit": limits.solver_s, "node_limit": MOST_NODES, "mip_rel_gap": gap}
     return milp(cost, constraints=bounds, integrality=np.ones(len(cost)), bounds=Bounds(0, 1), options=options)

@@ -22,15 +22,17 @@ from imdim.search.exact.pairs import Labels, counterexamples, least_error
 from imdim.search.families import Candidate, Families
 
 EQUAL = 1e-3  # of a primitive's price
+FINE = 0.25  # of a primitive's price; what less error is worth, once no fewer primitives can do
 
 
 @dataclass(frozen=True)
 class ProveConfig:
     """Limits of a proof; all but the last count work."""
 
-    most_primitives: int = 16
+    most_primitives: int = 48
     pairs_per_round: int = 60
-    most_pairs: int = 480
+    most_pairs: int = 300  # those that bear no bound then go
+    refinements: int = 6  # rounds for less error with no fewer primitives
     most_columns: int = 20_000
     most_barred: int = 12  # sets of candidates without a tree
     solver_s: float = 3.0  # of one solution, which its count of nodes ends first
@@ -40,7 +42,8 @@ class ProveConfig:
 class Proof:
     """`minimal`: no program over the candidates has fewer than `primitives` and is as cheap; otherwise `why` that is not known.
 
-    `program` in the frame of the cells is shorter than what was asked about, None where nothing shorter was found.
+    `program` in the frame of the cells is shorter than what was asked about, None where nothing shorter was found. `extra` is its error
+    beyond what no program over the candidates can avoid, in units of a primitive's price.
     """
 
     minimal: bool
@@ -48,24 +51,10 @@ class Proof:
     candidates: int
     why: str = ""
     program: Program | None = None
+    extra: float = 0.0
 
     def __str__(self) -> str:
         return "proved minimal over these candidates" if self.minimal else f"not proved: {self.why}"
-
-
-def prove(
-    families: Families,
-    size_weight: float,
-    primitives: int,
-    error: float,
-    out_of_time: Callable[[], bool],
-    config: ProveConfig | None = None,
-) -> Proof:
-    """A proof about a program of so many `primitives` that differs from the target by the volume `error` over the cells."""
-    config = config or ProveConfig()
-    if primitives > config.most_primitives:
-        return Proof(False, primitives, candidate_count(families), f"more than {config.most_primitives} primitives")
-    return _Prover(families, size_weight, config, out_of_time).run(primitives, error)
 
 
 @dataclass(frozen=True)
@@ -77,29 +66,68 @@ class _Best:
     program: Program | None = None
 
 
-class _Prover:
-    def __init__(self, families: Families, size_weight: float, config: ProveConfig, out_of_time: Callable[[], bool]) -> None:
-        self.families, self.config, self.out_of_time = families, config, out_of_time
+class Prover:
+    """Proofs about programs of one body; counterexamples found for one program serve the next."""
+
+    def __init__(self, families: Families, size_weight: float, config: ProveConfig | None = None) -> None:
+        self.families, self.config = families, config or ProveConfig()
         cells = families.cells
         self.unit = size_weight * cells.volume
         self.mixed = float(np.minimum(cells.w_in, cells.w_out).sum()) / self.unit  # which no program over the candidates can avoid
         codes = np.concatenate([cells.slabs, cells.inside], axis=1).astype(float)
+        self.candidates = candidate_count(families)
         self.labels = Labels(codes, cells.gain > 0, np.abs(cells.gain) / self.unit)
         self.barred: list[list[Candidate]] = []  # sets that tell all cells apart, of which no tree was found
+        self.proved: list[_Best] = []
         self.inside, self.outside = np.zeros(0, np.int64), np.zeros(0, np.int64)
 
-    def run(self, primitives: int, error: float) -> Proof:
+    def prove(self, primitives: int, error: float, out_of_time: Callable[[], bool] = lambda: False) -> Proof:
+        """A proof about a program of so many `primitives` that differs from the target by the volume `error` over the cells."""
+        if primitives > self.config.most_primitives:
+            return Proof(False, primitives, self.candidates, f"more than {self.config.most_primitives} primitives")
         best = _Best(primitives, primitives + error / self.unit - self.mixed)
-        chosen: list[Candidate] = []
-        why = None
-        while why is None:
-            shorter = self._joined(chosen, best)
+        best, why = self._shortest(best, out_of_time)
+        if not why:
+            best = self._refined(best, out_of_time)
+        return Proof(not why, best.primitives, self.candidates, why, best.program, best.price - best.primitives)
+
+    def _shortest(self, best: _Best, out_of_time: Callable[[], bool]) -> tuple[_Best, str]:
+        """Shorter programs until none is left, or why that is not known."""
+        why, chosen = None, list[Candidate]()
+        self.barred = []
+        while why is None and not self._proved(best):
+            why, chosen = self._round(chosen, best, out_of_time)
+            shorter = self._joined(chosen, best) if why is None else None
             if shorter is not None:
                 best, self.barred = shorter, []
-            elif chosen and self._price(chosen) <= best.price - EQUAL:
+            elif why is None and self._price(chosen) <= best.price - EQUAL:
                 self.barred.append(chosen)
-            why, chosen = self._round(chosen, best) if best.primitives > 1 else ("", [])
-        return Proof(not why, best.primitives, candidate_count(self.families), why or "", best.program)
+        if not why:
+            self.proved.append(best)
+        return best, why or ""
+
+    def _proved(self, best: _Best) -> bool:
+        """Whether an earlier proof covers this one: of more primitives, at no lower price."""
+        return best.primitives <= 1 or any(best.primitives <= p.primitives and best.price <= p.price + EQUAL for p in self.proved)
+
+    def _refined(self, best: _Best, out_of_time: Callable[[], bool]) -> _Best:
+        """No fewer primitives but less error, where a few more counterexamples lead to it; they are forgotten then."""
+        before, chosen = (self.inside, self.outside), list[Candidate]()
+        self.barred = []
+        for _ in range(self.config.refinements):
+            if best.price - best.primitives < FINE:
+                break
+            goal = _Best(best.primitives + 1, best.price - FINE + EQUAL)
+            why, chosen = self._round(chosen, goal, out_of_time)
+            if why is not None:
+                break
+            better = self._joined(chosen, goal)
+            if better is not None:
+                best, self.barred = better, []
+            elif self._price(chosen) <= goal.price - EQUAL:
+                self.barred.append(chosen)
+        self.inside, self.outside = before
+        return best
 
     def _price(self, chosen: list[Candidate]) -> float:
         """Of the best function of the chosen candidates."""
@@ -109,17 +137,16 @@ class _Prover:
         m = len(self.labels.weight)
         return np.stack([self.families.mask(c) for c in chosen]) if chosen else np.zeros((0, m), bool)
 
-    def _round(self, chosen: list[Candidate], best: _Best) -> tuple[str | None, list[Candidate]]:
+    def _round(self, chosen: list[Candidate], best: _Best, out_of_time: Callable[[], bool]) -> tuple[str | None, list[Candidate]]:
         """More counterexamples and the cheapest candidates that satisfy them; "" for none, which is the proof, or why it must end."""
         config = self.config
         if len(self.barred) > config.most_barred:
             return self._unjoined(), chosen
-        more = counterexamples(self.labels, self._masks(chosen), config.pairs_per_round)
-        self.inside, self.outside = np.append(self.inside, more.inside), np.append(self.outside, more.outside)
-        if self.out_of_time():
+        if chosen or not len(self.inside):
+            more = counterexamples(self.labels, self._masks(chosen), config.pairs_per_round)
+            self.inside, self.outside = np.append(self.inside, more.inside), np.append(self.outside, more.outside)
+        if out_of_time():
             return "time ran out", chosen
-        if len(self.inside) > config.most_pairs:
-            return f"more than {config.most_pairs} counterexamples", chosen
         try:
             columns = maximal_columns(self.families, self.inside, self.outside)
         except TooManyError as error:
@@ -132,6 +159,9 @@ class _Prover:
         barred = [[place[c] for c in some] for some in self.barred if all(c in place for c in some)]
         limits = Limits(best.primitives - 1, best.price - EQUAL, config.solver_s, barred)
         found = cover(separates, self.inside, self.outside, self.labels.weight, limits)
+        if len(self.inside) > config.most_pairs:
+            kept = found.binding | (np.arange(len(self.inside)) >= len(self.inside) - 2 * config.pairs_per_round)
+            self.inside, self.outside = self.inside[kept], self.outside[kept]
         if found.chosen is not None:
             return None, [columns.candidates[i] for i in found.chosen]
         if not found.known:
@@ -144,7 +174,8 @@ class _Prover:
     def _joined(self, chosen: list[Candidate], best: _Best) -> _Best | None:
         """A tree of the chosen candidates that is cheaper than the best; groups of cells too light to matter are left to chance."""
         slack = best.price - EQUAL - self._price(chosen)
-        found = joined(chosen, self.labels, self.families, slack) if chosen and slack >= 0 else None
+        allowed = sorted({s for s in (0.0, 0.3, 1.0, slack) if 0 <= s <= slack}) if chosen else []
+        found = next((f for s in allowed if (f := joined(chosen, self.labels, self.families, s))), None)
         if found is None:
             return None
         program, filled = found

@@ -1,0 +1,71 @@
+"""CSG-Stump without a network: detected primitives, the matrices by binary programming, the program that they say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from imdim.body import Seen
+from imdim.program.cost import count
+from imdim.program.simplify import reduce_program
+from imdim.program.stump import to_program
+from imdim.program.tree import Program
+from imdim.search.evolve.seeds import PRICES
+from imdim.search.exact.stump import connections, matrices
+from imdim.search.families import Candidate, Families
+from imdim.search.local import LocalConfig, Price, complete, found_of, pruned
+from imdim.search.sequence import Sequence
+
+MOST = 40  # primitives
+
+
+def stumps(seen: Seen, out_of_time: Callable[[], bool]) -> Iterator[Program]:
+    """Programs in the body's units, each cheaper than the one before; one at least where the body shows any candidate."""
+    families, best = seen.families, np.inf
+    pools = _pools(families, seen.size_weight, out_of_time)
+    for pool in pools:
+        program = seen.frame.undo(_program(pool, families, seen.size_weight))
+        price = seen.error(program) + seen.size_weight * count(program).primitives
+        if price < best:
+            best = price
+            yield program
+        if out_of_time():
+            return
+
+
+def _program(pool: list[Candidate], families: Families, size_weight: float) -> Program:
+    cells = families.cells
+    masks = np.stack([families.mask(c) for c in pool])
+    chosen = connections(masks, cells.w_in, cells.w_out, size_weight * cells.volume)
+    return reduce_program(to_program(matrices(chosen.terms, [families.primitive(c) for c in pool])))
+
+
+def _pools(families: Families, size_weight: float, out_of_time: Callable[[], bool]) -> Iterator[list[Candidate]]:
+    """Sets of primitives to connect: those that greedy insertion takes under each of several prices, then the best of all of them."""
+    exact = Price(size_weight * families.cells.volume)
+    every: list[Candidate] = []
+    for phases in PRICES:
+        found = found_of((), families, exact)
+        for weights in phases:
+            price = Price(exact.step * (1.0 if weights == (1.0, 1.0) else 40.0), weights)
+            found = complete(found_of(found.sequence, families, price), families, LocalConfig(), price, out_of_time)
+        found = complete(found_of(found.sequence, families, exact), families, LocalConfig(), exact, out_of_time)
+        pool = _candidates(pruned(found, families, exact).sequence)[:MOST]
+        if pool:
+            every += pool
+            yield pool
+        if out_of_time():
+            break
+    together = list(dict.fromkeys(every))
+    if not together:
+        together = [c for _, c in sorted(families.best(families.cells.gain, 1, -np.inf), key=lambda f: -f[0])[:1]]
+    if together:
+        yield together[:MOST]
+
+
+def _candidates(sequence: Sequence) -> list[Candidate]:
+    """The distinct candidates of a sequence, in order."""
+    terms = [step.term for step in sequence]
+    halves = [h for t in terms for h in ((t,) if isinstance(t, Candidate) else (t.left, t.right))]
+    return list(dict.fromkeys(halves))
