@@ -15,8 +15,10 @@ import numpy as np
 
 from imdim.body import Seen
 from imdim.config import ConfigError, first_line
+from imdim.geometry import kernels
 from imdim.geometry.axes import main_axes
 from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
+from imdim.program.cost import count
 from imdim.program.simplify import simplify
 from imdim.program.stump import to_program
 from imdim.program.tree import Primitive, Program, map_leaves
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
 
 MODEL = "imdim-stump.safetensors"
 RANDOM = (64, 32)  # primitives and intersections of a random start
-CHECKS = 60  # programs that simplification may compare by all samples
+CHECKS, JUDGED = 60, 32_768  # programs that simplification may compare, and by how many samples
 
 
 @lru_cache(maxsize=1)
@@ -63,8 +65,14 @@ def proposed(seen: Seen, net: StumpNet | None, seed: int, out_of_time: Callable[
         with torch.no_grad():
             start = net(poses.local(cloud[None])[:, : net.config.cloud])
     stump = fit(start, labels, FitConfig(price=seen.size_weight), seed, out_of_time)
-    program = seen.frame.undo(_back(to_program(stump), poses))
-    return simplify(program, lambda given, candidate: seen.price(candidate) <= seen.price(given), max_checks=CHECKS)
+    referee = labels.some(np.random.default_rng(seed + 1).permutation(len(labels.points))[:JUDGED])
+
+    def price(program: Program) -> float:
+        wrong = np.where(kernels.inside(program, referee.points), referee.w_out, referee.w_in).sum() / referee.w_in.sum()
+        return float(wrong) + seen.size_weight * count(program).primitives
+
+    program = simplify(to_program(stump), lambda given, candidate: price(candidate) <= price(given), max_checks=CHECKS)
+    return seen.frame.undo(_back(program, poses))
 
 
 def _back(program: Program, poses: Poses) -> Program:

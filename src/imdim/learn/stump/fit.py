@@ -23,6 +23,7 @@ from imdim.program.tree import combine_all
 
 CERTAIN = 20.0  # a logit of 1 or 0
 RICHER = 4.0  # times as dear an entry of W_I is in a round as in the next
+HEAVIEST = 10.0  # times the mean, that a drawn point may count
 CENTER = slice(4, 7)  # of a primitive's numbers
 
 
@@ -71,13 +72,24 @@ def fit(shape: Decoded, labels: Labels, config: FitConfig, seed: int = 0, out_of
     shape = descend(shape, config.soft, config.eta, binary=False)
     shape = descend(shape, config.hard, (config.eta[1], config.eta[1]), binary=True)
     descend = _Descent(labels, replace(config, points=config.last_points), generator, out_of_time)
-    matrices = Matrices(*((t[0] > 0).numpy() for t in shape.tensors[1:]))
+    matrices, passed = Matrices(*((t[0] > 0).numpy() for t in shape.tensors[1:])), []
     for turn in reversed(range(config.rounds)):
         matrices = improved(matrices, columns(shape, counted.points), counted, config.price * RICHER**turn)
-        part = selected(shape, matrices)
+        passed.append((price_of(shape, matrices, counted, config.price), to_stump(to_primitives(shape), matrices)))
+        part, before = selected(shape, matrices), shape.numbers.clone()
         shape.numbers[:, used(matrices)[0]] = descend(part, config.last, config.last_eta, binary=True, numbers_only=True).numbers
+        if price_of(shape, matrices, counted, config.price) > passed[-1][0]:
+            shape.numbers.copy_(before)
     matrices = improved(matrices, columns(shape, counted.points), counted, config.price)
-    return to_stump(to_primitives(shape), matrices)
+    passed.append((price_of(shape, matrices, counted, config.price), to_stump(to_primitives(shape), matrices)))
+    return min(passed, key=lambda found: found[0])[1]
+
+
+def price_of(shape: Decoded, matrices: Matrices, labels: Labels, price: float) -> float:
+    """Error of a batch of one, relative to the target's volume, + `price` per entry of W_I."""
+    held = matrices.held(columns(shape, labels.points))
+    wrong = float(np.where(held, labels.w_out, labels.w_in).sum() / labels.w_in.sum())
+    return wrong + price * int(matrices.connection[matrices.union].sum())
 
 
 def selected(shape: Decoded, matrices: Matrices) -> Decoded:
@@ -95,7 +107,8 @@ def columns(shape: Decoded, points: np.ndarray) -> np.ndarray:
 
 @dataclass
 class _Descent:
-    """Adam on batches of labels: half of them drawn by the volume they hold inside, half as they lie."""
+    """Adam on batches of labels: half of them drawn by the volume they hold inside, half as they lie. Soft matrices take all alike, so
+    that little volume counts as much as much of it; binary ones take them by the volume they stand for, which is the error."""
 
     labels: Labels
     config: FitConfig
@@ -105,6 +118,9 @@ class _Descent:
     def __post_init__(self) -> None:
         w_in, w_out = (torch.as_tensor(w) for w in (self.labels.w_in, self.labels.w_out))
         self.chance = w_in / w_in.sum() + 1 / len(w_in)
+        # what a drawn point stands for; far outside few points stand for much
+        weight = (w_in + w_out) / self.chance
+        self.weight = (weight / (weight * self.chance).sum() * self.chance.sum()).clamp_max(HEAVIEST).float()
         self.points = torch.as_tensor(self.labels.points, dtype=torch.float32)
         self.inside = (w_in / (w_in + w_out)).float()
 
@@ -130,7 +146,8 @@ class _Descent:
 
     def _step(self, shape: Decoded, adam: torch.optim.Adam, eta: float, binary: bool) -> None:
         rows = torch.multinomial(self.chance, self.config.points, replacement=True, generator=self.generator)
-        found = losses(shape, self.points[rows][None], self.inside[rows][None], eta, self.config.primitive_weight, binary)
+        weight = self.weight[rows][None] if binary else None
+        found = losses(shape, self.points[rows][None], self.inside[rows][None], eta, self.config.primitive_weight, binary, weight)
         adam.zero_grad()
         found["loss"].backward()
         adam.step()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import torch
 from torch import Tensor, nn
-from torch.nn import functional as F
 
 from imdim.learn.pointnet import PointNet
 from imdim.learn.stump.decoded import NUMBERS, Decoded, occupancy, start
@@ -43,11 +42,15 @@ class StumpNet(nn.Module):
             return losses(shape, batch.points, batch.inside, self.config.eta, self.config.primitive_weight)
 
 
-def losses(shape: Decoded, points: Tensor, inside: Tensor, eta: float, weight: float, binary: bool = False) -> dict[str, Tensor]:
-    """Of shapes at test `points` [b, n, 3] that are `inside` [b, n]: mean squared error of occupancy, and the mean over primitives of the
-    squared distance to the nearest test point, which still has a gradient where the steep sigmoid has none."""
+def losses(
+    shape: Decoded, points: Tensor, inside: Tensor, eta: float, weight: float, binary: bool = False, each: Tensor | None = None
+) -> dict[str, Tensor]:
+    """Of shapes at test `points` [b, n, 3] that are `inside` [b, n]: mean squared error of occupancy (`each` [b, n]: the weights of points),
+    and the mean over primitives of the squared distance to the nearest test point, which still has a gradient where the steep sigmoid has
+    none."""
     found, sdf = occupancy(shape, points, eta, binary)
-    recon, primitive = F.mse_loss(found, inside), sdf.square().amin(1).mean()
+    squares = (found - inside).square()
+    recon, primitive = (squares if each is None else each * squares).mean(), sdf.square().amin(1).mean()
     error = ((found > 0.5) != (inside > 0.5)).float().mean()
     return {"loss": recon + weight * primitive, "recon": recon, "primitive": primitive, "error": error}
 
