@@ -45,9 +45,9 @@ class StumpNet(nn.Module):
 def losses(
     shape: Decoded, points: Tensor, inside: Tensor, eta: float, weight: float, binary: bool = False, each: Tensor | None = None
 ) -> dict[str, Tensor]:
-    """Of shapes at test `points` [b, n, 3] that are `inside` [b, n]: mean squared error of occupancy (`each` [b, n]: the weights of points),
-    and the mean over primitives of the squared distance to the nearest test point, which still has a gradient where the steep sigmoid has
-    none."""
+    """Of shapes at test `points` [b, n, 3] that are `inside` [b, n]: mean squared error of occupancy, each point with its weight in `each`
+    [b, n], and the mean over primitives of the squared distance to the nearest test point, which still has a gradient where the steep
+    sigmoid has none."""
     found, sdf = occupancy(shape, points, eta, binary)
     squares = (found - inside).square()
     recon, primitive = (squares if each is None else each * squares).mean(), sdf.square().amin(1).mean()
