@@ -12,8 +12,8 @@ from imdim.fitting import SNAP_CHANGE, relations_of
 from imdim.geometry.constraints import rebased
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.constraints import WORLD, Constraint, Ref
-from imdim.program.folding import Folding, extent, fold_repeats
-from imdim.program.repeats import Folded, expand, with_leaves, written
+from imdim.program.folding import Folding, extent, fold_repeats, worth
+from imdim.program.repeats import Folded, expand, with_leaves
 from imdim.program.tree import Program
 
 NEAR = 2e-4  # of the part's size, by which what nearly repeats may move
@@ -36,7 +36,7 @@ def completed(program: Program, constraints: Sequence[Constraint] = ()) -> Compl
     """
     folding = fold_repeats(program)
     near = fold_repeats(program, NEAR * extent(program))
-    if near is not None and _shorter(near, folding) and volume_iou(to_manifold(program), to_manifold(near.program)) >= 1 - SNAP_CHANGE:
+    if near is not None and _better(near, folding) and volume_iou(to_manifold(program), to_manifold(near.program)) >= 1 - SNAP_CHANGE:
         program, constraints = relations_of(near.program)
         folding = fold_repeats(program)
     if folding is None:
@@ -53,8 +53,8 @@ def finished(program: Program) -> Program:
     return rounded(overshoot(program))
 
 
-def _shorter(near: Folding, exact: Folding | None) -> bool:
-    return exact is None or written(near.folded) < written(exact.folded)
+def _better(near: Folding, exact: Folding | None) -> bool:
+    return exact is None or worth(near.folded) > worth(exact.folded)
 
 
 def _renumbered(constraints: Sequence[Constraint], order: Sequence[int]) -> tuple[Constraint, ...]:

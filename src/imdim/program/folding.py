@@ -14,9 +14,10 @@ from itertools import combinations
 
 from imdim.program.alike import Node, match, node_of, same_shape
 from imdim.program.lattices import Lattice, Ring, lattices, rings
+from imdim.program.layers import layered
 from imdim.program.motions import mirror, step
 from imdim.program.relations import axes, dot
-from imdim.program.repeats import Folded, Group, Repeat, expand
+from imdim.program.repeats import Folded, Group, Repeat, expand, repeats, size
 from imdim.program.tree import Primitive, Program, Vec3, leaves
 
 TOLERANCE = 1e-6  # of the part's size
@@ -50,9 +51,20 @@ def fold_repeats(program: Program, tolerance: float | None = None) -> Folding | 
     root = node_of(program)
     if root.depth > MOST_DEPTH:
         return None
-    search = _Search(exact if tolerance is None else tolerance, exact, _body_axis(parts[0]), [p.center for p in parts])
-    folded, order = search.folded(root)
-    return Folding(folded, tuple(order)) if search.found else None
+    within = exact if tolerance is None else tolerance
+    body, hubs = _body_axis(parts[0]), [p.center for p in parts]
+    best: Folding | None = None
+    for node in (root, layered(root), layered(root, late=True)):
+        search = _Search(within, exact, body, hubs)
+        folded, order = search.folded(node)
+        if search.found and (best is None or worth(folded) > worth(best.folded)):
+            best = Folding(folded, tuple(order))
+    return best
+
+
+def worth(folded: Folded) -> int:
+    """What repeats save of primitives, squared so that a few large ones are worth more than many small ones."""
+    return sum(((repeat.number - 1) * size(repeat.part)) ** 2 for _, repeat in repeats(folded))
 
 
 def extent(program: Program) -> float:
