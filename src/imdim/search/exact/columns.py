@@ -14,7 +14,7 @@ from numba import njit
 
 from imdim.search.families import Candidate, Families
 
-MOST_BOXES = 6_000_000  # of one frame, listed in one go
+MOST_BOXES = 20_000_000  # of one frame, listed in one go
 MOST_DISTINCT = 400_000
 
 

@@ -11,13 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import Bounds, LinearConstraint, OptimizeResult, linprog, milp
-from scipy.sparse import csr_array, hstack, vstack
+from scipy.optimize import Bounds, LinearConstraint, linprog, milp
+from scipy.sparse import csr_array, hstack
 
 INFEASIBLE = 2  # scipy's status
 MOST_NODES = 20_000
 NEAR = 0.02  # relative gap of an answer among these
-PROMISING = 400  # variables tried first, by their reduced costs
+STARTING = 300  # columns of the first relaxation, and of those that join it at a time
+PROMISING = 400  # columns tried first, by their reduced costs
 ENOUGH = 0.15  # relative gap: any answer below the price shows what counterexamples lack, it need not be the cheapest
 SLACK = 1e-5  # what the solver's arithmetic may be off by
 
@@ -49,43 +50,95 @@ def cover(separates: np.ndarray, left: np.ndarray, right: np.ndarray, weight: np
 
     A column costs 1, giving a pair up the `weight` [m] of one of its cells `left`, `right` [pairs].
     """
-    price = limits.price
-    n = len(separates)
     cells = np.unique(np.concatenate([left, right]))
-    cells = cells[weight[cells] < price]
-    given_up = csr_array((left[:, None] == cells) | (right[:, None] == cells))
-    rows = csr_array(hstack([csr_array(separates.T), given_up]), dtype=float)
-    cost = np.concatenate([np.ones(n), weight[cells]])
-    size = np.concatenate([np.ones(n), np.zeros(len(cells))])
-    at_most = np.append(-np.ones(len(left)), limits.most)
-    relaxed = linprog(cost, A_ub=vstack([-rows, size[None]]), b_ub=at_most, bounds=(0, 1), method="highs")
-    if relaxed.status != 0:
-        return Cover(None, relaxed.status == INFEASIBLE, np.ones(len(left), bool))
-    binding = relaxed.ineqlin.marginals[:-1] < 0
-    if relaxed.fun > price + SLACK:
-        return Cover(None, True, binding)
-    # a variable whose reduced cost lifts the bound over the price is 0 in every answer
-    lifted = relaxed.fun + relaxed.lower.marginals
-    kept = np.flatnonzero(lifted <= price + SLACK)
-    promising = kept[np.sort(np.argsort(lifted[kept], kind="stable")[:PROMISING])]
-    for some, gap in ((promising, NEAR), (kept, ENOUGH)) if len(promising) < len(kept) else ((kept, NEAR),):
-        barred = [np.flatnonzero(np.isin(some, b)) for b in limits.barred]
-        found = _solved(cost[some], rows[:, some], size[some], barred, limits, gap)
-        if found.x is not None:
-            chosen = some[found.x > 0.5]
-            return Cover(chosen[chosen < n].tolist(), True, binding)
-    return Cover(None, found.status == INFEASIBLE, binding)
+    cells = cells[weight[cells] < limits.price]
+    given_up = ((left[:, None] == cells) | (right[:, None] == cells)).astype(float)
+    relaxed = _relaxed(separates, given_up, weight[cells], limits)
+    if relaxed is None:
+        return Cover(None, False, np.ones(len(left), bool))
+    if relaxed.bound > limits.price + SLACK:
+        return Cover(None, True, relaxed.dual > 0)
+    # a column whose reduced cost lifts the bound over the price is in no answer
+    kept = np.flatnonzero(relaxed.bound + relaxed.reduced <= limits.price + SLACK)
+    first = np.sort(kept[np.lexsort((relaxed.reduced[kept], -relaxed.value[kept]))[:PROMISING]])
+    problem = _Problem(separates, given_up, weight[cells])
+    chosen, _ = problem.solved(first, limits, bounded=False)
+    known = False
+    if chosen is None:
+        chosen, known = problem.solved(kept, limits, bounded=True)
+    return Cover(chosen, chosen is not None or known, relaxed.dual > 0)
 
 
-def _solved(cost: np.ndarray, rows: csr_array, size: np.ndarray, barred: list[np.ndarray], limits: Limits, gap: float) -> OptimizeResult:
-    bounds = [
-        LinearConstraint(rows, lb=1.0),
-        LinearConstraint(size[None], ub=float(limits.most)),
-        LinearConstraint(cost[None], ub=limits.price),
-    ]
-    for columns, whole in zip(barred, limits.barred, strict=True):
-        row = np.zeros(len(cost))
-        row[columns] = 1.0
-        bounds.append(LinearConstraint(row[None], ub=len(whole) - 1.0))
-    options = {"time_limit": limits.solver_s, "node_limit": MOST_NODES, "mip_rel_gap": gap}
-    return milp(cost, constraints=bounds, integrality=np.ones(len(cost)), bounds=Bounds(0, 1), options=options)
+@dataclass(frozen=True)
+class _Relaxed:
+    """The linear relaxation: its value, that of each column [n] and its reduced cost [n], the duals [pairs] of the pairs."""
+
+    bound: float
+    value: np.ndarray
+    reduced: np.ndarray
+    dual: np.ndarray
+
+
+def _relaxed(separates: np.ndarray, given_up: np.ndarray, weight: np.ndarray, limits: Limits) -> _Relaxed | None:
+    """The linear relaxation by column generation; None where the solver gives no answer, an infinite value where there is none."""
+    n, pairs = separates.shape
+    order = np.argsort(-separates.sum(1), kind="stable")
+    active = np.zeros(n, bool)
+    active[order[:STARTING]] = True
+    # a column for each pair, without which the first relaxation may have no answer
+    active[order[np.argmax(separates[order], axis=0)]] = True
+    while True:
+        columns = np.flatnonzero(active)
+        rows = hstack([csr_array(separates[columns].T.astype(float)), csr_array(given_up)])
+        cost = np.concatenate([np.ones(len(columns)), weight])
+        options = {"time_limit": limits.solver_s}
+        solved = linprog(cost, A_ub=-rows, b_ub=-np.ones(pairs), bounds=(0, None), method="highs", options=options)
+        if solved.status == INFEASIBLE:
+            return _Relaxed(np.inf, np.zeros(n), np.zeros(n), np.ones(pairs))
+        if solved.status != 0:
+            return None
+        dual = -solved.ineqlin.marginals
+        reduced = 1 - separates @ dual
+        wanted = np.flatnonzero((reduced < -SLACK) & ~active)
+        if not len(wanted):
+            value = np.zeros(n)
+            value[columns] = solved.x[: len(columns)]
+            return _Relaxed(float(solved.fun), value, np.maximum(reduced, 0.0), dual)
+        active[wanted[np.argsort(reduced[wanted], kind="stable")[:STARTING]]] = True
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """Which columns [n, pairs] separate which pairs, which cells [pairs, cells] give them up, at what weight [cells]."""
+
+    separates: np.ndarray
+    given_up: np.ndarray
+    weight: np.ndarray
+
+    def solved(self, some: np.ndarray, limits: Limits, bounded: bool) -> tuple[list[int] | None, bool]:
+        """An answer out of `some` columns within the limits, or None and whether it is certain that there is none.
+
+        With `bounded` the solver knows price and size, which proves more; without it comes to some answer sooner.
+        """
+        n = len(some)
+        rows = csr_array(hstack([csr_array(self.separates[some].T.astype(float)), csr_array(self.given_up)]))
+        cost = np.concatenate([np.ones(n), self.weight])
+        size = np.concatenate([np.ones(n), np.zeros(len(self.weight))])
+        bounds = [LinearConstraint(rows, lb=1.0), *self._bars(some, limits)]
+        if bounded:
+            bounds += [LinearConstraint(size[None], ub=float(limits.most)), LinearConstraint(cost[None], ub=limits.price)]
+        options = {"time_limit": limits.solver_s, "node_limit": MOST_NODES, "mip_rel_gap": ENOUGH if bounded else NEAR}
+        found = milp(cost, constraints=bounds, integrality=np.ones(len(cost)), bounds=Bounds(0, 1), options=options)
+        if found.x is None:
+            return None, found.status == INFEASIBLE
+        chosen = np.round(found.x)
+        fits = chosen @ size <= limits.most and chosen @ cost <= limits.price
+        return (some[chosen[:n] > 0].tolist(), True) if fits else (None, False)
+
+    def _bars(self, some: np.ndarray, limits: Limits) -> list[LinearConstraint]:
+        """Not all of any barred set at once."""
+        bars = []
+        for barred in limits.barred:
+            row = np.concatenate([np.isin(some, barred).astype(float), np.zeros(len(self.weight))])
+            bars.append(LinearConstraint(row[None], ub=len(barred) - 1.0))
+        return bars
