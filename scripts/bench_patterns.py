@@ -4,10 +4,10 @@
     python scripts/bench_patterns.py FOLDER --results out/bench  and compares with program.json of each part (`benchmark.py` makes them)
 
 Features are read off the mesh, with nothing of the package: smooth patches (edges below 25 degrees) that are curved, by the point or
-axis that their normals meet at (balls, cylinders, cones; no others), their radius and their extent along that axis; and flat faces that
-stick out or lie deep on all sides (every edge convex, or every edge concave), by area, shape and normal. Features count as equal within
-1 %. Three or more with different centres make a pattern where they stand at equal steps (rows; grids of two by two or more) or at equal
-angles round one centre (all the way round).
+axis that their normals meet at (balls, cylinders, cones; no others), their radius, and the axis's direction and extent, where cylinders
+of one radius on one axis are one feature; and flat faces that stick out or lie deep on all sides (every edge convex, or every edge
+concave), by area, shape and normal. Features count as equal within 1 %. Three or more with different centres make a pattern where they
+stand at equal steps (rows; grids of two by two or more) or at equal angles round one centre (all the way round).
 
 A part is met if its pattern with most features is: one repeat of the program takes one feature to at least four fifths of the others.
 """
@@ -89,6 +89,9 @@ def patterns(mesh: trimesh.Trimesh) -> list[Pattern]:
     return sorted(out, key=lambda p: -len(p.places))
 
 
+Feature = tuple[np.ndarray, np.ndarray]  # place [3], numbers that equal features share
+
+
 def equal_features(mesh: trimesh.Trimesh, place: float) -> list[np.ndarray]:
     """Centres [n, 3] of the features of each class of equal ones."""
     curved, flat = [], []
@@ -98,7 +101,8 @@ def equal_features(mesh: trimesh.Trimesh, place: float) -> list[np.ndarray]:
             continue
         normals = mesh.face_normals[faces]
         (curved if np.ptp(normals, axis=0).max() > 0.05 else flat).append(faces)
-    found = [f for faces in curved for f in curved_feature(mesh, faces)] + [f for faces in flat for f in flat_feature(mesh, faces, smooth)]
+    round_ones = [f for faces in curved for f in curved_feature(mesh, faces)]
+    found = coaxial_as_one(round_ones, place) + [f for faces in flat for f in flat_feature(mesh, faces, smooth)]
     classes: list[list[int]] = []
     for i, (_, numbers) in enumerate(found):
         home = next((c for c in classes if _alike(found[c[0]][1], numbers, place)), None)
@@ -122,7 +126,7 @@ def patches(mesh: trimesh.Trimesh, smooth: np.ndarray) -> list[np.ndarray]:
     return np.split(order, np.cumsum(np.bincount(labels, minlength=count))[:-1])
 
 
-def curved_feature(mesh: trimesh.Trimesh, faces: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+def curved_feature(mesh: trimesh.Trimesh, faces: np.ndarray) -> list[Feature]:
     """A ball's centre, or the middle of a cylinder's or cone's axis, and mean radius and extent; nothing of other faces.
 
     Edges between facets lie on the surface, and what halves the angle there points to the axis; points of facets do neither.
@@ -150,10 +154,31 @@ def curved_feature(mesh: trimesh.Trimesh, faces: np.ndarray) -> list[tuple[np.nd
     radius = ((middles - center) * lines).sum(1)
     if np.sqrt(weights @ missed**2) > ROUND * np.abs(radius).mean():
         return []
-    return [(center + axis * 0.5 * (along.max() + along.min()), np.array([1.0, weights @ radius, np.ptp(along)]))]
+    is_cylinder = round_about and np.abs(normals @ axis).max() < 1e-3
+    tilt = axis * np.sign(axis[np.abs(axis).argmax()]) if round_about else np.zeros(3)
+    numbers = [1.0 + is_cylinder, 1 + weights @ radius, np.ptp(along), *(1 + tilt)]
+    return [(center + axis * 0.5 * (along.max() + along.min()), np.array(numbers))]
 
 
-def flat_feature(mesh: trimesh.Trimesh, faces: np.ndarray, smooth: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+def coaxial_as_one(features: list[Feature], place: float) -> list[Feature]:
+    """Cylinders of one radius on one axis, which one drill or one bar makes, as one feature from end to end."""
+    out: list[Feature] = []
+    for at, numbers in features:
+        tilt = numbers[3:] - 1
+        for i, (other, known) in enumerate(out):
+            gap = at - other
+            same = numbers[0] == known[0] == 2.0 and np.abs(numbers[[1, 3, 4, 5]] - known[[1, 3, 4, 5]]).max() <= place
+            if same and np.linalg.norm(gap - gap @ tilt * tilt) <= place:
+                ends = [e for p, n in ((at, numbers), (other, known)) for e in (p @ tilt - n[2] / 2, p @ tilt + n[2] / 2)]
+                middle = other + (0.5 * (max(ends) + min(ends)) - other @ tilt) * tilt
+                out[i] = (middle, np.array([2.0, known[1], max(ends) - min(ends), *known[3:]]))
+                break
+        else:
+            out.append((at, numbers))
+    return out
+
+
+def flat_feature(mesh: trimesh.Trimesh, faces: np.ndarray, smooth: np.ndarray) -> list[Feature]:
     """The middle of a face with all edges convex or all concave, its area, principal moments and normal; nothing of other faces."""
     inside = np.zeros(len(mesh.faces), bool)
     inside[faces] = True
@@ -165,7 +190,7 @@ def flat_feature(mesh: trimesh.Trimesh, faces: np.ndarray, smooth: np.ndarray) -
     mean = areas @ middles / areas.sum()
     corners = mesh.triangles[faces] - mean
     moments = np.linalg.eigvalsh(np.einsum("n,nci,ncj->ij", areas, corners, corners) / areas.sum())[1:]
-    numbers = [2.0, areas.sum(), *np.sqrt(np.maximum(moments, 0)), float(convex.all()), *(1 + mesh.face_normals[faces[0]])]
+    numbers = [3.0, areas.sum(), *np.sqrt(np.maximum(moments, 0)), float(convex.all()), *(1 + mesh.face_normals[faces[0]])]
     return [(mean, np.array(numbers))]
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import combinations
+from itertools import combinations, islice
 
 from imdim.program.alike import Node, match, node_of, same_shape
 from imdim.program.lattices import Lattice, Ring, lattices, rings
@@ -26,6 +26,8 @@ COSTS = {"linear": 5, "grid": 9, "circular": 11, "mirror": 7}
 AT_BODY = 6  # a circle round the axis of a body that is round needs no centre
 MOST_PARTS = 150
 MOST_DEPTH = 100
+MOST_PLANES = 10  # through three parts of one shape, across which copies may turn
+SAME_AXIS = 1e-12  # of a cosine
 
 
 @dataclass(frozen=True)
@@ -159,7 +161,7 @@ class _Search:
         for chain in self._translated(parts, group):
             for lattice in lattices([parts[i].anchor for i in chain], 4 * self.tolerance):
                 yield from self._lattice(parts, chain, lattice)
-        for axis in _directions(parts[group[0]]):
+        for axis in _directions(parts[group[0]], [parts[i].anchor for i in group]):
             yield from self._circles(parts, group, axis)
 
     def _translated(self, parts: list[Node], group: list[int]) -> list[list[int]]:
@@ -328,12 +330,20 @@ def _first(node: Node) -> Primitive:
     return node.leaves[0][1]
 
 
-def _directions(node: Node) -> list[Vec3]:
-    """Axes that copies may turn about: the world's, and those of the leaves."""
-    out: list[Vec3] = [(0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)]
+def _directions(node: Node, anchors: list[Vec3]) -> list[Vec3]:
+    """Axes that copies may turn about: the world's, those of the leaves, and those across planes that the copies lie in."""
+    offered: list[Vec3] = [(0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)]
     for _, leaf in node.leaves[:4]:
-        own = axes(leaf) if leaf.kind in ("box", "ellipsoid") else axes(leaf)[2:] if leaf.kind != "sphere" else ()
-        out += [d for d in own if all(abs(dot(d, e)) < 1 - 1e-9 for e in out)]
+        offered += axes(leaf) if leaf.kind in ("box", "ellipsoid") else axes(leaf)[2:] if leaf.kind != "sphere" else ()
+    for a, b, c in islice(combinations(anchors, 3), MOST_PLANES):
+        u, v = _minus(b, a), _minus(c, a)
+        normal = _cross(u, v)
+        if math.hypot(*normal) > 1e-3 * math.hypot(*u) * math.hypot(*v):
+            offered.append(_unit(normal))
+    out: list[Vec3] = []
+    for d in offered:
+        if all(abs(dot(d, e)) < 1 - SAME_AXIS for e in out):
+            out.append(d if _is_forward(d) else (-d[0], -d[1], -d[2]))
     return out
 
 
@@ -342,7 +352,7 @@ def _across(axis: Vec3) -> tuple[Vec3, Vec3]:
     helper = (1.0, 0.0, 0.0) if abs(axis[0]) < 0.9 else (0.0, 1.0, 0.0)
     along = dot(helper, axis)
     u = _unit((helper[0] - along * axis[0], helper[1] - along * axis[1], helper[2] - along * axis[2]))
-    return u, (axis[1] * u[2] - axis[2] * u[1], axis[2] * u[0] - axis[0] * u[2], axis[0] * u[1] - axis[1] * u[0])
+    return u, _cross(axis, u)
 
 
 def _levels(parts: list[Node], group: list[int], axis: Vec3, tolerance: float) -> list[list[int]]:
@@ -372,3 +382,7 @@ def _unit(v: Vec3) -> Vec3:
 
 def _minus(a: Vec3, b: Vec3) -> Vec3:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def _cross(a: Vec3, b: Vec3) -> Vec3:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

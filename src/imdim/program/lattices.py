@@ -107,8 +107,8 @@ def _levels(values: Sequence[float], tolerance: float) -> list[float]:
 
 def rings(points: Sequence[Vec2], hubs: Sequence[Vec2], tolerance: float) -> Iterator[Ring]:
     """Circles of three points or more: all the way round, or arcs (without a hub of four or more)."""
-    centers = [(hub, True) for hub in hubs] + [(c, False) for c in _centers(points)]
-    for center, hub in centers:
+    centers = {_cell(c, tolerance): (c, False) for c in _centers(points)} | {_cell(c, tolerance): (c, True) for c in hubs}
+    for center, hub in centers.values():
         polar = [(math.dist(p, center), math.degrees(math.atan2(p[1] - center[1], p[0] - center[0])) % 360) for p in points]
         todo = [i for i in range(len(points)) if polar[i][0] > 2 * tolerance]
         while len(todo) > 2:
@@ -118,6 +118,10 @@ def rings(points: Sequence[Vec2], hubs: Sequence[Vec2], tolerance: float) -> Ite
             slack = math.degrees(2 * tolerance / radius)
             angles = [polar[i][1] for i in near]
             yield from (Ring(tuple(near[i] for i in found), center, angle, hub) for found, angle in _evenly(angles, slack, hub))
+
+
+def _cell(p: Vec2, tolerance: float) -> tuple[int, int]:
+    return round(p[0] / tolerance), round(p[1] / tolerance)
 
 
 def _centers(points: Sequence[Vec2]) -> Iterator[Vec2]:
