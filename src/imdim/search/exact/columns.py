@@ -15,7 +15,7 @@ from numba import njit
 from imdim.search.families import Candidate, Families
 
 MOST_BOXES = 20_000_000  # of one frame, listed in one go
-MOST_DISTINCT = 400_000
+MOST_DISTINCT = 1_000_000
 
 
 class TooManyError(Exception):
@@ -49,11 +49,11 @@ def maximal_columns(families: Families, left: np.ndarray, right: np.ndarray) -> 
         rows, places, full = _boxes(a.left, a.right, b.left, b.right, c.left, c.right, MOST_DISTINCT)
         if full:
             raise TooManyError(f"more than {MOST_DISTINCT} distinct boxes")
-        kept = _maximal(rows)
+        kept = _maximal(rows, np.arange(len(rows)))
         bits.append(rows[kept])
         candidates += [Candidate(("box", frame), (a.ranges[i], b.ranges[j], c.ranges[k])) for i, j, k in places[kept].tolist()]
     every = np.concatenate(bits)
-    kept = _maximal(every)
+    kept = _maximal(every, np.unique(every, axis=0, return_index=True)[1])
     return Columns(every[kept], [candidates[i] for i in kept])
 
 
@@ -157,13 +157,10 @@ def _boxes(
     return rows[:n], places[:n], False
 
 
-def _maximal(rows: np.ndarray) -> np.ndarray:
-    """Indices of the distinct rows that no other row holds, the fullest first."""
-    if not len(rows):
-        return np.zeros(0, np.int64)
-    _, first = np.unique(rows, axis=0, return_index=True)
-    counts = np.bitwise_count(rows[first]).sum(1)
-    order = first[np.argsort(-counts.astype(np.int64), kind="stable")]
+def _maximal(rows: np.ndarray, distinct: np.ndarray) -> np.ndarray:
+    """Indices, out of those of the `distinct` rows, of the rows that no other row holds, the fullest first."""
+    counts = np.bitwise_count(rows[distinct]).sum(1)
+    order = distinct[np.argsort(-counts.astype(np.int64), kind="stable")]
     return order[_undominated(np.ascontiguousarray(rows[order]))]
 
 

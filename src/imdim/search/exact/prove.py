@@ -31,7 +31,7 @@ class ProveConfig:
 
     most_primitives: int = 48
     pairs_per_round: int = 60
-    most_pairs: int = 300  # those that bear no bound then go
+    most_pairs: int = 180  # those that bear no bound then go
     refinements: int = 6  # rounds for less error with no fewer primitives
     most_columns: int = 20_000
     most_barred: int = 12  # sets of candidates without a tree
@@ -160,7 +160,7 @@ class Prover:
         limits = Limits(best.primitives - 1, best.price - EQUAL, config.solver_s, barred)
         found = cover(separates, self.inside, self.outside, self.labels.weight, limits)
         if len(self.inside) > config.most_pairs:
-            kept = found.binding | (np.arange(len(self.inside)) >= len(self.inside) - 2 * config.pairs_per_round)
+            kept = found.binding | (np.arange(len(self.inside)) >= len(self.inside) - config.pairs_per_round)
             self.inside, self.outside = self.inside[kept], self.outside[kept]
         if found.chosen is not None:
             return None, [columns.candidates[i] for i in found.chosen]
