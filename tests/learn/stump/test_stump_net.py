@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from imdim.app.pretrain import main
+from imdim.data.folder import FolderConfig, make_folder
 from imdim.data.solids import inside, levels
 from imdim.data.synthesize import SynthesisConfig, draw_programs
 from imdim.geometry import kernels
@@ -141,6 +142,13 @@ def test_a_fit_is_the_same_again():
     assert one == other
 
 
+def test_a_shape_of_complements_alone_is_still_a_solid():
+    shape = start(16, 4, chance(0))
+    shape.complement.abs_()
+    labels = labels_of(PART, 2000, 0)
+    assert iou(to_program(fit(shape, labels, FitConfig(), out_of_time=lambda: True)), labels) > 0.0
+
+
 def test_a_fit_that_is_out_of_time_still_answers():
     labels = labels_of(PART, 3000, 0)
     assert iou(to_program(fit(random_start(labels, 16, 4, 0), labels, FitConfig(), out_of_time=lambda: True)), labels) > 0.0
@@ -157,6 +165,15 @@ def test_a_run_that_was_killed_ends_with_the_same_weights(tmp_path):
     assert [r.val for r in resumed] == [r.val for r in whole[1:]]
     a, b = (load_state(tmp_path / name / "state.pt") for name in ("whole", "killed"))
     assert all(torch.equal(a[part][key], b[part][key]) for part in ("policy", "average") for key in a[part])
+
+
+@pytest.mark.parametrize("precision", ["float32", "bfloat16"])
+def test_training_reads_npz_in_either_precision(tmp_path, precision):
+    list(make_folder(FolderConfig(str(tmp_path / "data"), 8, 4, 0, replace(DATA, cur_points=16))))
+    roots = {"data_root": str(tmp_path / "data" / "train"), "val_root": str(tmp_path / "data" / "val")}
+    reports = list(train(small(tmp_path / "run", precision=precision, **roots)))
+    assert len(reports) == 3
+    assert all(np.isfinite(r.train["loss"]) for r in reports)
 
 
 def test_parts_of_a_batch_are_functions_of_the_step(tmp_path):

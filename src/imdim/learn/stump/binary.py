@@ -54,8 +54,8 @@ class Matrices:
 def improved(matrices: Matrices, columns: np.ndarray, labels: Labels, price: float) -> Matrices:
     """Fewer or other entries: error + `price` per entry of W_I never rises. W_C stays as it is.
 
-    `columns` bool [K, n] are the points that each primitive holds. A solid that is nowhere worth its price becomes the best single
-    plain primitive.
+    `columns` bool [K, n] are the points that each primitive holds; one node at least is plain. A solid that is nowhere worth its price
+    becomes the best single plain primitive.
     """
     descent = _Descent(matrices, columns, labels.value.astype(np.float32), price)
     for _ in range(SWEEPS):
@@ -94,7 +94,8 @@ class _Descent:
     def _starts(self, free: np.ndarray) -> np.ndarray:
         """Rows [STARTS, K] of the plain primitives that hold most of what is still to be held."""
         full = np.where(self.complement, -np.inf, -(self.missing @ np.maximum(free, 0)))
-        return np.arange(len(full)) == np.argsort(-full)[:STARTS, None]
+        chosen = np.argsort(-full)[: min(STARTS, int((~self.complement).sum()))]
+        return np.arange(len(full)) == chosen[:, None]
 
     def _descended(self, row: np.ndarray, free: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """An intersection after the best flips: what it wins, its row, and how many of its nodes lack each point."""

@@ -25,7 +25,7 @@ class DGCNN(nn.Module):
         self.norm = nn.BatchNorm1d(out_dim)
 
     def forward(self, points: Tensor) -> Tensor:
-        """[b, out_dim] of `points` [b, n, 3], n at least the number of neighbours."""
+        """[b, out_dim] of `points` [b, n, 3], n > 0."""
         features, all_features = points, []
         for edge in self.edges:
             features = edge(features)
@@ -49,7 +49,7 @@ class EdgeConv(nn.Module):
 
     def strongest(self, x: Tensor) -> Tensor:
         """max_j A x_i + B (x_j - x_i) [b, n, out_dim]."""
-        near, offset = nearest(x, self.neighbours), self.offset(x)
+        near, offset = nearest(x, self.neighbours), self.offset(x).float()
         first = torch.arange(len(x), device=x.device)[:, None, None] * x.shape[1]
         # a bag is a point's neighbours; its maximum is found without the table of all edges
         strongest = F.embedding_bag((near + first).flatten(0, 1), offset.flatten(0, 1), mode="max").view_as(offset)
@@ -58,5 +58,6 @@ class EdgeConv(nn.Module):
 
 @torch.no_grad()
 def nearest(x: Tensor, count: int) -> Tensor:
-    """Indices int64 [b, n, count] of the points of `x` [b, n, d] nearest to each."""
-    return torch.cdist(x, x).topk(count, -1, largest=False, sorted=False).indices
+    """Indices int64 [b, n, count] of the points of `x` [b, n, d] nearest to each; all n where there are fewer."""
+    x = x.float()
+    return torch.cdist(x, x).topk(min(count, x.shape[1]), -1, largest=False, sorted=False).indices

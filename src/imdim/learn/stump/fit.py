@@ -23,6 +23,7 @@ from imdim.program.tree import combine_all
 
 CERTAIN = 20.0  # a logit of 1 or 0
 RICHER = 4.0  # times as dear an entry of W_I is in a round as in the next
+FALLEN = 0.1  # of the learning rate, at the end of a stage
 HEAVIEST = 10.0  # times the mean, that a drawn point may count
 CENTER = slice(4, 7)  # of a primitive's numbers
 
@@ -72,7 +73,7 @@ def fit(shape: Decoded, labels: Labels, config: FitConfig, seed: int = 0, out_of
     shape = descend(shape, config.soft, config.eta, binary=False)
     shape = descend(shape, config.hard, (config.eta[1], config.eta[1]), binary=True)
     descend = _Descent(labels, replace(config, points=config.last_points), generator, out_of_time)
-    matrices, passed = Matrices(*((t[0] > 0).numpy() for t in shape.tensors[1:])), []
+    matrices, passed = thresholded(shape), []
     for turn in reversed(range(config.rounds)):
         matrices = improved(matrices, columns(shape, counted.points), counted, config.price * RICHER**turn)
         passed.append((price_of(shape, matrices, counted, config.price), to_stump(to_primitives(shape), matrices)))
@@ -90,6 +91,13 @@ def price_of(shape: Decoded, matrices: Matrices, labels: Labels, price: float) -
     held = matrices.held(columns(shape, labels.points))
     wrong = float(np.where(held, labels.w_out, labels.w_in).sum() / labels.w_in.sum())
     return wrong + price * int(matrices.connection[matrices.union].sum())
+
+
+def thresholded(shape: Decoded) -> Matrices:
+    """The matrices of a batch of one. The node that is most nearly plain is: without one there is no bounded solid."""
+    complement, connection, union = ((t[0] > 0).numpy() for t in shape.tensors[1:])
+    complement[int(shape.complement[0].argmin())] = False
+    return Matrices(complement, connection, union)
 
 
 def selected(shape: Decoded, matrices: Matrices) -> Decoded:
@@ -140,7 +148,7 @@ class _Descent:
                 break
             done = step / steps
             for group, rate in zip(adam.param_groups, rates, strict=True):
-                group["lr"] = rate * (1 - 0.9 * done)
+                group["lr"] = rate * (1 - (1 - FALLEN) * done)
             self._step(shape, adam, eta[0] * (eta[1] / eta[0]) ** done, binary)
         return Decoded(shape.kinds, *(t.detach() for t in shape.tensors))
 

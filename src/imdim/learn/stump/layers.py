@@ -63,4 +63,5 @@ class _SoftMaximum(torch.autograd.Function):
 
 
 def _chunks(x: Tensor) -> list[tuple[int, slice]]:
-    return [(b, slice(first, first + CHUNK)) for b in range(len(x)) for first in range(0, x.shape[1], CHUNK)]
+    step = CHUNK if x.device.type == "cpu" else max(1, x.shape[1])
+    return [(b, slice(first, first + step)) for b in range(len(x)) for first in range(0, x.shape[1], step)]
