@@ -27,6 +27,7 @@ from imdim.search.structure import StructureConfig
 from imdim.search.structure import search as search_structure
 from imdim.search.tidy import tidy
 from imdim.solve.pool import Cloud
+from imdim.stump import stumps
 
 if TYPE_CHECKING:
     from imdim.learn.policy import Policy
@@ -36,6 +37,7 @@ PolicyOf = Callable[[], "Policy | None"]
 TOUCHED = 2e-3  # of the volume; a search that leaves more is followed by a short evolution
 TOUCH = EvolutionConfig(generations=30, patience=12)
 SEED_SHARE = 0.4  # of the search's time, that evolution gives to its seeds
+WORTH_MORE = 0.5  # of a primitive's price; error that a search goes on for although no fewer primitives can do
 FAR_BETTER = 0.5  # of the misfit of the search's program
 
 
@@ -113,7 +115,24 @@ def stump_net(run: Run) -> Iterator[Step]:
     yield Step("stump-net", stump_nets.proposed(run.seen, net, run.settings.seed, run.clock.out_of_time))
 
 
-METHODS: dict[str, Method] = {"auto": auto, "evolve": evolve, "policy": policy, "stump-net": stump_net, "tree": tree}
+def stump(run: Run) -> Iterator[Step]:
+    """CSG-Stump's matrices by binary programming over detected primitives; the decision tree where none was detected."""
+    passed: list[Program] = []
+    for program in stumps(run.seen, run.clock.out_of_time):
+        passed.append(program)
+        yield Step("stump", program, others=tuple(passed))
+    if not passed:
+        yield from tree(run)
+
+
+METHODS: dict[str, Method] = {
+    "auto": auto,
+    "evolve": evolve,
+    "policy": policy,
+    "stump": stump,
+    "stump-net": stump_net,
+    "tree": tree,
+}
 
 
 def _searched_and_touched(run: Run, proofs: Proofs) -> Iterator[Step]:
@@ -135,7 +154,7 @@ def _searched(run: Run, proofs: Proofs) -> Iterator[tuple[str, Program]]:
         program, proof = proofs.early(program) or (program, None)
         if proof and proof.program and (shortest is None or seen.price(program) < seen.price(shortest)):
             shortest = program
-        if proof and proof.minimal:
+        if proof and proof.minimal and proof.extra < WORTH_MORE:
             break
     if found is None:
         return
