@@ -29,7 +29,8 @@ CLOSING_AREA = 1e-7  # of the squared diagonal; implied planes rank behind detec
 
 @dataclass(frozen=True)
 class Seen:
-    """What detection and labelling know of one body: the body in its unit frame, and that frame."""
+    """What detection and labelling know of one body: the body in its unit frame, and that frame. `sigma` is the deviation of a cloud's
+    noise there."""
 
     target: Target
     frame: Frame
@@ -37,6 +38,7 @@ class Seen:
     samples: Samples
     families: Families
     size_weight: float
+    sigma: float = 0.0
 
     @cached_property
     def ground(self) -> Ground:
@@ -82,7 +84,8 @@ def look(body: Target, size_weight: float, rng: np.random.Generator) -> Seen:
     cells = compressed(arrangement, samples)
     if cells.volume <= 0:
         raise InputError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells")
-    return Seen(unit, frame, patches, samples, Families(arrangement, cells), size_weight)
+    sigma = 0.0 if unit.mesh is not None else measure_scale(unit.points, np.random.default_rng(0)).sigma
+    return Seen(unit, frame, patches, samples, Families(arrangement, cells), size_weight, sigma)
 
 
 def _surfaces(unit: Target, rng: np.random.Generator) -> tuple[list[Patch], list[Surface]]:

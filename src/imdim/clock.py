@@ -30,6 +30,10 @@ class Clock:
         self.cut = self.cut or self.seconds() > SEARCH_SHARE * self.budget_s
         return self.cut
 
+    def near_end(self, share: float) -> Callable[[], bool]:
+        """Whether a share of the whole budget is spent."""
+        return lambda: self.seconds() > share * self.budget_s
+
     def part(self, share: float) -> Callable[[], bool]:
         """Whether a share of the time that the search has left is spent."""
         end = self.seconds() + share * max(SEARCH_SHARE * self.budget_s - self.seconds(), 0.0)

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from imdim.export.numbers import rounded
-from imdim.export.overshoot import overshoot
 from imdim.export.parameters import Parameters, parametrise
 from imdim.fitting import SNAP_CHANGE, relations_of
 from imdim.geometry.constraints import rebased
+from imdim.geometry.overshoot import overshoot
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.folding import Folding, extent, fold_repeats, worth

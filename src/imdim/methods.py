@@ -18,6 +18,7 @@ from imdim.clock import Clock
 from imdim.config import Settings
 from imdim.evolution import evolved, logged, seeds_of
 from imdim.fitting import POOR
+from imdim.noisy import is_noisy, likelier
 from imdim.program.tree import Program
 from imdim.proof import Proofs
 from imdim.proposals import misfit, proposals
@@ -233,5 +234,7 @@ def _proposed(run: Run, starts: list[Program]) -> Program:
 
 def preferred(proposed: Program, program: Program, seen: Seen) -> bool:
     """Cells of a cloud know no surface that detection missed: what fits the points far better is taken, whatever its cells say."""
+    if is_noisy(seen):
+        return likelier(proposed, program, seen)
     cloud = Cloud.of(seen.target.points)
     return misfit(seen.frame.apply(proposed), cloud) < FAR_BETTER * misfit(seen.frame.apply(program), cloud)

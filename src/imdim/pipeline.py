@@ -21,6 +21,7 @@ from imdim.evolution import choices, few, united
 from imdim.fitting import related, snapped, solved
 from imdim.geometry.cloud import InputError, Target, split_bodies, target_from
 from imdim.methods import METHODS, PolicyOf, Run
+from imdim.noisy import is_noisy, most_likely
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
 from imdim.program.front import Choice
@@ -29,6 +30,7 @@ from imdim.program.tree import Program, combine_all
 from imdim.proposals import load, load_if_any
 
 MOST_JOINT = 8  # bodies
+FIT_BY = 0.75  # of the budget: by then a noisy cloud's program is short
 JOINT_ERROR = 2e-3  # of the volume, that a shorter program of all bodies at once may cost
 
 
@@ -143,7 +145,8 @@ def _body(
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
     program = reduce_program(step.program)
     yield state("simplify", program)
-    last = state("solve", snapped(solved(program, seen, body), seen, body))
+    fitted = most_likely(program, seen, clock.near_end(FIT_BY)) if is_noisy(seen) else solved(program, seen, body)
+    last = state("solve", snapped(fitted, seen, body))
     yield replace(last, front=_front([*step.others, last.program], seen))
 
 

@@ -10,7 +10,7 @@ from tests.known_programs import KNOWN
 from imdim.export.numbers import plain, rounded
 from imdim.export.openscad import to_openscad
 from imdim.export.openscad_reader import read_openscad
-from imdim.export.overshoot import overshoot
+from imdim.geometry.overshoot import overshoot
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume
 from imdim.program.tree import Combine, Primitive, leaves
 

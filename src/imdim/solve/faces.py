@@ -78,7 +78,11 @@ def moved(numbers: Lowered, maps: np.ndarray, steps: np.ndarray) -> Lowered:
     """The leaves after `steps` [k, 9] in face coordinates, cut short where they are too long; sizes stay positive."""
     limits = MAX_STEP * np.array([radius(k, s) for k, s in zip(numbers.kinds, numbers.sizes, strict=True)])
     longest = np.abs(steps).max(1)
-    raw = np.einsum("kij,kj->ki", maps, steps * np.minimum(1.0, limits / np.maximum(longest, 1e-300))[:, None])
+    return shifted(numbers, np.einsum("kij,kj->ki", maps, steps * np.minimum(1.0, limits / np.maximum(longest, 1e-300))[:, None]))
+
+
+def shifted(numbers: Lowered, raw: np.ndarray) -> Lowered:
+    """The leaves after steps `raw` [k, 9] in the kernels' (sizes, shift, rotation vector); sizes stay positive."""
     sizes = np.maximum(numbers.sizes + raw[:, :3], MIN_SHRINK * numbers.sizes)
     tori = numbers.kinds == TORUS
     sizes[tori, 1] = np.minimum(sizes[tori, 1], sizes[tori, 0])

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numba import njit
 
 from imdim.geometry import kernels
 from imdim.geometry.lowering import Lowered, lower
 from imdim.program.tree import Program
 from imdim.solve.faces import lifted, moved, step_maps
+from imdim.solve.normal_equations import blocks, held_open, solve_blocks
 
 # A step that lowers the cost by a smaller share ends the work at its robust scale. Half as much follows: leaves that are still far off
 # would be taken for noise if the scale fell at once to that of the leaves that fit already.
@@ -149,32 +149,9 @@ def _linearise(numbers: Lowered, target: _Target, scale: float, config: RefineCo
         trust[:n] = np.maximum((normal[:n] * target.normals).sum(1), 0.0) ** 2
     pulls = (target.side == 0) | (residual != 0)
     weight = trust * pulls / (1 + (residual / scales) ** 2) ** 2
-    matrix, gradient = _accumulate(leaf, tangent, residual, weight, len(numbers.kinds))
     maps = step_maps(numbers)
-    back = maps.transpose(0, 2, 1)
-    gradient = np.einsum("kij,kj->ki", back, gradient)
-    return _Linear(_cost(residual, scales, trust), back @ matrix @ maps, gradient, maps, residual, trust)
-
-
-@njit(nogil=True, cache=True)
-def _accumulate(leaf, tangent, residual, weight, k):
-    matrix, gradient = np.zeros((k, 9, 9)), np.zeros((k, 9))
-    for j in range(len(leaf)):
-        if weight[j] == 0:
-            continue
-        m, g, row = matrix[leaf[j]], gradient[leaf[j]], tangent[j]
-        for a in range(9):
-            by = weight[j] * row[a]
-            g[a] += by * residual[j]
-            for b in range(9):
-                m[a, b] += by * row[b]
-    return matrix, gradient
-
-
-def _free(linear: _Linear, config: RefineConfig) -> np.ndarray:
-    """Which coordinates [k, 9] enough points show; a wall that is short beside its leaf still shows how it leans."""
-    needed = config.min_support * np.repeat([1.0, 1e-3], [6, 3])
-    return np.diagonal(linear.matrix, axis1=1, axis2=2) >= needed
+    matrix, gradient = blocks(leaf, tangent, residual, weight, maps)
+    return _Linear(_cost(residual, scales, trust), matrix, gradient, maps, residual, trust)
 
 
 def _adam(state: _State, target: _Target, config: RefineConfig) -> _State:
@@ -183,7 +160,7 @@ def _adam(state: _State, target: _Target, config: RefineConfig) -> _State:
     numbers = state.numbers
     for t in range(1, config.adam_steps + 1):
         linear = _linearise(numbers, target, state.scale, config)
-        gradient = np.where(_free(linear, config), linear.gradient, 0.0) / len(target.points)
+        gradient = np.where(held_open(linear.matrix, config.min_support), linear.gradient, 0.0) / len(target.points)
         mean, square = 0.8 * mean + 0.2 * gradient, 0.95 * square + 0.05 * gradient**2
         rate = config.adam_rate * target.diagonal * 0.5 * (1 + np.cos(np.pi * t / (config.adam_steps + 1)))
         floor = 1e-3 * state.scale
@@ -199,10 +176,10 @@ def _newton(state: _State, target: _Target, config: RefineConfig) -> tuple[_Stat
     linear = _linearise(numbers, target, scale, config)
     for _ in range(config.newton_steps):
         iterations += 1
-        free = _free(linear, config)
+        free = held_open(linear.matrix, config.min_support)
         if not free.any():
             return _State(numbers, linear.cost, scale, iterations), "no_support"
-        step = _solve(linear, free, damping)
+        step = solve_blocks(linear.matrix, linear.gradient, free, damping)
         trial = moved(numbers, linear.maps, step)
         after = _linearise(trial, target, scale, config)
         still = np.abs(step).max() < config.min_step * target.diagonal
@@ -223,17 +200,6 @@ def _newton(state: _State, target: _Target, config: RefineConfig) -> tuple[_Stat
         elif finished:
             return _State(numbers, linear.cost, scale, iterations), "converged"
     return _State(numbers, linear.cost, scale, iterations), "budget_spent"
-
-
-def _solve(linear: _Linear, free: np.ndarray, damping: float) -> np.ndarray:
-    """Steps [k, 9]; coordinates that are not free stay."""
-    both = free[:, :, None] & free[:, None, :]
-    matrix = np.where(both, linear.matrix, 0.0)
-    diagonal = np.diagonal(matrix, axis1=1, axis2=2)
-    # the small constant holds what the points do not tell apart, like the turn of a box of which one face shows
-    lift = np.where(free, damping * diagonal + 1e-9 * diagonal.max(1, keepdims=True), 1.0)
-    matrix = matrix + lift[:, :, None] * np.eye(9)
-    return -np.linalg.solve(matrix, np.where(free, linear.gradient, 0.0)[:, :, None])[:, :, 0]
 
 
 def _noise_scale(residual: np.ndarray, scale: float, target: _Target, config: RefineConfig) -> float:

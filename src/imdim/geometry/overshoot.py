@@ -34,16 +34,17 @@ CHECK_SEGMENTS = 64
 Face = tuple[int, int]  # local axis, and +1 or -1 for the end on it
 
 
-def overshoot(program: Program, folded: Folded | None = None) -> Program:
+def overshoot(program: Program, folded: Folded | None = None, reach: float | None = None) -> Program:
     """The same solid with cutters that stick out of what they cut, and joined parts that sink into each other.
 
     `folded`, which `program` is the expansion of, says which leaves are copies. Cutters go first, and what already sticks out stays.
-    Overshoots are round numbers: a power of ten, at most REACH of the diagonal.
+    Overshoots are `reach`, else halves of it; by default round numbers: a power of ten, at most REACH of the diagonal.
     """
     placed = [Placed(leaf) for leaf in leaves(program)]
     signs = _signs(program)
     diagonal = _diagonal([part for part, sign in zip(placed, signs, strict=True) if sign > 0])
-    steps = [10.0 ** (math.floor(math.log10(REACH * diagonal)) - k) for k in range(2)]
+    rounded = [10.0 ** (math.floor(math.log10(REACH * diagonal)) - k) for k in range(2)]
+    steps = rounded if reach is None else [reach / 2**k for k in range(3)]
     copies = {i: [(i, False)] for i in range(len(placed))} if folded is None else _copies(folded)
     for index in sorted(copies, key=lambda i: signs[i]):
         for face in _faces(placed[index].leaf):

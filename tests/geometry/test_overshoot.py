@@ -7,7 +7,7 @@ from manifold3d import Manifold
 from tests.export.coincident import HOLE, MEANT, PLATE, POCKET, cut
 from tests.known_programs import KNOWN
 
-from imdim.export.overshoot import between, overshoot
+from imdim.geometry.overshoot import between, overshoot
 from imdim.geometry.solid import to_manifold, volume
 from imdim.program.tree import Primitive, combine_all, leaves, map_leaves
 

@@ -1,0 +1,54 @@
+"""Programs of noisy clouds, judged by how likely they make the points: which of several, how short, with what numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from imdim.body import Seen
+from imdim.program.simplify import reduce_program
+from imdim.program.tree import Program
+from imdim.solve.discover import DiscoverConfig, discover
+from imdim.solve.likelihood import Noise, Shown, shares
+from imdim.solve.maximise import Likely, maximise
+from imdim.solve.parsimony import length, shortened
+
+NOISY = 1e-3  # of the body's diagonal; calmer clouds are fitted by distance
+MOST_POINTS = 8192
+QUICK_POINTS = 4096
+GUESS = 1.2  # times the measured deviation: a fit that starts too calm takes points for clutter
+
+
+def is_noisy(seen: Seen) -> bool:
+    """Whether the noise of a body's cloud blurs its edges and walls, so that distances alone mislead."""
+    return seen.target.mesh is None and seen.sigma > NOISY
+
+
+def likelier(program: Program, other: Program, seen: Seen) -> bool:
+    """Whether the first of two programs in the body's units, both fitted to its noisy cloud, tells the points in fewer words."""
+    points, noise = _points(seen, QUICK_POINTS), Noise(GUESS * seen.sigma)
+    lengths = [length(c.program, points, c.noise, c.nll) for c in (maximise(seen.frame.apply(p), points, noise) for p in (program, other))]
+    return lengths[0] < lengths[1]
+
+
+def most_likely(program: Program, seen: Seen, out_of_time: Callable[[], bool]) -> Program:
+    """`program` in the body's units fitted to its noisy cloud, shortened, and with the relations that the points bear out."""
+    points, quick = _points(seen, MOST_POINTS), _points(seen, QUICK_POINTS)
+    first = maximise(seen.frame.apply(program), quick, Noise(GUESS * seen.sigma))
+    short = shortened(first, quick, out_of_time)
+    fitted = maximise(reduce_program(short.program), points, short.noise)
+    return seen.frame.undo(_related(fitted, points))
+
+
+def _related(likely: Likely, points: np.ndarray) -> Program:
+    """With the relations that the points bear out made exact, unless that makes the points less likely than as many numbers are worth."""
+    found = discover(likely.program, points, config=DiscoverConfig(fit=False))
+    after = shares(points, Shown.of(found.program, likely.noise.sigma), likely.noise).nll
+    worth = 0.5 * len(found.constraints) * math.log(len(points)) / len(points)
+    return found.program if after < likely.nll + worth else likely.program
+
+
+def _points(seen: Seen, count: int) -> np.ndarray:
+    return seen.target.points[:: max(1, len(seen.target.points) // count)]

@@ -1,0 +1,95 @@
+"""The numbers of a program that make a noisy cloud most likely, by expectation and maximisation (Dempster, Laird & Rubin 1977).
+
+Each round shares the points among samples of the program's own surface (`likelihood`), and moves the faces by what their samples were
+given: the normal equations of `refine` with offsets in the place of distances. What the surface does not show has no samples and stays.
+Before that, ends that only just meet a face are let through it: a step would open or close them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from imdim.geometry import kernels
+from imdim.geometry.lowering import Lowered, lower
+from imdim.geometry.overshoot import overshoot
+from imdim.program.tree import Program
+from imdim.solve.faces import lifted, shifted, step_maps
+from imdim.solve.frames import TURNS, aligned, frames, shared_turns
+from imdim.solve.likelihood import Noise, Share, Shown, shares
+from imdim.solve.normal_equations import blocks
+
+
+@dataclass(frozen=True)
+class MaximiseConfig:
+    """Lengths are in units of the noise: a round whose longest step is shorter than `still` ends the work, none is longer than `far`."""
+
+    rounds: int = 24
+    still: float = 0.03
+    far: float = 3.0
+    support: float = 12.0  # points that must show a direction of the numbers' space; it is held otherwise
+    through: float = 6.0  # how far ends reach beyond what they meet; 0 leaves them
+    parallel_deg: float = 2.0  # leaves whose directions differ by less are taken to be parallel
+
+
+@dataclass(frozen=True)
+class Likely:
+    """A fitted program, the noise that explains the points beside it, and their mean negative log-density."""
+
+    program: Program
+    noise: Noise
+    nll: float
+    rounds: int
+
+
+def maximise(program: Program, points: np.ndarray, noise: Noise, config: MaximiseConfig | None = None) -> Likely:
+    """`program` with its numbers moved to make `points` [n, 3] most likely; `noise` is a first guess."""
+    config = config or MaximiseConfig()
+    program = overshoot(program, reach=config.through * noise.sigma) if config.through else program
+    start = lower(program)
+    numbers = replace(start, rotations=aligned(start, config.parallel_deg))
+    member = frames(numbers, config.parallel_deg)[0]
+    best = Likely(program, noise, np.inf, 0)
+    for done in range(config.rounds):
+        trial = lifted(program, start, numbers)
+        shown = Shown.of(trial, noise.sigma)
+        share = shares(points, shown, noise)
+        best = Likely(trial, noise, share.nll, done)
+        calmer = share.noise.sigma < 0.98 * noise.sigma
+        noise = share.noise
+        numbers, longest = _stepped(numbers, member, shown, share, config)
+        if longest < config.still * noise.sigma and not calmer:
+            break
+    return best
+
+
+def _stepped(numbers: Lowered, member: np.ndarray, shown: Shown, share: Share, config: MaximiseConfig) -> tuple[Lowered, float]:
+    """The maximisation step, and the longest move of a face in it.
+
+    Unknowns are the faces' coordinates of each leaf without its rotation, and one rotation per frame.
+    """
+    leaf, _, tangent, _ = kernels.program_tangent(numbers, shown.points)
+    k, groups = len(numbers.kinds), int(member.max(initial=-1)) + 1
+    plain = np.broadcast_to(np.eye(9), (k, 9, 9))
+    matrix, gradient = blocks(leaf, tangent, share.offset, share.mass, plain)
+    maps, turns = step_maps(numbers), shared_turns(numbers, member)
+    basis = np.zeros((k, 9, TURNS * k + 3 * groups))
+    size = np.linalg.norm(np.ptp(shown.points, axis=0)) / 2
+    for i in range(k):
+        basis[i, :, TURNS * i : TURNS * (i + 1)] = maps[i, :, :TURNS]
+        if member[i] >= 0:
+            at = TURNS * k + 3 * member[i]
+            basis[i, :, at : at + 3] = turns[i] / size
+    whole = np.einsum("kai,kab,kbj->ij", basis, matrix, basis, optimize=True)
+    step = _determined(whole, np.einsum("kai,ka->i", basis, gradient), config.support)
+    longest = float(np.abs(step).max(initial=0.0))
+    step *= min(1.0, config.far * share.noise.sigma / max(longest, 1e-300))
+    return shifted(numbers, np.einsum("kaj,j->ka", basis, step)), longest
+
+
+def _determined(matrix: np.ndarray, gradient: np.ndarray, support: float) -> np.ndarray:
+    """The step along those eigenvectors that enough points show."""
+    values, vectors = np.linalg.eigh(matrix)
+    shown = values >= support
+    return -vectors[:, shown] @ ((vectors[:, shown].T @ gradient) / values[shown])
