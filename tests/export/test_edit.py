@@ -10,18 +10,22 @@ import trimesh
 from tests.export.test_parameters import FLANGE, MOUNT, ROW, mount, parametrised
 from tests.planted import PARTS, box, cut, cylinder, union
 
-from imdim.export.delivered import EditError
+from imdim.completed import completed
+from imdim.export.delivered import Delivered, EditError
 from imdim.export.edit import changed, opened, solid_of, write
 from imdim.export.meanings import meanings
 from imdim.export.openscad import to_openscad
+from imdim.export.openscad_loops import to_openscad_loops
 from imdim.export.openscad_reader import read_openscad
 from imdim.export.parameters import parametrise
 from imdim.export.script import to_script
 from imdim.export.ucad import to_ucad
+from imdim.fitting import relations_of
 from imdim.geometry.constraints import rebased, verify
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
-from imdim.program.codec import Meta, constraints_of, dumps, parse
+from imdim.program.codec import Meta, constraints_of, dumps, parse, to_json
 from imdim.program.constraints import Constraint, Ref
+from imdim.program.repeats import expand
 from imdim.program.tree import Program, leaves
 from imdim.solve.discover import exact_relations
 
@@ -159,3 +163,79 @@ def test_the_openscad_text_keeps_what_a_person_wrote_beside_the_numbers():
     new = changed(opened(parse(dumps(given.program)), {"program.scad": noted}), {"body_length": 12.0})
     assert "// a remark\nbody_length = 12;" in new.texts["program.scad"]
     assert next(leaves(read_openscad(new.texts["program.scad"]))).size[0] == 12
+
+
+# --- repeats ---------------------------------------------------------------------------------------------------------
+
+
+def repeated(program) -> Delivered:
+    found = completed(*relations_of(program))
+    texts = {
+        "program.scad": to_openscad(found.program, 48, found.parameters),
+        "program.loops.scad": to_openscad_loops(found.folded, 48, found.parameters),
+        "program.py": to_script(found.program, found.parameters, found.folded),
+        "program.ucad": to_ucad(found.program, found.parameters, found.folded),
+    }
+    return opened(to_json(found.program, None, found.constraints, found.folded), texts)
+
+
+def row(n: int, spacing: float, r: float = 2.0, first: float = -30.0):
+    return cut(box(90, 20, 8), *(cylinder(r, 20, (first + spacing * i, 3.0, 0.0)) for i in range(n)))
+
+
+def bolts(n: int, diameter: float, r: float = 3.0):
+    angles = [math.tau * i / n for i in range(n)]
+    return cut(cylinder(40, 8), *(cylinder(r, 20, (diameter / 2 * math.cos(a), diameter / 2 * math.sin(a), 0.0)) for a in angles))
+
+
+@pytest.mark.parametrize(
+    ("before", "values", "meant"),
+    [
+        (ROW, {"hole_radius": 3.0}, row(4, 20, 3.0)),
+        (ROW, {"hole_spacing": 18.0}, row(4, 18, first=-27)),
+        (ROW, {"hole_count": 3}, row(3, 20)),
+        (ROW, {"hole_count": 5, "hole_spacing": 15.0, "hole_radius": 2.5}, row(5, 15, 2.5, first=-22.5)),
+        (FLANGE, {"hole_count": 8}, bolts(8, 60)),
+        (FLANGE, {"hole_count": 5, "bolt_circle": 64.0, "hole_radius": 2.0}, bolts(5, 64, 2.0)),
+        (MOUNT, {"hole_spacing_x": 55.0}, None),
+        (MOUNT, {"hole_count_x": 3, "hole_spacing_x": 30.0}, None),
+    ],
+)
+def test_counts_pitch_and_circles_are_edited_by_name(before, values, meant):
+    delivered = repeated(before)
+    after = changed(delivered, values)
+    names = {**after.values, **after.counts}
+    expected = {**delivered.values, **delivered.counts, **values}
+    assert {name: names[name] for name in expected} == pytest.approx(expected)
+    if meant is not None:
+        assert volume_iou(solid_of(after), to_manifold(meant, 48)) == pytest.approx(1, abs=1e-6)
+    assert expand(after.folded) == after.program
+    # the edited files are delivered files again
+    again = opened(to_json(after.program, None, after.constraints, after.folded), after.texts)
+    assert changed(changed(again, {"hole_radius": 2.2}), {"hole_radius": again.values["hole_radius"]}).program == after.program
+    flat = read_openscad(after.texts["program.scad"])
+    assert volume_iou(to_manifold(flat, 48), solid_of(after)) == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"hole_count": 2.5}, "hole_count needs a whole number of 2 or more, got 2.5"),
+        ({"hole_count": 1}, "hole_count needs a whole number of 2 or more, got 1"),
+        ({"hole_count": math.nan}, "hole_count needs a whole number of 2 or more, got nan"),
+        ({"hole_count": 1e6}, "hole_count: 1000001 primitives, more than 10000"),
+        ({"hole_cont": 3}, "no parameter 'hole_cont'; nearest are hole_count, hole_y, hole_spacing"),
+    ],
+)
+def test_what_is_no_count_is_refused(values, message):
+    with pytest.raises(EditError) as caught:
+        changed(repeated(ROW), values)
+    assert str(caught.value) == message
+
+
+def test_counts_are_listed_and_have_to_agree():
+    delivered = repeated(ROW)
+    assert meanings(delivered)["hole_count"] == "how many copies there are"
+    texts = {**delivered.texts, "program.py": delivered.texts["program.py"].replace("hole_count = 4", "hole_count = 6")}
+    with pytest.raises(ValueError, match="changed by hand"):
+        opened(to_json(delivered.program, None, delivered.constraints, delivered.folded), texts)

@@ -1,11 +1,12 @@
 """µcad text: golden files, and the same solid when the text is read by the definitions of µcad's standard library (`Reader`)."""
 
 import re
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
-from manifold3d import CrossSection, Manifold
+from manifold3d import CrossSection, Manifold, OpType
 from tests.export.test_parameters import FLANGE, MOUNT, parametrised
 from tests.planted import PARTS, box, common, cone, cut, cylinder, sphere, torus, union
 
@@ -34,12 +35,16 @@ class Model:
     def __init__(self, solid: Manifold) -> None:
         self.solid = solid
 
-    def rotate(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> "Model":
-        assert [x, y, z].count(0.0) >= 2, "µcad applies z first where several angles are given"
-        return Model(self.solid.rotate((x, y, z)))
+    def rotate(self, x=0.0, y=0.0, z=0.0) -> "Model":
+        assert [np.any(a) for a in (x, y, z)].count(True) <= 1, "µcad applies z first where several angles are given"
+        return self._each(Manifold.rotate, x, y, z)
 
-    def translate(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> "Model":
-        return Model(self.solid.translate((x, y, z)))
+    def translate(self, x=0.0, y=0.0, z=0.0) -> "Model":
+        return self._each(Manifold.translate, x, y, z)
+
+    def _each(self, move, *arguments) -> "Model":
+        """Argument multiplicity: a copy for every combination of the values of arrays."""
+        return Model(Manifold.batch_boolean([move(self.solid, v) for v in product(*map(np.atleast_1d, arguments))], OpType.Add))
 
     def scale(self, x: float, y: float, z: float) -> "Model":
         return Model(self.solid.scale((x, y, z)))
@@ -72,10 +77,13 @@ def ring(major_radius: float, minor_radius: float) -> Model:
 
 def read(text: str) -> Manifold:
     """The model of a text, of which names, sums, calls and operators are what they are in Python."""
-    scope = {"Cube": cube, "Sphere": lambda radius: Model(Manifold.sphere(radius, SEGMENTS)), "Cylinder": cylinder_of, "Torus": ring}
+    scope = {"np": np, "Cube": cube, "Torus": ring, "Cylinder": cylinder_of}
+    scope["Sphere"] = lambda radius: Model(Manifold.sphere(radius, SEGMENTS))
     body = re.sub(r"//.*|use .*;", "", text)
     assert not re.search(r"\d[eE]", body)
     lengths = re.sub(r"(?<=\d)(mm|°)", "", body)
+    # a range has both of its ends
+    lengths = re.sub(r"\[1\.\.(\w+)\]", r"np.arange(1, \1 + 1)", lengths)
     *names, model = [statement.strip() for statement in lengths.split(";") if statement.strip()]
     exec("\n".join(names), scope)
     return eval(f"({model})", scope).solid

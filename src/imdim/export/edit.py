@@ -111,7 +111,7 @@ def with_counts(delivered: Delivered, counts: Mapping[str, float]) -> Delivered:
         raise EditError(f"{', '.join(counts)}: {size(after)} primitives, more than {MAX_PRIMITIVES}")
     program = expand(after)
     constraints = tuple(c for c in recounted_constraints(delivered.constraints, folded, after) if _holds(c, program))
-    named = parametrise(program, constraints, program, after)
+    named = parametrise(program, constraints, program, after, delivered.values)
     texts = {file: text for file, text in _texts(program, named, after, delivered.segments).items() if file in delivered.texts}
     return replace(
         delivered,

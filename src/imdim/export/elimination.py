@@ -55,7 +55,9 @@ class System:
                 system._add_row(constraint, numbers)
             elif constraint.kind == "circular" and len(constraint.of) > 2:
                 system._add_circle(constraint, numbers)
-        others = [c for c in plain if c.kind not in PATTERNS or len(c.of) == 2]
+            elif constraint.kind == "circular":
+                system._add_opposite(constraint, numbers)
+        others = [c for c in plain if c.kind not in PATTERNS]
         system.rows += [row for row in _linear(others, numbers) if system._holds(row)]
         system.rows += list(_grounded(parts[0], numbers))
         flush = {ref for c in constraints if c.kind in ("coplanar", "aligned") for ref in c.of}
@@ -128,6 +130,14 @@ class System:
             for number, v in enumerate(at[1:], start=1):
                 self.rows.append({v: 1.0, at[0]: -1.0} | {s: -float(number) for s in spacing})
 
+    def _add_opposite(self, c: Constraint, numbers: Lowered) -> None:
+        """Two members on a circle have its centre midway."""
+        assert c.about is not None
+        axis = world_axis(numbers.rotations[c.about.leaf][:, c.about.axis])
+        if axis is not None:
+            (a, b), hub = (ref.leaf for ref in c.of), c.about.leaf
+            self.rows += [{6 * a + 3 + i: 0.5, 6 * b + 3 + i: 0.5, 6 * hub + 3 + i: -1.0} for i in range(3) if i != axis]
+
     def _add_circle(self, c: Constraint, numbers: Lowered) -> None:
         """Members at half a diameter from the middle, at angles that are numbers."""
         assert c.about is not None
@@ -153,8 +163,8 @@ class System:
 
 
 def _is_implied(c: Constraint, folded: Folded | None) -> bool:
-    """Whether a row or circle is one of copies of one leaf."""
-    sources = [leaf for leaf, _ in instances(folded)] if folded is not None and c.kind in PATTERNS else []
+    """Whether a row is one of copies of one leaf."""
+    sources = [leaf for leaf, _ in instances(folded)] if folded is not None and c.kind == "linear" else []
     return bool(sources) and len({sources[ref.leaf] for ref in c.of}) == 1
 
 

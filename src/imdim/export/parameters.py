@@ -6,7 +6,7 @@ can in terms of the others; those that others need get names. What no constraint
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
@@ -60,15 +60,21 @@ class Parameters:
         return [f"{name} = {count}{end}" for name, count in self.counts.items()]
 
 
-def parametrise(program: Program, constraints: Sequence[Constraint], delivered: Program, folded: Folded | None = None) -> Parameters:
+def parametrise(
+    program: Program,
+    constraints: Sequence[Constraint],
+    delivered: Program,
+    folded: Folded | None = None,
+    values: Mapping[str, float] | None = None,
+) -> Parameters:
     """Names and expressions for the numbers of `delivered`, from constraints that hold for `program`.
 
     Both have the same leaves but for what `overshoot` and rounding changed, which becomes a constant of the expression. `folded`, which
-    `delivered` is the expansion of, adds what its repeats say, and their counts.
+    `delivered` is the expansion of, adds what its repeats say, and their counts. Names in `values` get these instead of those of `program`.
     """
     fixed: set[int] = set()
     while True:
-        named = _parametrised(System.of(program, constraints, folded, fixed), program, constraints, delivered)
+        named = _shifted(_parametrised(System.of(program, constraints, folded, fixed), program, constraints, delivered), values or {})
         if folded is None:
             return named
         looped, broken = _looped(named, folded, labels(program, constraints), max(max(p.size) for p in leaves(delivered)))
@@ -77,6 +83,19 @@ def parametrise(program: Program, constraints: Sequence[Constraint], delivered: 
         if broken <= fixed:
             return Parameters.none(delivered, folded)
         fixed |= broken
+
+
+def _shifted(named: Parameters, values: Mapping[str, float]) -> Parameters:
+    """The same numbers with names at other values: constants make up for it."""
+    gone = {name: value - values[name] for name, value in named.values.items() if name in values}
+
+    def shifted(e: Expression) -> Expression:
+        constant = e.constant + sum(float(t.coefficient) * gone.get(t.name, 0.0) for t in e.terms)
+        scale = max(map(abs, named.values.values()), default=1.0)
+        return Expression(e.terms, 0.0 if e.terms and abs(constant) < ZERO * scale else constant)
+
+    sizes, centers = (tuple(tuple(map(shifted, row)) for row in rows) for rows in (named.sizes, named.centers))
+    return replace(named, values={**named.values, **{name: values[name] for name in gone}}, sizes=sizes, centers=centers)
 
 
 def _looped(named: Parameters, folded: Folded, label: Sequence[str], length: float) -> tuple[Parameters, set[int]]:

@@ -48,8 +48,7 @@ class UcadLoops:
             list(islice(self._loops, sum(1 for _ in repeats(repeat.part))))
             return fold_nary(expand(repeat), lambda n, leaf: self._line(first + n, leaf), {op: chain(s) for op, s in SIGN.items()})
         body = self.lines(repeat.part, first)
-        self.parts += [f"{loop.part} = {body[0]}"] if len(body) == 1 else [f"{loop.part} =", *("    " + line for line in body)]
-        self.parts[-1] += ";"
+        self.parts += [f"{loop.part} = {body[0]};"] if len(body) == 1 else [f"{loop.part} = (", *("    " + line for line in body), ");"]
         return [loop.part + moves]
 
     def _moves(self, repeat: Repeat, loop: Loop) -> str:
