@@ -105,7 +105,8 @@ def _repeats(folded: Folded, label: Sequence[str]) -> list[dict[str, Any]]:
 def said(repeat: Repeat, label: str) -> str:
     """In words: "12 holes as a 3 x 4 grid"."""
     own = size(repeat.part)
-    what = f"{repeat.number} {label.rstrip('0123456789')}s" if own == 1 else f"{repeat.number} groups of {own} primitives"
+    word = label.rstrip("0123456789")
+    what = f"{repeat.number} {word}{'es' if word.endswith('s') else 's'}" if own == 1 else f"{repeat.number} groups of {own} primitives"
     counts = " x ".join(map(str, repeat.counts))
     how = {
         "linear": "in a row",

@@ -11,6 +11,7 @@ from imdim.program.motions import Motion
 from imdim.program.nary import fold_nary
 from imdim.program.relations import axes
 from imdim.program.tree import OPS, Op, Primitive, Program, Vec3
+from imdim.program.vectors import times
 
 
 @dataclass(eq=False)
@@ -118,12 +119,8 @@ def _arms(p: Primitive) -> list[Vec3]:
     frame = axes(p)
     if p.kind in ("box", "ellipsoid"):
         scale = 0.5 if p.kind == "box" else 1.0
-        return [_times(axis, scale * s) for axis, s in zip(frame, p.size, strict=True)]
-    return [_times(frame[2], p.size[0] if p.kind == "torus" else p.size[-1] / 2)]
-
-
-def _times(a: Vec3, factor: float) -> Vec3:
-    return a[0] * factor, a[1] * factor, a[2] * factor
+        return [times(axis, scale * s) for axis, s in zip(frame, p.size, strict=True)]
+    return [times(frame[2], p.size[0] if p.kind == "torus" else p.size[-1] / 2)]
 
 
 def _negated(a: Vec3) -> Vec3:

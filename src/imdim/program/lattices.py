@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from imdim.program.relations import dot
 from imdim.program.tree import Vec3
+from imdim.program.vectors import is_forward, minus, plus, times
 
 Vec2 = tuple[float, float]
 SKEW_POINTS = 24  # of more points grids have right angles
@@ -36,8 +37,8 @@ def lattices(points: Sequence[Vec3], tolerance: float) -> Iterator[Lattice]:
     """Rows of three points or more that are as long as can be, and grids of two by two or more."""
     grid = _Lookup(points, tolerance)
     for first, at in enumerate(points):
-        steps = [_minus(p, at) for i, p in enumerate(points) if i != first]
-        starts = [s for s in steps if _is_forward(s, tolerance) and grid.find(_minus(at, s)) is None]
+        steps = [minus(p, at) for i, p in enumerate(points) if i != first]
+        starts = [s for s in steps if is_forward(s, tolerance) and grid.find(minus(at, s)) is None]
         rows = [(s, grid.run(at, s)) for s in starts]
         yield from (Lattice(tuple(row), (len(row),)) for _, row in rows if len(row) > 2)
         for (u, row), (v, column) in combinations(rows, 2):
@@ -84,7 +85,7 @@ class _Lookup:
         while (found := self.find(at)) is not None and found not in out:
             out.append(found)
             last, n = self.points[found], len(out)
-            at = _plus(last, step if n == 1 else _times(_minus(last, start), 1 / (n - 1)))
+            at = plus(last, step if n == 1 else times(minus(last, start), 1 / (n - 1)))
         return out
 
     def _key(self, p: Vec3) -> tuple[int, ...] | None:
@@ -169,22 +170,5 @@ def _at(angles: Sequence[float], angle: float, slack: float) -> int | None:
     return found if off <= slack else None
 
 
-def _is_forward(v: Vec3, tolerance: float) -> bool:
-    """Whether the first coordinate that is not nothing is positive."""
-    return next((c > 0 for c in v if abs(c) > tolerance), False)
-
-
 def _is_parallel(u: Vec3, v: Vec3) -> bool:
     return abs(dot(u, v)) > (1 - 1e-6) * math.hypot(*u) * math.hypot(*v)
-
-
-def _minus(a: Vec3, b: Vec3) -> Vec3:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-def _plus(a: Vec3, b: Vec3) -> Vec3:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
-def _times(a: Vec3, factor: float) -> Vec3:
-    return a[0] * factor, a[1] * factor, a[2] * factor

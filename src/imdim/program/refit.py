@@ -11,6 +11,7 @@ from imdim.program.constraints import RULES, WORLD, Constraint, Ref
 from imdim.program.relations import dot
 from imdim.program.repeats import Folded, Group, Repeat, repeats, size
 from imdim.program.tree import Primitive, Program, Vec3, leaves
+from imdim.program.vectors import minus
 
 Key = tuple[object, ...]
 
@@ -36,13 +37,13 @@ def _refitted(folded: Folded, parts: Sequence[Primitive], first: int, decimals: 
     strides = {"grid": (own * folded.counts[-1], own)}.get(folded.kind, (own,))
     at, others = parts[first].center, [parts[first + stride].center for stride in strides]
     if folded.kind in ("linear", "grid"):
-        return replace(folded, part=part, steps=tuple(_tidy(_minus(other, at), decimals) for other in others))
+        return replace(folded, part=part, steps=tuple(_tidy(minus(other, at), decimals) for other in others))
     return replace(folded, part=part, point=_tidy(_center(folded, at, others[0]), decimals))
 
 
 def _center(repeat: Repeat, a: Vec3, b: Vec3) -> Vec3:
     """The point of the axis that turns `a` to `b`, or of the plane that mirrors one to the other."""
-    n, chord = repeat.axis, _minus(b, a)
+    n, chord = repeat.axis, minus(b, a)
     middle = tuple((p + q) / 2 for p, q in zip(a, b, strict=True))
     if repeat.kind == "mirror":
         x, y, z = (dot(middle, n) * c for c in n)  # type: ignore[arg-type]
@@ -50,7 +51,7 @@ def _center(repeat: Repeat, a: Vec3, b: Vec3) -> Vec3:
     across = (n[1] * chord[2] - n[2] * chord[1], n[2] * chord[0] - n[0] * chord[2], n[0] * chord[1] - n[1] * chord[0])
     factor = 0.5 / math.tan(math.radians(repeat.angle) / 2)
     off = tuple(m + factor * c for m, c in zip(middle, across, strict=True))
-    along = dot(_minus(repeat.point, off), n)  # type: ignore[arg-type]
+    along = dot(minus(repeat.point, off), n)  # type: ignore[arg-type]
     x, y, z = (o + along * c for o, c in zip(off, n, strict=True))
     return x, y, z
 
@@ -95,10 +96,6 @@ def _keys(folded: Folded) -> list[Key]:
     if isinstance(folded, Group):
         return [(n, *key) for n, part in enumerate(folded.parts) for key in _keys(part)]
     return [(copy, *key) for copy in product(*map(range, folded.counts)) for key in _keys(folded.part)]
-
-
-def _minus(a: Vec3, b: Vec3) -> Vec3:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 def _tidy(v: Vec3, decimals: int) -> Vec3:

@@ -1,0 +1,37 @@
+"""Plain three-vectors."""
+
+from __future__ import annotations
+
+import math
+
+from imdim.program.tree import Vec3
+
+
+def minus(a: Vec3, b: Vec3) -> Vec3:
+    """a - b."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def plus(a: Vec3, b: Vec3) -> Vec3:
+    """a + b."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def times(a: Vec3, factor: float) -> Vec3:
+    """A multiple of a."""
+    return a[0] * factor, a[1] * factor, a[2] * factor
+
+
+def cross(a: Vec3, b: Vec3) -> Vec3:
+    """a x b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def unit(v: Vec3) -> Vec3:
+    """The direction of v, which must not be 0."""
+    return times(v, 1 / math.hypot(*v))
+
+
+def is_forward(v: Vec3, tolerance: float = 1e-9) -> bool:
+    """Whether the first coordinate that is not nothing is positive."""
+    return next((c > 0 for c in v if abs(c) > tolerance), False)
