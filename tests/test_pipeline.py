@@ -48,7 +48,8 @@ def test_a_planted_part_comes_back(name):
 def test_snapshots_tell_the_run(name):
     run = reconstructed(name)
     stages = [s.stage for s in run]
-    assert [s for i, s in enumerate(stages) if i == 0 or stages[i - 1] != s] == ["search", "simplify", "solve", "finished"]
+    assert [s for i, s in enumerate(stages) if i == 0 or stages[i - 1] != s] == ["search", "proof", "simplify", "solve", "finished"]
+    assert run[-1].proof == "proved minimal over these candidates"
     assert [s.stop for s in run[:-1]] == [None] * (len(run) - 1)
     assert [s.seconds for s in run] == sorted(s.seconds for s in run)
     assert run[-1].error <= min(s.error for s in run) + 1e-3

@@ -34,6 +34,7 @@ class Snap:
     stop: str | None = None
     constraints: tuple = ()
     front: tuple = ()
+    proof: str = "proved minimal over these candidates"
 
 
 def box_found(target, settings, rng):
@@ -58,6 +59,7 @@ def test_the_results_are_written_and_named(part, tmp_path, capsys):
     assert (tmp_path / "out" / "preview.png").is_file()
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["stop"] == "tolerance_reached"
+    assert report["proof"] == "proved minimal over these candidates"
     assert report["seed"] == 4
     assert report["settings"]["budget_s"] == 60.0
     stages = report["timing"]["stages_s"]
