@@ -38,7 +38,7 @@ LONG = (7, 12)  # primitives of the second range
 @dataclass
 class EvaluateConfig:
     """`n` targets of `synthesis` and `n_long` of 7 to 12 primitives from `seed`, which training streams never use; of each the `first` so
-    many are answered (0: all), for a quick look at the same targets. Without `solver` its rows are left out. The model card has n=500
+    many are answered whole (0: all), for a quick look at the same targets. Without `solver` its rows are left out. The model card has n=500
     n_long=200."""
 
     checkpoint: str = "models/imdim-base.safetensors"
@@ -77,7 +77,7 @@ def measured(policy: Policy, config: EvaluateConfig, say: Callable[[str], object
             synthesis = replace(config.synthesis, n_min=low, n_max=high)
             batch = synthesize(n, synthesis, torch.Generator().manual_seed(config.seed))
             some = Samples(*(v[: config.first or n] for v in batch))
-            results[f"{low}-{high}"] = {**step_results(policy, some, say), "answers": answer_results(policy, some, config, say)}
+            results[f"{low}-{high}"] = {**step_results(policy, batch, say), "answers": answer_results(policy, some, config, say)}
     return results
 
 
