@@ -13,7 +13,7 @@ from imdim.geometry.overshoot import overshoot
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.folding import Folding, extent, fold_repeats, worth
-from imdim.program.repeats import Folded, expand, with_leaves
+from imdim.program.repeats import Folded, expand, instances, with_leaves
 from imdim.program.tree import Program
 
 NEAR = 2e-4  # of the part's size, by which what nearly repeats may move
@@ -42,7 +42,7 @@ def completed(program: Program, constraints: Sequence[Constraint] = ()) -> Compl
     if folding is None:
         delivered = finished(program)
         return Completed(delivered, rebased(delivered, constraints), parametrise(program, constraints, delivered), None)
-    given, constraints = folding.program, _renumbered(constraints, folding.order)
+    given, constraints = folding.program, _without_rows(_renumbered(constraints, folding.order), folding.folded)
     folded = with_leaves(folding.folded, rounded(overshoot(given, folding.folded)))
     delivered = expand(folded)
     return Completed(delivered, rebased(delivered, constraints), parametrise(given, constraints, delivered, folded), folded)
@@ -55,6 +55,19 @@ def finished(program: Program) -> Program:
 
 def _better(near: Folding, exact: Folding | None) -> bool:
     return exact is None or worth(near.folded) > worth(exact.folded)
+
+
+def _without_rows(constraints: Sequence[Constraint], folded: Folded) -> tuple[Constraint, ...]:
+    """Without rows and circles of copies of one leaf, which the repeat says; of circles the middle stays, by an opposite pair."""
+    sources = {i: source for i, (source, _) in enumerate(instances(folded))}
+    out: list[Constraint] = []
+    for c in constraints:
+        members, half = [ref.leaf for ref in c.of], len(c.of) // 2
+        if c.kind not in ("linear", "circular") or len(members) < 3 or len({sources[leaf] for leaf in members}) > 1:
+            out.append(c)
+        elif c.about is not None and c.about.leaf not in members and len(members) % 2 == 0:
+            out.append(replace(c, of=(c.of[0], c.of[half])))
+    return tuple(out)
 
 
 def _renumbered(constraints: Sequence[Constraint], order: Sequence[int]) -> tuple[Constraint, ...]:

@@ -17,7 +17,7 @@ from imdim.export.through import End, ends_of, overhangs, world_axis
 from imdim.geometry.constraints import rows_of
 from imdim.geometry.lowering import Lowered, lower
 from imdim.program.constraints import AXES_OF, Constraint, Ref
-from imdim.program.repeats import Folded, instances
+from imdim.program.repeats import Folded
 from imdim.program.tree import KINDS, Primitive, Program, leaves
 
 ZERO = 1e-9  # coefficients
@@ -49,15 +49,14 @@ class System:
         system = System(start, len(start), max(max(p.size) for p in parts))
         if folded is not None:
             add_repeats(system, folded, parts, fixed)
-        plain = [c for c in constraints if not _is_implied(c, folded)]
-        for constraint in plain:
+        for constraint in constraints:
             if constraint.kind == "linear":
                 system._add_row(constraint, numbers)
             elif constraint.kind == "circular" and len(constraint.of) > 2:
                 system._add_circle(constraint, numbers)
             elif constraint.kind == "circular":
                 system._add_opposite(constraint, numbers)
-        others = [c for c in plain if c.kind not in PATTERNS]
+        others = [c for c in constraints if c.kind not in PATTERNS]
         system.rows += [row for row in _linear(others, numbers) if system._holds(row)]
         system.rows += list(_grounded(parts[0], numbers))
         flush = {ref for c in constraints if c.kind in ("coplanar", "aligned") for ref in c.of}
@@ -160,12 +159,6 @@ class System:
             for a, center, share in zip(plane, centers, offset, strict=True):
                 part = {diameter: -float(share)} if abs(share) > ZERO else {}
                 self.rows.append({6 * leaf + 3 + a: 1.0, center: -1.0} | part)
-
-
-def _is_implied(c: Constraint, folded: Folded | None) -> bool:
-    """Whether a row is one of copies of one leaf."""
-    sources = [leaf for leaf, _ in instances(folded)] if folded is not None and c.kind == "linear" else []
-    return bool(sources) and len({sources[ref.leaf] for ref in c.of}) == 1
 
 
 def _eliminate(matrix: np.ndarray, pivot: int, v: int) -> None:

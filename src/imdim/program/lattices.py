@@ -43,7 +43,12 @@ def lattices(points: Sequence[Vec3], tolerance: float) -> Iterator[Lattice]:
         yield from (Lattice(tuple(row), (len(row),)) for _, row in rows if len(row) > 2)
         for (u, row), (v, column) in combinations(rows, 2):
             if len(points) <= SKEW_POINTS or abs(dot(u, v)) <= tolerance * math.hypot(*u):
-                yield from _grids(grid, u, row, v, column)
+                yield from _grids(grid, u, row, v, column) if _main_axis(u) > _main_axis(v) else _grids(grid, v, column, u, row)
+
+
+def _main_axis(v: Vec3) -> int:
+    """Grids run along x first."""
+    return max(range(3), key=lambda a: abs(v[a]))
 
 
 def _grids(grid: _Lookup, u: Vec3, row: list[int], v: Vec3, column: list[int]) -> Iterator[Lattice]:
