@@ -11,7 +11,7 @@ from imdim.program.cost import count
 from imdim.program.tree import Program
 from imdim.search.exact.prove import Proof, Prover
 
-PROOF_S = 8.0  # for one proof, at most
+PROOF_S, EARLY_S = 8.0, 5.0  # for one proof, at most; before the search has ended
 PROOF_SHARE = 0.55  # of the budget; a search that took all of its own leaves some for the last proof
 MOST_EARLY = 3  # proofs before the search has ended
 
@@ -30,10 +30,10 @@ class Proofs:
     def _prover(self) -> Prover:
         return Prover(self.seen.families, self.seen.size_weight)
 
-    def of(self, program: Program) -> tuple[Program, Proof]:
+    def of(self, program: Program, most_s: float = PROOF_S) -> tuple[Program, Proof]:
         """A proof about a program in the body's units, and a shorter or the same program."""
         start = self.clock.seconds()
-        end = start + min(PROOF_S, self.share * (PROOF_SHARE * self.clock.budget_s - start))
+        end = start + min(most_s, self.share * (PROOF_SHARE * self.clock.budget_s - start))
         error = self.seen.error(program) * self.seen.cells.volume
         proof = self._prover.prove(count(program).primitives, error, lambda: self.clock.seconds() > end)
         return program if proof.program is None else self.seen.frame.undo(proof.program), proof
@@ -44,4 +44,4 @@ class Proofs:
         if self.asked == MOST_EARLY or (self.fewest is not None and primitives >= self.fewest):
             return None
         self.asked, self.fewest = self.asked + 1, primitives
-        return self.of(program)
+        return self.of(program, EARLY_S)

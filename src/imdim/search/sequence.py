@@ -141,10 +141,13 @@ def insertions(
     out: list[Insertion] = []
     best = least
     enough = 0.5 if per_frame > 1 else 1.0  # a place whose whole potential is below this share of the best is skipped
+    before: dict[Op, np.ndarray] = {}
     for gap in gaps(sequence, len(gain)):
         for op, field, total, potential in _fields(gap, gain):
-            if potential <= best * enough:
+            # a step that has nothing to do with what is left leaves the field as it is: nothing new is found before it
+            if potential <= best * enough or (op in before and np.array_equal(before[op], field)):
                 continue
+            before[op] = field
             found = [(total + v, c) for v, c in families.best(field, per_frame, max(best * enough - total, 0.0))]
             out += [Insertion(v, gap.position, op, c) for v, c in found if v > least]
             best = max([best, *(v for v, _ in found)])
