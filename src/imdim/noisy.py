@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from imdim.body import Seen
+from imdim.geometry.cloud import Frame, Target
 from imdim.program.simplify import reduce_program
 from imdim.program.tree import Program
+from imdim.proposals import proposals
+from imdim.seeding.cloud_normals import measure_scale
 from imdim.solve.discover import DiscoverConfig, discover
 from imdim.solve.likelihood import Noise, Shown, shares
 from imdim.solve.maximise import Likely, maximise
 from imdim.solve.parsimony import length, shortened
+
+if TYPE_CHECKING:
+    from imdim.learn.policy import Policy
 
 NOISY = 1e-3  # of the body's diagonal; calmer clouds are fitted by distance
 MOST_POINTS = 8192
@@ -24,6 +31,19 @@ GUESS = 1.2  # times the measured deviation: a fit that starts too calm takes po
 def is_noisy(seen: Seen) -> bool:
     """Whether the noise of a body's cloud blurs its edges and walls, so that distances alone mislead."""
     return seen.target.mesh is None and seen.sigma > NOISY
+
+
+def unlabelled(body: Target, policy: Policy | None) -> Program | None:
+    """A program of a noisy cloud of which detection cannot tell the inside: the best that the solver makes of the policy's beam.
+
+    None for a calm cloud or a mesh, which then have no inside, and where nothing is left of the cloud.
+    """
+    frame = Frame.of(body)
+    points = frame.normalise(body).points
+    if body.mesh is not None or measure_scale(points, np.random.default_rng(0)).sigma <= NOISY:
+        return None
+    found = proposals(policy, points)
+    return frame.undo(reduce_program(found[0].program)) if found else None
 
 
 def likelier(program: Program, other: Program, seen: Seen) -> bool:

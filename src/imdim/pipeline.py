@@ -20,8 +20,9 @@ from imdim.config import ConfigError, Settings
 from imdim.evolution import choices, few, united
 from imdim.fitting import related, snapped, solved
 from imdim.geometry.cloud import InputError, Target, split_bodies, target_from
+from imdim.geometry.solid import to_manifold
 from imdim.methods import METHODS, PolicyOf, Run
-from imdim.noisy import is_noisy, most_likely
+from imdim.noisy import is_noisy, most_likely, unlabelled
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
 from imdim.program.front import Choice
@@ -30,6 +31,7 @@ from imdim.program.tree import Program, combine_all
 from imdim.proposals import load, load_if_any
 
 MOST_JOINT = 8  # bodies
+UNKNOWN = 1.0  # error of a program whose body shows no inside
 FIT_BY = 0.75  # of the budget: by then a noisy cloud's program is short
 JOINT_ERROR = 2e-3  # of the volume, that a shorter program of all bodies at once may cost
 
@@ -131,8 +133,14 @@ def _body(
     body: Target, settings: Settings, policy: PolicyOf, clock: Clock, rng: np.random.Generator, share: float = 1.0
 ) -> Iterator[_State]:
     """Better and better programs of one body, which may take a share of the time left."""
-    seen = look(body, settings.size_weight, rng)
-
+    try:
+        seen = look(body, settings.size_weight, rng)
+    except InputError:
+        guess = unlabelled(body, policy())
+        if guess is None:
+            raise
+        yield _State("policy", guess, UNKNOWN, to_manifold(guess).volume(), (Choice(guess, UNKNOWN),))
+        return
     step = None
 
     def state(stage: str, program: Program, error: float | None = None) -> _State:
@@ -145,7 +153,10 @@ def _body(
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
     program = reduce_program(step.program)
     yield state("simplify", program)
-    fitted = most_likely(program, seen, clock.near_end(FIT_BY)) if is_noisy(seen) else solved(program, seen, body)
+    if is_noisy(seen):
+        fitted, step = most_likely(program, seen, clock.near_end(FIT_BY)), replace(step, proof="")  # of other primitives perhaps
+    else:
+        fitted = solved(program, seen, body)
     last = state("solve", snapped(fitted, seen, body))
     yield replace(last, front=_front([*step.others, last.program], seen))
 

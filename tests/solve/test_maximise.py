@@ -8,7 +8,7 @@ from tests.planted import box, cut, cylinder, sphere, union
 
 from imdim.geometry.lowering import lower
 from imdim.geometry.sampling import surface_points
-from imdim.program.tree import leaves, map_leaves
+from imdim.program.tree import Primitive, leaves, map_leaves
 from imdim.solve.frames import aligned, frames, shared_turns
 from imdim.solve.likelihood import Noise
 from imdim.solve.maximise import MaximiseConfig, maximise
@@ -98,6 +98,15 @@ def test_what_noise_explains_is_dropped_and_what_it_does_not_stays():
     short = shortened(maximise(crowded, points, Noise(0.5)), points, lambda: False)
     assert sorted(p.kind for p in leaves(short.program)) == ["box", "cylinder", "cylinder"]
     assert length(short.program, points, short.noise) < length(crowded, points, short.noise)
+
+
+def test_a_cylinder_that_tapers_becomes_a_cone():
+    truth = union(box(40, 30, 6), Primitive("cone", (8.0, 5.0, 14.0), (0.0, 0.0, 9.0)))
+    points = cloud(truth, sigma=0.3)
+    short = shortened(maximise(union(box(40, 30, 6), cylinder(6.5, 14, (0.0, 0.0, 9.0))), points, Noise(0.4)), points, lambda: False)
+    cone = [p for p in leaves(short.program) if p.kind == "cone"]
+    assert len(cone) == 1
+    assert cone[0].size[1] == pytest.approx(5.0, abs=0.2)
 
 
 def test_no_time_leaves_the_program():
