@@ -24,6 +24,7 @@ from imdim.seeding.cloud_normals import measure_scale
 from imdim.seeding.cloud_surfaces import detect_cloud
 from imdim.seeding.mesh_surfaces import detect_patches
 
+NOISY = 1e-3  # deviation of a cloud's noise, as a share of its diagonal, from which edges and walls are blurred
 CLOSING_AREA = 1e-7  # of the squared diagonal; implied planes rank behind detected ones
 
 
@@ -47,6 +48,11 @@ class Seen:
         area = sum(p.area for p in self.patches) if mesh is None else float(mesh.area)
         surfaces = [p.surface for p in self.patches]
         return Ground(surfaces, self.families, self.samples, self.target.points, area, self.size_weight, mesh is not None)
+
+    @property
+    def noisy(self) -> bool:
+        """Whether the noise of the body's cloud blurs its edges and walls, so that distances alone mislead."""
+        return self.target.mesh is None and self.sigma > NOISY
 
     @property
     def cells(self) -> Cells:
@@ -75,7 +81,8 @@ def look(body: Target, size_weight: float, rng: np.random.Generator) -> Seen:
     patches, closing = _surfaces(unit, rng)
     if not patches:
         raise InputError(f"{unit.name}: no plane, sphere, cylinder, cone or torus found in {len(unit.points)} points")
-    corners = unit.points if unit.mesh is None else unit.mesh.vertices
+    sigma = 0.0 if unit.mesh is not None else measure_scale(unit.points, np.random.default_rng(0)).sigma
+    corners = _corners(unit, patches, sigma)
     bounds = np.stack([np.min(corners, axis=0), np.max(corners, axis=0)])
     surfaces = [p.surface for p in patches] + closing
     areas = [p.area for p in patches] + [CLOSING_AREA] * len(closing)
@@ -84,8 +91,14 @@ def look(body: Target, size_weight: float, rng: np.random.Generator) -> Seen:
     cells = compressed(arrangement, samples)
     if cells.volume <= 0:
         raise InputError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells")
-    sigma = 0.0 if unit.mesh is not None else measure_scale(unit.points, np.random.default_rng(0)).sigma
     return Seen(unit, frame, patches, samples, Families(arrangement, cells), size_weight, sigma)
+
+
+def _corners(unit: Target, patches: list[Patch], sigma: float) -> np.ndarray:
+    """Points [n, 3] whose box is the body's; strays of a noisy cloud, which lie on no surface, would widen it."""
+    if unit.mesh is not None:
+        return np.asarray(unit.mesh.vertices)
+    return np.concatenate([p.points for p in patches]) if sigma > NOISY else unit.points
 
 
 def _surfaces(unit: Target, rng: np.random.Generator) -> tuple[list[Patch], list[Surface]]:

@@ -18,7 +18,7 @@ from imdim.clock import Clock
 from imdim.config import Settings
 from imdim.evolution import evolved, logged, seeds_of
 from imdim.fitting import POOR
-from imdim.noisy import is_noisy, likelier
+from imdim.noisy import likelier
 from imdim.program.tree import Program
 from imdim.proof import Proofs
 from imdim.proposals import misfit, proposals
@@ -82,7 +82,7 @@ def auto(run: Run) -> Iterator[Step]:
         if better is not None:
             best = better
             yield best
-    if best is not None:
+    if best is not None and not run.seen.noisy:
         yield _proved(best, proofs)
 
 
@@ -152,7 +152,8 @@ def _searched(run: Run, proofs: Proofs) -> Iterator[tuple[str, Program]]:
     for found in search_structure(seen.families, StructureConfig(size_weight=seen.size_weight), run.rng, run.clock.out_of_time):
         program = seen.frame.undo(to_program(found.sequence, seen.families))
         yield "search", program
-        program, proof = proofs.early(program) or (program, None)
+        # what the labels of a noisy cloud prove is not worth the time
+        program, proof = (None if seen.noisy else proofs.early(program)) or (program, None)
         if proof and proof.program and (shortest is None or seen.price(program) < seen.price(shortest)):
             shortest = program
         if proof and proof.minimal and proof.extra < WORTH_MORE:
@@ -208,9 +209,12 @@ def grown(seen: Seen) -> Program | None:
 
 
 def _proposed_if_poor(run: Run, best: Step | None) -> Step | None:
-    """The policy's program for a cloud, where there is nothing or much is left and it fits far better."""
+    """The policy's program for a cloud, where there is nothing or much is left and it fits far better.
+
+    The cells of a noisy cloud miss what detection missed: there it is always asked.
+    """
     seen = run.seen
-    if seen.target.mesh is not None or (best is not None and seen.error(best.program) <= POOR):
+    if seen.target.mesh is not None or (best is not None and not seen.noisy and seen.error(best.program) <= POOR):
         return None
     program = _proposed(run, [] if best is None else [best.program])
     if best is None:
@@ -234,7 +238,7 @@ def _proposed(run: Run, starts: list[Program]) -> Program:
 
 def preferred(proposed: Program, program: Program, seen: Seen) -> bool:
     """Cells of a cloud know no surface that detection missed: what fits the points far better is taken, whatever its cells say."""
-    if is_noisy(seen):
+    if seen.noisy:
         return likelier(proposed, program, seen)
     cloud = Cloud.of(seen.target.points)
     return misfit(seen.frame.apply(proposed), cloud) < FAR_BETTER * misfit(seen.frame.apply(program), cloud)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imdim.body import Seen
+from imdim.body import NOISY, Seen
 from imdim.geometry.cloud import Frame, Target
 from imdim.program.simplify import reduce_program
 from imdim.program.tree import Program
@@ -22,44 +22,41 @@ from imdim.solve.parsimony import length, shortened
 if TYPE_CHECKING:
     from imdim.learn.policy import Policy
 
-NOISY = 1e-3  # of the body's diagonal; calmer clouds are fitted by distance
 MOST_POINTS = 8192
 QUICK_POINTS = 4096
 GUESS = 1.2  # times the measured deviation: a fit that starts too calm takes points for clutter
 
 
-def is_noisy(seen: Seen) -> bool:
-    """Whether the noise of a body's cloud blurs its edges and walls, so that distances alone mislead."""
-    return seen.target.mesh is None and seen.sigma > NOISY
-
-
-def unlabelled(body: Target, policy: Policy | None) -> Program | None:
+def unlabelled(body: Target, policy: Policy | None, out_of_time: Callable[[], bool]) -> Program | None:
     """A program of a noisy cloud of which detection cannot tell the inside: the best that the solver makes of the policy's beam.
 
     None for a calm cloud or a mesh, which then have no inside, and where nothing is left of the cloud.
     """
     frame = Frame.of(body)
     points = frame.normalise(body).points
-    if body.mesh is not None or measure_scale(points, np.random.default_rng(0)).sigma <= NOISY:
+    sigma = measure_scale(points, np.random.default_rng(0)).sigma
+    if body.mesh is not None or sigma <= NOISY:
         return None
     found = proposals(policy, points)
-    return frame.undo(reduce_program(found[0].program)) if found else None
+    return frame.undo(_settled(found[0].program, points, sigma, out_of_time)) if found else None
 
 
 def likelier(program: Program, other: Program, seen: Seen) -> bool:
     """Whether the first of two programs in the body's units, both fitted to its noisy cloud, tells the points in fewer words."""
-    points, noise = _points(seen, QUICK_POINTS), Noise(GUESS * seen.sigma)
+    points, noise = _thinned(seen.target.points, QUICK_POINTS), Noise(GUESS * seen.sigma)
     lengths = [length(c.program, points, c.noise, c.nll) for c in (maximise(seen.frame.apply(p), points, noise) for p in (program, other))]
     return lengths[0] < lengths[1]
 
 
 def most_likely(program: Program, seen: Seen, out_of_time: Callable[[], bool]) -> Program:
     """`program` in the body's units fitted to its noisy cloud, shortened, and with the relations that the points bear out."""
-    points, quick = _points(seen, MOST_POINTS), _points(seen, QUICK_POINTS)
-    first = maximise(seen.frame.apply(program), quick, Noise(GUESS * seen.sigma))
-    short = shortened(first, quick, out_of_time)
-    fitted = maximise(reduce_program(short.program), points, short.noise)
-    return seen.frame.undo(_related(fitted, points))
+    return seen.frame.undo(_settled(seen.frame.apply(program), seen.target.points, seen.sigma, out_of_time))
+
+
+def _settled(program: Program, points: np.ndarray, sigma: float, out_of_time: Callable[[], bool]) -> Program:
+    quick, points = _thinned(points, QUICK_POINTS), _thinned(points, MOST_POINTS)
+    short = shortened(maximise(program, quick, Noise(GUESS * sigma)), quick, out_of_time)
+    return _related(maximise(reduce_program(short.program), points, short.noise), points)
 
 
 def _related(likely: Likely, points: np.ndarray) -> Program:
@@ -70,5 +67,5 @@ def _related(likely: Likely, points: np.ndarray) -> Program:
     return found.program if after < likely.nll + worth else likely.program
 
 
-def _points(seen: Seen, count: int) -> np.ndarray:
-    return seen.target.points[:: max(1, len(seen.target.points) // count)]
+def _thinned(points: np.ndarray, count: int) -> np.ndarray:
+    return points[:: max(1, len(points) // count)]

@@ -22,7 +22,7 @@ from imdim.fitting import related, snapped, solved
 from imdim.geometry.cloud import InputError, Target, split_bodies, target_from
 from imdim.geometry.solid import to_manifold
 from imdim.methods import METHODS, PolicyOf, Run
-from imdim.noisy import is_noisy, most_likely, unlabelled
+from imdim.noisy import most_likely, unlabelled
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
 from imdim.program.front import Choice
@@ -136,7 +136,7 @@ def _body(
     try:
         seen = look(body, settings.size_weight, rng)
     except InputError:
-        guess = unlabelled(body, policy())
+        guess = unlabelled(body, policy(), clock.near_end(FIT_BY))
         if guess is None:
             raise
         yield _State("policy", guess, UNKNOWN, to_manifold(guess).volume(), (Choice(guess, UNKNOWN),))
@@ -153,7 +153,7 @@ def _body(
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
     program = reduce_program(step.program)
     yield state("simplify", program)
-    if is_noisy(seen):
+    if seen.noisy:
         fitted, step = most_likely(program, seen, clock.near_end(FIT_BY)), replace(step, proof="")  # of other primitives perhaps
     else:
         fitted = solved(program, seen, body)

@@ -28,6 +28,7 @@ LOOK = 0.03  # of the diagonal: how far an end looks, and how much longer it bec
 SAMPLED = 1500  # points of the program's surface that are looked at
 BARE = 1.2  # spacings to the nearest point
 WALLS = (0.03, 0.06)  # of the diagonal
+THINNEST = 3.0  # deviations of the noise, the least half thickness of a wall: nearer skins are one blurred surface
 SKINS = {"box": (2, 2, 2), "cylinder": (1, 2), "sphere": (1,)}  # walls within a size
 TRIALS = 60  # circles and balls through random points
 
@@ -60,7 +61,7 @@ def hollows(primitive: Primitive, wall: float, cloud: Cloud) -> list[Primitive]:
     slots = {"box": (0, 1, 2), "cylinder": (None, None, 1)}.get(primitive.kind, (None, None, None))
     bare = [(k, sign) for k, slot in enumerate(slots) if slot is not None for sign in (-1, 1) if _is_bare(primitive, k, sign, cloud)]
     out = []
-    for thick in (wall, *(w * cloud.diagonal for w in WALLS)):
+    for thick in (max(wall, THINNEST * cloud.noise), *(w * cloud.diagonal for w in WALLS)):
         size = np.array(primitive.size) - np.array(SKINS[primitive.kind]) * thick
         middle = center.copy()
         for k, sign in bare:

@@ -1,0 +1,78 @@
+"""Noisy clouds through the pipeline: judged by how likely they are, whatever the cells say."""
+
+import numpy as np
+import pytest
+from tests.planted import PARTS, box, cut, cylinder, union
+
+from imdim.body import look
+from imdim.config import Settings
+from imdim.geometry.cloud import InputError, target_from
+from imdim.geometry.sampling import surface_points
+from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.noisy import likelier, most_likely, unlabelled
+from imdim.pipeline import reconstruct
+from imdim.program.cost import count
+
+
+def cloud(program, share=0.006, n=6000, outliers=0.0, seed=0):
+    rng = np.random.default_rng(seed)
+    points = surface_points(program, n, rng)[0]
+    points = points + rng.normal(0, share * np.linalg.norm(np.ptp(points, axis=0)), points.shape)
+    wrong = rng.permutation(n)[: round(outliers * n)]
+    points[wrong] = rng.uniform(points.min(0) - 5, points.max(0) + 5, (len(wrong), 3))
+    return points
+
+
+def seen_of(points):
+    return look(target_from(points), Settings().size_weight, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(("name", "share"), [("L bracket", 0.006), ("plate with four holes", 0.003)])
+def test_a_planted_part_comes_back_from_noise_and_strays(name, share):
+    truth = PARTS[name]
+    *_, last = reconstruct(target_from(cloud(truth, share, outliers=0.02)), Settings(checkpoint="none"), np.random.default_rng(0))
+    assert volume_iou(to_manifold(last.program), to_manifold(truth)) >= 0.96
+    assert count(last.program).primitives <= 1.5 * count(truth).primitives
+    assert not last.proof
+
+
+def test_strays_do_not_widen_the_body():
+    seen = seen_of(cloud(box(40, 30, 10), outliers=0.03))
+    assert seen.noisy
+    low, high = seen.families.arrangement.bounds
+    assert (high - low) / seen.frame.scale == pytest.approx((40, 30, 10), abs=3.5)
+    assert not seen_of(cloud(box(40, 30, 10), share=0.0)).noisy
+
+
+def test_the_likelier_program_is_the_true_one():
+    truth = union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0)))
+    seen = seen_of(cloud(truth))
+    for other in (truth.left, cut(truth, box(38, 28, 6)), union(truth, box(3, 3, 8.5, (14.0, 9.0, 0.0)))):
+        assert likelier(truth, other, seen)
+        assert not likelier(other, truth, seen)
+
+
+def test_what_is_too_much_goes_and_relations_hold():
+    truth = union(box(40, 30, 8), box(20, 30, 16, (10.0, 0.0, 12.0)))
+    seen = seen_of(cloud(truth))
+    found = most_likely(union(truth, box(3, 3, 8.4, (-14.0, 9.0, 0.0))), seen, lambda: False)
+    assert count(found).primitives == 2
+    assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
+
+
+def test_where_detection_tells_no_inside_there_is_an_answer_still(monkeypatch):
+    import imdim.pipeline as pipeline
+
+    def blind(*_):
+        raise InputError("part: no inside found, 0 of 4 sampled cells")
+
+    truth = box(40, 30, 10)
+    monkeypatch.setattr(pipeline, "look", blind)
+    *_, last = reconstruct(target_from(cloud(truth)), Settings(checkpoint="none"), np.random.default_rng(0))
+    assert volume_iou(to_manifold(last.program), to_manifold(truth)) > 0.8
+    with pytest.raises(InputError, match="no inside"):
+        list(reconstruct(target_from(cloud(truth, share=0.0)), Settings(checkpoint="none"), np.random.default_rng(0)))
+
+
+def test_a_calm_cloud_has_no_guess():
+    assert unlabelled(target_from(cloud(box(4, 3, 1), share=0.0)), None, lambda: False) is None
