@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from tests.planted import box, cut, cylinder, sphere, union
 
+from imdim.geometry import kernels
 from imdim.geometry.lowering import lower
 from imdim.geometry.sampling import surface_points
 from imdim.program.tree import Primitive, leaves, map_leaves
+from imdim.solve.clipped import clipped
 from imdim.solve.frames import aligned, frames, shared_turns
 from imdim.solve.likelihood import Noise
 from imdim.solve.maximise import MaximiseConfig, maximise
@@ -107,6 +109,17 @@ def test_a_cylinder_that_tapers_becomes_a_cone():
     cone = [p for p in leaves(short.program) if p.kind == "cone"]
     assert len(cone) == 1
     assert cone[0].size[1] == pytest.approx(5.0, abs=0.2)
+
+
+def test_long_cutters_are_clipped_to_the_cloud():
+    points = cloud(RING, 2000)
+    long = cut(cylinder(20, 6), cylinder(15, 900, (0.0, 0.0, 300.0)), box(500, 8, 8, (250.0, 0.0, 0.0), (0.0, 10.0, 0.0)))
+    short = clipped(long, points, 10.0)
+    low, high = points.min(0) - 5, points.max(0) + 5
+    places = np.random.default_rng(0).uniform(low, high, (20_000, 3))
+    assert (kernels.inside(short, places) == kernels.inside(long, places)).all()
+    assert max(size for leaf in leaves(short) for size in leaf.size) < 80
+    assert clipped(RING, points, 10.0) == RING
 
 
 def test_no_time_leaves_the_program():
