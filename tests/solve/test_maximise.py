@@ -122,6 +122,13 @@ def test_long_cutters_are_clipped_to_the_cloud():
     assert clipped(RING, points, 10.0) == RING
 
 
+def test_a_program_of_nothing_stays_as_it_is():
+    nothing = cut(box(1, 1, 1), box(2, 2, 2))
+    found = maximise(nothing, cloud(RING, 500), Noise(SIGMA), MaximiseConfig(through=0.0))
+    assert found.program == nothing
+    assert np.isfinite(found.nll)
+
+
 def test_no_time_leaves_the_program():
     likely = maximise(RING, cloud(RING, 2000), Noise(SIGMA))
     assert shortened(likely, cloud(RING, 2000), lambda: True) is likely

@@ -14,13 +14,14 @@ import numpy as np
 from imdim.geometry import kernels
 from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.overshoot import overshoot
-from imdim.program.tree import Program
+from imdim.program.tree import Program, leaves
 from imdim.solve.clipped import clipped
 from imdim.solve.faces import lifted, shifted, step_maps
 from imdim.solve.frames import TURNS, aligned, frames, shared_turns
 from imdim.solve.likelihood import Noise, Share, Shown, shares
 from imdim.solve.normal_equations import blocks
 
+MOST_LET_THROUGH = 40  # leaves; the booleans that ask which ends only just meet grow with the square
 RELAXED = 1.6  # any factor below 2 converges where 1 does (Salakhutdinov & Roweis 2003)
 
 
@@ -49,7 +50,7 @@ class Likely:
 def maximise(program: Program, points: np.ndarray, noise: Noise, config: MaximiseConfig | None = None) -> Likely:
     """`program` with its numbers moved to make `points` [n, 3] most likely; `noise` is a first guess."""
     config = config or MaximiseConfig()
-    if config.through:
+    if config.through and sum(1 for _ in leaves(program)) <= MOST_LET_THROUGH:
         reach = config.through * noise.sigma
         program = overshoot(clipped(program, points, 2 * reach), reach=reach)
     start = lower(program)
@@ -61,6 +62,8 @@ def maximise(program: Program, points: np.ndarray, noise: Noise, config: Maximis
         shown = Shown.of(trial, noise.sigma)
         share = shares(points, shown, noise)
         best = Likely(trial, noise, share.nll, done)
+        if not len(shown.points):
+            break  # everything is cut away
         calmer = share.noise.sigma < 0.98 * noise.sigma
         noise = share.noise
         numbers, longest = _stepped(numbers, member, shown, share, config)
