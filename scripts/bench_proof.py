@@ -11,11 +11,10 @@ A proof is about candidates between detected surfaces, so a planted part that wa
 from __future__ import annotations
 
 import argparse
-import csv
 import statistics
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +24,7 @@ from imdim.geometry.cloud import target_from
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.pipeline import reconstruct
 from imdim.program.cost import count
-from planting import SEGMENTS, mesh_of, planted
+from planting import SEGMENTS, mesh_of, planted, write_csv
 
 
 @dataclass(frozen=True)
@@ -55,10 +54,7 @@ def main() -> None:
             print(line(rows[-1]), flush=True)
     print("\n" + table(rows))
     if args.csv:
-        with args.csv.open("w", newline="") as out:
-            writer = csv.DictWriter(out, [f.name for f in fields(Row)])
-            writer.writeheader()
-            writer.writerows(asdict(row) for row in rows)
+        write_csv(rows, args.csv)
 
 
 def _arguments() -> argparse.Namespace:

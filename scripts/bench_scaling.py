@@ -11,19 +11,18 @@ see `stop`.
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 import resource
 import subprocess
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
-from planting import SEGMENTS, mesh_of, plate
+from planting import SEGMENTS, mesh_of, plate, write_csv
 
 
 @dataclass(frozen=True)
@@ -53,10 +52,7 @@ def main() -> None:
         print(line(rows[-1]), flush=True)
     print("\n" + table(rows))
     if args.csv:
-        with args.csv.open("w", newline="") as out:
-            writer = csv.DictWriter(out, [f.name for f in fields(Row)])
-            writer.writeheader()
-            writer.writerows(asdict(row) for row in rows)
+        write_csv(rows, args.csv)
 
 
 def _arguments() -> argparse.Namespace:

@@ -7,6 +7,12 @@ number of primitives, and the part stays one body.
 
 from __future__ import annotations
 
+import csv
+from collections.abc import Sequence
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import trimesh
 
@@ -125,3 +131,11 @@ def plate(rng: np.random.Generator, primitives: int) -> Program:
         for part in parts:
             program = Combine(op, program, part)  # type: ignore[arg-type]
     return program
+
+
+def write_csv(rows: Sequence[Any], path: Path) -> None:
+    """Rows of one dataclass, its fields as columns."""
+    with path.open("w", newline="") as out:
+        writer = csv.DictWriter(out, [f.name for f in fields(rows[0])])
+        writer.writeheader()
+        writer.writerows(asdict(row) for row in rows)
