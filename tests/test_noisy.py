@@ -70,6 +70,10 @@ def test_where_detection_tells_no_inside_there_is_an_answer_still(monkeypatch):
     monkeypatch.setattr(pipeline, "look", blind)
     *_, last = reconstruct(target_from(cloud(truth)), Settings(checkpoint="none"), np.random.default_rng(0))
     assert volume_iou(to_manifold(last.program), to_manifold(truth)) > 0.8
+    assert last.error == 1.0
+    assert "shows no inside" in last.proof
+    with pytest.raises(InputError, match="no inside"):
+        list(reconstruct(target_from(cloud(truth)), Settings(method="tree"), np.random.default_rng(0)))
     with pytest.raises(InputError, match="no inside"):
         list(reconstruct(target_from(cloud(truth, share=0.0)), Settings(checkpoint="none"), np.random.default_rng(0)))
 

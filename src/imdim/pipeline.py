@@ -31,7 +31,9 @@ from imdim.program.tree import Program, combine_all
 from imdim.proposals import load, load_if_any
 
 MOST_JOINT = 8  # bodies
+GUESSING = ("auto", "policy")  # methods that may answer from the points alone where detection sees no inside
 UNKNOWN = 1.0  # error of a program whose body shows no inside
+NO_INSIDE = "not proved: the noisy cloud shows no inside, this is a guess from its points alone"
 FIT_BY = 0.75  # of the budget: by then a noisy cloud's program is short
 JOINT_ERROR = 2e-3  # of the volume, that a shorter program of all bodies at once may cost
 
@@ -136,10 +138,10 @@ def _body(
     try:
         seen = look(body, settings.size_weight, rng)
     except InputError:
-        guess = unlabelled(body, policy(), clock.near_end(FIT_BY))
+        guess = unlabelled(body, policy(), clock.near_end(FIT_BY)) if settings.method in GUESSING else None
         if guess is None:
             raise
-        yield _State("policy", guess, UNKNOWN, to_manifold(guess).volume(), (Choice(guess, UNKNOWN),))
+        yield _State("policy", guess, UNKNOWN, to_manifold(guess).volume(), (Choice(guess, UNKNOWN),), NO_INSIDE)
         return
     step = None
 
