@@ -133,3 +133,16 @@ def test_levels_keep_the_distance_that_they_have():
     kept = rebased(after, held)
     assert kept == (replace(held[0], value=0.1), held[1])
     verify(after, kept)
+
+
+def test_what_a_person_holds_stays_where_it_is():
+    held = [
+        Constraint("fixed", (Ref(1, "r"),), value=0.4),
+        Constraint("fixed", (Ref(3),), Ref(-1, "y"), 1.5),
+        Constraint("fixed", (Ref(0, "z"),)),
+    ]
+    rows = rows_of(held, lower(PROGRAM))
+    assert rows.residual == pytest.approx([0.1, list(leaves(PROGRAM))[3].center[1] - 1.5, 0.0])
+    assert np.flatnonzero(rows.jacobian[0]).tolist() == [9]
+    assert rows.jacobian[1, 30:33] == pytest.approx(FRAME[1])
+    assert np.flatnonzero(rows.jacobian[2]).tolist() == [8]

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from imdim.geometry.lowering import Lowered, lower
-from imdim.program.constraints import AXES_OF, WORLD, Constraint, ConstraintError, Ref, check, describe
+from imdim.program.constraints import AXES, AXES_OF, WORLD, Constraint, ConstraintError, Ref, check, describe
 from imdim.program.tree import KINDS, SIZE_NAMES, Program, leaves
 
 HOLDS = 1e-7  # of the largest size: what a residual may be off, where files keep nine digits of each number
@@ -290,7 +290,22 @@ def _mean(rows: list[Row]) -> Row:
     return sum(r[0] for r in rows) / len(rows), np.mean([r[1] for r in rows], axis=0)
 
 
+def _fixed(c: Constraint, pose: Pose) -> list[Row]:
+    """What a person holds while the rest is solved; no document knows it. A size, a centre measured along the axis `about`, or the turn
+    about a local axis, which stays what it is."""
+    ref = c.of[0]
+    if c.about is not None:
+        value, slope = pose.center(ref.leaf).dot(pose.axis(c.about))
+        return [(value - c.value, slope)]
+    if ref.feature in AXES:
+        slope = np.zeros(9 * len(pose.numbers.kinds))
+        slope[9 * ref.leaf + 6 + ref.axis] = 1.0
+        return [(0.0, slope)]
+    return _value(c, pose)
+
+
 _ROWS: Mapping[str, Callable[[Constraint, Pose], list[Row]]] = {
+    "fixed": _fixed,
     "equal": _equal,
     "value": _value,
     "parallel": _parallel,
