@@ -13,7 +13,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; the exit status is 0, or 2 for input or arguments that cannot be used."""
     parser = argparse.ArgumentParser(prog="imdim", description=ABOUT, epilog="`imdim fit --help` tells more.")
     parser.add_argument("--version", action="version", version=f"imdim {_version()}")
-    about = "fit: reconstruct one part; export: write one program of a front.json; edit: change named numbers of a program"
+    about = "fit: reconstruct one part; batch: every part of a folder; export: write one program of a front.json; "
+    about += "edit: change named numbers of a program"
     parser.add_argument("command", choices=list(COMMANDS), help=about)
     parser.add_argument("arguments", nargs=argparse.REMAINDER, help="arguments of the command")
     given = parser.parse_args(argv)
@@ -64,13 +65,19 @@ def _edit(argv: Sequence[str]) -> int:
     return run(argv)
 
 
+def _batch(argv: Sequence[str]) -> int:
+    from imdim.app.batch.run import main as run
+
+    return run(argv)
+
+
 def _version() -> str:
     from importlib.metadata import version
 
     return version("imdim")
 
 
-COMMANDS: Mapping[str, Callable[[Sequence[str]], int]] = {"fit": _fit, "export": _export, "edit": _edit}
+COMMANDS: Mapping[str, Callable[[Sequence[str]], int]] = {"fit": _fit, "batch": _batch, "export": _export, "edit": _edit}
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,0 +1,94 @@
+"""Jobs on a Ray cluster: files travel with the task, so that machines need not share a disk, only have IMDIM installed.
+
+A task whose machine or worker dies is started again elsewhere by Ray; its result reaches this machine once.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from imdim.app.batch.folder import LOG, PARTS
+from imdim.app.batch.local import Job
+from imdim.app.batch.process import Ended, run
+from imdim.config import ConfigError
+
+RETRIES = 3  # of a task whose machine died; what the part itself does is no reason to try again
+AHEAD = 2  # tasks in flight per CPU, so that none waits for its file
+
+Files = dict[str, bytes]
+
+
+@contextmanager
+def connected(address: str) -> Iterator[Any]:
+    """The ray module, connected to the cluster at `address`. Raises ConfigError without the package or the cluster."""
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    try:
+        import ray
+    except ImportError as error:
+        raise ConfigError('--address needs Ray: pip install "imdim[cluster]"') from error
+    try:
+        ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
+    except (ConnectionError, ValueError, RuntimeError) as error:
+        raise ConfigError(f"--address {address}: no cluster answers: {next(iter(str(error).splitlines()), '')}") from error
+    try:
+        yield ray
+    finally:
+        ray.shutdown()
+
+
+def run_cluster(jobs: Iterable[Job], at_once: int | None, ray: Any) -> Iterator[tuple[Job, Ended]]:
+    """As `run_local`, on all CPUs of the cluster, or `at_once` of them."""
+    task = ray.remote(num_cpus=1, max_retries=RETRIES)(run_shipped)
+    waiting, running = iter(jobs), dict[Any, Job]()
+    try:
+        while True:
+            room = (at_once or AHEAD * max(int(ray.cluster_resources().get("CPU", 1)), 1)) - len(running)
+            for job in islice(waiting, max(room, 0)):
+                running[task.remote(_relative(job), job.part.source.read_bytes())] = job
+            if not running:
+                return
+            done, _ = ray.wait(list(running), timeout=1.0)
+            for reference in done:
+                job = running.pop(reference)
+                yield job, _received(ray, reference, job)
+    finally:
+        for reference in running:
+            ray.cancel(reference, force=True)
+
+
+def run_shipped(job: Job, content: bytes) -> tuple[Ended, Files]:
+    """On the cluster: run a job on `content` in a folder of its own; what it wrote, by path relative to that."""
+    with tempfile.TemporaryDirectory(prefix="imdim-") as name:
+        folder = Path(name)
+        source = f"./{job.part.source.name}"
+        (folder / source).write_bytes(content)
+        (folder / PARTS).mkdir()
+        ended = run(job.arguments(source), job.limits, folder / LOG, folder)
+        made = [folder / LOG, *(folder / PARTS / job.part.name).glob("*")]
+        return ended, {str(path.relative_to(folder)): path.read_bytes() for path in made if path.is_file()}
+
+
+def _relative(job: Job) -> Job:
+    """Without the paths of this machine."""
+    return replace(job, staging=Path(), part=replace(job.part, source=Path(job.part.source.name)))
+
+
+def _received(ray: Any, reference: Any, job: Job) -> Ended:
+    try:
+        ended, files = ray.get(reference)
+    except ray.exceptions.RayError as error:
+        lines = str(error).strip().splitlines()
+        return Ended(1, 0.0, 0.0, f"the cluster did not finish it: {lines[-1] if lines else type(error).__name__}")
+    for name, content in files.items():
+        path = job.staging / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    return ended

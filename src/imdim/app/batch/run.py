@@ -1,0 +1,138 @@
+"""``imdim batch parts/ -o out/``: every model file of a folder reconstructed, whatever some of them do; continues where it was stopped."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import sys
+import time
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import closing
+from dataclasses import asdict
+from pathlib import Path
+
+from imdim.app.batch import folder
+from imdim.app.batch.folder import Outcome, Part, shown
+from imdim.app.batch.local import Job, run_local
+from imdim.app.batch.process import Ended, Limits
+from imdim.app.batch.table import write_tables
+from imdim.config import ConfigError, Settings, from_arguments
+
+COMMAND = (sys.executable, "-m", "imdim.app.cli", "fit")
+GRACE_S = 60.0  # for start-up and delivery, beyond the budget, before a part is ended by force
+MEMORY_MIB = 4096
+BAD_INPUT, SOME_FAILED, INTERRUPTED = 2, 1, 130
+PATHS = ("checkpoint", "stump_checkpoint", "logdir")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The arguments of `imdim batch`."""
+    out = argparse.ArgumentParser(
+        prog="imdim batch",
+        description="Reconstruct every model file of a folder. The same command continues a batch that was stopped.",
+        epilog="Exit status: 0 all done, 1 some failed (results.csv says why), 2 nothing could be done, 130 stopped.",
+    )
+    out.add_argument("input", metavar="PARTS", help="folder of STL, OBJ, OFF, PLY, 3MF, GLB, XYZ, TXT, CSV, PCD, NPY and NPZ files")
+    out.add_argument("-o", "--output", required=True, metavar="FOLDER", help="where results.csv, results.html and a folder per part go")
+    out.add_argument("--jobs", type=int, help="parts at a time (default 1; on a cluster as many as it has CPUs)")
+    out.add_argument("--address", metavar="ADDRESS", help="of a Ray cluster, e.g. ray://head:10001; needs the extra [cluster]")
+    out.add_argument("--budget", type=float, metavar="SECONDS", help="time for the search of each part (default 60)")
+    out.add_argument("--seed", type=int, help="the same seed gives the same programs (default 0)")
+    out.add_argument("--limit", type=float, metavar="SECONDS", help=f"wall clock before a part is ended (default: budget + {GRACE_S:g})")
+    out.add_argument("--memory", type=float, default=MEMORY_MIB, metavar="MIB", help="before a part is ended (default %(default)s)")
+    out.add_argument("--again", action="store_true", help="try parts again that failed in an earlier run")
+    out.add_argument("settings", nargs="*", metavar="key=value", help="any further setting of imdim.config.Settings")
+    return out
+
+
+def main(argv: Sequence[str], command: Sequence[str] = COMMAND) -> int:
+    """Run or continue a batch; the exit status. `command` is what fits one part."""
+    given = parser().parse_intermixed_args(argv)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        return _run(given, tuple(command))
+    except ConfigError as error:
+        sys.stderr.write(f"imdim: {error}\n")
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        sys.stderr.write("imdim: stopped; the same command continues\n")
+        return INTERRUPTED
+
+
+def _run(given: argparse.Namespace, command: tuple[str, ...]) -> int:
+    from imdim.geometry.readers import FORMATS
+
+    settings = _settings(given)
+    limits = Limits(given.limit or settings.budget_s + GRACE_S, given.memory)
+    if limits.seconds <= 0 or limits.mib <= 0 or (given.jobs is not None and given.jobs < 1):
+        raise ConfigError("--limit, --memory and --jobs need positive numbers")
+    out, parts = Path(given.output).absolute(), folder.find_parts(Path(given.input), tuple(FORMATS))
+    decisive = {key: value for key, value in asdict(settings).items() if key not in ("input", "output")}
+    options = tuple(f"{key}={json.dumps(value)}" for key, value in decisive.items())
+    with folder.opened(out, decisive):
+        outcomes = folder.finished(out, parts, given.again)
+        jobs = (Job(p, folder.staging(out, p), command, options, limits) for p in parts if p.name not in outcomes)
+        with closing(_engine(given, jobs)) as ended:
+            _record(out, parts, outcomes, ended)
+    failed = sum(bool(outcome.failure) for outcome in outcomes.values())
+    lines = (f"{len(parts)} parts, {failed} failed", f"  table    {given.output}/results.html", f"  numbers  {given.output}/results.csv")
+    sys.stdout.write("\n".join(lines) + "\n")
+    return SOME_FAILED if failed else 0
+
+
+def _settings(given: argparse.Namespace) -> Settings:
+    """Of every part. Raises ConfigError. Paths are made absolute: parts run elsewhere."""
+    typed = {"budget_s": given.budget, "seed": given.seed}
+    settings = from_arguments(given.settings, **{key: value for key, value in typed.items() if value is not None})
+    if settings.input or settings.output:
+        raise ConfigError("settings input and output are those of each part: give PARTS and -o FOLDER")
+    for key in PATHS:
+        if getattr(settings, key) not in ("", "none"):
+            setattr(settings, key, str(Path(getattr(settings, key)).absolute()))
+    return settings
+
+
+def _engine(given: argparse.Namespace, jobs: Iterator[Job]) -> Generator[tuple[Job, Ended], None, None]:
+    if given.address is None:
+        yield from run_local(jobs, given.jobs or 1)
+        return
+    from imdim.app.batch.cluster import connected, run_cluster
+
+    with connected(given.address) as ray:
+        yield from run_cluster(jobs, given.jobs, ray)
+
+
+def _record(out: Path, parts: Sequence[Part], outcomes: dict[str, Outcome], ended: Iterator[tuple[Job, Ended]]) -> None:
+    """Put each part that ends in its place, with a line, and rewrite the tables."""
+    start, before = time.monotonic(), len(outcomes)
+    if before:
+        sys.stderr.write(f"imdim: {before} of {len(parts)} parts are done already\n")
+    try:
+        write_tables(out, parts, outcomes, _status(outcomes, len(parts), None), running=True)
+        for job, how in ended:
+            outcome = folder.outcome_of(job.part, job.staging, how.seconds, how.peak_mib, how.why)
+            folder.commit(out, job.staging, outcome)
+            outcomes[outcome.part] = outcome
+            left = (len(parts) - len(outcomes)) * (time.monotonic() - start) / (len(outcomes) - before)
+            sys.stderr.write(f"[{len(outcomes)}/{len(parts)}] {_line(outcome)}; {_left(left)}\n")
+            write_tables(out, parts, outcomes, _status(outcomes, len(parts), left), running=True)
+    finally:
+        write_tables(out, parts, outcomes, _status(outcomes, len(parts), None), running=False)
+
+
+def _line(outcome: Outcome) -> str:
+    if outcome.failure:
+        return f"{shown(outcome.input)}: FAILED, {shown(outcome.failure)}"
+    iou = f"mean distance {100 * (outcome.mean_distance or 0):.3f} %" if outcome.volume_iou is None else f"IoU {outcome.volume_iou:.4f}"
+    count = f"{outcome.primitives} primitive{'' if outcome.primitives == 1 else 's'}"
+    return f"{shown(outcome.input)}: {count}, {iou}, {outcome.seconds:.1f} s"
+
+
+def _status(outcomes: dict[str, Outcome], total: int, left: float | None) -> str:
+    failed = sum(bool(outcome.failure) for outcome in outcomes.values())
+    return f"{len(outcomes)} of {total} parts done, {failed} failed" + ("" if left is None else f", {_left(left)}")
+
+
+def _left(seconds: float) -> str:
+    return f"{seconds:.0f} s left" if seconds < 100 else f"{seconds / 60:.0f} min left"

@@ -1,0 +1,80 @@
+"""The outcomes as a table: ``results.csv`` for programs, ``results.html`` for people."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from html import escape
+from pathlib import Path
+from urllib.parse import quote
+
+from imdim.app.batch.folder import LOG, OUTCOME, PARTS, Outcome, Part, shown, write_whole
+
+REFRESH_S = 10
+LINKS = {"OpenSCAD": "program.scad", "STEP": "program.step", "mesh": "mesh.stl", "report": "report.json", "log": LOG}
+COLUMNS = ("picture", "part", "primitives", "volume IoU", "mean distance / diagonal", "seconds", "peak MiB", "how it ended", "files")
+STYLE = (
+    "body{font:14px system-ui,sans-serif;margin:2em}table{border-collapse:collapse}th,td{padding:.3em .8em;border-bottom:1px solid #ddd;"
+    "text-align:left}td.n{text-align:right;font-variant-numeric:tabular-nums}tr.failed{background:#fdecea}tr.waiting{color:#888}"
+    "img{height:90px}a{margin-right:.6em}"
+)
+
+
+def write_tables(out: Path, parts: Sequence[Part], outcomes: Mapping[str, Outcome], status: str, running: bool) -> None:
+    """Both tables, whole; the page reloads itself while `running`."""
+    write_whole(out / "results.csv", csv_text([outcomes[p.name] for p in parts if p.name in outcomes]))
+    write_whole(out / "results.html", html_text(out, parts, outcomes, status, running))
+
+
+def csv_text(outcomes: Sequence[Outcome]) -> str:
+    """One row per part that is done, in the order of names."""
+    text = io.StringIO()
+    names = [f.name for f in fields(Outcome)]
+    writer = csv.writer(text)
+    writer.writerow(names)
+    writer.writerows([getattr(outcome, name) for name in names] for outcome in outcomes)
+    return text.getvalue()
+
+
+def html_text(out: Path, parts: Sequence[Part], outcomes: Mapping[str, Outcome], status: str, running: bool) -> str:
+    """One row per part, waiting ones too, with pictures and links relative to `out`. Nothing is loaded from elsewhere."""
+    refresh = f'<meta http-equiv="refresh" content="{REFRESH_S}">' if running else ""
+    head = "".join(f"<th>{escape(c)}</th>" for c in COLUMNS)
+    rows = "\n".join(_row(out, outcomes[p.name]) if p.name in outcomes else _waiting(p) for p in parts)
+    title = f"<title>{escape(status)}</title><style>{STYLE}</style>"
+    return (
+        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">{refresh}{title}</head>\n'
+        f"<body><h1>Batch</h1><p>{escape(status)}</p>\n<table><thead><tr>{head}</tr></thead><tbody>\n{rows}\n</tbody></table></body></html>\n"
+    )
+
+
+def _row(out: Path, outcome: Outcome) -> str:
+    picture = f'<a href="{_link(outcome, "preview.png")}"><img loading="lazy" alt="" src="{_link(outcome, "preview.png")}"></a>'
+    there = [(what, file) for what, file in {**LINKS, "record": OUTCOME}.items() if (out / PARTS / outcome.part / file).is_file()]
+    links = "".join(f'<a href="{_link(outcome, file)}">{what}</a>' for what, file in there)
+    numbers = (
+        _number(outcome.primitives, "d"),
+        _number(outcome.volume_iou, ".4f"),
+        _number(outcome.mean_distance, ".2e"),
+        _number(outcome.seconds, ".1f"),
+        _number(outcome.peak_mib, ".0f"),
+    )
+    cells = "".join(f'<td class="n">{n}</td>' for n in numbers)
+    return (
+        f'<tr class="{"failed" if outcome.failure else "done"}"><td>{"" if outcome.failure else picture}</td>'
+        f"<td>{escape(shown(outcome.input))}</td>{cells}<td>{escape(shown(outcome.failure or outcome.stop))}</td><td>{links}</td></tr>"
+    )
+
+
+def _waiting(part: Part) -> str:
+    return f'<tr class="waiting"><td></td><td>{escape(shown(part.source.name))}</td>{"<td></td>" * 5}<td>waiting</td><td></td></tr>'
+
+
+def _link(outcome: Outcome, file: str) -> str:
+    return escape(quote(f"{PARTS}/{outcome.part}/{file}".encode("utf-8", "surrogateescape")))
+
+
+def _number(value: float | None, form: str) -> str:
+    return "" if value is None else format(value, form)
