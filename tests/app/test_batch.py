@@ -31,7 +31,7 @@ note("start")
 if source.stem == "crash":
     os.abort()
 if source.stem == "hang":
-    child = f"import os, time; open({LOG!r}, 'a').write('child %d' % os.getpid()); time.sleep(600)"
+    child = f"import os, time; print('child', os.getpid(), file=open({LOG!r}, 'a')); time.sleep(600)"
     os.spawnl(os.P_NOWAIT, sys.executable, sys.executable, "-c", child)
     time.sleep(600)
 if source.stem == "blowup":
