@@ -6,6 +6,7 @@ for the program become named parameters of the texts; by how much a cutter overs
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -16,6 +17,7 @@ import trimesh
 
 from imdim.completed import Completed, completed, finished
 from imdim.evaluate import Scores, evaluate_file
+from imdim.export import html
 from imdim.export.folder import FILES, OutputError, check_writable, replacing
 from imdim.export.meshes import write_meshes
 from imdim.export.numbers import rounded
@@ -75,6 +77,8 @@ def deliver(
                 scores = evaluate_file(partial / "program.scad", target, segments=segments)
             with _timed(seconds, "preview"):
                 _write_preview(partial, target, scores, segments)
+            with _timed(seconds, "page"):
+                shown = html.content(_read(partial / "program.json"), target, found.parameters, segments, scores.to_result.max)
             with _timed(seconds, "step"):
                 volumes = _volumes(partial, target, segments)
                 skipped = _finish(job, step_limit_s, volumes)
@@ -83,6 +87,7 @@ def deliver(
         files = {name: skipped.get(name, "written") for name in FILES}
         report = report_of(program, target, scores, volumes, files, run, seconds, found.constraints, found.parameters.values, found.folded)
         (partial / "report.json").write_text(dumps(report), encoding="utf-8")
+        (partial / "report.html").write_text(html.page(shown, report, _read(partial / "front.json")), encoding="utf-8")
     return report
 
 
@@ -127,6 +132,10 @@ def _write_front(front: Sequence[Choice], picked: Program, frame: Frame, folder:
     number = next((i for i, choice in enumerate(front, 1) if choice.program == picked), None)
     choices = [Choice(rounded(choice.program), choice.error) for choice in front]
     (folder / "front.json").write_text(front_text(choices, Meta(center=frame.center, scale=frame.scale), number), encoding="utf-8")
+
+
+def _read(path: Path) -> Any:
+    return json.loads(path.read_text(encoding="utf-8"))
 
 
 def _volumes(folder: Path, target: Target, segments: int) -> dict[str, float]:

@@ -21,6 +21,7 @@ FILES = (
     "preview.png",
     "front.json",
     "report.json",
+    "report.html",
 )
 
 

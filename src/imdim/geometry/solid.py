@@ -88,6 +88,23 @@ def to_trimesh(solid: Manifold) -> trimesh.Trimesh:
     return trimesh.Trimesh(vertices, np.array(mesh.tri_verts, np.int64), process=False)
 
 
+def owned_surface(program: Program, segments: int = SEGMENTS) -> tuple[trimesh.Trimesh, np.ndarray]:
+    """The surface of `program`, and for each of its faces [f] the number of the leaf that made it."""
+    owners: dict[int, int] = {}
+
+    def own(leaf: int, primitive: Primitive) -> Manifold:
+        solid = primitive_to_manifold(primitive, segments).as_original()
+        owners[solid.original_id()] = leaf
+        return solid
+
+    mesh = fold_nary(program, own, _COMBINE).to_mesh64()
+    faces = np.array(mesh.tri_verts, np.int64)
+    runs = np.diff(np.array(mesh.run_index, np.int64)) // 3
+    leaves = np.array([owners[i] for i in mesh.run_original_id], np.int64)
+    surface = trimesh.Trimesh(np.array(mesh.vert_properties, np.float64)[:, :3], faces, process=False)
+    return surface, np.repeat(leaves, runs)
+
+
 def volume(program: Program, segments: int = SEGMENTS) -> float:
     """Volume of the inscribed solid of `program`, in cubed model units."""
     return to_manifold(program, segments).volume()

@@ -1,0 +1,138 @@
+"""Surfaces as the report's page draws them: the solid with the leaf that made each face, the target with its distances, few and short.
+
+Coordinates are whole steps along the sides of the box of all that is drawn, so that one part has the same size at any scale.
+"""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from imdim.geometry.cloud import Target
+from imdim.geometry.triangles import distances, triangle_tree
+
+MOST_FACES = 60_000  # of one surface
+MOST_REFINED = 30_000  # faces of a target, halved where they are large
+MOST_POINTS = 40_000  # of a cloud
+FINENESS = 40  # edges along the diagonal: between two corners the page draws the mean of their colours
+FINEST_GRID = 512  # cells along the longest side, where faces are too many
+STEPS = 65_535  # along each side of a surface's box
+SMALLEST_RANGE = 1e-3  # of the diagonal: a perfect result is not to look patchy
+
+
+@dataclass(frozen=True)
+class Box:
+    """What the page draws lies in here: `low` and `high` [3], in model units."""
+
+    low: np.ndarray
+    high: np.ndarray
+
+    @staticmethod
+    def around(*points: np.ndarray) -> Box:
+        """The box of all points [n, 3]; that of the origin where there are none."""
+        every = np.concatenate([np.asarray(p, np.float64).reshape(-1, 3) for p in points])
+        every = every if len(every) else np.zeros((1, 3))
+        return Box(every.min(axis=0), every.max(axis=0))
+
+    @property
+    def diagonal(self) -> float:
+        """Its length, in model units."""
+        return float(np.linalg.norm(self.high - self.low))
+
+    def packed(self, points: np.ndarray) -> str:
+        """Points [n, 3] as base64 of whole steps."""
+        side = np.maximum(self.high - self.low, 1e-300)
+        return _base64(np.round((np.asarray(points, np.float64) - self.low) / side * STEPS).astype("<u2"))
+
+
+def solid_values(surface: trimesh.Trimesh, owners: np.ndarray, box: Box) -> dict[str, Any]:
+    """The solid: corners, faces, and the leaf of each face as runs ``[leaf, faces]``."""
+    vertices, faces, kept = thinned(np.asarray(surface.vertices), np.asarray(surface.faces))
+    starts = np.flatnonzero(np.diff(owners[kept], prepend=-1))
+    counts = np.diff(np.append(starts, len(kept)))
+    runs = np.column_stack([owners[kept][starts], counts])
+    return {"points": box.packed(vertices), "faces": _indices(faces, len(vertices)), "owners": runs.tolist()}
+
+
+def target_values(target: Target, surface: trimesh.Trimesh, box: Box, worst: float | None = None) -> dict[str, Any]:
+    """The target with the distance of each corner or point to the result, in 255ths of `top`, the end of the scale.
+
+    `worst` is the largest distance where it was measured better than over these corners.
+    """
+    if target.mesh is None:
+        shown = np.linspace(0, len(target.points) - 1, min(len(target.points), MOST_POINTS)).astype(np.int64)
+        points, faces = target.points[shown], None
+    else:
+        points, faces, _ = thinned(np.asarray(target.mesh.vertices), np.asarray(target.mesh.faces))
+        points, faces = refined(points, faces, Box.around(points).diagonal / FINENESS)
+    far = distances(triangle_tree(surface), points) if len(surface.faces) else np.full(len(points), box.diagonal)
+    top = max(far.max(initial=0.0) if worst is None else worst, SMALLEST_RANGE * box.diagonal)
+    shade = np.round(np.clip(far / top, 0.0, 1.0) * 255).astype(np.uint8)
+    out = {"points": box.packed(points), "distances": _base64(shade), "top": float(top)}
+    return out if faces is None else {**out, "faces": _indices(faces, len(points))}
+
+
+def thinned(vertices: np.ndarray, faces: np.ndarray, most: int = MOST_FACES) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """At most `most` faces: vertices in one cell of a grid become one (Rossignac and Borrel 1993), the finest grid that does it.
+
+    Returns vertices [v, 3], faces [f, 3] and the number [f] that each had.
+    """
+    kept, cells = np.arange(len(faces)), FINEST_GRID
+    merged, out = vertices, faces
+    while len(out) > most:
+        low, extent = vertices.min(axis=0), max(float(np.ptp(vertices, axis=0).max()), 1e-300)
+        key = np.minimum((vertices - low) / extent * cells, cells - 1).astype(np.int64) @ [1 << 40, 1 << 20, 1]
+        _, first, cell = np.unique(key, return_index=True, return_inverse=True)
+        moved = cell.reshape(-1)[faces]
+        kept = np.flatnonzero((moved[:, 0] != moved[:, 1]) & (moved[:, 1] != moved[:, 2]) & (moved[:, 2] != moved[:, 0]))
+        merged, out = vertices[first], moved[kept]
+        cells //= 2
+    used, corners = np.unique(out, return_inverse=True)
+    return merged[used], corners.reshape(-1, 3), kept
+
+
+def refined(vertices: np.ndarray, faces: np.ndarray, longest: float, most: int = MOST_REFINED) -> tuple[np.ndarray, np.ndarray]:
+    """Edges beyond `longest` halved, in both faces of each, until none is left or a next round would make more than `most` faces."""
+    while True:
+        edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        pairs, which = np.unique(edges @ [len(vertices), 1], return_inverse=True)
+        a, b = vertices[pairs // len(vertices)], vertices[pairs % len(vertices)]
+        long = np.linalg.norm(a - b, axis=1) > longest
+        halved = long[which].reshape(-1, 3)
+        if not long.any() or len(faces) + halved.sum() > most:
+            return vertices, faces
+        number = np.where(long, len(vertices) + np.cumsum(long) - 1, -1)
+        vertices = np.concatenate([vertices, (a[long] + b[long]) / 2])
+        faces = _halved(faces, number[which].reshape(-1, 3))
+
+
+# Corners 0 to 2 are the face's, 3 to 5 the middles of its edges, turned so that halved edges come first.
+_PARTS = {
+    0: ((0, 1, 2),),
+    1: ((0, 3, 2), (3, 1, 2)),
+    2: ((3, 1, 4), (0, 3, 4), (0, 4, 2)),
+    3: ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
+}
+
+
+def _halved(faces: np.ndarray, middle: np.ndarray) -> np.ndarray:
+    """Faces [f, 3] split at the `middle` [f, 3] of edges 01, 12 and 20, -1 where an edge stays whole."""
+    split = middle >= 0
+    turn = np.array([0, 0, 1, 0, 2, 2, 1, 0])[split @ [1, 2, 4]]
+    order = (turn[:, None] + np.arange(3)) % 3
+    six = np.concatenate([np.take_along_axis(faces, order, 1), np.take_along_axis(middle, order, 1)], axis=1)
+    count = split.sum(axis=1)
+    return np.concatenate([six[count == n][:, part] for n, parts in _PARTS.items() for part in parts])
+
+
+def _indices(faces: np.ndarray, vertices: int) -> str:
+    """Base64 of two bytes an index where these suffice, else of four."""
+    return _base64(faces.astype("<u2" if vertices <= STEPS else "<u4"))
+
+
+def _base64(values: np.ndarray) -> str:
+    return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode("ascii")

@@ -1,0 +1,103 @@
+"""A program as the report's page lists it: a tree of operations, repeats and primitives with their numbers and names, and its constraints.
+
+Leaves are counted from 0, copies included, as constraints and program.json count them; those below one node follow each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from imdim.export.expressions import Expression, written
+from imdim.export.numbers import plain
+from imdim.export.parameters import Parameters
+from imdim.geometry.rotations import matrix_from_euler
+from imdim.program.constraints import RULES, WORLD, Constraint, Ref
+from imdim.program.repeats import Folded, Repeat, repeats, size
+from imdim.program.tree import SIZE_NAMES, Primitive, Program, fold, leaves
+
+
+def tree_values(folded: Folded, first: int = 0) -> dict[str, Any]:
+    """The tree: of each node what it does, the number `first` of its first leaf, how many `leaves` it has, and its `parts`."""
+    head: dict[str, Any] = {"first": first, "leaves": size(folded)}
+    if isinstance(folded, Primitive):
+        return {"is": "primitive", **head, "parts": []}
+    if isinstance(folded, Repeat):
+        return {"is": folded.kind, **head, "counts": list(folded.counts), "angle": folded.angle, "parts": [tree_values(folded.part, first)]}
+    parts = []
+    for part in folded.parts:
+        parts.append(tree_values(part, first))
+        first += size(part)
+    return {"is": folded.op, **head, "parts": parts}
+
+
+def leaf_values(program: Program, labels: Sequence[str], named: Parameters) -> list[dict[str, Any]]:
+    """Of each leaf its kind, label, role, sizes, place and rotation matrix; numbers that follow names come with the expression."""
+    given = Parameters.none(program)
+    rows = zip(leaves(program), labels, roles(program), named.sizes or given.sizes, named.centers or given.centers, strict=True)
+    return [
+        {
+            "kind": p.kind,
+            "label": label,
+            "role": role,
+            "sizes": [_number(*column) for column in zip(SIZE_NAMES[p.kind], p.size, sizes, strict=True)],
+            "center": [_number(*column) for column in zip("xyz", p.center, center, strict=True)],
+            "rotation": list(p.rotation),
+            "matrix": matrix_from_euler(p.rotation).ravel().tolist(),
+        }
+        for p, label, role, sizes, center in rows
+    ]
+
+
+def roles(program: Program) -> list[str]:
+    """What each leaf does to the solid: "adds", "cuts", or "bounds" where it is intersected with something."""
+    join = {"union": list.__add__, "intersection": _bounding, "difference": _cutting}
+    return fold(program, lambda _, __: ["adds"], join)
+
+
+def _bounding(left: list[str], right: list[str]) -> list[str]:
+    return ["cuts" if role == "cuts" else "bounds" for role in left + right]
+
+
+def _cutting(keep: list[str], cut: list[str]) -> list[str]:
+    return keep + ["adds" if role == "cuts" else "cuts" for role in cut]
+
+
+def constraint_values(constraints: Sequence[Constraint], labels: Sequence[str]) -> list[dict[str, Any]]:
+    """Of each constraint its name, kind, members in words, and the leaves that it binds."""
+    return [
+        {
+            "name": c.name,
+            "kind": c.kind,
+            "of": [_feature(ref, labels) for ref in c.of],
+            "about": None if c.about is None else _feature(c.about, labels),
+            "value": c.value if RULES[c.kind].has_value and (c.value or c.kind == "value") else None,
+            "leaves": sorted({ref.leaf for ref in (*c.of, *([c.about] if c.about else [])) if ref.leaf != WORLD}),
+        }
+        for c in constraints
+    ]
+
+
+def name_values(named: Parameters, folded: Folded) -> list[dict[str, Any]]:
+    """Of each name its value and the leaves that follow it."""
+    values = [{"name": name, "value": value, "leaves": _followers(name, named)} for name, value in named.values.items()]
+    copies: dict[str, list[int]] = {}
+    for (first, repeat), loop in zip(repeats(folded), named.loops, strict=False):
+        for name in loop.counts:
+            copies.setdefault(name, []).extend(range(first, first + size(repeat)))
+    return values + [{"name": name, "value": count, "leaves": copies.get(name, [])} for name, count in named.counts.items()]
+
+
+def _followers(name: str, named: Parameters) -> list[int]:
+    rows = zip(named.sizes, named.centers, strict=True)
+    return [i for i, (a, b) in enumerate(rows) if any(t.name == name for e in (*a, *b) for t in e.terms)]
+
+
+def _number(name: str, value: float, expression: Expression) -> dict[str, Any]:
+    out = {"name": name, "value": float(f"{value:.9g}")}
+    return {**out, "says": written(expression, lambda v: plain(float(f"{v:.9g}")))} if expression.terms else out
+
+
+def _feature(ref: Ref, labels: Sequence[str]) -> str:
+    where = "frame" if ref.leaf == WORLD else f"{labels[ref.leaf]} #{ref.leaf}"
+    return f"{where} {ref.feature}".rstrip()

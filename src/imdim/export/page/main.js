@@ -1,0 +1,97 @@
+// Reads the data, builds the page, and ties selection together.
+
+function start() {
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const at = (id) => document.getElementById(id);
+  figures(at("figures"), data);
+  at("summary").textContent = summary(data.report);
+  const view = startView(at, data);
+  const tree = new Tree(at("tree"), data.tree, data.leaves, (node) => chooseNode(node));
+  let chosen = null;
+
+  function choose(title, node, leaves) {
+    chosen = node;
+    tree.mark(node);
+    view?.pick(leaves);
+    showSelected(at("selected"), title, node, leaves, data);
+  }
+  function chooseNode(node) {
+    if (node === null || node === chosen) choose("", null, []);
+    else choose(titleOf(node, data.leaves), node, node.all);
+  }
+  showSelected(at("selected"), "", null, [], data);
+  at("sheets").append(...sheets(data, (title, leaves) => choose(title, null, leaves)));
+  if (!view) return;
+  view.onPick = (leaf) => chooseNode(leaf === null ? null : tree.nodeOf(leaf));
+}
+
+/** The view with its panes and buttons, or a message where there is no WebGL. */
+function startView(at, data) {
+  const names = data.target ? ["target", "result"] : ["result"];
+  const panes = Object.fromEntries(names.map((name) => [name, element("div", { class: "pane" }, paneTitle(name, data))]));
+  at("panes").append(...Object.values(panes));
+  let view;
+  try {
+    view = new View(at("canvas"), data, panes);
+  } catch (error) {
+    at("hint").textContent = `This browser draws no 3D (${error.message}). preview.png, beside this page, is a picture of the part.`;
+    at("hint").hidden = false;
+    return null;
+  }
+  if (data.target) panes.target.append(legend(view.top));
+  view.onPoint = (distance) => {
+    const text = distance === null ? "" : `distance here: about ${shortNumber(Number(distance.toPrecision(3)))}`;
+    panes.target.querySelector(".readout").textContent = text;
+  };
+  steer(view);
+  steerByKeys(view, tools(at("tools"), view, Boolean(data.target)));
+  return view;
+}
+
+function paneTitle(name, data) {
+  const count = `${data.leaves.length} primitive${data.leaves.length === 1 ? "" : "s"}`;
+  const text = name === "target" ? "Target, coloured by its distance to the result" : `Result, ${count}`;
+  return element("p", { class: "pane-title" }, text);
+}
+
+function legend(top) {
+  const bar = element("div", { class: "bar", role: "img", "aria-label": `colours from 0 to ${shortNumber(top)}` });
+  const marks = [0, 0.5, 1].map((share) => element("span", {}, shortNumber(Number((share * top).toPrecision(3)))));
+  return element("div", { class: "legend" }, element("p", { class: "readout", "aria-live": "polite" }), bar, element("div", { class: "marks" }, ...marks));
+}
+
+/** The buttons under the view; returns what keys do, by letter. */
+function tools(bar, view, hasTarget) {
+  const commands = {};
+  const button = (text, key, act, pressed) => {
+    const out = element("button", { type: "button", "aria-pressed": pressed, title: `key ${key}` }, text);
+    out.addEventListener("click", act);
+    bar.append(out);
+    commands[key] = act;
+    return out;
+  };
+  const toggle = (text, key, what) => {
+    const out = button(text, key, () => {
+      view.set(what, !view.show[what]);
+      out.setAttribute("aria-pressed", String(view.show[what]));
+    }, String(view.show[what]));
+  };
+  if (hasTarget) toggle("Distances", "d", "distances");
+  toggle("Operations", "o", "operations");
+  toggle("Cutters", "c", "cutters");
+  toggle("Edges", "e", "edges");
+  const looks = { Front: ["f", 0, 0], Side: ["s", Math.PI / 2, 0], Top: ["t", 0, Math.PI / 2] };
+  for (const [name, [key, yaw, pitch]] of Object.entries(looks)) {
+    button(name, key, () => {
+      view.camera.look(yaw, pitch);
+      view.redraw();
+    });
+  }
+  button("Reset", "0", () => {
+    view.camera.reset();
+    view.redraw();
+  });
+  return commands;
+}
+
+start();

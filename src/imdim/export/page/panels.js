@@ -1,0 +1,199 @@
+// What stands around the view: figures at the head, what is selected, and sheets of tables below.
+
+const WORDS = {
+  volume_iou: "Volume IoU",
+  volume_iou_missing: "No volume IoU",
+  target_to_result: "target to result",
+  result_to_target: "result to target",
+};
+
+const percent = (value, digits = 2) => `${(100 * value).toFixed(digits)} %`;
+
+/** A key of report.json as words. */
+const words = (key) => WORDS[key] || key.replace(/_s$/, "").replace(/_/g, " ");
+
+function table(rows, head) {
+  const cells = (row, name) => row.map((cell) => element(name, typeof cell === "number" ? { class: "number" } : {}, contentOf(cell)));
+  const out = element("table");
+  if (head) out.append(element("thead", {}, element("tr", {}, ...cells(head, "th"))));
+  out.append(element("tbody", {}, ...rows.map((row) => element("tr", {}, ...cells(row, "td")))));
+  return element("div", { class: "scroll" }, out);
+}
+
+function contentOf(cell) {
+  if (cell === null || cell === undefined) return "-";
+  return typeof cell === "number" ? shortNumber(cell) : cell;
+}
+
+function sheet(title, ...content) {
+  return element("section", { class: "sheet" }, element("h2", {}, title), ...content);
+}
+
+function figures(list, data) {
+  const { report } = data;
+  const shown = [["Primitives", String(data.leaves.length)]];
+  if (report) {
+    const worst = report.scores.distance_relative_to_diagonal.target_to_result.max;
+    if (report.scores.volume_iou !== null) shown.push(["Volume IoU", report.scores.volume_iou.toFixed(4)]);
+    if (worst !== null) shown.push(["Furthest off", `${percent(worst, 3)} of the diagonal`]);
+    shown.push(["Time", `${report.timing.total_s.toFixed(1)} s`]);
+  }
+  for (const [name, value] of shown) list.append(element("div", {}, element("dt", {}, name), element("dd", {}, value)));
+}
+
+/** One line on how the run ended. */
+function summary(report) {
+  if (!report) return "A program, without a target to compare it with.";
+  const stops = {
+    finished: "The search finished.",
+    budget_spent: "The time budget ended the search.",
+    exact: "Evolution ended with an exact program.",
+    stagnation: "Evolution ended where nothing better came.",
+  };
+  const proof = report.proof ? ` ${report.proof[0].toUpperCase()}${report.proof.slice(1)}.` : "";
+  return (stops[report.stop] || `Stopped: ${report.stop}.`) + proof;
+}
+
+/** Names, numbers and constraints of the selected leaves. */
+function showSelected(box, title, node, leaves, data) {
+  box.replaceChildren();
+  if (!leaves.length) {
+    box.append(element("p", { class: "quiet" }, "Select a part of the program here, or click on the result."));
+    return;
+  }
+  box.append(element("h3", {}, title));
+  if (node && node.is === "primitive") box.append(...primitiveFacts(data.leaves[node.first], node));
+  else box.append(element("p", {}, `${leaves.length} primitive${leaves.length > 1 ? "s" : ""}`));
+  const binding = node && node.is === "primitive" ? data.constraints.filter((c) => c.leaves.includes(node.first)) : [];
+  if (binding.length) box.append(element("h4", {}, "Bound by"), element("ul", {}, ...binding.map((c) => element("li", {}, constraintText(c)))));
+}
+
+function primitiveFacts(leaf, node) {
+  const row = (number) => [number.name, number.value, number.says || ""];
+  const turned = leaf.rotation.some((angle) => angle !== 0);
+  const copies = node.all.length > 1 ? `, one of ${node.all.length} copies` : "";
+  return [
+    element("p", {}, `${leaf.kind} #${node.first}, ${ROLE_WORDS[leaf.role]}${copies}`),
+    table([...leaf.sizes.map(row), ...leaf.center.map(row)], ["number", "value", "follows"]),
+    turned ? element("p", {}, `turned by ${leaf.rotation.map(shortNumber).join(", ")} degrees about x, y, z`) : null,
+  ].filter(Boolean);
+}
+
+function constraintText(c) {
+  const about = c.about ? ` about ${c.about}` : "";
+  const value = c.value === null ? "" : `, ${shortNumber(c.value)}`;
+  return `${c.kind}: ${c.of.join(", ")}${about}${value}`;
+}
+
+/** Rows as buttons that select leaves. */
+function picks(entries, select) {
+  return element(
+    "ul",
+    { class: "picks" },
+    ...entries.map(({ name, says, leaves }) => {
+      const button = element("button", { type: "button" }, element("b", {}, name), " ", element("span", {}, says));
+      button.addEventListener("click", () => select(name, leaves));
+      return element("li", {}, button);
+    }),
+  );
+}
+
+function sheets(data, select) {
+  const { report, front } = data;
+  const out = [];
+  if (report && report.target.notes.length) {
+    out.push(sheet("Notes on the target", element("ul", {}, ...report.target.notes.map((note) => element("li", {}, note)))));
+  }
+  if (front && front.choices.length) out.push(frontSheet(front));
+  if (data.names.length) {
+    const names = data.names.map((n) => ({ ...n, says: shortNumber(n.value) }));
+    out.push(sheet("Names", element("p", { class: "quiet" }, "Change one and all that follows it moves: see program.scad."), picks(names, select)));
+  }
+  if (data.constraints.length) {
+    out.push(sheet("Constraints", picks(data.constraints.map((c) => ({ ...c, name: c.name || c.kind, says: constraintText(c) })), select)));
+  }
+  return report ? [...out, ...reportSheets(report)] : out;
+}
+
+function reportSheets(report) {
+  const { scores, timing } = report;
+  const far = Object.entries(scores.distance).flatMap(([way, both]) =>
+    ["mean", "max"].map((what) => [`${what}, ${words(way)}`, both[what], scores.distance_relative_to_diagonal[way][what]]),
+  );
+  const counts = [...Object.entries(report.result.kinds), ...Object.entries(report.result.ops)];
+  const target = Object.entries(report.target).filter(([key]) => key !== "notes");
+  const listed = (values) => table(Object.entries(values).map(([key, value]) => [words(key), value === null ? null : value]));
+  return [
+    sheet(
+      "Fit",
+      table([["volume IoU", scores.volume_iou === null ? scores.volume_iou_missing : scores.volume_iou]]),
+      table(far.map(([what, length, share]) => [what, length, share === null ? "-" : percent(share, 4)]), ["distance", "length", "of the diagonal"]),
+    ),
+    sheet("Target", table(target)),
+    sheet("Program", table([["primitives", report.result.primitives], ["operations", report.result.operations], ...counts]), repeatList(report)),
+    sheet("Volumes", listed(report.volumes)),
+    sheet("Seconds", listed({ ...timing.stages_s, ...prefixed("delivery: ", timing.delivery_s), total: timing.total_s })),
+    sheet("Files", table(Object.entries(report.files))),
+    sheet("Run", listed({ input: report.input, stop: report.stop, proof: report.proof, seed: report.seed, ...report.settings })),
+    sheet("Versions", table(Object.entries(report.versions))),
+  ];
+}
+
+const prefixed = (text, values) => Object.fromEntries(Object.entries(values).map(([key, value]) => [text + key, value]));
+
+function repeatList(report) {
+  return report.repeats.length ? element("ul", {}, ...report.repeats.map((repeat) => element("li", {}, repeat.says))) : null;
+}
+
+/** Error against size: a plot, whose points say how to take another program. */
+function frontSheet(front) {
+  const note = element("p", { class: "quiet", "aria-live": "polite" }, "Each point is a program in front.json. Select one to see how to take it.");
+  const tell = (choice) => {
+    const error = choice.error === null ? "error not measured" : `differs by ${percent(choice.error, 3)} of the volume`;
+    const taken = choice.pick === front.picked ? " This is the program of this page." : "";
+    const command = element("code", {}, `imdim export front.json --pick ${choice.pick} -o out/pick${choice.pick}`);
+    note.replaceChildren(`Number ${choice.pick}: ${choice.primitives} primitives, ${error}.${taken} `, command);
+  };
+  return sheet("From crude to exact", plot(front, tell), note);
+}
+
+function svg(name, attributes, ...children) {
+  const out = document.createElementNS("http://www.w3.org/2000/svg", name);
+  for (const [key, value] of Object.entries(attributes)) out.setAttribute(key, value);
+  out.append(...children);
+  return out;
+}
+
+function plot(front, tell) {
+  const [width, height, left, bottom] = [420, 230, 62, 40];
+  const known = front.choices.filter((choice) => choice.error !== null);
+  const errors = known.map((choice) => Math.max(choice.error, 1e-6));
+  const decades = [Math.floor(Math.log10(Math.min(...errors, 0.1))), Math.ceil(Math.log10(Math.max(...errors, 0.01)))];
+  const most = Math.max(...front.choices.map((choice) => choice.primitives), 2);
+  const x = (primitives) => left + 12 + ((width - left - 30) * primitives) / most;
+  const y = (error) => 12 + ((height - bottom - 18) * (decades[1] - Math.log10(Math.max(error, 1e-6)))) / (decades[1] - decades[0]);
+  const out = svg("svg", { viewBox: `0 0 ${width} ${height}`, class: "plot", role: "group", "aria-label": "error against primitives" });
+  for (let d = decades[0]; d <= decades[1]; d++) {
+    const at = y(10 ** d);
+    out.append(svg("line", { x1: left, x2: width - 8, y1: at, y2: at, class: "grid" }));
+    out.append(svg("text", { x: left - 8, y: at + 4, "text-anchor": "end" }, `${Number((100 * 10 ** d).toPrecision(1))} %`));
+  }
+  const every = Math.max(1, Math.ceil(most / 8));
+  for (let n = 0; n <= most; n += every) {
+    out.append(svg("text", { x: x(n), y: height - bottom + 14, "text-anchor": "middle" }, String(n)));
+  }
+  out.append(svg("text", { x: (left + width) / 2, y: height - 8, "text-anchor": "middle", class: "axis" }, "primitives"));
+  const middle = (height - bottom) / 2;
+  out.append(svg("text", { x: 12, y: middle, "text-anchor": "middle", class: "axis", transform: `rotate(-90 12 ${middle})` }, "error"));
+  out.append(svg("polyline", { points: known.map((c) => `${x(c.primitives)},${y(c.error)}`).join(" "), class: "front" }));
+  for (const choice of known) {
+    const own = choice.pick === front.picked;
+    const label = `number ${choice.pick}, ${choice.primitives} primitives, error ${percent(choice.error, 3)}`;
+    const at = { cx: x(choice.primitives), cy: y(choice.error), r: own ? 8 : 6, class: own ? "own" : "other" };
+    const dot = svg("circle", { ...at, tabindex: 0, role: "button", "aria-label": label }, svg("title", {}, label));
+    dot.addEventListener("click", () => tell(choice));
+    dot.addEventListener("focus", () => tell(choice));
+    out.append(dot);
+  }
+  return out;
+}
