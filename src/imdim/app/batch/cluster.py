@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -38,6 +39,7 @@ def connected(address: str) -> Iterator[Any]:
         ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
     except (ConnectionError, ValueError, RuntimeError) as error:
         raise ConfigError(f"--address {address}: no cluster answers: {next(iter(str(error).splitlines()), '')}") from error
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # Ray had put its own in place
     try:
         yield ray
     finally:
