@@ -1,0 +1,60 @@
+"""Go on from a program that a person has edited: evolution starts from it alone, with the rates that they chose."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from imdim.body import Seen, look
+from imdim.config import Settings
+from imdim.evolution import choices, evolved, few
+from imdim.fitting import related, snapped, solved
+from imdim.geometry.cloud import Target
+from imdim.pipeline import Snapshot
+from imdim.program.front import Choice
+from imdim.program.simplify import reduce_program
+from imdim.program.tree import Program
+from imdim.search.evolve.population import EvolutionConfig, Generation
+
+SEARCH_SHARE = 0.8  # of the budget; the numbers need the rest
+
+
+@dataclass(frozen=True)
+class Rates:
+    """`mutation` is the share of children that are mutated, the others are crossed; `elitism` the share of parents from the fitter half."""
+
+    mutation: float = 0.8
+    elitism: float = 0.4
+    population: int = 64
+    tolerance: float = 1e-4  # error at which only a shorter program can be fitter
+
+
+def continued(target: Target, program: Program, settings: Settings, rates: Rates, now: Callable[[], float]) -> Iterator[Snapshot]:
+    """Snapshots of an evolution that starts from `program`; the last one has rounded numbers, constraints and the front."""
+    start, rng = now(), np.random.default_rng(settings.seed)
+    seen = look(target, settings.size_weight, rng)
+    config = EvolutionConfig(rates.population, rates.population, exact=rates.tolerance, crossover=1 - rates.mutation, elitism=rates.elitism)
+
+    def late() -> bool:
+        return now() - start > SEARCH_SHARE * settings.budget_s
+
+    generation: Generation | None = None
+    for generation in evolved(seen.ground, {"edited": [seen.frame.apply(program)]}, rng, late, config):
+        best = seen.frame.undo(generation.best.program)
+        front = tuple(Choice(seen.frame.undo(i.program), i.score.volume) for i in generation.front)
+        yield Snapshot("evolve", best, generation.best.score.volume, now() - start, front=front)
+    assert generation is not None  # at least one is yielded
+    yield _finished(generation, seen, target, lambda: now() - start)
+
+
+def _finished(generation: Generation, seen: Seen, target: Target, seconds: Callable[[], float]) -> Snapshot:
+    """What a person gets: reduced, fitted, rounded, with its relations and the front from crude to exact."""
+    best = reduce_program(seen.frame.undo(generation.best.program))
+    exact = snapped(solved(best, seen, seen.target if target.mesh is None else target), seen, target)
+    final, constraints = related(exact, target)
+    programs = [*(seen.frame.undo(i.program) for i in generation.front), final]
+    front = choices(seen.ground, [seen.frame.apply(p) for p in programs])
+    own = [Choice(final, c.error) if c is front[-1] else Choice(seen.frame.undo(c.program), c.error) for c in front]
+    return Snapshot("finished", final, seen.error(final), seconds(), generation.stop or "finished", tuple(few(own, final)), constraints)

@@ -1,0 +1,147 @@
+"""What a person may do to a program: each edit makes a new theory of an old one, or raises a one-line ValueError that says why not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from imdim.app.lab.solving import TURN, Lock, followed
+from imdim.program.constraints import AXES, RULES, WORLD, Constraint, Ref, check_all, read_ref
+from imdim.program.paths import at, leaf_paths, replaced, without
+from imdim.program.tree import SIZE_NAMES, Combine, Op, Primitive, Program, leaves, map_leaves
+
+TURNS = ("rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Theory:
+    """A program, the constraints on its numbers, and the numbers that are locked."""
+
+    program: Program
+    constraints: tuple[Constraint, ...] = ()
+    locks: frozenset[Lock] = frozenset()
+
+
+@dataclass(frozen=True)
+class Number:
+    """One number of a primitive: `name` as in a lock (or "rx", "ry", "rz"), its `value`, a length or an angle in degrees."""
+
+    name: str
+    value: float
+    unit: Literal["length", "degrees"]
+
+    @property
+    def lock(self) -> str:
+        return TURN if self.unit == "degrees" else self.name
+
+
+def numbers(part: Primitive) -> list[Number]:
+    """All numbers of a primitive: sizes, place, orientation."""
+    lengths = [*zip(SIZE_NAMES[part.kind], part.size, strict=True), *zip(AXES, part.center, strict=True)]
+    return [Number(n, v, "length") for n, v in lengths] + [Number(n, v, "degrees") for n, v in zip(TURNS, part.rotation, strict=True)]
+
+
+def with_number(theory: Theory, leaf: int, name: str, value: float, follow: bool = False) -> Theory:
+    """One number changed. With `follow`, all that the constraints relate to it moves along, locked numbers stay."""
+    parts = list(leaves(theory.program))
+    changed = _changed(parts[leaf], name, float(value))
+    program = map_leaves(theory.program, lambda i, p: changed if i == leaf else p)
+    if follow:
+        held = Lock(leaf, TURN if name in TURNS else name)
+        constraints = _valued(theory.constraints, Ref(leaf, name), float(value))
+        program = followed(program, constraints, sorted(theory.locks | {held}))
+        return replace(theory, program=program, constraints=constraints)
+    return replace(theory, program=program)
+
+
+def _changed(part: Primitive, name: str, value: float) -> Primitive:
+    if name in AXES:
+        x, y, z = (value if axis == name else v for axis, v in zip(AXES, part.center, strict=True))
+        return replace(part, center=(x, y, z))
+    if name in TURNS:
+        rx, ry, rz = (value if turn == name else v for turn, v in zip(TURNS, part.rotation, strict=True))
+        return replace(part, rotation=(rx, ry, rz))
+    return replace(part, size=tuple(value if n == name else v for n, v in zip(SIZE_NAMES[part.kind], part.size, strict=True)))
+
+
+def _valued(constraints: Sequence[Constraint], ref: Ref, value: float) -> tuple[Constraint, ...]:
+    """A size that a constraint gives a value has the new one from now on."""
+    return tuple(replace(c, value=value) if c.kind == "value" and c.of == (ref,) else c for c in constraints)
+
+
+def operation(program: Program, leaf: int) -> Op | None:
+    """How a primitive joins what comes before it, None for one that others join."""
+    path, _ = leaf_paths(program)[leaf]
+    parent = at(program, path[:-1])
+    return parent.op if path and path[-1] == 1 and isinstance(parent, Combine) else None
+
+
+def with_operation(theory: Theory, leaf: int, op: Op) -> Theory:
+    """The operation by which a primitive joins what comes before it."""
+    path, _ = leaf_paths(theory.program)[leaf]
+    parent = at(theory.program, path[:-1])
+    if not path or path[-1] == 0 or not isinstance(parent, Combine):
+        raise ValueError(f"primitive {leaf} is what others are joined to, it has no operation of its own")
+    return replace(theory, program=replaced(theory.program, path[:-1], replace(parent, op=op)))
+
+
+def with_added(theory: Theory | None, op: Op, part: Primitive) -> Theory:
+    """One more primitive, joined to all that is there; its number is the last."""
+    if theory is None:
+        return Theory(part)
+    return replace(theory, program=Combine(op, theory.program, part))
+
+
+def without_leaf(theory: Theory, leaf: int) -> Theory:
+    """The theory without a primitive, and without what was said of it. What was cut out of it alone goes with it."""
+    order = list(leaves(theory.program))
+    marked = map_leaves(theory.program, lambda i, p: replace(p, center=(float(i), 0.0, 0.0)))
+    left = without(marked, [leaf_paths(theory.program)[leaf][0]])
+    if left is None:
+        raise ValueError("the last primitive cannot be removed")
+    kept = [round(p.center[0]) for p in leaves(left)]
+    number = {old: new for new, old in enumerate(kept)} | {WORLD: WORLD}
+    program = map_leaves(left, lambda i, _: order[kept[i]])
+    constraints = tuple(c for c in (_renumbered(c, number) for c in theory.constraints) if c is not None)
+    locks = frozenset(Lock(number[lock.leaf], lock.name) for lock in theory.locks if lock.leaf in number)
+    return Theory(program, constraints, locks)
+
+
+def _renumbered(constraint: Constraint, number: dict[int, int]) -> Constraint | None:
+    """What is left of a constraint when primitives are renumbered, None if it then says nothing."""
+    if constraint.about is not None and constraint.about.leaf not in number:
+        return None
+    of = tuple(ref._replace(leaf=number[ref.leaf]) for ref in constraint.of if ref.leaf in number)
+    rule = RULES[constraint.kind]
+    if len(of) < rule.least or (len(of) < len(constraint.of) and constraint.kind == "circular"):
+        return None
+    about = None if constraint.about is None else constraint.about._replace(leaf=number[constraint.about.leaf])
+    return replace(constraint, of=of, about=about)
+
+
+def read_constraint(kind: str, of: str, about: str = "", value: float = 0.0) -> Constraint:
+    """A constraint as a person writes it: features like ``2.r, 3.r`` in `of`, one like ``world.z`` in `about`."""
+    if kind not in RULES:
+        raise ValueError(f"unknown kind {kind!r}; known are {', '.join(RULES)}")
+    refs = tuple(read_ref(text) for text in of.replace(",", " ").split())
+    named = read_ref(about.strip()) if about.strip() else None
+    return Constraint(kind, refs, named if RULES[kind].about else None, float(value) if RULES[kind].has_value else 0.0)
+
+
+def with_constraint(theory: Theory, constraint: Constraint) -> Theory:
+    """One more constraint, well-formed; whether it holds is another matter."""
+    constraints = (*theory.constraints, constraint)
+    check_all(constraints, list(leaves(theory.program)))
+    return replace(theory, constraints=constraints)
+
+
+def without_constraint(theory: Theory, number: int) -> Theory:
+    if not 0 <= number < len(theory.constraints):
+        raise ValueError(f"there is no constraint {number}, they are numbered 0 to {len(theory.constraints) - 1}")
+    return replace(theory, constraints=theory.constraints[:number] + theory.constraints[number + 1 :])
+
+
+def with_lock(theory: Theory, lock: Lock, locked: bool) -> Theory:
+    """A number held, or let go."""
+    return replace(theory, locks=theory.locks | {lock} if locked else theory.locks - {lock})

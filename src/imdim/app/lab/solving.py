@@ -1,0 +1,129 @@
+"""Let the solver finish: numbers fitted to a target while constraints and locked numbers hold, and numbers that follow an edit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from imdim.geometry import kernels
+from imdim.geometry.cloud import Frame, Target
+from imdim.geometry.constraints import radii, rows_of
+from imdim.geometry.lowering import Lowered, lower
+from imdim.geometry.surface import Surface, signed_distance
+from imdim.geometry.surface import normals as surface_normals
+from imdim.program.constraints import AXES, WORLD, Constraint, ConstraintError, Ref, describe
+from imdim.program.tree import SIZE_NAMES, Program, leaves
+from imdim.seeding.mesh_surfaces import detect_patches
+from imdim.solve.faces import lifted
+from imdim.solve.relations.belief import CUT, Cloud, noise_of, uniform
+from imdim.solve.relations.hold import MET, fitted, onto
+
+TURN = "turn"  # the lock of a whole orientation
+SHOWN = 8192  # points that the solver sees
+COARSEST, FINER, FINEST = 0.02, 0.3, 4e-6  # robust scales, of the diagonal: the first is what an edit may be off
+INSET, SAME_WAY = 5e-3, 0.97  # of the diagonal, and a cosine: how far facets cut a surface short, and turn away from it
+STRAYS = 0.02  # of the diagonal: no point counts as farther away
+
+
+@dataclass(frozen=True, order=True)
+class Lock:
+    """A number that is held: a size of leaf number `leaf`, "x", "y" or "z" of its centre, or "turn" for its orientation."""
+
+    leaf: int
+    name: str
+
+
+def held(program: Program, locks: Sequence[Lock]) -> list[Constraint]:
+    """The rows that keep locked numbers where they are in `program`."""
+    parts, out = list(leaves(program)), []
+    for lock in locks:
+        part = parts[lock.leaf]
+        if lock.name == TURN:
+            out += [Constraint("fixed", (Ref(lock.leaf, axis),)) for axis in AXES]
+        elif lock.name in AXES:
+            out.append(Constraint("fixed", (Ref(lock.leaf),), Ref(WORLD, lock.name), part.center[AXES.index(lock.name)]))
+        else:
+            value = part.size[SIZE_NAMES[part.kind].index(lock.name)]
+            out.append(Constraint("fixed", (Ref(lock.leaf, lock.name),), None, value))
+    return out
+
+
+def finish(program: Program, constraints: Sequence[Constraint], locks: Sequence[Lock], target: Target) -> Iterator[Program]:
+    """Programs whose numbers explain `target` better and better while everything holds.
+
+    The robust scale shrinks from what an edit may be off to the noise. Raises ConstraintError where constraints and locks conflict.
+    """
+    cloud, start = Cloud.of(*_shown(target)), lower(program)
+    rows, numbers, scale = [*constraints, *held(program, locks)], start, COARSEST * cloud.length
+    while True:
+        numbers, _ = fitted(numbers, rows, cloud, scale)
+        _check(numbers, rows, constraints, cloud.length)
+        yield lifted(program, start, numbers)
+        noise = max(CUT * noise_of(numbers, cloud), FINEST * cloud.length)
+        if scale <= noise:
+            return
+        scale = max(FINER * scale, noise)
+
+
+def followed(program: Program, constraints: Sequence[Constraint], locks: Sequence[Lock]) -> Program:
+    """The program moved by as little as the constraints need, locked numbers held; raises ConstraintError where they conflict."""
+    start = lower(program)
+    rows, length = [*constraints, *held(program, locks)], extent(start)
+    numbers = onto(start, rows, length, uniform(len(start.kinds)))
+    _check(numbers, rows, constraints, length)
+    return lifted(program, start, numbers)
+
+
+def violations(program: Program, constraints: Sequence[Constraint]) -> list[float]:
+    """The largest residual of each constraint, a length or a sine, relative to the part."""
+    numbers = lower(program)
+    rows, out = rows_of(constraints, numbers), [0.0] * len(constraints)
+    for owner, residual in zip(rows.owner.tolist(), np.abs(rows.residual) / extent(numbers), strict=True):
+        out[owner] = max(out[owner], float(residual))
+    return out
+
+
+def misfit(program: Program, target: Target) -> float:
+    """Mean distance of the target's points to the surface, by the signed distance, relative to the diagonal."""
+    points = target.points[:: max(1, len(target.points) // SHOWN)]
+    length = float(np.linalg.norm(np.ptp(points, axis=0)))
+    return float(np.minimum(np.abs(kernels.program_sdf(program, points)), STRAYS * length).mean()) / length
+
+
+def extent(numbers: Lowered) -> float:
+    """A length as large as the part."""
+    return float(np.linalg.norm(np.ptp(numbers.centers, axis=0)) + 2 * radii(numbers).max())
+
+
+def _check(numbers: Lowered, rows: Sequence[Constraint], constraints: Sequence[Constraint], length: float) -> None:
+    found = rows_of(rows, numbers)
+    off = np.abs(found.residual) / length
+    if off.max(initial=0.0) <= MET:
+        return
+    worst = int(found.owner[np.argmax(off)])
+    what = describe(worst, constraints[worst]) if worst < len(constraints) else "a locked number"
+    raise ConstraintError(f"{what}: cannot hold together with the others, is off by {off.max() * length:.3g}")
+
+
+def _shown(target: Target) -> tuple[np.ndarray, np.ndarray | None]:
+    """Points that the numbers are fitted to; those of a mesh on the surfaces that its facets cut short."""
+    step = max(1, len(target.points) // SHOWN)
+    points, normals = target.points[::step], None if target.normals is None else target.normals[::step]
+    if target.mesh is None or normals is None:
+        return points, normals
+    frame = Frame.of(target)
+    unit = _lifted(frame.to_unit(points), normals, [p.surface for p in detect_patches(frame.normalise(target).mesh)])
+    return unit / frame.scale + frame.center, normals
+
+
+def _lifted(points: np.ndarray, facing: np.ndarray, surfaces: Sequence[Surface]) -> np.ndarray:
+    """Points [n, 3] of facets moved to the nearest of the detected surfaces that face the same way; the others stay."""
+    least, out = np.full(len(points), INSET), points.copy()
+    for surface in surfaces:
+        distance, normal = signed_distance(surface, points), surface_normals(surface, points)
+        nearer = (np.abs(distance) < least) & (np.abs((normal * facing).sum(1)) > SAME_WAY)
+        least[nearer] = np.abs(distance)[nearer]
+        out[nearer] = points[nearer] - distance[nearer, None] * normal[nearer]
+    return out

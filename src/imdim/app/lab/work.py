@@ -1,0 +1,160 @@
+"""What a working process does: one function per task, each a generator of messages."""
+
+from __future__ import annotations
+
+import functools
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from imdim.app.lab import continuing, solving, wire
+from imdim.app.lab.wire import Message
+from imdim.config import Settings, check, merge
+from imdim.deliver import RunRecord, deliver
+from imdim.evaluate import evaluate
+from imdim.fitting import relations_of
+from imdim.geometry.cloud import InputError, Target, load_target
+from imdim.geometry.readers import FORMATS
+from imdim.pipeline import Snapshot, reconstruct
+
+Now = Callable[[], float]
+SHOWN_EVERY_S = 0.05  # an evolution makes generations faster than they can be drawn
+STEP_LIMIT_S = 60.0
+
+
+def open_file(request: Message, now: Now) -> Iterator[Message]:
+    """An uploaded file, which is data and nothing else, as a target. Its own name is only said back."""
+    yield wire.target_message(_loaded(request))
+
+
+def fit(request: Message, now: Now) -> Iterator[Message]:
+    """A reconstruction from nothing."""
+    target, settings = wire.target_of(request), _settings(request)
+    yield from _told(reconstruct(target, settings, np.random.default_rng(settings.seed)))
+
+
+def go_on(request: Message, now: Now) -> Iterator[Message]:
+    """Evolution from a program that a person may have edited."""
+    target, settings = wire.target_of(request), _settings(request)
+    program, _ = wire.read_document(request.values["document"])
+    config = continuing.Rates(**request.values.get("rates", {}))
+    yield from _told(continuing.continued(target, program, settings, config, now))
+
+
+def solve(request: Message, now: Now) -> Iterator[Message]:
+    """The numbers of a program fitted while constraints and locked numbers hold."""
+    target = wire.target_of(request)
+    program, constraints = wire.read_document(request.values["document"])
+    locks = [solving.Lock(int(leaf), str(name)) for leaf, name in request.values["locks"]]
+    start = now()
+    for solved in solving.finish(program, constraints, locks, target):
+        error = solving.misfit(solved, target)
+        yield _snapshot(Snapshot("solve", solved, error, now() - start, constraints=constraints))
+
+
+def relate(request: Message, now: Now) -> Iterator[Message]:
+    """The relations that the numbers of a program bear out."""
+    target = wire.target_of(request)
+    program, constraints = relations_of(wire.read_document(request.values["document"])[0])
+    yield _snapshot(Snapshot("relate", program, solving.misfit(program, target), 0.0, constraints=constraints))
+
+
+def files(request: Message, now: Now) -> Iterator[Message]:
+    """The results folder of a program, as `imdim fit` writes it, as bytes by name."""
+    target = wire.target_of(request)
+    program, constraints = wire.read_document(request.values["document"])
+    front = wire.read_front(request.values["front"])
+    settings = _settings(request)
+    run = RunRecord(target.name, {}, request.values["stop"], settings.seed, asdict(settings))
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place) / "part"
+        deliver(program, target, folder, run, settings.segments, STEP_LIMIT_S, constraints, front)
+        arrays = {path.name: np.frombuffer(path.read_bytes(), np.uint8) for path in sorted(folder.iterdir())}
+    yield Message("files", {}, arrays)
+
+
+TASKS: Mapping[str, Callable[[Message, Now], Iterator[Message]]] = {
+    "open": open_file,
+    "fit": fit,
+    "continue": go_on,
+    "solve": solve,
+    "relate": relate,
+    "files": files,
+}
+
+
+def perform(request: Message, now: Now) -> Iterator[Message]:
+    """The messages of a task; the last one is "done", or "refused" with one line for input that cannot be used."""
+    try:
+        yield from TASKS[request.kind](request, now)
+    except (InputError, ValueError) as error:
+        yield Message("refused", {"message": _one_line(error)})
+    except MemoryError:
+        yield Message("refused", {"message": "the part needs more memory than a run may use"})
+    else:
+        yield Message("done")
+
+
+def _loaded(request: Message) -> Target:
+    """The target in the bytes of an upload. On disk it has a name of ours; messages say the one it came with."""
+    shown, suffix = request.values["name"], Path(request.values["name"]).suffix.lower()
+    if suffix not in FORMATS:
+        raise InputError(f"{shown}: unknown format {suffix!r}; known are {', '.join(FORMATS)}")
+    with tempfile.TemporaryDirectory() as place:
+        path = Path(place) / f"upload{suffix}"
+        path.write_bytes(request.arrays["data"].tobytes())
+        try:
+            return replace(load_target(path, int(request.values["max_points"])), name=shown)
+        except InputError as error:
+            raise InputError(str(error).replace(str(path), shown).replace(path.name, shown)) from error
+
+
+def _settings(request: Message) -> Settings:
+    return check(merge(Settings, request.values.get("settings", {})))
+
+
+def _told(snapshots: Iterator[Snapshot]) -> Iterator[Message]:
+    """Snapshots as messages; of those that follow each other at once only the last, and all that say why a run ended."""
+    last = 0.0
+    kept: Snapshot | None = None
+    for snapshot in snapshots:
+        kept = snapshot
+        if snapshot.stop or time.perf_counter() - last > SHOWN_EVERY_S:
+            last, kept = time.perf_counter(), None
+            yield _snapshot(snapshot)
+    if kept is not None:
+        yield _snapshot(kept)
+
+
+def _snapshot(snapshot: Snapshot) -> Message:
+    values: dict[str, Any] = {
+        "stage": snapshot.stage,
+        "document": wire.document(snapshot.program, snapshot.constraints),
+        "error": float(snapshot.error),
+        "seconds": snapshot.seconds,
+        "stop": snapshot.stop,
+        "front": wire.front_values(snapshot.front),
+        "proof": snapshot.proof,
+    }
+    return Message("snapshot", values)
+
+
+@functools.cache
+def warm() -> None:
+    """One tiny reconstruction and its score, so that the first real one finds compiled kernels loaded."""
+    import trimesh
+
+    from imdim.geometry.cloud import target_from
+
+    target = target_from(trimesh.creation.box((3.0, 2.0, 1.0)), "warm-up")
+    *_, last = reconstruct(target, Settings(budget_s=5.0), np.random.default_rng(0))
+    evaluate(last.program, target, samples=100)
+
+
+def _one_line(error: BaseException) -> str:
+    return next(iter(str(error).strip().splitlines()), type(error).__name__)

@@ -1,0 +1,49 @@
+"""The process that works: it waits for requests, performs one after the other, and dies with the server."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import resource
+import signal
+import threading
+import time
+from multiprocessing.connection import Connection
+from typing import Any
+
+from imdim.app.lab import wire
+
+
+def main(pipe: Connection, paused: Any, most_bytes: int) -> None:
+    """Serve requests from `pipe`. `paused` holds the seconds that this process was stopped, which its clock leaves out.
+
+    Memory beyond `most_bytes` is refused where the system can do that, so that a run fails alone.
+    """
+    os.setsid()  # what it starts is stopped and killed with it
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with contextlib.suppress(ValueError, OSError):
+        resource.setrlimit(resource.RLIMIT_DATA, (most_bytes, most_bytes))
+    threading.Thread(target=_die_with_parent, daemon=True).start()
+    from imdim import pipeline
+    from imdim.app.lab import work
+    from imdim.clock import Clock
+
+    def now() -> float:
+        return time.perf_counter() - paused.value
+
+    # a run counts no time in which it was paused
+    pipeline.Clock = lambda budget_s: Clock(budget_s, now)  # type: ignore[assignment, misc]
+    work.warm()
+    pipe.send_bytes(wire.packed(wire.Message("ready")))
+    with contextlib.suppress(EOFError, BrokenPipeError):
+        while True:
+            for answer in work.perform(wire.unpacked(pipe.recv_bytes()), now):
+                pipe.send_bytes(wire.packed(answer))
+
+
+def _die_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os.killpg(0, signal.SIGKILL)
