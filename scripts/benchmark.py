@@ -18,13 +18,13 @@ import os
 import statistics
 import subprocess
 import sys
-import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 import numpy as np
 
+from imdim.app.batch.process import Limits, last_line, run
 from imdim.evaluate import evaluate_file
 from imdim.geometry.cloud import load_target
 from imdim.geometry.readers import FORMATS
@@ -144,32 +144,9 @@ def sample(part: Path, condition: str, out: Path) -> Path:
 
 
 def measured(command: list[str], limit_s: float, log: Path) -> tuple[int, str, float, float]:
-    """Run to the end or to `limit_s`: exit status (negative: a signal), last line of its output, seconds, peak MiB.
-
-    The peak is of the resident memory of the process and its children together, looked at every 20 ms under /proc.
-    """
-    start, peak = time.monotonic(), 0.0
-    threads = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
-    with log.open("w") as out:
-        child = subprocess.Popen(command, stdout=out, stderr=out, env={**threads, **os.environ})
-        while child.poll() is None:
-            peak = max(peak, resident_mib(child.pid))
-            if time.monotonic() - start > limit_s:
-                child.kill()
-            time.sleep(0.02)
-    lines = log.read_text(errors="replace").strip().splitlines()
-    return child.returncode, lines[-1] if lines else "", time.monotonic() - start, peak
-
-
-def resident_mib(pid: int) -> float:
-    """Resident memory of a process and its descendants; what has just ended counts 0."""
-    root = Path(f"/proc/{pid}")
-    try:
-        pages = int((root / "statm").read_text().split()[1])
-        children = (root / "task" / str(pid) / "children").read_text().split()
-    except (FileNotFoundError, ProcessLookupError):
-        return 0.0
-    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20 + sum(resident_mib(int(child)) for child in children)
+    """Run to the end or to `limit_s`: exit status (negative: a signal), last line of its output, seconds, peak MiB."""
+    ended = run(command, Limits(limit_s), log)
+    return ended.status, last_line(log), ended.seconds, ended.peak_mib
 
 
 def score(part: Path, prediction: Path, scorer: Path | None) -> tuple[float, float, int]:
@@ -266,4 +243,7 @@ def contact_sheet(pictures: list[Path], out: Path, width: int = 480, columns: in
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except KeyboardInterrupt:
+        os._exit(130)  # the threads wait for their parts, which end with this process
