@@ -86,3 +86,9 @@ def test_a_quoted_file_name_may_hold_anything():
 def test_broken_yaml_in_an_argument_is_one_line():
     with pytest.raises(ConfigError, match="flow sequence"):
         from_arguments(["input=[1"])
+
+
+def test_an_empty_word_is_an_empty_word():
+    assert from_arguments(["checkpoint=", "seed=3"]) == Settings(seed=3)
+    with pytest.raises(ConfigError, match="seed"):
+        from_arguments(["seed="])

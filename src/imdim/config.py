@@ -86,7 +86,10 @@ def from_arguments(arguments: Sequence[str], **given: Any) -> Settings:
     except YAMLError as error:
         raise ConfigError(f"settings {' '.join(arguments)}: {first_line(error)}") from error
     assert isinstance(values, dict)
-    return check(merge(Settings, {**values, **given}))  # type: ignore[dict-item]
+    hints = get_type_hints(Settings)
+    # YAML reads nothing as null
+    named = {key: "" if value is None and hints.get(str(key)) is str else value for key, value in values.items()}
+    return check(merge(Settings, {**named, **given}))  # type: ignore[dict-item]
 
 
 def from_hydra(folder: Path, name: str, overrides: Sequence[str]) -> Settings:
