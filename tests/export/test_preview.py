@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from imdim.export.preview import HEADER, PANEL, VIEW, preview
+from imdim.export.preview import HEADER, PANEL, VIEW, preview, thumbnail
 from imdim.geometry.cloud import Target, target_from
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.tree import Combine, Primitive
@@ -58,3 +58,10 @@ def test_scale_and_place_do_not_matter(scale, offset):
     here, there = panels(target_from(mesh(STEPPED)), BLOCK, 1.0), panels(target_from(mesh(moved)), placed(BLOCK), scale)
     for a, b in zip(here, there, strict=True):
         assert (np.abs(a - b).max(axis=2) > 16).mean() < 0.005
+
+
+def test_a_thumbnail_is_the_picture_of_the_result_made_small():
+    small = np.asarray(thumbnail(mesh(STEPPED), 96), np.int64)
+    large = panels(target_from(mesh(STEPPED)), STEPPED, 0.0)[1]
+    assert small.shape == (96, 96, 3)
+    assert inked(small) / 96**2 == pytest.approx(inked(large) / PANEL**2, rel=0.05)

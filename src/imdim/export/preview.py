@@ -69,14 +69,18 @@ def preview(target: Target, result: trimesh.Trimesh, worst: float) -> Image.Imag
     return _sheet(panels, target.name, top, worst, diagonal)
 
 
-def _camera(points: np.ndarray) -> Camera:
+def thumbnail(mesh: trimesh.Trimesh, pixels: int) -> Image.Image:
+    """A small picture of a solid alone, square, from the same side."""
+    return _paint(_shoot_mesh(mesh, _camera(np.asarray(mesh.vertices), SUPERSAMPLE * pixels)), RESULT_COLOUR, pixels)
+
+
+def _camera(points: np.ndarray, pixels: int = PANEL * SUPERSAMPLE) -> Camera:
     toward = VIEW / np.linalg.norm(VIEW)
     right = np.cross([0.0, 0.0, 1.0], toward)
     right /= np.linalg.norm(right)
     axes = np.stack([right, np.cross(toward, right), toward])
     flat = points @ axes.T
     low, high = flat.min(axis=0), flat.max(axis=0)
-    pixels = PANEL * SUPERSAMPLE
     return Camera(axes, (low + high) / 2 @ axes, 0.92 * pixels / max(float((high - low)[:2].max()), 1e-300), pixels)
 
 
@@ -162,7 +166,7 @@ def _plane_normals(points: np.ndarray, index: np.ndarray) -> np.ndarray:
     return np.linalg.eigh(offsets.transpose(0, 2, 1) @ offsets)[1][:, :, 0]
 
 
-def _paint(shot: Shot, colours: np.ndarray) -> Image.Image:
+def _paint(shot: Shot, colours: np.ndarray, side: int = PANEL) -> Image.Image:
     """The panel at final size: `colours` [k, 3] or [3] lit, on white."""
     light = LIGHT / np.linalg.norm(LIGHT)
     shade = 0.55 + 0.45 * np.clip(shot.normals @ light, 0.0, 1.0)
@@ -170,14 +174,14 @@ def _paint(shot: Shot, colours: np.ndarray) -> Image.Image:
     pixels = np.full((*shot.seen.shape, 3), 255.0)
     pixels[shot.seen] = np.clip(1.06 * shade[:, None] * colours, 0, 255)
     image = Image.fromarray(pixels.astype(np.uint8))
-    return image.resize((PANEL, PANEL), Image.Resampling.BOX)
+    return image.resize((side, side), Image.Resampling.BOX)
 
 
 def _heat(shot: Shot, tree: TriangleTree, top: float) -> np.ndarray:
-    return _ramp(distances(tree, shot.points) / top)
+    return ramp(distances(tree, shot.points) / top)
 
 
-def _ramp(fraction: np.ndarray) -> np.ndarray:
+def ramp(fraction: np.ndarray) -> np.ndarray:
     """Colours [k, 3] of fractions 0 to 1; larger ones take the last colour."""
     knots = np.linspace(0.0, 1.0, len(_RAMP))
     return np.column_stack([np.interp(fraction, knots, _RAMP[:, channel]) for channel in range(3)])
@@ -200,7 +204,7 @@ def _sheet(panels: list[Image.Image], name: str, top: float, worst: float, diago
 
 def _bar(sheet: Image.Image, draw: ImageDraw.ImageDraw, left: int, top: float) -> None:
     width, height, y = PANEL - 60, 14, HEADER + PANEL + 10
-    colours = np.broadcast_to(_ramp(np.linspace(0.0, 1.0, width)), (height, width, 3))
+    colours = np.broadcast_to(ramp(np.linspace(0.0, 1.0, width)), (height, width, 3))
     sheet.paste(Image.fromarray(colours.astype(np.uint8)), (left + 30, y))
     for part in range(5):
         x = left + 30 + part * (width - 1) / 4
