@@ -93,7 +93,7 @@ def deliver(
 
 def export(program: Program, folder: Path, meta: Meta, segments: int = SEGMENTS, step_limit_s: float = STEP_LIMIT_S) -> dict[str, str]:
     """Write what needs no target for `program` into `folder`, whole or not at all: texts with the names of
-    what its own numbers relate, meshes and STEP; what became of each file.
+    what its own numbers relate, meshes, the page without a target, and STEP; what became of each file.
 
     Raises as `deliver` does.
     """
@@ -103,6 +103,8 @@ def export(program: Program, folder: Path, meta: Meta, segments: int = SEGMENTS,
         _write_texts(found, Frame(meta.center, meta.scale), partial, segments)
         with _step(partial) as job:
             write_meshes(to_manifold(program, segments), partial)
+            shown = html.content(_read(partial / "program.json"), named=found.parameters, segments=segments)
+            (partial / "report.html").write_text(html.page(shown), encoding="utf-8")
             skipped = _finish(job, step_limit_s, {})
         files = {path.name: "written" for path in sorted(partial.iterdir())}
     return {**files, **skipped}

@@ -114,7 +114,7 @@ def summary(report: Mapping[str, Any], folder: Path) -> str:
     lines += [f"  {'repeats':<8} {'; '.join(said)}"] if said else []
     lines += [
         f"  {what:<8} {folder / name}"
-        for what, name in (("picture", "preview.png"), ("program", "program.scad"), ("report", "report.json"))
+        for what, name in (("picture", "preview.png"), ("page", "report.html"), ("program", "program.scad"), ("report", "report.json"))
     ]
     return "\n".join(lines) + "\n"
 

@@ -91,19 +91,21 @@ def thinned(vertices: np.ndarray, faces: np.ndarray, most: int = MOST_FACES) -> 
         kept = np.flatnonzero((moved[:, 0] != moved[:, 1]) & (moved[:, 1] != moved[:, 2]) & (moved[:, 2] != moved[:, 0]))
         merged, out = vertices[first], moved[kept]
         cells //= 2
-    used, corners = np.unique(out, return_inverse=True)
+    used, corners = np.unique(out.ravel(), return_inverse=True)
     return merged[used], corners.reshape(-1, 3), kept
 
 
 def refined(vertices: np.ndarray, faces: np.ndarray, longest: float, most: int = MOST_REFINED) -> tuple[np.ndarray, np.ndarray]:
-    """Edges beyond `longest` halved, in both faces of each, until none is left or a next round would make more than `most` faces."""
+    """Edges beyond `longest` halved, in both faces of each and longest first, until none is left or there are `most` faces."""
     while True:
         edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-        pairs, which = np.unique(edges @ [len(vertices), 1], return_inverse=True)
+        pairs, which = np.unique(edges[:, 0] * len(vertices) + edges[:, 1], return_inverse=True)
         a, b = vertices[pairs // len(vertices)], vertices[pairs % len(vertices)]
-        long = np.linalg.norm(a - b, axis=1) > longest
-        halved = long[which].reshape(-1, 3)
-        if not long.any() or len(faces) + halved.sum() > most:
+        length = np.linalg.norm(a - b, axis=1)
+        room = max((most - len(faces)) // 2, 0)  # a halved edge parts two faces
+        crowded = np.partition(length, -room - 1)[-room - 1] if room < len(length) else 0.0
+        long = length > max(longest, length.max(initial=0.0) / 2, crowded)
+        if not long.any():
             return vertices, faces
         number = np.where(long, len(vertices) + np.cumsum(long) - 1, -1)
         vertices = np.concatenate([vertices, (a[long] + b[long]) / 2])

@@ -51,8 +51,7 @@ def leaf_values(program: Program, labels: Sequence[str], named: Parameters) -> l
 
 def roles(program: Program) -> list[str]:
     """What each leaf does to the solid: "adds", "cuts", or "bounds" where it is intersected with something."""
-    join = {"union": list.__add__, "intersection": _bounding, "difference": _cutting}
-    return fold(program, lambda _, __: ["adds"], join)
+    return fold(program, lambda _, __: ["adds"], {"union": list.__add__, "intersection": _bounding, "difference": _cutting})
 
 
 def _bounding(left: list[str], right: list[str]) -> list[str]:
