@@ -114,7 +114,9 @@ def _shown(target: Target) -> tuple[np.ndarray, np.ndarray | None]:
     if target.mesh is None or normals is None:
         return points, normals
     frame = Frame.of(target)
-    unit = _lifted(frame.to_unit(points), normals, [p.surface for p in detect_patches(frame.normalise(target).mesh)])
+    mesh = frame.normalise(target).mesh
+    assert mesh is not None
+    unit = _lifted(frame.to_unit(points), normals, [p.surface for p in detect_patches(mesh)])
     return unit / frame.scale + frame.center, normals
 
 

@@ -1,0 +1,152 @@
+"""What the 3D view shows, as plain arrays in the unit frame of the target times SPAN. Shapes come from `geometry`, nothing is made here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import trimesh
+
+from imdim.app.lab.edits import Theory
+from imdim.app.lab.session import worst
+from imdim.evaluate import target_distances
+from imdim.export.preview import ramp
+from imdim.geometry.cloud import Frame, Target
+from imdim.geometry.constraints import HOLDS, Pose
+from imdim.geometry.lowering import lower
+from imdim.geometry.solid import owned_surface, primitive_to_manifold, to_trimesh
+from imdim.program.constraints import WORLD, Constraint, Ref
+from imdim.program.roles import labels, signs
+from imdim.program.tree import Program, fold, leaves
+
+SPAN = 4.0  # the diagonal of the target in the view
+FINE, COARSE, MANY = 96, 48, 60  # facets per circle, fewer for programs of many primitives
+SHOWN_POINTS = 100_000
+MAP_POINTS = 20_000
+SMALLEST_RANGE = 1e-3  # of the diagonal: a perfect result is not to look patchy
+VIOLATED = HOLDS * 10
+
+Colour = tuple[int, int, int]
+ADDS: tuple[Colour, ...] = ((86, 140, 196), (104, 164, 206), (70, 120, 178), (126, 176, 200), (92, 132, 170))
+CUT, CLIP, SELECTED = (214, 72, 66), (226, 170, 60), (255, 190, 30)
+HELD_COLOUR, BROKEN_COLOUR, POINT_COLOUR = (24, 140, 84), (208, 30, 40), (30, 34, 42)
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A mesh to draw: the faces that leaf number `leaf` gives the solid, or the whole of a cutter, which is translucent."""
+
+    leaf: int
+    vertices: np.ndarray
+    faces: np.ndarray
+    colour: Colour
+    opacity: float | None = None
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The solid in `pieces`, cutters and clippers in `ghosts`; the solid's `surface` and `volume` in the target's units."""
+
+    pieces: list[Piece]
+    ghosts: list[Piece]
+    surface: trimesh.Trimesh
+    volume: float
+
+
+@dataclass(frozen=True)
+class Overlay:
+    """Control points [k, 3], one per primitive, and segments [m, 2, 3] with their colours [m, 2, 3] between what constraints relate."""
+
+    points: np.ndarray
+    segments: np.ndarray
+    colours: np.ndarray
+
+
+def place(frame: Frame, points: np.ndarray) -> np.ndarray:
+    """Points [n, 3] of the target's units in the view."""
+    return (frame.to_unit(points) * SPAN).astype(np.float32)
+
+
+def roles(program: Program) -> list[str]:
+    """What each leaf does: "union", "difference" or "intersection"."""
+    clips = fold(program, lambda _, __: [False], {op: (list.__add__ if op != "intersection" else _clipped) for op in _OPS})
+    return ["intersection" if clip else "union" if sign > 0 else "difference" for clip, sign in zip(clips, signs(program), strict=True)]
+
+
+_OPS = ("union", "intersection", "difference")
+
+
+def _clipped(left: list[bool], right: list[bool]) -> list[bool]:
+    return left + [True] * len(right)
+
+
+def colours(program: Program) -> list[Colour]:
+    """The tint of each leaf by what it does."""
+    fixed = {"difference": CUT, "intersection": CLIP}
+    return [fixed.get(role, ADDS[i % len(ADDS)]) for i, role in enumerate(roles(program))]
+
+
+def scene(theory: Theory, frame: Frame, selected: int | None) -> Scene:
+    """The solid as it is to be drawn."""
+    program = theory.program
+    parts, tints = list(leaves(program)), colours(program)
+    segments = FINE if len(parts) <= MANY else COARSE
+    surface, owners = owned_surface(program, segments)
+    at = place(frame, surface.vertices)
+    pieces = [_piece(leaf, at, surface.faces[owners == leaf], tints[leaf], leaf == selected) for leaf in np.unique(owners).tolist()]
+    ghosts: list[Piece] = []
+    for leaf, role in enumerate(roles(program)):
+        if role != "union" or leaf == selected:
+            whole = to_trimesh(primitive_to_manifold(parts[leaf], COARSE))
+            tint = SELECTED if leaf == selected else tints[leaf]
+            ghosts.append(Piece(leaf, place(frame, whole.vertices), whole.faces, tint, 0.45 if leaf == selected else 0.22))
+    return Scene(pieces, ghosts, surface, float(surface.volume) if len(surface.faces) else 0.0)
+
+
+def _piece(leaf: int, vertices: np.ndarray, faces: np.ndarray, tint: Colour, selected: bool) -> Piece:
+    used, corners = np.unique(faces, return_inverse=True)
+    return Piece(leaf, vertices[used], corners.reshape(-1, 3), SELECTED if selected else tint)
+
+
+def overlay(theory: Theory, frame: Frame) -> Overlay:
+    """Control points and constraints."""
+    pose = Pose.of(lower(theory.program))
+    segments: list[np.ndarray] = []
+    tints: list[Colour] = []
+    for constraint, off in worst(theory.constraints, theory.program):
+        links = _links(constraint, pose)
+        segments += links
+        tints += [HELD_COLOUR if off <= VIOLATED else BROKEN_COLOUR] * len(links)
+    ends = np.array(segments).reshape(-1, 3)
+    two = np.repeat(np.array(tints, np.uint8).reshape(-1, 1, 3), 2, axis=1)
+    return Overlay(place(frame, pose.numbers.centers), place(frame, ends).reshape(-1, 2, 3), two)
+
+
+def _links(constraint: Constraint, pose: Pose) -> list[np.ndarray]:
+    """Lines [2, 3] from feature to feature; nothing for what stands alone or lies in the frame."""
+    refs = [ref for ref in (*constraint.of, *([constraint.about] if constraint.about else [])) if ref.leaf != WORLD]
+    at = [_place(ref, pose) for ref in refs]
+    return [np.array([a, b]) for a, b in pairwise(at) if not np.allclose(a, b)]
+
+
+def _place(ref: Ref, pose: Pose) -> np.ndarray:
+    return pose.position(ref).value if ref.side else pose.center(ref.leaf).value
+
+
+def cloud(target: Target, frame: Frame) -> np.ndarray:
+    """The target's points [n, 3] as they are drawn."""
+    step = max(1, len(target.points) // SHOWN_POINTS)
+    return place(frame, target.points[::step])
+
+
+def distance_map(target: Target, surface: trimesh.Trimesh, frame: Frame) -> tuple[np.ndarray, np.ndarray, float]:
+    """Points [n, 3] of the target, colours [n, 3] of their distance to the result, and the end of the scale in the target's units."""
+    points, far, _ = target_distances(target, surface, MAP_POINTS)
+    top = max(float(far.max(initial=0.0)), SMALLEST_RANGE / frame.scale)
+    return place(frame, points), ramp(far / top).astype(np.uint8), top
+
+
+def names(theory: Theory) -> list[str]:
+    """What each leaf is called."""
+    return labels(theory.program, theory.constraints)

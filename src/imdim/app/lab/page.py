@@ -1,0 +1,185 @@
+"""The page of one client: the 3D view and the panels, drawn from the state of its session."""
+
+from __future__ import annotations
+
+from collections.abc import Set
+
+import viser
+
+from imdim.app.lab import drawing
+from imdim.app.lab.edits import Theory
+from imdim.app.lab.jobs import Pool
+from imdim.app.lab.panels.browse import CurvesPanel, FrontPanel, TreePanel
+from imdim.app.lab.panels.edit import EditPanel
+from imdim.app.lab.panels.relate import RelatePanel
+from imdim.app.lab.panels.run import RunPanel
+from imdim.app.lab.panels.take import ShowPanel, TakePanel
+from imdim.app.lab.refresher import Refresher
+from imdim.app.lab.session import Session, UploadLimits
+from imdim.app.lab.view import View
+from imdim.evaluate import Scores, evaluate
+from imdim.geometry.cloud import Frame
+from imdim.program.cost import count
+from imdim.program.tree import leaves
+
+SCORE_SAMPLES = 5_000
+LEFT, RIGHT = 300, 320  # pixels
+
+
+class Page:
+    """See the module. `close` when the client has gone."""
+
+    def __init__(self, client: viser.ClientHandle, pool: Pool, limits: UploadLimits) -> None:
+        self._client = client
+        self._drawing, self._scoring = Refresher(self._draw, "draw"), Refresher(self._score, "score")
+        self.session = Session(pool, self._drawing.poke, limits)
+        self.view = View(client, self._clicked)
+        self._scene: drawing.Scene | None = None
+        self._scored: Theory | None = None
+        self._scores: Scores | None = None
+        self._build()
+
+    def close(self) -> None:
+        """Frees all that this client used."""
+        self.session.close()
+        self._drawing.close()
+        self._scoring.close()
+
+    def _build(self) -> None:
+        gui, session = self._client.gui, self.session
+        gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(24, 100, 171))
+        gui.set_panel_label("IMDIM Live Lab")
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(RIGHT)
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Run"):
+            self.run = RunPanel(gui, session)
+        with tabs.add_tab("Edit"):
+            self.edit = EditPanel(gui, session, self._units_changed)
+        with tabs.add_tab("Relate"):
+            self.relate = RelatePanel(gui, session)
+        with tabs.add_tab("View"):
+            self.show = ShowPanel(gui, self.view, lambda: self._scoring.poke("map"))
+        with tabs.add_tab("Take"):
+            self.take = TakePanel(self._client, session)
+        upper, lower = gui.add_panel(), gui.add_panel()
+        self.tree = TreePanel(gui, upper)
+        self.front, self.curves = FrontPanel(gui, lower, session), CurvesPanel(gui, lower)
+        upper.dock_left()
+        upper.set_width(LEFT)
+        lower.dock_below(upper)
+        self._commands()
+
+    def _commands(self) -> None:
+        """What the keyboard can do; the toolkit lists it under ctrl+K."""
+        session, gui = self.session, self._client.gui
+        keys = (
+            ("Start a run", "R", None, lambda: session.start(self.run.settings())),
+            ("Pause or resume", "P", None, lambda: session.resume() if session.running == "paused" else session.pause()),
+            ("One step", "N", None, self.run.step),
+            ("Stop", "X", None, session.stop),
+            ("Let the solver finish", "L", None, session.solve),
+            ("Undo", "Z", "cmd/ctrl", session.undo),
+            ("Redo", "Y", "cmd/ctrl", session.redo),
+            ("Select the next primitive", "J", None, lambda: self._select_by(1)),
+            ("Select the previous primitive", "K", None, lambda: self._select_by(-1)),
+            ("Select nothing", "escape", None, lambda: session.select(None)),
+            ("Remove the selected primitive", "delete", None, self.edit.remove),
+            ("Distance map on or off", "M", None, lambda: self.show.toggle("Distance map")),
+            ("Cutters on or off", "C", None, lambda: self.show.toggle("Cutters")),
+            ("Show the whole part", "F", None, self.view.look),
+        )
+        for label, key, modifier, call in keys:
+            command = gui.add_command(label, hotkey=key, modifier=modifier)  # type: ignore[arg-type]
+            command.on_trigger(lambda _, call=call: call())
+
+    def _select_by(self, step: int) -> None:
+        theory, now = self.session.theory, self.session.state.selected
+        if theory is not None:
+            size = sum(1 for _ in leaves(theory.program))
+            self.session.select((now + step) % size if now is not None else (0 if step > 0 else size - 1))
+
+    def _clicked(self, leaf: int) -> None:
+        self.session.select(None if self.session.state.selected == leaf else leaf)
+
+    def _units_changed(self) -> None:
+        self.take.units = self.edit.units.value
+        self._drawing.poke("program")
+
+    # --- drawing, each in a thread of its own ----------------------------------------------------------------------------
+
+    def _draw(self, topics: Set[str]) -> None:
+        with self.session.lock:
+            state, theory = self.session.state, self.session.theory
+            target, selected = state.target, state.selected
+        if "target" in topics and target is not None:
+            self.view.forget()
+            self.view.draw_cloud(drawing.cloud(target, Frame.of(target)))
+            self._scene = None
+        if topics & {"program", "selection", "target"}:
+            self._draw_program(theory, selected)
+        self._draw_state()
+        if topics & {"run", "target"}:
+            self.curves.draw(state.trace)
+        if topics & {"program", "front", "target"}:
+            self._scoring.poke("front", "score")
+
+    def _draw_program(self, theory: Theory | None, selected: int | None) -> None:
+        target = self.session.state.target
+        if theory is None or target is None:
+            self._scene = None
+            self.view.draw(None, None)
+            self.view.name(None, "")
+        else:
+            frame = Frame.of(target)
+            self._scene = drawing.scene(theory, frame, selected)
+            over = drawing.overlay(theory, frame)
+            self.view.draw(self._scene, over)
+            self.view.name(
+                None if selected is None else over.points[selected], drawing.names(theory)[selected] if selected is not None else ""
+            )
+        self.edit.draw(theory, selected)
+        self.tree.draw(theory, selected, self.edit.unit)
+        self.relate.draw(theory, selected)
+
+    def _draw_state(self) -> None:
+        self.run.draw(self._lines(), self.session.state.notice)
+
+    def _lines(self) -> list[tuple[str, str]]:
+        """What the status says."""
+        state, theory = self.session.state, self.session.theory
+        lines = [("part", state.target.name)] if state.target else []
+        if self.session.running or state.stop:
+            lines.append(("stage", f"{state.task}: {state.stage}" + (f" ({state.stop})" if state.stop else "")))
+        if theory is None or self._scene is None:
+            return lines
+        unit = f" {self.edit.unit}³" if self.edit.unit else ""
+        counts = count(theory.program)
+        lines += [("primitives", str(counts.primitives)), ("volume", f"{self._scene.volume:.6g}{unit}")]
+        if self._scores is not None and self._scored == theory:
+            scores = self._scores
+            far = scores.relative(scores.to_result)
+            lines += [("error", "no closed target" if scores.volume_iou is None else f"{1 - scores.volume_iou:.2%} (1 - IoU)")]
+            lines += [("distance", f"mean {far.mean:.2%}, max {far.max:.2%}")]
+        return [*lines, ("proof", state.proof)] if state.proof else lines
+
+    def _score(self, topics: Set[str]) -> None:
+        """Scores, the distance map, and small pictures: what the eye can wait a moment for."""
+        with self.session.lock:
+            state, theory, target, scene = self.session.state, self.session.theory, self.session.state.target, self._scene
+            choices = list(state.front if state.front and not state.live else state.seen)
+        if theory is not None and target is not None and scene is not None and len(scene.surface.faces):
+            if theory != self._scored:
+                self._scores, self._scored = evaluate(theory.program, target, SCORE_SAMPLES), theory
+                self._draw_state()
+            if self.view.shown["Distance map"]:
+                points, tints, top = drawing.distance_map(target, scene.surface, Frame.of(target))
+                self.view.draw_map(points, tints)
+                self._say_scale(top)
+        if topics & {"front"}:
+            self.front.draw(choices, None if theory is None else theory.program)
+
+    def _say_scale(self, top: float) -> None:
+        bar = "linear-gradient(90deg,rgb(222,226,230),rgb(250,214,140),rgb(244,142,60),rgb(204,40,40),rgb(96,0,30))"
+        text = f'<div style="height:10px;border-radius:5px;background:{bar}"></div>0 to {top:.3g} {self.edit.unit} from the result'
+        self.show.scale.content = f'<div style="padding:0 12px 8px;font-size:12.5px;color:#343a40">{text}</div>'

@@ -1,0 +1,147 @@
+"""Change the selected primitive: its numbers with units, locks and operation; add and remove primitives; undo and redo; solve."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import viser
+
+from imdim.app.lab import edits, texts
+from imdim.app.lab.drawing import names
+from imdim.app.lab.edits import Number, Theory
+from imdim.app.lab.session import Session
+from imdim.app.lab.solving import Lock
+from imdim.geometry.cloud import Frame
+from imdim.program.tree import KINDS, OPS, SIZE_NAMES, Op, Primitive, leaves
+
+NOTHING = "Select a primitive in the picture, the tree or the code."
+LOCKED = "\N{LOCK}"
+NEW_SIZE = 0.15  # of the diagonal
+DIGITS = 4  # of the part's size that inputs show
+UNITS = {"unspecified": "", "millimeter": "mm", "centimeter": "cm", "meter": "m", "inch": "in", "foot": "ft", "micron": "µm"}
+
+
+class EditPanel:
+    """See the module."""
+
+    def __init__(self, gui: viser.GuiApi, session: Session, unit_changed: Callable[[], None]) -> None:
+        self._gui, self._session = gui, session
+        self._shown: tuple[int, str] | None = None
+        self._locks: viser.GuiButtonGroupHandle | None = None
+        self._inputs: dict[str, viser.GuiNumberHandle[float]] = {}
+        self.selected = gui.add_number("Primitive", -1, min=-1, max=9999, step=1, hint="The selected primitive, -1 for none")
+        self.selected.on_update(lambda event: session.select(int(event.target.value)) if event.client else None)
+        self._numbers = gui.add_folder("Numbers")
+        with self._numbers:
+            gui.add_html(texts.note(NOTHING))
+        self.follow = gui.add_checkbox("Keep relations", True, hint="What the constraints relate to an edited number moves along")
+        self.steps = gui.add_button_group("History", ("Undo", "Redo"))
+        self.steps.on_click(lambda event: session.undo() if event.target.value == "Undo" else session.redo())
+        solve = gui.add_button("Let the solver finish", color="blue", hint="Fits the numbers; constraints and locks hold")
+        solve.on_click(lambda _: session.solve())
+        with gui.add_folder("Add or remove"):
+            self.kind = gui.add_dropdown("Kind", KINDS, initial_value="cylinder")
+            self.op = gui.add_dropdown("Joined by", OPS)
+            gui.add_button("Add", color="gray").on_click(lambda _: self._add())
+            gui.add_button("Remove the selected", color="red").on_click(lambda _: self.remove())
+        self.units = gui.add_dropdown("Units", tuple(UNITS), initial_value="millimeter")
+        self.units.on_update(lambda _: unit_changed())
+
+    @property
+    def unit(self) -> str:
+        """Its sign."""
+        return UNITS[self.units.value]
+
+    def remove(self) -> None:
+        leaf = self._session.state.selected
+        if leaf is not None:
+            self._session.edit("remove", lambda theory: edits.without_leaf(theory, leaf))
+
+    def _add(self) -> None:
+        target = self._session.state.target
+        if target is None:
+            return
+        frame = Frame.of(target)
+        part = new_primitive(self.kind.value, frame)
+        self._session.add(self.op.value, part)
+
+    def draw(self, theory: Theory | None, selected: int | None) -> None:
+        """The numbers of the selected primitive; inputs stay while the primitive is the same, so that typing is not disturbed."""
+        if self.selected.value != (-1 if selected is None else selected):
+            self.selected.value = -1 if selected is None else selected
+        parts = [] if theory is None else list(leaves(theory.program))
+        if theory is None or selected is None or selected >= len(parts):
+            if self._shown is not None:
+                self._clear(NOTHING)
+            self._shown = None
+            return
+        key = (selected, f"{parts[selected].kind} {names(theory)[selected]} {self.unit} {edits.operation(theory.program, selected)}")
+        if key != self._shown:
+            self._build(theory, selected, parts[selected])
+            self._shown = key
+        for number in edits.numbers(parts[selected]):
+            box = self._inputs[number.name]
+            if abs(float(box.value) - number.value) > 0.5 * box.step:
+                box.value = number.value
+        options = tuple(f"{LOCKED if Lock(selected, n) in theory.locks else ''}{n}" for n in _lockable(parts[selected]))
+        if self._locks is not None and tuple(self._locks.options) != options:
+            self._locks.options = options
+
+    def _build(self, theory: Theory, leaf: int, part: Primitive) -> None:
+        """Inputs for all numbers of a primitive, its operation and its locks."""
+        self._clear()
+        with self._numbers:
+            self._gui.add_html(_heading(leaf, part, names(theory)[leaf]))
+            op = edits.operation(theory.program, leaf)
+            if op is not None:
+                chosen = self._gui.add_dropdown("Operation", OPS, initial_value=op)
+                chosen.on_update(lambda event: self._operate(leaf, event.target.value) if event.client else None)
+            for number in edits.numbers(part):
+                self._inputs[number.name] = self._input(leaf, part, number)
+            self._locks = self._gui.add_button_group("Lock", tuple(_lockable(part)), hint="A locked number is not moved by the solver")
+            self._locks.on_click(lambda event: self._lock(leaf, event.target.value.removeprefix(LOCKED)))
+
+    def _input(self, leaf: int, part: Primitive, number: Number) -> viser.GuiNumberHandle[float]:
+        sign = "°" if number.unit == "degrees" else self.unit
+        digits = 3 if number.unit == "degrees" else max(0, DIGITS - 1 - math.floor(math.log10(max(*part.size, 1e-12))))
+        least = 0.0 if number.name in SIZE_NAMES[part.kind] else None
+        label = f"{number.name} {sign}".strip()
+        step, shown = 10.0**-digits, round(number.value, digits) + 0.0
+        box = self._gui.add_number(label, float(shown), min=least, step=step)
+        box.on_update(lambda event: self._edit(leaf, number.name, float(event.target.value)) if event.client else None)
+        return box
+
+    def _edit(self, leaf: int, name: str, value: float) -> None:
+        follow = self.follow.value
+        self._session.edit(f"number {leaf} {name}", lambda theory: edits.with_number(theory, leaf, name, value, follow))
+
+    def _operate(self, leaf: int, op: Op) -> None:
+        self._session.edit("operation", lambda theory: edits.with_operation(theory, leaf, op))
+
+    def _lock(self, leaf: int, name: str) -> None:
+        lock = Lock(leaf, name)
+        self._session.edit("lock", lambda theory: edits.with_lock(theory, lock, lock not in theory.locks))
+
+    def _clear(self, line: str = "") -> None:
+        self._numbers.remove()
+        self._numbers = self._gui.add_folder("Numbers", order=self.selected.order + 0.5)
+        self._inputs = {}
+        if line:
+            with self._numbers:
+                self._gui.add_html(texts.note(line))
+
+
+def new_primitive(kind: str, frame: Frame) -> Primitive:
+    """One in the middle of the part, as large as a share of it."""
+    size = NEW_SIZE / frame.scale
+    shares = {"cylinder": (0.5, 2.0), "cone": (0.6, 0.2, 1.0), "torus": (1.0, 0.25), "sphere": (0.6,)}
+    return Primitive(kind, tuple(size * s for s in shares.get(kind, (1.0, 1.0, 1.0))), frame.center)
+
+
+def _lockable(part: Primitive) -> list[str]:
+    return list(dict.fromkeys(n.lock for n in edits.numbers(part)))
+
+
+def _heading(leaf: int, part: Primitive, name: str) -> str:
+    return f'<div style="padding:0 12px 6px;font-size:13px;color:#212529"><b>{leaf} {name}</b>, {part.kind}</div>'

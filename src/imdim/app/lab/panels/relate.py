@@ -1,0 +1,61 @@
+"""Constraints: those there are, whether they hold, new ones, and the search for more."""
+
+from __future__ import annotations
+
+import viser
+
+from imdim.app.lab import edits, texts
+from imdim.app.lab.drawing import VIOLATED
+from imdim.app.lab.edits import Theory
+from imdim.app.lab.session import Session
+from imdim.app.lab.solving import violations
+from imdim.program.constraints import AXES_OF, FACES_OF, RULES
+from imdim.program.tree import SIZE_NAMES, Primitive, leaves
+
+
+class RelatePanel:
+    """See the module."""
+
+    def __init__(self, gui: viser.GuiApi, session: Session) -> None:
+        self._session = session
+        self._list = gui.add_html("")
+        self.number = gui.add_number("Constraint", -1, min=-1, max=9999, step=1, hint="The constraint that Remove takes away")
+        gui.add_button("Remove the constraint", color="red").on_click(lambda _: self._remove())
+        gui.add_button("Look for relations", color="gray").on_click(lambda _: session.relate())
+        with gui.add_folder("Add a constraint"):
+            self._hint = gui.add_html("")
+            self.kind = gui.add_dropdown("Relation", tuple(RULES), initial_value="equal")
+            self.of = gui.add_text("Of", "", hint="Features, as in 2.r, 3.r")
+            self.about = gui.add_text("About", "", hint="An axis, as in world.z or 0.z, where the kind needs one")
+            self.value = gui.add_number("Value", 0.0, step=0.001)
+            gui.add_button("Add the constraint", color="gray").on_click(lambda _: self._add())
+
+    def _add(self) -> None:
+        def change(theory: Theory) -> Theory:
+            constraint = edits.read_constraint(self.kind.value, self.of.value, self.about.value, self.value.value)
+            return edits.with_constraint(theory, constraint)
+
+        self._session.edit("constraint", change)
+
+    def _remove(self) -> None:
+        number = int(self.number.value)
+        if self._session.edit("constraint", lambda theory: edits.without_constraint(theory, number)):
+            self.number.value = -1
+
+    def draw(self, theory: Theory | None, selected: int | None) -> None:
+        """The list, and the features that the selected primitive offers."""
+        off = [] if theory is None else violations(theory.program, theory.constraints)
+        self._list.content = texts.relations(theory, off, VIOLATED)
+        parts = [] if theory is None else list(leaves(theory.program))
+        text = "Select a primitive to see the names of its features."
+        if selected is not None and selected < len(parts):
+            text = f"Features of {selected}: {features(selected, parts[selected])}"
+        self._hint.content = texts.note(text)
+
+
+def features(leaf: int, part: Primitive) -> str:
+    """What constraints can say of a primitive: sizes, axes, faces, its centre."""
+    sizes = [f"{leaf}.{name}" for name in SIZE_NAMES[part.kind]]
+    axes = [f"{leaf}.{axis}" for axis in AXES_OF[part.kind]]
+    faces = [f"{leaf}.{side}{axis}" for axis in FACES_OF.get(part.kind, ()) for side in "+-"]
+    return "; ".join(f"{what} {', '.join(n)}" for what, n in (("sizes", sizes), ("axes", axes), ("faces", faces)) if n) + f"; centre {leaf}"

@@ -1,0 +1,76 @@
+"""Take the part away, in every format; and what the 3D view shows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import viser
+
+from imdim.app.lab import texts
+from imdim.app.lab.session import Session
+from imdim.app.lab.view import LAYERS, View
+from imdim.program import codec
+
+FORMATS: Mapping[str, str] = {
+    "JSON": "program.json",
+    "OpenSCAD": "program.scad",
+    "STEP": "program.step",
+    "build123d": "program.py",
+    "STL": "mesh.stl",
+    "GLB": "mesh.glb",
+    "3MF": "mesh.3mf",
+    "PNG": "preview.png",
+    "HTML report": "report.html",
+}
+
+
+class TakePanel:
+    """Downloads. All files come from one delivery, as `imdim fit` writes them."""
+
+    def __init__(self, client: viser.ClientHandle, session: Session) -> None:
+        self._client, self._session = client, session
+        self.units = "unspecified"
+        text = "The files are made together, which takes some seconds the first time."
+        client.gui.add_html(texts.note(text))
+        for label in FORMATS:
+            client.gui.add_button(f"Download {label}", color="gray").on_click(lambda _, label=label: self.take(label))
+
+    def take(self, label: str) -> None:
+        """Send the file of one format once it is there."""
+        name = FORMATS[label]
+
+        def send(files: dict[str, bytes]) -> None:
+            if name not in files:
+                self._client.add_notification("Not available", f"{name} could not be made: report.json says why", color="red")
+                return
+            data = in_units(files[name], self.units) if name == "program.json" else files[name]
+            self._client.send_file_download(name, data, save_immediately=True)
+
+        self._session.files(send)
+
+
+def in_units(document: bytes, units: str) -> bytes:
+    """A program.json that says what its lengths are."""
+    parsed = codec.parse(document)
+    meta = codec.meta_of(parsed)
+    named = codec.Meta(units, meta.center, meta.scale)
+    return codec.dumps(codec.from_json(parsed), named, codec.constraints_of(parsed), codec.folded_of(parsed)).encode()
+
+
+class ShowPanel:
+    """Layers of the view."""
+
+    def __init__(self, gui: viser.GuiApi, view: View, changed: object) -> None:
+        self._boxes = {layer: gui.add_checkbox(layer, shown) for layer, shown in LAYERS.items()}
+        for layer, box in self._boxes.items():
+            box.on_update(lambda event, layer=layer: self._switched(view, layer, event.target.value, changed))
+        self.scale = gui.add_html("")
+        gui.add_button("Show the whole part", color="gray").on_click(lambda _: view.look())
+
+    def _switched(self, view: View, layer: str, on: bool, changed: object) -> None:
+        view.show(layer, on)
+        if layer == "Distance map" and on and callable(changed):
+            changed()
+
+    def toggle(self, layer: str) -> None:
+        self._boxes[layer].value = not self._boxes[layer].value

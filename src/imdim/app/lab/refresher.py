@@ -1,0 +1,40 @@
+"""Drawing in a thread of its own: what changes while it draws is drawn together the next time, so that it never falls behind."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Set
+
+
+class Refresher:
+    """Calls `draw` with the topics that `poke` named since the last time."""
+
+    def __init__(self, draw: Callable[[Set[str]], None], name: str) -> None:
+        self._draw, self._topics, self._ready = draw, set[str](), threading.Condition()
+        self._closed = False
+        threading.Thread(target=self._run, name=name, daemon=True).start()
+
+    def poke(self, *topics: str) -> None:
+        """Never blocks for long."""
+        with self._ready:
+            self._topics.update(topics)
+            self._ready.notify()
+
+    def close(self) -> None:
+        with self._ready:
+            self._closed = True
+            self._ready.notify()
+
+    def _run(self) -> None:
+        while True:
+            with self._ready:
+                self._ready.wait_for(lambda: self._topics or self._closed)
+                if self._closed:
+                    return
+                topics, self._topics = self._topics, set()
+            try:
+                self._draw(frozenset(topics))
+            except Exception:  # noqa: BLE001 - one picture that fails must not freeze the page; it is told, and the next one is drawn
+                sys.stderr.write(f"imdim lab: {traceback.format_exc()}")

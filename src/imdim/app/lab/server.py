@@ -1,0 +1,99 @@
+"""The lab's server: one page per client, processes for their work, nothing reachable from outside unless asked for."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import threading
+import webbrowser
+from collections.abc import Sequence
+from pathlib import Path
+
+import viser
+
+from imdim.app.lab.examples import NAMES
+from imdim.app.lab.jobs import GiB, Limits, Pool
+from imdim.app.lab.page import Page
+from imdim.app.lab.session import MiB, UploadLimits
+from imdim.geometry.cloud import InputError, Target, load_target
+
+
+class Lab:
+    """A running server. `close` ends it and all that it started."""
+
+    def __init__(self, host: str, port: int, limits: Limits, uploads: UploadLimits, target: Target | None = None) -> None:
+        self.pool, self._uploads, self._target = Pool(limits), uploads, target
+        self._pages: dict[int, Page] = {}
+        self._lock = threading.Lock()
+        self._server = viser.ViserServer(host=host, port=port, label="IMDIM Live Lab", verbose=False)
+        self._server.request_share_url = _refuse_to_share  # type: ignore[method-assign]
+        self._server.gui.configure_theme(show_logo=False, show_share_button=False)
+        self._server.scene.world_axes.visible = False
+        self._server.on_client_connect(self._came)
+        self._server.on_client_disconnect(self._went)
+        self.url = f"http://{host}:{self._server.get_port()}"
+        self.pool.prepare()
+
+    def _came(self, client: viser.ClientHandle) -> None:
+        page = Page(client, self.pool, self._uploads)
+        with self._lock:
+            self._pages[client.client_id] = page
+        if self._target is None:
+            page.session.open_example(NAMES[0])
+        else:
+            page.session.open_target(self._target)
+
+    def _went(self, client: viser.ClientHandle) -> None:
+        with self._lock:
+            page = self._pages.pop(client.client_id, None)
+        if page is not None:
+            page.close()
+
+    def close(self) -> None:
+        with self._lock:
+            pages = list(self._pages.values())
+        for page in pages:
+            page.close()
+        self.pool.close()
+        self._server.stop()
+
+
+def _refuse_to_share(verbose: bool = True) -> None:
+    """The toolkit can open a tunnel to a public server when a page asks for it; here no page can."""
+
+
+def parser() -> argparse.ArgumentParser:
+    """The arguments of the command."""
+    out = argparse.ArgumentParser(prog="imdim lab", description="Reconstruct a part in a browser page: watch, correct, download.")
+    out.add_argument("input", nargs="?", help="a mesh or a cloud; without it an example is opened")
+    out.add_argument("--host", default="127.0.0.1", help="address to listen at (default: this machine alone)")
+    out.add_argument("--port", type=int, default=8080, help="the first free one from here on (default 8080)")
+    out.add_argument("--no-browser", action="store_true", help="print the address only")
+    out.add_argument("--runs", type=int, default=2, help="runs at once, of all clients (default 2)")
+    out.add_argument("--memory", type=float, default=6.0, metavar="GB", help="for each run (default 6)")
+    out.add_argument("--upload", type=float, default=64.0, metavar="MB", help="largest file (default 64)")
+    out.add_argument("--points", type=int, default=100_000, help="larger clouds are thinned to this (default 100000)")
+    return out
+
+
+def main(argv: Sequence[str]) -> int:
+    """The exit status: 0 fine, 2 for a file that cannot be used (one line on stderr)."""
+    given = parser().parse_args(argv)
+    try:
+        target = load_target(Path(given.input), given.points) if given.input else None
+    except InputError as error:
+        sys.stderr.write(f"imdim: {error}\n")
+        return 2
+    limits = Limits(given.runs, memory=int(given.memory * GiB))
+    lab = Lab(given.host, given.port, limits, UploadLimits(int(given.upload * MiB), given.points), target)
+    sys.stdout.write(f"IMDIM Live Lab: {lab.url}\n")
+    sys.stdout.flush()
+    if not given.no_browser:
+        webbrowser.open(lab.url)
+    try:
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        lab.close()
+    return 0

@@ -1,0 +1,143 @@
+"""The 3D view of one client."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import viser
+
+from imdim.app.lab.drawing import POINT_COLOUR, SELECTED, Overlay, Piece, Scene
+
+CLOUD_COLOUR = (110, 118, 130)
+CLOUD_SIZES = (0.018, 0.008)  # alone, and with a solid
+LAYERS: Mapping[str, bool] = {"Solid": True, "Cutters": True, "Points": True, "Distance map": False, "Constraints": True}
+AWAY = np.array([2.2, -2.9, 2.1])  # the camera, seen from the middle of the part
+
+
+class View:
+    """Draws pieces, and tells which primitive was clicked."""
+
+    def __init__(self, client: viser.ClientHandle, clicked: Callable[[int], None]) -> None:
+        self._scene, self._client, self._clicked = client.scene, client, clicked
+        self._meshes: dict[str, tuple[Piece, viser.MeshHandle]] = {}
+        self._others: dict[str, viser.SceneNodeHandle] = {}
+        self._cloud: viser.PointCloudHandle | None = None
+        self.shown = dict(LAYERS)
+        self._scene.configure_default_lights(cast_shadow=False)
+        self.look()
+
+    def look(self) -> None:
+        """Put the camera where all of the part is seen."""
+        camera = self._client.camera
+        camera.position, camera.look_at, camera.up_direction = AWAY, np.zeros(3), np.array([0.0, 0.0, 1.0])
+
+    def show(self, layer: str, visible: bool) -> None:
+        """One of LAYERS on or off."""
+        self.shown[layer] = visible
+        for name, node in (*((n, h) for n, (_, h) in self._meshes.items()), *self._others.items()):
+            if _LAYER_OF[name.split("/")[1]] == layer:
+                node.visible = visible
+
+    def draw(self, scene: Scene | None, overlay: Overlay | None) -> None:
+        """The solid, its cutters, and what the constraints relate."""
+        pieces = {} if scene is None else {f"/solid/{p.leaf}": p for p in scene.pieces} | {f"/cutters/{p.leaf}": p for p in scene.ghosts}
+        with self._client.atomic():
+            if self._cloud is not None:
+                self._cloud.point_size = CLOUD_SIZES[bool(pieces)]
+            for name in self._meshes.keys() - pieces.keys():
+                self._meshes.pop(name)[1].remove()
+            for name, piece in pieces.items():
+                self._mesh(name, piece)
+            self._overlay(overlay)
+
+    def _mesh(self, name: str, piece: Piece) -> None:
+        before = self._meshes.get(name)
+        if before is not None and _same(before[0], piece):
+            return
+        handle = self._scene.add_mesh_simple(
+            name,
+            piece.vertices,
+            piece.faces.astype(np.uint32),
+            color=piece.colour,
+            opacity=piece.opacity,
+            flat_shading=True,
+            side="double" if piece.opacity is None else "front",
+            visible=self.shown[_LAYER_OF[name.split("/")[1]]],
+        )
+        handle.on_click(lambda _, leaf=piece.leaf: self._clicked(leaf))
+        self._meshes[name] = (piece, handle)
+
+    def _overlay(self, overlay: Overlay | None) -> None:
+        self._remove("/points/controls", "/constraints/links")
+        if overlay is None:
+            return
+        self._others["/points/controls"] = self._points("/points/controls", overlay.points, POINT_COLOUR, 0.045, "circle")
+        if len(overlay.segments):
+            self._others["/constraints/links"] = self._scene.add_line_segments(
+                "/constraints/links",
+                overlay.segments,
+                overlay.colours,
+                thickness=2.0,
+                thickness_units="screen",
+                visible=self.shown["Constraints"],
+            )
+
+    def draw_cloud(self, points: np.ndarray) -> None:
+        """The target's points [n, 3]."""
+        self._others["/cloud/points"] = self._cloud = self._points("/cloud/points", points, CLOUD_COLOUR, CLOUD_SIZES[0], "circle")
+
+    def draw_map(self, points: np.ndarray, colours: np.ndarray) -> None:
+        """The distances at the target's points."""
+        self._others["/map/points"] = self._points("/map/points", points, colours, 0.03, "circle")
+
+    def name(self, at: np.ndarray | None, text: str) -> None:
+        """What the selected primitive is called, where it is."""
+        self._remove("/label/selected")
+        if at is not None:
+            self._others["/label/selected"] = self._scene.add_label("/label/selected", text, position=at, anchor="bottom-center")
+
+    def _points(self, name: str, points: np.ndarray, colours: object, size: float, shape: str) -> viser.PointCloudHandle:
+        layer = _LAYER_OF[name.split("/")[1]]
+        return self._scene.add_point_cloud(
+            name,
+            points,
+            np.asarray(colours, np.uint8),
+            point_size=size,
+            point_shape=shape,  # type: ignore[arg-type]
+            precision="float32",
+            point_shading="flat",
+            visible=self.shown[layer],
+        )
+
+    def _remove(self, *names: str) -> None:
+        for name in names:
+            if name in self._others:
+                self._others.pop(name).remove()
+
+    def forget(self) -> None:
+        """Another target: nothing of the old one stays."""
+        with self._client.atomic():
+            self._cloud = None
+            self.draw(None, None)
+            self._remove(*self._others)
+
+
+def _same(a: Piece, b: Piece) -> bool:
+    return (
+        (a.colour, a.opacity, a.leaf) == (b.colour, b.opacity, b.leaf)
+        and np.array_equal(a.faces, b.faces)
+        and np.array_equal(a.vertices, b.vertices)
+    )
+
+
+_LAYER_OF: Mapping[str, str] = {
+    "solid": "Solid",
+    "cutters": "Cutters",
+    "cloud": "Points",
+    "map": "Distance map",
+    "points": "Constraints",
+    "constraints": "Constraints",
+    "label": "Solid",
+}
+__all__ = ["LAYERS", "SELECTED", "View"]
