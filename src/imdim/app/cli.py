@@ -14,7 +14,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="imdim", description=ABOUT, epilog="`imdim fit --help` tells more.")
     parser.add_argument("--version", action="version", version=f"imdim {_version()}")
     about = "fit: reconstruct one part; batch: every part of a folder; export: write one program of a front.json; "
-    about += "edit: change named numbers of a program"
+    about += "edit: change named numbers of a program; lab: watch, correct and download in a browser page"
     parser.add_argument("command", choices=list(COMMANDS), help=about)
     parser.add_argument("arguments", nargs=argparse.REMAINDER, help="arguments of the command")
     given = parser.parse_args(argv)
@@ -65,6 +65,17 @@ def _edit(argv: Sequence[str]) -> int:
     return run(argv)
 
 
+def _lab(argv: Sequence[str]) -> int:
+    from importlib.util import find_spec
+
+    if find_spec("viser") is None:
+        sys.stderr.write('imdim: the lab needs an extra: pip install "imdim[lab]"\n')
+        return 2
+    from imdim.app.lab.server import main as run
+
+    return run(argv)
+
+
 def _batch(argv: Sequence[str]) -> int:
     from imdim.app.batch.run import main as run
 
@@ -77,7 +88,7 @@ def _version() -> str:
     return version("imdim")
 
 
-COMMANDS: Mapping[str, Callable[[Sequence[str]], int]] = {"fit": _fit, "batch": _batch, "export": _export, "edit": _edit}
+COMMANDS: Mapping[str, Callable[[Sequence[str]], int]] = {"fit": _fit, "batch": _batch, "export": _export, "edit": _edit, "lab": _lab}
 
 if __name__ == "__main__":
     sys.exit(main())
