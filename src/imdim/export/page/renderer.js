@@ -8,8 +8,10 @@ in vec3 normal;
 in vec4 color;
 out vec3 facing;
 out vec4 tint;
+out float away;
 void main() {
   gl_Position = projection * vec4(position, 1.0);
+  away = gl_Position.w;
   gl_PointSize = pointSize;
   facing = normal;
   tint = color;
@@ -18,9 +20,10 @@ void main() {
 const SURFACE_FRAGMENT = `#version 300 es
 precision highp float;
 uniform vec3 right, up, back;
-uniform float lit, round, opacity;
+uniform float lit, round, opacity, reach;
 in vec3 facing;
 in vec4 tint;
+in float away;
 out vec4 outColor;
 void main() {
   if (round > 0.5 && length(gl_PointCoord - 0.5) > 0.5) discard;
@@ -29,6 +32,8 @@ void main() {
   float key = max(dot(n, normalize(0.6 * back + 0.9 * up - 0.5 * right)), 0.0);
   float fill = max(dot(n, normalize(back - 0.2 * up + 0.7 * right)), 0.0);
   float light = mix(1.0, 0.42 + 0.44 * key + 0.3 * fill, lit);
+  // points have no normals: what is nearer is brighter
+  if (round > 0.5) light = clamp(0.8 - 0.7 * (away - reach), 0.45, 1.0);
   outColor = vec4(tint.rgb * light, tint.a * opacity);
 }`;
 
@@ -110,6 +115,7 @@ class Renderer {
     gl.scissor(...at);
     gl.enable(gl.SCISSOR_TEST);
     gl.uniformMatrix4fv(this.#at("projection"), false, camera.matrix(box.width / box.height));
+    gl.uniform1f(this.#at("reach"), camera.distance);
     ["right", "up", "back"].forEach((name, i) => gl.uniform3fv(this.#at(name), camera.axes()[i]));
   }
 
