@@ -43,8 +43,8 @@ def continued(target: Target, program: Program, settings: Settings, rates: Rates
     generation: Generation | None = None
     for generation in evolved(seen.ground, {"edited": [seen.frame.apply(program)]}, rng, late, config):
         best = seen.frame.undo(generation.best.program)
-        front = tuple(Choice(seen.frame.undo(i.program), i.score.volume) for i in generation.front)
-        yield Snapshot("evolve", best, generation.best.score.volume, now() - start, front=front)
+        front = [Choice(seen.frame.undo(i.program), i.score.volume) for i in generation.front]
+        yield Snapshot("evolve", best, generation.best.score.volume, now() - start, front=tuple(few(front, best)))
     assert generation is not None  # at least one is yielded
     yield _finished(generation, seen, target, lambda: now() - start)
 

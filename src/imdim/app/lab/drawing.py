@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -18,13 +18,14 @@ from imdim.geometry.lowering import lower
 from imdim.geometry.solid import owned_surface, primitive_to_manifold, to_trimesh
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.roles import labels, signs
-from imdim.program.tree import Program, fold, leaves
+from imdim.program.tree import Program, fold, leaves, map_leaves
 
 SPAN = 4.0  # the diagonal of the target in the view
 FINE, COARSE, MANY = 96, 48, 60  # facets per circle, fewer for programs of many primitives
 SHOWN_POINTS = 100_000
 MAP_POINTS = 20_000
 SMALLEST_RANGE = 1e-3  # of the diagonal: a perfect result is not to look patchy
+SKIN = 1e-6  # by which cutters are drawn larger: caps that lie in the face they cut through would leave a film there
 VIOLATED = HOLDS * 10
 
 Colour = tuple[int, int, int]
@@ -92,7 +93,7 @@ def scene(theory: Theory, frame: Frame, selected: int | None) -> Scene:
     program = theory.program
     parts, tints = list(leaves(program)), colours(program)
     segments = FINE if len(parts) <= MANY else COARSE
-    surface, owners = owned_surface(program, segments)
+    surface, owners = owned_surface(drawn(program), segments)
     at = place(frame, surface.vertices)
     pieces = [_piece(leaf, at, surface.faces[owners == leaf], tints[leaf], leaf == selected) for leaf in np.unique(owners).tolist()]
     ghosts: list[Piece] = []
@@ -102,6 +103,12 @@ def scene(theory: Theory, frame: Frame, selected: int | None) -> Scene:
             tint = SELECTED if leaf == selected else tints[leaf]
             ghosts.append(Piece(leaf, place(frame, whole.vertices), whole.faces, tint, 0.45 if leaf == selected else 0.22))
     return Scene(pieces, ghosts, surface, float(surface.volume) if len(surface.faces) else 0.0)
+
+
+def drawn(program: Program) -> Program:
+    """The program with cutters larger by SKIN, whose solid differs in nothing that could be seen."""
+    sign = signs(program)
+    return map_leaves(program, lambda i, p: p if sign[i] > 0 else replace(p, size=tuple(s * (1 + SKIN) for s in p.size)))
 
 
 def _piece(leaf: int, vertices: np.ndarray, faces: np.ndarray, tint: Colour, selected: bool) -> Piece:

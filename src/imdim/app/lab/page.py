@@ -16,6 +16,7 @@ from imdim.app.lab.panels.run import RunPanel
 from imdim.app.lab.panels.take import ShowPanel, TakePanel
 from imdim.app.lab.refresher import Refresher
 from imdim.app.lab.session import Session, UploadLimits
+from imdim.app.lab.uploads import limit_uploads
 from imdim.app.lab.view import View
 from imdim.evaluate import Scores, evaluate
 from imdim.geometry.cloud import Frame
@@ -23,6 +24,7 @@ from imdim.program.cost import count
 from imdim.program.tree import leaves
 
 SCORE_SAMPLES = 5_000
+SAID_S = 10.0  # that an error stays on the picture
 LEFT, RIGHT = 300, 320  # pixels
 
 
@@ -37,6 +39,8 @@ class Page:
         self._scene: drawing.Scene | None = None
         self._scored: Theory | None = None
         self._scores: Scores | None = None
+        self._told = ("", "")
+        limit_uploads(client, limits.size, self.session.refuse_upload)
         self._build()
 
     def close(self) -> None:
@@ -54,8 +58,8 @@ class Page:
         tabs = gui.add_tab_group()
         with tabs.add_tab("Run"):
             self.run = RunPanel(gui, session)
-        with tabs.add_tab("Edit"):
-            self.edit = EditPanel(gui, session, self._units_changed)
+        with tabs.add_tab("Edit") as place:
+            self.edit = EditPanel(gui, place, session, self._units_changed)
         with tabs.add_tab("Relate"):
             self.relate = RelatePanel(gui, session)
         with tabs.add_tab("View"):
@@ -143,7 +147,11 @@ class Page:
         self.relate.draw(theory, selected)
 
     def _draw_state(self) -> None:
-        self.run.draw(self._lines(), self.session.state.notice)
+        kind, line = notice = self.session.state.notice
+        self.run.draw(self._lines(), notice)
+        if kind == "error" and line and notice is not self._told:
+            self._client.add_notification("That did not work", line, color="red", auto_close_seconds=SAID_S)
+        self._told = notice
 
     def _lines(self) -> list[tuple[str, str]]:
         """What the status says."""
@@ -155,7 +163,7 @@ class Page:
             return lines
         unit = f" {self.edit.unit}³" if self.edit.unit else ""
         counts = count(theory.program)
-        lines += [("primitives", str(counts.primitives)), ("volume", f"{self._scene.volume:.6g}{unit}")]
+        lines += [("primitives", str(counts.primitives)), ("volume", f"{self._scene.volume:.5g}{unit}")]
         if self._scores is not None and self._scored == theory:
             scores = self._scores
             far = scores.relative(scores.to_result)
@@ -167,10 +175,10 @@ class Page:
         """Scores, the distance map, and small pictures: what the eye can wait a moment for."""
         with self.session.lock:
             state, theory, target, scene = self.session.state, self.session.theory, self.session.state.target, self._scene
-            choices = list(state.front if state.front and not state.live else state.seen)
+            choices = list(state.front or state.seen)
         if theory is not None and target is not None and scene is not None and len(scene.surface.faces):
             if theory != self._scored:
-                self._scores, self._scored = evaluate(theory.program, target, SCORE_SAMPLES), theory
+                self._scores, self._scored = evaluate(drawing.drawn(theory.program), target, SCORE_SAMPLES), theory
                 self._draw_state()
             if self.view.shown["Distance map"]:
                 points, tints, top = drawing.distance_map(target, scene.surface, Frame.of(target))

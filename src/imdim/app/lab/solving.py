@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -14,7 +15,7 @@ from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.surface import Surface, signed_distance
 from imdim.geometry.surface import normals as surface_normals
 from imdim.program.constraints import AXES, WORLD, Constraint, ConstraintError, Ref, describe
-from imdim.program.tree import SIZE_NAMES, Program, leaves
+from imdim.program.tree import SIZE_NAMES, Primitive, Program, leaves, map_leaves
 from imdim.seeding.mesh_surfaces import detect_patches
 from imdim.solve.faces import lifted
 from imdim.solve.relations.belief import CUT, Cloud, noise_of, uniform
@@ -24,6 +25,7 @@ TURN = "turn"  # the lock of a whole orientation
 SHOWN = 8192  # points that the solver sees
 COARSEST, FINER, FINEST = 0.02, 0.3, 4e-6  # robust scales, of the diagonal: the first is what an edit may be off
 INSET, SAME_WAY = 5e-3, 0.97  # of the diagonal, and a cosine: how far facets cut a surface short, and turn away from it
+DIGITS = 10  # of the part's size, and of a degree, that a solved number keeps
 STRAYS = 0.02  # of the diagonal: no point counts as farther away
 
 
@@ -60,7 +62,7 @@ def finish(program: Program, constraints: Sequence[Constraint], locks: Sequence[
     while True:
         numbers, _ = fitted(numbers, rows, cloud, scale)
         _check(numbers, rows, constraints, cloud.length)
-        yield lifted(program, start, numbers)
+        yield _plain(lifted(program, start, numbers), cloud.length)
         noise = max(CUT * noise_of(numbers, cloud), FINEST * cloud.length)
         if scale <= noise:
             return
@@ -73,7 +75,7 @@ def followed(program: Program, constraints: Sequence[Constraint], locks: Sequenc
     rows, length = [*constraints, *held(program, locks)], extent(start)
     numbers = onto(start, rows, length, uniform(len(start.kinds)))
     _check(numbers, rows, constraints, length)
-    return lifted(program, start, numbers)
+    return _plain(lifted(program, start, numbers), length)
 
 
 def violations(program: Program, constraints: Sequence[Constraint]) -> list[float]:
@@ -95,6 +97,20 @@ def misfit(program: Program, target: Target) -> float:
 def extent(numbers: Lowered) -> float:
     """A length as large as the part."""
     return float(np.linalg.norm(np.ptp(numbers.centers, axis=0)) + 2 * radii(numbers).max())
+
+
+def _plain(program: Program, length: float) -> Program:
+    """The program without the last digits of its numbers, which are the solver's own noise; no negative zeros."""
+    digits = DIGITS - math.floor(math.log10(length))
+
+    def plain(values: Sequence[float], digits: int) -> tuple[float, ...]:
+        return tuple(round(v, digits) + 0.0 for v in values)
+
+    def leaf(_: int, p: Primitive) -> Primitive:
+        (x, y, z), (rx, ry, rz) = plain(p.center, digits), plain(p.rotation, DIGITS)
+        return Primitive(p.kind, plain(p.size, digits), (x, y, z), (rx, ry, rz))
+
+    return map_leaves(program, leaf)
 
 
 def _check(numbers: Lowered, rows: Sequence[Constraint], constraints: Sequence[Constraint], length: float) -> None:

@@ -105,9 +105,8 @@ def strip(choices: Sequence[Choice], shown: Program | None) -> str:
     """Small solids, each a button that loads its program."""
     if not choices:
         return note("Programs appear here as the run goes through them.")
-    return clickable(
-        "Choice", f'<div style="display:flex;gap:5px;overflow-x:auto;padding-bottom:4px">{"".join(_picture(i, c, shown) for i, c in _numbered(choices))}</div>'
-    )
+    pictures = "".join(_picture(i, c, shown) for i, c in _numbered(choices))
+    return clickable("Choice", f'<div style="display:flex;gap:5px;overflow-x:auto;padding-bottom:4px">{pictures}</div>')
 
 
 def _picture(i: int, choice: Choice, shown: Program | None) -> str:

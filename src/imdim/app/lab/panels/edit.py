@@ -25,8 +25,8 @@ UNITS = {"unspecified": "", "millimeter": "mm", "centimeter": "cm", "meter": "m"
 class EditPanel:
     """See the module."""
 
-    def __init__(self, gui: viser.GuiApi, session: Session, unit_changed: Callable[[], None]) -> None:
-        self._gui, self._session = gui, session
+    def __init__(self, gui: viser.GuiApi, place: viser.GuiTabHandle, session: Session, unit_changed: Callable[[], None]) -> None:
+        self._gui, self._place, self._session = gui, place, session
         self._shown: tuple[int, str] | None = None
         self._locks: viser.GuiButtonGroupHandle | None = None
         self._inputs: dict[str, viser.GuiNumberHandle[float]] = {}
@@ -125,7 +125,8 @@ class EditPanel:
 
     def _clear(self, line: str = "") -> None:
         self._numbers.remove()
-        self._numbers = self._gui.add_folder("Numbers", order=self.selected.order + 0.5)
+        with self._place:
+            self._numbers = self._gui.add_folder("Numbers", order=self.selected.order + 0.5)
         self._inputs = {}
         if line:
             with self._numbers:
