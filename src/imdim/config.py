@@ -80,11 +80,11 @@ def from_arguments(arguments: Sequence[str], **given: Any) -> Settings:
 
     for argument in arguments:
         if "=" not in argument:
-            raise ConfigError(f"setting {argument!r} is not of the form key=value")
+            raise ConfigError(f"setting {one_line(repr(argument))} is not of the form key=value")
     try:
         values = OmegaConf.to_container(OmegaConf.from_dotlist(list(arguments)))
     except YAMLError as error:
-        raise ConfigError(f"settings {' '.join(arguments)}: {first_line(error)}") from error
+        raise ConfigError(f"settings {one_line(' '.join(arguments))}: {first_line(error)}") from error
     assert isinstance(values, dict)
     hints = get_type_hints(Settings)
     # YAML reads nothing as null
@@ -135,5 +135,11 @@ def check(settings: Settings) -> Settings:
 
 
 def first_line(error: BaseException) -> str:
-    """The first line of an error's message, or its type where it has none."""
-    return next(iter(str(error).strip().splitlines()), type(error).__name__)
+    """The first line of an error's message, not all of it where it is long, or its type where it has none."""
+    return one_line(next(iter(str(error).strip().splitlines()), type(error).__name__))
+
+
+def one_line(text: str) -> str:
+    """What was given, for a message: on one line, and not all of it where it is long."""
+    text = " ".join(text.split())
+    return text if len(text) <= 200 else text[:197] + "..."

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from imdim.config import ConfigError, first_line, merge
+from imdim.config import ConfigError, first_line, merge, one_line
 
 T = TypeVar("T")
 
@@ -23,13 +23,13 @@ def from_arguments(schema: type[T], arguments: Sequence[str], folder: Path | Non
 
     for argument in arguments:
         if "=" not in argument:
-            raise ConfigError(f"setting {argument!r} is not of the form key=value")
+            raise ConfigError(f"setting {one_line(repr(argument))} is not of the form key=value")
     try:
         given: Any = OmegaConf.from_dotlist(list(arguments))
         layers = [given] if folder is None else _files(folder, name, given)
         values: Any = OmegaConf.to_container(OmegaConf.merge(*layers), resolve=True)
     except (YAMLError, OmegaConfBaseException) as error:
-        raise ConfigError(f"settings {' '.join(arguments)}: {first_line(error)}") from error
+        raise ConfigError(f"settings {one_line(' '.join(arguments))}: {first_line(error)}") from error
     return merge(schema, values)
 
 

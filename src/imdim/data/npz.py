@@ -8,7 +8,6 @@ from __future__ import annotations
 import io
 import os
 import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from torch.utils.data import Dataset
 
 from imdim.data.solids import PAD
 from imdim.data.synthesize import Samples
+from imdim.geometry.archives import ArchiveError, opened_archive, read_member
 from imdim.program.state import END, PARAM_COUNT, Token
 
 FIELDS = ("gt_points", "cur_points", "gt_tokens", "gt_params")
@@ -67,10 +67,10 @@ def collate(items: list[dict[str, Tensor]]) -> dict[str, Tensor]:
 def read_sample(path: Path) -> dict[str, np.ndarray]:
     """The four arrays of one file. Raises SampleError that names the file and the field, OSError when it cannot be opened."""
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+        with path.open("rb") as file, opened_archive(file) as archive:
             arrays = {name: _field(path, archive, name) for name in FIELDS}
-    except (zipfile.BadZipFile, EOFError, ValueError) as error:
-        raise error if isinstance(error, SampleError) else SampleError(f"{path}: not an npz archive: {error}") from error
+    except ArchiveError as error:
+        raise SampleError(f"{path}: not an npz archive: {error}") from error
     _check(path, arrays)
     kinds = {"gt_tokens": np.int64}
     return {name: np.ascontiguousarray(array, kinds.get(name, np.float32)) for name, array in arrays.items()}
@@ -103,12 +103,13 @@ def split_samples(samples: Samples) -> list[dict[str, np.ndarray]]:
     return out
 
 
-def _field(path: Path, archive: np.lib.npyio.NpzFile, name: str) -> np.ndarray:
-    if name not in archive.files:
+def _field(path: Path, archive: zipfile.ZipFile, name: str) -> np.ndarray:
+    info = next((info for info in archive.infolist() if info.filename == f"{name}.npy"), None)
+    if info is None:
         raise SampleError(f"{path}: field {name} is missing")
     try:
-        return archive[name]
-    except (zipfile.BadZipFile, zlib.error, EOFError, ValueError, OSError) as error:
+        return read_member(archive, info)
+    except ArchiveError as error:
         raise SampleError(f"{path}: field {name} cannot be read: {error}") from error
 
 

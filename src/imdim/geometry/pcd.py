@@ -7,6 +7,7 @@ import io
 import numpy as np
 from numba import njit
 
+LZF_RATIO = 88  # at most: three bytes repeat 264
 
 def read_pcd(data: bytes) -> tuple[np.ndarray, list[str]]:
     """The table [n, c] float64 and its column names (normal_x is called nx); points marked missing by NaN are left out.
@@ -60,6 +61,8 @@ def _compressed_columns(body: bytes, kinds: np.dtype, count: int) -> list[np.nda
     packed, full = np.frombuffer(body, "<u4", 2)
     if full != kinds.itemsize * count or len(body) < 8 + packed:
         raise ValueError(f"{full} bytes of columns where {kinds.itemsize * count} are needed, {len(body) - 8} of {packed} bytes packed")
+    if full > LZF_RATIO * packed:
+        raise ValueError(f"{packed} bytes of an LZF stream do not unpack to {full}")
     plain = np.zeros(full, np.uint8)
     if _lzf(np.frombuffer(body, np.uint8, packed, 8), plain) != full:
         raise ValueError(f"the LZF stream does not unpack to {full} bytes")

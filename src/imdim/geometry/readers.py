@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import struct
-import tokenize
 import warnings
 import zipfile
 import zlib
@@ -13,6 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+
+from imdim.geometry.archives import opened_archive, read_array, read_arrays
+from imdim.geometry.threemf import check_model
 
 
 class InputError(ValueError):
@@ -30,8 +32,8 @@ class Raw:
 
 # what numpy's and trimesh's parsers raise on files that break their format
 SYNTAX_ERRORS = (
-    *(ValueError, KeyError, IndexError, TypeError, EOFError, SyntaxError, NotImplementedError, OverflowError),
-    *(struct.error, zlib.error, zipfile.BadZipFile, tokenize.TokenError),
+    *(ValueError, KeyError, IndexError, TypeError, AttributeError, EOFError, SyntaxError, NotImplementedError, OverflowError),
+    *(struct.error, zlib.error, zipfile.BadZipFile, RecursionError, MemoryError, StopIteration, UnboundLocalError),
 )
 
 
@@ -62,6 +64,11 @@ def _one_line(error: Exception) -> str:
 
 def _checked(raw: Raw, path: Path) -> Raw:
     faces = raw.faces
+    for what, table in (("coordinates", raw.points), ("normals", raw.normals), ("corners", faces)):
+        if table is not None and len(table) and (table.ndim != 2 or table.shape[1] != 3):
+            raise InputError(f"{path}: 3 {what} each are needed, the shape is {list(table.shape)}")
+    if raw.normals is not None and len(raw.normals) != len(raw.points):
+        raise InputError(f"{path}: {len(raw.normals)} normals for {len(raw.points)} points")
     if faces is None or not len(faces):
         return Raw(raw.points, raw.normals)
     bad = int(((faces < 0) | (faces >= len(raw.points))).any(axis=1).sum())
@@ -94,6 +101,9 @@ def read_scene(path: Path) -> Raw:
     """OBJ, OFF, 3MF, GLB and GLTF by trimesh: every mesh in its place, or, where there is none, every cloud."""
     import trimesh
 
+    if path.suffix.lower() == ".3mf":
+        with path.open("rb") as file, opened_archive(file) as archive:
+            check_model(archive)
     options = {"skip_materials": True} if path.suffix.lower() == ".obj" else {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -175,13 +185,14 @@ def _by_columns(table: np.ndarray, names: list[str]) -> Raw:
 def read_numpy(path: Path) -> Raw:
     """NPY: [n, 3], or [n, 6] with normals. NPZ: `points` (or vertices, xyz, pos), `normals`, `faces`. Pickles are refused."""
     with path.open("rb") as file:
-        found = np.load(file, allow_pickle=False)
-        if isinstance(found, np.ndarray):
-            return _by_columns(_table(found, path), [])
-        entries = {name.lower(): found[name] for name in found.files}
+        if file.read(2) != b"PK":
+            file.seek(0)
+            return _by_columns(_table(read_array(file, path.stat().st_size), path), [])
+        with opened_archive(file) as archive:
+            entries = {name.lower(): array for name, array in read_arrays(archive).items()}
     pick = [next((entries[n] for n in names if n in entries), None) for names in NPZ_NAMES]
     if pick[0] is None:
-        raise InputError(f"{path}: none of {', '.join(NPZ_NAMES[0])} among its {len(entries)} arrays {', '.join(sorted(entries))}")
+        raise InputError(f"{path}: none of {', '.join(NPZ_NAMES[0])} among its {len(entries)} arrays")
     points, normals, faces = (None if a is None else _table(a, path) for a in pick)
     assert points is not None
     raw = _by_columns(points, [])

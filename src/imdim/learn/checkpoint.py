@@ -6,6 +6,9 @@ import io
 import json
 import os
 import pickle
+import struct
+import warnings
+import zipfile
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -27,6 +30,12 @@ FORMAT, VERSION = "imdim-policy", "1"
 STUMP_FORMAT, STUMP_VERSION = "imdim-stump", "1"
 VOCABULARY = [Token(i).name for i in range(VOCAB)]
 POLICIES: Mapping[str, tuple[type, type]] = {"seed": (SeedPolicy, SeedConfig), "base": (BasePolicy, BaseConfig)}
+
+# what torch's reader raises on files that are broken or of another kind
+STATE_ERRORS = (
+    *(RuntimeError, EOFError, pickle.UnpicklingError, ValueError, KeyError, IndexError, TypeError, AttributeError),
+    *(struct.error, AssertionError, OverflowError, MemoryError, RecursionError, zipfile.BadZipFile),
+)
 
 
 class CheckpointError(ValueError):
@@ -92,8 +101,10 @@ def save_state(path: Path, state: Mapping[str, Any]) -> None:
 def load_state(path: Path) -> dict[str, Any]:
     """What `save_state` wrote, on the CPU; no code is executed. Raises CheckpointError for another file."""
     try:
-        return torch.load(path, map_location="cpu", weights_only=True)
-    except (RuntimeError, EOFError, pickle.UnpicklingError) as error:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of what other pickles hold; they are refused
+            return torch.load(path, map_location="cpu", weights_only=True)
+    except STATE_ERRORS as error:
         raise CheckpointError(f"{path}: not a training state") from error
 
 

@@ -31,6 +31,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
+from imdim.program.fields import shorten
 from imdim.program.tree import SIZE_NAMES, Primitive
 
 WORLD = -1
@@ -110,7 +111,7 @@ RULES: Mapping[str, _Rule] = {
 def describe(number: int, constraint: Constraint) -> str:
     """How messages name a constraint."""
     label = f" {constraint.name!r}" if constraint.name else ""
-    return f"constraints[{number}]{label} ({constraint})"
+    return f"constraints[{number}]{label} ({shorten(str(constraint))})"
 
 
 def check_all(constraints: Sequence[Constraint], parts: Sequence[Primitive]) -> None:
@@ -130,14 +131,19 @@ def check_all(constraints: Sequence[Constraint], parts: Sequence[Primitive]) -> 
 
 
 def _equal_groups(constraints: Sequence[Constraint]) -> dict[Ref, Ref]:
-    """Each size that is equal to others, and the one that stands for all of them."""
-    same: dict[Ref, Ref] = {}
+    """Each size that is equal to others, and the one that stands for all of them (Tarjan's union-find, with path halving)."""
+    above: dict[Ref, Ref] = {}
+
+    def head(ref: Ref) -> Ref:
+        while above.setdefault(ref, ref) != ref:
+            above[ref] = ref = above[above[ref]]
+        return ref
+
     for constraint in constraints:
         if constraint.kind == "equal":
-            old = {same.get(ref, ref) for ref in constraint.of}
-            members = [*constraint.of, *(ref for ref, head in same.items() if head in old)]
-            same |= dict.fromkeys(members, constraint.of[0])
-    return same
+            for ref in constraint.of:
+                above[head(ref)] = head(constraint.of[0])
+    return {ref: head(ref) for ref in list(above)}
 
 
 def check(number: int, constraint: Constraint, parts: Sequence[Primitive]) -> None:

@@ -77,6 +77,21 @@ class Combine:
         if self.op not in OPS:
             raise ValueError(f"unknown operation {self.op!r}; known are {', '.join(OPS)}")
 
+    # a flat union of thousands is a tree as deep: where Python's stack ends, the same is done without recursion
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Combine):
+            return NotImplemented
+        try:
+            return self.op == other.op and self.left == other.left and self.right == other.right
+        except RecursionError:
+            return _same(self, other)
+
+    def __hash__(self) -> int:
+        try:
+            return hash((self.op, hash(self.left), hash(self.right)))
+        except RecursionError:
+            return fold(self, lambda _, leaf: hash(leaf), {op: (lambda a, b, op=op: hash((op, a, b))) for op in OPS})  # type: ignore[misc]
+
 
 Program = Primitive | Combine
 
@@ -108,6 +123,19 @@ def fold(program: Program, leaf: Callable[[int, Primitive], T], combine: Mapping
         else:
             todo += ((node, True), (node.right, False), (node.left, False))
     return values[0]
+
+
+def _same(one: Program, other: Program) -> bool:
+    todo = [(one, other)]
+    while todo:
+        a, b = todo.pop()
+        if isinstance(a, Combine) and isinstance(b, Combine):
+            if a.op != b.op:
+                return False
+            todo += ((a.right, b.right), (a.left, b.left))
+        elif a != b:
+            return False
+    return True
 
 
 def map_leaves(program: Program, change: Callable[[int, Primitive], Primitive]) -> Program:
