@@ -1,0 +1,153 @@
+"""What the documentation says is so: its code runs, its files are there, and its lists are those of the code."""
+
+import json
+import re
+import runpy
+import shlex
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+from imdim.app import cli
+from imdim.deliver import RunRecord, deliver
+from imdim.evaluate import evaluate
+from imdim.fitting import relations_of
+from imdim.geometry.cloud import load_target
+from imdim.program.constraints import RULES
+from imdim.program.front import loads
+from imdim.program.node_codec import REPEAT_FIELDS
+from imdim.program.state import Token
+from imdim.program.tree import SIZE_NAMES
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted([*(ROOT / "docs").glob("*.md"), ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"])
+WRITTEN = [page for page in PAGES if page.name != "trust.md"]
+RUN = [page for page in WRITTEN if re.search(r"^```(python|sh)$", page.read_text(encoding="utf-8"), re.MULTILINE)]
+BLOCK = re.compile(r"^```(\w+)( slow)?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+SHARED = ("dataset", "examples", "scripts", "models", "configs", "infer.py", "pretrain.py", "reinforce.py")
+GIVEN = {"np": np, "torch": torch, "trimesh": trimesh, "Path": Path}
+
+
+@pytest.fixture(scope="module")
+def bracket(tmp_path_factory):
+    """A folder as a reader has it after the first command of the gallery, with the search's answer taken from `examples`."""
+    home = tmp_path_factory.mktemp("reader")
+    for name in SHARED:
+        (home / name).symlink_to(ROOT / name)
+    choices, _ = loads((ROOT / "examples/bracket_front.json").read_bytes())
+    target = load_target(ROOT / "dataset/examples/bracket.stl")
+    program, constraints = relations_of(choices[5].program)
+    front = [*choices[:5], type(choices[5])(program, choices[5].error), *choices[6:]]
+    record = RunRecord("dataset/examples/bracket.stl", {}, "finished", 0)
+    deliver(program, target, home / "out/bracket", record, step_limit_s=0.0, constraints=constraints, front=front)
+    assert evaluate(program, target).volume_iou > 0.9999
+    return home
+
+
+@pytest.mark.parametrize("page", RUN, ids=lambda page: page.stem)
+def test_the_blocks_of_a_page_run_in_order(page, bracket, monkeypatch, capsys):
+    monkeypatch.chdir(bracket)
+    monkeypatch.delenv("PYTEST_CURRENT_TEST", raising=False)
+    names = {"__name__": "docs", **GIVEN}
+    for language, slow, text in BLOCK.findall(page.read_text(encoding="utf-8")):
+        if language == "python" and not slow:
+            exec(compile(text, str(page), "exec"), names)
+        elif language == "sh" and not slow:
+            for line in text.splitlines():
+                execute(shlex.split(line), monkeypatch)
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def execute(words, monkeypatch):
+    """A command line of the documentation, in this process; fails unless its exit status is 0."""
+    status = None
+    if words[0] == "imdim":
+        assert cli.main(words[1:]) == 0, words
+        return
+    assert words[0] == "python"
+    script = Path(words[1])
+    monkeypatch.setattr(sys, "argv", words[1:])
+    monkeypatch.syspath_prepend(str(script.resolve().parent))
+    try:
+        runpy.run_path(str(script), run_name="__main__")
+    except SystemExit as ending:
+        status = ending.code
+    assert not status, words
+
+
+@pytest.mark.parametrize("page", WRITTEN, ids=lambda page: page.stem)
+def test_blocks_that_are_not_run_name_what_is_there(page):
+    for language, _, text in BLOCK.findall(page.read_text(encoding="utf-8")):
+        assert language in ("python", "sh", "json", "text"), f"{page.name}: a block of {language} is not checked"
+        if language == "python":
+            compile(text, str(page), "exec")
+        if language == "json":
+            json.loads(text)
+        for words in map(shlex.split, text.splitlines() if language == "sh" else ()):
+            assert words[0] != "imdim" or words[1] in cli.COMMANDS, words
+            assert words[0] != "python" or (ROOT / words[1]).is_file(), words
+
+
+@pytest.mark.parametrize("page", WRITTEN, ids=lambda page: page.stem)
+def test_links_and_files_are_there(page):
+    text = page.read_text(encoding="utf-8")
+    for link in re.findall(r"\]\(([^)#]*)(?:#[^)]*)?\)", text):
+        assert not link or "://" in link or (page.parent / link).exists(), f"{page.name} links to {link}"
+    for name in re.findall(r"`((?:src|tests|scripts|configs|dataset|models|examples|benchmarks)/[\w./-]+)`", text):
+        assert (ROOT / name).exists() or name.startswith("dataset/train"), f"{page.name} names {name}"
+
+
+def test_pictures_are_small_and_shown():
+    shown = {name for page in WRITTEN for name in re.findall(r"\]\(pictures/([\w.]+)\)", page.read_text(encoding="utf-8"))}
+    there = {path.name: path.stat().st_size for path in (ROOT / "docs/pictures").iterdir()}
+    assert set(there) == shown
+    assert max(there.values()) < 200_000
+
+
+def test_the_formats_page_lists_what_the_code_knows():
+    text = (ROOT / "docs/formats.md").read_text(encoding="utf-8")
+    rows = {line.split("|")[1].strip(" `"): line for line in text.splitlines() if line.startswith("| `")}
+    for kind, sizes in SIZE_NAMES.items():
+        assert re.findall(r"`(\w+)`", rows[kind])[1:] == list(sizes)
+    for kind in RULES:
+        assert kind in rows
+    for kind, fields in REPEAT_FIELDS.items():
+        line = next(line for line in text.splitlines() if line.startswith(f"| `{kind}` | `{fields[0]}`"))
+        assert set(re.findall(r"`(\w+)`", line)[1:]) == set(fields)
+    for token in Token:
+        assert f"| `{token.name}` | {token.value} |" in text
+
+
+def test_the_formats_page_lists_every_file_and_key(bracket):
+    from imdim.export.folder import FILES
+
+    text = (ROOT / "docs/formats.md").read_text(encoding="utf-8")
+    for name in FILES:
+        assert f"`{name}`" in text
+    report = json.loads((bracket / "out/bracket/report.json").read_text(encoding="utf-8"))
+    section = text[text.index("## report.json") : text.index("## report.html")]
+    assert set(report) <= set(re.findall(r"`(\w+)`", section))
+
+
+def test_the_recipe_for_primitives_names_every_file_that_asks_for_kinds():
+    text = (ROOT / "docs/extending.md").read_text(encoding="utf-8")
+    source = ROOT / "src/imdim"
+    asking = [p for p in source.rglob("*.py") if re.search(r'"(torus|ellipsoid)"', p.read_text(encoding="utf-8"))]
+    missing = [name for p in asking if not (name := f"src/imdim/{p.relative_to(source)}").startswith("src/imdim/app/") and name not in text]
+    assert missing == []
+
+
+def test_every_source_that_the_code_names_is_cited():
+    """Names with a year in the docstrings and comments of the package, by the first name before the year."""
+    cited = (ROOT / "docs/citations.md").read_text(encoding="utf-8")
+    author = re.compile(r"([A-ZÖ][a-zöéäåü]+)(?: et al\.)?,?(?: [&a]n?d? [A-Z][a-z]+)?,? \(?((?:19|20)\d\d)\b")
+    named = {found for p in (ROOT / "src/imdim").rglob("*.py") for found in author.findall(p.read_text(encoding="utf-8"))}
+    assert len(named) > 35
+    plain = str.maketrans("Öå", "Oa")
+    for name, year in named:
+        entry = [e for e in cited.split("\n- ") if year in e and name.translate(plain) in e.translate(plain)]
+        assert entry, f"{name} {year}"
