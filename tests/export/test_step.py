@@ -1,4 +1,5 @@
 import re
+import subprocess
 import sys
 from collections import Counter
 
@@ -76,6 +77,24 @@ def test_a_process_of_its_own_gives_the_volume_or_the_reason(tmp_path, monkeypat
     assert sorted(path.name for path in tmp_path.glob("*.step")) == ["good.step"]
 
 
+def test_an_export_that_ended_too_late_leaves_no_file_and_no_pipe(tmp_path, monkeypatch):
+    """It ends between the moment at which its time is up and the one at which it is stopped."""
+    (tmp_path / "part.json").write_text(dumps(KNOWN["drilled block"][0]))
+    job = step_worker.start_step(tmp_path / "part.json", tmp_path / "part.step")
+    job.process.wait(60)
+
+    def late(timeout):
+        raise subprocess.TimeoutExpired("step", timeout)
+
+    monkeypatch.setattr(job.process, "communicate", late)
+    assert job.out.exists()
+    with pytest.raises(StepError, match="took more than 1 s"):
+        step_worker.finish_step(job, 1)
+    assert not job.out.exists()
+    assert job.process.stdout.closed
+    assert job.process.stderr.closed
+
+
 def test_without_opencascade_one_line_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setattr(step_worker, "find_spec", lambda name: None)
     with pytest.raises(StepError, match=r"imdim\[step\]"):
@@ -83,4 +102,4 @@ def test_without_opencascade_one_line_says_what_to_install(tmp_path, monkeypatch
     monkeypatch.setitem(sys.modules, "OCP", None)
     monkeypatch.setitem(sys.modules, "OCP.Message", None)
     with pytest.raises(StepError, match=r"imdim\[step\]"):
-        write_step(KNOWN["box"][0], tmp_path / "part.step")
+        write_step(KNOWN["drilled block"][0], tmp_path / "part.step")

@@ -36,6 +36,7 @@ def finish_step(job: StepJob, limit_s: float) -> float:
         out, problems = job.process.communicate(timeout=limit_s)
     except subprocess.TimeoutExpired as error:
         stop_step(job)
+        job.out.unlink(missing_ok=True)  # it may have ended between the two lines above
         raise StepError(f"OpenCASCADE took more than {limit_s:g} s") from error
     if job.process.returncode == 0:
         return float(out)
@@ -45,11 +46,14 @@ def finish_step(job: StepJob, limit_s: float) -> float:
 
 
 def stop_step(job: StepJob) -> None:
-    """End the export, finished or not, and remove what it wrote."""
+    """End the export, and remove what it wrote if it was not finished; its pipes are closed in any case."""
     if job.process.poll() is None:
         job.process.kill()
-        job.process.communicate()
+        job.process.wait()
         job.out.unlink(missing_ok=True)
+    for pipe in (job.process.stdout, job.process.stderr):
+        if pipe is not None:
+            pipe.close()
 
 
 def main(document: str, out: str) -> None:
