@@ -34,7 +34,7 @@ CUT, CLIP, SELECTED = (214, 72, 66), (226, 170, 60), (255, 190, 30)
 HELD_COLOUR, BROKEN_COLOUR, POINT_COLOUR = (24, 140, 84), (208, 30, 40), (30, 34, 42)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Piece:
     """A mesh to draw: the faces that leaf number `leaf` gives the solid, or the whole of a cutter, which is translucent."""
 
@@ -45,7 +45,7 @@ class Piece:
     opacity: float | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scene:
     """The solid in `pieces`, cutters and clippers in `ghosts`; the solid's `surface` and `volume` in the target's units."""
 
@@ -55,7 +55,7 @@ class Scene:
     volume: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Overlay:
     """Control points [k, 3], one per primitive, and segments [m, 2, 3] with their colours [m, 2, 3] between what constraints relate."""
 

@@ -72,7 +72,7 @@ class Worker:
         self.pipe.close()
 
 
-@dataclass
+@dataclass(eq=False)
 class Job:
     """A task of one client. `tell` is called with each answer, from a thread of the job; the last one's kind is in END_KINDS."""
 

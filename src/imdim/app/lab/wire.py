@@ -20,7 +20,7 @@ from imdim.program.tree import Program
 _HEAD = 8  # bytes of the length of the JSON head
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Message:
     """`kind` says what it is, `values` are plain JSON, `arrays` hold numbers or the bytes of files."""
 

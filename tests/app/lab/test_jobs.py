@@ -1,0 +1,117 @@
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+
+from imdim.app.lab import wire, work
+from imdim.app.lab.examples import example
+from imdim.app.lab.wire import Message
+from imdim.program.tree import leaves
+
+
+def request(kind="fit", name="Bracket", **settings):
+    message = wire.target_message(example(name))
+    return Message(kind, {**message.values, "settings": settings}, message.arrays)
+
+
+def upload(name, data, max_points=100_000):
+    return Message("open", {"name": name, "max_points": max_points}, {"data": np.frombuffer(data, np.uint8)})
+
+
+def test_a_run_tells_its_programs(pool, heard):
+    pool.submit(request(budget_s=30.0), heard)
+    assert heard.last().kind == "done"
+    snapshots = [m.values for m in heard.messages[:-1]]
+    program, constraints = wire.read_document(snapshots[-1]["document"])
+    assert snapshots[-1]["stop"] == "finished"
+    assert len(list(leaves(program))) == 7
+    assert constraints
+    assert len(snapshots[-1]["front"]) > 2
+
+
+def test_a_killed_run_is_told_and_the_next_one_runs(pool, heard):
+    job = pool.submit(request(name="Bracket, scanned", budget_s=60.0), heard)
+    while job.worker is None:
+        time.sleep(0.01)
+    os.kill(job.worker.process.pid, signal.SIGKILL)
+    assert heard.last().kind == "died"
+    assert "SIGKILL" in heard.last().values["message"]
+    again = type(heard)()
+    pool.submit(upload("part.xyz", b"1 2 3\n" * 3), again)
+    assert again.last().kind == "refused"
+
+
+def test_a_pause_costs_no_budget_and_a_step_ends_at_the_next_program(pool, heard):
+    job = pool.submit(request(name="Bracket", budget_s=30.0), heard)
+    heard.first()
+    job.pause()
+    time.sleep(0.2)
+    told = len(heard.messages)
+    paused = time.perf_counter()
+    time.sleep(1.5)
+    assert len(heard.messages) == told
+    spent = heard.messages[-1].values["seconds"]
+    job.step()
+    while len(heard.messages) == told:
+        time.sleep(0.01)
+    if heard.messages[-1].kind == "snapshot":
+        wall = time.perf_counter() - paused
+        assert heard.messages[told].values["seconds"] < spent + wall - 1.0
+        while job.state == "running":
+            time.sleep(0.01)
+    if job.state == "paused":
+        job.resume()
+    assert heard.last().kind == "done"
+
+
+def test_runs_wait_for_their_turn_and_can_leave_the_queue(pool, heard):
+    others = [type(heard)() for _ in range(2)]
+    first = pool.submit(request(budget_s=30.0), heard)
+    second, third = (pool.submit(request(budget_s=30.0), other) for other in others)
+    assert (first.state, second.state, third.state) == ("running", "waiting", "waiting")
+    assert (pool.place(second), pool.place(third)) == (0, 1)
+    with pytest.raises(RuntimeError, match="2 runs are waiting"):
+        pool.submit(request(), lambda _: None)
+    pool.stop(second)
+    assert pool.place(third) == 0
+    pool.stop(first)
+    assert others[1].last().kind == "done"
+    assert others[0].messages == []
+    assert not any(m.kind in ("done", "died") for m in heard.messages)
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "says"),
+    [
+        ("part.stl", b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 8, "part.stl: not a readable STL file"),
+        ("part.stl", b"", "part.stl: the file is empty (0 bytes)"),
+        ("nan.xyz", b"nan nan nan\n" * 100, "nan.xyz: "),
+        ("part.exe", b"MZ", "part.exe: unknown format '.exe'"),
+        ("few.xyz", b"1 2 3\n4 5 6\n", "few.xyz: "),
+    ],
+)
+def test_what_is_no_part_is_refused_in_one_line_that_names_it(name, data, says):
+    (answer,) = work.perform(upload(name, data), time.perf_counter)
+    assert answer.kind == "refused"
+    assert answer.values["message"].startswith(says)
+    assert "\n" not in answer.values["message"]
+    assert "/" not in answer.values["message"].removeprefix(says)
+
+
+def test_a_large_cloud_is_thinned():
+    points = np.random.default_rng(0).normal(size=(5000, 3))
+    data = "\n".join(f"{x} {y} {z}" for x, y, z in points).encode()
+    told = list(work.perform(upload("cloud.xyz", data, 1000), time.perf_counter))
+    assert [m.kind for m in told] == ["target", "done"]
+    assert len(wire.target_of(told[0]).points) <= 1000
+
+
+def test_want_of_memory_is_told(monkeypatch):
+    def greedy(*_):
+        raise MemoryError
+        yield
+
+    monkeypatch.setitem(work.TASKS, "open", greedy)  # type: ignore[arg-type]
+    assert [m.kind for m in work.perform(upload("a.stl", b""), time.perf_counter)] == ["refused"]
