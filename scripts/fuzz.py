@@ -117,9 +117,10 @@ class Supervised:
             self.peak = max(self.peak, grown)
             over = "MEMORY" if grown > self.args.memory else "HANG" if time.monotonic() - start > self.args.limit else ""
             if over:
+                seconds = time.monotonic() - start
                 self.stop()
                 self._begin()
-                return f"{over}: {grown:.0f} MiB, {time.monotonic() - start:.1f} s", time.monotonic() - start
+                return f"{over}: {grown:.0f} MiB, {seconds:.1f} s", seconds
         seconds, line = time.monotonic() - start, self.process.stdout.readline()
         if not line:
             status = self.process.wait()

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
 T = TypeVar("T")
+MAX_SEGMENTS = 4096  # a sphere has their square
 
 
 class ConfigError(ValueError):
@@ -129,6 +130,8 @@ def check(settings: Settings) -> Settings:
         value = getattr(settings, key)
         if not value >= low or value == float("inf"):
             raise ConfigError(f"setting {key} must be a finite number of at least {low:g}, got {value}")
+    if settings.segments > MAX_SEGMENTS:
+        raise ConfigError(f"setting segments must be at most {MAX_SEGMENTS}, got {settings.segments}")
     if not 0 < settings.size_weight < 1:
         raise ConfigError(f"setting size_weight must lie in 0..1, got {settings.size_weight}")
     return settings

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from imdim.config import ConfigError
+from imdim.config import MAX_SEGMENTS, ConfigError
 
 
 def main(source: str, folder: str, pick: int | None = None, segments: int = 96) -> int:
@@ -21,10 +21,14 @@ def main(source: str, folder: str, pick: int | None = None, segments: int = 96) 
 def exported(source: Path, folder: Path, pick: int | None, segments: int) -> str:
     """Write the files, and say what was written. Raises ConfigError."""
     from imdim.deliver import OutputError, export
+    from imdim.geometry.cloud import LARGEST
     from imdim.program import codec, front
+    from imdim.program.tree import leaves
 
     if segments < 3:
         raise ConfigError(f"segments must be at least 3, got {segments}")
+    if segments > MAX_SEGMENTS:
+        raise ConfigError(f"segments must be at most {MAX_SEGMENTS}, got {segments}")
     try:
         document = codec.parse(source.read_bytes())
         if isinstance(document, dict) and document.get("format") == front.FORMAT:
@@ -37,6 +41,9 @@ def exported(source: Path, folder: Path, pick: int | None, segments: int) -> str
             raise ConfigError(f"{source}: holds one program, there is nothing to pick")
         else:
             program, meta = codec.from_json(document), codec.meta_of(document)
+        largest = max(max(map(abs, (*leaf.size, *leaf.center))) for leaf in leaves(program))
+        if largest > LARGEST:
+            raise ConfigError(f"{source}: a length or a place of {largest:.3g} is beyond {LARGEST:g}")
         files = export(program, folder, meta, segments)
     except OutputError as error:
         raise ConfigError(str(error)) from error

@@ -37,10 +37,11 @@ from imdim.program.refit import recounted, recounted_constraints, refitted
 from imdim.program.repeats import Folded, expand, repeats, size, with_leaves
 from imdim.program.tree import Program, leaves
 
+MAX_SEGMENTS = 4096  # a sphere has their square
 LARGEST_VOLUME = 1e30  # mesh files hold single precision
 
 _NAMED = re.compile(r"^([A-Za-z_]\w*) = (-?[\d.]+(?:e[+-]?\d+)?)(mm)?(;?)$", re.MULTILINE)
-_SEGMENTS = re.compile(r"^\$fn = (\d+);$", re.MULTILINE)
+_SEGMENTS = re.compile(r"^\$fn = (\d{1,18});$", re.MULTILINE)
 
 
 def opened(document: object, texts: Mapping[str, str]) -> Delivered:
@@ -55,6 +56,8 @@ def opened(document: object, texts: Mapping[str, str]) -> Delivered:
     values = _values(texts["program.scad"])
     found = _SEGMENTS.search(texts["program.scad"])
     segments = int(found[1]) if found else SEGMENTS
+    if not 3 <= segments <= MAX_SEGMENTS:
+        raise EditError(f"program.scad: $fn must lie in 3..{MAX_SEGMENTS}, got {found[1][:20] if found else segments}")
     counts = {n: int(c) for file in LOOPS if folded and file in texts for n, c in _values(texts[file]).items() if n not in values}
     delivered = Delivered(program, meta_of(document), constraints, texts, values, segments, folded, counts)
     _check_same(delivered)

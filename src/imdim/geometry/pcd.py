@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
+import warnings
 
 import numpy as np
 from numba import njit
 
 LZF_RATIO = 88  # at most: three bytes repeat 264
+
 
 def read_pcd(data: bytes) -> tuple[np.ndarray, list[str]]:
     """The table [n, c] float64 and its column names (normal_x is called nx); points marked missing by NaN are left out.
@@ -18,7 +20,9 @@ def read_pcd(data: bytes) -> tuple[np.ndarray, list[str]]:
     names, kinds = header["FIELDS"], _record(header)
     count, form = int(header["POINTS"][0]), header["DATA"][0]
     if form == "ascii":
-        table = np.loadtxt(io.BytesIO(data[start:]), ndmin=2)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of no rows at all, which is said below
+            table = np.loadtxt(io.BytesIO(data[start:]), ndmin=2)
         if table.shape[0] != count:
             raise ValueError(f"{table.shape[0]} rows where the header promises {count}")
         offsets = np.cumsum([0, *(int(c) for c in header.get("COUNT", ["1"] * len(names)))])[:-1]

@@ -14,6 +14,7 @@ from imdim.geometry.bodies import edge_table, find_bodies, mesh_area, mesh_volum
 from imdim.geometry.readers import InputError
 
 MAX_FACES = 200_000
+CROWDED = 3  # faces a vertex; closed surfaces have two
 SEAM = 1e-6  # gap that is closed along open edges, relative to the diagonal
 FLAT = 1e-12  # volume relative to the cubed diagonal
 WALLS = 1e-6  # share of the surface that lies within the union of the bodies before it is taken for more than noise
@@ -38,6 +39,8 @@ def clean_mesh(vertices: np.ndarray, faces: np.ndarray, name: str) -> Cleaned:
     center = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     unit, faces = merge_equal((vertices - center) / diagonal, faces)
+    if len(faces) > CROWDED * len(unit):
+        faces = drop_copies(faces, len(unit))
     if len(faces) and unpaired(faces).size:
         faces = close_seams(unit, faces)
     if not len(faces):
@@ -66,6 +69,17 @@ def drop_collapsed(faces: np.ndarray) -> np.ndarray:
     """The faces with three different corners."""
     a, b, c = faces.T
     return faces[(a != b) & (b != c) & (c != a)]
+
+
+def drop_copies(faces: np.ndarray, count: int) -> np.ndarray:
+    """One of each connected piece of a mesh of `count` vertices that lies several times in exactly the same place."""
+    turn = np.argmin(faces, axis=1)[:, None]
+    single, times = np.unique(np.take_along_axis(faces, (turn + np.arange(3)) % 3, axis=1), axis=0, return_counts=True)
+    piece = connected_components(_graph(single.ravel(), np.roll(single, 1, axis=1).ravel(), count), directed=False)[1][single[:, 0]]
+    least, most = np.full(piece.max() + 1, len(faces)), np.zeros(piece.max() + 1, np.int64)
+    np.minimum.at(least, piece, times)
+    np.maximum.at(most, piece, times)
+    return np.repeat(single, np.where((least == most)[piece], 1, times), axis=0)
 
 
 def unpaired(faces: np.ndarray) -> np.ndarray:

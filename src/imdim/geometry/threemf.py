@@ -22,7 +22,7 @@ def check_model(archive: zipfile.ZipFile) -> None:
 
     Objects come before those that are made of them (3MF Core Specification, section 4), so one pass is enough.
     """
-    from lxml import etree
+    from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
     info = next((info for info in archive.infolist() if MODEL in info.filename.lower()), None)
     if info is None:

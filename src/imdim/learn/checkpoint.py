@@ -6,18 +6,19 @@ import io
 import json
 import os
 import pickle
+import re
 import struct
 import warnings
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
-from torch import Tensor
+from torch import Tensor, nn
 
 from imdim.learn.base import BaseConfig, BasePolicy
 from imdim.learn.policy import VOCAB, Policy
@@ -31,6 +32,11 @@ STUMP_FORMAT, STUMP_VERSION = "imdim-stump", "1"
 VOCABULARY = [Token(i).name for i in range(VOCAB)]
 POLICIES: Mapping[str, tuple[type, type]] = {"seed": (SeedPolicy, SeedConfig), "base": (BasePolicy, BaseConfig)}
 
+LARGEST = 1_000_000  # of any number of a design
+NO_WIDTHS = ("gt_points", "cur_points", "cloud", "points", "neighbours")  # what no weights belong to
+SLACK = 4  # a layer has more than width ** 2 / SLACK weights
+N = TypeVar("N", bound=nn.Module)
+C = TypeVar("C")
 # what torch's reader raises on files that are broken or of another kind
 STATE_ERRORS = (
     *(RuntimeError, EOFError, pickle.UnpicklingError, ValueError, KeyError, IndexError, TypeError, AttributeError),
@@ -70,11 +76,7 @@ def load_stump(path: Path, device: torch.device | str = "cpu") -> tuple[StumpNet
     """The CSG-Stump Net in evaluation mode, and the file's header. Raises as `load_policy` does."""
     header, weights = _read(path)
     _check_format(path, header, STUMP_FORMAT, STUMP_VERSION)
-    try:
-        net = StumpNet(StumpConfig(**json.loads(header["config"])))
-        net.load_state_dict(weights)
-    except (TypeError, KeyError, RuntimeError) as error:
-        raise CheckpointError(f"{path}: the weights do not fit a CSG-Stump Net: {error}") from error
+    net = _built(path, weights, "a CSG-Stump Net", lambda: StumpNet(_config(StumpConfig, header, weights)))
     return net.to(device).eval(), header
 
 
@@ -83,11 +85,9 @@ def load_policy(path: Path, device: torch.device | str = "cpu") -> tuple[Policy,
     header, weights = _read(path)
     _check(path, header)
     kind, config = POLICIES[header["design"]]
-    try:
-        policy = kind(config(**json.loads(header["config"])), int(header["max_seq_len"]))
-        policy.load_state_dict(weights)
-    except (TypeError, KeyError, RuntimeError) as error:
-        raise CheckpointError(f"{path}: the weights do not fit the design {header['design']}: {error}") from error
+    policy = _built(
+        path, weights, f"the design {header['design']}", lambda: kind(_config(config, header, weights), int(header["max_seq_len"]))
+    )
     return policy.to(device).eval(), header
 
 
@@ -153,23 +153,60 @@ def _read(path: Path) -> tuple[dict[str, str], dict[str, Tensor]]:
         with safe_open(path, framework="pt") as file:
             return dict(file.metadata() or {}), {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 (not a mapping)
     except SafetensorError as error:
-        raise CheckpointError(f"{path}: not a safetensors file: {error}") from error
+        raise CheckpointError(f"{path}: not a safetensors file: {_short(error)}") from error
+
+
+def _built(path: Path, weights: Mapping[str, Tensor], what: str, build: Callable[[], N]) -> N:
+    """A net with these weights."""
+    try:
+        net = build()
+        net.load_state_dict(dict(weights))
+    except (TypeError, KeyError, ValueError, RuntimeError, OverflowError, AssertionError, AttributeError) as error:
+        raise CheckpointError(f"{path}: the weights do not fit {what}: {_short(error)}") from error
+    return net
+
+
+def _config(kind: type[C], header: Mapping[str, str], weights: Mapping[str, Tensor]) -> C:
+    """The settings of a design; ValueError for what none can have, and for a net much larger than its weights: none is built."""
+    given, default = json.loads(header["config"]), kind()
+    for name, value in given.items():
+        known = getattr(default, name)
+        if type(value) is not type(known) and not (isinstance(known, float) and type(value) is int):
+            raise ValueError(f"{name[:40]} cannot be {_short(value)}")
+        if type(value) is int and not 0 <= value <= LARGEST:
+            raise ValueError(f"{name[:40]} cannot be {value}")
+    sizes = {name: value for name, value in given.items() if type(value) is int and name not in NO_WIDTHS}
+    layers = sum(value for name, value in sizes.items() if "layers" in name)
+    width = max((value for name, value in sizes.items() if "layers" not in name), default=0)
+    there = sum(tensor.numel() for tensor in weights.values())
+    if max(layers, 1) * width**2 > SLACK * there or int(header.get("max_seq_len", 0)) * width > SLACK * there:
+        raise ValueError(f"a net {width} wide needs more than {there} numbers")
+    return kind(**given)
+
+
+def _words(text: object) -> str:
+    """A list in JSON as it is read aloud."""
+    return _short(re.sub(r'["\[\],]+', " ", str(text)))
+
+
+def _short(text: object) -> str:
+    line = " ".join(str(text).split())
+    return line if len(line) <= 160 else line[:157] + "..."
 
 
 def _check_format(path: Path, header: Mapping[str, str], form: str, version: str) -> None:
     if header.get("format") != form:
-        raise CheckpointError(f"{path}: not a checkpoint of {form}, its format is {header.get('format', 'not given')}")
+        raise CheckpointError(f"{path}: not a checkpoint of {form}, its format is {_short(header.get('format', 'not given'))}")
     if header.get("version") != version:
-        raise CheckpointError(f"{path}: checkpoint version {header.get('version')}, this program reads version {version}")
+        raise CheckpointError(f"{path}: checkpoint version {_short(header.get('version'))}, this program reads version {version}")
 
 
 def _check(path: Path, header: Mapping[str, str]) -> None:
     _check_format(path, header, FORMAT, VERSION)
-    vocabulary = json.loads(header.get("vocabulary", "[]"))
-    if vocabulary != VOCABULARY:
-        raise CheckpointError(f"{path}: vocabulary {' '.join(vocabulary)}, this program's is {' '.join(VOCABULARY)}")
+    if header.get("vocabulary") != json.dumps(VOCABULARY):
+        raise CheckpointError(f"{path}: vocabulary {_words(header.get('vocabulary'))}, this program's is {' '.join(VOCABULARY)}")
     if header.get("design") not in POLICIES:
-        raise CheckpointError(f"{path}: design {header.get('design')!r}, known are {', '.join(POLICIES)}")
+        raise CheckpointError(f"{path}: design {_short(repr(header.get('design')))}, known are {', '.join(POLICIES)}")
 
 
 def state_tensors(batch: Mapping[str, Tensor]) -> dict[str, Tensor]:

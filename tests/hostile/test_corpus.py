@@ -1,0 +1,61 @@
+"""Every file that once led to a traceback, a hang, a flood of memory or a page of text, as `scripts/fuzz.py` found it."""
+
+from __future__ import annotations
+
+import importlib.util
+import shutil
+import sys
+import time
+import tracemalloc
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+SCRIPTS = HERE.parents[1] / "scripts"
+
+
+def script(name: str):
+    spec = importlib.util.spec_from_file_location(name, SCRIPTS / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+targets = script("fuzz_targets")
+mutations = script("fuzz_mutations")
+FILES = sorted((HERE / "corpus").iterdir())
+
+
+@pytest.mark.parametrize("file", FILES, ids=[file.stem for file in FILES])
+@pytest.mark.filterwarnings("ignore")
+def test_what_once_failed_is_read_or_refused_in_one_line(tmp_path, file):
+    kind = file.name.split("--")[0]
+    path = tmp_path / f"part{targets.KINDS[kind].suffix}"
+    shutil.copyfile(file, path)
+    tracemalloc.start()
+    start = time.process_time()
+    try:
+        targets.KINDS[kind].try_one(path)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert time.process_time() - start < 20.0
+    assert peak < 500e6
+
+
+@pytest.mark.parametrize("kind", [k for k in targets.KINDS if k not in ("export", "edit")])
+def test_valid_files_are_read_and_broken_ones_are_deterministic(tmp_path, kind):
+    import random
+
+    seeds = targets.KINDS[kind].seeds(tmp_path)
+    for data in seeds:
+        path = tmp_path / f"part{targets.KINDS[kind].suffix}"
+        path.write_bytes(data)
+        assert not targets.KINDS[kind].try_one(path)
+    broken = [mutations.mutated(seeds[0], seeds[-1], targets.KINDS[kind].form, random.Random(i)) for i in (1, 2, 3, 1)]
+    assert broken[0] == broken[3]
+    assert len(set(broken)) > 1
