@@ -34,7 +34,8 @@ _FORWARD = (
     "const l=[...document.querySelectorAll('label')].find(e=>e.textContent==='LABEL');"
     "const i=l&&document.getElementById(l.htmlFor);if(!i)return;"
     "Object.getOwnPropertyDescriptor(HTMLInputElement.prototype,'value').set.call(i,r.dataset.n);"
-    "i.dispatchEvent(new Event('input',{bubbles:true}))"
+    "i.dispatchEvent(new Event('input',{bubbles:true}));"
+    "for(const ms of [0,50])setTimeout(()=>i.blur(),ms)"  # it takes the focus, and would swallow the keys that the page listens to
 )
 _BUTTON = "display:block;width:100%;text-align:left;border:0;font:inherit;cursor:pointer;border-radius:4px;padding:2px 4px;margin:1px 0;"
 
