@@ -40,5 +40,5 @@ bench: .venv/use
 
 .venv/develop: pyproject.toml constraints.txt | .venv/bin/python
 	@echo "Installing into .venv (some 2 GB, a few minutes the first time)"
-	$(PIP) -e '.[step,dev]'
+	$(PIP) -e '.[step,lab,dev]'
 	@touch $@ .venv/use
