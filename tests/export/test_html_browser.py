@@ -28,6 +28,7 @@ PROGRAM = MEANT["bracket"][0]
 LACKING = Combine("union", PROGRAM, Primitive("box", (8.0, 8.0, 12.0), (-40.0, -20.0, 10.0)))
 PAPER = (246, 248, 250)
 TITLE, EDGE = 44, 6  # pixels of a pane that hold its title, and the ring of the focus
+PATIENCE = 120_000  # milliseconds, on a busy machine
 WINDOWS = {"desktop": (1280, 720), "phone": (390, 844)}
 
 
@@ -57,13 +58,14 @@ def opened(browser):
     def open_file(path, window="desktop", ready="html[data-drawn]", **context):
         width, height = WINDOWS[window]
         tab = browser.new_context(viewport={"width": width, "height": height}, **context).new_page()
+        tab.set_default_timeout(PATIENCE)
         tab.on("request", lambda request: None if request.url == path.as_uri() else wrong.append(request.url))
         tab.on("pageerror", lambda error: wrong.append(str(error)))
         tab.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
         pages.append(tab)
         tab.goto(path.as_uri())
         if ready:
-            tab.wait_for_selector(ready, state="attached", timeout=20_000)
+            tab.wait_for_selector(ready, state="attached")
         return tab
 
     yield open_file

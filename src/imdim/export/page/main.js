@@ -4,7 +4,7 @@ function start() {
   const data = JSON.parse(document.getElementById("data").textContent);
   const at = (id) => document.getElementById(id);
   figures(at("figures"), data);
-  at("summary").textContent = summary(data.report);
+  at("summary").textContent = summary(data);
   const view = startView(at, data);
   const tree = new Tree(at("tree"), data.tree, data.leaves, (node) => chooseNode(node));
   let chosen = null;

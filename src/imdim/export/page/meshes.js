@@ -29,7 +29,7 @@ function facesOf(text, vertices) {
 function drawable(points, faces) {
   const flat = faceNormals(points, faces);
   const positions = new Float32Array(3 * faces.length);
-  for (let i = 0; i < faces.length; i++) positions.set(points.subarray(3 * faces[i], 3 * faces[i] + 3), 3 * i);
+  for (let i = 0; i < positions.length; i++) positions[i] = points[3 * faces[Math.floor(i / 3)] + (i % 3)];
   return { positions, normals: cornerNormals(faces, flat, points.length / 3), lines: creases(points, faces, flat) };
 }
 
@@ -38,12 +38,25 @@ function faceNormals(points, faces) {
   const count = faces.length / 3;
   const normals = new Float32Array(faces.length);
   const weights = new Float32Array(count);
-  const at = (i) => [points[3 * i], points[3 * i + 1], points[3 * i + 2]];
   for (let f = 0; f < count; f++) {
-    const a = at(faces[3 * f]);
-    const across = cross(sub(at(faces[3 * f + 1]), a), sub(at(faces[3 * f + 2]), a));
-    weights[f] = norm(across);
-    normals.set(unit(across), 3 * f);
+    // no arrays in here: there are many faces
+    const a = 3 * faces[3 * f];
+    const b = 3 * faces[3 * f + 1];
+    const c = 3 * faces[3 * f + 2];
+    const ux = points[b] - points[a];
+    const uy = points[b + 1] - points[a + 1];
+    const uz = points[b + 2] - points[a + 2];
+    const vx = points[c] - points[a];
+    const vy = points[c + 1] - points[a + 1];
+    const vz = points[c + 2] - points[a + 2];
+    const x = uy * vz - uz * vy;
+    const y = uz * vx - ux * vz;
+    const z = ux * vy - uy * vx;
+    const area = Math.sqrt(x * x + y * y + z * z);
+    weights[f] = area;
+    normals[3 * f] = x / (area || 1);
+    normals[3 * f + 1] = y / (area || 1);
+    normals[3 * f + 2] = z / (area || 1);
   }
   return { normals, weights };
 }
@@ -60,7 +73,9 @@ function cornerNormals(faces, flat, vertices) {
   const n = flat.normals;
   for (let i = 0; i < faces.length; i++) {
     const own = 3 * Math.floor(i / 3);
-    let [x, y, z] = [0, 0, 0];
+    let x = 0;
+    let y = 0;
+    let z = 0;
     for (let j = start[faces[i]]; j < start[faces[i] + 1]; j++) {
       const f = 3 * around[j];
       if (n[own] * n[f] + n[own + 1] * n[f + 1] + n[own + 2] * n[f + 2] < CREASE) continue;
@@ -69,8 +84,10 @@ function cornerNormals(faces, flat, vertices) {
       y += weight * n[f + 1];
       z += weight * n[f + 2];
     }
-    const length = Math.hypot(x, y, z);
-    out.set(length > 0 ? [x / length, y / length, z / length] : n.subarray(own, own + 3), 3 * i);
+    const length = Math.sqrt(x * x + y * y + z * z);
+    out[3 * i] = length > 0 ? x / length : n[own];
+    out[3 * i + 1] = length > 0 ? y / length : n[own + 1];
+    out[3 * i + 2] = length > 0 ? z / length : n[own + 2];
   }
   return out;
 }

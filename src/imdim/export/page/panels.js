@@ -42,8 +42,8 @@ function figures(list, data) {
 }
 
 /** One line on how the run ended. */
-function summary(report) {
-  if (!report) return "A program, without a target to compare it with.";
+function summary({ report, target }) {
+  if (!report) return target ? "A program beside its target." : "A program on its own.";
   const stops = {
     finished: "The search finished.",
     budget_spent: "The time budget ended the search.",

@@ -26,7 +26,7 @@ class Camera {
   reset() {
     this.look(-0.62, 0.5);
     this.center = [0, 0, 0];
-    this.distance = 2;
+    this.distance = 2.2;
   }
 
   look(yaw, pitch) {
@@ -153,7 +153,7 @@ class View {
   #targetColors() {
     const table = Array.from({ length: 256 }, (_, i) => (this.show.distances ? rampColor(i / 255) : PLAIN));
     const colors = new Uint8Array(4 * this.far.length).fill(255);
-    this.far.forEach((far, i) => colors.set(table[far], 4 * i));
+    for (let i = 0; i < this.far.length; i++) for (let k = 0; k < 3; k++) colors[4 * i + k] = table[this.far[i]][k];
     return colors;
   }
 
