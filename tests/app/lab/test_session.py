@@ -7,8 +7,9 @@ from imdim.app.lab import edits, wire
 from imdim.app.lab.continuing import Rates
 from imdim.app.lab.examples import PROGRAMS, example
 from imdim.app.lab.jobs import Job
-from imdim.app.lab.session import Session, UploadLimits, shown_name
+from imdim.app.lab.session import Session
 from imdim.app.lab.solving import Lock
+from imdim.app.lab.state import UploadLimits, shown_name
 from imdim.app.lab.wire import Message
 from imdim.fitting import relations_of
 from imdim.program.front import Choice

@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 
 from imdim.app.lab.edits import Theory
-from imdim.app.lab.session import worst
+from imdim.app.lab.solving import worst
 from imdim.evaluate import target_distances
 from imdim.export.preview import ramp
 from imdim.geometry.cloud import Frame, Target
@@ -121,7 +121,7 @@ def overlay(theory: Theory, frame: Frame) -> Overlay:
     pose = Pose.of(lower(theory.program))
     segments: list[np.ndarray] = []
     tints: list[Colour] = []
-    for constraint, off in worst(theory.constraints, theory.program):
+    for constraint, off in worst(theory.program, theory.constraints):
         links = _links(constraint, pose)
         segments += links
         tints += [HELD_COLOUR if off <= VIOLATED else BROKEN_COLOUR] * len(links)

@@ -15,7 +15,8 @@ from imdim.app.lab.panels.relate import RelatePanel
 from imdim.app.lab.panels.run import RunPanel
 from imdim.app.lab.panels.take import ShowPanel, TakePanel
 from imdim.app.lab.refresher import Refresher
-from imdim.app.lab.session import Session, UploadLimits
+from imdim.app.lab.session import Session
+from imdim.app.lab.state import UploadLimits
 from imdim.app.lab.uploads import limit_uploads
 from imdim.app.lab.view import View
 from imdim.evaluate import Scores, evaluate
@@ -46,6 +47,7 @@ class Page:
     def close(self) -> None:
         """Frees all that this client used."""
         self.session.close()
+        self.view.turn(False)
         self._drawing.close()
         self._scoring.close()
 
@@ -90,6 +92,7 @@ class Page:
             ("Select nothing", "escape", None, lambda: session.select(None)),
             ("Remove the selected primitive", "delete", None, self.edit.remove),
             ("Distance map on or off", "M", None, lambda: self.show.toggle("Distance map")),
+            ("Control points and constraints on or off", "O", None, lambda: self.show.toggle("Constraints")),
             ("Cutters on or off", "C", None, lambda: self.show.toggle("Cutters")),
             ("Show the whole part", "F", None, self.view.look),
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 import threading
 import webbrowser
@@ -14,7 +15,7 @@ import viser
 from imdim.app.lab.examples import NAMES
 from imdim.app.lab.jobs import GiB, Limits, Pool
 from imdim.app.lab.page import Page
-from imdim.app.lab.session import MiB, UploadLimits
+from imdim.app.lab.state import MiB, UploadLimits
 from imdim.geometry.cloud import InputError, Target, load_target
 
 
@@ -90,10 +91,9 @@ def main(argv: Sequence[str]) -> int:
     sys.stdout.flush()
     if not given.no_browser:
         webbrowser.open(lab.url)
-    try:
-        threading.Event().wait()
-    except KeyboardInterrupt:
-        pass
-    finally:
-        lab.close()
+    ended = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ended.set())
+    ended.wait()
+    lab.close()
     return 0

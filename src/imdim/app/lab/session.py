@@ -6,8 +6,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, replace
-from pathlib import PurePosixPath
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -19,52 +18,17 @@ from imdim.app.lab.examples import example
 from imdim.app.lab.history import History
 from imdim.app.lab.jobs import END_KINDS, Job, Pool
 from imdim.app.lab.solving import violations
+from imdim.app.lab.state import MiB, State, Step, UploadLimits, shown_name
 from imdim.app.lab.wire import Message
 from imdim.config import ConfigError, Settings, check
 from imdim.geometry.cloud import Target
-from imdim.program.constraints import Constraint
 from imdim.program.cost import count
 from imdim.program.front import Choice
 from imdim.program.tree import Program, leaves
 
-MiB = 1 << 20
 MOST_STEPS = 500  # of the curves
+TRACED = ("fit", "continue", "solve")  # tasks that the curves show
 STRIP = 8  # programs in the strip
-
-
-@dataclass(frozen=True)
-class UploadLimits:
-    """What a client may upload: `size` in bytes; clouds are thinned to `points`."""
-
-    size: int = 64 * MiB
-    points: int = 100_000
-
-
-@dataclass(frozen=True)
-class Step:
-    """One point of the curves: seconds of the run, error, primitives, largest violation of a constraint."""
-
-    seconds: float
-    error: float
-    primitives: int
-    violation: float
-
-
-@dataclass
-class State:
-    """What the page draws. `live` is the program of a run that goes on; `seen` are programs that it went through, with their errors."""
-
-    target: Target | None = None
-    live: Theory | None = None
-    selected: int | None = None
-    stage: str = ""
-    task: str = ""
-    stop: str = ""
-    proof: str = ""
-    notice: tuple[str, str] = ("", "")  # "info" or "error", and one line
-    trace: list[Step] = field(default_factory=list)
-    seen: list[Choice] = field(default_factory=list)
-    front: tuple[Choice, ...] = ()
 
 
 class Session:
@@ -131,7 +95,7 @@ class Session:
         """A reconstruction from nothing with `values` of Settings."""
         with self.lock:
             if self._use(values):
-                self.state.trace, self.state.seen, self.state.front = [], [], ()
+                self.state.seen, self.state.front = [], ()
                 self._submit("fit", self._request("fit"))
 
     def go_on(self, values: Mapping[str, Any], rates: Rates) -> None:
@@ -212,6 +176,8 @@ class Session:
         with self.lock:
             self._end_job()
             self.state.task, self.state.stop, self.state.proof = task, "", ""
+            if task in TRACED:
+                self.state.trace = []
             job: list[Job] = []
             try:
                 job.append(self.pool.submit(request, lambda message: self._answered(job, task, message)))
@@ -245,7 +211,8 @@ class Session:
         state.live = Theory(program, constraints, locks)
         state.stage, state.proof = values["stage"], values["proof"] or state.proof
         state.stop = values["stop"] or state.stop
-        state.trace = [*state.trace, self._step(values["seconds"], values["error"])][-MOST_STEPS:]
+        if task in TRACED:
+            state.trace = [*state.trace, self._step(values["seconds"], values["error"])][-MOST_STEPS:]
         if task in ("fit", "continue"):
             self._see(program, values["error"])
             state.front = wire.read_front(values["front"]) or state.front
@@ -378,18 +345,6 @@ class Session:
     def _say(self, kind: str, line: str) -> None:
         self.state.notice = (kind, line)
         self.changed("notice")
-
-
-def shown_name(name: str) -> str:
-    """A file's name as it is said back: its last part, printable, not too long. It is never a path."""
-    last = PurePosixPath(name.replace("\\", "/")).name
-    plain = "".join(c if c.isprintable() and c not in "<>&\"'`" else "_" for c in last)
-    return plain[-80:] or "upload"
-
-
-def worst(constraints: tuple[Constraint, ...], program: Program) -> list[tuple[Constraint, float]]:
-    """The constraints with how far they are off."""
-    return list(zip(constraints, violations(program, constraints), strict=True))
 
 
 _ANSWERS: Mapping[str, Callable[[Session, str, Message], tuple[str, ...]]] = {

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
+import threading
 from collections.abc import Callable, Mapping
 
 import numpy as np
 import viser
 
-from imdim.app.lab.drawing import POINT_COLOUR, SELECTED, Overlay, Piece, Scene
+from imdim.app.lab.drawing import POINT_COLOUR, Overlay, Piece, Scene
 
 CLOUD_COLOUR = (110, 118, 130)
 CLOUD_SIZES = (0.018, 0.008)  # alone, and with a solid
-LAYERS: Mapping[str, bool] = {"Solid": True, "Cutters": True, "Points": True, "Distance map": False, "Constraints": True}
+LAYERS: Mapping[str, bool] = {"Solid": True, "Cutters": True, "Points": True, "Distance map": False, "Constraints": False}
+SEEN_THROUGH = 0.3  # opacity of the solid where constraints are shown, most of which lie inside it
+TURN_DEG, TURN_S = 1.0, 0.05
 AWAY = np.array([2.2, -2.9, 2.1])  # the camera, seen from the middle of the part
 
 
@@ -23,6 +27,7 @@ class View:
         self._meshes: dict[str, tuple[Piece, viser.MeshHandle]] = {}
         self._others: dict[str, viser.SceneNodeHandle] = {}
         self._cloud: viser.PointCloudHandle | None = None
+        self._turning = threading.Event()
         self.shown = dict(LAYERS)
         self._scene.configure_default_lights(cast_shadow=False)
         self.look()
@@ -35,6 +40,9 @@ class View:
     def show(self, layer: str, visible: bool) -> None:
         """One of LAYERS on or off."""
         self.shown[layer] = visible
+        if layer == "Constraints":
+            for name, (piece, node) in self._meshes.items():
+                node.opacity = self._opacity(name, piece)
         for name, node in (*((n, h) for n, (_, h) in self._meshes.items()), *self._others.items()):
             if _LAYER_OF[name.split("/")[1]] == layer:
                 node.visible = visible
@@ -60,13 +68,31 @@ class View:
             piece.vertices,
             piece.faces.astype(np.uint32),
             color=piece.colour,
-            opacity=piece.opacity,
+            opacity=self._opacity(name, piece),
             flat_shading=True,
             side="double" if piece.opacity is None else "front",
             visible=self.shown[_LAYER_OF[name.split("/")[1]]],
         )
         handle.on_click(lambda _, leaf=piece.leaf: self._clicked(leaf))
         self._meshes[name] = (piece, handle)
+
+    def _opacity(self, name: str, piece: Piece) -> float | None:
+        return SEEN_THROUGH if self.shown["Constraints"] and name.startswith("/solid/") else piece.opacity
+
+    def turn(self, on: bool) -> None:
+        """Let the part turn slowly, or hold it still."""
+        self._turning.set()
+        if on:
+            self._turning = threading.Event()
+            threading.Thread(target=self._turn, args=(self._turning,), name="turn", daemon=True).start()
+
+    def _turn(self, ended: threading.Event) -> None:
+        c, s = math.cos(math.radians(TURN_DEG)), math.sin(math.radians(TURN_DEG))
+        while not ended.wait(TURN_S):
+            with self._client.atomic():
+                x, y, z = self._client.camera.position
+                self._client.camera.position = np.array([c * x - s * y, s * x + c * y, z])
+                self._client.camera.look_at = np.zeros(3)
 
     def _overlay(self, overlay: Overlay | None) -> None:
         self._remove("/points/controls", "/constraints/links")
@@ -140,4 +166,3 @@ _LAYER_OF: Mapping[str, str] = {
     "constraints": "Constraints",
     "label": "Solid",
 }
-__all__ = ["LAYERS", "SELECTED", "View"]

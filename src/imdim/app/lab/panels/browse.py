@@ -10,7 +10,8 @@ from viser import uplot
 
 from imdim.app.lab import texts
 from imdim.app.lab.edits import Theory
-from imdim.app.lab.session import Session, Step
+from imdim.app.lab.session import Session
+from imdim.app.lab.state import Step
 from imdim.program.front import Choice
 from imdim.program.tree import Program
 

@@ -65,6 +65,8 @@ class ShowPanel:
         for layer, box in self._boxes.items():
             box.on_update(lambda event, layer=layer: self._switched(view, layer, event.target.value, changed))
         self.scale = gui.add_html("")
+        self.turning = gui.add_checkbox("Turn slowly", False)
+        self.turning.on_update(lambda event: view.turn(event.target.value))
         gui.add_button("Show the whole part", color="gray").on_click(lambda _: view.look())
 
     def _switched(self, view: View, layer: str, on: bool, changed: object) -> None:
