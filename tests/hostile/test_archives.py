@@ -209,6 +209,7 @@ def glb(text: str) -> bytes:
     "text",
     [
         "[" * 5000,
+        "[" + ",".join(["[" * 150 + "1" + "]" * 150] * 10_000) + "]",
         '{"asset": {"version": "2.0"}, "nodes": [{"children": [0]}], "scenes": [{"nodes": [0]}], "scene": 0}',
         '{"asset":{"version":"2.0"},"accessors":[{"componentType":5126,"count":1000000000000,"type":"VEC3"}],'
         '"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"nodes":[{"mesh":0}],"scenes":[{"nodes":[0]}],"scene":0}',

@@ -213,6 +213,15 @@ def test_programs_that_nest_too_deep_are_refused_in_one_line(tmp_path):
         assert one_line(caught.value)
 
 
+def test_a_flood_of_lists_is_refused_before_it_is_parsed():
+    """Eight megabytes of them would take half a minute: the garbage collector looks at all of them again and again."""
+    text = "[" + ",".join(["[" * 150 + "1" + "]" * 150] * 20_000) + "]"
+    start = time.process_time()
+    with pytest.raises(ValueError, match="3000001 lists and objects"):
+        codec.loads(text)
+    assert time.process_time() - start < 2.0
+
+
 def test_ten_thousand_constraints_are_checked_in_a_second(tmp_path):
     count = codec.MAX_CONSTRAINTS
     parts = [{"kind": "sphere", "size": {"r": 1}} for _ in range(count)]

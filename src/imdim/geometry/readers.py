@@ -30,6 +30,7 @@ class Raw:
     faces: np.ndarray | None = None
 
 
+MAX_BRACKETS = 1_000_000
 # what numpy's and trimesh's parsers raise on files that break their format
 SYNTAX_ERRORS = (
     *(ValueError, KeyError, IndexError, TypeError, AttributeError, EOFError, SyntaxError, NotImplementedError, OverflowError),
@@ -104,6 +105,8 @@ def read_scene(path: Path) -> Raw:
     if path.suffix.lower() == ".3mf":
         with path.open("rb") as file, opened_archive(file) as archive:
             check_model(archive)
+    elif path.suffix.lower() in (".glb", ".gltf"):
+        _check_json(path)
     options = {"skip_materials": True} if path.suffix.lower() == ".obj" else {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -115,6 +118,15 @@ def read_scene(path: Path) -> Raw:
     if not clouds and path.suffix.lower() == ".obj":
         clouds = [_obj_vertices(path)]
     return Raw(np.concatenate([np.zeros((0, 3)), *clouds]))
+
+
+def _check_json(path: Path) -> None:
+    """Refuse a scene of more lists and objects than any has: Python's collector of garbage takes minutes over them."""
+    data = path.read_bytes()
+    text = data[20 : 20 + int.from_bytes(data[12:16], "little")] if data[:4] == b"glTF" else data
+    many = text.count(b"[") + text.count(b"{")
+    if many > MAX_BRACKETS:
+        raise InputError(f"{path}: {many} lists and objects in its JSON, at most {MAX_BRACKETS}")
 
 
 def _obj_vertices(path: Path) -> np.ndarray:

@@ -25,6 +25,7 @@ FORMAT = "imdim-csg"
 VERSIONS = VERSION, CONSTRAINED, REPEATED = 1, 2, 3  # plain, with constraints, with repeats
 MAX_CONSTRAINTS = 10_000
 MAX_CHARACTERS = 8 * 1024 * 1024
+MAX_BRACKETS = 500_000  # seven programs of 10,000 primitives have 350,000
 UNITS = ("unspecified", "micron", "millimeter", "centimeter", "meter", "inch", "foot")
 CONVENTION = {"axes": "right-handed", "rotation": "Rz @ Ry @ Rx, degrees"}
 
@@ -104,9 +105,12 @@ def loads(text: str | bytes) -> Program:
 
 
 def parse(text: str | bytes) -> object:
-    """Strict JSON: no NaN, no infinity, no repeated keys, at most MAX_CHARACTERS; a one-line ValueError otherwise."""
+    """Strict JSON: no NaN, no infinity, no repeated keys, at most MAX_CHARACTERS and MAX_BRACKETS; a one-line ValueError otherwise."""
     if len(text) > MAX_CHARACTERS:
         raise ValueError(f"$: {len(text)} characters; at most {MAX_CHARACTERS}")
+    lists, objects = (text.count("["), text.count("{")) if isinstance(text, str) else (text.count(b"["), text.count(b"{"))
+    if lists + objects > MAX_BRACKETS:
+        raise ValueError(f"$: {lists + objects} lists and objects; at most {MAX_BRACKETS}")
     try:
         return json.loads(text, object_pairs_hook=_unique_keys, parse_constant=_refuse_constant)
     except RecursionError:
