@@ -164,6 +164,9 @@ def test_fingers_turn_and_zoom(opened, report):
         touch("touchMove", (x - 20 - 15 * step, y), (x + 20 + 15 * step, y))
     touch("touchEnd")
     assert drawn(pixels(tab, 1)) > 1.3 * drawn(turned)
+    tab.locator(".row").last.click()
+    place = tab.locator(".pane").nth(1).bounding_box()
+    assert 0 <= place["y"] <= 844 - place["height"]  # what is selected below is seen above
 
 
 def test_selecting_in_the_tree_shows_it_in_3d(opened, report):

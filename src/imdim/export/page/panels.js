@@ -21,7 +21,7 @@ function table(rows, head) {
 }
 
 function contentOf(cell) {
-  if (cell === null || cell === undefined) return "-";
+  if (cell === null || cell === undefined || cell === "") return "-";
   return typeof cell === "number" ? shortNumber(cell) : cell;
 }
 

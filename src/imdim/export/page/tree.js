@@ -18,7 +18,7 @@ const range = (count) => Array.from({ length: count }, (_, i) => i);
 /** Six digits, no more zeros than needed; three for what is tiny. */
 function shortNumber(value) {
   if (typeof value !== "number") return String(value);
-  return value !== 0 && Math.abs(value) < 1e-3 ? value.toExponential(2) : String(Number(value.toPrecision(6)));
+  return String(Number(value.toPrecision(Math.abs(value) < 1e-3 ? 3 : 6)));
 }
 
 function titleOf(node, leaves) {
