@@ -24,7 +24,7 @@ from imdim.geometry.solid import SEGMENTS, owned_surface
 from imdim.program.codec import constraints_of, folded_of, from_json
 from imdim.program.roles import labels
 
-SCRIPTS = ("vectors.js", "meshes.js", "shapes.js", "renderer.js", "view.js", "tree.js", "panels.js", "main.js")
+SCRIPTS = ("vectors.js", "meshes.js", "shapes.js", "renderer.js", "view.js", "steer.js", "tree.js", "panels.js", "main.js")
 
 
 def content(
