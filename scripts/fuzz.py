@@ -5,7 +5,8 @@
 
 Case i of a kind is a function of kind, i and seed. Cases run in a worker that is ended and replaced where one takes more than `--limit`
 seconds or `--memory` MiB beyond what the worker had at its start. An audit hook sees files opened for writing outside of the case's
-folder, and classes looked up for a pickle. Exit status 1 where anything was found; the files that found it are kept.
+folder, and classes looked up for a pickle. Seconds are those of the processor, so that a busy machine finds nothing of its own; a case that
+sleeps is ended after ten times as many of the wall clock. Exit status 1 where anything was found; the files that found it are kept.
 """
 
 from __future__ import annotations
@@ -109,19 +110,20 @@ class Supervised:
         """What a case led to, and seconds."""
         assert self.process.stdin is not None
         assert self.process.stdout is not None
-        start = time.monotonic()
+        start, before = time.monotonic(), processor_s(self.process.pid)
         self.process.stdin.write(f"{kind} {i}\n")
         self.process.stdin.flush()
         while not select.select([self.process.stdout], [], [], 0.02)[0]:
             grown = resident_mib(self.process.pid) - self.start_mib
             self.peak = max(self.peak, grown)
-            over = "MEMORY" if grown > self.args.memory else "HANG" if time.monotonic() - start > self.args.limit else ""
-            if over:
-                seconds = time.monotonic() - start
+            seconds, wall = processor_s(self.process.pid) - before, time.monotonic() - start
+            late = seconds > self.args.limit or wall > 10 * self.args.limit
+            if over := "MEMORY" if grown > self.args.memory else "HANG" if late else "":
                 self.stop()
                 self._begin()
                 return f"{over}: {grown:.0f} MiB, {seconds:.1f} s", seconds
-        seconds, line = time.monotonic() - start, self.process.stdout.readline()
+        line = self.process.stdout.readline()
+        seconds = processor_s(self.process.pid) - before if line else 0.0
         if not line:
             status = self.process.wait()
             self.stop()
@@ -133,6 +135,15 @@ class Supervised:
         self.process.kill()
         self.process.wait()
         shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def processor_s(pid: int) -> float:
+    """Seconds of the processor that a process has had; those of one that has ended are 0."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    except FileNotFoundError:
+        return 0.0
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def work(folder: Path, seed: int) -> int:

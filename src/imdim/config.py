@@ -142,7 +142,7 @@ def first_line(error: BaseException) -> str:
     return one_line(next(iter(str(error).strip().splitlines()), type(error).__name__))
 
 
-def one_line(text: str) -> str:
-    """What was given, for a message: on one line, and not all of it where it is long."""
+def one_line(text: str, most: int = 200) -> str:
+    """What was given, for a message: on one line, and no more than `most` characters of it."""
     text = " ".join(text.split())
-    return text if len(text) <= 200 else text[:197] + "..."
+    return text if len(text) <= most else text[: most - 3] + "..."

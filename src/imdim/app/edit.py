@@ -8,12 +8,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from imdim.config import ConfigError
+from imdim.config import ConfigError, one_line
 
 if TYPE_CHECKING:
     from imdim.export.delivered import Delivered
 
 STEP_LIMIT_S = 60.0
+MESSAGE = 1000  # characters, of texts that were changed by hand
 
 
 def parser(prog: str) -> argparse.ArgumentParser:
@@ -67,7 +68,7 @@ def edited(source: Path, values: dict[str, float], folder: Path, step: bool = Fa
     except OutputError as error:
         raise ConfigError(str(error)) from error
     except ValueError as error:
-        raise error if isinstance(error, ConfigError) else ConfigError(f"{source}: {error}") from error
+        raise error if isinstance(error, ConfigError) else ConfigError(f"{source}: {one_line(str(error), MESSAGE)}") from error
     return "".join(f"  {folder / name}{'' if state == 'written' else '  ' + state}\n" for name, state in files.items())
 
 
@@ -83,7 +84,7 @@ def _opened(source: Path) -> Delivered:
     except OSError as error:
         raise ConfigError(f"{source}: {error.strerror}") from error
     except ValueError as error:
-        raise ConfigError(f"{source}: {error}") from error
+        raise ConfigError(f"{source}: {one_line(str(error), MESSAGE)}") from error
 
 
 def _assignments(given: Sequence[str]) -> dict[str, float]:
@@ -95,8 +96,8 @@ def _assignments(given: Sequence[str]) -> dict[str, float]:
         except ValueError:
             number = None
         if not equals or number is None:
-            raise ConfigError(f"--set {text}: expected NAME=NUMBER")
+            raise ConfigError(f"--set {one_line(text)}: expected NAME=NUMBER")
         if name in out:
-            raise ConfigError(f"--set {text}: {name} is given twice")
+            raise ConfigError(f"--set {one_line(text)}: {one_line(name)} is given twice")
         out[name] = number
     return out

@@ -5,7 +5,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from imdim.config import MAX_SEGMENTS, ConfigError
+from imdim.config import MAX_SEGMENTS, ConfigError, one_line
+
+MESSAGE = 1000  # characters, of what is in a document
 
 
 def main(source: str, folder: str, pick: int | None = None, segments: int = 96) -> int:
@@ -50,5 +52,5 @@ def exported(source: Path, folder: Path, pick: int | None, segments: int) -> str
     except OSError as error:
         raise ConfigError(f"{source}: {error.strerror}") from error
     except ValueError as error:
-        raise error if isinstance(error, ConfigError) else ConfigError(f"{source}: {error}") from error
+        raise error if isinstance(error, ConfigError) else ConfigError(f"{source}: {one_line(str(error), MESSAGE)}") from error
     return "".join(f"  {folder / name}{'' if state == 'written' else '  ' + state}\n" for name, state in files.items())
