@@ -67,7 +67,7 @@ class Page:
         with tabs.add_tab("View"):
             self.show = ShowPanel(gui, self.view, lambda: self._scoring.poke("map"))
         with tabs.add_tab("Take"):
-            self.take = TakePanel(self._client, session)
+            self.take = TakePanel(self._client, session, lambda: self.edit.units.value)
         upper, lower = gui.add_panel(), gui.add_panel()
         self.tree = TreePanel(gui, upper)
         self.front, self.curves = FrontPanel(gui, lower, session), CurvesPanel(gui, lower)
@@ -110,7 +110,6 @@ class Page:
         self.session.select(None if self.session.state.selected == leaf else leaf)
 
     def _units_changed(self) -> None:
-        self.take.units = self.edit.units.value
         self._drawing.poke("program")
 
     # --- drawing, each in a thread of its own ----------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import viser
 
@@ -27,9 +27,8 @@ FORMATS: Mapping[str, str] = {
 class TakePanel:
     """Downloads. All files come from one delivery, as `imdim fit` writes them."""
 
-    def __init__(self, client: viser.ClientHandle, session: Session) -> None:
-        self._client, self._session = client, session
-        self.units = "unspecified"
+    def __init__(self, client: viser.ClientHandle, session: Session, units: Callable[[], str]) -> None:
+        self._client, self._session, self._units = client, session, units
         text = "The files are made together, which takes some seconds the first time."
         client.gui.add_html(texts.note(text))
         for label in FORMATS:
@@ -43,7 +42,7 @@ class TakePanel:
             if name not in files:
                 self._client.add_notification("Not available", f"{name} could not be made: report.json says why", color="red")
                 return
-            data = in_units(files[name], self.units) if name == "program.json" else files[name]
+            data = in_units(files[name], self._units()) if name == "program.json" else files[name]
             self._client.send_file_download(name, data, save_immediately=True)
 
         self._session.files(send)
@@ -60,7 +59,7 @@ def in_units(document: bytes, units: str) -> bytes:
 class ShowPanel:
     """Layers of the view."""
 
-    def __init__(self, gui: viser.GuiApi, view: View, changed: object) -> None:
+    def __init__(self, gui: viser.GuiApi, view: View, changed: Callable[[], None]) -> None:
         self._boxes = {layer: gui.add_checkbox(layer, shown) for layer, shown in LAYERS.items()}
         for layer, box in self._boxes.items():
             box.on_update(lambda event, layer=layer: self._switched(view, layer, event.target.value, changed))
@@ -69,9 +68,9 @@ class ShowPanel:
         self.turning.on_update(lambda event: view.turn(event.target.value))
         gui.add_button("Show the whole part", color="gray").on_click(lambda _: view.look())
 
-    def _switched(self, view: View, layer: str, on: bool, changed: object) -> None:
+    def _switched(self, view: View, layer: str, on: bool, changed: Callable[[], None]) -> None:
         view.show(layer, on)
-        if layer == "Distance map" and on and callable(changed):
+        if layer == "Distance map" and on:
             changed()
 
     def toggle(self, layer: str) -> None:
