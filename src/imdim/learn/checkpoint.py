@@ -41,6 +41,7 @@ C = TypeVar("C")
 STATE_ERRORS = (
     *(RuntimeError, EOFError, pickle.UnpicklingError, ValueError, KeyError, IndexError, TypeError, AttributeError),
     *(struct.error, AssertionError, OverflowError, MemoryError, RecursionError, zipfile.BadZipFile),
+    OSError,  # a seek to where nothing can be
 )
 
 
@@ -99,7 +100,9 @@ def save_state(path: Path, state: Mapping[str, Any]) -> None:
 
 
 def load_state(path: Path) -> dict[str, Any]:
-    """What `save_state` wrote, on the CPU; no code is executed. Raises CheckpointError for another file."""
+    """What `save_state` wrote, on the CPU; no code is executed. Raises CheckpointError for another file, FileNotFoundError for none."""
+    if not path.is_file():
+        raise FileNotFoundError(f"no training state at {path}")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of what other pickles hold; they are refused
