@@ -26,7 +26,7 @@ from safetensors import safe_open
 
 ROOT = Path(__file__).parents[1]
 RESULTS = {"program.json", "program.scad", "program.py", "mesh.stl", "mesh.glb", "preview.png", "front.json", "report.json"}
-TRAIN = ["experiment=seed", "max_minutes=0", "epochs=4", "samples_per_epoch=160", "batch_size=8", "workers=0", "save_every=3"]
+TRAIN = ["experiment=seed", "max_minutes=0", "epochs=3", "samples_per_epoch=24", "batch_size=4", "workers=0", "save_every=2"]
 TRAIN += [
     "n_val=16",
     "n_measure=4",
@@ -129,7 +129,7 @@ def weights(folder: Path) -> dict[str, bytes]:
 
 
 def dataset(folder: Path, kills: int, rng: random.Random) -> tuple[str, list[str]]:
-    command = [sys.executable, "scripts/make_dataset.py", "n_train=1500", "n_val=100", "seed=3"]
+    command = [sys.executable, "scripts/make_dataset.py", "n_train=700", "n_val=50", "seed=3"]
     seconds, faults, hits = ended([*command, f"out={folder}/whole"], folder), [], 0
     whole = digests(folder / "whole")
     for i in range(kills):

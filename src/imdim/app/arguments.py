@@ -28,7 +28,7 @@ def from_arguments(schema: type[T], arguments: Sequence[str], folder: Path | Non
         given: Any = OmegaConf.from_dotlist(list(arguments))
         layers = [given] if folder is None else _files(folder, name, given)
         values: Any = OmegaConf.to_container(OmegaConf.merge(*layers), resolve=True)
-    except (YAMLError, OmegaConfBaseException) as error:
+    except (YAMLError, OmegaConfBaseException, RecursionError) as error:
         raise ConfigError(f"settings {one_line(' '.join(arguments))}: {first_line(error)}") from error
     return merge(schema, values)
 
