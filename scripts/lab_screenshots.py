@@ -45,13 +45,12 @@ def _large(browser: Browser, url: str, folder: Path) -> None:
     page = _opened(browser, url, 1280, 720)
     page.get_by_role("tab", name="Curves", exact=True).click()
     _press(page, "Start")
-    page.wait_for_function("document.querySelector('.lab-status').textContent.includes('error')")
-    page.wait_for_timeout(1500)
+    page.wait_for_function("document.querySelector('.lab-status').textContent.includes('volume')")
     _press(page, "Pause")
     page.wait_for_timeout(2500)
     _save(page, folder / "lab.png")
     _press(page, "Resume")
-    page.wait_for_function("document.querySelector('.lab-status').textContent.includes('(finished)')")
+    _wait_for_end(page)
     page.get_by_role("tab", name="Front", exact=True).click()
     page.locator(".lab-primitive [role=treeitem]", has_text="hole").first.click()
     page.get_by_role("tab", name="Edit", exact=True).click()
@@ -63,7 +62,7 @@ def _large(browser: Browser, url: str, folder: Path) -> None:
 def _small(browser: Browser, url: str, folder: Path) -> None:
     page = _opened(browser, url, 390, 844)
     _press(page, "Start")
-    page.wait_for_function("document.querySelector('.lab-status').textContent.includes('(finished)')")
+    _wait_for_end(page)
     page.wait_for_timeout(2500)
     _save(page, folder / "lab-small.png")
     page.close()
@@ -79,6 +78,10 @@ def _opened(browser: Browser, url: str, width: int, height: int) -> Page:
         close.click()
     page.wait_for_timeout(500)
     return page
+
+
+def _wait_for_end(page: Page) -> None:
+    page.wait_for_function("/stateready.*fit: finished/.test(document.querySelector('.lab-status').textContent)")
 
 
 def _press(page: Page, name: str) -> None:

@@ -24,7 +24,7 @@ from imdim.pipeline import Snapshot, reconstruct
 
 Now = Callable[[], float]
 SHOWN_EVERY_S = 0.05  # an evolution makes generations faster than they can be drawn
-STEP_LIMIT_S = 60.0
+STEP_LIMIT_S = 120.0
 
 
 def open_file(request: Message, now: Now) -> Iterator[Message]:
