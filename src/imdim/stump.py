@@ -14,8 +14,8 @@ from imdim.program.tree import Program
 from imdim.search.evolve.seeds import PRICES
 from imdim.search.exact.stump import connections, matrices
 from imdim.search.families import Candidate, Families
-from imdim.search.local import LocalConfig, Price, complete, found_of, pruned
-from imdim.search.sequence import Sequence
+from imdim.search.local import LocalConfig, complete, found_of, pruned
+from imdim.search.sequence import Price, Sequence
 
 MOST = 40  # primitives
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from tests.search.planted_families import planted, random_candidates
 
 from imdim.search.families import Candidate
-from imdim.search.kernels import axial_best, best_interval
+from imdim.search.kernels import axial_best, best_interval, box_best, merged_slabs
 
 
 def slow_interval(sums: np.ndarray) -> float:
@@ -82,3 +82,35 @@ def test_a_single_cell_is_found():
     assert value == 1.0
     assert np.flatnonzero(families.mask(candidate)).tolist() == [17]
     assert isinstance(candidate, Candidate)
+
+
+@pytest.mark.parametrize("share", [0.02, 0.2, 0.6])
+def test_merged_slabs_keep_the_best_box(share):
+    rng = np.random.default_rng(int(100 * share))
+    for _ in range(20):
+        grid = rng.normal(size=rng.integers(2, 9, 3)) - 1.0
+        grid[rng.random(grid.shape) < share] += 3.0
+        smaller, *first = merged_slabs(grid)
+        assert smaller.sum() == pytest.approx(grid.sum())
+        assert all(f[0] == 0 and f[-1] == n and (np.diff(f) > 0).all() for f, n in zip(first, grid.shape, strict=True))
+        best = every_sum(grid)
+        if best <= 0:
+            continue
+        table = np.empty((len(smaller) * (len(smaller) + 1) // 2, 7))
+        box_best(smaller, 0.0, True, table)
+        row = table[table[:, 0].argmax()]
+        assert row[0] == pytest.approx(best)
+        spread = [(int(f[int(lo)]), int(f[int(hi)])) for f, lo, hi in zip(first, row[1::2], row[2::2], strict=True)]
+        assert grid[tuple(slice(*s) for s in spread)].sum() == pytest.approx(best)
+
+
+def every_sum(grid):
+    """The largest sum of any box of a small grid."""
+    spans = [[(i, j) for i in range(n) for j in range(i + 1, n + 1)] for n in grid.shape]
+    boxes = [(a, b, c) for a in spans[0] for b in spans[1] for c in spans[2]]
+    prefix = np.pad(grid.cumsum(0).cumsum(1).cumsum(2), ((1, 0),) * 3)
+    lo, hi = np.array(boxes)[:, :, 0].T, np.array(boxes)[:, :, 1].T
+    sums = sum(
+        (-1) ** (3 - a - b - c) * prefix[(lo, hi)[a][0], (lo, hi)[b][1], (lo, hi)[c][2]] for a in (0, 1) for b in (0, 1) for c in (0, 1)
+    )
+    return float(sums.max())

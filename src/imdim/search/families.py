@@ -16,7 +16,7 @@ from imdim.geometry.surface import Surface
 from imdim.program.tree import Primitive
 from imdim.search.arrangement import Arrangement
 from imdim.search.cells import Cells
-from imdim.search.kernels import axial_best, box_best
+from imdim.search.kernels import axial_best, box_best, merged_slabs
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +33,7 @@ class Families:
     def __init__(self, arrangement: Arrangement, cells: Cells) -> None:
         self.arrangement = arrangement
         self.cells = cells
+        self.work = 0.0  # cells summed so far: a measure of time that repeats
         self._pack_axial()
         self._frames = [self._pack_frame(f) for f in range(len(arrangement.frames))]
 
@@ -49,16 +50,26 @@ class Families:
         self._bins = np.concatenate(bins) if bins else np.zeros(0, np.int64)
         self._widths = np.array(widths, np.int64)
 
-    def _pack_frame(self, frame: int) -> tuple[list[int], tuple[int, ...], np.ndarray]:
-        """Axis order (fewest slabs first, which is cheapest for the compiled loop), grid shape, and each cell's place in the grid."""
+    def _pack_frame(self, frame: int) -> tuple[tuple[int, ...], np.ndarray]:
+        """The shape of a frame's grid, and each cell's place in it."""
         axes = self.arrangement.frames[frame]
-        order = sorted(range(3), key=lambda a: len(self.arrangement.directions[axes[a]].offsets))
-        shape = tuple(len(self.arrangement.directions[axes[a]].offsets) - 1 for a in order)
-        places = np.ravel_multi_index([self.cells.slabs[:, axes[a]].astype(np.int64) for a in order], shape)
-        return order, shape, places
+        shape = tuple(len(self.arrangement.directions[a].offsets) - 1 for a in axes)
+        return shape, np.ravel_multi_index([self.cells.slabs[:, a].astype(np.int64) for a in axes], shape)
+
+    @property
+    def groups(self) -> int:
+        """Number of groups for `best_of`: the curved families together, and each box frame."""
+        return 1 + len(self._frames)
+
+    def best_of(self, group: int, field: np.ndarray, floor: float = 0.0) -> tuple[float, Candidate] | None:
+        """The candidate of one group with the largest sum of `field` [m], if that is above `floor`."""
+        self.work += len(field)
+        found = self._best_boxes(field, group - 1, 1, floor) if group else self._best_curved(field, floor)
+        return max(found, key=lambda f: f[0], default=None)
 
     def best(self, field: np.ndarray, per_frame: int, floor: float = 0.0) -> list[tuple[float, Candidate]]:
         """Candidates whose sums of `field` [m] are above `floor`: one per curved family, up to `per_frame` (or none) per box frame."""
+        self.work += len(field) * (self.groups if per_frame else 1)
         out = self._best_curved(field, floor)
         for frame in range(len(self.arrangement.frames) if per_frame else 0):
             if per_frame == 1:
@@ -75,16 +86,19 @@ class Families:
         ]
 
     def _best_boxes(self, field: np.ndarray, frame: int, count: int, floor: float) -> list[tuple[float, Candidate]]:
-        order, shape, places = self._frames[frame]
-        grid = np.bincount(places, field, math.prod(shape)).reshape(shape)
-        table = np.empty((shape[0] * (shape[0] + 1) // 2, 7))
+        shape, places = self._frames[frame]
+        grid, *first = merged_slabs(np.bincount(places, field, math.prod(shape)).reshape(shape))
+        order = sorted(range(3), key=lambda a: grid.shape[a])  # fewest slabs first is cheapest for the compiled loop
+        grid = np.ascontiguousarray(grid.transpose(order))
+        table = np.empty((len(grid) * (len(grid) + 1) // 2, 7))
         box_best(grid, floor, count == 1, table)
         top = np.argsort(-table[:, 0], kind="stable")[:count]
         out = []
         for row in table[top[table[top, 0] > floor]]:
             ranges = [(0, 0)] * 3
             for position, axis in enumerate(order):
-                ranges[axis] = (int(row[1 + 2 * position]), int(row[2 + 2 * position]))
+                lo, hi = row[1 + 2 * position : 3 + 2 * position].astype(int)
+                ranges[axis] = (int(first[axis][lo]), int(first[axis][hi]))
             out.append((float(row[0]), Candidate(("box", frame), tuple(ranges))))
         return out
 

@@ -41,6 +41,43 @@ def axial_best(field: np.ndarray, starts: np.ndarray, cells: np.ndarray, bins: n
 
 
 @njit(nogil=True, cache=True)
+def merged_slabs(grid: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """`grid` [a, b, c] with adjoining slabs that win nothing anywhere summed into one, along each axis, and where the new slabs begin.
+
+    The box with the largest sum neither begins nor ends in a slab without a positive cell, so that it can still be told, by the
+    beginnings [a' + 1], [b' + 1], [c' + 1], each with the old length at its end.
+    """
+    na, nb, nc = grid.shape
+    wins_a, wins_b, wins_c = np.zeros(na, np.bool_), np.zeros(nb, np.bool_), np.zeros(nc, np.bool_)
+    for i in range(na):
+        for k in range(nb):
+            for c in range(nc):
+                if grid[i, k, c] > 0.0:
+                    wins_a[i], wins_b[k], wins_c[c] = True, True, True
+    group_a, first_a = _runs(wins_a)
+    group_b, first_b = _runs(wins_b)
+    group_c, first_c = _runs(wins_c)
+    out = np.zeros((len(first_a) - 1, len(first_b) - 1, len(first_c) - 1))
+    for i in range(na):
+        for k in range(nb):
+            for c in range(nc):
+                out[group_a[i], group_b[k], group_c[c]] += grid[i, k, c]
+    return out, first_a, first_b, first_c
+
+
+@njit(nogil=True, cache=True)
+def _runs(wins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The group [n] of each slab, one for each that wins and one for each run that does not, and the first slab of each group."""
+    group = np.zeros(len(wins), np.int64)
+    for i in range(1, len(wins)):
+        group[i] = group[i - 1] + (1 if wins[i] or wins[i - 1] else 0)
+    first = np.full(group[-1] + 2, len(wins), np.int64)
+    for i in range(len(wins) - 1, -1, -1):
+        first[group[i]] = i
+    return group, first
+
+
+@njit(nogil=True, cache=True)
 def box_best(grid: np.ndarray, floor: float, rising: bool, out: np.ndarray) -> None:
     """Best box of `grid` [a, b, c] for each range of the first axis, where it is above `floor`.
 
@@ -48,20 +85,29 @@ def box_best(grid: np.ndarray, floor: float, rising: bool, out: np.ndarray) -> N
     With `rising` the floor follows the best sum so far. What is positive in a range bounds its boxes, so most are never summed.
     """
     na, nb, nc = grid.shape
-    row = 0
+    out[:, 0] = -np.inf
     slab = np.empty((nb, nc))
     line = np.empty(nc)
     positive = np.empty(nb)  # of the slab's rows
+    layers = np.empty(na)
     for i in range(na):
+        layers[i] = np.maximum(grid[i], 0.0).sum()
+    for i in range(na):
+        # a box that begins or ends with a layer that wins nothing is not better than without it
+        if layers[i] == 0.0:
+            continue
         slab[:] = 0.0
         positive[:] = 0.0
         for j in range(i, na):
+            row = i * na - i * (i - 1) // 2 + j - i
             for k in range(nb):
                 for c in range(nc):
                     v = grid[j, k, c]
                     slab[k, c] += v
                     if v > 0.0:
                         positive[k] += v
+            if layers[j] == 0.0:
+                continue
             top = -np.inf
             least = floor
             rest = positive.sum()
@@ -70,7 +116,6 @@ def box_best(grid: np.ndarray, floor: float, rising: bool, out: np.ndarray) -> N
                     break
                 rest -= positive[k]
                 if positive[k] == 0.0:
-                    # a box that begins with a row that wins nothing is not better than without it
                     continue
                 line[:] = 0.0
                 bound = 0.0
@@ -95,4 +140,13 @@ def box_best(grid: np.ndarray, floor: float, rising: bool, out: np.ndarray) -> N
             if rising and top > floor:
                 floor = top
             out[row, 0], out[row, 1], out[row, 2] = top, i, j + 1
-            row += 1
+
+
+@njit(nogil=True, cache=True)
+def most_added(before: np.ndarray, now: np.ndarray, sign: float, gain: np.ndarray) -> float:
+    """The most by which any sum of `sign * gain` over changeable cells can have grown since those were the cells `before` [m]."""
+    total = 0.0
+    for i in range(len(gain)):
+        if before[i] != now[i]:
+            total += max(sign * gain[i] if now[i] else -sign * gain[i], 0.0)
+    return total

@@ -12,7 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from imdim.search.families import Families
-from imdim.search.sequence import Insertion, Sequence, cost, error, insert, insertions, pair_insertions
+from imdim.search.lazy import Known, apart, best_insertions, inserted
+from imdim.search.sequence import Insertion, Price, Sequence, cost, error, insert, pair_insertions, run
+
+WEIGHTS = ((1.0, 1.0), (1.0, 8.0), (8.0, 1.0), (0.1, 1.0))  # of excess and lack, under which holes are refilled
 
 
 @dataclass
@@ -21,20 +24,13 @@ class LocalConfig:
 
     max_primitives: int = 120
     pair_limit: int = 24
+    large: float = 3e5  # cells times groups of families, from which several steps are inserted at once: faster, and a little longer
+    alike: float = 0.7  # of the best gain, from which steps that do not touch it are then inserted with it
     rounds: int = 600  # of removal and refill, at most
     work: float = 3e7  # cells times steps times rounds; large parts get fewer rounds
     least_rounds: int = 40
     patience: float = 0.3  # of the rounds, without an improvement, before it ends
     most_removed: int = 4
-
-
-@dataclass(frozen=True)
-class Price:
-    """The objective of a phase: the price of a primitive in volume, the weights of excess and lacking volume, whether boxes may be used."""
-
-    step: float
-    weights: tuple[float, float] = (1.0, 1.0)
-    boxes: bool = True
 
 
 @dataclass(frozen=True)
@@ -56,20 +52,37 @@ def grown(found: Found, insertion: Insertion, families: Families, price: Price) 
 
 
 def complete(
-    found: Found, families: Families, config: LocalConfig, price: Price, out_of_time: Callable[[], bool], limit: float = np.inf
+    found: Found,
+    families: Families,
+    config: LocalConfig,
+    price: Price,
+    out_of_time: Callable[[], bool],
+    limit: float = np.inf,
+    known: Known | None = None,
 ) -> Found:
     """Insert the best single step, or a pair where no single pays, until nothing pays or the steps alone cost more than `limit`."""
+    known = known or Known()
+    share = config.alike if len(families.cells.points) * families.groups > config.large else 1.0
     while cost(found.sequence) < config.max_primitives and price.step * cost(found.sequence) < limit and not out_of_time():
-        options = insertions(found.sequence, families, int(price.boxes), price.step, price.weights)[:1]
+        options = best_insertions(found.sequence, families, price, known, share)
         if not options and price.weights == (1.0, 1.0):
-            options = pair_insertions(found.sequence, families, 2 * price.step, config.pair_limit)[:1]
-        if not options:
-            break
-        longer = grown(found, options[0], families, price)
+            options = _pairs(found.sequence, families, config, price, known, share)
+        longer = found_of(inserted(found.sequence, apart(options, families)), families, price)
         if longer.objective >= found.objective * (1 - 1e-12):
             break
         found = longer
     return found
+
+
+def _pairs(sequence: Sequence, families: Families, config: LocalConfig, price: Price, known: Known, share: float) -> list[Insertion]:
+    """The best pairs at the end of the sequence, as far as it is worth to ask again."""
+    state = run(sequence, len(families.cells.points))
+    if known.no_pair(state, families.cells.gain, 0.5 * price.step):
+        return []
+    pairs = pair_insertions(sequence, families, 2 * price.step, config.pair_limit)
+    if not pairs:
+        known.put_no_pair(state)
+    return [p for p in pairs if p.gain >= share * pairs[0].gain]
 
 
 def pruned(found: Found, families: Families, price: Price) -> Found:
@@ -85,10 +98,17 @@ def pruned(found: Found, families: Families, price: Price) -> Found:
 
 
 def improve(
-    found: Found, families: Families, config: LocalConfig, price: Price, rng: np.random.Generator, out_of_time: Callable[[], bool]
+    found: Found,
+    families: Families,
+    config: LocalConfig,
+    price: Price,
+    rng: np.random.Generator,
+    out_of_time: Callable[[], bool],
+    completed: Known,
 ) -> Iterator[Found]:
-    """Yield better and better sequences."""
+    """Yield better and better sequences; `completed` is what their completion learned."""
     idle = 0
+    known = {weights: Known() for weights in WEIGHTS} | {price.weights: completed}
     attempts = _single_removals(found.sequence)
     size = max(1, len(found.sequence) * len(families.cells.points))
     rounds = int(np.clip(config.work / size, config.least_rounds, config.rounds))
@@ -96,11 +116,14 @@ def improve(
         if out_of_time() or not found.sequence or idle >= config.patience * rounds + len(attempts):
             return
         removed = attempts.pop(0) if attempts else _related(found.sequence, config, rng)
-        trial = _refilled(found, removed, families, config, price, rng, out_of_time)
+        branches = {weights: bounds.branch() for weights, bounds in known.items()}
+        trial = _refilled(found, removed, families, config, price, rng, out_of_time, branches)
         better = trial.objective < found.objective * (1 - 1e-9)
         idle = 0 if better else idle + 1
         if trial.objective <= found.objective:
             found = trial
+            for weights, branch in branches.items():
+                known[weights].adopt(branch)
             attempts = attempts if not better else _single_removals(found.sequence)
         if better:
             yield found
@@ -128,25 +151,26 @@ def _refilled(
     price: Price,
     rng: np.random.Generator,
     out_of_time: Callable[[], bool],
+    known: dict[tuple[float, float], Known],
 ) -> Found:
     """The sequence with some steps taken out and the hole filled again, pruned."""
     shorter = tuple(s for i, s in enumerate(found.sequence) if i not in removed)
     if len(removed) > 1:
-        excess, lack = ((1.0, 1.0), (1.0, 8.0), (8.0, 1.0), (0.1, 1.0))[int(rng.integers(4))]
+        excess, lack = WEIGHTS[int(rng.integers(len(WEIGHTS)))]
         phase = Price(price.step * (10.0 if excess < 1 else 1.0), (excess, lack))
         start = found_of(shorter, families, phase)
-        shorter = _steps(start, len(removed) - 1, families, phase).sequence
-    filled = _steps(found_of(shorter, families, price), len(removed) + 1, families, price)
+        shorter = _steps(start, len(removed) - 1, families, phase, known[phase.weights]).sequence
+    filled = _steps(found_of(shorter, families, price), len(removed) + 1, families, price, known[price.weights])
     trial = pruned(filled, families, price)
     if trial.objective < found.objective * 1.2:
-        trial = pruned(complete(trial, families, config, price, out_of_time, 1.2 * found.objective), families, price)
+        trial = pruned(complete(trial, families, config, price, out_of_time, 1.2 * found.objective, known[price.weights]), families, price)
     return trial
 
 
-def _steps(found: Found, count: int, families: Families, price: Price) -> Found:
+def _steps(found: Found, count: int, families: Families, price: Price, known: Known) -> Found:
     """Up to `count` best single insertions that pay."""
     for _ in range(count):
-        options = insertions(found.sequence, families, 1, price.step, price.weights)[:1]
+        options = best_insertions(found.sequence, families, price, known)
         if not options:
             break
         found = grown(found, options[0], families, price)

@@ -45,6 +45,15 @@ Sequence = tuple[Step, ...]
 
 
 @dataclass(frozen=True)
+class Price:
+    """The objective of a phase: the price of a primitive in volume, the weights of excess and lacking volume, whether boxes may be used."""
+
+    step: float
+    weights: tuple[float, float] = (1.0, 1.0)
+    boxes: bool = True
+
+
+@dataclass(frozen=True)
 class Insertion:
     """`gain` in volume from putting `op term` at `position` (the number of steps before it)."""
 

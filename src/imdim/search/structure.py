@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from imdim.search.families import Families
-from imdim.search.local import Found, LocalConfig, Price, complete, found_of, grown, improve, pruned
-from imdim.search.sequence import Insertion, cost, insertions, run
+from imdim.search.lazy import Known
+from imdim.search.local import Found, LocalConfig, complete, found_of, grown, improve, pruned
+from imdim.search.sequence import Insertion, Price, cost, insertions, run
 
 
 @dataclass
@@ -39,6 +40,7 @@ class StructureConfig:
     branch: int = 3
     beam_steps: int = 3  # steps searched with the whole beam; the best states are then completed greedily
     finalists: int = 3  # states that get the local search
+    start_work: float = 1e9  # cells summed, after which no further start is completed
     abandon: float = 1.5  # a completion whose steps alone cost this many times the best objective is given up
     per_frame: int = 4
     local: LocalConfig = field(default_factory=LocalConfig)
@@ -48,21 +50,31 @@ def search(families: Families, config: StructureConfig, rng: np.random.Generator
     """Yield better and better sequences; the last is the result. Yields at least one unless the target has no volume."""
     exact = Price(config.size_weight * families.cells.volume)
     best: Found | None = None
-    completed: list[Found] = []
+    finalists: list[tuple[Found, Known]] = []
     for start in _starts(families, config, exact, out_of_time):
         limit = config.abandon * best.objective if best else np.inf
-        done = pruned(complete(start, families, config.local, exact, out_of_time, limit), families, exact)
-        completed.append(done)
+        known = Known()
+        done = pruned(complete(start, families, config.local, exact, out_of_time, limit, known), families, exact)
+        finalists = _foremost([*finalists, (done, known)], config.finalists)
         if done.sequence and (best is None or done.objective < best.objective):
             best = done
             yield best
         if out_of_time():
             return
-    for start in sorted(_distinct(completed), key=lambda f: f.objective)[: config.finalists]:
-        for improved in improve(start, families, config.local, exact, rng, out_of_time):
+        if families.work > config.start_work:
+            break
+    for start, known in finalists:
+        for improved in improve(start, families, config.local, exact, rng, out_of_time, known):
             if best is None or improved.objective < best.objective * (1 - 1e-9):
                 best = improved
                 yield best
+
+
+def _foremost(completed: list[tuple[Found, Known]], count: int) -> list[tuple[Found, Known]]:
+    """The best distinct ones."""
+    ranked = sorted(completed, key=lambda c: c[0].objective)
+    kept = _distinct([found for found, _ in ranked])[:count]
+    return [c for c in ranked if any(c[0] is found for found in kept)]
 
 
 def _starts(families: Families, config: StructureConfig, exact: Price, out_of_time: Callable[[], bool]) -> Iterator[Found]:

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from imdim.program.tree import Program
 from imdim.search.families import Families
-from imdim.search.local import LocalConfig, Price, complete, found_of, pruned
-from imdim.search.sequence import Sequence, to_program
+from imdim.search.local import LocalConfig, complete, found_of, pruned
+from imdim.search.sequence import Price, Sequence, to_program
 
 # (weight of excess, weight of lack): true, hulls first, pure pieces first, pure cuts after a hull
 PRICES = (((1.0, 1.0),), ((0.1, 1.0), (1.0, 5.0)), ((20.0, 1.0), (1.0, 1.0)), ((0.01, 1.0), (1.0, 20.0)))
