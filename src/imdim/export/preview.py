@@ -178,7 +178,11 @@ def _paint(shot: Shot, colours: np.ndarray, side: int = PANEL) -> Image.Image:
 
 
 def _heat(shot: Shot, tree: TriangleTree, top: float) -> np.ndarray:
-    return ramp(distances(tree, shot.points) / top)
+    """Colours [k, 3] of the seen pixels. Distances change slowly: the finer pixels that make one of the picture share one."""
+    rows, columns = np.nonzero(shot.seen)
+    width = shot.seen.shape[1] // SUPERSAMPLE
+    _, first, place = np.unique(rows // SUPERSAMPLE * width + columns // SUPERSAMPLE, return_index=True, return_inverse=True)
+    return ramp(distances(tree, shot.points[first]) / top)[place]
 
 
 def ramp(fraction: np.ndarray) -> np.ndarray:
