@@ -44,9 +44,10 @@ def main() -> None:
 def _large(browser: Browser, url: str, folder: Path) -> None:
     page = _opened(browser, url, 1280, 720)
     page.get_by_role("tab", name="Curves", exact=True).click()
-    _press(page, "Start")
-    page.wait_for_function("document.querySelector('.lab-status').textContent.includes('volume')")
-    _press(page, "Pause")
+    for _ in range(2):  # to the second program, and stand there
+        _press(page, "Step")
+        page.wait_for_timeout(500)
+        page.wait_for_function("/statepaused.*volume/.test(document.querySelector('.lab-status').textContent)")
     page.wait_for_timeout(2500)
     _save(page, folder / "lab.png")
     _press(page, "Resume")

@@ -57,11 +57,13 @@ class Page:
         gui.set_panel_label("IMDIM Live Lab")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(RIGHT)
+        # outside the tabs: clicks in the tree and the code go through it, and what lies in a tab that was never opened is not there
+        selected = gui.add_number("Primitive", -1, min=-1, max=9999, step=1, hint="The selected primitive, -1 for none")
         tabs = gui.add_tab_group()
         with tabs.add_tab("Run"):
             self.run = RunPanel(gui, session)
         with tabs.add_tab("Edit") as place:
-            self.edit = EditPanel(gui, place, session, self._units_changed)
+            self.edit = EditPanel(gui, place, selected, session, self._units_changed)
         with tabs.add_tab("Relate"):
             self.relate = RelatePanel(gui, session)
         with tabs.add_tab("View"):

@@ -25,14 +25,22 @@ UNITS = {"unspecified": "", "millimeter": "mm", "centimeter": "cm", "meter": "m"
 class EditPanel:
     """See the module."""
 
-    def __init__(self, gui: viser.GuiApi, place: viser.GuiTabHandle, session: Session, unit_changed: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        place: viser.GuiTabHandle,
+        selected: viser.GuiNumberHandle[int],
+        session: Session,
+        unit_changed: Callable[[], None],
+    ) -> None:
         self._gui, self._place, self._session = gui, place, session
         self._shown: tuple[int, str] | None = None
         self._locks: viser.GuiButtonGroupHandle | None = None
         self._inputs: dict[str, viser.GuiNumberHandle[float]] = {}
-        self.selected = gui.add_number("Primitive", -1, min=-1, max=9999, step=1, hint="The selected primitive, -1 for none")
+        self.selected = selected
         self.selected.on_update(lambda event: session.select(int(event.target.value)) if event.client else None)
         self._numbers = gui.add_folder("Numbers")
+        self._order = self._numbers.order
         with self._numbers:
             gui.add_html(texts.note(NOTHING))
         self.follow = gui.add_checkbox("Keep relations", True, hint="What the constraints relate to an edited number moves along")
@@ -126,7 +134,7 @@ class EditPanel:
     def _clear(self, line: str = "") -> None:
         self._numbers.remove()
         with self._place:
-            self._numbers = self._gui.add_folder("Numbers", order=self.selected.order + 0.5)
+            self._numbers = self._gui.add_folder("Numbers", order=self._order)
         self._inputs = {}
         if line:
             with self._numbers:
