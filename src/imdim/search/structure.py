@@ -51,6 +51,7 @@ def search(families: Families, config: StructureConfig, rng: np.random.Generator
     exact = Price(config.size_weight * families.cells.volume)
     best: Found | None = None
     finalists: list[tuple[Found, Known]] = []
+    enough = families.work + config.start_work
     for start in _starts(families, config, exact, out_of_time):
         limit = config.abandon * best.objective if best else np.inf
         known = Known()
@@ -61,7 +62,7 @@ def search(families: Families, config: StructureConfig, rng: np.random.Generator
             yield best
         if out_of_time():
             return
-        if families.work > config.start_work:
+        if families.work > enough:
             break
     for start, known in finalists:
         for improved in improve(start, families, config.local, exact, rng, out_of_time, known):
