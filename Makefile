@@ -1,5 +1,6 @@
 # make demo   set up .venv and reconstruct the bundled part
 # make test   set up .venv with the test tools and run the whole suite
+# make test-browser   the live lab and the report page in a real Chromium
 # make check  what CI runs: ruff, pyright, import-linter, the suite
 # make bench BENCH=folder [ARGS="--jobs 2 --scorer score.py"]   measure a folder of parts
 
@@ -9,13 +10,16 @@ PIP := $(BIN)/python -m pip install -q --disable-pip-version-check -c constraint
 # one thread per process: several processes share the cores
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test check lint bench
+.PHONY: demo test test-browser check lint bench
 
 demo: .venv/use
 	$(BIN)/python infer.py input=dataset/examples/bracket.stl output=out/demo
 
 test: .venv/develop
 	$(BIN)/python -m pytest -n 2
+
+test-browser: .venv/develop
+	$(BIN)/python -m pytest -m browser
 
 check: lint test
 

@@ -15,7 +15,7 @@ from tests.app.lab.browser import LabPage, blue, chromium, inked, lab, needs_chr
 from imdim.geometry.solid import volume
 from imdim.program import codec
 
-pytestmark = [needs_chromium, pytest.mark.tool]
+pytestmark = [needs_chromium, pytest.mark.browser]
 EXACT = 80 * 50 * 8 + math.pi * 14**2 * 16 - 4 * math.pi * 9 * 8 - math.pi * 64 * 24
 
 
