@@ -135,7 +135,9 @@ def test_a_batch_that_is_done_does_nothing_twice_and_notices_what_changed(parts,
 
 
 def started(arguments: list[str], command: list[str]) -> subprocess.Popen[str]:
-    code = f"import sys; from imdim.app.batch.run import main; sys.exit(main({arguments!r}, {command!r}))"
+    # a shell that runs the tests in the background lets them ignore Ctrl-C, and they hand that on
+    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    code += f"import sys; from imdim.app.batch.run import main; sys.exit(main({arguments!r}, {command!r}))"
     return subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
 

@@ -53,7 +53,7 @@ def save_net(path: Path, net: Policy | StumpNet, notes: Mapping[str, str]) -> No
     """`save_policy`, or the same of a CSG-Stump Net, which has no vocabulary."""
     if isinstance(net, StumpNet):
         header = {"format": STUMP_FORMAT, "version": STUMP_VERSION, "config": json.dumps(asdict(net.config))}
-        replace_whole(path, save(_weights(net), {**notes, **header}))
+        replace_whole(path, _saved(_weights(net), {**notes, **header}))
     else:
         save_policy(path, net, notes)
 
@@ -70,7 +70,18 @@ def save_policy(path: Path, policy: Policy, notes: Mapping[str, str]) -> None:
         "config": json.dumps(asdict(policy.config)),  # type: ignore[call-overload]
         "max_seq_len": str(policy.max_seq_len),
     }
-    replace_whole(path, save(_weights(policy), header))
+    replace_whole(path, _saved(_weights(policy), header))
+
+
+def _saved(weights: dict[str, torch.Tensor], header: dict[str, str]) -> bytes:
+    """A safetensors file with sorted metadata: the library writes them in an order that changes from process to process."""
+    raw = save(weights, header)
+    length = int.from_bytes(raw[:8], "little")
+    described = json.loads(raw[8 : 8 + length])
+    described["__metadata__"] = dict(sorted(described["__metadata__"].items()))
+    text = json.dumps(described, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 8)  # the tensors begin at a multiple of eight bytes
+    return len(text).to_bytes(8, "little") + text + raw[8 + length :]
 
 
 def load_stump(path: Path, device: torch.device | str = "cpu") -> tuple[StumpNet, dict[str, str]]:

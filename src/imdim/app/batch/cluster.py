@@ -32,7 +32,7 @@ def connected(address: str) -> Iterator[Any]:
     """The ray module, connected to the cluster at `address`. Raises ConfigError without the package or the cluster."""
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     try:
-        import ray
+        import ray  # pyright: ignore[reportMissingImports]  # an extra
     except ImportError as error:
         raise ConfigError('--address needs Ray: pip install "imdim[cluster]"') from error
     try:
