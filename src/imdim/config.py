@@ -12,8 +12,9 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
+from imdim.export.numbers import MAX_SEGMENTS
+
 T = TypeVar("T")
-MAX_SEGMENTS = 4096  # a sphere has their square
 
 
 class ConfigError(ValueError):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from imdim.config import MAX_SEGMENTS, ConfigError, one_line
+from imdim.config import ConfigError, one_line
+from imdim.export.numbers import MAX_SEGMENTS
 
 MESSAGE = 1000  # characters, of what is in a document
 

@@ -19,7 +19,7 @@ from imdim.export.delivered import AGREE, LOOPS, Delivered, EditError, read
 from imdim.export.folder import FILES, replacing
 from imdim.export.meanings import is_size
 from imdim.export.meshes import write_meshes
-from imdim.export.numbers import Rounding, fixed, plain, rounded
+from imdim.export.numbers import MAX_SEGMENTS, Rounding, fixed, plain, rounded
 from imdim.export.openscad import to_openscad
 from imdim.export.openscad_loops import to_openscad_loops
 from imdim.export.openscad_reader import read_openscad
@@ -37,7 +37,6 @@ from imdim.program.refit import recounted, recounted_constraints, refitted
 from imdim.program.repeats import Folded, expand, repeats, size, with_leaves
 from imdim.program.tree import Program, leaves
 
-MAX_SEGMENTS = 4096  # a sphere has their square
 LARGEST_VOLUME = 1e30  # mesh files hold single precision
 
 _NAMED = re.compile(r"^([A-Za-z_]\w*) = (-?[\d.]+(?:e[+-]?\d+)?)(mm)?(;?)$", re.MULTILINE)

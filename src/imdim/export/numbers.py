@@ -9,6 +9,7 @@ from decimal import Decimal
 from imdim.program.tree import Primitive, Program, leaves, map_leaves
 
 SIGNIFICANT_DIGITS = 9
+MAX_SEGMENTS = 4096  # facets of a circle in meshes and texts; a sphere has their square
 
 
 @dataclass(frozen=True)

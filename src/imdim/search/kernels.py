@@ -78,6 +78,41 @@ def _runs(wins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 @njit(nogil=True, cache=True)
+def _best_of_slab(slab: np.ndarray, positive: np.ndarray, line: np.ndarray, floor: float, row: np.ndarray) -> float:
+    """The largest sum of a rectangle of `slab` [b, c], if above `floor`, else -inf; writes its bounds into row[3:7].
+
+    `positive` [b] sums what wins in each row, `line` [c] is scratch.
+    """
+    top, least, rest = -np.inf, floor, positive.sum()
+    for k in range(len(slab)):
+        if rest <= least:
+            break
+        rest -= positive[k]
+        if positive[k] == 0.0:
+            continue
+        line[:] = 0.0
+        bound = 0.0
+        for m in range(k, len(slab)):
+            bound += positive[m]
+            if bound <= least or positive[m] == 0.0:
+                line += slab[m]
+                continue
+            # best_interval, run while the line is summed
+            run, start = 0.0, 0
+            for c in range(len(line)):
+                line[c] += slab[m, c]
+                if run < 0.0 or c == 0:
+                    run, start = line[c], c
+                else:
+                    run += line[c]
+                if run > least:
+                    top = run
+                    least = run
+                    row[3], row[4], row[5], row[6] = k, m + 1, start, c + 1
+    return top
+
+
+@njit(nogil=True, cache=True)
 def box_best(grid: np.ndarray, floor: float, rising: bool, out: np.ndarray) -> None:
     """Best box of `grid` [a, b, c] for each range of the first axis, where it is above `floor`.
 
@@ -108,35 +143,7 @@ def box_best(grid: np.ndarray, floor: float, rising: bool, out: np.ndarray) -> N
                         positive[k] += v
             if layers[j] == 0.0:
                 continue
-            top = -np.inf
-            least = floor
-            rest = positive.sum()
-            for k in range(nb):
-                if rest <= least:
-                    break
-                rest -= positive[k]
-                if positive[k] == 0.0:
-                    continue
-                line[:] = 0.0
-                bound = 0.0
-                for m in range(k, nb):
-                    bound += positive[m]
-                    if bound <= least or positive[m] == 0.0:
-                        for c in range(nc):
-                            line[c] += slab[m, c]
-                        continue
-                    # best_interval, run while the line is summed
-                    run, start = 0.0, 0
-                    for c in range(nc):
-                        line[c] += slab[m, c]
-                        if run < 0.0 or c == 0:
-                            run, start = line[c], c
-                        else:
-                            run += line[c]
-                        if run > least:
-                            top = run
-                            least = run
-                            out[row, 3], out[row, 4], out[row, 5], out[row, 6] = k, m + 1, start, c + 1
+            top = _best_of_slab(slab, positive, line, floor, out[row])
             if rising and top > floor:
                 floor = top
             out[row, 0], out[row, 1], out[row, 2] = top, i, j + 1

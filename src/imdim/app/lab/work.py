@@ -14,7 +14,7 @@ import numpy as np
 
 from imdim.app.lab import continuing, solving, wire
 from imdim.app.lab.wire import Message
-from imdim.config import Settings, check, merge
+from imdim.config import Settings, check, first_line, merge
 from imdim.deliver import RunRecord, deliver
 from imdim.evaluate import evaluate
 from imdim.fitting import relations_of
@@ -93,7 +93,7 @@ def perform(request: Message, now: Now) -> Iterator[Message]:
     try:
         yield from TASKS[request.kind](request, now)
     except (InputError, ValueError) as error:
-        yield Message("refused", {"message": _one_line(error)})
+        yield Message("refused", {"message": first_line(error)})
     except MemoryError:
         yield Message("refused", {"message": "the part needs more memory than a run may use"})
     else:
@@ -154,7 +154,3 @@ def warm() -> None:
     target = target_from(trimesh.creation.box((3.0, 2.0, 1.0)), "warm-up")
     *_, last = reconstruct(target, Settings(budget_s=5.0), np.random.default_rng(0))
     evaluate(last.program, target, samples=100)
-
-
-def _one_line(error: BaseException) -> str:
-    return next(iter(str(error).strip().splitlines()), type(error).__name__)
