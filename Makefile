@@ -12,8 +12,9 @@ export OMP_NUM_THREADS ?= 1
 
 .PHONY: demo test test-browser check lint bench
 
+# the first run compiles the search's kernels, which on a slow machine takes a third of the usual minute
 demo: .venv/use
-	$(BIN)/python infer.py input=dataset/examples/bracket.stl output=out/demo
+	$(BIN)/python infer.py input=dataset/examples/bracket.stl output=out/demo budget_s=150
 
 test: .venv/develop
 	$(BIN)/python -m pytest -n 2
