@@ -27,8 +27,10 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from fuzz_kind import Unclear
 from fuzz_mutations import mutated
-from fuzz_targets import KINDS, Unclear, edit_mutated
+from fuzz_programs import edit_mutated
+from fuzz_targets import KINDS
 from imdim.app.batch.process import resident_mib
 
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
+import importlib
 import random
 import resource
 import shutil
@@ -16,18 +16,9 @@ HERE = Path(__file__).parent
 SCRIPTS = HERE.parents[1] / "scripts"
 
 
-def script(name: str):
-    spec = importlib.util.spec_from_file_location(name, SCRIPTS / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-targets = script("fuzz_targets")
-mutations = script("fuzz_mutations")
+sys.path.insert(0, str(SCRIPTS))  # the scripts import each other by name
+targets = importlib.import_module("fuzz_targets")
+mutations = importlib.import_module("fuzz_mutations")
 FILES = sorted((HERE / "corpus").iterdir())
 
 
