@@ -30,6 +30,9 @@ class Settings:
     `logdir` is where an evolution writes tensorboard's event files (empty: nowhere); `checkpoint` is the policy of method=policy, which
     auto and evolve use too (empty: the shipped one, for these if there is one; none: no policy), `stump_checkpoint` the network of
     method=stump-net (empty: the shipped one, if there is one; none: random starts).
+
+    `evolution`, `synthesis` and `solver` are for ablations of method=auto; false leaves out the evolution after the search; the structure
+    search and its proofs (the decision tree stands in); what fits, relates and rounds numbers (but for the policy's own proposals).
     """
 
     input: str = ""
@@ -42,6 +45,9 @@ class Settings:
     logdir: str = ""
     checkpoint: str = ""
     stump_checkpoint: str = ""
+    evolution: bool = True
+    synthesis: bool = True
+    solver: bool = True
 
 
 def merge(schema: type[T], values: Mapping[str, Any]) -> T:

@@ -90,10 +90,11 @@ def evolved(
     rng: np.random.Generator,
     out_of_time: Callable[[], bool],
     config: EvolutionConfig | None = None,
+    solver: bool = True,
 ) -> Iterator[Generation]:
-    """Generations over the body, programs in its unit frame."""
+    """Generations over the body, programs in its unit frame, the best of them with fitted numbers where there is a `solver`."""
     scene = Scene(ground.scorer, ground.families.arrangement.outer, ground.families)
-    return evolve(seeds, scene, rng, out_of_time, config, ground.solve)
+    return evolve(seeds, scene, rng, out_of_time, config, ground.solve if solver else None)
 
 
 def choices(ground: Ground, programs: Sequence[Program]) -> list[Choice]:

@@ -82,7 +82,7 @@ def auto(run: Run) -> Iterator[Step]:
         if better is not None:
             best = better
             yield best
-    if best is not None and not run.seen.noisy:
+    if best is not None and run.settings.synthesis and not run.seen.noisy:
         yield _proved(best, proofs)
 
 
@@ -149,6 +149,11 @@ def _searched_and_touched(run: Run, proofs: Proofs) -> Iterator[Step]:
 def _searched(run: Run, proofs: Proofs) -> Iterator[tuple[str, Program]]:
     """Programs of the structure search, each better than the one before, until one is proved minimal."""
     seen, found, shortest = run.seen, None, None
+    if not run.settings.synthesis:
+        program = grown(seen)
+        if program is not None:
+            yield "tree", program
+        return
     for found in search_structure(seen.families, StructureConfig(size_weight=seen.size_weight), run.rng, run.clock.out_of_time):
         program = seen.frame.undo(to_program(found.sequence, seen.families))
         yield "search", program
@@ -173,7 +178,7 @@ def _touched(run: Run, found: list[Program]) -> Iterator[Program]:
     For a mesh, where the search left something; in a cloud the doubts about what is inside outweigh it.
     """
     seen = run.seen
-    if not found or run.clock.out_of_time() or not seen.ground.exact or seen.error(found[-1]) < TOUCHED:
+    if not (run.settings.evolution and found and seen.ground.exact) or run.clock.out_of_time() or seen.error(found[-1]) < TOUCHED:
         return
     seeds = {"search": [seen.frame.apply(p) for p in found]}
     best = seen.ground.scorer.score(seeds["search"][-1:])[0].fitness
@@ -187,7 +192,7 @@ def _touched(run: Run, found: list[Program]) -> Iterator[Program]:
 def _generations(
     run: Run, seeds: dict[str, list[Program]], out_of_time: Callable[[], bool], config: EvolutionConfig | None = None
 ) -> Iterator[Generation]:
-    generations = evolved(run.seen.ground, seeds, run.rng, out_of_time, config)
+    generations = evolved(run.seen.ground, seeds, run.rng, out_of_time, config, run.settings.solver)
     yield from logged(generations, run.settings.logdir, run.seen.target.name) if run.settings.logdir else generations
 
 

@@ -83,7 +83,7 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) ->
         yield last
     if last is None:
         raise InputError(f"{target.name}: no program found")
-    program, constraints = related(last.program, target)
+    program, constraints = related(last.program, target) if settings.solver else (last.program, ())
     front = tuple(replace(c, program=program) if c.program == last.program else c for c in few(last.front, last.program))
     stop = "budget_spent" if clock.cut else clock.ending
     yield Snapshot("finished", program, last.error, clock.seconds(), stop, front, constraints, last.proof)
@@ -155,6 +155,9 @@ def _body(
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
     program = reduce_program(step.program)
     yield state("simplify", program)
+    if not settings.solver:
+        yield replace(state("simplify", program), front=_front([*step.others, program], seen))
+        return
     if seen.noisy:
         fitted, step = most_likely(program, seen, clock.near_end(FIT_BY)), replace(step, proof="")  # of other primitives perhaps
     else:

@@ -1,0 +1,55 @@
+"""What an ablation leaves out is not run; what it keeps still answers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.planted import box, cut, cylinder, mesh_of
+
+from imdim import methods
+from imdim.config import Settings
+from imdim.geometry.cloud import target_from
+from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.pipeline import Snapshot, reconstruct
+from imdim.program.tree import leaves
+
+PART = cut(box(40, 30, 10), cylinder(6, 12))
+STAGES = {
+    "synthesis": {"tree", "simplify", "solve", "finished"},
+    "solver": {"search", "proof", "simplify", "finished"},
+    "evolution": {"search", "proof", "simplify", "solve", "finished"},
+}
+
+
+def snapshots(**settings) -> list[Snapshot]:
+    return list(reconstruct(target_from(mesh_of(PART)), Settings(**settings), np.random.default_rng(0)))
+
+
+@pytest.mark.parametrize("left_out", STAGES)
+def test_a_stage_that_is_left_out_leaves_no_trace(left_out):
+    run = snapshots(**{left_out: False})
+    assert {s.stage for s in run} <= STAGES[left_out]
+    assert volume_iou(to_manifold(run[-1].program), to_manifold(PART)) > 0.99
+
+
+def test_without_the_solver_numbers_stay_as_detected():
+    with_solver, without = (snapshots(solver=solver)[-1] for solver in (True, False))
+    assert with_solver.constraints
+    assert not without.constraints
+    assert typed(with_solver)
+    assert not typed(without)
+
+
+def typed(last: Snapshot) -> bool:
+    """Whether all sizes are of at most three decimals."""
+    return all(n == round(n, 3) for leaf in leaves(last.program) for n in leaf.size)
+
+
+@pytest.mark.parametrize("evolution", [False, True])
+@pytest.mark.parametrize("solver", [False, True])
+def test_evolution_is_asked_only_where_it_is_wanted(monkeypatch, evolution, solver):
+    asked = []
+    monkeypatch.setattr(methods, "TOUCHED", -1.0)
+    monkeypatch.setattr(methods, "evolved", lambda *given: asked.append(given) or iter(()))
+    snapshots(evolution=evolution, solver=solver)
+    assert [given[-1] for given in asked] == ([solver] if evolution else [])
