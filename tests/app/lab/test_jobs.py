@@ -115,3 +115,15 @@ def test_want_of_memory_is_told(monkeypatch):
 
     monkeypatch.setitem(work.TASKS, "open", greedy)  # type: ignore[arg-type]
     assert [m.kind for m in work.perform(upload("a.stl", b""), time.perf_counter)] == ["refused"]
+
+
+def test_what_broke_is_told_apart_from_what_cannot_be_used(monkeypatch, capsys):
+    def broken(*_):
+        raise ValueError("shapes (3,) and (4,)")
+        yield
+
+    monkeypatch.setitem(work.TASKS, "open", broken)  # type: ignore[arg-type]
+    (answer,) = work.perform(upload("a.stl", b""), time.perf_counter)
+    assert answer.kind == "failed"
+    assert answer.values["message"] == "the run failed: ValueError: shapes (3,) and (4,); the lab goes on"
+    assert "Traceback" in capsys.readouterr().err

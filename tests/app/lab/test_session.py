@@ -198,6 +198,20 @@ def test_downloads_are_made_once_per_program(session, pool):
     assert len(pool.jobs) == made + 1
 
 
+def test_an_edit_while_files_are_made_makes_them_again(session, pool):
+    finished(session, pool)
+    session.files(lambda _: None)
+    session.edit("number 1 r", lambda theory: edits.with_number(theory, 1, "r", 15.0, True))
+    pool.say("files", {}, {"program.json": np.frombuffer(b"old", np.uint8)})
+    pool.say("done")
+    got = []
+    session.files(got.append)
+    assert got == []
+    pool.say("files", {}, {"program.json": np.frombuffer(b"new", np.uint8)})
+    pool.say("done")
+    assert got == [{"program.json": b"new"}]
+
+
 def test_a_choice_of_the_front_is_loaded(session, pool):
     crude = Choice(Primitive("box", (80.0, 50.0, 8.0)), 0.2)
     finished(session, pool, (crude, Choice(PROGRAM, 0.0)))

@@ -24,7 +24,8 @@ from imdim.app.lab.wire import Message
 
 LARGEST_ANSWER = 1 << 30  # bytes
 SPARE_AFTER_S = 5.0  # the start of a run has the cores for itself
-END_KINDS = ("done", "refused", "died")
+WELL = ("done", "refused")  # the process is as it was before
+END_KINDS = (*WELL, "failed", "died")
 GiB = 1 << 30
 
 
@@ -185,7 +186,7 @@ class Pool:
                 if last.kind not in END_KINDS:
                     job.answered(last)
         finally:
-            self._release(job, worker, reusable=last.kind in END_KINDS and worker.alive)
+            self._release(job, worker, reusable=last.kind in WELL and worker.alive)
             job.tell(last if last.kind in END_KINDS else Message("died", {"message": died(worker)}))
             self._dispatch()
 

@@ -13,6 +13,7 @@ from imdim.app.lab.panels.browse import CurvesPanel, FrontPanel, TreePanel
 from imdim.app.lab.panels.edit import EditPanel
 from imdim.app.lab.panels.relate import RelatePanel
 from imdim.app.lab.panels.run import RunPanel
+from imdim.app.lab.panels.status import StatusPanel
 from imdim.app.lab.panels.take import ShowPanel, TakePanel
 from imdim.app.lab.refresher import Refresher
 from imdim.app.lab.session import Session
@@ -57,6 +58,7 @@ class Page:
         gui.set_panel_label("IMDIM Live Lab")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(RIGHT)
+        self.status = StatusPanel(gui, session)
         # outside the tabs: clicks in the tree and the code go through it, and what lies in a tab that was never opened is not there
         selected = gui.add_number("Primitive", -1, min=-1, max=9999, step=1, hint="The selected primitive, -1 for none")
         tabs = gui.add_tab_group()
@@ -152,7 +154,7 @@ class Page:
 
     def _draw_state(self) -> None:
         kind, line = notice = self.session.state.notice
-        self.run.draw(self._lines(), notice)
+        self.status.draw(self._lines(), notice)
         if kind == "error" and line and notice is not self._told:
             self._client.add_notification("That did not work", line, color="red", auto_close_seconds=SAID_S)
         self._told = notice

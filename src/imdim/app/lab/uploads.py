@@ -1,4 +1,5 @@
-"""A limit on uploads that holds before a file is in memory. The toolkit has none, so this stands in front of its own handler."""
+"""A limit on uploads that holds before a file is in memory. The toolkit has none, and its public calls see a file only when all of it has
+come; so this stands in front of its own handler, whose names are private, and the toolkit's version is pinned to a minor one."""
 
 from __future__ import annotations
 
@@ -20,6 +21,7 @@ def limit_uploads(client: viser.ClientHandle, most: int, refuse: Callable[[str, 
         link.queue_message(
             messages.FileTransferPartAck(message.source_component_uuid, message.transfer_uuid, message.size_bytes, message.size_bytes)
         )
+        link.queue_message(messages.RemoveNotificationMessage(f"upload-{message.transfer_uuid}"))  # which would say that all went well
         refuse(message.filename, message.size_bytes)
 
     link.unregister_handler(messages.FileTransferStartUpload, accept)

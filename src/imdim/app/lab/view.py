@@ -16,7 +16,7 @@ CLOUD_SIZES = (0.018, 0.008)  # alone, and with a solid
 LAYERS: Mapping[str, bool] = {"Solid": True, "Cutters": True, "Points": True, "Distance map": False, "Constraints": False}
 SEEN_THROUGH = 0.3  # opacity of the solid where constraints are shown, most of which lie inside it
 TURN_DEG, TURN_S = 1.0, 0.05
-AWAY = np.array([2.2, -2.9, 2.1])  # the camera, seen from the middle of the part
+AWAY = np.array([1.85, -2.45, 1.8])  # the camera, seen from the middle of the part, all of which it just sees
 
 
 class View:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import functools
+import sys
 import tempfile
 import time
+import traceback
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -14,13 +16,14 @@ import numpy as np
 
 from imdim.app.lab import continuing, solving, wire
 from imdim.app.lab.wire import Message
-from imdim.config import Settings, check, first_line, merge
+from imdim.config import ConfigError, Settings, check, first_line, merge
 from imdim.deliver import RunRecord, deliver
 from imdim.evaluate import evaluate
 from imdim.fitting import relations_of
 from imdim.geometry.cloud import InputError, Target, load_target
 from imdim.geometry.readers import FORMATS
 from imdim.pipeline import Snapshot, reconstruct
+from imdim.program.constraints import ConstraintError
 
 Now = Callable[[], float]
 SHOWN_EVERY_S = 0.05  # an evolution makes generations faster than they can be drawn
@@ -89,13 +92,16 @@ TASKS: Mapping[str, Callable[[Message, Now], Iterator[Message]]] = {
 
 
 def perform(request: Message, now: Now) -> Iterator[Message]:
-    """The messages of a task; the last one is "done", or "refused" with one line for input that cannot be used."""
+    """The messages of a task; the last one is "done", or "refused" with one line for what cannot be used, or "failed" with what broke."""
     try:
         yield from TASKS[request.kind](request, now)
-    except (InputError, ValueError) as error:
+    except (InputError, ConfigError, ConstraintError) as error:
         yield Message("refused", {"message": first_line(error)})
     except MemoryError:
         yield Message("refused", {"message": "the part needs more memory than a run may use"})
+    except Exception as error:  # noqa: BLE001 - the process's outermost call: whatever broke is told to the person, and to the terminal
+        sys.stderr.write(f"imdim lab: {traceback.format_exc()}")
+        yield Message("failed", {"message": f"the run failed: {type(error).__name__}: {first_line(error)}; the lab goes on"})
     else:
         yield Message("done")
 

@@ -12,6 +12,7 @@ from imdim.app.lab.drawing import names
 from imdim.app.lab.edits import Number, Theory
 from imdim.app.lab.session import Session
 from imdim.app.lab.solving import Lock
+from imdim.app.lab.style import BLUE, GREY, RED
 from imdim.geometry.cloud import Frame
 from imdim.program.tree import KINDS, OPS, SIZE_NAMES, Op, Primitive, leaves
 
@@ -46,13 +47,13 @@ class EditPanel:
         self.follow = gui.add_checkbox("Keep relations", True, hint="What the constraints relate to an edited number moves along")
         self.steps = gui.add_button_group("History", ("Undo", "Redo"))
         self.steps.on_click(lambda event: session.undo() if event.target.value == "Undo" else session.redo())
-        solve = gui.add_button("Let the solver finish", color="blue", hint="Fits the numbers; constraints and locks hold")
+        solve = gui.add_button("Let the solver finish", color=BLUE, hint="Fits the numbers; constraints and locks hold")
         solve.on_click(lambda _: session.solve())
         with gui.add_folder("Add or remove"):
             self.kind = gui.add_dropdown("Kind", KINDS, initial_value="cylinder")
             self.op = gui.add_dropdown("Joined by", OPS)
-            gui.add_button("Add", color="gray").on_click(lambda _: self._add())
-            gui.add_button("Remove the selected", color="red").on_click(lambda _: self.remove())
+            gui.add_button("Add", color=GREY).on_click(lambda _: self._add())
+            gui.add_button("Remove the selected", color=RED).on_click(lambda _: self.remove())
         self.units = gui.add_dropdown("Units", tuple(UNITS), initial_value="millimeter")
         self.units.on_update(lambda _: unit_changed())
 

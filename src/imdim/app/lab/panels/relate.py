@@ -9,6 +9,7 @@ from imdim.app.lab.drawing import VIOLATED
 from imdim.app.lab.edits import Theory
 from imdim.app.lab.session import Session
 from imdim.app.lab.solving import violations
+from imdim.app.lab.style import GREY, RED
 from imdim.program.constraints import AXES_OF, FACES_OF, RULES
 from imdim.program.tree import SIZE_NAMES, Primitive, leaves
 
@@ -20,15 +21,15 @@ class RelatePanel:
         self._session = session
         self._list = gui.add_html("")
         self.number = gui.add_number("Constraint", -1, min=-1, max=9999, step=1, hint="The constraint that Remove takes away")
-        gui.add_button("Remove the constraint", color="red").on_click(lambda _: self._remove())
-        gui.add_button("Look for relations", color="gray").on_click(lambda _: session.relate())
+        gui.add_button("Remove the constraint", color=RED).on_click(lambda _: self._remove())
+        gui.add_button("Look for relations", color=GREY).on_click(lambda _: session.relate())
         with gui.add_folder("Add a constraint"):
             self._hint = gui.add_html("")
             self.kind = gui.add_dropdown("Relation", tuple(RULES), initial_value="equal")
             self.of = gui.add_text("Of", "", hint="Features, as in 2.r, 3.r")
             self.about = gui.add_text("About", "", hint="An axis, as in world.z or 0.z, where the kind needs one")
             self.value = gui.add_number("Value", 0.0, step=0.001)
-            gui.add_button("Add the constraint", color="gray").on_click(lambda _: self._add())
+            gui.add_button("Add the constraint", color=GREY).on_click(lambda _: self._add())
 
     def _add(self) -> None:
         def change(theory: Theory) -> Theory:

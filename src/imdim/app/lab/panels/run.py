@@ -1,4 +1,4 @@
-"""Open a part and reconstruct it: the target, the settings of a run, and its buttons."""
+"""Reconstruct a part: an example, the settings of a run, and its buttons."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ import viser
 from imdim.app.lab.continuing import Rates
 from imdim.app.lab.examples import NAMES
 from imdim.app.lab.session import Session
+from imdim.app.lab.style import BLUE, GREY
 from imdim.methods import METHODS
-
-STATES = {"": "ready", "waiting": "waiting for its turn", "running": "running", "paused": "paused"}
 
 
 class RunPanel:
@@ -20,12 +19,9 @@ class RunPanel:
 
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session = session
-        self.status = gui.add_html("")
-        self.upload = gui.add_upload_button("Open a file", hint="STL, OBJ, OFF, PLY, 3MF, GLB, XYZ, TXT, CSV, PCD, NPY, NPZ", color="gray")
-        self.upload.on_upload(lambda event: session.open_upload(event.target.value.name, event.target.value.content))
         self.example = gui.add_dropdown("Example", NAMES)
         self.example.on_update(lambda event: session.open_example(event.target.value) if event.client else None)
-        self.start = self._button(gui, "Start", lambda: session.start(self.settings()), "blue")
+        self.start = self._button(gui, "Start", lambda: session.start(self.settings()), BLUE)
         with gui.add_folder(None):
             self.go = gui.add_button_group("Run", ("Pause", "Resume", "Step", "Stop"))
             self.go.on_click(lambda event: self._pressed(event.target.value))
@@ -41,7 +37,7 @@ class RunPanel:
             self.tolerance = gui.add_number("Tolerance", Rates.tolerance, min=1e-6, max=0.1, step=1e-5, hint="Error that is good enough")
             self._button(gui, "Continue from this program", lambda: session.go_on(self.settings(), self.rates()))
 
-    def _button(self, gui: viser.GuiApi, label: str, call: Callable[[], None], color: Any = "gray") -> viser.GuiButtonHandle:
+    def _button(self, gui: viser.GuiApi, label: str, call: Callable[[], None], color: tuple[int, int, int] = GREY) -> viser.GuiButtonHandle:
         button = gui.add_button(label, color=color)
         button.on_click(lambda _: call())
         return button
@@ -66,16 +62,3 @@ class RunPanel:
 
     def rates(self) -> Rates:
         return Rates(self.mutation.value, self.elitism.value, int(self.population.value), float(self.tolerance.value))
-
-    def draw(self, lines: list[tuple[str, str]], notice: tuple[str, str]) -> None:
-        """The state of the run, name and value a line, and the last message."""
-        state = STATES[self._session.running]
-        if self._session.running == "waiting":
-            state += f", {self._session.waiting_behind} before it"
-        shown = [("state", state), *lines]
-        rows = "".join(f'<tr><td style="color:#495057;padding-right:10px">{a}</td><td><b>{b}</b></td></tr>' for a, b in shown)
-        table = f'<table class="lab-status" style="font-size:13px;border-collapse:collapse;color:#212529">{rows}</table>'
-        kind, line = notice
-        tint = "color:#c92a2a;background:#fff0f0" if kind == "error" else "color:#0b5345;background:#e8f7f1"
-        said = f'<div role="alert" class="lab-notice" style="{tint};border-radius:6px;padding:6px 8px;margin:6px 0 0">{line}</div>'
-        self.status.content = f'<div style="padding:6px 12px 8px;font-size:13px">{table}{said if line else ""}</div>'

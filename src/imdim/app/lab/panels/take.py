@@ -7,7 +7,9 @@ from collections.abc import Callable, Mapping
 import viser
 
 from imdim.app.lab import texts
+from imdim.app.lab.downloads import Files
 from imdim.app.lab.session import Session
+from imdim.app.lab.style import GREY
 from imdim.app.lab.view import LAYERS, View
 from imdim.program import codec
 
@@ -32,13 +34,13 @@ class TakePanel:
         text = "The files are made together, which takes some seconds the first time."
         client.gui.add_html(texts.note(text))
         for label in FORMATS:
-            client.gui.add_button(f"Download {label}", color="gray").on_click(lambda _, label=label: self.take(label))
+            client.gui.add_button(f"Download {label}", color=GREY).on_click(lambda _, label=label: self.take(label))
 
     def take(self, label: str) -> None:
         """Send the file of one format once it is there."""
         name = FORMATS[label]
 
-        def send(files: dict[str, bytes]) -> None:
+        def send(files: Files) -> None:
             if name not in files:
                 self._client.add_notification("Not available", f"{name} could not be made: report.json says why", color="red")
                 return
@@ -66,7 +68,7 @@ class ShowPanel:
         self.scale = gui.add_html("")
         self.turning = gui.add_checkbox("Turn slowly", False)
         self.turning.on_update(lambda event: view.turn(event.target.value))
-        gui.add_button("Show the whole part", color="gray").on_click(lambda _: view.look())
+        gui.add_button("Show the whole part", color=GREY).on_click(lambda _: view.look())
 
     def _switched(self, view: View, layer: str, on: bool, changed: Callable[[], None]) -> None:
         view.show(layer, on)

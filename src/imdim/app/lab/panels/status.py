@@ -1,0 +1,45 @@
+"""The state of the run in words, and the way in for files; above the tabs, so that both are always there."""
+
+from __future__ import annotations
+
+import html
+
+import viser
+
+from imdim.app.lab.session import Session
+from imdim.app.lab.style import GREY, MUTED, style
+
+STATES = {"": "ready", "waiting": "waiting for its turn", "running": "running", "paused": "paused"}
+SHORT = ("state", "primitives", "volume", "error")  # two of these fit on a line
+HINT = "Or drop it anywhere on the page: STL, OBJ, OFF, PLY, 3MF, GLB, XYZ, TXT, CSV, PCD, NPY, NPZ"
+
+
+class StatusPanel:
+    """See the module."""
+
+    def __init__(self, gui: viser.GuiApi, session: Session) -> None:
+        self._session = session
+        gui.add_html(style())
+        self._text = gui.add_html("")
+        upload = gui.add_upload_button("Open a file", hint=HINT, color=GREY)
+        upload.on_upload(lambda event: session.open_upload(event.target.value.name, event.target.value.content))
+
+    def draw(self, lines: list[tuple[str, str]], notice: tuple[str, str]) -> None:
+        """The state of the run, name and value a line, and the last message."""
+        state = STATES[self._session.running]
+        if self._session.running == "waiting":
+            state += f", {self._session.waiting_behind} before it"
+        rows = "".join(_row(name, value) for name, value in [("state", state), *lines])
+        table = f'<table class="lab-status" style="width:100%;color:#212529"><tbody>{rows}</tbody></table>'
+        self._text.content = f'<div style="padding:6px 12px 8px;font-size:13px;line-height:1.45">{table}{_said(*notice)}</div>'
+
+
+def _row(name: str, value: str) -> str:
+    wide = "" if name in SHORT else ' class="wide"'
+    return f'<tr{wide}><td style="color:{MUTED}">{name}</td><td><b>{html.escape(value)}</b></td></tr>'
+
+
+def _said(kind: str, line: str) -> str:
+    tint = "color:#a61e1e;background:#fff0f0" if kind == "error" else "color:#0b5345;background:#e8f7f1"
+    box = f'<div class="lab-notice" style="{tint};border-radius:6px;padding:6px 8px;margin:6px 0 0">{html.escape(line)}</div>'
+    return f'<div role="alert">{box if line else ""}</div>'

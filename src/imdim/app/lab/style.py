@@ -1,0 +1,44 @@
+"""What the page needs beside the toolkit's own widgets: a narrow window, contrast, and files that are dropped anywhere on it."""
+
+from __future__ import annotations
+
+import html
+
+BLUE, GREY, RED = (24, 100, 171), (73, 80, 87), (201, 42, 42)  # buttons; white on them has a contrast of 5.5 and more
+MUTED = "#495057"  # labels, 8.2 on white
+SHEET = 55  # per cent of a narrow window's height that the controls take at most
+
+# the toolkit's sheet for narrow windows lies over the picture; here it stands below it, and the picture takes what is left
+_SHEET = '.mantine-Paper-root[style*="fixed"]'
+_CSS = f"""
+:root, :root[data-mantine-color-scheme] {{ --mantine-color-dimmed: {MUTED} !important }}
+.lab-status tbody {{ display: grid; grid-template-columns: 1fr 1fr; gap: 1px 12px }}
+.lab-status tr {{ display: flex; gap: 6px }}
+.lab-status tr.wide {{ grid-column: 1 / -1 }}
+.lab-status td {{ padding: 0 }}
+@media (max-width: 36em) {{
+  #root div:has(> {_SHEET}) {{ flex-direction: column }}
+  #root div:has(> {_SHEET}) > div:not([class]) {{ height: auto !important; min-height: 0 }}
+  #root {_SHEET} {{ position: static !important; flex: none; width: 100% !important; max-height: {SHEET}% !important }}
+  #root {_SHEET} div[style*="20em"] {{ width: 100% !important }}
+}}
+"""
+# a dropped file goes the way of one that was chosen
+_DROP = """
+if (!window.labDrops) {
+  window.labDrops = true;
+  window.addEventListener('dragover', (e) => { if (e.dataTransfer.types.includes('Files')) e.preventDefault(); });
+  window.addEventListener('drop', (e) => {
+    const input = document.querySelector('input[type=file]');
+    if (!e.dataTransfer.files.length || !input) return;
+    e.preventDefault();
+    input.files = e.dataTransfer.files;
+    input.dispatchEvent(new Event('change', { bubbles: true }));
+  });
+}"""
+_NOTHING = "data:image/gif;base64,R0lGODlhAQABAAAAACH5BAEKAAEALAAAAAABAAEAAAICTAEAOw=="
+
+
+def style() -> str:
+    """HTML to put on the page once; scripts in it run only as handlers, so an empty picture carries one."""
+    return f'<style>{_CSS}</style><img alt="" src="{_NOTHING}" style="display:none" onload="{html.escape(_DROP, quote=True)}">'
