@@ -4,8 +4,8 @@
 
 Each repetition measures the peaks (`speed_peaks`), then every kernel and its plain reference (`speed_kernels`, `speed_plain`): a core that
 is slow for a moment is slow for all three. Figures are medians of the repetitions' ratios; seconds are those of the processor. `allowed` is
-the largest share that this mix of instructions could reach: products without a sum to feed fill half of a fused instruction, and roots take
-their own unit's time. Exit status 1 where a kernel's answer is not that of its reference.
+the largest share that this mix of instructions could reach: products without a sum to feed fill half of a fused instruction, and roots have a slower
+unit of their own. Exit status 1 where a kernel's answer is not that of its reference.
 """
 
 from __future__ import annotations
@@ -100,9 +100,8 @@ def _figure(kernel: Kernel, rounds: list[tuple[Peaks, tuple[float, float]]], dif
 
 
 def allowed(work: Work, arithmetic: float, roots: float) -> float:
-    """The share of `arithmetic` (operations per second, two to a fused instruction) that the mix allows; roots fill the unit at `roots` per
-    second, which products and sums need as well."""
-    least_s = max(work.slots / (arithmetic / 2), work.flops / arithmetic) + work.roots / roots
+    """The share of `arithmetic` (operations per second, two to a fused instruction) that the mix allows; the unit of roots works beside."""
+    least_s = max((work.slots + work.roots) / (arithmetic / 2), work.flops / arithmetic, work.roots / roots)
     return work.flops / arithmetic / least_s
 
 

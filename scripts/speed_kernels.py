@@ -1,4 +1,4 @@
-"""The five kernels that a run spends its time in, each with its plain reference, a check of both, and what its arithmetic comes to.
+"""The kernels that a run spends its time in, each with its plain reference, a check of both, and what its arithmetic comes to.
 
 Operations are additions, multiplications, divisions, roots, minima, maxima and comparisons on floating-point numbers, each counted once, of
 the work that the answer needs; absolute values, copies and integers count nothing. A product that feeds an addition can be one fused
@@ -21,13 +21,17 @@ import bench_population
 import speed_plain
 from imdim.data.surfaces import surface_clouds
 from imdim.data.synthesize import SynthesisConfig, draw_programs
+from imdim.geometry import kernels as kernels_of_geometry
 from imdim.geometry.lowering import lower
 from imdim.geometry.metrics import chamfer
+from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sampling import leaf_surface
 from imdim.learn.checkpoint import load_policy
 from imdim.learn.decode import DecodeConfig, steps
-from imdim.program.tree import Primitive, Program, combine_all, leaves
+from imdim.program.tree import KINDS, Primitive, Program, combine_all, leaves
+from imdim.search.evolve.columns import Columns, Registry
 from imdim.search.evolve.fitness import Evidence, FitnessConfig, Scorer
+from imdim.search.evolve.kernels import fill_distances
 from imdim.solve.faces import moved, step_maps
 from imdim.solve.normal_equations import held_open, solve_blocks
 from imdim.solve.refine import RefineConfig, _linearise, _Target
@@ -111,11 +115,69 @@ def _population_work(programs: list[Program], points: int) -> Work:
     return Work(flops, slots, points * sum(ROOTS[k] for k in parts), 2 * table)
 
 
+def leaf_table(trees: int, primitives: int = 16, points: int = 4096) -> Kernel:
+    """The compiled part of population scoring that depends on the leaves: distances, in single precision."""
+    rng = np.random.default_rng(0)
+    parts = [bench_population.random_leaf(rng) for _ in range(trees * primitives)]
+    cloud, kinds = rng.uniform(-1, 1, (points, 3)), [p.kind for p in parts]
+    columns = Columns(cloud, "distances", Registry(), len(parts))
+    columns.of(parts)
+    leaves_of, rows = columns_arguments(parts), np.arange(len(parts))
+    flops = points * sum(TRANSFORM + DISTANCE[k] for k in kinds)
+    slots = points * sum(TRANSFORM_SLOTS + DISTANCE_SLOTS[k] for k in kinds)
+    return Kernel(
+        "leaf table",
+        f"{len(parts)} primitives at {points} points, the compiled loop alone",
+        "single",
+        Work(flops, slots, points * sum(ROOTS[k] for k in kinds), 4 * points * len(parts)),
+        lambda: None,
+        lambda _: (fill_distances(*leaves_of, columns._xyz, rows, columns.table), columns.table)[1],
+        lambda: np.array([bench_population.plain_leaf(part, cloud) for part in parts]),
+        lambda got, expected: float(np.abs(got - expected).max()),
+        1e-5,
+    )
+
+
+def columns_arguments(parts: list[Primitive]) -> tuple[np.ndarray, np.ndarray]:
+    """Kinds [k] and rows [k, 15] of `fill_distances`."""
+    rows = [(*p.size, *(0.0,) * (3 - len(p.size)), *p.center, *matrix_from_euler(p.rotation).T.ravel()) for p in parts]
+    return np.array([KINDS.index(p.kind) for p in parts]), np.array(rows, np.float32)
+
+
+def gradients(primitives: int = 16, points: int = 8192) -> Kernel:
+    """The compiled part of the solver's step that depends on the leaves: values, and derivatives by the numbers of the deciding leaf."""
+    program, cloud = _part_and_cloud(primitives, points)
+    lowered, kinds = lower(program), [leaf.kind for leaf in leaves(program)]
+    n = len(cloud)
+
+    def differs(got: Any, expected: np.ndarray) -> float:
+        leaf, value, tangent, _ = got
+        chain = np.stack([speed_plain.tangent_from_params(part.rotation) for part in leaves(program)])
+        exact = np.einsum("ni,nij->nj", tangent, chain[leaf])
+        return float(np.abs(np.column_stack([value, exact]) - expected).max())
+
+    return Kernel(
+        "gradients",
+        f"{primitives} primitives, {n} points, the compiled loop alone",
+        "double",
+        Work(*_gradient_flops(kinds, n), n * (sum(ROOTS[k] for k in kinds) + 2), n * 8 * (3 + 9 + 3 + 2)),
+        lambda: None,
+        lambda _: kernels_of_geometry.program_tangent(lowered, cloud),
+        lambda: speed_plain.gradients(program, cloud),
+        differs,
+        1e-9,
+    )
+
+
+def _gradient_flops(kinds: list[str], n: int) -> tuple[float, float]:
+    """Operations and slots of values and derivatives at `n` points."""
+    flops = n * (sum(TRANSFORM + DISTANCE[k] for k in kinds) + len(kinds) - 1 + TANGENT)
+    return flops, n * (sum(TRANSFORM_SLOTS + DISTANCE_SLOTS[k] for k in kinds) + len(kinds) - 1 + TANGENT)
+
+
 def solver(primitives: int = 16, points: int = 8192) -> Kernel:
     """One step of Levenberg and Marquardt from a part whose numbers are a little off."""
-    rng = np.random.default_rng(1)
-    program = _apart(primitives, rng)
-    cloud = np.concatenate([_near(leaf, points // primitives, rng) for leaf in leaves(program)])
+    program, cloud = _part_and_cloud(primitives, points)
     config, start = RefineConfig(), lower(program)
     target, maps = _Target.of(cloud, None, None, None), step_maps(start)
     scale = config.start_scale * target.diagonal
@@ -126,11 +188,10 @@ def solver(primitives: int = 16, points: int = 8192) -> Kernel:
         moved(start, linear.maps, found)
         return found
 
-    kinds = [leaf.kind for leaf in leaves(program)]
-    n, each = len(cloud), TANGENT + NORMAL_EQUATIONS
-    flops = n * (sum(TRANSFORM + DISTANCE[k] for k in kinds) + len(kinds) - 1 + each)
-    slots = n * (sum(TRANSFORM_SLOTS + DISTANCE_SLOTS[k] for k in kinds) + len(kinds) - 1 + TANGENT + 9 * (1 + 1 + 9))
-    roots, moves = n * (sum(ROOTS[k] for k in kinds) + 2), n * 8 * (3 + 2 * 9 + 2 * 3 + 4)
+    n, (flops, slots) = len(cloud), _gradient_flops([leaf.kind for leaf in leaves(program)], len(cloud))
+    flops, slots = flops + n * NORMAL_EQUATIONS, slots + n * 9 * (1 + 1 + 9)
+    roots = n * (sum(ROOTS[leaf.kind] for leaf in leaves(program)) + 2)
+    moves = n * 8 * (3 + 2 * 9 + 2 * 3 + 4)
     return Kernel(
         "solver step",
         f"{primitives} primitives, {n} points",
@@ -144,15 +205,13 @@ def solver(primitives: int = 16, points: int = 8192) -> Kernel:
     )
 
 
-def _apart(count: int, rng: np.random.Generator) -> Program:
-    """A union of primitives in a row, far enough apart that no point is equally near to two."""
+def _part_and_cloud(count: int, points: int) -> tuple[Program, np.ndarray]:
+    """A union of primitives in a row, far enough apart that no point is equally near to two, and points near its surface."""
+    rng = np.random.default_rng(1)
     parts = [bench_population.random_leaf(rng) for _ in range(count)]
-    shifted = [Primitive(p.kind, p.size, (3.0 * i, *p.center[1:]), p.rotation) for i, p in enumerate(parts)]
-    return combine_all("union", shifted)
-
-
-def _near(leaf: Primitive, count: int, rng: np.random.Generator) -> np.ndarray:
-    return leaf_surface(leaf, count, rng)[0] + rng.normal(0, 0.01, (count, 3))
+    apart = [Primitive(p.kind, p.size, (3.0 * i, *p.center[1:]), p.rotation) for i, p in enumerate(parts)]
+    clouds = [leaf_surface(p, points // count, rng)[0] for p in apart]
+    return combine_all("union", apart), np.concatenate([c + rng.normal(0, 0.01, c.shape) for c in clouds])
 
 
 def distances(points: int) -> Kernel:
@@ -237,10 +296,12 @@ def _other_moves(got: Any, expected: Any) -> float:
 
 
 def kernels(size: float = 1.0) -> list[Kernel]:
-    """All five; `size` scales them for a quick look."""
+    """All of them; `size` scales them for a quick look."""
     return [
         population(max(8, round(128 * size))),
+        leaf_table(max(8, round(128 * size))),
         solver(points=max(1024, round(8192 * size))),
+        gradients(points=max(1024, round(8192 * size))),
         distances(max(1024, round(8192 * size))),
         clouds(max(8, round(64 * size))),
         decoding(max(4, round(16 * size))),

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from imdim.data.solids import BOX, SPHERE, Solids
 from imdim.data.surfaces import STEP, bounds, surface_areas
-from imdim.geometry.kernels import _tangent_from_params
+from imdim.geometry.kernels import _tangent_from_params as tangent_from_params
 from imdim.geometry.lowering import pack
 from imdim.geometry.sdf import program_sdf
 from imdim.learn.decode import Step
@@ -31,15 +31,10 @@ def chamfer(a: np.ndarray, b: np.ndarray, rows: int = 256) -> float:
 def solver_step(program: Program, maps: np.ndarray, points: np.ndarray, scale: float, damping: float, support: float) -> np.ndarray:
     """One step [k, 9] of Levenberg and Marquardt in the coordinates of `maps` [k, 9, 9], from the whole Jacobian [n, 9 k] that
     differentiation in reverse gives."""
-    kinds, params = pack(program)
-    n, k = len(points), len(kinds)
-    free = torch.tensor(params).expand(n, k, 9).clone().requires_grad_()
-    value = program_sdf(program, free, torch.tensor(points)[:, None])[:, 0]
-    value.sum().backward()
-    assert free.grad is not None
-    chain = [np.linalg.solve(_tangent_from_params(leaf.rotation), m) for leaf, m in zip(leaves(program), maps, strict=True)]
-    jacobian = np.concatenate([free.grad[:, i].numpy() @ chain[i] for i in range(k)], 1)
-    residual = value.detach().numpy()
+    k = len(maps)
+    value, by_params = _differentiated(program, points)
+    chain = [np.linalg.solve(tangent_from_params(leaf.rotation), m) for leaf, m in zip(leaves(program), maps, strict=True)]
+    jacobian, residual = np.concatenate([by_params[:, i] @ chain[i] for i in range(k)], 1), value
     weight = 1 / (1 + (residual / scale) ** 2) ** 2
     matrix, gradient = jacobian.T @ (weight[:, None] * jacobian), jacobian.T @ (weight * residual)
     diagonal = np.diag(matrix).reshape(k, 9)
@@ -48,6 +43,22 @@ def solver_step(program: Program, maps: np.ndarray, points: np.ndarray, scale: f
     kept = np.where(shown, diagonal.ravel(), 0).reshape(k, 9)
     lift = np.where(shown, (damping * kept + 1e-9 * kept.max(1, keepdims=True)).ravel(), 1.0)
     return -np.linalg.solve(matrix + np.diag(lift), gradient).reshape(k, 9)
+
+
+def gradients(program: Program, points: np.ndarray) -> np.ndarray:
+    """Values and derivatives [n, 1 + 9] by the row of the deciding leaf; those by all others are nought."""
+    value, by_params = _differentiated(program, points)
+    return np.column_stack([value, by_params.sum(1)])
+
+
+def _differentiated(program: Program, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Values [n] and their derivatives [n, k, 9] by all numbers, differentiated in reverse."""
+    kinds, params = pack(program)
+    free = torch.tensor(params).expand(len(points), len(kinds), 9).clone().requires_grad_()
+    value = program_sdf(program, free, torch.tensor(points)[:, None])[:, 0]
+    value.sum().backward()
+    assert free.grad is not None
+    return value.detach().numpy(), free.grad.numpy()
 
 
 def proposals(policy: Policy, clouds: Tensor, states: Sequence[Step]) -> list[Move]:
