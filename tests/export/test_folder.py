@@ -1,3 +1,7 @@
+import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -86,3 +90,62 @@ def test_unusable_folders_are_named(tmp_path, monkeypatch):
         assert "\n" not in str(caught.value)
     check_writable(tmp_path / "new" / "out")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "here"]
+
+
+KILLED = """
+import os, pathlib, sys
+from imdim.export.folder import replacing
+
+rename = pathlib.Path.rename
+
+def last(self, to):
+    rename(self, to)
+    os.kill(os.getpid(), 9)
+
+pathlib.Path.rename = last
+with replacing(pathlib.Path(sys.argv[1])) as partial:
+    (partial / "report.json").write_text("half")
+    if sys.argv[2] == "writing":
+        os.kill(os.getpid(), 9)
+"""
+
+
+def killed(folder: Path, when: str) -> None:
+    assert subprocess.run([sys.executable, "-c", KILLED, str(folder), when], check=False).returncode == -signal.SIGKILL
+
+
+def test_what_was_killed_while_it_wrote_is_swept_by_the_next_run(tmp_path):
+    folder = tmp_path / "out"
+    write(folder, "one")
+    killed(folder, "writing")
+    assert len(list(tmp_path.iterdir())) == 2
+    assert results(folder) == {"report.json": "one", "program.scad": "one"}
+    with replacing(folder) as partial:
+        assert set(tmp_path.iterdir()) == {folder, partial}
+
+
+def test_results_set_aside_by_what_was_killed_come_back(tmp_path):
+    folder = tmp_path / "out"
+    write(folder, "one")
+    killed(folder, "renaming")
+    assert not folder.exists()
+    with pytest.raises(KeyboardInterrupt):
+        stopped(folder)
+    assert results(folder) == {"report.json": "one", "program.scad": "one"}
+    assert list(tmp_path.iterdir()) == [folder]
+
+
+def test_what_another_process_is_writing_is_left_alone(tmp_path):
+    folder = tmp_path / "out"
+    with replacing(folder) as first:
+        (first / "report.json").write_text("one")
+        write(folder, "two")
+        assert results(first) == {"report.json": "one"}
+        other = first.with_name(first.name.replace(f"-{os.getpid()}-", "-1-"))
+        other.mkdir()
+        foreign = tmp_path / ".out-of-this-world"
+        foreign.mkdir()
+        write(folder, "three")
+        assert other.exists()
+    assert foreign.exists()
+    assert results(folder) == {"report.json": "one"}

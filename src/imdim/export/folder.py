@@ -1,9 +1,18 @@
-"""The results folder: written whole or not at all, and never at the cost of files that are not results."""
+"""The results folder: written whole or not at all, and never at the cost of files that are not results.
+
+A process that is killed leaves a hidden folder beside it. The next one that writes to the same place sweeps it: the name tells the
+machine and the process that wrote it.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import os
+import platform
+import re
 import secrets
 import tempfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,6 +32,7 @@ FILES = (
     "report.json",
     "report.html",
 )
+EARLIER = "-earlier"  # how the name of results ends that stand aside while new ones take their place
 
 
 class OutputError(OSError):
@@ -50,7 +60,8 @@ def replacing(folder: Path) -> Iterator[Path]:
     """
     check_writable(folder)
     folder = folder.resolve()
-    partial = folder.with_name(f".{folder.name}-{secrets.token_hex(4)}")
+    _sweep(folder)
+    partial = folder.with_name(f".{folder.name}-{_machine()}-{os.getpid()}-{secrets.token_hex(4)}")
     try:
         partial.mkdir(parents=True)
         yield partial
@@ -77,7 +88,7 @@ def _swap(partial: Path, folder: Path) -> None:
     if not folder.exists():
         partial.rename(folder)
         return
-    earlier = partial.with_name(partial.name + "-earlier")
+    earlier = partial.with_name(partial.name + EARLIER)
     folder.rename(earlier)
     try:
         partial.rename(folder)
@@ -85,6 +96,39 @@ def _swap(partial: Path, folder: Path) -> None:
         earlier.rename(folder)
         raise
     _remove(earlier)
+
+
+def _machine() -> str:
+    return f"{zlib.crc32(platform.node().encode()):08x}"
+
+
+def _sweep(folder: Path) -> None:
+    """Remove what processes of this machine that are no more left beside `folder`; results that they had only set aside come back."""
+    if not folder.parent.is_dir():
+        return
+    left = re.compile(rf"\.{re.escape(folder.name)}-{_machine()}-(\d+)-[0-9a-f]{{8}}({EARLIER})?")
+    for place in sorted(folder.parent.iterdir(), reverse=True):
+        found = left.fullmatch(place.name)
+        if found is None or _runs(int(found[1])):
+            continue
+        # what cannot be swept is no reason to write nothing
+        with contextlib.suppress(OSError):
+            if found[2] and not folder.exists():
+                place.rename(folder)
+            else:
+                _remove(place)
+
+
+def _runs(process: int) -> bool:
+    if os.name == "nt":
+        return True  # where signal 0 is no question
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
 
 
 def _remove(folder: Path) -> None:
