@@ -32,6 +32,7 @@ from fuzz_mutations import mutated
 from fuzz_programs import edit_mutated
 from fuzz_targets import KINDS
 from imdim.app.batch.process import resident_mib
+from processor import processor_s
 
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT
 CHANGES = ("os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "os.symlink", "os.chmod", "os.truncate")
@@ -137,15 +138,6 @@ class Supervised:
         self.process.kill()
         self.process.wait()
         shutil.rmtree(self.folder, ignore_errors=True)
-
-
-def processor_s(pid: int) -> float:
-    """Seconds of the processor that a process has had; those of one that has ended are 0."""
-    try:
-        fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    except FileNotFoundError:
-        return 0.0
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def work(folder: Path, seed: int) -> int:

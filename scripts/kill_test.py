@@ -2,8 +2,10 @@
 
     python scripts/kill_test.py [--kills 5] [--seed 0] [--only infer pretrain dataset batch] [--out out/kills]
 
-infer: after each kill the results folder is absent, or complete as the last run left it. pretrain: resumed to the end, its weights have the
-bytes of a run that nobody killed. dataset: so has every file. batch: every part has one outcome, and none that was done is done again.
+infer: after each kill the results folder is absent, or complete as the last run left it, and the next run sweeps what was half written.
+pretrain: resumed to the end, its weights have the bytes of a run that nobody killed. dataset: so has every file. batch: every part has one
+outcome, and none that was done is done again. The moments are random in what the command has done, or in what it has had of the processor,
+not in seconds of the clock: a busy machine makes the trial longer, not another.
 """
 
 from __future__ import annotations
@@ -24,9 +26,11 @@ import torch
 import trimesh
 from safetensors import safe_open
 
+from processor import processor_s
+
 ROOT = Path(__file__).parents[1]
 RESULTS = {"program.json", "program.scad", "program.py", "mesh.stl", "mesh.glb", "preview.png", "front.json", "report.json"}
-TRAIN = ["experiment=seed", "max_minutes=0", "epochs=3", "samples_per_epoch=24", "batch_size=4", "workers=0", "save_every=2"]
+TRAIN = ["experiment=seed", "max_minutes=0", "epochs=2", "samples_per_epoch=24", "batch_size=4", "workers=0", "save_every=2"]
 TRAIN += [
     "n_val=16",
     "n_measure=4",
@@ -58,24 +62,28 @@ def main() -> int:
     return 1 if failed else 0
 
 
-def killed(command: list[str], after_s: float, folder: Path) -> bool:
-    """Start, kill after a while (unless it ended), and say whether it was killed. Its children are left to end by themselves."""
+def killed(command: list[str], folder: Path, due: Callable[[float], bool]) -> bool:
+    """Start, kill as soon as it is `due` (told what the process has had of the processor, in seconds), and say whether that came before
+    its end. Its children are left to end by themselves."""
     with (folder / "log.txt").open("ab") as log:
         process = subprocess.Popen(command, stdout=log, stderr=log, cwd=ROOT)
-        try:
-            process.wait(after_s)
-        except subprocess.TimeoutExpired:
-            process.send_signal(signal.SIGKILL)
-            process.wait()
-    return process.returncode == -signal.SIGKILL
+    while process.poll() is None and not due(processor_s(process.pid)):
+        time.sleep(0.005)
+    process.send_signal(signal.SIGKILL)
+    return process.wait() == -signal.SIGKILL
 
 
-def ended(command: list[str], folder: Path) -> float:
-    """Run to the end: seconds. Raises CalledProcessError with its log."""
-    start = time.monotonic()
+def ended(command: list[str], folder: Path, status: int = 0) -> float:
+    """Run to the end: what it had of the processor, in seconds. Raises RuntimeError for another exit status."""
     with (folder / "log.txt").open("ab") as log:
-        subprocess.run(command, stdout=log, stderr=log, cwd=ROOT, check=True)
-    return time.monotonic() - start
+        process = subprocess.Popen(command, stdout=log, stderr=log, cwd=ROOT)
+    seconds = 0.0
+    while process.poll() is None:
+        seconds = max(seconds, processor_s(process.pid))
+        time.sleep(0.02)
+    if process.returncode != status:
+        raise RuntimeError(f"exit status {process.returncode}, see {folder / 'log.txt'}: {' '.join(command)}")
+    return seconds
 
 
 def digests(folder: Path) -> dict[str, str]:
@@ -85,39 +93,59 @@ def digests(folder: Path) -> dict[str, str]:
 
 
 def infer(folder: Path, kills: int, rng: random.Random) -> tuple[str, list[str]]:
-    trimesh.creation.annulus(0.4, 1.0, 1.0).export(folder / "part.stl")
+    trimesh.creation.box((1.0, 2.0, 3.0)).export(folder / "part.stl")
     out = folder / "out"
-    command = [sys.executable, "infer.py", f"input={folder}/part.stl", f"output={out}", "budget_s=10"]
-    seconds, faults, hits, absent = ended(command, folder), [], 0, 0
+    command = [sys.executable, "infer.py", f"input={folder}/part.stl", f"output={out}", "budget_s=20"]
+    seconds, faults, hits, delivering, absent = ended(command, folder), [], 0, 0, 0
     first = json.loads((out / "program.json").read_text())
     shutil.rmtree(out)
     for i in range(kills):
         if i == kills // 2:
             ended(command, folder)  # from here on there are older results to lose
-        # half of the kills fall into the delivery, the last second
-        hits += killed(command, rng.uniform(0, seconds) if i % 2 else seconds - rng.uniform(0, 1.0), folder)
+        known = set(hidden(folder))
+        if i % 2:
+            due = at_share(rng.random(), seconds)
+        else:
+            due = after(lambda known=known: bool(set(hidden(folder)) - known), rng.uniform(0, 1.0))
+        hits += killed(command, folder, due)
+        delivering += bool(set(hidden(folder)) - known)
         names = {path.name for path in out.iterdir()} if out.exists() else set()
         absent += not names
         if names and not (names >= RESULTS and json.loads((out / "report.json").read_text())):
             faults.append(f"after kill {i} the folder holds {sorted(names)}")
+        if i >= kills // 2 and not (names or hidden(folder)):
+            faults.append(f"after kill {i} the older results are gone")
     ended(command, folder)
     if json.loads((out / "program.json").read_text()) != first:
         faults.append("the last run gave another program")
-    left = [path.name for path in folder.iterdir() if path.name.startswith(".out")]
-    return f"{hits} of {kills} kills hit, {absent} left no folder, the others a whole one; {len(left)} hidden folders left over", faults
+    if hidden(folder):
+        faults.append(f"the last run left {hidden(folder)}")
+    return (
+        f"{hits} of {kills} kills hit, {delivering} of them while results were written; {absent} left none, the others whole ones",
+        faults,
+    )
+
+
+def hidden(folder: Path) -> list[str]:
+    """Folders that a run of `infer` writes into, or left."""
+    return [path.name for path in folder.iterdir() if path.name.startswith(".out-")]
 
 
 def pretrain(folder: Path, kills: int, rng: random.Random) -> tuple[str, list[str]]:
     command = [sys.executable, "pretrain.py", *TRAIN]
-    seconds, faults, hits = ended([*command, f"out={folder}/whole"], folder), [], 0
-    for _ in range(kills):
-        resume = ["resume=true"] if (folder / "cut" / "state.pt").exists() else []
-        hits += killed([*command, f"out={folder}/cut", *resume], rng.uniform(0.3, 0.9) * seconds, folder)
+    seconds, faults, hits, resumed = ended([*command, f"out={folder}/whole"], folder), [], 0, 0
+    for i in range(kills):
+        saved = (folder / "cut" / "state.pt").exists()
+        resumed += saved
+        resume = ["resume=true"] if saved else []
+        # the first kill falls where a state has been saved already, so that the others have one to go on from
+        due = at_share(rng.uniform(0.3, 1.0) if i else 0.85, seconds)
+        hits += killed([*command, f"out={folder}/cut", *resume], folder, due)
     ended([*command, f"out={folder}/cut", "resume=true"], folder)
     whole, cut = (weights(folder / name) for name in ("whole", "cut"))
     if whole != cut:
         faults.append(f"{sum(whole[k] != cut.get(k) for k in whole)} of {len(whole)} tensors differ")
-    return f"{hits} of {kills} kills hit, {len(whole)} tensors compared", faults
+    return f"{hits} of {kills} kills hit, {resumed} times a state was there to go on from, {len(whole)} tensors compared", faults
 
 
 def weights(folder: Path) -> dict[str, bytes]:
@@ -129,11 +157,14 @@ def weights(folder: Path) -> dict[str, bytes]:
 
 
 def dataset(folder: Path, kills: int, rng: random.Random) -> tuple[str, list[str]]:
-    command = [sys.executable, "scripts/make_dataset.py", "n_train=700", "n_val=50", "seed=3"]
-    seconds, faults, hits = ended([*command, f"out={folder}/whole"], folder), [], 0
+    command = [sys.executable, "scripts/make_dataset.py", "n_train=400", "n_val=50", "seed=3"]
+    faults, hits = [], 0
+    ended([*command, f"out={folder}/whole"], folder)
     whole = digests(folder / "whole")
-    for i in range(kills):
-        hits += killed([*command, f"out={folder}/cut"], seconds * rng.uniform(0.2, 1.0) / (i + 1), folder)
+    marks = sorted(rng.sample(range(len(whole)), kills))
+    for i, mark in enumerate(marks):
+        due = after(lambda mark=mark: len(digests_of_samples(folder / "cut")) >= mark, rng.uniform(0, 0.2))
+        hits += killed([*command, f"out={folder}/cut"], folder, due)
         broken = [name for name, digest in digests(folder / "cut").items() if name.endswith(".npz") and digest != whole[name]]
         if broken:
             faults.append(f"after kill {i} {len(broken)} files are broken, {broken[0]} first")
@@ -143,29 +174,55 @@ def dataset(folder: Path, kills: int, rng: random.Random) -> tuple[str, list[str
     return f"{hits} of {kills} kills hit, {len(whole)} files compared", faults
 
 
+def digests_of_samples(folder: Path) -> list[Path]:
+    return list(folder.glob("*/sample_*.npz"))
+
+
 def batch(folder: Path, kills: int, rng: random.Random) -> tuple[str, list[str]]:
     parts = folder / "parts"
     parts.mkdir()
-    for i in range(6):
+    for i in range(kills):
         trimesh.creation.box((1.0, 2.0, 3.0 + i)).export(parts / f"box{i}.stl")
     (parts / "broken.stl").write_text("solid")
-    command = [sys.executable, "-m", "imdim.app.cli", "batch", str(parts), "-o", str(folder / "out"), "--budget", "3"]
+    command = [sys.executable, "-m", "imdim.app.cli", "batch", str(parts), "-o", str(folder / "out"), "--budget", "5", "--limit", "600"]
     faults, hits, done = [], 0, dict[str, int]()
     for i in range(kills):
-        hits += killed(command, rng.uniform(3, 20), folder)
-        for record in (folder / "out").glob("parts/*/outcome.json"):
+        # after each kill a part more is done, or as many as before
+        due = after(lambda i=i: len(records(folder)) >= i + 1, rng.uniform(0, 0.05))  # it mostly waits
+        hits += killed(command, folder, due)
+        for record in records(folder):
             json.loads(record.read_text())
             at = record.stat().st_mtime_ns
             if done.setdefault(record.parent.name, at) != at:
                 faults.append(f"after kill {i} {record.parent.name} was done again")
-    with (folder / "log.txt").open("ab") as log:
-        subprocess.run(command, stdout=log, stderr=log, cwd=ROOT, check=False)
-    outcomes = {path.parent.name: json.loads(path.read_text()) for path in (folder / "out").glob("parts/*/outcome.json")}
-    if len(outcomes) != 7 or [name for name, outcome in outcomes.items() if outcome["failure"]] != ["broken"]:
+    ended(command, folder, status=1)
+    outcomes = {path.parent.name: json.loads(path.read_text()) for path in records(folder)}
+    if len(outcomes) != kills + 1 or [name for name, outcome in outcomes.items() if outcome["failure"]] != ["broken"]:
         faults.append(f"outcomes {outcomes}")
     if (folder / "out" / ".running").exists():
         faults.append("something is left of what was running")
-    return f"{hits} of {kills} kills hit, {len(outcomes)} outcomes of 7 parts", faults
+    return f"{hits} of {kills} kills hit, {len(outcomes)} outcomes of {kills + 1} parts", faults
+
+
+def records(folder: Path) -> list[Path]:
+    return list((folder / "out").glob("parts/*/outcome.json"))
+
+
+def at_share(share: float, whole_s: float) -> Callable[[float], bool]:
+    """Due once a process has had that share of what a whole run takes of the processor: a busy machine changes nothing."""
+    return lambda seconds: seconds >= share * whole_s
+
+
+def after(event: Callable[[], bool], delay_s: float) -> Callable[[float], bool]:
+    """Due so many seconds of the processor after an event."""
+    since: list[float] = []
+
+    def due(seconds: float) -> bool:
+        if not since and event():
+            since.append(seconds)
+        return bool(since) and seconds >= since[0] + delay_s
+
+    return due
 
 
 TRIALS: dict[str, Callable[[Path, int, random.Random], tuple[str, list[str]]]] = {
