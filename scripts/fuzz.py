@@ -62,6 +62,7 @@ def main() -> int:
 def fuzz(args: argparse.Namespace) -> int:
     whole = sum(KINDS[kind].share for kind in args.kinds)
     wanted = {kind: round(args.cases * KINDS[kind].share / whole) for kind in args.kinds}
+    wanted[args.kinds[-1]] += args.cases - sum(wanted.values())
     start, tally, found, slowest = time.monotonic(), Counter[tuple[str, str]](), [], 0.0
     worker = Supervised(args)
     try:

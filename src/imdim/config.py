@@ -91,7 +91,7 @@ def from_arguments(arguments: Sequence[str], **given: Any) -> Settings:
             raise ConfigError(f"setting {one_line(repr(argument))} is not of the form key=value")
     try:
         values = OmegaConf.to_container(OmegaConf.from_dotlist(list(arguments)))
-    except (YAMLError, RecursionError) as error:
+    except (YAMLError, RecursionError, IndexError) as error:  # the last for a key of brackets alone
         raise ConfigError(f"settings {one_line(' '.join(arguments))}: {first_line(error)}") from error
     assert isinstance(values, dict)
     hints = get_type_hints(Settings)
