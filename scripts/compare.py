@@ -1,0 +1,180 @@
+"""Peers, IMDIM and its ablations on the same parts, with the same scorer and the same cores; one table, in Markdown and CSV.
+
+    python scripts/compare.py FOLDER --scorer score.py [--peers box,voxels,imdim] [--ablate evolution solver] [--every 6] --out out/compare
+
+Peers that are packages need ``pip install "imdim[peers]"``. Every entrant is a command of its own for every part, one after another, on one
+thread, with a limit of time: what crashes, hangs or answers nothing that can be scored is its recorded failure. The same command continues
+a comparison that was stopped; what has a row, a failure too, is not run again (delete its folder for that). `inversecsg.json` in FOLDER
+adds the published results that it holds. Without --scorer, this project's own evaluation judges.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import NoReturn
+
+from benchmark import COMMAND, GRACE_S, find_parts, read_reference, sample
+from compare_peers import PEERS, missing
+from compare_table import Row, text, write_csv
+from imdim.app.batch.process import Limits, run
+from imdim.evaluate import evaluate_file
+from imdim.geometry.cloud import load_target
+from imdim.geometry.scan import parse_condition
+
+OWN: dict[str, list[str]] = {"stump-net": ["method=stump-net"], "imdim": []}
+ABLATIONS = {"policy": "checkpoint=none", "evolution": "evolution=false", "synthesis": "synthesis=false", "solver": "solver=false"}
+PUBLISHED = ("InverseCSG (published)", "inversecsg.json")
+SCORING_S = 300.0  # for the scorer, at most
+ANSWERS = ("program.scad", "solid.off")
+
+
+@dataclass(frozen=True)
+class Entrant:
+    """`command` runs it on one part, with `{target}` and `{folder}` for where they are; it is ended after `limit_s`."""
+
+    name: str
+    command: tuple[str, ...]
+    limit_s: float
+
+
+def main() -> None:
+    args = _arguments()
+    parts = find_parts(args.folder, set(filter(None, args.only.split(","))), set())[:: args.every]
+    reference = read_reference(args.folder)
+    rows = [row for row in published(args.folder) if row.part in {p.stem for p in parts}]
+    for part in parts:
+        for entrant in entrants(args):
+            row = kept_or_run(entrant, part, args)
+            rows.append(replace(row, reference=reference.get(part.stem, {}).get("primitives")))
+            print(_line(rows[-1]), flush=True)
+    rows.sort(key=lambda row: row.entrant != PUBLISHED[0])
+    page = text(rows, f"{args.folder.name}, {args.condition}, {len(parts)} parts, budget {args.budget:g} s, limit {args.limit:g} s")
+    (args.out / "table.md").write_text(page)
+    write_csv(rows, args.out / "table.csv")
+    print("\n" + page)
+
+
+def entrants(args: argparse.Namespace) -> Iterator[Entrant]:
+    """Peers first, then this project's own, then its ablations."""
+    for name in args.peers:
+        if name in PEERS:
+            script = str(Path(__file__).with_name("compare_peers.py"))
+            yield Entrant(name, (sys.executable, script, name, "{target}", "{folder}", "--seed", str(args.seed)), args.limit)
+    own = {name: settings for name, settings in OWN.items() if name in args.peers}
+    own |= {f"imdim without {name}": [ABLATIONS[name]] for name in args.ablate}
+    for name, settings in own.items():
+        given = ("--budget", f"{args.budget:g}", "--seed", str(args.seed), *settings)
+        yield Entrant(name, (*COMMAND, "{target}", "-o", "{folder}", *given), args.budget + GRACE_S)
+
+
+def kept_or_run(entrant: Entrant, part: Path, args: argparse.Namespace) -> Row:
+    """The row that an equal command has left, or a new one."""
+    folder = args.out / part.stem / entrant.name.replace(" ", "-")
+    kept, asked = folder / "row.json", {"command": entrant.command, "limit_s": entrant.limit_s, "condition": args.condition}
+    asked = json.loads(json.dumps(asked))
+    if kept.is_file() and (found := json.loads(kept.read_text()))["asked"] == asked:
+        return Row(**found["row"])
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    source = sample(part, args.condition, args.out / part.stem / "cloud.npy")
+    row = compete(entrant, part, source, folder, args.scorer)
+    kept.write_text(json.dumps({"asked": asked, "row": asdict(row)}))
+    return row
+
+
+def compete(entrant: Entrant, part: Path, source: Path, folder: Path, scorer: Path | None) -> Row:
+    """Run and score one entrant on `source`, a mesh or a cloud of `part`; never raises for what the entrant does."""
+    row = Row(entrant.name, part.stem)
+    result = folder / "result"
+    command = [{"{target}": str(source), "{folder}": str(result)}.get(word, word) for word in entrant.command]
+    ended = run(command, Limits(entrant.limit_s), folder / "log.txt")
+    row.seconds, row.peak_mib, row.failure = ended.seconds, ended.peak_mib, ended.why
+    answer = next((result / name for name in ANSWERS if (result / name).is_file()), None)
+    if row.failure or answer is None:
+        row.failure = row.failure or "no answer"
+        return row
+    told = json.loads((result / "peer.json").read_text()) if (result / "peer.json").is_file() else {}
+    row.note = told.get("note", "")
+    try:
+        row.iou, row.hausdorff, leaves = score(part, answer, scorer)
+    except (ValueError, KeyError, IndexError, subprocess.SubprocessError) as error:
+        row.failure = f"not scored: {' '.join(str(error).split())[:200]}"
+    else:
+        row.parts = told.get("parts", leaves)
+    return row
+
+
+def score(part: Path, answer: Path, scorer: Path | None) -> tuple[float, float, int | None]:
+    """IoU, Hausdorff distance relative to the target's diagonal, and primitives, None for a mesh. Raises ValueError for no solid."""
+    if scorer is None:
+        scores = evaluate_file(answer, load_target(part))
+        if scores.volume_iou is None:
+            raise ValueError(scores.iou_missing)
+        return scores.volume_iou, max(scores.relative(d).max for d in (scores.to_result, scores.to_target)), scores.primitives
+    command = [sys.executable, str(scorer), str(part), str(answer)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=SCORING_S)
+    found = json.loads(done.stdout.strip().splitlines()[-1])
+    if (state := found.get("pred_ok", "NoError")) != "NoError":
+        raise ValueError(f"the scorer takes it for no solid ({state})")
+    return found["iou"], found["hausdorff"] / 1000, found.get("leaves")
+
+
+def published(folder: Path) -> list[Row]:
+    """The rows of a published study whose results lie beside the parts."""
+    name, file = PUBLISHED
+    if not (folder / file).is_file():
+        return []
+    found = json.loads((folder / file).read_text())
+    return [Row(name, part, e["iou"], e["hausdorff"], e["primitives"], note="as published") for part, e in found.items() if "iou" in e]
+
+
+def _line(row: Row) -> str:
+    return f"{row.part:<24} {row.entrant:<26} " + (
+        f"FAILED: {row.failure}" if row.failure else f"IoU {row.iou:.4f}, {row.parts} primitives"
+    )
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--scorer", type=Path, help="`python SCORER TARGET PREDICTION` prints one JSON line")
+    parser.add_argument("--peers", default=",".join((*PEERS, *OWN)), help="which, joined by commas (default: %(default)s)")
+    parser.add_argument("--ablate", nargs="+", choices=list(ABLATIONS), default=[], help="IMDIM without each of these")
+    parser.add_argument("--only", default="", help="parts by name, joined by commas")
+    parser.add_argument("--every", type=int, default=1, metavar="N", help="every N-th part by name, from the first")
+    parser.add_argument("--condition", default="mesh", help="as of scripts/benchmark.py; what is no mesh is for IMDIM alone")
+    parser.add_argument("--budget", type=float, default=60.0, metavar="SECONDS", help="of IMDIM's search")
+    parser.add_argument("--limit", type=float, default=60.0, metavar="SECONDS", help="of a peer's whole command")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, required=True)
+    args = parser.parse_args()
+    args.peers = list(filter(None, args.peers.split(",")))
+    if unknown := [name for name in args.peers if name not in (*PEERS, *OWN)]:
+        _refuse(f"no peer named {', '.join(unknown)}; known are {', '.join((*PEERS, *OWN))}")
+    if args.every < 1:
+        _refuse(f"--every {args.every}: 1 or more is needed")
+    if line := missing(args.peers):
+        _refuse(line)
+    if parse_condition(args.condition) is not None and (meshed := [name for name in args.peers if name in PEERS]):
+        _refuse(f"--condition {args.condition}: {', '.join(meshed)} need a mesh, leave them out of --peers")
+    args.out.mkdir(parents=True, exist_ok=True)
+    return args
+
+
+def _refuse(line: str) -> NoReturn:
+    sys.stderr.write(f"compare.py: {line}\n")
+    sys.exit(2)
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except KeyboardInterrupt:
+        sys.exit(130)
