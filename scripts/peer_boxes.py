@@ -24,7 +24,7 @@ def cover(mesh: trimesh.Trimesh, _: int) -> Found:
     boxes = merged(full)
     if not boxes:
         raise ValueError(f"none of {full.size} voxels has its centre inside")
-    parts = [_box(low + np.array(start) * cell, low + np.array(stop) * cell) for start, stop in boxes]
+    parts: list[Program] = [_box(low + np.array(start) * cell, low + np.array(stop) * cell) for start, stop in boxes]
     return combine_all("union", parts), len(parts), f"{int(full.sum())} of {full.size} voxels"
 
 
@@ -42,7 +42,7 @@ def merged(full: np.ndarray) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
     free, boxes = full.copy(), []
     while free.any():
         start = np.unravel_index(int(free.argmax()), free.shape)
-        stop = [i + 1 for i in start]
+        stop = [int(i) + 1 for i in start]
         for axis in (2, 1, 0):
             while stop[axis] < free.shape[axis] and _slab(free, start, stop, axis).all():
                 stop[axis] += 1

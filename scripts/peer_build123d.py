@@ -36,7 +36,7 @@ def solve(mesh: trimesh.Trimesh, _: int) -> tuple[trimesh.Trimesh, int, str]:
     return to_trimesh(Manifold.batch_boolean(cells, OpType.Add)), len(faces), claimed
 
 
-def _shape(mesh: trimesh.Trimesh) -> build123d.Shape:
+def _shape(mesh: trimesh.Trimesh) -> "build123d.topology.Shape":
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "part.stl"
         mesh.export(path)

@@ -8,12 +8,12 @@ alone and are not asked for. The package sees no normals, so it cannot tell a ho
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 import pyransac3d
 import trimesh
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from imdim.geometry import kernels
 from imdim.geometry.rotations import euler_from_matrix
@@ -41,9 +41,9 @@ def solve(mesh: trimesh.Trimesh, seed: int) -> tuple[Program, int, str]:
     return combine_all("union", found), len(found), f"{left / POINTS:.0%} of the points unexplained"
 
 
-def greedy(points: Points, near: float, reach: float) -> tuple[list[Primitive], int]:
+def greedy(points: Points, near: float, reach: float) -> tuple[list[Program], int]:
     """Shapes, each the one with most of the points that those before left over, and how many points are left in the end."""
-    tree, found = cKDTree(points), []
+    tree, found = KDTree(points), list[Program]()
     while len(points) >= FEWEST * tree.n and len(found) < MOST:
         taken = {shape: np.abs(kernels.program_sdf(shape, points)) <= near for shape in shapes(points, near)}
         good = {shape: mine for shape, mine in taken.items() if mine.sum() >= FEWEST * tree.n and bare(shape, tree, reach) <= BARE}
@@ -58,13 +58,16 @@ def greedy(points: Points, near: float, reach: float) -> tuple[list[Primitive], 
 def shapes(points: Points, near: float) -> Iterator[Primitive]:
     """What the package fits to `points`, as finite shapes."""
     for fit in FITS:
-        with np.errstate(all="ignore"):  # it divides by zero where points it drew are in line
-            shape = fit(points, near)
-        if shape is not None and all(np.isfinite(n) and n > 0 for n in shape.size) and np.isfinite(shape.center).all():
+        try:
+            with np.errstate(all="ignore"):  # it divides by zero where points it drew are in line
+                shape = fit(points, near)
+        except ValueError:  # its word for too few points, or for inliers without an area: no shape of this kind
+            continue
+        if shape is not None:
             yield shape
 
 
-def bare(shape: Primitive, tree: cKDTree, reach: float) -> float:
+def bare(shape: Primitive, tree: KDTree, reach: float) -> float:
     """The share of a shape's surface that is farther than `reach` from every point."""
     surface = trimesh.sample.sample_surface(to_trimesh(primitive_to_manifold(shape)), 500, seed=0)[0]
     return float((tree.query(surface)[0] > reach).mean())
@@ -102,5 +105,9 @@ def _frame(axis: np.ndarray) -> np.ndarray:
     return np.stack([side, np.cross(axis, side), axis])
 
 
-def _placed(kind: str, size: np.ndarray | tuple, center: np.ndarray | list, axes: np.ndarray) -> Primitive:
-    return Primitive(kind, tuple(float(s) for s in size), tuple(float(c) for c in center), euler_from_matrix(axes.T))
+def _placed(kind: str, size: Iterable[float], center: Iterable[float], axes: np.ndarray) -> Primitive | None:
+    """None where the package's numbers are of no solid."""
+    (x, y, z), sizes = map(float, center), tuple(map(float, size))
+    if not (np.isfinite([x, y, z, *sizes]).all() and np.isfinite(axes).all() and min(sizes) > 0):
+        return None
+    return Primitive(kind, sizes, (x, y, z), euler_from_matrix(axes.T))
