@@ -3,6 +3,7 @@
 # make test-browser   the live lab and the report page in a real Chromium
 # make check  what CI runs: ruff, pyright, import-linter, the suite
 # make bench BENCH=folder [ARGS="--jobs 2 --scorer score.py"]   measure a folder of parts
+# make bench-gate   refuse speed ratios, shares of the peak and counts of the bundled parts that are worse than benchmarks/baseline.json
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -10,7 +11,7 @@ PIP := $(BIN)/python -m pip install -q --disable-pip-version-check -c constraint
 # one thread per process: several processes share the cores
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test test-browser check lint bench
+.PHONY: demo test test-browser check lint bench bench-gate
 
 # the first run compiles the search's kernels, which on a slow machine takes a third of the usual minute
 demo: .venv/use
@@ -32,6 +33,9 @@ lint: .venv/develop
 bench: .venv/use
 	@test -n "$(BENCH)" || { echo "give a folder of parts: make bench BENCH=folder"; exit 2; }
 	$(BIN)/python scripts/benchmark.py $(BENCH) $(ARGS)
+
+bench-gate: .venv/use
+	$(BIN)/python scripts/bench_gate.py
 
 .venv/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

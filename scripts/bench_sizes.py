@@ -2,10 +2,10 @@
 
     OMP_NUM_THREADS=1 python scripts/bench_sizes.py [start] [read] [fit] [--out out/sizes] [--repeat 10] [--plots benchmarks]
 
-`start` is `imdim --help`, and `infer.py` until its first line of progress. `read` loads clouds of up to 5 million points and meshes of up to
-2 million faces in every format, each in a process of its own. `fit` reconstructs the same part from more and more points and
-faces with a small budget. Seconds are those of the processor, of the process and its children, with those of the clock beside them: others
-may run on the same cores. Memory is the most that resided. Without names all three are done; `--plots` draws what `--out` holds.
+`start` is `imdim --help`, and `infer.py` until its first line of progress. `read` loads clouds of up to 5 million points and meshes of up
+to 2 million faces in every format, each in a process of its own. `fit` reconstructs the same part from more and more points and faces with
+a small budget. Seconds are those of the processor, of the process and its children, with those of the clock beside them: others may run on
+the same cores. Memory is the most that resided. Without names all three are done; `--plots` draws what `--out` holds.
 """
 
 from __future__ import annotations
