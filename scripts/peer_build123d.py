@@ -12,8 +12,9 @@ from pathlib import Path
 import build123d
 import numpy as np
 import trimesh
+from build123d.topology import Shape
 from manifold3d import Manifold, OpType
-from OCP.BOPAlgo import BOPAlgo_MakerVolume
+from OCP.BOPAlgo import BOPAlgo_MakerVolume  # pyright: ignore[reportAttributeAccessIssue] - its stubs lack it
 
 from imdim.geometry.solid import mesh_to_manifold, to_trimesh
 
@@ -36,7 +37,7 @@ def solve(mesh: trimesh.Trimesh, _: int) -> tuple[trimesh.Trimesh, int, str]:
     return to_trimesh(Manifold.batch_boolean(cells, OpType.Add)), len(faces), claimed
 
 
-def _shape(mesh: trimesh.Trimesh) -> "build123d.topology.Shape":
+def _shape(mesh: trimesh.Trimesh) -> Shape:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "part.stl"
         mesh.export(path)
