@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 import statistics
 import subprocess
 import sys
@@ -33,7 +34,8 @@ POINTS, FACES = (5_000, 50_000, 500_000, 5_000_000), (2_000, 20_000, 200_000, 2_
 CLOUDS, MESHES = ("ply", "npy", "pcd", "xyz"), ("stl", "ply", "off", "obj", "glb", "3mf")
 FITTED = {"cloud": "ply", "mesh": "stl"}
 BUDGET_S = 10.0
-READ = "import sys; from imdim.geometry.cloud import load_target; load_target(sys.argv[1])"
+IMPORTS = "import sys; from imdim.geometry.cloud import load_target"
+READ = f"{IMPORTS}; load_target(sys.argv[1])"
 
 
 @dataclass(frozen=True)
@@ -89,12 +91,23 @@ def start(args: argparse.Namespace) -> None:
 
 def cost(command: list[str], log: Path | None = None) -> Cost:
     """What a command takes."""
-    begun = time.monotonic()
+    begun, mib = time.monotonic(), 0.0
     with open(log or os.devnull, "wb") as out:
         process = subprocess.Popen(command, stdout=out, stderr=out, cwd=ROOT)
-        _, status, usage = os.wait4(process.pid, 0)
+    while True:
+        ended, status, usage = os.wait4(process.pid, os.WNOHANG)
+        if ended:
+            break
+        mib = max(mib, peak_mib(process.pid))
+        time.sleep(0.01)
     process.returncode = os.waitstatus_to_exitcode(status)
-    return Cost(usage.ru_utime + usage.ru_stime, time.monotonic() - begun, usage.ru_maxrss / 1024, process.returncode)
+    return Cost(usage.ru_utime + usage.ru_stime, time.monotonic() - begun, mib, process.returncode)
+
+
+def peak_mib(pid: int) -> float:
+    """The most that has resided of a process's own memory; what `wait4` tells begins with that of the parent."""
+    found = re.search(r"VmHWM:\s+(\d+) kB", Path(f"/proc/{pid}/status").read_text())
+    return int(found[1]) / 1024 if found else 0.0
 
 
 def until_line(command: list[str]) -> Cost:
@@ -108,12 +121,12 @@ def until_line(command: list[str]) -> Cost:
     _, _, usage = os.wait4(process.pid, 0)
     process.returncode = 0
     process.stderr.close()
-    return Cost(usage.ru_utime + usage.ru_stime, wall, usage.ru_maxrss / 1024, 0)
+    return Cost(usage.ru_utime + usage.ru_stime, wall, 0.0, 0)
 
 
 def read(args: argparse.Namespace) -> None:
     """Every format at its largest, and the growth of those that are fitted."""
-    base = cost([sys.executable, "-c", READ.split(";")[1] + "; import trimesh"])
+    base = cost([sys.executable, "-c", IMPORTS])
     print(f"the imports alone: {base.cpu_s:.1f} s, {base.mib:.0f} MiB")
     for kind, sizes, formats in (("cloud", POINTS, CLOUDS), ("mesh", FACES, MESHES)):
         for size in sizes:
