@@ -1,11 +1,12 @@
 """Start-up, and time and memory against the size of the input, through the real readers and the real command; plots of their growth.
 
-    OMP_NUM_THREADS=1 python scripts/bench_sizes.py [start] [read] [fit] [--out out/sizes] [--repeat 10] [--plots benchmarks]
+    OMP_NUM_THREADS=1 python scripts/bench_sizes.py [start] [read] [fit] [plots] [--out out/sizes] [--repeat 10] [--plots benchmarks]
 
 `start` is `imdim --help`, and `infer.py` until its first line of progress. `read` loads clouds of up to 5 million points and meshes of up
 to 2 million faces in every format, each in a process of its own. `fit` reconstructs the same part from more and more points and faces with
-a small budget. Seconds are those of the processor, of the process and its children, with those of the clock beside them: others may run on
-the same cores. Memory is the most that resided. Without names all three are done; `--plots` draws what `--out` holds.
+a small budget. `plots` draws what `--out` holds of both, and needs matplotlib (`pip install "imdim[plots]"`). Seconds are those of the
+processor, of the process and its children, with those of the clock beside them: others may run on the same cores. Memory is the most that
+resided. Without names the first three are done.
 """
 
 from __future__ import annotations
@@ -61,17 +62,18 @@ class Row:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", nargs="*", metavar="start|read|fit")
+    parser.add_argument("what", nargs="*", metavar="start|read|fit|plots")
     parser.add_argument("--out", type=Path, default=Path("out/sizes"))
     parser.add_argument("--repeat", type=int, default=10)
     parser.add_argument("--most", type=float, default=float("inf"), help="leave out what is larger")
-    parser.add_argument("--plots", type=Path)
+    parser.add_argument("--plots", type=Path, default=ROOT / "benchmarks")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
+    known = {"start": start, "read": read, "fit": fit, "plots": plots}
     for what in args.what or ("start", "read", "fit"):
-        {"start": start, "read": read, "fit": fit}[what](args)
-    if args.plots:
-        draw(args.out / "rows.json", args.plots)
+        if what not in known:
+            parser.error(f"{what} is none of {', '.join(known)}")
+        known[what](args)
     return 0
 
 
@@ -189,14 +191,14 @@ def write_cloud(path: Path, count: int) -> None:
         trimesh.PointCloud(points).export(path)
 
 
-def draw(notes: Path, folder: Path) -> None:
+def plots(args: argparse.Namespace) -> None:
     """Seconds and memory against size, with the slope of the last tenfold step."""
     import matplotlib as mpl
 
     mpl.use("Agg")
     from matplotlib import pyplot as plt
 
-    rows = [Row(**{**r, "cost": Cost(**r["cost"])}) for r in json.loads(notes.read_text())]
+    rows = [Row(**{**r, "cost": Cost(**r["cost"])}) for r in json.loads((args.out / "rows.json").read_text())]
     lines = {(r.what, r.kind) for r in rows}
     figure, axes = plt.subplots(1, 2, figsize=(10, 4))
     for what, kind in sorted(lines):
@@ -211,7 +213,7 @@ def draw(notes: Path, folder: Path) -> None:
         axis.grid(visible=True, which="both", alpha=0.3)
         axis.legend(fontsize=7)
     figure.tight_layout()
-    figure.savefig(folder / "sizes.png", dpi=110)
+    figure.savefig(args.plots / "sizes.png", dpi=110)
 
 
 if __name__ == "__main__":
