@@ -64,9 +64,9 @@ def main() -> int:
 def bound(name: str, value: float) -> Bound:
     """The tolerance of a figure, by what it is."""
     if name.endswith("times faster"):
-        return Bound(value, TIMES * value)
+        return Bound(value, float(f"{TIMES * value:.3g}"))
     if name.endswith("of peak"):
-        return Bound(value, SHARE * value)
+        return Bound(value, float(f"{SHARE * value:.3g}"))
     return Bound(value, value + (ERROR if name.endswith("error") else 0), less=True)
 
 
