@@ -5,26 +5,36 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from contextlib import contextmanager
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from PIL import Image
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-WAIT_MS = 90_000  # for what takes a second on a machine that has nothing else to do
+WAIT_MS = 120_000  # for what takes a second on a machine that has nothing else to do
+COARSE = "?fixedDpr=0.5"  # a quarter of the pixels: without a graphics card they are what takes the time
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+
+
+class Lab(NamedTuple):
+    """A running server."""
+
+    url: str
+    pid: int
 
 
 @contextmanager
 def lab(*arguments):
-    """A running `imdim lab`, by its address."""
+    """A running `imdim lab`."""
     command = [sys.executable, "-m", "imdim.app.cli", "lab", "--no-browser", "--port", "0", *arguments]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         line = next((text for text in process.stdout if "Live Lab: http" in text), None)
         assert line is not None, process.stderr.read()
-        yield line.split()[-1]
+        yield Lab(line.split()[-1], process.pid)
     finally:
         process.terminate()
         try:
@@ -53,7 +63,7 @@ class LabPage:
         self.page = browser.new_page(viewport={"width": width, "height": height}, accept_downloads=True)
         self.page.set_default_timeout(WAIT_MS)
         self.page.on("request", lambda r: None if r.url.startswith((url, "data:", "blob:")) else self.foreign.append(r.url))
-        self.page.goto(url)
+        self.page.goto(url + COARSE)
         self.says("part")
 
     def says(self, text):
@@ -87,6 +97,10 @@ class LabPage:
     def box(self, label):
         return self.page.get_by_label(label, exact=True)
 
+    def field(self, label):
+        """A text input, which the toolkit does not tie to its label."""
+        return self.page.locator("label", has_text=re.compile(f"^{label}$")).locator("xpath=../../..").locator("input")
+
     def select(self, leaf):
         """By a click in the tree."""
         self.page.locator(f".lab-primitive [role=treeitem][data-n='{leaf}']").click()
@@ -95,20 +109,43 @@ class LabPage:
     def run(self):
         """Reconstruct what is open."""
         self.press("Start")
-        self.says("(finished)")
+        self.says("finished")
+
+    def notice(self, text):
+        """Wait until the last message says it, and give all of it."""
+        self.page.wait_for_function("t => document.querySelector('.lab-notice')?.textContent.includes(t)", arg=text)
+        return self.page.locator(".lab-notice").inner_text()
+
+    def choose(self, label, value):
+        """Of a dropdown."""
+        self.box(label).click()
+        self.page.get_by_role("option", name=value, exact=True).click()
+
+    def keys(self, *names):
+        """Pressed where no input has the focus."""
+        self.page.evaluate("document.activeElement?.blur()")
+        for name in names:
+            self.page.keyboard.press(name)
+
+    def view(self):
+        """Where the 3D view is seen: left, top, width, height."""
+        boxes = [c.bounding_box() for c in self.page.locator("canvas").all()]
+        largest = max((b for b in boxes if b), key=lambda b: b["width"] * b["height"])
+        return tuple(round(largest[k]) for k in ("x", "y", "width", "height"))
 
     def picture(self):
-        """The 3D view between the panels [h, w, 3]."""
-        shot = Image.open(io.BytesIO(self.page.screenshot())).convert("RGB")
-        return np.asarray(shot, np.int64)[180:700, 320:940]
+        """What is seen of the 3D view [h, w, 3], without the messages that lie over its top."""
+        x, y, width, height = self.view()
+        top = min(160, height // 3)
+        shot = self.page.screenshot(clip={"x": x, "y": y + top, "width": width, "height": height - top})
+        return np.asarray(Image.open(io.BytesIO(shot)).convert("RGB"), np.int64)
 
-    def wait_for_picture(self, good, tries=60):
+    def wait_for_picture(self, good):
         """Until the picture is as it should be."""
-        for _ in range(tries):
-            if good(self.picture()):
-                return
-            self.page.wait_for_timeout(300)
-        raise AssertionError("the picture never came")
+        end = time.monotonic() + WAIT_MS / 1000
+        while not good(self.picture()):
+            assert time.monotonic() < end, "the picture never came"
+            self.page.wait_for_timeout(100)
 
     def close(self):
         self.page.close()
@@ -121,6 +158,10 @@ def blue(picture):
 
 def red(picture):
     return int((picture[..., 0] - picture[..., 2] > 70).sum())
+
+
+def green(picture):
+    return int((picture[..., 1] - picture[..., 0] > 60).sum())
 
 
 def inked(picture):

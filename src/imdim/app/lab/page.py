@@ -18,6 +18,7 @@ from imdim.app.lab.panels.take import ShowPanel, TakePanel
 from imdim.app.lab.refresher import Refresher
 from imdim.app.lab.session import Session
 from imdim.app.lab.state import UploadLimits
+from imdim.app.lab.style import BRAND
 from imdim.app.lab.uploads import limit_uploads
 from imdim.app.lab.view import View
 from imdim.evaluate import Scores, evaluate
@@ -54,7 +55,7 @@ class Page:
 
     def _build(self) -> None:
         gui, session = self._client.gui, self.session
-        gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(24, 100, 171))
+        gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BRAND)
         gui.set_panel_label("IMDIM Live Lab")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(RIGHT)
@@ -164,7 +165,8 @@ class Page:
         state, theory = self.session.state, self.session.theory
         lines = [("part", state.target.name)] if state.target else []
         if self.session.running or state.stop:
-            lines.append(("stage", f"{state.task}: {state.stage}" + (f" ({state.stop})" if state.stop else "")))
+            ended = f" ({state.stop})" if state.stop not in ("", state.stage) else ""
+            lines.append(("stage", f"{state.task}: {state.stage}{ended}"))
         if theory is None or self._scene is None:
             return lines
         unit = f" {self.edit.unit}³" if self.edit.unit else ""

@@ -16,6 +16,7 @@ from imdim.app.lab.examples import NAMES
 from imdim.app.lab.jobs import GiB, Limits, Pool
 from imdim.app.lab.page import Page
 from imdim.app.lab.state import MiB, UploadLimits
+from imdim.app.lab.view import light
 from imdim.geometry.cloud import InputError, Target, load_target
 
 
@@ -29,7 +30,7 @@ class Lab:
         self._server = viser.ViserServer(host=host, port=port, label="IMDIM Live Lab", verbose=False)
         self._server.request_share_url = _refuse_to_share  # type: ignore[method-assign]
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
-        self._server.scene.world_axes.visible = False
+        light(self._server.scene)
         self._server.on_client_connect(self._came)
         self._server.on_client_disconnect(self._went)
         self.url = f"http://{host}:{self._server.get_port()}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 
 BLUE, GREY, RED = (24, 100, 171), (73, 80, 87), (201, 42, 42)  # buttons; white on them has a contrast of 5.5 and more
+BRAND = (13, 54, 93)  # the toolkit draws text in a lighter shade of it, near BLUE
 MUTED = "#495057"  # labels, 8.2 on white
 SHEET = 55  # per cent of a narrow window's height that the controls take at most
 
@@ -12,6 +13,7 @@ SHEET = 55  # per cent of a narrow window's height that the controls take at mos
 _SHEET = '.mantine-Paper-root[style*="fixed"]'
 _CSS = f"""
 :root, :root[data-mantine-color-scheme] {{ --mantine-color-dimmed: {MUTED} !important }}
+.mantine-Notification-description {{ color: {MUTED} !important }}
 .lab-status tbody {{ display: grid; grid-template-columns: 1fr 1fr; gap: 1px 12px }}
 .lab-status tr {{ display: flex; gap: 6px }}
 .lab-status tr.wide {{ grid-column: 1 / -1 }}

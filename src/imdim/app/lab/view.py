@@ -16,7 +16,17 @@ CLOUD_SIZES = (0.018, 0.008)  # alone, and with a solid
 LAYERS: Mapping[str, bool] = {"Solid": True, "Cutters": True, "Points": True, "Distance map": False, "Constraints": False}
 SEEN_THROUGH = 0.3  # opacity of the solid where constraints are shown, most of which lie inside it
 TURN_DEG, TURN_S = 1.0, 0.05
+SKY, KEY, GROUND = 1.9, 1.6, (140, 144, 156)  # intensities, and what comes from below
 AWAY = np.array([1.85, -2.45, 1.8])  # the camera, seen from the middle of the part, all of which it just sees
+
+
+def light(scene: viser.SceneApi) -> None:
+    """Two lights in place of the toolkit's picture of a room and its many, which a machine without a graphics card draws slowly."""
+    scene.world_axes.visible = False
+    scene.configure_environment_map(None)
+    scene.configure_default_lights(enabled=False)
+    scene.add_light_hemisphere("/lights/sky", ground_color=GROUND, intensity=SKY, position=(0.0, 0.0, 1.0))
+    scene.add_light_directional("/lights/key", intensity=KEY, position=(1.5, -3.5, 4.0))
 
 
 class View:
@@ -29,7 +39,6 @@ class View:
         self._cloud: viser.PointCloudHandle | None = None
         self._turning = threading.Event()
         self.shown = dict(LAYERS)
-        self._scene.configure_default_lights(cast_shadow=False)
         self.look()
 
     def look(self) -> None:
@@ -70,7 +79,7 @@ class View:
             color=piece.colour,
             opacity=self._opacity(name, piece),
             flat_shading=True,
-            side="double" if piece.opacity is None else "front",
+            side="front",
             visible=self.shown[_LAYER_OF[name.split("/")[1]]],
         )
         handle.on_click(lambda _, leaf=piece.leaf: self._clicked(leaf))
