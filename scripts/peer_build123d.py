@@ -56,5 +56,14 @@ def _cells(faces: build123d.ShapeList, size: float) -> list[Manifold]:
     maker.Perform()
     if maker.HasErrors():
         raise ValueError(f"no solid: {len(faces)} faces detected, the volume maker fails on them")
-    meshed = (solid.tessellate(DEFLECTION * size, 0.1) for solid in build123d.Compound(maker.Shape()).solids())
-    return [mesh_to_manifold(trimesh.Trimesh([tuple(v) for v in vertices], triangles)) for vertices, triangles in meshed]
+    return [_meshed(solid, size) for solid in build123d.Compound(maker.Shape()).solids()]
+
+
+def _meshed(solid: build123d.Solid, size: float) -> Manifold:
+    vertices, triangles = solid.tessellate(DEFLECTION * size, 0.1)
+    mesh = trimesh.Trimesh([tuple(v) for v in vertices], triangles)
+    mesh.merge_vertices(digits_vertex=int(-np.log10(MEETING * size)))  # faces meet no closer than that
+    try:
+        return mesh_to_manifold(mesh)
+    except ValueError:  # a crevice between faces, of no volume or not closed
+        return Manifold()

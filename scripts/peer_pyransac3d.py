@@ -24,9 +24,10 @@ POINTS = 2048
 ITERATIONS = 1000  # of each fit
 NEAR = 0.005  # of the diagonal: what a point of a shape may be off
 FEWEST = 0.02  # of the points: a shape with fewer is none
-BARE = 0.5  # of a shape's surface that may be without points
+BARE = 0.7  # of a shape's surface that may be without points
 SPACINGS = 3.0  # between points, that a surface with points may be away from the next
 MOST = 30  # shapes
+TRIES = 3  # rounds of fits, before what is left holds no shape
 
 Points = np.ndarray
 
@@ -45,9 +46,12 @@ def greedy(points: Points, near: float, reach: float) -> tuple[list[Program], in
     """Shapes, each the one with most of the points that those before left over, and how many points are left in the end."""
     tree, found = KDTree(points), list[Program]()
     while len(points) >= FEWEST * tree.n and len(found) < MOST:
-        taken = {shape: np.abs(kernels.program_sdf(shape, points)) <= near for shape in shapes(points, near)}
-        good = {shape: mine for shape, mine in taken.items() if mine.sum() >= FEWEST * tree.n and bare(shape, tree, reach) <= BARE}
-        if not good:
+        for _ in range(TRIES):
+            taken = {shape: np.abs(kernels.program_sdf(shape, points)) <= near for shape in shapes(points, near)}
+            good = {shape: mine for shape, mine in taken.items() if mine.sum() >= FEWEST * tree.n and bare(shape, tree, reach) <= BARE}
+            if good:
+                break
+        else:
             break
         best = max(good, key=lambda shape: good[shape].sum())
         found.append(best)
