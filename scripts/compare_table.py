@@ -17,6 +17,7 @@ SUMMARY = (
     "IoU median",
     "Hausdorff median",
     "primitives median",
+    "primitives in all",
     "seconds median",
     "seconds most",
 )
@@ -62,17 +63,18 @@ def entrants(rows: Sequence[Row]) -> list[str]:
 
 
 def summary(rows: Sequence[Row]) -> str:
-    """One line per entrant; failures count with IoU 0, an infinite distance and their time, but have no primitives."""
-    lines = []
-    for entrant in entrants(rows):
-        mine = [r for r in rows if r.entrant == entrant]
-        done = [r for r in mine if not r.failure]
-        ious, far = [r.iou for r in mine], [r.hausdorff for r in mine]
-        seconds = [r.seconds for r in mine if r.seconds is not None]
-        cells = [entrant, str(len(mine)), str(len(mine) - len(done)), _four(statistics.fmean(ious)), _four(statistics.median(ious))]
-        cells += [_four(statistics.median(far)), _of(statistics.median, [r.parts for r in done if r.parts is not None], "g")]
-        lines.append([*cells, _of(statistics.median, seconds, ".1f"), _of(max, seconds, ".1f")])
-    return table(SUMMARY, lines)
+    """One line per entrant; failures count with IoU 0, an infinite distance and their time. They have no primitives, and no sum has them."""
+    return table(SUMMARY, [_summed(entrant, [r for r in rows if r.entrant == entrant]) for entrant in entrants(rows)])
+
+
+def _summed(entrant: str, rows: Sequence[Row]) -> list[str]:
+    failed = sum(bool(r.failure) for r in rows)
+    ious, far = [r.iou for r in rows], [r.hausdorff for r in rows]
+    parts = [r.parts for r in rows if r.parts is not None]
+    seconds = [r.seconds for r in rows if r.seconds is not None]
+    cells = [entrant, str(len(rows)), str(failed), _four(statistics.fmean(ious)), _four(statistics.median(ious))]
+    cells += [_four(statistics.median(far)), _of(statistics.median, parts, "g"), "" if failed else _of(sum, parts, "d")]
+    return [*cells, _of(statistics.median, seconds, ".1f"), _of(max, seconds, ".1f")]
 
 
 def wide(rows: Sequence[Row]) -> str:

@@ -197,7 +197,8 @@ def test_arguments_that_cannot_be_are_one_line(monkeypatch, capsys, tmp_path, ar
 def test_failures_count_in_the_summary():
     rows = [Row("x", "a", 1.0, 0.1, 3, seconds=1.0), Row("x", "b", 0.5, 0.3, 5, seconds=2.0), Row("x", "c", seconds=60.0, failure="hung")]
     cells = [cell.strip() for cell in summary(rows).splitlines()[-1].strip("|").split("|")]
-    assert cells == ["x", "3", "1", "0.5000", "0.5000", "0.3000", "4", "2.0", "60.0"]
+    assert cells == ["x", "3", "1", "0.5000", "0.5000", "0.3000", "4", "", "2.0", "60.0"]
+    assert summary(rows[:2]).splitlines()[-1].split("|")[8].strip() == "8"
     assert summary([*rows[:1], *rows[2:], *rows[2:]]).splitlines()[-1].split("|")[6].strip() == "inf"
 
 
