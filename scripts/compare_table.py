@@ -63,7 +63,7 @@ def entrants(rows: Sequence[Row]) -> list[str]:
 
 
 def summary(rows: Sequence[Row]) -> str:
-    """One line per entrant; failures count with IoU 0, an infinite distance and their time. They have no primitives, and no sum has them."""
+    """One line per entrant; failures count with IoU 0, an infinite distance and their time. They have no primitives, and no sum."""
     return table(SUMMARY, [_summed(entrant, [r for r in rows if r.entrant == entrant]) for entrant in entrants(rows)])
 
 
