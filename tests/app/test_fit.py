@@ -141,7 +141,8 @@ def test_plain_progress_is_one_line_per_stage_or_two_seconds():
     snaps = [Snap("a", BOX, 0.5, 0.1), Snap("a", BOX, 0.4, 0.2), Snap("b", two, 0.6, 0.3), Snap("b", two, 0.1, 3.0)]
     out = io.StringIO()
     assert list(shown(snaps, 10.0, out)) == snaps
-    lines = out.getvalue().splitlines()
+    first, *lines = out.getvalue().splitlines()
+    assert first == "   0.0 s  finding surfaces, 10 s left"
     assert [line.split()[2] for line in lines] == ["a", "b", "b"]
     assert "error 0.4 " in lines[1]  # the best so far, though this snapshot is worse
     assert "2 primitives, 7 s left" in lines[2]

@@ -25,6 +25,7 @@ class Progressing(Protocol):
 
 S = TypeVar("S", bound=Progressing)
 QUIET_S = 2.0  # between two plain lines of one stage
+FIRST = "finding surfaces"  # said before there is any program
 
 
 def describe(snapshot: Progressing, best: float) -> str:
@@ -42,6 +43,8 @@ def shown(snapshots: Iterable[S], budget_s: float, stream: TextIO | None = None)
 
 
 def _plain(snapshots: Iterable[S], budget_s: float, stream: TextIO) -> Iterator[S]:
+    stream.write(f"{0.0:6.1f} s  {FIRST}, {budget_s:.0f} s left\n")
+    stream.flush()
     stage, last, best = "", -QUIET_S, float("inf")
     for snapshot in snapshots:
         best = min(best, snapshot.error)
@@ -64,7 +67,7 @@ def _live(snapshots: Iterable[S], budget_s: float, stream: TextIO) -> Iterator[S
 
     best = float("inf")
     with Progress(SpinnerColumn(), TextColumn("{task.description}"), TimeLeft(), console=Console(file=stream), transient=True) as bar:
-        task = bar.add_task("finding surfaces", total=None)
+        task = bar.add_task(FIRST, total=None)
         for snapshot in snapshots:
             best = min(best, snapshot.error)
             bar.update(task, description=describe(snapshot, best))
