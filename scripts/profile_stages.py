@@ -57,26 +57,25 @@ def one(part: Path, budget_s: float) -> dict[str, float]:
     from imdim.app.fit import fit
     from imdim.config import Settings
 
-    detection, look, finish = Counter[str](), pipeline.look, time.process_time()
+    detection, look, finish = list[float](), pipeline.look, time.process_time()
 
     def timed(*args: object) -> object:
         start = time.process_time()
         try:
             return look(*args)  # type: ignore[arg-type]
         finally:
-            detection["detect"] += time.process_time() - start  # type: ignore[assignment]
+            detection.append(time.process_time() - start)
 
     pipeline.look = timed  # type: ignore[assignment]
     with tempfile.TemporaryDirectory() as folder:
         report = fit(Settings(input=str(part), output=f"{folder}/out", budget_s=budget_s))
     timing = report["timing"]
-    stages = Counter({"import": finish, "detect": detection["detect"], **timing["delivery_s"]})
-    stages.update(timing["stages_s"])
+    stages: dict[str, float] = {"import": finish, "detect": sum(detection), **timing["stages_s"], **timing["delivery_s"]}
     first = next(name for name in timing["stages_s"] if name != "loading")
-    stages[first] -= detection["detect"]
+    stages[first] -= sum(detection)
     # what no stage accounts for: late imports, the page's frame
     stages["between"] = time.process_time() - sum(stages.values())
-    return dict(stages)
+    return stages
 
 
 if __name__ == "__main__":

@@ -211,7 +211,7 @@ def _part_and_cloud(count: int, points: int) -> tuple[Program, np.ndarray]:
     parts = [bench_population.random_leaf(rng) for _ in range(count)]
     apart = [Primitive(p.kind, p.size, (3.0 * i, *p.center[1:]), p.rotation) for i, p in enumerate(parts)]
     clouds = [leaf_surface(p, points // count, rng)[0] for p in apart]
-    return combine_all("union", apart), np.concatenate([c + rng.normal(0, 0.01, c.shape) for c in clouds])
+    return combine_all("union", list[Program](apart)), np.concatenate([c + rng.normal(0, 0.01, c.shape) for c in clouds])
 
 
 def distances(points: int) -> Kernel:
