@@ -1,6 +1,5 @@
 # make demo   set up .venv and reconstruct the bundled part
 # make test   set up .venv with the test tools and run the whole suite
-# make test-browser   the live lab and the report page in a real Chromium
 # make check  what CI runs: ruff, pyright, import-linter, the suite
 # make bench BENCH=folder [ARGS="--jobs 2 --scorer score.py"]   measure a folder of parts
 # make bench-gate   refuse speed ratios, shares of the peak and counts of the bundled parts that are worse than benchmarks/baseline.json
@@ -11,17 +10,14 @@ PIP := $(BIN)/python -m pip install -q --disable-pip-version-check -c constraint
 # one thread per process: several processes share the cores
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test test-browser check lint bench bench-gate
+.PHONY: demo test check lint bench bench-gate
 
 # the first run compiles the search's kernels, which on a slow machine takes a third of the usual minute
 demo: .venv/use
 	$(BIN)/python infer.py input=dataset/examples/bracket.stl output=out/demo budget_s=150
 
 test: .venv/develop
-	$(BIN)/python -m pytest -n 2
-
-test-browser: .venv/develop
-	$(BIN)/python -m pytest -m browser
+	$(BIN)/python -m pytest -n 2 --dist loadgroup
 
 check: lint test
 

@@ -18,7 +18,7 @@ from tests.app.lab.browser import WAIT_MS, LabPage, blue, chromium, green, inked
 from imdim.geometry.solid import volume
 from imdim.program import codec
 
-pytestmark = needs_chromium
+pytestmark = [needs_chromium, pytest.mark.xdist_group("lab")]  # one server for all of them
 EXACT = 80 * 50 * 8 + math.pi * 14**2 * 16 - 4 * math.pi * 9 * 8 - math.pi * 64 * 24
 NEAR = (0.998, 1.002)  # facets
 
