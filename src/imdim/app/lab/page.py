@@ -166,7 +166,8 @@ class Page:
         lines = [("part", state.target.name)] if state.target else []
         if self.session.running or state.stop:
             ended = f" ({state.stop})" if state.stop not in ("", state.stage) else ""
-            lines.append(("stage", f"{state.task}: {state.stage}{ended}"))
+            spent = f", {state.trace[-1].seconds:.1f} s" if state.trace else ""
+            lines.append(("stage", f"{state.task}: {state.stage}{ended}{spent}"))
         if theory is None or self._scene is None:
             return lines
         unit = f" {self.edit.unit}³" if self.edit.unit else ""
