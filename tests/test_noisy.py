@@ -9,7 +9,7 @@ from imdim.config import Settings
 from imdim.geometry.cloud import InputError, target_from
 from imdim.geometry.sampling import surface_points
 from imdim.geometry.solid import to_manifold, volume_iou
-from imdim.noisy import likelier, most_likely, unlabelled
+from imdim.noisy import most_likely, unlabelled
 from imdim.pipeline import reconstruct
 from imdim.program.cost import count
 
@@ -44,18 +44,25 @@ def test_strays_do_not_widen_the_body():
     assert not seen_of(cloud(box(40, 30, 10), share=0.0)).noisy
 
 
-def test_the_likelier_program_is_the_true_one():
+def test_the_search_starts_from_the_likeliest_program():
     truth = union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0)))
     seen = seen_of(cloud(truth))
-    for other in (truth.left, cut(truth, box(38, 28, 6)), union(truth, box(3, 3, 8.5, (14.0, 9.0, 0.0)))):
-        assert likelier(truth, other, seen)
-        assert not likelier(other, truth, seen)
+    found = most_likely([truth, cut(truth, box(38, 28, 6)), box(9, 9, 9)], seen, lambda: True)
+    assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
+
+
+def test_what_detection_missed_is_seen_in_the_points():
+    truth = cut(union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(4, 20, (-12.0, 5.0, 0.0)))
+    seen = seen_of(cloud(truth))
+    found = most_likely([box(40, 30, 8)], seen, lambda: False)
+    assert count(found).primitives == 3
+    assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
 
 
 def test_what_is_too_much_goes_and_relations_hold():
     truth = union(box(40, 30, 8), box(20, 30, 16, (10.0, 0.0, 12.0)))
     seen = seen_of(cloud(truth))
-    found = most_likely(union(truth, box(3, 3, 8.4, (-14.0, 9.0, 0.0))), seen, lambda: False)
+    found = most_likely([union(truth, box(3, 3, 8.4, (-14.0, 9.0, 0.0)))], seen, lambda: False)
     assert count(found).primitives == 2
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
 

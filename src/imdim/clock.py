@@ -11,12 +11,14 @@ SEARCH_SHARE = 0.4  # of the budget; detection, the solver and delivery need the
 
 @dataclass
 class Clock:
-    """Seconds since the start, and whether the search's share of the budget is spent; `ending` is how an evolution ended."""
+    """Seconds since the start. `cut`: whether the search's share of the budget is spent; `late`: whether the clock cut other work short;
+    `ending` is how an evolution ended."""
 
     budget_s: float
     now: Callable[[], float] = time.perf_counter
     start: float = field(init=False)
     cut: bool = False
+    late: bool = False
     ending: str = "finished"
 
     def __post_init__(self) -> None:
@@ -31,8 +33,20 @@ class Clock:
         return self.cut
 
     def near_end(self, share: float) -> Callable[[], bool]:
-        """Whether a share of the whole budget is spent."""
-        return lambda: self.seconds() > share * self.budget_s
+        """Whether a share of the whole budget is spent; that it was asked too late stays known."""
+        return self._noting(lambda: self.seconds() > share * self.budget_s)
+
+    def ending_at(self, share: float) -> Callable[[], bool]:
+        """`part`; that it was asked too late stays known."""
+        return self._noting(self.part(share))
+
+    def _noting(self, spent: Callable[[], bool]) -> Callable[[], bool]:
+        def asked() -> bool:
+            over = spent()
+            self.late = self.late or over
+            return over
+
+        return asked
 
     def part(self, share: float) -> Callable[[], bool]:
         """Whether a share of the time that the search has left is spent."""

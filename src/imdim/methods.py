@@ -18,7 +18,6 @@ from imdim.clock import Clock
 from imdim.config import Settings
 from imdim.evolution import evolved, logged, seeds_of
 from imdim.fitting import POOR
-from imdim.noisy import likelier
 from imdim.program.tree import Program
 from imdim.proof import Proofs
 from imdim.proposals import misfit, proposals
@@ -39,6 +38,7 @@ TOUCHED = 2e-3  # of the volume; a search that leaves more is followed by a shor
 TOUCH = EvolutionConfig(generations=30, patience=12)
 SEED_SHARE = 0.4  # of the search's time, that evolution gives to its seeds
 WORTH_MORE = 0.5  # of a primitive's price; error that a search goes on for although no fewer primitives can do
+NOISY_SHARE = 0.3  # of the time that the search has left: what the cells of a noisy cloud say is not worth more
 FAR_BETTER = 0.5  # of the misfit of the search's program
 
 
@@ -154,7 +154,8 @@ def _searched(run: Run, proofs: Proofs) -> Iterator[tuple[str, Program]]:
         if program is not None:
             yield "tree", program
         return
-    for found in search_structure(seen.families, StructureConfig(size_weight=seen.size_weight), run.rng, run.clock.out_of_time):
+    out_of_time = run.clock.ending_at(NOISY_SHARE * run.share) if seen.noisy else run.clock.out_of_time
+    for found in search_structure(seen.families, StructureConfig(size_weight=seen.size_weight), run.rng, out_of_time):
         program = seen.frame.undo(to_program(found.sequence, seen.families))
         yield "search", program
         # what the labels of a noisy cloud prove is not worth the time
@@ -216,7 +217,7 @@ def grown(seen: Seen) -> Program | None:
 def _proposed_if_poor(run: Run, best: Step | None) -> Step | None:
     """The policy's program for a cloud, where there is nothing or much is left and it fits far better.
 
-    The cells of a noisy cloud miss what detection missed: there it is always asked.
+    The cells of a noisy cloud miss what detection missed: there it is always asked, and the points judge later (`noisy`).
     """
     seen = run.seen
     if seen.target.mesh is not None or (best is not None and not seen.noisy and seen.error(best.program) <= POOR):
@@ -224,6 +225,8 @@ def _proposed_if_poor(run: Run, best: Step | None) -> Step | None:
     program = _proposed(run, [] if best is None else [best.program])
     if best is None:
         return Step("policy", program)
+    if seen.noisy:
+        return replace(best, others=(*best.others, program))
     return replace(best, stage="policy", program=program) if preferred(program, best.program, seen) else None
 
 
@@ -243,7 +246,5 @@ def _proposed(run: Run, starts: list[Program]) -> Program:
 
 def preferred(proposed: Program, program: Program, seen: Seen) -> bool:
     """Cells of a cloud know no surface that detection missed: what fits the points far better is taken, whatever its cells say."""
-    if seen.noisy:
-        return likelier(proposed, program, seen)
     cloud = Cloud.of(seen.target.points)
     return misfit(seen.frame.apply(proposed), cloud) < FAR_BETTER * misfit(seen.frame.apply(program), cloud)

@@ -3,32 +3,38 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from imdim.body import NOISY, Seen
+from imdim.geometry.axes import main_axes, shared_axes
 from imdim.geometry.cloud import Frame, Target
 from imdim.program.simplify import reduce_program
-from imdim.program.tree import Program
+from imdim.program.tree import Primitive, Program, leaves
 from imdim.proposals import proposals
 from imdim.seeding.cloud_normals import measure_scale
 from imdim.solve.discover import DiscoverConfig, discover
 from imdim.solve.likelihood import Noise, Shown, shares
 from imdim.solve.maximise import Likely, maximise
-from imdim.solve.parsimony import length, shortened
+from imdim.solve.outlines import outlines
+from imdim.solve.parsimony import length
+from imdim.solve.restructure import REFIT, most_telling, restructured
 
 if TYPE_CHECKING:
     from imdim.learn.policy import Policy
 
 MOST_POINTS = 8192
 QUICK_POINTS = 4096
+FITTED = 3  # starts whose numbers are fitted before one is chosen
 GUESS = 1.2  # times the measured deviation: a fit that starts too calm takes points for clutter
 
 
 def unlabelled(body: Target, policy: Policy | None, out_of_time: Callable[[], bool]) -> Program | None:
-    """A program of a noisy cloud of which detection cannot tell the inside: the best that the solver makes of the policy's beam.
+    """A program of a noisy cloud of which detection cannot tell the inside, from its points and the policy's beam.
 
     None for a calm cloud or a mesh, which then have no inside, and where nothing is left of the cloud.
     """
@@ -37,26 +43,53 @@ def unlabelled(body: Target, policy: Policy | None, out_of_time: Callable[[], bo
     sigma = measure_scale(points, np.random.default_rng(0)).sigma
     if body.mesh is not None or sigma <= NOISY:
         return None
-    found = proposals(policy, points)
-    return frame.undo(_settled(found[0].program, points, sigma, out_of_time)) if found else None
+    found = [p.program for p in proposals(policy, points)]
+    return frame.undo(_Points(points, sigma, main_axes(points[:QUICK_POINTS])).told(found, out_of_time)) if found else None
 
 
-def likelier(program: Program, other: Program, seen: Seen) -> bool:
-    """Whether the first of two programs in the body's units, both fitted to its noisy cloud, tells the points in fewer words."""
-    points, noise = _thinned(seen.target.points, QUICK_POINTS), Noise(GUESS * seen.sigma)
-    lengths = [length(c.program, points, c.noise, c.nll) for c in (maximise(seen.frame.apply(p), points, noise) for p in (program, other))]
-    return lengths[0] < lengths[1]
+def most_likely(programs: Sequence[Program], seen: Seen, out_of_time: Callable[[], bool]) -> Program:
+    """The program in the body's units that tells its noisy cloud in the shortest message, with the relations that the points bear out.
+
+    `programs`, of which the last is tried in any case, are where the search for it starts; all lend their primitives.
+    """
+    axes = shared_axes([p.surface.axis for p in seen.patches], [p.area for p in seen.patches])
+    points = _Points(seen.target.points, seen.sigma, axes)
+    return seen.frame.undo(points.told([seen.frame.apply(p) for p in programs], out_of_time))
 
 
-def most_likely(program: Program, seen: Seen, out_of_time: Callable[[], bool]) -> Program:
-    """`program` in the body's units fitted to its noisy cloud, shortened, and with the relations that the points bear out."""
-    return seen.frame.undo(_settled(seen.frame.apply(program), seen.target.points, seen.sigma, out_of_time))
+@dataclass(frozen=True)
+class _Points:
+    """A noisy cloud in its unit frame: points [n, 3], the deviation of their noise, the part's directions as columns [3, 3]."""
 
+    points: np.ndarray
+    sigma: float
+    axes: np.ndarray
 
-def _settled(program: Program, points: np.ndarray, sigma: float, out_of_time: Callable[[], bool]) -> Program:
-    quick, points = _thinned(points, QUICK_POINTS), _thinned(points, MOST_POINTS)
-    short = shortened(maximise(program, quick, Noise(GUESS * sigma)), quick, out_of_time)
-    return _related(maximise(reduce_program(short.program), points, short.noise), points)
+    @cached_property
+    def quick(self) -> np.ndarray:
+        return _thinned(self.points, QUICK_POINTS)
+
+    def told(self, programs: Sequence[Program], out_of_time: Callable[[], bool]) -> Program:
+        """The shortest message's program, from the best of `programs` and, while there is time, from single primitives."""
+        lent = [*outlines(self.points, self.axes, self.sigma), *dict.fromkeys(leaf for p in programs for leaf in leaves(p))]
+        best = self._settled(programs, lent, out_of_time)
+        if not out_of_time():
+            grown = self._settled(lent, lent, out_of_time)
+            best, other = sorted((best, grown), key=self._length)
+            best = restructured(best, self.quick, [*leaves(other.program)], self.axes, out_of_time)
+        points = _thinned(self.points, MOST_POINTS)
+        return _related(maximise(reduce_program(best.program), points, best.noise), points)
+
+    def _settled(self, starts: Sequence[Program], lent: Sequence[Primitive], out_of_time: Callable[[], bool]) -> Likely:
+        """From the likeliest of several programs."""
+        rough = Likely(starts[-1], Noise(GUESS * self.sigma), np.inf, 0)
+        few = most_telling([*dict.fromkeys(starts)], self.quick, rough, FITTED)
+        start = min((maximise(p, self.quick, rough.noise, REFIT) for p in few), key=self._length)
+        fitted = maximise(start.program, self.quick, start.noise)
+        return restructured(fitted, self.quick, lent, self.axes, out_of_time)
+
+    def _length(self, likely: Likely) -> float:
+        return length(likely.program, self.quick, likely.noise, likely.nll)
 
 
 def _related(likely: Likely, points: np.ndarray) -> Program:

@@ -85,7 +85,7 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) ->
         raise InputError(f"{target.name}: no program found")
     program, constraints = related(last.program, target) if settings.solver else (last.program, ())
     front = tuple(replace(c, program=program) if c.program == last.program else c for c in few(last.front, last.program))
-    stop = "budget_spent" if clock.cut else clock.ending
+    stop = "budget_spent" if clock.cut or clock.late else clock.ending
     yield Snapshot("finished", program, last.error, clock.seconds(), stop, front, constraints, last.proof)
 
 
@@ -159,7 +159,8 @@ def _body(
         yield replace(state("simplify", program), front=_front([*step.others, program], seen))
         return
     if seen.noisy:
-        fitted, step = most_likely(program, seen, clock.near_end(FIT_BY)), replace(step, proof="")  # of other primitives perhaps
+        fitted = most_likely([*step.others, program], seen, clock.near_end(FIT_BY))
+        step = replace(step, proof="")  # it was of other primitives perhaps
     else:
         fitted = solved(program, seen, body)
     last = state("solve", snapped(fitted, seen, body))

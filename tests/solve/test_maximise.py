@@ -9,12 +9,11 @@ from tests.planted import box, cut, cylinder, sphere, union
 from imdim.geometry import kernels
 from imdim.geometry.lowering import lower
 from imdim.geometry.sampling import surface_points
-from imdim.program.tree import Primitive, leaves, map_leaves
+from imdim.program.tree import leaves, map_leaves
 from imdim.solve.clipped import clipped
 from imdim.solve.frames import aligned, frames, shared_turns
 from imdim.solve.likelihood import Noise
 from imdim.solve.maximise import MaximiseConfig, maximise
-from imdim.solve.parsimony import length, shortened
 from imdim.solve.refine import refine
 
 RING = cut(cylinder(20, 6), cylinder(15, 12))
@@ -93,24 +92,6 @@ def test_a_shared_turn_is_the_turn_of_the_points():
         assert parts.rotations[i] @ raw[6:9] == pytest.approx(by, abs=1e-15)
 
 
-def test_what_noise_explains_is_dropped_and_what_it_does_not_stays():
-    truth = cut(union(box(40, 30, 6), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(3, 40, (-12.0, 0.0, 0.0)))
-    points = cloud(truth, sigma=0.4)
-    crowded = cut(union(truth, box(3, 3, 6.2, (10.0, -9.0, 0.0))), sphere(0.5, (0.0, 0.0, 3.0)))
-    short = shortened(maximise(crowded, points, Noise(0.5)), points, lambda: False)
-    assert sorted(p.kind for p in leaves(short.program)) == ["box", "cylinder", "cylinder"]
-    assert length(short.program, points, short.noise) < length(crowded, points, short.noise)
-
-
-def test_a_cylinder_that_tapers_becomes_a_cone():
-    truth = union(box(40, 30, 6), Primitive("cone", (8.0, 5.0, 14.0), (0.0, 0.0, 9.0)))
-    points = cloud(truth, sigma=0.3)
-    short = shortened(maximise(union(box(40, 30, 6), cylinder(6.5, 14, (0.0, 0.0, 9.0))), points, Noise(0.4)), points, lambda: False)
-    cone = [p for p in leaves(short.program) if p.kind == "cone"]
-    assert len(cone) == 1
-    assert cone[0].size[1] == pytest.approx(5.0, abs=0.2)
-
-
 def test_long_cutters_are_clipped_to_the_cloud():
     points = cloud(RING, 2000)
     long = cut(cylinder(20, 6), cylinder(15, 900, (0.0, 0.0, 300.0)), box(500, 8, 8, (250.0, 0.0, 0.0), (0.0, 10.0, 0.0)))
@@ -127,8 +108,3 @@ def test_a_program_of_nothing_stays_as_it_is():
     found = maximise(nothing, cloud(RING, 500), Noise(SIGMA), MaximiseConfig(through=0.0))
     assert found.program == nothing
     assert np.isfinite(found.nll)
-
-
-def test_no_time_leaves_the_program():
-    likely = maximise(RING, cloud(RING, 2000), Noise(SIGMA))
-    assert shortened(likely, cloud(RING, 2000), lambda: True) is likely

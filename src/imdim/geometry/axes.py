@@ -7,6 +7,7 @@ it needs no faces of known extent, and holds for turned parts, which have one di
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import permutations, product
 
 import numpy as np
@@ -34,6 +35,29 @@ def main_axes(points: np.ndarray) -> np.ndarray:
     if _worth(np.eye(3), normals, trust, WIDTHS[1]) >= STAY * _worth(best, normals, trust, WIDTHS[1]):
         return np.eye(3)
     return nearest_equal(best)
+
+
+def shared_axes(directions: Sequence[Sequence[float]], weights: Sequence[float], off_deg: float = 2.0) -> np.ndarray:
+    """The rotation [3, 3] along whose columns most of the weighted `directions` [n, 3] lie; the given axes where they do nearly as well.
+
+    For faces and axes that were fitted to many points each, which say more than the normals of a noisy cloud.
+    """
+    unit = np.asarray(directions, float).reshape(-1, 3)
+    frames = [np.eye(3)]
+    for i, a in enumerate(unit):
+        for b in (*unit[i + 1 :], *np.eye(3)):
+            across = b - (b @ a) * a
+            length = np.linalg.norm(across)
+            if length > np.cos(np.radians(off_deg)) or (length > 0.1 and not (abs(unit @ a) < np.sin(np.radians(off_deg))).any()):
+                across /= length
+                frames.append(np.column_stack([a, across, np.cross(a, across)]))
+
+    def worth(frame: np.ndarray) -> float:
+        along = np.abs(unit @ frame).max(1) > np.cos(np.radians(off_deg))
+        return float(np.dot(along, weights))
+
+    best = max(frames, key=worth)
+    return np.eye(3) if worth(frames[0]) >= STAY * worth(best) else nearest_equal(best)
 
 
 def local_normals(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

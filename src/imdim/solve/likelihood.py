@@ -85,7 +85,7 @@ def shares(points: np.ndarray, shown: Shown, noise: Noise) -> Share:
     peak = math.log((1 - noise.clutter) / max(m, 1)) - 1.5 * math.log(2 * math.pi) - math.log(noise.sigma) - 2 * math.log(wide)
     if m == 0:
         return Share(np.zeros(0), np.zeros(0), noise, -math.log(noise.clutter / box))
-    near = np.asarray(KDTree(shown.points).query(points, k=min(NEIGHBOURS, m), distance_upper_bound=4 * wide)[1])
+    near = np.asarray(KDTree(shown.points).query(points, k=min(NEIGHBOURS, m), distance_upper_bound=4 * wide)[1]).reshape(len(points), -1)
     clutter = math.exp(math.log(noise.clutter / box) - peak)
     mass, moment, square, log = _shares(points, shown.points, shown.normals, near, noise.sigma, wide, clutter)
     held = float(mass.sum())

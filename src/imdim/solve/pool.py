@@ -238,8 +238,8 @@ def best_choice(pool: Pool, start: Choice, config: PoolConfig) -> tuple[Choice, 
     best, cost = start, pool.cost(start)
     useful = set(range(len(pool.primitives)))
     for _ in range(config.rounds):
-        moves = [(c, -1) for c in _own_moves(best)]
-        moves += [(c, i) for i in useful for c in _uses(i, best) if len(c) <= config.longest]
+        moves = [(c, -1) for c in own_moves(best)]
+        moves += [(c, i) for i in useful for c in uses(i, best) if len(c) <= config.longest]
         costs = pool.costs([c for c, _ in moves], cost - 1e-9)
         if not np.isfinite(costs).any():
             break
@@ -248,7 +248,7 @@ def best_choice(pool: Pool, start: Choice, config: PoolConfig) -> tuple[Choice, 
     return best, cost
 
 
-def _own_moves(chosen: Choice) -> Iterator[Choice]:
+def own_moves(chosen: Choice) -> Iterator[Choice]:
     """Leave one out, turn a sign, move one to another place."""
     for i, (index, sign) in enumerate(chosen):
         rest = chosen[:i] + chosen[i + 1 :]
@@ -263,8 +263,8 @@ def _own_moves(chosen: Choice) -> Iterator[Choice]:
                 yield moved
 
 
-def _uses(index: int, chosen: Choice) -> Iterator[Choice]:
-    """Put one primitive in at the end or before the closing run of cuts, or in the place of another."""
+def uses(index: int, chosen: Choice) -> Iterator[Choice]:
+    """Put primitive `index` in at the end or before the closing run of cuts, or in the place of another."""
     if any(i == index for i, _ in chosen):
         return
     closing = len(chosen)

@@ -1,0 +1,132 @@
+"""Another structure for a program of a noisy cloud: the one that tells the points in the shortest message.
+
+Detection sees what noise leaves of edges and small faces, and the search believes it. Here parts are put in, left out, exchanged, turned
+from part to cut and moved in the order, by what the points say (`parsimony`). What could be put in comes from outside (`lent`), from the
+places that the program does not explain (`missing`) and from its own parts. All single changes are looked at over one `mixture`; the
+numbers of the most promising are fitted, and the first that shortens the message is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from imdim.geometry import kernels
+from imdim.program.cost import count
+from imdim.program.paths import leaf_paths, without
+from imdim.program.tree import Combine, Primitive, Program
+from imdim.solve.likelihood import Shown
+from imdim.solve.maximise import Likely, MaximiseConfig, maximise
+from imdim.solve.missing import alternatives, hollows, missing, trimmed
+from imdim.solve.mixture import Mixture, Scene, Steps, folded, to_steps
+from imdim.solve.parsimony import length, numbers
+from imdim.solve.pool import Choice, Cloud, distinct, own_moves, uses
+
+ROUNDS = 40
+SEEN = 2048  # points that changes are looked at with
+GLANCE = 4  # each so-manieth of them for a first look
+LOOKED = 120  # changes that get a second one
+TRIED = 6  # changes whose numbers are fitted
+LONGEST = 40  # steps of a sequence
+SLACK = 0.05  # nats per point that a change may cost before its numbers are fitted
+WORTH = 2e-3  # nats per point, what the samples of the surface leave in doubt; a change for fewer numbers need not be worth it
+UNEXPLAINED = 3.0  # deviations of the noise
+TAPER = 0.05  # of a radius
+HOLLOW = ("box", "sphere", "cylinder")
+REFIT = MaximiseConfig(rounds=4, through=0.0)
+
+
+def restructured(
+    likely: Likely, points: np.ndarray, lent: Sequence[Primitive], axes: np.ndarray, out_of_time: Callable[[], bool]
+) -> Likely:
+    """The program with the changes that shorten the message of `points` [n, 3], each the best of its round.
+
+    `axes` [3, 3] has the part's directions as columns. Sequences of more than LONGEST steps stay as they are.
+    """
+    scene = Scene(_every(points, SEEN), likely.noise, Shown.of(likely.program, likely.noise.sigma).area, len(points))
+    search = _Search(points, Cloud.of(points), scene, lent, axes, out_of_time)
+    best, cost = likely, length(likely.program, points, likely.noise, likely.nll)
+    for _ in range(ROUNDS):
+        found = search.shorter(best, cost)
+        if found is None:
+            break
+        best, cost = found
+    return best
+
+
+def most_telling(programs: Sequence[Program], points: np.ndarray, likely: Likely, most: int) -> list[Program]:
+    """The `most` of `programs`, as they are, that tell `points` [n, 3] in the shortest messages; `likely` gives the noise and the area."""
+    scene = Scene(_every(points, SEEN // 2), likely.noise, Shown.of(likely.program, likely.noise.sigma).area)
+    lengths = Mixture.of(scene, [], programs).lengths([((i, True),) for i in range(len(programs))])
+    return [programs[i] for i in np.argsort(lengths, kind="stable")[:most]]
+
+
+def _every(points: np.ndarray, count: int) -> np.ndarray:
+    return points[:: max(1, len(points) // count)]
+
+
+@dataclass(frozen=True)
+class _Search:
+    points: np.ndarray
+    cloud: Cloud
+    scene: Scene
+    lent: Sequence[Primitive]
+    axes: np.ndarray
+    out_of_time: Callable[[], bool]
+
+    def shorter(self, best: Likely, cost: float) -> tuple[Likely, float] | None:
+        """The most promising change whose message is shorter than `cost` once its numbers are fitted, and its length."""
+        steps = to_steps(best.program)
+        if self.out_of_time() or len(steps) > LONGEST:
+            return None
+        for program in self._promising(best, steps):
+            if self.out_of_time():
+                return None
+            trial = maximise(program, self.points, best.noise, REFIT)
+            after = length(trial.program, self.points, trial.noise, trial.nll)
+            if after < cost - WORTH * (numbers(program) >= numbers(best.program)):
+                return trial, after
+        return None
+
+    def _promising(self, best: Likely, steps: Steps) -> list[Program]:
+        """Changed programs, not fitted, the shortest message first."""
+        others = [*distinct([*self._guesses(best, steps), *self.lent], self.cloud), *_lessened(steps)]
+        mixture = Mixture.of(self.scene, [p for p, _ in steps], others)
+        start: Choice = tuple((i, sign) for i, (_, sign) in enumerate(steps))
+        moves = [*own_moves(start), *(c for i in range(len(steps), len(mixture.parts)) for c in uses(i, start))]
+        glance = np.argsort(mixture.lengths(moves, GLANCE), kind="stable")[:LOOKED]
+        lengths = mixture.lengths([start, *(moves[i] for i in glance)])
+        order = np.argsort(lengths[1:], kind="stable")[:TRIED]
+        return [folded(mixture.steps(moves[glance[i]])) for i in order if lengths[1 + i] < lengths[0] + SLACK]
+
+    def _guesses(self, best: Likely, steps: Steps) -> list[Primitive]:
+        """What might be missing, and other shapes for the points of each primitive of the sequence."""
+        cloud, axes, off = self.cloud, self.axes, UNEXPLAINED * best.noise.sigma
+        out = [p for p, _ in missing(best.program, cloud, axes, off)]
+        leaf, value, _, _ = kernels.program_tangent(best.program, cloud.points)
+        near, first = np.abs(value) < off, 0
+        for part, positive in steps:
+            own = near & (leaf == first)
+            first += count(part).primitives
+            if isinstance(part, Primitive):
+                out += [*trimmed(part, cloud.points[own]), *alternatives(cloud.points[own], axes, cloud), *_tapered(part)]
+                if positive and own.any() and part.kind in HOLLOW:
+                    out += hollows(part, float(np.median(np.abs(value[own]))), cloud)
+        return out
+
+
+def _tapered(part: Primitive) -> Iterator[Primitive]:
+    """Cones in the place of a cylinder, a little wider at either end."""
+    if part.kind == "cylinder":
+        radius, height = part.size
+        for by in (TAPER, -TAPER):
+            yield Primitive("cone", (radius * (1 - by), radius * (1 + by), height), part.center, part.rotation)
+
+
+def _lessened(steps: Steps) -> Iterator[Program]:
+    """Parts that are no primitives, each without one of their leaves."""
+    for part, _ in steps:
+        if isinstance(part, Combine):
+            yield from (less for path, _ in leaf_paths(part) if (less := without(part, [path])) is not None)

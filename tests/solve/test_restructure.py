@@ -1,0 +1,97 @@
+"""Another structure for a noisy cloud: the mixture says of a choice what the likelihood says, and the truth has the shortest message."""
+
+import numpy as np
+import pytest
+from tests.planted import box, common, cone, cut, cylinder, sphere, union
+
+from imdim.geometry.sampling import surface_points
+from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.program.cost import count
+from imdim.program.tree import leaves
+from imdim.solve.likelihood import Noise, Shown
+from imdim.solve.maximise import maximise
+from imdim.solve.mixture import Mixture, Scene, folded, to_steps
+from imdim.solve.outlines import outlines
+from imdim.solve.parsimony import length
+from imdim.solve.restructure import most_telling, restructured
+
+PART = cut(union(box(40, 30, 6), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(3, 40, (-12.0, 0.0, 0.0)))
+NEVER = lambda: False  # noqa: E731
+
+
+def cloud(program, n=8000, sigma=0.4, seed=0):
+    rng = np.random.default_rng(seed)
+    return surface_points(program, n, rng)[0] + rng.normal(0, sigma, (n, 3))
+
+
+def settled(program, points, sigma=0.4, lent=()):
+    return restructured(maximise(program, points, Noise(1.2 * sigma)), points, list(lent), np.eye(3), NEVER)
+
+
+def scene_of(program, points, sigma=0.4):
+    return Scene(points, Noise(sigma), Shown.of(program, sigma).area)
+
+
+def test_steps_fold_to_the_same_program():
+    program = union(cut(common(box(4, 4, 4), sphere(2.4)), cylinder(1, 9)), cut(box(1, 1, 9), sphere(1)))
+    steps = to_steps(program)
+    assert [count(p).primitives for p, _ in steps] == [2, 1, 2]
+    assert [s for _, s in steps] == [True, False, True]
+    assert folded(steps) == program
+
+
+def test_a_choice_ranks_as_its_program_does():
+    points = cloud(PART)
+    steps = to_steps(PART)
+    others = [box(6, 6, 8, (10.0, -9.0, 0.0)), sphere(4, (0.0, 0.0, 3.0)), cylinder(2.0, 40, (-12.0, 0.0, 0.0))]
+    mixture = Mixture.of(scene_of(PART, points), [p for p, _ in steps], others)
+    start = tuple((i, s) for i, (_, s) in enumerate(steps))
+    choices = [start, start[:2], start[:1], (*start, (3, True)), (*start, (4, False)), (*start[:2], (5, False))]
+    fast = mixture.lengths(choices)
+    exact = np.array([length(folded(mixture.steps(c)), points, Noise(0.6)) for c in choices])
+    assert fast.argmin() == exact.argmin() == 0
+    assert fast[1:3].min() > fast[3:].max() + 0.02  # without a part it is worse than with a wrong one beside it
+    assert fast == pytest.approx(exact, abs=0.12)
+    assert mixture.lengths(choices, every=4) == pytest.approx(fast, abs=0.1)
+
+
+def test_what_is_cut_away_wholly_is_infinitely_long():
+    points = cloud(box(4, 4, 4), 500, 0.1)
+    mixture = Mixture.of(scene_of(box(4, 4, 4), points, 0.1), [box(4, 4, 4), box(9, 9, 9)], [])
+    assert np.isinf(mixture.lengths([((0, True), (1, False))])).all()
+
+
+def test_what_noise_explains_is_dropped_and_what_it_does_not_stays():
+    points = cloud(PART)
+    crowded = cut(union(PART, box(3, 3, 6.2, (10.0, -9.0, 0.0))), sphere(0.5, (0.0, 0.0, 3.0)))
+    short = settled(crowded, points)
+    assert sorted(p.kind for p in leaves(short.program)) == ["box", "cylinder", "cylinder"]
+    assert length(short.program, points, short.noise) < length(crowded, points, short.noise)
+
+
+def test_leaves_of_nested_parts_can_go():
+    points = cloud(PART)
+    nested = cut(PART.left, union(PART.right, box(2, 2, 2, (0.0, 0.0, 30.0))))
+    assert count(settled(nested, points).program).primitives == 3
+
+
+def test_a_cylinder_that_tapers_becomes_a_cone():
+    points = cloud(union(box(40, 30, 6), cone(8.0, 5.0, 14.0, (0.0, 0.0, 9.0))), sigma=0.3)
+    short = settled(union(box(40, 30, 6), cylinder(6.5, 14, (0.0, 0.0, 9.0))), points, 0.3)
+    found = [p for p in leaves(short.program) if p.kind == "cone"]
+    assert len(found) == 1
+    assert sorted(found[0].size[:2]) == pytest.approx([5.0, 8.0], abs=0.25)
+
+
+def test_from_one_primitive_to_the_whole_part():
+    points = cloud(PART)
+    lent = outlines(points, np.eye(3), 0.4)
+    start = most_telling(lent, points, maximise(lent[0], points, Noise(0.5)), 1)[0]
+    found = settled(start, points, lent=lent)
+    assert volume_iou(to_manifold(found.program), to_manifold(PART)) > 0.97
+    assert count(found.program).primitives == 3
+
+
+def test_no_time_leaves_the_program():
+    likely = maximise(PART, cloud(PART, 2000), Noise(0.4))
+    assert restructured(likely, cloud(PART, 2000), [], np.eye(3), lambda: True) is likely

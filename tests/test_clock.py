@@ -1,0 +1,21 @@
+"""A clock that is handed its time: what was cut short stays known."""
+
+from imdim.clock import Clock
+
+
+def test_work_that_was_cut_short_is_late_and_a_search_that_was_is_cut():
+    hands = [0.0]
+    clock = Clock(100.0, now=lambda: hands[0])
+    near, ending = clock.near_end(0.75), clock.ending_at(0.5)
+    hands[0] = 19.0
+    assert not near()
+    assert not ending()
+    assert not clock.late
+    hands[0] = 21.0  # half of the 40 s that the search may take
+    assert ending()
+    assert clock.late
+    assert not clock.cut
+    hands[0] = 76.0
+    assert near()
+    assert clock.out_of_time()
+    assert clock.cut
