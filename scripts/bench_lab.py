@@ -29,6 +29,14 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 WAIT_MS = 120_000
 POINTS = 100_000
+# counts what is drawn, and what is drawn of something new: cheaper to ask for than pictures, of which one at the end is proof
+COUNT = """window.lab = { drawn: 0, sent: 0, anew: 0 };
+const draw = () => { lab.drawn++; if (lab.sent) lab.anew++; };
+const calls = ['drawElements', 'drawArrays', 'drawElementsInstanced', 'drawArraysInstanced'];
+for (const [call, does] of [['bufferData', () => lab.sent++], ...calls.map((name) => [name, draw])]) {
+  const plain = WebGL2RenderingContext.prototype[call];
+  WebGL2RenderingContext.prototype[call] = function (...given) { does(); return plain.apply(this, given); };
+}"""
 SHOT = {"x": 320, "y": 180, "width": 620, "height": 520}
 
 
@@ -140,10 +148,13 @@ def _say(what: str, times: list[Took]) -> None:
 def _loaded(browser: Browser, url: str) -> tuple[Page, Took]:
     page = browser.new_page(viewport={"width": 1280, "height": 720})
     page.set_default_timeout(WAIT_MS)
+    page.add_init_script(COUNT)
     watch = Watch()
     page.goto(url)
-    _until(page, lambda: _inked(page) > 2000)
-    return page, watch()
+    page.wait_for_function("window.lab?.drawn > 0")
+    took = watch()
+    assert _inked(page) > 2000, "what was drawn is no picture"
+    return page, took
 
 
 def _first_program(page: Page) -> Took:
@@ -161,12 +172,14 @@ def _edits(page: Page) -> list[tuple[Took, Took]]:
     for radius in ("4", "5", "4.5", "5.5", "3"):
         time.sleep(2.0)
         volume, picture = _volume(page), _picture(page)
+        page.evaluate("Object.assign(lab, { sent: 0, anew: 0 })")
         watch = Watch()
         box.fill(radius)
         page.wait_for_function(f"!document.querySelector('.lab-status').textContent.includes('{volume}')")
         told = watch()
-        _until(page, lambda picture=picture: (np.abs(_picture(page) - picture).max(axis=2) > 40).sum() > 60)
+        page.wait_for_function("lab.anew > 0")
         out.append((told, watch()))
+        assert (np.abs(_picture(page) - picture).max(axis=2) > 40).sum() > 60, "what was drawn is the picture as it was"
     page.get_by_role("tab", name="Run", exact=True).click()
     return out
 

@@ -44,10 +44,9 @@ def main() -> None:
 def _large(browser: Browser, url: str, folder: Path) -> None:
     page = _opened(browser, url, 1280, 720)
     page.get_by_role("tab", name="Curves", exact=True).click()
-    for _ in range(2):  # to the second program, and stand there
-        _press(page, "Step")
-        page.wait_for_timeout(500)
-        page.wait_for_function("/statepaused.*volume/.test(document.querySelector('.lab-status').textContent)")
+    _press(page, "Step")  # to the first program, and stand there
+    page.wait_for_function("/statepaused.*IoU/.test(document.querySelector('.lab-status').textContent)")
+    page.mouse.move(640, 650)  # off the button, which would show its hint
     page.wait_for_timeout(2500)
     _save(page, folder / "lab.png")
     _press(page, "Resume")
@@ -63,7 +62,7 @@ def _large(browser: Browser, url: str, folder: Path) -> None:
 def _small(browser: Browser, url: str, folder: Path) -> None:
     page = _opened(browser, url, 390, 844)
     _press(page, "Start")
-    _wait_for_end(page)
+    page.wait_for_function("/volume.*IoU/.test(document.querySelector('.lab-status').textContent)")
     page.wait_for_timeout(2500)
     _save(page, folder / "lab-small.png")
     page.close()
@@ -82,7 +81,7 @@ def _opened(browser: Browser, url: str, width: int, height: int) -> Page:
 
 
 def _wait_for_end(page: Page) -> None:
-    page.wait_for_function("/stateready.*fit: finished/.test(document.querySelector('.lab-status').textContent)")
+    page.wait_for_function("/stateready.*fit: finished.*IoU/.test(document.querySelector('.lab-status').textContent)")
 
 
 def _press(page: Page, name: str) -> None:
