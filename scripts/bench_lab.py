@@ -33,7 +33,8 @@ POINTS = 100_000
 COUNT = """window.lab = { drawn: 0, sent: 0, anew: 0 };
 const draw = () => { lab.drawn++; if (lab.sent) lab.anew++; };
 const calls = ['drawElements', 'drawArrays', 'drawElementsInstanced', 'drawArraysInstanced'];
-for (const [call, does] of [['bufferData', () => lab.sent++], ...calls.map((name) => [name, draw])]) {
+const sends = ['bufferData', 'bufferSubData'].map((name) => [name, () => lab.sent++]);
+for (const [call, does] of [...sends, ...calls.map((name) => [name, draw])]) {
   const plain = WebGL2RenderingContext.prototype[call];
   WebGL2RenderingContext.prototype[call] = function (...given) { does(); return plain.apply(this, given); };
 }"""
