@@ -78,7 +78,7 @@ def _leaf(i: int, part: Primitive, name: str, tint: Colour, selected: bool, lock
 
 
 def _number(value: float, of: str, unit: str) -> str:
-    text = f"{value:.5g}".replace("-0", "0") if abs(value) < 1e-9 else f"{value:.5g}"
+    text = "0" if abs(value) < 1e-9 else f"{value:.5g}"
     return text + ("°" if of == "degrees" else f"&nbsp;{unit}" if unit else "")
 
 
