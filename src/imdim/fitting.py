@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from imdim.body import Seen
@@ -23,13 +25,13 @@ MOST_RELATED = 120  # primitives; the time that relations take grows with the sq
 RELATE_ERROR, RELATE_MOVE, RELATE_VOLUME = 1e-2, 1e-5, 2.5e-3  # shares of mean distance, diagonal, volume that relations may cost
 
 
-def solved(program: Program, seen: Seen, body: Target) -> Program:
-    """The numbers fitted to a cloud; a mesh's carriers are exact already, and its facets would pull them inwards."""
+def solved(program: Program, seen: Seen, body: Target, out_of_time: Callable[[], bool]) -> Program:
+    """The numbers fitted to a cloud, as far as time allows; a mesh's carriers are exact already, and its facets would pull them inwards."""
     if body.mesh is not None:
         return program
     chosen = body.points[:: max(1, len(body.points) // 8192)]
-    fit = refine(program, chosen, config=RefineConfig(adam_steps=0, start_scale=0.01))
-    fitted = _constrained(fit.program, chosen, seen)
+    fit = refine(program, chosen, config=RefineConfig(adam_steps=0, start_scale=0.01), out_of_time=out_of_time)
+    fitted = fit.program if out_of_time() else _constrained(fit.program, chosen, seen)
     nearer = _mean_distance(fitted, chosen) < _mean_distance(program, chosen)
     return fitted if nearer and seen.error(fitted) < seen.error(program) + POOR else program
 
@@ -41,8 +43,13 @@ def _constrained(program: Program, points: np.ndarray, seen: Seen) -> Program:
     return found if nearer and seen.error(found) <= seen.error(program) + RELATE_VOLUME else program
 
 
-def related(program: Program, target: Target) -> tuple[Program, tuple[Constraint, ...]]:
-    """The relations that hold for a finished program; its numbers move by rounding alone, or not at all if the target is then missed."""
+def related(program: Program, target: Target, out_of_time: Callable[[], bool]) -> tuple[Program, tuple[Constraint, ...]]:
+    """The relations that hold for a finished program; its numbers move by rounding alone, or not at all if the target is then missed.
+
+    None once time is out.
+    """
+    if out_of_time():
+        return program, ()
     found, constraints = relations_of(program)
     shown = target.points[:: max(1, len(target.points) // 8192)]
     limit = (1 + RELATE_ERROR) * _mean_distance(program, shown) + RELATE_MOVE * diagonal(shown)
@@ -61,8 +68,8 @@ def _mean_distance(program: Program, points: np.ndarray) -> float:
     return float(np.abs(kernels.program_sdf(program, points)).mean())
 
 
-def snapped(program: Program, seen: Seen, body: Target) -> Program:
-    """The program with the numbers that its designer may have typed.
+def snapped(program: Program, seen: Seen, body: Target, out_of_time: Callable[[], bool]) -> Program:
+    """The program with the numbers that its designer may have typed, as far as time allows.
 
     Snapping is judged by the distance of surface points, which is fast; the volume it changed decides whether it was too bold.
     """
@@ -75,8 +82,10 @@ def snapped(program: Program, seen: Seen, body: Target) -> Program:
 
     plain = map_leaves(program, lambda _, leaf: canonical(leaf))
     for boldness in (1.0, 0.1, 0.01) if exact else (1.0, 0.3):
+        if out_of_time():
+            break
         config = SnapConfig(max_move=(1e-3 if exact else 2e-3) * boldness, abs_tolerance=(2e-6 if exact else 2e-5) * boldness * diagonal)
-        rounder = snap(program, distance, config=config)
+        rounder = snap(program, distance, config=config, out_of_time=out_of_time)
         if _changed_volume(plain, rounder) < (SNAP_CHANGE if exact else 10 * SNAP_CHANGE):
             return rounder
     return plain

@@ -77,8 +77,8 @@ class _Points:
             grown = self._settled(lent, lent, out_of_time)
             best, other = sorted((best, grown), key=self._length)
             best = restructured(best, self.quick, [*leaves(other.program)], self.axes, out_of_time)
-        points = _thinned(self.points, MOST_POINTS)
-        return _related(maximise(reduce_program(best.program), points, best.noise), points)
+        points = self.quick if out_of_time() else _thinned(self.points, MOST_POINTS)
+        return _related(maximise(reduce_program(best.program, out_of_time=out_of_time), points, best.noise), points)
 
     def _settled(self, starts: Sequence[Program], lent: Sequence[Primitive], out_of_time: Callable[[], bool]) -> Likely:
         """From the likeliest of several programs."""

@@ -34,7 +34,7 @@ MOST_JOINT = 8  # bodies
 GUESSING = ("auto", "policy")  # methods that may answer from the points alone where detection sees no inside
 UNKNOWN = 1.0  # error of a program whose body shows no inside
 NO_INSIDE = "not proved: the noisy cloud shows no inside, this is a guess from its points alone"
-FIT_BY = 0.75  # of the budget: by then a noisy cloud's program is short
+FIT_BY, RELATE_BY = 0.75, 0.85  # of the budget: by then a program is short and its numbers are fitted; the search for relations ends
 JOINT_ERROR = 2e-3  # of the volume, that a shorter program of all bodies at once may cost
 
 
@@ -83,7 +83,7 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) ->
         yield last
     if last is None:
         raise InputError(f"{target.name}: no program found")
-    program, constraints = related(last.program, target) if settings.solver else (last.program, ())
+    program, constraints = related(last.program, target, clock.near_end(RELATE_BY)) if settings.solver else (last.program, ())
     front = tuple(replace(c, program=program) if c.program == last.program else c for c in few(last.front, last.program))
     stop = "budget_spent" if clock.cut or clock.late else clock.ending
     yield Snapshot("finished", program, last.error, clock.seconds(), stop, front, constraints, last.proof)
@@ -153,17 +153,18 @@ def _body(
         yield state(step.stage, step.program, step.error)
     if step is None:
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
-    program = reduce_program(step.program)
+    late = clock.near_end(FIT_BY)
+    program = reduce_program(step.program, out_of_time=late)
     yield state("simplify", program)
     if not settings.solver:
         yield replace(state("simplify", program), front=_front([*step.others, program], seen))
         return
     if seen.noisy:
-        fitted = most_likely([*step.others, program], seen, clock.near_end(FIT_BY))
+        fitted = most_likely([*step.others, program], seen, late)
         step = replace(step, proof="")  # it was of other primitives perhaps
     else:
-        fitted = solved(program, seen, body)
-    last = state("solve", snapped(fitted, seen, body))
+        fitted = solved(program, seen, body, late)
+    last = state("solve", snapped(fitted, seen, body, late))
     yield replace(last, front=_front([*step.others, last.program], seen))
 
 

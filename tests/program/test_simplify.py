@@ -179,3 +179,9 @@ def test_a_long_program_is_no_problem():
     parts = [replace(random_primitive(rng), center=(3.0 * i, 0.0, 0.0)) for i in range(60)]
     program = unite(*parts, *parts)
     assert sorted(map(hash, leaves(reduce_program(program)))) == sorted(map(hash, parts))
+
+
+def test_once_time_is_out_a_program_stays_as_it_is():
+    twice = Combine("union", Primitive("sphere", (2.0,)), Primitive("sphere", (1.0,)))
+    assert reduce_program(twice, out_of_time=lambda: True) == twice
+    assert reduce_program(twice) == twice.left

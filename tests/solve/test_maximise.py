@@ -108,3 +108,9 @@ def test_a_program_of_nothing_stays_as_it_is():
     found = maximise(nothing, cloud(RING, 500), Noise(SIGMA), MaximiseConfig(through=0.0))
     assert found.program == nothing
     assert np.isfinite(found.nll)
+
+
+def test_a_surface_of_one_sample_is_held():
+    sliver = cut(cylinder(20, 6), sphere(500, (0.0, 0.0, 500.0 - 2.9995)))
+    found = maximise(sliver, cloud(RING, 500), Noise(SIGMA), MaximiseConfig(through=0.0))
+    assert np.isfinite(found.nll)

@@ -177,3 +177,12 @@ def test_the_same_input_gives_the_same_numbers():
     points, _ = surface_points(program, 1000, np.random.default_rng(2))
     start = disturbed(program, 0.02, np.random.default_rng(3))
     assert refine(start, points) == refine(start, points)
+
+
+def test_once_time_is_out_the_numbers_stay():
+    truth = Primitive("box", (4.0, 3.0, 2.0))
+    wrong, points = Primitive("box", (4.3, 2.8, 2.0)), surface_points(truth, 600, np.random.default_rng(0))[0]
+    fit = refine(wrong, points, config=RefineConfig(adam_steps=0), out_of_time=lambda: True)
+    assert fit.stop == "budget_spent"
+    assert fit.program == wrong
+    assert refine(wrong, points, config=RefineConfig(adam_steps=0)).program != wrong

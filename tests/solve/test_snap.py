@@ -123,3 +123,9 @@ def test_grids_are_decimal():
     assert grids(30.0, 1.0, 0.01) == pytest.approx([10.0, 5.0, 1.0, 0.5, 0.1, 0.05, 0.01])
     assert rounded(0.30000000000000004, 0.1, 1.0) == 0.3
     assert rounded(12.3456, 0.05, 1.0) == 12.35
+
+
+def test_once_time_is_out_nothing_more_is_rounded():
+    rough = Primitive("box", (39.98, 30.01, 6.003))
+    assert next(leaves(snap(rough, lambda _: 0.0))).size == (40.0, 30.0, 6.0)
+    assert next(leaves(snap(rough, lambda _: 0.0, out_of_time=lambda: True))).size == rough.size

@@ -42,16 +42,20 @@ def simplify(
     return best
 
 
-def reduce_program(program: Program, slack: float = relations.SLACK) -> Program:
-    """The proven rules until none shortens the program further. A solid found empty has no shorter program: it is returned as given."""
+def reduce_program(program: Program, slack: float = relations.SLACK, out_of_time: Callable[[], bool] = bool) -> Program:
+    """The proven rules until none shortens the program further, or time is out (by default never).
+
+    A solid found empty has no shorter program: it is returned as given.
+    """
     best = program
-    while True:
+    while not out_of_time():
         shorter = _rewrite(best, Prover(slack), slack)
         if shorter is None:
             return program
         if cost(shorter) >= cost(best):
             return best
         best = shorter
+    return best
 
 
 # --- proven rules ----------------------------------------------------------------------------------------------------

@@ -83,7 +83,7 @@ def _stepped(numbers: Lowered, member: np.ndarray, shown: Shown, share: Share, c
     matrix, gradient = blocks(leaf, tangent, share.offset, share.mass, plain)
     maps, turns = step_maps(numbers), shared_turns(numbers, member)
     basis = np.zeros((k, 9, TURNS * k + 3 * groups))
-    size = np.linalg.norm(np.ptp(shown.points, axis=0)) / 2
+    size = max(float(np.linalg.norm(np.ptp(shown.points, axis=0))) / 2, share.noise.sigma)
     for i in range(k):
         basis[i, :, TURNS * i : TURNS * (i + 1)] = maps[i, :, :TURNS]
         if member[i] >= 0:

@@ -8,6 +8,7 @@ per leaf. Unknowns are the face coordinates of `faces.py`; a face that too few p
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -63,11 +64,13 @@ def refine(
     inside: np.ndarray | None = None,
     outside: np.ndarray | None = None,
     config: RefineConfig | None = None,
+    out_of_time: Callable[[], bool] = bool,
 ) -> Fit:
     """The program with its numbers moved to fit `points` [n, 3] of the target's surface.
 
     `normals` [n, 3] (unit, outward) keep a point from pulling a face that looks another way. Samples `inside` and `outside`
-    [m, 3] pull where the program has them on the wrong side. Raises ValueError without points.
+    [m, 3] pull where the program has them on the wrong side. Once `out_of_time` (by default never) the numbers stay as they are by then.
+    Raises ValueError without points.
     """
     if len(points) == 0:
         raise ValueError("refine needs surface points, got none")
@@ -76,7 +79,7 @@ def refine(
     start = lower(program)
     state = _State(start, np.inf, config.start_scale * target.diagonal, 0)
     state = _adam(state, target, config)
-    state, stop = _newton(state, target, config)
+    state, stop = _newton(state, target, config, out_of_time)
     distance = np.abs(kernels.program_sdf(state.numbers, target.points))
     explained = distance < state.scale
     rms = float(np.sqrt(np.mean(distance[explained] ** 2))) if explained.any() else float("inf")
@@ -169,12 +172,14 @@ def _adam(state: _State, target: _Target, config: RefineConfig) -> _State:
     return _State(numbers, state.cost, state.scale, config.adam_steps)
 
 
-def _newton(state: _State, target: _Target, config: RefineConfig) -> tuple[_State, Stop]:
+def _newton(state: _State, target: _Target, config: RefineConfig, out_of_time: Callable[[], bool]) -> tuple[_State, Stop]:
     """Levenberg-Marquardt; the robust scale falls with the residuals of what is explained."""
     damping, iterations, rejected = 1e-3, state.iterations, 0
     numbers, scale = state.numbers, state.scale
     linear = _linearise(numbers, target, scale, config)
     for _ in range(config.newton_steps):
+        if out_of_time():
+            break
         iterations += 1
         free = held_open(linear.matrix, config.min_support)
         if not free.any():

@@ -34,14 +34,22 @@ class SnapConfig:
     max_calls: int = 300  # evaluations in all
 
 
-def snap(program: Program, error: Callable[[Program], float], *, unit: float = 1.0, config: SnapConfig | None = None) -> Program:
+def snap(
+    program: Program,
+    error: Callable[[Program], float],
+    *,
+    unit: float = 1.0,
+    config: SnapConfig | None = None,
+    out_of_time: Callable[[], bool] = bool,
+) -> Program:
     """The program with rounder numbers whose `error` is at most that of `program` grown by the tolerances.
 
+    Once `out_of_time` (by default never) nothing more is rounded.
     `unit` is the length of one model unit: grids are unit times 1 or 5 times a power of ten.
     """
     config = config or SnapConfig()
     program = map_leaves(program, lambda _, p: canonical(p))
-    judge = _Judge(program, error, config)
+    judge = _Judge(program, error, config, out_of_time)
     parts = _snap_rotations(list(leaves(program)), judge, config)
     values = Values.of(parts)
     largest = span(parts)
@@ -58,10 +66,10 @@ class _Judge:
     What is accepted lowers the limit: error that one rounding saves is not there for the next to spend.
     """
 
-    def __init__(self, program: Program, error: Callable[[Program], float], config: SnapConfig) -> None:
-        self.program, self.error, self.config = program, error, config
+    def __init__(self, program: Program, error: Callable[[Program], float], config: SnapConfig, out_of_time: Callable[[], bool]) -> None:
+        self.program, self.error, self.config, self.out_of_time = program, error, config, out_of_time
         self.left, self.limit = config.max_calls, float("inf")
-        self.current = self.error_of(list(leaves(program)))
+        self.current = error(program)
         self.limit = self.allowed(self.current)
 
     def allowed(self, error: float) -> float:
@@ -69,7 +77,7 @@ class _Judge:
 
     def error_of(self, parts: Sequence[Primitive]) -> float:
         self.left -= 1
-        return self.error(_rebuilt(self.program, parts)) if self.left >= 0 else float("inf")
+        return self.error(_rebuilt(self.program, parts)) if self.left >= 0 and not self.out_of_time() else float("inf")
 
     def bears(self, values: Values) -> bool:
         parts = values.primitives_or_none()
