@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numba import njit
 
@@ -237,59 +236,101 @@ def _value(kind, a, b, c, x, y, z):
     return math.sqrt(min(beside * beside + cap * cap, vr * vr + vz * vz)) if within > 0 else within
 
 
+def _row_of(kind):
+    """The loop over points for one kind: a loop that branches on the kind, or that reads it from an array, is not vectorised."""
+
+    @njit(nogil=True)
+    def row(a, b, c, cx, cy, cz, r00, r01, r02, r10, r11, r12, r20, r21, r22, xs, ys, zs, out):
+        for j in range(len(out)):
+            x, y, z = xs[j] - cx, ys[j] - cy, zs[j] - cz
+            out[j] = _value(kind, a, b, c, r00 * x + r10 * y + r20 * z, r01 * x + r11 * y + r21 * z, r02 * x + r12 * y + r22 * z)
+
+    return row
+
+
+_box_row, _sphere_row, _cylinder_row, _cone_row, _torus_row, _ellipsoid_row = (_row_of(kind) for kind in range(len(KINDS)))
+
+
 @njit(nogil=True, cache=True)
-def _fill_row(kind, size, center, rotation, points, row):
+def _fill_row(kind, size, center, rotation, xs, ys, zs, out):
     a, b, c = size
     cx, cy, cz = center
-    r00, r01, r02 = rotation[0]
-    r10, r11, r12 = rotation[1]
-    r20, r21, r22 = rotation[2]
-    # a branch on a literal kind outside of the loop: each loop body is then free of branches
-    for literal in numba.literal_unroll((BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID)):
-        if kind == literal:
-            for j in range(len(points)):
-                x, y, z = points[j, 0] - cx, points[j, 1] - cy, points[j, 2] - cz
-                row[j] = _value(literal, a, b, c, r00 * x + r10 * y + r20 * z, r01 * x + r11 * y + r21 * z, r02 * x + r12 * y + r22 * z)
+    xx, xy, xz = rotation[0]
+    yx, yy, yz = rotation[1]
+    zx, zy, zz = rotation[2]
+    if kind == BOX:
+        _box_row(a, b, c, cx, cy, cz, xx, xy, xz, yx, yy, yz, zx, zy, zz, xs, ys, zs, out)
+    elif kind == SPHERE:
+        _sphere_row(a, b, c, cx, cy, cz, xx, xy, xz, yx, yy, yz, zx, zy, zz, xs, ys, zs, out)
+    elif kind == CYLINDER:
+        _cylinder_row(a, b, c, cx, cy, cz, xx, xy, xz, yx, yy, yz, zx, zy, zz, xs, ys, zs, out)
+    elif kind == CONE:
+        _cone_row(a, b, c, cx, cy, cz, xx, xy, xz, yx, yy, yz, zx, zy, zz, xs, ys, zs, out)
+    elif kind == TORUS:
+        _torus_row(a, b, c, cx, cy, cz, xx, xy, xz, yx, yy, yz, zx, zy, zz, xs, ys, zs, out)
+    else:
+        _ellipsoid_row(a, b, c, cx, cy, cz, xx, xy, xz, yx, yy, yz, zx, zy, zz, xs, ys, zs, out)
 
 
 @njit(nogil=True, cache=True)
 def _leaf_table(kinds, sizes, centers, rotations, points):
     table = np.empty((len(kinds), len(points)))
+    xyz = np.ascontiguousarray(points.T)
     for i in range(len(kinds)):
-        _fill_row(kinds[i], sizes[i], centers[i], rotations[i], points, table[i])
+        _fill_row(kinds[i], sizes[i], centers[i], rotations[i], xyz[0], xyz[1], xyz[2], table[i])
     return table
 
 
+@njit(nogil=True)
+def _keep_least(left, right, owner, by):
+    for j in range(len(left)):
+        less = right[j] < left[j]
+        left[j], owner[j] = right[j] if less else left[j], by[j] if less else owner[j]
+
+
+@njit(nogil=True)
+def _keep_most(left, right, owner, by):
+    for j in range(len(left)):
+        more = right[j] > left[j]
+        left[j], owner[j] = right[j] if more else left[j], by[j] if more else owner[j]
+
+
+@njit(nogil=True)
+def _cut(left, right, owner, by):
+    for j in range(len(left)):
+        more = -right[j] > left[j]
+        left[j], owner[j] = -right[j] if more else left[j], -1 - by[j] if more else owner[j]
+
+
 @njit(nogil=True, cache=True)
-def _fold(code, table, stack):
-    """Values and deciding leaves of the columns of `table`; `stack` [k] is scratch. A complemented owner is stored as -1 - leaf."""
+def _fold(code, table):
+    """Values and deciding leaves of the columns of `table`, a row at a time. A complemented owner is stored as -1 - leaf."""
     n = table.shape[1]
-    value, owner = np.empty(n), np.empty(n, np.int64)
-    owners = np.empty(len(stack), np.int64)
-    for j in range(n):
-        top = -1
-        for op in code:
-            if op >= 0:
-                top += 1
-                stack[top], owners[top] = table[op, j], op
-                continue
-            top -= 1
-            right, by = stack[top + 1], owners[top + 1]
-            if op == -3:
-                right, by = -right, -1 - by
-            if (right < stack[top]) if op == -1 else (right > stack[top]):
-                stack[top], owners[top] = right, by
-        value[j], owner[j] = stack[0], owners[0]
-    return value, owner
+    values, owners = np.empty((len(code) // 2 + 1, n)), np.empty((len(code) // 2 + 1, n), np.int64)
+    top = -1
+    for op in code:
+        if op >= 0:
+            top += 1
+            values[top], owners[top] = table[op], op
+            continue
+        top -= 1
+        left, right, owner, by = values[top], values[top + 1], owners[top], owners[top + 1]
+        if op == -1:
+            _keep_least(left, right, owner, by)
+        elif op == -2:
+            _keep_most(left, right, owner, by)
+        else:
+            _cut(left, right, owner, by)
+    return values[0], owners[0]
 
 
 @njit(nogil=True, cache=True)
 def _program_values(code, kinds, sizes, centers, rotations, points):
     n, block = len(points), 1024
-    value, owner, stack = np.empty(n), np.empty(n, np.int64), np.empty(len(kinds))
+    value, owner = np.empty(n), np.empty(n, np.int64)
     for start in range(0, n, block):
         part = points[start : start + block]
-        value[start : start + block], owner[start : start + block] = _fold(code, _leaf_table(kinds, sizes, centers, rotations, part), stack)
+        value[start : start + block], owner[start : start + block] = _fold(code, _leaf_table(kinds, sizes, centers, rotations, part))
     return value, owner
 
 
