@@ -162,7 +162,7 @@ def _searched(run: Run, proofs: Proofs) -> Iterator[tuple[str, Program]]:
         program, proof = (None if seen.noisy else proofs.early(program)) or (program, None)
         if proof and proof.program and (shortest is None or seen.price(program) < seen.price(shortest)):
             shortest = program
-        if proof and proof.minimal and proof.extra < WORTH_MORE:
+        if (proof and proof.minimal and proof.extra < WORTH_MORE) or (seen.noisy and out_of_time()):
             break
     if found is None:
         return

@@ -16,6 +16,7 @@ LEAST = 25  # points of contrast
 FILLED = 0.3  # of the usual filling: where a curve ends
 BINS = 40
 QUIET, CROWD = 0.25, 1.3  # the share of points that lie in no crowd, and what times theirs is one
+GLANCE, KEPT = 6, 80  # each so-manieth point judges first; so many hypotheses are judged by all
 FEW = 10.0  # points that a band has at least, for its standard error
 NEARBY, SCALES, NEIGHBOURS = 0.7, 3, 16  # share of draws from neighbours, in so many steps from near to far, among so many
 
@@ -47,11 +48,30 @@ def drawn(points: np.ndarray, weight: np.ndarray, count: int, rng: np.random.Gen
     return picks
 
 
+def best_circle(points: np.ndarray, picks: np.ndarray, scored: np.ndarray, band: float, largest: float) -> tuple[float, ...]:
+    """Centre and radius of the clearest circle through three of the points, `picks` [t, 3], and its contrast in standard errors."""
+    few = _circles(points, picks, scored[::GLANCE], band, largest)
+    found = _circles(points, picks[_clearest(few)], scored, band, largest)
+    return tuple(found[found[:, -1].argmax()].tolist())
+
+
+def best_line(points: np.ndarray, picks: np.ndarray, scored: np.ndarray, band: float) -> tuple[float, ...]:
+    """The ends of the clearest stretch about two of the points, `picks` [t, 2], thrice as long as they are apart, and its contrast in
+    standard errors."""
+    few = _lines(points, picks, scored[::GLANCE], band)
+    found = _lines(points, picks[_clearest(few)], scored, band)
+    return tuple(found[found[:, -1].argmax()].tolist())
+
+
+def _clearest(found: np.ndarray) -> np.ndarray:
+    return np.argsort(-found[:, -1], kind="stable")[:KEPT]
+
+
 @njit(nogil=True, cache=True)
-def best_circle(points, picks, scored, band, largest):  # pragma: no cover - compiled
-    """Centre and radius of the clearest circle through three of the points, and its contrast in standard errors."""
-    best = (0.0, 0.0, 0.0, -1.0)
+def _circles(points, picks, scored, band, largest):  # pragma: no cover - compiled
+    found = np.zeros((len(picks), 4))
     for t in range(len(picks)):
+        found[t, 3] = -1.0
         a, b, c = points[picks[t, 0]], points[picks[t, 1]], points[picks[t, 2]]
         bx, by, cx, cy = b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]
         twice = 2 * (bx * cy - by * cx)
@@ -66,14 +86,32 @@ def best_circle(points, picks, scored, band, largest):  # pragma: no cover - com
         inner, outer = 0, 0
         for i in range(len(scored)):
             away = abs(np.sqrt((scored[i, 0] - x) ** 2 + (scored[i, 1] - y) ** 2) - radius)
-            if away < band:
-                inner += 1
-            elif away < 2 * band:
-                outer += 1
-        clear = (inner - outer) / np.sqrt(inner + outer + FEW)
-        if clear > best[3]:
-            best = (x, y, radius, clear)
-    return best
+            inner += away < band
+            outer += band <= away < 2 * band
+        found[t] = (x, y, radius, (inner - outer) / np.sqrt(inner + outer + FEW))
+    return found
+
+
+@njit(nogil=True, cache=True)
+def _lines(points, picks, scored, band):  # pragma: no cover - compiled
+    found = np.zeros((len(picks), 5))
+    for t in range(len(picks)):
+        found[t, 4] = -1.0
+        a, b = points[picks[t, 0]], points[picks[t, 1]]
+        dx, dy = b[0] - a[0], b[1] - a[1]
+        length = np.sqrt(dx * dx + dy * dy)
+        if length < 4 * band:
+            continue
+        ux, uy = dx / length, dy / length
+        inner, outer = 0, 0
+        for i in range(len(scored)):
+            px, py = scored[i, 0] - a[0], scored[i, 1] - a[1]
+            along, away = px * ux + py * uy, abs(px * uy - py * ux)
+            near = -length <= along <= 2 * length
+            inner += near and away < band
+            outer += near and band <= away < 2 * band
+        found[t] = (a[0] - dx, a[1] - dy, a[0] + 2 * dx, a[1] + 2 * dy, (inner - outer) / np.sqrt(inner + outer + FEW))
+    return found
 
 
 def fitted_circle(shadow: np.ndarray, center: tuple[float, float], radius: float, sigma: float) -> tuple[np.ndarray, float] | None:
@@ -112,33 +150,6 @@ def filled(inner: np.ndarray, outer: np.ndarray, sigma: float) -> tuple[float, f
     i = int(np.argmax(ends - starts))
     step = (high - low) / bins
     return low + starts[i] * step, low + ends[i] * step
-
-
-@njit(nogil=True, cache=True)
-def best_line(points, picks, scored, band):  # pragma: no cover - compiled
-    """The ends of the clearest stretch about two of the points, thrice as long as they are apart, and its contrast in standard errors."""
-    best = (0.0, 0.0, 0.0, 0.0, -1.0)
-    for t in range(len(picks)):
-        a, b = points[picks[t, 0]], points[picks[t, 1]]
-        dx, dy = b[0] - a[0], b[1] - a[1]
-        length = np.sqrt(dx * dx + dy * dy)
-        if length < 4 * band:
-            continue
-        nx, ny = -dy / length, dx / length
-        inner, outer = 0, 0
-        for i in range(len(scored)):
-            along = (scored[i, 0] - a[0]) * dx / length + (scored[i, 1] - a[1]) * dy / length
-            if along < -length or along > 2 * length:
-                continue
-            away = abs((scored[i, 0] - a[0]) * nx + (scored[i, 1] - a[1]) * ny)
-            if away < band:
-                inner += 1
-            elif away < 2 * band:
-                outer += 1
-        clear = (inner - outer) / np.sqrt(inner + outer + FEW)
-        if clear > best[4]:
-            best = (a[0] - dx, a[1] - dy, a[0] + 2 * dx, a[1] + 2 * dy, clear)
-    return best
 
 
 def fitted_line(points: np.ndarray, ends: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray]:
