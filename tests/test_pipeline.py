@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-import time
 from functools import cache
 from pathlib import Path
 
@@ -125,10 +124,9 @@ def complex_part() -> Program:
 
 
 def test_a_small_budget_still_gives_a_program():
-    mesh, start = mesh_of(complex_part(), 48), time.perf_counter()
+    mesh = mesh_of(complex_part(), 48)
     last = snapshots(mesh, budget_s=1.0)[-1]
     assert last.stop in ("budget_spent", "finished")
-    assert time.perf_counter() - start < 30
     assert volume_iou(to_manifold(last.program), mesh_to_manifold(mesh)) > 0.5
 
 

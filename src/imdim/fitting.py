@@ -10,7 +10,7 @@ from imdim.body import Seen
 from imdim.geometry import kernels
 from imdim.geometry.cloud import Target
 from imdim.geometry.metrics import diagonal
-from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
 from imdim.program.tree import Program, map_leaves
@@ -20,7 +20,8 @@ from imdim.solve.refine import RefineConfig, refine
 from imdim.solve.snap import SnapConfig, snap
 
 POOR = 0.05  # of the volume; a search that leaves more is compared with the decision tree
-SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may cost
+SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may move
+SNAP_LOSS = 1e-4  # of the volume IoU with a mesh, that rounder numbers may cost: typed ones cost none
 MOST_RELATED = 120  # primitives; the time that relations take grows with the square
 RELATE_ERROR, RELATE_MOVE, RELATE_VOLUME = 1e-2, 1e-5, 2.5e-3  # shares of mean distance, diagonal, volume that relations may cost
 
@@ -81,14 +82,27 @@ def snapped(program: Program, seen: Seen, body: Target, out_of_time: Callable[[]
         return float(np.minimum(np.abs(kernels.program_sdf(trial, points)), limit).mean())
 
     plain = map_leaves(program, lambda _, leaf: canonical(leaf))
+    loss = _loss(plain, body)
     for boldness in (1.0, 0.1, 0.01) if exact else (1.0, 0.3):
         if out_of_time():
             break
         config = SnapConfig(max_move=(1e-3 if exact else 2e-3) * boldness, abs_tolerance=(2e-6 if exact else 2e-5) * boldness * diagonal)
         rounder = snap(program, distance, config=config, out_of_time=out_of_time)
-        if _changed_volume(plain, rounder) < (SNAP_CHANGE if exact else 10 * SNAP_CHANGE):
+        if _changed_volume(plain, rounder) < (SNAP_CHANGE if exact else 10 * SNAP_CHANGE) and loss(rounder) < SNAP_LOSS:
             return rounder
     return plain
+
+
+def _loss(plain: Program, body: Target) -> Callable[[Program], float]:
+    """How much less of a mesh a program meets than `plain`, in volume IoU; nought where there is no mesh, or one that bounds no solid."""
+    try:
+        solid = None if body.mesh is None else mesh_to_manifold(body.mesh)
+    except ValueError:
+        solid = None
+    if solid is None:
+        return lambda _: 0.0
+    before = volume_iou(to_manifold(plain), solid)
+    return lambda program: before - volume_iou(to_manifold(program), solid)
 
 
 def _changed_volume(before: Program, after: Program) -> float:

@@ -1,0 +1,42 @@
+"""Rounding to typed numbers: taken where it costs nothing of the target, left where the target has other numbers."""
+
+import numpy as np
+import pytest
+from tests.planted import box, cut, cylinder, mesh_of
+
+from imdim.body import look
+from imdim.config import Settings
+from imdim.fitting import snapped
+from imdim.geometry.cloud import target_from
+from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
+from imdim.program.tree import leaves
+
+
+def rounded(program, mesh, out_of_time=lambda: False):
+    target = target_from(mesh)
+    return snapped(program, look(target, Settings().size_weight, np.random.default_rng(0)), target, out_of_time)
+
+
+def test_typed_numbers_come_back():
+    truth = cut(box(40, 30, 6), cylinder(3, 8))
+    plate, hole = leaves(rounded(cut(box(40.0004, 29.9998, 6.0001), cylinder(3.0002, 8)), mesh_of(truth)))
+    assert plate.size == (40.0, 30.0, 6.0)
+    assert hole.size[0] == 3.0
+
+
+def test_numbers_that_the_target_does_not_have_are_not_rounded_to():
+    odd = box(40.006, 30.0045, 6.0009)
+    mesh = mesh_of(odd)
+    kept = rounded(odd, mesh)
+    assert volume_iou(to_manifold(kept), mesh_to_manifold(mesh)) > 1 - 1e-4
+    assert next(leaves(kept)).size == pytest.approx((40.006, 30.0045, 6.0009), abs=5e-3)
+
+
+def test_an_open_mesh_is_rounded_by_distance():
+    mesh = mesh_of(box(40, 30, 6))
+    mesh.update_faces(np.arange(len(mesh.faces)) > 0)
+    assert next(leaves(rounded(box(40.0004, 29.9998, 6.0001), mesh))).size == (40.0, 30.0, 6.0)
+
+
+def test_no_time_leaves_the_numbers():
+    assert next(leaves(rounded(box(40.0004, 29.9998, 6.0001), mesh_of(box(40, 30, 6)), lambda: True))).size[0] == 40.0004
