@@ -19,7 +19,7 @@ from imdim.proposals import proposals
 from imdim.seeding.cloud_normals import measure_scale
 from imdim.solve.discover import DiscoverConfig, discover
 from imdim.solve.likelihood import Noise, Shown, shares
-from imdim.solve.maximise import Likely, maximise
+from imdim.solve.maximise import Likely, MaximiseConfig, maximise
 from imdim.solve.outlines import outlines
 from imdim.solve.parsimony import length
 from imdim.solve.restructure import REFIT, most_telling, restructured
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 MOST_POINTS = 8192
 QUICK_POINTS = 4096
 FITTED = 3  # starts whose numbers are fitted before one is chosen
+SAME = 2e-3  # nats per point, what the samples of the surface leave in doubt
 GUESS = 1.2  # times the measured deviation: a fit that starts too calm takes points for clutter
 
 
@@ -78,18 +79,24 @@ class _Points:
             best, other = sorted((best, grown), key=self._length)
             best = restructured(best, self.quick, [*leaves(other.program)], self.axes, out_of_time)
         points = self.quick if out_of_time() else _thinned(self.points, MOST_POINTS)
-        return _related(maximise(reduce_program(best.program, out_of_time=out_of_time), points, best.noise), points)
+        return _related(_fitted(reduce_program(best.program, out_of_time=out_of_time), points, best.noise), points)
 
     def _settled(self, starts: Sequence[Program], lent: Sequence[Primitive], out_of_time: Callable[[], bool]) -> Likely:
         """From the likeliest of several programs."""
         rough = Likely(starts[-1], Noise(GUESS * self.sigma), np.inf, 0)
         few = most_telling([*dict.fromkeys(starts)], self.quick, rough, FITTED)
         start = min((maximise(p, self.quick, rough.noise, REFIT) for p in few), key=self._length)
-        fitted = maximise(start.program, self.quick, start.noise)
+        fitted = _fitted(start.program, self.quick, start.noise)
         return restructured(fitted, self.quick, lent, self.axes, out_of_time)
 
     def _length(self, likely: Likely) -> float:
         return length(likely.program, self.quick, likely.noise, likely.nll)
+
+
+def _fitted(program: Program, points: np.ndarray, noise: Noise) -> Likely:
+    """The numbers that make the points most likely, with ends let through what they only just meet, unless that hides what they show."""
+    through, as_drawn = (maximise(program, points, noise, c) for c in (MaximiseConfig(), MaximiseConfig(through=0.0)))
+    return through if through.nll < as_drawn.nll + SAME else as_drawn
 
 
 def _related(likely: Likely, points: np.ndarray) -> Program:

@@ -32,6 +32,7 @@ class MaximiseConfig:
     rounds: int = 24
     still: float = 0.02
     far: float = 3.0
+    worse: float = 0.02  # nats per point above the best round at which the work ends
     support: float = 12.0  # points that must show a direction of the numbers' space; it is held otherwise
     through: float = 6.0  # how far ends reach beyond what they meet; 0 leaves them
     parallel_deg: float = 2.0  # leaves whose directions differ by less are taken to be parallel
@@ -61,9 +62,11 @@ def maximise(program: Program, points: np.ndarray, noise: Noise, config: Maximis
         trial = lifted(program, start, numbers)
         shown = Shown.of(trial, noise.sigma)
         share = shares(points, shown, noise)
-        best = Likely(trial, noise, share.nll, done)
-        if not len(shown.points):
-            break  # everything is cut away
+        if share.nll < best.nll:
+            best = Likely(trial, noise, share.nll, done)
+        # a step knows nothing of the area: an end that no point holds may drift out of the cloud
+        if not len(shown.points) or share.nll > best.nll + config.worse:
+            break
         calmer = share.noise.sigma < 0.98 * noise.sigma
         noise = share.noise
         numbers, longest = _stepped(numbers, member, shown, share, config)
