@@ -4,8 +4,8 @@
 
 Each repetition measures the peaks (`speed_peaks`), then every kernel and its plain reference (`speed_kernels`, `speed_plain`): a core that
 is slow for a moment is slow for all three. Figures are medians of the repetitions' ratios; seconds are those of the processor. `allowed` is
-the largest share that this mix of instructions could reach: products without a sum to feed fill half of a fused instruction, and roots have a slower
-unit of their own. Exit status 1 where a kernel's answer is not that of its reference.
+the largest share that this mix of instructions could reach: products without a sum to feed fill half of a fused instruction, and roots
+have a slower unit of their own. Exit status 1 where a kernel's answer is not that of its reference.
 """
 
 from __future__ import annotations

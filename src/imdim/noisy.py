@@ -71,12 +71,11 @@ class _Points:
         return _thinned(self.points, QUICK_POINTS)
 
     def told(self, programs: Sequence[Program], out_of_time: Callable[[], bool]) -> Program:
-        """The shortest message's program, from the best of `programs` and, while there is time, from single primitives."""
+        """The shortest message's program: grown from one primitive, and, while there is time, from the best of `programs` and from both."""
         lent = [*outlines(self.points, self.axes, self.sigma), *dict.fromkeys(leaf for p in programs for leaf in leaves(p))]
-        best = self._settled(programs, lent, out_of_time)
+        best = self._settled(lent, lent, out_of_time)
         if not out_of_time():
-            grown = self._settled(lent, lent, out_of_time)
-            best, other = sorted((best, grown), key=self._length)
+            best, other = sorted((best, self._settled(programs, lent, out_of_time)), key=self._length)
             best = restructured(best, self.quick, [*leaves(other.program)], self.axes, out_of_time)
         points = self.quick if out_of_time() else _thinned(self.points, MOST_POINTS)
         return _related(_fitted(reduce_program(best.program, out_of_time=out_of_time), points, best.noise), points)
