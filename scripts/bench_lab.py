@@ -3,8 +3,8 @@
 A real Chromium, in software where there is no graphics card, asks a real server. FOLDER holds parts (``*.stl``) whose first program is
 timed, N of them spread evenly; without it the example is used. Measured: page load to the first picture, start to the first program drawn,
 edit to redraw (the volume on the page, and the picture), snapshots drawn a second beside 100,000 points, and memory for each client.
-Each time is told twice: by the clock, and as the seconds of a core that server, its processes and the browser used meanwhile, an estimate of
-what the clock would show on one core that nothing else runs on.
+Each time is told twice: by the clock, and as the seconds of a core that server, its processes and the browser used meanwhile, an estimate
+of what the clock would show on one core that nothing else runs on.
 """
 
 from __future__ import annotations
