@@ -26,7 +26,7 @@ MOST_RELATED = 120  # primitives; the time that relations take grows with the sq
 RELATE_ERROR, RELATE_MOVE, RELATE_VOLUME = 1e-2, 1e-5, 2.5e-3  # shares of mean distance, diagonal, volume that relations may cost
 
 
-def solved(program: Program, seen: Seen, body: Target, out_of_time: Callable[[], bool]) -> Program:
+def solved(program: Program, seen: Seen, body: Target, out_of_time: Callable[[], bool] = bool) -> Program:
     """The numbers fitted to a cloud, as far as time allows; a mesh's carriers are exact already, and its facets would pull them inwards."""
     if body.mesh is not None:
         return program
@@ -44,7 +44,7 @@ def _constrained(program: Program, points: np.ndarray, seen: Seen) -> Program:
     return found if nearer and seen.error(found) <= seen.error(program) + RELATE_VOLUME else program
 
 
-def related(program: Program, target: Target, out_of_time: Callable[[], bool]) -> tuple[Program, tuple[Constraint, ...]]:
+def related(program: Program, target: Target, out_of_time: Callable[[], bool] = bool) -> tuple[Program, tuple[Constraint, ...]]:
     """The relations that hold for a finished program; its numbers move by rounding alone, or not at all if the target is then missed.
 
     None once time is out.
@@ -69,7 +69,7 @@ def _mean_distance(program: Program, points: np.ndarray) -> float:
     return float(np.abs(kernels.program_sdf(program, points)).mean())
 
 
-def snapped(program: Program, seen: Seen, body: Target, out_of_time: Callable[[], bool]) -> Program:
+def snapped(program: Program, seen: Seen, body: Target, out_of_time: Callable[[], bool] = bool) -> Program:
     """The program with the numbers that its designer may have typed, as far as time allows.
 
     Snapping is judged by the distance of surface points, which is fast; the volume it changed decides whether it was too bold.

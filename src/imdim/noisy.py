@@ -73,7 +73,7 @@ class _Points:
     def told(self, programs: Sequence[Program], out_of_time: Callable[[], bool]) -> Program:
         """The shortest message's program: grown from one primitive, and, while there is time, from the best of `programs` and from both."""
         lent = [*outlines(self.points, self.axes, self.sigma), *dict.fromkeys(leaf for p in programs for leaf in leaves(p))]
-        best = self._settled(lent, lent, out_of_time)
+        best = self._settled(programs if out_of_time() else lent, lent, out_of_time)
         if not out_of_time():
             best, other = sorted((best, self._settled(programs, lent, out_of_time)), key=self._length)
             best = restructured(best, self.quick, [*leaves(other.program)], self.axes, out_of_time)

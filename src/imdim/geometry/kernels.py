@@ -237,15 +237,19 @@ def _value(kind, a, b, c, x, y, z):
 
 
 def _row_of(kind):
-    """The loop over points for one kind: a loop that branches on the kind, or that reads it from an array, is not vectorised."""
+    """The loop over points for one kind: a loop that branches on the kind, or that reads it from an array, is not vectorised.
 
-    @njit(nogil=True)
+    Each has a name of its own: what one process has compiled and another one loads from the cache is joined by names and running numbers,
+    and the numbers differ from process to process, so that alike names could stand for different loops.
+    """
+
     def row(a, b, c, cx, cy, cz, r00, r01, r02, r10, r11, r12, r20, r21, r22, xs, ys, zs, out):
         for j in range(len(out)):
             x, y, z = xs[j] - cx, ys[j] - cy, zs[j] - cz
             out[j] = _value(kind, a, b, c, r00 * x + r10 * y + r20 * z, r01 * x + r11 * y + r21 * z, r02 * x + r12 * y + r22 * z)
 
-    return row
+    row.__qualname__ = f"row_of_{KINDS[kind]}"
+    return njit(nogil=True)(row)
 
 
 _box_row, _sphere_row, _cylinder_row, _cone_row, _torus_row, _ellipsoid_row = (_row_of(kind) for kind in range(len(KINDS)))

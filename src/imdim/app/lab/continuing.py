@@ -52,8 +52,8 @@ def continued(target: Target, program: Program, settings: Settings, rates: Rates
 def _finished(generation: Generation, seen: Seen, target: Target, seconds: Callable[[], float]) -> Snapshot:
     """What a person gets: reduced, fitted, rounded, with its relations and the front from crude to exact."""
     best = reduce_program(seen.frame.undo(generation.best.program))
-    exact = snapped(solved(best, seen, seen.target if target.mesh is None else target, bool), seen, target, bool)
-    final, constraints = related(exact, target, bool)
+    exact = snapped(solved(best, seen, seen.target if target.mesh is None else target), seen, target)
+    final, constraints = related(exact, target)
     programs = [*(seen.frame.undo(i.program) for i in generation.front), final]
     front = choices(seen.ground, [seen.frame.apply(p) for p in programs])
     own = [Choice(final, c.error) if c is front[-1] else Choice(seen.frame.undo(c.program), c.error) for c in front]

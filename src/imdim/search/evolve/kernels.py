@@ -69,16 +69,20 @@ def _ellipsoid(a, b, c, x, y, z):
 
 
 def _row_of(distance):
-    """The loop over points for one kind: a loop that branches on the kind is not vectorised."""
+    """The loop over points for one kind: a loop that branches on the kind is not vectorised.
 
-    @njit(nogil=True, fastmath=True)
+    Each has a name of its own: what one process has compiled and another one loads from the cache is joined by names and running numbers,
+    and the numbers differ from process to process, so that alike names could stand for different loops.
+    """
+
     def row(a, b, c, cx, cy, cz, r00, r10, r20, r01, r11, r21, r02, r12, r22, xs, ys, zs, out):
         for j in range(len(out)):
             x, y, z = xs[j] - cx, ys[j] - cy, zs[j] - cz
             u, v, w = r00 * x + r10 * y + r20 * z, r01 * x + r11 * y + r21 * z, r02 * x + r12 * y + r22 * z
             out[j] = distance(a, b, c, u, v, w)
 
-    return row
+    row.__qualname__ = f"row_of{distance.py_func.__name__}"
+    return njit(nogil=True, fastmath=True)(row)
 
 
 _box_row, _sphere_row, _cylinder_row = _row_of(_box), _row_of(_sphere), _row_of(_cylinder)
