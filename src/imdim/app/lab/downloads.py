@@ -33,7 +33,9 @@ class Downloads:
     def send(self) -> None:
         """To all who wait."""
         wishes, self._wishes = self._wishes, []
-        for wanted in wishes if self._made else ():
+        if self._made is None:
+            return
+        for wanted in wishes:
             wanted(self._made[1])
 
     def forget_wishes(self) -> None:
