@@ -29,41 +29,66 @@ class FolderConfig:
     synthesis: SynthesisConfig = field(default_factory=SynthesisConfig)
 
 
+@dataclass(frozen=True)
+class Chunk:
+    """Samples of one split that one generator draws: number `index` of its stream, with the file `names` wanted of it."""
+
+    split: str
+    index: int
+    names: tuple[str, ...]
+
+
 def chunk_generator(seed: int, stream: int, index: int, device: torch.device | str = "cpu") -> torch.Generator:
     """The generator of chunk (or training step) `index` of a stream: a function of its arguments alone, so any point can be resumed."""
     words = np.random.SeedSequence((seed, stream, index)).generate_state(2, np.uint32)
     return torch.Generator(device).manual_seed(int(words[0]) << 31 | int(words[1]) >> 1)
 
 
+def chunks(config: FolderConfig) -> Iterator[Chunk]:
+    """All chunks of a folder, in order."""
+    for split in SPLITS:
+        wanted = getattr(config, f"n_{split}")
+        for first in range(0, wanted, CHUNK):
+            numbers = range(first, min(first + CHUNK, wanted))
+            yield Chunk(split, first // CHUNK, tuple(f"sample_{i:05d}.npz" for i in numbers))
+
+
+def is_there(chunk: Chunk, out: Path) -> bool:
+    """Whether all files of a chunk are in the folder `out`."""
+    return all((out / chunk.split / name).exists() for name in chunk.names)
+
+
+def write_chunk(config: FolderConfig, chunk: Chunk, folder: Path) -> None:
+    """Write the samples of a chunk into `folder`, each whole or not at all."""
+    samples = synthesize(CHUNK, config.synthesis, chunk_generator(config.seed, SPLITS.index(chunk.split), chunk.index))
+    for name, sample in zip(chunk.names, split_samples(samples), strict=False):
+        write_sample(folder / name, sample)
+
+
 def make_folder(config: FolderConfig) -> Iterator[tuple[int, int]]:
     """Write what is missing and yield (samples there, samples wanted) after each chunk.
 
-    Files appear whole or not at all. Raises ValueError when `out` was begun with other settings.
+    Raises ValueError when `out` was begun with other settings.
     """
     out = Path(config.out)
-    _claim(out, config)
-    wanted = {split: getattr(config, f"n_{split}") for split in SPLITS}
-    done = 0
-    for stream, split in enumerate(SPLITS):
-        (out / split).mkdir(parents=True, exist_ok=True)
-        for chunk in range(-(-wanted[split] // CHUNK)):
-            numbers = range(chunk * CHUNK, min((chunk + 1) * CHUNK, wanted[split]))
-            paths = [out / split / f"sample_{i:05d}.npz" for i in numbers]
-            if not all(p.exists() for p in paths):
-                samples = synthesize(CHUNK, config.synthesis, chunk_generator(config.seed, stream, chunk))
-                for path, sample in zip(paths, split_samples(samples), strict=False):
-                    write_sample(path, sample)
-            done += len(paths)
-            yield done, sum(wanted.values())
+    claim(config)
+    done, total = 0, config.n_train + config.n_val
+    for chunk in chunks(config):
+        if not is_there(chunk, out):
+            write_chunk(config, chunk, out / chunk.split)
+        done += len(chunk.names)
+        yield done, total
 
 
-def _claim(out: Path, config: FolderConfig) -> None:
-    """Note the settings that decide the bytes, or compare with those noted."""
+def claim(config: FolderConfig) -> None:
+    """Make the folders and note the settings that decide the bytes, or compare with those noted: ValueError where they are others."""
+    out = Path(config.out)
     note = out / "dataset.json"
     settings = json.dumps({"seed": config.seed, "chunk": CHUNK, "synthesis": asdict(config.synthesis)}, indent=1, sort_keys=True)
     if note.exists() and note.read_text() != settings:
         raise ValueError(f"{note} is of a data set with other settings; choose another folder")
-    out.mkdir(parents=True, exist_ok=True)
+    for split in SPLITS:
+        (out / split).mkdir(parents=True, exist_ok=True)
     part = note.with_suffix(".part")
     part.write_text(settings)
     os.replace(part, note)

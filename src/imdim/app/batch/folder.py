@@ -85,14 +85,34 @@ def opened(out: Path, settings: Mapping[str, Any]) -> Iterator[None]:
         with (out / LOCK).open("w") as lock:
             _hold(lock.fileno(), out)
             _claim(out / NOTE, settings)
-            shutil.rmtree(out / RUNNING, ignore_errors=True)
-            (out / RUNNING).mkdir(exist_ok=True)
-            try:
+            with running(out):
                 yield
-            finally:
-                shutil.rmtree(out / RUNNING, ignore_errors=True)
     except OSError as error:
         raise ConfigError(f"output folder {shown(out)} cannot be written: {error.strerror}") from error
+
+
+@contextmanager
+def held(out: Path) -> Iterator[None]:
+    """Claim the folder `out` itself while the block runs, without a file for that. Raises ConfigError where it is in use, OSError."""
+    out.mkdir(parents=True, exist_ok=True)
+    lock = os.open(out, os.O_RDONLY)
+    try:
+        _hold(lock, out)
+        with running(out):
+            yield
+    finally:
+        os.close(lock)
+
+
+@contextmanager
+def running(out: Path) -> Iterator[None]:
+    """An empty folder for what runs, gone when the block is left."""
+    shutil.rmtree(out / RUNNING, ignore_errors=True)
+    (out / RUNNING).mkdir()
+    try:
+        yield
+    finally:
+        shutil.rmtree(out / RUNNING, ignore_errors=True)
 
 
 def finished(out: Path, parts: Sequence[Part], again: bool) -> dict[str, Outcome]:

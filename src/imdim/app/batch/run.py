@@ -7,14 +7,15 @@ import json
 import signal
 import sys
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
 
 from imdim.app.batch import folder
+from imdim.app.batch.engine import run_jobs
 from imdim.app.batch.folder import Outcome, Part, shown
-from imdim.app.batch.local import Job, run_local
+from imdim.app.batch.local import Job
 from imdim.app.batch.process import Ended, Limits
 from imdim.app.batch.table import write_tables
 from imdim.config import ConfigError, Settings, from_arguments
@@ -73,7 +74,7 @@ def _run(given: argparse.Namespace, command: tuple[str, ...]) -> int:
     with folder.opened(out, decisive):
         outcomes = folder.finished(out, parts, given.again)
         jobs = (Job(p, folder.staging(out, p), command, options, limits) for p in parts if p.name not in outcomes)
-        with closing(_engine(given, jobs)) as ended:
+        with closing(run_jobs(jobs, given.jobs, given.address)) as ended:
             _record(out, parts, outcomes, ended)
     failed = sum(bool(outcome.failure) for outcome in outcomes.values())
     lines = (f"{len(parts)} parts, {failed} failed", f"  table    {given.output}/results.html", f"  numbers  {given.output}/results.csv")
@@ -91,16 +92,6 @@ def _settings(given: argparse.Namespace) -> Settings:
         if getattr(settings, key) not in ("", "none"):
             setattr(settings, key, str(Path(getattr(settings, key)).absolute()))
     return settings
-
-
-def _engine(given: argparse.Namespace, jobs: Iterator[Job]) -> Generator[tuple[Job, Ended], None, None]:
-    if given.address is None:
-        yield from run_local(jobs, given.jobs or 1)
-        return
-    from imdim.app.batch.cluster import connected, run_cluster
-
-    with connected(given.address) as ray:
-        yield from run_cluster(jobs, given.jobs, ray)
 
 
 def _record(out: Path, parts: Sequence[Part], outcomes: dict[str, Outcome], ended: Iterator[tuple[Job, Ended]]) -> None:
