@@ -16,7 +16,7 @@ from scipy.sparse import csr_array, hstack
 
 INFEASIBLE = 2  # scipy's status
 MOST_NODES = 20_000
-NEAR = 0.02  # relative gap of an answer among these
+NEAR = 0.9  # primitives' prices, by which an answer among these may be dearer than the cheapest
 STARTING = 300  # columns of the first relaxation, and of those that join it at a time
 PROMISING = 400  # columns tried first, by their reduced costs
 ENOUGH = 0.15  # relative gap: any answer below the price shows what counterexamples lack, it need not be the cheapest
@@ -27,12 +27,13 @@ SLACK = 1e-5  # what the solver's arithmetic may be off by
 class Cover:
     """`chosen` columns, None where no cover as cheap as asked for was found; `known` is whether that is certain.
 
-    `binding` bool [pairs]: those that bear the bound of the linear relaxation.
+    `binding` bool [pairs]: those that bear the bound of the linear relaxation. `price` of the chosen ones and of what they give up.
     """
 
     chosen: list[int] | None
     known: bool
     binding: np.ndarray
+    price: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -61,12 +62,13 @@ def cover(separates: np.ndarray, left: np.ndarray, right: np.ndarray, weight: np
     # a column whose reduced cost lifts the bound over the price is in no answer
     kept = np.flatnonzero(relaxed.bound + relaxed.reduced <= limits.price + SLACK)
     first = np.sort(kept[np.lexsort((relaxed.reduced[kept], -relaxed.value[kept]))[:PROMISING]])
-    problem = _Problem(separates, given_up, weight[cells])
-    chosen, _ = problem.solved(first, limits, bounded=False)
+    problem = _Problem(separates, given_up, weight[cells], relaxed.bound)
+    chosen, price = problem.solved(first, limits, bounded=False)
     known = False
     if chosen is None:
-        chosen, known = problem.solved(kept, limits, bounded=True)
-    return Cover(chosen, chosen is not None or known, relaxed.dual > 0)
+        chosen, price = problem.solved(kept, limits, bounded=True)
+        known = price == np.inf
+    return Cover(chosen, chosen is not None or known, relaxed.dual > 0, price)
 
 
 @dataclass(frozen=True)
@@ -109,14 +111,15 @@ def _relaxed(separates: np.ndarray, given_up: np.ndarray, weight: np.ndarray, li
 
 @dataclass(frozen=True)
 class _Problem:
-    """Which columns [n, pairs] separate which pairs, which cells [pairs, cells] give them up, at what weight [cells]."""
+    """Which columns [n, pairs] separate which pairs, which cells [pairs, cells] give them up, at what weight [cells]; the least price."""
 
     separates: np.ndarray
     given_up: np.ndarray
     weight: np.ndarray
+    bound: float
 
-    def solved(self, some: np.ndarray, limits: Limits, bounded: bool) -> tuple[list[int] | None, bool]:
-        """An answer out of `some` columns within the limits, or None and whether it is certain that there is none.
+    def solved(self, some: np.ndarray, limits: Limits, bounded: bool) -> tuple[list[int] | None, float]:
+        """An answer out of `some` columns within the limits and its price; or None, and an infinite price where there surely is none.
 
         With `bounded` the solver knows price and size, which proves more; without it comes to some answer sooner.
         """
@@ -127,13 +130,14 @@ class _Problem:
         bounds = [LinearConstraint(rows, lb=1.0), *self._bars(some, limits)]
         if bounded:
             bounds += [LinearConstraint(size[None], ub=float(limits.most)), LinearConstraint(cost[None], ub=limits.price)]
-        options = {"time_limit": limits.solver_s, "node_limit": MOST_NODES, "mip_rel_gap": ENOUGH if bounded else NEAR}
+        gap = ENOUGH if bounded else min(ENOUGH, NEAR / max(self.bound, 1.0))
+        options = {"time_limit": limits.solver_s, "node_limit": MOST_NODES, "mip_rel_gap": gap}
         found = milp(cost, constraints=bounds, integrality=np.ones(len(cost)), bounds=Bounds(0, 1), options=options)
         if found.x is None:
-            return None, found.status == INFEASIBLE
+            return None, np.inf if found.status == INFEASIBLE else np.nan
         chosen = np.round(found.x)
         fits = chosen @ size <= limits.most and chosen @ cost <= limits.price
-        return (some[chosen[:n] > 0].tolist(), True) if fits else (None, False)
+        return (some[chosen[:n] > 0].tolist(), float(chosen @ cost)) if fits else (None, np.nan)
 
     def _bars(self, some: np.ndarray, limits: Limits) -> list[LinearConstraint]:
         """Not all of any barred set at once."""

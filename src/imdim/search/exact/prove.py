@@ -22,6 +22,7 @@ from imdim.search.exact.pairs import Labels, counterexamples, least_error
 from imdim.search.families import Candidate, Families
 
 EQUAL = 1e-3  # of a primitive's price
+OFF = 1.0  # primitives' prices, by which an answer may be dearer over all cells than over the pairs for it to be joined
 FINE = 0.25  # of a primitive's price; what less error is worth, once no fewer primitives can do
 
 
@@ -30,11 +31,11 @@ class ProveConfig:
     """Limits of a proof; all but the last count work."""
 
     most_primitives: int = 48
-    pairs_per_round: int = 60
+    pairs_per_round: int = 20  # more at a time crowd out those that earlier answers have failed at
     most_pairs: int = 180  # those that bear no bound then go
     refinements: int = 6  # rounds for less error with no fewer primitives
     most_columns: int = 20_000
-    most_barred: int = 12  # sets of candidates without a tree
+    most_barred: int = 12  # sets of candidates without a tree, over all proofs that they stand in the way of
     solver_s: float = 3.0  # of one solution, which its count of nodes ends first
 
 
@@ -66,8 +67,17 @@ class _Best:
     program: Program | None = None
 
 
+@dataclass(frozen=True)
+class _Treeless:
+    """Candidates that tell all cells apart at a `price`, of which no tree cheaper than `below` was found."""
+
+    candidates: list[Candidate]
+    price: float
+    below: float
+
+
 class Prover:
-    """Proofs about programs of one body; counterexamples found for one program serve the next."""
+    """Proofs about programs of one body; counterexamples found for one program, and candidates without a tree, serve the next."""
 
     def __init__(self, families: Families, size_weight: float, config: ProveConfig | None = None) -> None:
         self.families, self.config = families, config or ProveConfig()
@@ -77,8 +87,10 @@ class Prover:
         codes = np.concatenate([cells.slabs, cells.inside], axis=1).astype(float)
         self.candidates = candidate_count(families)
         self.labels = Labels(codes, cells.gain > 0, np.abs(cells.gain) / self.unit)
-        self.barred: list[list[Candidate]] = []  # sets that tell all cells apart, of which no tree was found
+        self.treeless: list[_Treeless] = []
+        self._over_pairs = 0.0  # price of the latest answer
         self.proved: list[_Best] = []
+        self.found: _Best | None = None  # the latest program that came out of a proof
         self.inside, self.outside = np.zeros(0, np.int64), np.zeros(0, np.int64)
 
     def prove(self, primitives: int, error: float, out_of_time: Callable[[], bool] = lambda: False) -> Proof:
@@ -86,22 +98,21 @@ class Prover:
         if primitives > self.config.most_primitives:
             return Proof(False, primitives, self.candidates, f"more than {self.config.most_primitives} primitives")
         best = _Best(primitives, primitives + error / self.unit - self.mixed)
+        if self.found is not None and self.found.primitives <= primitives and self.found.price <= best.price - EQUAL:
+            best = self.found
         best, why = self._shortest(best, out_of_time)
         if not why:
             best = self._refined(best, out_of_time)
+        self.found = best if best.program is not None else self.found
         return Proof(not why, best.primitives, self.candidates, why, best.program, best.price - best.primitives)
 
     def _shortest(self, best: _Best, out_of_time: Callable[[], bool]) -> tuple[_Best, str]:
         """Shorter programs until none is left, or why that is not known."""
         why, chosen = None, list[Candidate]()
-        self.barred = []
         while why is None and not self._proved(best):
             why, chosen = self._round(chosen, best, out_of_time)
-            shorter = self._joined(chosen, best) if why is None else None
-            if shorter is not None:
-                best, self.barred = shorter, []
-            elif why is None and self._price(chosen) <= best.price - EQUAL:
-                self.barred.append(chosen)
+            if why is None:
+                best = self._joined(chosen, best) or best
         if not why:
             self.proved.append(best)
         return best, why or ""
@@ -113,7 +124,6 @@ class Prover:
     def _refined(self, best: _Best, out_of_time: Callable[[], bool]) -> _Best:
         """No fewer primitives but less error, where a few more counterexamples lead to it; they are forgotten then."""
         before, chosen = (self.inside, self.outside), list[Candidate]()
-        self.barred = []
         for _ in range(self.config.refinements):
             if best.price - best.primitives < FINE:
                 break
@@ -121,11 +131,7 @@ class Prover:
             why, chosen = self._round(chosen, goal, out_of_time)
             if why is not None:
                 break
-            better = self._joined(chosen, goal)
-            if better is not None:
-                best, self.barred = better, []
-            elif self._price(chosen) <= goal.price - EQUAL:
-                self.barred.append(chosen)
+            best = self._joined(chosen, goal) or best
         self.inside, self.outside = before
         return best
 
@@ -139,9 +145,9 @@ class Prover:
 
     def _round(self, chosen: list[Candidate], best: _Best, out_of_time: Callable[[], bool]) -> tuple[str | None, list[Candidate]]:
         """More counterexamples and the cheapest candidates that satisfy them; "" for none, which is the proof, or why it must end."""
-        config = self.config
-        if len(self.barred) > config.most_barred:
-            return self._unjoined(), chosen
+        config, barred = self.config, self._barred(best)
+        if len(barred) > config.most_barred:
+            return _unjoined(barred), chosen
         if chosen or not len(self.inside):
             more = counterexamples(self.labels, self._masks(chosen), config.pairs_per_round)
             self.inside, self.outside = np.append(self.inside, more.inside), np.append(self.outside, more.outside)
@@ -156,28 +162,46 @@ class Prover:
         separates = unpack(columns.bits, len(self.inside))
         place = {candidate: i for i, candidate in enumerate(columns.candidates)}
         # counterexamples that were added since may have other columns stand for those of a set without a tree
-        barred = [[place[c] for c in some] for some in self.barred if all(c in place for c in some)]
-        limits = Limits(best.primitives - 1, best.price - EQUAL, config.solver_s, barred)
+        places = [[place[c] for c in some] for some in barred if all(c in place for c in some)]
+        limits = Limits(best.primitives - 1, best.price - EQUAL, config.solver_s, places)
         found = cover(separates, self.inside, self.outside, self.labels.weight, limits)
         if len(self.inside) > config.most_pairs:
             kept = found.binding | (np.arange(len(self.inside)) >= len(self.inside) - config.pairs_per_round)
             self.inside, self.outside = self.inside[kept], self.outside[kept]
+        self._over_pairs = found.price
         if found.chosen is not None:
             return None, [columns.candidates[i] for i in found.chosen]
         if not found.known:
             return "time of the solver ran out", chosen
-        return self._unjoined() if self.barred else "", chosen
+        return _unjoined(barred) if barred else "", chosen
 
-    def _unjoined(self) -> str:
-        return f"{len(self.barred[0])} candidates could tell all cells apart, but no tree of them was found"
+    def _barred(self, best: _Best) -> list[list[Candidate]]:
+        """Sets without a tree that would be answers."""
+        return [
+            t.candidates
+            for t in self.treeless
+            if len(t.candidates) < best.primitives and t.price <= best.price - EQUAL and best.price <= t.below + EQUAL
+        ]
 
     def _joined(self, chosen: list[Candidate], best: _Best) -> _Best | None:
-        """A tree of the chosen candidates that is cheaper than the best; groups of cells too light to matter are left to chance."""
-        slack = best.price - EQUAL - self._price(chosen)
+        """A tree of the chosen candidates that is cheaper than the best; groups of cells too light to matter are left to chance.
+
+        Candidates that could be as cheap, without such a tree, are noted.
+        """
+        price = self._price(chosen)
+        if price > self._over_pairs + OFF:
+            return None  # what the pairs miss is worth a primitive: more of them first, or a crude tree would end the search for a good one
+        slack = best.price - EQUAL - price
         allowed = sorted({s for s in (0.0, 0.3, 1.0, slack) if 0 <= s <= slack}) if chosen else []
         found = next((f for s in allowed if (f := joined(chosen, self.labels, self.families, s))), None)
         if found is None:
+            if slack >= 0:
+                self.treeless.append(_Treeless(chosen, price, best.price))
             return None
         program, filled = found
         used = count(program).primitives
         return _Best(used, used + float(self.labels.weight[filled != self.labels.filled].sum()), program)
+
+
+def _unjoined(barred: list[list[Candidate]]) -> str:
+    return f"{len(barred[0])} candidates could tell all cells apart, but no tree of them was found"
