@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from contextlib import contextmanager
 from typing import NamedTuple
@@ -28,20 +29,27 @@ class Lab(NamedTuple):
 
 @contextmanager
 def lab(*arguments):
-    """A running `imdim lab`."""
+    """A running `imdim lab`, which does not break where nobody sees it."""
     command = [sys.executable, "-m", "imdim.app.cli", "lab", "--no-browser", "--port", "0", *arguments]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    try:
-        line = next((text for text in process.stdout if "Live Lab: http" in text), None)
-        assert line is not None, process.stderr.read()
-        yield Lab(line.split()[-1], process.pid)
-    finally:
-        process.terminate()
+    with tempfile.TemporaryFile("w+") as errors:
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True)
         try:
-            process.communicate(timeout=30)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.communicate()
+            line = next((text for text in process.stdout if "Live Lab: http" in text), None)
+            assert line is not None, _read(errors)
+            yield Lab(line.split()[-1], process.pid)
+        finally:
+            process.terminate()
+            try:
+                process.communicate(timeout=30)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.communicate()
+        assert "Traceback" not in _read(errors)
+
+
+def _read(file):
+    file.seek(0)
+    return file.read()
 
 
 @contextmanager

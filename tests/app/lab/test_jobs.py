@@ -7,6 +7,7 @@ import pytest
 
 from imdim.app.lab import wire, work
 from imdim.app.lab.examples import example
+from imdim.app.lab.jobs import died
 from imdim.app.lab.wire import Message
 from imdim.program.tree import leaves
 
@@ -41,6 +42,24 @@ def test_a_killed_run_is_told_and_the_next_one_runs(pool, heard):
     again = type(heard)()
     pool.submit(upload("part.xyz", b"1 2 3\n" * 3), again)
     assert again.last().kind == "refused"
+
+
+class Collected:
+    """A process whose end another thread has collected, and notes only a moment later."""
+
+    def __init__(self):
+        self._says = iter([None, None, -signal.SIGKILL])
+
+    def join(self, seconds):
+        pass
+
+    @property
+    def exitcode(self):
+        return next(self._says, -signal.SIGKILL)
+
+
+def test_the_end_of_a_process_is_told_whoever_collects_it():
+    assert "SIGKILL" in died(Collected())
 
 
 def test_a_pause_costs_no_budget_and_a_step_ends_at_the_next_program(pool, heard):

@@ -239,6 +239,12 @@ def test_the_report_that_was_downloaded_opens_anywhere(files, browser):
     assert all(address.startswith(("file:", "data:", "blob:")) for address in asked)
 
 
+WATCH = """() => { window.said = []; const look = () => {
+    for (const e of document.querySelectorAll('.mantine-Notification-root')) {
+      if (e.getClientRects().length) said.push(e.textContent); } };
+  new MutationObserver(look).observe(document.body, {childList: true, subtree: true, characterData: true}); }"""
+
+
 def test_junk_is_refused_in_one_line_and_the_lab_goes_on(other, tmp_path):
     (tmp_path / "picture.stl").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 20)
     (tmp_path / "empty.stl").write_bytes(b"")
@@ -252,11 +258,13 @@ def test_junk_is_refused_in_one_line_and_the_lab_goes_on(other, tmp_path):
         "nan.xyz": "not finite",
         "huge.stl": "200 MB are too large, at most 64 MB can be uploaded",
     }
+    other.page.evaluate(WATCH)
     for name, text in says.items():
         other.page.set_input_files("input[type=file]", tmp_path / name)
-        assert text in other.notice(f"{name}: ")
+        assert other.notice(text).startswith(f"{name}: ")
         assert other.status("part") == "Bracket"
-    assert not other.page.get_by_text("huge.stl (").is_visible()  # nothing says that it was taken
+    other.page.wait_for_function("t => said.some((s) => s.includes(t))", arg=says["huge.stl"])
+    assert not other.page.evaluate("said.some((s) => s.includes('success'))"), "nothing that was refused is said to be taken"
     other.page.set_input_files("input[type=file]", tmp_path / "cube.stl")
     other.says("cube.stl")
     other.run()
@@ -294,7 +302,6 @@ def test_a_run_is_stepped_paused_and_stopped(other):
     other.says("ready")
 
 
-@pytest.mark.xfail(strict=False, reason="passes alone; after the tests before it the killed run is not told to its page, unexplained yet")
 def test_two_clients_work_on_their_own_and_survive_a_killed_run(done, other, server):
     other.choose("Example", "Bracket, scanned")
     other.says("scanned")
@@ -307,7 +314,8 @@ def test_two_clients_work_on_their_own_and_survive_a_killed_run(done, other, ser
             break
         _kill_workers(server.pid)
         other.page.wait_for_timeout(500)
-    assert "the lab goes on" in told.first.inner_text(timeout=5_000)
+    assert told.count(), (other.page.locator(".lab-notice").all_inner_texts(), other.page.locator(".lab-status").all_inner_texts())
+    assert "the lab goes on" in told.first.inner_text()
     assert done.page.locator(".lab-notice", has_text="SIGKILL").count() == 0
     done.select(3)
     done.keys("Delete")

@@ -23,6 +23,7 @@ from imdim.app.lab import wire
 from imdim.app.lab.wire import Message
 
 LARGEST_ANSWER = 1 << 30  # bytes
+ENDS_WITHIN_S = 2.0
 SPARE_AFTER_S = 5.0  # the start of a run has the cores for itself
 WELL = ("done", "refused")  # the process is as it was before
 END_KINDS = (*WELL, "failed", "died")
@@ -186,12 +187,14 @@ class Pool:
                 if last.kind not in END_KINDS:
                     job.answered(last)
         finally:
+            end = last if last.kind in END_KINDS else Message("died", {"message": died(worker.process)})
             self._release(job, worker, reusable=last.kind in WELL and worker.alive)
-            job.tell(last if last.kind in END_KINDS else Message("died", {"message": died(worker)}))
+            job.tell(end)
             self._dispatch()
+            self.prepare()
 
     def _release(self, job: Job, worker: Worker, reusable: bool) -> None:
-        """A process that did its work well waits for the next task; another one is started where none waits."""
+        """A process that did its work well waits for the next task."""
         with self._lock:
             job.state, job.worker = "ended", None
             self._running.remove(job)
@@ -200,7 +203,6 @@ class Pool:
                 self._spare = worker
         if not keep:
             worker.kill()
-        self.prepare()
 
 
 def _answers(worker: Worker, request: Message):
@@ -216,12 +218,20 @@ def _answers(worker: Worker, request: Message):
                 return
 
 
-def died(worker: Worker) -> str:
+def died(process: BaseProcess) -> str:
     """How a process ended that gave no last word, in words."""
-    worker.process.join(2.0)
-    code = worker.process.exitcode
+    code = _status(process)
     if code is not None and code < 0:
         name = signal.Signals(-code).name
         hint = ", perhaps for want of memory" if name == "SIGKILL" else ""
         return f"the run was ended by {name}{hint}; the lab goes on"
     return f"the run ended unexpectedly (status {code}); the lab goes on"
+
+
+def _status(process: BaseProcess) -> int | None:
+    """The exit status. Another thread may have collected it from the system and not noted it yet: until then it reads as None."""
+    end = time.perf_counter() + ENDS_WITHIN_S
+    process.join(ENDS_WITHIN_S)
+    while process.exitcode is None and time.perf_counter() < end:
+        time.sleep(0.01)
+    return process.exitcode

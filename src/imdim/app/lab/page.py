@@ -43,7 +43,7 @@ class Page:
         self._scored: Theory | None = None
         self._scores: Scores | None = None
         self._told = ("", "")
-        limit_uploads(client, limits.size, self.session.refuse_upload)
+        limit_uploads(client, limits.size, self.session.upload_began, self.session.refuse_upload)
         self._build()
 
     def close(self) -> None:

@@ -65,6 +65,10 @@ class Session(Desk):
         values = {"name": shown, "max_points": self.limits.points}
         self._submit("open", Message("open", values, {"data": np.frombuffer(data, np.uint8)}))
 
+    def upload_began(self, name: str) -> None:
+        """Say that a file is coming."""
+        self._say("info", f"{shown_name(name)}: being read")
+
     def refuse_upload(self, name: str, size: int) -> None:
         """Say that a file is too large."""
         most = f"at most {self.limits.size / MiB:.0f} MB can be uploaded"

@@ -9,11 +9,14 @@ BRAND = (13, 54, 93)  # the toolkit draws text in a lighter shade of it, near BL
 MUTED = "#495057"  # labels, 8.2 on white
 SHEET = 55  # per cent of a narrow window's height that the controls take at most
 
+# the toolkit's message on a file says "uploaded successfully" before anybody has read it: the status tells of files
+_UPLOAD = '[id^="upload-"].mantine-Notification-root'
 # the toolkit's sheet for narrow windows lies over the picture; here it stands below it, and the picture takes what is left
 _SHEET = '.mantine-Paper-root[style*="fixed"]'
 _CSS = f"""
 :root, :root[data-mantine-color-scheme] {{ --mantine-color-dimmed: {MUTED} !important }}
 .mantine-Notification-description {{ color: {MUTED} !important }}
+{_UPLOAD} {{ display: none }}
 .lab-status tbody {{ display: grid; grid-template-columns: 1fr 1fr; gap: 1px 12px }}
 .lab-status tr {{ display: flex; gap: 6px }}
 .lab-status tr.wide {{ grid-column: 1 / -1 }}
