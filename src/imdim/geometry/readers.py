@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from imdim.geometry.archives import opened_archive, read_array, read_arrays
-from imdim.geometry.threemf import check_model
+from imdim.geometry.threemf import read_model
 
 
 class InputError(ValueError):
@@ -99,13 +99,10 @@ def _ascii_corners(data: bytes) -> np.ndarray:
 
 
 def read_scene(path: Path) -> Raw:
-    """OBJ, OFF, 3MF, GLB and GLTF by trimesh: every mesh in its place, or, where there is none, every cloud."""
+    """OBJ, OFF, GLB and GLTF by trimesh: every mesh in its place, or, where there is none, every cloud."""
     import trimesh
 
-    if path.suffix.lower() == ".3mf":
-        with path.open("rb") as file, opened_archive(file) as archive:
-            check_model(archive)
-    elif path.suffix.lower() in (".glb", ".gltf"):
+    if path.suffix.lower() in (".glb", ".gltf"):
         _check_json(path)
     options = {"skip_materials": True} if path.suffix.lower() == ".obj" else {}
     with warnings.catch_warnings():
@@ -118,6 +115,13 @@ def read_scene(path: Path) -> Raw:
     if not clouds and path.suffix.lower() == ".obj":
         clouds = [_obj_vertices(path)]
     return Raw(np.concatenate([np.zeros((0, 3)), *clouds]))
+
+
+def read_threemf(path: Path) -> Raw:
+    """Every mesh that is built, in its place. Trimesh needs a kilobyte per face for its tree of nodes."""
+    with path.open("rb") as file, opened_archive(file) as archive:
+        points, faces = read_model(archive)
+    return Raw(points, faces=faces)
 
 
 def _check_json(path: Path) -> None:
@@ -231,7 +235,7 @@ FORMATS: Mapping[str, Callable[[Path], Raw]] = {
     ".obj": read_scene,
     ".off": read_scene,
     ".ply": read_ply,
-    ".3mf": read_scene,
+    ".3mf": read_threemf,
     ".glb": read_scene,
     ".gltf": read_scene,
     ".xyz": read_text,
