@@ -159,11 +159,14 @@ def test_uploads_are_read_elsewhere(session, pool):
     session.open_upload("../../etc/part.stl", b"abc")
     request = pool.jobs[-1].request
     assert (request.kind, request.values["name"], request.arrays["data"].tobytes()) == ("open", "part.stl", b"abc")
-    pool.jobs[-1].state = "ended"
     message = wire.target_message(example("Flange"))
     pool.jobs[-1].tell(message)
     assert session.state.target.name == "Flange"
     assert session.theory is None
+    assert session.running == ""
+    assert not pool.stopped, "the process that read it is warm, and free for the run"
+    pool.say("done")
+    assert session.state.notice == ("info", "")
 
 
 def test_a_file_that_is_too_large_never_leaves_the_server(session, pool):

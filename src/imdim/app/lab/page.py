@@ -27,6 +27,7 @@ from imdim.program.cost import count
 from imdim.program.tree import leaves
 
 SCORE_SAMPLES = 5_000
+SCORE_AFTER_S = 0.2  # the picture has the core for itself until then
 SAID_S = 10.0  # that an error stays on the picture
 LEFT, RIGHT = 300, 320  # pixels
 
@@ -36,7 +37,7 @@ class Page:
 
     def __init__(self, client: viser.ClientHandle, pool: Pool, limits: UploadLimits) -> None:
         self._client = client
-        self._drawing, self._scoring = Refresher(self._draw, "draw"), Refresher(self._score, "score")
+        self._drawing, self._scoring = Refresher(self._draw_at_once, "draw"), Refresher(self._score, "score", SCORE_AFTER_S)
         self.session = Session(pool, self._drawing.poke, limits)
         self.view = View(client, self._clicked)
         self._scene: drawing.Scene | None = None
@@ -118,6 +119,11 @@ class Page:
         self._drawing.poke("program")
 
     # --- drawing, each in a thread of its own ----------------------------------------------------------------------------
+
+    def _draw_at_once(self, topics: Set[str]) -> None:
+        """One picture for all that changed: without a graphics card, each one takes its time."""
+        with self._client.atomic():
+            self._draw(topics)
 
     def _draw(self, topics: Set[str]) -> None:
         with self.session.lock:

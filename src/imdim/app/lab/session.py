@@ -192,6 +192,7 @@ class Session(Desk):
         return "program", "run", "front"
 
     def _on_target(self, task: str, message: Message) -> tuple[str, ...]:
+        self._job = None  # it has done its work: ended as one that goes on, it would take its process, warm for the run, along
         self._opened(wire.target_of(message))
         return ()
 

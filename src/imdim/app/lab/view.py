@@ -38,6 +38,8 @@ class View:
         self._others: dict[str, viser.SceneNodeHandle] = {}
         self._cloud: viser.PointCloudHandle | None = None
         self._turning = threading.Event()
+        self._over: Overlay | None = None
+        self._named: tuple[bytes, str] | None = None
         self.shown = dict(LAYERS)
         self.look()
 
@@ -52,6 +54,7 @@ class View:
         if layer == "Constraints":
             for name, (piece, node) in self._meshes.items():
                 node.opacity = self._opacity(name, piece)
+            self._overlay()
         for name, node in (*((n, h) for n, (_, h) in self._meshes.items()), *self._others.items()):
             if _LAYER_OF[name.split("/")[1]] == layer:
                 node.visible = visible
@@ -66,7 +69,8 @@ class View:
                 self._meshes.pop(name)[1].remove()
             for name, piece in pieces.items():
                 self._mesh(name, piece)
-            self._overlay(overlay)
+            self._over = overlay
+            self._overlay()
 
     def _mesh(self, name: str, piece: Piece) -> None:
         before = self._meshes.get(name)
@@ -103,19 +107,16 @@ class View:
                 self._client.camera.position = np.array([c * x - s * y, s * x + c * y, z])
                 self._client.camera.look_at = np.zeros(3)
 
-    def _overlay(self, overlay: Overlay | None) -> None:
+    def _overlay(self) -> None:
+        """Only where it is seen: what is new in the view costs the browser more than all that moves in it."""
         self._remove("/points/controls", "/constraints/links")
-        if overlay is None:
+        overlay = self._over
+        if overlay is None or not self.shown["Constraints"]:
             return
         self._others["/points/controls"] = self._points("/points/controls", overlay.points, POINT_COLOUR, 0.045, "circle")
         if len(overlay.segments):
             self._others["/constraints/links"] = self._scene.add_line_segments(
-                "/constraints/links",
-                overlay.segments,
-                overlay.colours,
-                thickness=2.0,
-                thickness_units="screen",
-                visible=self.shown["Constraints"],
+                "/constraints/links", overlay.segments, overlay.colours, thickness=2.0, thickness_units="screen"
             )
 
     def draw_cloud(self, points: np.ndarray) -> None:
@@ -128,6 +129,10 @@ class View:
 
     def name(self, at: np.ndarray | None, text: str) -> None:
         """What the selected primitive is called, where it is."""
+        named = None if at is None else (at.tobytes(), text)
+        if named == self._named:
+            return
+        self._named = named
         self._remove("/label/selected")
         if at is not None:
             self._others["/label/selected"] = self._scene.add_label("/label/selected", text, position=at, anchor="bottom-center")
@@ -153,7 +158,7 @@ class View:
     def forget(self) -> None:
         """Another target: nothing of the old one stays."""
         with self._client.atomic():
-            self._cloud = None
+            self._cloud, self._named = None, None
             self.draw(None, None)
             self._remove(*self._others)
 

@@ -14,6 +14,8 @@ from typing import Any
 
 from imdim.app.lab import wire
 
+BEHIND_THE_PAGE = 5  # niceness: where cores are few, what a run found is drawn before it searches on
+
 
 def main(pipe: Connection, paused: Any, most_bytes: int) -> None:
     """Serve requests from `pipe`. `paused` holds the seconds that this process was stopped, which its clock leaves out.
@@ -22,6 +24,7 @@ def main(pipe: Connection, paused: Any, most_bytes: int) -> None:
     """
     os.setsid()  # what it starts is stopped and killed with it
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.nice(BEHIND_THE_PAGE)
     with contextlib.suppress(ValueError, OSError):
         resource.setrlimit(resource.RLIMIT_DATA, (most_bytes, most_bytes))
     threading.Thread(target=_die_with_parent, daemon=True).start()
