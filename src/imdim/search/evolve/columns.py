@@ -21,12 +21,27 @@ class Registry:
         self.ids: dict[Primitive, int] = {}
         self.primitives: list[Primitive] = []
 
+        self._kinds, self._leaves = np.zeros(0, np.int64), np.zeros((0, 15), np.float32)
+
     def id(self, primitive: Primitive) -> int:
-        found = self.ids.get(primitive)
-        if found is None:
-            found = self.ids[primitive] = len(self.primitives)
+        # one look-up: hashing a primitive costs as much as folding it at a thousand points
+        new = len(self.primitives)
+        found = self.ids.setdefault(primitive, new)
+        if found == new:
             self.primitives.append(primitive)
         return found
+
+    def lowered(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Kinds [k] and rows [k, 15] of the kernels for some primitives; computed once for all tables."""
+        fresh = self.primitives[len(self._kinds) :]
+        if fresh:
+            flat = [v for p in fresh for v in (*p.size, *_PADDING[len(p.size)], *p.center, *p.rotation)]
+            numbers = np.array(flat).reshape(-1, 9)
+            axes = matrices_from_euler(numbers[:, 6:9]).transpose(0, 2, 1).reshape(-1, 9)
+            leaves = np.concatenate([numbers[:, :6], axes], axis=1).astype(np.float32)
+            self._kinds = np.append(self._kinds, np.array([_CODES[p.kind] for p in fresh], np.int64))
+            self._leaves = np.concatenate([self._leaves, leaves])
+        return self._kinds[ids], self._leaves[ids]
 
 
 class Columns:
@@ -92,12 +107,9 @@ class Columns:
         displaced = self._id[rows]
         self._row[displaced[displaced >= 0]] = -1
         self._row[ids], self._id[rows], self._used[rows] = rows, ids, self._time
-        parts = [self.registry.primitives[i] for i in ids]
-        numbers = np.array([(*p.size, *_PADDING[len(p.size)], *p.center, *p.rotation) for p in parts])
-        axes = matrices_from_euler(numbers[:, 6:9]).transpose(0, 2, 1).reshape(-1, 9)
-        leaves = np.concatenate([numbers[:, :6], axes], axis=1).astype(np.float32)
+        kinds, leaves = self.registry.lowered(ids)
         fill = fill_bits if self.content == "bits" else fill_distances
-        fill(np.array([_CODES[p.kind] for p in parts], np.int64), leaves, self._xyz, rows, self.table)
+        fill(kinds, leaves, self._xyz, rows, self.table)
 
 
 _PADDING = {n: (0.0,) * (3 - n) for n in (1, 2, 3)}
