@@ -2,9 +2,9 @@
 
 A real Chromium, in software where there is no graphics card, asks a real server. FOLDER holds parts (``*.stl``) whose first program is
 timed, N of them spread evenly; without it the example is used. Measured: page load to the first picture, start to the first program drawn,
-edit to redraw (the volume on the page, and the picture), snapshots drawn a second beside 100,000 points, and memory for each client.
-Each time is told twice: by the clock, and as the seconds of a core that server, its processes and the browser used meanwhile, an estimate
-of what the clock would show on one core that nothing else runs on.
+edit to redraw (the volume on the page, and the picture), snapshots drawn and frames a second beside 100,000 points, and memory for each
+client. A table at the end tells them beside their bars. Each time is told twice: by the clock, and as the seconds of a core that server,
+its processes and the browser used meanwhile, an estimate of what the clock would show on one core that nothing else runs on.
 """
 
 from __future__ import annotations
@@ -29,8 +29,11 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 WAIT_MS = 120_000
 POINTS = 100_000
+SHOWN_S = 5.0  # for which pictures are counted
 # counts what is drawn, and what is drawn of something new: cheaper to ask for than pictures, of which one at the end is proof
-COUNT = """window.lab = { drawn: 0, sent: 0, anew: 0 };
+COUNT = """window.lab = { drawn: 0, sent: 0, anew: 0, frames: 0, last: 0 };
+const tick = () => { if (lab.drawn !== lab.last) { lab.frames++; lab.last = lab.drawn; } requestAnimationFrame(tick); };
+requestAnimationFrame(tick);
 const draw = () => { lab.drawn++; if (lab.sent) lab.anew++; };
 const calls = ['drawElements', 'drawArrays', 'drawElementsInstanced', 'drawArraysInstanced'];
 const sends = ['bufferData', 'bufferSubData'].map((name) => [name, () => lab.sent++]);
@@ -47,23 +50,23 @@ def main() -> None:
     parser.add_argument("--parts", type=int, default=10)
     given = parser.parse_args()
     cores, load = len(os.sched_getaffinity(0)), os.getloadavg()[0]
-    print(f"cores {cores}, load average at the start {load:.1f}")
     command = [sys.executable, "-m", "imdim.app.cli", "lab", "--no-browser", "--port", "0"]
     lab = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert lab.stdout is not None
     try:
         url = next(line.split()[-1] for line in lab.stdout if "Live Lab: http" in line)
-        time.sleep(8)  # a process is made ready meanwhile
         with sync_playwright() as playwright:
             browser = playwright.chromium.launch(
                 executable_path=shutil.which("chromium") or shutil.which("google-chrome"), args=["--no-sandbox"]
             )
-            _measure(browser, url, lab.pid, _parts(given.folder, given.parts))
+            rows = _measure(browser, url, lab.pid, _parts(given.folder, given.parts))
             browser.close()
     finally:
         lab.terminate()
         lab.wait(30)
-    print(f"load average at the end {os.getloadavg()[0]:.1f}")
+    table = ["| what | bar | by the clock | of a core |", "| --- | --- | --- | --- |", *rows]
+    load = f"load average {load:.1f} at the start, {os.getloadavg()[0]:.1f} at the end"
+    sys.stdout.write("\n".join([f"cores {cores}; {load}", *table]) + "\n")
 
 
 def _parts(folder: Path | None, count: int) -> list[Path]:
@@ -71,33 +74,46 @@ def _parts(folder: Path | None, count: int) -> list[Path]:
     return [found[i] for i in np.linspace(0, len(found) - 1, min(count, len(found))).astype(int)]
 
 
-def _measure(browser: Browser, url: str, server: int, parts: list[Path]) -> None:
-    loads, edits, first = [], [], {}
-    _settle(server)
+def _measure(browser: Browser, url: str, server: int, parts: list[Path]) -> list[str]:
+    _settle(server)  # a process is made ready meanwhile
+    loads = []
     for _ in range(3):
         page, took = _loaded(browser, url)
         loads.append(took)
         page.close()
-    _say("page load to first picture", loads)
     before = _memory(server)
     page, _ = _loaded(browser, url)
-    print(f"memory of the server {before:.0f} MB; one more client {_memory(server) - before:+.0f} MB")
-    first["example Bracket"] = _first_program(page)
+    one_more = _memory(server) - before
+    bracket = _first_program(page)
     _until(page, lambda: "finished" in _status(page))
-    print(f"  after a run {_memory(server) - before:+.0f} MB; the working process {_memory_of_workers(server):.0f} MB")
+    ran = _memory(server) - before
     edits = _edits(page)
-    _say("edit to volume on the page", [e[0] for e in edits])
-    _say("edit to new picture", [e[1] for e in edits])
-    for part in parts:
-        _upload(page, part)
-        first[part.name] = _first_program(page)
-        page.get_by_role("button", name="Stop", exact=True).click()
-        time.sleep(6)  # a process is made ready for the next one
-        _settle(server)
-    _say("start to first program drawn", list(first.values()))
-    print("  " + ", ".join(f"{name} {took.clock:.1f} ({took.core:.1f})" for name, took in first.items()))
-    _rate(page)
+    first = {part.name: _of_part(page, part, server) for part in parts}
+    slowest = ", ".join(f"{name} {took.clock:.1f}" for name, took in sorted(first.items(), key=lambda item: -item[1].clock)[:3])
+    memory = f"{before:.0f} MB, {one_more:+.0f} MB, {ran:+.0f} MB, {_memory_of_workers(server):.0f} MB"
+    drawn, frames = _rate(page)
     page.close()
+    return [
+        _row("page load to first picture", "2 s", loads),
+        _row('start to first program drawn, the example "Bracket"', "3 s", [bracket]),
+        *([_row(f"start to first program drawn, {len(first)} parts (slowest: {slowest})", "3 s", list(first.values()))] if first else []),
+        _row("edit to the new volume", "0.5 s", [told for told, _ in edits]),
+        _row("edit to the new picture", "0.5 s", [seen for _, seen in edits]),
+        f"| snapshots drawn a second, an evolution beside {POINTS:,} points | | {drawn:.1f} | |",
+        f"| frames a second, {POINTS:,} points, the view turning | | {frames:.1f} | |",
+        f"| memory: the server, one more client, after its run, its process | | {memory} | |",
+    ]
+
+
+def _of_part(page: Page, part: Path, server: int) -> Took:
+    """Seconds to the first program of a part that was opened a moment ago."""
+    _upload(page, part)
+    time.sleep(2.0)
+    took = _first_program(page)
+    page.get_by_role("button", name="Stop", exact=True).click()
+    time.sleep(6)  # a process is made ready for the next one
+    _settle(server)
+    return took
 
 
 class Took(NamedTuple):
@@ -138,12 +154,13 @@ def _settle(server: int) -> None:
         time.sleep(2.0)
 
 
-def _say(what: str, times: list[Took]) -> None:
+def _row(what: str, bar: str, times: list[Took]) -> str:
     clock, core = zip(*times, strict=True)
-    print(
-        f"{what}: median {statistics.median(clock):.2f} s, from {min(clock):.2f} to {max(clock):.2f} ({len(times)} times); "
-        f"of a core median {statistics.median(core):.2f} s, to {max(core):.2f}"
-    )
+    return f"| {what} | {bar} | {_spread(clock)} | {_spread(core)} |"
+
+
+def _spread(seconds: tuple[float, ...]) -> str:
+    return f"{statistics.median(seconds):.2f} s" + (f", up to {max(seconds):.2f} s" if len(seconds) > 1 else "")
 
 
 def _loaded(browser: Browser, url: str) -> tuple[Page, Took]:
@@ -159,9 +176,10 @@ def _loaded(browser: Browser, url: str) -> tuple[Page, Took]:
 
 
 def _first_program(page: Page) -> Took:
+    page.evaluate("Object.assign(lab, { sent: 0, anew: 0 })")
     watch = Watch()
     page.get_by_role("button", name="Start", exact=True).click()
-    page.wait_for_function("document.querySelector('.lab-status').textContent.includes('volume')")
+    page.wait_for_function("lab.anew > 0 && document.querySelector('.lab-status').textContent.includes('volume')")
     return watch()
 
 
@@ -185,8 +203,8 @@ def _edits(page: Page) -> list[tuple[Took, Took]]:
     return out
 
 
-def _rate(page: Page) -> None:
-    """An evolution beside a cloud of many points: programs drawn a second, and frames a second while the view turns."""
+def _rate(page: Page) -> tuple[float, float]:
+    """Beside a cloud of many points: programs drawn a second during an evolution, and frames a second while the view turns."""
     rng = np.random.default_rng(0)
     side = rng.integers(0, 3, POINTS)
     points = rng.uniform(-1, 1, (POINTS, 3)) * [3.0, 2.0, 1.0]
@@ -195,29 +213,38 @@ def _rate(page: Page) -> None:
         path = Path(folder) / "cloud.npy"
         np.save(path, points)
         _upload(page, path)
-    _first_program(page)
-    _until(page, lambda: "finished" in _status(page))
+    frames = _frames(page)
+    page.get_by_role("tab", name="Edit", exact=True).click()
+    page.get_by_role("button", name="Add", exact=True).click()  # a program to start from
+    page.wait_for_function("document.querySelector('.lab-status').textContent.includes('volume')")
+    page.get_by_role("tab", name="Run", exact=True).click()
     page.get_by_text("Evolve from here").click()
     page.evaluate(
-        "window.drawn = new Set(); const told = document.querySelector('.lab-status').closest('div').parentElement;"
-        "new MutationObserver(() => window.drawn.add([...told.querySelectorAll('tr')].find(r => r.textContent.startsWith('stage'))"
+        "window.stages = new Set(); const told = document.querySelector('.lab-status').closest('div').parentElement;"
+        "new MutationObserver(() => stages.add([...told.querySelectorAll('tr')].find(r => r.textContent.startsWith('stage'))"
         "?.textContent)).observe(told, {childList: true, subtree: true})"
     )
     page.get_by_role("button", name="Continue from this program", exact=True).click()
     _until(page, lambda: "evolve" in _status(page))
-    begun, start = page.evaluate("window.drawn.size"), time.perf_counter()
-    time.sleep(5.0)
-    rate = (page.evaluate("window.drawn.size") - begun) / (time.perf_counter() - start)
+    begun, start = page.evaluate("stages.size"), time.perf_counter()
+    time.sleep(SHOWN_S)
+    rate = (page.evaluate("stages.size") - begun) / (time.perf_counter() - start)
     page.get_by_role("button", name="Stop", exact=True).click()
-    print(f"snapshots drawn a second during an evolution beside {POINTS} points: {rate:.1f}")
-    frames = """async () => { let n = 0, t = performance.now(); const end = t + 3000;
-        while (performance.now() < end) { await new Promise(requestAnimationFrame); n++; } return n / 3; }"""
+    return rate, frames
+
+
+def _frames(page: Page) -> float:
+    """Frames a second that show something else than the one before."""
     page.mouse.move(640, 450)
     page.mouse.down()
-    for i in range(20):
-        page.mouse.move(640 + 5 * i, 450)
-    print(f"frames a second with {POINTS} points, view turning: {page.evaluate(frames):.0f}")
+    begun, start = page.evaluate("lab.frames"), time.perf_counter()
+    turned = 0
+    while time.perf_counter() - start < SHOWN_S:
+        turned += 1
+        page.mouse.move(640 + 4 * (turned % 60), 450)
+    rate = (page.evaluate("lab.frames") - begun) / (time.perf_counter() - start)
     page.mouse.up()
+    return rate
 
 
 def _upload(page: Page, part: Path) -> None:
