@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -16,6 +18,14 @@ from imdim.program.tree import Combine, Primitive
 THEORY = Theory(*relations_of(PROGRAMS["Bracket"]()))
 TARGET = example("Bracket")
 FRAME = Frame.of(TARGET)
+
+
+def test_of_a_mesh_fewer_points_are_shown_than_of_a_cloud():
+    assert len(drawing.cloud(TARGET, FRAME)) <= drawing.SHOWN_OF_MESH
+    scanned = example("Bracket, scanned")
+    assert len(drawing.cloud(scanned, Frame.of(scanned))) == len(scanned.points)
+    many = replace(scanned, points=np.repeat(scanned.points, 13, axis=0))
+    assert drawing.SHOWN_POINTS // 2 < len(drawing.cloud(many, FRAME)) <= drawing.SHOWN_POINTS
 
 
 def test_the_view_shows_each_primitive_by_what_it_does():

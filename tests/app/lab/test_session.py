@@ -155,6 +155,17 @@ def test_a_failed_run_is_said_and_what_it_found_stays(session, pool):
     assert session.running == ""
 
 
+def test_a_fault_of_ours_is_no_refusal(session, pool):
+    finished(session, pool)
+
+    def broken(theory):
+        raise ValueError("operands could not be broadcast together")
+
+    with pytest.raises(ValueError, match="broadcast"):
+        session.edit("number 0 x", broken)
+    assert session.state.notice[0] != "error"
+
+
 def test_uploads_are_read_elsewhere(session, pool):
     session.open_upload("../../etc/part.stl", b"abc")
     request = pool.jobs[-1].request

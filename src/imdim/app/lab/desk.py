@@ -8,9 +8,11 @@ from collections.abc import Callable
 from typing import Any
 
 from imdim.app.lab import edits
-from imdim.app.lab.edits import Theory
+from imdim.app.lab.edits import EditError, Theory
 from imdim.app.lab.history import History
 from imdim.app.lab.state import State
+from imdim.config import first_line
+from imdim.program.constraints import ConstraintError
 from imdim.program.front import Choice
 from imdim.program.tree import leaves
 
@@ -37,8 +39,8 @@ class Desk:
                 return False
             try:
                 after = change(theory)
-            except ValueError as error:
-                self._say("error", next(iter(str(error).splitlines()), "that cannot be"))
+            except (EditError, ConstraintError) as error:
+                self._say("error", first_line(error))
                 return False
             self._commit(what, after)
         return True

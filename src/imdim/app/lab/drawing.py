@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -22,7 +23,7 @@ from imdim.program.tree import Program, fold, leaves, map_leaves
 
 SPAN = 4.0  # the diagonal of the target in the view
 FINE, COARSE, MANY = 96, 48, 60  # facets per circle, fewer for programs of many primitives
-SHOWN_POINTS = 100_000
+SHOWN_POINTS, SHOWN_OF_MESH = 100_000, 8_000  # of a mesh the points are samples, and fewer of them say as much
 MAP_POINTS = 20_000
 SMALLEST_RANGE = 1e-3  # of the diagonal: a perfect result is not to look patchy
 SKIN = 1e-6  # by which cutters are drawn larger: caps that lie in the face they cut through would leave a film there
@@ -143,7 +144,7 @@ def _place(ref: Ref, pose: Pose) -> np.ndarray:
 
 def cloud(target: Target, frame: Frame) -> np.ndarray:
     """The target's points [n, 3] as they are drawn."""
-    step = max(1, len(target.points) // SHOWN_POINTS)
+    step = math.ceil(len(target.points) / (SHOWN_POINTS if target.mesh is None else SHOWN_OF_MESH))
     return place(frame, target.points[::step])
 
 

@@ -1,4 +1,4 @@
-"""What a person may do to a program: each edit makes a new theory of an old one, or raises a one-line ValueError that says why not."""
+"""What a person may do to a program: each edit makes a new theory of an old one, or raises a one-line EditError or ConstraintError."""
 
 from __future__ import annotations
 
@@ -12,6 +12,10 @@ from imdim.program.paths import at, leaf_paths, replaced, without
 from imdim.program.tree import SIZE_NAMES, Combine, Op, Primitive, Program, leaves, map_leaves
 
 TURNS = ("rx", "ry", "rz")
+
+
+class EditError(ValueError):
+    """What was asked for cannot be; the message is one line."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,10 @@ def numbers(part: Primitive) -> list[Number]:
 def with_number(theory: Theory, leaf: int, name: str, value: float, follow: bool = False) -> Theory:
     """One number changed. With `follow`, all that the constraints relate to it moves along, locked numbers stay."""
     parts = list(leaves(theory.program))
-    changed = _changed(parts[leaf], name, float(value))
+    try:
+        changed = _changed(parts[leaf], name, float(value))
+    except ValueError as error:
+        raise EditError(str(error)) from error
     program = map_leaves(theory.program, lambda i, p: changed if i == leaf else p)
     if follow:
         held = Lock(leaf, TURN if name in TURNS else name)
@@ -82,7 +89,7 @@ def with_operation(theory: Theory, leaf: int, op: Op) -> Theory:
     path, _ = leaf_paths(theory.program)[leaf]
     parent = at(theory.program, path[:-1])
     if not path or path[-1] == 0 or not isinstance(parent, Combine):
-        raise ValueError(f"primitive {leaf} is what others are joined to, it has no operation of its own")
+        raise EditError(f"primitive {leaf} is what others are joined to, it has no operation of its own")
     return replace(theory, program=replaced(theory.program, path[:-1], replace(parent, op=op)))
 
 
@@ -99,7 +106,7 @@ def without_leaf(theory: Theory, leaf: int) -> Theory:
     marked = map_leaves(theory.program, lambda i, p: replace(p, center=(float(i), 0.0, 0.0)))
     left = without(marked, [leaf_paths(theory.program)[leaf][0]])
     if left is None:
-        raise ValueError("the last primitive cannot be removed")
+        raise EditError("the last primitive cannot be removed")
     kept = [round(p.center[0]) for p in leaves(left)]
     number = {old: new for new, old in enumerate(kept)} | {WORLD: WORLD}
     program = map_leaves(left, lambda i, _: order[kept[i]])
@@ -123,9 +130,12 @@ def _renumbered(constraint: Constraint, number: dict[int, int]) -> Constraint | 
 def read_constraint(kind: str, of: str, about: str = "", value: float = 0.0) -> Constraint:
     """A constraint as a person writes it: features like ``2.r, 3.r`` in `of`, one like ``world.z`` in `about`."""
     if kind not in RULES:
-        raise ValueError(f"unknown kind {kind!r}; known are {', '.join(RULES)}")
-    refs = tuple(read_ref(text) for text in of.replace(",", " ").split())
-    named = read_ref(about.strip()) if about.strip() else None
+        raise EditError(f"unknown kind {kind!r}; known are {', '.join(RULES)}")
+    try:
+        refs = tuple(read_ref(text) for text in of.replace(",", " ").split())
+        named = read_ref(about.strip()) if about.strip() else None
+    except ValueError as error:
+        raise EditError(str(error)) from error
     return Constraint(kind, refs, named if RULES[kind].about else None, float(value) if RULES[kind].has_value else 0.0)
 
 
@@ -138,7 +148,7 @@ def with_constraint(theory: Theory, constraint: Constraint) -> Theory:
 
 def without_constraint(theory: Theory, number: int) -> Theory:
     if not 0 <= number < len(theory.constraints):
-        raise ValueError(f"there is no constraint {number}, they are numbered 0 to {len(theory.constraints) - 1}")
+        raise EditError(f"there is no constraint {number}, they are numbered 0 to {len(theory.constraints) - 1}")
     return replace(theory, constraints=theory.constraints[:number] + theory.constraints[number + 1 :])
 
 

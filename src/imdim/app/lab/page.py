@@ -27,7 +27,7 @@ from imdim.program.cost import count
 from imdim.program.tree import leaves
 
 SCORE_SAMPLES = 5_000
-SCORE_AFTER_S = 0.2  # the picture has the core for itself until then
+SCORE_AFTER_S = 0.3  # the picture has the core for itself until then
 SAID_S = 10.0  # that an error stays on the picture
 LEFT, RIGHT = 300, 320  # pixels
 

@@ -12,7 +12,7 @@ import viser
 from imdim.app.lab.drawing import POINT_COLOUR, Overlay, Piece, Scene
 
 CLOUD_COLOUR = (110, 118, 130)
-CLOUD_SIZES = (0.018, 0.008)  # alone, and with a solid
+CLOUD_SIZES = (0.022, 0.01)  # alone, and with a solid
 LAYERS: Mapping[str, bool] = {"Solid": True, "Cutters": True, "Points": True, "Distance map": False, "Constraints": False}
 SEEN_THROUGH = 0.3  # opacity of the solid where constraints are shown, most of which lie inside it
 TURN_DEG, TURN_S = 1.0, 0.05
