@@ -16,7 +16,6 @@ from imdim.program.tree import KINDS
 
 BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID = range(len(KINDS))
 BLOCK = 512  # points folded at a time: the stack of a tree stays in the fastest cache
-WORDS = 64
 F = np.float32
 ZERO, HALF, ONE, TINY = F(0), F(0.5), F(1), F(1e-20)
 
@@ -131,25 +130,34 @@ def fill_bits(kinds, leaves, xyz, rows, out):
 
 
 @njit(nogil=True, cache=True, fastmath=True)
+def _joined(op, left, right):
+    if op == -1:
+        for j in range(len(left)):
+            left[j] = min(left[j], right[j])
+    elif op == -2:
+        for j in range(len(left)):
+            left[j] = max(left[j], right[j])
+    else:
+        for j in range(len(left)):
+            left[j] = max(left[j], -right[j])
+
+
+@njit(nogil=True, cache=True, fastmath=True)
 def _reduce(code, table, start, stop, stack):
     """The values of one tree on columns start:stop of `table`, left in stack[0]."""
-    top, n = -1, stop - start
-    for op in code:
-        if op >= 0:
+    top, n, i = -1, stop - start, 0
+    while i < len(code):
+        op = code[i]
+        if op < 0:
+            top -= 1
+            _joined(op, stack[top, :n], stack[top + 1, :n])
+        elif i + 1 < len(code) and code[i + 1] < 0:
+            i += 1  # a leaf that is joined at once is not copied before
+            _joined(code[i], stack[top, :n], table[op, start:stop])
+        else:
             top += 1
             stack[top, :n] = table[op, start:stop]
-            continue
-        top -= 1
-        left, right = stack[top], stack[top + 1]
-        if op == -1:
-            for j in range(n):
-                left[j] = min(left[j], right[j])
-        elif op == -2:
-            for j in range(n):
-                left[j] = max(left[j], right[j])
-        else:
-            for j in range(n):
-                left[j] = max(left[j], -right[j])
+        i += 1
 
 
 @njit(nogil=True, cache=True, fastmath=True)
@@ -171,31 +179,37 @@ def mean_distances(code, starts, depth, table, cap):
 
 
 @njit(nogil=True, cache=True)
+def _joined_words(op, left, right):
+    if op == -1:
+        for j in range(len(left)):
+            left[j] |= right[j]
+    elif op == -2:
+        for j in range(len(left)):
+            left[j] &= right[j]
+    else:
+        for j in range(len(left)):
+            left[j] &= ~right[j]
+
+
+@njit(nogil=True, cache=True)
 def states(code, starts, depth, table, out):
     """The words [t, w] that each tree fills, from those of its leaves in `table` [*, w]; into `out`."""
-    words = table.shape[1]
-    stack = np.empty((depth, WORDS), np.uint64)
+    stack = np.empty((depth, table.shape[1]), np.uint64)
     for t in range(len(starts) - 1):
-        for start in range(0, words, WORDS):
-            stop = min(start + WORDS, words)
-            top, n = -1, stop - start
-            for op in code[starts[t] : starts[t + 1]]:
-                if op >= 0:
-                    top += 1
-                    stack[top, :n] = table[op, start:stop]
-                    continue
+        top, i, end = -1, starts[t], starts[t + 1]
+        while i < end:
+            op = code[i]
+            if op < 0:
                 top -= 1
-                left, right = stack[top], stack[top + 1]
-                if op == -1:
-                    for j in range(n):
-                        left[j] |= right[j]
-                elif op == -2:
-                    for j in range(n):
-                        left[j] &= right[j]
-                else:
-                    for j in range(n):
-                        left[j] &= ~right[j]
-            out[t, start:stop] = stack[0, :n]
+                _joined_words(op, stack[top], stack[top + 1])
+            elif i + 1 < end and code[i + 1] < 0:
+                i += 1
+                _joined_words(code[i], stack[top], table[op])
+            else:
+                top += 1
+                stack[top] = table[op]
+            i += 1
+        out[t] = stack[0]
 
 
 @njit(nogil=True, cache=True)
