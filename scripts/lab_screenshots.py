@@ -52,7 +52,7 @@ def _large(browser: Browser, url: str, folder: Path) -> None:
     _press(page, "Resume")
     _wait_for_end(page)
     page.get_by_role("tab", name="Front", exact=True).click()
-    page.locator(".lab-primitive [role=treeitem]", has_text="hole").first.click()
+    page.locator(".lab-primitive [role=treeitem]").first.click()
     page.get_by_role("tab", name="Edit", exact=True).click()
     page.wait_for_timeout(2500)
     _save(page, folder / "lab-done.png")
@@ -62,6 +62,7 @@ def _large(browser: Browser, url: str, folder: Path) -> None:
 def _small(browser: Browser, url: str, folder: Path) -> None:
     page = _opened(browser, url, 390, 844)
     _press(page, "Start")
+    page.mouse.move(195, 60)  # off the button, which would show its hint
     page.wait_for_function("/volume.*IoU/.test(document.querySelector('.lab-status').textContent)")
     page.wait_for_timeout(2500)
     _save(page, folder / "lab-small.png")

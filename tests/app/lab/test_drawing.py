@@ -7,7 +7,9 @@ from imdim.app.lab import drawing, edits, texts
 from imdim.app.lab.drawing import BROKEN_COLOUR, CUT, HELD_COLOUR, SELECTED, SPAN
 from imdim.app.lab.edits import Theory
 from imdim.app.lab.examples import PROGRAMS, example
+from imdim.app.lab.panels.browse import LEAST, curves
 from imdim.app.lab.solving import Lock
+from imdim.app.lab.state import Step
 from imdim.fitting import relations_of
 from imdim.geometry.cloud import Frame
 from imdim.geometry.solid import to_manifold
@@ -105,3 +107,9 @@ def test_texts_of_nothing():
 def test_names_of_constraints_are_no_markup():
     theory = Theory(THEORY.program, (Constraint("equal", (Ref(2, "r"), Ref(3, "r")), name="<b>x"),))
     assert "<b>x" not in texts.relations(theory, [0.0], 1e-6)
+
+
+def test_a_curve_of_one_step_is_a_line_and_zero_is_on_a_scale_of_logarithms():
+    steps = [Step(2.0, 0.1, 3, 0.0), Step(4.0, 0.0, 2, 1e-3)]
+    assert curves(steps[:1]).tolist() == [[0.0, 0.1, 3.0, LEAST], [2.0, 0.1, 3.0, LEAST]]
+    assert curves(steps)[1].tolist() == [4.0, LEAST, 2.0, 1e-3]

@@ -138,6 +138,13 @@ def test_layers_are_shown_and_hidden(done):
     done.box("Constraints").check()
     done.wait_for_picture(lambda picture: green(picture) > 50)
     done.box("Constraints").uncheck()
+    done.box("Points").uncheck()
+    done.wait_for_picture(lambda picture: inked(picture) < 1000)
+    done.box("Distance map").check()
+    done.wait_for_picture(lambda picture: inked(picture) > 3000)
+    done.page.get_by_text("from the result").wait_for()  # its scale
+    done.box("Distance map").uncheck()
+    done.box("Points").check()
     done.box("Solid").check()
     done.keys("c")  # the cutters
     done.wait_for_picture(lambda picture: blue(picture) > 20_000 and red(picture) > 800 and green(picture) == 0)
@@ -326,7 +333,11 @@ def test_two_clients_work_on_their_own_and_survive_a_killed_run(done, other, ser
     other.says("Knob")
     other.press("Start")
     other.says("volume")
+    other.page.get_by_text("Evolve from here").click()
+    other.press("Continue from this program")
+    other.says("continue: evolve")
     other.press("Stop")
+    other.says("ready")
 
 
 def _kill_workers(server):

@@ -57,7 +57,7 @@ def tree(theory: Theory | None, selected: int | None, unit: str) -> str:
 
     def block(op: Op):
         return lambda parts: (
-            f'<div style="color:#495057;font-weight:600">{op}</div><div style="margin-left:6px;padding-left:8px;'
+            f'<div style="color:#495057;font-weight:600">{op}</div><div style="margin-left:2px;padding-left:6px;'
             f'border-left:2px solid #ced4da">{"".join(parts)}</div>'
         )
 

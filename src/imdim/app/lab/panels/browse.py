@@ -80,7 +80,12 @@ class CurvesPanel:
     def draw(self, steps: Sequence[Step]) -> None:
         if not steps:
             return
-        rows = np.array([(s.seconds, max(s.error, LEAST), s.primitives, max(s.violation, LEAST)) for s in steps], float)
-        rows = np.concatenate([rows, rows[-1:]]) if len(rows) == 1 else rows
+        rows = curves(steps)
         for column, plot in enumerate(self._plots, 1):
             plot.data = (rows[:, 0].copy(), rows[:, column].copy())
+
+
+def curves(steps: Sequence[Step]) -> np.ndarray:
+    """Seconds, error, primitives and violation [n, 4]; one step alone holds from the start, since a single point is no line."""
+    rows = np.array([(s.seconds, max(s.error, LEAST), s.primitives, max(s.violation, LEAST)) for s in steps], float)
+    return np.concatenate([rows * [0.0, 1.0, 1.0, 1.0], rows]) if len(rows) == 1 else rows
