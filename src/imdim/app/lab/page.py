@@ -27,7 +27,7 @@ from imdim.program.cost import count
 from imdim.program.tree import leaves
 
 SCORE_SAMPLES = 5_000
-SCORE_AFTER_S = 0.3  # the picture has the core for itself until then
+SCORE_AFTER_S = 0.3, 1.0  # the picture has the core for itself until then: after an edit, and while a run goes on
 SAID_S = 10.0  # that an error stays on the picture
 LEFT, RIGHT = 300, 320  # pixels
 
@@ -37,7 +37,8 @@ class Page:
 
     def __init__(self, client: viser.ClientHandle, pool: Pool, limits: UploadLimits) -> None:
         self._client = client
-        self._drawing, self._scoring = Refresher(self._draw_at_once, "draw"), Refresher(self._score, "score", SCORE_AFTER_S)
+        self._drawing = Refresher(self._draw_at_once, "draw")
+        self._scoring = Refresher(self._score, "score", lambda: SCORE_AFTER_S[self.session.state.live is not None])
         self.session = Session(pool, self._drawing.poke, limits)
         self.view = View(client, self._clicked)
         self._scene: drawing.Scene | None = None

@@ -9,11 +9,11 @@ from collections.abc import Callable, Set
 
 
 class Refresher:
-    """Calls `draw` with the topics that `poke` named since the last time, `rest_s` seconds after the first of them."""
+    """Calls `draw` with the topics that `poke` named since the last time, `rest()` seconds after the first of them."""
 
-    def __init__(self, draw: Callable[[Set[str]], None], name: str, rest_s: float = 0.0) -> None:
+    def __init__(self, draw: Callable[[Set[str]], None], name: str, rest: Callable[[], float] = lambda: 0.0) -> None:
         self._draw, self._topics, self._ready = draw, set[str](), threading.Condition()
-        self._rest_s = rest_s
+        self._rest = rest
         self._closed = False
         threading.Thread(target=self._run, name=name, daemon=True).start()
 
@@ -32,7 +32,7 @@ class Refresher:
         while True:
             with self._ready:
                 self._ready.wait_for(lambda: self._topics or self._closed)
-                self._ready.wait_for(lambda: self._closed, self._rest_s)
+                self._ready.wait_for(lambda: self._closed, self._rest())
                 if self._closed:
                     return
                 topics, self._topics = self._topics, set()
