@@ -64,8 +64,8 @@ class Families:
     def best_of(self, group: int, field: np.ndarray, floor: float = 0.0) -> tuple[float, Candidate] | None:
         """The candidate of one group with the largest sum of `field` [m], if that is above `floor`."""
         self.work += len(field)
-        found = self._best_boxes(field, group - 1, 1, floor) if group else self._best_curved(field, floor)
-        return max(found, key=lambda f: f[0], default=None)
+        found = self._best_boxes(field, group - 1, 1, floor) if group else self._best_curved(field, floor, 1)
+        return found[0] if found else None
 
     def best(self, field: np.ndarray, per_frame: int, floor: float = 0.0) -> list[tuple[float, Candidate]]:
         """Candidates whose sums of `field` [m] are above `floor`: one per curved family, up to `per_frame` (or none) per box frame."""
@@ -77,12 +77,12 @@ class Families:
             out += self._best_boxes(field, frame, per_frame, floor)
         return out
 
-    def _best_curved(self, field: np.ndarray, floor: float) -> list[tuple[float, Candidate]]:
+    def _best_curved(self, field: np.ndarray, floor: float, count: int | None = None) -> list[tuple[float, Candidate]]:
         table = np.empty((len(self._widths), 3))
         axial_best(field, self._starts, self._members, self._bins, self._widths, table)
         return [
             (float(table[i, 0]), Candidate(("curved", int(i)), ((int(table[i, 1]), int(table[i, 2])),)))
-            for i in np.flatnonzero(table[:, 0] > floor)
+            for i in (np.flatnonzero(table[:, 0] > floor) if count is None else _top(table[:, 0], count, floor))
         ]
 
     def _best_boxes(self, field: np.ndarray, frame: int, count: int, floor: float) -> list[tuple[float, Candidate]]:
@@ -92,9 +92,8 @@ class Families:
         grid = np.ascontiguousarray(grid.transpose(order))
         table = np.empty((len(grid) * (len(grid) + 1) // 2, 7))
         box_best(grid, floor, count == 1, table)
-        top = np.argsort(-table[:, 0], kind="stable")[:count]
         out = []
-        for row in table[top[table[top, 0] > floor]]:
+        for row in table[_top(table[:, 0], count, floor)]:
             ranges = [(0, 0)] * 3
             for position, axis in enumerate(order):
                 lo, hi = row[1 + 2 * position : 3 + 2 * position].astype(int)
@@ -137,6 +136,15 @@ class Families:
         middle = sum(d.vector * (lo + hi) / 2 for d, (lo, hi) in zip(chosen, spans, strict=True))
         sizes = tuple(hi - lo for lo, hi in spans)
         return Primitive("box", sizes, tuple(float(x) for x in middle), euler_from_matrix(rotation))  # type: ignore[arg-type]
+
+
+def _top(sums: np.ndarray, count: int, floor: float) -> np.ndarray:
+    """Indices of the `count` largest sums above `floor`, the first of equal ones first."""
+    if count == 1:
+        best = sums.argmax() if len(sums) else 0
+        return np.array([best] if len(sums) and sums[best] > floor else [], np.int64)
+    top = np.argsort(-sums, kind="stable")[:count]
+    return top[sums[top] > floor]
 
 
 def _between(slab: np.ndarray, bounds: tuple[int, int]) -> np.ndarray:

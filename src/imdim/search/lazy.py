@@ -52,6 +52,7 @@ class Known:
     def __init__(self, parent: dict[Key, _Look] | None = None) -> None:
         self._parent = parent if parent is not None else {}
         self._own: dict[Key, _Look] = {}
+        self._bytes = 0  # of the parent's flags, at most
 
     def branch(self) -> Known:
         """For a trial: what it learns is kept apart until `adopt`, so that a rejected one leaves no looser bounds behind."""
@@ -79,10 +80,18 @@ class Known:
         self.put(PAIRS, _Look(None, state, np.zeros(0)))
 
     def _settle(self) -> None:
-        if sum(look.changeable.nbytes for look in self._parent.values()) > MOST_BYTES:
+        if self._bytes > MOST_BYTES:
+            self._bytes = _bytes(self._parent)
+        if self._bytes > MOST_BYTES:
             self._parent.clear()
+            self._bytes = 0
+        self._bytes += _bytes(self._own)
         self._parent.update(self._own)
         self._own = {}
+
+
+def _bytes(looks: dict[Key, _Look]) -> int:
+    return sum(look.changeable.nbytes for look in looks.values())
 
 
 def best_insertions(sequence: Sequence, families: Families, price: Price, known: Known, share: float = 1.0) -> list[Insertion]:
@@ -162,7 +171,7 @@ def _places(sequence: Sequence, gain: np.ndarray, groups: int, known: Known) -> 
         for op, changeable, sign in _kinds(gap.free, gap.state, gap.position > 0):
             key = (id(step), op)
             look = behind[op] = known.get(key) or behind.get(op)
-            if op in before and np.array_equal(before[op], changeable):
+            if op in before and not (before[op] != changeable).any():
                 continue
             before[op] = changeable
             total = -sign * float(gain[changeable].sum()) if op == "intersection" else 0.0
