@@ -25,13 +25,14 @@ from imdim.seeding.cloud_surfaces import detect_cloud
 from imdim.seeding.mesh_surfaces import detect_patches
 
 NOISY = 1e-3  # deviation of a cloud's noise, as a share of its diagonal, from which edges and walls are blurred
+SAMPLES = 150_000  # labelled, spread over the cells
 CLOSING_AREA = 1e-7  # of the squared diagonal; implied planes rank behind detected ones
 
 
 @dataclass(frozen=True)
 class Seen:
     """What detection and labelling know of one body: the body in its unit frame, and that frame. `sigma` is the deviation of a cloud's
-    noise there."""
+    noise there. `label` gives the probability of being inside [n] for points [n, 3] there."""
 
     target: Target
     frame: Frame
@@ -39,6 +40,7 @@ class Seen:
     samples: Samples
     families: Families
     size_weight: float
+    label: Callable[[np.ndarray], np.ndarray]
     sigma: float = 0.0
 
     @cached_property
@@ -87,11 +89,12 @@ def look(body: Target, size_weight: float, rng: np.random.Generator) -> Seen:
     surfaces = [p.surface for p in patches] + closing
     areas = [p.area for p in patches] + [CLOSING_AREA] * len(closing)
     arrangement = arrange(surfaces, areas, bounds, ArrangementConfig())
-    samples = label_samples(arrangement, _labeller(unit, patches), 150_000, rng)
+    label = _labeller(unit, patches)
+    samples = label_samples(arrangement, label, SAMPLES, rng)
     cells = compressed(arrangement, samples)
     if cells.volume <= 0:
         raise InputError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells")
-    return Seen(unit, frame, patches, samples, Families(arrangement, cells), size_weight, sigma)
+    return Seen(unit, frame, patches, samples, Families(arrangement, cells), size_weight, label, sigma)
 
 
 def _corners(unit: Target, patches: list[Patch], sigma: float) -> np.ndarray:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from imdim import stump_net as stump_nets
-from imdim.body import Seen
+from imdim.body import SAMPLES, Seen
 from imdim.clock import Clock
 from imdim.config import Settings
 from imdim.evolution import evolved, logged, seeds_of
@@ -22,6 +22,7 @@ from imdim.program.tree import Program
 from imdim.proof import Proofs
 from imdim.proposals import misfit, proposals
 from imdim.search.evolve.population import EvolutionConfig, Generation
+from imdim.search.counterexamples import Sharpener, seen_by
 from imdim.search.sequence import to_program
 from imdim.search.structure import StructureConfig
 from imdim.search.structure import search as search_structure
@@ -36,6 +37,7 @@ PolicyOf = Callable[[], "Policy | None"]
 
 TOUCHED = 2e-3  # of the volume; a search that leaves more is followed by a short evolution
 TOUCH = EvolutionConfig(generations=30, patience=12)
+START_SHARE = 0.4  # of the search's time, after which its best starts get the rest
 SEED_SHARE = 0.4  # of the search's time, that evolution gives to its seeds
 WORTH_MORE = 0.5  # of a primitive's price; error that a search goes on for although no fewer primitives can do
 NOISY_SHARE = 0.3  # of the time that the search has left: what the cells of a noisy cloud say is not worth more
@@ -155,8 +157,10 @@ def _searched(run: Run, proofs: Proofs) -> Iterator[tuple[str, Program]]:
             yield "tree", program
         return
     out_of_time = run.clock.ending_at(NOISY_SHARE * run.share) if seen.noisy else run.clock.out_of_time
-    for found in search_structure(seen.families, StructureConfig(size_weight=seen.size_weight), run.rng, out_of_time):
-        program = seen.frame.undo(to_program(found.sequence, seen.families))
+    sharpener = Sharpener(seen.families, seen.label, SAMPLES, seen.size_weight * seen.cells.volume, run.rng) if seen.ground.exact else None
+    config, started = StructureConfig(size_weight=seen.size_weight), run.clock.part(START_SHARE * run.share)
+    for found in search_structure(seen.families, config, run.rng, out_of_time, sharpener, started):
+        program = seen.frame.undo(to_program(found.sequence, found.families))
         yield "search", program
         # what the labels of a noisy cloud prove is not worth the time
         program, proof = (None if seen.noisy else proofs.early(program)) or (program, None)
@@ -166,7 +170,9 @@ def _searched(run: Run, proofs: Proofs) -> Iterator[tuple[str, Program]]:
             break
     if found is None:
         return
-    tidied = seen.frame.undo(to_program(tidy(found.sequence, seen.families), seen.families))
+    # a range is as short as all cells that were ever seen allow
+    every = sharpener.every if sharpener else found.families
+    tidied = seen.frame.undo(to_program(tidy(seen_by(found.sequence, every), every), every))
     if shortest is not None and seen.price(shortest) < seen.price(tidied):
         yield "proof", shortest
     else:

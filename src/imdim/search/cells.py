@@ -34,6 +34,10 @@ class Cells:
         """Volume of the target as sampled."""
         return float(self.w_in.sum())
 
+    def chosen(self, which: np.ndarray) -> Cells:
+        """Some of the cells."""
+        return Cells(self.points[which], self.slabs[which], self.inside[which], self.w_in[which], self.w_out[which])
+
 
 @dataclass(frozen=True)
 class Samples:
@@ -59,6 +63,15 @@ def compressed(arrangement: Arrangement, samples: Samples) -> Cells:
     first, member = _group(slabs, inside)
     w_in, w_out = (np.bincount(member, w, len(first)) for w in (samples.w_in, samples.w_out))
     return Cells(samples.points[first], slabs[first], inside[first], w_in, w_out)
+
+
+def pooled(cells: Cells, others: Cells, weights: tuple[float, float]) -> tuple[Cells, np.ndarray]:
+    """The cells of both, of the same arrangement, with the weighted sums of their volumes, and where each went [m + k]."""
+    slabs, inside = np.concatenate([cells.slabs, others.slabs]), np.concatenate([cells.inside, others.inside])
+    first, member = _group(slabs, inside)
+    w_in = np.bincount(member, np.concatenate([weights[0] * cells.w_in, weights[1] * others.w_in]))
+    w_out = np.bincount(member, np.concatenate([weights[0] * cells.w_out, weights[1] * others.w_out]))
+    return Cells(np.concatenate([cells.points, others.points])[first], slabs[first], inside[first], w_in, w_out), member
 
 
 def sample_cells(arrangement: Arrangement, label: Callable[[np.ndarray], np.ndarray], count: int, rng: np.random.Generator) -> Cells:

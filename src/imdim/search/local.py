@@ -35,15 +35,16 @@ class LocalConfig:
 
 @dataclass(frozen=True)
 class Found:
-    """A sequence with its objective."""
+    """A sequence over the cells of families, with its objective there."""
 
     sequence: Sequence
     objective: float
+    families: Families
 
 
 def found_of(sequence: Sequence, families: Families, price: Price) -> Found:
     """The sequence with its objective under `price`."""
-    return Found(sequence, error(sequence, families, price.weights) + price.step * cost(sequence))
+    return Found(sequence, error(sequence, families, price.weights) + price.step * cost(sequence), families)
 
 
 def grown(found: Found, insertion: Insertion, families: Families, price: Price) -> Found:

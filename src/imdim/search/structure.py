@@ -12,10 +12,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from imdim.search.counterexamples import Sharpener, seen_by
 from imdim.search.families import Families
 from imdim.search.lazy import Known
 from imdim.search.local import Found, LocalConfig, complete, found_of, grown, improve, pruned
 from imdim.search.sequence import Insertion, Price, cost, insertions, run
+
+
+_Finalist = tuple[Found, Known]
 
 
 @dataclass
@@ -41,37 +45,83 @@ class StructureConfig:
     beam_steps: int = 3  # steps searched with the whole beam; the best states are then completed greedily
     finalists: int = 3  # states that get the local search
     start_work: float = 1e9  # cells summed, after which no further start is completed
-    abandon: float = 1.5  # a completion whose steps alone cost this many times the best objective is given up
+    abandon: float = 1.2  # a completion whose steps alone cost this many times the best objective is given up
     per_frame: int = 4
+    sharpened: int = 4  # times in a row that counterexamples are looked for, at most
+    local_searches: int = 3  # each followed by a look for counterexamples
     local: LocalConfig = field(default_factory=LocalConfig)
 
 
-def search(families: Families, config: StructureConfig, rng: np.random.Generator, out_of_time: Callable[[], bool]) -> Iterator[Found]:
-    """Yield better and better sequences; the last is the result. Yields at least one unless the target has no volume."""
+def search(
+    families: Families,
+    config: StructureConfig,
+    rng: np.random.Generator,
+    out_of_time: Callable[[], bool],
+    sharpener: Sharpener | None = None,
+    started: Callable[[], bool] | None = None,
+) -> Iterator[Found]:
+    """Yield better and better sequences; the last is the result. Yields at least one unless the target has no volume.
+
+    Once it is `started`, out of time for further starts, the foremost get the rest of the time. With a sharpener the cells on which the foremost are wrong unseen are added, and what is found from then on is judged on these too.
+    """
     exact = Price(config.size_weight * families.cells.volume)
     best: Found | None = None
-    finalists: list[tuple[Found, Known]] = []
+    finalists: list[_Finalist] = []
+    for done in _completed(families, config, exact, started or out_of_time):
+        finalists = _foremost([*finalists, done], config.finalists)
+        if done[0].sequence and (best is None or done[0].objective < best.objective):
+            best = done[0]
+            yield best
+    for again in range(config.local_searches if sharpener else 1):
+        judged = _sharpened(finalists, sharpener, config, exact, out_of_time)
+        if judged:
+            finalists = judged
+            best = min((found for found, _ in finalists), key=lambda f: f.objective)
+            yield best
+        elif again:
+            return
+        for i, (start, known) in enumerate(finalists):
+            for found in improve(start, start.families, config.local, exact, rng, out_of_time, known):
+                finalists[i] = found, known
+                if best is None or found.objective < best.objective * (1 - 1e-9):
+                    best = found
+                    yield best
+
+
+def _sharpened(
+    finalists: list[_Finalist], sharpener: Sharpener | None, config: StructureConfig, exact: Price, out_of_time: Callable[[], bool]
+) -> list[_Finalist]:
+    """The finalists completed over cells with counterexamples to them, again and again; none if there are no counterexamples."""
+    out: list[_Finalist] = []
+    for _ in range(config.sharpened):
+        sharper = sharpener.sharpened([found for found, _ in out or finalists]) if sharpener and not out_of_time() else None
+        if sharper is None:
+            break
+        out = [_resumed(found, sharper, config, exact, out_of_time) for found, _ in out or finalists]
+    return out
+
+
+def _completed(families: Families, config: StructureConfig, exact: Price, out_of_time: Callable[[], bool]) -> Iterator[_Finalist]:
+    """Each start completed and pruned, until that has been enough work; the first one at any rate."""
+    least = np.inf
     enough = families.work + config.start_work
     for start in _starts(families, config, exact, out_of_time):
-        limit = config.abandon * best.objective if best else np.inf
         known = Known()
-        done = pruned(complete(start, families, config.local, exact, out_of_time, limit, known), families, exact)
-        finalists = _foremost([*finalists, (done, known)], config.finalists)
-        if done.sequence and (best is None or done.objective < best.objective):
-            best = done
-            yield best
-        if out_of_time():
+        done = pruned(complete(start, families, config.local, exact, out_of_time, config.abandon * least, known), families, exact)
+        yield done, known
+        least = min(least, done.objective) if done.sequence else least
+        if out_of_time() or families.work > enough:
             return
-        if families.work > enough:
-            break
-    for start, known in finalists:
-        for improved in improve(start, families, config.local, exact, rng, out_of_time, known):
-            if best is None or improved.objective < best.objective * (1 - 1e-9):
-                best = improved
-                yield best
 
 
-def _foremost(completed: list[tuple[Found, Known]], count: int) -> list[tuple[Found, Known]]:
+def _resumed(found: Found, families: Families, config: StructureConfig, exact: Price, out_of_time: Callable[[], bool]) -> _Finalist:
+    """A sequence judged, pruned and completed over other cells."""
+    known = Known()
+    start = pruned(found_of(seen_by(found.sequence, families), families, exact), families, exact)
+    return pruned(complete(start, families, config.local, exact, out_of_time, known=known), families, exact), known
+
+
+def _foremost(completed: list[_Finalist], count: int) -> list[_Finalist]:
     """The best distinct ones."""
     ranked = sorted(completed, key=lambda c: c[0].objective)
     kept = _distinct([found for found, _ in ranked])[:count]
