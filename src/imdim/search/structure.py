@@ -62,12 +62,13 @@ def search(
 ) -> Iterator[Found]:
     """Yield better and better sequences; the last is the result. Yields at least one unless the target has no volume.
 
-    Once it is `started`, out of time for further starts, the foremost get the rest of the time. With a sharpener the cells on which the foremost are wrong unseen are added, and what is found from then on is judged on these too.
+    Once it is `started`, out of time for further starts, the foremost get the rest of the time. With a sharpener the cells are added on
+    which these are wrong unseen, and what is found from then on is judged on them too.
     """
     exact = Price(config.size_weight * families.cells.volume)
     best: Found | None = None
     finalists: list[_Finalist] = []
-    for done in _completed(families, config, exact, started or out_of_time):
+    for done in _completed(families, config, exact, out_of_time, started or out_of_time):
         finalists = _foremost([*finalists, done], config.finalists)
         if done[0].sequence and (best is None or done[0].objective < best.objective):
             best = done[0]
@@ -101,16 +102,18 @@ def _sharpened(
     return out
 
 
-def _completed(families: Families, config: StructureConfig, exact: Price, out_of_time: Callable[[], bool]) -> Iterator[_Finalist]:
+def _completed(
+    families: Families, config: StructureConfig, exact: Price, out_of_time: Callable[[], bool], started: Callable[[], bool]
+) -> Iterator[_Finalist]:
     """Each start completed and pruned, until that has been enough work; the first one at any rate."""
-    least = np.inf
+    least, late = np.inf, out_of_time
     enough = families.work + config.start_work
-    for start in _starts(families, config, exact, out_of_time):
+    for start in _starts(families, config, exact, started):
         known = Known()
-        done = pruned(complete(start, families, config.local, exact, out_of_time, config.abandon * least, known), families, exact)
+        done = pruned(complete(start, families, config.local, exact, late, config.abandon * least, known), families, exact)
         yield done, known
-        least = min(least, done.objective) if done.sequence else least
-        if out_of_time() or families.work > enough:
+        least, late = min(least, done.objective) if done.sequence else least, started
+        if started() or families.work > enough:
             return
 
 
