@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from manifold3d import Manifold
 
 from imdim.config import Settings
 from imdim.evolution import Ground
 from imdim.geometry import kernels
 from imdim.geometry.cloud import Frame, InputError, Target
+from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.geometry.surface import Patch, Surface
 from imdim.geometry.winding import inside_mesh
 from imdim.program.cost import count
@@ -74,6 +76,23 @@ class Seen:
     def price(self, program: Program) -> float:
         """The search's objective, relative to the body's volume."""
         return self.error(program) + self.size_weight * count(program).primitives
+
+    @cached_property
+    def solid(self) -> Manifold | None:
+        """The solid that the body's mesh bounds, in the unit frame; None for a cloud, and for a mesh that bounds none."""
+        try:
+            return None if self.target.mesh is None else mesh_to_manifold(self.target.mesh)
+        except ValueError:
+            return None
+
+    def iou(self, program: Program) -> float | None:
+        """Volume IoU of a program in the body's units with its solid, by exact booleans; None where there is no solid."""
+        return None if self.solid is None else volume_iou(to_manifold(self.frame.apply(program)), self.solid)
+
+    def exact_price(self, program: Program) -> float:
+        """As `price`, with the exact volumes where there is a solid: samples may all have missed what a program gets wrong."""
+        iou = self.iou(program)
+        return self.price(program) if iou is None else 1 - iou + self.size_weight * count(program).primitives
 
 
 def look(body: Target, size_weight: float, rng: np.random.Generator) -> Seen:

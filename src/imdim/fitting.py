@@ -10,7 +10,7 @@ from imdim.body import Seen
 from imdim.geometry import kernels
 from imdim.geometry.cloud import Target
 from imdim.geometry.metrics import diagonal
-from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
+from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
 from imdim.program.tree import Program, map_leaves
@@ -82,7 +82,7 @@ def snapped(program: Program, seen: Seen, body: Target, out_of_time: Callable[[]
         return float(np.minimum(np.abs(kernels.program_sdf(trial, points)), limit).mean())
 
     plain = map_leaves(program, lambda _, leaf: canonical(leaf))
-    loss = _loss(plain, body)
+    loss = _loss(plain, seen)
     for boldness in (1.0, 0.1, 0.01) if exact else (1.0, 0.3):
         if out_of_time():
             break
@@ -93,16 +93,10 @@ def snapped(program: Program, seen: Seen, body: Target, out_of_time: Callable[[]
     return plain
 
 
-def _loss(plain: Program, body: Target) -> Callable[[Program], float]:
+def _loss(plain: Program, seen: Seen) -> Callable[[Program], float]:
     """How much less of a mesh a program meets than `plain`, in volume IoU; nought where there is no mesh, or one that bounds no solid."""
-    try:
-        solid = None if body.mesh is None else mesh_to_manifold(body.mesh)
-    except ValueError:
-        solid = None
-    if solid is None:
-        return lambda _: 0.0
-    before = volume_iou(to_manifold(plain), solid)
-    return lambda program: before - volume_iou(to_manifold(program), solid)
+    before = seen.iou(plain)
+    return lambda program: 0.0 if before is None else before - (seen.iou(program) or 0.0)
 
 
 def _changed_volume(before: Program, after: Program) -> float:

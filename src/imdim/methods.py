@@ -21,8 +21,8 @@ from imdim.fitting import POOR
 from imdim.program.tree import Program
 from imdim.proof import Proofs
 from imdim.proposals import misfit, proposals
-from imdim.search.evolve.population import EvolutionConfig, Generation
 from imdim.search.counterexamples import Sharpener, seen_by
+from imdim.search.evolve.population import EvolutionConfig, Generation
 from imdim.search.sequence import to_program
 from imdim.search.structure import StructureConfig
 from imdim.search.structure import search as search_structure
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 PolicyOf = Callable[[], "Policy | None"]
 
 TOUCHED = 2e-3  # of the volume; a search that leaves more is followed by a short evolution
-TOUCH = EvolutionConfig(generations=30, patience=12)
+TOUCH = EvolutionConfig(generations=60, patience=25)
 START_SHARE = 0.4  # of the search's time, after which its best starts get the rest
 SEED_SHARE = 0.4  # of the search's time, that evolution gives to its seeds
 WORTH_MORE = 0.5  # of a primitive's price; error that a search goes on for although no fewer primitives can do
@@ -188,12 +188,16 @@ def _touched(run: Run, found: list[Program]) -> Iterator[Program]:
     if not (run.settings.evolution and found and seen.ground.exact) or run.clock.out_of_time() or seen.error(found[-1]) < TOUCHED:
         return
     seeds = {"search": [seen.frame.apply(p) for p in found]}
-    best = seen.ground.scorer.score(seeds["search"][-1:])[0].fitness
+    best, least = seen.ground.scorer.score(seeds["search"][-1:])[0].fitness, seen.exact_price(found[-1])
     for generation in _generations(run, seeds, run.clock.out_of_time, TOUCH):
         # what is not worth half a primitive is not worth another way to draw it
         if generation.best.score.fitness < best - 0.5 * seen.size_weight:
             best = generation.best.score.fitness
-            yield seen.frame.undo(generation.best.program)
+            program = seen.frame.undo(generation.best.program)
+            price = seen.exact_price(program)
+            if price < least - 0.5 * seen.size_weight:
+                least = price
+                yield program
 
 
 def _generations(

@@ -18,7 +18,6 @@ from imdim.search.lazy import Known
 from imdim.search.local import Found, LocalConfig, complete, found_of, grown, improve, pruned
 from imdim.search.sequence import Insertion, Price, cost, insertions, run
 
-
 _Finalist = tuple[Found, Known]
 
 
@@ -87,19 +86,27 @@ def search(
                 if best is None or found.objective < best.objective * (1 - 1e-9):
                     best = found
                     yield best
+        finalists = _foremost(finalists, 1)
 
 
 def _sharpened(
     finalists: list[_Finalist], sharpener: Sharpener | None, config: StructureConfig, exact: Price, out_of_time: Callable[[], bool]
 ) -> list[_Finalist]:
-    """The finalists completed over cells with counterexamples to them, again and again; none if there are no counterexamples."""
-    out: list[_Finalist] = []
-    for _ in range(config.sharpened):
-        sharper = sharpener.sharpened([found for found, _ in out or finalists]) if sharpener and not out_of_time() else None
+    """The finalists completed over cells with counterexamples to them, again and again; none if no counterexample changes one."""
+    changed, now = False, finalists
+    for _ in range(config.sharpened if sharpener else 0):
+        sharper = sharpener.sharpened([found for found, _ in now]) if sharpener and not out_of_time() else None
         if sharper is None:
             break
-        out = [_resumed(found, sharper, config, exact, out_of_time) for found, _ in out or finalists]
-    return out
+        before, now = now, [_resumed(found, sharper, config, exact, out_of_time) for found, _ in now]
+        if all(_terms(a) == _terms(b) for (a, _), (b, _) in zip(before, now, strict=True)):
+            break
+        changed = True
+    return now if changed else []
+
+
+def _terms(found: Found) -> list[tuple[str, object]]:
+    return [(step.op, step.term) for step in found.sequence]
 
 
 def _completed(

@@ -1,0 +1,108 @@
+"""What few samples missed is found by counterexamples, and counted once."""
+
+import numpy as np
+import pytest
+from tests.planted import box, common, cut, cylinder, union
+from tests.search.planted_families import arrangement_of, cells_of
+
+from imdim.geometry import kernels
+from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.program.cost import count
+from imdim.search.cells import pooled
+from imdim.search.counterexamples import Sharpener, seen_by
+from imdim.search.families import Families
+from imdim.search.local import LocalConfig, found_of
+from imdim.search.sequence import Price, Step, error, run, to_program
+from imdim.search.structure import StructureConfig, search
+
+FEW = 1500  # samples, for some thousand cells
+TABS = [box(2, 2, 3, (x, y, 2.0)) for x, y in ((-16.0, -9.0), (-9.0, 8.0), (11.0, -8.0), (17.0, 6.0))]
+HOLES = [cylinder(1.2, 10, (x, y, 0.0)) for x, y in ((-13.0, 3.0), (0.0, 1.0))]
+PLATE = cut(union(box(40, 24, 2), *TABS), *HOLES)
+
+
+def few_samples(program=PLATE, seed=0, samples=FEW, weight=2.5e-4):
+    families = Families(arrangement_of(program), cells_of(arrangement_of(program), program, samples))
+    price = weight * families.cells.volume
+    return families, Sharpener(families, lambda p: kernels.inside(program, p).astype(float), samples, price, np.random.default_rng(seed))
+
+
+def searched(families, sharpener, seed=0):
+    *_, last = search(families, StructureConfig(local=LocalConfig(rounds=60)), np.random.default_rng(seed), lambda: False, sharpener)
+    return last
+
+
+def quality(found):
+    program = to_program(found.sequence, found.families)
+    return volume_iou(to_manifold(program), to_manifold(PLATE)), count(program).primitives
+
+
+def test_what_few_samples_missed_is_found():
+    families, sharpener = few_samples()
+    blind, _ = quality(searched(families, None))
+    sharp, primitives = quality(searched(families, sharpener))
+    assert blind < 0.99 < 0.995 < sharp
+    assert primitives <= count(PLATE).primitives
+
+
+def test_the_same_seeds_find_the_same():
+    a, b = (searched(*few_samples(seed=4)) for _ in range(2))
+    assert a.sequence[0].term == b.sequence[0].term
+    assert a.objective == b.objective
+    assert len(a.sequence) == len(b.sequence)
+
+
+def plain_plate(families):
+    """The plate alone, as a sequence: wrong about all tabs and holes."""
+    best = max(families.best(families.cells.gain, 1), key=lambda f: f[0])[1]
+    assert best.source[0] == "box"
+    return found_of((Step("union", best, families.mask(best)),), families, Price(0.0))
+
+
+@pytest.mark.parametrize("looks", [1, 3, 6])
+def test_counterexamples_are_counted_once(looks):
+    """However often it is looked, the error of a wrong sequence stays near the truth, where plain adding would multiply it."""
+    estimates, truths = [], []
+    for seed in range(6):
+        families, sharpener = few_samples(seed=seed, samples=6000)
+        found = plain_plate(families)
+        for _ in range(looks):
+            families = sharpener.sharpened([found]) or families
+        sequence = seen_by(found.sequence, families)
+        estimates.append(error(sequence, families))
+        plate = to_manifold(to_program(sequence, families))
+        truth = to_manifold(PLATE)
+        truths.append((plate - truth).volume() + (truth - plate).volume())
+    assert np.mean(estimates) == pytest.approx(np.mean(truths), rel=0.15)
+
+
+def test_a_right_sequence_has_no_counterexamples():
+    whole = box(40, 24, 2)
+    families, sharpener = few_samples(whole)
+    assert sharpener.sharpened([plain_plate(families)]) is None
+
+
+def test_every_known_cell_stays_and_what_is_right_and_new_is_left_out():
+    families, sharpener = few_samples()
+    found = plain_plate(families)
+    sharper = sharpener.sharpened([found])
+    assert sharper is not None
+    _, place = pooled(sharper.cells, families.cells, (1.0, 1.0))
+    old = place[len(sharper.cells.points) :]
+    assert set(old) <= set(place[: len(sharper.cells.points)])
+    new = ~np.isin(place[: len(sharper.cells.points)], old)
+    filled = run(seen_by(found.sequence, sharper), len(sharper.cells.points))
+    wrong = np.where(filled, sharper.cells.w_out, sharper.cells.w_in) > 0
+    assert new.any()
+    assert wrong[new].all()
+    assert len(sharpener.every.cells.points) > len(sharper.cells.points)
+
+
+def test_pooled_cells_keep_their_codes_and_sum_their_volumes():
+    program = common(cylinder(5, 30), box(20, 20, 8))
+    arrangement = arrangement_of(program)
+    a, b = cells_of(arrangement, program, 500), cells_of(arrangement, program, 900)
+    both, place = pooled(a, b, (0.25, 0.75))
+    assert both.volume == pytest.approx(0.25 * a.volume + 0.75 * b.volume)
+    assert np.array_equal(both.slabs[place], np.concatenate([a.slabs, b.slabs]))
+    assert np.array_equal(both.inside[place], np.concatenate([a.inside, b.inside]))
