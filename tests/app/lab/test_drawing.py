@@ -23,11 +23,14 @@ FRAME = Frame.of(TARGET)
 
 
 def test_of_a_mesh_fewer_points_are_shown_than_of_a_cloud():
-    assert len(drawing.cloud(TARGET, FRAME)) <= drawing.SHOWN_OF_MESH
+    assert len(drawing.cloud(TARGET, FRAME)) == drawing.SHOWN_OF_MESH
     scanned = example("Bracket, scanned")
     assert len(drawing.cloud(scanned, Frame.of(scanned))) == len(scanned.points)
     many = replace(scanned, points=np.repeat(scanned.points, 13, axis=0))
-    assert drawing.SHOWN_POINTS // 2 < len(drawing.cloud(many, FRAME)) <= drawing.SHOWN_POINTS
+    thinned = drawing.cloud(many, Frame.of(scanned))
+    assert len(thinned) == drawing.SHOWN_POINTS
+    everywhere = drawing.cloud(scanned, Frame.of(scanned))
+    assert np.ptp(thinned, axis=0) == pytest.approx(np.ptp(everywhere, axis=0), rel=0.02)
 
 
 def test_the_view_shows_each_primitive_by_what_it_does():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -23,7 +22,8 @@ from imdim.program.tree import Program, fold, leaves, map_leaves
 
 SPAN = 4.0  # the diagonal of the target in the view
 FINE, COARSE, MANY = 96, 48, 60  # facets per circle, fewer for programs of many primitives
-SHOWN_POINTS, SHOWN_OF_MESH = 100_000, 8_000  # of a mesh the points are samples, and fewer of them say as much
+SHOWN_POINTS = 30_000  # of a cloud: a browser without a graphics card draws so many several times a second, and more fill no more pixels
+SHOWN_OF_MESH = 8_000  # its points are samples, and fewer of them say as much
 MAP_POINTS = 20_000
 SMALLEST_RANGE = 1e-3  # of the diagonal: a perfect result is not to look patchy
 SKIN = 1e-6  # by which cutters are drawn larger: caps that lie in the face they cut through would leave a film there
@@ -143,9 +143,10 @@ def _place(ref: Ref, pose: Pose) -> np.ndarray:
 
 
 def cloud(target: Target, frame: Frame) -> np.ndarray:
-    """The target's points [n, 3] as they are drawn."""
-    step = math.ceil(len(target.points) / (SHOWN_POINTS if target.mesh is None else SHOWN_OF_MESH))
-    return place(frame, target.points[::step])
+    """The target's points [n, 3] as they are drawn, evenly thinned."""
+    count = len(target.points)
+    most = min(count, SHOWN_POINTS if target.mesh is None else SHOWN_OF_MESH)
+    return place(frame, target.points[np.linspace(0, count - 1, most).astype(int)])
 
 
 def distance_map(target: Target, surface: trimesh.Trimesh, frame: Frame) -> tuple[np.ndarray, np.ndarray, float]:

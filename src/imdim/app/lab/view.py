@@ -12,7 +12,7 @@ import viser
 from imdim.app.lab.drawing import POINT_COLOUR, Overlay, Piece, Scene
 
 CLOUD_COLOUR = (110, 118, 130)
-CLOUD_SIZES = (0.022, 0.01)  # alone, and with a solid
+CLOUD_SIZES, CLOUD_OF = (0.022, 0.01), 8_000  # of a point, alone and with a solid, where there are so many; more points are smaller
 LAYERS: Mapping[str, bool] = {"Solid": True, "Cutters": True, "Points": True, "Distance map": False, "Constraints": False}
 SEEN_THROUGH = 0.3  # opacity of the solid where constraints are shown, most of which lie inside it
 TURN_DEG, TURN_S = 1.0, 0.05
@@ -37,6 +37,7 @@ class View:
         self._meshes: dict[str, tuple[Piece, viser.MeshHandle]] = {}
         self._others: dict[str, viser.SceneNodeHandle] = {}
         self._cloud: viser.PointCloudHandle | None = None
+        self._finer = 1.0
         self._turning = threading.Event()
         self._over: Overlay | None = None
         self._named: tuple[bytes, str] | None = None
@@ -64,7 +65,7 @@ class View:
         pieces = {} if scene is None else {f"/solid/{p.leaf}": p for p in scene.pieces} | {f"/cutters/{p.leaf}": p for p in scene.ghosts}
         with self._client.atomic():
             if self._cloud is not None:
-                self._cloud.point_size = CLOUD_SIZES[bool(pieces)]
+                self._cloud.point_size = self._finer * CLOUD_SIZES[bool(pieces)]
             for name in self._meshes.keys() - pieces.keys():
                 self._meshes.pop(name)[1].remove()
             for name, piece in pieces.items():
@@ -120,8 +121,10 @@ class View:
             )
 
     def draw_cloud(self, points: np.ndarray) -> None:
-        """The target's points [n, 3]."""
-        self._others["/cloud/points"] = self._cloud = self._points("/cloud/points", points, CLOUD_COLOUR, CLOUD_SIZES[0], "circle")
+        """The target's points [n, 3], which cover the same share of the part however many they are."""
+        self._finer = min(1.0, math.sqrt(CLOUD_OF / max(len(points), 1)))
+        size = self._finer * CLOUD_SIZES[0]
+        self._others["/cloud/points"] = self._cloud = self._points("/cloud/points", points, CLOUD_COLOUR, size, "circle")
 
     def draw_map(self, points: np.ndarray, colours: np.ndarray) -> None:
         """The distances at the target's points."""
