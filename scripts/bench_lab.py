@@ -28,7 +28,7 @@ from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
 WAIT_MS = 120_000
-POINTS, NOISE = 100_000, 0.02
+POINTS = 100_000
 SHOWN_S = 5.0  # for which pictures are counted
 # counts what is drawn, and what is drawn of something new: cheaper to ask for than pictures, of which one at the end is proof
 COUNT = """window.lab = { drawn: 0, sent: 0, anew: 0, frames: 0, last: 0 };
@@ -209,7 +209,6 @@ def _rate(page: Page) -> tuple[float, float]:
     side = rng.integers(0, 3, POINTS)
     points = rng.uniform(-1, 1, (POINTS, 3)) * [3.0, 2.0, 1.0]
     points[range(POINTS), side] = np.array([3.0, 2.0, 1.0])[side] * rng.choice([-1.0, 1.0], POINTS)
-    points += rng.normal(0.0, NOISE, points.shape)  # so that no program is exact, which would end the evolution
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "cloud.npy"
         np.save(path, points)
