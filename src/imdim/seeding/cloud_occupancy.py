@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +18,8 @@ from imdim.seeding.cloud_rays import build_grid, parity_votes, presence, sides_o
 @dataclass
 class OccupancyConfig:
     lines: int = 12  # per query
+    enough: int = 6  # lines that all agree on a query; it takes no more then
+    parts: int = 24  # of the queries, each spread over all, between looks at the clock
     pure: tuple[float, float] = (0.92, 0.97)  # a cell of the carriers' arrangement this unanimous begins to, and does, speak for all in it
     outward_lines: int = 6  # per side of a point when patches are oriented
     lift: float = 0.15  # spacings from a point to its probes on either side
@@ -26,38 +29,75 @@ class OccupancyConfig:
     band: float = 2e-4  # of the diagonal: points nearer to a carrier lie on no side of it
 
 
-def inside_probability(patches: list[Patch], points: np.ndarray, queries: np.ndarray, config: OccupancyConfig | None = None) -> np.ndarray:
+def inside_probability(
+    patches: list[Patch],
+    points: np.ndarray,
+    queries: np.ndarray,
+    config: OccupancyConfig | None = None,
+    out_of_time: Callable[[], bool] = bool,
+) -> np.ndarray:
     """Probability [m] that each of `queries` [m, 3] lies inside the solid that the cloud `points` [n, 3] samples.
 
     Lines through the query are cut with the carriers where the patches' points support a crossing; both halves of a line
     must agree, and the lines vote. Queries on the same side of every carrier share their votes where these are nearly
     unanimous; where they are not, a face between them has no carrier. Points of no patch are ignored.
+
+    Once `out_of_time` (by default never) queries without votes follow those on the same sides, or the nearest; some vote always.
     """
     config = config or OccupancyConfig()
     queries = np.ascontiguousarray(queries, dtype=float)
-    if not patches:
+    if not patches or not len(queries):
         return np.zeros(len(queries))
     scene = _Scene.of(patches, np.asarray(points, float), config)
-    votes = scene.votes(queries, config.lines)
-    single = _probability(votes, config.lines)
+    votes = _asked(scene, queries, config, out_of_time)
+    single = _probability(votes)
     mean = _pooled(scene, queries, single, votes[:, 1])
     follow = np.interp(np.maximum(mean, 1 - mean), config.pure, (0.0, 1.0))
-    return single + follow * (mean - single)
+    found = single + follow * (mean - single)
+    known = votes[:, 3] > 0
+    if not known.all():
+        found[~known] = _followed(scene, queries, found, known)
+    return found
 
 
-def _probability(votes: np.ndarray, lines: int) -> np.ndarray:
+def _asked(scene: _Scene, queries: np.ndarray, config: OccupancyConfig, out_of_time: Callable[[], bool]) -> np.ndarray:
+    """Votes [m, 4] of the queries, part by part while there is time; nought for those that were not asked."""
+    votes = np.zeros((len(queries), 4))
+    for first in range(min(config.parts, len(queries))):
+        if first and out_of_time():
+            break
+        asked = np.arange(first, len(queries), config.parts)
+        votes[asked] = scene.votes(queries[asked], asked, config.lines, config.enough)
+    return votes
+
+
+def _followed(scene: _Scene, queries: np.ndarray, found: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """For each query that was not asked the probability of the nearest that was, among those of the same cell if there are any."""
+    cell = _cells(scene, queries)
+    total, sums = np.bincount(cell[known], minlength=cell.max() + 1), np.bincount(cell[known], found[known], minlength=cell.max() + 1)
+    asked = total[cell[~known]] > 0
+    nearest = np.asarray(KDTree(queries[known]).query(queries[~known][~asked])[1])
+    out = (sums / np.maximum(total, 1))[cell[~known]]
+    out[~asked] = found[known][nearest]
+    return out
+
+
+def _probability(votes: np.ndarray) -> np.ndarray:
     agreed = votes[:, 1]
     sure = (votes[:, 0] + 0.25) / (agreed + 0.5)
-    loose = votes[:, 2] / (2 * lines)
+    loose = votes[:, 2] / np.maximum(2 * votes[:, 3], 1)
     return np.where(agreed > 0, sure, loose)
+
+
+def _cells(scene: _Scene, queries: np.ndarray) -> np.ndarray:
+    """Numbers [m] that are equal where queries are on the same side of every carrier."""
+    sides = np.packbits(sides_of(queries, scene.cloud[0], scene.cloud[1], 0.0) > 0, axis=1)
+    return np.unique(sides, axis=0, return_inverse=True)[1].ravel()
 
 
 def _pooled(scene: _Scene, queries: np.ndarray, single: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """Mean over the queries with the same sides of all carriers, weighted by the lines that agreed."""
-    kinds, rows = scene.cloud[0], scene.cloud[1]
-    sides = np.packbits(sides_of(queries, kinds, rows, 0.0) > 0, axis=1)
-    _, cell = np.unique(sides, axis=0, return_inverse=True)
-    cell = cell.ravel()
+    cell = _cells(scene, queries)
     total = np.bincount(cell, weight + 1e-6)
     return (np.bincount(cell, (weight + 1e-6) * single) / total)[cell]
 
@@ -74,7 +114,8 @@ def orient(patches: list[Patch], points: np.ndarray, config: OccupancyConfig | N
     normals = np.vstack([surface_normals(p.surface, p.points) for p in patches])
     step = config.lift * scene.spacing * normals
     owned = scene.cloud[2]
-    below, above = (_probability(scene.votes(owned + s, config.outward_lines), config.outward_lines) for s in (-step, step))
+    numbers = np.arange(len(owned))
+    below, above = (_probability(scene.votes(owned + s, numbers, config.outward_lines, config.outward_lines)) for s in (-step, step))
     ends = np.cumsum([len(p.points) for p in patches])
     out: list[Patch] = []
     for patch, lean in zip(patches, np.split(below - above, ends[:-1]), strict=True):
@@ -127,8 +168,8 @@ class _Scene:
             (kinds, rows, owned, owner, side), (starts, order, low, cell, shape, marks), boxes, reach, config.merge * spacing, spacing
         )
 
-    def votes(self, queries: np.ndarray, lines: int) -> np.ndarray:
-        return parity_votes(queries, _directions(), lines, self.boxes, self.cloud, self.grid, self.reach, self.merge)
+    def votes(self, queries: np.ndarray, numbers: np.ndarray, lines: int, enough: int) -> np.ndarray:
+        return parity_votes(queries, numbers, _directions(), lines, enough, self.boxes, self.cloud, self.grid, self.reach, self.merge)
 
 
 def _directions(count: int = 61) -> np.ndarray:

@@ -192,21 +192,23 @@ def supported(x, carrier, cloud, grid, reach, merge, scratch):  # pragma: no cov
 
 
 @njit(cache=True)
-def parity_votes(queries, directions, lines, boxes, cloud, grid, reach, merge):  # pragma: no cover - compiled
-    """Per query the lines whose two halves both cross oddly, those that agree at all, and half lines that cross oddly: [m, 3].
+def parity_votes(queries, numbers, directions, lines, enough, boxes, cloud, grid, reach, merge):  # pragma: no cover - compiled
+    """Per query the lines whose two halves both cross oddly, those that agree at all, half lines that cross oddly, lines taken: [m, 4].
 
-    Each query takes `lines` of the `directions` in turn. A line that crosses a closed surface an odd number of times in all
-    has met a gap or a stray piece, and does not vote.
+    Each query takes `lines` of the `directions` in turn, from a place that its number [m] says, or fewer if `enough` have agreed and
+    none has not. A line that crosses a closed surface an odd number of times in all has met a gap or a stray piece, and does not vote.
     """
     kinds, rows = cloud[0], cloud[1]
     low, high = boxes
-    out = np.zeros((len(queries), 3))
+    out = np.zeros((len(queries), 4))
     roots, x = np.empty(4), np.empty(3)
     scratch = (np.empty(256, np.int64), np.empty(len(kinds)), np.empty(len(kinds), np.int64), np.empty(len(kinds), np.int64))
     for q in range(len(queries)):
         o = queries[q]
         for line in range(lines):
-            d = directions[(q * 7 + line) % len(directions)]
+            if line >= enough and out[q, 1] == line and (out[q, 0] == 0 or out[q, 0] == line):
+                break
+            d = directions[(numbers[q] * 7 + line) % len(directions)]
             ahead, behind = 0, 0
             for c in range(len(kinds)):
                 n = crossings(kinds[c], rows[c], o, d, roots)
@@ -221,6 +223,7 @@ def parity_votes(queries, directions, lines, boxes, cloud, grid, reach, merge): 
                         else:
                             behind += 1
             out[q, 2] += ahead % 2 + behind % 2
+            out[q, 3] += 1
             if (ahead + behind) % 2 == 0:
                 out[q, 1] += 1
                 out[q, 0] += ahead % 2
