@@ -4,246 +4,199 @@
 
 What a policy is worth on clouds: `--condition noise=1%` once with `--set checkpoint=none` and once without.
 
-Each part runs in its own process, with its wall clock and peak memory measured by the system. A part that fails, in whatever
-way, is a row with IoU 0. `human.json` or `inversecsg.json` in the folder give reference counts (and IoUs).
+Each part is a job of the engine that `imdim batch` has: a process of its own that samples, fits and scores, with the fit's wall clock and
+peak memory measured by the system. A part that fails, in whatever way, is a row with IoU 0. The same command continues a benchmark that
+was stopped; parts whose file has changed are done again, other settings, another scorer and other code are refused. `human.json` or
+`inversecsg.json` in the folder give reference counts (and IoUs). Exit status 2: nothing could be done, 130: stopped.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
+import hashlib
 import json
-import math
-import os
-import statistics
-import subprocess
+import signal
 import sys
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
-import numpy as np
-
-from imdim.app.batch.process import Limits, last_line, run
-from imdim.evaluate import evaluate_file
-from imdim.geometry.cloud import load_target
+import imdim
+from benchmark_part import ROW, SCORING_S, Row, Task
+from benchmark_table import FAILED, contact_sheet, line, write_tables
+from imdim.app.batch import folder
+from imdim.app.batch.engine import run_jobs
+from imdim.app.batch.folder import PARTS, Outcome, Part
+from imdim.app.batch.local import Job
+from imdim.app.batch.process import Ended, Limits
+from imdim.app.batch.run import BAD_INPUT, COMMAND, GRACE_S, INTERRUPTED, MEMORY_MIB, decisive, limits_of, options, settings_of
+from imdim.config import ConfigError, Settings
 from imdim.geometry.readers import FORMATS
-from imdim.geometry.scan import parse_condition, scan
+from imdim.geometry.scan import parse_condition
 
-GRACE_S = 60.0  # for start-up and delivery, beyond the budget, before a part is ended by force
-COMMAND = [sys.executable, "-m", "imdim.app.cli", "fit"]
+JOB = (sys.executable, str(Path(__file__).with_name("benchmark_part.py")))
+CODE = (  # rows of two versions make no table
+    (Path(imdim.__file__).parent, "**/*.py"),
+    (Path(__file__).parents[1] / "models", "*.safetensors"),
+    (Path(__file__).parent, "benchmark_part.py"),
+)
 REFERENCES = ("human.json", "inversecsg.json")
+TABLES = ("table.md", "table.csv", "sheet.png")
+BESIDE_S, BESIDE_MIB = SCORING_S + 120.0, 2048.0  # for sampling and scoring, beyond what the fit may take
 
 
-@dataclass
-class Row:
-    """One part; `hausdorff` is relative to the target's diagonal, `seconds` is the wall clock of the whole command."""
-
-    part: str
-    iou: float = 0.0
-    hausdorff: float = float("inf")
-    primitives: int | None = None
-    reference: int | None = None
-    reference_iou: float | None = None
-    seconds: float = 0.0
-    search_s: float | None = None
-    peak_mib: float = 0.0
-    stop: str = ""
-
-
-def main() -> None:
-    args = _arguments()
-    parts = find_parts(args.folder, _names(args.only), _names(args.skip))
-    reference = read_reference(args.folder)
-    args.out.mkdir(parents=True, exist_ok=True)
-    with ThreadPoolExecutor(args.jobs) as pool:
-        rows = []
-        for row in pool.map(lambda part: run_part(part, args, reference.get(part.stem, {})), parts):
-            rows.append(row)
-            print(line(row), flush=True)
-    title = ", ".join(
-        [f"{args.folder.name}, {args.condition}, budget {args.budget:g} s, seed {args.seed}, {args.jobs} at a time", *args.settings]
-    )
-    text = f"# {title}\n\n{markdown(rows)}\n\n" + "\n".join(f"- {s}" for s in summary(rows, args.budget)) + "\n"
-    (args.out / "table.md").write_text(text)
-    write_csv(rows, args.out / "table.csv")
-    print("\n" + text)
-    if args.sheet:
-        contact_sheet([args.out / part.stem / "preview.png" for part in parts], args.out / "sheet.png")
-    print(f"table: {args.out / 'table.md'}")
+def main(argv: Sequence[str], command: Sequence[str] = COMMAND) -> int:
+    """Run or continue a benchmark; the exit status. `command` is what fits one part."""
+    args = _parser().parse_intermixed_args(argv)
+    args.settings += args.given
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        _run(args, command)
+    except (ValueError, OSError) as error:
+        sys.stderr.write(f"benchmark: {error}\n")
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        sys.stderr.write("benchmark: stopped; the same command continues\n")
+        return INTERRUPTED
+    return 0
 
 
-def _arguments() -> argparse.Namespace:
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--condition", default="mesh", help="mesh, cloud, cloud+normals, noise=0.5%%, outliers=2%%, views=1, joined by +")
-    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=1, help="parts at a time")
+    parser.add_argument("--address", default="", help="of a Ray cluster whose machines see this checkout under the same path")
     parser.add_argument("--budget", type=float, default=60.0, metavar="SECONDS")
+    parser.add_argument("--limit", type=float, metavar="SECONDS", help=f"wall clock before a fit is ended (default: budget + {GRACE_S:g})")
+    parser.add_argument("--memory", type=float, default=MEMORY_MIB, metavar="MIB", help="before a fit is ended (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", default="", help="parts by name, joined by commas")
     parser.add_argument("--skip", default="", help="parts to leave out, joined by commas")
+    parser.add_argument("--again", action="store_true", help="try parts again that failed in an earlier run")
     parser.add_argument("--scorer", type=Path, help="an independent scorer: `python SCORER TARGET PREDICTION` prints one JSON line")
     parser.add_argument("--out", type=Path, default=Path("out/bench"))
     parser.add_argument("--sheet", action="store_true", help="write sheet.png, all previews in one picture")
     parser.add_argument("--set", action="append", default=[], dest="given", metavar="key=value", help="a setting of the run, any number")
     parser.add_argument("settings", nargs="*", metavar="key=value", help="the same")
-    args = parser.parse_intermixed_args()
-    args.settings += args.given
-    return args
+    return parser
+
+
+def _run(args: argparse.Namespace, command: Sequence[str]) -> None:
+    parse_condition(args.condition)
+    settings = settings_of(args)
+    limits, out = limits_of(args, settings), args.out.absolute()
+    parts = find_parts(args.folder, _names(args.only), _names(args.skip))
+    scorer = "" if args.scorer is None else str(args.scorer.absolute())
+    task = Task(args.condition, scorer, tuple(command), limits.seconds, limits.mib)
+    whole = Limits(limits.seconds + BESIDE_S, limits.mib + BESIDE_MIB)
+    with folder.opened(out, _noted(args, task, settings)):
+        rows = _kept(out, parts, args.again)
+        jobs = (_job(part, out, task, whole, settings) for part in parts if part.name not in rows)
+        with closing(run_jobs(jobs, args.jobs, args.address or None)) as ended:
+            text = _record(args, parts, rows, ended)
+        print("\n" + text)
+        if args.sheet:
+            contact_sheet([out / part.name / "preview.png" for part in parts], out / "sheet.png")
+    print(f"table: {args.out / 'table.md'}")
 
 
 def _names(text: str) -> set[str]:
     return set(filter(None, text.split(",")))
 
 
-def find_parts(folder: Path, only: set[str], skip: set[str]) -> list[Path]:
-    """Model files of `folder` by name, those that `only` names (if any) but for those that `skip` names; exits with one line for none."""
-    every = sorted(p for p in folder.glob("*") if p.suffix.lower() in FORMATS)
-    missing = (only | skip) - {p.stem for p in every}
-    if missing or not every:
-        sys.exit(f"{folder}: no part named {', '.join(sorted(missing))}" if missing else f"{folder}: 0 model files")
-    return [p for p in every if (not only or p.stem in only) and p.stem not in skip]
+def find_parts(source: Path, only: set[str], skip: set[str]) -> list[Part]:
+    """Model files of a folder by name, those that `only` names (if any) but for those that `skip` names. Raises ConfigError for none."""
+    every = folder.find_parts(source, tuple(FORMATS))
+    if missing := (only | skip) - {p.name for p in every}:
+        raise ConfigError(f"{source}: no part named {', '.join(sorted(missing))}")
+    chosen = [p for p in every if (not only or p.name in only) and p.name not in skip]
+    if reserved := [p.source.name for p in chosen if p.name in (folder.NOTE, *TABLES)]:
+        raise ConfigError(f"{source}: {reserved[0]} has the name of a table, rename it")
+    if not chosen:
+        raise ConfigError(f"{source}: no part is left")
+    return chosen
 
 
-def read_reference(folder: Path) -> dict[str, dict]:
+def read_reference(source: Path) -> dict[str, dict]:
     """Per part name: `primitives`, and `iou` where the reference has one."""
-    found = [json.loads((folder / name).read_text()) for name in REFERENCES if (folder / name).is_file()]
+    found = [json.loads((source / name).read_text()) for name in REFERENCES if (source / name).is_file()]
     return {part: entry for table in found for part, entry in table.items()}
 
 
-def run_part(part: Path, args: argparse.Namespace, reference: dict) -> Row:
-    """Sample, fit, score one part; never raises for what the part does."""
-    row = Row(part.stem, reference=reference.get("primitives"), reference_iou=reference.get("iou"))
-    folder = args.out / part.stem
-    source = sample(part, args.condition, folder.with_suffix(".npy"))
-    command = [*COMMAND, str(source), "-o", str(folder), "--budget", str(args.budget), "--seed", str(args.seed), *args.settings]
-    status, error, row.seconds, row.peak_mib = measured(command, args.budget + GRACE_S, folder.with_suffix(".log"))
-    if status != 0:
-        row.stop = f"FAILED, exit {status}: {error}"
-        return row
-    report = json.loads((folder / "report.json").read_text())
-    row.stop, row.search_s = report["stop"], sum(report["timing"]["stages_s"].values())
+def _noted(args: argparse.Namespace, task: Task, settings: Settings) -> dict[str, Any]:
+    """What decides the rows, seconds among them."""
+    seen = {"condition": args.condition, "jobs": args.jobs, "address": args.address, "limit_s": task.limit_s, "memory_mib": task.mib}
+    code = [path for place, pattern in CODE for path in sorted(place.glob(pattern))]
+    return seen | {"scorer": _digest([Path(task.scorer)]) if task.scorer else "", "code": _digest(code)} | decisive(settings)
+
+
+def _digest(files: Sequence[Path]) -> str:
     try:
-        row.iou, row.hausdorff, row.primitives = score(part, folder / "program.scad", args.scorer)
-    except (ValueError, KeyError, subprocess.CalledProcessError) as problem:
-        row.stop = f"FAILED, not scored: {problem}"
-    return row
+        return hashlib.sha256(b"".join(hashlib.sha256(path.read_bytes()).digest() for path in files)).hexdigest()[:12]
+    except OSError as error:
+        raise ConfigError(f"{error.filename}: {error.strerror}") from error
 
 
-def sample(part: Path, condition: str, out: Path) -> Path:
-    """The part itself, or a cloud of it written to `out`."""
-    wanted = parse_condition(condition)
-    if wanted is None:
-        return part
-    mesh = load_target(part).mesh
-    if mesh is None:
-        raise SystemExit(f"{part}: a cloud cannot be sampled, give --condition mesh")
-    points, normals = scan(mesh, wanted, np.random.default_rng(0))
-    np.save(out, points if normals is None else np.hstack([points, normals]))
-    return out
+def _job(part: Part, out: Path, task: Task, limits: Limits, settings: Settings) -> Job:
+    return Job(part, folder.staging(out, part), (*JOB, json.dumps(asdict(task))), options(decisive(settings)), limits)
 
 
-def measured(command: list[str], limit_s: float, log: Path) -> tuple[int, str, float, float]:
-    """Run to the end or to `limit_s`: exit status (negative: a signal), last line of its output, seconds, peak MiB."""
-    ended = run(command, Limits(limit_s), log)
-    return ended.status, last_line(log), ended.seconds, ended.peak_mib
+def _kept(out: Path, parts: Sequence[Part], again: bool) -> dict[str, Row]:
+    """The rows of an earlier run, by part; with `again` not those of failures."""
+    outcomes = folder.finished(out, parts, again)
+    found = {name: _failure(outcome) if outcome.failure else _read(out / name / ROW) for name, outcome in outcomes.items()}
+    return {name: row for name, row in found.items() if row and not (again and row.stop.startswith(FAILED))}
 
 
-def score(part: Path, prediction: Path, scorer: Path | None) -> tuple[float, float, int]:
-    """IoU, Hausdorff distance relative to the target's diagonal, and primitives of a delivered program."""
-    if scorer is not None:
-        done = subprocess.run([sys.executable, str(scorer), str(part), str(prediction)], capture_output=True, text=True, check=True)
-        found = json.loads(done.stdout.strip().splitlines()[-1])
-        return found["iou"], found.get("hausdorff", float("inf")) / 1000, found["leaves"]
-    scores = evaluate_file(prediction, load_target(part))
-    if scores.volume_iou is None or scores.primitives is None:
-        raise ValueError(scores.iou_missing)
-    return scores.volume_iou, max(scores.relative(d).max for d in (scores.to_result, scores.to_target)), scores.primitives
+def _record(args: argparse.Namespace, parts: Sequence[Part], rows: dict[str, Row], ended: Iterator[tuple[Job, Ended]]) -> str:
+    """Put each part that ends in its place, print its row and rewrite the tables; the text of the last."""
+    out, reference = args.out.absolute(), read_reference(args.folder)
+    settings = [f"{args.jobs} at a time", *args.settings]
+    title = ", ".join([f"{args.folder.name}, {args.condition}, budget {args.budget:g} s, seed {args.seed}", *settings])
+    if rows:
+        sys.stderr.write(f"benchmark: {len(rows)} of {len(parts)} parts are done already\n")
+
+    def tables() -> str:
+        done = [_referred(rows[part.name], reference) for part in parts if part.name in rows]
+        missing = "" if len(done) == len(parts) else f", {len(done)} of {len(parts)} parts"
+        return write_tables(done, title + missing, args.budget, out)
+
+    for job, how in ended:
+        outcome, row = _judged(job, how)
+        folder.commit(out, job.staging, outcome)
+        rows[row.part] = row
+        print(line(_referred(row, reference)), flush=True)
+        tables()
+    return tables()
 
 
-def line(row: Row) -> str:
-    against = "" if row.reference is None else f" (reference {row.reference})"
-    return (
-        f"{row.part:<28} IoU {row.iou:.4f}  {row.primitives} primitives{against}  {row.seconds:.1f} s  {row.peak_mib:.0f} MiB  {row.stop}"
-    )
+def _judged(job: Job, how: Ended) -> tuple[Outcome, Row]:
+    """The record of a job and its row: what it has measured, or its own failure."""
+    outcome = Outcome(job.part.name, job.part.source.name, job.part.digest, how.why, seconds=how.seconds, peak_mib=how.peak_mib)
+    row = None if how.why else _read(job.staging / PARTS / outcome.part / ROW)
+    if row is None:
+        outcome = replace(outcome, failure=how.why or f"no readable {ROW}")
+    return outcome, row or _failure(outcome)
 
 
-def markdown(rows: list[Row]) -> str:
-    """The table, one row per part."""
-    head = "| part | IoU | Hausdorff / diagonal | primitives | reference | reference IoU | seconds | peak MiB | stop |"
-    body = [
-        f"| {r.part} | {r.iou:.4f} | {r.hausdorff:.4f} | {_or(r.primitives)} | {_or(r.reference)} | {_or(r.reference_iou)} "
-        f"| {r.seconds:.1f} | {r.peak_mib:.0f} | {r.stop} |"
-        for r in rows
-    ]
-    return "\n".join([head, "| --- " * 9 + "|", *body])
+def _failure(outcome: Outcome) -> Row:
+    return Row(outcome.part, seconds=outcome.seconds, peak_mib=outcome.peak_mib, stop=f"{FAILED}, {outcome.failure}")
 
 
-def summary(rows: list[Row], budget: float) -> list[str]:
-    """Shares over every part, failures counted as misses."""
-    count = len(rows)
-    known = [r for r in rows if r.reference is not None]
-    short = [r for r in known if _primitives(r) <= (r.reference or 0)]
-    lines = [f"{count} parts, {sum(r.stop.startswith('FAILED') for r in rows)} failed"]
-    lines += [f"IoU >= {bar}: {_share(sum(r.iou >= bar for r in rows), count)}" for bar in (0.99, 0.98, 0.97)]
-    lines.append(f"mean IoU {statistics.fmean(r.iou for r in rows):.4f}")
-    if known:
-        lines.append(f"no more primitives than the reference: {_share(len(short), len(known))}")
-        lines.append(f"IoU >= 0.99 and no more primitives than the reference: {_share(sum(r.iou >= 0.99 for r in short), len(known))}")
-    for most in (math.inf, 30):
-        rivals = [r for r in known if r.reference_iou and (r.reference or 0) <= most]
-        better = sum(r.iou >= (r.reference_iou or 0) and _primitives(r) < (r.reference or 0) for r in rivals)
-        if rivals:
-            among = "" if most == math.inf else f", among those of at most {most} reference primitives"
-            lines.append(f"IoU at least the reference's and fewer primitives{among}: {_share(better, len(rivals))}")
-    times = [r.seconds for r in rows]
-    lines.append(
-        f"seconds: median {statistics.median(times):.1f}, longest {max(times):.1f}; over the budget: {sum(t > budget for t in times)}"
-    )
-    lines.append(f"peak memory: {max(r.peak_mib for r in rows):.0f} MiB")
-    return lines
+def _read(path: Path) -> Row | None:
+    try:
+        return Row(**json.loads(path.read_text()))
+    except (OSError, ValueError, TypeError):
+        return None
 
 
-def _primitives(row: Row) -> float:
-    return math.inf if row.primitives is None else row.primitives
-
-
-def _share(hits: int, count: int) -> str:
-    return f"{hits} of {count} ({100 * hits / count:.0f} %)"
-
-
-def _or(value: float | int | None) -> str:
-    return "" if value is None else str(value)
-
-
-def write_csv(rows: list[Row], path: Path) -> None:
-    with path.open("w", newline="") as out:
-        writer = csv.DictWriter(out, [f.name for f in fields(Row)])
-        writer.writeheader()
-        writer.writerows(asdict(row) for row in rows)
-
-
-def contact_sheet(pictures: list[Path], out: Path, width: int = 480, columns: int = 3) -> None:
-    """All pictures that exist, scaled to `width`, row by row, each under its part's name."""
-    from PIL import Image, ImageDraw
-
-    tiles = []
-    for path in filter(Path.is_file, pictures):
-        with Image.open(path) as picture:
-            tiles.append((path.parent.name, picture.convert("RGB").resize((width, round(width * picture.height / picture.width)))))
-    if not tiles:
-        return
-    height = max(tile.height for _, tile in tiles) + 16
-    sheet = Image.new("RGB", (width * columns, height * -(-len(tiles) // columns)), "white")
-    for i, (name, tile) in enumerate(tiles):
-        corner = (i % columns * width, i // columns * height)
-        ImageDraw.Draw(sheet).text((corner[0] + 4, corner[1] + 2), name, fill="black")
-        sheet.paste(tile, (corner[0], corner[1] + 16))
-    sheet.save(out)
+def _referred(row: Row, reference: Mapping[str, Any]) -> Row:
+    entry = reference.get(row.part, {})
+    return replace(row, reference=entry.get("primitives"), reference_iou=entry.get("iou"))
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except KeyboardInterrupt:
-        os._exit(130)  # the threads wait for their parts, which end with this process
+    sys.exit(main(sys.argv[1:]))

@@ -20,18 +20,18 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import NoReturn
 
-from benchmark import COMMAND, GRACE_S, find_parts, read_reference, sample
+from benchmark import find_parts, read_reference
+from benchmark_part import sample, score
 from compare_peers import PEERS, missing
 from compare_table import Row, text, write_csv
 from imdim.app.batch.process import Limits, run
-from imdim.evaluate import evaluate_file
-from imdim.geometry.cloud import load_target
+from imdim.app.batch.run import COMMAND, GRACE_S
+from imdim.config import ConfigError
 from imdim.geometry.scan import parse_condition
 
 OWN: dict[str, list[str]] = {"stump-net": ["method=stump-net"], "imdim": []}
 ABLATIONS = {"policy": "checkpoint=none", "evolution": "evolution=false", "synthesis": "synthesis=false", "solver": "solver=false"}
 PUBLISHED = ("InverseCSG (published)", "inversecsg.json")
-SCORING_S = 300.0  # for the scorer, at most
 ANSWERS = ("program.scad", "solid.off")
 
 
@@ -46,7 +46,11 @@ class Entrant:
 
 def main() -> None:
     args = _arguments()
-    parts = find_parts(args.folder, set(filter(None, args.only.split(","))), set())[:: args.every]
+    try:
+        found = find_parts(args.folder, set(filter(None, args.only.split(","))), set())
+    except ConfigError as error:
+        _refuse(str(error))
+    parts = [part.source for part in found[:: args.every]]
     reference = read_reference(args.folder)
     rows = [row for row in published(args.folder) if row.part in {p.stem for p in parts}]
     for part in parts:
@@ -109,21 +113,6 @@ def compete(entrant: Entrant, part: Path, source: Path, folder: Path, scorer: Pa
     else:
         row.parts = told.get("parts", leaves)
     return row
-
-
-def score(part: Path, answer: Path, scorer: Path | None) -> tuple[float, float, int | None]:
-    """IoU, Hausdorff distance relative to the target's diagonal, and primitives, None for a mesh. Raises ValueError for no solid."""
-    if scorer is None:
-        scores = evaluate_file(answer, load_target(part))
-        if scores.volume_iou is None:
-            raise ValueError(scores.iou_missing)
-        return scores.volume_iou, max(scores.relative(d).max for d in (scores.to_result, scores.to_target)), scores.primitives
-    command = [sys.executable, str(scorer), str(part), str(answer)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=SCORING_S)
-    found = json.loads(done.stdout.strip().splitlines()[-1])
-    if (state := found.get("pred_ok", "NoError")) != "NoError":
-        raise ValueError(f"the scorer takes it for no solid ({state})")
-    return found["iou"], found["hausdorff"] / 1000, found.get("leaves")
 
 
 def published(folder: Path) -> list[Row]:

@@ -1,11 +1,13 @@
-"""The benchmark counts failures, keeps the limit and measures memory; its parts are boxes whose scores are known."""
+"""The benchmark counts failures, keeps its limits, measures memory and continues; its parts are boxes whose scores are known."""
 
 from __future__ import annotations
 
 import csv
-import importlib.util
 import json
+import signal
+import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -15,53 +17,119 @@ import trimesh
 from imdim.geometry.cloud import target_from
 from imdim.geometry.scan import Condition, parse_condition, scan
 
-PATH = Path(__file__).parents[1] / "scripts" / "benchmark.py"
-spec = importlib.util.spec_from_file_location("benchmark", PATH)
-assert spec is not None
-assert spec.loader is not None
-benchmark = importlib.util.module_from_spec(spec)
-sys.modules["benchmark"] = benchmark
-spec.loader.exec_module(benchmark)
+SCRIPTS = Path(__file__).parents[1] / "scripts"
+sys.path.insert(0, str(SCRIPTS))  # the scripts import each other by name
 
-# stands in for `imdim fit`: delivers a unit cube whatever the part is, and fails for the part named "bad"
+import benchmark  # noqa: E402
+from benchmark_part import Row, sample, score  # noqa: E402
+from benchmark_table import summary  # noqa: E402
+
+# stands in for `imdim fit`: delivers a unit cube whatever the part is; what else it does is decided by the part's name
 STAND_IN = """
-import json, pathlib, sys
+import json, os, pathlib, subprocess, sys, time
 source, folder = pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[3])
+note = lambda what: open(LOG, "a").write(f"{what} {source.stem}\\n")
+note("start")
 if source.stem == "bad":
     sys.exit("bad.stl: 0 points")
+if source.stem == "crash":
+    os.abort()
+if source.stem == "hang":
+    time.sleep(600)
+if source.stem == "blowup":
+    hoard = []
+    while True:
+        hoard.append(b"x" * (1 << 24))
+if source.stem == "large":
+    hoard = bytearray(50 * 2**20)
+    subprocess.run([sys.executable, "-c", "x = bytearray(100 * 2**20); import time; time.sleep(0.4)"])
+time.sleep(PAUSE)
 folder.mkdir(parents=True)
-(folder / "program.scad").write_text("$fn = 96;\\ncube([1, 1, 1], center = true);\\n")
+(folder / "settings").write_text(" ".join(sys.argv[4:]))
+if source.stem == "silent":
+    sys.exit(0)
+text = "no program" if source.stem == "nonsense" else "$fn = 96;\\ncube([1, 1, 1], center = true);\\n"
+(folder / "program.scad").write_text(text)
 (folder / "report.json").write_text(json.dumps({"stop": "finished", "timing": {"stages_s": {"a": 1.5, "b": 1.0}}}))
+note("end")
 """
 
 
 @pytest.fixture
-def parts(tmp_path):
-    folder = tmp_path / "parts"
-    folder.mkdir()
-    for name, size in (("bad", 1.0), ("cube", 1.0), ("half", 2.0)):
-        trimesh.creation.box((1.0, 1.0, size)).export(folder / f"{name}.stl")
-    (folder / "human.json").write_text(json.dumps({"cube": {"primitives": 1}, "half": {"primitives": 1}, "bad": {"primitives": 9}}))
-    return folder
+def make(tmp_path):
+    """A folder of boxes, 1 by 1 by their heights, by name."""
+
+    def parts(**heights: float) -> Path:
+        folder = tmp_path / "parts"
+        folder.mkdir(exist_ok=True)
+        for name, height in heights.items():
+            trimesh.creation.box((1.0, 1.0, height)).export(folder / f"{name}.stl")
+        return folder
+
+    return parts
 
 
-def test_a_folder_becomes_a_table(parts, tmp_path, monkeypatch, capsys):
-    (tmp_path / "stand_in.py").write_text(STAND_IN)
-    monkeypatch.setattr(benchmark, "COMMAND", [sys.executable, str(tmp_path / "stand_in.py")])
-    arguments = [str(parts), "--jobs", "2", "--out", str(tmp_path / "out"), "--set", "a=1", "--set", "b=2"]
-    monkeypatch.setattr(sys, "argv", ["benchmark.py", *arguments])
-    benchmark.main()
-    with (tmp_path / "out" / "table.csv").open() as file:
-        rows = {row["part"]: row for row in csv.DictReader(file)}
+@pytest.fixture
+def stand_in(tmp_path):
+    def command(pause: float = 0.0) -> list[str]:
+        path = tmp_path / "stand_in.py"
+        path.write_text(f"LOG, PAUSE = {str(tmp_path / 'log')!r}, {pause}\n{STAND_IN}")
+        return [sys.executable, "-S", str(path)]
+
+    return command
+
+
+@pytest.fixture
+def scorer(tmp_path):
+    path = tmp_path / "score.py"
+    text = "import json, sys\nif 'cube' not in open(sys.argv[2]).read():\n    sys.exit(1)\n"
+    path.write_text(text + 'print(json.dumps({"iou": 0.75, "hausdorff": 20, "leaves": len(sys.argv)}))\n')
+    return path
+
+
+@pytest.fixture(autouse=True)
+def quiet_tree(monkeypatch):
+    """Somebody may edit the package while its tests run."""
+    monkeypatch.setattr(benchmark, "CODE", ())
+
+
+def table(out: Path) -> dict[str, dict[str, str]]:
+    with (out / "table.csv").open() as file:
+        return {row["part"]: row for row in csv.DictReader(file)}
+
+
+def log(tmp_path: Path) -> list[str]:
+    path = tmp_path / "log"
+    return path.read_text().splitlines() if path.exists() else []
+
+
+def wait_for(there) -> None:
+    end = time.monotonic() + 60.0
+    while not there():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def test_a_folder_becomes_a_table(make, tmp_path, stand_in, capsys):
+    parts, out = make(bad=1, cube=1, half=2), tmp_path / "out"
+    (parts / "human.json").write_text(json.dumps({"cube": {"primitives": 1}, "half": {"primitives": 1}, "bad": {"primitives": 9}}))
+    given = ["--jobs", "2", "--out", str(out), "--seed", "3", "--set", "evolution=false", "size_weight=0.01"]
+    assert benchmark.main([str(parts), *given], stand_in()) == 0
+    rows = table(out)
+    assert list(rows) == ["bad", "cube", "half"]
     assert float(rows["cube"]["iou"]) == pytest.approx(1.0)
     assert float(rows["half"]["iou"]) == pytest.approx(0.5)
     assert float(rows["half"]["hausdorff"]) == pytest.approx(0.5 / 6**0.5, rel=1e-3)
     assert float(rows["half"]["search_s"]) == 2.5
+    assert (rows["half"]["primitives"], rows["half"]["reference"]) == ("1", "1")
     assert (rows["bad"]["iou"], rows["bad"]["primitives"]) == ("0.0", "")
     assert rows["bad"]["stop"] == "FAILED, exit 1: bad.stl: 0 points"
+    assert "bad.stl: 0 points" in (out / "bad" / "fit.log").read_text()
+    settings = (out / "half" / "settings").read_text().split()
+    assert {"evolution=false", "size_weight=0.01", "seed=3", "budget_s=60.0", "synthesis=true"} <= set(settings)
     said = capsys.readouterr().out
     for line in (
-        "2 at a time, a=1, b=2",
+        "2 at a time, size_weight=0.01, evolution=false",
         "3 parts, 1 failed",
         "IoU >= 0.99: 1 of 3",
         "mean IoU 0.5",
@@ -69,38 +137,136 @@ def test_a_folder_becomes_a_table(parts, tmp_path, monkeypatch, capsys):
     ):
         assert line in said
     assert "IoU >= 0.99 and no more primitives than the reference: 1 of 3 (33 %)" in said
+    assert (out / "table.md").read_text() in said
 
 
-def test_an_independent_scorer_is_asked(parts, tmp_path):
-    scorer = tmp_path / "score.py"
-    scorer.write_text('import json, sys\nprint(json.dumps({"iou": 0.75, "hausdorff": 20, "leaves": len(sys.argv)}))\n')
-    assert benchmark.score(parts / "cube.stl", tmp_path / "x.scad", scorer) == (0.75, 0.02, 3)
+def test_a_part_is_fitted_and_scored(make, tmp_path):
+    out = tmp_path / "out"
+    assert benchmark.main([str(make(plate=0.2)), "--out", str(out), "--budget", "20", "--set", "checkpoint=none", "--sheet"]) == 0
+    row = table(out)["plate"]
+    assert (row["primitives"], row["stop"]) == ("1", "finished")
+    assert float(row["iou"]) == pytest.approx(1.0, abs=1e-6)
+    assert 0 < float(row["search_s"]) < float(row["seconds"])
+    assert json.loads((out / "plate" / "program.json").read_text())["program"]["kind"] == "box"
+    assert (out / "sheet.png").stat().st_size > 1000
 
 
-def test_a_part_that_does_not_end_is_ended(tmp_path):
-    status, _, seconds, _ = benchmark.measured([sys.executable, "-c", "import time; time.sleep(60)"], 0.5, tmp_path / "log")
-    assert status == -9
-    assert 0.5 <= seconds < 20
+def test_each_stubborn_part_is_its_own_row(make, tmp_path, stand_in, scorer):
+    parts, out = make(**dict.fromkeys(("a", "crash", "hang", "blowup", "large", "silent", "nonsense"), 1.0)), tmp_path / "out"
+    given = ["--jobs", "2", "--limit", "1.5", "--memory", "300", "--scorer", str(scorer), "--out", str(out)]
+    assert benchmark.main([str(parts), *given], stand_in()) == 0
+    rows = table(out)
+    assert {name: row["stop"] for name, row in rows.items() if name not in ("silent", "nonsense")} == {
+        "a": "finished",
+        "crash": "FAILED, ended by signal SIGABRT",
+        "hang": "FAILED, took more than 1.5 s and was ended",
+        "blowup": "FAILED, took more than 300 MiB of memory and was ended",
+        "large": "finished",
+    }
+    assert all(rows[name]["stop"].startswith("FAILED, not scored: ") for name in ("silent", "nonsense"))
+    assert 150 < float(rows["large"]["peak_mib"]) < 230  # of the process and its children
+    assert 1.5 <= float(rows["hang"]["seconds"]) < 20
+    assert not (out / ".running").exists()
 
 
-def test_memory_is_that_of_the_process_and_its_children(tmp_path):
-    inner = "x = bytearray(100 * 2**20); import time; time.sleep(0.4)"
-    outer = f"import subprocess, sys; x = bytearray(50 * 2**20); subprocess.run([sys.executable, '-c', {inner!r}])"
-    status, _, _, peak = benchmark.measured([sys.executable, "-c", outer], 30.0, tmp_path / "log")
-    assert status == 0
-    assert 150 < peak < 230
+def test_a_scorer_that_breaks_the_job_is_a_row_too(make, tmp_path, stand_in, monkeypatch):
+    job = tmp_path / "job.py"
+    job.write_text("import os, sys\nif 'bad' in sys.argv[2]:\n    os.abort()\n")
+    monkeypatch.setattr(benchmark, "JOB", (sys.executable, str(job)))
+    assert benchmark.main([str(make(bad=1, cube=1)), "--out", str(tmp_path / "out")], stand_in()) == 0
+    assert [row["stop"] for row in table(tmp_path / "out").values()] == ["FAILED, ended by signal SIGABRT", "FAILED, no readable row.json"]
 
 
-def test_an_unknown_part_is_one_line(parts):
-    with pytest.raises(SystemExit, match="no part named nothing"):
-        benchmark.find_parts(parts, {"nothing"}, set())
+def test_a_part_is_sampled_by_its_condition_alone(make, tmp_path):
+    part = make(cube=1) / "cube.stl"
+    clouds = [np.load(sample(part, "noise=1%", tmp_path / f"{i}.npy")) for i in range(2)]
+    assert clouds[0].shape == (8192, 3)
+    assert (clouds[0] == clouds[1]).all()
+    assert sample(part, "mesh", tmp_path / "x.npy") == part
+    cloud = tmp_path / "cloud.xyz"
+    np.savetxt(cloud, clouds[0])
+    with pytest.raises(ValueError, match="a cloud cannot be sampled"):
+        sample(cloud, "cloud", tmp_path / "x.npy")
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
+def test_a_benchmark_that_is_stopped_continues(make, tmp_path, stand_in, scorer, how, capsys):
+    arguments = [str(make(p1=1, p2=2, p3=1)), "--out", str(tmp_path / "out"), "--scorer", str(scorer)]
+    code = f"import sys; sys.path.insert(0, {str(SCRIPTS)!r}); import benchmark; benchmark.CODE = ()\n"
+    code += f"sys.exit(benchmark.main({arguments!r}, {stand_in(0.5)!r}))"
+    process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+    wait_for(lambda: (tmp_path / "out" / "p1" / "outcome.json").exists() and "start p2" in log(tmp_path))
+    process.send_signal(how)
+    _, error = process.communicate(timeout=20)
+    if how == signal.SIGTERM:
+        assert (process.returncode, error) == (130, "benchmark: stopped; the same command continues\n")
+    before = log(tmp_path)
+    time.sleep(0.7)
+    assert log(tmp_path) == before  # the fit that ran has ended with the benchmark
+    assert benchmark.main(arguments, stand_in(0.5)) == 0
+    assert "1 of 3 parts are done already" in capsys.readouterr().err
+    assert log(tmp_path)[len(before) :] == ["start p2", "end p2", "start p3", "end p3"]  # nothing lost, nothing done twice
+    assert [row["stop"] for row in table(tmp_path / "out").values()] == ["finished"] * 3
+
+
+def test_what_has_changed_is_done_again_or_refused(make, tmp_path, stand_in, scorer, capsys, monkeypatch):
+    parts = make(a=1, bad=1)
+    arguments = [str(parts), "--scorer", str(scorer), "--out", str(tmp_path / "out")]
+    assert benchmark.main([*arguments, "--only", "a"], stand_in()) == 0
+    assert benchmark.main(arguments, stand_in()) == 0
+    assert benchmark.main([*arguments, "--again"], stand_in()) == 0
+    assert log(tmp_path) == ["start a", "end a", "start bad", "start bad"]
+    make(a=2)
+    assert benchmark.main(arguments, stand_in()) == 0
+    assert log(tmp_path)[4:] == ["start a", "end a"]
+    assert float(table(tmp_path / "out")["a"]["iou"]) == 0.75
+    (tmp_path / "out" / "a" / "row.json").write_text('{"part":')
+    assert benchmark.main(arguments, stand_in()) == 0
+    assert log(tmp_path)[6:] == ["start a", "end a"]
+    capsys.readouterr()
+    monkeypatch.setattr(benchmark, "CODE", ((tmp_path, "*.py"),))
+    assert benchmark.main(arguments, stand_in()) == 2
+    assert "code=" in capsys.readouterr().err
+    monkeypatch.setattr(benchmark, "CODE", ())
+    for wrong, said in ((["--seed", "1"], "seed=0 then, seed=1 now"), (["--condition", "cloud"], "condition=mesh then"), ([], "scorer=")):
+        if not wrong:
+            scorer.write_text("another")
+        assert benchmark.main([*arguments, *wrong], stand_in()) == 2
+        error = capsys.readouterr().err
+        assert said in error
+        assert error.count("\n") == 1
+    assert len(log(tmp_path)) == 8
+
+
+def test_an_independent_scorer_is_asked(tmp_path, scorer):
+    (tmp_path / "x.scad").write_text("cube();")
+    assert score(tmp_path / "cube.stl", tmp_path / "x.scad", scorer) == (0.75, 0.02, 3)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (["--only", "nothing"], "no part named nothing"),
+        (["--skip", "cube"], "no part is left"),
+        (["--condition", "clod"], "clod"),
+        (["--set", "budgets=3"], "did you mean budget_s?"),
+        (["--scorer", "nowhere.py"], "nowhere.py: No such file"),
+        (["--jobs", "0"], "positive"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line(make, tmp_path, stand_in, capsys, given, said):
+    assert benchmark.main([str(make(cube=1)), "--out", str(tmp_path / "out"), *given], stand_in()) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+    assert log(tmp_path) == []
 
 
 def test_reference_rivals_are_those_with_an_iou():
-    better = benchmark.Row("a", iou=0.98, primitives=9, reference=10, reference_iou=0.97)
-    longer = benchmark.Row("b", iou=0.99, primitives=50, reference=50, reference_iou=0.97)
-    failed = benchmark.Row("c", reference=10, reference_iou=0.9, stop="FAILED")
-    lines = benchmark.summary([better, longer, failed], 60.0)
+    better = Row("a", iou=0.98, primitives=9, reference=10, reference_iou=0.97)
+    longer = Row("b", iou=0.99, primitives=50, reference=50, reference_iou=0.97)
+    failed = Row("c", reference=10, reference_iou=0.9, stop="FAILED")
+    lines = summary([better, longer, failed], 60.0)
     assert "IoU at least the reference's and fewer primitives: 1 of 3 (33 %)" in lines
     assert "IoU at least the reference's and fewer primitives, among those of at most 30 reference primitives: 1 of 2 (50 %)" in lines
 

@@ -20,7 +20,7 @@ from typing import Any, get_type_hints
 from imdim.config import ConfigError
 
 PARTS, RUNNING, NOTE, LOCK = "parts", ".running", "batch.json", ".lock"
-BEGUN = (PARTS, LOCK, f".{NOTE}.part")  # what there is before the note
+BEGUN = (LOCK, f".{NOTE}.part")  # what there is before the note
 OUTCOME, LOG = "outcome.json", "fit.log"
 LONGEST_NAME = 120  # bytes; file systems allow 255, and files are written beside with longer names
 FORMAT, VERSION = "imdim-batch", 1
@@ -81,7 +81,7 @@ def opened(out: Path, settings: Mapping[str, Any]) -> Iterator[None]:
     """
     try:
         _check_ours(out)
-        (out / PARTS).mkdir(parents=True, exist_ok=True)
+        out.mkdir(parents=True, exist_ok=True)
         with (out / LOCK).open("w") as lock:
             _hold(lock.fileno(), out)
             _claim(out / NOTE, settings)
@@ -115,9 +115,9 @@ def running(out: Path) -> Iterator[None]:
         shutil.rmtree(out / RUNNING, ignore_errors=True)
 
 
-def finished(out: Path, parts: Sequence[Part], again: bool) -> dict[str, Outcome]:
-    """The outcomes of parts that are done, by name; with `again` failures are not. What is of another content is not either."""
-    found = {part.name: _read(out / PARTS / part.name / OUTCOME) for part in parts}
+def finished(place: Path, parts: Sequence[Part], again: bool) -> dict[str, Outcome]:
+    """The outcomes of parts in the folder `place`, by name; with `again` not of failures, and of none whose content has changed."""
+    found = {part.name: _read(place / part.name / OUTCOME) for part in parts}
     return {
         part.name: outcome
         for part in parts
@@ -133,18 +133,19 @@ def staging(out: Path, part: Part) -> Path:
     return folder
 
 
-def commit(out: Path, folder: Path, outcome: Outcome) -> None:
-    """Put results, log and record of a part in their place in one step, instead of older ones."""
-    ready, place = folder / PARTS / outcome.part, out / PARTS / outcome.part
+def commit(place: Path, folder: Path, outcome: Outcome) -> None:
+    """Put results, log and record of a part into the folder `place` in one step, instead of older ones."""
+    ready, there = folder / PARTS / outcome.part, place / outcome.part
+    place.mkdir(exist_ok=True)
     if outcome.failure:
         shutil.rmtree(ready, ignore_errors=True)
     ready.mkdir(exist_ok=True)
     if (folder / LOG).exists():
         (folder / LOG).rename(ready / LOG)
     write_whole(ready / OUTCOME, json.dumps(asdict(outcome), indent=1) + "\n")
-    if place.exists():
-        place.rename(folder / "earlier")
-    ready.rename(place)
+    if there.exists():
+        there.rename(folder / "earlier")
+    ready.rename(there)
     shutil.rmtree(folder, ignore_errors=True)
 
 

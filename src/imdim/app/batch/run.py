@@ -7,10 +7,11 @@ import json
 import signal
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from imdim.app.batch import folder
 from imdim.app.batch.engine import run_jobs
@@ -64,16 +65,13 @@ def main(argv: Sequence[str], command: Sequence[str] = COMMAND) -> int:
 def _run(given: argparse.Namespace, command: tuple[str, ...]) -> int:
     from imdim.geometry.readers import FORMATS
 
-    settings = _settings(given)
-    limits = Limits(given.limit or settings.budget_s + GRACE_S, given.memory)
-    if limits.seconds <= 0 or limits.mib <= 0 or (given.jobs is not None and given.jobs < 1):
-        raise ConfigError("--limit, --memory and --jobs need positive numbers")
+    settings = settings_of(given)
+    limits = limits_of(given, settings)
     out, parts = Path(given.output).absolute(), folder.find_parts(Path(given.input), tuple(FORMATS))
-    decisive = {key: value for key, value in asdict(settings).items() if key not in ("input", "output")}
-    options = tuple(f"{key}={json.dumps(value)}" for key, value in decisive.items())
-    with folder.opened(out, decisive):
-        outcomes = folder.finished(out, parts, given.again)
-        jobs = (Job(p, folder.staging(out, p), command, options, limits) for p in parts if p.name not in outcomes)
+    noted = decisive(settings)
+    with folder.opened(out, noted):
+        outcomes = folder.finished(out / folder.PARTS, parts, given.again)
+        jobs = (Job(p, folder.staging(out, p), command, options(noted), limits) for p in parts if p.name not in outcomes)
         with closing(run_jobs(jobs, given.jobs, given.address)) as ended:
             _record(out, parts, outcomes, ended)
     failed = sum(bool(outcome.failure) for outcome in outcomes.values())
@@ -82,8 +80,8 @@ def _run(given: argparse.Namespace, command: tuple[str, ...]) -> int:
     return SOME_FAILED if failed else 0
 
 
-def _settings(given: argparse.Namespace) -> Settings:
-    """Of every part. Raises ConfigError. Paths are made absolute: parts run elsewhere."""
+def settings_of(given: argparse.Namespace) -> Settings:
+    """Of every part, from `budget`, `seed` and `settings`. Raises ConfigError. Paths are made absolute: parts run elsewhere."""
     typed = {"budget_s": given.budget, "seed": given.seed}
     settings = from_arguments(given.settings, **{key: value for key, value in typed.items() if value is not None})
     if settings.input or settings.output:
@@ -92,6 +90,24 @@ def _settings(given: argparse.Namespace) -> Settings:
         if getattr(settings, key) not in ("", "none"):
             setattr(settings, key, str(Path(getattr(settings, key)).absolute()))
     return settings
+
+
+def limits_of(given: argparse.Namespace, settings: Settings) -> Limits:
+    """Of every part, from `limit` and `memory`. Raises ConfigError, for `jobs` too."""
+    limits = Limits(given.limit or settings.budget_s + GRACE_S, given.memory)
+    if limits.seconds <= 0 or limits.mib <= 0 or (given.jobs is not None and given.jobs < 1):
+        raise ConfigError("--limit, --memory and --jobs need positive numbers")
+    return limits
+
+
+def decisive(settings: Settings) -> dict[str, Any]:
+    """What decides the results."""
+    return {key: value for key, value in asdict(settings).items() if key not in ("input", "output")}
+
+
+def options(noted: Mapping[str, Any]) -> tuple[str, ...]:
+    """`decisive` settings as arguments of `imdim fit`."""
+    return tuple(f"{key}={json.dumps(value)}" for key, value in noted.items())
 
 
 def _record(out: Path, parts: Sequence[Part], outcomes: dict[str, Outcome], ended: Iterator[tuple[Job, Ended]]) -> None:
@@ -103,7 +119,7 @@ def _record(out: Path, parts: Sequence[Part], outcomes: dict[str, Outcome], ende
         write_tables(out, parts, outcomes, _status(outcomes, len(parts), None), running=True)
         for job, how in ended:
             outcome = folder.outcome_of(job.part, job.staging, how.seconds, how.peak_mib, how.why)
-            folder.commit(out, job.staging, outcome)
+            folder.commit(out / folder.PARTS, job.staging, outcome)
             outcomes[outcome.part] = outcome
             left = (len(parts) - len(outcomes)) * (time.monotonic() - start) / (len(outcomes) - before)
             sys.stderr.write(f"[{len(outcomes)}/{len(parts)}] {_line(outcome)}; {_left(left)}\n")
