@@ -95,11 +95,21 @@ class Seen:
         return self.price(program) if iou is None else 1 - iou + self.size_weight * count(program).primitives
 
 
-def look(body: Target, size_weight: float, rng: np.random.Generator) -> Seen:
-    """Surfaces, cells and candidate families of a body, in its unit frame."""
+def look(
+    body: Target,
+    size_weight: float,
+    rng: np.random.Generator,
+    no_time_to_detect: Callable[[], bool] = bool,
+    no_time_to_label: Callable[[], bool] = bool,
+) -> Seen:
+    """Surfaces, cells and candidate families of a body, in its unit frame.
+
+    Of a cloud, no more surfaces are looked for once there is `no_time_to_detect`, and no more samples are asked for their side once there
+    is `no_time_to_label` (by default all are).
+    """
     frame = Frame.of(body)
     unit = frame.normalise(body)
-    patches, closing = _surfaces(unit, rng)
+    patches, closing = _surfaces(unit, rng, no_time_to_detect)
     if not patches:
         raise InputError(f"{unit.name}: no plane, sphere, cylinder, cone or torus found in {len(unit.points)} points")
     sigma = 0.0 if unit.mesh is not None else measure_scale(unit.points, np.random.default_rng(0)).sigma
@@ -108,7 +118,7 @@ def look(body: Target, size_weight: float, rng: np.random.Generator) -> Seen:
     surfaces = [p.surface for p in patches] + closing
     areas = [p.area for p in patches] + [CLOSING_AREA] * len(closing)
     arrangement = arrange(surfaces, areas, bounds, ArrangementConfig())
-    label = _labeller(unit, patches)
+    label = _labeller(unit, patches, no_time_to_label)
     samples = label_samples(arrangement, label, SAMPLES, rng)
     cells = compressed(arrangement, samples)
     if cells.volume <= 0:
@@ -123,15 +133,15 @@ def _corners(unit: Target, patches: list[Patch], sigma: float) -> np.ndarray:
     return np.concatenate([p.points for p in patches]) if sigma > NOISY else unit.points
 
 
-def _surfaces(unit: Target, rng: np.random.Generator) -> tuple[list[Patch], list[Surface]]:
+def _surfaces(unit: Target, rng: np.random.Generator, out_of_time: Callable[[], bool]) -> tuple[list[Patch], list[Surface]]:
     """What the target shows, and for a cloud the planes that its faces only imply."""
     if unit.mesh is not None:
         return detect_patches(unit.mesh), []
-    patches = detect_cloud(unit.points, unit.normals, rng)
+    patches = detect_cloud(unit.points, unit.normals, rng, out_of_time=out_of_time)
     return patches, closing_planes(patches, measure_scale(unit.points, rng).spacing)
 
 
-def _labeller(unit: Target, patches: list[Patch]) -> Callable[[np.ndarray], np.ndarray]:
+def _labeller(unit: Target, patches: list[Patch], out_of_time: Callable[[], bool]) -> Callable[[np.ndarray], np.ndarray]:
     """The function that gives the probability of being inside [n] for points [n, 3]."""
     mesh = unit.mesh
     if mesh is not None:
@@ -139,7 +149,7 @@ def _labeller(unit: Target, patches: list[Patch]) -> Callable[[np.ndarray], np.n
     from imdim.seeding.cloud_occupancy import inside_probability
 
     # single queries are right far more often than their votes are unanimous: a cell averages decisions, not doubts
-    return lambda points: inside_probability(patches, unit.points, points) > 0.5
+    return lambda points: inside_probability(patches, unit.points, points, out_of_time=out_of_time) > 0.5
 
 
 def ground_of(body: Target, settings: Settings, rng: np.random.Generator) -> tuple[Ground, Frame]:

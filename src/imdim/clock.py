@@ -6,7 +6,10 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-SEARCH_SHARE = 0.4  # of the budget; detection, the solver and delivery need the rest
+DETECT_BY, LABEL_BY = 0.25, 0.32  # of the budget: by then a cloud's surfaces are found, and its samples know their side
+SEARCH_SHARE = 0.4  # of the budget, by which the search ends; the solver and delivery need the rest
+CHOOSE_BY, FIT_BY = 0.62, 0.75  # a noisy cloud's program is chosen; programs are short and their numbers fitted
+RELATE_BY = 0.85  # the search for relations ends
 
 
 @dataclass
@@ -36,9 +39,13 @@ class Clock:
         """Whether a share of the whole budget is spent; that it was asked too late stays known."""
         return self._noting(lambda: self.seconds() > share * self.budget_s)
 
-    def ending_at(self, share: float) -> Callable[[], bool]:
+    def ending_at(self, share: float, by: float = SEARCH_SHARE) -> Callable[[], bool]:
         """`part`; that it was asked too late stays known."""
-        return self._noting(self.part(share))
+        return self._noting(self.part(share, by))
+
+    def left(self, by: float) -> float:
+        """Seconds until a share `by` of the budget is spent; 0 once it is."""
+        return max(by * self.budget_s - self.seconds(), 0.0)
 
     def _noting(self, spent: Callable[[], bool]) -> Callable[[], bool]:
         def asked() -> bool:
@@ -48,7 +55,7 @@ class Clock:
 
         return asked
 
-    def part(self, share: float) -> Callable[[], bool]:
-        """Whether a share of the time that the search has left is spent."""
-        end = self.seconds() + share * max(SEARCH_SHARE * self.budget_s - self.seconds(), 0.0)
+    def part(self, share: float, by: float = SEARCH_SHARE) -> Callable[[], bool]:
+        """Whether a share of the time left until `by` (a share of the budget, by default the search's) is spent."""
+        end = self.seconds() + share * self.left(by)
         return lambda: self.seconds() > end

@@ -32,14 +32,14 @@ def solved(program: Program, seen: Seen, body: Target, out_of_time: Callable[[],
         return program
     chosen = body.points[:: max(1, len(body.points) // 8192)]
     fit = refine(program, chosen, config=RefineConfig(adam_steps=0, start_scale=0.01), out_of_time=out_of_time)
-    fitted = fit.program if out_of_time() else _constrained(fit.program, chosen, seen)
+    fitted = fit.program if out_of_time() else _constrained(fit.program, chosen, seen, out_of_time)
     nearer = _mean_distance(fitted, chosen) < _mean_distance(program, chosen)
     return fitted if nearer and seen.error(fitted) < seen.error(program) + POOR else program
 
 
-def _constrained(program: Program, points: np.ndarray, seen: Seen) -> Program:
+def _constrained(program: Program, points: np.ndarray, seen: Seen, out_of_time: Callable[[], bool]) -> Program:
     """The relations that a cloud bears out made exact, unless that explains its points or its volume worse."""
-    found = discover(program, points, config=DiscoverConfig(fit=False)).program
+    found = discover(program, points, config=DiscoverConfig(fit=False), out_of_time=out_of_time).program
     nearer = _mean_distance(found, points) <= (1 + RELATE_ERROR) * _mean_distance(program, points)
     return found if nearer and seen.error(found) <= seen.error(program) + RELATE_VOLUME else program
 
@@ -51,17 +51,17 @@ def related(program: Program, target: Target, out_of_time: Callable[[], bool] = 
     """
     if out_of_time():
         return program, ()
-    found, constraints = relations_of(program)
+    found, constraints = relations_of(program, out_of_time)
     shown = target.points[:: max(1, len(target.points) // 8192)]
     limit = (1 + RELATE_ERROR) * _mean_distance(program, shown) + RELATE_MOVE * diagonal(shown)
     return (found, constraints) if _mean_distance(found, shown) <= limit else (program, ())
 
 
-def relations_of(program: Program) -> tuple[Program, tuple[Constraint, ...]]:
-    """A finished program with the relations that its own numbers bear out; none for a very long one."""
+def relations_of(program: Program, out_of_time: Callable[[], bool] = bool) -> tuple[Program, tuple[Constraint, ...]]:
+    """A finished program with the relations that its own numbers bear out; none for a very long one, and no more once time is out."""
     if count(program).primitives > MOST_RELATED:
         return program, ()
-    found = exact_relations(program)
+    found = exact_relations(program, out_of_time=out_of_time)
     return found.program, found.constraints
 
 
@@ -82,6 +82,8 @@ def snapped(program: Program, seen: Seen, body: Target, out_of_time: Callable[[]
         return float(np.minimum(np.abs(kernels.program_sdf(trial, points)), limit).mean())
 
     plain = map_leaves(program, lambda _, leaf: canonical(leaf))
+    if out_of_time():
+        return plain
     loss = _loss(plain, seen)
     for boldness in (1.0, 0.1, 0.01) if exact else (1.0, 0.3):
         if out_of_time():

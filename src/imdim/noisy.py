@@ -34,28 +34,35 @@ SAME = 2e-3  # nats per point, what the samples of the surface leave in doubt
 GUESS = 1.2  # times the measured deviation: a fit that starts too calm takes points for clutter
 
 
-def unlabelled(body: Target, policy: Policy | None, out_of_time: Callable[[], bool]) -> Program | None:
+def unlabelled(
+    body: Target, policy: Policy | None, out_of_time: Callable[[], bool], no_time_to_fit: Callable[[], bool] = bool
+) -> Program | None:
     """A program of a noisy cloud of which detection cannot tell the inside, from its points and the policy's beam.
 
-    None for a calm cloud or a mesh, which then have no inside, and where nothing is left of the cloud.
+    None for a calm cloud or a mesh, which then have no inside, and where nothing is left of the cloud. Time as for `most_likely`.
     """
     frame = Frame.of(body)
     points = frame.normalise(body).points
     sigma = measure_scale(points, np.random.default_rng(0)).sigma
     if body.mesh is not None or sigma <= NOISY:
         return None
-    found = [p.program for p in proposals(policy, points)]
-    return frame.undo(_Points(points, sigma, main_axes(points[:QUICK_POINTS])).told(found, out_of_time)) if found else None
+    found = [p.program for p in proposals(policy, points, out_of_time=out_of_time)]
+    if not found:
+        return None
+    return frame.undo(_Points(points, sigma, main_axes(points[:QUICK_POINTS])).told(found, out_of_time, no_time_to_fit))
 
 
-def most_likely(programs: Sequence[Program], seen: Seen, out_of_time: Callable[[], bool]) -> Program:
+def most_likely(
+    programs: Sequence[Program], seen: Seen, out_of_time: Callable[[], bool], no_time_to_fit: Callable[[], bool] = bool
+) -> Program:
     """The program in the body's units that tells its noisy cloud in the shortest message, with the relations that the points bear out.
 
     `programs`, of which the last is tried in any case, are where the search for it starts; all lend their primitives.
+    Once `out_of_time` the search ends, and the numbers of its program are fitted until there is `no_time_to_fit` (by default to the end).
     """
     axes = shared_axes([p.surface.axis for p in seen.patches], [p.area for p in seen.patches])
     points = _Points(seen.target.points, seen.sigma, axes)
-    return seen.frame.undo(points.told([seen.frame.apply(p) for p in programs], out_of_time))
+    return seen.frame.undo(points.told([seen.frame.apply(p) for p in programs], out_of_time, no_time_to_fit))
 
 
 @dataclass(frozen=True)
@@ -70,37 +77,41 @@ class _Points:
     def quick(self) -> np.ndarray:
         return _thinned(self.points, QUICK_POINTS)
 
-    def told(self, programs: Sequence[Program], out_of_time: Callable[[], bool]) -> Program:
+    def told(self, programs: Sequence[Program], out_of_time: Callable[[], bool], no_time_to_fit: Callable[[], bool]) -> Program:
         """The shortest message's program: grown from one primitive, and, while there is time, from the best of `programs` and from both."""
-        lent = [*outlines(self.points, self.axes, self.sigma), *dict.fromkeys(leaf for p in programs for leaf in leaves(p))]
+        seen = outlines(self.points, self.axes, self.sigma, out_of_time=out_of_time)
+        lent = [*seen, *dict.fromkeys(leaf for p in programs for leaf in leaves(p))]
         best = self._settled(programs if out_of_time() else lent, lent, out_of_time)
         if not out_of_time():
             best, other = sorted((best, self._settled(programs, lent, out_of_time)), key=self._length)
             best = restructured(best, self.quick, [*leaves(other.program)], self.axes, out_of_time)
         points = self.quick if out_of_time() else _thinned(self.points, MOST_POINTS)
-        return _related(_fitted(reduce_program(best.program, out_of_time=out_of_time), points, best.noise), points)
+        shorter = reduce_program(best.program, out_of_time=no_time_to_fit)
+        return _related(_fitted(shorter, points, best.noise, no_time_to_fit), points, no_time_to_fit)
 
     def _settled(self, starts: Sequence[Program], lent: Sequence[Primitive], out_of_time: Callable[[], bool]) -> Likely:
         """From the likeliest of several programs."""
         rough = Likely(starts[-1], Noise(GUESS * self.sigma), np.inf, 0)
         few = most_telling([*dict.fromkeys(starts)], self.quick, rough, FITTED)
-        start = min((maximise(p, self.quick, rough.noise, REFIT) for p in few), key=self._length)
-        fitted = _fitted(start.program, self.quick, start.noise)
+        start = min((maximise(p, self.quick, rough.noise, REFIT, out_of_time) for p in few), key=self._length)
+        fitted = start if out_of_time() else _fitted(start.program, self.quick, start.noise, out_of_time)
         return restructured(fitted, self.quick, lent, self.axes, out_of_time)
 
     def _length(self, likely: Likely) -> float:
         return length(likely.program, self.quick, likely.noise, likely.nll)
 
 
-def _fitted(program: Program, points: np.ndarray, noise: Noise) -> Likely:
+def _fitted(program: Program, points: np.ndarray, noise: Noise, out_of_time: Callable[[], bool]) -> Likely:
     """The numbers that make the points most likely, with ends let through what they only just meet, unless that hides what they show."""
-    through, as_drawn = (maximise(program, points, noise, c) for c in (MaximiseConfig(), MaximiseConfig(through=0.0)))
+    through, as_drawn = (maximise(program, points, noise, c, out_of_time) for c in (MaximiseConfig(), MaximiseConfig(through=0.0)))
     return through if through.nll < as_drawn.nll + SAME else as_drawn
 
 
-def _related(likely: Likely, points: np.ndarray) -> Program:
+def _related(likely: Likely, points: np.ndarray, out_of_time: Callable[[], bool]) -> Program:
     """With the relations that the points bear out made exact, unless that makes the points less likely than as many numbers are worth."""
-    found = discover(likely.program, points, config=DiscoverConfig(fit=False))
+    if out_of_time():
+        return likely.program
+    found = discover(likely.program, points, config=DiscoverConfig(fit=False), out_of_time=out_of_time)
     after = shares(points, Shown.of(found.program, likely.noise.sigma), likely.noise).nll
     worth = 0.5 * len(found.constraints) * math.log(len(points)) / len(points)
     return found.program if after < likely.nll + worth else likely.program

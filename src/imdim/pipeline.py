@@ -7,7 +7,7 @@ search that outruns its budget, and the last snapshot then says so.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -15,13 +15,13 @@ import numpy as np
 import trimesh
 
 from imdim.body import Seen, look
-from imdim.clock import Clock
+from imdim.clock import CHOOSE_BY, DETECT_BY, FIT_BY, LABEL_BY, RELATE_BY, Clock
 from imdim.config import ConfigError, Settings
 from imdim.evolution import choices, few, united
 from imdim.fitting import related, snapped, solved
 from imdim.geometry.cloud import InputError, Target, split_bodies, target_from
 from imdim.geometry.solid import to_manifold
-from imdim.methods import METHODS, PolicyOf, Run
+from imdim.methods import METHODS, PROPOSE_S, PolicyOf, Run
 from imdim.noisy import most_likely, unlabelled
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
@@ -34,7 +34,7 @@ MOST_JOINT = 8  # bodies
 GUESSING = ("auto", "policy")  # methods that may answer from the points alone where detection sees no inside
 UNKNOWN = 1.0  # error of a program whose body shows no inside
 NO_INSIDE = "not proved: the noisy cloud shows no inside, this is a guess from its points alone"
-FIT_BY, RELATE_BY = 0.75, 0.85  # of the budget: by then a program is short and its numbers are fitted; the search for relations ends
+FRONT_BY = 0.9  # of the budget: later than that no other choices are looked for
 JOINT_ERROR = 2e-3  # of the volume, that a shorter program of all bodies at once may cost
 
 
@@ -136,9 +136,10 @@ def _body(
 ) -> Iterator[_State]:
     """Better and better programs of one body, which may take a share of the time left."""
     try:
-        seen = look(body, settings.size_weight, rng)
+        seen = look(body, settings.size_weight, rng, clock.ending_at(share, DETECT_BY), clock.ending_at(share, LABEL_BY))
     except InputError:
-        guess = unlabelled(body, policy(), clock.near_end(FIT_BY)) if settings.method in GUESSING else None
+        asked = settings.method == "policy" or clock.left(CHOOSE_BY) > PROPOSE_S
+        guess = unlabelled(body, policy() if asked else None, *_times(clock, share)) if settings.method in GUESSING else None
         if guess is None:
             raise
         yield _State("policy", guess, UNKNOWN, to_manifold(guess).volume(), (Choice(guess, UNKNOWN),), NO_INSIDE)
@@ -153,23 +154,30 @@ def _body(
         yield state(step.stage, step.program, step.error)
     if step is None:
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
-    late = clock.near_end(FIT_BY)
+    no_time_to_choose, late = _times(clock, share)
     program = reduce_program(step.program, out_of_time=late)
     yield state("simplify", program)
     if not settings.solver:
-        yield replace(state("simplify", program), front=_front([*step.others, program], seen))
+        yield replace(state("simplify", program), front=_front([*step.others, program], seen, clock))
         return
     if seen.noisy:
-        fitted = most_likely([*step.others, program], seen, late)
+        fitted = most_likely([*step.others, program], seen, no_time_to_choose, late)
         step = replace(step, proof="")  # it was of other primitives perhaps
     else:
         fitted = solved(program, seen, body, late)
     last = state("solve", snapped(fitted, seen, body, late))
-    yield replace(last, front=_front([*step.others, last.program], seen))
+    yield replace(last, front=_front([*step.others, last.program], seen, clock))
 
 
-def _front(programs: list[Program], seen: Seen) -> tuple[Choice, ...]:
-    """The front of programs in the body's units, the last one always among them."""
+def _times(clock: Clock, share: float) -> tuple[Callable[[], bool], Callable[[], bool]]:
+    """Whether a body's program must be chosen, and its numbers fitted; each may take a share of the time left."""
+    return clock.ending_at(share, CHOOSE_BY), clock.ending_at(share, FIT_BY)
+
+
+def _front(programs: list[Program], seen: Seen, clock: Clock) -> tuple[Choice, ...]:
+    """The front of programs in the body's units, the last one always among them, and alone where time is short."""
+    if clock.near_end(FRONT_BY)():
+        return (Choice(programs[-1], seen.error(programs[-1])),)
     front = choices(seen.ground, [seen.frame.apply(p) for p in programs])
     size = count(programs[-1]).primitives
     # what is delivered stays as it is, to the last digit

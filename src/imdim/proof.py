@@ -35,7 +35,7 @@ class Proofs:
         start = self.clock.seconds()
         end = start + min(most_s, self.share * (PROOF_SHARE * self.clock.budget_s - start))
         error = self.seen.error(program) * self.seen.cells.volume
-        proof = self._prover.prove(count(program).primitives, error, lambda: self.clock.seconds() > end)
+        proof = self._prover.prove(count(program).primitives, error, lambda: end - self.clock.seconds())
         return program if proof.program is None else self.seen.frame.undo(proof.program), proof
 
     def early(self, program: Program) -> tuple[Program, Proof] | None:

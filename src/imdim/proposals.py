@@ -7,7 +7,7 @@ and handed with the cloud to the solver of imperfect sequences. torch is only im
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -116,18 +116,24 @@ def signed_of(solids: Solids) -> list[Signed]:
 
 
 def proposals(
-    policy: Policy | None, points: np.ndarray, starts: Sequence[Program] = (), seed: int = 0, config: ProposalConfig | None = None
+    policy: Policy | None,
+    points: np.ndarray,
+    starts: Sequence[Program] = (),
+    seed: int = 0,
+    config: ProposalConfig | None = None,
+    out_of_time: Callable[[], bool] = bool,
 ) -> list[Proposal]:
     """What the solver makes of a policy's beam and of other programs, for the surface `points` [n, 3]; cheapest first, never empty.
 
-    Programs that are no signed sequence (intersections) are left out.
+    Programs that are no signed sequence (intersections) are left out. Once `out_of_time` (by default never) the beam, which is written in
+    any case, stays as it is.
     """
     # a stray point moves the box that a policy measures by
     points = points[inliers(points)]
     axes = main_axes(points[:: max(1, len(points) // POINTS)])
     given = [s for p in starts if (s := to_signed(p)) is not None]
     beam = written(policy, points, axes, seed) if policy is not None else []
-    return settle([*given, *beam], points, axes, config or FINE)
+    return settle([*given, *beam], points, axes, config or FINE, out_of_time)
 
 
 def misfit(program: Program, cloud: Cloud, config: PoolConfig | None = None) -> float:

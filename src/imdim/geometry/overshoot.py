@@ -39,11 +39,14 @@ INSCRIBED = 1 - 2.5e-3  # of a radius: what polyhedra of CHECK_SEGMENTS hold in 
 Face = tuple[int, int]  # local axis, and +1 or -1 for the end on it
 
 
-def overshoot(program: Program, folded: Folded | None = None, reach: float | None = None) -> Program:
+def overshoot(
+    program: Program, folded: Folded | None = None, reach: float | None = None, out_of_time: Callable[[], bool] = bool
+) -> Program:
     """The same solid with cutters that stick out of what they cut, and joined parts that sink into each other.
 
     `folded`, which `program` is the expansion of, says which leaves are copies. Cutters go first, and what already sticks out stays.
     Overshoots are `reach`, else halves of it; by default round numbers: a power of ten, at most REACH of the diagonal.
+    Once `out_of_time` (by default never) the other faces stay where they are.
     """
     placed = [Placed(leaf) for leaf in leaves(program)]
     signs = _signs(program)
@@ -52,7 +55,7 @@ def overshoot(program: Program, folded: Folded | None = None, reach: float | Non
     steps = rounded if reach is None else [reach / 2**k for k in range(3)]
     copies = {i: [(i, False)] for i in range(len(placed))} if folded is None else _copies(folded)
     for index in sorted(copies, key=lambda i: signs[i]):
-        for face in _faces(placed[index].leaf):
+        for face in () if out_of_time() else _faces(placed[index].leaf):
             faces = [(i, _flipped(face) if mirrored else face) for i, mirrored in copies[index]]
             step = next((s for s in steps if _may_extend(program, placed, faces, s, SKIN * diagonal)), None)
             for i, own in faces if step is not None else ():

@@ -22,6 +22,7 @@ class OccupancyConfig:
     parts: int = 24  # of the queries, each spread over all, between looks at the clock
     pure: tuple[float, float] = (0.92, 0.97)  # a cell of the carriers' arrangement this unanimous begins to, and does, speak for all in it
     outward_lines: int = 6  # per side of a point when patches are oriented
+    hasty_lines: int = 2  # the same once time is out
     lift: float = 0.15  # spacings from a point to its probes on either side
     reach: float = 1.5  # spacings within which a point bears out a crossing: a Poisson process misses it once in 1,200
     presence: int = 2  # reaches within which a carrier's points let it bound other faces
@@ -102,7 +103,9 @@ def _pooled(scene: _Scene, queries: np.ndarray, single: np.ndarray, weight: np.n
     return (np.bincount(cell, (weight + 1e-6) * single) / total)[cell]
 
 
-def orient(patches: list[Patch], points: np.ndarray, config: OccupancyConfig | None = None) -> list[Patch]:
+def orient(
+    patches: list[Patch], points: np.ndarray, config: OccupancyConfig | None = None, out_of_time: Callable[[], bool] = bool
+) -> list[Patch]:
     """The patches with `outward` filled in; a carrier that shows both sides becomes two patches.
 
     Each point asks on both of its sides; neighbours on the patch smooth the answers.
@@ -114,8 +117,8 @@ def orient(patches: list[Patch], points: np.ndarray, config: OccupancyConfig | N
     normals = np.vstack([surface_normals(p.surface, p.points) for p in patches])
     step = config.lift * scene.spacing * normals
     owned = scene.cloud[2]
-    numbers = np.arange(len(owned))
-    below, above = (_probability(scene.votes(owned + s, numbers, config.outward_lines, config.outward_lines)) for s in (-step, step))
+    numbers, lines = np.arange(len(owned)), config.hasty_lines if out_of_time() else config.outward_lines
+    below, above = (_probability(scene.votes(owned + s, numbers, lines, lines)) for s in (-step, step))
     ends = np.cumsum([len(p.points) for p in patches])
     out: list[Patch] = []
     for patch, lean in zip(patches, np.split(below - above, ends[:-1]), strict=True):

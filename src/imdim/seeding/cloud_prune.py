@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.spatial import KDTree
 
@@ -13,15 +15,16 @@ _CLIP = 3.0  # deviations; whatever is farther is a stray to every surface
 _WORTH = 1.0  # mean gain in log likelihood per point that makes a surface worth having
 
 
-def prune(cloud: Cloud, sigma: float) -> None:
+def prune(cloud: Cloud, sigma: float, out_of_time: Callable[[], bool] = bool) -> None:
     """Let go, smallest first, of surfaces without which the measured points are about as likely; their points go to the others.
 
-    The likelihood is that of Gaussian noise of deviation `sigma`, with distances clipped at three of it.
+    The likelihood is that of Gaussian noise of deviation `sigma`, with distances clipped at three of it. Once `out_of_time`
+    (by default never) the others stay.
     """
     assert cloud.raw is not None
     distance = np.column_stack([np.abs(signed_distance(s, cloud.raw)) for s in cloud.found]) / sigma
     distance = np.minimum(distance, _CLIP)
-    while len(cloud.found) > 1:
+    while len(cloud.found) > 1 and not out_of_time():
         counts = np.bincount(cloud.owner[cloud.owner >= 0], minlength=len(cloud.found))
         for j in np.argsort(counts, kind="stable"):
             mine = np.flatnonzero(cloud.owner == j)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,9 +14,11 @@ from imdim.seeding.cloud_state import Cloud, pieces, sane
 from imdim.seeding.fit_surface import MIN_POINTS, fit_surface
 
 
-def settle(cloud: Cloud) -> None:
-    """Give every point its nearest surface, refit, and let go of surfaces that others explain."""
+def settle(cloud: Cloud, out_of_time: Callable[[], bool] = bool) -> None:
+    """Give every point its nearest surface; while there is time (by default any), refit, and let go of surfaces that others explain."""
     for _ in range(2):
+        if out_of_time():
+            break
         _reassign(cloud)
         _merge(cloud)
         for i, surface in enumerate(cloud.found):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -27,30 +28,37 @@ _LEAST = np.array([1.0, 1.3, 1.0, 1.6, 2.2])
 
 
 def detect_cloud(
-    points: np.ndarray, normals: np.ndarray | None, rng: np.random.Generator, config: CloudConfig | None = None
+    points: np.ndarray,
+    normals: np.ndarray | None,
+    rng: np.random.Generator,
+    config: CloudConfig | None = None,
+    out_of_time: Callable[[], bool] = bool,
 ) -> list[Patch]:
     """Carrier surfaces that the cloud shows, each with the points that lie on it; points on none are left out.
 
     `points` [n, 3] in any units, `normals` [n, 3] unit vectors (of trusted sign or not) or None. Pieces of one carrier
-    share one patch. `area` is the points' number times the area that one stands for.
+    share one patch. `area` is the points' number times the area that one stands for. Once `out_of_time` (by default never) no more
+    surfaces are looked for, beyond a first one, and those found are settled in haste.
     """
     points = np.asarray(points, float)
     scale = measure_scale(points, rng)
     cloud = _begin(points, normals, scale, config or CloudConfig(), rng)
-    _extract(cloud, rng, 1)
+    _extract(cloud, rng, 1, out_of_time)
     calmer = _measured_sigma(cloud)
     if calmer < 0.5 * cloud.scale.sigma:
         # curvature or thin walls were taken for noise
         cloud = _begin(points, normals, replace(cloud.scale, sigma=calmer), cloud.config, rng)
     if cloud.noisy:
-        return _detect_noisy(points, normals, cloud.config, rng)
-    _extract(cloud, rng, cloud.config.rounds)
-    settle(cloud)
+        return _detect_noisy(points, normals, cloud.config, rng, out_of_time)
+    _extract(cloud, rng, cloud.config.rounds, out_of_time)
+    settle(cloud, out_of_time)
     patches = regularise(patches_of(cloud), max(cloud.config.exact * scale.diagonal, 0.3 * cloud.scale.sigma))
-    return orient(patches, points)
+    return orient(patches, points, out_of_time=out_of_time)
 
 
-def _detect_noisy(points: np.ndarray, normals: np.ndarray | None, config: CloudConfig, rng: np.random.Generator) -> list[Patch]:
+def _detect_noisy(
+    points: np.ndarray, normals: np.ndarray | None, config: CloudConfig, rng: np.random.Generator, out_of_time: Callable[[], bool]
+) -> list[Patch]:
     """Surfaces are found in a calmed cloud and fitted to the points as measured; patches hold points on their carriers."""
     kept = inliers(points)
     points, normals = points[kept], None if normals is None else normals[kept]
@@ -59,11 +67,11 @@ def _detect_noisy(points: np.ndarray, normals: np.ndarray | None, config: CloudC
     trust = np.full(len(points), 0.9)
     left = replace(scale, sigma=config.calmed * scale.sigma)
     cloud = Cloud(calm, directed, trust, left, config, np.full(len(points), -1), len(points) if normals is None else 0, raw=points)
-    _extract(cloud, rng, config.rounds)
-    settle(cloud)
-    prune(cloud, scale.sigma)
+    _extract(cloud, rng, config.rounds, out_of_time)
+    settle(cloud, out_of_time)
+    prune(cloud, scale.sigma, out_of_time)
     patches = regularise(measured_patches(cloud, 1.5 * scale.sigma), max(config.exact * scale.diagonal, 0.3 * scale.sigma))
-    return orient([gathered(p) for p in patches], points)
+    return orient([gathered(p) for p in patches], points, out_of_time=out_of_time)
 
 
 def _begin(points: np.ndarray, normals: np.ndarray | None, scale: CloudScale, config: CloudConfig, rng: np.random.Generator) -> Cloud:
@@ -80,12 +88,12 @@ def _measured_sigma(cloud: Cloud) -> float:
     return 1.4826 * float(min(spread)) if spread else math.inf
 
 
-def _extract(cloud: Cloud, rng: np.random.Generator, rounds: int) -> None:
+def _extract(cloud: Cloud, rng: np.random.Generator, rounds: int, out_of_time: Callable[[], bool]) -> None:
     """Round by round, take the surfaces with the most support out of the points that are left."""
     misses = 0
     for _ in range(rounds):
         rest = np.flatnonzero(cloud.owner < 0)
-        if len(rest) < cloud.least or misses >= cloud.config.patience:
+        if len(rest) < cloud.least or misses >= cloud.config.patience or (cloud.found and out_of_time()):
             break
         if len(rest) < 0.6 * cloud.viewed and len(rest) > 24:
             # without the faces already found, small ones show their own normals
@@ -95,11 +103,13 @@ def _extract(cloud: Cloud, rng: np.random.Generator, rounds: int) -> None:
                 whole = replace(cloud.scale, sigma=cloud.scale.sigma / cloud.config.calmed)
                 cloud.points[rest], cloud.normals[rest] = denoise(cloud.raw[rest], None, whole, rng)
             cloud.viewed = len(rest)
-        candidates = _candidates(cloud, rest, rng)
+        candidates = _candidates(cloud, rest, rng, out_of_time)
         misses = 0 if _accept(cloud, candidates) else misses + 1
 
 
-def _candidates(cloud: Cloud, rest: np.ndarray, rng: np.random.Generator) -> list[tuple[float, Surface, np.ndarray]]:
+def _candidates(
+    cloud: Cloud, rest: np.ndarray, rng: np.random.Generator, out_of_time: Callable[[], bool]
+) -> list[tuple[float, Surface, np.ndarray]]:
     """Polished hypotheses as (preferred support, surface, indices of the points), best first."""
     points, normals, trust = cloud.points[rest], cloud.normals[rest], cloud.trust[rest]
     kinds, rows = propose(points, normals, *_known(cloud), cloud.config.hypotheses, rng)
@@ -115,7 +125,7 @@ def _candidates(cloud: Cloud, rest: np.ndarray, rng: np.random.Generator) -> lis
         order = np.column_stack([mine[np.argsort(-r[mine], kind="stable")] for r in raw]).ravel()
         claimed: list[np.ndarray] = []
         for i in order[: 4 * cloud.config.polished]:
-            if len(claimed) == cloud.config.polished:
+            if len(claimed) == cloud.config.polished or (out and out_of_time()):
                 break
             near = gains(kind, rows[i], wide[i], points, normals, trust, cloud.cosine) > 0
             if any((near & c).sum() > 0.7 * near.sum() for c in claimed):

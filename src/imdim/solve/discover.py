@@ -7,7 +7,7 @@ what the cloud contradicts, by a test of the cost that each adds, is given up ag
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -61,10 +61,18 @@ class Discovery:
     cost_before: float
 
 
-def discover(program: Program, points: np.ndarray, *, normals: np.ndarray | None = None, config: DiscoverConfig | None = None) -> Discovery:
+def discover(
+    program: Program,
+    points: np.ndarray,
+    *,
+    normals: np.ndarray | None = None,
+    config: DiscoverConfig | None = None,
+    out_of_time: Callable[[], bool] = bool,
+) -> Discovery:
     """Relations among the primitives of `program`, whose numbers fit `points` [n, 3] of the target's surface (see `refine`).
 
-    `normals` [n, 3] (unit, outward) help where faces lie close together. Raises ValueError unless there are finite points of some extent.
+    `normals` [n, 3] (unit, outward) help where faces lie close together. Once `out_of_time` (by default never) no more are taken.
+    Raises ValueError unless there are finite points of some extent.
     """
     config = config or DiscoverConfig()
     cloud = Cloud.of(points, normals)
@@ -75,11 +83,11 @@ def discover(program: Program, points: np.ndarray, *, normals: np.ndarray | None
     shown = Shown.of(start, cloud, floor, config.min_support)
     metric = normal_equations(start, cloud, CUT * noise)
     known = covariance(start, cloud, floor)
-    chosen = _chosen(start, known, prior(start, cloud.length), shown, metric)
+    chosen = _chosen(start, known, prior(start, cloud.length), shown, metric, out_of_time)
     taken, dropped = chosen.taken, chosen.dropped
     numbers, cost = _solved(start, taken, cloud, noise, known if config.fit else None)
     for _ in range(config.reviews):
-        worst = _strained(numbers, taken, cloud, noise, config.significance)
+        worst = None if out_of_time() else _strained(numbers, taken, cloud, noise, config.significance)
         if worst is None:
             break
         number, reason = worst
@@ -90,7 +98,7 @@ def discover(program: Program, points: np.ndarray, *, normals: np.ndarray | None
     return Discovery(lifted(program, start, numbers), constraints, tuple(dropped), chosen.saved, noise, cost / noise**2, before / noise**2)
 
 
-def exact_relations(program: Program, config: DiscoverConfig | None = None) -> Discovery:
+def exact_relations(program: Program, config: DiscoverConfig | None = None, out_of_time: Callable[[], bool] = bool) -> Discovery:
     """Relations that the numbers of a finished program bear out by themselves, each known to the floor of `config`.
 
     Numbers move by no more than that. Unlike `discover`, it also sees faces that are hidden where parts meet.
@@ -99,13 +107,13 @@ def exact_relations(program: Program, config: DiscoverConfig | None = None) -> D
     start = lower(program)
     length = float(np.linalg.norm(np.ptp(start.centers, axis=0)) + 2 * radii(start).max())
     k, floor = len(start.kinds), config.floor * length
-    chosen = _chosen(start, floor**2 * np.eye(9 * k), prior(start, length), Shown.everything(start), uniform(k))
+    chosen = _chosen(start, floor**2 * np.eye(9 * k), prior(start, length), Shown.everything(start), uniform(k), out_of_time)
     numbers = _unmoved(start, onto(start, chosen.taken, length, uniform(k)), length)
     constraints = named(merged(pruned(chosen.taken, numbers)), program)
     return Discovery(lifted(program, start, numbers), constraints, tuple(chosen.dropped), chosen.saved, floor, 0.0, 0.0)
 
 
-def _chosen(start: Lowered, spread: np.ndarray, wide: np.ndarray, shown: Shown, metric: Normal) -> Choice:
+def _chosen(start: Lowered, spread: np.ndarray, wide: np.ndarray, shown: Shown, metric: Normal, out_of_time: Callable[[], bool]) -> Choice:
     """The relations that shorten the description, directions first."""
     first = Choice(start, spread, wide, TILTED)
     directions, accepted = relate_directions(first)
@@ -114,7 +122,7 @@ def _chosen(start: Lowered, spread: np.ndarray, wide: np.ndarray, shown: Shown, 
     choice = Choice(numbers, spread, wide)
     for constraint in accepted:
         choice.accept(constraint)
-    choice.greedy(proposals(Places(Pose.of(numbers), choice.covariance, shown, directions)))
+    choice.greedy(proposals(Places(Pose.of(numbers), choice.covariance, shown, directions)), out_of_time)
     choice.dropped[:0] = first.dropped
     choice.saved += first.saved
     return choice

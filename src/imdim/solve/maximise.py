@@ -7,6 +7,7 @@ Before that, ends that only just meet a face are let through it: a step would op
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -48,12 +49,17 @@ class Likely:
     rounds: int
 
 
-def maximise(program: Program, points: np.ndarray, noise: Noise, config: MaximiseConfig | None = None) -> Likely:
-    """`program` with its numbers moved to make `points` [n, 3] most likely; `noise` is a first guess."""
+def maximise(
+    program: Program, points: np.ndarray, noise: Noise, config: MaximiseConfig | None = None, out_of_time: Callable[[], bool] = bool
+) -> Likely:
+    """`program` with its numbers moved to make `points` [n, 3] most likely; `noise` is a first guess.
+
+    Once `out_of_time` (by default never) they stay as they are by then.
+    """
     config = config or MaximiseConfig()
-    if config.through and sum(1 for _ in leaves(program)) <= MOST_LET_THROUGH:
+    if config.through and not out_of_time() and sum(1 for _ in leaves(program)) <= MOST_LET_THROUGH:
         reach = config.through * noise.sigma
-        program = overshoot(clipped(program, points, 2 * reach), reach=reach)
+        program = overshoot(clipped(program, points, 2 * reach), reach=reach, out_of_time=out_of_time)
     start = lower(program)
     numbers = replace(start, rotations=aligned(start, config.parallel_deg))
     member = frames(numbers, config.parallel_deg)[0]
@@ -65,7 +71,7 @@ def maximise(program: Program, points: np.ndarray, noise: Noise, config: Maximis
         if share.nll < best.nll:
             best = Likely(trial, noise, share.nll, done)
         # a step knows nothing of the area: an end that no point holds may drift out of the cloud
-        if not len(shown.points) or share.nll > best.nll + config.worse:
+        if not len(shown.points) or share.nll > best.nll + config.worse or out_of_time():
             break
         calmer = share.noise.sigma < 0.98 * noise.sigma
         noise = share.noise

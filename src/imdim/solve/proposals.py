@@ -7,7 +7,7 @@ ranking looks at the cloud alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -52,12 +52,17 @@ class Proposal:
 
 
 def settle(
-    candidates: Sequence[Signed], points: np.ndarray, axes: np.ndarray | None = None, config: ProposalConfig | None = None
+    candidates: Sequence[Signed],
+    points: np.ndarray,
+    axes: np.ndarray | None = None,
+    config: ProposalConfig | None = None,
+    out_of_time: Callable[[], bool] = bool,
 ) -> list[Proposal]:
     """The best sequences for the surface `points` [n, 3], cheapest first.
 
     Candidates that begin with a cut are left out; single primitives fitted to the whole cloud are added, so there is always an answer
     unless the cloud has no extent. `axes` [3, 3] has the part's main directions as columns (default: the coordinate axes).
+    Once `out_of_time` (by default never) numbers and sequences stay as they are by then.
     """
     config = config or ProposalConfig()
     cloud = Cloud.of(points[:: max(1, len(points) // config.most)])
@@ -65,18 +70,18 @@ def settle(
     given = [c for c in candidates if c and c[0][1]]
     level = [tuple((_levelled(p, axes, config.level_deg), s) for p, s in c) for c in given]
     starts = list(dict.fromkeys([*level, *given, *(((p, True),) for p in whole(cloud, axes))]))
-    fitted = [_fitted(s, cloud, config.first, config.seen) for s in starts]
+    fitted = [_fitted(s, cloud, config.first, config.seen, out_of_time) for s in starts]
     if not fitted:
         return []
     everything = [p for s in fitted for p, _ in s]
     ranked = _ranked(fitted, everything, cloud, config)
     lent = distinct([p for r in ranked for p, _ in r.signed], cloud)[: config.pool_limit]
-    done = [_repaired(r, lent, axes, cloud, config) for r in ranked[: config.finalists]]
+    done = [_repaired(r, lent, axes, cloud, config, out_of_time) for r in ranked[: config.finalists]]
     return sorted(done, key=lambda d: d.cost)
 
 
-def _fitted(signed: Signed, cloud: Cloud, config: RefineConfig, count: int) -> Signed:
-    return with_numbers(signed, refine(to_program(signed), cloud.thinned(count), config=config).program)
+def _fitted(signed: Signed, cloud: Cloud, config: RefineConfig, count: int, out_of_time: Callable[[], bool]) -> Signed:
+    return with_numbers(signed, refine(to_program(signed), cloud.thinned(count), config=config, out_of_time=out_of_time).program)
 
 
 def _ranked(sequences: Sequence[Signed], primitives: Sequence[Primitive], cloud: Cloud, config: ProposalConfig) -> list[Proposal]:
@@ -88,19 +93,28 @@ def _ranked(sequences: Sequence[Signed], primitives: Sequence[Primitive], cloud:
     return [Proposal(signed, cost) for cost, signed in sorted(costs, key=lambda c: c[0])]
 
 
-def _repaired(start: Proposal, lent: Sequence[Primitive], axes: np.ndarray, cloud: Cloud, config: ProposalConfig) -> Proposal:
+def _repaired(
+    start: Proposal,
+    lent: Sequence[Primitive],
+    axes: np.ndarray,
+    cloud: Cloud,
+    config: ProposalConfig,
+    out_of_time: Callable[[], bool],
+) -> Proposal:
     """Choose, fit, guess what is missing, and again, until the cost no longer falls."""
     best = start
     for _ in range(config.rounds):
+        if out_of_time():
+            return best
         guesses = missing(best.program, cloud, axes, _off(best.program, cloud))
         varied = _varied(best, axes, cloud, config)
         chosen = _chosen(best.signed, [*varied, *lent, *(p for p, _ in guesses)], cloud, config)
-        fitted = _fitted(chosen, cloud, config.again, config.seen)
+        fitted = _fitted(chosen, cloud, config.again, config.seen, out_of_time)
         after = _ranked([fitted, chosen], [p for s in (fitted, chosen) for p, _ in s], cloud, config)[0]
         if after.cost >= best.cost - 1e-4:
             break
         best = after
-    last = _fitted(best.signed, cloud, config.last, config.most)
+    last = _fitted(best.signed, cloud, config.last, config.most, out_of_time)
     return _ranked([last, best.signed], [p for s in (last, best.signed) for p, _ in s], cloud, config)[0]
 
 

@@ -78,7 +78,7 @@ def refine(
     target = _Target.of(points, normals, inside, outside)
     start = lower(program)
     state = _State(start, np.inf, config.start_scale * target.diagonal, 0)
-    state = _adam(state, target, config)
+    state = _adam(state, target, config, out_of_time)
     state, stop = _newton(state, target, config, out_of_time)
     distance = np.abs(kernels.program_sdf(state.numbers, target.points))
     explained = distance < state.scale
@@ -157,11 +157,13 @@ def _linearise(numbers: Lowered, target: _Target, scale: float, config: RefineCo
     return _Linear(_cost(residual, scales, trust), matrix, gradient, maps, residual, trust)
 
 
-def _adam(state: _State, target: _Target, config: RefineConfig) -> _State:
+def _adam(state: _State, target: _Target, config: RefineConfig, out_of_time: Callable[[], bool]) -> _State:
     """Adam (Kingma and Ba 2015) with a cosine-shaped rate; a fixed floor under the root keeps weakly shown faces slow."""
     mean, square = np.zeros((len(state.numbers.kinds), 9)), np.zeros((len(state.numbers.kinds), 9))
     numbers = state.numbers
     for t in range(1, config.adam_steps + 1):
+        if out_of_time():
+            break
         linear = _linearise(numbers, target, state.scale, config)
         gradient = np.where(held_open(linear.matrix, config.min_support), linear.gradient, 0.0) / len(target.points)
         mean, square = 0.8 * mean + 0.2 * gradient, 0.95 * square + 0.05 * gradient**2

@@ -45,6 +45,8 @@ def restructured(
 
     `axes` [3, 3] has the part's directions as columns. Sequences of more than LONGEST steps stay as they are.
     """
+    if out_of_time():
+        return likely
     scene = Scene(_every(points, SEEN), likely.noise, Shown.of(likely.program, likely.noise.sigma).area, len(points))
     search = _Search(points, Cloud.of(points), scene, lent, axes, out_of_time)
     best, cost = likely, length(likely.program, points, likely.noise, likely.nll)
@@ -84,7 +86,7 @@ class _Search:
         for program in self._promising(best, steps):
             if self.out_of_time():
                 return None
-            trial = maximise(program, self.points, best.noise, REFIT)
+            trial = maximise(program, self.points, best.noise, REFIT, self.out_of_time)
             after = length(trial.program, self.points, trial.noise, trial.nll)
             if after < cost - WORTH * (numbers(program) >= numbers(best.program)):
                 return trial, after

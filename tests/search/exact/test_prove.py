@@ -119,7 +119,7 @@ def test_half_of_the_surfaces_still_give_an_answer():
 
 def test_time_and_size_end_a_proof_with_a_reason():
     families = planted("bored ball")
-    late = Prover(families, SIZE_WEIGHT).prove(9, 0.1, lambda: True)
+    late = Prover(families, SIZE_WEIGHT).prove(9, 0.1, lambda: 0.0)
     assert (late.minimal, late.program, str(late)) == (False, None, "not proved: time ran out")
     long = Prover(families, SIZE_WEIGHT, ProveConfig(most_primitives=4)).prove(5, 0.0)
     assert str(long) == "not proved: more than 4 primitives"

@@ -7,7 +7,7 @@ why branch and bound over it ends in tenths of a second where a solver that lear
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,12 +38,20 @@ class Cover:
 
 @dataclass(frozen=True)
 class Limits:
-    """At most `most` columns at a price of at most `price`, found within `solver_s` seconds; not all of any set in `barred` at once."""
+    """At most `most` columns at a price of at most `price`; not all of any set in `barred` at once.
+
+    Each call of the solver takes `solver_s` seconds at most, and no more than are `left` (by default any number).
+    """
 
     most: int
     price: float
     solver_s: float
     barred: Sequence[Sequence[int]] = ()
+    left: Callable[[], float] = lambda: np.inf
+
+    def seconds(self) -> float:
+        """For the next call of the solver; 0 once none may be made."""
+        return max(min(self.solver_s, self.left()), 0.0)
 
 
 def cover(separates: np.ndarray, left: np.ndarray, right: np.ndarray, weight: np.ndarray, limits: Limits) -> Cover:
@@ -89,11 +97,11 @@ def _relaxed(separates: np.ndarray, given_up: np.ndarray, weight: np.ndarray, li
     active[order[:STARTING]] = True
     # a column for each pair, without which the first relaxation may have no answer
     active[order[np.argmax(separates[order], axis=0)]] = True
-    while True:
+    while limits.seconds() > 0:
         columns = np.flatnonzero(active)
         rows = hstack([csr_array(separates[columns].T.astype(float)), csr_array(given_up)])
         cost = np.concatenate([np.ones(len(columns)), weight])
-        options = {"time_limit": limits.solver_s}
+        options = {"time_limit": limits.seconds()}
         solved = linprog(cost, A_ub=-rows, b_ub=-np.ones(pairs), bounds=(0, None), method="highs", options=options)
         if solved.status == INFEASIBLE:
             return _Relaxed(np.inf, np.zeros(n), np.zeros(n), np.ones(pairs))
@@ -107,6 +115,7 @@ def _relaxed(separates: np.ndarray, given_up: np.ndarray, weight: np.ndarray, li
             value[columns] = solved.x[: len(columns)]
             return _Relaxed(float(solved.fun), value, np.maximum(reduced, 0.0), dual)
         active[wanted[np.argsort(reduced[wanted], kind="stable")[:STARTING]]] = True
+    return None
 
 
 @dataclass(frozen=True)
@@ -124,6 +133,8 @@ class _Problem:
         With `bounded` the solver knows price and size, which proves more; without it comes to some answer sooner.
         """
         n = len(some)
+        if not limits.seconds():
+            return None, np.nan
         rows = csr_array(hstack([csr_array(self.separates[some].T.astype(float)), csr_array(self.given_up)]))
         cost = np.concatenate([np.ones(n), self.weight])
         size = np.concatenate([np.ones(n), np.zeros(len(self.weight))])
@@ -131,7 +142,7 @@ class _Problem:
         if bounded:
             bounds += [LinearConstraint(size[None], ub=float(limits.most)), LinearConstraint(cost[None], ub=limits.price)]
         gap = ENOUGH if bounded else min(ENOUGH, NEAR / max(self.bound, 1.0))
-        options = {"time_limit": limits.solver_s, "node_limit": MOST_NODES, "mip_rel_gap": gap}
+        options = {"time_limit": limits.seconds(), "node_limit": MOST_NODES, "mip_rel_gap": gap}
         found = milp(cost, constraints=bounds, integrality=np.ones(len(cost)), bounds=Bounds(0, 1), options=options)
         if found.x is None:
             return None, np.inf if found.status == INFEASIBLE else np.nan

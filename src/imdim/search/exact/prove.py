@@ -36,7 +36,7 @@ class ProveConfig:
     refinements: int = 6  # rounds for less error with no fewer primitives
     most_columns: int = 20_000
     most_barred: int = 12  # sets of candidates without a tree, over all proofs that they stand in the way of
-    solver_s: float = 3.0  # of one solution, which its count of nodes ends first
+    solver_s: float = 3.0  # of one solution at most, which its count of nodes ends first
 
 
 @dataclass(frozen=True)
@@ -93,24 +93,27 @@ class Prover:
         self.found: _Best | None = None  # the latest program that came out of a proof
         self.inside, self.outside = np.zeros(0, np.int64), np.zeros(0, np.int64)
 
-    def prove(self, primitives: int, error: float, out_of_time: Callable[[], bool] = lambda: False) -> Proof:
-        """A proof about a program of so many `primitives` that differs from the target by the volume `error` over the cells."""
+    def prove(self, primitives: int, error: float, left: Callable[[], float] = lambda: np.inf) -> Proof:
+        """A proof about a program of so many `primitives` that differs from the target by the volume `error` over the cells.
+
+        It ends when no seconds are `left` (by default never).
+        """
         if primitives > self.config.most_primitives:
             return Proof(False, primitives, self.candidates, f"more than {self.config.most_primitives} primitives")
         best = _Best(primitives, primitives + error / self.unit - self.mixed)
         if self.found is not None and self.found.primitives <= primitives and self.found.price <= best.price - EQUAL:
             best = self.found
-        best, why = self._shortest(best, out_of_time)
+        best, why = self._shortest(best, left)
         if not why:
-            best = self._refined(best, out_of_time)
+            best = self._refined(best, left)
         self.found = best if best.program is not None else self.found
         return Proof(not why, best.primitives, self.candidates, why, best.program, best.price - best.primitives)
 
-    def _shortest(self, best: _Best, out_of_time: Callable[[], bool]) -> tuple[_Best, str]:
+    def _shortest(self, best: _Best, left: Callable[[], float]) -> tuple[_Best, str]:
         """Shorter programs until none is left, or why that is not known."""
         why, chosen = None, list[Candidate]()
         while why is None and not self._proved(best):
-            why, chosen = self._round(chosen, best, out_of_time)
+            why, chosen = self._round(chosen, best, left)
             if why is None:
                 best = self._joined(chosen, best) or best
         if not why:
@@ -121,14 +124,14 @@ class Prover:
         """Whether an earlier proof covers this one: of more primitives, at no lower price."""
         return best.primitives <= 1 or any(best.primitives <= p.primitives and best.price <= p.price + EQUAL for p in self.proved)
 
-    def _refined(self, best: _Best, out_of_time: Callable[[], bool]) -> _Best:
+    def _refined(self, best: _Best, left: Callable[[], float]) -> _Best:
         """No fewer primitives but less error, where a few more counterexamples lead to it; they are forgotten then."""
         before, chosen = (self.inside, self.outside), list[Candidate]()
         for _ in range(self.config.refinements):
             if best.price - best.primitives < FINE:
                 break
             goal = _Best(best.primitives + 1, best.price - FINE + EQUAL)
-            why, chosen = self._round(chosen, goal, out_of_time)
+            why, chosen = self._round(chosen, goal, left)
             if why is not None:
                 break
             best = self._joined(chosen, goal) or best
@@ -143,7 +146,7 @@ class Prover:
         m = len(self.labels.weight)
         return np.stack([self.families.mask(c) for c in chosen]) if chosen else np.zeros((0, m), bool)
 
-    def _round(self, chosen: list[Candidate], best: _Best, out_of_time: Callable[[], bool]) -> tuple[str | None, list[Candidate]]:
+    def _round(self, chosen: list[Candidate], best: _Best, left: Callable[[], float]) -> tuple[str | None, list[Candidate]]:
         """More counterexamples and the cheapest candidates that satisfy them; "" for none, which is the proof, or why it must end."""
         config, barred = self.config, self._barred(best)
         if len(barred) > config.most_barred:
@@ -151,7 +154,7 @@ class Prover:
         if chosen or not len(self.inside):
             more = counterexamples(self.labels, self._masks(chosen), config.pairs_per_round)
             self.inside, self.outside = np.append(self.inside, more.inside), np.append(self.outside, more.outside)
-        if out_of_time():
+        if left() <= 0:
             return "time ran out", chosen
         try:
             columns = maximal_columns(self.families, self.inside, self.outside)
@@ -163,7 +166,7 @@ class Prover:
         place = {candidate: i for i, candidate in enumerate(columns.candidates)}
         # counterexamples that were added since may have other columns stand for those of a set without a tree
         places = [[place[c] for c in some] for some in barred if all(c in place for c in some)]
-        limits = Limits(best.primitives - 1, best.price - EQUAL, config.solver_s, places)
+        limits = Limits(best.primitives - 1, best.price - EQUAL, config.solver_s, places, left)
         found = cover(separates, self.inside, self.outside, self.labels.weight, limits)
         if len(self.inside) > config.most_pairs:
             kept = found.binding | (np.arange(len(self.inside)) >= len(self.inside) - config.pairs_per_round)
@@ -172,7 +175,7 @@ class Prover:
         if found.chosen is not None:
             return None, [columns.candidates[i] for i in found.chosen]
         if not found.known:
-            return "time of the solver ran out", chosen
+            return "time ran out" if left() <= 0 else "time of the solver ran out", chosen
         return _unjoined(barred) if barred else "", chosen
 
     def _barred(self, best: _Best) -> list[list[Candidate]]:

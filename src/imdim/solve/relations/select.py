@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from itertools import takewhile
 
 import numpy as np
 
@@ -123,15 +124,15 @@ class Choice:
         self._known[:, new] = taken
         self.rank += len(residual)
 
-    def greedy(self, candidates: Iterable[Candidate]) -> list[Constraint]:
-        """Accept the candidate that saves most, again and again, while one saves anything; those accepted, in order.
+    def greedy(self, candidates: Iterable[Candidate], out_of_time: Callable[[], bool] = bool) -> list[Constraint]:
+        """Accept the candidate that saves most, again and again, while one saves anything and there is time; those accepted, in order.
 
         Savings are only looked at again when a candidate comes to the top: they seldom grow.
         """
-        order = [(-self.judge(c).saving, i, c) for i, c in enumerate(candidates)]
+        order = [(-self.judge(c).saving, i, c) for i, c in enumerate(takewhile(lambda _: not out_of_time(), candidates))]
         heapq.heapify(order)
         accepted: list[Constraint] = []
-        while order:
+        while order and not out_of_time():
             _, i, candidate = heapq.heappop(order)
             judged = self.judge(candidate)
             if judged.rank == 0:
