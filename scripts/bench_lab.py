@@ -24,23 +24,58 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import trimesh
 from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
+from imdim.app.lab.examples import example
+
 WAIT_MS = 120_000
 POINTS = 100_000
+POLL_MS = 30
 SHOWN_S = 5.0  # for which pictures are counted
-# counts what is drawn, and what is drawn of something new: cheaper to ask for than pictures, of which one at the end is proof
-COUNT = """window.lab = { drawn: 0, sent: 0, anew: 0, frames: 0, last: 0 };
-const tick = () => { if (lab.drawn !== lab.last) { lab.frames++; lab.last = lab.drawn; } requestAnimationFrame(tick); };
-requestAnimationFrame(tick);
+# Counts what is drawn, and what is drawn of something new. An edit is taken from the key to the first frame whose pixels have changed: they
+# are read back in the frame itself, which waits until it is drawn; nothing polls and no pictures are taken meanwhile.
+PROBE = """window.lab = { drawn: 0, sent: 0, anew: 0, frames: 0 };
+const raf = window.requestAnimationFrame.bind(window);
+window.requestAnimationFrame = (f) => raf((t) => {
+  const before = lab.drawn;
+  f(t);
+  if (lab.drawn > before) { lab.frames++; lab.after?.(); } });
 const draw = () => { lab.drawn++; if (lab.sent) lab.anew++; };
 const calls = ['drawElements', 'drawArrays', 'drawElementsInstanced', 'drawArraysInstanced'];
 const sends = ['bufferData', 'bufferSubData'].map((name) => [name, () => lab.sent++]);
 for (const [call, does] of [...sends, ...calls.map((name) => [name, draw])]) {
   const plain = WebGL2RenderingContext.prototype[call];
   WebGL2RenderingContext.prototype[call] = function (...given) { does(); return plain.apply(this, given); };
-}"""
+}
+lab.status = (name) => [...document.querySelectorAll('.lab-status tr')].find((r) => r.cells[0].textContent === name)?.cells[1].textContent;
+lab.pixels = () => {
+  const area = (c) => c.width * c.height, canvas = [...document.querySelectorAll('canvas')].sort((a, b) => area(b) - area(a))[0];
+  const gl = canvas.getContext('webgl2'), [w, h] = [canvas.width >> 1, canvas.height >> 1], p = new Uint8Array(4 * w * h);
+  gl.readPixels(w >> 1, h >> 1, w, h, gl.RGBA, gl.UNSIGNED_BYTE, p); // its middle
+  return p; };
+lab.differ = (a, b) => { let n = 0; for (let i = 0; i < a.length; i += 4)
+  if (Math.abs(a[i] - b[i]) > 40 || Math.abs(a[i + 1] - b[i + 1]) > 40 || Math.abs(a[i + 2] - b[i + 2]) > 40) n++;
+  return n; };
+lab.expect = (least) => {
+  const volume = lab.status('volume'), before = lab.pixels();
+  let start;
+  addEventListener('keydown', (e) => { start = e.timeStamp; }, { once: true, capture: true });
+  lab.sent = 0;
+  lab.told = new Promise((done) => {
+    const seen = new MutationObserver(() => {
+      if (lab.status('volume') !== volume) { seen.disconnect(); done(performance.now() - start); } });
+    seen.observe(document.body, { childList: true, subtree: true, characterData: true }); });
+  lab.seen = new Promise((done) => { lab.after = () => {
+      if (lab.sent && lab.differ(lab.pixels(), before) > least) { lab.after = null; done(performance.now() - start); } }; });
+};"""
+# the distinct states of a run that the page tells (its seconds have one digit), and the frames that draw new data
+TELL = """() => { lab.stages = new Set(); lab.fresh = 0; lab.sent = 0;
+  lab.after = () => { if (lab.sent) { lab.fresh++; lab.sent = 0; } };
+  const told = new MutationObserver(() => lab.stages.add(lab.status('stage')));
+  told.observe(document.body, { childList: true, subtree: true, characterData: true }); }"""
+CHANGED = 60  # pixels: less than one of the holes
 SHOT = {"x": 320, "y": 180, "width": 620, "height": 520}
 
 
@@ -91,7 +126,7 @@ def _measure(browser: Browser, url: str, server: int, parts: list[Path]) -> list
     first = {part.name: _of_part(page, part, server) for part in parts}
     slowest = ", ".join(f"{name} {took.clock:.1f}" for name, took in sorted(first.items(), key=lambda item: -item[1].clock)[:3])
     memory = f"{before:.0f} MB, {one_more:+.0f} MB, {ran:+.0f} MB, {_memory_of_workers(server):.0f} MB"
-    drawn, frames = _rate(page)
+    told, drawn, frames = _rate(page)
     page.close()
     return [
         _row("page load to first picture", "2 s", loads),
@@ -99,7 +134,7 @@ def _measure(browser: Browser, url: str, server: int, parts: list[Path]) -> list
         *([_row(f"start to first program drawn, {len(first)} parts (slowest: {slowest})", "3 s", list(first.values()))] if first else []),
         _row("edit to the new volume", "0.5 s", [told for told, _ in edits]),
         _row("edit to the new picture", "0.5 s", [seen for _, seen in edits]),
-        f"| snapshots drawn a second, an evolution beside {POINTS:,} points | | {drawn:.1f} | |",
+        f"| programs told, and new pictures, a second: an evolution beside {POINTS:,} points | | {told:.1f}, {drawn:.1f} | |",
         f"| frames a second, {POINTS:,} points, the view turning | | {frames:.1f} | |",
         f"| memory: the server, one more client, after its run, its process | | {memory} | |",
     ]
@@ -166,10 +201,10 @@ def _spread(seconds: tuple[float, ...]) -> str:
 def _loaded(browser: Browser, url: str) -> tuple[Page, Took]:
     page = browser.new_page(viewport={"width": 1280, "height": 720})
     page.set_default_timeout(WAIT_MS)
-    page.add_init_script(COUNT)
+    page.add_init_script(PROBE)
     watch = Watch()
     page.goto(url)
-    page.wait_for_function("window.lab?.drawn > 0")
+    page.wait_for_function("window.lab?.drawn > 0", polling=POLL_MS)
     took = watch()
     assert _inked(page) > 2000, "what was drawn is no picture"
     return page, took
@@ -179,7 +214,7 @@ def _first_program(page: Page) -> Took:
     page.evaluate("Object.assign(lab, { sent: 0, anew: 0 })")
     watch = Watch()
     page.get_by_role("button", name="Start", exact=True).click()
-    page.wait_for_function("lab.anew > 0 && document.querySelector('.lab-status').textContent.includes('volume')")
+    page.wait_for_function("lab.anew > 0 && document.querySelector('.lab-status').textContent.includes('volume')", polling=POLL_MS)
     return watch()
 
 
@@ -188,60 +223,59 @@ def _edits(page: Page) -> list[tuple[Took, Took]]:
     page.locator(".lab-primitive [role=treeitem][data-n='3']").click()
     page.get_by_role("tab", name="Edit", exact=True).click()
     box, out = page.get_by_label("r mm", exact=True), []
-    for radius in ("4", "5", "4.5", "5.5", "3"):
-        time.sleep(2.0)
-        volume, picture = _volume(page), _picture(page)
-        page.evaluate("Object.assign(lab, { sent: 0, anew: 0 })")
+    for radius in "45627":
+        time.sleep(2.5)
+        box.select_text()
+        time.sleep(0.5)
+        page.evaluate(f"lab.expect({CHANGED})")
         watch = Watch()
-        box.fill(radius)
-        page.wait_for_function(f"!document.querySelector('.lab-status').textContent.includes('{volume}')")
-        told = watch()
-        page.wait_for_function("lab.anew > 0")
-        out.append((told, watch()))
-        assert (np.abs(_picture(page) - picture).max(axis=2) > 40).sum() > 60, "what was drawn is the picture as it was"
+        page.keyboard.press(radius)
+        told = Took(page.evaluate("lab.told") / 1000, watch().core)
+        out.append((told, Took(page.evaluate("lab.seen") / 1000, watch().core)))
     page.get_by_role("tab", name="Run", exact=True).click()
     return out
 
 
-def _rate(page: Page) -> tuple[float, float]:
-    """Beside a cloud of many points: programs drawn a second during an evolution, and frames a second while the view turns."""
-    rng = np.random.default_rng(0)
-    side = rng.integers(0, 3, POINTS)
-    points = rng.uniform(-1, 1, (POINTS, 3)) * [3.0, 2.0, 1.0]
-    points[range(POINTS), side] = np.array([3.0, 2.0, 1.0])[side] * rng.choice([-1.0, 1.0], POINTS)
+def _rate(page: Page) -> tuple[float, float, float]:
+    """Beside many points: programs told and new pictures a second during an evolution, and frames a second while the view turns."""
+    mesh = example("Bracket").mesh
+    assert mesh is not None
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "cloud.npy"
-        np.save(path, points)
+        np.save(path, trimesh.sample.sample_surface(mesh, POINTS, seed=0)[0])
         _upload(page, path)
     frames = _frames(page)
     page.get_by_role("tab", name="Edit", exact=True).click()
-    page.get_by_role("button", name="Add", exact=True).click()  # a program to start from
-    page.wait_for_function("document.querySelector('.lab-status').textContent.includes('volume')")
+    page.get_by_role("button", name="Add", exact=True).click()  # a program to start from, far from the end
+    page.wait_for_function("lab.status('volume')", polling=POLL_MS)
     page.get_by_role("tab", name="Run", exact=True).click()
+    page.get_by_label("Seconds", exact=True).fill("600")
     page.get_by_text("Evolve from here").click()
-    page.evaluate(
-        "window.stages = new Set(); const told = document.querySelector('.lab-status').closest('div').parentElement;"
-        "new MutationObserver(() => stages.add([...told.querySelectorAll('tr')].find(r => r.textContent.startsWith('stage'))"
-        "?.textContent)).observe(told, {childList: true, subtree: true})"
-    )
     page.get_by_role("button", name="Continue from this program", exact=True).click()
-    _until(page, lambda: "evolve" in _status(page))
-    begun, start = page.evaluate("stages.size"), time.perf_counter()
+    page.wait_for_function("lab.status('stage')?.includes('continue: evolve')", polling=POLL_MS)
+    page.evaluate(TELL)
+    start = time.perf_counter()
     time.sleep(SHOWN_S)
-    rate = (page.evaluate("stages.size") - begun) / (time.perf_counter() - start)
+    told, drawn = page.evaluate("[lab.stages.size, lab.fresh]")
+    seconds = time.perf_counter() - start
+    stage = page.evaluate("lab.status('stage')")
+    assert "continue: evolve" in stage, f"the evolution ended before its rate was taken: {stage}"
     page.get_by_role("button", name="Stop", exact=True).click()
-    return rate, frames
+    return told / seconds, drawn / seconds, frames
 
 
 def _frames(page: Page) -> float:
-    """Frames a second that show something else than the one before."""
+    """Frames a second while a hand turns the view, each of which shows something else than the one before."""
     page.mouse.move(640, 450)
     page.mouse.down()
+    page.mouse.move(660, 450)
+    time.sleep(0.5)
     begun, start = page.evaluate("lab.frames"), time.perf_counter()
     turned = 0
     while time.perf_counter() - start < SHOWN_S:
         turned += 1
         page.mouse.move(640 + 4 * (turned % 60), 450)
+        time.sleep(0.01)
     rate = (page.evaluate("lab.frames") - begun) / (time.perf_counter() - start)
     page.mouse.up()
     return rate
@@ -255,11 +289,6 @@ def _upload(page: Page, part: Path) -> None:
 
 def _status(page: Page) -> str:
     return page.evaluate("document.querySelector('.lab-status')?.textContent ?? ''")
-
-
-def _volume(page: Page) -> str:
-    rows = "[...document.querySelectorAll('.lab-status tr')]"
-    return page.evaluate(f"{rows}.find(r => r.cells[0].textContent === 'volume').cells[1].textContent")
 
 
 def _picture(page: Page) -> np.ndarray:

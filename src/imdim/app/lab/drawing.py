@@ -18,14 +18,15 @@ from imdim.geometry.lowering import lower
 from imdim.geometry.solid import owned_surface, primitive_to_manifold, to_trimesh
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.roles import labels, signs
-from imdim.program.tree import Program, fold, leaves, map_leaves
+from imdim.program.tree import Primitive, Program, fold, leaves, map_leaves
 
 SPAN = 4.0  # the diagonal of the target in the view
 FINE, COARSE, MANY = 96, 48, 60  # facets per circle, fewer for programs of many primitives
-SHOWN_POINTS = 30_000  # of a cloud: a browser without a graphics card draws so many several times a second, and more fill no more pixels
-SHOWN_OF_MESH = 8_000  # its points are samples, and fewer of them say as much
+SHOWN_POINTS = 30_000  # of a cloud: more fill no more pixels
+SHOWN_OF_MESH = 5_000  # its points are samples, and fewer of them say as much
 MAP_POINTS = 20_000
 SMALLEST_RANGE = 1e-3  # of the diagonal: a perfect result is not to look patchy
+LIFT = 2e-3  # by which what is selected is drawn larger in the view: in a face that another primitive shares, either would show in patches
 SKIN = 1e-6  # by which cutters are drawn larger: caps that lie in the face they cut through would leave a film there
 VIOLATED = HOLDS * 10
 
@@ -100,9 +101,9 @@ def scene(theory: Theory, frame: Frame, selected: int | None) -> Scene:
     ghosts: list[Piece] = []
     for leaf, role in enumerate(roles(program)):
         if role != "union" or leaf == selected:
-            whole = to_trimesh(primitive_to_manifold(parts[leaf], COARSE))
-            tint = SELECTED if leaf == selected else tints[leaf]
-            ghosts.append(Piece(leaf, place(frame, whole.vertices), whole.faces, tint, 0.45 if leaf == selected else 0.22))
+            tint, opacity = (SELECTED, 0.45) if leaf == selected else (tints[leaf], 0.22)
+            # a cutter that is lifted would lie behind the walls that it made
+            ghosts.append(_ghost(leaf, parts[leaf], frame, 0.0 if role == "difference" else LIFT, tint, opacity))
     return Scene(pieces, ghosts, surface, float(surface.volume) if len(surface.faces) else 0.0)
 
 
@@ -115,6 +116,13 @@ def drawn(program: Program) -> Program:
 def _piece(leaf: int, vertices: np.ndarray, faces: np.ndarray, tint: Colour, selected: bool) -> Piece:
     used, corners = np.unique(faces, return_inverse=True)
     return Piece(leaf, vertices[used], corners.reshape(-1, 3), SELECTED if selected else tint)
+
+
+def _ghost(leaf: int, part: Primitive, frame: Frame, lift: float, tint: Colour, opacity: float) -> Piece:
+    """The whole of a primitive, larger by `lift` in the view."""
+    whole = to_trimesh(primitive_to_manifold(part, COARSE))
+    at = place(frame, whole.vertices)
+    return Piece(leaf, at + (lift * whole.vertex_normals).astype(at.dtype) if lift else at, whole.faces, tint, opacity)
 
 
 def overlay(theory: Theory, frame: Frame) -> Overlay:

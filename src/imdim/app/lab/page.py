@@ -27,8 +27,9 @@ from imdim.program.cost import count
 from imdim.program.tree import leaves
 
 SCORE_SAMPLES = 5_000
-SCORE_AFTER_S = 0.3, 1.0  # the picture has the core for itself until then: after an edit, and while a run goes on
+SCORE_AFTER_S = 0.4, 1.0  # the picture has the core for itself until then: after an edit, and while a run goes on
 SAID_S = 10.0  # that an error stays on the picture
+SCORE_NICE = 10  # and where it takes longer, it still goes first
 LEFT, RIGHT = 300, 320  # pixels
 
 
@@ -38,7 +39,7 @@ class Page:
     def __init__(self, client: viser.ClientHandle, pool: Pool, limits: UploadLimits) -> None:
         self._client = client
         self._drawing = Refresher(self._draw_at_once, "draw")
-        self._scoring = Refresher(self._score, "score", lambda: SCORE_AFTER_S[self.session.state.live is not None])
+        self._scoring = Refresher(self._score, "score", lambda: SCORE_AFTER_S[self.session.state.live is not None], SCORE_NICE)
         self.session = Session(pool, self._drawing.poke, limits)
         self.view = View(client, self._clicked)
         self._scene: drawing.Scene | None = None

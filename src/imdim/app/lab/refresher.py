@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import sys
 import threading
 import traceback
@@ -9,11 +11,14 @@ from collections.abc import Callable, Set
 
 
 class Refresher:
-    """Calls `draw` with the topics that `poke` named since the last time, `rest()` seconds after the first of them."""
+    """Calls `draw` with the topics that `poke` named since the last time, `rest()` seconds after the first of them.
 
-    def __init__(self, draw: Callable[[Set[str]], None], name: str, rest: Callable[[], float] = lambda: 0.0) -> None:
+    Its thread gives way to others by `nice`, where the system knows that of threads.
+    """
+
+    def __init__(self, draw: Callable[[Set[str]], None], name: str, rest: Callable[[], float] = lambda: 0.0, nice: int = 0) -> None:
         self._draw, self._topics, self._ready = draw, set[str](), threading.Condition()
-        self._rest = rest
+        self._rest, self._nice = rest, nice
         self._closed = False
         threading.Thread(target=self._run, name=name, daemon=True).start()
 
@@ -29,6 +34,9 @@ class Refresher:
             self._ready.notify()
 
     def _run(self) -> None:
+        if self._nice and sys.platform == "linux":
+            with contextlib.suppress(OSError):
+                os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), self._nice)
         while True:
             with self._ready:
                 self._ready.wait_for(lambda: self._topics or self._closed)

@@ -10,9 +10,8 @@ import numpy as np
 import viser
 
 from imdim.app.lab.drawing import POINT_COLOUR, Overlay, Piece, Scene
+from imdim.app.lab.points import Points
 
-CLOUD_COLOUR = (110, 118, 130)
-CLOUD_SIZES, CLOUD_OF = (0.022, 0.01), 8_000  # of a point, alone and with a solid, where there are so many; more points are smaller
 LAYERS: Mapping[str, bool] = {"Solid": True, "Cutters": True, "Points": True, "Distance map": False, "Constraints": False}
 SEEN_THROUGH = 0.3  # opacity of the solid where constraints are shown, most of which lie inside it
 TURN_DEG, TURN_S = 1.0, 0.05
@@ -36,12 +35,12 @@ class View:
         self._scene, self._client, self._clicked = client.scene, client, clicked
         self._meshes: dict[str, tuple[Piece, viser.MeshHandle]] = {}
         self._others: dict[str, viser.SceneNodeHandle] = {}
-        self._cloud: viser.PointCloudHandle | None = None
-        self._finer = 1.0
+        self._cloud = Points(client)
         self._turning = threading.Event()
         self._over: Overlay | None = None
         self._named: tuple[bytes, str] | None = None
         self.shown = dict(LAYERS)
+        client.camera.on_update(lambda _: self._cloud.stir())
         self.look()
 
     def look(self) -> None:
@@ -59,13 +58,15 @@ class View:
         for name, node in (*((n, h) for n, (_, h) in self._meshes.items()), *self._others.items()):
             if _LAYER_OF[name.split("/")[1]] == layer:
                 node.visible = visible
+        if layer == "Points":
+            self._cloud.show(visible)
 
     def draw(self, scene: Scene | None, overlay: Overlay | None) -> None:
         """The solid, its cutters, and what the constraints relate."""
         pieces = {} if scene is None else {f"/solid/{p.leaf}": p for p in scene.pieces} | {f"/cutters/{p.leaf}": p for p in scene.ghosts}
         with self._client.atomic():
-            if self._cloud is not None:
-                self._cloud.point_size = self._finer * CLOUD_SIZES[bool(pieces)]
+            self._cloud.beside(bool(pieces))
+            self._cloud.stir()
             for name in self._meshes.keys() - pieces.keys():
                 self._meshes.pop(name)[1].remove()
             for name, piece in pieces.items():
@@ -121,10 +122,8 @@ class View:
             )
 
     def draw_cloud(self, points: np.ndarray) -> None:
-        """The target's points [n, 3], which cover the same share of the part however many they are."""
-        self._finer = min(1.0, math.sqrt(CLOUD_OF / max(len(points), 1)))
-        size = self._finer * CLOUD_SIZES[0]
-        self._others["/cloud/points"] = self._cloud = self._points("/cloud/points", points, CLOUD_COLOUR, size, "circle")
+        """The target's points [n, 3]."""
+        self._cloud.draw(points)
 
     def draw_map(self, points: np.ndarray, colours: np.ndarray) -> None:
         """The distances at the target's points."""
@@ -161,7 +160,8 @@ class View:
     def forget(self) -> None:
         """Another target: nothing of the old one stays."""
         with self._client.atomic():
-            self._cloud, self._named = None, None
+            self._named = None
+            self._cloud.forget()
             self.draw(None, None)
             self._remove(*self._others)
 
@@ -177,7 +177,6 @@ def _same(a: Piece, b: Piece) -> bool:
 _LAYER_OF: Mapping[str, str] = {
     "solid": "Solid",
     "cutters": "Cutters",
-    "cloud": "Points",
     "map": "Distance map",
     "points": "Constraints",
     "constraints": "Constraints",

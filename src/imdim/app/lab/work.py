@@ -24,6 +24,7 @@ from imdim.geometry.cloud import InputError, Target, load_target
 from imdim.geometry.readers import FORMATS
 from imdim.pipeline import Snapshot, reconstruct
 from imdim.program.constraints import ConstraintError
+from imdim.program.tree import Combine, Primitive
 
 Now = Callable[[], float]
 SHOWN_EVERY_S = 0.05  # an evolution makes generations faster than they can be drawn
@@ -151,8 +152,8 @@ def _snapshot(snapshot: Snapshot) -> Message:
 
 
 @functools.cache
-def warm() -> None:
-    """One tiny reconstruction and its score, so that the first real one finds compiled kernels loaded."""
+def warm() -> Target:
+    """One tiny reconstruction and its score, so that the first real one finds compiled kernels loaded. Gives the tiny part."""
     import trimesh
 
     from imdim.geometry.cloud import target_from
@@ -160,3 +161,16 @@ def warm() -> None:
     target = target_from(trimesh.creation.box((3.0, 2.0, 1.0)), "warm-up")
     *_, last = reconstruct(target, Settings(budget_s=5.0), np.random.default_rng(0))
     evaluate(last.program, target, samples=100)
+    return target
+
+
+@functools.cache
+def warm_rest() -> None:
+    """What a reconstruction does not need and the other tasks do: an evolution that goes on, the solver, the search for relations."""
+    target, part = warm(), Primitive("cylinder", (1.0, 1.0))
+    *_, last = continuing.continued(
+        target, Combine("union", part, part), Settings(budget_s=2.0), continuing.Rates(population=8), time.perf_counter
+    )
+    _, constraints = relations_of(last.program)
+    for solved in solving.finish(last.program, constraints, [solving.Lock(0, "x")], target):
+        solving.misfit(solved, target)

@@ -14,6 +14,7 @@ from typing import Any
 
 from imdim.app.lab import wire
 
+IDLE_S = 3.0  # after which the kernels of the rarer tasks are made ready too
 BEHIND_THE_PAGE = 5  # niceness: where cores are few, what a run found is drawn before it searches on
 
 
@@ -40,6 +41,8 @@ def main(pipe: Connection, paused: Any, most_bytes: int) -> None:
     work.warm()
     pipe.send_bytes(wire.packed(wire.Message("ready")))
     with contextlib.suppress(EOFError, BrokenPipeError):
+        if not pipe.poll(IDLE_S):
+            work.warm_rest()
         while True:
             for answer in work.perform(wire.unpacked(pipe.recv_bytes()), now):
                 pipe.send_bytes(wire.packed(answer))
