@@ -8,12 +8,16 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 
+from imdim.app.batch.cluster import run_shipped
+from imdim.app.batch.process import Limits
+from imdim.config import Settings
 from imdim.geometry.cloud import target_from
 from imdim.geometry.scan import Condition, parse_condition, scan
 
@@ -21,7 +25,7 @@ SCRIPTS = Path(__file__).parents[1] / "scripts"
 sys.path.insert(0, str(SCRIPTS))  # the scripts import each other by name
 
 import benchmark  # noqa: E402
-from benchmark_part import Row, sample, score  # noqa: E402
+from benchmark_part import Row, Task, sample, score  # noqa: E402
 from benchmark_table import summary  # noqa: E402
 
 # stands in for `imdim fit`: delivers a unit cube whatever the part is; what else it does is decided by the part's name
@@ -175,6 +179,16 @@ def test_a_scorer_that_breaks_the_job_is_a_row_too(make, tmp_path, stand_in, mon
     monkeypatch.setattr(benchmark, "JOB", (sys.executable, str(job)))
     assert benchmark.main([str(make(bad=1, cube=1)), "--out", str(tmp_path / "out")], stand_in()) == 0
     assert [row["stop"] for row in table(tmp_path / "out").values()] == ["FAILED, ended by signal SIGABRT", "FAILED, no readable row.json"]
+
+
+def test_a_job_needs_nothing_of_this_folder_but_the_checkout(make, tmp_path, stand_in, scorer):
+    (part,) = benchmark.find_parts(make(cube=1), set(), set())
+    task = Task("cloud", str(scorer), stand_in(), 20.0, 1000.0)
+    job = benchmark._job(part, tmp_path / "out", task, Limits(60.0), Settings())
+    ended, files = run_shipped(replace(job, staging=Path(), part=replace(part, source=Path("cube.stl"))), part.source.read_bytes())
+    assert ended.why == ""
+    assert {"fit.log", "parts/cube/row.json", "parts/cube/cube.npy", "parts/cube/program.scad"} <= files.keys()
+    assert json.loads(files["parts/cube/row.json"])["iou"] == 0.75
 
 
 def test_a_part_is_sampled_by_its_condition_alone(make, tmp_path):
