@@ -126,7 +126,7 @@ def _measure(browser: Browser, url: str, server: int, parts: list[Path]) -> list
     first = {part.name: _of_part(page, part, server) for part in parts}
     slowest = ", ".join(f"{name} {took.clock:.1f}" for name, took in sorted(first.items(), key=lambda item: -item[1].clock)[:3])
     memory = f"{before:.0f} MB, {one_more:+.0f} MB, {ran:+.0f} MB, {_memory_of_workers(server):.0f} MB"
-    told, drawn, frames = _rate(page)
+    told, drawn, frames, frames_of_core = _rate(page)
     page.close()
     return [
         _row("page load to first picture", "2 s", loads),
@@ -135,7 +135,7 @@ def _measure(browser: Browser, url: str, server: int, parts: list[Path]) -> list
         _row("edit to the new volume", "0.5 s", [told for told, _ in edits]),
         _row("edit to the new picture", "0.5 s", [seen for _, seen in edits]),
         f"| programs told, and new pictures, a second: an evolution beside {POINTS:,} points | | {told:.1f}, {drawn:.1f} | |",
-        f"| frames a second, {POINTS:,} points, the view turning | | {frames:.1f} | |",
+        f"| frames a second, {POINTS:,} points, the view turning | | {frames:.1f} | {frames_of_core:.1f} |",
         f"| memory: the server, one more client, after its run, its process | | {memory} | |",
     ]
 
@@ -236,7 +236,7 @@ def _edits(page: Page) -> list[tuple[Took, Took]]:
     return out
 
 
-def _rate(page: Page) -> tuple[float, float, float]:
+def _rate(page: Page) -> tuple[float, float, float, float]:
     """Beside many points: programs told and new pictures a second during an evolution, and frames a second while the view turns."""
     mesh = example("Bracket").mesh
     assert mesh is not None
@@ -261,24 +261,24 @@ def _rate(page: Page) -> tuple[float, float, float]:
     stage = page.evaluate("lab.status('stage')")
     assert "continue: evolve" in stage, f"the evolution ended before its rate was taken: {stage}"
     page.get_by_role("button", name="Stop", exact=True).click()
-    return told / seconds, drawn / seconds, frames
+    return told / seconds, drawn / seconds, frames.clock, frames.core
 
 
-def _frames(page: Page) -> float:
-    """Frames a second while a hand turns the view, each of which shows something else than the one before."""
+def _frames(page: Page) -> Took:
+    """Frames a second, by the clock and of a core, while a hand turns the view, each of which shows something else than the one before."""
     page.mouse.move(640, 450)
     page.mouse.down()
     page.mouse.move(660, 450)
     time.sleep(0.5)
-    begun, start = page.evaluate("lab.frames"), time.perf_counter()
+    begun, watch = page.evaluate("lab.frames"), Watch()
     turned = 0
-    while time.perf_counter() - start < SHOWN_S:
+    while watch().clock < SHOWN_S:
         turned += 1
         page.mouse.move(640 + 4 * (turned % 60), 450)
         time.sleep(0.01)
-    rate = (page.evaluate("lab.frames") - begun) / (time.perf_counter() - start)
+    drawn, took = page.evaluate("lab.frames") - begun, watch()
     page.mouse.up()
-    return rate
+    return Took(drawn / took.clock, drawn / took.core)
 
 
 def _upload(page: Page, part: Path) -> None:

@@ -9,12 +9,14 @@ import os
 import shutil
 import signal
 import subprocess
+import time
 
 import pytest
 import trimesh
 from PIL import Image
 from tests.app.lab.browser import WAIT_MS, LabPage, blue, chromium, green, inked, lab, needs_chromium, red
 
+from imdim.app.lab.panels.edit import LOCKED
 from imdim.geometry.solid import volume
 from imdim.program import codec
 
@@ -114,10 +116,51 @@ def test_a_constraint_is_added_and_the_solver_finishes_under_it(done):
     assert "off by" in added.inner_text()
     done.tab("Edit")
     done.press("Let the solver finish")
-    measures(done, EXACT - math.pi * (14**2 - 13**2) * 16)
+    smaller = EXACT - math.pi * (14**2 - 13**2) * 16
+    measures(done, smaller)
     done.notice("solved: all constraints and locks hold")
-    for _ in range(2):
+    done.select(3)
+    done.box("r mm").fill("5")  # the next edit keeps it
+    measures(done, smaller - 4 * math.pi * (25 - 9) * 8)
+    assert "off by" not in added.inner_text()
+    done.keys("Escape")
+    for _ in range(3):
         done.press("Undo")
+    measures(done, EXACT)
+    done.tab("Run")
+
+
+def test_a_locked_number_stays_where_the_solver_moves_the_others_back(done):
+    done.tab("Edit")
+    done.select(1)
+    done.box("r mm").fill("13")
+    smaller = EXACT - math.pi * (14**2 - 13**2) * 16
+    measures(done, smaller)
+    done.press("r")
+    done.page.get_by_role("button", name=LOCKED + "r", exact=True).wait_for()
+    done.select(3)
+    done.box("r mm").fill("5")
+    measures(done, smaller - 4 * math.pi * (25 - 9) * 8)
+    done.press("Let the solver finish")
+    measures(done, smaller)
+    done.notice("solved: all constraints and locks hold")
+    done.keys("Escape")
+    for _ in range(4):
+        done.press("Undo")
+    measures(done, EXACT)
+    done.tab("Run")
+
+
+def test_a_primitive_is_added(done):
+    before = done.picture()
+    done.tab("Edit")
+    done.press("Add")  # a cylinder in the middle, which fits into the bore
+    length = 0.15 * math.sqrt(80**2 + 50**2 + 24**2)
+    measures(done, EXACT + math.pi * (length / 2) ** 2 * 2 * length)
+    assert done.status("primitives") == "8"
+    done.page.wait_for_selector(".lab-primitive [data-n='7'][aria-selected=true]")
+    done.wait_for_picture(lambda picture: red(picture) > red(before) + 400)
+    done.keys("Control+z", "Escape")
     measures(done, EXACT)
     done.tab("Run")
 
@@ -340,12 +383,15 @@ def test_two_clients_work_on_their_own_and_survive_a_killed_run(done, other, ser
     other.says("ready")
 
 
-def _kill_workers(server):
+def _workers(server):
     """All processes that work for a server, those that wait too."""
     listed = subprocess.run(["ps", "--ppid", str(server), "-o", "pid=,args="], capture_output=True, text=True, check=True).stdout
-    for line in listed.splitlines():
-        if "spawn_main" in line:
-            os.kill(int(line.split()[0]), signal.SIGKILL)
+    return {int(line.split()[0]) for line in listed.splitlines() if "spawn_main" in line}
+
+
+def _kill_workers(server):
+    for pid in _workers(server):
+        os.kill(pid, signal.SIGKILL)
 
 
 def test_a_large_and_a_narrow_window_show_part_and_controls(done):
@@ -364,16 +410,64 @@ def test_a_large_and_a_narrow_window_show_part_and_controls(done):
         assert start["y"] + start["height"] <= height
 
 
-def test_a_narrow_window_is_usable_from_the_first(browser, server):
+@pytest.fixture
+def narrow(browser, server):
+    """A third client, in a window of a telephone's size."""
     page = LabPage(browser, server.url, 390, 844)
-    page.wait_for_picture(lambda picture: inked(picture) > 3000)
-    left, top, across, down = page.view()
+    yield page
+    if not page.page.is_closed():
+        page.close()
+
+
+def test_a_narrow_window_is_usable_from_the_first(narrow, tmp_path):
+    """Clicks are those of a hand: scrolled to, and refused where something lies above."""
+    page = narrow.page
+    narrow.wait_for_picture(lambda picture: inked(picture) > 3000)
+    left, top, across, down = narrow.view()
     assert across == 390
     assert down >= 0.4 * 844
+    narrow.choose("Example", "Knob")
+    narrow.says("Knob")
+    (tmp_path / "cube.stl").write_bytes(trimesh.creation.box((30, 20, 10)).export(file_type="stl"))
+    with page.expect_file_chooser() as chooser:
+        narrow.press("Open a file")
+    chooser.value.set_files(tmp_path / "cube.stl")
+    narrow.says("cube.stl")
+    narrow.run()
+    narrow.wait_for_picture(lambda picture: blue(picture) > 8_000)
+    page.mouse.click(left + across / 2, top + down * 0.53)
+    page.get_by_role("button", name="Expand panel Program").click()
+    page.wait_for_selector(".lab-primitive [aria-selected=true]")
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.get_by_role("button", name="Collapse panel Program").click()
+    narrow.tab("Edit")
+    narrow.box("sx mm").fill("15")
+    narrow.wait_for_volume(2999, 3001)
+    narrow.press("sx")
+    page.get_by_role("button", name=LOCKED + "sx", exact=True).wait_for()
+    narrow.tab("Relate")
+    rows = page.locator(".lab-constraint [data-n]").count()
+    narrow.choose("Relation", "value")
+    narrow.field("Of").fill("0.sy")
+    narrow.field("Value").fill("20")
+    narrow.press("Add the constraint")
+    page.locator(f".lab-constraint [data-n='{rows}']").wait_for()
+    narrow.tab("Take")
+    with page.expect_download() as waiting:
+        narrow.press("Download JSON")
+    assert volume(codec.loads(waiting.value.path().read_text())) == pytest.approx(3000)
+
+
+def test_a_closed_page_frees_its_work(browser, server):
+    page = LabPage(browser, server.url)
+    page.choose("Example", "Bracket, scanned")
+    page.says("scanned")
     page.press("Start")
-    page.wait_for_picture(lambda picture: blue(picture) > 8_000)
-    page.page.mouse.click(left + across / 2, top + down * 0.53)
-    page.page.get_by_role("button", name="Expand panel Program").click()
-    page.page.wait_for_selector(".lab-primitive [aria-selected=true]")
-    assert page.page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.says("running")
+    working = _workers(server.pid)
+    assert working
     page.close()
+    end = time.monotonic() + WAIT_MS / 1000
+    while working <= _workers(server.pid):
+        assert time.monotonic() < end, "the page is gone and its process works on"
+        time.sleep(0.1)

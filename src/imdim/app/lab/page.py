@@ -52,7 +52,7 @@ class Page:
     def close(self) -> None:
         """Frees all that this client used."""
         self.session.close()
-        self.view.turn(False)
+        self.view.close()
         self._drawing.close()
         self._scoring.close()
 

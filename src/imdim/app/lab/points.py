@@ -43,6 +43,11 @@ class Points:
         with self._lock:
             self._forget()
 
+    def close(self) -> None:
+        """The client has gone: nothing is sent any more."""
+        with self._lock:
+            self._few = self._rest = None
+
     def show(self, shown: bool) -> None:
         with self._lock:
             self._shown = shown

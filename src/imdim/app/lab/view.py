@@ -94,6 +94,11 @@ class View:
     def _opacity(self, name: str, piece: Piece) -> float | None:
         return SEEN_THROUGH if self.shown["Constraints"] and name.startswith("/solid/") else piece.opacity
 
+    def close(self) -> None:
+        """The client has gone."""
+        self.turn(False)
+        self._cloud.close()
+
     def turn(self, on: bool) -> None:
         """Let the part turn slowly, or hold it still."""
         self._turning.set()
