@@ -19,3 +19,18 @@ def test_work_that_was_cut_short_is_late_and_a_search_that_was_is_cut():
     assert near()
     assert clock.out_of_time()
     assert clock.cut
+
+
+def test_a_share_of_the_time_until_a_moment():
+    hands = [0.0]
+    clock = Clock(100.0, now=lambda: hands[0])
+    hands[0] = 10.0
+    half = clock.ending_at(0.5, 0.3)
+    assert clock.left(0.3) == 20.0
+    hands[0] = 19.0
+    assert not half()
+    hands[0] = 21.0
+    assert half()
+    assert clock.late
+    hands[0] = 40.0
+    assert clock.left(0.3) == 0.0

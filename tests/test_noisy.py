@@ -87,3 +87,9 @@ def test_where_detection_tells_no_inside_there_is_an_answer_still(monkeypatch):
 
 def test_a_calm_cloud_has_no_guess():
     assert unlabelled(target_from(cloud(box(4, 3, 1), share=0.0)), None, lambda: False) is None
+
+
+def test_without_time_the_likeliest_is_told_as_it_is():
+    truth = union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0)))
+    found = most_likely([box(9, 9, 9), truth], seen_of(cloud(truth, n=3000)), lambda: True, lambda: True)
+    assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.99

@@ -11,6 +11,8 @@ import trimesh
 from tests.planted import ALONG_X, PARTS, box, cone, cut, cylinder, mesh_of, sphere, union
 
 import imdim
+from imdim import pipeline
+from imdim.clock import Clock
 from imdim.config import Settings
 from imdim.geometry.cloud import InputError, target_from
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
@@ -170,3 +172,27 @@ def test_a_cloud_in_python():
 def test_importing_is_cheap():
     script = "import sys, imdim; sys.exit(any(m in sys.modules for m in ('torch', 'numba', 'trimesh', 'OCP', 'numpy')))"
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
+
+
+class Hands:
+    """A clock that moves by `step` seconds with each look."""
+
+    def __init__(self, step: float) -> None:
+        self.step, self.seconds = step, 0.0
+
+    def __call__(self) -> float:
+        self.seconds += self.step
+        return self.seconds
+
+
+@pytest.mark.parametrize("noise", [None, 0.0, 0.4])
+def test_a_reconstruction_ends_within_its_budget_by_its_clock(noise, monkeypatch):
+    """By a clock that only looks move: a deadline that is not heeded, or that is looked at again and again, would outrun the budget."""
+    mesh = mesh_of(PARTS["L bracket"])
+    points = trimesh.sample.sample_surface(mesh, 4000, seed=1)[0]
+    rng = np.random.default_rng(0)
+    target = target_from(mesh if noise is None else np.asarray(points) + noise * rng.normal(size=(4000, 3)))
+    monkeypatch.setattr(pipeline, "Clock", lambda budget: Clock(budget, now=Hands(0.04)))
+    *_, last = reconstruct(target, Settings(budget_s=8.0, checkpoint="none"), rng)
+    assert last.seconds <= 1.1 * 8.0
+    assert to_manifold(last.program).volume() > 0

@@ -6,10 +6,10 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-DETECT_BY, LABEL_BY = 0.25, 0.32  # of the budget: by then a cloud's surfaces are found, and its samples know their side
+DETECT_BY, LABEL_BY = 0.3, 0.37  # of the budget: by then a cloud's surfaces are found, and its samples know their side
 SEARCH_SHARE = 0.4  # of the budget, by which the search ends; the solver and delivery need the rest
-CHOOSE_BY, FIT_BY = 0.62, 0.75  # a noisy cloud's program is chosen; programs are short and their numbers fitted
-RELATE_BY = 0.85  # the search for relations ends
+CHOOSE_BY, FIT_BY = 0.7, 0.82  # a noisy cloud's program is chosen; programs are short and their numbers fitted
+RELATE_BY = 0.88  # the search for relations ends
 
 
 @dataclass

@@ -42,7 +42,7 @@ SEED_SHARE = 0.4  # of the search's time, that evolution gives to its seeds
 WORTH_MORE = 0.5  # of a primitive's price; error that a search goes on for although no fewer primitives can do
 NOISY_SHARE = 0.3  # of the time that the search has left: what the cells of a noisy cloud say is not worth more
 PROPOSED_SHARE = 0.5  # of the time until numbers must be fitted, that the policy's programs may take
-PROPOSE_S = 6.0  # what loading torch and writing a beam take of the processor; a search with less time goes without
+PROPOSE_S = 6.0  # what loading torch and writing a beam take of the processor; the solver works without it where less is left
 FAR_BETTER = 0.5  # of the misfit of the search's program
 
 
@@ -234,9 +234,6 @@ def _proposed_if_poor(run: Run, best: Step | None) -> Step | None:
     seen = run.seen
     if seen.target.mesh is not None or (best is not None and not seen.noisy and seen.error(best.program) <= POOR):
         return None
-    if best is not None and run.clock.left(CHOOSE_BY) < PROPOSE_S:
-        run.clock.late = True
-        return None
     program = _proposed(run, [] if best is None else [best.program])
     if best is None:
         return Step("policy", program)
@@ -254,10 +251,17 @@ def _proved(best: Step, proofs: Proofs) -> Step:
 
 def _proposed(run: Run, starts: list[Program]) -> Program:
     """The best that the solver makes of a policy's beam and of programs in the body's units."""
-    seen = run.seen
-    late = run.clock.ending_at(PROPOSED_SHARE * run.share, FIT_BY)
-    best, *_ = proposals(run.policy(), seen.target.points, [seen.frame.apply(p) for p in starts], out_of_time=late)
+    seen, late = run.seen, run.clock.ending_at(PROPOSED_SHARE * run.share, FIT_BY)
+    written = run.policy() if run.settings.method == "policy" or time_to_propose(run.clock) else None
+    best, *_ = proposals(written, seen.target.points, [seen.frame.apply(p) for p in starts], out_of_time=late)
     return seen.frame.undo(best.program)
+
+
+def time_to_propose(clock: Clock) -> bool:
+    """Whether there is time for a policy; that there was none stays known."""
+    short = clock.left(CHOOSE_BY) < PROPOSE_S
+    clock.late = clock.late or short
+    return not short
 
 
 def preferred(proposed: Program, program: Program, seen: Seen) -> bool:

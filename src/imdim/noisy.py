@@ -35,20 +35,25 @@ GUESS = 1.2  # times the measured deviation: a fit that starts too calm takes po
 
 
 def unlabelled(
-    body: Target, policy: Policy | None, out_of_time: Callable[[], bool], no_time_to_fit: Callable[[], bool] = bool
+    body: Target,
+    policy: Policy | None,
+    out_of_time: Callable[[], bool],
+    no_time_to_fit: Callable[[], bool] = bool,
+    calm: bool = False,
 ) -> Program | None:
     """A program of a noisy cloud of which detection cannot tell the inside, from its points and the policy's beam.
 
-    None for a calm cloud or a mesh, which then have no inside, and where nothing is left of the cloud. Time as for `most_likely`.
+    None for a mesh and, unless `calm` ones are asked for too, a calm cloud, which then have no inside, and where nothing is left of the
+    cloud. Time as for `most_likely`.
     """
     frame = Frame.of(body)
     points = frame.normalise(body).points
     sigma = measure_scale(points, np.random.default_rng(0)).sigma
-    if body.mesh is not None or sigma <= NOISY:
+    if body.mesh is not None or (sigma <= NOISY and not calm):
         return None
     found = [p.program for p in proposals(policy, points, out_of_time=out_of_time)]
-    if not found:
-        return None
+    if not found or sigma <= NOISY:
+        return frame.undo(found[0]) if found else None
     return frame.undo(_Points(points, sigma, main_axes(points[:QUICK_POINTS])).told(found, out_of_time, no_time_to_fit))
 
 

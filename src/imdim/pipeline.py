@@ -21,7 +21,7 @@ from imdim.evolution import choices, few, united
 from imdim.fitting import related, snapped, solved
 from imdim.geometry.cloud import InputError, Target, split_bodies, target_from
 from imdim.geometry.solid import to_manifold
-from imdim.methods import METHODS, PROPOSE_S, PolicyOf, Run
+from imdim.methods import METHODS, PolicyOf, Run, time_to_propose
 from imdim.noisy import most_likely, unlabelled
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
@@ -34,7 +34,8 @@ MOST_JOINT = 8  # bodies
 GUESSING = ("auto", "policy")  # methods that may answer from the points alone where detection sees no inside
 UNKNOWN = 1.0  # error of a program whose body shows no inside
 NO_INSIDE = "not proved: the noisy cloud shows no inside, this is a guess from its points alone"
-FRONT_BY = 0.9  # of the budget: later than that no other choices are looked for
+NO_TIME = "not proved: time ran out before the cloud showed its inside, this is a guess from its points alone"
+FRONT_BY = 0.92  # of the budget: later than that no other choices are looked for
 JOINT_ERROR = 2e-3  # of the volume, that a shorter program of all bodies at once may cost
 
 
@@ -138,11 +139,11 @@ def _body(
     try:
         seen = look(body, settings.size_weight, rng, clock.ending_at(share, DETECT_BY), clock.ending_at(share, LABEL_BY))
     except InputError:
-        asked = settings.method == "policy" or clock.left(CHOOSE_BY) > PROPOSE_S
-        guess = unlabelled(body, policy() if asked else None, *_times(clock, share)) if settings.method in GUESSING else None
+        cut = clock.late
+        guess = _guess(body, settings, policy, clock, share, cut) if cut or settings.method in GUESSING else None
         if guess is None:
             raise
-        yield _State("policy", guess, UNKNOWN, to_manifold(guess).volume(), (Choice(guess, UNKNOWN),), NO_INSIDE)
+        yield _State("policy", guess, UNKNOWN, to_manifold(guess).volume(), (Choice(guess, UNKNOWN),), NO_TIME if cut else NO_INSIDE)
         return
     step = None
 
@@ -167,6 +168,12 @@ def _body(
         fitted = solved(program, seen, body, late)
     last = state("solve", snapped(fitted, seen, body, late))
     yield replace(last, front=_front([*step.others, last.program], seen, clock))
+
+
+def _guess(body: Target, settings: Settings, policy: PolicyOf, clock: Clock, share: float, cut: bool) -> Program | None:
+    """A program of a cloud from its points alone; of a calm one only where time `cut` its detection short."""
+    asked = settings.method == "policy" or (settings.method in GUESSING and time_to_propose(clock))
+    return unlabelled(body, policy() if asked else None, *_times(clock, share), calm=cut)
 
 
 def _times(clock: Clock, share: float) -> tuple[Callable[[], bool], Callable[[], bool]]:

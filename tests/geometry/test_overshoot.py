@@ -81,3 +81,7 @@ def test_thirty_primitives_take_less_than_a_second_or_so():
     after = overshoot(program)
     assert time.process_time() - start < 3
     assert volume(after) == pytest.approx(volume(program), rel=1e-9)
+
+
+def test_without_time_faces_stay():
+    assert overshoot(cut(PLATE, HOLE), out_of_time=lambda: True) == cut(PLATE, HOLE)

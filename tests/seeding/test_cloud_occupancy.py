@@ -8,7 +8,7 @@ from tests.seeding.cloud_parts import PARTS, plate
 from imdim.geometry.surface import Surface
 from imdim.geometry.surface import normals as surface_normals
 from imdim.seeding.cloud_kernels import CONE, CYLINDER, PLANE, SPHERE, TORUS, distance_and_cosine, gradient, pack
-from imdim.seeding.cloud_occupancy import inside_probability
+from imdim.seeding.cloud_occupancy import OccupancyConfig, inside_probability
 from imdim.seeding.cloud_rays import crossings
 from imdim.seeding.cloud_surfaces import detect_cloud
 
@@ -83,3 +83,28 @@ def test_a_missing_face_does_not_flood_the_part():
 
 def test_no_patches_means_outside():
     assert inside_probability([], np.zeros((5, 3)), np.ones((3, 3))) == pytest.approx(np.zeros(3))
+
+
+def test_labels_in_no_time_follow_those_that_were_asked():
+    part, rng = plate(), np.random.default_rng(3)
+    points, _ = part.sample(rng, 6000)
+    patches = detect_cloud(points, None, rng)
+    low, high = points.min(0), points.max(0)
+    queries = low + (high - low) * rng.random((8000, 3))
+    queries = queries[KDTree(points).query(queries)[0] > 0.02 * np.linalg.norm(high - low)]
+    truth = part.inside(queries)
+    asked = []
+    late = inside_probability(patches, points, queries, out_of_time=lambda: asked.append(1) or True)
+    assert len(asked) == 1
+    assert ((late > 0.5) == truth).mean() > 0.98
+    whole = inside_probability(patches, points, queries)
+    assert ((whole > 0.5) == truth).mean() > 0.995
+
+
+def test_votes_that_all_agree_need_not_all_be_asked():
+    part, rng = plate(), np.random.default_rng(4)
+    points, _ = part.sample(rng, 6000)
+    patches = detect_cloud(points, None, rng)
+    queries = points.min(0) + np.ptp(points, axis=0) * rng.random((4000, 3))
+    every = inside_probability(patches, points, queries, OccupancyConfig(enough=99))
+    assert ((inside_probability(patches, points, queries) > 0.5) == (every > 0.5)).mean() > 0.998

@@ -65,3 +65,13 @@ def test_few_points_and_the_same_seed():
     a, b = (detect_cloud(points, None, np.random.default_rng(7), CloudConfig()) for _ in range(2))
     assert [p.surface for p in a] == [p.surface for p in b]
     assert {p.surface.kind for p in a} >= {"plane"}
+
+
+@pytest.mark.parametrize("sigma", [0.0, 4e-3])
+def test_without_time_the_largest_surfaces_are_found(sigma):
+    part, rng = plate(), np.random.default_rng(5)
+    points = part.sample(rng, 6000)[0]
+    points = points + sigma * np.linalg.norm(np.ptp(points, axis=0)) * rng.normal(size=points.shape)
+    few, whole = (detect_cloud(points, None, np.random.default_rng(0), out_of_time=late) for late in (lambda: True, lambda: False))
+    assert 1 <= len(few) < len(whole)
+    assert max(p.area for p in few) > 0.8 * max(p.area for p in whole)

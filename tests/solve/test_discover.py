@@ -163,3 +163,11 @@ def test_what_cannot_hold_together_is_named():
 def test_points_that_say_nothing_are_refused(points):
     with pytest.raises(ValueError, match="relations need"):
         discover(PLATE_WITH_HOLES, points)
+
+
+def test_without_time_no_relation_of_places_is_taken():
+    program = PARTS["plate with four holes"]
+    exact, _ = cloud_of(program, 2000, 0.005, np.random.default_rng(0))
+    for found in (discover(program, exact, out_of_time=lambda: True), exact_relations(program, out_of_time=lambda: True)):
+        assert len(found.constraints) < len(exact_relations(program).constraints)
+        assert len(list(leaves(found.program))) == len(list(leaves(program)))

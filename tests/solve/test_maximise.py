@@ -114,3 +114,11 @@ def test_a_surface_of_one_sample_is_held():
     sliver = cut(cylinder(20, 6), sphere(500, (0.0, 0.0, 500.0 - 2.9995)))
     found = maximise(sliver, cloud(RING, 500), Noise(SIGMA), MaximiseConfig(through=0.0))
     assert np.isfinite(found.nll)
+
+
+def test_without_time_a_program_is_judged_as_it_is():
+    points = cloud(RING, 1000)
+    found = maximise(RING, points, Noise(SIGMA), out_of_time=lambda: True)
+    assert found.program == RING
+    assert found.rounds == 0
+    assert np.isfinite(found.nll)

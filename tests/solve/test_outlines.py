@@ -73,3 +73,7 @@ def test_a_line_is_fitted_and_ends_where_it_is_no_longer_filled():
     low, high = filled(np.concatenate([rng.uniform(2, 5, 300), rng.uniform(0, 9, 60)]), rng.uniform(0, 9, 60), 0.1)
     assert (low, high) == pytest.approx((2, 5), abs=0.5)
     assert filled(np.arange(5.0), np.arange(5.0), 0.1) is None
+
+
+def test_without_time_nothing_is_looked_for():
+    assert outlines(cloud(box(44, 32, 6), 500), np.eye(3), SIGMA, out_of_time=lambda: True) == []

@@ -139,3 +139,9 @@ def test_sequences_and_programs_are_the_same():
     assert to_signed(Combine("intersection", box(1, 1, 1), sphere(1))) is None
     with pytest.raises(ValueError, match="positive"):
         to_program(((sphere(1), False),))
+
+
+def test_without_time_the_cheapest_candidate_stays_as_it_is():
+    truth = to_signed(PARTS["L bracket"])
+    found = settle([truth, truth[:1]], cloud_of(PARTS["L bracket"]), out_of_time=lambda: True)[0]
+    assert iou(found.program, PARTS["L bracket"]) > 0.99

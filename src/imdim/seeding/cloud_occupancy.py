@@ -18,7 +18,7 @@ from imdim.seeding.cloud_rays import build_grid, parity_votes, presence, sides_o
 @dataclass
 class OccupancyConfig:
     lines: int = 12  # per query
-    enough: int = 6  # lines that all agree on a query; it takes no more then
+    enough: int = 4  # votes on a query that are all the same; it takes no more lines then
     parts: int = 24  # of the queries, each spread over all, between looks at the clock
     pure: tuple[float, float] = (0.92, 0.97)  # a cell of the carriers' arrangement this unanimous begins to, and does, speak for all in it
     outward_lines: int = 6  # per side of a point when patches are oriented

@@ -195,8 +195,8 @@ def supported(x, carrier, cloud, grid, reach, merge, scratch):  # pragma: no cov
 def parity_votes(queries, numbers, directions, lines, enough, boxes, cloud, grid, reach, merge):  # pragma: no cover - compiled
     """Per query the lines whose two halves both cross oddly, those that agree at all, half lines that cross oddly, lines taken: [m, 4].
 
-    Each query takes `lines` of the `directions` in turn, from a place that its number [m] says, or fewer if `enough` have agreed and
-    none has not. A line that crosses a closed surface an odd number of times in all has met a gap or a stray piece, and does not vote.
+    Each query takes `lines` of the `directions` in turn, from a place that its number [m] says, or fewer where `enough` say the same.
+    A line that crosses a closed surface an odd number of times in all has met a gap or a stray piece, and does not vote.
     """
     kinds, rows = cloud[0], cloud[1]
     low, high = boxes
@@ -206,7 +206,7 @@ def parity_votes(queries, numbers, directions, lines, enough, boxes, cloud, grid
     for q in range(len(queries)):
         o = queries[q]
         for line in range(lines):
-            if line >= enough and out[q, 1] == line and (out[q, 0] == 0 or out[q, 0] == line):
+            if out[q, 1] >= enough and (out[q, 0] == 0 or out[q, 0] == out[q, 1]):
                 break
             d = directions[(numbers[q] * 7 + line) % len(directions)]
             ahead, behind = 0, 0

@@ -54,3 +54,11 @@ def test_a_barred_set_is_not_chosen_as_a_whole():
             assert found.chosen is not None
             assert separates[found.chosen].any(0).all()
             assert found.chosen not in barred
+
+
+def test_a_solver_without_time_knows_nothing():
+    separates = np.array([[1, 1, 0], [0, 0, 1]], bool)
+    left, right, weight = np.array([0, 1, 2]), np.array([3, 4, 5]), np.full(6, 9.0)
+    found = cover(separates, left, right, weight, Limits(2, 2.0, 10.0, left=lambda: 0.0))
+    assert found.chosen is None
+    assert not found.known
