@@ -42,8 +42,8 @@ class StructureConfig:
     beam: int = 3
     branch: int = 3
     beam_steps: int = 3  # steps searched with the whole beam; the best states are then completed greedily
-    finalists: int = 3  # states that get the local search
-    start_work: float = 1e9  # cells summed, after which no further start is completed once there are as many as finalists
+    finalists: int = 2  # states that get the local search
+    start_work: float = 1e9  # cells summed, after which one more start is completed, of another schedule
     abandon: float = 1.2  # a completion whose steps alone cost this many times the best objective is given up
     per_frame: int = 4
     sharpened: int = 4  # times in a row that counterexamples are looked for, at most
@@ -112,16 +112,17 @@ def _terms(found: Found) -> list[tuple[str, object]]:
 def _completed(
     families: Families, config: StructureConfig, exact: Price, out_of_time: Callable[[], bool], started: Callable[[], bool]
 ) -> Iterator[_Finalist]:
-    """Each start completed and pruned, until that has been enough work or time; the first one at any rate."""
-    least, late = np.inf, out_of_time
-    enough = families.work + config.start_work
-    for number, start in enumerate(_starts(families, config, exact, started), start=1):
+    """Each start completed and pruned, until that has been enough work or time; then one more, of another schedule."""
+    least, late, enough = np.inf, out_of_time, False
+    most = families.work + config.start_work
+    for start in _starts(families, config, exact, started, lambda: families.work > most):
         known = Known()
         done = pruned(complete(start, families, config.local, exact, late, config.abandon * least, known), families, exact)
         yield done, known
         least, late = min(least, done.objective) if done.sequence else least, started
-        if started() or (families.work > enough and number >= config.finalists):
+        if started() or enough:
             return
+        enough = families.work > most
 
 
 def _resumed(found: Found, families: Families, config: StructureConfig, exact: Price, out_of_time: Callable[[], bool]) -> _Finalist:
@@ -138,22 +139,22 @@ def _foremost(completed: list[_Finalist], count: int) -> list[_Finalist]:
     return [c for c in ranked if any(c[0] is found for found in kept)]
 
 
-def _starts(families: Families, config: StructureConfig, exact: Price, out_of_time: Callable[[], bool]) -> Iterator[Found]:
-    """The beams of each schedule's first phase, carried through its phases: the first of each schedule, then the second of each."""
+def _starts(
+    families: Families, config: StructureConfig, exact: Price, out_of_time: Callable[[], bool], hurried: Callable[[], bool]
+) -> Iterator[Found]:
+    """The beams of each schedule's first phase, carried through its phases; once `hurried`, only the first of each."""
     seen: list[Found] = []
-    beams: list[list[Found]] = []
-    for place in range(config.beam):
-        for i, schedule in enumerate(config.schedules):
-            phases = [Price(step * exact.step, (excess, lack), kinds == "all") for excess, lack, step, kinds in schedule]
-            if place == 0:
-                beams.append(_beam(families, config, [*phases, exact][0], out_of_time))
-            for state in beams[i][place : place + 1]:
-                for phase in phases:
-                    state = complete(found_of(state.sequence, families, phase), families, config.local, phase, out_of_time)
-                start = pruned(found_of(state.sequence, families, exact), families, exact)
-                if len(_distinct([*seen, start])) > len(seen):
-                    seen.append(start)
-                    yield start
+    for schedule in config.schedules:
+        phases = [Price(step * exact.step, (excess, lack), kinds == "all") for excess, lack, step, kinds in schedule]
+        for place, state in enumerate(_beam(families, config, [*phases, exact][0], out_of_time)):
+            if place and hurried():
+                break
+            for phase in phases:
+                state = complete(found_of(state.sequence, families, phase), families, config.local, phase, out_of_time)
+            start = pruned(found_of(state.sequence, families, exact), families, exact)
+            if len(_distinct([*seen, start])) > len(seen):
+                seen.append(start)
+                yield start
 
 
 def _beam(families: Families, config: StructureConfig, price: Price, out_of_time: Callable[[], bool]) -> list[Found]:
