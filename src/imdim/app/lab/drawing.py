@@ -26,7 +26,7 @@ SHOWN_POINTS = 30_000  # of a cloud: more fill no more pixels
 SHOWN_OF_MESH = 5_000  # its points are samples, and fewer of them say as much
 MAP_POINTS = 20_000
 SMALLEST_RANGE = 1e-3  # of the diagonal: a perfect result is not to look patchy
-LIFT = 2e-3  # by which what is selected is drawn larger in the view: in a face that another primitive shares, either would show in patches
+LIFT = 2e-3  # of the view, by which what is translucent lies before faces that it shares, cutters inside what they cut: else both show in patches
 SKIN = 1e-6  # by which cutters are drawn larger: caps that lie in the face they cut through would leave a film there
 VIOLATED = HOLDS * 10
 
@@ -102,8 +102,7 @@ def scene(theory: Theory, frame: Frame, selected: int | None) -> Scene:
     for leaf, role in enumerate(roles(program)):
         if role != "union" or leaf == selected:
             tint, opacity = (SELECTED, 0.45) if leaf == selected else (tints[leaf], 0.22)
-            # a cutter that is lifted would lie behind the walls that it made
-            ghosts.append(_ghost(leaf, parts[leaf], frame, 0.0 if role == "difference" else LIFT, tint, opacity))
+            ghosts.append(_ghost(leaf, parts[leaf], frame, -LIFT if role == "difference" else LIFT, tint, opacity))
     return Scene(pieces, ghosts, surface, float(surface.volume) if len(surface.faces) else 0.0)
 
 
@@ -121,8 +120,8 @@ def _piece(leaf: int, vertices: np.ndarray, faces: np.ndarray, tint: Colour, sel
 def _ghost(leaf: int, part: Primitive, frame: Frame, lift: float, tint: Colour, opacity: float) -> Piece:
     """The whole of a primitive, larger by `lift` in the view."""
     whole = to_trimesh(primitive_to_manifold(part, COARSE))
-    at = place(frame, whole.vertices)
-    return Piece(leaf, at + (lift * whole.vertex_normals).astype(at.dtype) if lift else at, whole.faces, tint, opacity)
+    at = place(frame, whole.vertices) + (lift * whole.vertex_normals).astype(np.float32)
+    return Piece(leaf, at, whole.faces, tint, opacity)
 
 
 def overlay(theory: Theory, frame: Frame) -> Overlay:
