@@ -26,7 +26,7 @@ SHOWN_POINTS = 30_000  # of a cloud: more fill no more pixels
 SHOWN_OF_MESH = 5_000  # its points are samples, and fewer of them say as much
 MAP_POINTS = 20_000
 SMALLEST_RANGE = 1e-3  # of the diagonal: a perfect result is not to look patchy
-LIFT = 2e-3  # of the view, by which what is translucent lies before faces that it shares, cutters inside what they cut: else both show in patches
+LIFT = 2e-3  # of the view: what is translucent lies before faces that it shares, cutters inside what they cut, or both show in patches
 SKIN = 1e-6  # by which cutters are drawn larger: caps that lie in the face they cut through would leave a film there
 VIOLATED = HOLDS * 10
 
