@@ -45,7 +45,8 @@ def simplify(
 def reduce_program(program: Program, slack: float = relations.SLACK, out_of_time: Callable[[], bool] = bool) -> Program:
     """The proven rules until none shortens the program further, or time is out (by default never).
 
-    A solid found empty has no shorter program: it is returned as given.
+    Of equally long forms the last is taken, in which cuts stand outside: (A - X) & B is (A & B) - X, so that equal parts meet in one
+    operation and can be written as repeats. A solid found empty has no shorter program: it is returned as given.
     """
     best = program
     while not out_of_time():
@@ -53,7 +54,7 @@ def reduce_program(program: Program, slack: float = relations.SLACK, out_of_time
         if shorter is None:
             return program
         if cost(shorter) >= cost(best):
-            return best
+            return shorter if cost(shorter) == cost(best) else best
         best = shorter
     return best
 
