@@ -314,7 +314,7 @@ def _memory(pid: int) -> float:
 
 
 def _memory_of_workers(server: int) -> float:
-    listed = subprocess.run(["ps", "-eo", "pid,ppid,args"], capture_output=True, text=True, check=True).stdout.splitlines()
+    listed = subprocess.run(["ps", "-ww", "-eo", "pid,ppid,args"], capture_output=True, text=True, check=True).stdout.splitlines()
     mine = [int(line.split()[0]) for line in listed[1:] if int(line.split()[1]) == server and "spawn_main" in line]
     return max((_memory(pid) for pid in mine), default=0.0)
 

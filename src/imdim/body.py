@@ -121,7 +121,7 @@ def look(
     label = _labeller(unit, patches, no_time_to_label)
     samples = label_samples(arrangement, label, SAMPLES, rng)
     cells = compressed(arrangement, samples)
-    if cells.volume <= 0:
+    if not (cells.gain > 0).any():
         raise InputError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells")
     return Seen(unit, frame, patches, samples, Families(arrangement, cells), size_weight, label, sigma)
 

@@ -22,7 +22,7 @@ def upload(name, data, max_points=100_000):
 
 
 def test_a_run_tells_its_programs(pool, heard):
-    pool.submit(request(budget_s=30.0), heard)
+    pool.submit(request(budget_s=120.0), heard)
     assert heard.last().kind == "done"
     snapshots = [m.values for m in heard.messages[:-1]]
     program, constraints = wire.read_document(snapshots[-1]["document"])

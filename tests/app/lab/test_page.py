@@ -385,7 +385,7 @@ def test_two_clients_work_on_their_own_and_survive_a_killed_run(done, other, ser
 
 def _workers(server):
     """All processes that work for a server, those that wait too."""
-    listed = subprocess.run(["ps", "--ppid", str(server), "-o", "pid=,args="], capture_output=True, text=True, check=True).stdout
+    listed = subprocess.run(["ps", "-ww", "--ppid", str(server), "-o", "pid=,args="], capture_output=True, text=True, check=True).stdout
     return {int(line.split()[0]) for line in listed.splitlines() if "spawn_main" in line}
 
 

@@ -154,6 +154,8 @@ class Prover:
         if chosen or not len(self.inside):
             more = counterexamples(self.labels, self._masks(chosen), config.pairs_per_round)
             self.inside, self.outside = np.append(self.inside, more.inside), np.append(self.outside, more.outside)
+        if not len(self.inside):
+            return "", chosen  # one label for all cells: nothing to tell apart
         if left() <= 0:
             return "time ran out", chosen
         try:
