@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 from manifold3d import Manifold
 
-from imdim.config import Settings
 from imdim.evolution import Ground
 from imdim.geometry import kernels
 from imdim.geometry.cloud import Frame, InputError, Target
@@ -150,9 +149,3 @@ def _labeller(unit: Target, patches: list[Patch], out_of_time: Callable[[], bool
 
     # single queries are right far more often than their votes are unanimous: a cell averages decisions, not doubts
     return lambda points: inside_probability(patches, unit.points, points, out_of_time=out_of_time) > 0.5
-
-
-def ground_of(body: Target, settings: Settings, rng: np.random.Generator) -> tuple[Ground, Frame]:
-    """What evolution needs to know of a body, and the frame in which it knows it; raises InputError as `reconstruct` does."""
-    seen = look(body, settings.size_weight, rng)
-    return seen.ground, seen.frame

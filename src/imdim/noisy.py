@@ -4,24 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from imdim.body import NOISY, Seen
-from imdim.geometry.axes import main_axes, shared_axes
+from imdim.geometry.axes import clearest_axes, main_axes, shared_axes
 from imdim.geometry.cloud import Frame, Target
 from imdim.program.simplify import reduce_program
-from imdim.program.tree import Primitive, Program, leaves
+from imdim.program.tree import Program, leaves
 from imdim.proposals import proposals
 from imdim.seeding.cloud_normals import measure_scale
+from imdim.solve.compounds import compounds
 from imdim.solve.discover import DiscoverConfig, discover
 from imdim.solve.likelihood import Noise, Shown, shares
 from imdim.solve.maximise import Likely, MaximiseConfig, maximise
 from imdim.solve.outlines import outlines
 from imdim.solve.parsimony import length
+from imdim.solve.pool import Cloud, distinct
 from imdim.solve.restructure import REFIT, most_telling, restructured
 
 if TYPE_CHECKING:
@@ -30,8 +32,9 @@ if TYPE_CHECKING:
 MOST_POINTS = 8192
 QUICK_POINTS = 4096
 FITTED = 3  # starts whose numbers are fitted before one is chosen
+QUICK = MaximiseConfig()
+CAREFUL = MaximiseConfig(rounds=60, still=0.004, calmer=0.003)  # walls that blur thin or thicken slowly, as the noise grows or falls
 SAME = 2e-3  # nats per point, what the samples of the surface leave in doubt
-GUESS = 1.2  # times the measured deviation: a fit that starts too calm takes points for clutter
 
 
 def unlabelled(
@@ -54,7 +57,7 @@ def unlabelled(
     found = [p.program for p in proposals(policy, points, out_of_time=out_of_time)]
     if not found or sigma <= NOISY:
         return frame.undo(found[0]) if found else None
-    return frame.undo(_Points(points, sigma, main_axes(points[:QUICK_POINTS])).told(found, out_of_time, no_time_to_fit))
+    return frame.undo(_Points.of(points, sigma).told(found, out_of_time, no_time_to_fit))
 
 
 def most_likely(
@@ -65,8 +68,8 @@ def most_likely(
     `programs`, of which the last is tried in any case, are where the search for it starts; all lend their primitives.
     Once `out_of_time` the search ends, and the numbers of its program are fitted until there is `no_time_to_fit` (by default to the end).
     """
-    axes = shared_axes([p.surface.axis for p in seen.patches], [p.area for p in seen.patches])
-    points = _Points(seen.target.points, seen.sigma, axes)
+    shared = shared_axes([p.surface.axis for p in seen.patches], [p.area for p in seen.patches])
+    points = _Points.of(seen.target.points, seen.sigma, shared)
     return seen.frame.undo(points.told([seen.frame.apply(p) for p in programs], out_of_time, no_time_to_fit))
 
 
@@ -78,37 +81,51 @@ class _Points:
     sigma: float
     axes: np.ndarray
 
+    @staticmethod
+    def of(points: np.ndarray, sigma: float, *known: np.ndarray) -> _Points:
+        """With the clearest of the directions: those `known` from surfaces, those of the points, and the given axes."""
+        frames = [*known, main_axes(points[:QUICK_POINTS]), np.eye(3)]
+        return _Points(points, sigma, clearest_axes(points, frames, 2 * sigma))
+
     @cached_property
     def quick(self) -> np.ndarray:
         return _thinned(self.points, QUICK_POINTS)
 
+    @cached_property
+    def _cloud(self) -> Cloud:
+        return Cloud.of(self.quick)
+
     def told(self, programs: Sequence[Program], out_of_time: Callable[[], bool], no_time_to_fit: Callable[[], bool]) -> Program:
-        """The shortest message's program: grown from one primitive, and, while there is time, from the best of `programs` and from both."""
-        seen = outlines(self.points, self.axes, self.sigma, out_of_time=out_of_time)
+        """The shortest message's program: from the best of `programs` and from one primitive, the likelier start first, then from both."""
+        found = outlines(self.points, self.axes, self.sigma, out_of_time=out_of_time)
+        found = distinct(found, self._cloud) if found else []
+        seen = [*found, *compounds(found, self._cloud, self.sigma)]
         lent = [*seen, *dict.fromkeys(leaf for p in programs for leaf in leaves(p))]
-        best = self._settled(programs if out_of_time() else lent, lent, out_of_time)
-        if not out_of_time():
-            best, other = sorted((best, self._settled(programs, lent, out_of_time)), key=self._length)
+        starts = [programs] if out_of_time() else [programs, lent]
+        first, *rest = sorted((self._start(s, out_of_time) for s in starts), key=self._length)
+        best = restructured(first, self.quick, lent, self.axes, out_of_time)
+        if rest and not out_of_time():
+            second = restructured(rest[0], self.quick, lent, self.axes, out_of_time)
+            best, other = sorted((best, second), key=self._length)
             best = restructured(best, self.quick, [*leaves(other.program)], self.axes, out_of_time)
         points = self.quick if out_of_time() else _thinned(self.points, MOST_POINTS)
         shorter = reduce_program(best.program, out_of_time=no_time_to_fit)
-        return _related(_fitted(shorter, points, best.noise, no_time_to_fit), points, no_time_to_fit)
+        return _related(_fitted(shorter, points, best.noise, no_time_to_fit, CAREFUL), points, no_time_to_fit)
 
-    def _settled(self, starts: Sequence[Program], lent: Sequence[Primitive], out_of_time: Callable[[], bool]) -> Likely:
-        """From the likeliest of several programs."""
-        rough = Likely(starts[-1], Noise(GUESS * self.sigma), np.inf, 0)
+    def _start(self, starts: Sequence[Program], out_of_time: Callable[[], bool]) -> Likely:
+        """The likeliest of several programs, with its numbers fitted."""
+        rough = Likely(starts[-1], Noise(self.sigma), np.inf, 0)
         few = most_telling([*dict.fromkeys(starts)], self.quick, rough, FITTED)
         start = min((maximise(p, self.quick, rough.noise, REFIT, out_of_time) for p in few), key=self._length)
-        fitted = start if out_of_time() else _fitted(start.program, self.quick, start.noise, out_of_time)
-        return restructured(fitted, self.quick, lent, self.axes, out_of_time)
+        return start if out_of_time() else _fitted(start.program, self.quick, start.noise, out_of_time)
 
     def _length(self, likely: Likely) -> float:
         return length(likely.program, self.quick, likely.noise, likely.nll)
 
 
-def _fitted(program: Program, points: np.ndarray, noise: Noise, out_of_time: Callable[[], bool]) -> Likely:
+def _fitted(program: Program, points: np.ndarray, noise: Noise, out_of_time: Callable[[], bool], config: MaximiseConfig = QUICK) -> Likely:
     """The numbers that make the points most likely, with ends let through what they only just meet, unless that hides what they show."""
-    through, as_drawn = (maximise(program, points, noise, c, out_of_time) for c in (MaximiseConfig(), MaximiseConfig(through=0.0)))
+    through, as_drawn = (maximise(program, points, noise, c, out_of_time) for c in (config, replace(config, through=0.0)))
     return through if through.nll < as_drawn.nll + SAME else as_drawn
 
 

@@ -103,6 +103,17 @@ def test_finished_numbers_stay():
         assert list(leaves(exact_relations(program).program)) == list(leaves(program))
 
 
+def test_what_is_level_along_the_worlds_axes_is_not_told_along_an_odd_one():
+    """Two tilted fins have axes along which the holes are level, too: told along those, tops that were level would drift apart."""
+    fins = [Primitive("box", (20, 6, 30), (x, y, 12.3), (tilt, 0, 0)) for x, y, tilt in ((-30, 17, -11.215859), (25, -17, 11.310048))]
+    holes = [Primitive("cylinder", (5, 12), (x, y, 2)) for x, y in ((-36.0003, 0.0), (-1.0, 2e-4), (34.0001, -1e-4))]
+    body = combine_all("union", [Primitive("box", (100, 60, 8)), *fins])
+    found = exact_relations(combine_all("difference", [body, *holes]))
+    about_fins = [c for c in found.constraints if c.about is not None and c.about.leaf in (1, 2)]
+    assert not about_fins
+    assert any(c.kind == "coplanar" and {3, 4, 5} >= {r.leaf for r in c.of} for c in found.constraints)
+
+
 def test_the_same_points_give_the_same_relations():
     rng = np.random.default_rng(7)
     _, noisy = cloud_of(PLATE_WITH_HOLES, 3000, 0.005, rng)

@@ -62,6 +62,13 @@ def test_the_truth_is_likelier_than_what_is_wrong(worse):
     assert true < wrong - 0.01
 
 
+def test_a_wall_thinner_than_the_noise_keeps_its_thickness():
+    """Samples drawn by chance are likelier where two skins lie in one: twice as many lie there, and their density is more even."""
+    points = cloud(box(60, 60, 1.0), 8000, 1.0)
+    found = {t: shares(points, Shown.of(box(60, 60, t), 1.0), Noise(1.0, 1e-3)).nll for t in (0.02, 0.5, 1.0, 1.5, 2.0)}
+    assert min(found, key=found.__getitem__) == 1.0
+
+
 def test_samples_show_the_surface_alone():
     shown = Shown.of(RING, 0.3)
     radius, height = np.hypot(*shown.points[:, :2].T), np.abs(shown.points[:, 2])

@@ -92,6 +92,27 @@ def test_from_one_primitive_to_the_whole_part():
     assert count(found.program).primitives == 3
 
 
+def test_unions_on_the_right_are_taken_apart():
+    parts = box(4, 4, 4), sphere(1), cylinder(1, 9), cone(2, 1, 3)
+    assert to_steps(union(parts[0], union(parts[1], parts[2]))) == tuple((p, True) for p in parts[:3])
+    assert [s for _, s in to_steps(cut(parts[0], union(parts[1], parts[2])))] == [True, False, False]
+    assert to_steps(union(parts[0], cut(parts[1], parts[2])))[1] == (cut(parts[1], parts[2]), True)
+
+
+def test_a_thin_ring_is_found_from_the_solid_between_its_skins():
+    sigma = 0.5
+    ring = cut(cone(30.0, 20.0, 12.0), cone(28.25, 17.75, 12.6))  # its wall is three deviations of the noise
+    found = settled(cone(29.0, 19.0, 12.0), cloud(ring, sigma=sigma), sigma)
+    assert volume_iou(to_manifold(found.program), to_manifold(ring)) > 0.9
+
+
+def test_a_slab_with_round_ends_is_found_from_a_box():
+    slab = union(union(box(40, 16, 8), cylinder(8, 8, (20.0, 0.0, 0.0))), cylinder(8, 8, (-20.0, 0.0, 0.0)))
+    found = settled(box(56, 16, 8), cloud(slab))
+    assert sorted(p.kind for p in leaves(found.program)) == ["box", "cylinder", "cylinder"]
+    assert volume_iou(to_manifold(found.program), to_manifold(slab)) > 0.98
+
+
 def test_no_time_leaves_the_program():
     likely = maximise(PART, cloud(PART, 2000), Noise(0.4))
     assert restructured(likely, cloud(PART, 2000), [], np.eye(3), lambda: True) is likely

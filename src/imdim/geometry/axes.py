@@ -8,6 +8,7 @@ it needs no faces of known extent, and holds for turned parts, which have one di
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from itertools import permutations, product
 
 import numpy as np
@@ -20,6 +21,7 @@ TRIALS = 1000  # directions on the half sphere, 5 degrees apart
 WIDTHS = (0.10, 0.05, 0.025, 0.012)  # of the kernels, in radians, from the search to the last adjustment
 SHARPENING = ((0.03, 0.02), (0.01, 0.015), (0.003, 0.01))  # turns in radians, and how wide a pile of points is, of the diagonal
 EXACT = 0.5  # of the worth under a wide kernel is left under the narrowest where normals are exact
+CLEARLY = 0.9  # of the other frame's piles, that the first one must have to be kept
 STAY = 0.97  # the given axes are kept when they are worth as much as this share of the best ones
 
 
@@ -58,6 +60,31 @@ def shared_axes(directions: Sequence[Sequence[float]], weights: Sequence[float],
 
     best = max(frames, key=worth)
     return np.eye(3) if worth(frames[0]) >= STAY * worth(best) else nearest_equal(best)
+
+
+def clearest_axes(points: np.ndarray, frames: Sequence[np.ndarray], width: float) -> np.ndarray:
+    """The first of the rotations `frames` [3, 3], or another in which `points` [n, 3] clearly pile up more in squares of `width`.
+
+    They do in the shadows along the part's directions, where walls become lines, and in the profile about the axis of a turned part.
+    """
+    worth = [_crowded(points @ f, width) for f in frames]
+    best = int(np.argmax(worth))
+    return frames[best if worth[0] < CLEARLY * worth[best] else 0]
+
+
+def _crowded(local: np.ndarray, width: float) -> float:
+    """Points that share a point's square, summed over three shadows, and in the best of three profiles about the middle."""
+    shadows = [np.delete(local, k, axis=1) for k in range(3)]
+    middles = [np.quantile(s, (0.02, 0.98), axis=0).mean(0) for s in shadows]
+    profiles = [
+        np.column_stack([np.linalg.norm(s - m, axis=1), local[:, k]]) for k, (s, m) in enumerate(zip(shadows, middles, strict=True))
+    ]
+    return sum(map(partial(_sharing, width), shadows)) + max(map(partial(_sharing, width), profiles))
+
+
+def _sharing(width: float, places: np.ndarray) -> float:
+    count = np.unique(np.floor(places / width), axis=0, return_counts=True)[1]
+    return float((count.astype(float) ** 2).sum()) / len(places)
 
 
 def local_normals(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

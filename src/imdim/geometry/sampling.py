@@ -1,4 +1,4 @@
-"""Random points on the boundary of a whole program, walls of cuts included."""
+"""Points on the boundary of a whole program, walls of cuts included, and on that of one primitive: at random, or spread evenly."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ import numpy as np
 from imdim.geometry import kernels
 from imdim.geometry.lowering import lower, pack
 from imdim.geometry.rotations import matrix_from_euler
-from imdim.geometry.surface_map import SURFACE_MAPS, surface_area
+from imdim.geometry.surface_map import SURFACE_MAPS, face_ends, surface_area
 from imdim.program.tree import Primitive, Program, leaves
 
 # A program whose boundary is a smaller share of its leaves' surfaces than about one in this many is taken to have none.
 MAX_ROUNDS = 64
+GOLDEN, PLASTIC = 0.6180339887498949, 0.7548776662466927  # the golden ratio's inverse, that of the plastic number
 
 
 def surface_points(program: Program, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -42,6 +43,27 @@ def surface_points(program: Program, n: int, rng: np.random.Generator) -> tuple[
     # the rounds list leaf after leaf, so the surplus is dropped at random
     chosen = rng.permutation(len(points))[:n]
     return points[chosen], normals[chosen]
+
+
+def even_surface(primitive: Primitive, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """About `n` points on one primitive and its outward unit normals, as `leaf_surface` gives them but as even as leaves about a stem.
+
+    Multiples of the golden ratio are so far from all fractions that a lattice made of them stays even however it is stretched along its
+    axes (Swinbank & Purser 2006 for the sphere), and each map stretches it so. Of a torus and an ellipsoid fewer than `n` are kept.
+    """
+    i = np.arange(n)
+    first, golden = (i + 0.5) / max(n, 1), (i * GOLDEN) % 1.0
+    ends = face_ends(primitive.kind, primitive.size)
+    if ends is None:
+        u = np.column_stack([first, golden, golden])
+    else:
+        bounds = np.array([0.0, *ends])
+        face = np.clip(np.searchsorted(bounds, first, side="right") - 1, 0, len(ends) - 1)
+        u = np.column_stack([first, (first - bounds[face]) / np.maximum(np.diff(bounds)[face], 1e-300), golden])
+    local, direction, share = SURFACE_MAPS[primitive.kind](np, primitive.size, u)
+    keep = (i * PLASTIC) % 1.0 < share
+    rotation = matrix_from_euler(primitive.rotation)
+    return local[keep] @ rotation.T + primitive.center, direction[keep] @ rotation.T
 
 
 def leaf_surface(primitive: Primitive, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import lru_cache
 from itertools import permutations, product
 
 import numpy as np
@@ -52,10 +53,16 @@ def along_axis(primitive: Primitive, axis: np.ndarray) -> Primitive:
 
 def in_frame(primitive: Primitive, frame: np.ndarray) -> Primitive:
     """`primitive` (box, ellipsoid) turned into `frame` [3, 3] and written in the equal frame that turns least."""
-    best = min((_turn(frame @ turn) for turn in CUBE_ROTATIONS), key=_simplicity)
+    best = _simplest(np.ascontiguousarray(frame, float).tobytes())
     turn = np.rint(frame.T @ matrix_from_euler(best)).astype(int)
     size = tuple(float(v) for v in np.abs(turn).T @ np.array(primitive.size))
     return replace(primitive, size=size, rotation=best)
+
+
+@lru_cache(4096)
+def _simplest(frame: bytes) -> Vec3:
+    """The simplest of the equal frames of a box; most boxes of a part share theirs."""
+    return min((_turn(np.frombuffer(frame).reshape(3, 3) @ turn) for turn in CUBE_ROTATIONS), key=_simplicity)
 
 
 def _cube_rotations() -> list[np.ndarray]:

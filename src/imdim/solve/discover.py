@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import gammaincinv
 
-from imdim.geometry.constraints import Pose, radii, rows_of
+from imdim.geometry.constraints import rows_of
 from imdim.geometry.lowering import Lowered, lower
+from imdim.geometry.pose import Pose, radii
 from imdim.program.constraints import Constraint
 from imdim.program.roles import named
 from imdim.program.tree import Program

@@ -17,14 +17,14 @@ from numba import njit
 from scipy.spatial import KDTree
 
 from imdim.geometry import kernels
-from imdim.geometry.sampling import leaf_surface
+from imdim.geometry.sampling import even_surface
 from imdim.geometry.surface_map import surface_area
 from imdim.program.tree import Primitive, Program, leaves
 
-NEIGHBOURS = 28
+NEIGHBOURS = 40  # both skins of a thin wall, and the walls of a corner, have to be among them
 APART = 1.4  # deviations of the noise between samples: nearer ones would need more neighbours to reach as far
-LEAST_SAMPLES, MOST_SAMPLES = 512, 8192
-MOST_DRAWN = 32_768  # hidden ones included
+MOST_SAMPLES = 10_000
+LEAST_DRAWN, MOST_DRAWN = 1024, 65_536  # hidden ones included
 GAP = 2.0  # deviations of the noise
 WIDE = 0.7  # a sample's deviation along the surface, times the side of the square that it stands for
 
@@ -47,18 +47,16 @@ class Shown:
     skin: float
 
     @staticmethod
-    def of(program: Program, sigma: float, seed: int = 0) -> Shown:
-        """About one sample per square of APART * `sigma`, within limits.
-
-        The random numbers are the same for the same structure, so that samples move with the surface and do not flicker.
-        """
+    def of(program: Program, sigma: float) -> Shown:
+        """About one sample per square of APART * `sigma`, within limits, spread evenly: chance would make a density of lumps, which is
+        less likely than an even one, and less so where two sheets lie in one, so that thin walls would vanish."""
         parts = list(leaves(program))
         areas = np.array([surface_area(p.kind, p.size) for p in parts])
-        wanted = np.clip(areas.sum() / (APART * sigma) ** 2, LEAST_SAMPLES, MOST_DRAWN)
-        points, normals = _visible(program, parts, np.ceil(wanted * areas / areas.sum()).astype(int), GAP * sigma, seed)
+        glance = len(_visible(program, parts, _counts(areas, LEAST_DRAWN), GAP * sigma)[0]) / LEAST_DRAWN
+        # every other sample of an even set is not even: their number has to be right at once
+        wanted = np.clip(areas.sum() / (APART * sigma) ** 2, LEAST_DRAWN, min(MOST_SAMPLES / max(glance, 1e-3), MOST_DRAWN))
+        points, normals = _visible(program, parts, _counts(areas, wanted), GAP * sigma)
         area = len(points) / wanted * float(areas.sum())
-        kept = slice(None, None, max(1, round(len(points) / MOST_SAMPLES)))
-        points, normals = points[kept], normals[kept]
         thin = ~kernels.inside(program, points - GAP * sigma * normals)
         return Shown(points, normals, area, float(thin.mean()) if len(thin) else 0.0)
 
@@ -95,12 +93,16 @@ def shares(points: np.ndarray, shown: Shown, noise: Noise) -> Share:
     return Share(mass, offset, Noise(sigma, clutter), -(log / len(points) + peak))
 
 
-def _visible(program: Program, parts: list[Primitive], counts: np.ndarray, gap: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def _counts(areas: np.ndarray, wanted: float) -> np.ndarray:
+    return np.ceil(wanted * areas / areas.sum()).astype(int)
+
+
+def _visible(program: Program, parts: list[Primitive], counts: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
     """Of `counts` samples of each leaf those on the program's boundary, with the program's outward normals.
 
     A gap that the noise hides is none: where two faces only just met, a step of either would open it.
     """
-    drawn = [leaf_surface(p, n, np.random.default_rng([seed, i])) for i, (p, n) in enumerate(zip(parts, counts.tolist(), strict=True))]
+    drawn = [even_surface(p, n) for p, n in zip(parts, counts.tolist(), strict=True)]
     points, normals = (np.concatenate(column) for column in zip(*drawn, strict=True))
     step = 1e-6 * float(np.linalg.norm(np.ptp(points, axis=0)))
     behind, ahead = (kernels.inside(program, points + side * normals) for side in (-step, step))

@@ -32,6 +32,7 @@ class MaximiseConfig:
 
     rounds: int = 24
     still: float = 0.02
+    calmer: float = 0.02  # share by which the noise must fall for a still round to be followed by another
     far: float = 3.0
     worse: float = 0.02  # nats per point above the best round at which the work ends
     support: float = 12.0  # points that must show a direction of the numbers' space; it is held otherwise
@@ -73,7 +74,7 @@ def maximise(
         # a step knows nothing of the area: an end that no point holds may drift out of the cloud
         if not len(shown.points) or share.nll > best.nll + config.worse or out_of_time():
             break
-        calmer = share.noise.sigma < 0.98 * noise.sigma
+        calmer = share.noise.sigma < (1 - config.calmer) * noise.sigma
         noise = share.noise
         numbers, longest = _stepped(numbers, member, shown, share, config)
         if longest < config.still * noise.sigma and not calmer:

@@ -29,6 +29,7 @@ SAMPLED = 1500  # points of the program's surface that are looked at
 BARE = 1.2  # spacings to the nearest point
 WALLS = (0.03, 0.06)  # of the diagonal
 THINNEST = 3.0  # deviations of the noise, the least half thickness of a wall: nearer skins are one blurred surface
+ENDS = {"box": ((0, 0), (1, 1), (2, 2)), "cylinder": ((2, 1),), "cone": ((2, 2),), "sphere": ()}  # axis, and slot of the size along it
 SKINS = {"box": (2, 2, 2), "cylinder": (1, 2), "sphere": (1,)}  # walls within a size
 TRIALS = 60  # circles and balls through random points
 
@@ -58,8 +59,8 @@ def hollows(primitive: Primitive, wall: float, cloud: Cloud) -> list[Primitive]:
     """Cavities of a part: itself with walls taken off, open at the ends that bear no points. `wall` is a guess of their half thickness:
     a part that was fitted to both skins of a thin wall runs between them."""
     rotation, center = matrix_from_euler(primitive.rotation), np.array(primitive.center)
-    slots = {"box": (0, 1, 2), "cylinder": (None, None, 1)}.get(primitive.kind, (None, None, None))
-    bare = [(k, sign) for k, slot in enumerate(slots) if slot is not None for sign in (-1, 1) if _is_bare(primitive, k, sign, cloud)]
+    slots = dict(ENDS[primitive.kind])
+    bare = bare_ends(primitive, cloud)
     out = []
     for thick in (max(wall, THINNEST * cloud.noise), *(w * cloud.diagonal for w in WALLS)):
         size = np.array(primitive.size) - np.array(SKINS[primitive.kind]) * thick
@@ -72,16 +73,21 @@ def hollows(primitive: Primitive, wall: float, cloud: Cloud) -> list[Primitive]:
     return out
 
 
+def bare_ends(primitive: Primitive, cloud: Cloud) -> list[tuple[int, int]]:
+    """The flat ends, by axis and sign, most of whose middle lies off the cloud."""
+    return [(k, sign) for k, _ in ENDS[primitive.kind] for sign in (-1, 1) if _is_bare(primitive, k, sign, cloud)]
+
+
 def _is_bare(primitive: Primitive, axis: int, sign: int, cloud: Cloud) -> bool:
-    """Whether most of the middle of a flat end lies off the cloud."""
-    rotation = matrix_from_euler(primitive.rotation)
-    half = (
-        np.array(primitive.size if primitive.kind == "box" else (1.4 * primitive.size[0], 1.4 * primitive.size[0], primitive.size[1])) / 2
-    )
     steps = np.linspace(-0.7, 0.7, 6)
     grid = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
+    if primitive.kind == "box":
+        half = np.array(primitive.size) / 2
+    else:
+        radius = 0.7 * primitive.size[1 if primitive.kind == "cone" and sign > 0 else 0]
+        half = np.array([radius, radius, primitive.size[-1] / 2])
     local = np.insert(grid, axis, sign, axis=1) * half
-    away = cloud.tree.query(local @ rotation.T + primitive.center)[0]
+    away = cloud.tree.query(local @ matrix_from_euler(primitive.rotation).T + primitive.center)[0]
     return bool((away > BARE * cloud.spacing).mean() > 0.6)
 
 

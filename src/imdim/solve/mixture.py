@@ -15,7 +15,7 @@ from numba import njit
 from scipy.spatial import KDTree
 
 from imdim.geometry import kernels
-from imdim.geometry.sampling import leaf_surface
+from imdim.geometry.sampling import even_surface
 from imdim.geometry.surface_map import surface_area
 from imdim.program.tree import Combine, Program, leaves
 from imdim.solve.likelihood import GAP, WIDE, Noise
@@ -32,12 +32,17 @@ Steps = tuple[tuple[Program, bool], ...]
 
 
 def to_steps(program: Program) -> Steps:
-    """The signed sequence of which `program` is the left fold; what is no primitive, below intersections and on the right, stays whole."""
-    steps: list[tuple[Program, bool]] = []
+    """The signed sequence of which `program` is the left fold.
+
+    Unions on the right are taken apart; what else is no primitive stays whole, and so does what is below intersections.
+    """
+    steps: Steps = ()
     while isinstance(program, Combine) and program.op != "intersection":
-        steps.append((program.right, program.op == "union"))
+        parts, positive = to_steps(program.right), program.op == "union"
+        united = all(sign for _, sign in parts)
+        steps = (*(((part, positive) for part, _ in parts) if united else ((program.right, positive),)), *steps)
         program = program.left
-    return ((program, True), *reversed(steps))
+    return ((program, True), *steps)
 
 
 def folded(steps: Steps) -> Program:
@@ -84,16 +89,19 @@ class Scene:
 
 @dataclass(frozen=True)
 class Mixture:
-    """Tables over `parts` (p) for the points of a scene: samples of part i are `starts[i]` to `starts[i + 1]`; `sides` [p, s, 4] says which
-    parts hold the places just behind and ahead of a sample and those a gap away; `own` [p] is how many numbers a part has.
+    """Tables over `parts` (p) for the points of a scene: samples of part i are `starts[i]` to `starts[i + 1]`; `own` [p] is how many
+    numbers a part has. Only the first parts, the settled ones, may stand together; of the others a choice has one at most.
 
-    Only the first `settled` parts may stand together; of the others a choice has one at most.
+    Which parts hold the places just behind and ahead of a sample, and those a gap away, is in `sides` [settled, s, 4] for the settled,
+    in `over` [others, s of the settled, 4] for the others, and in `selves` [s, 4] for the sample's own part.
     """
 
     scene: Scene
     parts: tuple[Program, ...]
     starts: np.ndarray
     sides: np.ndarray
+    over: np.ndarray
+    selves: np.ndarray
     near: np.ndarray
     density: np.ndarray
     own: np.ndarray
@@ -106,15 +114,12 @@ class Mixture:
         places, normals = np.concatenate([d.points for d in drawn]), np.concatenate([d.normals for d in drawn])
         offsets = np.array([-scene.step, scene.step, -scene.gap, scene.gap])
         probes = (places[:, None] + offsets[:, None] * normals[:, None]).reshape(-1, 3)
-        sides = np.zeros((len(parts), len(places), 4), bool)
-        known = starts[len(settled)]
-        for i, part in enumerate(parts):
-            # another part is asked about the settled ones' samples and its own
-            spans = [(0, len(places))] if i < len(settled) else [(0, known), (starts[i], starts[i + 1])]
-            for a, b in spans:
-                sides[i, a:b] = kernels.inside(part, probes[4 * a : 4 * b]).reshape(-1, 4)
+        known = 4 * starts[len(settled)]
+        sides, over = _sides(settled, probes), _sides(others, probes[:known])
+        spans = zip(parts, 4 * starts[:-1], 4 * starts[1:], strict=True)
+        selves = np.concatenate([kernels.inside(part, probes[a:b]) for part, a, b in spans]).reshape(-1, 4)
         near, density = np.stack([d.near for d in drawn]), np.stack([d.density for d in drawn])
-        return Mixture(scene, parts, starts, sides, near, density, np.array([numbers(p) for p in parts]))
+        return Mixture(scene, parts, starts, sides, over, selves, near, density, np.array([numbers(p) for p in parts]))
 
     def lengths(self, choices: Sequence[Choice], every: int = 1) -> np.ndarray:
         """Nats per point of the message that tells the points by each choice (see `parsimony`); infinite where nothing is left.
@@ -125,7 +130,7 @@ class Mixture:
         both = np.array([[*c, *((-1, False),) * (width - len(c))] for c in choices], np.int64).reshape(len(choices), width, 2)
         scene, clutter = self.scene, self.scene.noise.clutter
         lattice = 1.5 * math.log(2 * math.pi) + math.log(scene.noise.sigma) + 2 * math.log(scene.wide)
-        arrays = self.starts, self.sides, self.near, self.density
+        arrays = self.starts, self.sides, self.over, self.selves, self.near, self.density
         nll, skin = _lengths(both[..., 0], both[..., 1] > 0, *arrays, every, clutter / scene.box, math.log1p(-clutter) - lattice)
         n = scene.count
         own = np.array([sum(self.own[i] for i, _ in c) for c in choices])
@@ -135,12 +140,20 @@ class Mixture:
         return tuple((self.parts[i], sign) for i, sign in choice)
 
 
+def _sides(parts: Sequence[Program], probes: np.ndarray) -> np.ndarray:
+    """Which of the parts [p] hold which of the probes, four of each sample: [p, s, 4]."""
+    out = np.zeros((len(parts), len(probes) // 4, 4), bool)
+    for held, part in zip(out, parts, strict=True):
+        held[:] = kernels.inside(part, probes).reshape(-1, 4)
+    return out
+
+
 def _samples(part: Program, spacing: float, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Points and outward normals [s, 3] of a part's own surface, one per square of the spacing, within limits."""
     drawn = []
-    for i, leaf in enumerate(leaves(part)):
+    for leaf in leaves(part):
         count = int(np.clip(math.ceil(surface_area(leaf.kind, leaf.size) / spacing**2), 16, MOST))
-        drawn.append(leaf_surface(leaf, count, np.random.default_rng(i)))
+        drawn.append(even_surface(leaf, count))
     points, normals = (np.concatenate(c) for c in zip(*drawn, strict=True))
     if not isinstance(part, Combine):
         return points, normals
@@ -164,7 +177,7 @@ def _near(places: np.ndarray, normals: np.ndarray, points: np.ndarray, sigma: fl
 
 
 @njit(nogil=True, cache=True)
-def _lengths(index, sign, starts, sides, near, density, every, strewn, held):  # pragma: no cover - compiled
+def _lengths(index, sign, starts, sides, over, selves, near, density, every, strewn, held):  # pragma: no cover - compiled
     count, n = len(index), near.shape[1]
     nll, skin = np.full(count, np.inf), np.zeros(count)
     visible = np.zeros(starts[-1], np.bool_)
@@ -172,7 +185,7 @@ def _lengths(index, sign, starts, sides, near, density, every, strewn, held):  #
         k = 0
         while k < index.shape[1] and index[c, k] >= 0:
             k += 1
-        shown, thin = _show(index[c, :k], sign[c, :k], starts, sides, visible)
+        shown, thin = _show(index[c, :k], sign[c, :k], starts, sides, over, selves, visible)
         if shown == 0:
             continue
         peak = held - math.log(shown)
@@ -195,7 +208,7 @@ def _lengths(index, sign, starts, sides, near, density, every, strewn, held):  #
 
 
 @njit(nogil=True, cache=True)
-def _show(index, sign, starts, sides, visible):  # pragma: no cover - compiled
+def _show(index, sign, starts, sides, over, selves, visible):  # pragma: no cover - compiled
     """Marks the samples of the fold's surface, but those that face it across a gap; how many, and how many of them have a thin wall."""
     shown, thin = 0, 0
     for e in index:
@@ -203,13 +216,14 @@ def _show(index, sign, starts, sides, visible):  # pragma: no cover - compiled
             behind, ahead, deep, far = False, False, False, False
             for u in range(len(index)):
                 o = index[u]
-                if sides[o, s, 0]:
+                held = selves[s] if o == e else sides[o, s] if o < len(sides) else over[o - len(sides), s]
+                if held[0]:
                     behind = sign[u]
-                if sides[o, s, 1]:
+                if held[1]:
                     ahead = sign[u]
-                if sides[o, s, 2]:
+                if held[2]:
                     deep = sign[u]
-                if sides[o, s, 3]:
+                if held[3]:
                     far = sign[u]
             if ahead:
                 deep, far = far, deep

@@ -38,6 +38,7 @@ SECTORS = 36
 SCORED = 3000  # points that judge hypotheses
 SAME = 0.5  # overlap of two flat faces that may be those of one box
 MOST_LINES = 6
+OUTERMOST = (0.02, 0.98)  # quantiles of coordinates, beyond which points may be strays
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,9 @@ def outlines(points: np.ndarray, axes: np.ndarray, sigma: float, seed: int = 0, 
             if ends is not None:
                 out.append(view.placed("cylinder", (radius, ends[1] - ends[0]), view.middle(center, sum(ends) / 2)))
                 lines.append(center)
-        for center in _apart(lines, 2 * sigma)[:MOST_LINES]:
+        # a cone casts no circle
+        middle = np.quantile(local[:, view.across], OUTERMOST, axis=0).mean(0)
+        for center in _apart([*_apart(lines, 2 * sigma)[:MOST_LINES], middle], 2 * sigma):
             out += [] if out_of_time() else _profile(view, center, rng)
     return out
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from imdim.geometry import kernels
 from imdim.program.cost import count
 from imdim.program.paths import leaf_paths, without
 from imdim.program.tree import Combine, Primitive, Program
+from imdim.solve.compounds import shells, stadiums
 from imdim.solve.likelihood import Shown
 from imdim.solve.maximise import Likely, MaximiseConfig, maximise
 from imdim.solve.missing import alternatives, hollows, missing, trimmed
@@ -28,19 +30,21 @@ ROUNDS = 40
 SEEN = 2048  # points that changes are looked at with
 GLANCE = 4  # each so-manieth of them for a first look
 LOOKED = 120  # changes that get a second one
-TRIED = 6  # changes whose numbers are fitted
+TRIED = 16  # changes whose numbers get a first step
+REFITTED = 4  # of them, whose numbers are fitted
 LONGEST = 40  # steps of a sequence
 SLACK = 0.05  # nats per point that a change may cost before its numbers are fitted
 WORTH = 2e-3  # nats per point, what the samples of the surface leave in doubt; a change for fewer numbers need not be worth it
-UNEXPLAINED = 3.0  # deviations of the noise
+UNEXPLAINED = (3.0, 2.2)  # deviations of the noise
+OWN = 3.0  # deviations of the noise, within which a primitive explains a point
+BLURRED = 0.3  # deviations of the noise by which both skins of a wall must lie off their middle to be told from one
 TAPER = 0.05  # of a radius
 HOLLOW = ("box", "sphere", "cylinder")
+FIRST = MaximiseConfig(rounds=2, through=0.0)
 REFIT = MaximiseConfig(rounds=4, through=0.0)
 
 
-def restructured(
-    likely: Likely, points: np.ndarray, lent: Sequence[Primitive], axes: np.ndarray, out_of_time: Callable[[], bool]
-) -> Likely:
+def restructured(likely: Likely, points: np.ndarray, lent: Sequence[Program], axes: np.ndarray, out_of_time: Callable[[], bool]) -> Likely:
     """The program with the changes that shorten the message of `points` [n, 3], each the best of its round.
 
     `axes` [3, 3] has the part's directions as columns. Sequences of more than LONGEST steps stay as they are.
@@ -74,7 +78,7 @@ class _Search:
     points: np.ndarray
     cloud: Cloud
     scene: Scene
-    lent: Sequence[Primitive]
+    lent: Sequence[Program]
     axes: np.ndarray
     out_of_time: Callable[[], bool]
 
@@ -83,40 +87,73 @@ class _Search:
         steps = to_steps(best.program)
         if self.out_of_time() or len(steps) > LONGEST:
             return None
-        for program in self._promising(best, steps):
+        worth = cost - WORTH
+        fewer = numbers(best.program)
+        firsts = self._fitted([(p, best) for p in self._promising(best, steps)], FIRST)
+        fitted = self._fitted([(trial.program, trial) for _, trial in firsts[:REFITTED]], REFIT)
+        shorter = [(after, trial) for after, trial in fitted if after < (cost if numbers(trial.program) < fewer else worth)]
+        return (shorter[0][1], shorter[0][0]) if shorter else None
+
+    def _fitted(self, tried: Sequence[tuple[Program, Likely]], config: MaximiseConfig) -> list[tuple[float, Likely]]:
+        """Programs with their numbers fitted, from the noise beside each, and the lengths of their messages, the shortest first."""
+        out = []
+        for program, known in tried:
             if self.out_of_time():
-                return None
-            trial = maximise(program, self.points, best.noise, REFIT, self.out_of_time)
-            after = length(trial.program, self.points, trial.noise, trial.nll)
-            if after < cost - WORTH * (numbers(program) >= numbers(best.program)):
-                return trial, after
-        return None
+                return []
+            trial = maximise(program, self.points, known.noise, config, self.out_of_time)
+            out.append((length(trial.program, self.points, trial.noise, trial.nll), trial))
+        return sorted(out, key=itemgetter(0))
 
     def _promising(self, best: Likely, steps: Steps) -> list[Program]:
         """Changed programs, not fitted, the shortest message first."""
-        others = [*distinct([*self._guesses(best, steps), *self.lent], self.cloud), *_lessened(steps)]
+        single, compound = _sorted([*self._guesses(best, steps), *self.lent])
+        others = [*distinct(single, self.cloud), *compound, *_lessened(steps)]
         mixture = Mixture.of(self.scene, [p for p, _ in steps], others)
         start: Choice = tuple((i, sign) for i, (_, sign) in enumerate(steps))
-        moves = [*own_moves(start), *(c for i in range(len(steps), len(mixture.parts)) for c in uses(i, start))]
+        new = (c for i in range(len(steps), len(mixture.parts)) for c in uses(i, start))
+        moves = [*own_moves(start), *(c for c in new if all(sign or not _is_wall(mixture.parts[i]) for i, sign in c))]
         glance = np.argsort(mixture.lengths(moves, GLANCE), kind="stable")[:LOOKED]
         lengths = mixture.lengths([start, *(moves[i] for i in glance)])
         order = np.argsort(lengths[1:], kind="stable")[:TRIED]
         return [folded(mixture.steps(moves[glance[i]])) for i in order if lengths[1 + i] < lengths[0] + SLACK]
 
-    def _guesses(self, best: Likely, steps: Steps) -> list[Primitive]:
+    def _guesses(self, best: Likely, steps: Steps) -> list[Program]:
         """What might be missing, and other shapes for the points of each primitive of the sequence."""
-        cloud, axes, off = self.cloud, self.axes, UNEXPLAINED * best.noise.sigma
-        out = [p for p, _ in missing(best.program, cloud, axes, off)]
+        cloud, axes, sigma = self.cloud, self.axes, best.noise.sigma
+        # deep in a thin plate nothing is far from its surface
+        out: list[Program] = [p for far in UNEXPLAINED for p, _ in missing(best.program, cloud, axes, far * sigma)]
         leaf, value, _, _ = kernels.program_tangent(best.program, cloud.points)
-        near, first = np.abs(value) < off, 0
+        near, first = np.abs(value) < OWN * sigma, 0
         for part, positive in steps:
             own = near & (leaf == first)
             first += count(part).primitives
             if isinstance(part, Primitive):
-                out += [*trimmed(part, cloud.points[own]), *alternatives(cloud.points[own], axes, cloud), *_tapered(part)]
-                if positive and own.any() and part.kind in HOLLOW:
-                    out += hollows(part, float(np.median(np.abs(value[own]))), cloud)
+                out += [
+                    *trimmed(part, cloud.points[own]),
+                    *alternatives(cloud.points[own], axes, cloud),
+                    *_tapered(part),
+                    *stadiums(part, sigma),
+                ]
+                if positive and own.any():
+                    out += _hollowed(part, value[own], cloud, sigma)
         return out
+
+
+def _hollowed(part: Primitive, value: np.ndarray, cloud: Cloud, sigma: float) -> list[Program]:
+    """The part's cavities, and walls about its skin where the distances `value` [m] of its points from it are more than noise."""
+    half = float(np.sqrt(max(np.mean(value**2) - sigma**2, 0.0)))
+    walls = shells(part, 2 * half, cloud, sigma) if half > BLURRED * sigma else ()
+    return [*walls, *(hollows(part, float(np.median(np.abs(value))), cloud) if part.kind in HOLLOW else ())]
+
+
+def _is_wall(part: Program) -> bool:
+    """Whether a part is no cut: what is left of a cut in its middle would stand alone."""
+    return isinstance(part, Combine) and part.op == "difference"
+
+
+def _sorted(programs: Sequence[Program]) -> tuple[list[Primitive], list[Combine]]:
+    """Primitives, and others."""
+    return [p for p in programs if isinstance(p, Primitive)], [p for p in programs if isinstance(p, Combine)]
 
 
 def _tapered(part: Primitive) -> Iterator[Primitive]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -32,9 +33,9 @@ class Values:
     @staticmethod
     def of(leaves: list[Primitive]) -> Values:
         """Read the leaves, whose rotations must be canonical."""
-        rows = [np.array([*p.size, *(0.0,) * (3 - len(p.size)), *p.center]) for p in leaves]
-        numbers = [_reading(p)[0] @ row for p, row in zip(leaves, rows, strict=True)]
-        return Values(tuple(leaves), np.concatenate(numbers), np.concatenate([_reading(p)[1] for p in leaves]))
+        readings = [_reading(p) for p in leaves]
+        numbers = [reading.matrix @ _row(p) for reading, p in zip(readings, leaves, strict=True)]
+        return Values(tuple(leaves), np.concatenate(numbers), np.concatenate([reading.classes for reading in readings]))
 
     def primitives(self) -> list[Primitive]:
         """The leaves with these numbers; raises ValueError where a size is not positive."""
@@ -48,11 +49,11 @@ class Values:
             return None
 
     def _leaf(self, i: int, p: Primitive) -> Primitive:
-        own = slice(6 * i, 6 * i + 6)
-        if np.array_equal(self.numbers[own], _reading(p)[0] @ np.array([*p.size, *(0.0,) * (3 - len(p.size)), *p.center])):
+        numbers, reading = self.numbers[6 * i : 6 * i + 6], _reading(p)
+        if np.array_equal(numbers, reading.matrix @ _row(p)):
             return p
         # sums of decimal numbers are decimal again
-        row = [decimal(v) for v in np.linalg.solve(_reading(p)[0], self.numbers[own])]
+        row = [decimal(v) for v in (reading.inverse @ numbers).tolist()]
         return replace(p, size=tuple(row[: len(p.size)]), center=(row[3], row[4], row[5]))
 
     def with_numbers(self, index: np.ndarray, number: float) -> Values:
@@ -61,16 +62,36 @@ class Values:
         return replace(self, numbers=numbers)
 
 
-def _reading(p: Primitive) -> tuple[np.ndarray, np.ndarray]:
-    """The matrix [6, 6] from (sizes, centre) to values, and the values' classes [6]."""
-    matrix, classes = np.eye(6), np.array([LENGTH] * 3 + [0, 1, 2])
-    classes[len(p.size) : 3] = UNUSED
+def _row(p: Primitive) -> np.ndarray:
+    """Sizes, padded with zeros, and centre [6]."""
+    return np.array([*p.size, *(0.0,) * (3 - len(p.size)), *p.center])
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """The matrix [6, 6] from (sizes, centre) to values, its inverse, and the values' classes [6]."""
+
+    matrix: np.ndarray
+    inverse: np.ndarray
+    classes: np.ndarray
+
+
+def _reading(p: Primitive) -> _Reading:
     if p.kind == "box" and p.rotation == (0.0, 0.0, 0.0):
-        for axis in range(3):
-            _as_ends(matrix, classes, axis, axis)
-    elif p.kind in AXIAL and p.kind != "torus" and p.rotation in ALIGNED:
-        _as_ends(matrix, classes, len(p.size) - 1, ALIGNED[p.rotation])
-    return matrix, classes
+        return _reading_of(len(p.size), tuple((axis, axis) for axis in range(3)))
+    if p.kind in AXIAL and p.kind != "torus" and p.rotation in ALIGNED:
+        return _reading_of(len(p.size), ((len(p.size) - 1, ALIGNED[p.rotation]),))
+    return _reading_of(len(p.size), ())
+
+
+@cache
+def _reading_of(sizes: int, ends: tuple[tuple[int, int], ...]) -> _Reading:
+    """Of a leaf with so many sizes, of which some (size, axis) are read as the positions of two ends."""
+    matrix, classes = np.eye(6), np.array([LENGTH] * 3 + [0, 1, 2])
+    classes[sizes:3] = UNUSED
+    for size, axis in ends:
+        _as_ends(matrix, classes, size, axis)
+    return _Reading(matrix, np.linalg.inv(matrix), classes)
 
 
 def _as_ends(matrix: np.ndarray, classes: np.ndarray, size: int, axis: int) -> None:

@@ -24,7 +24,6 @@ class Freedom:
 
     dof: int
     rank: int
-    rigid_motions: int
     redundant: tuple[int, ...]
     loose: tuple[int, ...]
 
@@ -54,7 +53,7 @@ def freedom(theory: Theory, points: np.ndarray) -> Freedom:
     rigid = _rank(_rigid_motions(x[0], theory.dimension))
     rank, redundant = _independent(system, jacobian)
     dof = jacobian.shape[1] - rigid - rank
-    return Freedom(dof, rank, rigid, redundant, _loose(x[0], jacobian, rank, theory.dimension) if dof else ())
+    return Freedom(dof, rank, redundant, _loose(x[0], jacobian, rank, theory.dimension) if dof else ())
 
 
 def _rigid_motions(x: np.ndarray, dimension: int) -> np.ndarray:

@@ -1,6 +1,6 @@
 """What a cloud says about a program's numbers: their normal distribution around the fit.
 
-The coordinates are those of `geometry.constraints`: nine lengths per leaf. The inverse covariance is the sum of the squared derivatives of
+The coordinates are those of `geometry.pose`: nine lengths per leaf. The inverse covariance is the sum of the squared derivatives of
 the distances at the cloud's points over the variance of their residuals (Gauss-Newton), plus a prior as wide as the part, which alone
 stands where no point shows a number. Outliers are weighed down as in `refine` (Geman and McClure).
 """
@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imdim.geometry import kernels
-from imdim.geometry.constraints import radii
 from imdim.geometry.lowering import Lowered
+from imdim.geometry.pose import radii
 from imdim.solve.faces import moved, step_maps
 
 MAD = 1.4826  # from the median of absolute normal deviations to their standard deviation

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imdim.geometry.constraints import Pose, Vector
+from imdim.geometry.pose import Pose, Vector
 from imdim.program.constraints import Ref
 from imdim.program.tree import KINDS
 from imdim.solve.relations.belief import Shown

@@ -28,8 +28,10 @@ def proposals(places: Places) -> Iterator[Candidate]:
     for known in sizes:
         yield from _equal(known)
     alike = _alike(places, sizes)
+    # what is level along the world's axes, which many share, and along an odd direction is told along the former
+    axes = sum(len(members) for members in places.directions.used)
     for members in places.directions.used:
-        yield from _along(places, members, alike)
+        yield from _along(places, members, alike, math.log2(axes / len(members)))
         yield from _coaxial(places, members)
     yield from _concentric(places)
     for group in alike:
@@ -72,28 +74,28 @@ def _alike(places: Places, sizes: list[Known]) -> list[list[int]]:
     return [g[:MOST_ALIKE] for g in groups if len(g) > 1]
 
 
-def _along(places: Places, members: list[Ref], alike: list[list[int]]) -> Iterator[Candidate]:
-    """Coplanar faces, centres level with each other or with a face, and symmetric pairs, along one direction."""
+def _along(places: Places, members: list[Ref], alike: list[list[int]], naming: float) -> Iterator[Candidate]:
+    """Coplanar faces, centres level with each other or with a face, and symmetric pairs, along one direction, whose `naming` takes bits."""
     pose, direction = places.pose, fixed(places.pose.axis(members[0]))
     across = [m for m in members if m.leaf >= 0 and m.feature in FACES_OF.get(places.kind(m.leaf), ())]
     faces = [Ref(m.leaf, sign + m.feature) for m in across for sign in "+-"]
     refs = faces + [Ref(leaf) for leaf in places.leaves()]
     known = places.known(refs, [pose.position(ref).dot(direction) for ref in refs])
-    bits = KIND_BITS + math.log2(max(len(known.refs), 2))
+    bits = KIND_BITS + naming + math.log2(max(len(known.refs), 2))
     for i, j in known.pairs():
         first, second = known.refs[i], known.refs[j]
         if first.leaf != second.leaf:
             both = bool(first.side and second.side)
             yield Candidate(Constraint("coplanar" if both else "aligned", (first, second), None if both else members[0]), bits)
-    yield from _symmetric(known, members[0], alike)
+    yield from _symmetric(known, members[0], alike, naming)
 
 
-def _symmetric(known: Known, about: Ref, alike: list[list[int]]) -> Iterator[Candidate]:
+def _symmetric(known: Known, about: Ref, alike: list[list[int]], naming: float) -> Iterator[Candidate]:
     centers = {ref.leaf: i for i, ref in enumerate(known.refs) if not ref.side}
     hubs = np.array(list(centers.values()), int)
     for group in alike:
         shown = [leaf for leaf in group if leaf in centers]
-        bits = KIND_BITS + math.log2(max(len(hubs) * len(shown), 2))
+        bits = KIND_BITS + naming + math.log2(max(len(hubs) * len(shown), 2))
         for a, first in enumerate(shown):
             for second in shown[a + 1 :]:
                 i, j = centers[first], centers[second]

@@ -17,8 +17,9 @@ from itertools import takewhile
 
 import numpy as np
 
-from imdim.geometry.constraints import Pose, rows_of
+from imdim.geometry.constraints import rows_of
 from imdim.geometry.lowering import Lowered
+from imdim.geometry.pose import Pose
 from imdim.program.constraints import Constraint
 
 SPANNED = 1e-7  # squared share of a row that accepted ones do not explain, below which they span it
