@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import signal
@@ -15,6 +14,8 @@ from urllib.parse import unquote_to_bytes
 
 import pytest
 import trimesh
+from tests.app.batches import STAND_IN, make, rows
+from tests.stand_ins import log, stand_in_for, wait_for
 
 from imdim.app.batch import folder
 from imdim.app.batch.local import run_local
@@ -22,43 +23,12 @@ from imdim.app.batch.process import Limits, Process, run
 from imdim.app.batch.run import main
 from imdim.app.cli import main as imdim
 
-# what a part does is decided by its name; every start and every end is a line of a file that is not part of the batch
-STAND_IN = """
-import json, os, pathlib, sys, time
-source, out = pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[3])
-note = lambda what: open(LOG, "a", errors="surrogateescape").write(f"{what} {source.stem}\\n")
-note("start")
-if source.stem == "crash":
-    os.abort()
-if source.stem == "hang":
-    child = f"import os, time; print('child', os.getpid(), file=open({LOG!r}, 'a')); time.sleep(600)"
-    os.spawnl(os.P_NOWAIT, sys.executable, sys.executable, "-c", child)
-    time.sleep(600)
-if source.stem == "blowup":
-    hoard = []
-    while True:
-        hoard.append(b"x" * (1 << 24))
-if source.stem == "refused":
-    sys.exit("imdim: refused.stl: 0 points")
-time.sleep(PAUSE)
-out.mkdir(parents=True)
-report = {"result": {"primitives": 7}, "stop": "finished", "scores": {"volume_iou": 0.5,
-    "distance_relative_to_diagonal": {"target_to_result": {"mean": 0.25}}}}
-(out / "report.json").write_text(json.dumps(report))
-(out / "preview.png").write_bytes(b"png")
-note("end")
-"""
 POISONED = ("crash", "hang", "blowup", "refused")
 
 
 @pytest.fixture
 def stand_in(tmp_path):
-    def command(pause: float = 0.0) -> list[str]:
-        path = tmp_path / "stand_in.py"
-        path.write_text(f"LOG, PAUSE = {str(tmp_path / 'log')!r}, {pause}\n{STAND_IN}")
-        return [sys.executable, "-S", str(path)]
-
-    return command
+    return lambda pause=0.0: stand_in_for(tmp_path, STAND_IN, PAUSE=pause)
 
 
 @pytest.fixture
@@ -66,21 +36,6 @@ def parts(tmp_path):
     path = tmp_path / "parts"
     path.mkdir()
     return path
-
-
-def make(parts: Path, *names: str) -> None:
-    for name in names:
-        (parts / name).write_bytes(name.encode("utf-8", "surrogateescape"))
-
-
-def rows(out: Path) -> dict[str, dict[str, str]]:
-    with (out / "results.csv").open(newline="") as file:
-        return {row["input"]: row for row in csv.DictReader(file)}
-
-
-def log(tmp_path: Path) -> list[str]:
-    path = tmp_path / "log"
-    return path.read_text().splitlines() if path.exists() else []
 
 
 def alive(pid: int) -> bool:
@@ -139,13 +94,6 @@ def started(arguments: list[str], command: list[str]) -> subprocess.Popen[str]:
     code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
     code += f"import sys; from imdim.app.batch.run import main; sys.exit(main({arguments!r}, {command!r}))"
     return subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-
-
-def wait_for(happened, limit_s: float = 20.0) -> None:
-    end = time.monotonic() + limit_s
-    while not happened():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])

@@ -7,7 +7,8 @@ import threading
 import time
 
 import pytest
-from tests.app.test_batch import log, make, parts, rows, stand_in, wait_for  # noqa: F401 (fixtures)
+from tests.app.batches import STAND_IN, make, rows
+from tests.stand_ins import log, stand_in_for, wait_for
 
 from imdim.app.batch.folder import Part
 from imdim.app.batch.local import Job
@@ -16,7 +17,19 @@ from imdim.app.batch.run import main
 from imdim.app.cli import main as imdim
 
 
-def test_without_a_cluster_is_one_line(parts, tmp_path, capsys, monkeypatch):  # noqa: F811
+@pytest.fixture
+def stand_in(tmp_path):
+    return lambda pause=0.0: stand_in_for(tmp_path, STAND_IN, PAUSE=pause)
+
+
+@pytest.fixture
+def parts(tmp_path):
+    path = tmp_path / "parts"
+    path.mkdir()
+    return path
+
+
+def test_without_a_cluster_is_one_line(parts, tmp_path, capsys, monkeypatch):
     make(parts, "a.stl")
     monkeypatch.setitem(__import__("sys").modules, "ray", None)
     assert imdim(["batch", str(parts), "-o", str(tmp_path / "out"), "--address", "127.0.0.1:1"]) == 2
@@ -24,7 +37,7 @@ def test_without_a_cluster_is_one_line(parts, tmp_path, capsys, monkeypatch):  #
     assert error.splitlines()[-1] == 'imdim: --address needs Ray: pip install "imdim[cluster]"'
 
 
-def test_a_shipped_job_brings_its_results(tmp_path, stand_in):  # noqa: F811
+def test_a_shipped_job_brings_its_results(tmp_path, stand_in):
     from imdim.app.batch.cluster import run_shipped
 
     for name, why in (("a", ""), ("crash", "ended by signal SIGABRT")):
@@ -36,7 +49,7 @@ def test_a_shipped_job_brings_its_results(tmp_path, stand_in):  # noqa: F811
 
 @pytest.mark.cluster
 @pytest.mark.filterwarnings("ignore")
-def test_a_node_that_is_killed_midway_costs_nothing(parts, tmp_path, stand_in):  # noqa: F811
+def test_a_node_that_is_killed_midway_costs_nothing(parts, tmp_path, stand_in):
     pytest.importorskip("ray")
     from ray.cluster_utils import Cluster
 

@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from tests.stand_ins import log, stand_in_for, wait_for
 
 from imdim.app.batch.dataset import main
 from imdim.data.folder import FolderConfig, make_folder
@@ -41,15 +42,8 @@ note("end")
 
 
 def stand_in(tmp_path: Path, pause: float = 0.0, **poison: str) -> list[str]:
-    path = tmp_path / "stand_in.py"
     given = {name.replace("_", "-"): how for name, how in poison.items()}
-    path.write_text(f"LOG, PAUSE, POISON = {str(tmp_path / 'log')!r}, {pause}, {given!r}\n{STAND_IN}")
-    return [sys.executable, "-S", str(path)]
-
-
-def log(tmp_path: Path) -> list[str]:
-    path = tmp_path / "log"
-    return path.read_text().splitlines() if path.exists() else []
+    return stand_in_for(tmp_path, STAND_IN, PAUSE=pause, POISON=given)
 
 
 def samples(out: Path) -> dict[str, bytes]:
@@ -88,10 +82,7 @@ def test_a_run_that_is_stopped_continues(tmp_path, how):
     out = tmp_path / "out"
     code = f"import sys; from imdim.app.batch.dataset import main; sys.exit(main({arguments(out)!r}, {stand_in(tmp_path, 0.4)!r}))"
     process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
-    end = time.monotonic() + 30.0
-    while not ((out / "train" / "sample_00127.npz").exists() and "start train-00002" in log(tmp_path)):
-        assert time.monotonic() < end
-        time.sleep(0.01)
+    wait_for(lambda: (out / "train" / "sample_00127.npz").exists() and "start train-00002" in log(tmp_path))
     process.send_signal(how)
     _, error = process.communicate(timeout=20)
     if how == signal.SIGTERM:

@@ -12,11 +12,12 @@ T = TypeVar("T")
 
 
 def from_arguments(schema: type[T], arguments: Sequence[str], folder: Path | None = None, name: str = "") -> T:
-    """`schema` with ``folder/name.yaml``, then ``folder/experiment/<experiment>.yaml``, then `arguments` laid over its defaults.
+    """`schema` with ``folder/name.yaml`` and the files of its defaults list, then `arguments` laid over its defaults.
 
-    The experiment is the argument's or else the YAML file's `experiment`. Raises ConfigError for unknown keys, wrong types, an
-    argument that is not of the form key=value and an experiment without a file.
+    The argument `experiment` chooses the file of that group. Raises ConfigError for unknown keys, wrong types, an argument that is not
+    of the form key=value and an experiment without a file.
     """
+    from hydra.errors import HydraException
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
     from yaml import YAMLError
@@ -28,20 +29,22 @@ def from_arguments(schema: type[T], arguments: Sequence[str], folder: Path | Non
         given: Any = OmegaConf.from_dotlist(list(arguments))
         layers = [given] if folder is None else _files(folder, name, given)
         values: Any = OmegaConf.to_container(OmegaConf.merge(*layers), resolve=True)
-    except (YAMLError, OmegaConfBaseException, RecursionError) as error:
+    except (YAMLError, OmegaConfBaseException, HydraException, RecursionError) as error:
         raise ConfigError(f"settings {one_line(' '.join(arguments))}: {first_line(error)}") from error
     return merge(schema, values)
 
 
 def _files(folder: Path, name: str, given: Any) -> list[Any]:
+    """What hydra composes from the files, and `given`: plain key=value, not hydra's grammar, in which a file name may need quotes."""
+    from hydra import compose, initialize_config_dir
     from omegaconf import OmegaConf
 
-    base: Any = OmegaConf.load(folder / f"{name}.yaml")
-    chosen = given.get("experiment", base.get("experiment"))
-    if chosen is None:
-        return [base, given]
-    path = folder / "experiment" / f"{chosen}.yaml"
-    if not path.is_file():
-        known = ", ".join(sorted(p.stem for p in path.parent.glob("*.yaml")))
-        raise ConfigError(f"setting experiment: {chosen!r} has no file {path.name}; known are {known}")
-    return [base, OmegaConf.load(path), given]
+    chosen = []
+    if "experiment" in given:
+        known = sorted(p.stem for p in (folder / "experiment").glob("*.yaml"))
+        if given.experiment not in known:
+            raise ConfigError(f"setting experiment: {given.experiment!r} has no file; known are {', '.join(known)}")
+        chosen = [f"experiment={given.experiment}"]
+    # out of hydra's struct mode, which would refuse what the schema knows to refuse better
+    with initialize_config_dir(str(folder.absolute()), version_base="1.3"):
+        return [OmegaConf.create(OmegaConf.to_container(compose(name, chosen))), given]

@@ -3,11 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from imdim.app.lab import drawing, edits, texts
+from imdim.app.lab import drawing, edits, plots, texts
 from imdim.app.lab.drawing import BROKEN_COLOUR, CUT, HELD_COLOUR, SELECTED, SPAN
 from imdim.app.lab.edits import Theory
 from imdim.app.lab.examples import PROGRAMS, example
-from imdim.app.lab.panels.browse import LEAST, curves
 from imdim.app.lab.solving import Lock
 from imdim.app.lab.state import Step
 from imdim.fitting import relations_of
@@ -96,23 +95,44 @@ def test_the_code_has_a_line_to_click_for_each_primitive():
 
 def test_the_front_is_a_plot_and_a_strip_of_pictures():
     choices = [Choice(Primitive("box", (80.0, 50.0, 8.0)), 0.2), Choice(THEORY.program, 1e-3), Choice(Primitive("sphere", (1.0,)))]
-    plot, strip = texts.front(choices, THEORY.program), texts.strip(choices, THEORY.program)
+    plot, strip = plots.front(choices, THEORY.program), texts.strip(choices, THEORY.program)
     assert plot.count('role="button"') == 2
     assert strip.count("data:image/png") == 3
     assert "7 primitives" in strip
 
 
 def test_texts_of_nothing():
-    for html in (texts.tree(None, None, ""), texts.code(None, None), texts.front([], None), texts.strip([], None)):
+    for html in (texts.tree(None, None, ""), texts.code(None, None), plots.front([], None), texts.strip([], None), plots.curves([])):
         assert "data-n" not in html
 
 
 def test_names_of_constraints_are_no_markup():
     theory = Theory(THEORY.program, (Constraint("equal", (Ref(2, "r"), Ref(3, "r")), name="<b>x"),))
-    assert "<b>x" not in texts.relations(theory, [0.0], 1e-6)
+    assert "<b>x" not in texts.relations(theory, [0.0], 1e-6, -1)
 
 
-def test_a_curve_of_one_step_is_a_line_and_zero_is_on_a_scale_of_logarithms():
-    steps = [Step(2.0, 0.1, 3, 0.0), Step(4.0, 0.0, 2, 1e-3)]
-    assert curves(steps[:1]).tolist() == [[0.0, 0.1, 3.0, LEAST], [2.0, 0.1, 3.0, LEAST]]
-    assert curves(steps)[1].tolist() == [4.0, LEAST, 2.0, 1e-3]
+def stairs(html, name):
+    """The corners of a curve [n, 2] as they are drawn, y downwards."""
+    curve = html.split(f'data-curve="{name}"')[1].split('points="')[1].split('"')[0]
+    return np.array([corner.split(",") for corner in curve.split()], float)
+
+
+def test_the_curves_are_stairs_on_scales_of_their_own():
+    html = plots.curves([Step(2.0, 0.1, 3, 0.0), Step(4.0, 0.0, 2, 1e-3)])
+    error, size, violation = (stairs(html, name) for name in ("error", "primitives", "violation of constraints"))
+    for curve in (error, size, violation):
+        (start, last), high = (plots.LEFT + (plots.WIDE - plots.LEFT - plots.RIGHT) * t for t in (0.5, 1.0)), curve[:, 1]
+        assert curve[:, 0] == pytest.approx([start, last, last], abs=0.1)
+        assert high[0] == high[1]
+    assert error[0, 1] < error[-1, 1], "an error that falls is drawn downwards"
+    assert size[0, 1] < size[-1, 1]
+    assert violation[0, 1] > violation[-1, 1]
+    for said in ("error: none", "primitives: 2", "violation of constraints: 0.001", "4 s"):
+        assert said in html
+    assert 'data-curve="error"' in plots.curves([Step(0.0, 0.0, 1, 0.0)]), "one program, at once"
+
+
+def test_the_chosen_constraint_is_marked():
+    html = texts.relations(THEORY, [0.0] * len(THEORY.constraints), 1e-6, 2)
+    assert html.split('aria-pressed="true"')[0].rsplit('data-n="', 1)[1].startswith('2"')
+    assert html.count('aria-pressed="true"') == 1

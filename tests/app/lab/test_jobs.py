@@ -11,6 +11,8 @@ from imdim.app.lab.jobs import died
 from imdim.app.lab.wire import Message
 from imdim.program.tree import leaves
 
+BALL = "\n".join(f"{x} {y} {z}" for x, y, z in np.random.default_rng(0).normal(size=(5000, 3))).encode()
+
 
 def request(kind="fit", name="Bracket", **settings):
     message = wire.target_message(example(name))
@@ -88,7 +90,8 @@ def test_a_pause_costs_no_budget_and_a_step_ends_at_the_next_program(pool, heard
 def test_runs_wait_for_their_turn_and_can_leave_the_queue(pool, heard):
     others = [type(heard)() for _ in range(2)]
     first = pool.submit(request(budget_s=30.0), heard)
-    second, third = (pool.submit(request(budget_s=30.0), other) for other in others)
+    second = pool.submit(request(budget_s=30.0), others[0])
+    third = pool.submit(upload("ball.xyz", BALL), others[1])
     assert (first.state, second.state, third.state) == ("running", "waiting", "waiting")
     assert (pool.place(second), pool.place(third)) == (0, 1)
     with pytest.raises(RuntimeError, match="2 runs are waiting"):
@@ -120,9 +123,7 @@ def test_what_is_no_part_is_refused_in_one_line_that_names_it(name, data, says):
 
 
 def test_a_large_cloud_is_thinned():
-    points = np.random.default_rng(0).normal(size=(5000, 3))
-    data = "\n".join(f"{x} {y} {z}" for x, y, z in points).encode()
-    told = list(work.perform(upload("cloud.xyz", data, 1000), time.perf_counter))
+    told = list(work.perform(upload("ball.xyz", BALL, 1000), time.perf_counter))
     assert [m.kind for m in told] == ["target", "done"]
     assert len(wire.target_of(told[0]).points) <= 1000
 

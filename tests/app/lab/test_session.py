@@ -71,17 +71,20 @@ def radius(session, leaf=1):
 
 
 def test_a_run_is_shown_while_it_goes_on_and_is_one_step_that_can_be_undone(session, pool):
+    crude = Primitive("box", (80.0, 50.0, 8.0))
     session.start({"budget_s": 5.0, "method": "tree"})
     assert pool.jobs[-1].request.values["settings"]["method"] == "tree"
+    pool.say("snapshot", snapshot(crude))
     pool.say("snapshot", snapshot())
     assert session.theory.program == PROGRAM
     assert session.history.theory is None
+    assert [c.program for c in session.state.seen] == [crude, PROGRAM], "what the strip shows while there is no front"
     pool.say("snapshot", snapshot(constraints=CONSTRAINTS, stop="finished", seconds=2.0))
     pool.say("done")
     assert session.history.theory.constraints == CONSTRAINTS
     assert not session.history.can_undo
-    assert (session.running, session.state.stop, len(session.state.trace)) == ("", "finished", 2)
-    assert session.state.trace[-1].primitives == 7
+    assert (session.running, session.state.stop) == ("", "finished")
+    assert [step.primitives for step in session.state.trace] == [1, 7, 7]
     assert session.state.trace[-1].violation < 1e-9
 
 
@@ -170,6 +173,7 @@ def test_uploads_are_read_elsewhere(session, pool):
     session.open_upload("../../etc/part.stl", b"abc")
     request = pool.jobs[-1].request
     assert (request.kind, request.values["name"], request.arrays["data"].tobytes()) == ("open", "part.stl", b"abc")
+    assert request.values["max_points"] == session.limits.points
     message = wire.target_message(example("Flange"))
     pool.jobs[-1].tell(message)
     assert session.state.target.name == "Flange"

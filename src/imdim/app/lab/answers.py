@@ -21,7 +21,9 @@ def take_snapshot(state: State, task: str, message: Message, locks: frozenset[Lo
     values = message.values
     program, constraints = wire.read_document(values["document"])
     live = state.live = Theory(program, constraints, locks)
-    state.stage, state.proof = values["stage"], values["proof"] or state.proof
+    state.stage = values["stage"]
+    if task in FREE:
+        state.proof, state.proved = values["proof"] or state.proof, program
     state.stop = values["stop"] or state.stop
     if task in TRACED:
         state.trace = [*state.trace, _step(live, values["seconds"], values["error"])][-MOST_STEPS:]

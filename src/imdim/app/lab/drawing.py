@@ -13,8 +13,9 @@ from imdim.app.lab.solving import worst
 from imdim.evaluate import target_distances
 from imdim.export.preview import ramp
 from imdim.geometry.cloud import Frame, Target
-from imdim.geometry.constraints import HOLDS, Pose
+from imdim.geometry.constraints import HOLDS
 from imdim.geometry.lowering import lower
+from imdim.geometry.pose import Pose
 from imdim.geometry.solid import owned_surface, primitive_to_manifold, to_trimesh
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.roles import labels, signs

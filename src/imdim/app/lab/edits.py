@@ -148,7 +148,7 @@ def with_constraint(theory: Theory, constraint: Constraint) -> Theory:
 
 def without_constraint(theory: Theory, number: int) -> Theory:
     if not 0 <= number < len(theory.constraints):
-        raise EditError(f"there is no constraint {number}, they are numbered 0 to {len(theory.constraints) - 1}")
+        raise EditError("no constraint is chosen: click one in the list")
     return replace(theory, constraints=theory.constraints[:number] + theory.constraints[number + 1 :])
 
 

@@ -6,7 +6,7 @@ from collections.abc import Set
 
 import viser
 
-from imdim.app.lab import drawing
+from imdim.app.lab import drawing, texts
 from imdim.app.lab.edits import Theory
 from imdim.app.lab.jobs import Pool
 from imdim.app.lab.panels.browse import CurvesPanel, FrontPanel, TreePanel
@@ -64,7 +64,8 @@ class Page:
         gui.main_panel.set_width(RIGHT)
         self.status = StatusPanel(gui, session)
         # outside the tabs: clicks in the tree and the code go through it, and what lies in a tab that was never opened is not there
-        selected = gui.add_number("Primitive", -1, min=-1, max=9999, step=1, hint="The selected primitive, -1 for none")
+        gui.add_html(texts.unseen())
+        selected = gui.add_number("Primitive", -1, min=-1, max=9999, step=1)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Run"):
             self.run = RunPanel(gui, session)
@@ -134,6 +135,7 @@ class Page:
         if "target" in topics and target is not None:
             self.view.forget()
             self.view.draw_cloud(drawing.cloud(target, Frame.of(target)))
+            self.run.draw(target.name)
             self._scene = None
         if topics & {"program", "selection", "target"}:
             self._draw_program(theory, selected)
@@ -173,7 +175,7 @@ class Page:
         state, theory = self.session.state, self.session.theory
         lines = [("part", state.target.name)] if state.target else []
         if self.session.running or state.stop:
-            ended = f" ({state.stop})" if state.stop not in ("", state.stage) else ""
+            ended = f" ({state.stop.replace('_', ' ')})" if state.stop not in ("", state.stage) else ""
             spent = f", {state.trace[-1].seconds:.1f} s" if state.trace else ""
             lines.append(("stage", f"{state.task}: {state.stage}{ended}{spent}"))
         if theory is None or self._scene is None:
@@ -186,7 +188,8 @@ class Page:
             far = scores.relative(scores.to_result)
             lines += [("error", "no closed target" if scores.volume_iou is None else f"{1 - scores.volume_iou:.2%} (1 - IoU)")]
             lines += [("distance", f"mean {far.mean:.2%}, max {far.max:.2%}")]
-        return [*lines, ("proof", state.proof)] if state.proof else lines
+        proved = state.proof and state.proved == theory.program
+        return [*lines, ("proof", state.proof)] if proved else lines
 
     def _score(self, topics: Set[str]) -> None:
         """Scores, the distance map, and small pictures: what the eye can wait a moment for."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import http.client
 import signal
 import sys
 import threading
@@ -35,6 +36,7 @@ class Lab:
         self._server.on_client_disconnect(self._went)
         self.url = f"http://{host}:{self._server.get_port()}"
         self.pool.prepare()
+        _compress(host, self._server.get_port())
 
     def _came(self, client: viser.ClientHandle) -> None:
         page = Page(client, self.pool, self._uploads)
@@ -64,6 +66,14 @@ def _refuse_to_share(verbose: bool = True) -> None:
     """The toolkit can open a tunnel to a public server when a page asks for it; here no page can."""
 
 
+def _compress(host: str, port: int) -> None:
+    """The toolkit compresses its page when it is first asked for, which takes a tenth of a second: here nobody waits for it."""
+    link = http.client.HTTPConnection(host, port)
+    link.request("GET", "/", headers={"Accept-Encoding": "gzip"})
+    link.getresponse().read()
+    link.close()
+
+
 def parser() -> argparse.ArgumentParser:
     """The arguments of the command."""
     out = argparse.ArgumentParser(prog="imdim lab", description="Reconstruct a part in a browser page: watch, correct, download.")
@@ -90,11 +100,11 @@ def main(argv: Sequence[str]) -> int:
     lab = Lab(given.host, given.port, limits, UploadLimits(int(given.upload * MiB), given.points), target)
     sys.stdout.write(f"IMDIM Live Lab: {lab.url}\n")
     sys.stdout.flush()
-    if not given.no_browser:
-        webbrowser.open(lab.url)
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
+    if not given.no_browser:
+        webbrowser.open(lab.url)
     ended.wait()
     lab.close()
     return 0

@@ -156,7 +156,9 @@ class Session(Desk):
         """Run a task in place of the one before."""
         with self.lock:
             self._end_job()
-            self.state.task, self.state.stop, self.state.proof = task, "", ""
+            self.state.task, self.state.stop = task, ""
+            if task in answers.FREE:
+                self.state.proof = ""
             if task in answers.TRACED:
                 self.state.trace = []
             job: list[Job] = []

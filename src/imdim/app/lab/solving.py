@@ -10,8 +10,9 @@ import numpy as np
 
 from imdim.geometry import kernels
 from imdim.geometry.cloud import Frame, Target
-from imdim.geometry.constraints import radii, rows_of
+from imdim.geometry.constraints import rows_of
 from imdim.geometry.lowering import Lowered, lower
+from imdim.geometry.pose import radii
 from imdim.geometry.surface import Surface, signed_distance
 from imdim.geometry.surface import normals as surface_normals
 from imdim.program.constraints import AXES, WORLD, Constraint, ConstraintError, Ref, describe

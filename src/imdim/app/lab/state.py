@@ -8,6 +8,7 @@ from pathlib import PurePosixPath
 from imdim.app.lab.edits import Theory
 from imdim.geometry.cloud import Target
 from imdim.program.front import Choice
+from imdim.program.tree import Program
 
 MiB = 1 << 20
 
@@ -40,7 +41,8 @@ class State:
     stage: str = ""
     task: str = ""
     stop: str = ""
-    proof: str = ""
+    proof: str = ""  # what a run says of its program `proved`
+    proved: Program | None = None
     notice: tuple[str, str] = ("", "")  # "info" or "error", and one line
     trace: list[Step] = field(default_factory=list)
     seen: list[Choice] = field(default_factory=list)

@@ -1,12 +1,11 @@
-"""The page's texts: program as a tree and as code, front as a plot, programs as a strip. Clicks in them are passed on to a number input
-of the page, which a keyboard reaches too, since the toolkit tells the server of its own inputs only."""
+"""The page's texts: program as a tree and as code, programs as a strip, constraints as a list. Clicks in them are passed on to a number
+input of the page that nobody sees, since the toolkit tells the server of its own inputs only."""
 
 from __future__ import annotations
 
 import base64
 import html
 import io
-import math
 import re
 from collections.abc import Sequence
 from functools import lru_cache
@@ -68,11 +67,10 @@ def tree(theory: Theory | None, selected: int | None, unit: str) -> str:
 def _leaf(i: int, part: Primitive, name: str, tint: Colour, selected: bool, locks: frozenset[Lock], unit: str) -> str:
     shown = [n for n in numbers(part) if n.unit == "length" or n.value]
     texts = [f"{n.name}&nbsp;{_number(n.value, n.unit, unit)}{'&#128274;' if Lock(i, n.lock) in locks else ''}" for n in shown]
-    back = "#fff3bf" if selected else "#f8f9fa"
     dot = f'<span style="display:inline-block;width:9px;height:9px;border-radius:2px;background:rgb{tint}"></span>'
     return (
         f'<button type="button" role="treeitem" data-n="{i}" aria-selected="{str(selected).lower()}" '
-        f'style="{_BUTTON}background:{back};color:#212529">{dot} <b>{i} {html.escape(name)}</b> {part.kind}'
+        f'style="{_BUTTON}background:{_back(selected)};color:#212529">{dot} <b>{i} {html.escape(name)}</b> {part.kind}'
         f'<br><span style="color:#343a40">{", ".join(texts)}</span></button>'
     )
 
@@ -106,7 +104,7 @@ def strip(choices: Sequence[Choice], shown: Program | None) -> str:
     """Small solids, each a button that loads its program."""
     if not choices:
         return note("Programs appear here as the run goes through them.")
-    pictures = "".join(_picture(i, c, shown) for i, c in _numbered(choices))
+    pictures = "".join(_picture(i, c, shown) for i, c in enumerate(choices, 1))
     return clickable("Choice", f'<div style="display:flex;gap:5px;overflow-x:auto;padding-bottom:4px">{pictures}</div>')
 
 
@@ -131,49 +129,13 @@ def _drawn(program: Program) -> str:
     return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
 
 
-def front(choices: Sequence[Choice], shown: Program | None) -> str:
-    """Error against size; each point loads its program."""
-    known = [(i, count(c.program).primitives, c.error, c.program == shown) for i, c in _numbered(choices) if c.error is not None]
-    if not known:
-        return note("The front of error against size appears when a run has one.")
-    wide, tall, left, low = 300, 190, 44, 30
-    sizes, logs = [k[1] for k in known], [math.log10(max(k[2], 1e-6)) for k in known]
-    x0, x1, y0, y1 = min(sizes) - 0.5, max(sizes) + 0.5, math.floor(min(logs) - 0.1), math.ceil(max(logs) + 0.1)
-
-    def x(size: float) -> float:
-        return left + (size - x0) / (x1 - x0) * (wide - left - 12)
-
-    def y(log: float) -> float:
-        return tall - low - (log - y0) / max(y1 - y0, 1) * (tall - low - 12)
-
-    grid = "".join(
-        f'<line x1="{left}" x2="{wide - 12}" y1="{y(p):.1f}" y2="{y(p):.1f}" stroke="#dee2e6"/>'
-        f'<text x="{left - 5}" y="{y(p) + 4:.1f}" text-anchor="end">1e{p}</text>'
-        for p in range(y0, y1 + 1)
-    )
-    ticks = "".join(f'<text x="{x(s):.1f}" y="{tall - low + 15}" text-anchor="middle">{s}</text>' for s in sorted(set(sizes)))
-    path = " ".join(f"{x(s):.1f},{y(log):.1f}" for s, log in sorted(zip(sizes, logs, strict=True)))
-    dots = "".join(
-        f'<g data-n="{i}" role="button" tabindex="0" style="cursor:pointer" onkeydown="if(event.key===\'Enter\')this.dispatchEvent('
-        f"new MouseEvent('click',{{bubbles:true}}))\"><title>{i}: {size} primitives, error {error:.3g}</title>"
-        f'<circle cx="{x(size):.1f}" cy="{y(log):.1f}" r="12" fill="transparent"/>'
-        f'<circle cx="{x(size):.1f}" cy="{y(log):.1f}" r="6" fill="{"#e67700" if now else "#1864ab"}"/></g>'
-        for (i, size, error, now), log in zip(known, logs, strict=True)
-    )
-    head = (
-        f'<svg viewBox="0 0 {wide} {tall}" style="width:100%;font:11px sans-serif;fill:#343a40" role="img" aria-label="error against size">'
-    )
-    says = "primitives (error upwards); click a point to load it"
-    foot = f'<text x="{(wide + left) / 2}" y="{tall - 2}" text-anchor="middle">{says}</text></svg>'
-    return clickable("Choice", f'{head}{grid}{ticks}<polyline points="{path}" fill="none" stroke="#74a5d4"/>{dots}{foot}')
-
-
-def relations(theory: Theory | None, off: Sequence[float], tolerance: float) -> str:
-    """The constraints with whether they hold; each a button that puts its number into the input."""
+def relations(theory: Theory | None, off: Sequence[float], tolerance: float, chosen: int) -> str:
+    """The constraints with whether they hold; each a button that chooses it."""
     if theory is None or not theory.constraints:
         return note("No constraints. Add one, or look for relations.")
     rows = "".join(
-        f'<button type="button" data-n="{i}" style="{_BUTTON}background:#f8f9fa;color:{"#212529" if far <= tolerance else "#c92a2a"}">'
+        f'<button type="button" data-n="{i}" aria-pressed="{str(i == chosen).lower()}" style="{_BUTTON}background:{_back(i == chosen)};'
+        f'color:{"#212529" if far <= tolerance else "#c92a2a"}">'
         f"<b>{i} {html.escape(c.kind)}</b> {html.escape(c.name)}<br>{html.escape(str(c).removeprefix(c.kind + ' of '))}"
         f"{'' if far <= tolerance else f' &#9888; off by {far:.2g}'}</button>"
         for i, (c, far) in enumerate(zip(theory.constraints, off, strict=True))
@@ -181,13 +143,18 @@ def relations(theory: Theory | None, off: Sequence[float], tolerance: float) -> 
     return clickable("Constraint", f'<div style="font-size:12px;line-height:1.35">{rows}</div>')
 
 
+def _back(selected: bool) -> str:
+    return "#fff3bf" if selected else "#f8f9fa"
+
+
+def unseen() -> str:
+    """HTML that hides the input after it: clicks in the texts go through it, and its number would say nothing."""
+    return '<i class="lab-unseen"></i>'
+
+
 def locked(locks: frozenset[Lock], leaf: int, name: str) -> bool:
     """Whether a number, or the orientation it belongs to, is locked."""
     return Lock(leaf, TURN if name in ("rx", "ry", "rz") else name) in locks
-
-
-def _numbered(choices: Sequence[Choice]) -> list[tuple[int, Choice]]:
-    return list(enumerate(choices, 1))
 
 
 def note(line: str) -> str:

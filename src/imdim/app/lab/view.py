@@ -9,12 +9,16 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import viser
 
-from imdim.app.lab.drawing import POINT_COLOUR, Overlay, Piece, Scene
+from imdim.app.lab.drawing import POINT_COLOUR, Colour, Overlay, Piece, Scene
 from imdim.app.lab.points import Points
 
 LAYERS: Mapping[str, bool] = {"Solid": True, "Cutters": True, "Points": True, "Distance map": False, "Constraints": False}
-SEEN_THROUGH = 0.3  # opacity of the solid where constraints are shown, most of which lie inside it
+SEEN_THROUGH = 0.3  # opacity of the solid where constraints or distances are shown, many of which lie inside it
 TURN_DEG, TURN_S = 1.0, 0.05
+MAP_SIZE, UNDER_MAP = (
+    0.04,
+    (222, 226, 230),
+)  # of a point of the distance map; and of the solid below it, which shows between them: no distance
 SKY, KEY, GROUND = 1.9, 1.6, (140, 144, 156)  # intensities, and what comes from below
 AWAY = np.array([1.85, -2.45, 1.8])  # the camera, seen from the middle of the part, all of which it just sees
 
@@ -51,9 +55,9 @@ class View:
     def show(self, layer: str, visible: bool) -> None:
         """One of LAYERS on or off."""
         self.shown[layer] = visible
-        if layer == "Constraints":
+        if layer in ("Constraints", "Distance map"):
             for name, (piece, node) in self._meshes.items():
-                node.opacity = self._opacity(name, piece)
+                node.opacity, node.color = self._opacity(name, piece), self._colour(name, piece)
             self._overlay()
         for name, node in (*((n, h) for n, (_, h) in self._meshes.items()), *self._others.items()):
             if _LAYER_OF[name.split("/")[1]] == layer:
@@ -82,7 +86,7 @@ class View:
             name,
             piece.vertices,
             piece.faces.astype(np.uint32),
-            color=piece.colour,
+            color=self._colour(name, piece),
             opacity=self._opacity(name, piece),
             flat_shading=True,
             side="front",
@@ -92,7 +96,11 @@ class View:
         self._meshes[name] = (piece, handle)
 
     def _opacity(self, name: str, piece: Piece) -> float | None:
-        return SEEN_THROUGH if self.shown["Constraints"] and name.startswith("/solid/") else piece.opacity
+        through = self.shown["Constraints"] or self.shown["Distance map"]
+        return SEEN_THROUGH if through and name.startswith("/solid/") else piece.opacity
+
+    def _colour(self, name: str, piece: Piece) -> Colour:
+        return UNDER_MAP if self.shown["Distance map"] and name.startswith("/solid/") else piece.colour
 
     def close(self) -> None:
         """The client has gone."""
@@ -132,7 +140,7 @@ class View:
 
     def draw_map(self, points: np.ndarray, colours: np.ndarray) -> None:
         """The distances at the target's points."""
-        self._others["/map/points"] = self._points("/map/points", points, colours, 0.03, "circle")
+        self._others["/map/points"] = self._points("/map/points", points, colours, MAP_SIZE, "circle")
 
     def name(self, at: np.ndarray | None, text: str) -> None:
         """What the selected primitive is called, where it is."""

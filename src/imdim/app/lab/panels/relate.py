@@ -18,10 +18,12 @@ class RelatePanel:
     """See the module."""
 
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
-        self._session = session
+        self._session, self._theory = session, session.theory
         self._list = gui.add_html("")
-        self.number = gui.add_number("Constraint", -1, min=-1, max=9999, step=1, hint="The constraint that Remove takes away")
-        gui.add_button("Remove the constraint", color=RED).on_click(lambda _: self._remove())
+        gui.add_html(texts.unseen())
+        self.number = gui.add_number("Constraint", -1, min=-1, max=9999, step=1)
+        self.number.on_update(lambda event: self._list_again() if event.client else None)
+        gui.add_button("Remove the constraint", color=RED, hint="The one that was clicked in the list").on_click(lambda _: self._remove())
         gui.add_button("Look for relations", color=GREY).on_click(lambda _: session.relate())
         with gui.add_folder("Add a constraint"):
             self._hint = gui.add_html("")
@@ -45,13 +47,19 @@ class RelatePanel:
 
     def draw(self, theory: Theory | None, selected: int | None) -> None:
         """The list, and the features that the selected primitive offers."""
-        off = [] if theory is None else violations(theory.program, theory.constraints)
-        self._list.content = texts.relations(theory, off, VIOLATED)
+        if theory is None or int(self.number.value) >= len(theory.constraints):
+            self.number.value = -1
+        self._theory = theory
+        self._list_again()
         parts = [] if theory is None else list(leaves(theory.program))
         text = "Select a primitive to see the names of its features."
         if selected is not None and selected < len(parts):
             text = f"Features of {selected}: {features(selected, parts[selected])}"
         self._hint.content = texts.note(text)
+
+    def _list_again(self) -> None:
+        off = [] if self._theory is None else violations(self._theory.program, self._theory.constraints)
+        self._list.content = texts.relations(self._theory, off, VIOLATED, int(self.number.value))
 
 
 def features(leaf: int, part: Primitive) -> str:

@@ -13,14 +13,16 @@ from imdim.app.lab.session import Session
 from imdim.app.lab.style import BLUE, GREY
 from imdim.methods import METHODS
 
+NONE = "none"
+
 
 class RunPanel:
     """See the module."""
 
     def __init__(self, gui: viser.GuiApi, session: Session) -> None:
         self._session = session
-        self.example = gui.add_dropdown("Example", NAMES)
-        self.example.on_update(lambda event: session.open_example(event.target.value) if event.client else None)
+        self.example = gui.add_dropdown("Example", (NONE, *NAMES))
+        self.example.on_update(lambda event: self._open(event.target.value) if event.client else None)
         self.start = self._button(gui, "Start", lambda: session.start(self.settings()), BLUE)
         with gui.add_folder(None):
             self.go = gui.add_button_group("Run", ("Pause", "Resume", "Step", "Stop"))
@@ -41,6 +43,14 @@ class RunPanel:
         button = gui.add_button(label, color=color)
         button.on_click(lambda _: call())
         return button
+
+    def _open(self, name: str) -> None:
+        if name != NONE:
+            self._session.open_example(name)
+
+    def draw(self, part: str) -> None:
+        """The example that is open, none where a file is: the browser tells of a choice only where it changes one."""
+        self.example.value = part if part in NAMES else NONE
 
     def _pressed(self, what: str) -> None:
         {"Pause": self._session.pause, "Resume": self._session.resume, "Step": self.step, "Stop": self._session.stop}[what]()

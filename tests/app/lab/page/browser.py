@@ -1,6 +1,7 @@
 """A real Chromium for the lab's tests, and what they read off its page."""
 
 import io
+import math
 import re
 import shutil
 import subprocess
@@ -17,7 +18,11 @@ from PIL import Image
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 WAIT_MS = 120_000  # for what takes a second on a machine that has nothing else to do
 COARSE = "?fixedDpr=0.5"  # a quarter of the pixels: without a graphics card they are what takes the time
-needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+in_the_lab = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+# Chromium fills the address bar of each window with pages of its own, half a second of a core
+BARE = ("--no-sandbox", "--disable-features=WebUIOmniboxPopup,WebUIOmniboxAimPopup,WebUIOmniboxFullPopup")
+EXACT = 80 * 50 * 8 + math.pi * 14**2 * 16 - 4 * math.pi * 9 * 8 - math.pi * 64 * 24  # the volume of the example "Bracket"
+NEAR = (0.998, 1.002)  # facets
 
 
 class Lab(NamedTuple):
@@ -58,7 +63,7 @@ def chromium():
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=BARE)
         yield browser
         browser.close()
 
@@ -96,6 +101,10 @@ class LabPage:
             arg=[low, high],
         )
 
+    def measures(self, exact):
+        """Wait until the volume is that, but for facets."""
+        self.wait_for_volume(*(exact * share for share in NEAR))
+
     def press(self, name):
         self.page.get_by_role("button", name=name, exact=True).click()
 
@@ -113,6 +122,21 @@ class LabPage:
         """By a click in the tree."""
         self.page.locator(f".lab-primitive [role=treeitem][data-n='{leaf}']").click()
         self.page.wait_for_selector(f".lab-primitive [data-n='{leaf}'][aria-selected=true]")
+
+    def press_folder(self, name):
+        """Open or close it."""
+        self.page.get_by_text(name).click()
+
+    def relate(self, kind, of, value):
+        """Add a constraint that has a value."""
+        self.choose("Relation", kind)
+        self.field("Of").fill(of)
+        self.field("Value").fill(value)
+        self.press("Add the constraint")
+
+    def undo(self, steps=1):
+        for _ in range(steps):
+            self.keys("Control+z")
 
     def run(self):
         """Reconstruct what is open."""
@@ -148,6 +172,10 @@ class LabPage:
         shot = self.page.screenshot(clip={"x": x, "y": y + top, "width": width, "height": height - top})
         return np.asarray(Image.open(io.BytesIO(shot)).convert("RGB"), np.int64)
 
+    def picture_of(self, selector):
+        """What is seen of an element [h, w, 3]."""
+        return np.asarray(Image.open(io.BytesIO(self.page.locator(selector).screenshot())).convert("RGB"), np.int64)
+
     def wait_for_picture(self, good):
         """Until the picture is as it should be."""
         end = time.monotonic() + WAIT_MS / 1000
@@ -174,3 +202,12 @@ def green(picture):
 
 def inked(picture):
     return int((picture.min(axis=2) < 240).sum())
+
+
+def hot(picture):
+    """Far off, in the colours of the distance map."""
+    return int((picture[..., 0] - picture[..., 1] > 100).sum())
+
+
+def changed(picture, before):
+    return int((np.abs(picture - before).max(axis=2) > 40).sum())

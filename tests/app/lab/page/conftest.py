@@ -1,0 +1,35 @@
+"""One server, one browser and two clients for all tests of the page. `done`, whose part is reconstructed, is left as each test found it."""
+
+import pytest
+from tests.app.lab.page.browser import LabPage, chromium, inked, lab, red
+
+
+@pytest.fixture(scope="package")
+def server():
+    with lab("--points", "20000") as running:
+        yield running
+
+
+@pytest.fixture(scope="package")
+def browser():
+    with chromium() as found:
+        yield found
+
+
+@pytest.fixture(scope="package")
+def done(browser, server):
+    """A client whose example is reconstructed."""
+    page = LabPage(browser, server.url)
+    page.wait_for_picture(lambda picture: inked(picture) > 3000)
+    assert red(page.picture()) == 0
+    page.run()
+    yield page
+    page.close()
+
+
+@pytest.fixture(scope="package")
+def phone(browser, server):
+    """A second client, in a window of a telephone's size from the first."""
+    page = LabPage(browser, server.url, 390, 844)
+    yield page
+    page.close()

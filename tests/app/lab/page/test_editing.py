@@ -1,0 +1,148 @@
+"""A person changes the program that was found: numbers, locks, relations, primitives; the solver finishes; all can be taken back."""
+
+import math
+
+from tests.app.lab.page.browser import EXACT, in_the_lab, red
+
+from imdim.app.lab.panels.edit import LOCKED
+
+pytestmark = in_the_lab
+HOLE = math.pi * 9 * 8
+WIDER = math.pi * (25 - 9) * 8  # what a hole of radius 5 takes more
+SLIMMER = EXACT - math.pi * (14**2 - 13**2) * 16  # a boss of radius 13
+
+
+def test_a_radius_is_edited_and_the_edit_undone_and_redone(done):
+    done.select(3)
+    before = done.picture()
+    done.tab("Edit")
+    done.box("r mm").fill("5")
+    done.measures(EXACT - 4 * WIDER)  # the four holes have one radius
+    assert done.status("proof") == "", "it was of another program"
+    done.wait_for_picture(lambda picture: red(picture) > red(before) + 400)
+    done.keys("Control+z")
+    done.measures(EXACT)
+    assert "minimal" in done.status("proof")
+    done.keys("Control+y")
+    done.measures(EXACT - 4 * WIDER)
+    done.press("Undo")
+    done.measures(EXACT)
+    done.press("Redo")
+    done.measures(EXACT - 4 * WIDER)
+    done.box("Keep relations").uncheck()
+    done.box("r mm").fill("3")
+    done.measures(EXACT - 3 * WIDER)  # this one alone
+    done.box("Keep relations").check()
+    done.keys("Control+z", "Control+z", "Escape")
+    done.measures(EXACT)
+
+
+def test_numbers_have_the_unit_that_was_chosen(done):
+    done.select(3)
+    done.tab("Edit")
+    done.choose("Units", "inch")
+    assert done.box("r in").input_value() == "3"
+    done.page.wait_for_selector(".lab-primitive [data-n='3'] >> text=r 3 in")
+    assert done.status("volume").endswith("in³")
+    done.choose("Units", "millimeter")
+    done.box("r mm").wait_for()
+    done.keys("Escape")
+
+
+def test_a_constraint_is_added_and_the_solver_finishes_under_it(done):
+    done.tab("Relate")
+    rows = done.page.locator(".lab-constraint [data-n]").count()
+    assert rows > 5
+    done.relate("value", "1.r", "13")
+    added = done.page.locator(f".lab-constraint [data-n='{rows}']")
+    added.wait_for()
+    assert "off by" in added.inner_text()
+    done.keys("l")  # let the solver finish
+    done.measures(SLIMMER)
+    done.notice("solved: all constraints and locks hold")
+    done.tab("Edit")
+    done.select(3)
+    done.box("r mm").fill("5")  # the next edit keeps it
+    done.measures(SLIMMER - 4 * WIDER)
+    assert "off by" not in added.inner_text()
+    done.keys("Escape")
+    done.undo(3)
+    done.measures(EXACT)
+
+
+def test_a_constraint_is_removed_and_found_again(done):
+    done.tab("Relate")
+    every, radii = done.page.locator(".lab-constraint [data-n]"), done.page.locator(".lab-constraint [data-n]", has_text="3.r")
+    done.press("Remove the constraint")
+    done.notice("no constraint is chosen")
+    rows = every.count()
+    radii.click()
+    done.page.wait_for_selector(".lab-constraint [aria-pressed=true]")
+    assert "3.r, 4.r, 5.r, 6.r" in done.page.locator(".lab-constraint [aria-pressed=true]").inner_text()
+    done.press("Remove the constraint")
+    radii.wait_for(state="detached")
+    assert every.count() == rows - 1
+    done.tab("Edit")
+    done.select(3)
+    done.box("r mm").fill("5")
+    done.measures(EXACT - WIDER)  # the other holes are free now
+    done.undo()
+    done.measures(EXACT)
+    done.tab("Relate")
+    done.press("Look for relations")
+    done.notice("relations found")
+    radii.wait_for()
+    assert every.count() == rows
+    done.tab("Edit")
+    done.keys("Escape")
+    done.undo(2)
+
+
+def test_a_locked_number_stays_where_the_solver_moves_the_others_back(done):
+    done.select(1)
+    done.box("r mm").fill("13")
+    done.measures(SLIMMER)
+    done.press("r")
+    done.page.get_by_role("button", name=LOCKED + "r", exact=True).wait_for()
+    done.select(3)
+    done.box("r mm").fill("5")
+    done.measures(SLIMMER - 4 * WIDER)
+    done.press("Let the solver finish")
+    done.measures(SLIMMER)
+    done.notice("solved: all constraints and locks hold")
+    done.keys("Escape")
+    done.undo(4)
+    done.measures(EXACT)
+
+
+def test_a_primitive_is_added(done):
+    before = done.picture()
+    done.press("Add")  # a cylinder in the middle, which fits into the bore
+    length = 0.15 * math.sqrt(80**2 + 50**2 + 24**2)
+    done.measures(EXACT + math.pi * (length / 2) ** 2 * 2 * length)
+    assert done.status("primitives") == "8"
+    done.page.wait_for_selector(".lab-primitive [data-n='7'][aria-selected=true]")
+    done.wait_for_picture(lambda picture: red(picture) > red(before) + 400)
+    done.keys("Control+z", "Escape")
+    done.measures(EXACT)
+
+
+def test_a_primitive_is_removed_by_button_and_key_or_does_something_else(done):
+    done.select(3)
+    done.press("Remove the selected")
+    done.measures(EXACT + HOLE)
+    assert done.status("primitives") == "6"
+    done.undo()
+    done.measures(EXACT)
+    done.select(3)
+    done.keys("Delete")
+    done.measures(EXACT + HOLE)
+    done.undo()
+    done.measures(EXACT)
+    done.select(3)
+    done.choose("Operation", "union")
+    done.wait_for_volume(EXACT + 0.99 * HOLE, EXACT + 4 * HOLE)  # filled, and what overshot stands out
+    done.undo()
+    done.measures(EXACT)
+    done.keys("Escape")
+    done.tab("Run")

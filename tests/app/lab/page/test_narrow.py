@@ -1,0 +1,45 @@
+"""A window of a telephone's size, from the first: clicks are those of a hand, scrolled to, and refused where something lies above."""
+
+import trimesh
+from tests.app.lab.page.browser import blue, in_the_lab, inked
+
+from imdim.app.lab.panels.edit import LOCKED
+
+pytestmark = in_the_lab
+
+
+def test_a_file_is_opened_and_reconstructed(phone, tmp_path):
+    page = phone.page
+    phone.wait_for_picture(lambda picture: inked(picture) > 3000)
+    left, top, across, down = phone.view()
+    assert across == 390
+    assert down >= 0.4 * 844
+    phone.choose("Example", "Knob")
+    phone.says("Knob")
+    (tmp_path / "cube.stl").write_bytes(trimesh.creation.box((30, 20, 10)).export(file_type="stl"))
+    with page.expect_file_chooser() as chooser:
+        phone.press("Open a file")
+    chooser.value.set_files(tmp_path / "cube.stl")
+    phone.says("cube.stl")
+    assert phone.box("Example").input_value() == "none", "each example can be chosen again"
+    phone.run()
+    phone.wait_for_picture(lambda picture: blue(picture) > 8_000)
+    page.mouse.click(left + across / 2, top + down * 0.53)
+    page.get_by_role("button", name="Expand panel Program").click()
+    page.wait_for_selector(".lab-primitive [aria-selected=true]")
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.get_by_role("button", name="Collapse panel Program").click()
+
+
+def test_it_is_edited_and_related(phone):
+    page = phone.page
+    phone.tab("Edit")
+    phone.box("sx mm").fill("15")
+    phone.wait_for_volume(2999, 3001)
+    phone.press("sx")
+    page.get_by_role("button", name=LOCKED + "sx", exact=True).wait_for()
+    phone.tab("Relate")
+    rows = page.locator(".lab-constraint [data-n]").count()
+    phone.relate("value", "0.sy", "20")
+    page.locator(f".lab-constraint [data-n='{rows}']").wait_for()
+    phone.tab("Run")

@@ -1,0 +1,76 @@
+"""The command: what it prints and opens, what it refuses, and how it ends."""
+
+import signal
+import webbrowser
+
+import pytest
+
+pytest.importorskip("viser")
+server = pytest.importorskip("imdim.app.lab.server")
+
+
+class Quiet:
+    """Stands in the lab's place: no port, no process."""
+
+    def __init__(self, host, port, limits, uploads, target):
+        self.url, self.closed = f"http://{host}:{port}", False
+        self.limits, self.uploads, self.target = limits, uploads, target
+
+    def close(self):
+        self.closed = True
+
+
+class Person:
+    """Closes the terminal as soon as the page is there. `opened` are addresses, `labs` what was started."""
+
+    def __init__(self):
+        self.opened, self.labs = [], []
+
+    def start(self, *given):
+        self.labs.append(Quiet(*given))
+        return self.labs[-1]
+
+    def browse(self, address):
+        self.opened.append(address)
+        signal.raise_signal(signal.SIGTERM)
+
+
+@pytest.fixture
+def person(monkeypatch):
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    person = Person()
+    monkeypatch.setattr(server, "Lab", person.start)
+    monkeypatch.setattr(webbrowser, "open", person.browse)
+    yield person
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def test_a_part_is_opened_on_a_local_address_with_limits(person, capsys):
+    assert server.main(["dataset/examples/bracket.stl"]) == 0
+    (lab,) = person.labs
+    assert person.opened == ["http://127.0.0.1:8080"]
+    assert capsys.readouterr().out == "IMDIM Live Lab: http://127.0.0.1:8080\n"
+    assert lab.target.name == "bracket.stl"
+    assert lab.closed
+    assert (lab.limits.running, lab.limits.memory) == (2, 6 << 30)
+    assert (lab.uploads.size, lab.uploads.points) == (64 << 20, 100_000)
+
+
+def test_limits_are_those_of_the_command(person):
+    arguments = ["--runs", "1", "--memory", "1.5", "--upload", "3", "--points", "500", "--host", "0.0.0.0", "--port", "81"]
+    assert server.main(arguments) == 0
+    (lab,) = person.labs
+    assert (lab.limits.running, lab.limits.memory, lab.uploads.size, lab.uploads.points) == (1, 3 << 29, 3 << 20, 500)
+    assert lab.url == "http://0.0.0.0:81"
+    assert lab.target is None
+
+
+def test_what_is_no_part_ends_with_one_line_and_opens_nothing(person, tmp_path, capsys):
+    (tmp_path / "part.stl").write_bytes(b"")
+    assert server.main([str(tmp_path / "part.stl")]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("imdim: ")
+    assert said.count("\n") == 1
+    assert "empty" in said
+    assert person.opened == person.labs == []

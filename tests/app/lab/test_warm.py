@@ -1,0 +1,48 @@
+"""The process that waits for work has its kernels ready: what a task needs is compiled or loaded before it is asked for."""
+
+import json
+import subprocess
+import sys
+
+# Lists the kernels that each task makes ready itself, in a process that did what a waiting one does.
+SCRIPT = """
+import json, sys, time
+from numba.core.dispatcher import Dispatcher
+from imdim.app.lab import requests, work
+from imdim.app.lab.continuing import Rates
+from imdim.app.lab.edits import Theory
+from imdim.app.lab.examples import example
+from imdim.config import Settings
+from imdim.fitting import relations_of
+from imdim.app.lab.examples import PROGRAMS
+
+def ready():
+    loaded = [m for name, m in sys.modules.items() if name.startswith("imdim")]
+    kernels = {id(f): f for m in loaded for f in vars(m).values() if isinstance(f, Dispatcher)}
+    return {f"{f.__module__}.{f.__name__}{s}" for f in kernels.values() for s in f.signatures}
+
+work.warm()
+first = ready()
+work.warm_rest()
+late = {"warm_rest": sorted(ready() - first)}
+target, theory, settings = example("Bracket"), Theory(*relations_of(PROGRAMS["Bracket"]())), Settings(budget_s=1.0)
+asked = {
+    "continue": requests.go_on(target, settings, theory, Rates(population=8)),
+    "solve": requests.solve(target, theory),
+    "relate": requests.relate(target, theory),
+}
+for name, request in asked.items():
+    before = ready()
+    told = [message.kind for message in work.perform(request, time.perf_counter)]
+    assert told[-1] == "done", told
+    late[name] = sorted(ready() - before)
+print(json.dumps(late))
+"""
+
+
+def test_no_kernel_is_made_ready_while_a_person_waits():
+    ran = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, timeout=300)
+    assert ran.returncode == 0, ran.stderr
+    late = json.loads(ran.stdout.splitlines()[-1])
+    assert late.pop("warm_rest"), "it has something to do"
+    assert late == {"continue": [], "solve": [], "relate": []}
