@@ -4,7 +4,9 @@ import math
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 
+import numpy as np
 import pytest
 import trimesh
 from tests.export.test_parameters import FLANGE, MOUNT, ROW, mount, parametrised
@@ -91,6 +93,32 @@ def test_without_the_text_the_constraints_give_the_names():
     assert alone.values["hole_radius"] == 3
     wide = changed(alone, {"hole_radius": 4.0})
     assert volume_iou(solid_of(wide), to_manifold(mount(hole=4.0), wide.segments)) == pytest.approx(1, abs=1e-6)
+
+
+def slanted(*parts):
+    """The parts turned by 30 degrees about z, and what relations hold along the turned axes."""
+    turn = math.radians(30)
+    c, s = math.cos(turn), math.sin(turn)
+    place = lambda x, y, z: (c * x - s * y, s * x + c * y, z)  # noqa: E731
+    return cut(*(replace(p, center=place(*p.center), rotation=(0.0, 0.0, 30.0)) for p in parts))
+
+
+def test_relations_along_slanted_directions_are_kept_by_an_edit():
+    body = box(40, 20, 6, (5, 3, 3))
+    program = slanted(body, box(8, 6, 6, (21, 3, 3)), cylinder(2, 8, (-5, 3, 3)), cylinder(2, 8, (15, 3, 3)))
+    held = [
+        Constraint("coplanar", (Ref(0, "+x"), Ref(1, "+x"))),
+        Constraint("aligned", (Ref(0), Ref(1)), Ref(0, "y")),
+        Constraint("circular", (Ref(2), Ref(3)), Ref(0, "z")),
+        Constraint("aligned", (Ref(2), Ref(3)), Ref(0, "y")),
+    ]
+    verify(program, held)
+    delivered = opened(parse(dumps(program, None, held)), {})
+    for name, value in delivered.values.items():
+        verify(changed(delivered, {name: 1.05 * value}).program, held, 1e-6)
+    longer = list(leaves(changed(delivered, {"plate_length": 44.0}).program))
+    ahead = np.subtract(longer[1].center, longer[0].center) @ (math.cos(math.radians(30)), math.sin(math.radians(30)), 0.0)
+    assert ahead + longer[1].size[0] / 2 == pytest.approx(22, abs=1e-6)
 
 
 def test_a_length_that_a_constraint_gives_has_no_name():

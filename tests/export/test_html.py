@@ -16,7 +16,7 @@ from imdim.export.html import content, page
 from imdim.export.html_surfaces import MOST_FACES, refined, thinned
 from imdim.geometry.cloud import Target, target_from
 from imdim.geometry.solid import owned_surface, to_manifold, to_trimesh
-from imdim.geometry.triangles import surface_distance
+from imdim.geometry.triangles import distances, triangle_tree
 from imdim.program.codec import to_json
 from imdim.program.tree import Combine, Primitive, leaves
 
@@ -112,7 +112,7 @@ def test_the_solid_has_its_volume_and_each_face_lies_on_its_primitive(delivered)
             leaf["kind"], tuple(n["value"] for n in leaf["sizes"]), tuple(n["value"] for n in leaf["center"]), tuple(leaf["rotation"])
         )
         corners = mesh.vertices[mesh.faces[owners == i]].reshape(-1, 3)
-        assert surface_distance(corners, to_trimesh(to_manifold(primitive))).max() < 0.02, leaf["kind"]
+        assert distances(triangle_tree(to_trimesh(to_manifold(primitive))), corners).max() < 0.02, leaf["kind"]
 
 
 def test_the_roles_are_those_of_the_operations(delivered):

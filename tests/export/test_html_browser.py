@@ -22,7 +22,10 @@ from imdim.solve.discover import exact_relations
 
 CHROMIUM = shutil.which("chromium")
 playwright = pytest.importorskip("playwright.sync_api")
-pytestmark = [pytest.mark.tool, pytest.mark.skipif(CHROMIUM is None, reason="needs chromium")]
+pytestmark = [
+    pytest.mark.tool,
+    pytest.mark.skipif(CHROMIUM is None, reason="needs chromium"),
+]
 
 PROGRAM = MEANT["bracket"][0]
 LACKING = Combine("union", PROGRAM, Primitive("box", (8.0, 8.0, 12.0), (-40.0, -20.0, 10.0)))

@@ -10,7 +10,7 @@ import trimesh
 from manifold3d import CrossSection, Manifold
 from tests.export.test_parameters import FLANGE, MOUNT, ROW
 from tests.export.test_ucad import read as read_ucad
-from tests.planted import box, cone, cut, cylinder, sphere, union
+from tests.planted import ALONG_X, box, common, cone, cut, cylinder, sphere, union
 from tests.program.test_repeats import BOSS, around
 
 from imdim.completed import Completed, completed
@@ -48,6 +48,12 @@ PARTS: dict[str, Program] = {
     "tilted flange": moved(FLANGE, TILTED),
     "tilted teeth": moved(union(cylinder(28, 6), *around(box(8, 4, 6, (30, 0, 0)), 7)), TILTED),
     "star": union(cylinder(5, 4), *around(box(40, 3, 4), 3, 60.0)),
+    "corners": cut(
+        box(100, 60, 6),
+        *(cut(box(8, 8, 20, (50 * x, 30 * y, 0)), cylinder(4, 30, (46 * x, 26 * y, 0))) for x in (-1.0, 1.0) for y in (-1.0, 1.0)),
+    ),
+    "lens": common(*(cylinder(30, 90, (0.0, 12.0 * y, 14.0 * z), ALONG_X) for y in (-1, 1) for z in (-1, 1)), cylinder(30, 80)),
+    "knob": cut(common(cylinder(20, 10), *around(cylinder(30, 20, (14, 0, 0)), 6)), cylinder(3, 20)),
     "copies alone": union(*around(BOSS, 3), *around(box(60, 4, 4), 3, 60.0)),
 }
 
@@ -74,7 +80,7 @@ def test_microcad_repeats_by_arrays(name: str, found):
     result = found[name]
     text = to_ucad(result.program, result.parameters, result.folded)
     assert volume_iou(read_ucad(text), to_manifold(result.program, SEGMENTS)) == pytest.approx(1, abs=CORNERS)
-    assert ("[1.." in text) == (name not in ("mirror", "across", "tilted flange", "tilted teeth"))
+    assert ("[1.." in text) == (name not in ("mirror", "across", "tilted flange", "tilted teeth", "corners", "lens", "knob"))
 
 
 class Part:
@@ -85,6 +91,9 @@ class Part:
 
     def __add__(self, other) -> "Part":
         return Part(self.solid + _one(other))
+
+    def __and__(self, other) -> "Part":
+        return Part(self.solid ^ other.solid)
 
     def __sub__(self, other) -> "Part":
         return Part(self.solid - _one(other))
@@ -139,7 +148,7 @@ def test_the_script_builds_the_same_solid(name: str, found):
     scope = {"__name__": "program", **{n: NAMES.get(n) for n in imported}}
     exec(compile(code, "program.py", "exec"), scope)
     assert volume_iou(scope["part"].solid, to_manifold(result.program, SEGMENTS)) == pytest.approx(1, abs=CORNERS)
-    assert " for i in range(" in text or name in ("mirror", "tilted flange", "tilted teeth")
+    assert " for i in range(" in text or name in ("mirror", "tilted flange", "tilted teeth", "corners")
 
 
 def rendered(text: str, folder, *define: str) -> Manifold:
@@ -159,7 +168,7 @@ def test_openscad_renders_the_same_solid(name: str, found, tmp_path):
     result = found[name]
     text = to_openscad_loops(result.folded, SEGMENTS, result.parameters)
     assert "module " in text
-    assert "for (" in text
+    assert ("intersection_for (" if name in ("lens", "knob") else "for (") in text
     assert volume_iou(rendered(text, tmp_path), to_manifold(result.program, SEGMENTS)) == pytest.approx(1, abs=CORNERS)
 
 

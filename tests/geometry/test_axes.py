@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 import torch
 from scipy.spatial.transform import Rotation
-from tests.planted import PARTS, mesh_of
+from tests.planted import PARTS, cone, cut, mesh_of
 
 from imdim.data.surfaces import surface_clouds
 from imdim.data.synthesize import SynthesisConfig, draw_programs
-from imdim.geometry.axes import main_axes, shared_axes
+from imdim.geometry.axes import clearest_axes, main_axes, shared_axes
 from imdim.geometry.cloud import sample_surface
 from imdim.geometry.rotations import matrix_from_euler
+from imdim.geometry.sampling import surface_points
 
 BOXY = ["plate with four holes", "L bracket", "open box", "rounded plate"]
 ROUND = ["tube on a flange", "stepped shaft"]
@@ -79,3 +80,14 @@ def test_axes_shared_by_most_of_the_weight():
     assert (shared_axes([(0, 0, 1), (1, 0, 0), *turn.T], [3, 2, 1, 1, 1]) == np.eye(3)).all()
     assert np.abs(shared_axes([turn[:, 2]], [1.0]).T @ turn[:, 2]).max() == pytest.approx(1.0)
     assert (shared_axes([], []) == np.eye(3)).all()
+
+
+def test_the_axis_of_a_turned_part_is_the_clearest_of_directions():
+    ring = cut(cone(30.0, 20.0, 12.0), cone(29.0, 19.0, 13.0))
+    points = surface_points(ring, 6000, np.random.default_rng(1))[0] + np.random.default_rng(2).normal(0, 0.5, (6000, 3))
+    slanted = matrix_from_euler((40.0, 20.0, 10.0))
+    assert clearest_axes(points, [slanted, np.eye(3)], 1.0) is not slanted
+    turned = points @ slanted.T
+    assert clearest_axes(turned, [slanted, np.eye(3)], 1.0) is slanted
+    about = matrix_from_euler((0.0, 0.0, 25.0))
+    assert clearest_axes(points, [about, np.eye(3)], 1.0) is about  # as clear as the others: the first is kept

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from imdim.geometry.constraints import radii, rebased, rows_of, verify
+from imdim.geometry.constraints import rebased, rows_of, verify
 from imdim.geometry.lowering import lower
+from imdim.geometry.pose import radii
 from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
-from imdim.geometry.sampling import bounding_radius
 from imdim.program.constraints import Constraint, ConstraintError, Ref
 from imdim.program.tree import Combine, Primitive, combine_all, leaves
 
@@ -103,11 +103,6 @@ def moved(numbers, leaf, k, h, radius):
         angles[k - 6] = math.degrees(h / radius)
         rotations[leaf] = rotations[leaf] @ matrix_from_euler(tuple(angles))
     return replace(numbers, sizes=sizes, centers=centers, rotations=rotations)
-
-
-def test_radii_are_those_of_bounding_balls():
-    parts = [*PARTS, Primitive("torus", (2.0, 0.5)), Primitive("ellipsoid", (1.0, 3.0, 2.0))]
-    np.testing.assert_allclose(radii(lower(combine_all("union", parts))), [bounding_radius(p) for p in leaves(combine_all("union", parts))])
 
 
 def test_what_cannot_hold_beside_the_others_names_them():

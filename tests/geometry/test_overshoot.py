@@ -7,7 +7,7 @@ from manifold3d import Manifold
 from tests.export.coincident import HOLE, MEANT, PLATE, POCKET, cut
 from tests.known_programs import KNOWN
 
-from imdim.geometry.overshoot import between, overshoot
+from imdim.geometry.overshoot import overshoot
 from imdim.geometry.solid import to_manifold, volume
 from imdim.program.tree import Primitive, combine_all, leaves, map_leaves
 
@@ -64,13 +64,6 @@ def test_no_overshoot_into_other_material():
     roof = Primitive("box", (100.0, 60.0, 4.0), (0.0, 0.0, 7.0))
     blind = cut(combine_all("union", [PLATE, roof]), POCKET)
     assert list(leaves(overshoot(blind)))[2] == POCKET
-
-
-def test_a_cone_keeps_its_slope_and_ends_at_its_apex():
-    cone = Primitive("cone", (4.0, 1.0, 3.0))
-    assert between(cone, (2, 1), -3.0, 0.5).size == (4.0, 0.5, 3.5)
-    assert between(cone, (2, 1), -3.0, 9.0) == Primitive("cone", (4.0, 0.0, 4.0), (0.0, 0.0, 0.5))
-    assert between(cone, (2, -1), -3.0, 1.0) == Primitive("cone", (5.0, 1.0, 4.0), (0.0, 0.0, -0.5))
 
 
 def test_thirty_primitives_take_less_than_a_second_or_so():

@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from imdim.geometry.triangles import surface_distance
+from imdim.geometry.triangles import distances, triangle_tree
 
 
 def test_distances_to_a_box_are_the_closed_form():
     points = np.random.default_rng(0).uniform(-2, 2, (2000, 3))
     beyond = np.abs(points) - 0.5
     exact = np.where((beyond < 0).all(axis=1), -beyond.max(axis=1), np.linalg.norm(np.maximum(beyond, 0), axis=1))
-    assert surface_distance(points, trimesh.creation.box()) == pytest.approx(exact, abs=1e-12)
+    assert distances(triangle_tree(trimesh.creation.box()), points) == pytest.approx(exact, abs=1e-12)
 
 
 @pytest.mark.parametrize("faces", [1, 3, 5, 17])
@@ -19,7 +19,7 @@ def test_any_number_of_faces(faces):
     points = rng.normal(size=(200, 3))
     barycentric = rng.dirichlet((1, 1, 1), 4000)
     dense = (barycentric @ mesh.triangles).reshape(-1, 3)
-    found = surface_distance(points, mesh)
+    found = distances(triangle_tree(mesh), points)
     nearest = np.min(np.linalg.norm(points[:, None] - dense[None], axis=2), axis=1)
     assert (found <= nearest + 1e-12).all()
     assert found == pytest.approx(nearest, abs=0.12)
@@ -27,9 +27,9 @@ def test_any_number_of_faces(faces):
 
 def test_a_degenerate_triangle_is_its_longest_edge():
     mesh = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [4, 0, 0]], [[0, 1, 2]], process=False)
-    assert surface_distance(np.array([[3.0, 2.0, 0.0], [7.0, 0.0, 4.0]]), mesh) == pytest.approx([2, 5])
+    assert distances(triangle_tree(mesh), np.array([[3.0, 2.0, 0.0], [7.0, 0.0, 4.0]])) == pytest.approx([2, 5])
 
 
 def test_no_faces_is_an_error():
     with pytest.raises(ValueError, match="0 faces"):
-        surface_distance(np.zeros((1, 3)), trimesh.Trimesh())
+        triangle_tree(trimesh.Trimesh())

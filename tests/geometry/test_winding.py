@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from imdim.geometry.winding import cloud_tree, inside_mesh, triangle_tree, winding_number
+from imdim.geometry.winding import inside_mesh, triangle_tree, winding_number
 
 
 def queries(seed: int, count: int, reach: float) -> np.ndarray:
@@ -69,16 +69,6 @@ def test_an_open_mesh_is_told_by_the_winding_number():
     radius = np.linalg.norm(points, axis=1)
     clear = (np.abs(radius - 1) > 0.02) & (points[:, 2] < 0.6)
     assert (inside_mesh(mesh, points[clear]) == (radius[clear] < 1)).all()
-
-
-def test_an_oriented_cloud_has_a_winding_number():
-    normals = np.random.default_rng(5).normal(size=(4000, 3))
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    points = queries(6, 2_000, 1.5)
-    radius = np.linalg.norm(points, axis=1)
-    clear = np.abs(radius - 1) > 0.15
-    number = winding_number(cloud_tree(normals, normals), points[clear])
-    assert ((number > 0.5) == (radius[clear] < 1)).all()
 
 
 def test_two_solids_in_one_place_count_twice():

@@ -71,6 +71,23 @@ CASES = {
         [("mirror", (2,))],
         3,
     ),
+    "corners": (
+        cut(
+            PLATE,
+            *(cut(box(8, 8, 20, (100 * x, 80 * y, 0)), cylinder(4, 30, (96 * x, 76 * y, 0))) for x in (-1.0, 1.0) for y in (-1.0, 1.0)),
+        ),
+        [("mirror", (2,)), ("mirror", (2,))],
+        3,
+    ),
+    "common to balls": (common(box(40, 20, 30), *around(sphere(30, (14, 0, 0)), 6)), [("circular", (6,))], 2),
+    "common to groups": (
+        common(
+            box(90, 80, 30),
+            *(union(cylinder(30, 40, (x, y, 0)), box(9, 9, 50, (x, y + 2, 0))) for x in (-8.0, 8.0) for y in (-5.0, 0.0, 5.0)),
+        ),
+        [("grid", (2, 3))],
+        3,
+    ),
     "row and single": (cut(PLATE, *at(HOLE, (0, 0, 0), (20, 0, 0), (40, 0, 0), (7, 30, 0))), [("linear", (3,))], 3),
     "row of pairs of rows": (
         cut(
@@ -98,7 +115,7 @@ def test_patterns_come_out_whatever_the_order_and_the_pose(name: str, pose: int)
             spine.append(spine[-1].left)
         operands = [spine[-1], *(s.right for s in reversed(spine[:-1]))]
         operands = operands[:keep] + shuffled(operands[keep:], pose)
-        program = (cut if keep else union)(*operands)
+        program = {"difference": cut, "union": union, "intersection": common}[node.op](*operands)
         axis = np.random.default_rng(pose).normal(size=3)
         motion = turn((1.0, 2.0, 3.0), tuple((axis / np.linalg.norm(axis)).tolist()), 37.0 * pose)
         program = moved(program, motion) if pose == 1 else program
@@ -157,7 +174,6 @@ NOT_THERE = {
     "off by a hair": cut(PLATE, *at(HOLE, (0, 0, 0), (20, 0.01, 0), (40, 0, 0))),
     "isosceles": cut(PLATE, *at(HOLE, (-10, 0, 0), (10, 0, 0), (0, 35, 0))),
     "one turned": union(PLATE, *(box(6, 3, 20, (x, 0, 0), (0.0, 0.0, a)) for x, a in ((-20, 0.0), (0, 10.0), (20, 0.0)))),
-    "common to three": common(*at(sphere(20), (0, 0, 0), (9, 0, 0), (18, 0, 0))),
     "single": HOLE,
 }
 
@@ -250,9 +266,22 @@ def test_a_repeat_reads_as_its_copies():
     assert dumps(from_json(again), None, (), folded_of(again)) == text
 
 
+def test_copies_may_be_intersected():
+    meant = common(*at(HOLE, (0, 0, 0), (1, 0, 0), (2, 0, 0)))
+    assert from_json(document(step=[1, 0, 0], join="intersection")) == cut(PLATE, meant)
+    VALIDATOR.validate(document(join="intersection"))
+    found = fold_repeats(CASES["common to balls"][0])
+    assert found is not None
+    text = dumps(found.program, None, (), found.folded)
+    assert '"join": "intersection"' in text
+    VALIDATOR.validate(parse(text))
+    assert folded_of(parse(text)) == found.folded
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
+        ({"join": "difference"}, "$.program.parts[1].join: expected union or intersection, got 'difference'"),
         ({"repeat": "spiral"}, "$.program.parts[1].repeat: expected linear or grid or circular or mirror, got 'spiral'"),
         ({"count": 1}, "$.program.parts[1].count: expected a whole number from 2 to 10000, got 1"),
         ({"count": 2.5}, "$.program.parts[1].count: expected a whole number from 2 to 10000, got 2.5"),

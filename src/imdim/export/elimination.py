@@ -1,8 +1,9 @@
-"""Which numbers of a program follow from which others, by Gaussian elimination over its linear constraints.
+"""Which numbers of a program follow from which others, by Gaussian elimination over its constraints, linear while directions stay.
 
 Variables are, per leaf, three sizes and the three coordinates of its centre; rows and circles of equal steps add spacings, diameters and
 middles. Centres are eliminated before sizes and later leaves before earlier ones, so that what stays free are the sizes that a person
-would name. Cutters keep sticking out of what they cut by as much as they do (`through`).
+would name. Equations along directions that are none of the world's axes come after the others, so that expressions stay as simple as
+they can. Cutters keep sticking out of what they cut by as much as they do (`through`).
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from imdim.program.repeats import Folded
 from imdim.program.tree import KINDS, Primitive, Program, leaves
 
 ZERO = 1e-9  # coefficients
+SLIGHT = 1e-3  # a slanted equation that says less than this repeats others but for the noise of its directions
+STEEPEST = 3.0  # largest coefficient of an expression along slanted directions
 PATTERNS = ("linear", "circular")
 
 
@@ -28,13 +31,15 @@ PATTERNS = ("linear", "circular")
 class System:
     """Equations [m, n] that hold at `start` [n]; variables from `extra` on are those of patterns, each with its first leaf and a word.
 
-    `ties` are equations for the numbers of one leaf, that are to bind no others. `length` is the largest size.
+    `slanted` are the equations of directions along no axis of the world. `ties` are equations for the numbers of one leaf, that are to
+    bind no others. `length` is the largest size.
     """
 
     start: list[float]
     extra: int
     length: float
     rows: list[dict[int, float]] = field(default_factory=list)
+    slanted: list[dict[int, float]] = field(default_factory=list)
     ties: list[tuple[int, dict[int, float]]] = field(default_factory=list)
     extras: list[tuple[int, str]] = field(default_factory=list)
 
@@ -49,15 +54,16 @@ class System:
         system = System(start, len(start), max(max(p.size) for p in parts))
         if folded is not None:
             add_repeats(system, folded, parts, fixed)
-        for constraint in constraints:
+        others = [c for c in constraints if c.kind not in PATTERNS or _is_slanted(c, numbers)]
+        for constraint in (c for c in constraints if c not in others):
             if constraint.kind == "linear":
                 system._add_row(constraint, numbers)
-            elif constraint.kind == "circular" and len(constraint.of) > 2:
+            elif len(constraint.of) > 2:
                 system._add_circle(constraint, numbers)
-            elif constraint.kind == "circular":
+            else:
                 system._add_opposite(constraint, numbers)
-        others = [c for c in constraints if c.kind not in PATTERNS]
-        system.rows += [row for row in _linear(others, numbers) if system._holds(row)]
+        for row in _linear(others, numbers):
+            (system.rows if _is_simple(row) else system.slanted).append(row)
         system.rows += list(_grounded(parts[0], numbers))
         flush = {ref for c in constraints if c.kind in ("coplanar", "aligned") for ref in c.of}
         for cutter, behind in overhangs(program):
@@ -67,26 +73,35 @@ class System:
 
     def solve(self) -> dict[int, dict[int, float]]:
         """Each number that follows from others, with their coefficients; a constant makes up the rest."""
-        order = self._order()
-        matrix = np.array([self._dense(row) for row in self.rows]).reshape(-1, len(self.start))
+        equations = [*self.rows, *self.slanted, *(row for _, row in self.ties)]
+        matrix = np.array([self._dense(row) for row in equations]).reshape(-1, len(self.start))
         pivots: dict[int, int] = {}
-        free = np.ones(len(matrix), bool)
-        for v in order if len(matrix) else []:
+        for v, i in self._pivots(matrix):
+            _eliminate(matrix, i, v)
+            pivots[v] = i
+        return {v: {int(w): -float(matrix[i, w]) for w in np.flatnonzero(matrix[i]) if w != v} for v, i in pivots.items()}
+
+    def _pivots(self, matrix: np.ndarray) -> Iterator[tuple[int, int]]:
+        """Which number follows from which equation of `matrix`, in which each is eliminated before the next is asked for."""
+        order = self._order()
+        yield from self._plain_pivots(matrix, order)
+        for i in range(len(self.rows), len(self.rows) + len(self.slanted)):
+            size = np.abs(matrix[i])
+            if size.max() > SLIGHT:
+                yield next(v for v in order if size[v] >= size.max() / STEEPEST), i
+        for i, (leaf, _) in enumerate(self.ties, start=len(self.rows) + len(self.slanted)):
+            own = next((v for v in order if v // 6 == leaf and v < self.extra and abs(matrix[i, v]) > ZERO), None)
+            if own is not None:
+                yield own, i
+
+    def _plain_pivots(self, matrix: np.ndarray, order: list[int]) -> Iterator[tuple[int, int]]:
+        free = np.arange(len(matrix)) < len(self.rows)
+        for v in order if self.rows else []:
             column = np.where(free, np.abs(matrix[:, v]), 0.0)
             pivot = int(column.argmax())
             if column[pivot] > ZERO:
-                _eliminate(matrix, pivot, v)
-                pivots[v], free[pivot] = pivot, False
-        for leaf, row in self.ties:
-            reduced = self._dense(row)
-            for v, i in pivots.items():
-                reduced -= reduced[v] * matrix[i]
-            own = next((v for v in order if v // 6 == leaf and v < self.extra and abs(reduced[v]) > ZERO), None)
-            if own is not None:
-                matrix = np.vstack([matrix, reduced])
-                _eliminate(matrix, len(matrix) - 1, own)
-                pivots[own] = len(matrix) - 1
-        return {v: {int(w): -float(matrix[i, w]) for w in np.flatnonzero(matrix[i]) if w != v} for v, i in pivots.items()}
+                yield v, pivot
+                free[pivot] = False
 
     def _dense(self, row: dict[int, float]) -> np.ndarray:
         out = np.zeros(len(self.start))
@@ -98,19 +113,14 @@ class System:
         is_place = v % 6 > 2 if v < self.extra else self.extras[v - self.extra][1] in ("center_x", "center_y", "center_z")
         return is_place and abs(self.start[v]) <= ZERO * self.length
 
-    def is_diameter(self, v: int) -> bool:
-        """Whether the variable is that of a circle."""
+    def _is_diameter(self, v: int) -> bool:
         return v >= self.extra and self.extras[v - self.extra][1] == "circle"
 
     def _order(self) -> list[int]:
         """Variables in the order in which they are eliminated."""
         own = range(self.extra)
-        middles = [v for v in range(self.extra, len(self.start)) if not self.is_diameter(v)]
+        middles = [v for v in range(self.extra, len(self.start)) if not self._is_diameter(v)]
         return sorted(own, key=lambda v: (v % 6 < 3, -v)) + middles + [v for v in range(self.extra, len(self.start)) if v not in middles]
-
-    def _holds(self, row: dict[int, float]) -> bool:
-        """Whether the coefficients are ones that elimination keeps simple: wholes and halves."""
-        return all(abs(2 * c - round(2 * c)) <= ZERO for c in row.values())
 
     def new(self, leaf: int, word: str, value: float) -> int:
         """A further variable, named after a leaf and a word."""
@@ -133,18 +143,15 @@ class System:
         """Two members on a circle have its centre midway."""
         assert c.about is not None
         axis = world_axis(numbers.rotations[c.about.leaf][:, c.about.axis])
-        if axis is not None:
-            (a, b), hub = (ref.leaf for ref in c.of), c.about.leaf
-            self.rows += [{6 * a + 3 + i: 0.5, 6 * b + 3 + i: 0.5, 6 * hub + 3 + i: -1.0} for i in range(3) if i != axis]
+        (a, b), hub = (ref.leaf for ref in c.of), c.about.leaf
+        self.rows += [{6 * a + 3 + i: 0.5, 6 * b + 3 + i: 0.5, 6 * hub + 3 + i: -1.0} for i in range(3) if i != axis]
 
     def _add_circle(self, c: Constraint, numbers: Lowered) -> None:
         """Members at half a diameter from the middle, at angles that are numbers."""
         assert c.about is not None
         members = [ref.leaf for ref in c.of]
-        direction = numbers.rotations[c.about.leaf][:, c.about.axis]
-        axis = world_axis(direction)
-        if axis is None:
-            return
+        axis = world_axis(numbers.rotations[c.about.leaf][:, c.about.axis])
+        assert axis is not None
         plane = [(axis + 1) % 3, (axis + 2) % 3]
         points = numbers.centers[members][:, plane]
         hub = c.about.leaf if c.about.leaf not in members else None
@@ -159,6 +166,11 @@ class System:
             for a, center, share in zip(plane, centers, offset, strict=True):
                 part = {diameter: -float(share)} if abs(share) > ZERO else {}
                 self.rows.append({6 * leaf + 3 + a: 1.0, center: -1.0} | part)
+
+
+def _is_simple(row: dict[int, float]) -> bool:
+    """Whether the coefficients are ones that elimination keeps simple: wholes and halves."""
+    return all(abs(2 * c - round(2 * c)) <= ZERO for c in row.values())
 
 
 def _eliminate(matrix: np.ndarray, pivot: int, v: int) -> None:
@@ -203,7 +215,17 @@ def _place(end: End, sign: float) -> dict[int, float]:
 
 def _constrained_axes(leaf: int, numbers: Lowered) -> list[int]:
     """The world's axes along which the steps of a row are equal: not along the axis of a hole or shaft."""
-    if AXES_OF[KINDS[numbers.kinds[leaf]]] != ("z",):
-        return [0, 1, 2]
-    own = world_axis(numbers.rotations[leaf][:, 2])
-    return [] if own is None else [a for a in range(3) if a != own]
+    own = world_axis(numbers.rotations[leaf][:, 2]) if _is_round(leaf, numbers) else None
+    return [a for a in range(3) if a != own]
+
+
+def _is_slanted(c: Constraint, numbers: Lowered) -> bool:
+    """Whether a pattern lies across a direction that is none of the world's axes."""
+    if c.about is not None:
+        return world_axis(numbers.rotations[c.about.leaf][:, c.about.axis]) is None
+    first = c.of[0].leaf
+    return _is_round(first, numbers) and world_axis(numbers.rotations[first][:, 2]) is None
+
+
+def _is_round(leaf: int, numbers: Lowered) -> bool:
+    return AXES_OF[KINDS[numbers.kinds[leaf]]] == ("z",)

@@ -23,7 +23,8 @@ def tree_values(folded: Folded, first: int = 0) -> dict[str, Any]:
     if isinstance(folded, Primitive):
         return {"is": "primitive", **head, "parts": []}
     if isinstance(folded, Repeat):
-        return {"is": folded.kind, **head, "counts": list(folded.counts), "angle": folded.angle, "parts": [tree_values(folded.part, first)]}
+        how = {"counts": list(folded.counts), "angle": folded.angle, "join": folded.join}
+        return {"is": folded.kind, **head, **how, "parts": [tree_values(folded.part, first)]}
     parts = []
     for part in folded.parts:
         parts.append(tree_values(part, first))

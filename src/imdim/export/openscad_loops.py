@@ -62,7 +62,8 @@ class _Writer:
         if centered:
             back = "" if relative else f" translate(-{self._vector(loop.center)})"
             place = f"translate({self._vector(loop.center)}) {place}{back}"
-        return f"for ({self._ranges(repeat, loop)}) {place} {loop.part}();"
+        loops = "for" if repeat.join == "union" else "intersection_for"
+        return f"{loops} ({self._ranges(repeat, loop)}) {place} {loop.part}();"
 
     def _ranges(self, repeat: Repeat, loop: Loop) -> str:
         if repeat.kind == "mirror":

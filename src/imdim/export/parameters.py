@@ -1,7 +1,7 @@
 """Numbers of a program as named parameters and expressions of them, so that editing one name moves all that follows.
 
-Constraints among leaves whose axes lie along the world's are linear in sizes and centres. `elimination` writes as many of these as it
-can in terms of the others; those that others need get names. What no constraint ties stays a number.
+While directions stay, constraints are linear in sizes and centres. `elimination` writes as many of these as it can in terms of the others;
+those that others need get names. What no constraint ties stays a number.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from imdim.program.tree import Primitive, Program, leaves
 
 LARGEST_PART = 12  # a fraction with a larger denominator is none that a person would write
 ZERO = 1e-9
+FAINT = 1e-7  # a coefficient whose term files do not keep
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,7 @@ def _counts(loop: Loop, counts: dict[str, int]) -> tuple[int, ...]:
 
 
 def _parametrised(system: System, program: Program, constraints: Sequence[Constraint], delivered: Program) -> Parameters:
-    solved = {v: terms for v, row in system.solve().items() if (terms := _terms(row, system)) is not None}
+    solved = {v: _terms(row, system) for v, row in system.solve().items()}
     names = _names(program, constraints, system, solved)
     after = vector(list(leaves(delivered)))
     built = [_expression(v, float(value), system, solved, names) for v, value in enumerate(after)]
@@ -143,17 +144,14 @@ def _parametrised(system: System, program: Program, constraints: Sequence[Constr
 _Solved = dict[int, list[tuple[int, Fraction | float]]]
 
 
-def _terms(row: dict[int, float], system: System) -> list[tuple[int, Fraction | float]] | None:
-    """The coefficients as a person would write them, or None; a place that is 0 is left out."""
+def _terms(row: dict[int, float], system: System) -> list[tuple[int, Fraction | float]]:
+    """The coefficients, as fractions where a person would write these; a place that is 0 is left out."""
     out: list[tuple[int, Fraction | float]] = []
     for v, coefficient in sorted(row.items(), key=lambda item: _rank(item[0], system)):
-        if system.is_origin(v):
+        if system.is_origin(v) or abs(coefficient) < FAINT:
             continue
         fraction = Fraction(coefficient).limit_denominator(LARGEST_PART)
-        simple = abs(float(fraction) - coefficient) < ZERO
-        if not simple and not system.is_diameter(v):
-            return None
-        out.append((v, fraction if simple else coefficient))
+        out.append((v, fraction if abs(float(fraction) - coefficient) < ZERO else coefficient))
     return out
 
 

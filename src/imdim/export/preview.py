@@ -5,6 +5,7 @@ Meshes are ray cast with embree, clouds are drawn as discs; no display and no GL
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,8 +65,12 @@ def preview(target: Target, result: trimesh.Trimesh, worst: float) -> Image.Imag
     tree = triangle_tree(result)
     diagonal = float(np.linalg.norm(np.ptp(bodies[0], axis=0)))
     top = max(worst, SMALLEST_RANGE * diagonal)
-    shot = _shoot_cloud(target, camera) if target.mesh is None else _shoot_mesh(target.mesh, camera)
-    panels = [_paint(shot, TARGET_COLOUR), _paint(_shoot_mesh(result, camera), RESULT_COLOUR), _paint(shot, _heat(shot, tree, top))]
+    # rays and distances leave the interpreter to the other panel
+    with ThreadPoolExecutor(1) as beside:
+        second = beside.submit(lambda: _paint(_shoot_mesh(result, camera), RESULT_COLOUR))
+        shot = _shoot_cloud(target, camera) if target.mesh is None else _shoot_mesh(target.mesh, camera)
+        first, third = _paint(shot, TARGET_COLOUR), _paint(shot, _heat(shot, tree, top))
+        panels = [first, second.result(), third]
     return _sheet(panels, target.name, top, worst, diagonal)
 
 

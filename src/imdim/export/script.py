@@ -27,9 +27,14 @@ _SHAPE: Mapping[str, Callable[..., str]] = {
 
 _HEAD = '''"""CSG program as a build123d script: pip install build123d, then run this file to write part.step."""
 
-from build123d import {names}
+{standard}from build123d import {names}
 
 '''
+
+_REDUCE = """from functools import reduce
+from operator import and_
+
+"""
 
 _NAMES = ("Box", "Cone", "Cylinder", "Part", "Plane", "Pos", "Rot", "Sphere", "Torus", "export_step", "mirror", "scale")
 _LOOPS = ("Part", "Plane", "mirror")  # what plain scripts do without
@@ -56,7 +61,8 @@ def to_script(program: Program, parameters: Parameters | None = None, folded: Fo
     names = [*named.lines(rounding.size), *named.count_lines()]
     body = [*names, *([""] if names else []), *writer.parts, "part = (", *("    " + text for text in lines)]
     used = [n for n in _NAMES if n not in _LOOPS or any(f"{n}(" in text for text in body)]
-    return _HEAD.format(names=", ".join(used)) + "\n".join(body) + "\n" + _TAIL
+    reduces = any("reduce(" in text for text in body)
+    return _HEAD.format(standard=_REDUCE if reduces else "", names=", ".join(used)) + "\n".join(body) + "\n" + _TAIL
 
 
 def _primitive(leaf: Primitive, rounding: Rounding, sizes: Sequence[Expression], center: Sequence[Expression]) -> str:

@@ -40,13 +40,14 @@ class ScriptLoops:
             return self._line(first, node)
         if isinstance(node, Repeat):
             # a list alone is no part
-            return ["Part()", f"+ {self._copies(node, first)}"]
+            copies = self._copies(node, first)
+            return ["Part()", f"+ {copies}"] if node.join == "union" else [f"reduce(and_, {copies})"]
         operands: list[list[str]] = []
         for number, part in enumerate(node.parts):
-            spread = isinstance(part, Repeat) and node.op != "intersection" and number > 0
+            spread = isinstance(part, Repeat) and part.join == "union" and node.op != "intersection" and number > 0
             operands.append([self._copies(part, first)] if spread else self.lines(part, first))  # type: ignore[arg-type]
             first += size(part)
-        if isinstance(node.parts[0], Repeat) and node.op == "union":
+        if isinstance(node.parts[0], Repeat) and node.parts[0].join == node.op == "union":
             operands[:1] = [[line.removeprefix("+ ")] for line in operands[0]]
         return chain(SIGN[node.op])(operands)
 

@@ -1,7 +1,8 @@
 """The part of µcad text that writes nodes with repeats, by argument multiplicity: an argument that is an array makes a copy for each value.
 
 µcad language book, "Multiplicity", "Range Arrays" (both ends belong to a range) and "Array Operators"; several arrays make every
-combination. Mirror images, and steps or turns that are not along one axis each, have no such form and are written copy by copy.
+combination, and together make their union. Mirror images, steps or turns that are not along one axis each, and copies that are
+intersected have no such form and are written copy by copy.
 """
 
 from __future__ import annotations
@@ -53,6 +54,8 @@ class UcadLoops:
 
     def _moves(self, repeat: Repeat, loop: Loop) -> str:
         """The calls that make the copies; empty where there are none such."""
+        if repeat.join == "intersection":
+            return ""
         if repeat.kind in ("linear", "grid"):
             along = [[a for a in range(3) if step[a]] for step in repeat.steps]
             if any(len(a) > 1 for a in along) or len({a[0] for a in along}) < len(along):

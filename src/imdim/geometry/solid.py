@@ -112,6 +112,8 @@ def volume(program: Program, segments: int = SEGMENTS) -> float:
 
 def volume_iou(a: Manifold, b: Manifold) -> float:
     """Volume of the intersection over volume of the union, 0 to 1; 0 when both are empty."""
+    # each by itself first: booleans that were put off are done in another order, which goes wrong where many faces coincide
+    both = a.volume() + b.volume()
     common = (a ^ b).volume()
-    joined = a.volume() + b.volume() - common
+    joined = both - common
     return min(common / joined, 1.0) if joined > 0 else 0.0

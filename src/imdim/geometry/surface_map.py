@@ -43,13 +43,32 @@ def _ellipsoid_area(size: tuple[float, ...]) -> float:
     return float(2 * math.pi * (stretch.mean(1) * weight).sum())
 
 
+def face_ends(kind: str, size: tuple[float, ...]) -> np.ndarray | None:
+    """Where the first of the uniform numbers passes on to the next face, the last end (1) included; None for kinds of one face."""
+    if kind == "box":
+        return np.concatenate([_box_ends(size), 1 + _box_ends(size)]) / 2
+    if kind == "cylinder":
+        return _cone_ends((size[0], size[0], size[1]))
+    return _cone_ends(size) if kind == "cone" else None
+
+
+def _box_ends(size: tuple[float, ...]) -> np.ndarray:
+    a, b, c = size
+    return np.cumsum([b * c, c * a, a * b]) / (b * c + c * a + a * b)
+
+
+def _cone_ends(size: tuple[float, ...]) -> np.ndarray:
+    bottom, top, h = size
+    parts = np.array([bottom**2, top**2, (bottom + top) * math.hypot(bottom - top, h)])
+    return np.cumsum(parts) / parts.sum()
+
+
 def _ones(u: Array) -> Array:
     return u[:, 0] * 0 + 1
 
 
 def _box(xp: Any, size: tuple[float, ...], u: Array) -> Mapped:
-    a, b, c = size
-    ends = np.cumsum([b * c, c * a, a * b]) / (b * c + c * a + a * b)
+    ends = _box_ends(size)
     pick = u[:, 0] * 2
     sign = xp.where(pick < 1, -1.0, 1.0)
     pick = xp.where(pick < 1, pick, pick - 1)
@@ -92,8 +111,7 @@ def _cylinder(xp: Any, size: tuple[float, ...], u: Array) -> Mapped:
 def _cone(xp: Any, size: tuple[float, ...], u: Array) -> Mapped:
     bottom, top, h = size
     slant = math.hypot(bottom - top, h)
-    parts = np.array([bottom**2, top**2, (bottom + top) * slant])
-    ends = np.cumsum(parts) / parts.sum()
+    ends = _cone_ends(size)
     on_bottom, on_side = u[:, 0] < ends[0], u[:, 0] >= ends[1]
     # radii are drawn evenly in their square: on a disc from 0 to its radius, on the slant from the bottom's to the top's
     square = xp.where(on_side, bottom**2 + (top**2 - bottom**2) * u[:, 1], xp.where(on_bottom, bottom**2, top**2) * u[:, 1])

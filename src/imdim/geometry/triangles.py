@@ -12,6 +12,8 @@ import numpy as np
 import trimesh
 from numba import njit
 
+from imdim.geometry.morton import morton
+
 LEAF = 4
 
 
@@ -29,7 +31,7 @@ def triangle_tree(mesh: trimesh.Trimesh) -> TriangleTree:
     corners = np.asarray(mesh.vertices, np.float64)[np.asarray(mesh.faces)]
     if not len(corners):
         raise ValueError("no distance to a mesh of 0 faces")
-    ordered = corners[np.argsort(_morton(corners.mean(axis=1)), kind="stable")]
+    ordered = corners[np.argsort(morton(_unit(corners.mean(axis=1))), kind="stable")]
     depth = max(int(np.ceil(np.log2(len(ordered) / LEAF))), 0)
     padding = LEAF * 2**depth - len(ordered)
     ordered = np.concatenate([ordered, np.repeat(ordered[-1:], padding, axis=0)])
@@ -41,19 +43,8 @@ def distances(tree: TriangleTree, points: np.ndarray) -> np.ndarray:
     return _distances(tree.corners, tree.low, tree.high, np.ascontiguousarray(points, np.float64))
 
 
-def surface_distance(points: np.ndarray, mesh: trimesh.Trimesh) -> np.ndarray:
-    """Unsigned distance [n] of each of `points` [n, 3] to the surface of `mesh`."""
-    return distances(triangle_tree(mesh), points)
-
-
-def _morton(centroids: np.ndarray) -> np.ndarray:
-    low, extent = centroids.min(axis=0), max(float(np.ptp(centroids, axis=0).max()), 1e-300)
-    cells = np.minimum((centroids - low) / extent * 1024, 1023).astype(np.uint64)
-    code = np.zeros(len(cells), np.uint64)
-    for bit in range(10):
-        for axis in range(3):
-            code |= (cells[:, axis] >> np.uint64(bit) & np.uint64(1)) << np.uint64(3 * bit + axis)
-    return code
+def _unit(points: np.ndarray) -> np.ndarray:
+    return (points - points.min(axis=0)) / max(float(np.ptp(points, axis=0).max()), 1e-300) - 0.5
 
 
 def _boxes(bounds: np.ndarray, depth: int, reduce: np.ufunc) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Inside or outside by the generalised winding number, for closed, open and overlapping meshes and for oriented clouds.
+"""Inside or outside by the generalised winding number, for closed, open and overlapping meshes.
 
 The number is the solid angle that the surface subtends at the query over 4 pi (Jacobson et al. 2013): 1 inside and 0
 outside a closed mesh that is oriented outward, in between where the surface has holes. Far groups of triangles are
@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 from numba import njit
-from scipy.spatial import KDTree
+
+from imdim.geometry.morton import morton
 
 LEAF_SIZE = 6
 FAR = 3.0  # a group is far at this many radii; at 2, as in the paper, a flat group of large faces is 8 % off
@@ -24,9 +25,9 @@ QUARTER_TURN = 1 / (4 * math.pi)
 
 @dataclass(frozen=True, eq=False)
 class WindingTree:
-    """A complete binary tree over triangles (or points) in Morton order: node i has children 2 i and 2 i + 1.
+    """A complete binary tree over triangles in Morton order: node i has children 2 i and 2 i + 1.
 
-    `corners` [n, 9] are the triangles, or [n, 6] points with area-weighted normals; `moments` [2 l, 16] hold per node centre (3),
+    `corners` [n, 9] are the triangles; `moments` [2 l, 16] hold per node centre (3),
     squared far radius (1), summed area vectors (3) and their first moment about the centre (9); leaf j owns rows
     ``starts[j]:starts[j + 1]``.
     """
@@ -48,15 +49,6 @@ def triangle_tree(mesh_or_triangles: trimesh.Trimesh | np.ndarray) -> WindingTre
     unit = (triangles - center) * scale
     vector = np.cross(unit[:, 1] - unit[:, 0], unit[:, 2] - unit[:, 0]) / 2
     return _tree(unit.reshape(-1, 9), unit.mean(axis=1), vector, unit.min(axis=1), unit.max(axis=1), center, scale)
-
-
-def cloud_tree(points: np.ndarray, normals: np.ndarray, neighbours: int = 8) -> WindingTree:
-    """The tree of an oriented cloud: `points` [n, 3], outward unit `normals` [n, 3]; each point stands for the disc of its neighbours."""
-    center, scale = _unit_frame(points)
-    unit = (np.asarray(points, float) - center) * scale
-    reach = np.asarray(KDTree(unit).query(unit, k=neighbours + 1)[0])[:, -1]
-    vector = normals * (math.pi * reach**2 / neighbours)[:, None]
-    return _tree(np.hstack([unit, vector]), unit, vector, unit, unit, center, scale)
 
 
 def winding_number(source: trimesh.Trimesh | np.ndarray | WindingTree, queries: np.ndarray) -> np.ndarray:
@@ -106,7 +98,7 @@ def _unit_frame(points: np.ndarray) -> tuple[np.ndarray, float]:
 def _tree(
     corners: np.ndarray, middle: np.ndarray, vector: np.ndarray, low: np.ndarray, high: np.ndarray, center: np.ndarray, scale: float
 ) -> WindingTree:
-    order = np.argsort(_morton(middle), kind="stable")
+    order = np.argsort(morton(middle), kind="stable")
     leaves = 1 << max(0, math.ceil(math.log2(len(order) / LEAF_SIZE)))
     starts = np.arange(leaves + 1) * len(order) // leaves
     area = np.linalg.norm(vector, axis=1)
@@ -127,19 +119,6 @@ def _upwards(leaf_values: np.ndarray, combine: np.ufunc) -> np.ndarray:
     while len(levels[-1]) > 1:
         levels.append(combine(levels[-1][0::2], levels[-1][1::2]))
     return np.concatenate([levels[-1], *levels[::-1]])  # row 0 is never visited
-
-
-def _morton(unit: np.ndarray) -> np.ndarray:
-    cell = np.clip((unit + 0.5) * (1 << 21), 0, (1 << 21) - 1).astype(np.uint64)
-    for shift, mask in (
-        (32, 0x1F00000000FFFF),
-        (16, 0x1F0000FF0000FF),
-        (8, 0x100F00F00F00F00F),
-        (4, 0x10C30C30C30C30C3),
-        (2, 0x1249249249249249),
-    ):
-        cell = (cell | (cell << np.uint64(shift))) & np.uint64(mask)
-    return cell[:, 0] | (cell[:, 1] << np.uint64(1)) | (cell[:, 2] << np.uint64(2))
 
 
 @njit(nogil=True, cache=True)
@@ -185,10 +164,6 @@ def _far(m, dx, dy, dz, square):  # pragma: no cover - compiled
 @njit(nogil=True, cache=True, inline="always")
 def _near(c, x, y, z):  # pragma: no cover - compiled
     ax, ay, az = c[0] - x, c[1] - y, c[2] - z
-    if len(c) == 6:
-        square = ax * ax + ay * ay + az * az
-        # a point's disc never subtends more than a half space
-        return max(-2 * math.pi, min(2 * math.pi, (c[3] * ax + c[4] * ay + c[5] * az) / max(square * math.sqrt(square), 1e-30)))
     bx, by, bz = c[3] - x, c[4] - y, c[5] - z
     cx, cy, cz = c[6] - x, c[7] - y, c[8] - z
     a = math.sqrt(ax * ax + ay * ay + az * az)

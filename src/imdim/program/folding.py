@@ -1,4 +1,4 @@
-"""Find the repeated parts of a program and write each once: rows, grids, circles and mirror images among what is united or cut.
+"""Find the repeated parts of a program and write each once: rows, grids, circles and mirror images among what one operation joins.
 
 Parts repeat if a rigid motion takes one to the other, whatever their numbers: equal primitives, and equal subtrees such as a boss with its
 holes. Of all ways to write the parts of an operation, the one that saves most is taken first (a description length in numbers to write);
@@ -20,7 +20,7 @@ from imdim.program.motions import step
 from imdim.program.pairing import pairs
 from imdim.program.relations import axes, dot
 from imdim.program.repeats import Folded, Group, Repeat, expand, repeats, size
-from imdim.program.tree import Primitive, Program, Vec3, leaves
+from imdim.program.tree import Op, Primitive, Program, Vec3, leaves
 from imdim.program.vectors import minus
 
 TOLERANCE = 1e-6  # of the part's size
@@ -91,10 +91,10 @@ class _Search:
         """A node with its repeats, and the numbers of its leaves in their new order."""
         if node.leaf is not None:
             return node.leaf, [node.number]
-        kept = [] if node.op == "union" else node.parts[:1] if node.op == "difference" else node.parts
-        choices = [] if node.op == "intersection" else self.chosen(node.parts[len(kept) :])
+        kept = node.parts[:1] if node.op == "difference" else []
+        choices = self.chosen(node.parts[len(kept) :])
         built = [self.folded(part) for part in kept]
-        built += self._written(node.parts[len(kept) :], choices)
+        built += self._written(node.parts[len(kept) :], choices, "intersection" if node.op == "intersection" else "union")
         self.found += len(choices)
         order = [number for _, numbers in built for number in numbers]
         if len(built) == 1:
@@ -102,25 +102,25 @@ class _Search:
         assert node.op is not None
         return Group(node.op, tuple(part for part, _ in built)), order
 
-    def _written(self, parts: list[Node], choices: list[Found]) -> Iterator[tuple[Folded, list[int]]]:
+    def _written(self, parts: list[Node], choices: list[Found], join: Op) -> Iterator[tuple[Folded, list[int]]]:
         """Single parts, and each repeat where its first part stands."""
         heads = {min(i for row in c.members for i in row): c for c in choices}
         inside = {i for c in choices for row in c.members for i in row}
         for i, part in enumerate(parts):
             if i in heads:
-                yield self._repeat(parts, heads[i])
+                yield self._repeat(parts, heads[i], join)
             elif i not in inside:
                 yield self.folded(part)
 
-    def _repeat(self, parts: list[Node], choice: Found) -> tuple[Folded, list[int]]:
-        first = [self.folded(parts[row[0]]) for row in choice.members]
-        part = first[0][0] if len(first) == 1 else Group("union", tuple(p for p, _ in first))
+    def _repeat(self, parts: list[Node], choice: Found, join: Op) -> tuple[Folded, list[int]]:
+        """With what repeats among the parts of one copy inside it, as the mirror image of a mirror image."""
+        first = [parts[row[0]] for row in choice.members]
+        part, numbers = self.folded(first[0] if len(first) == 1 else Node(join, first))
         order: list[int] = []
         for copy in range(choice.repeat.number):
-            for (_, numbers), orders in zip(first, choice.orders, strict=True):
-                place = {number: at for at, number in enumerate(orders[0])}
-                order += [orders[copy][place[number]] for number in numbers]
-        return replace(choice.repeat, part=part), order
+            of = {a: b for orders in choice.orders for a, b in zip(orders[0], orders[copy], strict=True)}
+            order += [of[number] for number in numbers]
+        return replace(choice.repeat, part=part, join=join), order
 
     def chosen(self, parts: list[Node]) -> list[Found]:
         """Repeats that share no part, the largest savings first."""

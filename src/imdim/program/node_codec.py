@@ -1,4 +1,4 @@
-"""The nodes of a program document: primitives, n-ary operations, and repeats, which stand for the union of their copies.
+"""The nodes of a program document: primitives, n-ary operations, and repeats, which stand for all their copies.
 
 A plain program is written from its tree, one with repeats from its folded view; both are read as folded ones.
 """
@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any, cast
 
 from imdim.program import fields
-from imdim.program.repeats import REPEATS, Folded, Group, Repeat, size
+from imdim.program.repeats import JOINS, REPEATS, Folded, Group, Repeat, size
 from imdim.program.tree import KINDS, OPS, SIZE_NAMES, Op, Primitive, Program, Vec3, fold
 
 MAX_DEPTH = 200  # operations and repeats inside each other
@@ -32,7 +32,8 @@ def folded_node(folded: Folded) -> Counted:
         return 1, 0, _leaf(folded)
     if isinstance(folded, Repeat):
         _, depth, node = folded_node(folded.part)
-        return size(folded), depth + 1, {"repeat": folded.kind, **_WRITE[folded.kind](folded), "part": node}
+        join = {} if folded.join == "union" else {"join": folded.join}
+        return size(folded), depth + 1, {"repeat": folded.kind, **_WRITE[folded.kind](folded), **join, "part": node}
     parts = [folded_node(part) for part in folded.parts]
     return sum(p[0] for p in parts), 1 + max(p[1] for p in parts), {"op": folded.op, "parts": [p[2] for p in parts]}
 
@@ -122,7 +123,8 @@ def _read_operation(node: object, path: str, depth: int, count: list[int], times
 def _read_repeat(node: object, path: str, depth: int, count: list[int], times: int) -> Folded:
     assert isinstance(node, dict)
     kind = fields.choice(node["repeat"], f"{path}.repeat", tuple(REPEATS))
-    given = fields.record(node, path, ("repeat", *REPEAT_FIELDS[kind], "part"))
+    given = fields.record(node, path, ("repeat", *REPEAT_FIELDS[kind], "part"), ("join",))
+    join = cast(Op, fields.choice(given.get("join", "union"), f"{path}.join", JOINS))
     read = {key: _READ[key](given[key], f"{fields.shorten(path)}.{key}") for key in REPEAT_FIELDS[kind]}
     counts = read.get("counts") or (read.get("count", 2),)
     steps = read.get("steps") or ((read["step"],) if "step" in read else ())
@@ -134,7 +136,7 @@ def _read_repeat(node: object, path: str, depth: int, count: list[int], times: i
         raise ValueError(f"{fields.shorten(path)}: more than {MAX_PRIMITIVES} primitives")
     part = _read(given["part"], f"{path}.part", depth, count, times)
     try:
-        return Repeat(kind, part, counts, steps, point, axis, read.get("angle", 0.0))
+        return Repeat(kind, part, counts, steps, point, axis, read.get("angle", 0.0), join)
     except ValueError as error:
         raise ValueError(f"{fields.shorten(path)}: {error}") from None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import combinations
 
 from imdim.program.alike import Node, match
@@ -54,6 +55,15 @@ def _largest(bench: Bench, parts: list[Node], pairs: list[Found], like: Repeat) 
     for pair in pairs:
         if not used & set(pair.members[0]) and bench.same_motions(pair.repeat, like):
             used |= set(pair.members[0])
-            rows.append(pair)
+            rows.append(_facing(parts, pair, rows[0].members[0][0]) if rows and like.kind == "mirror" else pair)
     saved = sum(parts[r.members[0][0]].size for r in rows) * NUMBERS - COSTS[like.kind]
     return Found(like, tuple(r.members[0] for r in rows), tuple(r.orders[0] for r in rows), saved + (like.kind == "mirror") * 2.5)
+
+
+def _facing(parts: list[Node], pair: Found, first: int) -> Found:
+    """A pair of mirror images with that one first which is on the side of part `first`, so that firsts may repeat in turn."""
+    sides = [dot(minus(parts[i].anchor, pair.repeat.point), pair.repeat.axis) for i in (first, pair.members[0][0])]
+    if sides[0] * sides[1] > 0:
+        return pair
+    (a, b), (of_a, of_b) = pair.members[0], pair.orders[0]
+    return replace(pair, members=((b, a),), orders=((of_b, of_a),))

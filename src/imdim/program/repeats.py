@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 from imdim.program.motions import Motion, after, mirror, moved, step, turn
@@ -22,12 +22,15 @@ REPEATS: Mapping[str, str] = {
     "mirror": "the part and its image in the plane through a point across an axis",
 }
 
+JOINS: tuple[Op, ...] = ("union", "intersection")
+
 
 @dataclass(frozen=True, slots=True)
 class Repeat:
-    """The union of copies of `part`; `counts` and `steps` have one entry each along every direction of copies.
+    """The union of copies of `part`, or what they have in common; `counts` and `steps` have one entry each along every direction of copies.
 
-    `steps` are those of rows and grids, `point` and unit `axis` those of circles and mirrors, `angle` degrees from copy to copy.
+    `steps` are those of rows and grids, `point` and unit `axis` those of circles and mirrors, `angle` degrees from copy to copy. `join` is
+    "union" or "intersection".
     """
 
     kind: str
@@ -37,6 +40,7 @@ class Repeat:
     point: Vec3 = (0.0, 0.0, 0.0)
     axis: Vec3 = (0.0, 0.0, 1.0)
     angle: float = 0.0
+    join: Op = "union"
 
     def __post_init__(self) -> None:
         if self.kind not in REPEATS:
@@ -51,6 +55,8 @@ class Repeat:
             raise ValueError(f"{self.kind} needs an axis of length 1, got {self.axis}")
         if self.kind == "circular" and not self.angle % 360:
             raise ValueError(f"circular needs an angle, got {self.angle}")
+        if self.join not in JOINS:
+            raise ValueError(f"{self.kind} joins copies by {' or '.join(JOINS)}, not {self.join!r}")
 
     @property
     def number(self) -> int:
@@ -76,7 +82,10 @@ class Repeat:
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """One operation on two or more parts; a difference keeps the first. Repeats among what is united or cut stand for all their copies."""
+    """One operation on two or more parts; a difference keeps the first.
+
+    Repeats stand for all their copies among what is united or cut, those that intersect theirs among what is intersected.
+    """
 
     op: Op
     parts: tuple[Folded, ...]
@@ -90,16 +99,18 @@ def expand(folded: Folded) -> Program:
     if isinstance(folded, Primitive):
         return folded
     if isinstance(folded, Repeat):
-        return combine_all("union", list(_copies(folded)))
+        return combine_all(folded.join, list(_copies(folded)))
     out: list[Program] = []
     for number, part in enumerate(folded.parts):
-        spread = isinstance(part, Repeat) and folded.op != "intersection" and (number > 0 or folded.op == "union")
+        joins: Op = "intersection" if folded.op == "intersection" else "union"
+        spread = isinstance(part, Repeat) and part.join == joins and (number > 0 or folded.op != "difference")
         out += _copies(part) if spread else [expand(part)]  # type: ignore[arg-type]
     return combine_all(folded.op, out)
 
 
 def _copies(repeat: Repeat) -> Iterator[Program]:
-    own = list(_copies(repeat.part)) if isinstance(repeat.part, Repeat) else [expand(repeat.part)]
+    inner = repeat.part
+    own = list(_copies(inner)) if isinstance(inner, Repeat) and inner.join == repeat.join else [expand(inner)]
     for motion in repeat.motions():
         yield from (moved(program, motion) for program in own)
 
@@ -152,7 +163,7 @@ def _filled(folded: Folded, parts: list[Primitive], first: int) -> Folded:
     if isinstance(folded, Primitive):
         return parts[first]
     if isinstance(folded, Repeat):
-        return Repeat(folded.kind, _filled(folded.part, parts, first), folded.counts, folded.steps, folded.point, folded.axis, folded.angle)
+        return replace(folded, part=_filled(folded.part, parts, first))
     out: list[Folded] = []
     for part in folded.parts:
         out.append(_filled(part, parts, first))

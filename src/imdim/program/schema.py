@@ -12,7 +12,7 @@ from typing import Any
 from imdim.program.codec import CONVENTION, FORMAT, MAX_CONSTRAINTS, UNITS, VERSIONS
 from imdim.program.constraints import RULES
 from imdim.program.node_codec import MAX_PRIMITIVES, REPEAT_FIELDS
-from imdim.program.repeats import REPEATS
+from imdim.program.repeats import JOINS, REPEATS
 from imdim.program.tree import KINDS, OPS, SIZE_NAMES
 
 _VECTOR = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
@@ -84,7 +84,10 @@ def _repeat_name(kind: str) -> str:
 
 def _repeat(kind: str) -> dict[str, Any]:
     needed = {"repeat": {"const": kind}, **{key: _REPEAT_FIELD[key] for key in REPEAT_FIELDS[kind]}, "part": {"$ref": "#/$defs/node"}}
-    return {"description": f"The union of {REPEATS[kind]}.", **_record(needed)}
+    return {
+        "description": f"The union of {REPEATS[kind]}; or what they have in common.",
+        **_record(needed, {"join": {"enum": list(JOINS)}}),
+    }
 
 
 def _primitive(kind: str) -> dict[str, Any]:

@@ -33,7 +33,7 @@ function titleOf(node, leaves) {
     circular: () => `circle of ${counts}`,
     mirror: () => "mirrored pair",
   };
-  return titles[node.is]();
+  return titles[node.is]() + (node.join === "intersection" ? ", intersected" : "");
 }
 
 /** A primitive in one line: its kind, and its sizes with their names. */
