@@ -60,6 +60,16 @@ def test_planted_patterns_are_seen_and_explained(program: Program, expected: tup
     assert not bench.repeats_of(to_json(program)["program"])
 
 
+def test_a_mirror_of_a_mirror_makes_four():
+    corners = (cut(box(8, 8, 20, (40 * x, 20 * y, 0)), cylinder(5, 30, (36 * x, 16 * y, 0))) for x in (-1.0, 1.0) for y in (-1.0, 1.0))
+    program = cut(box(80, 40, 6), *corners)
+    assert found(program)[0] == ("in a grid", 4)
+    folding = fold_repeats(program)
+    assert folding is not None
+    node = to_json(folding.program, None, (), folding.folded)["program"]
+    assert any(bench.explained(bench.patterns(mesh_of(program, 48))[0], motions, 0.1) for motions in bench.repeats_of(node))
+
+
 @pytest.mark.parametrize("program", [SKEW, PARTS["L bracket"], PARTS["tube on a flange"], PARTS["stepped shaft"], PARTS["bored ball"]])
 def test_parts_without_patterns_have_none(program: Program):
     assert found(program) == []

@@ -40,3 +40,10 @@ def test_an_open_mesh_is_rounded_by_distance():
 
 def test_no_time_leaves_the_numbers():
     assert next(leaves(rounded(box(40.0004, 29.9998, 6.0001), mesh_of(box(40, 30, 6)), lambda: True))).size[0] == 40.0004
+
+
+def test_an_odd_hole_becomes_like_its_fellows():
+    holes = [cylinder(3, 8, (x, y, 0.0)) for x in (-14.0, 14.0) for y in (-9.0, 9.0)]
+    truth = cut(box(40, 30, 6), *holes)
+    found = cut(box(40, 30, 6), *holes[:3], box(5.6, 5.8, 8, (14.1, 9.0, 0.0)))
+    assert list(leaves(rounded(found, mesh_of(truth))))[4] == holes[3]

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 DETECT_BY, LABEL_BY = 0.3, 0.37  # of the budget: by then a cloud's surfaces are found, and its samples know their side
-SEARCH_SHARE = 0.4  # of the budget, by which the search ends; the solver and delivery need the rest
+SEARCH_SHARE = 0.5  # of the budget, by which the search ends; the solver and delivery need the rest
 CHOOSE_BY, FIT_BY = 0.7, 0.82  # a noisy cloud's program is chosen; programs are short and their numbers fitted
 RELATE_BY = 0.88  # the search for relations ends
 

@@ -9,6 +9,7 @@ import numpy as np
 from imdim.body import Seen
 from imdim.geometry import kernels
 from imdim.geometry.cloud import Target
+from imdim.geometry.likening import likened
 from imdim.geometry.metrics import diagonal
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.constraints import Constraint
@@ -21,6 +22,7 @@ from imdim.solve.snap import SnapConfig, snap
 
 POOR = 0.05  # of the volume; a search that leaves more is compared with the decision tree
 SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may move
+LIKE = 2e-4  # of the diagonal, within which primitives are equal
 SNAP_LOSS = 1e-4  # of the volume IoU with a mesh, that rounder numbers may cost: typed ones cost none
 MOST_RELATED = 120  # primitives; the time that relations take grows with the square
 RELATE_ERROR, RELATE_MOVE, RELATE_VOLUME = 1e-2, 1e-5, 2.5e-3  # shares of mean distance, diagonal, volume that relations may cost
@@ -70,7 +72,7 @@ def _mean_distance(program: Program, points: np.ndarray) -> float:
 
 
 def snapped(program: Program, seen: Seen, body: Target, out_of_time: Callable[[], bool] = bool) -> Program:
-    """The program with the numbers that its designer may have typed, as far as time allows.
+    """The program with the numbers that its designer may have typed, as far as time allows; of a mesh, odd ones are like their fellows.
 
     Snapping is judged by the distance of surface points, which is fast; the volume it changed decides whether it was too bold.
     """
@@ -81,6 +83,8 @@ def snapped(program: Program, seen: Seen, body: Target, out_of_time: Callable[[]
     def distance(trial: Program) -> float:
         return float(np.minimum(np.abs(kernels.program_sdf(trial, points)), limit).mean())
 
+    if exact and not out_of_time():
+        program = likened(program, LIKE * diagonal, lambda trial: seen.iou(trial) or 0.0, out_of_time)
     plain = map_leaves(program, lambda _, leaf: canonical(leaf))
     if out_of_time():
         return plain

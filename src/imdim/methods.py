@@ -35,8 +35,9 @@ if TYPE_CHECKING:
 
 PolicyOf = Callable[[], "Policy | None"]
 
-TOUCHED = 2e-3  # of the volume; a search that leaves more is followed by a short evolution
-TOUCH = EvolutionConfig(generations=60, patience=25)
+TOUCHED = 1e-2  # of the volume; a search that leaves more is followed by a short evolution, which mends little that is smaller
+POOR_IF_CUT = 0.01  # of the volume; a search that was cut short and leaves more is compared with the decision tree
+TOUCH = EvolutionConfig(generations=60, patience=10)
 START_SHARE = 0.4  # of the search's time, after which its best starts get the rest
 SEED_SHARE = 0.4  # of the search's time, that evolution gives to its seeds
 WORTH_MORE = 0.5  # of a primitive's price; error that a search goes on for although no fewer primitives can do
@@ -175,7 +176,7 @@ def _searched(run: Run, proofs: Proofs) -> Iterator[tuple[str, Program]]:
     # a range is as short as all cells that were ever seen allow
     every = sharpener.every if sharpener else found.families
     tidied = seen.frame.undo(to_program(tidy(seen_by(found.sequence, every), every), every))
-    if shortest is not None and seen.price(shortest) < seen.price(tidied):
+    if shortest is not None and seen.exact_price(shortest) < seen.exact_price(tidied):
         yield "proof", shortest
     else:
         yield "search", tidied
@@ -212,7 +213,7 @@ def _generations(
 def _grown_if_poor(run: Run, best: Step | None) -> Step | None:
     """The decision tree's program, where there is nothing or much is left and it costs less."""
     seen = run.seen
-    if best is not None and not run.clock.cut and seen.error(best.program) <= POOR:
+    if best is not None and seen.error(best.program) <= (POOR_IF_CUT if run.clock.cut else POOR):
         return None
     program = grown(seen)
     if program is None or (best is not None and seen.price(program) >= seen.price(best.program)):

@@ -21,6 +21,7 @@ from imdim.evolution import choices, few, united
 from imdim.fitting import related, snapped, solved
 from imdim.geometry.cloud import InputError, Target, split_bodies, target_from
 from imdim.geometry.solid import to_manifold
+from imdim.geometry.strays import without_strays
 from imdim.methods import METHODS, PolicyOf, Run, time_to_propose
 from imdim.noisy import most_likely, unlabelled
 from imdim.program.constraints import Constraint
@@ -156,7 +157,7 @@ def _body(
     if step is None:
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
     no_time_to_choose, late = _times(clock, share)
-    program = reduce_program(step.program, out_of_time=late)
+    program = reduce_program(_at_home(step.program, seen), out_of_time=late)
     yield state("simplify", program)
     if not settings.solver:
         yield replace(state("simplify", program), front=_front([*step.others, program], seen, clock))
@@ -168,6 +169,15 @@ def _body(
         fitted = solved(program, seen, body, late)
     last = state("solve", snapped(fitted, seen, body, late))
     yield replace(last, front=_front([*step.others, last.program], seen, clock))
+
+
+def _at_home(program: Program, seen: Seen) -> Program:
+    """A mesh's program without ends that lie where no sample was."""
+    if seen.solid is None:
+        return program
+    unit = seen.frame.apply(program)
+    home = without_strays(unit, seen.solid)
+    return program if home is unit else seen.frame.undo(home)
 
 
 def _guess(body: Target, settings: Settings, policy: PolicyOf, clock: Clock, share: float, cut: bool) -> Program | None:

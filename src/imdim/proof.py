@@ -11,8 +11,10 @@ from imdim.program.cost import count
 from imdim.program.tree import Program
 from imdim.search.exact.prove import Proof, Prover
 
-PROOF_S, EARLY_S = 8.0, 5.0  # for one proof, at most; before the search has ended
-PROOF_SHARE = 0.55  # of the budget; a search that took all of its own leaves some for the last proof
+PROOF_S = 12.0  # for all proofs about a body, at most
+EASY = 16  # primitives, up to which all of that is given; what a proof takes grows fast with them
+EARLY_SHARE = 0.6  # of what is left of that, for one proof before the search has ended
+PROOF_SHARE = 0.6  # of the budget; a search that took all of its own leaves some for the last proof
 MOST_EARLY = 3  # proofs before the search has ended
 
 
@@ -25,17 +27,20 @@ class Proofs:
     share: float = 1.0
     asked: int = 0
     fewest: int | None = None
+    spent_s: float = 0.0
 
     @cached_property
     def _prover(self) -> Prover:
         return Prover(self.seen.families, self.seen.size_weight)
 
-    def of(self, program: Program, most_s: float = PROOF_S) -> tuple[Program, Proof]:
-        """A proof about a program in the body's units, and a shorter or the same program."""
-        start = self.clock.seconds()
+    def of(self, program: Program, share: float = 1.0) -> tuple[Program, Proof]:
+        """A proof about a program in the body's units, and a shorter or the same program; it may take a share of the time for proofs."""
+        start, primitives = self.clock.seconds(), count(program).primitives
+        most_s = share * (PROOF_S * min(1.0, EASY / primitives) ** 4 - self.spent_s)
         end = start + min(most_s, self.share * (PROOF_SHARE * self.clock.budget_s - start))
         error = self.seen.error(program) * self.seen.cells.volume
-        proof = self._prover.prove(count(program).primitives, error, lambda: end - self.clock.seconds())
+        proof = self._prover.prove(primitives, error, lambda: end - self.clock.seconds())
+        self.spent_s += self.clock.seconds() - start
         return program if proof.program is None else self.seen.frame.undo(proof.program), proof
 
     def early(self, program: Program) -> tuple[Program, Proof] | None:
@@ -44,4 +49,4 @@ class Proofs:
         if self.asked == MOST_EARLY or (self.fewest is not None and primitives >= self.fewest):
             return None
         self.asked, self.fewest = self.asked + 1, primitives
-        return self.of(program, EARLY_S)
+        return self.of(program, EARLY_SHARE)

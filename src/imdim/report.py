@@ -114,7 +114,7 @@ def said(repeat: Repeat, label: str) -> str:
         "circular": "on a circle" if repeat.is_full else f"on a circle, {number(repeat.angle)} degrees apart",
         "mirror": "as mirror images",
     }
-    return f"{what} {how[repeat.kind]}"
+    return f"{what} {how[repeat.kind]}" + (", what they have in common" if repeat.join == "intersection" else "")
 
 
 def dumps(report: Mapping[str, Any]) -> str:

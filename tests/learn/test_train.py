@@ -11,8 +11,6 @@ import torch
 from safetensors import safe_open
 from safetensors.torch import save_file
 
-from imdim.app.arguments import from_arguments
-from imdim.config import ConfigError
 from imdim.data.folder import FolderConfig, make_folder
 from imdim.data.npz import SampleError
 from imdim.data.solids import from_sequences
@@ -347,21 +345,3 @@ def test_states_that_are_none_are_named(tmp_path, content):
         torch.save({"weights": torch.zeros(2)}, path)
     with pytest.raises(CheckpointError, match=r"state.pt: not (a training state|the state of a training run)"):
         next(train(small(tmp_path, resume=True)))
-
-
-def test_settings_come_from_files_and_arguments(tmp_path):
-    from pathlib import Path
-
-    configs = Path(__file__).parents[2] / "configs"
-    plain = from_arguments(TrainConfig, [], configs, "pretrain")
-    assert (plain.experiment, plain.out, plain.synthesis.gt_points) == ("base", "runs/base", 1024)
-    other = from_arguments(TrainConfig, ["experiment=seed", "synthesis.n_max=4", "batch_size=8"], configs, "pretrain")
-    assert (other.out, other.synthesis.n_max, other.synthesis.prefixes, other.batch_size) == ("runs/seed", 4, 2, 8)
-    for wrong, message in (
-        ("experiment=third", "third"),
-        ("batchsize=3", "did you mean batch_size"),
-        ("lr=fast", "lr"),
-        ("lr", "key=value"),
-    ):
-        with pytest.raises(ConfigError, match=message):
-            from_arguments(TrainConfig, [wrong], configs, "pretrain")

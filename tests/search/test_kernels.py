@@ -28,9 +28,12 @@ def test_the_best_interval_of_each_axial_family():
     widths = np.array([1, 5, 9], np.int64)
     members = [rng.choice(60, n, replace=False) for n in (7, 20, 40)]
     bins = [rng.integers(0, w, len(m)) for w, m in zip(widths, members, strict=True)]
-    starts = np.concatenate([[0], np.cumsum([len(m) for m in members])])
+    ends = np.concatenate([[0], np.cumsum(widths)])
+    in_cell = [[int(e + b[m == c][0]) for m, b, e in zip(members, bins, ends[:-1], strict=True) if c in m] for c in range(60)]
+    starts = np.concatenate([[0], np.cumsum([len(s) for s in in_cell])])
+    field[rng.choice(60, 20, replace=False)] = 0.0
     out = np.empty((3, 3))
-    axial_best(field, starts, np.concatenate(members), np.concatenate(bins), widths, out)
+    axial_best(field, np.flatnonzero(field), starts, np.concatenate([np.array(s, np.int32) for s in in_cell]), ends, out)
     for row, m, b, w in zip(out, members, bins, widths, strict=True):
         sums = np.array([field[m[b == k]].sum() for k in range(w)])
         assert row[0] == pytest.approx(slow_interval(sums))

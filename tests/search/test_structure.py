@@ -56,6 +56,17 @@ def test_tidy_shortens_what_something_else_cuts_off():
     assert rod.size == pytest.approx((5, 8))
 
 
+def test_tidy_takes_back_what_only_later_cells_show_to_be_wrong():
+    families = families_of(common(cylinder(5, 8), box(20, 20, 20)))
+    (axis,) = families.arrangement.axis_of
+    offsets = families.arrangement.directions[axis].offsets
+    first, last = (int(np.argmin(np.abs(offsets - s))) for s in (-4.0, 4.0))
+    bulging = Candidate(("curved", 0), ((first, last + 1),))
+    rod = to_program(tidy((Step("union", bulging, families.mask(bulging)),), families), families)
+    assert families.primitive(bulging).size[1] > 8.2
+    assert next(leaves(rod)).size == pytest.approx((5, 8))
+
+
 def test_the_same_seed_finds_the_same():
     a, b = searched("bored ball", 3)[-1], searched("bored ball", 3)[-1]
     assert [(s.op, s.term) for s in a.sequence] == [(s.op, s.term) for s in b.sequence]

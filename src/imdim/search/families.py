@@ -16,7 +16,7 @@ from imdim.geometry.surface import Surface
 from imdim.program.tree import Primitive
 from imdim.search.arrangement import Arrangement
 from imdim.search.cells import Cells
-from imdim.search.kernels import axial_best, box_best, merged_slabs
+from imdim.search.kernels import axial_best, box_best, merged_slabs, summed
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,60 +34,62 @@ class Families:
         self.arrangement = arrangement
         self.cells = cells
         self.work = 0.0  # cells summed so far: a measure of time that repeats
+        # column by column, as they are asked for
+        self._slabs, self._inside = np.asfortranarray(cells.slabs), np.asfortranarray(cells.inside)
         self._pack_axial()
         self._frames = [self._pack_frame(f) for f in range(len(arrangement.frames))]
 
     def _pack_axial(self) -> None:
-        """Lay the curved families out for the compiled loop: member cells, their slab along the axis, slab counts."""
-        members, bins, widths = [], [], []
-        for i, axis in enumerate(self.arrangement.axis_of):
-            inside = np.flatnonzero(self.cells.inside[:, i])
-            members.append(inside)
-            bins.append(self.cells.slabs[inside, axis].astype(np.int64) if axis >= 0 else np.zeros(len(inside), np.int64))
-            widths.append(len(self.arrangement.directions[axis].offsets) - 1 if axis >= 0 else 1)
-        self._starts = np.concatenate([[0], np.cumsum([len(m) for m in members])]).astype(np.int64)
-        self._members = np.concatenate(members) if members else np.zeros(0, np.int64)
-        self._bins = np.concatenate(bins) if bins else np.zeros(0, np.int64)
-        self._widths = np.array(widths, np.int64)
+        """Lay the curved families out for the compiled loop: the slots of one long row that each cell is summed into, cell by cell."""
+        axes = self.arrangement.axis_of
+        widths = [len(self.arrangement.directions[axis].offsets) - 1 if axis >= 0 else 1 for axis in axes]
+        self._ends = np.concatenate([[0], np.cumsum(widths)]).astype(np.int64)
+        cell, family = np.nonzero(self.cells.inside)
+        axis = np.array(axes, np.int64)[family]
+        self._slots = (self._ends[family] + np.where(axis >= 0, self._slabs[cell, axis], 0)).astype(np.int32)
+        self._starts = np.searchsorted(cell, np.arange(len(self._slabs) + 1))
 
     def _pack_frame(self, frame: int) -> tuple[tuple[int, ...], np.ndarray]:
         """The shape of a frame's grid, and each cell's place in it."""
         axes = self.arrangement.frames[frame]
         shape = tuple(len(self.arrangement.directions[a].offsets) - 1 for a in axes)
-        return shape, np.ravel_multi_index([self.cells.slabs[:, a].astype(np.int64) for a in axes], shape)
+        return shape, np.ravel_multi_index([self._slabs[:, a].astype(np.int64) for a in axes], shape)
 
     @property
     def groups(self) -> int:
         """Number of groups for `best_of`: the curved families together, and each box frame."""
         return 1 + len(self._frames)
 
-    def best_of(self, group: int, field: np.ndarray, floor: float = 0.0) -> tuple[float, Candidate] | None:
-        """The candidate of one group with the largest sum of `field` [m], if that is above `floor`."""
+    def best_of(self, group: int, field: np.ndarray, cells: np.ndarray, floor: float = 0.0) -> tuple[float, Candidate] | None:
+        """The candidate of one group with the largest sum of `field` [m], which is nought outside `cells`, if that is above `floor`."""
         self.work += len(field)
-        found = self._best_boxes(field, group - 1, 1, floor) if group else self._best_curved(field, floor, 1)
+        found = self._best_boxes(field, cells, group - 1, 1, floor) if group else self._best_curved(field, cells, floor, 1)
         return found[0] if found else None
 
     def best(self, field: np.ndarray, per_frame: int, floor: float = 0.0) -> list[tuple[float, Candidate]]:
         """Candidates whose sums of `field` [m] are above `floor`: one per curved family, up to `per_frame` (or none) per box frame."""
         self.work += len(field) * (self.groups if per_frame else 1)
-        out = self._best_curved(field, floor)
+        cells = np.flatnonzero(field)
+        out = self._best_curved(field, cells, floor)
         for frame in range(len(self.arrangement.frames) if per_frame else 0):
             if per_frame == 1:
                 floor = max([floor, *(v for v, _ in out)])
-            out += self._best_boxes(field, frame, per_frame, floor)
+            out += self._best_boxes(field, cells, frame, per_frame, floor)
         return out
 
-    def _best_curved(self, field: np.ndarray, floor: float, count: int | None = None) -> list[tuple[float, Candidate]]:
-        table = np.empty((len(self._widths), 3))
-        axial_best(field, self._starts, self._members, self._bins, self._widths, table)
+    def _best_curved(self, field: np.ndarray, cells: np.ndarray, floor: float, count: int | None = None) -> list[tuple[float, Candidate]]:
+        table = np.empty((len(self._ends) - 1, 3))
+        axial_best(field, cells, self._starts, self._slots, self._ends, table)
         return [
             (float(table[i, 0]), Candidate(("curved", int(i)), ((int(table[i, 1]), int(table[i, 2])),)))
             for i in (np.flatnonzero(table[:, 0] > floor) if count is None else _top(table[:, 0], count, floor))
         ]
 
-    def _best_boxes(self, field: np.ndarray, frame: int, count: int, floor: float) -> list[tuple[float, Candidate]]:
+    def _best_boxes(self, field: np.ndarray, cells: np.ndarray, frame: int, count: int, floor: float) -> list[tuple[float, Candidate]]:
         shape, places = self._frames[frame]
-        grid, *first = merged_slabs(np.bincount(places, field, math.prod(shape)).reshape(shape))
+        sums = np.zeros(math.prod(shape))
+        summed(field, cells, places, sums)
+        grid, *first = merged_slabs(sums.reshape(shape))
         order = sorted(range(3), key=lambda a: grid.shape[a])  # fewest slabs first is cheapest for the compiled loop
         grid = np.ascontiguousarray(grid.transpose(order))
         table = np.empty((len(grid) * (len(grid) + 1) // 2, 7))
@@ -104,10 +106,10 @@ class Families:
     def mask(self, candidate: Candidate) -> np.ndarray:
         """The cells [m] that a candidate covers."""
         kind, index = candidate.source
-        slabs = self.cells.slabs
+        slabs = self._slabs
         if kind == "curved":
             axis = self.arrangement.axis_of[index]
-            inside = self.cells.inside[:, index]
+            inside = self._inside[:, index]
             return inside & _between(slabs[:, axis], candidate.ranges[0]) if axis >= 0 else inside.copy()
         columns = self.arrangement.frames[index]
         return np.logical_and.reduce([_between(slabs[:, c], r) for c, r in zip(columns, candidate.ranges, strict=True)])

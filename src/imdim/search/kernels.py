@@ -27,17 +27,25 @@ def best_interval(sums: np.ndarray) -> tuple[float, int, int]:
 
 
 @njit(nogil=True, cache=True)
-def axial_best(field: np.ndarray, starts: np.ndarray, cells: np.ndarray, bins: np.ndarray, widths: np.ndarray, out: np.ndarray) -> None:
-    """Best interval of each axial family: family f owns `cells[starts[f]:starts[f+1]]`, binned along its axis into widths[f].
+def axial_best(field: np.ndarray, cells: np.ndarray, starts: np.ndarray, slots: np.ndarray, ends: np.ndarray, out: np.ndarray) -> None:
+    """Best interval of each axial family, whose slabs along its axis are slots[ends[f] : ends[f + 1]] of one long row.
 
+    `cells` are those where `field` [m] counts; cell c is in the slots `slots[starts[c]:starts[c+1]]`, one for each family that holds it.
     Writes (sum, lo, hi) into out [f, 3].
     """
-    for f in range(len(widths)):
-        sums = np.zeros(widths[f])
-        for i in range(starts[f], starts[f + 1]):
-            sums[bins[i]] += field[cells[i]]
-        best, lo, hi = best_interval(sums)
-        out[f, 0], out[f, 1], out[f, 2] = best, lo, hi
+    sums = np.zeros(ends[-1])
+    for c in cells:
+        for i in range(starts[c], starts[c + 1]):
+            sums[slots[i]] += field[c]
+    for f in range(len(ends) - 1):
+        out[f, 0], out[f, 1], out[f, 2] = best_interval(sums[ends[f] : ends[f + 1]])
+
+
+@njit(nogil=True, cache=True)
+def summed(field: np.ndarray, cells: np.ndarray, places: np.ndarray, out: np.ndarray) -> None:
+    """Add `field` [m] of some cells to `out`, cell c at places[c]."""
+    for c in cells:
+        out[places[c]] += field[c]
 
 
 @njit(nogil=True, cache=True)

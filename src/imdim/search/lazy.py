@@ -150,12 +150,12 @@ def _tighten(place: _Place, asked: list[_Place], gain: np.ndarray) -> None:
 
 def _asked(place: _Place, gain: np.ndarray, families: Families, least: float, share: float) -> Iterator[Insertion]:
     """What the groups of one place win; their bounds become what was found."""
-    field = np.where(place.changeable, place.sign * gain, 0.0)
+    field, cells = np.where(place.changeable, place.sign * gain, 0.0), np.flatnonzero(place.changeable)
     for group in np.argsort(-place.caps, kind="stable"):
         floor = least - place.total
         if place.caps[group] <= floor:
             break
-        found = families.best_of(int(group), field, max(floor, 0.0))
+        found = families.best_of(int(group), field, cells, max(floor, 0.0))
         place.caps[group] = min(place.caps[group], found[0] if found else max(floor, 0.0))
         if found and found[0] > floor:
             least = max(least, share * (place.total + found[0]))

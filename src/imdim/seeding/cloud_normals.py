@@ -41,13 +41,6 @@ def measure_scale(points: np.ndarray, rng: np.random.Generator) -> CloudScale:
     return CloudScale(spacing, float(np.quantile(least, 0.1)) / _CALIBRATION, diagonal)
 
 
-def pca_normals(points: np.ndarray, k: int = 12) -> np.ndarray:
-    """Unit normals [n, 3] of either sign: the least principal direction of the `k` nearest points."""
-    _, near = KDTree(points).query(points, k=min(k, len(points)))
-    around = points[near] - points[near].mean(1, keepdims=True)
-    return np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))[1][:, :, 0]
-
-
 def estimate_normals(points: np.ndarray, scale: CloudScale, rng: np.random.Generator, k: int = 18) -> tuple[np.ndarray, np.ndarray]:
     """Normals [n, 3] of either sign and trust [n] in 0..1, by consensus of planes through each point and two of its neighbours.
 

@@ -63,21 +63,6 @@ def grow(
     return _Growth(np.asarray(points, float), np.asarray(inside, bool), weights, list(surfaces), config or DecisionTreeConfig()).run()
 
 
-def classify(tree: Tree, points: np.ndarray) -> np.ndarray:
-    """The label [n] of the cell in which each of `points` [n, 3] lies."""
-    points = np.asarray(points, float)
-    out = np.zeros(len(points), bool)
-    todo: list[tuple[Tree, np.ndarray]] = [(tree, np.arange(len(points)))]
-    while todo:
-        node, rows = todo.pop()
-        if isinstance(node, Leaf):
-            out[rows] = node.inside
-        else:
-            behind = signed_distance(node.surface, points[rows]) < 0
-            todo += ((node.behind, rows[behind]), (node.ahead, rows[~behind]))
-    return out
-
-
 def leaf_count(tree: Tree) -> int:
     return 1 if isinstance(tree, Leaf) else leaf_count(tree.behind) + leaf_count(tree.ahead)
 

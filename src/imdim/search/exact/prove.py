@@ -15,7 +15,7 @@ import numpy as np
 
 from imdim.program.cost import count
 from imdim.program.tree import Program
-from imdim.search.exact.columns import TooManyError, candidate_count, maximal_columns, unpack
+from imdim.search.exact.columns import Columns, TooManyError, candidate_count, maximal_columns, unpack
 from imdim.search.exact.cover import Limits, cover
 from imdim.search.exact.joining import joined
 from imdim.search.exact.pairs import Labels, counterexamples, least_error
@@ -91,6 +91,7 @@ class Prover:
         self._over_pairs = 0.0  # price of the latest answer
         self.proved: list[_Best] = []
         self.found: _Best | None = None  # the latest program that came out of a proof
+        self.too_large = ""  # why there are more candidates than can be listed; pairs only grow, so that no later proof can do with fewer
         self.inside, self.outside = np.zeros(0, np.int64), np.zeros(0, np.int64)
 
     def prove(self, primitives: int, error: float, left: Callable[[], float] = lambda: np.inf) -> Proof:
@@ -100,6 +101,8 @@ class Prover:
         """
         if primitives > self.config.most_primitives:
             return Proof(False, primitives, self.candidates, f"more than {self.config.most_primitives} primitives")
+        if self.too_large:
+            return Proof(False, primitives, self.candidates, self.too_large)
         best = _Best(primitives, primitives + error / self.unit - self.mixed)
         if self.found is not None and self.found.primitives <= primitives and self.found.price <= best.price - EQUAL:
             best = self.found
@@ -159,11 +162,10 @@ class Prover:
         if left() <= 0:
             return "time ran out", chosen
         try:
-            columns = maximal_columns(self.families, self.inside, self.outside)
+            columns = self._columns()
         except TooManyError as error:
-            return f"too large, {error}", chosen
-        if len(columns.candidates) > config.most_columns:
-            return f"too large, more than {config.most_columns} candidates that matter", chosen
+            self.too_large = f"too large, {error}"
+            return self.too_large, chosen
         separates = unpack(columns.bits, len(self.inside))
         place = {candidate: i for i, candidate in enumerate(columns.candidates)}
         # counterexamples that were added since may have other columns stand for those of a set without a tree
@@ -179,6 +181,13 @@ class Prover:
         if not found.known:
             return "time ran out" if left() <= 0 else "time of the solver ran out", chosen
         return _unjoined(barred) if barred else "", chosen
+
+    def _columns(self) -> Columns:
+        """What tells the pairs apart; raises TooManyError."""
+        columns, most = maximal_columns(self.families, self.inside, self.outside), self.config.most_columns
+        if len(columns.candidates) > most:
+            raise TooManyError(f"more than {most} candidates that matter")
+        return columns
 
     def _barred(self, best: _Best) -> list[list[Candidate]]:
         """Sets without a tree that would be answers."""
