@@ -16,8 +16,15 @@ export OMP_NUM_THREADS ?= 1
 demo: .venv/use
 	$(BIN)/python infer.py input=dataset/examples/bracket.stl output=out/demo budget_s=150
 
-test: .venv/develop
-	$(BIN)/python -m pytest -n 2 --dist loadgroup
+test: .venv/develop .venv/kernels
+	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+# compiled once here: two workers with a browser each, and the processes that they keep ready, would all compile at the same time
+.venv/kernels: .venv/develop $(shell find src -name '*.py')
+	@echo "Compiling the search's kernels (up to a minute)"
+	@for part in bracket.stl bracket_cloud.ply; do \
+		$(BIN)/python infer.py input=dataset/examples/$$part output=out/kernels budget_s=20 >/dev/null; done
+	@touch $@
 
 check: lint test
 

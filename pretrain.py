@@ -7,9 +7,7 @@ from pathlib import Path
 
 if __name__ == "__main__":
     if {"-h", "--help"} & set(sys.argv):
-        sys.stdout.write(
-            f"{__doc__}\nAll settings: src/imdim/learn/settings.py; overrides: configs/pretrain.yaml, configs/experiment/*.yaml.\n"
-        )
+        sys.stdout.write(f"{__doc__}\nAll settings: src/imdim/learn/settings.py; overrides: configs/pretrain.yaml and what it names.\n")
         sys.exit(0)
 
     from imdim.app.pretrain import main

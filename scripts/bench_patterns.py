@@ -256,10 +256,14 @@ def circles(points: np.ndarray, place: float) -> list[Pattern]:
 
 
 def repeats_of(node: dict) -> list[list[np.ndarray]]:
-    """For each repeat of three copies or more in a document, the motions [4, 4] of its copies."""
+    """For each repeat of three copies or more in a document, the motions [4, 4] of its copies; a repeat of a repeat has those of both."""
     parts = node.get("parts", [node["part"]] if "part" in node else [])
     below = [motions for part in parts for motions in repeats_of(part)]
-    own = motions_of(node) if "repeat" in node else []
+    if "repeat" not in node:
+        return below
+    own, inner = motions_of(node), node["part"]
+    while "repeat" in inner:
+        own, inner = [a @ b for a in own for b in motions_of(inner)], inner["part"]
     return [own, *below] if len(own) > 2 else below
 
 

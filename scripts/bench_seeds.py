@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from imdim.body import ground_of
+from imdim.body import look
 from imdim.config import Settings
 from imdim.evolution import Ground
 from imdim.geometry.cloud import Frame, load_target
@@ -87,10 +87,10 @@ def part_runs(part: Path, limit_s: float, programs: Path | None) -> list[Run]:
     target = load_target(part)
     runs = []
     for source in ("random", "blind", "tree", "surfaces", "search", *(("policy",) if programs else ()), "all"):
-        ground, frame = ground_of(target, Settings(), np.random.default_rng(0))
-        ground = replace(ground, exact=source != "blind")  # a price of leaving surfaces that are not known would make no sense
+        seen = look(target, Settings().size_weight, np.random.default_rng(0))
+        ground = replace(seen.ground, exact=source != "blind")  # a price of leaving surfaces that are not known would make no sense
         given = programs / part.stem / "program.json" if programs else None
-        runs.append(one_run(part.stem, source, ground, frame, limit_s, given))
+        runs.append(one_run(part.stem, source, ground, seen.frame, limit_s, given))
     return runs
 
 

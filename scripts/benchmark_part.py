@@ -69,7 +69,7 @@ def benchmarked(task: Task, part: Path, folder: Path, settings: Sequence[str]) -
     if source != part:
         source.replace(folder / source.name)
     if ended.why:
-        row.stop = f"FAILED, {ended.why}" if ended.status < 0 else f"FAILED, exit {ended.status}: {last_line(Path(FIT_LOG))}"
+        row.stop = f"FAILED, {ended.why}" if ended.status <= 0 else f"FAILED, exit {ended.status}: {last_line(Path(FIT_LOG))}"
         return row
     try:
         report = json.loads((folder / "report.json").read_text())
