@@ -128,6 +128,22 @@ def test_a_folder_becomes_a_table(make, tmp_path, stand_in, capsys):
     assert (out / "table.md").read_text() in said
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="children's seconds are summed as Linux does")
+def test_seconds_are_of_the_processor_where_that_is_the_clock(make, tmp_path, stand_in, scorer):
+    for clock in ("wall", "processor"):
+        out = tmp_path / clock
+        given = ["--out", str(out), "--scorer", str(scorer), "--clock", clock]
+        assert benchmark.main([str(make(cube=1)), *given], stand_in(1.0)) == 0  # it sleeps for a second
+        assert (float(table(out)["cube"]["seconds"]) < 0.9) == (clock == "processor")
+
+
+def test_a_budget_is_told_by_the_processor_where_that_is_the_clock():
+    given = [sys.executable, SCRIPTS / "processor.py", "fit", "--help"]
+    told = "import time; time.sleep(0.5); from processor import rule_the_clock; rule_the_clock(); print(time.perf_counter())"
+    assert float(subprocess.run([sys.executable, "-c", told], cwd=SCRIPTS, capture_output=True, check=True).stdout) < 0.4
+    assert b"imdim fit" in subprocess.run(given, capture_output=True, check=True).stdout
+
+
 def test_a_part_is_fitted_and_scored(make, tmp_path):
     out = tmp_path / "out"
     assert benchmark.main([str(make(plate=0.2)), "--out", str(out), "--budget", "20", "--set", "checkpoint=none", "--sheet"]) == 0
