@@ -29,20 +29,30 @@ _SHAPE = re.compile(r"\b(cube|sphere|cylinder|rotate_extrude)\(")
 
 # passes the number of what was clicked on to the input with that label, as if it had been typed
 _FORWARD = (
-    "const r=event.target.closest('[data-n]');if(!r)return;"
+    "const r=event.target.closest('[data-n]');if(!r||event.button)return;"
+    "const n=r.dataset.n,tell=()=>{"
     "const l=[...document.querySelectorAll('label')].find(e=>e.textContent==='LABEL');"
     "const i=l&&document.getElementById(l.htmlFor);if(!i)return;"
-    "Object.getOwnPropertyDescriptor(HTMLInputElement.prototype,'value').set.call(i,r.dataset.n);"
+    "Object.getOwnPropertyDescriptor(HTMLInputElement.prototype,'value').set.call(i,n);"
     "i.dispatchEvent(new Event('input',{bubbles:true}));"
-    "for(const ms of [0,50])setTimeout(()=>i.blur(),ms)"  # it takes the focus, and would swallow the keys that the page listens to
+    "for(const ms of [0,50])setTimeout(()=>i.blur(),ms)};"  # it takes the focus, and would swallow the keys that the page listens to
 )
+# while a run goes on these texts are drawn anew several times a second, and a browser tells nobody of a click whose element has gone
+# between press and release: the press is remembered. A finger that scrolls ends in `pointercancel`; a key has no press
+_NEAR = 9  # pixels that the pointer may move
+_PRESSED = (
+    f"{_FORWARD}const end=new AbortController(),on=(e,f)=>document.addEventListener(e,f,{{signal:end.signal}});"
+    f"on('pointerup',e=>{{end.abort();if(Math.hypot(e.clientX-event.clientX,e.clientY-event.clientY)<{_NEAR})tell()}});"
+    "on('pointercancel',()=>end.abort())"
+)
+_BY_KEY = f"if(event.detail)return;{_FORWARD}tell()"
 _BUTTON = "display:block;width:100%;text-align:left;border:0;font:inherit;cursor:pointer;border-radius:4px;padding:2px 4px;margin:1px 0;"
 
 
 def clickable(label: str, content: str) -> str:
     """HTML whose elements with ``data-n`` set the input called `label` when they are clicked."""
-    script = html.escape(_FORWARD.replace("LABEL", label), quote=True)
-    return f'<div class="lab-{label.lower()}" style="padding:0 12px 8px" onclick="{script}">{content}</div>'
+    pressed, by_key = (html.escape(script.replace("LABEL", label), quote=True) for script in (_PRESSED, _BY_KEY))
+    return f'<div class="lab-{label.lower()}" style="padding:0 12px 8px" onpointerdown="{pressed}" onclick="{by_key}">{content}</div>'
 
 
 def tree(theory: Theory | None, selected: int | None, unit: str) -> str:

@@ -98,6 +98,30 @@ def test_a_constraint_is_removed_and_found_again(done):
     done.undo(2)
 
 
+def test_a_press_counts_though_the_tree_is_drawn_anew_before_the_release(done):
+    mouse, row = done.page.mouse, done.page.locator(".lab-primitive [role=treeitem][data-n='4']")
+    done.select(0)
+    row.hover()
+    mouse.down()
+    done.keys("k")
+    done.page.wait_for_selector(".lab-primitive [data-n='6'][aria-selected=true]")
+    mouse.up()
+    done.page.wait_for_selector(".lab-primitive [data-n='4'][aria-selected=true]")
+    row.hover()
+    mouse.down()
+    mouse.move(640, 400)  # thought better of it
+    mouse.up()
+    done.keys("Escape")
+    done.page.wait_for_selector(".lab-primitive [aria-selected=true]", state="detached")
+
+
+def test_a_row_of_the_tree_is_chosen_by_key(done):
+    done.page.locator(".lab-primitive [role=treeitem][data-n='2']").press("Enter")
+    done.page.wait_for_selector(".lab-primitive [data-n='2'][aria-selected=true]")
+    done.keys("Escape")
+    done.page.wait_for_selector(".lab-primitive [aria-selected=true]", state="detached")
+
+
 def test_a_locked_number_stays_where_the_solver_moves_the_others_back(done):
     done.select(1)
     done.box("r mm").fill("13")
