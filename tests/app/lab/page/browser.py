@@ -69,13 +69,16 @@ def chromium():
 
 
 class LabPage:
-    """One client. `foreign` lists requests that left this machine."""
+    """One client. `foreign` lists requests that left this machine, `said` what the browser complained of."""
 
     def __init__(self, browser, url, width=1280, height=720):
-        self.foreign = []
+        self.foreign, self.said = [], []
         self.page = browser.new_page(viewport={"width": width, "height": height}, accept_downloads=True)
         self.page.set_default_timeout(WAIT_MS)
         self.page.on("request", lambda r: None if r.url.startswith((url, "data:", "blob:")) else self.foreign.append(r.url))
+        self.page.on("console", lambda m: self.said.append(m.text) if m.type in ("error", "warning") else None)
+        self.page.on("pageerror", lambda error: self.said.append(str(error)))
+        self.page.on("crash", lambda _: self.said.append("the page crashed"))
         self.page.goto(url + COARSE)
         self.says("part")
 
@@ -180,7 +183,7 @@ class LabPage:
         """Until the picture is as it should be."""
         end = time.monotonic() + WAIT_MS / 1000
         while not good(self.picture()):
-            assert time.monotonic() < end, "the picture never came"
+            assert time.monotonic() < end, f"the picture never came; the browser said {self.said[-9:]}"
             self.page.wait_for_timeout(100)
 
     def close(self):
