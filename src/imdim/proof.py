@@ -12,7 +12,7 @@ from imdim.program.tree import Program
 from imdim.search.exact.prove import Proof, Prover
 
 PROOF_S = 12.0  # for all proofs about a body, at most
-EASY = 16  # primitives, up to which all of that is given; what a proof takes grows fast with them
+EASY = 12  # primitives, up to which all of that is given; what a proof takes grows fast with them
 EARLY_SHARE = 0.6  # of what is left of that, for one proof before the search has ended
 PROOF_SHARE = 0.6  # of the budget; a search that took all of its own leaves some for the last proof
 MOST_EARLY = 3  # proofs before the search has ended

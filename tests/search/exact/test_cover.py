@@ -62,3 +62,12 @@ def test_a_solver_without_time_knows_nothing():
     found = cover(separates, left, right, weight, Limits(2, 2.0, 10.0, left=lambda: 0.0))
     assert found.chosen is None
     assert not found.known
+
+
+def test_a_problem_too_large_for_the_time_left_is_not_begun(monkeypatch):
+    separates = np.array([[1, 1, 0], [0, 0, 1], [0, 1, 1], [1, 0, 0]], bool)
+    left, right, weight = np.array([0, 1, 2]), np.array([3, 4, 5]), np.full(6, 9.0)
+    unsolvable = Limits(2, 2.0, 10.0, [[0, 1], [2, 3], [0, 2]])
+    assert cover(separates, left, right, weight, unsolvable).known
+    monkeypatch.setattr("imdim.search.exact.cover.COLUMNS_PER_S", 4 / 11.0)
+    assert not cover(separates, left, right, weight, unsolvable).known
