@@ -6,8 +6,21 @@ from tests.planted import PARTS
 from tests.search.planted_families import planted, random_candidates
 
 from imdim.geometry import kernels
-from imdim.search.families import Families
-from imdim.search.sequence import Insertion, Pair, Sequence, Step, cost, error, insert, insertions, pair_insertions, run, to_program
+from imdim.search.families import Candidate, Families
+from imdim.search.sequence import (
+    Insertion,
+    Pair,
+    Sequence,
+    Step,
+    cost,
+    error,
+    insert,
+    insertions,
+    pair_insertions,
+    run,
+    to_program,
+    without_one,
+)
 
 OPS = ("union", "difference", "intersection")
 WEIGHTS = [(1.0, 1.0), (0.1, 1.0), (1.0, 20.0)]
@@ -114,3 +127,14 @@ def test_the_planted_sequence_has_no_error():
     longer = insert((), found, families)
     second = insertions(longer, families, 1, 0.0)[0]
     assert np.array_equal(run(insert(longer, second, families), len(inside)), inside)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_is_filled_without_each_step(seed):
+    rng, m = np.random.default_rng(seed), 50
+    term = Candidate(("curved", 0), ((0, 1),))
+    steps = tuple(Step(rng.choice(OPS), term, rng.random(m) < 0.5) for _ in range(seed % 9))
+    found = list(without_one(steps, m))
+    assert [i for i, _ in found] == list(range(len(steps)))[::-1]
+    for i, filled in found:
+        assert np.array_equal(filled, run(steps[:i] + steps[i + 1 :], m))

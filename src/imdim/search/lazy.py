@@ -7,6 +7,7 @@ all that the changed cells can add, bounds the sum now, and most families need n
 
 from __future__ import annotations
 
+from bisect import bisect_left, insort
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -104,15 +105,16 @@ def best_insertions(sequence: Sequence, families: Families, price: Price, known:
     places = sorted(_places(sequence, gain, families.groups if price.boxes else 1, known), key=lambda p: -(p.total + p.caps.max()))
     least = price.step
     found: list[Insertion] = []
-    asked: list[_Place] = []
+    asked: dict[Op, list[_Place]] = {}
     for place in places:
         if place.total + place.caps.max() <= least:
             break
-        _tighten(place, asked, gain)
+        near = asked.setdefault(place.op, [])
+        _tighten(place, near, gain)
         for insertion in _asked(place, gain, families, least, share):
             found.append(insertion)
             least = max(least, share * insertion.gain)
-        asked.append(place)
+        insort(near, place, key=_position)
         known.put(place.key, _Look(place.step, place.changeable, place.caps))
     return sorted((i for i in found if i.gain >= least), key=lambda i: -i.gain)
 
@@ -141,10 +143,15 @@ def inserted(sequence: Sequence, insertions: list[tuple[Insertion, np.ndarray]])
     return tuple(out)
 
 
+def _position(place: _Place) -> int:
+    return place.position
+
+
 def _tighten(place: _Place, asked: list[_Place], gain: np.ndarray) -> None:
-    """Bound a place by those nearest to it in the sequence that were just asked: one step apart, little differs."""
-    near = sorted((other for other in asked if other.op == place.op), key=lambda other: abs(other.position - place.position))
-    for other in near[:NEIGHBOURS]:
+    """Bound a place by the nearest of those `asked` for the same operation, by position: one step apart, little differs."""
+    at = bisect_left(asked, place.position, key=_position)
+    near = asked[max(at - NEIGHBOURS, 0) : at + NEIGHBOURS]
+    for other in sorted(near, key=lambda other: abs(other.position - place.position))[:NEIGHBOURS]:
         np.minimum(place.caps, other.caps + most_added(other.changeable, place.changeable, place.sign, gain), out=place.caps)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from imdim.search.families import Families
 from imdim.search.lazy import Known, apart, best_insertions, inserted
-from imdim.search.sequence import Insertion, Price, Sequence, cost, error, insert, pair_insertions, run
+from imdim.search.sequence import Insertion, Price, Sequence, cost, error, error_of, insert, pair_insertions, run, without_one
 
 WEIGHTS = ((1.0, 1.0), (1.0, 8.0), (8.0, 1.0), (0.1, 1.0))  # of excess and lack, under which holes are refilled
 
@@ -64,7 +64,7 @@ def complete(
     """Insert the best single step, or a pair where no single pays, until nothing pays or the steps alone cost more than `limit`."""
     known = known or Known()
     share = config.alike if len(families.cells.points) * families.groups > config.large else 1.0
-    while cost(found.sequence) < config.max_primitives and price.step * cost(found.sequence) < limit and not out_of_time():
+    while (primitives := cost(found.sequence)) < config.max_primitives and price.step * primitives < limit and not out_of_time():
         options = best_insertions(found.sequence, families, price, known, share)
         if not options and price.weights == (1.0, 1.0):
             options = _pairs(found.sequence, families, config, price, known, share)
@@ -88,14 +88,19 @@ def _pairs(sequence: Sequence, families: Families, config: LocalConfig, price: P
 
 def pruned(found: Found, families: Families, price: Price) -> Found:
     """Without the steps that do not earn their price; later steps often make earlier ones idle."""
-    i = len(found.sequence) - 1
-    while i >= 0:
-        shorter = found_of(found.sequence[:i] + found.sequence[i + 1 :], families, price)
-        if shorter.objective <= found.objective:
-            found = shorter
-            i = len(found.sequence)
-        i -= 1
+    while (shorter := _without_idle(found, families, price)) is not None:
+        found = shorter
     return found
+
+
+def _without_idle(found: Found, families: Families, price: Price) -> Found | None:
+    """Without the last step that does not earn its price, None where all do."""
+    steps, primitives = found.sequence, cost(found.sequence)
+    for i, filled in without_one(steps, len(families.cells.points)):
+        objective = error_of(filled, families, price.weights) + price.step * (primitives - steps[i].cost)
+        if objective <= found.objective:
+            return Found(steps[:i] + steps[i + 1 :], objective, families)
+    return None
 
 
 def improve(

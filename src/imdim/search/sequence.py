@@ -80,9 +80,31 @@ def run(sequence: Sequence, m: int) -> np.ndarray:
 
 def error(sequence: Sequence, families: Families, weights: tuple[float, float] = (1.0, 1.0)) -> float:
     """Volume in which the sequence and the target differ; `weights` count (what it has too much, what it lacks)."""
+    return error_of(run(sequence, len(families.cells.points)), families, weights)
+
+
+def error_of(state: np.ndarray, families: Families, weights: tuple[float, float] = (1.0, 1.0)) -> float:
+    """As `error`, for the filled cells [m]."""
     cells = families.cells
-    state = run(sequence, len(cells.points))
     return weights[0] * float(cells.w_out[state].sum()) + weights[1] * float(cells.w_in[~state].sum())
+
+
+def without_one(sequence: Sequence, m: int) -> Iterator[tuple[int, np.ndarray]]:
+    """Each step, the last first, with the cells [m] that are filled without it.
+
+    What the steps behind it make of an empty and of a filled cell is carried along, so that all removals take the time of a few runs.
+    """
+    states = [np.zeros(m, bool)]
+    for step in sequence[:-1]:
+        states.append(apply(step, states[-1]))
+    of_empty, of_filled = np.zeros(m, bool), np.ones(m, bool)
+    for i in range(len(sequence) - 1, -1, -1):
+        yield i, np.where(states[i], of_filled, of_empty)
+        step = sequence[i]
+        if step.op == "union":
+            of_empty = np.where(step.mask, of_filled, of_empty)
+        else:
+            of_filled = np.where(step.mask == (step.op == "difference"), of_empty, of_filled)
 
 
 def cost(sequence: Sequence) -> int:
