@@ -14,8 +14,8 @@ from urllib.parse import unquote_to_bytes
 
 import pytest
 import trimesh
-from tests.app.batches import STAND_IN, make, rows
-from tests.stand_ins import log, stand_in_for, wait_for
+from tests.app.batches import make, rows
+from tests.stand_ins import log, wait_for
 
 from imdim.app.batch import folder
 from imdim.app.batch.local import run_local
@@ -24,18 +24,6 @@ from imdim.app.batch.run import main
 from imdim.app.cli import main as imdim
 
 POISONED = ("crash", "hang", "blowup", "refused")
-
-
-@pytest.fixture
-def stand_in(tmp_path):
-    return lambda pause=0.0: stand_in_for(tmp_path, STAND_IN, PAUSE=pause)
-
-
-@pytest.fixture
-def parts(tmp_path):
-    path = tmp_path / "parts"
-    path.mkdir()
-    return path
 
 
 def alive(pid: int) -> bool:

@@ -7,26 +7,14 @@ import threading
 import time
 
 import pytest
-from tests.app.batches import STAND_IN, make, rows
-from tests.stand_ins import log, stand_in_for, wait_for
+from tests.app.batches import make, rows
+from tests.stand_ins import log, wait_for
 
 from imdim.app.batch.folder import Part
 from imdim.app.batch.local import Job
 from imdim.app.batch.process import Limits
 from imdim.app.batch.run import main
 from imdim.app.cli import main as imdim
-
-
-@pytest.fixture
-def stand_in(tmp_path):
-    return lambda pause=0.0: stand_in_for(tmp_path, STAND_IN, PAUSE=pause)
-
-
-@pytest.fixture
-def parts(tmp_path):
-    path = tmp_path / "parts"
-    path.mkdir()
-    return path
 
 
 def test_without_a_cluster_is_one_line(parts, tmp_path, capsys, monkeypatch):

@@ -11,7 +11,7 @@ from imdim.geometry import kernels
 from imdim.geometry.solid import to_manifold
 from imdim.program.tree import Program
 from imdim.search.arrangement import Arrangement, ArrangementConfig, arrange
-from imdim.search.cells import Cells, sample_cells
+from imdim.search.cells import Cells, compressed, label_samples
 from imdim.search.families import Candidate, Families
 
 
@@ -27,7 +27,8 @@ def families_of(program: Program, count: int = 40_000) -> Families:
 
 
 def cells_of(arrangement: Arrangement, program: Program, count: int) -> Cells:
-    return sample_cells(arrangement, lambda p: kernels.inside(program, p).astype(float), count, np.random.default_rng(7))
+    samples = label_samples(arrangement, lambda p: kernels.inside(program, p).astype(float), count, np.random.default_rng(7))
+    return compressed(arrangement, samples)
 
 
 @cache

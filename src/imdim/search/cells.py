@@ -74,11 +74,6 @@ def pooled(cells: Cells, others: Cells, weights: tuple[float, float]) -> tuple[C
     return Cells(np.concatenate([cells.points, others.points])[first], slabs[first], inside[first], w_in, w_out), member
 
 
-def sample_cells(arrangement: Arrangement, label: Callable[[np.ndarray], np.ndarray], count: int, rng: np.random.Generator) -> Cells:
-    """The cells of about `count` labelled samples."""
-    return compressed(arrangement, label_samples(arrangement, label, count, rng))
-
-
 def _group(slabs: np.ndarray, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """First index of each distinct row of codes, and the row's group per point."""
     packed = np.concatenate([slabs.astype(np.int16).view(np.uint8).reshape(len(slabs), -1), np.packbits(inside, axis=1)], axis=1)

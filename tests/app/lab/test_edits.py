@@ -109,7 +109,7 @@ def test_undo_and_redo():
     assert history.redo() is None
     history.undo()
     history.push("other", steps[0])
-    assert not history.can_redo
+    assert history.redo() is None
     history.undo()
     history.undo()
     assert history.theory == THEORY

@@ -28,10 +28,6 @@ class History:
     def can_undo(self) -> bool:
         return len(self._past) > 1
 
-    @property
-    def can_redo(self) -> bool:
-        return bool(self._future)
-
     def push(self, what: str, theory: Theory, now: float = 0.0) -> None:
         """The next theory. One that continues the same edit takes the place of the one before, so that undo takes the whole edit back."""
         if self.theory == theory:
