@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from tests.planted import PARTS, box, cut, cylinder, union
 
+from imdim import noisy
 from imdim.body import look
 from imdim.config import Settings
 from imdim.geometry.cloud import InputError, target_from
@@ -56,6 +57,20 @@ def test_what_detection_missed_is_seen_in_the_points():
     seen = seen_of(cloud(truth))
     found = most_likely([box(40, 30, 8)], seen, lambda: False)
     assert count(found).primitives == 3
+    assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
+
+
+def test_a_search_from_one_primitive_comes_first_and_the_likelier_program_is_told(monkeypatch):
+    truth = cut(union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(4, 20, (-12.0, 5.0, 0.0)))
+    seen, starts = seen_of(cloud(truth)), []
+
+    def unchanged(likely, points, lent, axes, out_of_time):
+        starts.append(count(likely.program).primitives)
+        return likely
+
+    monkeypatch.setattr(noisy, "restructured", unchanged)
+    found = most_likely([truth], seen, lambda: len(starts) > 0)
+    assert starts[:2] == [1, 3]  # the second is too late to be changed, yet not forgotten
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
 
 

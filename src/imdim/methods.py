@@ -41,7 +41,7 @@ TOUCH = EvolutionConfig(generations=60, patience=10)
 START_SHARE = 0.4  # of the search's time, after which its best starts get the rest
 SEED_SHARE = 0.4  # of the search's time, that evolution gives to its seeds
 WORTH_MORE = 0.5  # of a primitive's price; error that a search goes on for although no fewer primitives can do
-NOISY_SHARE = 0.3  # of the time that the search has left: what the cells of a noisy cloud say is not worth more
+NOISY_SHARE = 0.15  # of the time that the search has left: what the cells of a noisy cloud say is not worth more
 PROPOSED_SHARE = 0.5  # of the time until numbers must be fitted, that the policy's programs may take
 PROPOSE_S = 6.0  # what loading torch and writing a beam take of the processor; the solver works without it where less is left
 FAR_BETTER = 0.5  # of the misfit of the search's program

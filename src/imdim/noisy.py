@@ -96,21 +96,27 @@ class _Points:
         return Cloud.of(self.quick)
 
     def told(self, programs: Sequence[Program], out_of_time: Callable[[], bool], no_time_to_fit: Callable[[], bool]) -> Program:
-        """The shortest message's program: from the best of `programs` and from one primitive, the likelier start first, then from both."""
+        """The shortest message's program, by a search from one primitive, then from the best of `programs`, then from both."""
         found = outlines(self.points, self.axes, self.sigma, out_of_time=out_of_time)
         found = distinct(found, self._cloud) if found else []
         seen = [*found, *compounds(found, self._cloud, self.sigma)]
         lent = [*seen, *dict.fromkeys(leaf for p in programs for leaf in leaves(p))]
-        starts = [programs] if out_of_time() else [programs, lent]
-        first, *rest = sorted((self._start(s, out_of_time) for s in starts), key=self._length)
-        best = restructured(first, self.quick, lent, self.axes, out_of_time)
-        if rest and not out_of_time():
-            second = restructured(rest[0], self.quick, lent, self.axes, out_of_time)
-            best, other = sorted((best, second), key=self._length)
-            best = restructured(best, self.quick, [*leaves(other.program)], self.axes, out_of_time)
+        best = self._searched(programs, lent, out_of_time)
         points = self.quick if out_of_time() else _thinned(self.points, MOST_POINTS)
         shorter = reduce_program(best.program, out_of_time=no_time_to_fit)
         return _related(_fitted(shorter, points, best.noise, no_time_to_fit, CAREFUL), points, no_time_to_fit)
+
+    def _searched(self, programs: Sequence[Program], lent: Sequence[Program], out_of_time: Callable[[], bool]) -> Likely:
+        """The shorter of two searches' messages. What grows from one primitive is quick and stays short; of `programs`, which are long, the
+        best start is known at least where time is out."""
+        if out_of_time() or not lent:
+            return self._start(programs, out_of_time)
+        grown, told = (self._changed(starts, lent, out_of_time) for starts in (lent, programs))
+        best, other = sorted((grown, told), key=self._length)
+        return restructured(best, self.quick, [*leaves(other.program)], self.axes, out_of_time)
+
+    def _changed(self, starts: Sequence[Program], lent: Sequence[Program], out_of_time: Callable[[], bool]) -> Likely:
+        return restructured(self._start(starts, out_of_time), self.quick, lent, self.axes, out_of_time)
 
     def _start(self, starts: Sequence[Program], out_of_time: Callable[[], bool]) -> Likely:
         """The likeliest of several programs, with its numbers fitted."""
