@@ -1,10 +1,12 @@
 """Noisy clouds through the pipeline: judged by how likely they are, whatever the cells say."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from tests.planted import PARTS, box, cut, cylinder, union
 
-from imdim import noisy
+from imdim import methods, noisy
 from imdim.body import look
 from imdim.config import Settings
 from imdim.geometry.cloud import InputError, target_from
@@ -13,6 +15,7 @@ from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.noisy import most_likely, unlabelled
 from imdim.pipeline import reconstruct
 from imdim.program.cost import count
+from imdim.program.tree import Primitive
 
 
 def cloud(program, share=0.006, n=6000, outliers=0.0, seed=0):
@@ -108,3 +111,15 @@ def test_without_time_the_likeliest_is_told_as_it_is():
     truth = union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0)))
     found = most_likely([box(9, 9, 9), truth], seen_of(cloud(truth, n=3000)), lambda: True, lambda: True)
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.99
+
+
+@pytest.mark.parametrize("noisy", [True, False])
+def test_a_noisy_clouds_time_is_not_spent_on_the_decision_tree(noisy, monkeypatch):
+    asked = []
+    monkeypatch.setattr(methods, "grown", asked.append)  # and gives nothing
+    seen = SimpleNamespace(noisy=noisy, error=lambda _: 1.0)
+    run = SimpleNamespace(seen=seen, clock=SimpleNamespace(cut=False))
+    assert methods._grown_if_poor(run, methods.Step("search", Primitive("sphere", (1.0,)))) is None
+    assert asked == ([] if noisy else [seen])
+    methods._grown_if_poor(run, None)  # but where there is nothing, it is
+    assert asked[-1] is seen

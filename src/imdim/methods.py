@@ -211,9 +211,12 @@ def _generations(
 
 
 def _grown_if_poor(run: Run, best: Step | None) -> Step | None:
-    """The decision tree's program, where there is nothing or much is left and it costs less."""
+    """The decision tree's program, where there is nothing or much is left and it costs less.
+
+    A noisy cloud's time is better spent on its points: the cells' doubts make the tree long.
+    """
     seen = run.seen
-    if best is not None and seen.error(best.program) <= (POOR_IF_CUT if run.clock.cut else POOR):
+    if best is not None and (seen.noisy or seen.error(best.program) <= (POOR_IF_CUT if run.clock.cut else POOR)):
         return None
     program = grown(seen)
     if program is None or (best is not None and seen.price(program) >= seen.price(best.program)):
