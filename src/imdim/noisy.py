@@ -21,10 +21,11 @@ from imdim.solve.compounds import compounds
 from imdim.solve.discover import DiscoverConfig, discover
 from imdim.solve.likelihood import Noise, Shown, shares
 from imdim.solve.maximise import Likely, MaximiseConfig, maximise
+from imdim.solve.mixture import Draws
 from imdim.solve.outlines import outlines
 from imdim.solve.parsimony import length
 from imdim.solve.pool import Cloud, distinct
-from imdim.solve.restructure import REFIT, most_telling, restructured
+from imdim.solve.restructure import REFIT, glanced, most_telling, restructured
 
 if TYPE_CHECKING:
     from imdim.learn.policy import Policy
@@ -92,6 +93,10 @@ class _Points:
         return _thinned(self.points, QUICK_POINTS)
 
     @cached_property
+    def _draws(self) -> Draws:
+        return glanced(self.quick)
+
+    @cached_property
     def _cloud(self) -> Cloud:
         return Cloud.of(self.quick)
 
@@ -113,15 +118,15 @@ class _Points:
             return self._start(programs, out_of_time)
         grown, told = (self._changed(starts, lent, out_of_time) for starts in (lent, programs))
         best, other = sorted((grown, told), key=self._length)
-        return restructured(best, self.quick, [*leaves(other.program)], self.axes, out_of_time)
+        return restructured(best, self.quick, [*leaves(other.program)], self.axes, out_of_time, self._draws)
 
     def _changed(self, starts: Sequence[Program], lent: Sequence[Program], out_of_time: Callable[[], bool]) -> Likely:
-        return restructured(self._start(starts, out_of_time), self.quick, lent, self.axes, out_of_time)
+        return restructured(self._start(starts, out_of_time), self.quick, lent, self.axes, out_of_time, self._draws)
 
     def _start(self, starts: Sequence[Program], out_of_time: Callable[[], bool]) -> Likely:
         """The likeliest of several programs, with its numbers fitted."""
         rough = Likely(starts[-1], Noise(self.sigma), np.inf, 0)
-        few = most_telling([*dict.fromkeys(starts)], self.quick, rough, FITTED)
+        few = most_telling([*dict.fromkeys(starts)], self._draws, rough, FITTED)
         start = min((maximise(p, self.quick, rough.noise, REFIT, out_of_time) for p in few), key=self._length)
         return start if out_of_time() else _fitted(start.program, self.quick, start.noise, out_of_time)
 

@@ -8,9 +8,10 @@ from imdim.geometry.sampling import surface_points
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.cost import count
 from imdim.program.tree import leaves
+from imdim.solve import mixture as mixture_module
 from imdim.solve.likelihood import Noise, Shown
 from imdim.solve.maximise import maximise
-from imdim.solve.mixture import Mixture, Scene, folded, to_steps
+from imdim.solve.mixture import Draws, Mixture, Scene, folded, to_steps
 from imdim.solve.outlines import outlines
 from imdim.solve.parsimony import length
 from imdim.solve.restructure import most_telling, restructured
@@ -29,7 +30,7 @@ def settled(program, points, sigma=0.4, lent=()):
 
 
 def scene_of(program, points, sigma=0.4):
-    return Scene(points, Noise(sigma), Shown.of(program, sigma).area)
+    return Scene(Draws(points), Noise(sigma), Shown.of(program, sigma).area)
 
 
 def test_steps_fold_to_the_same_program():
@@ -53,6 +54,37 @@ def test_a_choice_ranks_as_its_program_does():
     assert fast[1:3].min() > fast[3:].max() + 0.02  # without a part it is worse than with a wrong one beside it
     assert fast == pytest.approx(exact, abs=0.12)
     assert mixture.lengths(choices, every=4) == pytest.approx(fast, abs=0.1)
+
+
+def test_parts_are_drawn_once_for_nearly_the_same_noise(monkeypatch):
+    points, drawn = cloud(PART), []
+    near = mixture_module._near
+    monkeypatch.setattr(mixture_module, "_near", lambda *given: drawn.append(1) or near(*given))
+    draws, area = Draws(points), Shown.of(PART, 0.4).area
+    parts = [box(6, 6, 8, (x, -9.0, 0.0)) for x in (1.0, 2.0, 3.0)]
+    before = Mixture.of(Scene(draws, Noise(0.4), area), parts[:2], parts[2:])
+    again = Mixture.of(Scene(draws, Noise(0.405), 1.02 * area), parts[1:], parts[:1])
+    assert len(drawn) == 3
+    choices = [((i, True),) for i in range(3)]
+    assert again.lengths(choices)[[2, 0, 1]] == pytest.approx(before.lengths(choices), rel=1e-12)
+    Mixture.of(Scene(draws, Noise(0.6), area), parts, [])
+    assert len(drawn) == 6
+
+
+def test_the_tables_do_not_grow_for_ever(monkeypatch):
+    monkeypatch.setattr(mixture_module, "MOST_ROWS", 4)
+    points = cloud(PART, 500)
+    scene = Scene(Draws(points), Noise(0.4), Shown.of(PART, 0.4).area)
+    parts = [box(6, 6, 8, (float(x), -9.0, 0.0)) for x in range(5)]
+    choices = [((0, True),)]
+    first = Mixture.of(scene, parts[:1], []).lengths(choices)
+    assert len(scene.drawn.near) == 1
+    Mixture.of(scene, parts[1:4], [])
+    assert len(scene.drawn.near) == 4
+    Mixture.of(scene, parts[4:], [])
+    assert len(scene.drawn.near) == 1
+    assert Mixture.of(scene, parts[:1], parts[1:]).lengths(choices) == first  # more than the tables are meant to have
+    assert len(scene.drawn.near) == 5
 
 
 def test_what_is_cut_away_wholly_is_infinitely_long():
@@ -86,7 +118,7 @@ def test_a_cylinder_that_tapers_becomes_a_cone():
 def test_from_one_primitive_to_the_whole_part():
     points = cloud(PART)
     lent = outlines(points, np.eye(3), 0.4)
-    start = most_telling(lent, points, maximise(lent[0], points, Noise(0.5)), 1)[0]
+    start = most_telling(lent, Draws(points), maximise(lent[0], points, Noise(0.5)), 1)[0]
     found = settled(start, points, lent=lent)
     assert volume_iou(to_manifold(found.program), to_manifold(PART)) > 0.97
     assert count(found.program).primitives == 3

@@ -26,6 +26,8 @@ SAMPLES = 2048  # of the program's surface
 STEP = 1e-5  # from a surface to either side, of the cloud's diagonal
 MOST = 6144  # of one part's surface
 NEIGHBOURS = 14  # samples of one part near a point
+ALIKE = 1.1  # ratio of deviations of the noise, and of spacings of the samples, up to which nothing is drawn again
+MOST_ROWS = 1500  # parts in the tables, some 170 KiB each
 LOOSE = 1.5  # times the noise: parts that were not fitted yet lie a little off
 
 Steps = tuple[tuple[Program, bool], ...]
@@ -55,42 +57,92 @@ def folded(steps: Steps) -> Program:
 
 @dataclass(frozen=True)
 class Sampled:
-    """A part seen alone: samples of its surface with outward `normals` [s, 3], of which `near` [n, k] lie near a point (-1 for none), and
-    the `density` [n, k] that they lend it."""
+    """A part seen alone: samples of its surface with outward `normals` [s, 3], and whether the part itself holds the places just behind
+    and ahead of them, and those a gap away (`selves` [s, 4]). `row` is the part's in the tables of `Drawn`."""
 
     points: np.ndarray
     normals: np.ndarray
-    near: np.ndarray
-    density: np.ndarray
+    selves: np.ndarray
+    row: int
+
+
+class Drawn:
+    """What was computed for single parts beside points [n, 3], for one deviation `sigma` of the noise and one `spacing` of the samples.
+
+    Tables over the parts: their samples that lie `near` each point (int16 [rows, n, k], -1 for none) and the `density` that they lend it.
+    """
+
+    def __init__(self, points: np.ndarray, sigma: float, spacing: float) -> None:
+        self._points, self.key = points, (sigma, spacing)
+        self.sigma, self.spacing = LOOSE * sigma, spacing
+        self.wide = max(self.sigma, WIDE * spacing)
+        self.offsets = np.outer([STEP * float(np.linalg.norm(np.ptp(points, axis=0))), GAP * sigma], [-1, 1]).ravel()
+        self._forget()
+
+    def parts(self, parts: Sequence[Program]) -> list[Sampled]:
+        """The parts' samples, drawn when first asked for; the tables have their rows."""
+        missing = list(dict.fromkeys(p for p in parts if p not in self._seen))
+        if len(self._seen) + len(missing) > MOST_ROWS:
+            self._forget()
+            missing = list(dict.fromkeys(parts))
+        self._widen(len(self._seen) + len(missing))
+        for part in missing:
+            self._seen[part] = self._drawn(part, len(self._seen))
+        return [self._seen[p] for p in parts]
+
+    def _forget(self) -> None:
+        shape = (0, len(self._points), NEIGHBOURS)
+        self._seen: dict[Program, Sampled] = {}
+        self.near, self.density = np.empty(shape, np.int16), np.empty(shape, np.float32)
+
+    def _widen(self, rows: int) -> None:
+        more = max(rows, min(2 * len(self.near), MOST_ROWS)) - len(self.near)
+        if rows > len(self.near):
+            self.near, self.density = (np.concatenate([t, np.empty((more, *t.shape[1:]), t.dtype)]) for t in (self.near, self.density))
+
+    def _drawn(self, part: Program, row: int) -> Sampled:
+        points, normals = _samples(part, self.spacing, self.offsets[1])
+        self.near[row], self.density[row] = _near(points, normals, self._points, self.sigma, self.wide)
+        return Sampled(points, normals, kernels.inside(part, self.probes(points, normals)).reshape(-1, 4), row)
+
+    def probes(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """The places [4 s, 3] behind and ahead of samples [s, 3]."""
+        return (points[:, None] + self.offsets[:, None] * normals[:, None]).reshape(-1, 3)
+
+
+class Draws:
+    """What was drawn beside some points, for later scenes of nearly the same noise and samples."""
+
+    def __init__(self, points: np.ndarray) -> None:
+        self.points = points
+        self._drawn: Drawn | None = None
+
+    def at(self, sigma: float, area: float) -> Drawn:
+        """For the noise and an `area` that gets SAMPLES, or what is there, where neither differs by more than ALIKE."""
+        asked = max(sigma, 1e-300), max(math.sqrt(area / SAMPLES), 1e-300)
+        if self._drawn is None or not np.allclose(np.log(asked), np.log(self._drawn.key), rtol=0, atol=math.log(ALIKE)):
+            self._drawn = Drawn(self.points, *asked)
+        return self._drawn
 
 
 class Scene:
-    """The points [n, 3] that parts are judged by, with what was computed for single parts. `area`: of the surface that gets SAMPLES.
+    """The points [n, 3] of `draws` that parts are judged by. `area`: of the surface that gets SAMPLES.
 
     They may stand for a cloud of `count` points: the more, the less a number of a program weighs.
     """
 
-    def __init__(self, points: np.ndarray, noise: Noise, area: float, count: int | None = None):
-        self.points, self.gap, self.count = points, GAP * noise.sigma, count or len(points)
-        self.noise = Noise(LOOSE * noise.sigma, noise.clutter)
-        self.spacing = math.sqrt(area / SAMPLES)
-        self.wide = max(self.noise.sigma, WIDE * self.spacing)
-        self.step = STEP * float(np.linalg.norm(np.ptp(points, axis=0)))
-        self.box = float(np.prod(np.maximum(np.ptp(points, axis=0), self.noise.sigma)))
-        self._seen: dict[Program, Sampled] = {}
-
-    def sampled(self, part: Program) -> Sampled:
-        """The part's samples and densities, computed when first asked for."""
-        if part not in self._seen:
-            places, normals = _samples(part, self.spacing, self.step)
-            self._seen[part] = Sampled(places, normals, *_near(places, normals, self.points, self.noise.sigma, self.wide))
-        return self._seen[part]
+    def __init__(self, draws: Draws, noise: Noise, area: float, count: int | None = None):
+        points = draws.points
+        self.drawn, self.count = draws.at(noise.sigma, area), count or len(points)
+        self.clutter = noise.clutter
+        self.box = float(np.prod(np.maximum(np.ptp(points, axis=0), self.drawn.sigma)))
 
 
 @dataclass(frozen=True)
 class Mixture:
-    """Tables over `parts` (p) for the points of a scene: samples of part i are `starts[i]` to `starts[i + 1]`; `own` [p] is how many
-    numbers a part has. Only the first parts, the settled ones, may stand together; of the others a choice has one at most.
+    """Tables over `parts` (p) for the points of a scene: samples of part i are `starts[i]` to `starts[i + 1]`; `rows` [p] are the parts' in
+    the tables of `Drawn`; `own` [p] is how many numbers a part has. Only the first parts, the settled ones, may stand together; of the
+    others a choice has one at most.
 
     Which parts hold the places just behind and ahead of a sample, and those a gap away, is in `sides` [settled, s, 4] for the settled,
     in `over` [others, s of the settled, 4] for the others, and in `selves` [s, 4] for the sample's own part.
@@ -102,24 +154,19 @@ class Mixture:
     sides: np.ndarray
     over: np.ndarray
     selves: np.ndarray
-    near: np.ndarray
-    density: np.ndarray
+    rows: np.ndarray
     own: np.ndarray
 
     @staticmethod
     def of(scene: Scene, settled: Sequence[Program], others: Sequence[Program]) -> Mixture:
         parts = (*settled, *others)
-        drawn = [scene.sampled(p) for p in parts]
+        drawn = scene.drawn.parts(parts)
         starts = np.cumsum([0, *(len(d.points) for d in drawn)])
-        places, normals = np.concatenate([d.points for d in drawn]), np.concatenate([d.normals for d in drawn])
-        offsets = np.array([-scene.step, scene.step, -scene.gap, scene.gap])
-        probes = (places[:, None] + offsets[:, None] * normals[:, None]).reshape(-1, 3)
-        known = 4 * starts[len(settled)]
-        sides, over = _sides(settled, probes), _sides(others, probes[:known])
-        spans = zip(parts, 4 * starts[:-1], 4 * starts[1:], strict=True)
-        selves = np.concatenate([kernels.inside(part, probes[a:b]) for part, a, b in spans]).reshape(-1, 4)
-        near, density = np.stack([d.near for d in drawn]), np.stack([d.density for d in drawn])
-        return Mixture(scene, parts, starts, sides, over, selves, near, density, np.array([numbers(p) for p in parts]))
+        places, normals = (np.concatenate(c) for c in zip(*((d.points, d.normals) for d in drawn), strict=True))
+        probes, known = scene.drawn.probes(places, normals), 4 * starts[len(settled)]
+        selves = np.concatenate([d.selves for d in drawn])
+        rows, own = np.array([d.row for d in drawn]), np.array([numbers(p) for p in parts])
+        return Mixture(scene, parts, starts, _sides(settled, probes), _sides(others, probes[:known]), selves, rows, own)
 
     def lengths(self, choices: Sequence[Choice], every: int = 1) -> np.ndarray:
         """Nats per point of the message that tells the points by each choice (see `parsimony`); infinite where nothing is left.
@@ -128,9 +175,9 @@ class Mixture:
         """
         width = max(map(len, choices), default=0)
         both = np.array([[*c, *((-1, False),) * (width - len(c))] for c in choices], np.int64).reshape(len(choices), width, 2)
-        scene, clutter = self.scene, self.scene.noise.clutter
-        lattice = 1.5 * math.log(2 * math.pi) + math.log(scene.noise.sigma) + 2 * math.log(scene.wide)
-        arrays = self.starts, self.sides, self.over, self.selves, self.near, self.density
+        scene, drawn, clutter = self.scene, self.scene.drawn, self.scene.clutter
+        lattice = 1.5 * math.log(2 * math.pi) + math.log(drawn.sigma) + 2 * math.log(drawn.wide)
+        arrays = self.starts, self.sides, self.over, self.selves, self.rows, drawn.near, drawn.density
         nll, skin = _lengths(both[..., 0], both[..., 1] > 0, *arrays, every, clutter / scene.box, math.log1p(-clutter) - lattice)
         n = scene.count
         own = np.array([sum(self.own[i] for i, _ in c) for c in choices])
@@ -165,7 +212,7 @@ def _samples(part: Program, spacing: float, step: float) -> tuple[np.ndarray, np
 def _near(places: np.ndarray, normals: np.ndarray, points: np.ndarray, sigma: float, wide: float) -> tuple[np.ndarray, np.ndarray]:
     """Of each point the nearest samples [n, k] and their densities, relative to that of a sample at its own place."""
     if not len(places):
-        return np.full((len(points), NEIGHBOURS), -1, np.int32), np.zeros((len(points), NEIGHBOURS), np.float32)
+        return np.full((len(points), NEIGHBOURS), -1, np.int16), np.zeros((len(points), NEIGHBOURS), np.float32)
     found = np.asarray(KDTree(places).query(points, k=NEIGHBOURS, distance_upper_bound=3 * wide)[1]).reshape(len(points), -1)
     none = found >= len(places)
     found = np.where(none, 0, found)
@@ -173,11 +220,11 @@ def _near(places: np.ndarray, normals: np.ndarray, points: np.ndarray, sigma: fl
     along = np.einsum("nkc,nkc->nk", away, normals[found])
     across = np.maximum((away**2).sum(-1) - along**2, 0.0)
     density = np.exp(-0.5 * ((along / sigma) ** 2 + across / wide**2))
-    return np.where(none, -1, found).astype(np.int32), density.astype(np.float32)
+    return np.where(none, -1, found).astype(np.int16), density.astype(np.float32)
 
 
 @njit(nogil=True, cache=True)
-def _lengths(index, sign, starts, sides, over, selves, near, density, every, strewn, held):  # pragma: no cover - compiled
+def _lengths(index, sign, starts, sides, over, selves, rows, near, density, every, strewn, held):  # pragma: no cover - compiled
     count, n = len(index), near.shape[1]
     nll, skin = np.full(count, np.inf), np.zeros(count)
     visible = np.zeros(starts[-1], np.bool_)
@@ -195,12 +242,13 @@ def _lengths(index, sign, starts, sides, over, selves, near, density, every, str
             total = clutter
             for t in range(k):
                 e = index[c, t]
+                row = rows[e]
                 for j in range(near.shape[2]):
-                    q = near[e, i, j]
+                    q = near[row, i, j]
                     if q < 0:
                         break
                     if visible[starts[e] + q]:
-                        total += density[e, i, j]
+                        total += density[row, i, j]
             log += math.log(total)
         nll[c] = -(log / ((n + every - 1) // every) + peak)
         skin[c] = thin / shown

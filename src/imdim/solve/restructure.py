@@ -22,7 +22,7 @@ from imdim.solve.compounds import shells, stadiums
 from imdim.solve.likelihood import Shown
 from imdim.solve.maximise import Likely, MaximiseConfig, maximise
 from imdim.solve.missing import alternatives, hollows, missing, trimmed
-from imdim.solve.mixture import Mixture, Scene, Steps, folded, to_steps
+from imdim.solve.mixture import Draws, Mixture, Scene, Steps, folded, to_steps
 from imdim.solve.parsimony import length, numbers
 from imdim.solve.pool import Choice, Cloud, distinct, own_moves, uses
 
@@ -44,14 +44,23 @@ FIRST = MaximiseConfig(rounds=2, through=0.0)
 REFIT = MaximiseConfig(rounds=4, through=0.0)
 
 
-def restructured(likely: Likely, points: np.ndarray, lent: Sequence[Program], axes: np.ndarray, out_of_time: Callable[[], bool]) -> Likely:
+def restructured(
+    likely: Likely,
+    points: np.ndarray,
+    lent: Sequence[Program],
+    axes: np.ndarray,
+    out_of_time: Callable[[], bool],
+    draws: Draws | None = None,
+) -> Likely:
     """The program with the changes that shorten the message of `points` [n, 3], each the best of its round.
 
-    `axes` [3, 3] has the part's directions as columns. Sequences of more than LONGEST steps stay as they are.
+    `axes` [3, 3] has the part's directions as columns. Sequences of more than LONGEST steps stay as they are. `draws` of the `glanced`
+    points keep for other calls what was computed for single parts.
     """
     if out_of_time():
         return likely
-    scene = Scene(_every(points, SEEN), likely.noise, Shown.of(likely.program, likely.noise.sigma).area, len(points))
+    area = Shown.of(likely.program, likely.noise.sigma).area
+    scene = Scene(draws or glanced(points), likely.noise, area, len(points))
     search = _Search(points, Cloud.of(points), scene, lent, axes, out_of_time)
     best, cost = likely, length(likely.program, points, likely.noise, likely.nll)
     for _ in range(ROUNDS):
@@ -62,9 +71,14 @@ def restructured(likely: Likely, points: np.ndarray, lent: Sequence[Program], ax
     return best
 
 
-def most_telling(programs: Sequence[Program], points: np.ndarray, likely: Likely, most: int) -> list[Program]:
-    """The `most` of `programs`, as they are, that tell `points` [n, 3] in the shortest messages; `likely` gives the noise and the area."""
-    scene = Scene(_every(points, SEEN // 2), likely.noise, Shown.of(likely.program, likely.noise.sigma).area)
+def glanced(points: np.ndarray) -> Draws:
+    """Of points [n, 3], those that changes are looked at with."""
+    return Draws(_every(points, SEEN))
+
+
+def most_telling(programs: Sequence[Program], draws: Draws, likely: Likely, most: int) -> list[Program]:
+    """The `most` of `programs`, as they are, that tell the points of `draws` in the shortest messages; `likely` gives noise and area."""
+    scene = Scene(draws, likely.noise, Shown.of(likely.program, likely.noise.sigma).area)
     lengths = Mixture.of(scene, [], programs).lengths([((i, True),) for i in range(len(programs))])
     return [programs[i] for i in np.argsort(lengths, kind="stable")[:most]]
 
