@@ -28,6 +28,7 @@ MOST = 6144  # of one part's surface
 NEIGHBOURS = 14  # samples of one part near a point
 ALIKE = 1.1  # ratio of deviations of the noise, and of spacings of the samples, up to which nothing is drawn again
 MOST_ROWS = 1500  # parts in the tables, some 170 KiB each
+FAR = 3.0  # deviations along the surface, beyond which a sample lends nothing
 LOOSE = 1.5  # times the noise: parts that were not fitted yet lie a little off
 
 Steps = tuple[tuple[Program, bool], ...]
@@ -102,7 +103,10 @@ class Drawn:
 
     def _drawn(self, part: Program, row: int) -> Sampled:
         points, normals = _samples(part, self.spacing, self.offsets[1])
-        self.near[row], self.density[row] = _near(points, normals, self._points, self.sigma, self.wide)
+        self.near[row], self.density[row] = -1, 0.0
+        # no sample is nearer than the surface
+        close = np.flatnonzero(np.abs(kernels.program_sdf(part, self._points)) < FAR * self.wide)
+        self.near[row, close], self.density[row, close] = _near(points, normals, self._points[close], self.sigma, self.wide)
         return Sampled(points, normals, kernels.inside(part, self.probes(points, normals)).reshape(-1, 4), row)
 
     def probes(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
@@ -162,11 +166,12 @@ class Mixture:
         parts = (*settled, *others)
         drawn = scene.drawn.parts(parts)
         starts = np.cumsum([0, *(len(d.points) for d in drawn)])
-        places, normals = (np.concatenate(c) for c in zip(*((d.points, d.normals) for d in drawn), strict=True))
-        probes, known = scene.drawn.probes(places, normals), 4 * starts[len(settled)]
+        # a part at a time: all places at once are a hundred megabytes
+        sides = np.concatenate([_sides(settled, scene.drawn.probes(d.points, d.normals)) for d in drawn], axis=1)
+        known = np.concatenate([np.empty((0, 3)), *(scene.drawn.probes(d.points, d.normals) for d in drawn[: len(settled)])])
         selves = np.concatenate([d.selves for d in drawn])
         rows, own = np.array([d.row for d in drawn]), np.array([numbers(p) for p in parts])
-        return Mixture(scene, parts, starts, _sides(settled, probes), _sides(others, probes[:known]), selves, rows, own)
+        return Mixture(scene, parts, starts, sides, _sides(others, known), selves, rows, own)
 
     def lengths(self, choices: Sequence[Choice], every: int = 1) -> np.ndarray:
         """Nats per point of the message that tells the points by each choice (see `parsimony`); infinite where nothing is left.
@@ -211,9 +216,9 @@ def _samples(part: Program, spacing: float, step: float) -> tuple[np.ndarray, np
 
 def _near(places: np.ndarray, normals: np.ndarray, points: np.ndarray, sigma: float, wide: float) -> tuple[np.ndarray, np.ndarray]:
     """Of each point the nearest samples [n, k] and their densities, relative to that of a sample at its own place."""
-    if not len(places):
+    if not len(places) or not len(points):
         return np.full((len(points), NEIGHBOURS), -1, np.int16), np.zeros((len(points), NEIGHBOURS), np.float32)
-    found = np.asarray(KDTree(places).query(points, k=NEIGHBOURS, distance_upper_bound=3 * wide)[1]).reshape(len(points), -1)
+    found = np.asarray(KDTree(places).query(points, k=NEIGHBOURS, distance_upper_bound=FAR * wide)[1]).reshape(len(points), -1)
     none = found >= len(places)
     found = np.where(none, 0, found)
     away = points[:, None] - places[found]
