@@ -67,7 +67,7 @@ def test_a_search_from_one_primitive_comes_first_and_the_likelier_program_is_tol
     truth = cut(union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(4, 20, (-12.0, 5.0, 0.0)))
     seen, starts = seen_of(cloud(truth)), []
 
-    def unchanged(likely, points, lent, axes, out_of_time):
+    def unchanged(likely, *_):
         starts.append(count(likely.program).primitives)
         return likely
 
