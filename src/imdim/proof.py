@@ -11,8 +11,8 @@ from imdim.program.cost import count
 from imdim.program.tree import Program
 from imdim.search.exact.prove import Proof, Prover
 
-PROOF_S = 12.0  # for all proofs about a body, at most
-EASY = 12  # primitives, up to which all of that is given; what a proof takes grows fast with them
+PROOF_S = 10.0  # for all proofs about a body, at most
+EASY, FALL = 16, 8  # primitives, up to which all of that is given, and the power that less is given with beyond: few proofs end there
 EARLY_SHARE = 0.6  # of what is left of that, for one proof before the search has ended
 PROOF_SHARE = 0.6  # of the budget; a search that took all of its own leaves some for the last proof
 MOST_EARLY = 3  # proofs before the search has ended
@@ -36,7 +36,7 @@ class Proofs:
     def of(self, program: Program, share: float = 1.0) -> tuple[Program, Proof]:
         """A proof about a program in the body's units, and a shorter or the same program; it may take a share of the time for proofs."""
         start, primitives = self.clock.seconds(), count(program).primitives
-        most_s = share * (PROOF_S * min(1.0, EASY / primitives) ** 4 - self.spent_s)
+        most_s = share * (PROOF_S * min(1.0, EASY / primitives) ** FALL - self.spent_s)
         end = start + min(most_s, self.share * (PROOF_SHARE * self.clock.budget_s - start))
         error = self.seen.error(program) * self.seen.cells.volume
         proof = self._prover.prove(primitives, error, lambda: end - self.clock.seconds())

@@ -10,6 +10,7 @@ from __future__ import annotations
 from bisect import bisect_left, insort
 from collections.abc import Iterator
 from dataclasses import dataclass
+from operator import itemgetter
 
 import numpy as np
 
@@ -45,6 +46,9 @@ class _Place:
     caps: np.ndarray
     key: Key
     step: Step | None
+
+
+_Asked = tuple[int, int, _Place]  # its position, and how many places were asked before it
 
 
 class Known:
@@ -105,8 +109,8 @@ def best_insertions(sequence: Sequence, families: Families, price: Price, known:
     places = sorted(_places(sequence, gain, families.groups if price.boxes else 1, known), key=lambda p: -(p.total + p.caps.max()))
     least = price.step
     found: list[Insertion] = []
-    asked: dict[Op, list[_Place]] = {}
-    for place in places:
+    asked: dict[Op, list[_Asked]] = {}
+    for order, place in enumerate(places):
         if place.total + place.caps.max() <= least:
             break
         near = asked.setdefault(place.op, [])
@@ -114,7 +118,7 @@ def best_insertions(sequence: Sequence, families: Families, price: Price, known:
         for insertion in _asked(place, gain, families, least, share):
             found.append(insertion)
             least = max(least, share * insertion.gain)
-        insort(near, place, key=_position)
+        insort(near, (place.position, order, place))
         known.put(place.key, _Look(place.step, place.changeable, place.caps))
     return sorted((i for i in found if i.gain >= least), key=lambda i: -i.gain)
 
@@ -143,15 +147,12 @@ def inserted(sequence: Sequence, insertions: list[tuple[Insertion, np.ndarray]])
     return tuple(out)
 
 
-def _position(place: _Place) -> int:
-    return place.position
-
-
-def _tighten(place: _Place, asked: list[_Place], gain: np.ndarray) -> None:
+def _tighten(place: _Place, asked: list[_Asked], gain: np.ndarray) -> None:
     """Bound a place by the nearest of those `asked` for the same operation, by position: one step apart, little differs."""
-    at = bisect_left(asked, place.position, key=_position)
+    at = bisect_left(asked, place.position, key=itemgetter(0))
     near = asked[max(at - NEIGHBOURS, 0) : at + NEIGHBOURS]
-    for other in sorted(near, key=lambda other: abs(other.position - place.position))[:NEIGHBOURS]:
+    # of two as near, the one that was asked first was the more promising
+    for _, _, other in sorted(near, key=lambda a: (abs(a[0] - place.position), a[1]))[:NEIGHBOURS]:
         np.minimum(place.caps, other.caps + most_added(other.changeable, place.changeable, place.sign, gain), out=place.caps)
 
 
