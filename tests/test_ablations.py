@@ -53,3 +53,12 @@ def test_evolution_is_asked_only_where_it_is_wanted(monkeypatch, evolution, solv
     monkeypatch.setattr(methods, "evolved", lambda *given: asked.append(given) or iter(()))
     snapshots(evolution=evolution, solver=solver)
     assert [given[-1] for given in asked] == ([solver] if evolution else [])
+
+
+@pytest.mark.parametrize("long", [2, 3])
+def test_evolution_is_asked_to_shorten_long_programs(monkeypatch, long):
+    asked = []
+    monkeypatch.setattr(methods, "LONG", long)
+    monkeypatch.setattr(methods, "evolved", lambda *given: asked.append(given) or iter(()))
+    assert len(list(leaves(snapshots()[-1].program))) == 2
+    assert len(asked) == (long == 2)

@@ -18,6 +18,7 @@ from imdim.clock import CHOOSE_BY, FIT_BY, Clock
 from imdim.config import Settings
 from imdim.evolution import evolved, logged, seeds_of
 from imdim.fitting import POOR
+from imdim.program.cost import count
 from imdim.program.tree import Program
 from imdim.proof import Proofs
 from imdim.proposals import misfit, proposals
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 PolicyOf = Callable[[], "Policy | None"]
 
 TOUCHED = 1e-2  # of the volume; a search that leaves more is followed by a short evolution, which mends little that is smaller
+LONG = 40  # primitives; so is one whose program is this long, which evolution shortens
 POOR_IF_CUT = 0.01  # of the volume; a search that was cut short and leaves more is compared with the decision tree
 TOUCH = EvolutionConfig(generations=60, patience=10)
 START_SHARE = 0.4  # of the search's time, after which its best starts get the rest
@@ -185,10 +187,12 @@ def _searched(run: Run, proofs: Proofs) -> Iterator[tuple[str, Program]]:
 def _touched(run: Run, found: list[Program]) -> Iterator[Program]:
     """Fitter programs of a few generations that start from those the search passed through: what no signed sequence of candidates is.
 
-    For a mesh, where the search left something; in a cloud the doubts about what is inside outweigh it.
+    For a mesh, where the search left something or its program is long; in a cloud the doubts about what is inside outweigh it.
     """
     seen = run.seen
-    if not (run.settings.evolution and found and seen.ground.exact) or run.clock.out_of_time() or seen.error(found[-1]) < TOUCHED:
+    if not (run.settings.evolution and found and seen.ground.exact) or run.clock.out_of_time():
+        return
+    if seen.error(found[-1]) < TOUCHED and count(found[-1]).primitives < LONG:
         return
     seeds = {"search": [seen.frame.apply(p) for p in found]}
     best, least = seen.ground.scorer.score(seeds["search"][-1:])[0].fitness, seen.exact_price(found[-1])
