@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import imdim
-from benchmark_part import CLOCKS, ROW, SCORING_S, Row, Task
+from benchmark_part import ROW, SCORING_S, Row, Task
 from benchmark_table import FAILED, contact_sheet, line, write_tables
 from imdim.app.batch import folder
 from imdim.app.batch.engine import run_jobs
@@ -37,6 +37,7 @@ from imdim.app.batch.run import BAD_INPUT, COMMAND, GRACE_S, INTERRUPTED, MEMORY
 from imdim.config import ConfigError, Settings
 from imdim.geometry.readers import FORMATS
 from imdim.geometry.scan import parse_condition
+from processor import CLOCKS
 
 JOB = (sys.executable, str(Path(__file__).with_name("benchmark_part.py")))
 CODE = (  # rows of two versions make no table

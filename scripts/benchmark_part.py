@@ -17,7 +17,6 @@ import numpy as np
 from imdim.app.batch.process import Limits, last_line, run
 from processor import children_s
 
-CLOCKS = "wall", "processor"
 ROW, FIT_LOG = "row.json", "imdim.log"
 SCORING_S = 300.0  # for an independent scorer, at most
 
@@ -26,7 +25,7 @@ SCORING_S = 300.0  # for an independent scorer, at most
 class Task:
     """What all parts share: `command` fits one within `limit_s` and `mib`, `scorer` judges it (empty: this project's own evaluation).
 
-    Seconds of a fit's whole command are told by `clock`, one of CLOCKS.
+    Seconds of a fit's whole command are told by `clock`, one of `processor.CLOCKS`.
     """
 
     condition: str

@@ -11,6 +11,8 @@ import sys
 import time
 from pathlib import Path
 
+CLOCKS = "wall", "processor"  # what a benchmark's budget and seconds may be told by
+
 
 def processor_s(pid: int) -> float:
     """Seconds of the processor that a process has had; those of one that has ended are 0."""
