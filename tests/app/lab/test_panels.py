@@ -9,18 +9,21 @@ from imdim.config import Settings
 
 viser = pytest.importorskip("viser")
 run = pytest.importorskip("imdim.app.lab.panels.run")
+Ear = pytest.importorskip("imdim.app.lab.ear").Ear
 
 
 @pytest.fixture(scope="module")
-def gui():
+def server():
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    yield server.gui
+    yield server
     server.stop()
 
 
 @pytest.fixture
-def panel(gui):
-    return run.RunPanel(gui, SimpleNamespace())
+def panel(server):
+    ear = Ear(server.get_event_loop())
+    yield run.RunPanel(server.gui, SimpleNamespace(), ear)
+    ear.close()
 
 
 def test_untouched_settings_are_the_defaults(panel):

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Set
 
 import viser
 
 from imdim.app.lab import drawing, texts
+from imdim.app.lab.ear import Ear
 from imdim.app.lab.edits import Theory
 from imdim.app.lab.jobs import Pool
 from imdim.app.lab.panels.browse import CurvesPanel, FrontPanel, TreePanel
@@ -36,8 +38,8 @@ LEFT, RIGHT = 300, 320  # pixels
 class Page:
     """See the module. `close` when the client has gone."""
 
-    def __init__(self, client: viser.ClientHandle, pool: Pool, limits: UploadLimits) -> None:
-        self._client = client
+    def __init__(self, client: viser.ClientHandle, pool: Pool, limits: UploadLimits, ear: Ear) -> None:
+        self._client, self._ear = client, ear
         self._drawing = Refresher(self._draw_at_once, "draw")
         self._scoring = Refresher(self._score, "score", lambda: SCORE_AFTER_S[self.session.state.live is not None], SCORE_NICE)
         self.session = Session(pool, self._drawing.poke, limits)
@@ -46,40 +48,40 @@ class Page:
         self._scored: Theory | None = None
         self._scores: Scores | None = None
         self._told = ("", "")
+        self._stating = threading.Lock()  # of two threads that write the status, the later one says what is so now
         limit_uploads(client, limits.size, self.session.upload_began, self.session.refuse_upload)
         self._build()
 
     def close(self) -> None:
         """Frees all that this client used."""
         self.session.close()
+        self._ear.close()
         self.view.close()
         self._drawing.close()
         self._scoring.close()
 
     def _build(self) -> None:
-        gui, session = self._client.gui, self.session
+        gui, session, ear = self._client.gui, self.session, self._ear
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BRAND)
         gui.set_panel_label("IMDIM Live Lab")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(RIGHT)
-        self.status = StatusPanel(gui, session)
-        # outside the tabs: clicks in the tree and the code go through it, and what lies in a tab that was never opened is not there
-        gui.add_html(texts.unseen())
-        selected = gui.add_number("Primitive", -1, min=-1, max=9999, step=1)
+        self.status = StatusPanel(gui, session, ear)
+        texts.add_clicks(gui, "Primitive", ear, session.select)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Run"):
-            self.run = RunPanel(gui, session)
+            self.run = RunPanel(gui, session, ear)
         with tabs.add_tab("Edit") as place:
-            self.edit = EditPanel(gui, place, selected, session, self._units_changed)
+            self.edit = EditPanel(gui, place, session, ear, self._draw_again)
         with tabs.add_tab("Relate"):
-            self.relate = RelatePanel(gui, session)
+            self.relate = RelatePanel(gui, session, ear, self._draw_again)
         with tabs.add_tab("View"):
-            self.show = ShowPanel(gui, self.view, lambda: self._scoring.poke("map"))
+            self.show = ShowPanel(gui, self.view, ear, lambda: self._scoring.poke("map"))
         with tabs.add_tab("Take"):
-            self.take = TakePanel(self._client, session, lambda: self.edit.units.value)
+            self.take = TakePanel(self._client, session, ear, lambda: self.edit.units.value)
         upper, lower = gui.add_panel(), gui.add_panel()
         self.tree = TreePanel(gui, upper)
-        self.front, self.curves = FrontPanel(gui, lower, session), CurvesPanel(gui, lower)
+        self.front, self.curves = FrontPanel(gui, lower, session, ear), CurvesPanel(gui, lower)
         upper.dock_left()
         upper.set_width(LEFT)
         lower.dock_below(upper)
@@ -107,7 +109,7 @@ class Page:
         )
         for label, key, modifier, call in keys:
             command = gui.add_command(label, hotkey=key, modifier=modifier)  # type: ignore[arg-type]
-            command.on_trigger(lambda _, call=call: call())
+            command.on_trigger(lambda _, call=call: self._ear.do(call))
 
     def _select_by(self, step: int) -> None:
         theory, now = self.session.theory, self.session.state.selected
@@ -116,9 +118,9 @@ class Page:
             self.session.select((now + step) % size if now is not None else (0 if step > 0 else size - 1))
 
     def _clicked(self, leaf: int) -> None:
-        self.session.select(None if self.session.state.selected == leaf else leaf)
+        self._ear.do(lambda: self.session.select(None if self.session.state.selected == leaf else leaf))
 
-    def _units_changed(self) -> None:
+    def _draw_again(self) -> None:
         self._drawing.poke("program")
 
     # --- drawing, each in a thread of its own ----------------------------------------------------------------------------
@@ -164,11 +166,12 @@ class Page:
         self.relate.draw(theory, selected)
 
     def _draw_state(self) -> None:
-        kind, line = notice = self.session.state.notice
-        self.status.draw(self._lines(), notice)
-        if kind == "error" and line and notice is not self._told:
-            self._client.add_notification("That did not work", line, color="red", auto_close_seconds=SAID_S)
-        self._told = notice
+        with self._stating:
+            kind, line = notice = self.session.state.notice
+            self.status.draw(self._lines(), notice)
+            if kind == "error" and line and notice is not self._told:
+                self._client.add_notification("That did not work", line, color="red", auto_close_seconds=SAID_S)
+            self._told = notice
 
     def _lines(self) -> list[tuple[str, str]]:
         """What the status says."""

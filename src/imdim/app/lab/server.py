@@ -13,6 +13,7 @@ from pathlib import Path
 
 import viser
 
+from imdim.app.lab.ear import Ear
 from imdim.app.lab.examples import NAMES
 from imdim.app.lab.jobs import GiB, Limits, Pool
 from imdim.app.lab.page import Page
@@ -39,7 +40,7 @@ class Lab:
         _compress(host, self._server.get_port())
 
     def _came(self, client: viser.ClientHandle) -> None:
-        page = Page(client, self.pool, self._uploads)
+        page = Page(client, self.pool, self._uploads, Ear(self._server.get_event_loop()))
         with self._lock:
             self._pages[client.client_id] = page
         if self._target is None:

@@ -1,5 +1,9 @@
-"""The page's texts: program as a tree and as code, programs as a strip, constraints as a list. Clicks in them are passed on to a number
-input of the page that nobody sees, since the toolkit tells the server of its own inputs only."""
+"""The page's texts: program as a tree and as code, programs as a strip, constraints as a list.
+
+Clicks in them are passed on to a number input of the page that nobody sees, since the toolkit tells the server of its own inputs only.
+No two clicks give it the same number, and the server never writes to it: neither a second click on one thing nor one that crosses an
+answer is lost.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +11,14 @@ import base64
 import html
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
+import viser
 from PIL import Image
 
 from imdim.app.lab.drawing import Colour, colours, names
+from imdim.app.lab.ear import Ear
 from imdim.app.lab.edits import Theory, numbers
 from imdim.app.lab.solving import TURN, Lock
 from imdim.export.openscad import to_openscad
@@ -27,10 +33,11 @@ PICTURE = 60  # pixels
 PICTURE_SEGMENTS = 24
 _SHAPE = re.compile(r"\b(cube|sphere|cylinder|rotate_extrude)\(")
 
+CLICKS = 10_000  # numbers that can be clicked on; how often that was done is counted in front of them
 # passes the number of what was clicked on to the input with that label, as if it had been typed
 _FORWARD = (
     "const r=event.target.closest('[data-n]');if(!r||event.button)return;"
-    "const n=r.dataset.n,tell=()=>{"
+    "const tell=()=>{const n=(window.imdimClicks=(window.imdimClicks||0)+1)*CLICKS+Number(r.dataset.n);"
     "const l=[...document.querySelectorAll('label')].find(e=>e.textContent==='LABEL');"
     "const i=l&&document.getElementById(l.htmlFor);if(!i)return;"
     "Object.getOwnPropertyDescriptor(HTMLInputElement.prototype,'value').set.call(i,n);"
@@ -51,7 +58,8 @@ _BUTTON = "display:block;width:100%;text-align:left;border:0;font:inherit;cursor
 
 def clickable(label: str, content: str) -> str:
     """HTML whose elements with ``data-n`` set the input called `label` when they are clicked."""
-    pressed, by_key = (html.escape(script.replace("LABEL", label), quote=True) for script in (_PRESSED, _BY_KEY))
+    filled = (script.replace("LABEL", label).replace("CLICKS", str(CLICKS)) for script in (_PRESSED, _BY_KEY))
+    pressed, by_key = (html.escape(script, quote=True) for script in filled)
     return f'<div class="lab-{label.lower()}" style="padding:0 12px 8px" onpointerdown="{pressed}" onclick="{by_key}">{content}</div>'
 
 
@@ -157,9 +165,13 @@ def _back(selected: bool) -> str:
     return "#fff3bf" if selected else "#f8f9fa"
 
 
-def unseen() -> str:
-    """HTML that hides the input after it: clicks in the texts go through it, and its number would say nothing."""
-    return '<i class="lab-unseen"></i>'
+def add_clicks(gui: viser.GuiApi, label: str, ear: Ear, clicked: Callable[[int], object]) -> None:
+    """The input called `label` that clicks in the texts go through, which nobody sees. `clicked` gets the number of what was clicked on.
+
+    It must not lie in a tab that was never opened: what does is not in the page.
+    """
+    gui.add_html('<i class="lab-unseen"></i>')
+    ear.hear(gui.add_number(label, 0, step=1), lambda number: clicked(int(number) % CLICKS))
 
 
 def locked(locks: frozenset[Lock], leaf: int, name: str) -> bool:

@@ -44,6 +44,7 @@ class View:
         self._over: Overlay | None = None
         self._named: tuple[bytes, str] | None = None
         self.shown = dict(LAYERS)
+        self._lock = threading.RLock()  # a person switches layers, a run draws, and distances come when they are measured
         client.camera.on_update(lambda _: self._cloud.stir())
         self.look()
 
@@ -54,21 +55,22 @@ class View:
 
     def show(self, layer: str, visible: bool) -> None:
         """One of LAYERS on or off."""
-        self.shown[layer] = visible
-        if layer in ("Constraints", "Distance map"):
-            for name, (piece, node) in self._meshes.items():
-                node.opacity, node.color = self._opacity(name, piece), self._colour(name, piece)
-            self._overlay()
-        for name, node in (*((n, h) for n, (_, h) in self._meshes.items()), *self._others.items()):
-            if _LAYER_OF[name.split("/")[1]] == layer:
-                node.visible = visible
-        if layer == "Points":
-            self._cloud.show(visible)
+        with self._lock:
+            self.shown[layer] = visible
+            if layer in ("Constraints", "Distance map"):
+                for name, (piece, node) in self._meshes.items():
+                    node.opacity, node.color = self._opacity(name, piece), self._colour(name, piece)
+                self._overlay()
+            for name, node in (*((n, h) for n, (_, h) in self._meshes.items()), *self._others.items()):
+                if _LAYER_OF[name.split("/")[1]] == layer:
+                    node.visible = visible
+            if layer == "Points":
+                self._cloud.show(visible)
 
     def draw(self, scene: Scene | None, overlay: Overlay | None) -> None:
         """The solid, its cutters, and what the constraints relate."""
         pieces = {} if scene is None else {f"/solid/{p.leaf}": p for p in scene.pieces} | {f"/cutters/{p.leaf}": p for p in scene.ghosts}
-        with self._client.atomic():
+        with self._lock, self._client.atomic():
             self._cloud.beside(bool(pieces))
             self._cloud.stir()
             for name in self._meshes.keys() - pieces.keys():
@@ -140,17 +142,19 @@ class View:
 
     def draw_map(self, points: np.ndarray, colours: np.ndarray) -> None:
         """The distances at the target's points."""
-        self._others["/map/points"] = self._points("/map/points", points, colours, MAP_SIZE, "circle")
+        with self._lock:
+            self._others["/map/points"] = self._points("/map/points", points, colours, MAP_SIZE, "circle")
 
     def name(self, at: np.ndarray | None, text: str) -> None:
         """What the selected primitive is called, where it is."""
         named = None if at is None else (at.tobytes(), text)
-        if named == self._named:
-            return
-        self._named = named
-        self._remove("/label/selected")
-        if at is not None:
-            self._others["/label/selected"] = self._scene.add_label("/label/selected", text, position=at, anchor="bottom-center")
+        with self._lock:
+            if named == self._named:
+                return
+            self._named = named
+            self._remove("/label/selected")
+            if at is not None:
+                self._others["/label/selected"] = self._scene.add_label("/label/selected", text, position=at, anchor="bottom-center")
 
     def _points(self, name: str, points: np.ndarray, colours: object, size: float, shape: str) -> viser.PointCloudHandle:
         layer = _LAYER_OF[name.split("/")[1]]
@@ -172,7 +176,7 @@ class View:
 
     def forget(self) -> None:
         """Another target: nothing of the old one stays."""
-        with self._client.atomic():
+        with self._lock, self._client.atomic():
             self._named = None
             self._cloud.forget()
             self.draw(None, None)

@@ -52,7 +52,9 @@ def test_a_click_in_the_picture_selects_in_tree_and_code(done):
     assert "boss" in row.inner_text()
     done.tab("Code")
     assert "r = 14" in page.locator(".lab-primitive [aria-pressed=true]").inner_text()
-    assert done.box("Primitive").input_value() == leaf
+    done.tab("Edit")
+    page.get_by_text(f"{leaf} boss, cylinder").wait_for()
+    done.tab("Run")
     done.wait_for_picture(lambda picture: red(picture) > red(before) + 2000)  # amber
     done.tab("Program")
     done.keys("Escape")

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import viser
 
 from imdim.app.lab import plots, texts
+from imdim.app.lab.ear import Ear
 from imdim.app.lab.edits import Theory
 from imdim.app.lab.session import Session
 from imdim.app.lab.state import Step
@@ -31,18 +32,15 @@ class TreePanel:
 class FrontPanel:
     """Programs as small solids and as points of a plot; what is clicked is loaded."""
 
-    def __init__(self, gui: viser.GuiApi, panel: viser.PanelHandle, session: Session) -> None:
+    def __init__(self, gui: viser.GuiApi, panel: viser.PanelHandle, session: Session, ear: Ear) -> None:
         self._session = session
         self._choices: list[Choice] = []
         with panel.add_tab("Front"):
             self._strip = gui.add_html("")
-            gui.add_html(texts.unseen())
-            self.choice = gui.add_number("Choice", 0, min=0, max=999, step=1)
-            self.choice.on_update(lambda event: self._load(int(event.target.value)) if event.client else None)
+            texts.add_clicks(gui, "Choice", ear, self._load)
             self._plot = gui.add_html("")
 
     def _load(self, number: int) -> None:
-        self.choice.value = 0  # so that another click on the same one tells the server again
         if 1 <= number <= len(self._choices):
             self._session.load(self._choices[number - 1])
 

@@ -9,6 +9,7 @@ import viser
 
 from imdim.app.lab import edits, texts
 from imdim.app.lab.drawing import names
+from imdim.app.lab.ear import Ear
 from imdim.app.lab.edits import Number, Theory
 from imdim.app.lab.session import Session
 from imdim.app.lab.solving import Lock
@@ -30,32 +31,31 @@ class EditPanel:
         self,
         gui: viser.GuiApi,
         place: viser.GuiTabHandle,
-        selected: viser.GuiNumberHandle[int],
         session: Session,
+        ear: Ear,
         unit_changed: Callable[[], None],
     ) -> None:
-        self._gui, self._place, self._session = gui, place, session
+        self._gui, self._place, self._session, self._ear = gui, place, session, ear
         self._shown: tuple[int, str] | None = None
         self._locks: viser.GuiButtonGroupHandle | None = None
         self._inputs: dict[str, viser.GuiNumberHandle[float]] = {}
-        self.selected = selected
-        self.selected.on_update(lambda event: session.select(int(event.target.value)) if event.client else None)
+        self._heard: list[object] = []  # inputs of the selected primitive
         self._numbers = gui.add_folder("Numbers")
         self._order = self._numbers.order
         with self._numbers:
             gui.add_html(texts.note(NOTHING))
         self.follow = gui.add_checkbox("Keep relations", True, hint="What the constraints relate to an edited number moves along")
         self.steps = gui.add_button_group("History", ("Undo", "Redo"))
-        self.steps.on_click(lambda event: session.undo() if event.target.value == "Undo" else session.redo())
+        ear.press(self.steps, lambda step: session.undo() if step == "Undo" else session.redo())
         solve = gui.add_button("Let the solver finish", color=BLUE, hint="Fits the numbers; constraints and locks hold")
-        solve.on_click(lambda _: session.solve())
+        ear.press(solve, lambda _: session.solve())
         with gui.add_folder("Add or remove"):
             self.kind = gui.add_dropdown("Kind", KINDS, initial_value="cylinder")
             self.op = gui.add_dropdown("Joined by", OPS)
-            gui.add_button("Add", color=GREY).on_click(lambda _: self._add())
-            gui.add_button("Remove the selected", color=RED).on_click(lambda _: self.remove())
+            ear.press(gui.add_button("Add", color=GREY), lambda _: self._add())
+            ear.press(gui.add_button("Remove the selected", color=RED), lambda _: self.remove())
         self.units = gui.add_dropdown("Units", tuple(UNITS), initial_value="millimeter")
-        self.units.on_update(lambda _: unit_changed())
+        ear.hear(self.units, lambda _: unit_changed())
 
     @property
     def unit(self) -> str:
@@ -77,8 +77,6 @@ class EditPanel:
 
     def draw(self, theory: Theory | None, selected: int | None) -> None:
         """The numbers of the selected primitive; inputs stay while the primitive is the same, so that typing is not disturbed."""
-        if self.selected.value != (-1 if selected is None else selected):
-            self.selected.value = -1 if selected is None else selected
         parts = [] if theory is None else list(leaves(theory.program))
         if theory is None or selected is None or selected >= len(parts):
             if self._shown is not None:
@@ -91,8 +89,7 @@ class EditPanel:
             self._shown = key
         for number in edits.numbers(parts[selected]):
             box = self._inputs[number.name]
-            if abs(float(box.value) - number.value) > 0.5 * box.step:
-                box.value = number.value
+            self._ear.show(box, number.value, 0.5 * box.step)
         options = tuple(f"{LOCKED if Lock(selected, n) in theory.locks else ''}{n}" for n in _lockable(parts[selected]))
         if self._locks is not None and tuple(self._locks.options) != options:
             self._locks.options = options
@@ -105,11 +102,13 @@ class EditPanel:
             op = edits.operation(theory.program, leaf)
             if op is not None:
                 chosen = self._gui.add_dropdown("Operation", OPS, initial_value=op)
-                chosen.on_update(lambda event: self._operate(leaf, event.target.value) if event.client else None)
+                self._ear.hear(chosen, lambda value: self._operate(leaf, value))
+                self._heard.append(chosen)
             for number in edits.numbers(part):
                 self._inputs[number.name] = self._input(leaf, part, number)
             self._locks = self._gui.add_button_group("Lock", tuple(_lockable(part)), hint="A locked number is not moved by the solver")
-            self._locks.on_click(lambda event: self._lock(leaf, event.target.value.removeprefix(LOCKED)))
+            self._ear.press(self._locks, lambda value: self._lock(leaf, value.removeprefix(LOCKED)))
+            self._heard += [*self._inputs.values(), self._locks]
 
     def _input(self, leaf: int, part: Primitive, number: Number) -> viser.GuiNumberHandle[float]:
         sign = "°" if number.unit == "degrees" else self.unit
@@ -118,7 +117,7 @@ class EditPanel:
         label = f"{number.name} {sign}".strip()
         step, shown = 10.0**-digits, round(number.value, digits) + 0.0
         box = self._gui.add_number(label, float(shown), min=least, step=step)
-        box.on_update(lambda event: self._edit(leaf, number.name, float(event.target.value)) if event.client else None)
+        self._ear.hear(box, lambda value: self._edit(leaf, number.name, float(value)))
         return box
 
     def _edit(self, leaf: int, name: str, value: float) -> None:
@@ -136,7 +135,8 @@ class EditPanel:
         self._numbers.remove()
         with self._place:
             self._numbers = self._gui.add_folder("Numbers", order=self._order)
-        self._inputs = {}
+        self._ear.forget(*self._heard)
+        self._inputs, self._heard = {}, []
         if line:
             with self._numbers:
                 self._gui.add_html(texts.note(line))

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import viser
 
 from imdim.app.lab import edits, texts
 from imdim.app.lab.drawing import VIOLATED
+from imdim.app.lab.ear import Ear
 from imdim.app.lab.edits import Theory
 from imdim.app.lab.session import Session
 from imdim.app.lab.solving import violations
@@ -17,21 +20,25 @@ from imdim.program.tree import SIZE_NAMES, Primitive, leaves
 class RelatePanel:
     """See the module."""
 
-    def __init__(self, gui: viser.GuiApi, session: Session) -> None:
-        self._session, self._theory = session, session.theory
+    def __init__(self, gui: viser.GuiApi, session: Session, ear: Ear, changed: Callable[[], None]) -> None:
+        self._session, self._changed = session, changed
+        self._chosen = -1
         self._list = gui.add_html("")
-        gui.add_html(texts.unseen())
-        self.number = gui.add_number("Constraint", -1, min=-1, max=9999, step=1)
-        self.number.on_update(lambda event: self._list_again() if event.client else None)
-        gui.add_button("Remove the constraint", color=RED, hint="The one that was clicked in the list").on_click(lambda _: self._remove())
-        gui.add_button("Look for relations", color=GREY).on_click(lambda _: session.relate())
+        texts.add_clicks(gui, "Constraint", ear, self._choose)
+        remove = gui.add_button("Remove the constraint", color=RED, hint="The one that was clicked in the list")
+        ear.press(remove, lambda _: self._remove())
+        ear.press(gui.add_button("Look for relations", color=GREY), lambda _: session.relate())
         with gui.add_folder("Add a constraint"):
             self._hint = gui.add_html("")
             self.kind = gui.add_dropdown("Relation", tuple(RULES), initial_value="equal")
             self.of = gui.add_text("Of", "", hint="Features, as in 2.r, 3.r")
             self.about = gui.add_text("About", "", hint="An axis, as in world.z or 0.z, where the kind needs one")
             self.value = gui.add_number("Value", 0.0, step=0.001)
-            gui.add_button("Add the constraint", color=GREY).on_click(lambda _: self._add())
+            ear.press(gui.add_button("Add the constraint", color=GREY), lambda _: self._add())
+
+    def _choose(self, number: int) -> None:
+        self._chosen = number
+        self._changed()
 
     def _add(self) -> None:
         def change(theory: Theory) -> Theory:
@@ -41,25 +48,21 @@ class RelatePanel:
         self._session.edit("constraint", change)
 
     def _remove(self) -> None:
-        number = int(self.number.value)
+        number = self._chosen
         if self._session.edit("constraint", lambda theory: edits.without_constraint(theory, number)):
-            self.number.value = -1
+            self._choose(-1)
 
     def draw(self, theory: Theory | None, selected: int | None) -> None:
         """The list, and the features that the selected primitive offers."""
-        if theory is None or int(self.number.value) >= len(theory.constraints):
-            self.number.value = -1
-        self._theory = theory
-        self._list_again()
+        if theory is None or self._chosen >= len(theory.constraints):
+            self._chosen = -1
+        off = [] if theory is None else violations(theory.program, theory.constraints)
+        self._list.content = texts.relations(theory, off, VIOLATED, self._chosen)
         parts = [] if theory is None else list(leaves(theory.program))
         text = "Select a primitive to see the names of its features."
         if selected is not None and selected < len(parts):
             text = f"Features of {selected}: {features(selected, parts[selected])}"
         self._hint.content = texts.note(text)
-
-    def _list_again(self) -> None:
-        off = [] if self._theory is None else violations(self._theory.program, self._theory.constraints)
-        self._list.content = texts.relations(self._theory, off, VIOLATED, int(self.number.value))
 
 
 def features(leaf: int, part: Primitive) -> str:

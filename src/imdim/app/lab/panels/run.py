@@ -8,6 +8,7 @@ from typing import Any
 import viser
 
 from imdim.app.lab.continuing import Rates
+from imdim.app.lab.ear import Ear
 from imdim.app.lab.examples import NAMES
 from imdim.app.lab.session import Session
 from imdim.app.lab.style import BLUE, GREY
@@ -19,14 +20,14 @@ NONE = "none"
 class RunPanel:
     """See the module."""
 
-    def __init__(self, gui: viser.GuiApi, session: Session) -> None:
-        self._session = session
+    def __init__(self, gui: viser.GuiApi, session: Session, ear: Ear) -> None:
+        self._session, self._ear = session, ear
         self.example = gui.add_dropdown("Example", (NONE, *NAMES))
-        self.example.on_update(lambda event: self._open(event.target.value) if event.client else None)
+        ear.hear(self.example, self._open)
         self.start = self._button(gui, "Start", lambda: session.start(self.settings()), BLUE)
         with gui.add_folder(None):
             self.go = gui.add_button_group("Run", ("Pause", "Resume", "Step", "Stop"))
-            self.go.on_click(lambda event: self._pressed(event.target.value))
+            ear.press(self.go, self._pressed)
         with gui.add_folder("Settings"):
             self.method = gui.add_dropdown("Method", tuple(METHODS), hint="auto searches, proves and repairs; evolve breeds")
             self.budget = gui.add_number("Seconds", 60.0, min=1.0, max=3600.0, step=1.0, hint="Time budget; a pause does not count")
@@ -41,7 +42,7 @@ class RunPanel:
 
     def _button(self, gui: viser.GuiApi, label: str, call: Callable[[], None], color: tuple[int, int, int] = GREY) -> viser.GuiButtonHandle:
         button = gui.add_button(label, color=color)
-        button.on_click(lambda _: call())
+        self._ear.press(button, lambda _: call())
         return button
 
     def _open(self, name: str) -> None:
@@ -50,7 +51,7 @@ class RunPanel:
 
     def draw(self, part: str) -> None:
         """The example that is open, none where a file is: the browser tells of a choice only where it changes one."""
-        self.example.value = part if part in NAMES else NONE
+        self._ear.show(self.example, part if part in NAMES else NONE)
 
     def _pressed(self, what: str) -> None:
         {"Pause": self._session.pause, "Resume": self._session.resume, "Step": self.step, "Stop": self._session.stop}[what]()

@@ -6,6 +6,7 @@ import html
 
 import viser
 
+from imdim.app.lab.ear import Ear
 from imdim.app.lab.session import Session
 from imdim.app.lab.style import GREY, MUTED, style
 
@@ -17,12 +18,12 @@ HINT = "Or drop it anywhere on the page: STL, OBJ, OFF, PLY, 3MF, GLB, XYZ, TXT,
 class StatusPanel:
     """See the module."""
 
-    def __init__(self, gui: viser.GuiApi, session: Session) -> None:
+    def __init__(self, gui: viser.GuiApi, session: Session, ear: Ear) -> None:
         self._session = session
         gui.add_html(style())
         self._text = gui.add_html("")
         upload = gui.add_upload_button("Open a file", hint=HINT, color=GREY)
-        upload.on_upload(lambda event: session.open_upload(event.target.value.name, event.target.value.content))
+        upload.on_upload(lambda event: ear.do(lambda file=event.target.value: session.open_upload(file.name, file.content)))
 
     def draw(self, lines: list[tuple[str, str]], notice: tuple[str, str]) -> None:
         """The state of the run, name and value a line, and the last message."""

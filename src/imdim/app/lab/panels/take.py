@@ -8,6 +8,7 @@ import viser
 
 from imdim.app.lab import texts
 from imdim.app.lab.downloads import Files
+from imdim.app.lab.ear import Ear
 from imdim.app.lab.session import Session
 from imdim.app.lab.style import GREY
 from imdim.app.lab.view import LAYERS, View
@@ -29,12 +30,12 @@ FORMATS: Mapping[str, str] = {
 class TakePanel:
     """Downloads. All files come from one delivery, as `imdim fit` writes them."""
 
-    def __init__(self, client: viser.ClientHandle, session: Session, units: Callable[[], str]) -> None:
+    def __init__(self, client: viser.ClientHandle, session: Session, ear: Ear, units: Callable[[], str]) -> None:
         self._client, self._session, self._units = client, session, units
         text = "The files are made together, which takes some seconds the first time."
         client.gui.add_html(texts.note(text))
         for label in FORMATS:
-            client.gui.add_button(f"Download {label}", color=GREY).on_click(lambda _, label=label: self.take(label))
+            ear.press(client.gui.add_button(f"Download {label}", color=GREY), lambda _, label=label: self.take(label))
 
     def take(self, label: str) -> None:
         """Send the file of one format once it is there."""
@@ -61,19 +62,22 @@ def in_units(document: bytes, units: str) -> bytes:
 class ShowPanel:
     """Layers of the view."""
 
-    def __init__(self, gui: viser.GuiApi, view: View, changed: Callable[[], None]) -> None:
+    def __init__(self, gui: viser.GuiApi, view: View, ear: Ear, changed: Callable[[], None]) -> None:
+        self._view, self._ear, self._changed = view, ear, changed
         self._boxes = {layer: gui.add_checkbox(layer, shown) for layer, shown in LAYERS.items()}
         for layer, box in self._boxes.items():
-            box.on_update(lambda event, layer=layer: self._switched(view, layer, event.target.value, changed))
+            ear.hear(box, lambda on, layer=layer: self._switch(layer, on))
         self.scale = gui.add_html("")
-        self.turning = gui.add_checkbox("Turn slowly", False)
-        self.turning.on_update(lambda event: view.turn(event.target.value))
-        gui.add_button("Show the whole part", color=GREY).on_click(lambda _: view.look())
+        ear.hear(gui.add_checkbox("Turn slowly", False), view.turn)
+        ear.press(gui.add_button("Show the whole part", color=GREY), lambda _: view.look())
 
-    def _switched(self, view: View, layer: str, on: bool, changed: Callable[[], None]) -> None:
-        view.show(layer, on)
+    def _switch(self, layer: str, on: bool) -> None:
+        self._view.show(layer, on)
         if layer == "Distance map" and on:
-            changed()
+            self._changed()
 
     def toggle(self, layer: str) -> None:
-        self._boxes[layer].value = not self._boxes[layer].value
+        """On where it is off, by key."""
+        on = not self._view.shown[layer]
+        self._ear.show(self._boxes[layer], on)
+        self._switch(layer, on)
