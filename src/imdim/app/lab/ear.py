@@ -33,8 +33,16 @@ class Ear:
         """Call `act` whenever a button is pressed: with the option, where there are some."""
         button.on_click(self._listener(button, act))
 
+    def then(self, act: Callable[[], object]) -> Callable[[Any], Coroutine[Any, Any, None]]:
+        """A listener that calls `act`, for what gives no value: a key, a click in the view."""
+
+        async def came(_: Any) -> None:  # on the event loop: a thread for it could come to its turn after what was done later
+            self.do(act)
+
+        return came
+
     def do(self, act: Callable[[], object]) -> None:
-        """Call `act` after all that came before."""
+        """Call `act` after all that was done before."""
         with contextlib.suppress(RuntimeError):  # the page has gone
             self._hand.submit(_told, act)
 

@@ -30,6 +30,7 @@ from imdim.program.tree import leaves
 
 SCORE_SAMPLES = 5_000
 SCORE_AFTER_S = 0.4, 1.0  # the picture has the core for itself until then: after an edit, and while a run goes on
+COMING = "\N{HORIZONTAL ELLIPSIS}"  # what is being measured
 SAID_S = 10.0  # that an error stays on the picture
 SCORE_NICE = 10  # and where it takes longer, it still goes first
 LEFT, RIGHT = 300, 320  # pixels
@@ -43,7 +44,7 @@ class Page:
         self._drawing = Refresher(self._draw_at_once, "draw")
         self._scoring = Refresher(self._score, "score", lambda: SCORE_AFTER_S[self.session.state.live is not None], SCORE_NICE)
         self.session = Session(pool, self._drawing.poke, limits)
-        self.view = View(client, self._clicked)
+        self.view = View(client, ear, self._clicked)
         self._scene: drawing.Scene | None = None
         self._scored: Theory | None = None
         self._scores: Scores | None = None
@@ -89,7 +90,7 @@ class Page:
 
     def _commands(self) -> None:
         """What the keyboard can do; the toolkit lists it under ctrl+K."""
-        session, gui = self.session, self._client.gui
+        session, gui, ear = self.session, self._client.gui, self._ear
         keys = (
             ("Start a run", "R", None, lambda: session.start(self.run.settings())),
             ("Pause or resume", "P", None, lambda: session.resume() if session.running == "paused" else session.pause()),
@@ -109,7 +110,7 @@ class Page:
         )
         for label, key, modifier, call in keys:
             command = gui.add_command(label, hotkey=key, modifier=modifier)  # type: ignore[arg-type]
-            command.on_trigger(lambda _, call=call: self._ear.do(call))
+            command.on_trigger(ear.then(call))
 
     def _select_by(self, step: int) -> None:
         theory, now = self.session.theory, self.session.state.selected
@@ -118,7 +119,7 @@ class Page:
             self.session.select((now + step) % size if now is not None else (0 if step > 0 else size - 1))
 
     def _clicked(self, leaf: int) -> None:
-        self._ear.do(lambda: self.session.select(None if self.session.state.selected == leaf else leaf))
+        self.session.select(None if self.session.state.selected == leaf else leaf)
 
     def _draw_again(self) -> None:
         self._drawing.poke("program")
@@ -186,13 +187,15 @@ class Page:
         unit = f" {self.edit.unit}³" if self.edit.unit else ""
         counts = count(theory.program)
         lines += [("primitives", str(counts.primitives)), ("volume", f"{self._scene.volume:.5g}{unit}")]
+        # a row that came and went would move all that stands below it away from under the pointer
+        error = distance = COMING
         if self._scores is not None and self._scored == theory:
             scores = self._scores
             far = scores.relative(scores.to_result)
-            lines += [("error", "no closed target" if scores.volume_iou is None else f"{1 - scores.volume_iou:.2%} (1 - IoU)")]
-            lines += [("distance", f"mean {far.mean:.2%}, max {far.max:.2%}")]
-        proved = state.proof and state.proved == theory.program
-        return [*lines, ("proof", state.proof)] if proved else lines
+            error = "no closed target" if scores.volume_iou is None else f"{1 - scores.volume_iou:.2%} (1 - IoU)"
+            distance = f"mean {far.mean:.2%}, max {far.max:.2%}"
+        proved = state.proof if state.proved == theory.program else ""
+        return [*lines, ("error", error), ("distance", distance), ("proof", proved)]
 
     def _score(self, topics: Set[str]) -> None:
         """Scores, the distance map, and small pictures: what the eye can wait a moment for."""

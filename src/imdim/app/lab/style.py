@@ -21,6 +21,7 @@ _CSS = f"""
 .lab-status tr {{ display: flex; gap: 6px }}
 .lab-status tr.wide {{ grid-column: 1 / -1 }}
 .lab-status td {{ padding: 0 }}
+.lab-status .wide td + td {{ min-width: 0; overflow: hidden; text-overflow: ellipsis; white-space: nowrap }}
 @media (max-width: 36em) {{
   #root div:has(> {_SHEET}) {{ flex-direction: column }}
   #root div:has(> {_SHEET}) > div:not([class]) {{ height: auto !important; min-height: 0 }}

@@ -10,6 +10,7 @@ import numpy as np
 import viser
 
 from imdim.app.lab.drawing import POINT_COLOUR, Colour, Overlay, Piece, Scene
+from imdim.app.lab.ear import Ear
 from imdim.app.lab.points import Points
 
 LAYERS: Mapping[str, bool] = {"Solid": True, "Cutters": True, "Points": True, "Distance map": False, "Constraints": False}
@@ -35,8 +36,8 @@ def light(scene: viser.SceneApi) -> None:
 class View:
     """Draws pieces, and tells which primitive was clicked."""
 
-    def __init__(self, client: viser.ClientHandle, clicked: Callable[[int], None]) -> None:
-        self._scene, self._client, self._clicked = client.scene, client, clicked
+    def __init__(self, client: viser.ClientHandle, ear: Ear, clicked: Callable[[int], None]) -> None:
+        self._scene, self._client, self._ear, self._clicked = client.scene, client, ear, clicked
         self._meshes: dict[str, tuple[Piece, viser.MeshHandle]] = {}
         self._others: dict[str, viser.SceneNodeHandle] = {}
         self._cloud = Points(client)
@@ -94,7 +95,7 @@ class View:
             side="front",
             visible=self.shown[_LAYER_OF[name.split("/")[1]]],
         )
-        handle.on_click(lambda _, leaf=piece.leaf: self._clicked(leaf))
+        handle.on_click(self._ear.then(lambda leaf=piece.leaf: self._clicked(leaf)))
         self._meshes[name] = (piece, handle)
 
     def _opacity(self, name: str, piece: Piece) -> float | None:

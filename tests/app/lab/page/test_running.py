@@ -46,6 +46,7 @@ def test_a_run_is_stepped_paused_and_stopped(phone):
     phone.says("running")
     phone.press("Stop")
     phone.says("ready")
+    phone.says("(stopped)")
     assert phone.volume() > 0, "what was found so far stays"
 
 
@@ -61,7 +62,7 @@ def test_an_evolution_goes_on_from_an_edited_program(done):
     done.says("primitives7")  # a child has a hole where one is missing
     done.press("Stop")
     done.says("ready")
-    done.says("continue: evolve (stopped)")
+    done.says("continue: evolve (")  # stopped, or it was good enough before
     assert done.status("primitives") == "7", "what was found so far stays"
     done.box("Seconds").fill("60")
     done.press_folder("Evolve from here")

@@ -12,6 +12,7 @@ from imdim.app.lab.style import GREY, MUTED, style
 
 STATES = {"": "ready", "waiting": "waiting for its turn", "running": "running", "paused": "paused"}
 SHORT = ("state", "primitives", "volume", "error")  # two of these fit on a line
+NOTICE = 37  # pixels of a message of one line, kept free: what stands below must not move while somebody reaches for it
 HINT = "Or drop it anywhere on the page: STL, OBJ, OFF, PLY, 3MF, GLB, XYZ, TXT, CSV, PCD, NPY, NPZ"
 
 
@@ -37,10 +38,11 @@ class StatusPanel:
 
 def _row(name: str, value: str) -> str:
     wide = "" if name in SHORT else ' class="wide"'
-    return f'<tr{wide}><td style="color:{MUTED}">{name}</td><td><b>{html.escape(value)}</b></td></tr>'
+    text = html.escape(value)
+    return f'<tr{wide}><td style="color:{MUTED}">{name}</td><td title="{text}"><b>{text}</b></td></tr>'
 
 
 def _said(kind: str, line: str) -> str:
     tint = "color:#a61e1e;background:#fff0f0" if kind == "error" else "color:#0b5345;background:#e8f7f1"
     box = f'<div class="lab-notice" style="{tint};border-radius:6px;padding:6px 8px;margin:6px 0 0">{html.escape(line)}</div>'
-    return f'<div role="alert">{box if line else ""}</div>'
+    return f'<div role="alert" style="min-height:{NOTICE}px">{box if line else ""}</div>'
