@@ -116,12 +116,16 @@ class _Points:
         best start is known at least where time is out."""
         if out_of_time() or not lent:
             return self._start(programs, out_of_time)
-        grown, told = (self._changed(starts, lent, out_of_time) for starts in (lent, programs))
-        best, other = sorted((grown, told), key=self._length)
-        return restructured(best, self.quick, [*leaves(other.program)], self.axes, out_of_time, self._draws)
+        first = self._start(lent, out_of_time)
+        grown = self._changed(first, lent, out_of_time)
+        second = self._start(programs, out_of_time)
+        if second.program == first.program:
+            return grown
+        best, other = sorted((grown, self._changed(second, lent, out_of_time)), key=self._length)
+        return self._changed(best, [*leaves(other.program)], out_of_time)
 
-    def _changed(self, starts: Sequence[Program], lent: Sequence[Program], out_of_time: Callable[[], bool]) -> Likely:
-        return restructured(self._start(starts, out_of_time), self.quick, lent, self.axes, out_of_time, self._draws)
+    def _changed(self, start: Likely, lent: Sequence[Program], out_of_time: Callable[[], bool]) -> Likely:
+        return restructured(start, self.quick, lent, self.axes, out_of_time, self._draws)
 
     def _start(self, starts: Sequence[Program], out_of_time: Callable[[], bool]) -> Likely:
         """The likeliest of several programs, with its numbers fitted."""

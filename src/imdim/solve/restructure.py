@@ -25,6 +25,7 @@ from imdim.solve.missing import alternatives, hollows, missing, trimmed
 from imdim.solve.mixture import Draws, Mixture, Scene, Steps, folded, to_steps
 from imdim.solve.parsimony import length, numbers
 from imdim.solve.pool import Choice, Cloud, distinct, own_moves, uses
+from imdim.solve.rims import rims
 
 ROUNDS = 40
 SEEN = 2048  # points that changes are looked at with
@@ -126,10 +127,9 @@ class _Search:
         start: Choice = tuple((i, sign) for i, (_, sign) in enumerate(steps))
         new = (c for i in range(len(steps), len(mixture.parts)) for c in uses(i, start))
         moves = [*own_moves(start), *(c for c in new if all(sign or not _is_wall(mixture.parts[i]) for i, sign in c))]
-        glance = np.argsort(mixture.lengths(moves, GLANCE), kind="stable")[:LOOKED]
-        lengths = mixture.lengths([start, *(moves[i] for i in glance)])
-        order = np.argsort(lengths[1:], kind="stable")[:TRIED]
-        return [folded(mixture.steps(moves[glance[i]])) for i in order if lengths[1 + i] < lengths[0] + SLACK]
+        glance = [start, *(moves[i - 1] for i in _shortest(mixture.lengths([start, *moves], GLANCE), LOOKED))]
+        lengths = mixture.lengths(glance)
+        return [folded(mixture.steps(glance[i])) for i in _shortest(lengths, TRIED) if lengths[i] < lengths[0] + SLACK]
 
     def _guesses(self, best: Likely, steps: Steps) -> list[Program]:
         """What might be missing, and other shapes for the points of each primitive of the sequence."""
@@ -149,7 +149,7 @@ class _Search:
                     *stadiums(part, sigma),
                 ]
                 if positive and own.any():
-                    out += _hollowed(part, value[own], cloud, sigma)
+                    out += [*_hollowed(part, value[own], cloud, sigma), *rims(part, cloud.points, sigma)]
         return out
 
 
@@ -158,6 +158,13 @@ def _hollowed(part: Primitive, value: np.ndarray, cloud: Cloud, sigma: float) ->
     half = float(np.sqrt(max(np.mean(value**2) - sigma**2, 0.0)))
     walls = shells(part, 2 * half, cloud, sigma) if half > BLURRED * sigma else ()
     return [*walls, *(hollows(part, float(np.median(np.abs(value))), cloud) if part.kind in HOLLOW else ())]
+
+
+def _shortest(lengths: np.ndarray, most: int) -> np.ndarray:
+    """Indices of the `most` shortest, of those that come to the same the first, and none of those that come to what the first of all does:
+    in another order the same solid comes about."""
+    first = np.unique(np.round(lengths, 9), return_index=True)[1]
+    return first[first > 0][:most]
 
 
 def _is_wall(part: Program) -> bool:
