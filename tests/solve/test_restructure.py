@@ -14,7 +14,7 @@ from imdim.solve.maximise import maximise
 from imdim.solve.mixture import Draws, Mixture, Scene, folded, to_steps
 from imdim.solve.outlines import outlines
 from imdim.solve.parsimony import length
-from imdim.solve.restructure import most_telling, restructured
+from imdim.solve.restructure import _shortest, most_telling, restructured
 
 PART = cut(union(box(40, 30, 6), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(3, 40, (-12.0, 0.0, 0.0)))
 NEVER = lambda: False  # noqa: E731
@@ -91,6 +91,12 @@ def test_what_is_cut_away_wholly_is_infinitely_long():
     points = cloud(box(4, 4, 4), 500, 0.1)
     mixture = Mixture.of(scene_of(box(4, 4, 4), points, 0.1), [box(4, 4, 4), box(9, 9, 9)], [])
     assert np.isinf(mixture.lengths([((0, True), (1, False))])).all()
+
+
+def test_orders_of_one_solid_are_looked_at_once():
+    lengths = np.array([1.0, 3.0, 1.0, 0.5, np.inf, 0.5 + 1e-12, 1.2])  # of the start, then of its changes
+    assert _shortest(lengths, 9).tolist() == [3, 6, 1, 4]
+    assert _shortest(lengths, 2).tolist() == [3, 6]
 
 
 def test_what_noise_explains_is_dropped_and_what_it_does_not_stays():

@@ -18,6 +18,7 @@ from imdim.solve.missing import ENDS, LEAST
 ABOVE = 3.0  # deviations of the noise, from which a point is no longer the face's
 TOP = 0.8  # quantile of the heights above the face: the top of a rim has more points than its walls
 INNER = 0.1  # quantile of the distances from the middle
+MIDDLE = 0.7  # of a side: nearer its ends stand the walls of others
 OUT = 4.0  # deviations of the noise by which a cut leaves the part
 
 
@@ -40,7 +41,7 @@ def rims(part: Primitive, points: np.ndarray, sigma: float) -> Iterator[Program]
             if free is None:
                 continue
             high = float(np.quantile(height[above], TOP))
-            size, middle = np.array(part.size), np.zeros(3)
+            size, middle = np.array(part.size, float), np.zeros(3)
             size[slot], middle[k] = size[slot] + high, sign * high / 2
             taller = _placed(part, size, middle, rotation)
             width, middle[across] = free
@@ -55,15 +56,16 @@ def _free(kind: str, points: np.ndarray, half: np.ndarray, sigma: float) -> tupl
     if kind == "cylinder":
         radius = np.quantile(np.hypot(*points.T), INNER)
         return (np.array([radius]), np.zeros(2)) if radius > ABOVE * sigma else None
-    nearest = np.abs(points / half).argmax(1)
-    ends = np.outer([-1.0, 1.0], half + OUT * sigma)  # a side without points is open
+    share = np.abs(points / half)
+    out = half + OUT * sigma  # a side without points is open
+    ends = np.outer([-1.0, 1.0], out)
     for j in range(2):
         for end, sign in enumerate((-1, 1)):
-            here = sign * points[(nearest == j) & (sign * points[:, j] > 0), j]
-            if len(here) >= LEAST / 2:
+            here = sign * points[(share[:, 1 - j] < MIDDLE) & (share[:, j] > share[:, 1 - j]) & (sign * points[:, j] > 0), j]
+            if len(here) >= LEAST:
                 ends[end, j] = sign * np.quantile(here, INNER)
     width = ends[1] - ends[0]
-    return (width, ends.mean(0)) if width.min() > 2 * ABOVE * sigma else None
+    return (width, ends.mean(0)) if width.min() > 2 * ABOVE * sigma and (width < 2 * out).any() else None
 
 
 def _placed(part: Primitive, size: np.ndarray, local: np.ndarray, rotation: np.ndarray) -> Primitive:
