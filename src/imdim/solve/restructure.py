@@ -32,6 +32,7 @@ SEEN = 2048  # points that changes are looked at with
 GLANCE = 4  # each so-manieth of them for a first look
 LOOKED = 120  # changes that get a second one
 TRIED = 16  # changes whose numbers get a first step
+FEWER = 2  # each so-manieth point for that
 REFITTED = 4  # of them, whose numbers are fitted
 LONGEST = 40  # steps of a sequence
 SLACK = 0.05  # nats per point that a change may cost before its numbers are fitted
@@ -104,18 +105,19 @@ class _Search:
             return None
         worth = cost - WORTH
         fewer = numbers(best.program)
-        firsts = self._fitted([(p, best) for p in self._promising(best, steps)], FIRST)
-        fitted = self._fitted([(trial.program, trial) for _, trial in firsts[:REFITTED]], REFIT)
+        firsts = self._fitted([(p, best) for p in self._promising(best, steps)], self.points[::FEWER], FIRST)
+        fitted = self._fitted([(trial.program, trial) for _, trial in firsts[:REFITTED]], self.points, REFIT)
         shorter = [(after, trial) for after, trial in fitted if after < (cost if numbers(trial.program) < fewer else worth)]
         return (shorter[0][1], shorter[0][0]) if shorter else None
 
-    def _fitted(self, tried: Sequence[tuple[Program, Likely]], config: MaximiseConfig) -> list[tuple[float, Likely]]:
-        """Programs with their numbers fitted, from the noise beside each, and the lengths of their messages, the shortest first."""
+    def _fitted(self, tried: Sequence[tuple[Program, Likely]], points: np.ndarray, config: MaximiseConfig) -> list[tuple[float, Likely]]:
+        """Programs with their numbers fitted to `points`, from the noise beside each, and the lengths of their messages that tell all
+        points at that density, the shortest first."""
         out = []
         for program, known in tried:
             if self.out_of_time():
                 return []
-            trial = maximise(program, self.points, known.noise, config, self.out_of_time)
+            trial = maximise(program, points, known.noise, config, self.out_of_time)
             out.append((length(trial.program, self.points, trial.noise, trial.nll), trial))
         return sorted(out, key=itemgetter(0))
 
