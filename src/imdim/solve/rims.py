@@ -23,7 +23,7 @@ OUT = 4.0  # deviations of the noise by which a cut leaves the part
 
 
 def rims(part: Primitive, points: np.ndarray, sigma: float) -> Iterator[Program]:
-    """The box or cylinder with a rim at each flat end above which there are some of the `points` [n, 3], whose noise deviates by `sigma`."""
+    """The box or cylinder with a rim at each flat end above which there are `points` [n, 3]; `sigma` is the deviation of their noise."""
     if part.kind not in ("box", "cylinder"):
         return
     rotation = matrix_from_euler(part.rotation)
