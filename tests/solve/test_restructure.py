@@ -10,7 +10,7 @@ from imdim.program.cost import count
 from imdim.program.tree import leaves
 from imdim.solve import mixture as mixture_module
 from imdim.solve.likelihood import Noise, Shown
-from imdim.solve.maximise import maximise
+from imdim.solve.maximise import Likely, maximise
 from imdim.solve.mixture import Draws, Mixture, Scene, folded, to_steps
 from imdim.solve.outlines import outlines
 from imdim.solve.parsimony import length
@@ -105,6 +105,13 @@ def test_what_noise_explains_is_dropped_and_what_it_does_not_stays():
     short = settled(crowded, points)
     assert sorted(p.kind for p in leaves(short.program)) == ["box", "cylinder", "cylinder"]
     assert length(short.program, points, short.noise) < length(crowded, points, short.noise)
+
+
+def test_a_program_that_nothing_is_left_of_is_a_start_too():
+    points, block = cloud(box(20, 14, 9)), box(20, 14, 9)
+    gone = Likely(cut(block, box(30, 30, 30)), Noise(0.4), np.inf, 0)
+    assert restructured(gone, points, [block], np.eye(3), NEVER).program.kind == "box"
+    assert most_telling([gone.program, block], Draws(points), gone, 1) == [block]
 
 
 def test_leaves_of_nested_parts_can_go():

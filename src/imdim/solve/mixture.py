@@ -23,6 +23,7 @@ from imdim.solve.parsimony import SKIN, numbers
 from imdim.solve.pool import Choice
 
 SAMPLES = 2048  # of the program's surface
+LEAST_AREA = 0.01  # of the square of the cloud's diagonal
 STEP = 1e-5  # from a surface to either side, of the cloud's diagonal
 MOST = 6144  # of one part's surface
 NEIGHBOURS = 14  # samples of one part near a point
@@ -122,8 +123,12 @@ class Draws:
         self._drawn: Drawn | None = None
 
     def at(self, sigma: float, area: float) -> Drawn:
-        """For the noise and an `area` that gets SAMPLES, or what is there, where neither differs by more than ALIKE."""
-        asked = max(sigma, 1e-300), max(math.sqrt(area / SAMPLES), 1e-300)
+        """For the noise and an `area` that gets SAMPLES, or what is there, where neither differs by more than ALIKE.
+
+        Of a program that nothing is seen of there is none: at least a share of the points' box counts.
+        """
+        least = LEAST_AREA * float(np.square(np.ptp(self.points, axis=0)).sum())
+        asked = max(sigma, 1e-300), math.sqrt(max(area, least, 1e-100) / SAMPLES)
         if self._drawn is None or not np.allclose(np.log(asked), np.log(self._drawn.key), rtol=0, atol=math.log(ALIKE)):
             self._drawn = Drawn(self.points, *asked)
         return self._drawn
