@@ -75,3 +75,14 @@ def test_outward_follows_a_flipped_plane():
     a, b = regularise([up, down], 0.001)
     assert a.surface == b.surface
     assert a.outward == -b.outward
+
+
+def test_a_torus_that_points_would_pull_through_its_own_axis_stays_a_solid():
+    # the outer side of a torus that crosses itself, found as one that just does not, two degrees off its axis
+    around, across = RNG.uniform(0, 2 * np.pi, 400), RNG.uniform(-1.2, 1.2, 400)
+    rho = 0.21 + 0.27 * np.cos(across)
+    points = np.stack([rho * np.cos(around), rho * np.sin(around), 0.27 * np.sin(across)], 1)
+    tilt = np.radians(2.0)
+    found = Surface("torus", (0.0, 0.0, 0.0), (float(np.sin(tilt)), 0.0, float(np.cos(tilt))), (0.24, 0.24))
+    out = regularise([Patch(found, points, 1.0)], 0.02)[0].surface
+    assert out.sizes[1] <= out.sizes[0]

@@ -50,6 +50,11 @@ class Patch:
     outward: int = 0
 
 
+def is_spindle(surface: Surface) -> bool:
+    """Whether this is a torus that crosses itself, r_minor > r_major, which no primitive is."""
+    return surface.kind == "torus" and surface.sizes[1] > surface.sizes[0]
+
+
 def signed_distance(surface: Surface, points: np.ndarray) -> np.ndarray:
     """Signed distance [n] of `points` [n, 3]: negative on the side of the axis or centre, and behind a plane's normal.
 

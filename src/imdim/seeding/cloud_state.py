@@ -10,7 +10,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from imdim.geometry.surface import SURFACE_KINDS, Surface
+from imdim.geometry.surface import SURFACE_KINDS, Surface, is_spindle
 from imdim.seeding.cloud_kernels import CONE, PLANE, gains, pack
 from imdim.seeding.cloud_normals import CloudScale
 
@@ -89,9 +89,7 @@ def sane(surface: Surface, diagonal: float) -> bool:
         return True
     if surface.kind == "cone":
         return 0.01 < surface.sizes[0] < 1.54
-    if surface.kind == "torus" and surface.sizes[1] >= surface.sizes[0]:
-        return False
-    return surface.sizes[0] < 1.5 * diagonal
+    return surface.sizes[0] < 1.5 * diagonal and not is_spindle(surface)
 
 
 def pieces(points: np.ndarray, reach: float) -> np.ndarray:

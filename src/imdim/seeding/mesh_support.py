@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from imdim.geometry.rotations import frame_from_axis
-from imdim.geometry.surface import Surface, normals, signed_distance
+from imdim.geometry.surface import Surface, is_spindle, normals, signed_distance
 from imdim.seeding.facets import Facets
 from imdim.seeding.fit_surface import fit_surface
 from imdim.seeding.mesh_growing import Growing, MeshSurfaceConfig, points_of, vec
@@ -80,7 +80,7 @@ def sagitta(surface: Surface, facets: Facets, members: np.ndarray) -> float:
 def _sane(surface: Surface, diagonal: float) -> bool:
     if surface.kind == "cone":
         return 0.01 < surface.sizes[0] < 1.56
-    if surface.kind == "torus" and surface.sizes[1] > surface.sizes[0]:
+    if is_spindle(surface):
         return False
     # a sphere or torus far larger than the part is a flat with noise; long gentle arcs are drawn with cylinders
     largest = 6.0 if surface.kind == "cylinder" else 2.0

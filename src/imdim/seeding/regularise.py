@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from imdim.geometry.surface import Patch, Surface, signed_distance
+from imdim.geometry.surface import Patch, Surface, is_spindle, signed_distance
 from imdim.program.tree import Vec3
 from imdim.seeding.fit_surface import MIN_POINTS, fit_surface
 
@@ -57,8 +57,8 @@ class _Item:
         return float(np.sqrt((signed_distance(surface, self.points) ** 2).mean()))
 
     def take(self, surface: Surface) -> bool:
-        """Change to `surface` if the points allow it."""
-        if self.rms(surface) > self.limit:
+        """Change to `surface` if the points allow it, and if it is one that a primitive can have."""
+        if is_spindle(surface) or self.rms(surface) > self.limit:
             return False
         self.surface = surface
         return True
