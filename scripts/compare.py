@@ -5,7 +5,8 @@
 Peers that are packages need ``pip install "imdim[peers]"``. Every entrant is a command of its own for every part, one after another, on one
 thread, with a limit of time: what crashes, hangs or answers nothing that can be scored is its recorded failure. The same command continues
 a comparison that was stopped; what has a row, a failure too, is not run again (delete its folder for that). `inversecsg.json` in FOLDER
-adds the published results that it holds. Without --scorer, this project's own evaluation judges.
+adds the published results that it holds. Without --scorer, this project's own evaluation judges. With `--clock processor` budgets and
+seconds are of the processor, which other work on the machine changes little, and nothing is ended before `BUSY` times its limit.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import NoReturn
 
-from benchmark import find_parts, read_reference
+from benchmark import BUSY, CLOCKED, find_parts, read_reference
 from benchmark_part import sample, score
 from compare_peers import PEERS, missing
 from compare_table import Row, text, write_csv
@@ -28,6 +29,7 @@ from imdim.app.batch.process import Limits, run
 from imdim.app.batch.run import COMMAND, GRACE_S
 from imdim.config import ConfigError
 from imdim.geometry.scan import parse_condition
+from processor import CLOCKS, children_s
 
 OWN: dict[str, list[str]] = {"stump-net": ["method=stump-net"], "imdim": []}
 ABLATIONS = {"policy": "checkpoint=none", "evolution": "evolution=false", "synthesis": "synthesis=false", "solver": "solver=false"}
@@ -59,7 +61,9 @@ def main() -> None:
             rows.append(replace(row, reference=reference.get(part.stem, {}).get("primitives")))
             print(_line(rows[-1]), flush=True)
     rows.sort(key=lambda row: row.entrant != PUBLISHED[0])
-    page = text(rows, f"{args.folder.name}, {args.condition}, {len(parts)} parts, budget {args.budget:g} s, limit {args.limit:g} s")
+    page = text(
+        rows, f"{args.folder.name}, {args.condition}, {len(parts)} parts, budget {args.budget:g} s, limit {args.limit:g} s, {args.clock}"
+    )
     (args.out / "table.md").write_text(page)
     write_csv(rows, args.out / "table.csv")
     print("\n" + page)
@@ -73,33 +77,36 @@ def entrants(args: argparse.Namespace) -> Iterator[Entrant]:
             yield Entrant(name, (sys.executable, script, name, "{target}", "{folder}", "--seed", str(args.seed)), args.limit)
     own = {name: settings for name, settings in OWN.items() if name in args.peers}
     own |= {f"imdim without {name}": [ABLATIONS[name]] for name in args.ablate}
+    command = COMMAND if args.clock == "wall" else CLOCKED
     for name, settings in own.items():
         given = ("--budget", f"{args.budget:g}", "--seed", str(args.seed), *settings)
-        yield Entrant(name, (*COMMAND, "{target}", "-o", "{folder}", *given), args.budget + GRACE_S)
+        yield Entrant(name, (*command, "{target}", "-o", "{folder}", *given), args.budget + GRACE_S)
 
 
 def kept_or_run(entrant: Entrant, part: Path, args: argparse.Namespace) -> Row:
     """The row that an equal command has left, or a new one."""
     folder = args.out / part.stem / entrant.name.replace(" ", "-")
-    kept, asked = folder / "row.json", {"command": entrant.command, "limit_s": entrant.limit_s, "condition": args.condition}
+    asked = {"command": entrant.command, "limit_s": entrant.limit_s, "condition": args.condition, "clock": args.clock}
+    kept = folder / "row.json"
     asked = json.loads(json.dumps(asked))
     if kept.is_file() and (found := json.loads(kept.read_text()))["asked"] == asked:
         return Row(**found["row"])
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     source = sample(part, args.condition, args.out / part.stem / "cloud.npy")
-    row = compete(entrant, part, source, folder, args.scorer)
+    row = compete(entrant, part, source, folder, args.scorer, args.clock)
     kept.write_text(json.dumps({"asked": asked, "row": asdict(row)}))
     return row
 
 
-def compete(entrant: Entrant, part: Path, source: Path, folder: Path, scorer: Path | None) -> Row:
+def compete(entrant: Entrant, part: Path, source: Path, folder: Path, scorer: Path | None, clock: str = "wall") -> Row:
     """Run and score one entrant on `source`, a mesh or a cloud of `part`; never raises for what the entrant does."""
     row = Row(entrant.name, part.stem)
     result = folder / "result"
     command = [{"{target}": str(source), "{folder}": str(result)}.get(word, word) for word in entrant.command]
-    ended = run(command, Limits(entrant.limit_s), folder / "log.txt")
-    row.seconds, row.peak_mib, row.failure = ended.seconds, ended.peak_mib, ended.why
+    before = children_s()
+    ended = run(command, Limits(entrant.limit_s * (1 if clock == "wall" else BUSY)), folder / "log.txt")
+    row.seconds, row.peak_mib, row.failure = ended.seconds if clock == "wall" else children_s() - before, ended.peak_mib, ended.why
     answer = next((result / name for name in ANSWERS if (result / name).is_file()), None)
     if row.failure or answer is None:
         row.failure = row.failure or "no answer"
@@ -141,6 +148,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--condition", default="mesh", help="as of scripts/benchmark.py; what is no mesh is for IMDIM alone")
     parser.add_argument("--budget", type=float, default=60.0, metavar="SECONDS", help="of IMDIM's search")
     parser.add_argument("--limit", type=float, default=60.0, metavar="SECONDS", help="of a peer's whole command")
+    parser.add_argument("--clock", default="wall", choices=CLOCKS, help="what budgets and seconds are told by (default wall)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args()

@@ -93,7 +93,7 @@ def test_a_package_gets_an_easy_part_right(peer, part, least, tmp_path):
 
 
 def given(**changed) -> Namespace:
-    plain = {"peers": [], "ablate": [], "budget": 5.0, "limit": 30.0, "seed": 0, "condition": "mesh", "scorer": None}
+    plain = {"peers": [], "ablate": [], "budget": 5.0, "limit": 30.0, "seed": 0, "condition": "mesh", "scorer": None, "clock": "wall"}
     return Namespace(**{**plain, **changed})
 
 
@@ -127,6 +127,15 @@ def test_what_goes_wrong_is_the_entrants_own_failure(part, tmp_path, code, limit
     assert failure in row.failure
     assert (row.iou, row.hausdorff, row.parts) == (0.0, float("inf"), None)
     assert row.seconds < 20
+
+
+def test_by_the_processors_clock_waiting_costs_nothing(part, tmp_path):
+    code = "import time; time.sleep(1.5); " + ANSWERING.format("$fn = 96;\ncube([1, 1, 1], center = true);\n", "0")
+    row = compare.compete(python(code, 0.8), part, part, tmp_path, None, "processor")
+    assert (row.failure, row.iou) == ("", pytest.approx(1.0))
+    assert row.seconds < 1.5
+    (own,) = compare.entrants(given(peers=["imdim"], clock="processor"))
+    assert own.command[1].endswith("processor.py")
 
 
 def test_a_scorer_that_takes_an_answer_for_no_solid_is_believed(part, tmp_path):

@@ -116,6 +116,21 @@ def test_separate_bodies_are_reconstructed_one_by_one():
     assert iou(last.program, union(*parts)) >= 0.999
 
 
+def test_a_scrap_of_surface_beside_a_body_is_left_out_and_told():
+    solid = mesh_of(box(10, 20, 30))
+    scrap = np.array([(40.0, 0.0, 0.0), (45.0, 0.0, 0.0), (40.0, 3.0, 0.0)])
+    mesh = trimesh.Trimesh(
+        np.vstack([solid.vertices, scrap]), np.vstack([solid.faces, [np.arange(3) + len(solid.vertices)]]), process=False
+    )
+    last = snapshots(mesh)[-1]
+    assert iou(last.program, box(10, 20, 30)) >= 0.999
+    (note,) = last.notes
+    assert "body 2" in note
+    assert note.endswith("left out")
+    with pytest.raises(InputError):
+        snapshots(trimesh.Trimesh(scrap, [[0, 1, 2]]))
+
+
 def complex_part() -> Program:
     """Some 60 primitives in three layers."""
     rng = np.random.default_rng(8)

@@ -46,7 +46,8 @@ class Snapshot:
 
     `stop` is None until the last snapshot, which says why the run ended: "finished" or "budget_spent", after an evolution also "exact" or
     "stagnation". That one has the `front`, programs from crude to exact, of which `program` is one, and the `constraints` that hold for it.
-    `proof` says whether the program was proved minimal, and why not; it is empty where the method does not ask.
+    `proof` says whether the program was proved minimal, and why not; it is empty where the method does not ask. The last one's `notes`
+    say, a sentence each, what was left out.
     """
 
     stage: str
@@ -57,6 +58,7 @@ class Snapshot:
     front: tuple[Choice, ...] = ()
     constraints: tuple[Constraint, ...] = ()
     proof: str = ""
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -81,14 +83,16 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) ->
     policy = _policy_of(settings)
     clock = Clock(settings.budget_s)
     last: Snapshot | None = None
-    for last in _by_body(target, settings, policy, clock, rng):
+    left_out: list[InputError] = []
+    for last in _by_body(target, settings, policy, clock, rng, left_out):
         yield last
     if last is None:
-        raise InputError(f"{target.name}: no program found")
+        raise next(iter(left_out), InputError(f"{target.name}: no program found"))
     program, constraints = related(last.program, target, clock.near_end(RELATE_BY)) if settings.solver else (last.program, ())
     front = tuple(replace(c, program=program) if c.program == last.program else c for c in few(last.front, last.program))
     stop = "budget_spent" if clock.cut or clock.late else clock.ending
-    yield Snapshot("finished", program, last.error, clock.seconds(), stop, front, constraints, last.proof)
+    notes = tuple(f"{error}; left out" for error in left_out)
+    yield Snapshot("finished", program, last.error, clock.seconds(), stop, front, constraints, last.proof, notes)
 
 
 def _policy_of(settings: Settings) -> PolicyOf:
@@ -99,19 +103,30 @@ def _policy_of(settings: Settings) -> PolicyOf:
     return policy
 
 
-def _by_body(target: Target, settings: Settings, policy: PolicyOf, clock: Clock, rng: np.random.Generator) -> Iterator[Snapshot]:
-    """Snapshots of the union of the bodies done so far; a few bodies are then tried as one, since one cut may have parted them."""
+def _by_body(
+    target: Target, settings: Settings, policy: PolicyOf, clock: Clock, rng: np.random.Generator, left_out: list[InputError]
+) -> Iterator[Snapshot]:
+    """Snapshots of the union of the bodies done so far; a few bodies are then tried as one, since one cut may have parted them.
+
+    Scraps of surface beside a body are no reason to refuse it: why each was is added to `left_out`.
+    """
     bodies = split_bodies(target)
     done: list[_State] = []
     for i, body in enumerate(bodies):
         state = None
-        for state in _body(body, settings, policy, clock, rng, 1 / (len(bodies) - i)):
-            yield _together(state.stage, [*done, state], clock)
+        try:
+            for state in _body(body, settings, policy, clock, rng, 1 / (len(bodies) - i)):
+                yield _together(state.stage, [*done, state], clock)
+        except InputError as error:
+            left_out.append(error)
         done += [state] if state else []
-    if not 1 < len(done) <= MOST_JOINT or clock.out_of_time():
+    if left_out or not 1 < len(done) <= MOST_JOINT or clock.out_of_time():
         return
     apart = _together("joint", done, clock)
-    *_, joint = _body(target, settings, policy, clock, rng)
+    try:
+        *_, joint = _body(target, settings, policy, clock, rng)
+    except InputError:  # all is told by the bodies
+        return
     if count(joint.program).primitives < count(apart.program).primitives and joint.error < apart.error + JOINT_ERROR:
         yield _together("joint", [joint], clock)
 

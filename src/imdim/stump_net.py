@@ -56,8 +56,10 @@ def proposed(seen: Seen, net: StumpNet | None, seed: int, out_of_time: Callable[
 
     torch.set_num_threads(1)
     points = seen.target.points[inliers(seen.target.points)]
-    cloud = points[np.resize(np.random.default_rng(seed).permutation(len(points)), POINTS)]
-    poses, samples = Poses.of([cloud], [main_axes(cloud)]), seen.samples
+    order = np.random.default_rng(seed).permutation(len(points))
+    cloud = points[np.resize(order, POINTS)]
+    # where there are fewer points than that, repeated ones would show no plane
+    poses, samples = Poses.of([cloud], [main_axes(points[order[:POINTS]])]), seen.samples
     labels = Labels(poses.local(samples.points[None])[0].double().numpy(), samples.w_in, samples.w_out)
     if net is None:
         start = random_start(labels, *RANDOM, seed)

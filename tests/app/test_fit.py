@@ -35,6 +35,7 @@ class Snap:
     constraints: tuple = ()
     front: tuple = ()
     proof: str = "proved minimal over these candidates"
+    notes: tuple = ()
 
 
 def box_found(target, settings, rng):
@@ -64,6 +65,16 @@ def test_the_results_are_written_and_named(part, tmp_path, capsys):
     assert report["settings"]["budget_s"] == 60.0
     stages = report["timing"]["stages_s"]
     assert (stages["seeding"], stages["search"]) == pytest.approx((0.25, 1.25))
+
+
+def test_what_was_left_out_is_told_and_written(part, tmp_path, capsys):
+    def box_found(target, settings, rng):
+        yield Snap("finished", BOX, 0.0, 1.5, "finished", notes=("box body 2: no inside found; left out",))
+
+    settings = Settings(input=str(part), output=str(tmp_path / "out"))
+    assert run(lambda: settings, box_found) == 0
+    assert "imdim: box body 2: no inside found; left out\n" in capsys.readouterr().err
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["target"]["notes"] == ["box body 2: no inside found; left out"]
 
 
 @pytest.mark.parametrize(

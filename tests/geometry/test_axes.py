@@ -8,7 +8,7 @@ from tests.planted import PARTS, cone, cut, mesh_of
 
 from imdim.data.surfaces import surface_clouds
 from imdim.data.synthesize import SynthesisConfig, draw_programs
-from imdim.geometry.axes import clearest_axes, main_axes, shared_axes
+from imdim.geometry.axes import clearest_axes, local_normals, main_axes, shared_axes
 from imdim.geometry.cloud import sample_surface
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sampling import surface_points
@@ -91,3 +91,18 @@ def test_the_axis_of_a_turned_part_is_the_clearest_of_directions():
     assert clearest_axes(turned, [slanted, np.eye(3)], 1.0) is slanted
     about = matrix_from_euler((0.0, 0.0, 25.0))
     assert clearest_axes(points, [about, np.eye(3)], 1.0) is about  # as clear as the others: the first is kept
+
+
+@pytest.mark.parametrize("line", [np.zeros((200, 3)), np.linspace(0, 1, 200)[:, None] * (1.0, 2.0, 3.0)])
+def test_points_that_show_no_plane_keep_the_given_axes(line):
+    normals, trust = local_normals(line)
+    assert np.isfinite(normals).all()
+    assert (trust == 0).all()
+    assert (main_axes(line) == np.eye(3)).all()
+
+
+def test_repeated_points_are_trusted_no_more_than_once_can_be():
+    points = np.repeat(np.random.default_rng(0).normal(size=(40, 3)), 30, axis=0)
+    trust = local_normals(points)[1]
+    assert ((trust >= 0) & (trust <= 1)).all()
+    assert np.isfinite(main_axes(points)).all()

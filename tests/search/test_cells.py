@@ -8,7 +8,8 @@ from tests.planted import PARTS, box, cut, cylinder, sphere
 from tests.search.planted_families import arrangement_of, cells_of, planted
 
 from imdim.geometry import kernels
-from imdim.search.arrangement import codes
+from imdim.geometry.surface import Surface
+from imdim.search.arrangement import ArrangementConfig, arrange, codes
 from imdim.search.cells import importance_samples
 
 TILT = (20.0, -35.0, 50.0)
@@ -51,6 +52,18 @@ def test_samples_fill_their_box(name):
     assert abs(weights.sum() - np.prod(high - low)) < 4 * math.sqrt((weights**2).sum())
     half = points[:, 0] > (low[0] + high[0]) / 2
     assert abs(weights[half].sum() - np.prod(high - low) / 2) < 4 * math.sqrt((weights**2).sum())
+
+
+def test_slabs_of_no_thickness_leave_all_weights_finite():
+    """A ball over one corner moves the outer box there, and leaves it where it was at the other."""
+    corner = Surface("sphere", (-0.5, -0.5, -0.5), (0.0, 0.0, 1.0), (0.25 / 1.01,))
+    box_ends = np.array([[-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]])
+    arrangement = arrange([corner], [1.0], box_ends, ArrangementConfig(margin=0.0))
+    assert all((np.diff(d.offsets) == 0).any() for d in arrangement.directions)
+    points, weights = importance_samples(arrangement, 60_000, np.random.default_rng(5))
+    assert (np.isfinite(weights) & (weights > 0)).all()
+    inside = np.linalg.norm(points - corner.point, axis=1) < corner.sizes[0]
+    assert abs(weights[inside].sum() - 4 / 3 * math.pi * corner.sizes[0] ** 3) < 4 * math.sqrt((weights[inside] ** 2).sum())
 
 
 @pytest.mark.parametrize("name", ["bored ball", "countersink", "stepped shaft"])

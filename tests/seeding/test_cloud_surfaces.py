@@ -75,3 +75,8 @@ def test_without_time_the_largest_surfaces_are_found(sigma):
     few, whole = (detect_cloud(points, None, np.random.default_rng(0), out_of_time=late) for late in (lambda: True, lambda: False))
     assert 1 <= len(few) < len(whole)
     assert max(p.area for p in few) > 0.8 * max(p.area for p in whole)
+
+
+def test_a_noisy_cloud_that_shows_nothing_gives_nothing():
+    points = np.random.default_rng(28).uniform(-1, 1, (60, 3))  # seeds of which others show some plane
+    assert detect_cloud(points, None, np.random.default_rng(0)) == []

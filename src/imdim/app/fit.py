@@ -84,6 +84,9 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None) -> dict[str,
     snapshots = reconstruct(target, replace(settings, budget_s=left), np.random.default_rng(settings.seed))
     last = _exhaust(shown(snapshots, left), stages)
     run = RunRecord(settings.input, stages, last.stop or "finished", settings.seed, asdict(settings), last.proof)
+    for note in last.notes:
+        sys.stderr.write(f"imdim: {note}\n")
+    target = replace(target, notes=(*target.notes, *last.notes))
     left = settings.budget_s - (time.perf_counter() - start)
     # the other files take a few seconds; STEP, which may be slow, gets what is left
     step_limit_s = min(max(left - DELIVERY_S, 1.0), STEP_LIMIT_S)

@@ -32,6 +32,8 @@ def main_axes(points: np.ndarray) -> np.ndarray:
     """
     points = np.ascontiguousarray(points, float)
     normals, trust = local_normals(points)
+    if not trust.any():
+        return np.eye(3)
     found = [_adjusted(f, normals, trust) for f in _searched(normals, trust)]
     best = _finished(max(found, key=lambda f: _worth(f, normals, trust, WIDTHS[1])), points, normals, trust)
     if _worth(np.eye(3), normals, trust, WIDTHS[1]) >= STAY * _worth(best, normals, trust, WIDTHS[1]):
@@ -99,8 +101,10 @@ def _flattest(groups: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Least principal directions [m, 3] of groups [m, k, 3] and how flat these are."""
     around = groups - groups.mean(1, keepdims=True)
     spread, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))
-    flat = 1 - spread[:, 0] / np.maximum(spread[:, 1], 1e-300)
-    return axes[:, :, 0], np.maximum(flat, 0.0) ** 4
+    least, second = np.maximum(spread[:, 0], 0.0), spread[:, 1]
+    # points in one place, or in a row, show no plane
+    flat = np.where(second > 1e-12 * spread[:, 2], 1 - least / np.maximum(second, 1e-300), 0.0)
+    return axes[:, :, 0], np.clip(flat, 0.0, 1.0) ** 4
 
 
 def _searched(normals: np.ndarray, trust: np.ndarray) -> list[np.ndarray]:

@@ -13,6 +13,8 @@ import numpy as np
 
 from imdim.search.arrangement import Arrangement, Direction, codes
 
+THINNEST = 1e-9  # of the diagonal; where a part and its outer box end at one place, the slab between has no thickness
+
 
 @dataclass(frozen=True)
 class Cells:
@@ -116,7 +118,7 @@ class _Slabs:
     def density(self, x: np.ndarray) -> np.ndarray:
         widths = np.diff(self.edges)
         at = np.clip(np.searchsorted(self.edges, x, side="right") - 1, 0, len(widths) - 1)
-        return np.where((x >= self.edges[0]) & (x <= self.edges[-1]), (self._mass() / np.maximum(widths, 1e-300))[at], 0.0)
+        return np.where((x >= self.edges[0]) & (x <= self.edges[-1]), (self._mass() / np.maximum(widths, THINNEST))[at], 0.0)
 
     def _mass(self) -> np.ndarray:
         widths = np.diff(self.edges)

@@ -22,6 +22,8 @@ def prune(cloud: Cloud, sigma: float, out_of_time: Callable[[], bool] = bool) ->
     (by default never) the others stay.
     """
     assert cloud.raw is not None
+    if not cloud.found:
+        return
     distance = np.column_stack([np.abs(signed_distance(s, cloud.raw)) for s in cloud.found]) / sigma
     distance = np.minimum(distance, _CLIP)
     while len(cloud.found) > 1 and not out_of_time():

@@ -43,7 +43,7 @@ class Quiet:
 
 def snapshot(program=PROGRAM, constraints=(), stop=None, front=(), seconds=1.0):
     values = {"stage": "search", "document": wire.document(program, constraints), "error": 0.01, "seconds": seconds}
-    return {**values, "stop": stop, "front": wire.front_values(front), "proof": ""}
+    return {**values, "stop": stop, "front": wire.front_values(front), "proof": "", "notes": []}
 
 
 @pytest.fixture
@@ -147,6 +147,13 @@ def test_settings_out_of_range_are_said(session, pool):
     session.start({"budget_s": float("nan")})
     assert session.state.notice == ("error", "setting budget_s must be a finite number of at least 0, got nan")
     assert not pool.jobs
+
+
+def test_what_a_run_left_out_is_said(session, pool):
+    session.start({})
+    pool.say("snapshot", {**snapshot(stop="finished"), "notes": ["part body 2: no inside found; left out"]})
+    assert session.state.notice == ("info", "part body 2: no inside found; left out")
+    assert "notice" in session.heard[-1]
 
 
 def test_a_failed_run_is_said_and_what_it_found_stays(session, pool):

@@ -25,6 +25,8 @@ def take_snapshot(state: State, task: str, message: Message, locks: frozenset[Lo
     if task in FREE:
         state.proof, state.proved = values["proof"] or state.proof, program
     state.stop = values["stop"] or state.stop
+    if values["notes"]:
+        state.notice = ("info", " ".join(values["notes"]))
     if task in TRACED:
         state.trace = [*state.trace, _step(live, values["seconds"], values["error"])][-MOST_STEPS:]
     if task in FREE:

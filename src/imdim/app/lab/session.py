@@ -191,7 +191,7 @@ class Session(Desk):
         held = frozenset() if task in answers.FREE or self.theory is None else self.theory.locks
         answers.take_snapshot(self.state, task, message, held)
         self._forget_selection()
-        return "program", "run", "front"
+        return "program", "run", "front", *(("notice",) if message.values["notes"] else ())
 
     def _on_target(self, task: str, message: Message) -> tuple[str, ...]:
         self._job = None  # it has done its work: ended as one that goes on, it would take its process, warm for the run, along

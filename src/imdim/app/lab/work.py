@@ -148,6 +148,7 @@ def _snapshot(snapshot: Snapshot) -> Message:
         "stop": snapshot.stop,
         "front": wire.front_values(snapshot.front),
         "proof": snapshot.proof,
+        "notes": list(snapshot.notes),
     }
     return Message("snapshot", values)
 
