@@ -14,9 +14,10 @@ import planting
 from imdim.config import ConfigError, Settings
 from imdim.geometry.readers import InputError
 from imdim.geometry.scan import VIEWS, Condition, scan
-from imdim.geometry.solid import to_manifold, to_trimesh
+from imdim.geometry.solid import mesh_to_manifold, to_manifold, to_trimesh, volume_iou
 from imdim.pipeline import Snapshot, reconstruct_best
 from imdim.program.codec import dumps, loads
+from imdim.program.cost import count
 from imdim.program.tree import Program
 
 METHODS = ["auto"] * 12 + ["tree", "policy", "evolve", "stump", "stump-net"]
@@ -26,10 +27,10 @@ ELSEWHERE = 3.0  # of the part's diagonal
 
 @dataclass(frozen=True)
 class Case:
-    """`given` is a mesh, points [n, 3] or points with normals [n, 6]; `bounds` [2, 3] are the part's; `told` says what was drawn."""
+    """`given` is a mesh, points [n, 3] or points with normals [n, 6] of `part`; `told` says what was drawn."""
 
     given: trimesh.Trimesh | np.ndarray
-    bounds: np.ndarray
+    part: trimesh.Trimesh
     settings: Settings
     told: str
 
@@ -40,7 +41,6 @@ def drawn(seed: int, index: int, longest_s: float) -> Case:
     program, of = _program(rng)
     mesh = _placed(to_trimesh(to_manifold(program, int(rng.choice([8, 24, 96])))), rng)
     given, how = _mesh(mesh, rng) if rng.random() < 0.4 else _cloud(mesh, rng)
-    bounds = mesh.bounds if isinstance(given, np.ndarray) else given.bounds
     settings = Settings(
         seed=int(rng.integers(1000)),
         budget_s=float(rng.uniform(2.0, longest_s)),
@@ -49,7 +49,7 @@ def drawn(seed: int, index: int, longest_s: float) -> Case:
         **{stage: bool(rng.random() > 0.1) for stage in ("evolution", "synthesis", "solver")},
     )
     off = [stage for stage in ("evolution", "synthesis", "solver") if not getattr(settings, stage)]
-    return Case(given, bounds, settings, f"{of}, {how}, {settings.method}" + "".join(f" without {stage}" for stage in off))
+    return Case(given, mesh, settings, f"{of}, {how}, {settings.method}" + "".join(f" without {stage}" for stage in off))
 
 
 def tried(case: Case) -> str:
@@ -72,29 +72,31 @@ def fitted(case: Case) -> Snapshot:
 
 
 def looked_at(case: Case, last: Snapshot) -> str:
-    """Whether the answer is a solid near the part that is written and read without a loss."""
+    """Whether the answer is a solid near the part that is written and read without a loss, and what it has in common with the part."""
+    bounds = case.part.bounds if isinstance(case.given, np.ndarray) else case.given.bounds
     for program in (last.program, *(choice.program for choice in last.front)):
         solid = to_manifold(program)
         if not solid.volume() > 0:
             return f"FOUND: no solid, a volume of {solid.volume():g}"
         box = np.reshape(solid.bounding_box(), (2, 3))
-        if np.abs(box - case.bounds).max() > ELSEWHERE * np.linalg.norm(np.ptp(case.bounds, axis=0)):
-            return f"FOUND: a solid elsewhere, {box.round(3).tolist()} for {case.bounds.round(3).tolist()}"
+        if np.abs(box - bounds).max() > ELSEWHERE * np.linalg.norm(np.ptp(bounds, axis=0)):
+            return f"FOUND: a solid elsewhere, {box.round(3).tolist()} for {bounds.round(3).tolist()}"
         text = dumps(program)
         if dumps(loads(text)) != text:
             return "FOUND: another program after writing and reading"
-    return f"solid: error {last.error:.4f}, front of {len(last.front)}"
+    same = volume_iou(to_manifold(last.program), mesh_to_manifold(case.part))
+    return f"solid: IoU {same:.3f}, {count(last.program).primitives} primitives, error {last.error:.4f}, front of {len(last.front)}"
 
 
 def _program(rng: np.random.Generator) -> tuple[Program, str]:
     """A part as it may have been designed, or primitives of every kind anywhere."""
-    count = int(rng.integers(1, 11))
+    primitives = int(rng.integers(1, 11))
     if rng.random() < 0.6:
-        return planting.planted(rng, count), f"{count} planted"
+        return planting.planted(rng, primitives), f"{primitives} planted"
     while True:
-        program = bench_population.random_tree(rng, count)
+        program = bench_population.random_tree(rng, primitives)
         if to_manifold(program).volume() > 1e-3:
-            return program, f"{count} anywhere"
+            return program, f"{primitives} anywhere"
 
 
 def _placed(mesh: trimesh.Trimesh, rng: np.random.Generator) -> trimesh.Trimesh:

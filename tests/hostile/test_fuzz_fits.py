@@ -20,7 +20,7 @@ sys.path.insert(0, str(SCRIPTS))  # the scripts import each other by name
 
 import fuzz_fits_cases as fuzz  # noqa: E402
 
-CASE = fuzz.Case(np.zeros((60, 3)), np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]]), fuzz.Settings(), "a stand-in")
+CASE = fuzz.Case(np.zeros((60, 3)), trimesh.creation.box((2.0, 2.0, 2.0)), fuzz.Settings(), "a stand-in")
 BOX = Primitive("box", (2.0, 2.0, 2.0))
 
 
@@ -57,7 +57,7 @@ def test_a_case_is_a_function_of_seed_and_number():
 @pytest.mark.parametrize(
     ("act", "said"),
     [
-        (answer(BOX), "solid: error 0.0000"),
+        (answer(BOX), "solid: IoU 1.000, 1 primitives"),
         (broken(InputError("part: no inside found")), "refused: part"),
         (broken(InputError("part:\nno inside found")), "FOUND: a refusal of several lines"),
         (broken(ZeroDivisionError("division by zero")), "FOUND: ZeroDivisionError: division by zero at test_fuzz_fits.py"),
