@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import chain
+from operator import attrgetter
 from typing import Literal
 
 import numpy as np
@@ -35,10 +37,10 @@ class Registry:
         """Kinds [k] and rows [k, 15] of the kernels for some primitives; computed once for all tables."""
         fresh = self.primitives[len(self._kinds) :]
         if fresh:
-            flat = [v for p in fresh for v in (*p.size, *_PADDING[len(p.size)], *p.center, *p.rotation)]
-            numbers = np.array(flat).reshape(-1, 9)
-            axes = matrices_from_euler(numbers[:, 6:9]).transpose(0, 2, 1).reshape(-1, 9)
-            leaves = np.concatenate([numbers[:, :6], axes], axis=1).astype(np.float32)
+            sizes = np.fromiter(chain.from_iterable(p.size + _PADDING[len(p.size)] for p in fresh), float, 3 * len(fresh))
+            centers, angles = (np.fromiter(chain.from_iterable(map(of, fresh)), float, 3 * len(fresh)) for of in _PLACE)
+            axes = matrices_from_euler(angles.reshape(-1, 3)).transpose(0, 2, 1).reshape(-1, 9)
+            leaves = np.concatenate([sizes.reshape(-1, 3), centers.reshape(-1, 3), axes], axis=1).astype(np.float32)
             self._kinds = np.append(self._kinds, np.array([_CODES[p.kind] for p in fresh], np.int64))
             self._leaves = np.concatenate([self._leaves, leaves])
         return self._kinds[ids], self._leaves[ids]
@@ -113,6 +115,7 @@ class Columns:
 
 
 _PADDING = {n: (0.0,) * (3 - n) for n in (1, 2, 3)}
+_PLACE = attrgetter("center"), attrgetter("rotation")
 
 
 def packed(flags: np.ndarray) -> np.ndarray:

@@ -130,16 +130,23 @@ def fill_bits(kinds, leaves, xyz, rows, out):
 
 
 @njit(nogil=True, cache=True, fastmath=True)
-def _joined(op, left, right):
+def _joined(op, left, right, n):
+    # `n` is an argument: arrays cut to it would be made anew for each operation, which takes longer than the loop
     if op == -1:
-        for j in range(len(left)):
+        for j in range(n):
             left[j] = min(left[j], right[j])
     elif op == -2:
-        for j in range(len(left)):
+        for j in range(n):
             left[j] = max(left[j], right[j])
     else:
-        for j in range(len(left)):
+        for j in range(n):
             left[j] = max(left[j], -right[j])
+
+
+@njit(nogil=True, cache=True, fastmath=True)
+def _copied(left, right, n):
+    for j in range(n):
+        left[j] = right[j]
 
 
 @njit(nogil=True, cache=True, fastmath=True)
@@ -150,13 +157,13 @@ def _reduce(code, table, start, stop, stack):
         op = code[i]
         if op < 0:
             top -= 1
-            _joined(op, stack[top, :n], stack[top + 1, :n])
+            _joined(op, stack[top], stack[top + 1], n)
         elif i + 1 < len(code) and code[i + 1] < 0:
             i += 1  # a leaf that is joined at once is not copied before
-            _joined(code[i], stack[top, :n], table[op, start:stop])
+            _joined(code[i], stack[top], table[op, start:stop], n)
         else:
             top += 1
-            stack[top, :n] = table[op, start:stop]
+            _copied(stack[top], table[op, start:stop], n)
         i += 1
 
 
