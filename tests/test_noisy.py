@@ -4,12 +4,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.planted import PARTS, box, cut, cylinder, union
+from tests.planted import PARTS, box, cut, cylinder, mesh_of, union
 
 from imdim import methods, noisy
-from imdim.body import look
+from imdim.body import ENOUGH_POINTS, look, uncrowded
 from imdim.config import Settings
-from imdim.geometry.cloud import InputError, target_from
+from imdim.geometry.cloud import InputError, sample_surface, target_from
 from imdim.geometry.sampling import surface_points
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.noisy import most_likely, unlabelled
@@ -123,3 +123,18 @@ def test_a_noisy_clouds_time_is_not_spent_on_the_decision_tree(noisy, monkeypatc
     assert asked == ([] if noisy else [seen])
     methods._grown_if_poor(run, None)  # but where there is nothing, it is
     assert asked[-1] is seen
+
+
+def test_only_a_cloud_whose_neighbours_are_nearer_than_its_noise_is_thinned():
+    mesh, rng = mesh_of(box(40, 30, 20)), np.random.default_rng(6)
+    points, normals = sample_surface(mesh.vertices, mesh.faces, 40_000, rng)
+    calm = target_from(np.hstack([points, normals]))
+    assert uncrowded(calm) is calm
+    noisy = target_from(np.hstack([points + rng.normal(0, 1.0, points.shape), normals]))
+    few = uncrowded(noisy)
+    assert ENOUGH_POINTS <= len(few.points) < 20_000
+    normal_of = dict(zip(map(tuple, noisy.points.tolist()), map(tuple, noisy.normals.tolist()), strict=True))
+    kept = zip(map(tuple, few.points.tolist()), map(tuple, few.normals.tolist()), strict=True)
+    assert all(normal_of[point] == normal for point, normal in kept)
+    solid = target_from(mesh)
+    assert uncrowded(solid) is solid

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +25,7 @@ from imdim.seeding.cloud_normals import measure_scale
 from imdim.seeding.cloud_surfaces import detect_cloud
 from imdim.seeding.mesh_surfaces import detect_patches
 
+ENOUGH_POINTS = 8192  # of a noisy cloud: as many are looked at when its numbers are fitted
 NOISY = 1e-3  # deviation of a cloud's noise, as a share of its diagonal, from which edges and walls are blurred
 SAMPLES = 150_000  # labelled, spread over the cells
 CLOSING_AREA = 1e-7  # of the squared diagonal; implied planes rank behind detected ones
@@ -107,7 +108,7 @@ def look(
     is `no_time_to_label` (by default all are).
     """
     frame = Frame.of(body)
-    unit = frame.normalise(body)
+    unit = uncrowded(frame.normalise(body))
     patches, closing = _surfaces(unit, rng, no_time_to_detect)
     if not patches:
         raise InputError(f"{unit.name}: no plane, sphere, cylinder, cone or torus found in {len(unit.points)} points")
@@ -123,6 +124,24 @@ def look(
     if not (cells.gain > 0).any():
         raise InputError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells")
     return Seen(unit, frame, patches, samples, Families(arrangement, cells), size_weight, label, sigma)
+
+
+def uncrowded(target: Target) -> Target:
+    """The target; of a cloud whose neighbours lie nearer than the noise so many points that they do not.
+
+    Neighbours within the noise lie in a ball: they show no face, take the time that faces need to be found, and hide the noise itself.
+    """
+    if target.mesh is not None or len(target.points) <= ENOUGH_POINTS:
+        return target
+    kept = np.random.default_rng(0).permutation(len(target.points))
+    while len(kept) > ENOUGH_POINTS:
+        scale = measure_scale(target.points[kept], np.random.default_rng(0))
+        if scale.spacing >= scale.sigma:
+            break
+        kept = kept[: max(len(kept) // 2, ENOUGH_POINTS)]
+    if len(kept) == len(target.points):
+        return target
+    return replace(target, points=target.points[kept], normals=None if target.normals is None else target.normals[kept])
 
 
 def _corners(unit: Target, patches: list[Patch], sigma: float) -> np.ndarray:

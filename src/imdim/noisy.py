@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imdim.body import NOISY, Seen
+from imdim.body import NOISY, Seen, uncrowded
 from imdim.geometry.axes import clearest_axes, main_axes, shared_axes
 from imdim.geometry.cloud import Frame, Target
 from imdim.program.simplify import reduce_program
@@ -51,7 +51,7 @@ def unlabelled(
     cloud. Time as for `most_likely`.
     """
     frame = Frame.of(body)
-    points = frame.normalise(body).points
+    points = uncrowded(frame.normalise(body)).points
     sigma = measure_scale(points, np.random.default_rng(0)).sigma
     if body.mesh is not None or (sigma <= NOISY and not calm):
         return None

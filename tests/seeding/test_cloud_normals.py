@@ -18,6 +18,14 @@ def test_spacing_and_noise_of_a_square(noise):
     assert scale.diagonal == pytest.approx(np.sqrt(2), rel=0.02)
 
 
+@pytest.mark.parametrize("count", [8_000, 40_000, 100_000])
+def test_the_noise_of_a_crowded_cloud_is_not_hidden_by_its_density(count):
+    """Neighbours nearer than the noise lie in a ball, and some plane through a ball has few points far from it."""
+    rng = np.random.default_rng(3)
+    points = rng.random((count, 3)) * (1, 1, 0) + rng.normal(scale=0.015, size=(count, 3))
+    assert measure_scale(points, rng).sigma == pytest.approx(0.015, rel=0.3)
+
+
 def principal(points):
     """The least principal direction of the 12 nearest points."""
     around = points[KDTree(points).query(points, k=12)[1]]

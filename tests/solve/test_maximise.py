@@ -122,3 +122,13 @@ def test_without_time_a_program_is_judged_as_it_is():
     assert found.program == RING
     assert found.rounds == 0
     assert np.isfinite(found.nll)
+
+
+def test_without_time_one_surface_is_not_taken_for_two_sheets():
+    """Under a first guess of the noise of half its size two sheets, a deviation to either side, are likelier than the one that is there."""
+    block = box(40, 30, 20)
+    sheets = cut(box(40 + 2 * SIGMA, 30 + 2 * SIGMA, 20 + 2 * SIGMA), box(40 - 2 * SIGMA, 30 - 2 * SIGMA, 20 - 2 * SIGMA))
+    points = cloud(block, 4000)
+    one, two = (maximise(p, points, Noise(SIGMA / 2), out_of_time=lambda: True) for p in (block, sheets))
+    assert one.nll < two.nll
+    assert one.noise.sigma == pytest.approx(SIGMA, rel=0.1)

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from tests.planted import ALONG_X, PARTS, box, cut, cylinder, mesh_of, sphere, union
+from tests.planted import ALONG_X, PARTS, box, cone, cut, cylinder, mesh_of, sphere, union
 
 from imdim.geometry.cloud import sample_surface
 from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
 from imdim.geometry.solid import to_manifold, volume_iou
-from imdim.program.tree import Combine, Primitive
+from imdim.program.tree import SIZE_NAMES, Combine, Primitive
 from imdim.solve.missing import missing, trimmed
 from imdim.solve.pool import Cloud, Pool, PoolConfig, to_program, to_signed
 from imdim.solve.proposals import settle
@@ -131,6 +131,23 @@ def test_trimming_ends_where_the_points_end():
     sizes = [t.size for t in trimmed(box(80, 40, 20, (20.0, 0.0, 0.0)), short)]
     assert min(s[0] for s in sizes) == pytest.approx(40, abs=0.5)
     assert trimmed(sphere(10), short) == []
+
+
+def test_trimming_a_cone_keeps_its_slope():
+    long = cone(5.0, 15.0, 40.0)
+    points = cloud_of(long)
+    (shorter,) = trimmed(long, points[points[:, 2] < 10.0])
+    bottom, top, height = shorter.size
+    assert (top - bottom) / height == pytest.approx(0.25, rel=0.02)
+    assert bottom == pytest.approx(5.0, abs=0.1)
+    assert height == pytest.approx(30.0, abs=0.5)
+    assert shorter.center[2] == pytest.approx(-5.0, abs=0.3)
+
+
+@pytest.mark.parametrize("kind", ["torus", "ellipsoid"])
+def test_what_has_no_ends_is_not_trimmed(kind):
+    part = Primitive(kind, (10.0, 4.0, 6.0)[: len(SIZE_NAMES[kind])])
+    assert trimmed(part, cloud_of(part) + np.array((0.0, 0.0, 3.0))) == []
 
 
 def test_sequences_and_programs_are_the_same():

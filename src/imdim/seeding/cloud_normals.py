@@ -12,6 +12,8 @@ from scipy.spatial import KDTree
 # With this many neighbours and random triples, Gaussian noise of deviation 1 on a plane gives this tenth percentile of the
 # least quantile residual; measured by simulation once, and checked by a test.
 _NEIGHBOURS, _TRIPLES, _QUANTILE, _CALIBRATION = 24, 120, 8, 0.257
+_FLAT = 5.0  # deviations of the noise that the neighbours of a place must reach around it, to show it as a disc
+_FEWEST = 1500  # points; fewer would hide the part's own shape
 
 
 @dataclass(frozen=True)
@@ -29,16 +31,25 @@ def measure_scale(points: np.ndarray, rng: np.random.Generator) -> CloudScale:
     Least quantiles look at a third of the neighbours only, so that the two sides of a thin wall are not taken for noise,
     and the calmest tenth of the places counts, because noise is everywhere but curvature is not.
     """
+    spacing, sigma = _measured(points, rng)
+    few, apart = points, spacing
+    while _FLAT * sigma > apart * math.sqrt(_NEIGHBOURS / math.pi) and len(few) > _FEWEST:
+        # so near neighbours lie in a ball of noise, not in a disc
+        few = few[rng.permutation(len(few))[: max(len(few) // 2, _FEWEST)]]
+        apart, sigma = _measured(few, rng)
+    return CloudScale(spacing, sigma, float(np.linalg.norm(np.ptp(points, axis=0))))
+
+
+def _measured(points: np.ndarray, rng: np.random.Generator) -> tuple[float, float]:
+    """Spacing and deviation of the noise, where neighbours are farther apart than it."""
     tree = KDTree(points)
     seeds = rng.choice(len(points), min(600, len(points)), replace=False)
     count = min(_NEIGHBOURS, len(points) - 1)
     distance, near = tree.query(points[seeds], k=count + 1)
     eighth = float(np.median(distance[:, min(8, count)]))
-    spacing = eighth * math.sqrt(math.pi / 8)
     triples = np.array([rng.choice(count + 1, 3, replace=False) for _ in range(_TRIPLES)])
     least = _least_quantiles(points, near, triples, min(_QUANTILE, count))
-    diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
-    return CloudScale(spacing, float(np.quantile(least, 0.1)) / _CALIBRATION, diagonal)
+    return eighth * math.sqrt(math.pi / 8), float(np.quantile(least, 0.1)) / _CALIBRATION
 
 
 def estimate_normals(points: np.ndarray, scale: CloudScale, rng: np.random.Generator, k: int = 18) -> tuple[np.ndarray, np.ndarray]:

@@ -23,6 +23,7 @@ from imdim.solve.likelihood import Noise, Share, Shown, shares
 from imdim.solve.normal_equations import blocks
 
 MOST_LET_THROUGH = 40  # leaves; the booleans that ask which ends only just meet grow with the square
+NOISE_ROUNDS = 4
 RELAXED = 1.6  # any factor below 2 converges where 1 does (Salakhutdinov & Roweis 2003)
 
 
@@ -55,7 +56,7 @@ def maximise(
 ) -> Likely:
     """`program` with its numbers moved to make `points` [n, 3] most likely; `noise` is a first guess.
 
-    Once `out_of_time` (by default never) they stay as they are by then.
+    Once `out_of_time` (by default never) they stay as they are by then, and only the noise is fitted.
     """
     config = config or MaximiseConfig()
     if config.through and not out_of_time() and sum(1 for _ in leaves(program)) <= MOST_LET_THROUGH:
@@ -72,14 +73,27 @@ def maximise(
         if share.nll < best.nll:
             best = Likely(trial, noise, share.nll, done)
         # a step knows nothing of the area: an end that no point holds may drift out of the cloud
-        if not len(shown.points) or share.nll > best.nll + config.worse or out_of_time():
+        if not len(shown.points) or share.nll > best.nll + config.worse:
             break
+        if out_of_time():
+            return _in_its_noise(best, points, share.noise)
         calmer = share.noise.sigma < (1 - config.calmer) * noise.sigma
         noise = share.noise
         numbers, longest = _stepped(numbers, member, shown, share, config)
         if longest < config.still * noise.sigma and not calmer:
             break
     return best
+
+
+def _in_its_noise(likely: Likely, points: np.ndarray, noise: Noise) -> Likely:
+    """The program with the noise that explains the points beside it, `noise` or later ones: under a first guess that is too small two
+    sheets are likelier than the one surface that they blur into."""
+    for _ in range(NOISE_ROUNDS):
+        share = shares(points, Shown.of(likely.program, noise.sigma), noise)
+        if share.nll >= likely.nll:
+            break
+        likely, noise = replace(likely, noise=noise, nll=share.nll), share.noise
+    return likely
 
 
 def _stepped(numbers: Lowered, member: np.ndarray, shown: Shown, share: Share, config: MaximiseConfig) -> tuple[Lowered, float]:

@@ -93,15 +93,20 @@ def _is_bare(primitive: Primitive, axis: int, sign: int, cloud: Cloud) -> bool:
 
 def trimmed(primitive: Primitive, points: np.ndarray) -> list[Primitive]:
     """The primitive made as short, and as slim, as the `points` [m, 3] that it explains: a face beyond them has nothing to hold it."""
-    if primitive.kind == "sphere" or len(points) < LEAST:
+    if not ENDS.get(primitive.kind) or len(points) < LEAST:
         return []
     rotation = matrix_from_euler(primitive.rotation)
     local = (points - primitive.center) @ rotation
     out = []
-    for k, slot in ((0, 0), (1, 1), (2, 2)) if primitive.kind == "box" else ((2, 1),):
+    for k, slot in ENDS[primitive.kind]:
         low, high = np.quantile(local[:, k], (0.003, 0.997))
         x, y, z = (np.array(primitive.center) + (low + high) / 2 * rotation[:, k]).tolist()
         size = [*primitive.size]
+        if primitive.kind == "cone":  # of the same slope
+            bottom, top, height = primitive.size
+            size[:2] = [max(bottom + (top - bottom) * (z / height + 0.5), 0.0) for z in (float(low), float(high))]
+            if not max(size[:2]) > 0:
+                continue
         size[slot] = max(float(high - low), 1e-3 * size[slot])
         out.append(replace(primitive, size=tuple(size), center=(x, y, z)))
     if primitive.kind == "cylinder":
