@@ -2,9 +2,9 @@
 
     python scripts/bench_density.py [--noise 0.5% 1% 2%] [--points 8192 16384 65536] [--seeds 1 2 3] [--primitives 4] [--budget 40]
 
-Part i is `planting.planted` of seed i; every scan has 2 % of outliers. A row for each noise and number of points: the IoU with the part of each
-seed, by exact booleans, their mean, and the numbers of primitives. Budgets are seconds of the processor, so that a busy machine changes
-little.
+Part i is `planting.planted` of seed i; every scan has 2 % of outliers. A row for each noise and number of points: the IoU with the part of
+each seed, by exact booleans, their mean, and the numbers of primitives. Budgets are seconds of the processor, so that a busy machine
+changes little.
 """
 
 from __future__ import annotations

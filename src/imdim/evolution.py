@@ -64,18 +64,19 @@ class Ground:
         """The program with its numbers fitted to the surface, by a few steps."""
         return refine(program, self.scorer.evidence.surface, config=RefineConfig(adam_steps=0, newton_steps=15, start_scale=0.01)).program
 
-    def tree(self) -> Program | None:
-        """The decision tree's program."""
+    def tree(self, out_of_time: Callable[[], bool] = bool) -> Program | None:
+        """The decision tree's program, made shorter while there is time (by default any)."""
         cells = self.families.cells
         tree = grow(cells.points, cells.w_in > cells.w_out, self.surfaces, cells.w_in + cells.w_out)
-        return tree_to_program(tree, *self.families.arrangement.bounds)
+        low, high = self.families.arrangement.bounds
+        return tree_to_program(tree, low, high, out_of_time)
 
 
 def seeds_of(
     ground: Ground, rng: np.random.Generator, out_of_time: Callable[[], bool], policy: Sequence[Program] = ()
 ) -> dict[str, list[Program]]:
     """Programs to start from, per source."""
-    tree = ground.tree()
+    tree = ground.tree(out_of_time)
     seeds = {"policy": list(policy), "tree": [tree] if tree else []}
     seeds["surfaces"] = surface_seeds(ground.families, ground.size_weight, out_of_time)
     config = StructureConfig(size_weight=ground.size_weight)

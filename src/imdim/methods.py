@@ -95,7 +95,7 @@ def auto(run: Run) -> Iterator[Step]:
 
 def tree(run: Run) -> Iterator[Step]:
     """The decision tree alone."""
-    program = grown(run.seen)
+    program = grown(run)
     if program is not None:
         yield Step("tree", program)
 
@@ -157,7 +157,7 @@ def _searched(run: Run, proofs: Proofs) -> Iterator[tuple[str, Program]]:
     """Programs of the structure search, each better than the one before, until one is proved minimal."""
     seen, found, shortest = run.seen, None, None
     if not run.settings.synthesis:
-        program = grown(seen)
+        program = grown(run)
         if program is not None:
             yield "tree", program
         return
@@ -222,16 +222,16 @@ def _grown_if_poor(run: Run, best: Step | None) -> Step | None:
     seen = run.seen
     if best is not None and (seen.noisy or seen.error(best.program) <= (POOR_IF_CUT if run.clock.cut else POOR)):
         return None
-    program = grown(seen)
+    program = grown(run)
     if program is None or (best is not None and seen.price(program) >= seen.price(best.program)):
         return None
     return Step("tree", program) if best is None else replace(best, stage="tree", program=program)
 
 
-def grown(seen: Seen) -> Program | None:
+def grown(run: Run) -> Program | None:
     """The decision tree's program in the body's units."""
-    program = seen.ground.tree()
-    return None if program is None else seen.frame.undo(program)
+    program = run.seen.ground.tree(run.clock.ending_at(run.share, FIT_BY))
+    return None if program is None else run.seen.frame.undo(program)
 
 
 def _proposed_if_poor(run: Run, best: Step | None) -> Step | None:

@@ -172,7 +172,7 @@ def _body(
     if step is None:
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
     no_time_to_choose, late = _times(clock, share)
-    program = reduce_program(_at_home(step.program, seen), out_of_time=late)
+    program = reduce_program(_at_home(step.program, seen, late), out_of_time=late)
     yield state("simplify", program)
     if not settings.solver:
         yield replace(state("simplify", program), front=_front([*step.others, program], seen, clock))
@@ -186,12 +186,12 @@ def _body(
     yield replace(last, front=_front([*step.others, last.program], seen, clock))
 
 
-def _at_home(program: Program, seen: Seen) -> Program:
+def _at_home(program: Program, seen: Seen, out_of_time: Callable[[], bool]) -> Program:
     """A mesh's program without ends that lie where no sample was."""
     if seen.solid is None:
         return program
     unit = seen.frame.apply(program)
-    home = without_strays(unit, seen.solid)
+    home = without_strays(unit, seen.solid, out_of_time)
     return program if home is unit else seen.frame.undo(home)
 
 

@@ -29,3 +29,8 @@ def test_a_program_without_stray_ends_stays_as_it_is():
 def test_an_end_that_nothing_cuts_stays():
     program = union(box(100, 60, 8), Primitive("box", (180, 6, 6), (0, 0, 7), (0, 0, 20)))
     assert without_strays(program, to_manifold(plate_with_a_rib(100))) is program
+
+
+def test_without_time_stray_ends_stay():
+    short = plate_with_a_rib(5)
+    assert without_strays(short, to_manifold(plate_with_a_rib(100)), lambda: True) is short

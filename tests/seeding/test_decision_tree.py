@@ -117,6 +117,16 @@ def test_a_planted_program_is_found_again(name: str):
     assert ((far[inside(found, far)] >= lower) & (far[inside(found, far)] <= upper)).all()
 
 
+def test_without_time_the_program_is_longer_and_the_same_solid():
+    program = PLANTED["pocket, turned"][0]
+    points, labels, lower, upper = plant(program, 8000, 0)
+    tree = grow(points, labels, carriers(program))
+    short, long = to_program(tree, lower, upper), to_program(tree, lower, upper, lambda: True)
+    fresh = np.random.default_rng(1).uniform(lower, upper, (40_000, 3))
+    assert (inside(short, fresh) == inside(long, fresh)).mean() > 0.9999
+    assert count(long).primitives > count(short).primitives
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_the_program_says_what_the_tree_says(seed: int):
     # random carriers and labels: the tree is meaningless, its conversion still has to be exact

@@ -6,6 +6,8 @@ the box ends with the box: the rest of the bar stays outside, unseen. Such cutte
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from manifold3d import Manifold
 
@@ -19,10 +21,11 @@ NOTHING = 1e-6  # of the target's volume
 REACHES = (0.1, 0.3, 1.0)  # of the diagonal, by which a cutter is prolonged
 
 
-def without_strays(program: Program, solid: Manifold) -> Program:
+def without_strays(program: Program, solid: Manifold, out_of_time: Callable[[], bool] = bool) -> Program:
     """`program` whose cutters reach as far out as what they cut off, where that leaves less beyond the box of the target `solid`.
 
-    The program itself where nothing strays, or no cutter can end it; its IoU with the target never falls.
+    The program itself where nothing strays, or no cutter can end it; its IoU with the target never falls. Once `out_of_time` (by default
+    never) the other cutters stay.
     """
     corners = np.array(solid.bounding_box()).reshape(2, 3)
     diagonal = float(np.linalg.norm(corners[1] - corners[0]))
@@ -34,7 +37,7 @@ def without_strays(program: Program, solid: Manifold) -> Program:
     out = stray(program)
     for i, sign in enumerate(signs(program)):
         for face in plane_faces(list(leaves(program))[i]) if sign < 0 else ():
-            if out.volume() <= NOTHING * solid.volume():
+            if out.volume() <= NOTHING * solid.volume() or out_of_time():
                 return program
             further = primitive_to_manifold(between(list(leaves(program))[i], face, 0.0, diagonal))
             if (further ^ out).volume() <= NOTHING * solid.volume():

@@ -9,6 +9,7 @@ built, its inside cells and its region minus its outside cells, and the cheaper 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import permutations, product
 
@@ -32,21 +33,23 @@ _Halfspace = tuple[np.ndarray, np.ndarray]
 _Part = Program | bool
 
 
-def to_program(tree: Tree, lower: np.ndarray, upper: np.ndarray) -> Program | None:
+def to_program(tree: Tree, lower: np.ndarray, upper: np.ndarray, out_of_time: Callable[[], bool] = bool) -> Program | None:
     """The program of the inside cells within the bounds `lower`, `upper` [3]; None where there is no inside cell.
+
+    Once `out_of_time` (by default never) it is no longer made shorter.
 
     Raises ValueError where the bounds are not in order.
     """
     lower, upper = np.asarray(lower, float), np.asarray(upper, float)
     if not (upper > lower).all():
         raise ValueError(f"bounds need lower < upper, got {lower.tolist()} and {upper.tolist()}")
-    bounds = _Bounds.of(lower, upper)
+    bounds = _Bounds.of(lower, upper, out_of_time)
     part = _fill(tree, [], bounds)[0]
     if part is False:
         return None
-    program = reduce_program(_whole(part, [], bounds))
+    program = reduce_program(_whole(part, [], bounds), out_of_time=out_of_time)
     # unbounded rules reach out of the bounds, where nothing is known
-    return program if Prover().contains(bounds.box, program) else reduce_program(Combine("intersection", program, bounds.box))
+    return program if Prover().contains(bounds.box, program) else _reduced(Combine("intersection", program, bounds.box), bounds)
 
 
 @dataclass(frozen=True)
@@ -54,12 +57,13 @@ class _Bounds:
     box: Primitive
     corners: np.ndarray  # [8, 3]
     margin: float
+    out_of_time: Callable[[], bool]
 
     @classmethod
-    def of(cls, lower: np.ndarray, upper: np.ndarray) -> _Bounds:
+    def of(cls, lower: np.ndarray, upper: np.ndarray, out_of_time: Callable[[], bool]) -> _Bounds:
         box = Primitive("box", _floats(upper - lower), _vec((lower + upper) / 2))
         corners = np.array(list(product(*zip(lower, upper, strict=True))))
-        return cls(box, corners, MARGIN * float(np.linalg.norm(upper - lower)))
+        return cls(box, corners, MARGIN * float(np.linalg.norm(upper - lower)), out_of_time)
 
     def extent(self, axis: np.ndarray, margin: float) -> tuple[float, float]:
         """From where to where the bounds reach along `axis`."""
@@ -93,7 +97,7 @@ def _across_plane(split: Split, region: list[_Halfspace], bounds: _Bounds) -> tu
         if b is True and a is True:
             return True
         filled = [_whole(part, r, bounds) for part, r in zip((b, a), regions, strict=True) if part is not False]
-        return _reduced(combine_all("union", filled)) if filled else False
+        return _reduced(combine_all("union", filled), bounds) if filled else False
 
     return join(behind[0], ahead[0]), join(behind[1], ahead[1])
 
@@ -102,34 +106,34 @@ def _across_solid(rule: Primitive, behind: _Part, ahead: _Part, region: list[_Ha
     if isinstance(behind, bool) and behind is ahead:
         return behind
     if behind is False:
-        return _reduced(Combine("difference", _whole(ahead, region, bounds), rule))
+        return _reduced(Combine("difference", _whole(ahead, region, bounds), rule), bounds)
     within = Combine("intersection", rule, _whole(behind, region, bounds))
     if ahead is False:
-        return _reduced(within)
+        return _reduced(within, bounds)
     if behind is True and isinstance(ahead, Primitive | Combine):
         # where the rule is all inside, what is ahead of it need not be cut
-        return _reduced(Combine("union", ahead, within))
+        return _reduced(Combine("union", ahead, within), bounds)
     if ahead is True:
         core = _whole(behind, region, bounds)
-        return _reduced(Combine("union", Combine("difference", _whole(True, region, bounds), rule), core))
-    return _reduced(Combine("union", Combine("difference", _whole(ahead, region, bounds), rule), within))
+        return _reduced(Combine("union", Combine("difference", _whole(True, region, bounds), rule), core), bounds)
+    return _reduced(Combine("union", Combine("difference", _whole(ahead, region, bounds), rule), within), bounds)
 
 
 def _cheaper(part: _Part, rest: _Part, region: list[_Halfspace], bounds: _Bounds) -> _Part:
     """`part`, or its region minus the rest where that is shorter."""
-    if isinstance(part, bool) or isinstance(rest, bool):
+    if isinstance(part, bool) or isinstance(rest, bool) or bounds.out_of_time():
         return part
-    carved = _reduced(Combine("difference", _whole(True, region, bounds), rest))
+    carved = _reduced(Combine("difference", _whole(True, region, bounds), rest), bounds)
     return carved if cost(carved) < cost(part) else part
 
 
 def _whole(part: _Part, region: list[_Halfspace], bounds: _Bounds) -> Program:
     """A part as a program; a full one is its region."""
-    return part if isinstance(part, Primitive | Combine) else _reduced(_region_program(region, bounds))
+    return part if isinstance(part, Primitive | Combine) else _reduced(_region_program(region, bounds), bounds)
 
 
-def _reduced(program: Program) -> Program:
-    return reduce_program(program) if cost(program) < 2 * MAX_REDUCED else program
+def _reduced(program: Program, bounds: _Bounds) -> Program:
+    return reduce_program(program, out_of_time=bounds.out_of_time) if cost(program) < 2 * MAX_REDUCED else program
 
 
 # --- rules to solids -------------------------------------------------------------------------------------------------
