@@ -48,8 +48,10 @@ def to_program(tree: Tree, lower: np.ndarray, upper: np.ndarray, out_of_time: Ca
     if part is False:
         return None
     program = reduce_program(_whole(part, [], bounds), out_of_time=out_of_time)
+    if Prover().contains(bounds.box, program):
+        return program
     # unbounded rules reach out of the bounds, where nothing is known
-    return program if Prover().contains(bounds.box, program) else _reduced(Combine("intersection", program, bounds.box), bounds)
+    return reduce_program(Combine("intersection", program, bounds.box), out_of_time=out_of_time)
 
 
 @dataclass(frozen=True)
