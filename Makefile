@@ -35,10 +35,10 @@ lint: .venv/develop
 
 bench: .venv/use
 	@test -n "$(BENCH)" || { echo "give a folder of parts: make bench BENCH=folder"; exit 2; }
-	$(BIN)/python scripts/benchmark.py $(BENCH) $(ARGS)
+	$(BIN)/python scripts/bench/benchmark.py $(BENCH) $(ARGS)
 
 bench-gate: .venv/use
-	$(BIN)/python scripts/bench_gate.py
+	$(BIN)/python scripts/bench/gate.py
 
 .venv/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

@@ -17,7 +17,7 @@ from imdim.program.tree import Program
 
 
 def load_script(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, Path(__file__).parents[1] / "scripts" / f"{name}.py")
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).parents[1] / "scripts" / "bench" / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -27,7 +27,7 @@ def load_script(name: str) -> ModuleType:
     return module
 
 
-bench = load_script("bench_patterns")
+bench = load_script("patterns")
 
 ROW = cut(box(90, 20, 8), *(cylinder(2, 20, (x, 3.0, 0.0)) for x in (-30.0, -10.0, 10.0, 30.0)))
 RING = cut(cylinder(40, 8), *(cylinder(3, 20, (30 * math.cos(a), 30 * math.sin(a), 0.0)) for a in [i * math.tau / 5 for i in range(5)]))

@@ -22,7 +22,7 @@ from imdim.config import Settings
 from imdim.geometry.cloud import target_from
 from imdim.geometry.scan import Condition, parse_condition, scan
 
-SCRIPTS = Path(__file__).parents[1] / "scripts"
+SCRIPTS = Path(__file__).parents[1] / "scripts" / "bench"
 sys.path.insert(0, str(SCRIPTS))  # the scripts import each other by name
 
 import benchmark  # noqa: E402

@@ -15,8 +15,8 @@ import trimesh
 
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, to_trimesh, volume_iou
 
-SCRIPTS = Path(__file__).parents[1] / "scripts"
-sys.path.insert(0, str(SCRIPTS))  # the scripts import each other by name
+SCRIPTS = Path(__file__).parents[1] / "scripts" / "peers"
+sys.path += [str(SCRIPTS), str(SCRIPTS.with_name("bench"))]  # the scripts import each other by name
 
 import compare  # noqa: E402
 import compare_peers  # noqa: E402

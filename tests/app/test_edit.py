@@ -1,9 +1,8 @@
-"""`imdim edit` and scripts/edit.py: files whole or not at all, one line and status 2 for what cannot be."""
+"""`imdim edit`: files whole or not at all, one line and status 2 for what cannot be."""
 
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 import trimesh
@@ -48,10 +47,10 @@ def test_the_list(source, capsys):
     assert "hole_radius       3  radius of primitive 1, 2\n" in capsys.readouterr().out
 
 
-def test_the_script_is_the_command(source, tmp_path):
-    script = Path(__file__).parents[2] / "scripts" / "edit.py"
-    done = subprocess.run([sys.executable, script, source, "--set", "holes=3"], capture_output=True, text=True, cwd=tmp_path, timeout=60)
-    assert (done.returncode, done.stderr) == (2, "imdim: scripts/edit.py needs --set NAME=VALUE and -o FOLDER, or --list\n")
+def test_without_a_folder_it_says_what_it_needs(source, tmp_path):
+    command = [sys.executable, "-m", "imdim.app.cli", "edit", source, "--set", "holes=3"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=60)
+    assert (done.returncode, done.stderr) == (2, "imdim: imdim edit needs --set NAME=VALUE and -o FOLDER, or --list\n")
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Every file that once led to a traceback, a hang, a flood of memory or a page of text, as `scripts/fuzz.py` found it."""
+"""Every file that once led to a traceback, a hang, a flood of memory or a page of text, as `scripts/fuzz/files.py` found it."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 
 HERE = Path(__file__).parent
-SCRIPTS = HERE.parents[1] / "scripts"
+SCRIPTS = HERE.parents[1] / "scripts" / "fuzz"
 
 
-sys.path.insert(0, str(SCRIPTS))  # the scripts import each other by name
-targets = importlib.import_module("fuzz_targets")
-mutations = importlib.import_module("fuzz_mutations")
+sys.path += [str(SCRIPTS), str(SCRIPTS.with_name("bench"))]  # the scripts import each other by name
+targets = importlib.import_module("targets")
+mutations = importlib.import_module("mutations")
 FILES = sorted((HERE / "corpus").iterdir())
 
 

@@ -15,10 +15,10 @@ from imdim.geometry.cloud import InputError
 from imdim.pipeline import Snapshot
 from imdim.program.tree import Combine, Primitive
 
-SCRIPTS = Path(__file__).parents[2] / "scripts"
-sys.path.insert(0, str(SCRIPTS))  # the scripts import each other by name
+SCRIPTS = Path(__file__).parents[2] / "scripts" / "fuzz"
+sys.path += [str(SCRIPTS), str(SCRIPTS.with_name("bench"))]  # the scripts import each other by name
 
-import fuzz_fits_cases as fuzz  # noqa: E402
+import fit_cases as fuzz  # noqa: E402
 
 CASE = fuzz.Case(np.zeros((60, 3)), trimesh.creation.box((2.0, 2.0, 2.0)), fuzz.Settings(), "a stand-in")
 BOX = Primitive("box", (2.0, 2.0, 2.0))
@@ -71,7 +71,7 @@ def test_what_a_fit_leads_to(monkeypatch, act, said):
 
 
 def test_two_real_cases():
-    command = [sys.executable, str(SCRIPTS / "fuzz_fits.py"), "--seed", "1", "--first", "28", "--cases", "2", "--longest", "4"]
+    command = [sys.executable, str(SCRIPTS / "fits.py"), "--seed", "1", "--first", "28", "--cases", "2", "--longest", "4"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "2 cases, seed 1: 2 solid" in done.stdout

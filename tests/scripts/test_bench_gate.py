@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-GATE, BASELINE = ROOT / "scripts" / "bench_gate.py", ROOT / "benchmarks" / "baseline.json"
+GATE, BASELINE = ROOT / "scripts" / "bench" / "gate.py", ROOT / "benchmarks" / "baseline.json"
 
 
 @pytest.fixture

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))  # the scripts import each other by name
-bench_speed = importlib.import_module("bench_speed")
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts" / "bench"))  # the scripts import each other by name
+bench_speed = importlib.import_module("speed")
 speed_kernels = importlib.import_module("speed_kernels")
 speed_plain = importlib.import_module("speed_plain")
 KERNELS = speed_kernels.kernels(0.01)

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))  # the scripts import each other by name
-kill_test = importlib.import_module("kill_test")
-bench_sizes = importlib.import_module("bench_sizes")
+sys.path += [str(Path(__file__).parents[2] / "scripts" / folder) for folder in ("fuzz", "bench")]  # they import each other by name
+kill_test = importlib.import_module("kill")
+bench_sizes = importlib.import_module("sizes")
 processor = importlib.import_module("processor")
 SPIN = "while True: pass"
 

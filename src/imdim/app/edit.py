@@ -17,9 +17,10 @@ STEP_LIMIT_S = 60.0
 MESSAGE = 1000  # characters, of texts that were changed by hand
 
 
-def parser(prog: str) -> argparse.ArgumentParser:
+def parser() -> argparse.ArgumentParser:
     """The arguments of the command."""
-    out = argparse.ArgumentParser(prog=prog, description="Change named numbers of a delivered program; what follows them moves along.")
+    about = "Change named numbers of a delivered program; what depends on them follows."
+    out = argparse.ArgumentParser(prog="imdim edit", description=about)
     out.add_argument("input", help="program.json of a results folder; the texts beside it have the names")
     out.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a name and its new value; may be repeated")
     out.add_argument("--list", action="store_true", help="print the names, their values, and what they mean")
@@ -28,15 +29,15 @@ def parser(prog: str) -> argparse.ArgumentParser:
     return out
 
 
-def main(argv: Sequence[str], prog: str = "imdim edit") -> int:
+def main(argv: Sequence[str]) -> int:
     """The exit status: 0 fine, 2 for a file, a name, a value or a folder that cannot be used (one line on stderr)."""
-    given = parser(prog).parse_args(argv)
+    given = parser().parse_args(argv)
     try:
         source, folder = Path(given.input), given.output
         if given.list:
             sys.stdout.write(listed(source))
         elif not given.set or folder is None:
-            raise ConfigError(f"{prog} needs --set NAME=VALUE and -o FOLDER, or --list")
+            raise ConfigError("imdim edit needs --set NAME=VALUE and -o FOLDER, or --list")
         else:
             sys.stdout.write(edited(source, _assignments(given.set), Path(folder), given.step))
     except ConfigError as error:

@@ -1,0 +1,124 @@
+"""One part of a benchmark, as a job of its own: sample, fit, score, and `row.json` beside what was delivered.
+
+`benchmark.py` starts it: ``python benchmark_part.py TASK SOURCE -o FOLDER [key=value ...]``, TASK being a `Task` in JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from processor import children_s
+
+from imdim.app.batch.process import Limits, last_line, run
+
+ROW, FIT_LOG = "row.json", "imdim.log"
+SCORING_S = 300.0  # for an independent scorer, at most
+
+
+@dataclass(frozen=True)
+class Task:
+    """What all parts share: `command` fits one within `limit_s` and `mib`, `scorer` judges it (empty: this project's own evaluation).
+
+    Seconds of a fit's whole command are told by `clock`, one of `processor.CLOCKS`.
+    """
+
+    condition: str
+    scorer: str
+    command: Sequence[str]
+    limit_s: float
+    mib: float
+    clock: str = "wall"
+
+
+@dataclass
+class Row:
+    """One part; `hausdorff` is relative to the target's diagonal, `seconds` are of the fit's whole command."""
+
+    part: str
+    iou: float = 0.0
+    hausdorff: float = float("inf")
+    primitives: int | None = None
+    reference: int | None = None
+    reference_iou: float | None = None
+    seconds: float = 0.0
+    search_s: float | None = None
+    peak_mib: float = 0.0
+    stop: str = ""
+
+
+def main(task: str, source: str, _: str, out: str, *settings: str) -> int:
+    """Do one part; what the fit does is its row, the exit status tells of what is no fault of it."""
+    try:
+        row = benchmarked(Task(**json.loads(task)), Path(source), Path(out), settings)
+    except ValueError as problem:
+        sys.stderr.write(f"{problem}\n")
+        return 2
+    (Path(out) / ROW).write_text(json.dumps(asdict(row)))
+    return 0
+
+
+def benchmarked(task: Task, part: Path, folder: Path, settings: Sequence[str]) -> Row:
+    """Sample, fit, score `part` in `folder`. Raises ValueError for what cannot be sampled."""
+    row = Row(folder.name)
+    source = sample(part, task.condition, Path(f"{folder.name}.npy"))
+    before = children_s()
+    ended = run([*task.command, str(source), "-o", str(folder), *settings], Limits(task.limit_s, task.mib), Path(FIT_LOG))
+    sys.stdout.write(Path(FIT_LOG).read_text(encoding="utf-8", errors="backslashreplace"))
+    row.seconds, row.peak_mib = ended.seconds if task.clock == "wall" else children_s() - before, ended.peak_mib
+    folder.mkdir(exist_ok=True)
+    if source != part:
+        source.replace(folder / source.name)
+    if ended.why:
+        row.stop = f"FAILED, {ended.why}" if ended.status <= 0 else f"FAILED, exit {ended.status}: {last_line(Path(FIT_LOG))}"
+        return row
+    try:
+        report = json.loads((folder / "report.json").read_text())
+        row.stop, row.search_s = report["stop"], sum(report["timing"]["stages_s"].values())
+        row.iou, row.hausdorff, row.primitives = score(part, folder / "program.scad", Path(task.scorer) if task.scorer else None)
+    except (ValueError, KeyError, IndexError, OSError, subprocess.SubprocessError) as problem:
+        row.stop = f"FAILED, not scored: {' '.join(str(problem).split())[:200]}"
+    return row
+
+
+def sample(part: Path, condition: str, out: Path) -> Path:
+    """The part itself, or a cloud of it written to `out`. Raises ValueError for a part that is a cloud already."""
+    if condition == "mesh":  # without a second of imports
+        return part
+    from imdim.geometry.cloud import load_target
+    from imdim.geometry.scan import parse_condition, scan
+
+    wanted = parse_condition(condition)
+    mesh = load_target(part).mesh
+    if mesh is None or wanted is None:
+        raise ValueError(f"{part}: a cloud cannot be sampled, give --condition mesh")
+    points, normals = scan(mesh, wanted, np.random.default_rng(0))
+    np.save(out, points if normals is None else np.hstack([points, normals]))
+    return out
+
+
+def score(part: Path, answer: Path, scorer: Path | None) -> tuple[float, float, int | None]:
+    """IoU, Hausdorff distance relative to the target's diagonal, and primitives, None for a mesh. Raises ValueError for no solid."""
+    if scorer is None:
+        from imdim.evaluate import evaluate_file
+        from imdim.geometry.cloud import load_target
+
+        scores = evaluate_file(answer, load_target(part))
+        if scores.volume_iou is None:
+            raise ValueError(scores.iou_missing)
+        return scores.volume_iou, max(scores.relative(d).max for d in (scores.to_result, scores.to_target)), scores.primitives
+    command = [sys.executable, str(scorer), str(part), str(answer)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=SCORING_S)
+    found = json.loads(done.stdout.strip().splitlines()[-1])
+    if (state := found.get("pred_ok", "NoError")) != "NoError":
+        raise ValueError(f"the scorer takes it for no solid ({state})")
+    return found["iou"], found.get("hausdorff", float("inf")) / 1000, found.get("leaves")
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))
