@@ -19,6 +19,8 @@ from imdim.geometry.sampling import EIGHTH, leaf_surface, subsample, surface_spa
 from imdim.geometry.surface_map import surface_area
 from imdim.program.tree import KINDS, Combine, Primitive, Program, leaves
 
+SURFACE_SEED = 0  # of the samples of surfaces: costs of two pools differ by their primitives, not by chance
+
 Signed = tuple[tuple[Primitive, bool], ...]  # primitives with their signs; True unites, False cuts
 
 
@@ -139,7 +141,7 @@ Choice = tuple[tuple[int, bool], ...]
 
 def _unborne(primitives: Sequence[Primitive], cloud: Cloud, config: PoolConfig) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Samples of all surfaces that lie off the cloud: points and normals [s, 3], weights [s], and the first of each primitive [p + 1]."""
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(SURFACE_SEED)
     drawn = [leaf_surface(p, config.samples, rng) for p in primitives]
     points, normals = (np.concatenate(c) for c in zip(*drawn, strict=True))
     area = np.repeat([surface_area(p.kind, p.size) / config.samples for p in primitives], config.samples)
