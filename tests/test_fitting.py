@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.planted import box, cut, cylinder, mesh_of
 
-from imdim.body import look
+from imdim.body import UnitBody, look
 from imdim.config import Settings
 from imdim.fitting import snapped
 from imdim.geometry.cloud import target_from
@@ -14,7 +14,8 @@ from imdim.program.tree import leaves
 
 def rounded(program, mesh, out_of_time=lambda: False):
     target = target_from(mesh)
-    return snapped(program, look(target, Settings().size_weight, np.random.default_rng(0)), target, out_of_time)
+    rng = np.random.default_rng(0)
+    return snapped(program, look(UnitBody.of(target, rng), Settings().size_weight, rng), target, out_of_time)
 
 
 def test_typed_numbers_come_back():

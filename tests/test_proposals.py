@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from tests.planted import PARTS, box, cut, cylinder, mesh_of, union
 
 from imdim import methods, pipeline
-from imdim.body import look
+from imdim.body import UnitBody, look
 from imdim.config import ConfigError, Settings
 from imdim.data.solids import BOX, CYLINDER, Solids
 from imdim.geometry.axes import main_axes
@@ -75,19 +75,19 @@ def test_programs_come_back_in_the_pose_and_units_of_the_cloud():
     bore = 0.1 * float(np.linalg.norm([300, 200, 80]))
     expected = cut(box(300, 200, 80, (1000.0, -50.0, 7.0), pose), cylinder(bore, 200, (1000.0, -50.0, 7.0), pose))
     assert max(iou(to_program(s), expected) for s in found) >= 0.98
-    assert iou(proposals(Script(bore=0.1), points)[0].program, truth) >= 0.99
+    assert iou(proposals(Script(bore=0.1), points, 0.0)[0].program, truth) >= 0.99
 
 
 def test_stray_points_do_not_move_the_box_that_a_policy_measures_by():
     truth = cut(box(60, 40, 20), cylinder(8, 60))
     points = cloud(truth, n=4000)
     stray = np.random.default_rng(1).uniform(-60, 60, (60, 3))
-    assert iou(proposals(Script(), np.concatenate([points, stray]))[0].program, truth) >= 0.98
+    assert iou(proposals(Script(), np.concatenate([points, stray]), 0.0)[0].program, truth) >= 0.98
 
 
 def test_misfit_orders_programs_by_what_they_get_wrong():
     truth = PARTS["L bracket"]
-    seen = Cloud.of(cloud(truth, n=2048))
+    seen = Cloud.of(cloud(truth, n=2048), 0.0)
     half, whole, more = truth.left, truth, union(truth, box(20, 20, 20, (40.0, 40.0, 40.0)))
     costs = [misfit(p, seen) for p in (whole, more, half)]
     assert costs == sorted(costs)
@@ -124,14 +124,25 @@ def test_auto_takes_a_policy_for_clouds_and_is_none_the_worse(checkpoint, monkey
     assert asked == ["x"]
 
 
+def seen_of(points):
+    rng = np.random.default_rng(0)
+    return look(UnitBody.of(target_from(points), rng), 2.5e-4, rng)
+
+
 def test_what_fits_far_better_replaces_what_the_search_found():
     """A search that only found half of a part is the worse of the two by its surface, whatever its cells say."""
     truth = PARTS["L bracket"]
-    points = cloud(truth, n=3000)
-    seen = look(target_from(points), 2.5e-4, np.random.default_rng(0))
+    seen = seen_of(cloud(truth, n=3000))
     assert methods.preferred(truth, truth.left, seen)
     assert not methods.preferred(truth.left, truth, seen)
     assert not methods.preferred(truth, truth, seen)
+
+
+def test_the_two_sides_of_a_thin_plate_are_no_noise_that_forgives_another_thickness():
+    thin, thick = box(40, 30, 0.5), box(40, 30, 0.8)
+    seen = seen_of(cloud(thin, n=4000))
+    assert methods.preferred(thin, thick, seen)
+    assert not methods.preferred(thick, thin, seen)
 
 
 def test_no_checkpoint_and_a_foreign_one_are_one_line(tmp_path, checkpoint, monkeypatch):
@@ -155,7 +166,7 @@ def test_a_random_pose_changes_nothing():
     part = PARTS["L bracket"]
     turn = Rotation.random(random_state=1)
     points = turn.apply(cloud(part))
-    found = proposals(None, points)[0].program
+    found = proposals(None, points, 0.0)[0].program
     mesh = mesh_of(part)
     mesh.apply_transform(np.block([[turn.as_matrix(), np.zeros((3, 1))], [np.zeros((1, 3)), np.ones((1, 1))]]))
     assert volume_iou(to_manifold(found), mesh_to_manifold(mesh)) >= 0.95

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 import imdim.stump_net as stump_net
-from imdim.body import look
+from imdim.body import UnitBody, look
 from imdim.config import ConfigError, Settings
 from imdim.geometry import kernels
 from imdim.geometry.cloud import target_from
@@ -49,7 +49,8 @@ def test_a_network_is_asked_for_the_cloud(tmp_path, short):
         torch.manual_seed(seed)
         path = tmp_path / f"{seed}.safetensors"
         save_net(path, StumpNet(StumpConfig(primitives=16, intersections=8, width=16, cloud=64)), {})
-        seen = look(target_from(to_trimesh(to_manifold(PART))), 1e-3, np.random.default_rng(0))
+        rng = np.random.default_rng(0)
+        seen = look(UnitBody.of(target_from(to_trimesh(to_manifold(PART))), rng), 1e-3, rng)
         found.append(stump_net.proposed(seen, stump_net.load(str(path)), 0, lambda: False))
     assert found[0] != found[1]
     assert min(iou(p) for p in found) > 0.5

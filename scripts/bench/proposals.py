@@ -96,7 +96,7 @@ def row(sigma: float, change: str, args: argparse.Namespace) -> str:
     for truth, cloud in targets(args.n, *args.primitives, args.noise, args.seed):
         candidates = [spoilt(truth, sigma, change, rng) for _ in range(args.k)]
         start = time.process_time()
-        found = settle(candidates, cloud, main_axes(cloud))[0]
+        found = settle(candidates, cloud, args.noise, main_axes(cloud))[0]
         seconds.append(time.process_time() - start)
         exact = to_program(truth)
         before.append(max(iou(to_program(c), exact) for c in candidates[:4]))

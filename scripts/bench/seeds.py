@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from imdim.body import look
+from imdim.body import UnitBody, look
 from imdim.config import Settings
 from imdim.evolution import Ground
 from imdim.geometry.cloud import Frame, load_target
@@ -87,7 +87,8 @@ def part_runs(part: Path, limit_s: float, programs: Path | None) -> list[Run]:
     target = load_target(part)
     runs = []
     for source in ("random", "blind", "tree", "surfaces", "search", *(("policy",) if programs else ()), "all"):
-        seen = look(target, Settings().size_weight, np.random.default_rng(0))
+        rng = np.random.default_rng(0)
+        seen = look(UnitBody.of(target, rng), Settings().size_weight, rng)
         ground = replace(seen.ground, exact=source != "blind")  # a price of leaving surfaces that are not known would make no sense
         given = programs / part.stem / "program.json" if programs else None
         runs.append(one_run(part.stem, source, ground, seen.frame, limit_s, given))

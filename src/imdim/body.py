@@ -21,29 +21,47 @@ from imdim.search.arrangement import ArrangementConfig, arrange
 from imdim.search.cells import Cells, Samples, compressed, label_samples
 from imdim.search.families import Families
 from imdim.seeding.closing import closing_planes
-from imdim.seeding.cloud_normals import measure_scale
 from imdim.seeding.cloud_surfaces import detect_cloud
 from imdim.seeding.mesh_surfaces import detect_patches
+from imdim.seeding.noise import EXACT, NoiseModel, measure_noise
 
-ENOUGH_POINTS = 8192  # of a noisy cloud: as many are looked at when its numbers are fitted
-NOISY = 1e-3  # deviation of a cloud's noise, as a share of its diagonal, from which edges and walls are blurred
 SAMPLES = 150_000  # labelled, spread over the cells
 CLOSING_AREA = 1e-7  # of the squared diagonal; implied planes rank behind detected ones
 
 
 @dataclass(frozen=True)
-class Seen:
-    """What detection and labelling know of one body: the body in its unit frame, and that frame. `sigma` is the deviation of a cloud's
-    noise there. `label` gives the probability of being inside [n] for points [n, 3] there."""
+class UnitBody:
+    """A body in its unit frame, that frame, and a cloud's noise there; of a crowded cloud so many points that they show its faces."""
 
     target: Target
     frame: Frame
+    noise: NoiseModel
+
+    @staticmethod
+    def of(body: Target, rng: np.random.Generator) -> UnitBody:
+        frame = Frame.of(body)
+        unit = frame.normalise(body)
+        if unit.mesh is not None:
+            return UnitBody(unit, frame, EXACT)
+        noise, kept = measure_noise(unit.points, rng)
+        if len(kept) < len(unit.points):
+            unit = replace(unit, points=unit.points[kept], normals=None if unit.normals is None else unit.normals[kept])
+        return UnitBody(unit, frame, noise)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What detection and labelling know of one body: the body in its unit frame, that frame, and a cloud's noise there, corrected by what
+    detection learned of it. `label` gives the probability of being inside [n] for points [n, 3] there."""
+
+    target: Target
+    frame: Frame
+    noise: NoiseModel
     patches: list[Patch]
     samples: Samples
     families: Families
     size_weight: float
     label: Callable[[np.ndarray], np.ndarray]
-    sigma: float = 0.0
 
     @cached_property
     def ground(self) -> Ground:
@@ -56,7 +74,7 @@ class Seen:
     @property
     def noisy(self) -> bool:
         """Whether the noise of the body's cloud blurs its edges and walls, so that distances alone mislead."""
-        return self.target.mesh is None and self.sigma > NOISY
+        return self.noise.blurs
 
     @property
     def cells(self) -> Cells:
@@ -96,24 +114,22 @@ class Seen:
 
 
 def look(
-    body: Target,
+    body: UnitBody,
     size_weight: float,
     rng: np.random.Generator,
     no_time_to_detect: Callable[[], bool] = bool,
     no_time_to_label: Callable[[], bool] = bool,
 ) -> Seen:
-    """Surfaces, cells and candidate families of a body, in its unit frame.
+    """Surfaces, cells and candidate families of a body.
 
     Of a cloud, no more surfaces are looked for once there is `no_time_to_detect`, and no more samples are asked for their side once there
     is `no_time_to_label` (by default all are).
     """
-    frame = Frame.of(body)
-    unit = uncrowded(frame.normalise(body))
-    patches, closing = _surfaces(unit, rng, no_time_to_detect)
+    unit = body.target
+    patches, closing, noise = _surfaces(body, rng, no_time_to_detect)
     if not patches:
         raise InputError(f"{unit.name}: no plane, sphere, cylinder, cone or torus found in {len(unit.points)} points")
-    sigma = 0.0 if unit.mesh is not None else measure_scale(unit.points, np.random.default_rng(0)).sigma
-    corners = _corners(unit, patches, sigma)
+    corners = _corners(unit, patches, noise)
     bounds = np.stack([np.min(corners, axis=0), np.max(corners, axis=0)])
     surfaces = [p.surface for p in patches] + closing
     areas = [p.area for p in patches] + [CLOSING_AREA] * len(closing)
@@ -123,40 +139,23 @@ def look(
     cells = compressed(arrangement, samples)
     if not (cells.gain > 0).any():
         raise InputError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells")
-    return Seen(unit, frame, patches, samples, Families(arrangement, cells), size_weight, label, sigma)
+    return Seen(unit, body.frame, noise, patches, samples, Families(arrangement, cells), size_weight, label)
 
 
-def uncrowded(target: Target) -> Target:
-    """The target; of a cloud whose neighbours lie nearer than the noise so many points that they do not.
-
-    Neighbours within the noise lie in a ball: they show no face, take the time that faces need to be found, and hide the noise itself.
-    """
-    if target.mesh is not None or len(target.points) <= ENOUGH_POINTS:
-        return target
-    kept = np.random.default_rng(0).permutation(len(target.points))
-    while len(kept) > ENOUGH_POINTS:
-        scale = measure_scale(target.points[kept], np.random.default_rng(0))
-        if scale.spacing >= scale.sigma:
-            break
-        kept = kept[: max(len(kept) // 2, ENOUGH_POINTS)]
-    if len(kept) == len(target.points):
-        return target
-    return replace(target, points=target.points[kept], normals=None if target.normals is None else target.normals[kept])
-
-
-def _corners(unit: Target, patches: list[Patch], sigma: float) -> np.ndarray:
+def _corners(unit: Target, patches: list[Patch], noise: NoiseModel) -> np.ndarray:
     """Points [n, 3] whose box is the body's; strays of a noisy cloud, which lie on no surface, would widen it."""
     if unit.mesh is not None:
         return np.asarray(unit.mesh.vertices)
-    return np.concatenate([p.points for p in patches]) if sigma > NOISY else unit.points
+    return np.concatenate([p.points for p in patches]) if noise.blurs else unit.points
 
 
-def _surfaces(unit: Target, rng: np.random.Generator, out_of_time: Callable[[], bool]) -> tuple[list[Patch], list[Surface]]:
-    """What the target shows, and for a cloud the planes that its faces only imply."""
+def _surfaces(body: UnitBody, rng: np.random.Generator, out_of_time: Callable[[], bool]) -> tuple[list[Patch], list[Surface], NoiseModel]:
+    """What the target shows, for a cloud the planes that its faces only imply, and its noise."""
+    unit = body.target
     if unit.mesh is not None:
-        return detect_patches(unit.mesh), []
-    patches = detect_cloud(unit.points, unit.normals, rng, out_of_time=out_of_time)
-    return patches, closing_planes(patches, measure_scale(unit.points, rng).spacing)
+        return detect_patches(unit.mesh), [], body.noise
+    patches, noise = detect_cloud(unit.points, unit.normals, body.noise, rng, out_of_time=out_of_time)
+    return patches, closing_planes(patches, noise.spacing), noise
 
 
 def _labeller(unit: Target, patches: list[Patch], out_of_time: Callable[[], bool]) -> Callable[[np.ndarray], np.ndarray]:

@@ -16,6 +16,7 @@ from manifold3d import Manifold
 from imdim.export.openscad_reader import read_openscad
 from imdim.geometry.cloud import Target
 from imdim.geometry.metrics import diagonal, nearest_distances
+from imdim.geometry.sampling import subsample
 from imdim.geometry.solid import SEGMENTS, mesh_to_manifold, to_manifold, to_trimesh, volume_iou
 from imdim.geometry.triangles import distances, triangle_tree
 from imdim.program.tree import Program, leaves
@@ -86,15 +87,15 @@ def target_distances(target: Target, surface: trimesh.Trimesh, samples: int = SA
     """Points [n, 3] spread over the target (or of its cloud), their distances [n] to `surface`, and those [m] of the target's corners."""
     tree = triangle_tree(surface)
     if target.mesh is None:
-        points = _thinned(target.points, samples)
+        points = subsample(target.points, samples)
         return points, distances(tree, points), np.empty(0)
     points = trimesh.sample.sample_surface(target.mesh, samples, seed=0)[0]
-    return points, distances(tree, points), distances(tree, _thinned(target.mesh.vertices, samples))
+    return points, distances(tree, points), distances(tree, subsample(np.asarray(target.mesh.vertices), samples))
 
 
 def _result_distances(surface: trimesh.Trimesh, target: Target, samples: int) -> tuple[np.ndarray, np.ndarray]:
     points = trimesh.sample.sample_surface(surface, samples, seed=1)[0]
-    corners = _thinned(surface.vertices, samples)
+    corners = subsample(np.asarray(surface.vertices), samples)
     if target.mesh is None:
         return nearest_distances(points, target.points), nearest_distances(corners, target.points)
     tree = triangle_tree(target.mesh)
@@ -118,9 +119,3 @@ def _summary(spread: np.ndarray, corners: np.ndarray) -> Distances:
 
 def _operations(primitives: int | None) -> int | None:
     return None if primitives is None else primitives - 1
-
-
-def _thinned(points: np.ndarray, count: int) -> np.ndarray:
-    """At most `count` of `points`, evenly spaced by index."""
-    points = np.asarray(points, np.float64)
-    return points if len(points) <= count else points[np.linspace(0, len(points) - 1, count).astype(np.int64)]

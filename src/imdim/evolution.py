@@ -30,6 +30,7 @@ from imdim.solve.refine import RefineConfig, refine
 
 SAMPLES = 65_536
 SURFACE = 2_048  # points that scores and the solver see
+SAMPLES_SEED, SURFACE_SEED = 0, 1  # which of them are looked at is no matter of chance from run to run
 MOST_CHOICES = 7
 NEGLIGIBLE = 1e-5  # of the volume; a choice that betters the one before by less is none
 
@@ -48,8 +49,7 @@ class Ground:
 
     @cached_property
     def scorer(self) -> Scorer:
-        rng = np.random.default_rng(0)  # which samples are looked at is no matter of chance from run to run
-        chosen = rng.permutation(len(self.samples.points))[:SAMPLES]
+        chosen = np.random.default_rng(SAMPLES_SEED).permutation(len(self.samples.points))[:SAMPLES]
         # fewer samples stand for the same volume
         share = len(self.samples.points) / len(chosen)
         w_in, w_out = self.samples.w_in[chosen] * share, self.samples.w_out[chosen] * share
@@ -58,7 +58,7 @@ class Ground:
         return Scorer(evidence, config, Carriers(self.families.arrangement))
 
     def _surface(self) -> np.ndarray:
-        return self.points[np.random.default_rng(1).permutation(len(self.points))[:SURFACE]]
+        return self.points[np.random.default_rng(SURFACE_SEED).permutation(len(self.points))[:SURFACE]]
 
     def solve(self, program: Program) -> Program:
         """The program with its numbers fitted to the surface, by a few steps."""

@@ -11,6 +11,7 @@ from imdim.geometry import kernels
 from imdim.geometry.cloud import Target
 from imdim.geometry.likening import likened
 from imdim.geometry.metrics import diagonal
+from imdim.geometry.sampling import subsample
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
@@ -23,6 +24,7 @@ from imdim.solve.snap import SnapConfig, snap
 POOR = 0.05  # of the volume; a search that leaves more is compared with the decision tree
 SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may move
 LIKE = 2e-4  # of the diagonal, within which primitives are equal
+SHOWN = 8192  # points of a target that numbers and relations are judged by
 SNAP_LOSS = 1e-4  # of the volume IoU with a mesh, that rounder numbers may cost: typed ones cost none
 MOST_RELATED = 120  # primitives; the time that relations take grows with the square
 RELATE_ERROR, RELATE_MOVE, RELATE_VOLUME = 1e-2, 1e-5, 2.5e-3  # shares of mean distance, diagonal, volume that relations may cost
@@ -32,7 +34,7 @@ def solved(program: Program, seen: Seen, body: Target, out_of_time: Callable[[],
     """The numbers fitted to a cloud, as far as time allows; a mesh's carriers are exact already, and its facets would pull them inwards."""
     if body.mesh is not None:
         return program
-    chosen = body.points[:: max(1, len(body.points) // 8192)]
+    chosen = subsample(body.points, SHOWN)
     fit = refine(program, chosen, config=RefineConfig(adam_steps=0, start_scale=0.01), out_of_time=out_of_time)
     fitted = fit.program if out_of_time() else _constrained(fit.program, chosen, seen, out_of_time)
     nearer = _mean_distance(fitted, chosen) < _mean_distance(program, chosen)
@@ -54,7 +56,7 @@ def related(program: Program, target: Target, out_of_time: Callable[[], bool] = 
     if out_of_time():
         return program, ()
     found, constraints = relations_of(program, out_of_time)
-    shown = target.points[:: max(1, len(target.points) // 8192)]
+    shown = subsample(target.points, SHOWN)
     limit = (1 + RELATE_ERROR) * _mean_distance(program, shown) + RELATE_MOVE * diagonal(shown)
     return (found, constraints) if _mean_distance(found, shown) <= limit else (program, ())
 
@@ -112,8 +114,5 @@ def _changed_volume(before: Program, after: Program) -> float:
 
 def _surface_points(seen: Seen) -> np.ndarray:
     """Points of the true surface in the body's units: corners of a mesh's patches, or the cloud; some thousands, evenly picked."""
-    if seen.target.mesh is None:
-        points = seen.target.points
-    else:
-        points = np.concatenate([p.points[:: max(1, len(p.points) // 60)] for p in seen.patches])
-    return points[:: max(1, len(points) // 6000)] / seen.frame.scale + np.asarray(seen.frame.center)
+    points = seen.target.points if seen.target.mesh is None else np.concatenate([subsample(p.points, 60) for p in seen.patches])
+    return subsample(points, 6000) / seen.frame.scale + np.asarray(seen.frame.center)

@@ -108,7 +108,7 @@ def policy(run: Run) -> Iterator[Step]:
 def evolve(run: Run) -> Iterator[Step]:
     """Evolution from the programs of the policy, the tree, the surfaces and the search."""
     seen, written = run.seen, run.policy()
-    beam = [] if written is None else [p.program for p in proposals(written, seen.target.points)]
+    beam = [] if written is None else [p.program for p in proposals(written, seen.target.points, seen.noise.sigma)]
     seeds = seeds_of(seen.ground, run.rng, run.clock.part(SEED_SHARE * run.share), beam)
     for generation in _generations(run, seeds, run.clock.part(run.share)):
         run.clock.ending = generation.stop or run.clock.ending
@@ -261,7 +261,7 @@ def _proposed(run: Run, starts: list[Program]) -> Program:
     """The best that the solver makes of a policy's beam and of programs in the body's units."""
     seen, late = run.seen, run.clock.ending_at(PROPOSED_SHARE * run.share, FIT_BY)
     written = run.policy() if run.settings.method == "policy" or time_to_propose(run.clock) else None
-    best, *_ = proposals(written, seen.target.points, [seen.frame.apply(p) for p in starts], out_of_time=late)
+    best, *_ = proposals(written, seen.target.points, seen.noise.sigma, [seen.frame.apply(p) for p in starts], out_of_time=late)
     return seen.frame.undo(best.program)
 
 
@@ -274,5 +274,5 @@ def time_to_propose(clock: Clock) -> bool:
 
 def preferred(proposed: Program, program: Program, seen: Seen) -> bool:
     """Cells of a cloud know no surface that detection missed: what fits the points far better is taken, whatever its cells say."""
-    cloud = Cloud.of(seen.target.points)
+    cloud = Cloud.of(seen.target.points, seen.noise.sigma)
     return misfit(seen.frame.apply(proposed), cloud) < FAR_BETTER * misfit(seen.frame.apply(program), cloud)

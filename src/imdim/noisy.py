@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imdim.body import NOISY, Seen, uncrowded
+from imdim.body import Seen, UnitBody
 from imdim.geometry.axes import clearest_axes, main_axes, shared_axes
-from imdim.geometry.cloud import Frame, Target
+from imdim.geometry.sampling import subsample
 from imdim.program.simplify import reduce_program
 from imdim.program.tree import Program, leaves
 from imdim.proposals import proposals
-from imdim.seeding.cloud_normals import measure_scale
 from imdim.solve.compounds import compounds
 from imdim.solve.discover import DiscoverConfig, discover
 from imdim.solve.likelihood import Noise, Shown, shares
@@ -39,7 +38,7 @@ SAME = 2e-3  # nats per point, what the samples of the surface leave in doubt
 
 
 def unlabelled(
-    body: Target,
+    body: UnitBody,
     policy: Policy | None,
     out_of_time: Callable[[], bool],
     no_time_to_fit: Callable[[], bool] = bool,
@@ -50,15 +49,13 @@ def unlabelled(
     None for a mesh and, unless `calm` ones are asked for too, a calm cloud, which then have no inside, and where nothing is left of the
     cloud. Time as for `most_likely`.
     """
-    frame = Frame.of(body)
-    points = uncrowded(frame.normalise(body)).points
-    sigma = measure_scale(points, np.random.default_rng(0)).sigma
-    if body.mesh is not None or (sigma <= NOISY and not calm):
+    points, noise = body.target.points, body.noise
+    if body.target.mesh is not None or not (noise.blurs or calm):
         return None
-    found = [p.program for p in proposals(policy, points, out_of_time=out_of_time)]
-    if not found or sigma <= NOISY:
-        return frame.undo(found[0]) if found else None
-    return frame.undo(_Points.of(points, sigma).told(found, out_of_time, no_time_to_fit))
+    found = [p.program for p in proposals(policy, points, noise.sigma, out_of_time=out_of_time)]
+    if not found or not noise.blurs:
+        return body.frame.undo(found[0]) if found else None
+    return body.frame.undo(_Points.of(points, noise.sigma).told(found, out_of_time, no_time_to_fit))
 
 
 def most_likely(
@@ -70,7 +67,7 @@ def most_likely(
     Once `out_of_time` the search ends, and the numbers of its program are fitted until there is `no_time_to_fit` (by default to the end).
     """
     shared = shared_axes([p.surface.axis for p in seen.patches], [p.area for p in seen.patches])
-    points = _Points.of(seen.target.points, seen.sigma, shared)
+    points = _Points.of(seen.target.points, seen.noise.sigma, shared)
     return seen.frame.undo(points.told([seen.frame.apply(p) for p in programs], out_of_time, no_time_to_fit))
 
 
@@ -90,7 +87,7 @@ class _Points:
 
     @cached_property
     def quick(self) -> np.ndarray:
-        return _thinned(self.points, QUICK_POINTS)
+        return subsample(self.points, QUICK_POINTS)
 
     @cached_property
     def _draws(self) -> Draws:
@@ -98,7 +95,7 @@ class _Points:
 
     @cached_property
     def _cloud(self) -> Cloud:
-        return Cloud.of(self.quick)
+        return Cloud.of(self.quick, self.sigma)
 
     def told(self, programs: Sequence[Program], out_of_time: Callable[[], bool], no_time_to_fit: Callable[[], bool]) -> Program:
         """The shortest message's program, by a search from one primitive, then from the best of `programs`, then from both."""
@@ -107,7 +104,7 @@ class _Points:
         seen = [*found, *compounds(found, self._cloud, self.sigma)]
         lent = [*seen, *dict.fromkeys(leaf for p in programs for leaf in leaves(p))]
         best = self._searched(programs, lent, out_of_time)
-        points = self.quick if out_of_time() else _thinned(self.points, MOST_POINTS)
+        points = self.quick if out_of_time() else subsample(self.points, MOST_POINTS)
         shorter = reduce_program(best.program, out_of_time=no_time_to_fit)
         return _related(_fitted(shorter, points, best.noise, no_time_to_fit, CAREFUL), points, no_time_to_fit)
 
@@ -152,7 +149,3 @@ def _related(likely: Likely, points: np.ndarray, out_of_time: Callable[[], bool]
     after = shares(points, Shown.of(found.program, likely.noise.sigma), likely.noise).nll
     worth = 0.5 * len(found.constraints) * math.log(len(points)) / len(points)
     return found.program if after < likely.nll + worth else likely.program
-
-
-def _thinned(points: np.ndarray, count: int) -> np.ndarray:
-    return points[:: max(1, len(points) // count)]

@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 import trimesh
 
-from imdim.body import Seen, look
+from imdim.body import Seen, UnitBody, look
 from imdim.clock import CHOOSE_BY, DETECT_BY, FIT_BY, LABEL_BY, RELATE_BY, Clock
 from imdim.config import ConfigError, Settings
 from imdim.evolution import choices, few, united
@@ -152,11 +152,12 @@ def _body(
     body: Target, settings: Settings, policy: PolicyOf, clock: Clock, rng: np.random.Generator, share: float = 1.0
 ) -> Iterator[_State]:
     """Better and better programs of one body, which may take a share of the time left."""
+    unit = UnitBody.of(body, rng)
     try:
-        seen = look(body, settings.size_weight, rng, clock.ending_at(share, DETECT_BY), clock.ending_at(share, LABEL_BY))
+        seen = look(unit, settings.size_weight, rng, clock.ending_at(share, DETECT_BY), clock.ending_at(share, LABEL_BY))
     except InputError:
         cut = clock.late
-        guess = _guess(body, settings, policy, clock, share, cut) if cut or settings.method in GUESSING else None
+        guess = _guess(unit, settings, policy, clock, share, cut) if cut or settings.method in GUESSING else None
         if guess is None:
             raise
         yield _State("policy", guess, UNKNOWN, to_manifold(guess).volume(), (Choice(guess, UNKNOWN),), NO_TIME if cut else NO_INSIDE)
@@ -195,7 +196,7 @@ def _at_home(program: Program, seen: Seen, out_of_time: Callable[[], bool]) -> P
     return program if home is unit else seen.frame.undo(home)
 
 
-def _guess(body: Target, settings: Settings, policy: PolicyOf, clock: Clock, share: float, cut: bool) -> Program | None:
+def _guess(body: UnitBody, settings: Settings, policy: PolicyOf, clock: Clock, share: float, cut: bool) -> Program | None:
     """A program of a cloud from its points alone; of a calm one only where time `cut` its detection short."""
     asked = settings.method == "policy" or (settings.method in GUESSING and time_to_propose(clock))
     return unlabelled(body, policy() if asked else None, *_times(clock, share), calm=cut)

@@ -17,6 +17,7 @@ import trimesh
 
 from imdim.config import ConfigError, first_line
 from imdim.geometry.axes import main_axes
+from imdim.geometry.sampling import subsample
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.geometry.triangles import distances, triangle_tree
 from imdim.program.cost import count
@@ -118,22 +119,24 @@ def signed_of(solids: Solids) -> list[Signed]:
 def proposals(
     policy: Policy | None,
     points: np.ndarray,
+    sigma: float,
     starts: Sequence[Program] = (),
     seed: int = 0,
     config: ProposalConfig | None = None,
     out_of_time: Callable[[], bool] = bool,
 ) -> list[Proposal]:
-    """What the solver makes of a policy's beam and of other programs, for the surface `points` [n, 3]; cheapest first, never empty.
+    """What the solver makes of a policy's beam and of other programs, cheapest first, never empty; for the surface `points` [n, 3], whose
+    noise has the deviation `sigma`.
 
     Programs that are no signed sequence (intersections) are left out. Once `out_of_time` (by default never) the beam, which is written in
     any case, stays as it is.
     """
     # a stray point moves the box that a policy measures by
     points = points[inliers(points)]
-    axes = main_axes(points[:: max(1, len(points) // POINTS)])
+    axes = main_axes(subsample(points, POINTS))
     given = [s for p in starts if (s := to_signed(p)) is not None]
     beam = written(policy, points, axes, seed) if policy is not None else []
-    return settle([*given, *beam], points, axes, config or FINE, out_of_time)
+    return settle([*given, *beam], points, sigma, axes, config or FINE, out_of_time)
 
 
 def misfit(program: Program, cloud: Cloud, config: PoolConfig | None = None) -> float:

@@ -8,6 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imdim.geometry.surface import Patch
+from imdim.seeding.cloud_surfaces import detect_cloud
+from imdim.seeding.noise import measure_noise
+
 Face = tuple[float, Callable[[np.random.Generator, int], tuple[np.ndarray, np.ndarray]]]
 
 
@@ -124,3 +128,10 @@ def lamp() -> Part:
 
 
 PARTS = {"plate": plate, "thin_tube": thin_tube, "lamp": lamp}
+
+
+def detected(
+    points: np.ndarray, normals: np.ndarray | None, rng: np.random.Generator, out_of_time: Callable[[], bool] = bool
+) -> list[Patch]:
+    """The surfaces of a cloud with the noise that it shows."""
+    return detect_cloud(points, normals, measure_noise(points, rng)[0], rng, out_of_time=out_of_time)[0]

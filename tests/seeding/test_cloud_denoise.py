@@ -4,14 +4,14 @@ import numpy as np
 from tests.seeding.cloud_parts import plate
 
 from imdim.seeding.cloud_denoise import denoise, inliers
-from imdim.seeding.cloud_normals import measure_scale
+from imdim.seeding.noise import measure_noise
 
 
 def test_points_come_nearer_to_the_plates_large_faces():
     rng = np.random.default_rng(5)
     points, truth = plate().sample(rng, 8192)
     noisy = points + rng.normal(scale=0.025, size=points.shape)
-    calm, normals = denoise(noisy, None, measure_scale(noisy, rng), rng)
+    calm, normals = denoise(noisy, None, measure_noise(noisy, rng)[0], rng)
     middle = (np.abs(truth[:, 2]) > 0.5) & (np.abs(points[:, 0]) < 1.0) & (np.abs(points[:, 1]) < 1.2)
     before, after = (np.sqrt(np.mean((np.abs(p[middle, 2]) - 0.2) ** 2)) for p in (noisy, calm))
     assert after < 0.5 * before

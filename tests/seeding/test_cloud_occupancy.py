@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
-from tests.seeding.cloud_parts import PARTS, plate
+from tests.seeding.cloud_parts import PARTS, detected, plate
 
 from imdim.geometry.surface import Surface
 from imdim.geometry.surface import normals as surface_normals
 from imdim.seeding.cloud_kernels import CONE, CYLINDER, PLANE, SPHERE, TORUS, distance_and_cosine, gradient, pack
 from imdim.seeding.cloud_occupancy import OccupancyConfig, inside_probability
 from imdim.seeding.cloud_rays import crossings
-from imdim.seeding.cloud_surfaces import detect_cloud
 
 SURFACES = [
     (PLANE, Surface("plane", (0.1, 0.2, 0.3), (0.6, 0.0, 0.8))),
@@ -53,7 +52,7 @@ def test_compiled_gradient_is_the_reference(kind, surface):
 def test_space_is_labelled_and_patches_face_outward(name):
     part, rng = PARTS[name](), np.random.default_rng(11)
     points, normals = part.sample(rng, 8192)
-    patches = detect_cloud(points, None, rng)
+    patches = detected(points, None, rng)
     low, high = points.min(0), points.max(0)
     queries = low - 0.05 * (high - low) + 1.1 * (high - low) * rng.random((8000, 3))
     queries = queries[KDTree(part.sample(rng, 100_000)[0]).query(queries)[0] > 0.003 * np.linalg.norm(high - low)]
@@ -72,7 +71,7 @@ def test_space_is_labelled_and_patches_face_outward(name):
 def test_a_missing_face_does_not_flood_the_part():
     part, rng = plate(), np.random.default_rng(12)
     points, _ = part.sample(rng, 8192)
-    patches = detect_cloud(points, None, rng)
+    patches = detected(points, None, rng)
     open_patches = [p for p in patches if not (p.surface.kind == "plane" and abs(p.surface.axis[0]) > 0.9 and p.points[0, 0] > 0)]
     assert len(open_patches) == len(patches) - 1
     queries = rng.uniform((-2.2, -1.7, -0.4), (2.2, 1.7, 0.4), (4000, 3))
@@ -88,7 +87,7 @@ def test_no_patches_means_outside():
 def test_labels_in_no_time_follow_those_that_were_asked():
     part, rng = plate(), np.random.default_rng(3)
     points, _ = part.sample(rng, 6000)
-    patches = detect_cloud(points, None, rng)
+    patches = detected(points, None, rng)
     low, high = points.min(0), points.max(0)
     queries = low + (high - low) * rng.random((8000, 3))
     queries = queries[KDTree(points).query(queries)[0] > 0.02 * np.linalg.norm(high - low)]
@@ -104,7 +103,7 @@ def test_labels_in_no_time_follow_those_that_were_asked():
 def test_votes_that_all_agree_need_not_all_be_asked():
     part, rng = plate(), np.random.default_rng(4)
     points, _ = part.sample(rng, 6000)
-    patches = detect_cloud(points, None, rng)
+    patches = detected(points, None, rng)
     queries = points.min(0) + np.ptp(points, axis=0) * rng.random((4000, 3))
     every = inside_probability(patches, points, queries, OccupancyConfig(enough=99))
     assert ((inside_probability(patches, points, queries) > 0.5) == (every > 0.5)).mean() > 0.998

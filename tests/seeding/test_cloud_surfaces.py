@@ -5,11 +5,9 @@ from collections import Counter
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.seeding.cloud_parts import PARTS, plate
+from tests.seeding.cloud_parts import PARTS, detected, plate
 
 from imdim.geometry.surface import Patch, signed_distance
-from imdim.seeding.cloud_state import CloudConfig
-from imdim.seeding.cloud_surfaces import detect_cloud
 
 
 def match(patches: list[Patch], carriers: list[tuple[str, tuple[float, ...]]], scale: float, tolerance: float) -> None:
@@ -25,7 +23,7 @@ def match(patches: list[Patch], carriers: list[tuple[str, tuple[float, ...]]], s
 def test_a_clean_cloud_gives_its_carriers_exactly(name):
     part, rng = PARTS[name](), np.random.default_rng(0)
     points, _ = part.sample(rng, 8192)
-    patches = detect_cloud(points, None, rng)
+    patches = detected(points, None, rng)
     match(patches, part.carriers, 1.0, 1e-4)
     assert sum(len(p.points) for p in patches) > 0.99 * len(points)
     for p in patches:
@@ -38,14 +36,14 @@ def test_turned_moved_and_in_other_units(scale):
     part, rng = plate(), np.random.default_rng(1)
     turn = Rotation.from_euler("xyz", [10, 35, -50], degrees=True).as_matrix()
     points = scale * (part.sample(rng, 6000)[0] @ turn.T + (5.0, -3.0, 2.0))
-    match(detect_cloud(points, None, rng), part.carriers, scale, 1e-4)
+    match(detected(points, None, rng), part.carriers, scale, 1e-4)
 
 
 def test_outliers_are_left_out():
     part, rng = plate(), np.random.default_rng(2)
     points, _ = part.sample(rng, 8000)
     stray = rng.uniform((-2.2, -1.7, -0.4), (2.2, 1.7, 0.4), (160, 3))
-    patches = detect_cloud(np.vstack([points, stray]), None, rng)
+    patches = detected(np.vstack([points, stray]), None, rng)
     match(patches, part.carriers, 1.0, 1e-4)
     assert sum(len(p.points) for p in patches) < 8000 + 40
 
@@ -56,13 +54,13 @@ def test_noise_of_a_two_hundredth_of_the_diagonal(name):
     points, normals = part.sample(rng, 8192)
     diagonal = np.linalg.norm(np.ptp(points, axis=0))
     noisy = points + rng.normal(scale=0.005 * diagonal, size=points.shape)
-    patches = detect_cloud(noisy, normals, rng)
+    patches = detected(noisy, normals, rng)
     match(patches, part.carriers, 1.0, 0.03)
 
 
 def test_few_points_and_the_same_seed():
     points, _ = plate().sample(np.random.default_rng(4), 600)
-    a, b = (detect_cloud(points, None, np.random.default_rng(7), CloudConfig()) for _ in range(2))
+    a, b = (detected(points, None, np.random.default_rng(7)) for _ in range(2))
     assert [p.surface for p in a] == [p.surface for p in b]
     assert {p.surface.kind for p in a} >= {"plane"}
 
@@ -72,11 +70,11 @@ def test_without_time_the_largest_surfaces_are_found(sigma):
     part, rng = plate(), np.random.default_rng(5)
     points = part.sample(rng, 6000)[0]
     points = points + sigma * np.linalg.norm(np.ptp(points, axis=0)) * rng.normal(size=points.shape)
-    few, whole = (detect_cloud(points, None, np.random.default_rng(0), out_of_time=late) for late in (lambda: True, lambda: False))
+    few, whole = (detected(points, None, np.random.default_rng(0), out_of_time=late) for late in (lambda: True, lambda: False))
     assert 1 <= len(few) < len(whole)
     assert max(p.area for p in few) > 0.8 * max(p.area for p in whole)
 
 
 def test_a_noisy_cloud_that_shows_nothing_gives_nothing():
     points = np.random.default_rng(28).uniform(-1, 1, (60, 3))  # seeds of which others show some plane
-    assert detect_cloud(points, None, np.random.default_rng(0)) == []
+    assert detected(points, None, np.random.default_rng(0)) == []

@@ -17,7 +17,7 @@ CLOSED = [box(30, 20, 12, (1.0, 2.0, 3.0), (10.0, 20.0, 30.0)), cylinder(12, 20)
 
 
 def cloud_of(program, n=6000):
-    return Cloud.of(surface_points(program, n, np.random.default_rng(0))[0])
+    return Cloud.of(surface_points(program, n, np.random.default_rng(0))[0], 0.0)
 
 
 @pytest.mark.parametrize("part", CLOSED, ids=lambda p: p.kind)

@@ -43,7 +43,7 @@ def iou(found, truth):
 def test_spoilt_numbers_come_back(name):
     rng = np.random.default_rng(1)
     truth = to_signed(PARTS[name])
-    found = settle([spoilt(truth, 0.03, rng) for _ in range(6)], cloud_of(PARTS[name]))
+    found = settle([spoilt(truth, 0.03, rng) for _ in range(6)], cloud_of(PARTS[name]), 0.0)
     assert iou(found[0].program, PARTS[name]) >= 0.98
     assert [f.cost for f in found] == sorted(f.cost for f in found)
 
@@ -55,7 +55,7 @@ def test_a_missing_primitive_is_found_and_a_foreign_one_dropped(name):
     size = max(max(p.size) for p, _ in truth)
     foreign = (sphere(0.2 * size, (0.3 * size, 0.1 * size, 0.2 * size)), True)
     candidates = [(*spoilt(truth[:-1], 0.02, rng), foreign) for _ in range(4)]
-    found = settle(candidates, cloud_of(PARTS[name]))[0]
+    found = settle(candidates, cloud_of(PARTS[name]), 0.0)[0]
     assert iou(found.program, PARTS[name]) >= 0.95
     assert len(found.signed) <= len(truth) + 1
 
@@ -63,7 +63,7 @@ def test_a_missing_primitive_is_found_and_a_foreign_one_dropped(name):
 def test_a_wrong_sign_and_a_wrong_order_are_repaired():
     truth = cut(union(box(60, 40, 10), cylinder(12, 30, (0.0, 0.0, 10.0))), cylinder(6, 60))
     plate, boss, hole = (p for p, _ in to_signed(truth))
-    found = settle([((plate, True), (hole, True), (boss, True))], cloud_of(truth))[0]
+    found = settle([((plate, True), (hole, True), (boss, True))], cloud_of(truth), 0.0)[0]
     assert iou(found.program, truth) >= 0.99
 
 
@@ -71,13 +71,14 @@ def test_a_turned_part_needs_its_axes():
     turn = (20.0, -35.0, 50.0)
     truth = cut(box(60, 40, 10, rotation=turn), box(30, 10, 40, rotation=turn))
     plain = to_signed(box(50, 50, 20, rotation=turn))
-    found = settle([plain], cloud_of(truth), axes=matrix_from_euler(turn))[0]
+    found = settle([plain], cloud_of(truth), 0.0, axes=matrix_from_euler(turn))[0]
     assert iou(found.program, truth) >= 0.98
 
 
 def test_noise_is_not_fitted():
     truth = cut(box(60, 40, 20), cylinder(10, 60))
-    found = settle([to_signed(truth)], cloud_of(truth, noise=0.01))[0]
+    points = cloud_of(truth, noise=0.01)
+    found = settle([to_signed(truth)], points, 0.01 * float(np.linalg.norm(np.ptp(points, axis=0))))[0]
     assert len(found.signed) == 2
     assert iou(found.program, truth) >= 0.93
 
@@ -86,17 +87,17 @@ def test_the_same_input_gives_the_same_program():
     rng = np.random.default_rng(3)
     candidates = [spoilt(to_signed(PARTS["L bracket"]), 0.03, rng) for _ in range(3)]
     points = cloud_of(PARTS["L bracket"])
-    assert settle(candidates, points) == settle(candidates, points)
+    assert settle(candidates, points, 0.0) == settle(candidates, points, 0.0)
 
 
 def test_no_candidate_still_gives_a_program():
-    found = settle([], cloud_of(cylinder(10, 30, rotation=ALONG_X)))[0]
+    found = settle([], cloud_of(cylinder(10, 30, rotation=ALONG_X)), 0.0)[0]
     assert iou(found.program, cylinder(10, 30, rotation=ALONG_X)) >= 0.98
 
 
 def test_the_cost_of_the_truth_is_its_price_and_that_of_sheets_is_not():
     part = box(60, 40, 20)
-    cloud = Cloud.of(cloud_of(part))
+    cloud = Cloud.of(cloud_of(part), 0.0)
     pool = Pool.of([part, box(60, 40, 20)], cloud, PoolConfig())
     price = PoolConfig().price
     assert pool.cost(((0, True),)) == pytest.approx(price, abs=0.03)
@@ -108,7 +109,7 @@ def test_the_cost_of_the_truth_is_its_price_and_that_of_sheets_is_not():
 def test_half_of_the_surface_without_points_is_half_of_the_surface():
     """A box twice as long as the cloud bears points on the cloud's own surface but for one end, which lies within."""
     part, longer = box(40, 40, 20), box(80, 40, 20, (20.0, 0.0, 0.0))
-    cloud = Cloud.of(cloud_of(part))
+    cloud = Cloud.of(cloud_of(part), 0.0)
     pool = Pool.of([longer], cloud, PoolConfig(price=0.0, explained=1e-3))
     own, end, whole = 2 * (40 * 40 + 2 * 40 * 20), 40 * 20, 2 * (80 * 40 + 80 * 20 + 40 * 20)
     expected = (whole - (own - end) + end) / own
@@ -118,7 +119,7 @@ def test_half_of_the_surface_without_points_is_half_of_the_surface():
 def test_missing_guesses_are_near_what_is_missing():
     hole = cylinder(6, 60, (10.0, 0.0, 0.0))
     truth = cut(box(60, 40, 20), hole)
-    cloud = Cloud.of(cloud_of(truth))
+    cloud = Cloud.of(cloud_of(truth), 0.0)
     guesses = missing(box(60, 40, 20), cloud, np.eye(3), 0.01 * cloud.diagonal)
     assert any(
         g.kind == "cylinder" and not s and abs(g.size[0] - 6) < 0.3 and np.abs(np.subtract(g.center, hole.center))[:2].max() < 0.5
@@ -160,5 +161,5 @@ def test_sequences_and_programs_are_the_same():
 
 def test_without_time_the_cheapest_candidate_stays_as_it_is():
     truth = to_signed(PARTS["L bracket"])
-    found = settle([truth, truth[:1]], cloud_of(PARTS["L bracket"]), out_of_time=lambda: True)[0]
+    found = settle([truth, truth[:1]], cloud_of(PARTS["L bracket"]), 0.0, out_of_time=lambda: True)[0]
     assert iou(found.program, PARTS["L bracket"]) > 0.99

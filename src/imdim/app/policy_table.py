@@ -144,7 +144,7 @@ def _beams(policy: Policy, local: Tensor, config: DecodeConfig, render: torch.Ge
 
 
 def _solved(candidates: Sequence[Sequence[Signed]], clouds: np.ndarray, poses: Poses) -> Solids:
-    best = [settle(c, cloud, axes)[0].signed for c, cloud, axes in zip(candidates, clouds, poses.axes, strict=True)]
+    best = [settle(c, cloud, 0.0, axes)[0].signed for c, cloud, axes in zip(candidates, clouds, poses.axes, strict=True)]
     return to_solids(best)
 
 

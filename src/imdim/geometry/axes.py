@@ -15,7 +15,10 @@ import numpy as np
 from numba import njit
 from scipy.spatial import KDTree
 
+from imdim.geometry.sampling import subsample
+
 MOST = 768  # points whose normals are taken
+SHARPENED = 2048  # points whose piles are sought
 NEIGHBOURS = (8, 32)  # few show thin walls, many see through noise
 TRIALS = 1000  # directions on the half sphere, 5 degrees apart
 WIDTHS = (0.10, 0.05, 0.025, 0.012)  # of the kernels, in radians, from the search to the last adjustment
@@ -91,7 +94,7 @@ def _sharing(width: float, places: np.ndarray) -> float:
 
 def local_normals(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Unit normals [m, 3] of either sign at every so-manieth point, and how flat the cloud is there, [m] in 0..1."""
-    picked = points[:: max(1, len(points) // MOST)]
+    picked = subsample(points, MOST)
     near = np.asarray(KDTree(points).query(picked, k=min(max(NEIGHBOURS), len(points)))[1])
     normals, trust = zip(*(_flattest(points[near[:, :k]]) for k in NEIGHBOURS), strict=True)
     return np.concatenate(normals), np.concatenate(trust)
@@ -188,7 +191,7 @@ def _finished(frame: np.ndarray, points: np.ndarray, normals: np.ndarray, trust:
 
 def _sharpened(frame: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Turned a little so that the coordinates of the points pile up where faces are; a pattern search, ever finer."""
-    points = points[:: max(1, len(points) // 2048)]
+    points = subsample(points, SHARPENED)
     points = (points - points.mean(0)) / float(np.linalg.norm(np.ptp(points, axis=0)))
     for step, width in SHARPENING:
         best = _piled(points @ frame, width)

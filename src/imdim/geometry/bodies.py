@@ -8,6 +8,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from imdim.geometry.sampling import subsample
 from imdim.geometry.winding import winding_number
 
 PROBES = 7  # vertices of a body that must all lie inside another for it to be nested
@@ -102,7 +103,7 @@ def _holders(vertices: np.ndarray, faces: np.ndarray, label: np.ndarray, count: 
     high = np.array([t.max(axis=(0, 1)) for t in triangles])
     holders = []
     for i, own in enumerate(triangles):
-        probes = own.reshape(-1, 3)[:: max(1, 3 * len(own) // PROBES)]
+        probes = subsample(own.reshape(-1, 3), PROBES)
         around = np.flatnonzero(((low[:i] < low[i]) & (high[:i] > high[i])).all(axis=1))
         holders.append([int(j) for j in around if (np.abs(winding_number(triangles[j], probes)) > 0.5).all()])
     return holders

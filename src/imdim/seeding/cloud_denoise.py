@@ -9,7 +9,8 @@ import numpy as np
 from numba import njit
 from scipy.spatial import KDTree
 
-from imdim.seeding.cloud_normals import CloudScale, consensus_normals
+from imdim.seeding.cloud_normals import consensus_normals
+from imdim.seeding.noise import NoiseModel
 
 
 @dataclass
@@ -31,7 +32,7 @@ def inliers(points: np.ndarray, config: DenoiseConfig | None = None) -> np.ndarr
 
 
 def denoise(
-    points: np.ndarray, normals: np.ndarray | None, scale: CloudScale, rng: np.random.Generator, config: DenoiseConfig | None = None
+    points: np.ndarray, normals: np.ndarray | None, noise: NoiseModel, rng: np.random.Generator, config: DenoiseConfig | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points [n, 3] moved along their normals to where their neighbours say the surface is, and those normals [n, 3].
 
@@ -45,19 +46,19 @@ def denoise(
     near = np.asarray(KDTree(points).query(points, k=k + 1)[1])
     signed = normals is not None
     if normals is None:
-        found, trust = consensus_normals(points, near, scale, rng)
-        directed = _adopt(points, found, trust, near, scale.sigma, scale.spacing)
+        found, trust = consensus_normals(points, near, noise, rng)
+        directed = _adopt(points, found, trust, near, noise.sigma, noise.spacing)
     else:
         directed = np.array(normals, dtype=float)
-    reach = 0.5 * math.sqrt(k / math.pi) * scale.spacing
+    reach = 0.5 * math.sqrt(k / math.pi) * noise.spacing
     calm = np.array(points, dtype=float)
     turn = math.radians(config.turn_deg)
     for _ in range(0 if signed else config.normal_rounds):
-        directed = _bilateral(calm, directed, near, reach, 2.0 * scale.sigma, turn)
-    band = 2.0 * scale.sigma
+        directed = _bilateral(calm, directed, near, reach, 2.0 * noise.sigma, turn)
+    band = 2.0 * noise.sigma
     for _ in range(config.point_rounds):
         calm = _follow(calm, directed, near, reach, band, turn, signed)
-        band = max(0.7 * band, 0.7 * scale.sigma)
+        band = max(0.7 * band, 0.7 * noise.sigma)
         if not signed:
             directed = _bilateral(calm, directed, near, reach, band, turn)
     return calm, directed

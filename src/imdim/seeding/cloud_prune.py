@@ -52,5 +52,5 @@ def _others(cloud: Cloud, distance: np.ndarray, mine: np.ndarray, j: int) -> np.
         if k == j or len(held) == 0:
             out[:, k] = _CLIP
             continue
-        out[KDTree(held).query(cloud.points[mine])[0] > _REACH * cloud.scale.spacing, k] = _CLIP
+        out[KDTree(held).query(cloud.points[mine])[0] > _REACH * cloud.noise.spacing, k] = _CLIP
     return out

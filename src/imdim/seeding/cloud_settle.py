@@ -26,7 +26,7 @@ def settle(cloud: Cloud, out_of_time: Callable[[], bool] = bool) -> None:
             if len(mine) >= MIN_POINTS[surface.kind]:
                 band = cloud.tolerance_of(surface)
                 fitted, _ = fit_surface(surface.kind, cloud.points[mine], start=surface, scale=band / 2, iterations=10)
-                if sane(fitted, cloud.scale.diagonal):
+                if sane(fitted, cloud.noise.diagonal):
                     cloud.found[i] = fitted
     _reassign(cloud)
 
@@ -39,7 +39,7 @@ def _reassign(cloud: Cloud) -> None:
         near = cloud.members(surface)
         if len(near) < cloud.least:
             continue
-        label = pieces(cloud.points[near], cloud.config.linked * cloud.scale.spacing)
+        label = pieces(cloud.points[near], cloud.config.linked * cloud.noise.spacing)
         near = near[np.bincount(label)[label] >= cloud.least]
         distance = np.abs(signed_distance(surface, cloud.points[near]))
         better = near[distance < nearest[near]]
@@ -85,7 +85,7 @@ def _as_well(cloud: Cloud, i: int, j: int) -> bool:
 
 
 def patches_of(cloud: Cloud) -> list[Patch]:
-    share = cloud.scale.spacing**2
+    share = cloud.noise.spacing**2
     out = []
     for i, surface in enumerate(cloud.found):
         mine = cloud.points[cloud.owner == i]
@@ -101,8 +101,8 @@ def measured_patches(cloud: Cloud, scale: float) -> list[Patch]:
     for i, surface in enumerate(cloud.found):
         mine = cloud.raw[cloud.owner == i]
         fitted, _ = fit_surface(surface.kind, mine, start=surface, scale=scale, iterations=15)
-        good = sane(fitted, cloud.scale.diagonal)
-        out.append(Patch(fitted if good else surface, mine, cloud.scale.spacing**2 * len(mine)))
+        good = sane(fitted, cloud.noise.diagonal)
+        out.append(Patch(fitted if good else surface, mine, cloud.noise.spacing**2 * len(mine)))
     out.sort(key=lambda p: -p.area)
     return out
 

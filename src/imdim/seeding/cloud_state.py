@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 
 from imdim.geometry.surface import SURFACE_KINDS, Surface, is_spindle
 from imdim.seeding.cloud_kernels import CONE, PLANE, gains, pack
-from imdim.seeding.cloud_normals import CloudScale
+from imdim.seeding.noise import NoiseModel
 
 
 @dataclass
@@ -45,7 +45,7 @@ class Cloud:
     points: np.ndarray
     normals: np.ndarray
     trust: np.ndarray
-    scale: CloudScale
+    noise: NoiseModel
     config: CloudConfig
     owner: np.ndarray  # index of the found surface, -1 for none
     viewed: int  # free points when their normals were last estimated; 0 for given normals
@@ -58,7 +58,12 @@ class Cloud:
 
     @property
     def noisy(self) -> bool:
-        return self.raw is not None or self.scale.sigma > 1e-3 * self.scale.diagonal
+        return self.raw is not None or self.noise.blurs
+
+    @property
+    def sigma(self) -> float:
+        """Deviation of the noise that `points` have, as measured or denoised."""
+        return self.noise.sigma * (1.0 if self.raw is None else self.config.calmed)
 
     @property
     def least(self) -> int:
@@ -66,13 +71,13 @@ class Cloud:
 
     def tolerance(self, kinds: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Of each hypothesis: noise, or the flats of a faceted wall."""
-        d = self.scale.diagonal
+        d = self.noise.diagonal
         radius = np.choose(kinds, [0 * rows[:, 6], rows[:, 6], rows[:, 6], 0 * rows[:, 6], rows[:, 7]])
         # a radius beyond the part's own is a gentle arc, and such arcs have many sides
         facet = self.config.facet * np.where(radius < 0.5 * d, radius, 0.0)
         base = np.where(kinds == PLANE, self.config.flat * d, np.maximum(self.config.curved * d, facet))
         base = np.where(kinds == CONE, 2 * self.config.curved * d, base)
-        return np.maximum(base, self.config.noise * self.scale.sigma)
+        return np.maximum(base, self.config.noise * self.sigma)
 
     def tolerance_of(self, surface: Surface) -> float:
         return float(self.tolerance(np.array([SURFACE_KINDS.index(surface.kind)]), pack(surface)[None])[0])

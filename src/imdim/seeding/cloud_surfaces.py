@@ -9,16 +9,18 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import KDTree
 
+from imdim.geometry.sampling import subsample
 from imdim.geometry.surface import Patch, Surface, signed_distance
 from imdim.seeding.cloud_denoise import denoise, inliers
 from imdim.seeding.cloud_hypotheses import propose
 from imdim.seeding.cloud_kernels import PLANE, gains, largest_plane, pack, score, sharp_gains, unpack
-from imdim.seeding.cloud_normals import CloudScale, estimate_normals, measure_scale
+from imdim.seeding.cloud_normals import estimate_normals
 from imdim.seeding.cloud_occupancy import orient
 from imdim.seeding.cloud_prune import prune
 from imdim.seeding.cloud_settle import gathered, measured_patches, patches_of, settle
 from imdim.seeding.cloud_state import Cloud, CloudConfig, pieces, sane
 from imdim.seeding.fit_surface import MIN_POINTS, fit_surface
+from imdim.seeding.noise import NoiseModel
 from imdim.seeding.regularise import regularise
 
 # a richer kind must explain more to be preferred: plane, sphere, cylinder, cone, torus
@@ -30,59 +32,64 @@ _LEAST = np.array([1.0, 1.3, 1.0, 1.6, 2.2])
 def detect_cloud(
     points: np.ndarray,
     normals: np.ndarray | None,
+    noise: NoiseModel,
     rng: np.random.Generator,
     config: CloudConfig | None = None,
     out_of_time: Callable[[], bool] = bool,
-) -> list[Patch]:
-    """Carrier surfaces that the cloud shows, each with the points that lie on it; points on none are left out.
+) -> tuple[list[Patch], NoiseModel]:
+    """Carrier surfaces that the cloud shows, each with the points that lie on it; points on none are left out. And the noise, less what
+    first surfaces show to have been curvature or thin walls.
 
     `points` [n, 3] in any units, `normals` [n, 3] unit vectors (of trusted sign or not) or None. Pieces of one carrier
     share one patch. `area` is the points' number times the area that one stands for. Once `out_of_time` (by default never) no more
     surfaces are looked for, beyond a first one, and those found are settled in haste.
     """
     points = np.asarray(points, float)
-    scale = measure_scale(points, rng)
-    cloud = _begin(points, normals, scale, config or CloudConfig(), rng)
+    cloud = _begin(points, normals, noise, config or CloudConfig(), rng)
     _extract(cloud, rng, 1, out_of_time)
-    calmer = _measured_sigma(cloud)
-    if calmer < 0.5 * cloud.scale.sigma:
-        # curvature or thin walls were taken for noise
-        cloud = _begin(points, normals, replace(cloud.scale, sigma=calmer), cloud.config, rng)
-    if cloud.noisy:
-        return _detect_noisy(points, normals, cloud.config, rng, out_of_time)
+    calmer = _deviation(cloud)
+    if calmer < 0.5 * noise.sigma:  # curvature or thin walls were taken for noise
+        noise = replace(noise, sigma=calmer)
+        cloud = _begin(points, normals, noise, cloud.config, rng)
+    if noise.blurs:
+        return _detect_noisy(points, normals, noise, cloud.config, rng, out_of_time), noise
     _extract(cloud, rng, cloud.config.rounds, out_of_time)
     settle(cloud, out_of_time)
-    patches = regularise(patches_of(cloud), max(cloud.config.exact * scale.diagonal, 0.3 * cloud.scale.sigma))
-    return orient(patches, points, out_of_time=out_of_time)
+    patches = regularise(patches_of(cloud), max(cloud.config.exact * noise.diagonal, 0.3 * noise.sigma))
+    return orient(patches, points, out_of_time=out_of_time), noise
 
 
 def _detect_noisy(
-    points: np.ndarray, normals: np.ndarray | None, config: CloudConfig, rng: np.random.Generator, out_of_time: Callable[[], bool]
+    points: np.ndarray,
+    normals: np.ndarray | None,
+    noise: NoiseModel,
+    config: CloudConfig,
+    rng: np.random.Generator,
+    out_of_time: Callable[[], bool],
 ) -> list[Patch]:
     """Surfaces are found in a calmed cloud and fitted to the points as measured; patches hold points on their carriers."""
     kept = inliers(points)
     points, normals = points[kept], None if normals is None else normals[kept]
-    scale = measure_scale(points, rng)
-    calm, directed = denoise(points, normals, scale, rng)
+    noise = replace(noise, diagonal=float(np.linalg.norm(np.ptp(points, axis=0))))  # strays widened the box
+    calm, directed = denoise(points, normals, noise, rng)
     trust = np.full(len(points), 0.9)
-    left = replace(scale, sigma=config.calmed * scale.sigma)
-    cloud = Cloud(calm, directed, trust, left, config, np.full(len(points), -1), len(points) if normals is None else 0, raw=points)
+    cloud = Cloud(calm, directed, trust, noise, config, np.full(len(points), -1), len(points) if normals is None else 0, raw=points)
     _extract(cloud, rng, config.rounds, out_of_time)
     settle(cloud, out_of_time)
-    prune(cloud, scale.sigma, out_of_time)
-    patches = regularise(measured_patches(cloud, 1.5 * scale.sigma), max(config.exact * scale.diagonal, 0.3 * scale.sigma))
+    prune(cloud, noise.sigma, out_of_time)
+    patches = regularise(measured_patches(cloud, 1.5 * noise.sigma), max(config.exact * noise.diagonal, 0.3 * noise.sigma))
     return orient([gathered(p) for p in patches], points, out_of_time=out_of_time)
 
 
-def _begin(points: np.ndarray, normals: np.ndarray | None, scale: CloudScale, config: CloudConfig, rng: np.random.Generator) -> Cloud:
+def _begin(points: np.ndarray, normals: np.ndarray | None, noise: NoiseModel, config: CloudConfig, rng: np.random.Generator) -> Cloud:
     if normals is None:
-        directed, trust = estimate_normals(points, scale, rng)
+        directed, trust = estimate_normals(points, noise, rng)
     else:
         directed, trust = np.array(normals, dtype=float), np.ones(len(points))
-    return Cloud(points, directed, trust, scale, config, np.full(len(points), -1), len(points) if normals is None else 0)
+    return Cloud(points, directed, trust, noise, config, np.full(len(points), -1), len(points) if normals is None else 0)
 
 
-def _measured_sigma(cloud: Cloud) -> float:
+def _deviation(cloud: Cloud) -> float:
     """Deviation of the points from the surfaces found, by their medians."""
     spread = [np.median(np.abs(signed_distance(s, cloud.points[cloud.owner == i]))) for i, s in enumerate(cloud.found)]
     return 1.4826 * float(min(spread)) if spread else math.inf
@@ -98,10 +105,9 @@ def _extract(cloud: Cloud, rng: np.random.Generator, rounds: int, out_of_time: C
         if len(rest) < 0.6 * cloud.viewed and len(rest) > 24:
             # without the faces already found, small ones show their own normals
             if cloud.raw is None:
-                cloud.normals[rest], cloud.trust[rest] = estimate_normals(cloud.points[rest], cloud.scale, rng)
+                cloud.normals[rest], cloud.trust[rest] = estimate_normals(cloud.points[rest], cloud.noise, rng)
             else:
-                whole = replace(cloud.scale, sigma=cloud.scale.sigma / cloud.config.calmed)
-                cloud.points[rest], cloud.normals[rest] = denoise(cloud.raw[rest], None, whole, rng)
+                cloud.points[rest], cloud.normals[rest] = denoise(cloud.raw[rest], None, cloud.noise, rng)
             cloud.viewed = len(rest)
         candidates = _candidates(cloud, rest, rng, out_of_time)
         misses = 0 if _accept(cloud, candidates) else misses + 1
@@ -116,7 +122,7 @@ def _candidates(
     # hypotheses of few points are off: a wider band lets them show what they might become
     wide = np.where(kinds == PLANE, 1.5, 3.0) * cloud.tolerance(kinds, rows)
     thin = rng.choice(len(rest), min(len(rest), 1200), replace=False)
-    narrow = np.minimum(wide, max(cloud.config.curved * cloud.scale.diagonal, cloud.config.noise * cloud.scale.sigma))
+    narrow = np.minimum(wide, max(cloud.config.curved * cloud.noise.diagonal, cloud.config.noise * cloud.sigma))
     raw = [score(kinds, rows, band, points[thin], normals[thin], trust[thin], cloud.cosine) for band in (wide, narrow)]
     out = []
     for kind in range(5):
@@ -149,7 +155,7 @@ def _known(cloud: Cloud) -> tuple[np.ndarray, np.ndarray]:
             directions.append(axis)
             directions += [c for c in across if all(abs(c @ d) < 0.9999 for d in directions)]
         if s.kind in ("cylinder", "cone", "torus") and not any(
-            abs(axis @ a[3:]) > 0.9999 and np.linalg.norm(np.cross(point - a[:3], axis)) < 2e-3 * cloud.scale.diagonal for a in axes
+            abs(axis @ a[3:]) > 0.9999 and np.linalg.norm(np.cross(point - a[:3], axis)) < 2e-3 * cloud.noise.diagonal for a in axes
         ):
             axes.append(np.concatenate([point, axis]))
     return np.array(directions[:16]).reshape(-1, 3), np.array(axes[:16]).reshape(-1, 6)
@@ -164,11 +170,9 @@ def _polish(cloud: Cloud, rest: np.ndarray, kind: int, row: np.ndarray) -> tuple
         near = np.flatnonzero(gains(kind, row, band, points, normals, trust, cloud.cosine) > 0.05)
         if len(near) < max(MIN_POINTS[surface.kind], cloud.least):
             return None
-        if len(near) > 800:
-            near = near[:: len(near) // 800 + 1]
-        surface, _ = fit_surface(surface.kind, points[near], start=surface, scale=band / 2, iterations=8)
+        surface, _ = fit_surface(surface.kind, points[subsample(near, 800)], start=surface, scale=band / 2, iterations=8)
         row = pack(surface)
-        if not sane(surface, cloud.scale.diagonal):
+        if not sane(surface, cloud.noise.diagonal):
             return None
     return _support(cloud, rest, kind, surface)
 
@@ -179,7 +183,7 @@ def _mostly_flat(cloud: Cloud, surface: Surface, index: np.ndarray, rng: np.rand
     if len(points) > 400:
         points = points[rng.choice(len(points), 400, replace=False)]
     triples = rng.integers(len(points), size=(200, 3))
-    band = max(cloud.config.flat * cloud.scale.diagonal, 1.5 * cloud.scale.sigma)
+    band = max(cloud.config.flat * cloud.noise.diagonal, 1.5 * cloud.sigma)
     share = 0.3
     if surface.kind == "cylinder":
         # what a plane at the best depth cuts out of a whole thin cylinder
@@ -193,7 +197,7 @@ def _support(cloud: Cloud, rest: np.ndarray, kind: int, surface: Surface) -> tup
     near = np.flatnonzero(gain > 0)
     if len(near) < cloud.least:
         return None
-    label = pieces(cloud.points[rest[near]], cloud.config.linked * cloud.scale.spacing)
+    label = pieces(cloud.points[rest[near]], cloud.config.linked * cloud.noise.spacing)
     keep = np.bincount(label)[label] >= cloud.least
     if not keep.any():
         return None
@@ -209,7 +213,7 @@ def _convincing(cloud: Cloud, kind: int, points: np.ndarray, gain: np.ndarray) -
     if len(points) < cloud.least * _LEAST[kind] or (kind != PLANE and gain.mean() < cloud.config.tightness):
         return False
     third = KDTree(points).query(points, k=4)[0][:, 3]
-    return float(np.median(third)) < cloud.config.sparse * cloud.scale.spacing
+    return float(np.median(third)) < cloud.config.sparse * cloud.noise.spacing
 
 
 def _in_frame(cloud: Cloud, surface: Surface) -> bool:

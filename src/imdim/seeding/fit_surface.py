@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imdim.geometry.sampling import subsample
 from imdim.geometry.surface import SURFACE_KINDS, Surface, signed_distance
 from imdim.seeding.fit_start import starts
 
@@ -121,7 +122,7 @@ def _best_of(
 ) -> tuple[Surface, float]:
     """Polish the start that a few steps on a thinned set bring nearest."""
     if len(begin) > 1:
-        thin = local[:: max(1, len(local) // 300)]
+        thin = subsample(local, 300)
         trial = [_descend(_state(s), thin, scale, 6, frozen) for s in begin]
         state = min(trial, key=lambda pair: pair[1])[0]
     else:

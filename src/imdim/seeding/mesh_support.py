@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from imdim.geometry.rotations import frame_from_axis
+from imdim.geometry.sampling import subsample
 from imdim.geometry.surface import Surface, is_spindle, normals, signed_distance
 from imdim.seeding.facets import Facets
 from imdim.seeding.fit_surface import fit_surface
@@ -25,7 +26,7 @@ def settle(guess: Surface, state: Growing) -> tuple[Surface, np.ndarray] | None:
         points = points_of(facets, members)
         if len(points) < 7:
             return None
-        surface, rms = _fitted(surface, points[:: max(1, len(points) // 1500)], facets, members, config)
+        surface, rms = _fitted(surface, subsample(points, 1500), facets, members, config)
         if not _sane(surface, facets.diagonal) or rms > config.on_surface * facets.diagonal:
             return None
         grown = members_of(surface, state, 1.0)

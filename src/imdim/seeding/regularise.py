@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from imdim.geometry.sampling import subsample
 from imdim.geometry.surface import Patch, Surface, is_spindle, signed_distance
 from imdim.program.tree import Vec3
 from imdim.seeding.fit_surface import MIN_POINTS, fit_surface
@@ -42,7 +43,7 @@ class _Item:
     def __post_init__(self) -> None:
         self.surface = self.original.surface
         points = np.asarray(self.original.points, float)
-        self.points = points[:: len(points) // 400 + 1]
+        self.points = subsample(points, 400)
         self.limit = math.hypot(self.rms(self.surface), self.tolerance)
         centered = self.points - self.points.mean(0)
         spread = np.sqrt(np.maximum(np.linalg.eigvalsh(centered.T @ centered / max(len(points), 1)), 0.0))

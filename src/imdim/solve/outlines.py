@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis
+from imdim.geometry.sampling import subsample
 from imdim.program.tree import Primitive
 from imdim.solve.contrast import (
     BAND,
@@ -109,7 +110,7 @@ def _circles(view: _View, rng: np.random.Generator, out_of_time: Callable[[], bo
     for _ in range(MOST_CURVES):
         if (weight * free > 0).sum() < LEAST or len(out) == MOST or out_of_time():
             break
-        picks, scored = drawn(shadow, weight * free, TRIALS, rng), _thinned(shadow[free])
+        picks, scored = drawn(shadow, weight * free, TRIALS, rng), subsample(shadow[free], SCORED)
         x, y, r, round_contrast = best_circle(shadow, picks, scored, width, largest)
         *ends, straight_contrast = best_line(shadow, picks[: TRIALS // 2, :2].copy(), scored, width)
         if max(round_contrast, straight_contrast) < GLIMPSE:
@@ -125,10 +126,6 @@ def _circles(view: _View, rng: np.random.Generator, out_of_time: Callable[[], bo
         if sure(inner, outer) and _bends(shadow[inner] - center, shadow[outer] - center, radius, view.sigma):
             out.append((center, radius))
     return out
-
-
-def _thinned(points: np.ndarray) -> np.ndarray:
-    return points[:: max(1, len(points) // SCORED)]
 
 
 def _beside_line(shadow: np.ndarray, ends: np.ndarray, width: float) -> np.ndarray:
@@ -165,7 +162,7 @@ def _profile(view: _View, center: np.ndarray, rng: np.random.Generator) -> list[
         if (weight * free > 0).sum() < LEAST:
             break
         picks = drawn(profile, weight * free, TRIALS // 2, rng)
-        *ends, contrast = best_line(profile, picks[:, :2].copy(), _thinned(profile[free]), BAND * view.sigma)
+        *ends, contrast = best_line(profile, picks[:, :2].copy(), subsample(profile[free], SCORED), BAND * view.sigma)
         if contrast < GLIMPSE:
             break
         origin, normal = fitted_line(profile, np.reshape(ends, (2, 2)), view.sigma)

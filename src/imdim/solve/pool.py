@@ -15,9 +15,11 @@ from numba import njit
 from scipy.spatial import KDTree
 
 from imdim.geometry import kernels
-from imdim.geometry.sampling import leaf_surface
+from imdim.geometry.sampling import EIGHTH, leaf_surface, subsample, surface_spacing
 from imdim.geometry.surface_map import surface_area
 from imdim.program.tree import KINDS, Combine, Primitive, Program, leaves
+
+SURFACE_SEED = 0  # of the samples of surfaces: costs of two pools differ by their primitives, not by chance
 
 Signed = tuple[tuple[Primitive, bool], ...]  # primitives with their signs; True unites, False cuts
 
@@ -38,7 +40,7 @@ class PoolConfig:
 
 @dataclass(frozen=True)
 class Cloud:
-    """Points [n, 3] with their tree, the box diagonal, the side of the square that one point stands for, and the deviation of the noise."""
+    """Points [n, 3] with their tree, the box diagonal, the side of the square that one point stands for, and their noise's deviation."""
 
     points: np.ndarray
     tree: KDTree
@@ -47,24 +49,15 @@ class Cloud:
     noise: float
 
     @staticmethod
-    def of(points: np.ndarray) -> Cloud:
+    def of(points: np.ndarray, noise: float) -> Cloud:
         points = np.ascontiguousarray(points, float)
         tree = KDTree(points)
-        distance, near = tree.query(points[:: max(1, len(points) // 512)], k=min(10, len(points)))
+        eighth = tree.query(subsample(points, 512), k=min(EIGHTH + 1, len(points)))[0][:, -1]
         diagonal = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
-        spacing = max(float(np.median(distance[:, min(8, len(points) - 1)])) * np.sqrt(np.pi / 8), 1e-9 * diagonal)
-        return Cloud(points, tree, diagonal, spacing, _noise(points[near]))
+        return Cloud(points, tree, diagonal, max(surface_spacing(eighth), 1e-9 * diagonal), noise)
 
     def thinned(self, count: int) -> np.ndarray:
-        return self.points[:: max(1, len(self.points) // count)]
-
-
-def _noise(groups: np.ndarray) -> float:
-    """Deviation of neighbours [m, k, 3] from their planes, where it is small: edges and thin walls are no noise."""
-    around = groups - groups.mean(1, keepdims=True)
-    least = np.linalg.eigvalsh(np.einsum("nki,nkj->nij", around, around))[:, 0]
-    # the calmest tenth shows 0.62 of the deviation, by simulation
-    return float(np.sqrt(np.maximum(np.quantile(least, 0.1), 0.0) / max(groups.shape[1] - 3, 1))) / 0.62
+        return subsample(self.points, count)
 
 
 def to_program(signed: Signed) -> Program:
@@ -148,7 +141,7 @@ Choice = tuple[tuple[int, bool], ...]
 
 def _unborne(primitives: Sequence[Primitive], cloud: Cloud, config: PoolConfig) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Samples of all surfaces that lie off the cloud: points and normals [s, 3], weights [s], and the first of each primitive [p + 1]."""
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(SURFACE_SEED)
     drawn = [leaf_surface(p, config.samples, rng) for p in primitives]
     points, normals = (np.concatenate(c) for c in zip(*drawn, strict=True))
     area = np.repeat([surface_area(p.kind, p.size) / config.samples for p in primitives], config.samples)

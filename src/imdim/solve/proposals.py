@@ -15,6 +15,7 @@ import numpy as np
 from imdim.geometry import kernels
 from imdim.geometry.axes import SYMMETRIES
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler
+from imdim.geometry.sampling import subsample
 from imdim.program.tree import Primitive, Program
 from imdim.solve.missing import alternatives, hollows, missing, trimmed, whole
 from imdim.solve.pool import Choice, Cloud, Pool, PoolConfig, Signed, best_choice, distinct, to_program, with_numbers
@@ -54,18 +55,19 @@ class Proposal:
 def settle(
     candidates: Sequence[Signed],
     points: np.ndarray,
+    sigma: float,
     axes: np.ndarray | None = None,
     config: ProposalConfig | None = None,
     out_of_time: Callable[[], bool] = bool,
 ) -> list[Proposal]:
-    """The best sequences for the surface `points` [n, 3], cheapest first.
+    """The best sequences for the surface `points` [n, 3] with noise of deviation `sigma`, cheapest first.
 
     Candidates that begin with a cut are left out; single primitives fitted to the whole cloud are added, so there is always an answer
     unless the cloud has no extent. `axes` [3, 3] has the part's main directions as columns (default: the coordinate axes).
     Once `out_of_time` (by default never) numbers and sequences stay as they are by then.
     """
     config = config or ProposalConfig()
-    cloud = Cloud.of(points[:: max(1, len(points) // config.most)])
+    cloud = Cloud.of(subsample(points, config.most), sigma)
     axes = np.eye(3) if axes is None else axes
     given = [c for c in candidates if c and c[0][1]]
     level = [tuple((_levelled(p, axes, config.level_deg), s) for p, s in c) for c in given]

@@ -15,6 +15,7 @@ from operator import itemgetter
 import numpy as np
 
 from imdim.geometry import kernels
+from imdim.geometry.sampling import subsample
 from imdim.program.cost import count
 from imdim.program.paths import leaf_paths, without
 from imdim.program.tree import Combine, Primitive, Program
@@ -63,7 +64,7 @@ def restructured(
         return likely
     area = Shown.of(likely.program, likely.noise.sigma).area
     scene = Scene(draws or glanced(points), likely.noise, area, len(points))
-    search = _Search(points, Cloud.of(points), scene, lent, axes, out_of_time)
+    search = _Search(points, Cloud.of(points, likely.noise.sigma), scene, lent, axes, out_of_time)
     best, cost = likely, length(likely.program, points, likely.noise, likely.nll)
     for _ in range(ROUNDS):
         found = search.shorter(best, cost)
@@ -75,7 +76,7 @@ def restructured(
 
 def glanced(points: np.ndarray) -> Draws:
     """Of points [n, 3], those that changes are looked at with."""
-    return Draws(_every(points, SEEN))
+    return Draws(subsample(points, SEEN))
 
 
 def most_telling(programs: Sequence[Program], draws: Draws, likely: Likely, most: int) -> list[Program]:
@@ -83,10 +84,6 @@ def most_telling(programs: Sequence[Program], draws: Draws, likely: Likely, most
     scene = Scene(draws, likely.noise, Shown.of(likely.program, likely.noise.sigma).area)
     lengths = Mixture.of(scene, [], programs).lengths([((i, True),) for i in range(len(programs))])
     return [programs[i] for i in np.argsort(lengths, kind="stable")[:most]]
-
-
-def _every(points: np.ndarray, count: int) -> np.ndarray:
-    return points[:: max(1, len(points) // count)]
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imdim.body import Seen, look
+from imdim.body import Seen, UnitBody, look
 from imdim.config import Settings
 from imdim.evolution import choices, evolved, few
 from imdim.fitting import related, snapped, solved
@@ -34,7 +34,7 @@ class Rates:
 def continued(target: Target, program: Program, settings: Settings, rates: Rates, now: Callable[[], float]) -> Iterator[Snapshot]:
     """Snapshots of an evolution that starts from `program`; the last one has rounded numbers, constraints and the front."""
     start, rng = now(), np.random.default_rng(settings.seed)
-    seen = look(target, settings.size_weight, rng)
+    seen = look(UnitBody.of(target, rng), settings.size_weight, rng)
     config = EvolutionConfig(rates.population, rates.population, exact=rates.tolerance, crossover=1 - rates.mutation, elitism=rates.elitism)
 
     def late() -> bool:

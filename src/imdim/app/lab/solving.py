@@ -13,6 +13,7 @@ from imdim.geometry.cloud import Frame, Target
 from imdim.geometry.constraints import rows_of
 from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.pose import radii
+from imdim.geometry.sampling import subsample
 from imdim.geometry.surface import Surface, signed_distance
 from imdim.geometry.surface import normals as surface_normals
 from imdim.program.constraints import AXES, WORLD, Constraint, ConstraintError, Ref, describe
@@ -95,7 +96,7 @@ def worst(program: Program, constraints: Sequence[Constraint]) -> list[tuple[Con
 
 def misfit(program: Program, target: Target) -> float:
     """Mean distance of the target's points to the surface, by the signed distance, relative to the diagonal."""
-    points = target.points[:: max(1, len(target.points) // SHOWN)]
+    points = subsample(target.points, SHOWN)
     length = float(np.linalg.norm(np.ptp(points, axis=0)))
     return float(np.minimum(np.abs(kernels.program_sdf(program, points)), STRAYS * length).mean()) / length
 
@@ -131,8 +132,7 @@ def _check(numbers: Lowered, rows: Sequence[Constraint], constraints: Sequence[C
 
 def _shown(target: Target) -> tuple[np.ndarray, np.ndarray | None]:
     """Points that the numbers are fitted to; those of a mesh on the surfaces that its facets cut short."""
-    step = max(1, len(target.points) // SHOWN)
-    points, normals = target.points[::step], None if target.normals is None else target.normals[::step]
+    points, normals = subsample(target.points, SHOWN), None if target.normals is None else subsample(target.normals, SHOWN)
     if target.mesh is None or normals is None:
         return points, normals
     frame = Frame.of(target)

@@ -23,7 +23,7 @@ from imdim.fitting import relations_of
 from imdim.geometry.cloud import InputError, Target, load_target
 from imdim.geometry.readers import FORMATS
 from imdim.geometry.winding import winding_number
-from imdim.pipeline import Snapshot, reconstruct
+from imdim.pipeline import Snapshot, reconstruct, reconstruct_best
 from imdim.program.constraints import ConstraintError
 from imdim.program.tree import Combine, Primitive
 
@@ -162,7 +162,7 @@ def warm() -> Target:
 
     box = trimesh.creation.box((3.0, 2.0, 1.0))
     target = target_from(box, "warm-up")
-    *_, last = reconstruct(target, Settings(budget_s=5.0), np.random.default_rng(0))
+    last = reconstruct_best(target, Settings(budget_s=5.0))
     evaluate(last.program, target, samples=100)
     winding_number(box, target.points[:1])  # which a box's own points never ask for: rays are sure about all of them
     return target

@@ -9,7 +9,7 @@ import numpy as np
 
 from imdim.geometry import kernels
 from imdim.geometry.rotations import euler_from_matrix
-from imdim.geometry.sampling import bounding_radius
+from imdim.geometry.sampling import bounding_radius, subsample
 from imdim.program.tree import Primitive, Program, Vec3, leaves
 from imdim.search.evolve.columns import Columns
 from imdim.search.evolve.fitness import Scorer
@@ -32,7 +32,7 @@ class Scene:
 
     def __post_init__(self) -> None:
         surface = self.scorer.evidence.surface
-        self.near = surface[:: max(1, len(surface) // OWNED)]
+        self.near = subsample(surface, OWNED)
         if self.families is not None:
             self.cells = Columns(self.families.cells.points, "bits", self.scorer.registry, self.scorer.config.capacity)
         self.rotations = _rotations(self.families)

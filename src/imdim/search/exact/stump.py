@@ -21,6 +21,7 @@ from imdim.program.tree import Primitive
 EXACT = 7  # primitives; 3 ** 7 intersections
 GROWN = 200  # groups that intersections grow out of
 ORDERS = 3  # in which literals are left out
+ORDER_SEED = 0  # they are no matter of chance from run to run
 SOLVER_S = 5.0
 SOLVER_NODES = 5_000
 
@@ -98,7 +99,7 @@ def _cover(signs: np.ndarray, term: Term) -> np.ndarray:
 
 def _grown_terms(groups: _Groups, literal: float) -> Iterator[Term]:
     """Maximal intersections: literals left out one by one while less comes in from outside than a literal costs."""
-    rng = np.random.default_rng(0)  # the orders are no matter of chance from run to run
+    rng = np.random.default_rng(ORDER_SEED)
     gain = groups.w_in - groups.w_out
     for g in np.argsort(-gain, kind="stable")[:GROWN]:
         if gain[g] <= 0:
