@@ -11,11 +11,9 @@ from imdim.program.cost import count
 from imdim.program.simplify import reduce_program
 from imdim.program.stump import to_program
 from imdim.program.tree import Program
-from imdim.search.evolve.seeds import PRICES
+from imdim.search.evolve.seeds import greedy
 from imdim.search.exact.stump import connections, matrices
 from imdim.search.families import Candidate, Families
-from imdim.search.local import LocalConfig, complete, found_of, pruned
-from imdim.search.sequence import Price, Sequence
 
 MOST = 40  # primitives
 
@@ -43,29 +41,14 @@ def _program(pool: list[Candidate], families: Families, size_weight: float) -> P
 
 def _pools(families: Families, size_weight: float, out_of_time: Callable[[], bool]) -> Iterator[list[Candidate]]:
     """Sets of primitives to connect: those that greedy insertion takes under each of several prices, then the best of all of them."""
-    exact = Price(size_weight * families.cells.volume)
     every: list[Candidate] = []
-    for phases in PRICES:
-        found = found_of((), families, exact)
-        for weights in phases:
-            price = Price(exact.step * (1.0 if weights == (1.0, 1.0) else 40.0), weights)
-            found = complete(found_of(found.sequence, families, price), families, LocalConfig(), price, out_of_time)
-        found = complete(found_of(found.sequence, families, exact), families, LocalConfig(), exact, out_of_time)
-        pool = _candidates(pruned(found, families, exact).sequence)[:MOST]
+    for sequence in greedy(families, size_weight, out_of_time):
+        pool = list(dict.fromkeys(half for step in sequence for half in step.term.halves))[:MOST]
         if pool:
             every += pool
             yield pool
-        if out_of_time():
-            break
     together = list(dict.fromkeys(every))
     if not together:
         together = [c for _, c in sorted(families.best(families.cells.gain, 1, -np.inf), key=lambda f: -f[0])[:1]]
     if together:
         yield together[:MOST]
-
-
-def _candidates(sequence: Sequence) -> list[Candidate]:
-    """The distinct candidates of a sequence, in order."""
-    terms = [step.term for step in sequence]
-    halves = [h for t in terms for h in ((t,) if isinstance(t, Candidate) else (t.left, t.right))]
-    return list(dict.fromkeys(halves))

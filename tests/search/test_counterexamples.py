@@ -8,11 +8,12 @@ from tests.search.planted_families import arrangement_of, cells_of
 from imdim.geometry import kernels
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.cost import count
+from imdim.program.sequence import Step
 from imdim.search.cells import pooled
 from imdim.search.counterexamples import Sharpener, seen_by
 from imdim.search.families import Families
 from imdim.search.local import LocalConfig, found_of
-from imdim.search.sequence import Price, Step, error, run, to_program
+from imdim.search.sequence import Covered, Price, error, run, to_program
 from imdim.search.structure import StructureConfig, search
 
 FEW = 1500  # samples, for some thousand cells
@@ -56,7 +57,7 @@ def plain_plate(families):
     """The plate alone, as a sequence: wrong about all tabs and holes."""
     best = max(families.best(families.cells.gain, 1), key=lambda f: f[0])[1]
     assert best.source[0] == "box"
-    return found_of((Step("union", best, families.mask(best)),), families, Price(0.0))
+    return found_of((Step("union", Covered.of(best, families)),), families, Price(0.0))
 
 
 @pytest.mark.parametrize("looks", [1, 3, 6])

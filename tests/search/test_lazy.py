@@ -5,9 +5,10 @@ import pytest
 from tests.search.planted_families import planted, random_candidates
 from tests.search.test_sequence import WEIGHTS, random_sequence
 
+from imdim.program.sequence import Step
 from imdim.search import lazy
 from imdim.search.lazy import Known, apart, best_insertions, inserted
-from imdim.search.sequence import Price, Sequence, Step, error, insert, insertions, run
+from imdim.search.sequence import Covered, Price, Sequence, error, insert, insertions, run
 
 
 def price_of(families, weights=(1.0, 1.0), boxes=True) -> Price:
@@ -17,7 +18,7 @@ def price_of(families, weights=(1.0, 1.0), boxes=True) -> Price:
 def edited(sequence: Sequence, families, rng) -> Sequence:
     """With one step removed, one exchanged or one put in, as local search does."""
     at, (candidate,) = int(rng.integers(len(sequence))), random_candidates(families, 1, rng)
-    step = Step("union" if rng.random() < 0.5 else "difference", candidate, families.mask(candidate))
+    step = Step("union" if rng.random() < 0.5 else "difference", Covered.of(candidate, families))
     kind = int(rng.integers(3))
     return (*sequence[:at], *((step,) if kind else ()), *sequence[at + (kind < 2) :])
 

@@ -6,12 +6,13 @@ from tests.planted import PARTS
 from tests.search.planted_families import planted, random_candidates
 
 from imdim.geometry import kernels
+from imdim.program.sequence import Step
 from imdim.search.families import Candidate, Families
 from imdim.search.sequence import (
+    Covered,
     Insertion,
     Pair,
     Sequence,
-    Step,
     cost,
     error,
     insert,
@@ -32,7 +33,7 @@ def random_sequence(families: Families, length: int, rng: np.random.Generator) -
     hull = max(families.best(families.cells.w_in - 1e-3 * families.cells.w_out, 1), key=lambda f: f[0])[1]
     for i, candidate in enumerate([hull, *random_candidates(families, length, rng)][:length]):
         op = "union" if i == 0 else str(rng.choice(OPS, p=[0.5, 0.3, 0.2]))
-        steps.append(Step(op, candidate, families.mask(candidate)))  # type: ignore[arg-type]
+        steps.append(Step(op, Covered.of(candidate, families)))  # type: ignore[arg-type]
     return tuple(steps)
 
 
@@ -86,11 +87,11 @@ def test_gains_of_pairs_are_changes_of_error(name):
         sequence = random_sequence(families, length, rng)
         before = error(sequence, families)
         for found in pair_insertions(sequence, families, 0.0, 8):
-            assert isinstance(found.term, Pair)
+            assert isinstance(found.shape, Pair)
             longer = insert(sequence, found, families)
             assert found.gain == pytest.approx(before - error(longer, families), abs=1e-9 * families.cells.volume)
             assert cost(longer) == cost(sequence) + 2
-            kinds.add((found.op, found.term.op))
+            kinds.add((found.op, found.shape.op))
     assert {op for _, op in kinds} == {"intersection", "difference"}
 
 
@@ -132,8 +133,8 @@ def test_the_planted_sequence_has_no_error():
 @pytest.mark.parametrize("seed", range(20))
 def test_what_is_filled_without_each_step(seed):
     rng, m = np.random.default_rng(seed), 50
-    term = Candidate(("curved", 0), ((0, 1),))
-    steps = tuple(Step(rng.choice(OPS), term, rng.random(m) < 0.5) for _ in range(seed % 9))
+    candidate = Candidate(("curved", 0), ((0, 1),))
+    steps = tuple(Step(rng.choice(OPS), Covered(candidate, rng.random(m) < 0.5)) for _ in range(seed % 9))
     found = list(without_one(steps, m))
     assert [i for i, _ in found] == list(range(len(steps)))[::-1]
     for i, filled in found:

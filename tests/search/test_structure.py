@@ -7,9 +7,10 @@ from tests.search.planted_families import families_of, planted
 
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.cost import count
+from imdim.program.sequence import Step
 from imdim.program.tree import leaves
 from imdim.search.families import Candidate
-from imdim.search.sequence import Step, cost, run, to_program
+from imdim.search.sequence import Covered, cost, run, to_program
 from imdim.search.structure import StructureConfig, search
 from imdim.search.tidy import tidy
 
@@ -50,7 +51,7 @@ def test_tidy_shortens_what_something_else_cuts_off():
     offsets = [families.arrangement.directions[i].offsets for i in frame]
     ends = [4.0 if i == axis else 10.0 for i in frame]
     slab = Candidate(("box", 0), tuple(tuple(int(np.argmin(np.abs(o - s))) for s in (-e, e)) for o, e in zip(offsets, ends, strict=True)))  # type: ignore[arg-type]
-    sequence = tuple(Step(op, c, families.mask(c)) for op, c in (("union", long), ("intersection", slab)))  # type: ignore[arg-type]
+    sequence = tuple(Step(op, Covered.of(c, families)) for op, c in (("union", long), ("intersection", slab)))  # type: ignore[arg-type]
     rod, _ = leaves(to_program(tidy(sequence, families), families))
     assert families.primitive(long).size[1] > 8.5
     assert rod.size == pytest.approx((5, 8))
@@ -62,7 +63,7 @@ def test_tidy_takes_back_what_only_later_cells_show_to_be_wrong():
     offsets = families.arrangement.directions[axis].offsets
     first, last = (int(np.argmin(np.abs(offsets - s))) for s in (-4.0, 4.0))
     bulging = Candidate(("curved", 0), ((first, last + 1),))
-    rod = to_program(tidy((Step("union", bulging, families.mask(bulging)),), families), families)
+    rod = to_program(tidy((Step("union", Covered.of(bulging, families)),), families), families)
     assert families.primitive(bulging).size[1] > 8.2
     assert next(leaves(rod)).size == pytest.approx((5, 8))
 

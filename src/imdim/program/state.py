@@ -20,9 +20,11 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
+from itertools import dropwhile
 from typing import cast
 
-from imdim.program.tree import SIZE_NAMES, Combine, Primitive, Program, Vec3, fold
+from imdim.program.sequence import SignedSequence, Step, flattened, to_program
+from imdim.program.tree import SIZE_NAMES, Primitive, Program, Vec3
 
 PARAM_COUNT = 10
 Params = tuple[float, float, float, float, float, float, float, float, float, float]
@@ -49,6 +51,7 @@ KIND_OF: Mapping[Token, str] = {
     ADD_TORUS: "torus",
 }
 TOKEN_OF: Mapping[str, Token] = {kind: token for token, kind in KIND_OF.items()}
+_SIGNS: Mapping[str, int] = {"union": 1, "difference": -1}
 
 # A policy may emit a size of exactly zero; any other size is read as its magnitude, so positive sizes stay exact.
 ZERO_SIZE = 1e-6
@@ -140,57 +143,29 @@ class ShapeState:
     def copy(self) -> ShapeState:
         return ShapeState(list(self.primitives), self.done, self.ellipsoids)
 
-    def to_program(self) -> Program | None:
-        """Lift to the tree: the left fold of unions and differences; None if nothing positive is there.
+    def to_sequence(self) -> SignedSequence[Primitive]:
+        """The steps from the first positive primitive on: negative ones before it cut nothing and do not appear."""
+        solids = (Step("union" if p.sign > 0 else "difference", p.solid(self.ellipsoids)) for p in self.primitives)
+        return tuple(dropwhile(lambda step: not step.positive, solids))
 
-        Negative primitives before the first positive one cut nothing and do not appear.
-        """
-        program: Program | None = None
-        for primitive in self.primitives:
-            solid = primitive.solid(self.ellipsoids)
-            if program is not None:
-                program = Combine("union" if primitive.sign > 0 else "difference", program, solid)
-            elif primitive.sign > 0:
-                program = solid
-        return program
+    def to_program(self) -> Program | None:
+        """Lift to the tree; None if nothing positive is there."""
+        sequence = self.to_sequence()
+        return to_program(sequence) if sequence else None
+
+    @classmethod
+    def from_sequence(cls, sequence: SignedSequence[Primitive]) -> ShapeState:
+        """The state that writes unions and differences of primitives; it is done. KeyError for an intersection."""
+        ellipsoids = any(p.kind == "ellipsoid" for _, p in sequence)
+        return cls([_emit(p, _SIGNS[op]) for op, p in sequence], True, ellipsoids)
 
     @classmethod
     def from_program(cls, program: Program) -> ShapeState:
-        """Lower a program whose solid is a signed sequence of its own primitives; the state is done, its numbers are the program's.
+        """Lower a program whose solid is a signed sequence of its own primitives (see `flattened`, which raises ValueError for others).
 
-        A left fold of unions and differences comes back from `to_program` as the same tree. A union may also stand on the
-        right, a cut may be a union, and one of two united parts may contain cuts: those keep the solid, not the nesting.
-        Raises ValueError for an intersection, a cut that is itself cut, and a union of two cut parts.
+        A left fold of unions and differences comes back from `to_program` as the same tree; other nestings keep the solid.
         """
-        sequence = fold(program, lambda _, p: [(p, 1)], {"union": _unite, "intersection": _refuse, "difference": _cut})
-        ellipsoids = any(p.kind == "ellipsoid" for p, _ in sequence)
-        return cls([_emit(p, sign) for p, sign in sequence], True, ellipsoids)
-
-
-_Sequence = list[tuple[Primitive, int]]
-
-
-def _unite(a: _Sequence, b: _Sequence) -> _Sequence:
-    if _positive(b):
-        return a + b
-    if _positive(a):
-        # a union commutes; the cuts have to come before what they must not touch
-        return b + a
-    raise ValueError(f"a union of two parts with cuts ({len(a)} and {len(b)} primitives) is no signed sequence")
-
-
-def _cut(a: _Sequence, b: _Sequence) -> _Sequence:
-    if not _positive(b):
-        raise ValueError(f"a cut that has cuts itself ({len(b)} primitives) is no signed sequence")
-    return a + [(p, -1) for p, _ in b]
-
-
-def _refuse(a: _Sequence, b: _Sequence) -> _Sequence:
-    raise ValueError(f"an intersection ({len(a)} and {len(b)} primitives) is no signed sequence")
-
-
-def _positive(sequence: _Sequence) -> bool:
-    return all(sign > 0 for _, sign in sequence)
+        return cls.from_sequence(flattened(program))
 
 
 def _emit(primitive: Primitive, sign: int) -> SignedPrimitive:

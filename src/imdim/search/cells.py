@@ -13,6 +13,9 @@ import numpy as np
 
 from imdim.search.arrangement import Arrangement, Direction, codes
 
+# Weights of (excess, lack). Cheap excess proposes hulls to cut from, dear lack pure cuts, dear excess pure pieces.
+Weights = tuple[float, float]
+TRUE, HULLS, CUTS, PIECES = (1.0, 1.0), (0.1, 1.0), (1.0, 8.0), (8.0, 1.0)
 THINNEST = 1e-9  # of the diagonal; where a part and its outer box end at one place, the slab between has no thickness
 
 
@@ -30,6 +33,10 @@ class Cells:
     def gain(self) -> np.ndarray:
         """What filling each cell wins [m]: inside minus outside volume."""
         return self.w_in - self.w_out
+
+    def gain_under(self, weights: Weights) -> np.ndarray:
+        """As `gain`, with weighted volumes."""
+        return weights[1] * self.w_in - weights[0] * self.w_out
 
     @property
     def volume(self) -> float:

@@ -12,10 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from imdim.program.sequence import map_terms
 from imdim.search.cells import Cells, compressed, label_samples, pooled
 from imdim.search.families import Families
 from imdim.search.local import Found
-from imdim.search.sequence import Sequence, run, term_mask
+from imdim.search.sequence import Covered, Sequence, run
 
 WORTH = 0.5  # of a primitive's price; cells that a sequence is wrong about on less are no reason to search again
 
@@ -79,4 +80,4 @@ def _moved(flags: np.ndarray, place: np.ndarray, count: int) -> np.ndarray:
 
 def seen_by(sequence: Sequence, families: Families) -> Sequence:
     """The same steps over the cells of other families of the same arrangement."""
-    return tuple(replace(step, mask=term_mask(step.term, families)) for step in sequence)
+    return map_terms(sequence, lambda covered: Covered.of(covered.shape, families))

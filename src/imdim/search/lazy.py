@@ -14,10 +14,11 @@ from operator import itemgetter
 
 import numpy as np
 
+from imdim.program.sequence import Step
 from imdim.program.tree import Op
 from imdim.search.families import Families
 from imdim.search.kernels import most_added
-from imdim.search.sequence import Insertion, Price, Sequence, Step, gaps, term_mask
+from imdim.search.sequence import Covered, Insertion, Price, Sequence, gaps, mask_of
 
 NEIGHBOURS = 3  # places just asked that bound the next
 Key = tuple[int, str]
@@ -29,7 +30,7 @@ MOST_BYTES = 64 * 2**20  # of flags; beyond them all is forgotten
 class _Look:
     """A place as it was: the step behind it, the cells [m] that a term would change there, and what each group won at most."""
 
-    step: Step | None
+    step: Step[Covered] | None
     changeable: np.ndarray
     caps: np.ndarray
 
@@ -45,7 +46,7 @@ class _Place:
     total: float
     caps: np.ndarray
     key: Key
-    step: Step | None
+    step: Step[Covered] | None
 
 
 _Asked = tuple[int, int, _Place]  # its position, and how many places were asked before it
@@ -105,7 +106,7 @@ def best_insertions(sequence: Sequence, families: Families, price: Price, known:
 
     `known` must come from the same families and weights.
     """
-    gain = price.weights[1] * families.cells.w_in - price.weights[0] * families.cells.w_out
+    gain = families.cells.gain_under(price.weights)
     places = sorted(_places(sequence, gain, families.groups if price.boxes else 1, known), key=lambda p: -(p.total + p.caps.max()))
     least = price.step
     found: list[Insertion] = []
@@ -131,7 +132,7 @@ def apart(insertions: list[Insertion], families: Families) -> list[tuple[Inserti
     taken = np.zeros(len(families.cells.points), bool)
     out: list[tuple[Insertion, np.ndarray]] = []
     for insertion in insertions:
-        mask = term_mask(insertion.term, families)
+        mask = mask_of(insertion.shape, families)
         speaks = ~mask if insertion.op == "intersection" else mask
         if not (taken & speaks).any():
             taken |= speaks
@@ -143,7 +144,7 @@ def inserted(sequence: Sequence, insertions: list[tuple[Insertion, np.ndarray]])
     """The sequence with insertions, all at positions of the given one."""
     out = list(sequence)
     for insertion, mask in sorted(insertions, key=lambda i: -i[0].position):
-        out.insert(insertion.position, Step(insertion.op, insertion.term, mask))
+        out.insert(insertion.position, Step(insertion.op, Covered(insertion.shape, mask)))
     return tuple(out)
 
 

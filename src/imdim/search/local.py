@@ -11,11 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imdim.search.cells import CUTS, HULLS, PIECES, TRUE, Weights
 from imdim.search.families import Families
 from imdim.search.lazy import Known, apart, best_insertions, inserted
 from imdim.search.sequence import Insertion, Price, Sequence, cost, error, error_of, insert, pair_insertions, run, without_one
 
-WEIGHTS = ((1.0, 1.0), (1.0, 8.0), (8.0, 1.0), (0.1, 1.0))  # of excess and lack, under which holes are refilled
+WEIGHTS = (TRUE, CUTS, PIECES, HULLS)  # under which holes are refilled
 
 
 @dataclass
@@ -66,7 +67,7 @@ def complete(
     share = config.alike if len(families.cells.points) * families.groups > config.large else 1.0
     while (primitives := cost(found.sequence)) < config.max_primitives and price.step * primitives < limit and not out_of_time():
         options = best_insertions(found.sequence, families, price, known, share)
-        if not options and price.weights == (1.0, 1.0):
+        if not options and price.weights == TRUE:
             options = _pairs(found.sequence, families, config, price, known, share)
         longer = found_of(inserted(found.sequence, apart(options, families)), families, price)
         if longer.objective >= found.objective * (1 - 1e-12):
@@ -97,7 +98,7 @@ def _without_idle(found: Found, families: Families, price: Price) -> Found | Non
     """Without the last step that does not earn its price, None where all do."""
     steps, primitives = found.sequence, cost(found.sequence)
     for i, filled in without_one(steps, len(families.cells.points)):
-        objective = error_of(filled, families, price.weights) + price.step * (primitives - steps[i].cost)
+        objective = error_of(filled, families, price.weights) + price.step * (primitives - len(steps[i].term.halves))
         if objective <= found.objective:
             return Found(steps[:i] + steps[i + 1 :], objective, families)
     return None
@@ -144,7 +145,7 @@ def _related(sequence: Sequence, config: LocalConfig, rng: np.random.Generator) 
     n = len(sequence)
     seed = int(rng.integers(n))
     count = min(n, int(rng.integers(2, config.most_removed + 1)))
-    shared = np.array([float((s.mask & sequence[seed].mask).sum()) for s in sequence]) * rng.random(n) + 1e-3 * rng.random(n)
+    shared = np.array([float((s.term.mask & sequence[seed].term.mask).sum()) for s in sequence]) * rng.random(n) + 1e-3 * rng.random(n)
     shared[seed] = np.inf
     return tuple(sorted(int(i) for i in np.argsort(-shared, kind="stable")[:count]))
 
@@ -157,7 +158,7 @@ def _refilled(
     price: Price,
     rng: np.random.Generator,
     out_of_time: Callable[[], bool],
-    known: dict[tuple[float, float], Known],
+    known: dict[Weights, Known],
 ) -> Found:
     """The sequence with some steps taken out and the hole filled again, pruned."""
     shorter = tuple(s for i, s in enumerate(found.sequence) if i not in removed)

@@ -1,18 +1,22 @@
 """Signed sequences over the cells: what a program is during the search, and what inserting one more term anywhere would win.
 
-A sequence starts from nothing and applies union, difference or intersection with one term after another. A cell's state is decided
-by the last step that speaks about it, so a term inserted after step k changes just the cells on which all later steps are silent.
-That makes the exact gain of every candidate at every position a sum of one field, which `Families.best` maximises over all candidates.
+A cell's state is decided by the last step that speaks about it, so a term inserted after step k changes just the cells on which all
+later steps are silent. That makes the exact gain of every candidate at every position a sum of one field, which `Families.best`
+maximises over all candidates.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from imdim.program import sequence as signed
+from imdim.program.sequence import SignedSequence, Step, map_terms
 from imdim.program.tree import Combine, Op, Program
+from imdim.search.cells import TRUE, Weights
 from imdim.search.families import Candidate, Families
 
 
@@ -25,23 +29,26 @@ class Pair:
     right: Candidate
 
 
-Term = Candidate | Pair
+Shape = Candidate | Pair
 
 
 @dataclass(frozen=True)
-class Step:
-    """One operation of a sequence with the cells [m] of its term."""
+class Covered:
+    """A shape with the cells [m] that it covers."""
 
-    op: Op
-    term: Term
-    mask: np.ndarray
+    shape: Shape
+    mask: np.ndarray = dataclasses.field(compare=False)
+
+    @staticmethod
+    def of(shape: Shape, families: Families) -> Covered:
+        return Covered(shape, mask_of(shape, families))
 
     @property
-    def cost(self) -> int:
-        return 1 if isinstance(self.term, Candidate) else 2
+    def halves(self) -> tuple[Candidate, ...]:
+        return (self.shape,) if isinstance(self.shape, Candidate) else (self.shape.left, self.shape.right)
 
 
-Sequence = tuple[Step, ...]
+Sequence = SignedSequence[Covered]
 
 
 @dataclass(frozen=True)
@@ -49,25 +56,25 @@ class Price:
     """The objective of a phase: the price of a primitive in volume, the weights of excess and lacking volume, whether boxes may be used."""
 
     step: float
-    weights: tuple[float, float] = (1.0, 1.0)
+    weights: Weights = TRUE
     boxes: bool = True
 
 
 @dataclass(frozen=True)
 class Insertion:
-    """`gain` in volume from putting `op term` at `position` (the number of steps before it)."""
+    """`gain` in volume from putting `op shape` at `position` (the number of steps before it)."""
 
     gain: float
     position: int
     op: Op
-    term: Term
+    shape: Shape
 
 
-def apply(step: Step, state: np.ndarray) -> np.ndarray:
+def apply(step: Step[Covered], state: np.ndarray) -> np.ndarray:
     """The cells [m] filled after one step."""
     if step.op == "union":
-        return state | step.mask
-    return state & ~step.mask if step.op == "difference" else state & step.mask
+        return state | step.term.mask
+    return state & ~step.term.mask if step.op == "difference" else state & step.term.mask
 
 
 def run(sequence: Sequence, m: int) -> np.ndarray:
@@ -78,12 +85,12 @@ def run(sequence: Sequence, m: int) -> np.ndarray:
     return state
 
 
-def error(sequence: Sequence, families: Families, weights: tuple[float, float] = (1.0, 1.0)) -> float:
+def error(sequence: Sequence, families: Families, weights: Weights = TRUE) -> float:
     """Volume in which the sequence and the target differ; `weights` count (what it has too much, what it lacks)."""
     return error_of(run(sequence, len(families.cells.points)), families, weights)
 
 
-def error_of(state: np.ndarray, families: Families, weights: tuple[float, float] = (1.0, 1.0)) -> float:
+def error_of(state: np.ndarray, families: Families, weights: Weights = TRUE) -> float:
     """As `error`, for the filled cells [m]."""
     cells = families.cells
     return weights[0] * float(cells.w_out[state].sum()) + weights[1] * float(cells.w_in[~state].sum())
@@ -102,43 +109,38 @@ def without_one(sequence: Sequence, m: int) -> Iterator[tuple[int, np.ndarray]]:
         yield i, np.where(states[i], of_filled, of_empty)
         step = sequence[i]
         if step.op == "union":
-            of_empty = np.where(step.mask, of_filled, of_empty)
+            of_empty = np.where(step.term.mask, of_filled, of_empty)
         else:
-            of_filled = np.where(step.mask == (step.op == "difference"), of_empty, of_filled)
+            of_filled = np.where(step.term.mask == (step.op == "difference"), of_empty, of_filled)
 
 
 def cost(sequence: Sequence) -> int:
     """Number of primitives."""
-    return sum(step.cost for step in sequence)
+    return sum(len(step.term.halves) for step in sequence)
 
 
 def to_program(sequence: Sequence, families: Families) -> Program:
-    """The program tree of a non-empty sequence; raises ValueError for an empty one."""
-    if not sequence:
-        raise ValueError("an empty sequence is no program")
-    out: Program = _term_program(sequence[0].term, families)
-    for step in sequence[1:]:
-        out = Combine(step.op, out, _term_program(step.term, families))
-    return out
+    """The program tree of the shapes; ValueError for an empty sequence."""
+    return signed.to_program(map_terms(sequence, lambda covered: _drawn(covered.shape, families)))
 
 
-def _term_program(term: Term, families: Families) -> Program:
-    if isinstance(term, Candidate):
-        return families.primitive(term)
-    return Combine(term.op, families.primitive(term.left), families.primitive(term.right))
+def _drawn(shape: Shape, families: Families) -> Program:
+    if isinstance(shape, Candidate):
+        return families.primitive(shape)
+    return Combine(shape.op, families.primitive(shape.left), families.primitive(shape.right))
 
 
-def term_mask(term: Term, families: Families) -> np.ndarray:
-    """The cells [m] of a term."""
-    if isinstance(term, Candidate):
-        return families.mask(term)
-    left, right = families.mask(term.left), families.mask(term.right)
-    return left & right if term.op == "intersection" else left & ~right
+def mask_of(shape: Shape, families: Families) -> np.ndarray:
+    """The cells [m] of a shape."""
+    if isinstance(shape, Candidate):
+        return families.mask(shape)
+    left, right = families.mask(shape.left), families.mask(shape.right)
+    return left & right if shape.op == "intersection" else left & ~right
 
 
 def insert(sequence: Sequence, insertion: Insertion, families: Families) -> Sequence:
     """The longer sequence."""
-    step = Step(insertion.op, insertion.term, term_mask(insertion.term, families))
+    step = Step(insertion.op, Covered.of(insertion.shape, families))
     return (*sequence[: insertion.position], step, *sequence[insertion.position :])
 
 
@@ -161,14 +163,12 @@ def gaps(sequence: Sequence, m: int) -> Iterator[Gap]:
         yield Gap(position, states[position], free)
         if position:
             step = sequence[position - 1]
-            free = free & (step.mask if step.op == "intersection" else ~step.mask)
+            free = free & (step.term.mask if step.op == "intersection" else ~step.term.mask)
 
 
-def insertions(
-    sequence: Sequence, families: Families, per_frame: int, least: float, weights: tuple[float, float] = (1.0, 1.0)
-) -> list[Insertion]:
+def insertions(sequence: Sequence, families: Families, per_frame: int, least: float, weights: Weights = TRUE) -> list[Insertion]:
     """Insertions of single candidates that win more than `least`, best first; `weights` as in `error`."""
-    gain = weights[1] * families.cells.w_in - weights[0] * families.cells.w_out
+    gain = families.cells.gain_under(weights)
     out: list[Insertion] = []
     best = least
     enough = 0.5 if per_frame > 1 else 1.0  # a place whose whole potential is below this share of the best is skipped

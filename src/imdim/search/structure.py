@@ -99,14 +99,10 @@ def _sharpened(
         if sharper is None:
             break
         before, now = now, [_resumed(found, sharper, config, exact, out_of_time) for found, _ in now]
-        if all(_terms(a) == _terms(b) for (a, _), (b, _) in zip(before, now, strict=True)):
+        if all(a.sequence == b.sequence for (a, _), (b, _) in zip(before, now, strict=True)):
             break
         changed = True
     return now if changed else []
-
-
-def _terms(found: Found) -> list[tuple[str, object]]:
-    return [(step.op, step.term) for step in found.sequence]
 
 
 def _completed(
@@ -182,7 +178,7 @@ def _diverse(found: list[Insertion], count: int) -> list[Insertion]:
     """The best insertion of each (operation, family) first, then the rest by gain."""
     seen, first, rest = set(), [], []
     for i in found[: 8 * count]:
-        source = (i.op, getattr(i.term, "source", None))
+        source = (i.op, getattr(i.shape, "source", None))
         (rest if source in seen else first).append(i)
         seen.add(source)
     return sorted([*first[:count], *rest[: count // 2]], key=lambda i: -i.gain)[: count + count // 2]
@@ -192,7 +188,8 @@ def _distinct(states: list[Found]) -> list[Found]:
     """One state for each set of filled cells and size, in the order given."""
     seen, out = set(), []
     for state in states:
-        key = (cost(state.sequence), np.packbits(run(state.sequence, len(state.sequence[0].mask))).tobytes() if state.sequence else b"")
+        filled = run(state.sequence, len(state.families.cells.points))
+        key = cost(state.sequence), np.packbits(filled).tobytes()
         if key not in seen:
             seen.add(key)
             out.append(state)

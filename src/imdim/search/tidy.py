@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from imdim.program.sequence import Step
 from imdim.search.arrangement import Arrangement
 from imdim.search.cells import Cells
 from imdim.search.families import Candidate, Families
-from imdim.search.sequence import Pair, Sequence, Step, Term, run, term_mask
+from imdim.search.sequence import Covered, Pair, Sequence, run
 
 
 def tidy(sequence: Sequence, families: Families) -> Sequence:
@@ -24,8 +25,7 @@ def tidy(sequence: Sequence, families: Families) -> Sequence:
 
 
 def _tidy_step(sequence: Sequence, i: int, families: Families) -> Sequence:
-    term, state = sequence[i].term, run(sequence, len(families.cells.points))
-    halves = [term] if isinstance(term, Candidate) else [term.left, term.right]
+    halves, state = list(sequence[i].term.halves), run(sequence, len(families.cells.points))
     for h in range(len(halves)):
         for axis in range(len(halves[h].ranges)):
             for end in (0, 1):
@@ -74,6 +74,6 @@ def _span(box: np.ndarray, v: np.ndarray) -> tuple[float, float]:
 
 
 def _with(sequence: Sequence, i: int, halves: list[Candidate], families: Families) -> Sequence:
-    old = sequence[i].term
-    term: Term = halves[0] if isinstance(old, Candidate) else Pair(old.op, halves[0], halves[1])
-    return (*sequence[:i], Step(sequence[i].op, term, term_mask(term, families)), *sequence[i + 1 :])
+    op, old = sequence[i]
+    shape = halves[0] if isinstance(old.shape, Candidate) else Pair(old.shape.op, halves[0], halves[1])
+    return (*sequence[:i], Step(op, Covered.of(shape, families)), *sequence[i + 1 :])

@@ -13,11 +13,11 @@ import numpy as np
 from imdim.geometry.surface import signed_distance
 from imdim.program.paths import Path, leaf_paths, nodes, replaced, without
 from imdim.program.tree import Combine, Op, Primitive, Program, leaves
+from imdim.search.cells import CUTS, HULLS, PIECES, TRUE, Weights
 from imdim.search.evolve.scene import Scene
 from imdim.search.families import Candidate
 
-# Weights of (excess, lack). Cheap excess proposes hulls to cut from; dear lack pure cuts, dear excess pure pieces.
-WEIGHTS = ((1.0, 1.0), (1.0, 1.0), (1.0, 1.0), (0.1, 1.0), (1.0, 8.0), (8.0, 1.0))
+WEIGHTS = (TRUE, TRUE, TRUE, HULLS, CUTS, PIECES)  # under which parts are put in, by chance
 PROMISING = 4  # places whose best candidates are worked out
 
 
@@ -95,11 +95,10 @@ def cells_of(program: Program, scene: Scene) -> dict[Primitive, np.ndarray]:
     return dict(zip(parts, columns.unpacked(columns.of(parts)), strict=True))
 
 
-def weighted_gain(scene: Scene, weights: tuple[float, float]) -> np.ndarray:
-    """What filling each cell wins [m] under the weights of (excess, lack)."""
+def weighted_gain(scene: Scene, weights: Weights) -> np.ndarray:
+    """What filling each cell wins [m]."""
     assert scene.families is not None
-    cells = scene.families.cells
-    return weights[1] * cells.w_in - weights[0] * cells.w_out
+    return scene.families.cells.gain_under(weights)
 
 
 def with_best_insertion(program: Program, scene: Scene, gain: np.ndarray, rng: np.random.Generator, bold: bool = False) -> Program | None:
@@ -146,7 +145,7 @@ def regrown(program: Program, scene: Scene, rng: np.random.Generator, most: int 
         return None
     shorter, count = taken
     gain = weighted_gain(scene, WEIGHTS[rng.integers(len(WEIGHTS))])
-    true = weighted_gain(scene, (1.0, 1.0))
+    true = weighted_gain(scene, TRUE)
     for step in range(count + int(rng.integers(-1, 2))):
         longer = with_best_insertion(shorter, scene, gain if step == 0 else true, rng, bold=step == 0)
         if longer is None:

@@ -2,32 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from imdim.program.tree import Program
+from imdim.search.cells import HULLS, TRUE, Weights
 from imdim.search.families import Families
 from imdim.search.local import LocalConfig, complete, found_of, pruned
 from imdim.search.sequence import Price, Sequence, to_program
 
-# (weight of excess, weight of lack): true, hulls first, pure pieces first, pure cuts after a hull
-PRICES = (((1.0, 1.0),), ((0.1, 1.0), (1.0, 5.0)), ((20.0, 1.0), (1.0, 1.0)), ((0.01, 1.0), (1.0, 20.0)))
+# true, hulls first, pure pieces first, pure cuts after a hull
+PHASES: tuple[tuple[Weights, ...], ...] = ((TRUE,), (HULLS, (1.0, 5.0)), ((20.0, 1.0), TRUE), ((0.01, 1.0), (1.0, 20.0)))
 
 
 def surface_seeds(families: Families, size_weight: float, out_of_time: Callable[[], bool]) -> list[Program]:
     """Greedy insertions of the best candidate under four prices, with every program on the way."""
-    out: list[Program] = []
-    for phases in PRICES:
-        exact = Price(size_weight * families.cells.volume)
+    return [p for sequence in greedy(families, size_weight, out_of_time) for p in steps(sequence, families)]
+
+
+def greedy(families: Families, size_weight: float, out_of_time: Callable[[], bool]) -> Iterator[Sequence]:
+    """The pruned sequence of greedy insertions of the best candidate, under each of four prices; one at least."""
+    exact = Price(size_weight * families.cells.volume)
+    for phases in PHASES:
         found = found_of((), families, exact)
-        for weights in phases:
-            # a phase under other weights is short: what it adds must pay forty times the price
-            price = Price(exact.step * (1.0 if weights == (1.0, 1.0) else 40.0), weights)
+        # a phase under other weights is short: what it adds must pay forty times the price
+        for price in (*(Price(exact.step * (1.0 if w == TRUE else 40.0), w) for w in phases), exact):
             found = complete(found_of(found.sequence, families, price), families, LocalConfig(), price, out_of_time)
-        found = complete(found_of(found.sequence, families, exact), families, LocalConfig(), exact, out_of_time)
-        out += steps(pruned(found, families, exact).sequence, families)
+        yield pruned(found, families, exact).sequence
         if out_of_time():
-            break
-    return out
+            return
 
 
 def steps(sequence: Sequence, families: Families) -> list[Program]:
