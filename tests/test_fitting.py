@@ -6,15 +6,15 @@ from tests.planted import box, cut, cylinder, mesh_of
 
 from imdim.body import look
 from imdim.config import Settings
-from imdim.fitting import snapped
-from imdim.geometry.cloud import target_from
+from imdim.fitting import snapped, solved
+from imdim.geometry.cloud import in_unit_frame, target_from
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.program.tree import leaves
 
 
 def rounded(program, mesh, out_of_time=lambda: False):
-    target = target_from(mesh)
-    return snapped(program, look(target, Settings().size_weight, np.random.default_rng(0)), target, out_of_time)
+    unit, frame = in_unit_frame(target_from(mesh))
+    return snapped(program, look(unit, Settings().size_weight, np.random.default_rng(0)), frame, out_of_time)
 
 
 def test_typed_numbers_come_back():
@@ -46,4 +46,7 @@ def test_an_odd_hole_becomes_like_its_fellows():
     holes = [cylinder(3, 8, (x, y, 0.0)) for x in (-14.0, 14.0) for y in (-9.0, 9.0)]
     truth = cut(box(40, 30, 6), *holes)
     found = cut(box(40, 30, 6), *holes[:3], box(5.6, 5.8, 8, (14.1, 9.0, 0.0)))
-    assert list(leaves(rounded(found, mesh_of(truth))))[4] == holes[3]
+    unit, frame = in_unit_frame(target_from(mesh_of(truth)))
+    seen = look(unit, Settings().size_weight, np.random.default_rng(0))
+    alike = frame.undo(solved(frame.apply(found), seen))
+    assert list(leaves(snapped(alike, seen, frame)))[4] == holes[3]

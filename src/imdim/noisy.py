@@ -12,7 +12,7 @@ import numpy as np
 
 from imdim.body import NOISY, Seen, uncrowded
 from imdim.geometry.axes import clearest_axes, main_axes, shared_axes
-from imdim.geometry.cloud import Frame, Target
+from imdim.geometry.cloud import Target
 from imdim.program.simplify import reduce_program
 from imdim.program.tree import Program, leaves
 from imdim.proposals import proposals
@@ -39,44 +39,43 @@ SAME = 2e-3  # nats per point, what the samples of the surface leave in doubt
 
 
 def unlabelled(
-    body: Target,
+    unit: Target,
     policy: Policy | None,
     out_of_time: Callable[[], bool],
     no_time_to_fit: Callable[[], bool] = bool,
     calm: bool = False,
 ) -> Program | None:
-    """A program of a noisy cloud of which detection cannot tell the inside, from its points and the policy's beam.
+    """A program of a noisy cloud of which detection cannot tell the inside, from its points and the policy's beam; both in the unit frame.
 
     None for a mesh and, unless `calm` ones are asked for too, a calm cloud, which then have no inside, and where nothing is left of the
     cloud. Time as for `most_likely`.
     """
-    frame = Frame.of(body)
-    points = uncrowded(frame.normalise(body)).points
+    points = uncrowded(unit).points
     sigma = measure_scale(points, np.random.default_rng(0)).sigma
-    if body.mesh is not None or (sigma <= NOISY and not calm):
+    if unit.mesh is not None or (sigma <= NOISY and not calm):
         return None
     found = [p.program for p in proposals(policy, points, out_of_time=out_of_time)]
     if not found or sigma <= NOISY:
-        return frame.undo(found[0]) if found else None
-    return frame.undo(_Points.of(points, sigma).told(found, out_of_time, no_time_to_fit))
+        return found[0] if found else None
+    return _Points.of(points, sigma).told(found, out_of_time, no_time_to_fit)
 
 
 def most_likely(
     programs: Sequence[Program], seen: Seen, out_of_time: Callable[[], bool], no_time_to_fit: Callable[[], bool] = bool
 ) -> Program:
-    """The program in the body's units that tells its noisy cloud in the shortest message, with the relations that the points bear out.
+    """The program that tells a noisy cloud in the shortest message, with the relations that the points bear out.
 
     `programs`, of which the last is tried in any case, are where the search for it starts; all lend their primitives.
     Once `out_of_time` the search ends, and the numbers of its program are fitted until there is `no_time_to_fit` (by default to the end).
     """
     shared = shared_axes([p.surface.axis for p in seen.patches], [p.area for p in seen.patches])
     points = _Points.of(seen.target.points, seen.sigma, shared)
-    return seen.frame.undo(points.told([seen.frame.apply(p) for p in programs], out_of_time, no_time_to_fit))
+    return points.told(programs, out_of_time, no_time_to_fit)
 
 
 @dataclass(frozen=True)
 class _Points:
-    """A noisy cloud in its unit frame: points [n, 3], the deviation of their noise, the part's directions as columns [3, 3]."""
+    """A noisy cloud: points [n, 3], the deviation of their noise, the part's directions as columns [3, 3]."""
 
     points: np.ndarray
     sigma: float
