@@ -5,8 +5,9 @@ import pytest
 from tests.planted import PARTS, box, cut, cylinder, mesh_of, sphere, union
 from tests.search.evolve.scenes import planted_scene
 
+from imdim.choices import few, united
 from imdim.config import Settings
-from imdim.evolution import few, logged, united
+from imdim.evolution import logged
 from imdim.geometry.cloud import target_from
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.pipeline import Snapshot, reconstruct

@@ -6,16 +6,16 @@ from tests.planted import box, cut, cylinder, mesh_of
 
 from imdim.body import UnitBody, look
 from imdim.config import Settings
-from imdim.fitting import snapped
-from imdim.geometry.cloud import target_from
+from imdim.fitting import snapped, solved
+from imdim.geometry.cloud import in_unit_frame, target_from
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.program.tree import leaves
 
 
 def rounded(program, mesh, out_of_time=lambda: False):
-    target = target_from(mesh)
+    unit, frame = in_unit_frame(target_from(mesh))
     rng = np.random.default_rng(0)
-    return snapped(program, look(UnitBody.of(target, rng), Settings().size_weight, rng), target, out_of_time)
+    return snapped(program, look(UnitBody.of(unit, rng), Settings().size_weight, rng), frame, out_of_time)
 
 
 def test_typed_numbers_come_back():
@@ -47,4 +47,8 @@ def test_an_odd_hole_becomes_like_its_fellows():
     holes = [cylinder(3, 8, (x, y, 0.0)) for x in (-14.0, 14.0) for y in (-9.0, 9.0)]
     truth = cut(box(40, 30, 6), *holes)
     found = cut(box(40, 30, 6), *holes[:3], box(5.6, 5.8, 8, (14.1, 9.0, 0.0)))
-    assert list(leaves(rounded(found, mesh_of(truth))))[4] == holes[3]
+    unit, frame = in_unit_frame(target_from(mesh_of(truth)))
+    rng = np.random.default_rng(0)
+    seen = look(UnitBody.of(unit, rng), Settings().size_weight, rng)
+    alike = frame.undo(solved(frame.apply(found), seen))
+    assert list(leaves(snapped(alike, seen, frame)))[4] == holes[3]

@@ -9,7 +9,7 @@ from tests.planted import PARTS, box, cut, cylinder, mesh_of, union
 from imdim import methods, noisy
 from imdim.body import UnitBody, look
 from imdim.config import Settings
-from imdim.geometry.cloud import InputError, sample_surface, target_from
+from imdim.geometry.cloud import InputError, in_unit_frame, sample_surface, target_from
 from imdim.geometry.sampling import surface_points
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.noisy import most_likely, unlabelled
@@ -29,8 +29,16 @@ def cloud(program, share=0.006, n=6000, outliers=0.0, seed=0):
 
 
 def seen_of(points):
+    """What is seen of a cloud, and its frame."""
+    unit, frame = in_unit_frame(target_from(points))
     rng = np.random.default_rng(0)
-    return look(UnitBody.of(target_from(points), rng), Settings().size_weight, rng)
+    return look(UnitBody.of(unit, rng), Settings().size_weight, rng), frame
+
+
+def told(starts, points, *times):
+    """`most_likely` for programs in the units of the points, and there."""
+    seen, frame = seen_of(points)
+    return frame.undo(most_likely([frame.apply(p) for p in starts], seen, *times))
 
 
 @pytest.mark.parametrize(("name", "share"), [("L bracket", 0.006), ("plate with four holes", 0.003)])
@@ -43,11 +51,11 @@ def test_a_planted_part_comes_back_from_noise_and_strays(name, share):
 
 
 def test_strays_do_not_widen_the_body():
-    seen = seen_of(cloud(box(40, 30, 10), outliers=0.03))
+    seen, frame = seen_of(cloud(box(40, 30, 10), outliers=0.03))
     assert seen.noisy
     low, high = seen.families.arrangement.bounds
-    assert (high - low) / seen.frame.scale == pytest.approx((40, 30, 10), abs=3.5)
-    assert not seen_of(cloud(box(40, 30, 10), share=0.0)).noisy
+    assert (high - low) / frame.scale == pytest.approx((40, 30, 10), abs=3.5)
+    assert not seen_of(cloud(box(40, 30, 10), share=0.0))[0].noisy
 
 
 @pytest.mark.parametrize("wall", [0.2, 0.5, 1.0])
@@ -60,37 +68,34 @@ def test_thin_walls_are_not_noise(wall):
 
 def test_the_search_starts_from_the_likeliest_program():
     truth = union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0)))
-    seen = seen_of(cloud(truth))
-    found = most_likely([truth, cut(truth, box(38, 28, 6)), box(9, 9, 9)], seen, lambda: True)
+    found = told([truth, cut(truth, box(38, 28, 6)), box(9, 9, 9)], cloud(truth), lambda: True)
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
 
 
 def test_what_detection_missed_is_seen_in_the_points():
     truth = cut(union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(4, 20, (-12.0, 5.0, 0.0)))
-    seen = seen_of(cloud(truth))
-    found = most_likely([box(40, 30, 8)], seen, lambda: False)
+    found = told([box(40, 30, 8)], cloud(truth), lambda: False)
     assert count(found).primitives == 3
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
 
 
 def test_a_search_from_one_primitive_comes_first_and_the_likelier_program_is_told(monkeypatch):
     truth = cut(union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(4, 20, (-12.0, 5.0, 0.0)))
-    seen, starts = seen_of(cloud(truth)), []
+    starts = []
 
     def unchanged(likely, *_):
         starts.append(count(likely.program).primitives)
         return likely
 
     monkeypatch.setattr(noisy, "restructured", unchanged)
-    found = most_likely([truth], seen, lambda: len(starts) > 0)
+    found = told([truth], cloud(truth), lambda: len(starts) > 0)
     assert starts[:2] == [1, 3]  # the second is too late to be changed, yet not forgotten
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
 
 
 def test_what_is_too_much_goes_and_relations_hold():
     truth = union(box(40, 30, 8), box(20, 30, 16, (10.0, 0.0, 12.0)))
-    seen = seen_of(cloud(truth))
-    found = most_likely([union(truth, box(3, 3, 8.4, (-14.0, 9.0, 0.0)))], seen, lambda: False)
+    found = told([union(truth, box(3, 3, 8.4, (-14.0, 9.0, 0.0)))], cloud(truth), lambda: False)
     assert count(found).primitives == 2
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
 
@@ -114,13 +119,13 @@ def test_where_detection_tells_no_inside_there_is_an_answer_still(monkeypatch):
 
 
 def test_a_calm_cloud_has_no_guess():
-    body = UnitBody.of(target_from(cloud(box(4, 3, 1), share=0.0)), np.random.default_rng(0))
+    body = UnitBody.of(in_unit_frame(target_from(cloud(box(4, 3, 1), share=0.0)))[0], np.random.default_rng(0))
     assert unlabelled(body, None, lambda: False) is None
 
 
 def test_without_time_the_likeliest_is_told_as_it_is():
     truth = union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0)))
-    found = most_likely([box(9, 9, 9), truth], seen_of(cloud(truth, n=3000)), lambda: True, lambda: True)
+    found = told([box(9, 9, 9), truth], cloud(truth, n=3000), lambda: True, lambda: True)
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.99
 
 

@@ -15,7 +15,7 @@ from imdim.body import UnitBody, look
 from imdim.config import ConfigError, Settings
 from imdim.data.solids import BOX, CYLINDER, Solids
 from imdim.geometry.axes import main_axes
-from imdim.geometry.cloud import sample_surface, target_from
+from imdim.geometry.cloud import in_unit_frame, sample_surface, target_from
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.learn.base import BaseConfig, BasePolicy
 from imdim.learn.checkpoint import save_policy
@@ -132,7 +132,10 @@ def seen_of(points):
 def test_what_fits_far_better_replaces_what_the_search_found():
     """A search that only found half of a part is the worse of the two by its surface, whatever its cells say."""
     truth = PARTS["L bracket"]
-    seen = seen_of(cloud(truth, n=3000))
+    points = cloud(truth, n=3000)
+    unit, frame = in_unit_frame(target_from(points))
+    rng = np.random.default_rng(0)
+    seen, truth = look(UnitBody.of(unit, rng), 2.5e-4, rng), frame.apply(truth)
     assert methods.preferred(truth, truth.left, seen)
     assert not methods.preferred(truth.left, truth, seen)
     assert not methods.preferred(truth, truth, seen)

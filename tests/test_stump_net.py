@@ -10,7 +10,7 @@ import imdim.stump_net as stump_net
 from imdim.body import UnitBody, look
 from imdim.config import ConfigError, Settings
 from imdim.geometry import kernels
-from imdim.geometry.cloud import target_from
+from imdim.geometry.cloud import in_unit_frame, target_from
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.solid import to_manifold, to_trimesh, volume_iou
 from imdim.learn.checkpoint import save_net
@@ -18,8 +18,8 @@ from imdim.learn.stump import fit as fits
 from imdim.learn.stump.net import StumpNet
 from imdim.learn.stump.settings import StumpConfig
 from imdim.pipeline import reconstruct
+from imdim.poses import Poses
 from imdim.program.tree import Combine, Primitive
-from imdim.proposals import Poses
 
 PLACE = (5.0, -20.0, 100.0)
 PART = Combine("difference", Primitive("box", (70.0, 50.0, 40.0), PLACE), Primitive("cylinder", (14.0, 60.0), PLACE))
@@ -49,9 +49,10 @@ def test_a_network_is_asked_for_the_cloud(tmp_path, short):
         torch.manual_seed(seed)
         path = tmp_path / f"{seed}.safetensors"
         save_net(path, StumpNet(StumpConfig(primitives=16, intersections=8, width=16, cloud=64)), {})
+        unit, frame = in_unit_frame(target_from(to_trimesh(to_manifold(PART))))
         rng = np.random.default_rng(0)
-        seen = look(UnitBody.of(target_from(to_trimesh(to_manifold(PART))), rng), 1e-3, rng)
-        found.append(stump_net.proposed(seen, stump_net.load(str(path)), 0, lambda: False))
+        seen = look(UnitBody.of(unit, rng), 1e-3, rng)
+        found.append(frame.undo(stump_net.proposed(seen, stump_net.load(str(path)), 0, lambda: False)))
     assert found[0] != found[1]
     assert min(iou(p) for p in found) > 0.5
 

@@ -25,7 +25,7 @@ from imdim.geometry.rotations import matrix_from_euler
 from imdim.program.paths import leaf_paths, replaced
 from imdim.program.tree import OPS, SIZE_NAMES, Combine, Primitive, Program, fold, leaves
 from imdim.search.evolve.columns import Columns, Registry
-from imdim.search.evolve.fitness import Evidence, FitnessConfig, Scorer
+from imdim.search.evolve.fitness import FitnessConfig, SampledTarget, Scorer
 
 KINDS = ("box", "sphere", "cylinder", "cone", "torus")
 BAR = 20.0
@@ -50,7 +50,7 @@ def measured(trees: int, primitives: int, points: int, repeat: int) -> dict[str,
     rng = np.random.default_rng(0)
     surface, samples = rng.uniform(-1, 1, (2, points // 2, 3))
     w_in = (np.linalg.norm(samples, axis=1) < 0.8) / len(samples)
-    evidence = Evidence(surface, 1.0, samples, w_in, 1 / len(samples) - w_in)
+    evidence = SampledTarget(surface, 1.0, samples, w_in, 1 / len(samples) - w_in)
     capacity = trees * (primitives + 2)
     config = FitnessConfig(capacity=capacity)
     parents = [random_tree(rng, primitives) for _ in range(trees)]
@@ -86,7 +86,7 @@ def timed(run: Callable[[], T]) -> tuple[float, T]:
     return time.perf_counter() - start, value
 
 
-def leaf_table_s(population: list[Program], evidence: Evidence, capacity: int) -> float:
+def leaf_table_s(population: list[Program], evidence: SampledTarget, capacity: int) -> float:
     """Filling both tables with the leaves of a population, without trees."""
     parts = [leaf for p in population for leaf in leaves(p)]
     registry = Registry()
@@ -97,7 +97,7 @@ def leaf_table_s(population: list[Program], evidence: Evidence, capacity: int) -
     return timed(lambda: [table.rows(ids) for table in tables])[0]
 
 
-def double_table_s(population: list[Program], evidence: Evidence) -> float:
+def double_table_s(population: list[Program], evidence: SampledTarget) -> float:
     """The same points through the project's double-precision leaf table, a tree at a time."""
     packed = [pack(p) for p in population]
     both = np.concatenate([evidence.surface, evidence.samples])
@@ -128,7 +128,7 @@ def with_new_leaf(program: Program, rng: np.random.Generator) -> Program:
 # --- the plain loop --------------------------------------------------------------------------------------------------
 
 
-def plain(program: Program, evidence: Evidence, config: FitnessConfig) -> float:
+def plain(program: Program, evidence: SampledTarget, config: FitnessConfig) -> float:
     """The error of one tree as numpy says it, leaf by leaf."""
     both = np.concatenate([evidence.surface, evidence.samples])
     ops = {"union": np.minimum, "intersection": np.maximum, "difference": lambda a, b: np.maximum(a, -b)}

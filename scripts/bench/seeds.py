@@ -24,8 +24,8 @@ import numpy as np
 
 from imdim.body import UnitBody, look
 from imdim.config import Settings
-from imdim.evolution import Ground
-from imdim.geometry.cloud import Frame, load_target
+from imdim.evidence import Evidence
+from imdim.geometry.cloud import Frame, in_unit_frame, load_target
 from imdim.program.codec import loads
 from imdim.program.tree import Program
 from imdim.search.evolve.population import EvolutionConfig, evolve
@@ -84,22 +84,22 @@ def chosen(folder: Path, least: int, most: int, count: int | None) -> list[Path]
 
 def part_runs(part: Path, limit_s: float, programs: Path | None) -> list[Run]:
     """One run per source. Each starts from the same generator and a scorer that has seen nothing."""
-    target = load_target(part)
+    unit, frame = in_unit_frame(load_target(part))
     runs = []
     for source in ("random", "blind", "tree", "surfaces", "search", *(("policy",) if programs else ()), "all"):
         rng = np.random.default_rng(0)
-        seen = look(UnitBody.of(target, rng), Settings().size_weight, rng)
-        ground = replace(seen.ground, exact=source != "blind")  # a price of leaving surfaces that are not known would make no sense
+        seen = look(UnitBody.of(unit, rng), Settings().size_weight, rng)
+        evidence = replace(seen.evidence, exact=source != "blind")  # a price of leaving surfaces that are not known would make no sense
         given = programs / part.stem / "program.json" if programs else None
-        runs.append(one_run(part.stem, source, ground, seen.frame, limit_s, given))
+        runs.append(one_run(part.stem, source, evidence, frame, limit_s, given))
     return runs
 
 
-def one_run(part: str, source: str, ground: Ground, frame: Frame, limit_s: float, given: Path | None) -> Run:
-    scene = Scene(ground.scorer, ground.families.arrangement.outer, None if source == "blind" else ground.families)
+def one_run(part: str, source: str, evidence: Evidence, frame: Frame, limit_s: float, given: Path | None) -> Run:
+    scene = Scene(evidence.scorer, evidence.families.arrangement.outer, None if source == "blind" else evidence.families)
     scene.scorer.score(random_programs(scene, 1, np.random.default_rng(9)))  # compiled code is loaded before the clock starts
     rng, start, before = np.random.default_rng(1), time.perf_counter(), scene.scorer.evaluations
-    seeds = make_seeds(source, ground, scene, frame, given)
+    seeds = make_seeds(source, evidence, scene, frame, given)
 
     def late() -> bool:
         return time.perf_counter() - start > limit_s
@@ -111,26 +111,26 @@ def one_run(part: str, source: str, ground: Ground, frame: Frame, limit_s: float
     for seed in seeds:
         if 1 - scene.scorer.score([seed])[0].volume >= BAR:
             return run(True)
-    for generation in evolve({source: seeds}, scene, rng, late, EvolutionConfig(generations=100_000, patience=100_000), ground.solve):
+    for generation in evolve({source: seeds}, scene, rng, late, EvolutionConfig(generations=100_000, patience=100_000), evidence.solve):
         if 1 - min(i.score.volume for i in generation.front) >= BAR:
             return run(True)
     return run(False)
 
 
-def make_seeds(source: str, ground: Ground, scene: Scene, frame: Frame, given: Path | None) -> list[Program]:
+def make_seeds(source: str, evidence: Evidence, scene: Scene, frame: Frame, given: Path | None) -> list[Program]:
     """Programs of a source in the unit frame; the policy's, then the cheapest first where all are asked for."""
     if source in ("random", "blind"):
         return random_programs(scene, RANDOM, np.random.default_rng(2))
     if source == "tree":
-        return [tree] if (tree := ground.tree()) else []
+        return [tree] if (tree := evidence.tree()) else []
     if source == "surfaces":
-        return surface_seeds(ground.families, ground.size_weight, lambda: False)
+        return surface_seeds(evidence.families, evidence.size_weight, lambda: False)
     if source == "search":
-        found = search(ground.families, StructureConfig(size_weight=ground.size_weight), np.random.default_rng(3), lambda: False)
-        return [p for f in found for p in steps(f.sequence, ground.families)]
+        found = search(evidence.families, StructureConfig(size_weight=evidence.size_weight), np.random.default_rng(3), lambda: False)
+        return [p for f in found for p in steps(f.sequence, evidence.families)]
     if source == "policy":
         return [frame.apply(loads(given.read_text()))] if given and given.is_file() else []
-    return [p for s in ("policy", "tree", "surfaces", "search") for p in make_seeds(s, ground, scene, frame, given)]
+    return [p for s in ("policy", "tree", "surfaces", "search") for p in make_seeds(s, evidence, scene, frame, given)]
 
 
 def table(runs: Sequence[Run]) -> str:

@@ -30,7 +30,7 @@ from imdim.learn.checkpoint import load_policy
 from imdim.learn.decode import DecodeConfig, steps
 from imdim.program.tree import KINDS, Primitive, Program, combine_all, leaves
 from imdim.search.evolve.columns import Columns, Registry
-from imdim.search.evolve.fitness import Evidence, FitnessConfig, Scorer
+from imdim.search.evolve.fitness import FitnessConfig, SampledTarget, Scorer
 from imdim.search.evolve.kernels import fill_distances
 from imdim.solve.faces import moved, step_maps
 from imdim.solve.normal_equations import held_open, solve_blocks
@@ -79,7 +79,7 @@ def population(trees: int, primitives: int = 16, points: int = 4096) -> Kernel:
     rng = np.random.default_rng(0)
     surface, samples = rng.uniform(-1, 1, (2, points // 2, 3))
     w_in = (np.linalg.norm(samples, axis=1) < 0.8) / len(samples)
-    evidence = Evidence(surface, 1.0, samples, w_in, 1 / len(samples) - w_in)
+    evidence = SampledTarget(surface, 1.0, samples, w_in, 1 / len(samples) - w_in)
     config = FitnessConfig(capacity=trees * (primitives + 2))
     programs = [population_scoring.random_tree(rng, primitives) for _ in range(trees)]
 

@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 from manifold3d import Manifold
 
-from imdim.evolution import Ground
+from imdim.evidence import Evidence
 from imdim.geometry import kernels
-from imdim.geometry.cloud import Frame, InputError, Target
+from imdim.geometry.cloud import InputError, Target
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.geometry.surface import Patch, Surface
 from imdim.geometry.winding import inside_mesh
@@ -31,31 +31,28 @@ CLOSING_AREA = 1e-7  # of the squared diagonal; implied planes rank behind detec
 
 @dataclass(frozen=True)
 class UnitBody:
-    """A body in its unit frame, that frame, and a cloud's noise there; of a crowded cloud so many points that they show its faces."""
+    """A body in its unit frame, and a cloud's noise there; of a crowded cloud so many points that they show its faces."""
 
     target: Target
-    frame: Frame
     noise: NoiseModel
 
     @staticmethod
-    def of(body: Target, rng: np.random.Generator) -> UnitBody:
-        frame = Frame.of(body)
-        unit = frame.normalise(body)
+    def of(unit: Target, rng: np.random.Generator) -> UnitBody:
+        """A body that is in its unit frame, with its noise measured."""
         if unit.mesh is not None:
-            return UnitBody(unit, frame, EXACT)
+            return UnitBody(unit, EXACT)
         noise, kept = measure_noise(unit.points, rng)
         if len(kept) < len(unit.points):
             unit = replace(unit, points=unit.points[kept], normals=None if unit.normals is None else unit.normals[kept])
-        return UnitBody(unit, frame, noise)
+        return UnitBody(unit, noise)
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What detection and labelling know of one body: the body in its unit frame, that frame, and a cloud's noise there, corrected by what
-    detection learned of it. `label` gives the probability of being inside [n] for points [n, 3] there."""
+    """What detection and labelling know of one body, all in its unit frame, the programs that are asked about too. `noise` is a cloud's,
+    corrected by what detection learned of it. `label` gives the probability of being inside [n] for points [n, 3]."""
 
     target: Target
-    frame: Frame
     noise: NoiseModel
     patches: list[Patch]
     samples: Samples
@@ -64,12 +61,12 @@ class Seen:
     label: Callable[[np.ndarray], np.ndarray]
 
     @cached_property
-    def ground(self) -> Ground:
+    def evidence(self) -> Evidence:
         """What evolution and the front need to know."""
         mesh = self.target.mesh
         area = sum(p.area for p in self.patches) if mesh is None else float(mesh.area)
         surfaces = [p.surface for p in self.patches]
-        return Ground(surfaces, self.families, self.samples, self.target.points, area, self.size_weight, mesh is not None)
+        return Evidence(surfaces, self.families, self.samples, self.target.points, area, self.size_weight, mesh is not None)
 
     @property
     def noisy(self) -> bool:
@@ -80,15 +77,10 @@ class Seen:
     def cells(self) -> Cells:
         return self.families.cells
 
-    @property
-    def volume(self) -> float:
-        """Of the body, as sampled, in its own units."""
-        return self.cells.volume / self.frame.scale**3
-
     def error(self, program: Program) -> float:
-        """Volume in which the body and a program in its units differ over the samples, relative to the body's."""
+        """Volume in which the body and a program differ over the samples, relative to the body's."""
         samples = self.samples
-        inside = kernels.inside(program, samples.points / self.frame.scale + np.asarray(self.frame.center))
+        inside = kernels.inside(program, samples.points)
         return float(np.where(inside, samples.w_out, samples.w_in).sum()) / self.cells.volume
 
     def price(self, program: Program) -> float:
@@ -97,15 +89,15 @@ class Seen:
 
     @cached_property
     def solid(self) -> Manifold | None:
-        """The solid that the body's mesh bounds, in the unit frame; None for a cloud, and for a mesh that bounds none."""
+        """The solid that the body's mesh bounds; None for a cloud, and for a mesh that bounds none."""
         try:
             return None if self.target.mesh is None else mesh_to_manifold(self.target.mesh)
         except ValueError:
             return None
 
     def iou(self, program: Program) -> float | None:
-        """Volume IoU of a program in the body's units with its solid, by exact booleans; None where there is no solid."""
-        return None if self.solid is None else volume_iou(to_manifold(self.frame.apply(program)), self.solid)
+        """Volume IoU of a program with the solid, by exact booleans; None where there is no solid."""
+        return None if self.solid is None else volume_iou(to_manifold(program), self.solid)
 
     def exact_price(self, program: Program) -> float:
         """As `price`, with the exact volumes where there is a solid: samples may all have missed what a program gets wrong."""
@@ -139,7 +131,7 @@ def look(
     cells = compressed(arrangement, samples)
     if not (cells.gain > 0).any():
         raise InputError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells")
-    return Seen(unit, body.frame, noise, patches, samples, Families(arrangement, cells), size_weight, label)
+    return Seen(unit, noise, patches, samples, Families(arrangement, cells), size_weight, label)
 
 
 def _corners(unit: Target, patches: list[Patch], noise: NoiseModel) -> np.ndarray:

@@ -6,6 +6,7 @@ them (hydra, ``key=value`` arguments, a plain dict), they are merged into a fres
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from difflib import get_close_matches
@@ -15,6 +16,10 @@ from typing import Any, TypeVar, get_type_hints
 from imdim.export.numbers import MAX_SEGMENTS
 
 T = TypeVar("T")
+NONE = "none"  # as a checkpoint: no network at all
+_HOMES = (Path(__file__).parents[2], Path(sys.prefix, "share/imdim"))  # a source tree, and where an installed wheel puts its data
+_MODELS = [home / "models" / "imdim-base.safetensors" for home in _HOMES]
+SHIPPED = next((model for model in _MODELS if model.is_file()), _MODELS[0])
 
 
 class ConfigError(ValueError):

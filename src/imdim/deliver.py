@@ -30,7 +30,7 @@ from imdim.export.step import StepError
 from imdim.export.step_worker import StepJob, finish_step, start_step, stop_step
 from imdim.export.ucad import to_ucad
 from imdim.fitting import relations_of
-from imdim.geometry.cloud import Frame, Target
+from imdim.geometry.cloud import Target, frame_meta
 from imdim.geometry.solid import SEGMENTS, mesh_to_manifold, to_manifold, to_trimesh
 from imdim.program.codec import Meta
 from imdim.program.codec import dumps as program_text
@@ -68,8 +68,9 @@ def deliver(
         with _timed(seconds, "program"):
             given, found = program, completed(program, constraints)
             program = found.program
-            _write_texts(found, Frame.of(target), partial, segments)
-            _write_front(front or [Choice(given)], given, Frame.of(target), partial)
+            meta = frame_meta(target)
+            _write_texts(found, meta, partial, segments)
+            _write_front(front or [Choice(given)], given, meta, partial)
         with _step(partial) as job:
             with _timed(seconds, "meshes"):
                 write_meshes(to_manifold(program, segments), partial)
@@ -100,7 +101,7 @@ def export(program: Program, folder: Path, meta: Meta, segments: int = SEGMENTS,
     with replacing(folder) as partial:
         found = completed(*relations_of(program))
         program = found.program
-        _write_texts(found, Frame(meta.center, meta.scale), partial, segments)
+        _write_texts(found, meta, partial, segments)
         with _step(partial) as job:
             write_meshes(to_manifold(program, segments), partial)
             shown = html.content(_read(partial / "program.json"), named=found.parameters, segments=segments)
@@ -110,10 +111,10 @@ def export(program: Program, folder: Path, meta: Meta, segments: int = SEGMENTS,
     return {**files, **skipped}
 
 
-def _write_texts(found: Completed, frame: Frame, folder: Path, segments: int) -> None:
+def _write_texts(found: Completed, meta: Meta, folder: Path, segments: int) -> None:
     program, parameters, folded = found.program, found.parameters, found.folded
     texts = {
-        "program.json": program_text(program, Meta(center=frame.center, scale=frame.scale), found.constraints, folded),
+        "program.json": program_text(program, meta, found.constraints, folded),
         "program.scad": to_openscad(program, segments, parameters),
         "program.py": to_script(program, parameters, folded),
         "program.ucad": to_ucad(program, parameters, folded),
@@ -129,11 +130,11 @@ def _write_preview(folder: Path, target: Target, scores: Scores, segments: int) 
     preview(target, result, scores.to_result.max).save(folder / "preview.png")
 
 
-def _write_front(front: Sequence[Choice], picked: Program, frame: Frame, folder: Path) -> None:
+def _write_front(front: Sequence[Choice], picked: Program, meta: Meta, folder: Path) -> None:
     """Cutters do not overshoot in front.json: they do where a choice is exported."""
     number = next((i for i, choice in enumerate(front, 1) if choice.program == picked), None)
     choices = [Choice(rounded(choice.program), choice.error) for choice in front]
-    (folder / "front.json").write_text(front_text(choices, Meta(center=frame.center, scale=frame.scale), number), encoding="utf-8")
+    (folder / "front.json").write_text(front_text(choices, meta, number), encoding="utf-8")
 
 
 def _read(path: Path) -> Any:

@@ -8,7 +8,7 @@ import numpy as np
 
 from imdim.body import Seen
 from imdim.geometry import kernels
-from imdim.geometry.cloud import Target
+from imdim.geometry.cloud import Frame, Target
 from imdim.geometry.likening import likened
 from imdim.geometry.metrics import diagonal
 from imdim.geometry.sampling import subsample
@@ -30,11 +30,14 @@ MOST_RELATED = 120  # primitives; the time that relations take grows with the sq
 RELATE_ERROR, RELATE_MOVE, RELATE_VOLUME = 1e-2, 1e-5, 2.5e-3  # shares of mean distance, diagonal, volume that relations may cost
 
 
-def solved(program: Program, seen: Seen, body: Target, out_of_time: Callable[[], bool] = bool) -> Program:
-    """The numbers fitted to a cloud, as far as time allows; a mesh's carriers are exact already, and its facets would pull them inwards."""
-    if body.mesh is not None:
-        return program
-    chosen = subsample(body.points, SHOWN)
+def solved(program: Program, seen: Seen, out_of_time: Callable[[], bool] = bool) -> Program:
+    """The numbers fitted to a cloud, as far as time allows; of a mesh, odd ones are made like their fellows.
+
+    A mesh's carriers are exact already, and its facets would pull them inwards.
+    """
+    if seen.target.mesh is not None:
+        return program if out_of_time() else likened(program, LIKE, lambda trial: seen.iou(trial) or 0.0, out_of_time)
+    chosen = subsample(seen.target.points, SHOWN)
     fit = refine(program, chosen, config=RefineConfig(adam_steps=0, start_scale=0.01), out_of_time=out_of_time)
     fitted = fit.program if out_of_time() else _constrained(fit.program, chosen, seen, out_of_time)
     nearer = _mean_distance(fitted, chosen) < _mean_distance(program, chosen)
@@ -73,38 +76,31 @@ def _mean_distance(program: Program, points: np.ndarray) -> float:
     return float(np.abs(kernels.program_sdf(program, points)).mean())
 
 
-def snapped(program: Program, seen: Seen, body: Target, out_of_time: Callable[[], bool] = bool) -> Program:
-    """The program with the numbers that its designer may have typed, as far as time allows; of a mesh, odd ones are like their fellows.
+def snapped(program: Program, seen: Seen, frame: Frame, out_of_time: Callable[[], bool] = bool) -> Program:
+    """A program in the body's units with the numbers that its designer may have typed there, as far as time allows.
 
     Snapping is judged by the distance of surface points, which is fast; the volume it changed decides whether it was too bold.
     """
-    exact, diagonal = body.mesh is not None, 1 / seen.frame.scale
-    points = _surface_points(seen)
-    limit = (2e-3 if exact else 1e-2) * diagonal
+    exact, points, in_unit_frame = seen.target.mesh is not None, _surface_points(seen), frame.apply
+    limit = 2e-3 if exact else 1e-2
 
     def distance(trial: Program) -> float:
-        return float(np.minimum(np.abs(kernels.program_sdf(trial, points)), limit).mean())
+        return float(np.minimum(np.abs(kernels.program_sdf(in_unit_frame(trial), points)), limit).mean())
 
-    if exact and not out_of_time():
-        program = likened(program, LIKE * diagonal, lambda trial: seen.iou(trial) or 0.0, out_of_time)
     plain = map_leaves(program, lambda _, leaf: canonical(leaf))
     if out_of_time():
         return plain
-    loss = _loss(plain, seen)
+    before = seen.iou(in_unit_frame(plain))
     for boldness in (1.0, 0.1, 0.01) if exact else (1.0, 0.3):
         if out_of_time():
             break
-        config = SnapConfig(max_move=(1e-3 if exact else 2e-3) * boldness, abs_tolerance=(2e-6 if exact else 2e-5) * boldness * diagonal)
+        config = SnapConfig(max_move=(1e-3 if exact else 2e-3) * boldness, abs_tolerance=(2e-6 if exact else 2e-5) * boldness)
         rounder = snap(program, distance, config=config, out_of_time=out_of_time)
-        if _changed_volume(plain, rounder) < (SNAP_CHANGE if exact else 10 * SNAP_CHANGE) and loss(rounder) < SNAP_LOSS:
+        if _changed_volume(plain, rounder) < (SNAP_CHANGE if exact else 10 * SNAP_CHANGE) and (
+            before is None or before - (seen.iou(in_unit_frame(rounder)) or 0.0) < SNAP_LOSS
+        ):
             return rounder
     return plain
-
-
-def _loss(plain: Program, seen: Seen) -> Callable[[Program], float]:
-    """How much less of a mesh a program meets than `plain`, in volume IoU; nought where there is no mesh, or one that bounds no solid."""
-    before = seen.iou(plain)
-    return lambda program: 0.0 if before is None else before - (seen.iou(program) or 0.0)
 
 
 def _changed_volume(before: Program, after: Program) -> float:
@@ -113,6 +109,6 @@ def _changed_volume(before: Program, after: Program) -> float:
 
 
 def _surface_points(seen: Seen) -> np.ndarray:
-    """Points of the true surface in the body's units: corners of a mesh's patches, or the cloud; some thousands, evenly picked."""
+    """Points of the true surface: corners of a mesh's patches, or the cloud; some thousands, evenly picked."""
     points = seen.target.points if seen.target.mesh is None else np.concatenate([subsample(p.points, 60) for p in seen.patches])
-    return subsample(points, 6000) / seen.frame.scale + np.asarray(seen.frame.center)
+    return subsample(points, 6000)

@@ -1,4 +1,4 @@
-"""The methods by which one body's program is found: each a generator of better and better programs in the body's units.
+"""The methods by which one body's program is found: each a generator of better and better programs, all in the body's unit frame.
 
 A method knows a `Run` and yields `Step`s; its last step is its answer, and no step at all means that it found nothing. Simplifying, fitting
 and rounding come after it and are the same for all (`pipeline`).
@@ -63,7 +63,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Step:
-    """A program in the body's units. `error` is relative to the body's volume, None where the method does not know it.
+    """A program. `error` is relative to the body's volume, None where the method does not know it.
 
     `others` are cruder and finer programs that a user may choose instead. `proof` says whether it is proved minimal, empty if nobody asked.
     """
@@ -109,12 +109,11 @@ def evolve(run: Run) -> Iterator[Step]:
     """Evolution from the programs of the policy, the tree, the surfaces and the search."""
     seen, written = run.seen, run.policy()
     beam = [] if written is None else [p.program for p in proposals(written, seen.target.points, seen.noise.sigma)]
-    seeds = seeds_of(seen.ground, run.rng, run.clock.part(SEED_SHARE * run.share), beam)
+    seeds = seeds_of(seen.evidence, run.rng, run.clock.part(SEED_SHARE * run.share), beam)
     for generation in _generations(run, seeds, run.clock.part(run.share)):
         run.clock.ending = generation.stop or run.clock.ending
-        program = seen.frame.undo(generation.best.program)
-        others = tuple(seen.frame.undo(i.program) for i in (*generation.front, generation.best))
-        yield Step("evolve", program, generation.best.score.volume, others)
+        others = tuple(i.program for i in (*generation.front, generation.best))
+        yield Step("evolve", generation.best.program, generation.best.score.volume, others)
 
 
 def stump_net(run: Run) -> Iterator[Step]:
@@ -162,10 +161,11 @@ def _searched(run: Run, proofs: Proofs) -> Iterator[tuple[str, Program]]:
             yield "tree", program
         return
     out_of_time = run.clock.ending_at(NOISY_SHARE * run.share) if seen.noisy else run.clock.out_of_time
-    sharpener = Sharpener(seen.families, seen.label, SAMPLES, seen.size_weight * seen.cells.volume, run.rng) if seen.ground.exact else None
+    price = seen.size_weight * seen.cells.volume
+    sharpener = Sharpener(seen.families, seen.label, SAMPLES, price, run.rng) if seen.evidence.exact else None
     config, started = StructureConfig(size_weight=seen.size_weight), run.clock.part(START_SHARE * run.share)
     for found in search_structure(seen.families, config, run.rng, out_of_time, sharpener, started):
-        program = seen.frame.undo(to_program(found.sequence, found.families))
+        program = to_program(found.sequence, found.families)
         yield "search", program
         # what the labels of a noisy cloud prove is not worth the time
         program, proof = (None if seen.noisy else proofs.early(program)) or (program, None)
@@ -177,7 +177,7 @@ def _searched(run: Run, proofs: Proofs) -> Iterator[tuple[str, Program]]:
         return
     # a range is as short as all cells that were ever seen allow
     every = sharpener.every if sharpener else found.families
-    tidied = seen.frame.undo(to_program(tidy(seen_by(found.sequence, every), every), every))
+    tidied = to_program(tidy(seen_by(found.sequence, every), every), every)
     if shortest is not None and seen.exact_price(shortest) < seen.exact_price(tidied):
         yield "proof", shortest
     else:
@@ -190,27 +190,25 @@ def _touched(run: Run, found: list[Program]) -> Iterator[Program]:
     For a mesh, where the search left something or its program is long; in a cloud the doubts about what is inside outweigh it.
     """
     seen = run.seen
-    if not (run.settings.evolution and found and seen.ground.exact) or run.clock.out_of_time():
+    if not (run.settings.evolution and found and seen.evidence.exact) or run.clock.out_of_time():
         return
     if seen.error(found[-1]) < TOUCHED and count(found[-1]).primitives < LONG:
         return
-    seeds = {"search": [seen.frame.apply(p) for p in found]}
-    best, least = seen.ground.scorer.score(seeds["search"][-1:])[0].fitness, seen.exact_price(found[-1])
-    for generation in _generations(run, seeds, run.clock.out_of_time, TOUCH):
+    best, least = seen.evidence.scorer.score(found[-1:])[0].fitness, seen.exact_price(found[-1])
+    for generation in _generations(run, {"search": found}, run.clock.out_of_time, TOUCH):
         # what is not worth half a primitive is not worth another way to draw it
         if generation.best.score.fitness < best - 0.5 * seen.size_weight:
             best = generation.best.score.fitness
-            program = seen.frame.undo(generation.best.program)
-            price = seen.exact_price(program)
+            price = seen.exact_price(generation.best.program)
             if price < least - 0.5 * seen.size_weight:
                 least = price
-                yield program
+                yield generation.best.program
 
 
 def _generations(
     run: Run, seeds: dict[str, list[Program]], out_of_time: Callable[[], bool], config: EvolutionConfig | None = None
 ) -> Iterator[Generation]:
-    generations = evolved(run.seen.ground, seeds, run.rng, out_of_time, config, run.settings.solver)
+    generations = evolved(run.seen.evidence, seeds, run.rng, out_of_time, config, run.settings.solver)
     yield from logged(generations, run.settings.logdir, run.seen.target.name) if run.settings.logdir else generations
 
 
@@ -229,9 +227,8 @@ def _grown_if_poor(run: Run, best: Step | None) -> Step | None:
 
 
 def grown(run: Run) -> Program | None:
-    """The decision tree's program in the body's units."""
-    program = run.seen.ground.tree(run.clock.ending_at(run.share, FIT_BY))
-    return None if program is None else run.seen.frame.undo(program)
+    """The decision tree's program."""
+    return run.seen.evidence.tree(run.clock.ending_at(run.share, FIT_BY))
 
 
 def _proposed_if_poor(run: Run, best: Step | None) -> Step | None:
@@ -258,11 +255,11 @@ def _proved(best: Step, proofs: Proofs) -> Step:
 
 
 def _proposed(run: Run, starts: list[Program]) -> Program:
-    """The best that the solver makes of a policy's beam and of programs in the body's units."""
+    """The best that the solver makes of a policy's beam and of other programs."""
     seen, late = run.seen, run.clock.ending_at(PROPOSED_SHARE * run.share, FIT_BY)
     written = run.policy() if run.settings.method == "policy" or time_to_propose(run.clock) else None
-    best, *_ = proposals(written, seen.target.points, seen.noise.sigma, [seen.frame.apply(p) for p in starts], out_of_time=late)
-    return seen.frame.undo(best.program)
+    best, *_ = proposals(written, seen.target.points, seen.noise.sigma, starts, out_of_time=late)
+    return best.program
 
 
 def time_to_propose(clock: Clock) -> bool:
@@ -275,4 +272,4 @@ def time_to_propose(clock: Clock) -> bool:
 def preferred(proposed: Program, program: Program, seen: Seen) -> bool:
     """Cells of a cloud know no surface that detection missed: what fits the points far better is taken, whatever its cells say."""
     cloud = Cloud.of(seen.target.points, seen.noise.sigma)
-    return misfit(seen.frame.apply(proposed), cloud) < FAR_BETTER * misfit(seen.frame.apply(program), cloud)
+    return misfit(proposed, cloud) < FAR_BETTER * misfit(program, cloud)

@@ -44,7 +44,7 @@ def unlabelled(
     no_time_to_fit: Callable[[], bool] = bool,
     calm: bool = False,
 ) -> Program | None:
-    """A program of a noisy cloud of which detection cannot tell the inside, from its points and the policy's beam.
+    """A program of a noisy cloud of which detection cannot tell the inside, from its points and the policy's beam; both in the unit frame.
 
     None for a mesh and, unless `calm` ones are asked for too, a calm cloud, which then have no inside, and where nothing is left of the
     cloud. Time as for `most_likely`.
@@ -54,26 +54,26 @@ def unlabelled(
         return None
     found = [p.program for p in proposals(policy, points, noise.sigma, out_of_time=out_of_time)]
     if not found or not noise.blurs:
-        return body.frame.undo(found[0]) if found else None
-    return body.frame.undo(_Points.of(points, noise.sigma).told(found, out_of_time, no_time_to_fit))
+        return found[0] if found else None
+    return _Points.of(points, noise.sigma).told(found, out_of_time, no_time_to_fit)
 
 
 def most_likely(
     programs: Sequence[Program], seen: Seen, out_of_time: Callable[[], bool], no_time_to_fit: Callable[[], bool] = bool
 ) -> Program:
-    """The program in the body's units that tells its noisy cloud in the shortest message, with the relations that the points bear out.
+    """The program that tells a noisy cloud in the shortest message, with the relations that the points bear out.
 
     `programs`, of which the last is tried in any case, are where the search for it starts; all lend their primitives.
     Once `out_of_time` the search ends, and the numbers of its program are fitted until there is `no_time_to_fit` (by default to the end).
     """
     shared = shared_axes([p.surface.axis for p in seen.patches], [p.area for p in seen.patches])
     points = _Points.of(seen.target.points, seen.noise.sigma, shared)
-    return seen.frame.undo(points.told([seen.frame.apply(p) for p in programs], out_of_time, no_time_to_fit))
+    return points.told(programs, out_of_time, no_time_to_fit)
 
 
 @dataclass(frozen=True)
 class _Points:
-    """A noisy cloud in its unit frame: points [n, 3], the deviation of their noise, the part's directions as columns [3, 3]."""
+    """A noisy cloud: points [n, 3], the deviation of their noise, the part's directions as columns [3, 3]."""
 
     points: np.ndarray
     sigma: float

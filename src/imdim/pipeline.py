@@ -7,7 +7,7 @@ search that outruns its budget, and the last snapshot then says so.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -15,14 +15,14 @@ import numpy as np
 import trimesh
 
 from imdim.body import Seen, UnitBody, look
+from imdim.choices import choices_beside, few, united
 from imdim.clock import CHOOSE_BY, DETECT_BY, FIT_BY, LABEL_BY, RELATE_BY, Clock
 from imdim.config import ConfigError, Settings
-from imdim.evolution import choices, few, united
 from imdim.fitting import related, snapped, solved
-from imdim.geometry.cloud import InputError, Target, split_bodies, target_from
+from imdim.geometry.cloud import Frame, InputError, Target, in_unit_frame, split_bodies, target_from
 from imdim.geometry.solid import to_manifold
 from imdim.geometry.strays import without_strays
-from imdim.methods import METHODS, PolicyOf, Run, time_to_propose
+from imdim.methods import METHODS, PolicyOf, Run, Step, time_to_propose
 from imdim.noisy import most_likely, unlabelled
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
@@ -63,7 +63,7 @@ class Snapshot:
 
 @dataclass(frozen=True)
 class _State:
-    """A program of one body in its own units, `error` relative to its `volume`."""
+    """A program of one body, it and the `volume` in the body's units; `error` is relative to that."""
 
     stage: str
     program: Program
@@ -152,48 +152,59 @@ def _body(
     body: Target, settings: Settings, policy: PolicyOf, clock: Clock, rng: np.random.Generator, share: float = 1.0
 ) -> Iterator[_State]:
     """Better and better programs of one body, which may take a share of the time left."""
-    unit = UnitBody.of(body, rng)
+    unit, frame = in_unit_frame(body)
+    observed = UnitBody.of(unit, rng)
     try:
-        seen = look(unit, settings.size_weight, rng, clock.ending_at(share, DETECT_BY), clock.ending_at(share, LABEL_BY))
+        seen = look(observed, settings.size_weight, rng, clock.ending_at(share, DETECT_BY), clock.ending_at(share, LABEL_BY))
     except InputError:
         cut = clock.late
-        guess = _guess(unit, settings, policy, clock, share, cut) if cut or settings.method in GUESSING else None
+        guess = _guess(observed, settings, policy, clock, share, cut) if cut or settings.method in GUESSING else None
         if guess is None:
             raise
-        yield _State("policy", guess, UNKNOWN, to_manifold(guess).volume(), (Choice(guess, UNKNOWN),), NO_TIME if cut else NO_INSIDE)
+        state = _state(Step("policy", guess, UNKNOWN, proof=NO_TIME if cut else NO_INSIDE), frame, to_manifold(guess).volume())
+        yield replace(state, front=(Choice(state.program, UNKNOWN),))
         return
-    step = None
-
-    def state(stage: str, program: Program, error: float | None = None) -> _State:
-        proof = step.proof if step else ""
-        return _State(stage, program, seen.error(program) if error is None else error, seen.volume, proof=proof)
-
+    step, volume = None, seen.cells.volume
     for step in METHODS[settings.method](Run(seen, settings, policy, clock, rng, share)):
-        yield state(step.stage, step.program, step.error)
+        yield _state(_measured(step, seen), frame, volume)
     if step is None:
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
     no_time_to_choose, late = _times(clock, share)
-    program = reduce_program(_at_home(step.program, seen, late), out_of_time=late)
-    yield state("simplify", program)
-    if not settings.solver:
-        yield replace(state("simplify", program), front=_front([*step.others, program], seen, clock))
-        return
+    home = step.program if seen.solid is None else without_strays(step.program, seen.solid, late)
+    step = _measured(replace(step, stage="simplify", program=reduce_program(home, out_of_time=late), error=None), seen)
+    last = _state(step, frame, volume)
+    yield last
+    if settings.solver:
+        last = _state(_solved(step, seen, no_time_to_choose, late), frame, volume)
+        last = replace(last, program=snapped(last.program, seen, frame, late))
+    yield _finished(last, step.others, seen, frame, clock)
+
+
+def _measured(step: Step, seen: Seen) -> Step:
+    return step if step.error is not None else replace(step, error=seen.error(step.program))
+
+
+def _state(step: Step, frame: Frame, volume: float) -> _State:
+    """A step in the body's units; `volume` is the body's in the unit frame."""
+    assert step.error is not None
+    return _State(step.stage, frame.undo(step.program), step.error, volume / frame.scale**3, proof=step.proof)
+
+
+def _solved(step: Step, seen: Seen, no_time_to_choose: Callable[[], bool], late: Callable[[], bool]) -> Step:
+    """The step with fitted numbers; of a noisy cloud with a program of other primitives perhaps, which no proof is of."""
     if seen.noisy:
-        fitted = most_likely([*step.others, program], seen, no_time_to_choose, late)
-        step = replace(step, proof="")  # it was of other primitives perhaps
-    else:
-        fitted = solved(program, seen, body, late)
-    last = state("solve", snapped(fitted, seen, body, late))
-    yield replace(last, front=_front([*step.others, last.program], seen, clock))
+        return replace(step, stage="solve", program=most_likely([*step.others, step.program], seen, no_time_to_choose, late), proof="")
+    return replace(step, stage="solve", program=solved(step.program, seen, late))
 
 
-def _at_home(program: Program, seen: Seen, out_of_time: Callable[[], bool]) -> Program:
-    """A mesh's program without ends that lie where no sample was."""
-    if seen.solid is None:
-        return program
-    unit = seen.frame.apply(program)
-    home = without_strays(unit, seen.solid, out_of_time)
-    return program if home is unit else seen.frame.undo(home)
+def _finished(last: _State, others: Sequence[Program], seen: Seen, frame: Frame, clock: Clock) -> _State:
+    """The last state, its error measured, with its front, of which it alone is where time is short; `others` are in the unit frame."""
+    unit = frame.apply(last.program)
+    error = seen.error(unit)
+    front = [Choice(last.program, error)]
+    if not clock.near_end(FRONT_BY)():
+        front = choices_beside(last.program, unit, others, seen.evidence, frame)
+    return replace(last, error=error, front=tuple(front))
 
 
 def _guess(body: UnitBody, settings: Settings, policy: PolicyOf, clock: Clock, share: float, cut: bool) -> Program | None:
@@ -205,16 +216,6 @@ def _guess(body: UnitBody, settings: Settings, policy: PolicyOf, clock: Clock, s
 def _times(clock: Clock, share: float) -> tuple[Callable[[], bool], Callable[[], bool]]:
     """Whether a body's program must be chosen, and its numbers fitted; each may take a share of the time left."""
     return clock.ending_at(share, CHOOSE_BY), clock.ending_at(share, FIT_BY)
-
-
-def _front(programs: list[Program], seen: Seen, clock: Clock) -> tuple[Choice, ...]:
-    """The front of programs in the body's units, the last one always among them, and alone where time is short."""
-    if clock.near_end(FRONT_BY)():
-        return (Choice(programs[-1], seen.error(programs[-1])),)
-    front = choices(seen.ground, [seen.frame.apply(p) for p in programs])
-    size = count(programs[-1]).primitives
-    # what is delivered stays as it is, to the last digit
-    return tuple(Choice(programs[-1] if count(c.program).primitives == size else seen.frame.undo(c.program), c.error) for c in front)
 
 
 def reconstruct_best(points_or_mesh: np.ndarray | trimesh.Trimesh | Target, settings: Settings | None = None, seed: int = 0) -> Snapshot:

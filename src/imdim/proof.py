@@ -34,14 +34,14 @@ class Proofs:
         return Prover(self.seen.families, self.seen.size_weight)
 
     def of(self, program: Program, share: float = 1.0) -> tuple[Program, Proof]:
-        """A proof about a program in the body's units, and a shorter or the same program; it may take a share of the time for proofs."""
+        """A proof about a program, and a shorter or the same program; it may take a share of the time for proofs."""
         start, primitives = self.clock.seconds(), count(program).primitives
         most_s = share * (PROOF_S * min(1.0, EASY / primitives) ** FALL - self.spent_s)
         end = start + min(most_s, self.share * (PROOF_SHARE * self.clock.budget_s - start))
         error = self.seen.error(program) * self.seen.cells.volume
         proof = self._prover.prove(primitives, error, lambda: end - self.clock.seconds())
         self.spent_s += self.clock.seconds() - start
-        return program if proof.program is None else self.seen.frame.undo(proof.program), proof
+        return proof.program or program, proof
 
     def early(self, program: Program) -> tuple[Program, Proof] | None:
         """As `of`, for a program that the search passes through, where it is shorter than those before; None where that is not worth it."""

@@ -6,20 +6,19 @@ and handed with the cloud to the solver of imperfect sequences. torch is only im
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
 
-from imdim.config import ConfigError, first_line
+from imdim.config import NONE, SHIPPED, ConfigError, first_line
 from imdim.geometry.axes import main_axes
 from imdim.geometry.sampling import subsample
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.geometry.triangles import distances, triangle_tree
+from imdim.poses import POINTS, Poses
 from imdim.program.cost import count
 from imdim.program.tree import Program
 from imdim.seeding.cloud_denoise import inliers
@@ -27,17 +26,10 @@ from imdim.solve.pool import Cloud, PoolConfig, Signed, to_signed
 from imdim.solve.proposals import Proposal, ProposalConfig, settle
 
 if TYPE_CHECKING:
-    from torch import Tensor
-
     from imdim.data.solids import Solids
     from imdim.learn.decode import DecodeConfig
     from imdim.learn.policy import Policy
 
-_HOMES = (Path(__file__).parents[2], Path(sys.prefix, "share/imdim"))  # a source tree, and where an installed wheel puts its data
-_MODELS = [home / "models" / "imdim-base.safetensors" for home in _HOMES]
-SHIPPED = next((model for model in _MODELS if model.is_file()), _MODELS[0])
-POINTS = 2048  # of a cloud that a policy sees
-NONE = "none"
 MEASURED = 4096  # points each way of a misfit
 FINE = ProposalConfig(seen=1536, most=8192)  # dense clouds show walls thinner than a policy's cloud can
 
@@ -55,44 +47,6 @@ def load(checkpoint: str) -> Policy:
 def load_if_any(checkpoint: str) -> Policy | None:
     """As `load`, but None for ``none``, and where no path is given and none is shipped."""
     return load(checkpoint) if checkpoint != NONE and (checkpoint or SHIPPED.is_file()) else None
-
-
-@dataclass(frozen=True)
-class Poses:
-    """How clouds stand in the frame that policies know: ``local = (points @ axes - middle) * scale``, box centre 0, box diagonal 1.
-    `axes` [b, 3, 3] have the main directions as columns, `middle` [b, 3], `scale` [b]."""
-
-    axes: np.ndarray
-    middle: np.ndarray
-    scale: np.ndarray
-
-    @staticmethod
-    def of(clouds: Sequence[np.ndarray], axes: Sequence[np.ndarray]) -> Poses:
-        """Of each cloud [n, 3] with its main directions [3, 3]."""
-        turned = [c @ a for c, a in zip(clouds, axes, strict=True)]
-        low, high = (np.stack([f(t, axis=0) for t in turned]) for f in (np.min, np.max))
-        diagonals = np.maximum(np.linalg.norm(high - low, axis=1), 1e-300)
-        return Poses(np.stack(axes), (low + high) / 2, 1 / diagonals)
-
-    def local(self, clouds: np.ndarray) -> Tensor:
-        """Clouds [b, n, 3] as policies see them."""
-        import torch
-
-        return torch.as_tensor((clouds @ self.axes - self.middle[:, None]) * self.scale[:, None, None], dtype=torch.float32)
-
-    def back(self, solids: Solids) -> Solids:
-        """Solids of the policy's frame, `k` rows for each cloud, in that of the clouds, in double precision."""
-        import torch
-
-        each = len(solids.kinds) // len(self.scale)
-        turn, middle, scale = (torch.as_tensor(v).repeat_interleave(each, 0) for v in (self.axes, self.middle, self.scale))
-        centers = solids.centers.double() / scale[:, None, None] + middle[:, None]
-        return replace(
-            solids,
-            centers=centers @ turn.mT,
-            sizes=solids.sizes.double() / scale[:, None, None],
-            rotations=turn[:, None] @ solids.rotations.double(),
-        )
 
 
 def written(policy: Policy, points: np.ndarray, axes: np.ndarray, seed: int = 0, config: DecodeConfig | None = None) -> list[Signed]:

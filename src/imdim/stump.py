@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from imdim.body import Seen
-from imdim.program.cost import count
 from imdim.program.simplify import reduce_program
 from imdim.program.stump import to_program
 from imdim.program.tree import Program
@@ -19,12 +18,12 @@ MOST = 40  # primitives
 
 
 def stumps(seen: Seen, out_of_time: Callable[[], bool]) -> Iterator[Program]:
-    """Programs in the body's units, each cheaper than the one before; one at least where the body shows any candidate."""
+    """Programs, each cheaper than the one before; one at least where the body shows any candidate."""
     families, best = seen.families, np.inf
     pools = _pools(families, seen.size_weight, out_of_time)
     for pool in pools:
-        program = seen.frame.undo(_program(pool, families, seen.size_weight))
-        price = seen.error(program) + seen.size_weight * count(program).primitives
+        program = _program(pool, families, seen.size_weight)
+        price = seen.price(program)
         if price < best:
             best = price
             yield program

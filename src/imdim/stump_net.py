@@ -1,6 +1,6 @@
 """CSG-Stump Net wired to a body: the network's shape for its cloud, fitted to its labelled samples, as a program.
 
-The cloud is turned into its main directions and scaled to the frame that networks know, as for policies (`proposals`).
+The cloud is turned into its main directions and scaled to the frame that networks know, as for policies (`poses`).
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from imdim.body import Seen
-from imdim.config import ConfigError, first_line
+from imdim.config import NONE, SHIPPED, ConfigError, first_line
 from imdim.geometry import kernels
 from imdim.geometry.axes import main_axes
 from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
+from imdim.poses import POINTS, Poses
 from imdim.program.cost import count
 from imdim.program.simplify import simplify
 from imdim.program.stump import to_program
 from imdim.program.tree import Primitive, Program, map_leaves
-from imdim.proposals import NONE, POINTS, SHIPPED, Poses
 from imdim.seeding.cloud_denoise import inliers
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def load(checkpoint: str) -> StumpNet | None:
 
 
 def proposed(seen: Seen, net: StumpNet | None, seed: int, out_of_time: Callable[[], bool]) -> Program:
-    """The program in the body's units of what the network sees, or of a random start without one, after the fit."""
+    """The program of what the network sees, or of a random start without one, after the fit."""
     import torch
 
     from imdim.learn.stump.binary import Labels
@@ -74,7 +74,7 @@ def proposed(seen: Seen, net: StumpNet | None, seed: int, out_of_time: Callable[
         return float(wrong) + seen.size_weight * count(program).primitives
 
     program = simplify(to_program(stump), lambda given, candidate: price(candidate) <= price(given), max_checks=CHECKS)
-    return seen.frame.undo(_back(program, poses))
+    return _back(program, poses)
 
 
 def _back(program: Program, poses: Poses) -> Program:

@@ -25,8 +25,9 @@ from imdim.learn.checkpoint import load_policy, replace_whole
 from imdim.learn.decode import DecodeConfig, decode
 from imdim.learn.measure import bounding_boxes, errors_by_kind, exact_iou, exact_structure, moves, summary, written_programs
 from imdim.learn.policy import Policy
+from imdim.poses import Poses
 from imdim.program.state import PARAM_COUNT, TOKEN_OF, Token
-from imdim.proposals import Poses, signed_of
+from imdim.proposals import signed_of
 from imdim.solve.pool import Signed
 from imdim.solve.proposals import settle
 

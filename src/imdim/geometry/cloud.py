@@ -16,9 +16,10 @@ import trimesh
 from imdim.geometry.bodies import split_faces
 from imdim.geometry.readers import InputError, Raw, read
 from imdim.geometry.repair import clean_mesh
+from imdim.program.codec import Meta
 from imdim.program.tree import Primitive, Program, Vec3, map_leaves
 
-__all__ = ["Frame", "InputError", "Target", "load_target", "split_bodies", "target_from"]
+__all__ = ["Frame", "InputError", "Target", "frame_meta", "in_unit_frame", "load_target", "split_bodies", "target_from"]
 
 SURFACE_SAMPLES = 20_000
 SAMPLE_SEED = 0
@@ -80,12 +81,24 @@ class Frame:
         return map_leaves(program, lambda _, leaf: self._apply_leaf(leaf))
 
     def _apply_leaf(self, leaf: Primitive) -> Primitive:
-        x, y, z = self.to_unit(np.array(leaf.center)).tolist()
+        x, y, z = ((c - origin) * self.scale for c, origin in zip(leaf.center, self.center, strict=True))
         return replace(leaf, size=tuple(s * self.scale for s in leaf.size), center=(x, y, z))
 
     def _undo_leaf(self, leaf: Primitive) -> Primitive:
         x, y, z = (c / self.scale + origin for c, origin in zip(leaf.center, self.center, strict=True))
         return replace(leaf, size=tuple(s / self.scale for s in leaf.size), center=(x, y, z))
+
+
+def in_unit_frame(target: Target) -> tuple[Target, Frame]:
+    """The target in its unit frame, and that frame."""
+    frame = Frame.of(target)
+    return frame.normalise(target), frame
+
+
+def frame_meta(target: Target) -> Meta:
+    """What files say of the target's frame."""
+    frame = Frame.of(target)
+    return Meta(center=frame.center, scale=frame.scale)
 
 
 def load_target(path: str | Path, max_points: int = MAX_POINTS) -> Target:

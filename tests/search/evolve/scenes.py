@@ -12,7 +12,7 @@ from tests.search.planted_families import arrangement_of
 from imdim.geometry import kernels
 from imdim.program.tree import Program
 from imdim.search.cells import compressed, label_samples
-from imdim.search.evolve.fitness import Evidence, FitnessConfig, Scorer
+from imdim.search.evolve.fitness import FitnessConfig, SampledTarget, Scorer
 from imdim.search.evolve.scene import Scene
 from imdim.search.families import Families
 
@@ -22,7 +22,7 @@ def scene_of(program: Program, count: int = 20_000, detected: bool = True) -> Sc
     samples = label_samples(arrangement, lambda p: kernels.inside(program, p).astype(float), count, np.random.default_rng(7))
     mesh = mesh_of(program)
     surface = trimesh.sample.sample_surface(mesh, 1000, seed=3)[0]
-    evidence = Evidence(surface, float(mesh.area), samples.points, samples.w_in, samples.w_out)
+    evidence = SampledTarget(surface, float(mesh.area), samples.points, samples.w_in, samples.w_out)
     families = Families(arrangement, compressed(arrangement, samples)) if detected else None
     return Scene(Scorer(evidence, FitnessConfig(capacity=512)), arrangement.outer, families)
 

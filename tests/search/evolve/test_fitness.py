@@ -6,17 +6,17 @@ from program_samples import cloud, random_program
 
 from imdim.geometry.kernels import program_sdf
 from imdim.program.tree import Combine, Primitive, leaves
-from imdim.search.evolve.fitness import Evidence, FitnessConfig, Scorer
+from imdim.search.evolve.fitness import FitnessConfig, SampledTarget, Scorer
 
 
-def evidence(samples: int = 700) -> Evidence:
+def evidence(samples: int = 700) -> SampledTarget:
     rng = np.random.default_rng(0)
     points, weights = cloud(rng, samples), rng.random(samples)
     inside = np.linalg.norm(points, axis=1) < 0.9
-    return Evidence(cloud(rng, 300), 2.5, points, weights * inside, weights * ~inside)
+    return SampledTarget(cloud(rng, 300), 2.5, points, weights * inside, weights * ~inside)
 
 
-def plain(program, known: Evidence, config: FitnessConfig) -> tuple[float, float]:
+def plain(program, known: SampledTarget, config: FitnessConfig) -> tuple[float, float]:
     inside = program_sdf(program, known.samples) < 0
     volume = known.w_out[inside].sum() + known.w_in[~inside].sum()
     cap = config.cap * np.linalg.norm(np.ptp(known.surface, axis=0))
@@ -64,7 +64,7 @@ def test_the_same_solid_in_another_order_is_folded_once():
 
 
 def test_without_samples_distances_alone_count():
-    known = Evidence(cloud(np.random.default_rng(0), 300), 2.0)
+    known = SampledTarget(cloud(np.random.default_rng(0), 300), 2.0)
     score = Scorer(known).score([Primitive("sphere", (0.7,))])[0]
     assert score.volume == 0
     assert score.error == score.distance > 0

@@ -55,7 +55,7 @@ def test_the_front_is_non_dominated_and_never_gets_worse():
 
 def test_scores_on_the_front_are_those_of_its_programs():
     last, scene = run(fresh())[-1], fresh()
-    evidence = scene.scorer.evidence
+    evidence = scene.scorer.target
     for individual in last.front:
         inside = program_sdf(individual.program, evidence.samples) < 0
         volume = np.where(inside, evidence.w_out, evidence.w_in).sum() / evidence.w_in.sum()

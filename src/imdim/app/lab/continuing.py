@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from imdim.body import Seen, UnitBody, look
+from imdim.choices import choices_beside, few
 from imdim.config import Settings
-from imdim.evolution import choices, evolved, few
+from imdim.evolution import evolved
 from imdim.fitting import related, snapped, solved
-from imdim.geometry.cloud import Target
+from imdim.geometry.cloud import Frame, Target, in_unit_frame
 from imdim.pipeline import Snapshot
 from imdim.program.front import Choice
 from imdim.program.simplify import reduce_program
@@ -34,27 +35,26 @@ class Rates:
 def continued(target: Target, program: Program, settings: Settings, rates: Rates, now: Callable[[], float]) -> Iterator[Snapshot]:
     """Snapshots of an evolution that starts from `program`; the last one has rounded numbers, constraints and the front."""
     start, rng = now(), np.random.default_rng(settings.seed)
-    seen = look(UnitBody.of(target, rng), settings.size_weight, rng)
+    unit, frame = in_unit_frame(target)
+    seen = look(UnitBody.of(unit, rng), settings.size_weight, rng)
     config = EvolutionConfig(rates.population, rates.population, exact=rates.tolerance, crossover=1 - rates.mutation, elitism=rates.elitism)
 
     def late() -> bool:
         return now() - start > SEARCH_SHARE * settings.budget_s
 
     generation: Generation | None = None
-    for generation in evolved(seen.ground, {"edited": [seen.frame.apply(program)]}, rng, late, config):
-        best = seen.frame.undo(generation.best.program)
-        front = [Choice(seen.frame.undo(i.program), i.score.volume) for i in generation.front]
+    for generation in evolved(seen.evidence, {"edited": [frame.apply(program)]}, rng, late, config):
+        best = frame.undo(generation.best.program)
+        front = [Choice(frame.undo(i.program), i.score.volume) for i in generation.front]
         yield Snapshot("evolve", best, generation.best.score.volume, now() - start, front=tuple(few(front, best)))
     assert generation is not None  # at least one is yielded
-    yield _finished(generation, seen, target, lambda: now() - start)
+    yield _finished(generation, seen, frame, target, lambda: now() - start)
 
 
-def _finished(generation: Generation, seen: Seen, target: Target, seconds: Callable[[], float]) -> Snapshot:
+def _finished(generation: Generation, seen: Seen, frame: Frame, target: Target, seconds: Callable[[], float]) -> Snapshot:
     """What a person gets: reduced, fitted, rounded, with its relations and the front from crude to exact."""
-    best = reduce_program(seen.frame.undo(generation.best.program))
-    exact = snapped(solved(best, seen, seen.target if target.mesh is None else target), seen, target)
-    final, constraints = related(exact, target)
-    programs = [*(seen.frame.undo(i.program) for i in generation.front), final]
-    front = choices(seen.ground, [seen.frame.apply(p) for p in programs])
-    own = [Choice(final, c.error) if c is front[-1] else Choice(seen.frame.undo(c.program), c.error) for c in front]
-    return Snapshot("finished", final, seen.error(final), seconds(), generation.stop or "finished", tuple(few(own, final)), constraints)
+    fitted = solved(reduce_program(generation.best.program), seen)
+    final, constraints = related(snapped(frame.undo(fitted), seen, frame), target)
+    unit = frame.apply(final)
+    front = few(choices_beside(final, unit, [i.program for i in generation.front], seen.evidence, frame), final)
+    return Snapshot("finished", final, seen.error(unit), seconds(), generation.stop or "finished", tuple(front), constraints)

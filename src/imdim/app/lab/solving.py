@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imdim.geometry import kernels
-from imdim.geometry.cloud import Frame, Target
+from imdim.geometry.cloud import Target, in_unit_frame
 from imdim.geometry.constraints import rows_of
 from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.pose import radii
@@ -135,10 +135,9 @@ def _shown(target: Target) -> tuple[np.ndarray, np.ndarray | None]:
     points, normals = subsample(target.points, SHOWN), None if target.normals is None else subsample(target.normals, SHOWN)
     if target.mesh is None or normals is None:
         return points, normals
-    frame = Frame.of(target)
-    mesh = frame.normalise(target).mesh
-    assert mesh is not None
-    unit = _lifted(frame.to_unit(points), normals, [p.surface for p in detect_patches(mesh)])
+    whole, frame = in_unit_frame(target)
+    assert whole.mesh is not None
+    unit = _lifted(frame.to_unit(points), normals, [p.surface for p in detect_patches(whole.mesh)])
     return unit / frame.scale + frame.center, normals
 
 

@@ -24,7 +24,7 @@ _CODE = {"union": -1, "intersection": -2, "difference": -3}
 
 
 @dataclass(frozen=True)
-class Evidence:
+class SampledTarget:
     """What is known of the target: points [s, 3] of its surface, which has `area`, and samples [n, 3] with the volumes that they
     stand for inside and outside, `w_in` and `w_out` [n]. Without samples the volume of the hull of all that is known is taken.
     """
@@ -71,15 +71,15 @@ class Score:
 class Scorer:
     """Scores programs against one target, remembering leaves and trees. `evaluations` counts the trees that had to be folded."""
 
-    def __init__(self, evidence: Evidence, config: FitnessConfig | None = None, carriers: Carriers | None = None) -> None:
-        self.evidence, self.config, self.carriers = evidence, config or FitnessConfig(), carriers
+    def __init__(self, target: SampledTarget, config: FitnessConfig | None = None, carriers: Carriers | None = None) -> None:
+        self.target, self.config, self.carriers = target, config or FitnessConfig(), carriers
         self.evaluations = 0
         self.registry = Registry()
-        self._distances = Columns(evidence.surface, "distances", self.registry, self.config.capacity)
-        self.bits = Columns(evidence.samples, "bits", self.registry, self.config.capacity)
-        self.label = packed(evidence.w_in > evidence.w_out)
-        self.weight = np.concatenate([np.abs(evidence.w_in - evidence.w_out), np.zeros(-len(evidence.samples) % 64)])
-        self._least = float(np.minimum(evidence.w_in, evidence.w_out).sum())
+        self._distances = Columns(target.surface, "distances", self.registry, self.config.capacity)
+        self.bits = Columns(target.samples, "bits", self.registry, self.config.capacity)
+        self.label = packed(target.w_in > target.w_out)
+        self.weight = np.concatenate([np.abs(target.w_in - target.w_out), np.zeros(-len(target.samples) % 64)])
+        self._least = float(np.minimum(target.w_in, target.w_out).sum())
         self._known: dict[int, Score] = {}
         self._nodes: dict[tuple[int, int, int], int] = {}
 
@@ -129,10 +129,10 @@ class Scorer:
     def _measure(self, codes: list[list[int]]) -> list[Score]:
         self.evaluations += len(codes)
         batch = _Batch.of(codes)
-        volume = (self._least + wrong_weight(self._filled(batch), self.label, self.weight)) / self.evidence.volume
-        distance = self._distance(batch) * (self.evidence.area / self.evidence.volume)
+        volume = (self._least + wrong_weight(self._filled(batch), self.label, self.weight)) / self.target.volume
+        distance = self._distance(batch) * (self.target.area / self.target.volume)
         free = [self._free_faces(code) for code in codes]
-        weight = self.config.distance_weight if len(self.evidence.samples) else 1.0
+        weight = self.config.distance_weight if len(self.target.samples) else 1.0
         error = volume + weight * distance + self.config.free_weight * np.array(free)
         sizes = [(len(code) + 1) // 2 for code in codes]
         fitness = error + self.config.size_weight * np.array(sizes)
@@ -152,9 +152,9 @@ class Scorer:
         return out
 
     def _distance(self, batch: _Batch) -> np.ndarray:
-        if not len(self.evidence.surface) or not self.evidence.area:
+        if not len(self.target.surface) or not self.target.area:
             return np.zeros(len(batch.starts) - 1)
-        cap = np.float32(self.config.cap * self.evidence.diagonal)
+        cap = np.float32(self.config.cap * self.target.diagonal)
         code = batch.over(self._distances)
         return mean_distances(code, batch.starts, batch.depth, self._distances.table, cap)
 

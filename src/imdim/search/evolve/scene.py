@@ -31,7 +31,7 @@ class Scene:
     _held: dict[Primitive, bool] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
-        surface = self.scorer.evidence.surface
+        surface = self.scorer.target.surface
         self.near = subsample(surface, OWNED)
         if self.families is not None:
             self.cells = Columns(self.families.cells.points, "bits", self.scorer.registry, self.scorer.config.capacity)
@@ -60,7 +60,7 @@ class Scene:
         wrong = scorer.bits.unpacked(scorer.filled([program])[0] ^ scorer.label)
         weight = np.where(wrong, scorer.weight[: scorer.bits.count], 0.0)
         if weight.sum() > 0:
-            return scorer.evidence.samples[rng.choice(len(weight), p=weight / weight.sum())]
+            return scorer.target.samples[rng.choice(len(weight), p=weight / weight.sum())]
         if not len(self.near):
             return None
         far = np.abs(kernels.program_sdf(program, self.near))
