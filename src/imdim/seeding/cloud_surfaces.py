@@ -52,28 +52,21 @@ def detect_cloud(
         noise = replace(noise, sigma=calmer)
         cloud = _begin(points, normals, noise, cloud.config, rng)
     if noise.blurs:
-        return _detect_noisy(points, normals, noise, cloud.config, rng, out_of_time), noise
+        return _detect_noisy(cloud, rng, out_of_time), noise
     _extract(cloud, rng, cloud.config.rounds, out_of_time)
     settle(cloud, out_of_time)
     patches = regularise(patches_of(cloud), max(cloud.config.exact * noise.diagonal, 0.3 * noise.sigma))
     return orient(patches, points, out_of_time=out_of_time), noise
 
 
-def _detect_noisy(
-    points: np.ndarray,
-    normals: np.ndarray | None,
-    noise: NoiseModel,
-    config: CloudConfig,
-    rng: np.random.Generator,
-    out_of_time: Callable[[], bool],
-) -> list[Patch]:
+def _detect_noisy(begun: Cloud, rng: np.random.Generator, out_of_time: Callable[[], bool]) -> list[Patch]:
     """Surfaces are found in a calmed cloud and fitted to the points as measured; patches hold points on their carriers."""
-    kept = inliers(points)
-    points, normals = points[kept], None if normals is None else normals[kept]
-    noise = replace(noise, diagonal=float(np.linalg.norm(np.ptp(points, axis=0))))  # strays widened the box
+    kept, config, given = inliers(begun.points), begun.config, begun.viewed == 0
+    points, normals = begun.points[kept], begun.normals[kept] if given else None
+    noise = replace(begun.noise, diagonal=float(np.linalg.norm(np.ptp(points, axis=0))))  # strays widened the box
     calm, directed = denoise(points, normals, noise, rng)
     trust = np.full(len(points), 0.9)
-    cloud = Cloud(calm, directed, trust, noise, config, np.full(len(points), -1), len(points) if normals is None else 0, raw=points)
+    cloud = Cloud(calm, directed, trust, noise, config, np.full(len(points), -1), 0 if given else len(points), raw=points)
     _extract(cloud, rng, config.rounds, out_of_time)
     settle(cloud, out_of_time)
     prune(cloud, noise.sigma, out_of_time)
