@@ -50,7 +50,7 @@ class Evidence:
 
     def solve(self, program: Program) -> Program:
         """The program with its numbers fitted to the surface, by a few steps."""
-        return refine(program, self.scorer.target.surface, config=RefineConfig(adam_steps=0, newton_steps=15, start_scale=0.01)).program
+        return refine(program, self.scorer.target.surface, config=RefineConfig(newton_steps=15, start_scale=0.01)).program
 
     def tree(self, out_of_time: Callable[[], bool] = bool) -> Program | None:
         """The decision tree's program, made shorter while there is time (by default any)."""

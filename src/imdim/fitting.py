@@ -17,7 +17,7 @@ from imdim.program.constraints import Constraint
 from imdim.program.cost import count
 from imdim.program.tree import Program, map_leaves
 from imdim.solve.canonical import canonical
-from imdim.solve.discover import DiscoverConfig, discover, exact_relations
+from imdim.solve.discover import discover, exact_relations
 from imdim.solve.refine import RefineConfig, refine
 from imdim.solve.snap import SnapConfig, snap
 
@@ -38,7 +38,7 @@ def solved(program: Program, seen: Seen, out_of_time: Callable[[], bool] = bool)
     if seen.target.mesh is not None:
         return program if out_of_time() else likened(program, LIKE, lambda trial: seen.iou(trial) or 0.0, out_of_time)
     chosen = subsample(seen.target.points, SHOWN)
-    fit = refine(program, chosen, config=RefineConfig(adam_steps=0, start_scale=0.01), out_of_time=out_of_time)
+    fit = refine(program, chosen, config=RefineConfig(start_scale=0.01), out_of_time=out_of_time)
     fitted = fit.program if out_of_time() else _constrained(fit.program, chosen, seen, out_of_time)
     nearer = _mean_distance(fitted, chosen) < _mean_distance(program, chosen)
     return fitted if nearer and seen.error(fitted) < seen.error(program) + POOR else program
@@ -46,7 +46,7 @@ def solved(program: Program, seen: Seen, out_of_time: Callable[[], bool] = bool)
 
 def _constrained(program: Program, points: np.ndarray, seen: Seen, out_of_time: Callable[[], bool]) -> Program:
     """The relations that a cloud bears out made exact, unless that explains its points or its volume worse."""
-    found = discover(program, points, config=DiscoverConfig(fit=False), out_of_time=out_of_time).program
+    found = discover(program, points, out_of_time).program
     nearer = _mean_distance(found, points) <= (1 + RELATE_ERROR) * _mean_distance(program, points)
     return found if nearer and seen.error(found) <= seen.error(program) + RELATE_VOLUME else program
 

@@ -17,7 +17,7 @@ from imdim.program.simplify import reduce_program
 from imdim.program.tree import Program, leaves
 from imdim.proposals import proposals
 from imdim.solve.compounds import compounds
-from imdim.solve.discover import DiscoverConfig, discover
+from imdim.solve.discover import discover
 from imdim.solve.likelihood import Noise, Shown, shares
 from imdim.solve.maximise import Likely, MaximiseConfig, maximise
 from imdim.solve.mixture import Draws
@@ -145,7 +145,7 @@ def _related(likely: Likely, points: np.ndarray, out_of_time: Callable[[], bool]
     """With the relations that the points bear out made exact, unless that makes the points less likely than as many numbers are worth."""
     if out_of_time():
         return likely.program
-    found = discover(likely.program, points, config=DiscoverConfig(fit=False), out_of_time=out_of_time)
+    found = discover(likely.program, points, out_of_time)
     after = shares(points, Shown.of(found.program, likely.noise.sigma), likely.noise).nll
     worth = 0.5 * len(found.constraints) * math.log(len(points)) / len(points)
     return found.program if after < likely.nll + worth else likely.program

@@ -59,11 +59,17 @@ def test_the_text_reads_back_as_the_delivered_numbers(program):
         assert theirs.center == pytest.approx(ours.center, abs=2e-9 * largest)
 
 
+def uses(parameters: Parameters, name: str) -> int:
+    """How many numbers follow a name."""
+    rows = (*parameters.sizes, *parameters.centers)
+    return sum(any(term.name == name for term in expression.terms) for row in rows for expression in row)
+
+
 def test_names_say_what_they_are():
     delivered, parameters = parametrised(MOUNT)
     assert parameters.values["plate_thickness"] == 6
     assert parameters.values["hole_radius"] == 3
-    assert parameters.uses()["hole_radius"] == 4
+    assert uses(parameters, "hole_radius") == 4
     text = to_openscad(delivered, 48, parameters)
     assert "hole_radius = 3;" in text.splitlines()
     assert text.count("r = hole_radius") == 4
@@ -121,7 +127,7 @@ def test_a_relation_of_hidden_depths_names_them_too():
     equal = Constraint("equal", (Ref(1, "h"), Ref(2, "h")), name="hole_depth")
     parameters = parametrise(program, [equal], finished(program))
     assert parameters.values["hole_depth"] == 6
-    assert parameters.uses()["hole_depth"] >= 2
+    assert uses(parameters, "hole_depth") >= 2
 
 
 def rendered(text: str, folder: Path, *define: str) -> trimesh.Trimesh:

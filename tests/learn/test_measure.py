@@ -2,11 +2,12 @@
 
 import json
 import math
+import sys
+from pathlib import Path
 
 import pytest
 import torch
 
-from imdim.app.policy_table import main
 from imdim.data.solids import from_sequences
 from imdim.data.synthesize import SynthesisConfig, synthesize
 from imdim.learn.base import BaseConfig, BasePolicy
@@ -15,6 +16,10 @@ from imdim.learn.measure import bounding_boxes, errors_by_kind, exact_iou, exact
 from imdim.learn.policy import Move
 from imdim.program.state import ADD_BOX, ADD_CYLINDER, ADD_SPHERE, END
 from imdim.program.tree import Primitive
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+
+from evaluate import main
 
 SMALL = BaseConfig(d_model=16, encoder_layers=1, decoder_layers=1, heads=2, gt_points=64, cur_points=32)
 

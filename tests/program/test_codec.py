@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from program_samples import cloud, inside, left_fold, random_program
+from scripts.make_schema import schema, schema_text
 
 from imdim.program import codec
 from imdim.program.codec import MAX_DEPTH, MAX_PRIMITIVES, Meta, dumps, from_json, loads, meta_of, parse, to_json
-from imdim.program.schema import schema, schema_text
 from imdim.program.tree import KINDS, Combine, Primitive, Program, combine_all, leaves
 
 CUBE, BALL = Primitive("box", (1.0, 1.0, 1.0)), Primitive("sphere", (0.6,))

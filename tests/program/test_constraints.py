@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import jsonschema
 import pytest
+from scripts.make_schema import schema
 
 from imdim.program.codec import constraints_of, dumps, from_json, loads, parse, to_json
 from imdim.program.constraints import RULES, Constraint, ConstraintError, Ref, check_all, read_ref
 from imdim.program.roles import labels, named
-from imdim.program.schema import schema
 from imdim.program.tree import Combine, Primitive, combine_all, leaves
 
 PLATE = Primitive("box", (80.0, 50.0, 6.0))

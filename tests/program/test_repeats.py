@@ -8,6 +8,7 @@ import jsonschema
 import numpy as np
 import pytest
 from program_samples import cloud, inside, random_program
+from scripts.make_schema import schema
 from tests.planted import box, common, cone, cut, cylinder, sphere, union
 
 from imdim.geometry.solid import to_manifold, volume_iou
@@ -17,7 +18,6 @@ from imdim.program.folding import extent, fold_repeats
 from imdim.program.layers import layered
 from imdim.program.motions import mirror, moved, step, turn
 from imdim.program.repeats import Group, Repeat, expand, instances, repeats, size, with_leaves, written
-from imdim.program.schema import schema
 from imdim.program.tree import Combine, Primitive, leaves
 
 VALIDATOR = jsonschema.Draft202012Validator(schema())

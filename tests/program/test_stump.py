@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 from program_samples import cloud, inside, inside_primitive, random_primitive, random_program
+from stump_forms import evaluate, to_stump
 
-from imdim.program.stump import CsgStump, evaluate, to_program, to_stump
+from imdim.program.stump import CsgStump, to_program
 from imdim.program.tree import Combine, Primitive, combine_all
 
 CUBE, BALL, ROD = Primitive("box", (1.0, 1.0, 1.0)), Primitive("sphere", (0.6,)), Primitive("cylinder", (0.2, 3.0))

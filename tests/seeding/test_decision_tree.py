@@ -10,10 +10,14 @@ from imdim.geometry.solid import to_manifold
 from imdim.geometry.surface import Surface, signed_distance
 from imdim.program.cost import count
 from imdim.program.tree import Combine, Primitive, Program, combine_all, leaves, map_leaves
-from imdim.seeding.decision_tree import DecisionTreeConfig, Leaf, Split, grow, leaf_count
+from imdim.seeding.decision_tree import DecisionTreeConfig, Leaf, Split, grow
 from imdim.seeding.tree_to_csg import to_program
 
 TURN = (20.0, -35.0, 50.0)
+
+
+def leaf_count(tree: Leaf | Split) -> int:
+    return 1 if isinstance(tree, Leaf) else leaf_count(tree.behind) + leaf_count(tree.ahead)
 
 
 def carriers(program: Program) -> list[Surface]:

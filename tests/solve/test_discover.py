@@ -10,12 +10,13 @@ from tests.solve.planted_relations import Truth
 from imdim.geometry.constraints import rows_of, verify
 from imdim.geometry.lowering import lower, pack, unpack
 from imdim.geometry.sampling import surface_points
-from imdim.program.constraints import Constraint, ConstraintError, Ref
+from imdim.program.constraints import Constraint, Ref
 from imdim.program.tree import Primitive, Program, combine_all, leaves, map_leaves
 from imdim.solve.discover import discover, exact_relations
+from imdim.solve.faces import lifted
 from imdim.solve.refine import refine
-from imdim.solve.relations.belief import Cloud, covariance, prior
-from imdim.solve.relations.hold import hold
+from imdim.solve.relations.belief import CUT, Cloud, covariance, noise_of, prior
+from imdim.solve.relations.hold import fitted
 from imdim.solve.relations.select import Candidate, Choice
 
 
@@ -43,8 +44,11 @@ def flange() -> Program:
     return map_leaves(upright, lambda _, p: replace(p, center=tuple(matrix_from_euler(turn) @ np.array(p.center)), rotation=turn))
 
 
-@pytest.mark.parametrize("name", ["plate with four holes", "L bracket", "rounded plate", "flange"])
-def test_planted_relations_come_back_from_noisy_clouds(name):
+@pytest.mark.parametrize(
+    ("name", "share"), [("plate with four holes", 0.3), ("L bracket", 0.8), ("rounded plate", 0.8), ("flange", 0.3)]
+)
+def test_planted_relations_come_back_from_noisy_clouds(name, share):
+    """`share` of the error without relations is left: numbers move onto the relations, no further."""
     program = flange() if name == "flange" else PARTS[name]
     rng = np.random.default_rng(0)
     exact, noisy = cloud_of(program, 6000, 0.005, rng)
@@ -57,7 +61,7 @@ def test_planted_relations_come_back_from_noisy_clouds(name):
     assert [str(p) for p in pairs if not truth.holds(p)] == []
     assert spanned >= 0.9 * rank
     assert rank >= 9
-    assert truth.error(found.program) < 0.6 * truth.error(free)
+    assert truth.error(found.program) < share * truth.error(free)
     verify(found.program, found.constraints, 1e-9)
 
 
@@ -153,21 +157,13 @@ def test_held_numbers_meet_their_constraints_and_the_cloud():
     rng = np.random.default_rng(5)
     _, noisy = cloud_of(PLATE_WITH_HOLES, 4000, 0.004, rng)
     radii = tuple(Ref(i, "r") for i in range(1, 5))
-    held = hold(PLATE_WITH_HOLES, [Constraint("equal", radii), Constraint("symmetric", (Ref(1), Ref(3), Ref(0)), Ref(0, "x"))], noisy)
-    parts = list(leaves(held.program))
+    constraints = [Constraint("equal", radii), Constraint("symmetric", (Ref(1), Ref(3), Ref(0)), Ref(0, "x"))]
+    cloud, start = Cloud.of(noisy), lower(PLATE_WITH_HOLES)
+    numbers, _ = fitted(start, constraints, cloud, CUT * noise_of(start, cloud))
+    parts = list(leaves(lifted(PLATE_WITH_HOLES, start, numbers)))
     assert np.ptp([p.size[0] for p in parts[1:]]) < 1e-9
-    assert held.violation < 1e-9
+    assert np.abs(rows_of(constraints, numbers).residual).max() < 1e-9 * cloud.length
     assert parts[1].size[0] == pytest.approx(3.0, abs=0.05)
-
-
-def test_what_cannot_hold_together_is_named():
-    rng = np.random.default_rng(6)
-    _, noisy = cloud_of(PLATE_WITH_HOLES, 2000, 0.004, rng)
-    values = [Constraint("value", (Ref(1, "r"),), value=3.0), Constraint("value", (Ref(2, "r"),), value=3.5)]
-    with pytest.raises(ConstraintError, match=r"constraints\[\d\] .*cannot hold together with the others"):
-        hold(PLATE_WITH_HOLES, [Constraint("equal", (Ref(1, "r"), Ref(2, "r"))), *values], noisy)
-    with pytest.raises(ConstraintError, match=r"constraints\[0\] .*out of range"):
-        hold(PLATE_WITH_HOLES, [Constraint("equal", (Ref(1, "r"), Ref(8, "r")))], noisy)
 
 
 @pytest.mark.parametrize("points", [np.zeros((0, 3)), np.full((5, 3), np.nan), np.ones((5, 3)), np.ones((5, 2))])
@@ -179,6 +175,6 @@ def test_points_that_say_nothing_are_refused(points):
 def test_without_time_no_relation_of_places_is_taken():
     program = PARTS["plate with four holes"]
     exact, _ = cloud_of(program, 2000, 0.005, np.random.default_rng(0))
-    for found in (discover(program, exact, out_of_time=lambda: True), exact_relations(program, out_of_time=lambda: True)):
+    for found in (discover(program, exact, lambda: True), exact_relations(program, lambda: True)):
         assert len(found.constraints) < len(exact_relations(program).constraints)
         assert len(list(leaves(found.program))) == len(list(leaves(program)))

@@ -44,14 +44,6 @@ class Parameters:
         bare = Parameters({}, sizes, centers)
         return bare if folded is None else _looped(bare, folded, labels(program), max(max(p.size) for p in parts))[0]
 
-    def uses(self) -> dict[str, int]:
-        """How many numbers follow each name."""
-        out = dict.fromkeys(self.values, 0)
-        for expression in (e for row in (*self.sizes, *self.centers) for e in row):
-            for name in {t.name for t in expression.terms}:
-                out[name] += 1
-        return out
-
     def lines(self, number: Callable[[float], str], end: str = "") -> list[str]:
         """``name = value`` for each name but those of counts."""
         return [f"{name} = {number(value)}{end}" for name, value in self.values.items()]

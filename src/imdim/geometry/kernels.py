@@ -1,8 +1,8 @@
 """The leaf table, its folds and their derivatives as compiled serial loops on numpy arrays; `sdf.py` says what they compute.
 
 At almost every point one leaf decides the program's value, so the derivative is the gradient of that leaf alone: a row of a sparse
-Jacobian. It comes either with respect to the row of `params` [9] (Euler degrees), or in the leaf's own frame (sizes, shift along
-the local axes, rotation vector in radians about them, right-multiplied), which has no gimbal lock.
+Jacobian. It comes in the leaf's own frame (sizes, shift along the local axes, rotation vector in radians about them, right-multiplied),
+which has no gimbal lock.
 
 All compiled functions stay in this one file: numba's on-disk cache does not notice a change in an imported one.
 """
@@ -16,7 +16,7 @@ from numba import njit
 
 from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.rotations import matrix_from_euler
-from imdim.program.tree import KINDS, Program, Vec3, leaves
+from imdim.program.tree import KINDS, Program
 
 BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID = range(len(KINDS))
 
@@ -43,25 +43,6 @@ def program_tangent(program: Program | Lowered, points: np.ndarray) -> tuple[np.
     """Deciding leaf int64 [n], value [n], local-frame derivative [n, 9] (sizes, shift, rotation vector), world normal [n, 3]."""
     p = _lowered(program)
     return _program_tangent(p.code, p.kinds, p.sizes, p.centers, p.rotations, _as_points(points))
-
-
-def program_gradient(program: Program, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Deciding leaf int64 [n], value [n] and its gradient [n, 9] with respect to that leaf's row of `params`."""
-    leaf, value, tangent, _ = program_tangent(program, points)
-    chain = np.stack([_tangent_from_params(p.rotation) for p in leaves(program)])
-    return leaf, value, np.einsum("ni,nij->nj", tangent, chain[leaf])
-
-
-def _tangent_from_params(euler_deg: Vec3) -> np.ndarray:
-    """The [9, 9] derivative of the local-frame coordinates with respect to sizes, centre and Euler degrees."""
-    rotation = matrix_from_euler(euler_deg)
-    _, ry, rz = euler_deg
-    # the world axes about which the three angles turn: Rz Ry x, Rz y, z
-    axes = np.stack([matrix_from_euler((0.0, ry, rz))[:, 0], matrix_from_euler((0.0, 0.0, rz))[:, 1], (0.0, 0.0, 1.0)], axis=1)
-    out = np.eye(9)
-    out[3:6, 3:6] = rotation.T
-    out[6:9, 6:9] = rotation.T @ axes * (math.pi / 180)
-    return out
 
 
 def _lowered(program: Program | Lowered) -> Lowered:

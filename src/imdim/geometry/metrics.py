@@ -1,4 +1,4 @@
-"""Distances between point sets: Chamfer, Hausdorff and the directed nearest distances that they summarise.
+"""Distances between point sets: the Chamfer distance and the directed nearest distances that it sums up.
 
 All are unsquared and in model units. Distances to triangle surfaces are in `triangles`, volumes and IoU in `solid`.
 """
@@ -19,11 +19,6 @@ def nearest_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def chamfer(a: np.ndarray, b: np.ndarray) -> float:
     """Sum of both directed mean nearest distances between `a` [n, 3] and `b` [m, 3]; raises ValueError when either is empty."""
     return float(nearest_distances(a, b).mean() + nearest_distances(b, a).mean())
-
-
-def hausdorff(a: np.ndarray, b: np.ndarray) -> float:
-    """The larger of both directed maximal nearest distances; raises ValueError when either is empty."""
-    return float(max(nearest_distances(a, b).max(), nearest_distances(b, a).max()))
 
 
 def diagonal(points: np.ndarray) -> float:

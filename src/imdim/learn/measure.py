@@ -5,7 +5,6 @@ Every target counts: a program without a solid has IoU 0.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,9 +15,7 @@ from imdim.data.canonical import box_symmetries, canonical_primitives
 from imdim.data.solids import BOX, CYLINDER, PAD, SPHERE, Solids, from_sequences, to_sequences, to_states
 from imdim.data.synthesize import Samples
 from imdim.geometry.solid import to_manifold, volume_iou
-from imdim.learn.beam import beam_search
 from imdim.learn.codes import FREE, encode, ruler
-from imdim.learn.decode import DecodeConfig, decode
 from imdim.learn.policy import Move, Policy
 from imdim.program.tree import Program
 
@@ -91,27 +88,6 @@ def bounding_boxes(gt_points: Tensor) -> Solids:
     identity = torch.eye(3, device=device).expand(rows, 1, 3, 3)
     kinds = torch.full((rows, 1), BOX, device=device)
     return Solids(kinds, torch.ones_like(kinds, dtype=torch.bool), ((low + high) / 2)[:, None], (high - low)[:, None], identity)
-
-
-def answers(policy: Policy, gt_points: Tensor, config: DecodeConfig, seed: int = 0, rows: int = 8) -> Mapping[str, Callable[[], Solids]]:
-    """Ways to answer, by name: the bounding box, greedy, and the best of a beam; targets are searched `rows` at a time."""
-
-    def generator(stream: int) -> torch.Generator:
-        return torch.Generator(gt_points.device).manual_seed(seed * 1000 + stream)
-
-    def beam() -> Solids:
-        best = []
-        for first in range(0, len(gt_points), rows):
-            part = gt_points[first : first + rows]
-            found, _ = beam_search(policy, part, config, generator(first), generator(first + 1))
-            best.append(found[torch.arange(len(part), device=part.device) * config.beam])
-        return Solids(*(torch.cat([getattr(b, name) for b in best]) for name in Solids.__dataclass_fields__))
-
-    return {
-        "bounding box": lambda: bounding_boxes(gt_points),
-        "greedy": lambda: decode(policy, gt_points, config, generator(0)),
-        f"beam {config.beam}": beam,
-    }
 
 
 def summary(values: list[float]) -> dict[str, float]:

@@ -25,12 +25,11 @@ class Lattice(NamedTuple):
 
 
 class Ring(NamedTuple):
-    """Numbers of points counter-clockwise at equal angles (degrees) round a centre; `hub` where that was given."""
+    """Numbers of points counter-clockwise at equal angles (degrees) round a centre."""
 
     members: tuple[int, ...]
     center: Vec2
     angle: float
-    hub: bool
 
 
 def lattices(points: Sequence[Vec3], tolerance: float) -> Iterator[Lattice]:
@@ -123,7 +122,7 @@ def rings(points: Sequence[Vec2], hubs: Sequence[Vec2], tolerance: float) -> Ite
             todo = [i for i in todo if i not in near]
             slack = math.degrees(2 * tolerance / radius)
             angles = [polar[i][1] for i in near]
-            yield from (Ring(tuple(near[i] for i in found), center, angle, hub) for found, angle in _evenly(angles, slack, hub))
+            yield from (Ring(tuple(near[i] for i in found), center, angle) for found, angle in _evenly(angles, slack, hub))
 
 
 def _cell(p: Vec2, tolerance: float) -> tuple[int, int]:

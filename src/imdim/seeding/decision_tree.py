@@ -63,10 +63,6 @@ def grow(
     return _Growth(np.asarray(points, float), np.asarray(inside, bool), weights, list(surfaces), config or DecisionTreeConfig()).run()
 
 
-def leaf_count(tree: Tree) -> int:
-    return 1 if isinstance(tree, Leaf) else leaf_count(tree.behind) + leaf_count(tree.ahead)
-
-
 @dataclass
 class _Cell:
     rows: np.ndarray

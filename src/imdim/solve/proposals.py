@@ -34,9 +34,9 @@ class ProposalConfig:
     most: int = 2048  # points of the last fit
     pool_limit: int = 48
     level_deg: float = 12.0  # a primitive this near to the part's directions is also tried along them
-    first: RefineConfig = field(default_factory=lambda: RefineConfig(adam_steps=0, newton_steps=14, start_scale=0.06))
-    again: RefineConfig = field(default_factory=lambda: RefineConfig(adam_steps=0, newton_steps=14, start_scale=0.03))
-    last: RefineConfig = field(default_factory=lambda: RefineConfig(adam_steps=0, newton_steps=40, start_scale=0.02))
+    first: RefineConfig = field(default_factory=lambda: RefineConfig(newton_steps=14, start_scale=0.06))
+    again: RefineConfig = field(default_factory=lambda: RefineConfig(newton_steps=14, start_scale=0.03))
+    last: RefineConfig = field(default_factory=lambda: RefineConfig(newton_steps=40, start_scale=0.02))
     pool: PoolConfig = field(default_factory=PoolConfig)
 
 

@@ -20,7 +20,7 @@ from PIL import Image
 from imdim.app.lab.drawing import Colour, colours, names
 from imdim.app.lab.ear import Ear
 from imdim.app.lab.edits import Theory, numbers
-from imdim.app.lab.solving import TURN, Lock
+from imdim.app.lab.solving import Lock
 from imdim.export.openscad import to_openscad
 from imdim.export.preview import thumbnail
 from imdim.geometry.solid import to_manifold, to_trimesh
@@ -172,11 +172,6 @@ def add_clicks(gui: viser.GuiApi, label: str, ear: Ear, clicked: Callable[[int],
     """
     gui.add_html('<i class="lab-unseen"></i>')
     ear.hear(gui.add_number(label, 0, step=1), lambda number: clicked(int(number) % CLICKS))
-
-
-def locked(locks: frozenset[Lock], leaf: int, name: str) -> bool:
-    """Whether a number, or the orientation it belongs to, is locked."""
-    return Lock(leaf, TURN if name in ("rx", "ry", "rz") else name) in locks
 
 
 def note(line: str) -> str:

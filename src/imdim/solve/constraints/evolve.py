@@ -48,7 +48,6 @@ class Generation:
     theory: Theory
     points: np.ndarray  # [n, 3]: the polygon that the theory stands for, in place
     fitness: float
-    complexity: float
     stop: str | None = None  # why this is the last
 
 
@@ -79,7 +78,7 @@ def evolve(
         idle = 0 if score < best - 1e-9 else idle + 1
         best = min(best, score)
         stop = "no_progress" if idle >= config.patience else "generations_spent" if number == config.generations - 1 else None
-        yield Generation(number, ranked[0], judge.place(ranked[0]), score, complexity(ranked[0], config.value_cost), stop)
+        yield Generation(number, ranked[0], judge.place(ranked[0]), score, stop)
         if stop:
             return
         children = [_child(ranked, judge, rng) for _ in range(config.population - config.elites - config.strangers)]

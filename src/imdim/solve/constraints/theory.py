@@ -90,11 +90,6 @@ class Weights:
         rows, columns = np.nonzero(matrix)
         return cls(len(matrix), tuple(rows.tolist()), tuple(columns.tolist()), tuple(matrix[rows, columns].tolist()))
 
-    def dense(self, n_points: int) -> np.ndarray:
-        matrix = np.zeros((self.m, n_points))
-        matrix[list(self.rows), list(self.columns)] = self.values
-        return matrix
-
 
 def _problem(constraint: Constraint, n_points: int, dimension: int) -> str | None:
     kind, indices, value = constraint.kind, constraint.indices, constraint.value

@@ -48,13 +48,10 @@ class Cloud:
 class Normal:
     """The normal equations of the distances at a cloud, residuals weighed by the robust scale `scale`.
 
-    `matrix` [k, 9, 9] and `gradient` [k, 9] per leaf in lengths; `cost` is the robust sum of squares, `noise` the residuals' standard
-    deviation, `explained` how many points count.
+    `matrix` [k, 9, 9] and `gradient` [k, 9] per leaf in lengths; `cost` is the robust sum of squares.
     """
 
     cost: float
-    noise: float
-    explained: float
     matrix: np.ndarray
     gradient: np.ndarray
 
@@ -75,8 +72,7 @@ def normal_equations(numbers: Lowered, cloud: Cloud, scale: float) -> Normal:
         mine = order[bounds[i] : bounds[i + 1]]
         rows = tangent[mine] * weight[mine, None]
         matrix[i], gradient[i] = rows.T @ tangent[mine], rows.T @ value[mine]
-    noise = MAD * float(np.median(np.abs(value)))
-    return Normal(float((trust * value**2 / (1 + square)).sum()), noise, float(np.sum(weight)), matrix, gradient)
+    return Normal(float((trust * value**2 / (1 + square)).sum()), matrix, gradient)
 
 
 def away_from_edges(cloud: Cloud, numbers: Lowered, noise: float) -> Cloud:
@@ -117,7 +113,7 @@ def _by_leaf(leaf: np.ndarray, values: np.ndarray, k: int) -> np.ndarray:
 
 def uniform(k: int) -> Normal:
     """As if one point showed each of the numbers of `k` leaves: a metric in which all lengths weigh alike."""
-    return Normal(0.0, 0.0, 1.0, np.tile(np.eye(9), (k, 1, 1)), np.zeros((k, 9)))
+    return Normal(0.0, np.tile(np.eye(9), (k, 1, 1)), np.zeros((k, 9)))
 
 
 def noise_of(numbers: Lowered, cloud: Cloud) -> float:

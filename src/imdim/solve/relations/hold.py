@@ -9,16 +9,13 @@ finish, so that they hold to rounding.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from imdim.geometry.constraints import Rows, rows_of
-from imdim.geometry.lowering import Lowered, lower
-from imdim.program.constraints import Constraint, ConstraintError, check, describe
-from imdim.program.tree import Program, leaves
-from imdim.solve.faces import lifted
-from imdim.solve.relations.belief import CUT, Cloud, Normal, noise_of, normal_equations, shifted
+from imdim.geometry.lowering import Lowered
+from imdim.program.constraints import Constraint
+from imdim.solve.relations.belief import CUT, Cloud, Normal, normal_equations, shifted
 
 EXACT = 1e-12  # residuals of constraints, relative to the part
 MET = 1e-9  # what counts as met
@@ -26,44 +23,6 @@ DEPENDENT = 1e-10  # eigenvalues of the scaled A M^-1 A^T below it
 STEPS = 25
 FINISHED = 1e-7  # share of the cost that a step gains at least
 HELD = 0.05  # points' worth that hold each number beside the cloud, so that what it does not show stays unless a constraint moves it
-
-
-@dataclass(frozen=True)
-class Held:
-    """`cost` is the robust sum of squared distances, `violation` the largest residual of a constraint relative to the part."""
-
-    program: Program
-    numbers: Lowered
-    cost: float
-    violation: float
-
-
-def hold(
-    program: Program,
-    constraints: Sequence[Constraint],
-    points: np.ndarray,
-    *,
-    normals: np.ndarray | None = None,
-    noise: float | None = None,
-) -> Held:
-    """`program` with its numbers moved to fit `points` [n, 3] while all `constraints` hold; the Python way in.
-
-    `normals` [n, 3] keep a point from pulling a face that looks another way. `noise` is the standard deviation of the points, measured
-    if None. Raises ConstraintError, which names a constraint, for ill-formed ones and for those that cannot hold together.
-    """
-    parts = list(leaves(program))
-    for number, constraint in enumerate(constraints):
-        check(number, constraint, parts)
-    cloud = Cloud.of(points, normals)
-    start = lower(program)
-    noise = max(noise_of(start, cloud) if noise is None else noise, 1e-9 * cloud.length)
-    numbers, cost = fitted(start, constraints, cloud, CUT * noise)
-    residual = rows_of(constraints, numbers)
-    violation = float(np.abs(residual.residual).max(initial=0.0)) / cloud.length
-    if not violation <= MET:
-        worst = int(residual.owner[np.argmax(np.abs(residual.residual))])
-        raise ConstraintError(f"{describe(worst, constraints[worst])}: cannot hold together with the others, is off by {violation:.3g}")
-    return Held(lifted(program, start, numbers), numbers, cost, violation)
 
 
 def fitted(numbers: Lowered, constraints: Sequence[Constraint], cloud: Cloud, scale: float) -> tuple[Lowered, float]:

@@ -23,7 +23,6 @@ from imdim.geometry.pose import Pose
 from imdim.program.constraints import Constraint
 
 SPANNED = 1e-7  # squared share of a row that accepted ones do not explain, below which they span it
-CONFLICT = 0.5  # deviations of the fit alone by which a redundant candidate may be off: those taken leave it none
 
 
 @dataclass(frozen=True)
@@ -36,18 +35,16 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Judged:
-    """A candidate's saving in bits, the rank of its new rows, and how far off it is, in deviations."""
+    """A candidate's saving in bits, and the rank of its new rows."""
 
     saving: float
     rank: int
-    deviations: float
 
 
 class Choice:
     """A normal distribution of the numbers that narrows with each accepted relation.
 
-    `mean` [9 k] is the shift from `numbers`; `saved` are the bits of what `greedy` took, `dropped` says why candidates that looked good
-    were not.
+    `mean` [9 k] is the shift from `numbers`.
     """
 
     def __init__(self, numbers: Lowered, covariance: np.ndarray, prior: np.ndarray, spanned: float = SPANNED) -> None:
@@ -61,8 +58,6 @@ class Choice:
         self.rank = 0
         self.rows: dict[Constraint, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         self.taken: list[Constraint] = []
-        self.saved = 0.0
-        self.dropped: list[tuple[Constraint, str]] = []
 
     @property
     def basis(self) -> np.ndarray:
@@ -89,23 +84,23 @@ class Choice:
             return self._judge_row(float(residual[0]), jacobian[0], columns, candidate.bits)
         combine = self._new(jacobian, columns)
         if not combine.shape[1]:
-            return Judged(0.0, 0, _deviations(residual, jacobian @ self.before[np.ix_(columns, columns)] @ jacobian.T))
+            return Judged(0.0, 0)
         jacobian, residual = combine.T @ jacobian, combine.T @ residual
         fit = jacobian @ self._block(columns) @ jacobian.T
         wide = (jacobian * self.width[columns]) @ jacobian.T
         z2 = float(residual @ np.linalg.solve(fit, residual))
         volume = (np.linalg.slogdet(wide)[1] - np.linalg.slogdet(fit)[1]) / 2
         saving = (volume - z2 / 2) / math.log(2) - candidate.bits
-        return Judged(saving, combine.shape[1], math.sqrt(z2))
+        return Judged(saving, combine.shape[1])
 
     def _judge_row(self, residual: float, row: np.ndarray, columns: np.ndarray, bits: float) -> Judged:
         """As `judge` for a single equation, which most candidates are."""
         along = row @ self.basis[columns]
         if 1 - float(along @ along) / float(row @ row) <= self.spanned:
-            return Judged(0.0, 0, abs(residual) / math.sqrt(max(float(row @ self.before[np.ix_(columns, columns)] @ row), 1e-300)))
+            return Judged(0.0, 0)
         fit, wide = float(row @ self._block(columns) @ row), float(row * row @ self.width[columns])
         z2 = residual**2 / fit
-        return Judged((math.log(wide / fit) - z2) / 2 / math.log(2) - bits, 1, math.sqrt(z2))
+        return Judged((math.log(wide / fit) - z2) / 2 / math.log(2) - bits, 1)
 
     def accept(self, constraint: Constraint) -> None:
         """Let the relation hold from now on."""
@@ -136,18 +131,12 @@ class Choice:
         while order and not out_of_time():
             _, i, candidate = heapq.heappop(order)
             judged = self.judge(candidate)
-            if judged.rank == 0:
-                if judged.deviations > CONFLICT:
-                    self.dropped.append((candidate.constraint, f"contradicts those taken, by {judged.deviations:.1f} deviations"))
-                continue
-            if judged.saving <= 0:
-                self.dropped.append((candidate.constraint, f"costs {-judged.saving:.1f} bits more than it saves"))
+            if judged.rank == 0 or judged.saving <= 0:
                 continue
             if order and judged.saving < -order[0][0]:
                 heapq.heappush(order, (-judged.saving, i, candidate))
                 continue
             self.accept(candidate.constraint)
-            self.saved += judged.saving
             accepted.append(candidate.constraint)
         return accepted
 
@@ -175,8 +164,3 @@ class Choice:
             full -= self.basis @ (self.basis.T @ full)
             full = np.linalg.qr(full)[0]
         return full
-
-
-def _deviations(residual: np.ndarray, covariance: np.ndarray) -> float:
-    """The largest residual in units of its own deviation."""
-    return float(np.max(np.abs(residual) / np.sqrt(np.maximum(np.diagonal(covariance), 1e-300)), initial=0.0))

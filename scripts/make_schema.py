@@ -1,12 +1,13 @@
-"""The published JSON Schema (draft 2020-12) of program documents, made from the tables that the codec reads.
+"""Write the JSON Schema (draft 2020-12) of program documents, made from the tables that the codec reads: ``python scripts/make_schema.py``.
 
-`program.schema.json` beside this file is its text; the two are tested equal. What a schema cannot say (the depth cap,
-r_minor <= r_major, one positive radius of a cone, which features a constraint may name) the codec checks.
+The published file is tested to be its text. What a schema cannot say (the depth cap, r_minor <= r_major, one positive radius of a cone,
+which features a constraint may name) the codec checks.
 """
 
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 from imdim.program.codec import CONVENTION, FORMAT, MAX_CONSTRAINTS, UNITS, VERSIONS
@@ -15,6 +16,7 @@ from imdim.program.node_codec import MAX_PRIMITIVES, REPEAT_FIELDS
 from imdim.program.repeats import JOINS, REPEATS
 from imdim.program.tree import KINDS, OPS, SIZE_NAMES
 
+PUBLISHED = Path(__file__).parents[1] / "src" / "imdim" / "program" / "program.schema.json"
 _VECTOR = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
 
 _COUNT = {"type": "integer", "minimum": 2, "maximum": MAX_PRIMITIVES}
@@ -103,3 +105,7 @@ def _size(kind: str, name: str) -> dict[str, Any]:
 
 def _record(needed: dict[str, Any], optional: dict[str, Any] | None = None) -> dict[str, Any]:
     return {"type": "object", "properties": {**needed, **(optional or {})}, "required": list(needed), "additionalProperties": False}
+
+
+if __name__ == "__main__":
+    PUBLISHED.write_text(schema_text(), encoding="utf-8")

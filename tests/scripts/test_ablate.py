@@ -1,22 +1,26 @@
 """The ablation's table, on runs of one step."""
 
 import json
+import sys
 from pathlib import Path
 
 import pytest
 
-from imdim.app import ablation
-from imdim.app.ablation import VARIANTS, chosen, main, row_of
 from imdim.app.arguments import from_arguments
 from imdim.config import ConfigError
 from imdim.learn.settings import TrainConfig
 
-CONFIGS = Path(__file__).parents[2] / "configs"
+SCRIPTS = Path(__file__).parents[2] / "scripts"
+CONFIGS = SCRIPTS.parent / "configs"
+sys.path.insert(0, str(SCRIPTS))  # the scripts import each other by name
+
+import ablate  # noqa: E402
+from ablate import VARIANTS, chosen, main, row_of  # noqa: E402
 
 
 @pytest.mark.parametrize("name", VARIANTS)
 def test_every_variant_differs_from_all_changes_in_one_thing(name):
-    plain, other = (from_arguments(TrainConfig, [*ablation.SETTING, *VARIANTS[n]], CONFIGS, "pretrain") for n in ("all changes", name))
+    plain, other = (from_arguments(TrainConfig, [*ablate.SETTING, *VARIANTS[n]], CONFIGS, "pretrain") for n in ("all changes", name))
     assert (plain == other) == (name == "all changes")
     assert plain.synthesis.n_max == other.synthesis.n_max
     chances = ("p_noise", "p_outliers", "p_uneven", "p_missing")
@@ -38,7 +42,7 @@ def test_a_row_tells_what_was_measured():
 
 
 def test_the_command_trains_measures_and_keeps_the_numbers(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(ablation, "CARD_TARGETS", 4)
+    monkeypatch.setattr(ablate, "CARD_TARGETS", 4)
     said = []
     arguments = ["minutes=0.0001", "n=2", "only=[pointing]", "batch_size=6", "precision=float32", f"out={tmp_path}"]
     assert main(arguments, CONFIGS, said.append) == 0
