@@ -6,6 +6,7 @@ primitives overwrite earlier ones. All questions of membership here are that one
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
@@ -13,7 +14,9 @@ import torch
 from torch import Tensor
 
 from imdim.geometry.sdf import rotation_matrices
+from imdim.program.sequence import SignedSequence
 from imdim.program.state import ADD_BOX, ADD_CYLINDER, ADD_SPHERE, END, PARAM_COUNT, UNDO_LAST, ShapeState
+from imdim.program.tree import Primitive
 
 BOX, SPHERE, CYLINDER, ABSENT = int(ADD_BOX), int(ADD_SPHERE), int(ADD_CYLINDER), -1
 PAD = -1  # stands after END where a batch is wider than a sequence; no token
@@ -121,6 +124,24 @@ def to_states(tokens: Tensor, params: Tensor) -> list[ShapeState]:
                 state.apply_action(token, vector)
         states.append(state)
     return states
+
+
+def to_signed(solids: Solids) -> list[SignedSequence[Primitive]]:
+    """Each row from its first positive primitive on; empty where there is none."""
+    return [state.to_sequence() for state in to_states(*to_sequences(solids.compact()))]
+
+
+def from_signed(sequences: Sequence[SignedSequence[Primitive]]) -> Solids:
+    """Sequences of boxes, spheres and cylinders as rows, in double precision; ValueError for other kinds."""
+    states = [ShapeState.from_sequence(sequence) for sequence in sequences]
+    if any(state.ellipsoids for state in states):
+        raise ValueError("an ellipsoid is not of the signed sequences of boxes, spheres and cylinders")
+    tokens = torch.full((len(sequences), max(map(len, sequences)) + 1), PAD)
+    params = torch.zeros(*tokens.shape, PARAM_COUNT, dtype=torch.float64)
+    for row, state in enumerate(states):
+        for step, (token, vector) in enumerate(state.actions()):
+            tokens[row, step], params[row, step] = int(token), torch.tensor(vector, dtype=torch.float64)
+    return from_sequences(tokens, params)
 
 
 def levels(solids: Solids, points: Tensor) -> Tensor:

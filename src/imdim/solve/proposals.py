@@ -15,12 +15,16 @@ import numpy as np
 from imdim.geometry import kernels
 from imdim.geometry.axes import SYMMETRIES
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler
+from imdim.program.sequence import SignedSequence, Step, map_terms, to_program, with_leaves
 from imdim.program.tree import Primitive, Program
+from imdim.solve.local_search import Choice, Stage, search_locally
 from imdim.solve.missing import alternatives, hollows, missing, trimmed, whole
-from imdim.solve.pool import Choice, Cloud, Pool, PoolConfig, Signed, best_choice, distinct, to_program, with_numbers
+from imdim.solve.pool import Cloud, Pool, PoolConfig, best_choice, distinct
 from imdim.solve.refine import RefineConfig, refine
 
-HOLLOW = ("box", "sphere", "cylinder")
+WORTH = 1e-4  # by which a repair must lower the cost
+
+Signed = SignedSequence[Primitive]
 
 
 @dataclass(frozen=True)
@@ -67,30 +71,33 @@ def settle(
     config = config or ProposalConfig()
     cloud = Cloud.of(points[:: max(1, len(points) // config.most)])
     axes = np.eye(3) if axes is None else axes
-    given = [c for c in candidates if c and c[0][1]]
-    level = [tuple((_levelled(p, axes, config.level_deg), s) for p, s in c) for c in given]
-    starts = list(dict.fromkeys([*level, *given, *(((p, True),) for p in whole(cloud, axes))]))
+    given = [c for c in candidates if c and c[0].positive]
+    level = [tuple(Step(op, _levelled(p, axes, config.level_deg)) for op, p in c) for c in given]
+    starts = list(dict.fromkeys([*level, *given, *((Step("union", p),) for p in whole(cloud, axes))]))
     fitted = [_fitted(s, cloud, config.first, config.seen, out_of_time) for s in starts]
     if not fitted:
         return []
-    everything = [p for s in fitted for p, _ in s]
-    ranked = _ranked(fitted, everything, cloud, config)
-    lent = distinct([p for r in ranked for p, _ in r.signed], cloud)[: config.pool_limit]
+    ranked = _ranked(fitted, cloud, config)
+    lent = distinct([p for r in ranked for _, p in r.signed], cloud)[: config.pool_limit]
     done = [_repaired(r, lent, axes, cloud, config, out_of_time) for r in ranked[: config.finalists]]
     return sorted(done, key=lambda d: d.cost)
 
 
 def _fitted(signed: Signed, cloud: Cloud, config: RefineConfig, count: int, out_of_time: Callable[[], bool]) -> Signed:
-    return with_numbers(signed, refine(to_program(signed), cloud.thinned(count), config=config, out_of_time=out_of_time).program)
+    return with_leaves(signed, refine(to_program(signed), cloud.thinned(count), config=config, out_of_time=out_of_time).program)
 
 
-def _ranked(sequences: Sequence[Signed], primitives: Sequence[Primitive], cloud: Cloud, config: ProposalConfig) -> list[Proposal]:
-    """The different sequences over one pool, cheapest first."""
-    unique = list(dict.fromkeys(primitives))
-    place = {p: i for i, p in enumerate(unique)}
-    pool = Pool.of(unique, cloud, config.pool, config.seen)
-    costs = [(pool.cost(tuple((place[p], s) for p, s in signed)), signed) for signed in dict.fromkeys(sequences)]
-    return [Proposal(signed, cost) for cost, signed in sorted(costs, key=lambda c: c[0])]
+def _ranked(sequences: Sequence[Signed], cloud: Cloud, config: ProposalConfig) -> list[Proposal]:
+    """The different sequences, cheapest first."""
+    unique = list(dict.fromkeys(sequences))
+    return sorted(map(Proposal, unique, _costs(unique, cloud, config)), key=lambda p: p.cost)
+
+
+def _costs(sequences: Sequence[Signed], cloud: Cloud, config: ProposalConfig) -> list[float]:
+    """Over one pool of all their primitives."""
+    place = {p: i for i, p in enumerate(dict.fromkeys(p for signed in sequences for _, p in signed))}
+    pool = Pool.of([*place], cloud, config.pool, config.seen)
+    return pool.costs([map_terms(signed, place.__getitem__) for signed in sequences]).tolist()
 
 
 def _repaired(
@@ -102,31 +109,35 @@ def _repaired(
     out_of_time: Callable[[], bool],
 ) -> Proposal:
     """Choose, fit, guess what is missing, and again, until the cost no longer falls."""
-    best = start
-    for _ in range(config.rounds):
-        if out_of_time():
-            return best
-        guesses = missing(best.program, cloud, axes, _off(best.program, cloud))
-        varied = _varied(best, axes, cloud, config)
-        chosen = _chosen(best.signed, [*varied, *lent, *(p for p, _ in guesses)], cloud, config)
-        fitted = _fitted(chosen, cloud, config.again, config.seen, out_of_time)
-        after = _ranked([fitted, chosen], [p for s in (fitted, chosen) for p, _ in s], cloud, config)[0]
-        if after.cost >= best.cost - 1e-4:
-            break
-        best = after
-    last = _fitted(best.signed, cloud, config.last, config.most, out_of_time)
-    return _ranked([last, best.signed], [p for s in (last, best.signed) for p, _ in s], cloud, config)[0]
+
+    def chosen(best: Signed) -> list[Signed]:
+        program = to_program(best)
+        off = _off(program, cloud)
+        guesses = missing(program, cloud, axes, off)
+        others = [*_varied(best, off, axes, cloud, config), *lent, *(p for p, _ in guesses)]
+        return [_chosen(best, others, cloud, config)]
+
+    def fit(signed: Signed) -> list[Signed]:
+        return [_fitted(signed, cloud, config.again, config.seen, out_of_time), signed]
+
+    def costs(tried: Sequence[Signed]) -> list[float]:
+        return _costs(tried, cloud, config)
+
+    best, cost = search_locally((start.signed, start.cost), chosen, [Stage(fit, 1)], costs, lambda *_: WORTH, config.rounds, out_of_time)
+    if out_of_time():
+        return Proposal(best, cost)
+    return _ranked([_fitted(best, cloud, config.last, config.most, out_of_time), best], cloud, config)[0]
 
 
-def _varied(proposal: Proposal, axes: np.ndarray, cloud: Cloud, config: ProposalConfig) -> list[Primitive]:
+def _varied(signed: Signed, off: float, axes: np.ndarray, cloud: Cloud, config: ProposalConfig) -> list[Primitive]:
     """The primitives levelled, trimmed to the points that they explain, and exchanged for others that explain these."""
-    leaf, value, _, _ = kernels.program_tangent(proposal.program, cloud.points)
-    near = np.abs(value) < _off(proposal.program, cloud)
-    out = [_levelled(p, axes, config.level_deg) for p, _ in proposal.signed]
-    for i, (primitive, positive) in enumerate(proposal.signed):
+    leaf, value, _, _ = kernels.program_tangent(to_program(signed), cloud.points)
+    near = np.abs(value) < off
+    out = [_levelled(p, axes, config.level_deg) for _, p in signed]
+    for i, (op, primitive) in enumerate(signed):
         own = near & (leaf == i)
         out += trimmed(primitive, cloud.points[own]) + alternatives(cloud.points[own], axes, cloud)
-        if positive and own.any() and primitive.kind in HOLLOW:
+        if op == "union" and own.any():
             out += hollows(primitive, float(np.median(np.abs(value[own]))), cloud)
     return out
 
@@ -151,8 +162,8 @@ def _off(program: Program, cloud: Cloud) -> float:
 
 
 def _chosen(signed: Signed, others: Sequence[Primitive], cloud: Cloud, config: ProposalConfig) -> Signed:
-    own = [p for p, _ in signed]
+    own = [p for _, p in signed]
     primitives = [*own, *(p for p in distinct([*own, *others], cloud) if p not in set(own))]
     pool = Pool.of(primitives, cloud, config.pool, config.seen)
-    start: Choice = tuple((i, s) for i, (_, s) in enumerate(signed))
-    return pool.signed(best_choice(pool, start, config.pool)[0])
+    start: Choice = tuple(Step(op, i) for i, (op, _) in enumerate(signed))
+    return map_terms(best_choice(pool, start, config.pool)[0], pool.primitives.__getitem__)
