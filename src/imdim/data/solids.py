@@ -84,12 +84,12 @@ def to_sequences(solids: Solids, steps: int | None = None) -> Sequences:
     steps = needed if steps is None else steps
     if needed > steps:
         raise ValueError(f"{needed - 1} primitives and END do not fit in {steps} steps")
-    wide = _padded(solids, steps) if solids.kinds.shape[1] < steps else solids.taken(_columns(solids, steps))
-    column = torch.arange(steps, device=solids.kinds.device)
+    wide = _padded(solids, steps)
+    column = torch.arange(wide.kinds.shape[1], device=solids.kinds.device)
     tokens = torch.where(column == solids.lengths[:, None], int(END), torch.where(wide.present, wide.kinds, PAD))
     sign = torch.where(wide.positive, 1.0, -1.0)[..., None]
     params = torch.cat([wide.centers, wide.sizes, euler_from_matrices(wide.rotations), sign], -1)
-    return Sequences(tokens, torch.where(wide.present[..., None], params, 0.0))
+    return Sequences(tokens[:, :steps], torch.where(wide.present[..., None], params, 0.0)[:, :steps])
 
 
 def from_sequences(tokens: Tensor, params: Tensor) -> Solids:
@@ -190,10 +190,6 @@ def euler_from_matrices(rotations: Tensor) -> Tensor:
     return torch.rad2deg(torch.stack([rx, ry, rz], -1))
 
 
-def _columns(solids: Solids, steps: int) -> Tensor:
-    return torch.arange(steps, device=solids.kinds.device).expand(len(solids.kinds), steps)
-
-
 def _padded(solids: Solids, width: int) -> Solids:
     extra = width - solids.kinds.shape[1]
     if extra <= 0:
@@ -203,6 +199,3 @@ def _padded(solids: Solids, width: int) -> Solids:
     identity = torch.eye(3, dtype=solids.centers.dtype, device=solids.centers.device).expand(*shape, 3, 3)
     tail = (solids.kinds.new_full(shape, ABSENT), solids.positive.new_zeros(shape), new(*shape, 3), new(*shape, 3), identity)
     return Solids(*(torch.cat([getattr(solids, f.name), t], 1) for f, t in zip(fields(Solids), tail, strict=True)))
-
-
-assert PARAM_COUNT == 10

@@ -70,100 +70,96 @@ def settle(
     """
     config = config or ProposalConfig()
     cloud = Cloud.of(points[:: max(1, len(points) // config.most)])
-    axes = np.eye(3) if axes is None else axes
     given = [c for c in candidates if c and c[0].positive]
-    level = [tuple(Step(op, _levelled(p, axes, config.level_deg)) for op, p in c) for c in given]
-    starts = list(dict.fromkeys([*level, *given, *((Step("union", p),) for p in whole(cloud, axes))]))
-    fitted = [_fitted(s, cloud, config.first, config.seen, out_of_time) for s in starts]
-    if not fitted:
-        return []
-    ranked = _ranked(fitted, cloud, config)
-    lent = distinct([p for r in ranked for _, p in r.signed], cloud)[: config.pool_limit]
-    done = [_repaired(r, lent, axes, cloud, config, out_of_time) for r in ranked[: config.finalists]]
-    return sorted(done, key=lambda d: d.cost)
+    return _Repairs(cloud, np.eye(3) if axes is None else axes, config, out_of_time).settled(given)
 
 
-def _fitted(signed: Signed, cloud: Cloud, config: RefineConfig, count: int, out_of_time: Callable[[], bool]) -> Signed:
-    return with_leaves(signed, refine(to_program(signed), cloud.thinned(count), config=config, out_of_time=out_of_time).program)
+@dataclass(frozen=True)
+class _Repairs:
+    cloud: Cloud
+    axes: np.ndarray
+    config: ProposalConfig
+    out_of_time: Callable[[], bool]
 
+    def settled(self, given: Sequence[Signed]) -> list[Proposal]:
+        cloud, config = self.cloud, self.config
+        level = [map_terms(sequence, self._levelled) for sequence in given]
+        starts = dict.fromkeys([*level, *given, *((Step("union", p),) for p in whole(cloud, self.axes))])
+        if not starts:
+            return []
+        ranked = self._ranked([self._fitted(s, config.first, config.seen) for s in starts])
+        lent = distinct([p for r in ranked for _, p in r.signed], cloud)[: config.pool_limit]
+        return sorted((self._repaired(r, lent) for r in ranked[: config.finalists]), key=lambda r: r.cost)
 
-def _ranked(sequences: Sequence[Signed], cloud: Cloud, config: ProposalConfig) -> list[Proposal]:
-    """The different sequences, cheapest first."""
-    unique = list(dict.fromkeys(sequences))
-    return sorted(map(Proposal, unique, _costs(unique, cloud, config)), key=lambda p: p.cost)
+    def _fitted(self, signed: Signed, config: RefineConfig, count: int) -> Signed:
+        found = refine(to_program(signed), self.cloud.thinned(count), config=config, out_of_time=self.out_of_time)
+        return with_leaves(signed, found.program)
 
+    def _ranked(self, sequences: Sequence[Signed]) -> list[Proposal]:
+        """The different sequences, cheapest first."""
+        unique = list(dict.fromkeys(sequences))
+        return sorted(map(Proposal, unique, self._costs(unique)), key=lambda p: p.cost)
 
-def _costs(sequences: Sequence[Signed], cloud: Cloud, config: ProposalConfig) -> list[float]:
-    """Over one pool of all their primitives."""
-    place = {p: i for i, p in enumerate(dict.fromkeys(p for signed in sequences for _, p in signed))}
-    pool = Pool.of([*place], cloud, config.pool, config.seen)
-    return pool.costs([map_terms(signed, place.__getitem__) for signed in sequences]).tolist()
+    def _costs(self, sequences: Sequence[Signed]) -> list[float]:
+        """Over one pool of all their primitives."""
+        place = {p: i for i, p in enumerate(dict.fromkeys(p for signed in sequences for _, p in signed))}
+        pool = Pool.of([*place], self.cloud, self.config.pool, self.config.seen)
+        return pool.costs([map_terms(signed, place.__getitem__) for signed in sequences]).tolist()
 
+    def _repaired(self, start: Proposal, lent: Sequence[Primitive]) -> Proposal:
+        """Choose, fit, guess what is missing, and again, until the cost no longer falls."""
+        config = self.config
+        stage = Stage[Signed](lambda signed: [self._fitted(signed, config.again, config.seen), signed], 1)
+        best, cost = search_locally(
+            (start.signed, start.cost),
+            lambda signed: [self._chosen(signed, lent)],
+            [stage],
+            self._costs,
+            lambda *_: WORTH,
+            config.rounds,
+            self.out_of_time,
+        )
+        return Proposal(best, cost) if self.out_of_time() else self._ranked([self._fitted(best, config.last, config.most), best])[0]
 
-def _repaired(
-    start: Proposal,
-    lent: Sequence[Primitive],
-    axes: np.ndarray,
-    cloud: Cloud,
-    config: ProposalConfig,
-    out_of_time: Callable[[], bool],
-) -> Proposal:
-    """Choose, fit, guess what is missing, and again, until the cost no longer falls."""
-
-    def chosen(best: Signed) -> list[Signed]:
-        program = to_program(best)
+    def _chosen(self, signed: Signed, lent: Sequence[Primitive]) -> Signed:
+        """The cheapest that single changes lead to, over its primitives, variants of them, `lent` ones and guesses of what is missing."""
+        program, cloud, config = to_program(signed), self.cloud, self.config
         off = _off(program, cloud)
-        guesses = missing(program, cloud, axes, off)
-        others = [*_varied(best, off, axes, cloud, config), *lent, *(p for p, _ in guesses)]
-        return [_chosen(best, others, cloud, config)]
+        guesses = missing(program, cloud, self.axes, off)
+        own, others = [p for _, p in signed], [*self._varied(signed, off), *lent, *(p for p, _ in guesses)]
+        primitives = [*own, *(p for p in distinct([*own, *others], cloud) if p not in set(own))]
+        pool = Pool.of(primitives, cloud, config.pool, config.seen)
+        start: Choice = tuple(Step(op, i) for i, (op, _) in enumerate(signed))
+        return map_terms(best_choice(pool, start, config.pool)[0], pool.primitives.__getitem__)
 
-    def fit(signed: Signed) -> list[Signed]:
-        return [_fitted(signed, cloud, config.again, config.seen, out_of_time), signed]
+    def _varied(self, signed: Signed, off: float) -> list[Primitive]:
+        """The primitives levelled, trimmed to the points that they explain, and exchanged for others that explain these."""
+        cloud = self.cloud
+        leaf, value, _, _ = kernels.program_tangent(to_program(signed), cloud.points)
+        near = np.abs(value) < off
+        out = [self._levelled(p) for _, p in signed]
+        for i, (op, primitive) in enumerate(signed):
+            own = near & (leaf == i)
+            out += trimmed(primitive, cloud.points[own]) + alternatives(cloud.points[own], self.axes, cloud)
+            if op == "union" and own.any():
+                out += hollows(primitive, float(np.median(np.abs(value[own]))), cloud)
+        return out
 
-    def costs(tried: Sequence[Signed]) -> list[float]:
-        return _costs(tried, cloud, config)
-
-    best, cost = search_locally((start.signed, start.cost), chosen, [Stage(fit, 1)], costs, lambda *_: WORTH, config.rounds, out_of_time)
-    if out_of_time():
-        return Proposal(best, cost)
-    return _ranked([_fitted(best, cloud, config.last, config.most, out_of_time), best], cloud, config)[0]
-
-
-def _varied(signed: Signed, off: float, axes: np.ndarray, cloud: Cloud, config: ProposalConfig) -> list[Primitive]:
-    """The primitives levelled, trimmed to the points that they explain, and exchanged for others that explain these."""
-    leaf, value, _, _ = kernels.program_tangent(to_program(signed), cloud.points)
-    near = np.abs(value) < off
-    out = [_levelled(p, axes, config.level_deg) for _, p in signed]
-    for i, (op, primitive) in enumerate(signed):
-        own = near & (leaf == i)
-        out += trimmed(primitive, cloud.points[own]) + alternatives(cloud.points[own], axes, cloud)
-        if op == "union" and own.any():
-            out += hollows(primitive, float(np.median(np.abs(value[own]))), cloud)
-    return out
-
-
-def _levelled(primitive: Primitive, axes: np.ndarray, most_deg: float) -> Primitive:
-    """Turned into the nearest directions of the part, where these are no further than `most_deg`."""
-    rotation = matrix_from_euler(primitive.rotation)
-    if primitive.kind == "box":
-        near = max((axes @ s for s in SYMMETRIES), key=lambda f: float((f * rotation).sum()))
-        cosine = (float((near * rotation).sum()) - 1) / 2
-    else:
-        along = rotation[:, 2] @ axes
-        k = int(np.abs(along).argmax())
-        near, cosine = frame_from_axis(axes[:, k]), abs(float(along[k]))
-    return replace(primitive, rotation=euler_from_matrix(near)) if cosine > np.cos(np.radians(most_deg)) else primitive
+    def _levelled(self, primitive: Primitive) -> Primitive:
+        """Turned into the nearest directions of the part, where these are near."""
+        rotation, axes = matrix_from_euler(primitive.rotation), self.axes
+        if primitive.kind == "box":
+            near = max((axes @ s for s in SYMMETRIES), key=lambda f: float((f * rotation).sum()))
+            cosine = (float((near * rotation).sum()) - 1) / 2
+        else:
+            along = rotation[:, 2] @ axes
+            k = int(np.abs(along).argmax())
+            near, cosine = frame_from_axis(axes[:, k]), abs(float(along[k]))
+        level = cosine > np.cos(np.radians(self.config.level_deg))
+        return replace(primitive, rotation=euler_from_matrix(near)) if level else primitive
 
 
 def _off(program: Program, cloud: Cloud) -> float:
     """Beyond this a point is not explained: several times the noise of those that are."""
     distance = np.abs(kernels.program_sdf(program, cloud.points))
     return float(np.clip(4 * np.median(distance), 0.01 * cloud.diagonal, 0.04 * cloud.diagonal))
-
-
-def _chosen(signed: Signed, others: Sequence[Primitive], cloud: Cloud, config: ProposalConfig) -> Signed:
-    own = [p for _, p in signed]
-    primitives = [*own, *(p for p in distinct([*own, *others], cloud) if p not in set(own))]
-    pool = Pool.of(primitives, cloud, config.pool, config.seen)
-    start: Choice = tuple(Step(op, i) for i, (op, _) in enumerate(signed))
-    return map_terms(best_choice(pool, start, config.pool)[0], pool.primitives.__getitem__)
