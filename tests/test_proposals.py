@@ -21,9 +21,10 @@ from imdim.learn.base import BaseConfig, BasePolicy
 from imdim.learn.checkpoint import save_policy
 from imdim.learn.decode import DecodeConfig
 from imdim.learn.policy import Move, Policy
+from imdim.program.sequence import to_program
 from imdim.program.state import END
 from imdim.proposals import load, load_if_any, misfit, proposals, written
-from imdim.solve.pool import Cloud, to_program
+from imdim.solve.pool import Cloud
 
 ROOT = Path(__file__).parents[1]
 TINY = BaseConfig(d_model=16, encoder_layers=1, decoder_layers=1, heads=2, gt_points=64, cur_points=32, point_width=8)

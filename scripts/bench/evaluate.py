@@ -23,7 +23,7 @@ from torch import Tensor
 from imdim.app.arguments import from_arguments
 from imdim.config import ConfigError
 from imdim.data.canonical import canonical
-from imdim.data.solids import Solids, concatenate, from_sequences
+from imdim.data.solids import Solids, concatenate, from_sequences, from_signed, to_signed
 from imdim.data.synthesize import Samples, SynthesisConfig, synthesize
 from imdim.geometry.axes import main_axes
 from imdim.learn.beam import beam_search
@@ -32,9 +32,8 @@ from imdim.learn.decode import DecodeConfig, decode
 from imdim.learn.measure import bounding_boxes, errors_by_kind, exact_iou, exact_structure, moves, summary, written_programs
 from imdim.learn.policy import Policy
 from imdim.poses import Poses
-from imdim.program.state import PARAM_COUNT, TOKEN_OF, Token
-from imdim.proposals import signed_of
-from imdim.solve.pool import Signed
+from imdim.program.sequence import SignedSequence
+from imdim.program.tree import Primitive
 from imdim.solve.proposals import settle
 
 HEAD = "| answer | median IoU | mean IoU | IoU >= 0.9 | exact structure | seconds per target |\n| --- | --- | --- | --- | --- | --- |"
@@ -124,7 +123,7 @@ def _answers(policy: Policy, gt_points: Tensor, config: EvaluateConfig) -> Itera
     if config.solver:
         yield (
             "bounding box + solver",
-            _timed(lambda: _solved([[s] for s in signed_of(bounding_boxes(gt_points))], clouds, poses), len(clouds)),
+            _timed(lambda: _solved([[s] for s in to_signed(bounding_boxes(gt_points))], clouds, poses), len(clouds)),
         )
     greedy, seconds = _timed(lambda: poses.back(decode(policy, local, config.decode, render)), len(clouds))
     yield "greedy", (greedy, seconds + turning)
@@ -133,7 +132,7 @@ def _answers(policy: Policy, gt_points: Tensor, config: EvaluateConfig) -> Itera
     yield f"beam {width}", (beams[torch.arange(len(clouds)) * width], seconds + turning)
     if not config.solver:
         return
-    candidates = [signed_of(beams[slice(i * width, (i + 1) * width)]) for i in range(len(clouds))]
+    candidates = [to_signed(beams[slice(i * width, (i + 1) * width)]) for i in range(len(clouds))]
     solved, more = _timed(lambda: _solved(candidates, clouds, poses), len(clouds))
     yield f"beam {width} + solver", (solved, seconds + turning + more)
 
@@ -150,22 +149,9 @@ def _beams(policy: Policy, local: Tensor, config: DecodeConfig, render: torch.Ge
     return concatenate(parts, max(p.kinds.shape[1] for p in parts))
 
 
-def _solved(candidates: Sequence[Sequence[Signed]], clouds: np.ndarray, poses: Poses) -> Solids:
+def _solved(candidates: Sequence[Sequence[SignedSequence[Primitive]]], clouds: np.ndarray, poses: Poses) -> Solids:
     best = [settle(c, cloud, 0.0, axes)[0].signed for c, cloud, axes in zip(candidates, clouds, poses.axes, strict=True)]
-    return to_solids(best)
-
-
-def to_solids(sequences: Sequence[Signed]) -> Solids:
-    """Sequences of boxes, spheres and cylinders as rows."""
-    width = max(map(len, sequences)) + 1
-    tokens = torch.full((len(sequences), width), int(Token.END))
-    params = torch.zeros(len(sequences), width, PARAM_COUNT, dtype=torch.float64)
-    for row, signed in enumerate(sequences):
-        for step, (p, positive) in enumerate(signed):
-            tokens[row, step] = int(TOKEN_OF[p.kind])
-            numbers = (*p.center, *p.size, *(0.0,) * (3 - len(p.size)), *p.rotation, 1.0 if positive else -1.0)
-            params[row, step] = torch.tensor(numbers, dtype=torch.float64)
-    return from_sequences(tokens, params)
+    return from_signed(best)
 
 
 if __name__ == "__main__":

@@ -14,15 +14,14 @@ import time
 import numpy as np
 import torch
 
-from imdim.data.solids import from_sequences
+from imdim.data.solids import from_sequences, to_signed
 from imdim.data.synthesize import SynthesisConfig, synthesize
 from imdim.geometry.axes import main_axes
 from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
 from imdim.geometry.solid import to_manifold, volume_iou
-from imdim.learn.measure import written_programs
+from imdim.program.sequence import Step, map_terms, to_program
 from imdim.program.tree import Primitive, Program
-from imdim.solve.pool import Signed, to_program, to_signed
-from imdim.solve.proposals import settle
+from imdim.solve.proposals import Signed, settle
 
 CHANGES = ("none", "missing", "spurious", "swapped")
 
@@ -54,11 +53,11 @@ def targets(n: int, low: int, high: int, noise: float, seed: int) -> list[tuple[
     torch.set_num_threads(1)
     generator = torch.Generator().manual_seed(seed)
     batch = synthesize(n, SynthesisConfig(n_min=low, n_max=high, free_rotation=0.2), generator)
-    programs = [p for p in written_programs(from_sequences(batch.gt_tokens, batch.gt_params)) if p is not None]
+    sequences = to_signed(from_sequences(batch.gt_tokens, batch.gt_params))
     rng = np.random.default_rng(seed)
     clouds = [points.double().numpy() for points in batch.gt_points]
     noisy = [c + noise * rng.normal(size=c.shape) for c in clouds]
-    return [(s, c) for p, c in zip(programs, noisy, strict=True) if (s := to_signed(p)) is not None]
+    return [(s, c) for s, c in zip(sequences, noisy, strict=True) if s]
 
 
 def spoilt(truth: Signed, sigma: float, change: str, rng: np.random.Generator) -> Signed:
@@ -70,11 +69,12 @@ def spoilt(truth: Signed, sigma: float, change: str, rng: np.random.Generator) -
         size, center = rng.uniform(0.05, 0.4, 3), rng.uniform(-0.3, 0.3, 3)
         kind = ("box", "sphere", "cylinder")[int(rng.integers(3))]
         count = {"box": 3, "sphere": 1, "cylinder": 2}[kind]
-        parts.insert(int(rng.integers(1, len(parts) + 1)), (Primitive(kind, tuple(size[:count]), tuple(center)), bool(rng.random() < 0.5)))
+        at, op = int(rng.integers(1, len(parts) + 1)), "union" if rng.random() < 0.5 else "difference"
+        parts.insert(at, Step(op, Primitive(kind, tuple(size[:count]), tuple(center))))
     if change == "swapped" and len(parts) > 2:
         i = int(rng.integers(1, len(parts) - 1))
         parts[i], parts[i + 1] = parts[i + 1], parts[i]
-    return tuple((_jittered(p, sigma, rng), positive) for p, positive in parts)
+    return map_terms(tuple(parts), lambda p: _jittered(p, sigma, rng))
 
 
 def _jittered(p: Primitive, sigma: float, rng: np.random.Generator) -> Primitive:

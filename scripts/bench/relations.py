@@ -21,10 +21,11 @@ import numpy as np
 import torch
 
 from imdim.data.families import FAMILIES
-from imdim.data.solids import to_sequences, to_states
+from imdim.data.solids import to_signed
 from imdim.data.synthesize import SynthesisConfig, draw_programs
 from imdim.geometry.lowering import pack, unpack
 from imdim.geometry.sampling import surface_points
+from imdim.program.sequence import to_program
 from imdim.program.tree import Program
 from imdim.solve.discover import discover
 from imdim.solve.refine import refine
@@ -41,8 +42,7 @@ def planted(count: int, seed: int) -> list[Program]:
     generator = torch.Generator().manual_seed(seed)
     config = SynthesisConfig(n_min=2, families=tuple(FAMILIES))
     solids, _ = draw_programs(count, config, generator)
-    found = [state.to_program() for state in to_states(*to_sequences(solids))]
-    return [program for program in found if program is not None]
+    return [to_program(sequence) for sequence in to_signed(solids) if sequence]
 
 
 def disturbed(program: Program, rng: np.random.Generator) -> Program:

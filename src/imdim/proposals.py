@@ -20,13 +20,13 @@ from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.geometry.triangles import distances, triangle_tree
 from imdim.poses import POINTS, Poses
 from imdim.program.cost import count
-from imdim.program.tree import Program
+from imdim.program.sequence import SignedSequence, of_primitives, to_sequence
+from imdim.program.tree import Primitive, Program
 from imdim.seeding.cloud_denoise import inliers
-from imdim.solve.pool import Cloud, PoolConfig, Signed, to_signed
+from imdim.solve.pool import Cloud, PoolConfig
 from imdim.solve.proposals import Proposal, ProposalConfig, settle
 
 if TYPE_CHECKING:
-    from imdim.data.solids import Solids
     from imdim.learn.decode import DecodeConfig
     from imdim.learn.policy import Policy
 
@@ -49,10 +49,13 @@ def load_if_any(checkpoint: str) -> Policy | None:
     return load(checkpoint) if checkpoint != NONE and (checkpoint or SHIPPED.is_file()) else None
 
 
-def written(policy: Policy, points: np.ndarray, axes: np.ndarray, seed: int = 0, config: DecodeConfig | None = None) -> list[Signed]:
+def written(
+    policy: Policy, points: np.ndarray, axes: np.ndarray, seed: int = 0, config: DecodeConfig | None = None
+) -> list[SignedSequence[Primitive]]:
     """The sequences of a beam for the surface `points` [n, 3], best first, in their units; `axes` [3, 3] are the part's directions."""
     import torch
 
+    from imdim.data.solids import to_signed
     from imdim.learn.beam import beam_search
     from imdim.learn.decode import DecodeConfig
 
@@ -60,14 +63,7 @@ def written(policy: Policy, points: np.ndarray, axes: np.ndarray, seed: int = 0,
     poses = Poses.of([cloud], [axes])
     render, chance = (torch.Generator().manual_seed(2 * seed + stream) for stream in (0, 1))
     found, _ = beam_search(policy, poses.local(cloud[None]), config or DecodeConfig(), render, chance)
-    return signed_of(poses.back(found))
-
-
-def signed_of(solids: Solids) -> list[Signed]:
-    """The sequences of all rows that begin with something positive."""
-    from imdim.learn.measure import written_programs
-
-    return [s for p in written_programs(solids) if p is not None and (s := to_signed(p)) is not None]
+    return [sequence for sequence in to_signed(poses.back(found)) if sequence]
 
 
 def proposals(
@@ -88,7 +84,7 @@ def proposals(
     # a stray point moves the box that a policy measures by
     points = points[inliers(points)]
     axes = main_axes(subsample(points, POINTS))
-    given = [s for p in starts if (s := to_signed(p)) is not None]
+    given = [s for p in starts if (s := of_primitives(to_sequence(p))) is not None]
     beam = written(policy, points, axes, seed) if policy is not None else []
     return settle([*given, *beam], points, sigma, axes, config or FINE, out_of_time)
 

@@ -9,14 +9,16 @@ import torch
 from imdim.data.canonical import canonical
 from imdim.data.dice import Dice
 from imdim.data.families import FAMILIES
-from imdim.data.solids import PAD, euler_from_matrices, from_sequences, inside, levels, to_sequences, to_states
+from imdim.data.solids import PAD, euler_from_matrices, from_sequences, from_signed, inside, levels, to_sequences, to_signed, to_states
 from imdim.data.surfaces import surface_areas, surface_clouds, volumes
 from imdim.data.synthesize import SynthesisConfig, contributions, draw_programs, sampled_iou, synthesize
 from imdim.geometry import kernels
 from imdim.geometry.sdf import rotation_matrices
 from imdim.geometry.solid import to_manifold, to_trimesh, volume_iou
 from imdim.geometry.surface_map import surface_area
+from imdim.program.sequence import Step, to_program
 from imdim.program.state import ADD_BOX, ADD_CONE, ADD_CYLINDER, ADD_SPHERE, END, UNDO_LAST
+from imdim.program.tree import Primitive
 
 CONFIG = SynthesisConfig(gt_points=256, cur_points=64, volume_samples=2048)
 
@@ -42,6 +44,24 @@ def test_membership_is_that_of_the_program_tree(drawn):
         values = kernels.program_sdf(program, points[row].double().numpy())
         clear = np.abs(values) > 1e-5
         assert (mine[row].numpy() == (values < 0))[clear].all()
+
+
+def test_sequences_and_rows_are_the_same(drawn):
+    solids, _ = drawn
+    sequences = to_signed(solids)
+    assert [to_program(s) for s in sequences] == programs(solids)
+    again, there = from_signed(sequences), solids.present
+    assert torch.equal(again.kinds, solids.kinds)
+    for name in ("positive", "centers", "sizes", "rotations"):
+        assert torch.allclose(getattr(again, name)[there].double(), getattr(solids, name)[there].double(), atol=1e-5)
+    nothing = replace(solids[:1], positive=torch.zeros_like(solids.positive[:1]))
+    assert to_signed(nothing) == [()]
+
+
+@pytest.mark.parametrize(("kind", "size"), [("ellipsoid", (1.0, 2.0, 3.0)), ("torus", (2.0, 1.0))])
+def test_other_kinds_are_no_rows(kind, size):
+    with pytest.raises(ValueError, match="boxes, spheres and cylinders"):
+        from_signed([(Step("union", Primitive(kind, size)),)])
 
 
 def test_clouds_lie_on_the_boundary_and_in_their_frame(drawn):

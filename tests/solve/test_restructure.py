@@ -2,16 +2,17 @@
 
 import numpy as np
 import pytest
-from tests.planted import box, common, cone, cut, cylinder, sphere, union
+from tests.planted import box, cone, cut, cylinder, sphere, union
 
 from imdim.geometry.sampling import surface_points
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.cost import count
+from imdim.program.sequence import Step, map_terms, to_program, to_sequence
 from imdim.program.tree import leaves
 from imdim.solve import mixture as mixture_module
 from imdim.solve.likelihood import Noise, Shown
 from imdim.solve.maximise import Likely, maximise
-from imdim.solve.mixture import Draws, Mixture, Scene, folded, to_steps
+from imdim.solve.mixture import Draws, Mixture, Scene
 from imdim.solve.outlines import outlines
 from imdim.solve.parsimony import length
 from imdim.solve.restructure import _shortest, most_telling, restructured
@@ -33,23 +34,16 @@ def scene_of(program, points, sigma=0.4):
     return Scene(Draws(points), Noise(sigma), Shown.of(program, sigma).area)
 
 
-def test_steps_fold_to_the_same_program():
-    program = union(cut(common(box(4, 4, 4), sphere(2.4)), cylinder(1, 9)), cut(box(1, 1, 9), sphere(1)))
-    steps = to_steps(program)
-    assert [count(p).primitives for p, _ in steps] == [2, 1, 2]
-    assert [s for _, s in steps] == [True, False, True]
-    assert folded(steps) == program
-
-
 def test_a_choice_ranks_as_its_program_does():
     points = cloud(PART)
-    steps = to_steps(PART)
+    steps = to_sequence(PART, apart=True)
     others = [box(6, 6, 8, (10.0, -9.0, 0.0)), sphere(4, (0.0, 0.0, 3.0)), cylinder(2.0, 40, (-12.0, 0.0, 0.0))]
-    mixture = Mixture.of(scene_of(PART, points), [p for p, _ in steps], others)
-    start = tuple((i, s) for i, (_, s) in enumerate(steps))
-    choices = [start, start[:2], start[:1], (*start, (3, True)), (*start, (4, False)), (*start[:2], (5, False))]
+    mixture = Mixture.of(scene_of(PART, points), [p for _, p in steps], others)
+    start = tuple(Step(op, i) for i, (op, _) in enumerate(steps))
+    added = [(*start, Step("union", 3)), (*start, Step("difference", 4)), (*start[:2], Step("difference", 5))]
+    choices = [start, start[:2], start[:1], *added]
     fast = mixture.lengths(choices)
-    exact = np.array([length(folded(mixture.steps(c)), points, Noise(0.6)) for c in choices])
+    exact = np.array([length(to_program(map_terms(c, mixture.parts.__getitem__)), points, Noise(0.6)) for c in choices])
     assert fast.argmin() == exact.argmin() == 0
     assert fast[1:3].min() > fast[3:].max() + 0.02  # without a part it is worse than with a wrong one beside it
     assert fast == pytest.approx(exact, abs=0.12)
@@ -65,7 +59,7 @@ def test_parts_are_drawn_once_for_nearly_the_same_noise(monkeypatch):
     before = Mixture.of(Scene(draws, Noise(0.4), area), parts[:2], parts[2:])
     again = Mixture.of(Scene(draws, Noise(0.405), 1.02 * area), parts[1:], parts[:1])
     assert len(drawn) == 3
-    choices = [((i, True),) for i in range(3)]
+    choices = [(Step("union", i),) for i in range(3)]
     assert again.lengths(choices)[[2, 0, 1]] == pytest.approx(before.lengths(choices), rel=1e-12)
     Mixture.of(Scene(draws, Noise(0.6), area), parts, [])
     assert len(drawn) == 6
@@ -76,7 +70,7 @@ def test_the_tables_do_not_grow_for_ever(monkeypatch):
     points = cloud(PART, 500)
     scene = Scene(Draws(points), Noise(0.4), Shown.of(PART, 0.4).area)
     parts = [box(6, 6, 8, (float(x), -9.0, 0.0)) for x in range(5)]
-    choices = [((0, True),)]
+    choices = [(Step("union", 0),)]
     first = Mixture.of(scene, parts[:1], []).lengths(choices)
     assert len(scene.drawn.near) == 1
     Mixture.of(scene, parts[1:4], [])
@@ -90,7 +84,7 @@ def test_the_tables_do_not_grow_for_ever(monkeypatch):
 def test_what_is_cut_away_wholly_is_infinitely_long():
     points = cloud(box(4, 4, 4), 500, 0.1)
     mixture = Mixture.of(scene_of(box(4, 4, 4), points, 0.1), [box(4, 4, 4), box(9, 9, 9)], [])
-    assert np.isinf(mixture.lengths([((0, True), (1, False))])).all()
+    assert np.isinf(mixture.lengths([(Step("union", 0), Step("difference", 1))])).all()
 
 
 def test_orders_of_one_solid_are_looked_at_once():
@@ -135,13 +129,6 @@ def test_from_one_primitive_to_the_whole_part():
     found = settled(start, points, lent=lent)
     assert volume_iou(to_manifold(found.program), to_manifold(PART)) > 0.97
     assert count(found.program).primitives == 3
-
-
-def test_unions_on_the_right_are_taken_apart():
-    parts = box(4, 4, 4), sphere(1), cylinder(1, 9), cone(2, 1, 3)
-    assert to_steps(union(parts[0], union(parts[1], parts[2]))) == tuple((p, True) for p in parts[:3])
-    assert [s for _, s in to_steps(cut(parts[0], union(parts[1], parts[2])))] == [True, False, False]
-    assert to_steps(union(parts[0], cut(parts[1], parts[2])))[1] == (cut(parts[1], parts[2]), True)
 
 
 def test_a_thin_ring_is_found_from_the_solid_between_its_skins():

@@ -6,6 +6,7 @@ primitives overwrite earlier ones. All questions of membership here are that one
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
@@ -13,7 +14,9 @@ import torch
 from torch import Tensor
 
 from imdim.geometry.sdf import rotation_matrices
+from imdim.program.sequence import SignedSequence
 from imdim.program.state import ADD_BOX, ADD_CYLINDER, ADD_SPHERE, END, PARAM_COUNT, UNDO_LAST, ShapeState
+from imdim.program.tree import Primitive
 
 BOX, SPHERE, CYLINDER, ABSENT = int(ADD_BOX), int(ADD_SPHERE), int(ADD_CYLINDER), -1
 PAD = -1  # stands after END where a batch is wider than a sequence; no token
@@ -81,12 +84,12 @@ def to_sequences(solids: Solids, steps: int | None = None) -> Sequences:
     steps = needed if steps is None else steps
     if needed > steps:
         raise ValueError(f"{needed - 1} primitives and END do not fit in {steps} steps")
-    wide = _padded(solids, steps) if solids.kinds.shape[1] < steps else solids.taken(_columns(solids, steps))
-    column = torch.arange(steps, device=solids.kinds.device)
+    wide = _padded(solids, steps)
+    column = torch.arange(wide.kinds.shape[1], device=solids.kinds.device)
     tokens = torch.where(column == solids.lengths[:, None], int(END), torch.where(wide.present, wide.kinds, PAD))
     sign = torch.where(wide.positive, 1.0, -1.0)[..., None]
     params = torch.cat([wide.centers, wide.sizes, euler_from_matrices(wide.rotations), sign], -1)
-    return Sequences(tokens, torch.where(wide.present[..., None], params, 0.0))
+    return Sequences(tokens[:, :steps], torch.where(wide.present[..., None], params, 0.0)[:, :steps])
 
 
 def from_sequences(tokens: Tensor, params: Tensor) -> Solids:
@@ -121,6 +124,24 @@ def to_states(tokens: Tensor, params: Tensor) -> list[ShapeState]:
                 state.apply_action(token, vector)
         states.append(state)
     return states
+
+
+def to_signed(solids: Solids) -> list[SignedSequence[Primitive]]:
+    """Each row from its first positive primitive on; empty where there is none."""
+    return [state.to_sequence() for state in to_states(*to_sequences(solids.compact()))]
+
+
+def from_signed(sequences: Sequence[SignedSequence[Primitive]]) -> Solids:
+    """Sequences of boxes, spheres and cylinders as rows, in double precision; ValueError for other kinds."""
+    states = [ShapeState.from_sequence(sequence) for sequence in sequences]
+    if any(state.ellipsoids for state in states):
+        raise ValueError("an ellipsoid is not of the signed sequences of boxes, spheres and cylinders")
+    tokens = torch.full((len(sequences), max(map(len, sequences)) + 1), PAD)
+    params = torch.zeros(*tokens.shape, PARAM_COUNT, dtype=torch.float64)
+    for row, state in enumerate(states):
+        for step, (token, vector) in enumerate(state.actions()):
+            tokens[row, step], params[row, step] = int(token), torch.tensor(vector, dtype=torch.float64)
+    return from_sequences(tokens, params)
 
 
 def levels(solids: Solids, points: Tensor) -> Tensor:
@@ -169,10 +190,6 @@ def euler_from_matrices(rotations: Tensor) -> Tensor:
     return torch.rad2deg(torch.stack([rx, ry, rz], -1))
 
 
-def _columns(solids: Solids, steps: int) -> Tensor:
-    return torch.arange(steps, device=solids.kinds.device).expand(len(solids.kinds), steps)
-
-
 def _padded(solids: Solids, width: int) -> Solids:
     extra = width - solids.kinds.shape[1]
     if extra <= 0:
@@ -182,6 +199,3 @@ def _padded(solids: Solids, width: int) -> Solids:
     identity = torch.eye(3, dtype=solids.centers.dtype, device=solids.centers.device).expand(*shape, 3, 3)
     tail = (solids.kinds.new_full(shape, ABSENT), solids.positive.new_zeros(shape), new(*shape, 3), new(*shape, 3), identity)
     return Solids(*(torch.cat([getattr(solids, f.name), t], 1) for f, t in zip(fields(Solids), tail, strict=True)))
-
-
-assert PARAM_COUNT == 10

@@ -7,7 +7,7 @@ push their union, intersection, difference.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +20,11 @@ OP_CODES: dict[Op, int] = {op: -1 - i for i, op in enumerate(OPS)}
 
 def pack(program: Program) -> tuple[np.ndarray, np.ndarray]:
     """Kind ids int64 [k] (indices into KINDS) and parameters float64 [k, 9] of the leaves."""
-    parts = list(leaves(program))
+    return pack_all([*leaves(program)])
+
+
+def pack_all(parts: Sequence[Primitive]) -> tuple[np.ndarray, np.ndarray]:
+    """As `pack`, of primitives that are no program."""
     kinds = np.array([KINDS.index(p.kind) for p in parts], np.int64)
     rows = [(*p.size, *(0.0,) * (3 - len(p.size)), *p.center, *p.rotation) for p in parts]
     return kinds, np.array(rows, float)

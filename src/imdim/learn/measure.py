@@ -12,11 +12,12 @@ import torch
 from torch import Tensor
 
 from imdim.data.canonical import box_symmetries, canonical_primitives
-from imdim.data.solids import BOX, CYLINDER, PAD, SPHERE, Solids, from_sequences, to_sequences, to_states
+from imdim.data.solids import BOX, CYLINDER, PAD, SPHERE, Solids, from_sequences, to_sequences, to_signed
 from imdim.data.synthesize import Samples
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.learn.codes import FREE, encode, ruler
 from imdim.learn.policy import Move, Policy
+from imdim.program.sequence import to_program
 from imdim.program.tree import Program
 
 KIND_NAMES = {BOX: "box", SPHERE: "sphere", CYLINDER: "cylinder"}
@@ -73,7 +74,7 @@ def exact_structure(found: Solids, truth: Solids) -> Tensor:
 
 def written_programs(solids: Solids) -> list[Program | None]:
     """Each row as a program of the tree; None where nothing positive is there."""
-    return [state.to_program() for state in to_states(*to_sequences(solids.compact()))]
+    return [to_program(sequence) if sequence else None for sequence in to_signed(solids)]
 
 
 def exact_iou(found: Program | None, truth: Program) -> float:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -185,19 +186,23 @@ def insertions(sequence: Sequence, families: Families, per_frame: int, least: fl
     return sorted(out, key=lambda i: -i.gain)
 
 
-def _fields(gap: Gap, gain: np.ndarray) -> list[tuple[Op, np.ndarray, float, float]]:
-    """(op, field to maximise, constant, upper bound of the sum) for the three operations at one place.
+def _fields(gap: Gap, gain: np.ndarray) -> Iterator[tuple[Op, np.ndarray, float, float]]:
+    """(op, field to maximise, constant, upper bound of the sum) for the three operations at one place."""
+    for op in ("union", "difference", "intersection") if gap.position else ("union",):
+        field, constant = field_of(op, gap.free, gap.state, gain)
+        yield op, field, constant, float(np.maximum(field if op != "intersection" else -field, 0).sum())
 
-    Keeping only a term wins what emptying all filled cells would win less what emptying those in the term would.
+
+def field_of(op: Op, heard: np.ndarray, filled: np.ndarray, gain: np.ndarray) -> tuple[np.ndarray, float]:
+    """What a term wins where it is `heard` [m]: the sum of a field [m] over its cells, and a constant.
+
+    `gain` [m] is that of filling a cell, some of which are `filled` [m].
     """
-    fill = np.where(gap.free & ~gap.state, gain, 0.0)
-    out: list[tuple[Op, np.ndarray, float, float]] = [("union", fill, 0.0, float(np.maximum(fill, 0).sum()))]
-    if gap.position:
-        empty = np.where(gap.free & gap.state, -gain, 0.0)
-        potential = float(np.maximum(empty, 0).sum())
-        out.append(("difference", empty, 0.0, potential))
-        out.append(("intersection", -empty, float(empty.sum()), potential))
-    return out
+    if op == "union":
+        return np.where(heard & ~filled, gain, 0.0), 0.0
+    empty = np.where(heard & filled, -gain, 0.0)
+    # keeping only a term wins what emptying all filled cells would win, less what emptying those in the term would
+    return (empty, 0.0) if op == "difference" else (-empty, float(empty.sum()))
 
 
 def pair_insertions(sequence: Sequence, families: Families, least: float, limit: int) -> list[Insertion]:
@@ -208,7 +213,7 @@ def pair_insertions(sequence: Sequence, families: Families, least: float, limit:
     gain = families.cells.gain
     gap = next(gaps(sequence, len(gain)))
     out: list[Insertion] = []
-    for op, field, _, _ in _fields(gap, gain)[:2]:
+    for op, field, _, _ in islice(_fields(gap, gain), 2):
         for half in _promising(field, families, limit):
             out += [Insertion(v, gap.position, op, pair) for v, pair in _paired(half, field, families, least)]
         for half in _separating(field, families, limit):

@@ -59,6 +59,8 @@ def alternatives(points: np.ndarray, axes: np.ndarray, cloud: Cloud) -> list[Pri
 def hollows(primitive: Primitive, wall: float, cloud: Cloud) -> list[Primitive]:
     """Cavities of a part: itself with walls taken off, open at the ends that bear no points. `wall` is a guess of their half thickness:
     a part that was fitted to both skins of a thin wall runs between them."""
+    if primitive.kind not in SKINS:
+        return []
     rotation, center = matrix_from_euler(primitive.rotation), np.array(primitive.center)
     slots = dict(ENDS[primitive.kind])
     bare = bare_ends(primitive, cloud)

@@ -19,8 +19,8 @@ from imdim.geometry.sampling import even_surface
 from imdim.geometry.surface_map import surface_area
 from imdim.program.tree import Combine, Program, leaves
 from imdim.solve.likelihood import GAP, WIDE, Noise
+from imdim.solve.local_search import Choice, packed
 from imdim.solve.parsimony import SKIN, numbers
-from imdim.solve.pool import Choice
 
 SAMPLES = 2048  # of the program's surface
 LEAST_AREA = 0.01  # of the square of the cloud's diagonal
@@ -31,30 +31,6 @@ ALIKE = 1.1  # ratio of deviations of the noise, and of spacings of the samples,
 MOST_ROWS = 1500  # parts in the tables, some 170 KiB each
 FAR = 3.0  # deviations along the surface, beyond which a sample lends nothing
 LOOSE = 1.5  # times the noise: parts that were not fitted yet lie a little off
-
-Steps = tuple[tuple[Program, bool], ...]
-
-
-def to_steps(program: Program) -> Steps:
-    """The signed sequence of which `program` is the left fold.
-
-    Unions on the right are taken apart; what else is no primitive stays whole, and so does what is below intersections.
-    """
-    steps: Steps = ()
-    while isinstance(program, Combine) and program.op != "intersection":
-        parts, positive = to_steps(program.right), program.op == "union"
-        united = all(sign for _, sign in parts)
-        steps = (*(((part, positive) for part, _ in parts) if united else ((program.right, positive),)), *steps)
-        program = program.left
-    return ((program, True), *steps)
-
-
-def folded(steps: Steps) -> Program:
-    """The left fold of a sequence that begins with something positive."""
-    program = steps[0][0]
-    for part, positive in steps[1:]:
-        program = Combine("union" if positive else "difference", program, part)
-    return program
 
 
 @dataclass(frozen=True)
@@ -183,18 +159,13 @@ class Mixture:
 
         Only each so-manieth point is looked at.
         """
-        width = max(map(len, choices), default=0)
-        both = np.array([[*c, *((-1, False),) * (width - len(c))] for c in choices], np.int64).reshape(len(choices), width, 2)
         scene, drawn, clutter = self.scene, self.scene.drawn, self.scene.clutter
         lattice = 1.5 * math.log(2 * math.pi) + math.log(drawn.sigma) + 2 * math.log(drawn.wide)
         arrays = self.starts, self.sides, self.over, self.selves, self.rows, drawn.near, drawn.density
-        nll, skin = _lengths(both[..., 0], both[..., 1] > 0, *arrays, every, clutter / scene.box, math.log1p(-clutter) - lattice)
+        nll, skin = _lengths(*packed(choices), *arrays, every, clutter / scene.box, math.log1p(-clutter) - lattice)
         n = scene.count
-        own = np.array([sum(self.own[i] for i, _ in c) for c in choices])
+        own = np.array([sum(self.own[i] for _, i in c) for c in choices])
         return nll + 0.5 * own * math.log(n) / n + SKIN * skin
-
-    def steps(self, choice: Choice) -> Steps:
-        return tuple((self.parts[i], sign) for i, sign in choice)
 
 
 def _sides(parts: Sequence[Program], probes: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ costs some ten microseconds, and thousands can be tried.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,13 +15,13 @@ from numba import njit
 from scipy.spatial import KDTree
 
 from imdim.geometry import kernels
+from imdim.geometry.lowering import pack_all
 from imdim.geometry.sampling import EIGHTH, leaf_surface, subsample, surface_spacing
 from imdim.geometry.surface_map import surface_area
-from imdim.program.tree import KINDS, Combine, Primitive, Program, leaves
+from imdim.program.tree import Primitive
+from imdim.solve.local_search import Choice, own_moves, packed, uses
 
 SURFACE_SEED = 0  # of the samples of surfaces: costs of two pools differ by their primitives, not by chance
-
-Signed = tuple[tuple[Primitive, bool], ...]  # primitives with their signs; True unites, False cuts
 
 
 @dataclass(frozen=True)
@@ -60,32 +60,6 @@ class Cloud:
         return subsample(self.points, count)
 
 
-def to_program(signed: Signed) -> Program:
-    """The left fold; raises ValueError where the first primitive is not positive."""
-    if not signed or not signed[0][1]:
-        raise ValueError("a signed sequence begins with a positive primitive")
-    program: Program = signed[0][0]
-    for primitive, positive in signed[1:]:
-        program = Combine("union" if positive else "difference", program, primitive)
-    return program
-
-
-def to_signed(program: Program) -> Signed | None:
-    """The sequence of which `program` is the left fold, None where it is none: intersections, operations on the right."""
-    steps: list[tuple[Primitive, bool]] = []
-    while isinstance(program, Combine):
-        if program.op == "intersection" or not isinstance(program.right, Primitive):
-            return None
-        steps.append((program.right, program.op == "union"))
-        program = program.left
-    return ((program, True), *reversed(steps))
-
-
-def with_numbers(signed: Signed, program: Program) -> Signed:
-    """The same signs with the leaves of `program`, which has the sequence's structure."""
-    return tuple((leaf, positive) for leaf, (_, positive) in zip(leaves(program), signed, strict=True))
-
-
 @dataclass(frozen=True)
 class Pool:
     """`primitives`, their signed distances `table` [p, n] to the cloud with gradients `normals` [p, n, 3], and the samples of their
@@ -107,7 +81,7 @@ class Pool:
     @staticmethod
     def of(primitives: Sequence[Primitive], cloud: Cloud, config: PoolConfig, count: int = 768) -> Pool:
         """The pool over `count` points of the cloud."""
-        kinds, params = _packed(primitives)
+        kinds, params = pack_all(primitives)
         seen, step = cloud.thinned(count), 1e-5 * cloud.diagonal
         table = kernels.leaf_table(kinds, params, seen)
         ahead_of = [kernels.leaf_table(kinds, params, seen + step * axis) for axis in np.eye(3)]
@@ -121,22 +95,13 @@ class Pool:
         return Pool(tuple(primitives), *arrays, explained, config.calm * cloud.noise, gap, config.price)
 
     def cost(self, chosen: Choice) -> float:
-        """Of a sequence of (index, sign)."""
+        """Of one choice."""
         return float(self.costs([chosen])[0])
 
     def costs(self, choices: Sequence[Choice], limit: float = np.inf) -> np.ndarray:
         """Of each choice; infinite where `limit` is reached."""
-        width = max(map(len, choices), default=0)
-        padded = [[*c, *((-1, False),) * (width - len(c))] for c in choices]
-        both = np.array(padded, np.int64).reshape(len(choices), width, 2)
         arrays = self.table, self.normals, self.starts, self.weight, self.behind, self.ahead
-        return _costs(both[..., 0], both[..., 1] > 0, *arrays, self.explained, self.noise, self.gap, self.price, limit)
-
-    def signed(self, chosen: Choice) -> Signed:
-        return tuple((self.primitives[i], s) for i, s in chosen)
-
-
-Choice = tuple[tuple[int, bool], ...]
+        return _costs(*packed(choices), *arrays, self.explained, self.noise, self.gap, self.price, limit)
 
 
 def _unborne(primitives: Sequence[Primitive], cloud: Cloud, config: PoolConfig) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -241,49 +206,11 @@ def best_choice(pool: Pool, start: Choice, config: PoolConfig) -> tuple[Choice, 
     return best, cost
 
 
-def own_moves(chosen: Choice) -> Iterator[Choice]:
-    """Leave one out, turn a sign, move one to another place."""
-    for i, (index, sign) in enumerate(chosen):
-        rest = chosen[:i] + chosen[i + 1 :]
-        if _proper(rest):
-            yield rest
-        flipped = (*chosen[:i], (index, not sign), *chosen[i + 1 :])
-        if _proper(flipped):
-            yield flipped
-        for j in range(len(chosen)):
-            moved = (*rest[:j], (index, sign), *rest[j:])
-            if j != i and _proper(moved):
-                yield moved
-
-
-def uses(index: int, chosen: Choice) -> Iterator[Choice]:
-    """Put primitive `index` in at the end or before the closing run of cuts, or in the place of another."""
-    if any(i == index for i, _ in chosen):
-        return
-    closing = len(chosen)
-    while closing and not chosen[closing - 1][1]:
-        closing -= 1
-    for at in sorted({closing, len(chosen)}):
-        yield (*chosen[:at], (index, True), *chosen[at:])
-        yield (*chosen[:at], (index, False), *chosen[at:])
-    for i, (_, sign) in enumerate(chosen):
-        yield (*chosen[:i], (index, sign), *chosen[i + 1 :])
-
-
-def _proper(chosen: Choice) -> bool:
-    return bool(chosen) and chosen[0][1]
-
-
 def distinct(primitives: Sequence[Primitive], cloud: Cloud, tolerance: float = 5e-4, count: int = 200) -> list[Primitive]:
     """Without those whose distances to the cloud are, on average, within `tolerance` of the diagonal of an earlier one's."""
-    table = kernels.leaf_table(*_packed(primitives), cloud.thinned(count)).astype(np.float32)
+    table = kernels.leaf_table(*pack_all(primitives), cloud.thinned(count)).astype(np.float32)
     kept: list[int] = []
     for i in range(len(primitives)):
         if not kept or float(np.abs(table[kept] - table[i]).mean(1).min()) > tolerance * cloud.diagonal:
             kept.append(i)
     return [primitives[i] for i in kept]
-
-
-def _packed(primitives: Sequence[Primitive]) -> tuple[np.ndarray, np.ndarray]:
-    kinds = np.array([KINDS.index(p.kind) for p in primitives])
-    return kinds, np.array([(*p.size, *(0.0,) * (3 - len(p.size)), *p.center, *p.rotation) for p in primitives])

@@ -16,12 +16,16 @@ from imdim.geometry import kernels
 from imdim.geometry.axes import SYMMETRIES
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler
 from imdim.geometry.sampling import subsample
+from imdim.program.sequence import SignedSequence, Step, map_terms, to_program, with_leaves
 from imdim.program.tree import Primitive, Program
+from imdim.solve.local_search import Choice, Stage, search_locally
 from imdim.solve.missing import alternatives, hollows, missing, trimmed, whole
-from imdim.solve.pool import Choice, Cloud, Pool, PoolConfig, Signed, best_choice, distinct, to_program, with_numbers
+from imdim.solve.pool import Cloud, Pool, PoolConfig, best_choice, distinct
 from imdim.solve.refine import RefineConfig, refine
 
-HOLLOW = ("box", "sphere", "cylinder")
+WORTH = 1e-4  # by which a repair must lower the cost
+
+Signed = SignedSequence[Primitive]
 
 
 @dataclass(frozen=True)
@@ -68,93 +72,96 @@ def settle(
     """
     config = config or ProposalConfig()
     cloud = Cloud.of(subsample(points, config.most), sigma)
-    axes = np.eye(3) if axes is None else axes
-    given = [c for c in candidates if c and c[0][1]]
-    level = [tuple((_levelled(p, axes, config.level_deg), s) for p, s in c) for c in given]
-    starts = list(dict.fromkeys([*level, *given, *(((p, True),) for p in whole(cloud, axes))]))
-    fitted = [_fitted(s, cloud, config.first, config.seen, out_of_time) for s in starts]
-    if not fitted:
-        return []
-    everything = [p for s in fitted for p, _ in s]
-    ranked = _ranked(fitted, everything, cloud, config)
-    lent = distinct([p for r in ranked for p, _ in r.signed], cloud)[: config.pool_limit]
-    done = [_repaired(r, lent, axes, cloud, config, out_of_time) for r in ranked[: config.finalists]]
-    return sorted(done, key=lambda d: d.cost)
+    given = [c for c in candidates if c and c[0].positive]
+    return _Repairs(cloud, np.eye(3) if axes is None else axes, config, out_of_time).settled(given)
 
 
-def _fitted(signed: Signed, cloud: Cloud, config: RefineConfig, count: int, out_of_time: Callable[[], bool]) -> Signed:
-    return with_numbers(signed, refine(to_program(signed), cloud.thinned(count), config=config, out_of_time=out_of_time).program)
+@dataclass(frozen=True)
+class _Repairs:
+    cloud: Cloud
+    axes: np.ndarray
+    config: ProposalConfig
+    out_of_time: Callable[[], bool]
 
+    def settled(self, given: Sequence[Signed]) -> list[Proposal]:
+        cloud, config = self.cloud, self.config
+        level = [map_terms(sequence, self._levelled) for sequence in given]
+        starts = dict.fromkeys([*level, *given, *((Step("union", p),) for p in whole(cloud, self.axes))])
+        if not starts:
+            return []
+        ranked = self._ranked([self._fitted(s, config.first, config.seen) for s in starts])
+        lent = distinct([p for r in ranked for _, p in r.signed], cloud)[: config.pool_limit]
+        return sorted((self._repaired(r, lent) for r in ranked[: config.finalists]), key=lambda r: r.cost)
 
-def _ranked(sequences: Sequence[Signed], primitives: Sequence[Primitive], cloud: Cloud, config: ProposalConfig) -> list[Proposal]:
-    """The different sequences over one pool, cheapest first."""
-    unique = list(dict.fromkeys(primitives))
-    place = {p: i for i, p in enumerate(unique)}
-    pool = Pool.of(unique, cloud, config.pool, config.seen)
-    costs = [(pool.cost(tuple((place[p], s) for p, s in signed)), signed) for signed in dict.fromkeys(sequences)]
-    return [Proposal(signed, cost) for cost, signed in sorted(costs, key=lambda c: c[0])]
+    def _fitted(self, signed: Signed, config: RefineConfig, count: int) -> Signed:
+        found = refine(to_program(signed), self.cloud.thinned(count), config=config, out_of_time=self.out_of_time)
+        return with_leaves(signed, found.program)
 
+    def _ranked(self, sequences: Sequence[Signed]) -> list[Proposal]:
+        """The different sequences, cheapest first."""
+        unique = list(dict.fromkeys(sequences))
+        return sorted(map(Proposal, unique, self._costs(unique)), key=lambda p: p.cost)
 
-def _repaired(
-    start: Proposal,
-    lent: Sequence[Primitive],
-    axes: np.ndarray,
-    cloud: Cloud,
-    config: ProposalConfig,
-    out_of_time: Callable[[], bool],
-) -> Proposal:
-    """Choose, fit, guess what is missing, and again, until the cost no longer falls."""
-    best = start
-    for _ in range(config.rounds):
-        if out_of_time():
-            return best
-        guesses = missing(best.program, cloud, axes, _off(best.program, cloud))
-        varied = _varied(best, axes, cloud, config)
-        chosen = _chosen(best.signed, [*varied, *lent, *(p for p, _ in guesses)], cloud, config)
-        fitted = _fitted(chosen, cloud, config.again, config.seen, out_of_time)
-        after = _ranked([fitted, chosen], [p for s in (fitted, chosen) for p, _ in s], cloud, config)[0]
-        if after.cost >= best.cost - 1e-4:
-            break
-        best = after
-    last = _fitted(best.signed, cloud, config.last, config.most, out_of_time)
-    return _ranked([last, best.signed], [p for s in (last, best.signed) for p, _ in s], cloud, config)[0]
+    def _costs(self, sequences: Sequence[Signed]) -> list[float]:
+        """Over one pool of all their primitives."""
+        place = {p: i for i, p in enumerate(dict.fromkeys(p for signed in sequences for _, p in signed))}
+        pool = Pool.of([*place], self.cloud, self.config.pool, self.config.seen)
+        return pool.costs([map_terms(signed, place.__getitem__) for signed in sequences]).tolist()
 
+    def _repaired(self, start: Proposal, lent: Sequence[Primitive]) -> Proposal:
+        """Choose, fit, guess what is missing, and again, until the cost no longer falls."""
+        config = self.config
+        stage = Stage[Signed](lambda signed: [self._fitted(signed, config.again, config.seen), signed], 1)
+        best, cost = search_locally(
+            (start.signed, start.cost),
+            lambda signed: [self._chosen(signed, lent)],
+            [stage],
+            self._costs,
+            lambda *_: WORTH,
+            config.rounds,
+            self.out_of_time,
+        )
+        return Proposal(best, cost) if self.out_of_time() else self._ranked([self._fitted(best, config.last, config.most), best])[0]
 
-def _varied(proposal: Proposal, axes: np.ndarray, cloud: Cloud, config: ProposalConfig) -> list[Primitive]:
-    """The primitives levelled, trimmed to the points that they explain, and exchanged for others that explain these."""
-    leaf, value, _, _ = kernels.program_tangent(proposal.program, cloud.points)
-    near = np.abs(value) < _off(proposal.program, cloud)
-    out = [_levelled(p, axes, config.level_deg) for p, _ in proposal.signed]
-    for i, (primitive, positive) in enumerate(proposal.signed):
-        own = near & (leaf == i)
-        out += trimmed(primitive, cloud.points[own]) + alternatives(cloud.points[own], axes, cloud)
-        if positive and own.any() and primitive.kind in HOLLOW:
-            out += hollows(primitive, float(np.median(np.abs(value[own]))), cloud)
-    return out
+    def _chosen(self, signed: Signed, lent: Sequence[Primitive]) -> Signed:
+        """The cheapest that single changes lead to, over its primitives, variants of them, `lent` ones and guesses of what is missing."""
+        program, cloud, config = to_program(signed), self.cloud, self.config
+        off = _off(program, cloud)
+        guesses = missing(program, cloud, self.axes, off)
+        own, others = [p for _, p in signed], [*self._varied(signed, off), *lent, *(p for p, _ in guesses)]
+        primitives = [*own, *(p for p in distinct([*own, *others], cloud) if p not in set(own))]
+        pool = Pool.of(primitives, cloud, config.pool, config.seen)
+        start: Choice = tuple(Step(op, i) for i, (op, _) in enumerate(signed))
+        return map_terms(best_choice(pool, start, config.pool)[0], pool.primitives.__getitem__)
 
+    def _varied(self, signed: Signed, off: float) -> list[Primitive]:
+        """The primitives levelled, trimmed to the points that they explain, and exchanged for others that explain these."""
+        cloud = self.cloud
+        leaf, value, _, _ = kernels.program_tangent(to_program(signed), cloud.points)
+        near = np.abs(value) < off
+        out = [self._levelled(p) for _, p in signed]
+        for i, (op, primitive) in enumerate(signed):
+            own = near & (leaf == i)
+            out += trimmed(primitive, cloud.points[own]) + alternatives(cloud.points[own], self.axes, cloud)
+            if op == "union" and own.any():
+                out += hollows(primitive, float(np.median(np.abs(value[own]))), cloud)
+        return out
 
-def _levelled(primitive: Primitive, axes: np.ndarray, most_deg: float) -> Primitive:
-    """Turned into the nearest directions of the part, where these are no further than `most_deg`."""
-    rotation = matrix_from_euler(primitive.rotation)
-    if primitive.kind == "box":
-        near = max((axes @ s for s in SYMMETRIES), key=lambda f: float((f * rotation).sum()))
-        cosine = (float((near * rotation).sum()) - 1) / 2
-    else:
-        along = rotation[:, 2] @ axes
-        k = int(np.abs(along).argmax())
-        near, cosine = frame_from_axis(axes[:, k]), abs(float(along[k]))
-    return replace(primitive, rotation=euler_from_matrix(near)) if cosine > np.cos(np.radians(most_deg)) else primitive
+    def _levelled(self, primitive: Primitive) -> Primitive:
+        """Turned into the nearest directions of the part, where these are near."""
+        rotation, axes = matrix_from_euler(primitive.rotation), self.axes
+        if primitive.kind == "box":
+            near = max((axes @ s for s in SYMMETRIES), key=lambda f: float((f * rotation).sum()))
+            cosine = (float((near * rotation).sum()) - 1) / 2
+        else:
+            along = rotation[:, 2] @ axes
+            k = int(np.abs(along).argmax())
+            near, cosine = frame_from_axis(axes[:, k]), abs(float(along[k]))
+        level = cosine > np.cos(np.radians(self.config.level_deg))
+        return replace(primitive, rotation=euler_from_matrix(near)) if level else primitive
 
 
 def _off(program: Program, cloud: Cloud) -> float:
     """Beyond this a point is not explained: several times the noise of those that are."""
     distance = np.abs(kernels.program_sdf(program, cloud.points))
     return float(np.clip(4 * np.median(distance), 0.01 * cloud.diagonal, 0.04 * cloud.diagonal))
-
-
-def _chosen(signed: Signed, others: Sequence[Primitive], cloud: Cloud, config: ProposalConfig) -> Signed:
-    own = [p for p, _ in signed]
-    primitives = [*own, *(p for p in distinct([*own, *others], cloud) if p not in set(own))]
-    pool = Pool.of(primitives, cloud, config.pool, config.seen)
-    start: Choice = tuple((i, s) for i, (_, s) in enumerate(signed))
-    return pool.signed(best_choice(pool, start, config.pool)[0])

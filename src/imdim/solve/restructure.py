@@ -3,14 +3,13 @@
 Detection sees what noise leaves of edges and small faces, and the search believes it. Here parts are put in, left out, exchanged, turned
 from part to cut and moved in the order, by what the points say (`parsimony`). What could be put in comes from outside (`lent`), from the
 places that the program does not explain (`missing`) and from its own parts. All single changes are looked at over one `mixture`; the
-numbers of the most promising are fitted, and the first that shortens the message is kept.
+numbers of the most promising are fitted, and the first that shortens the message is kept (`local_search`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from operator import itemgetter
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,14 +17,16 @@ from imdim.geometry import kernels
 from imdim.geometry.sampling import subsample
 from imdim.program.cost import count
 from imdim.program.paths import leaf_paths, without
+from imdim.program.sequence import SignedSequence, Step, map_terms, to_program, to_sequence
 from imdim.program.tree import Combine, Primitive, Program
 from imdim.solve.compounds import shells, stadiums
 from imdim.solve.likelihood import Shown
+from imdim.solve.local_search import Choice, Stage, own_moves, search_locally, uses
 from imdim.solve.maximise import Likely, MaximiseConfig, maximise
 from imdim.solve.missing import alternatives, hollows, missing, trimmed
-from imdim.solve.mixture import Draws, Mixture, Scene, Steps, folded, to_steps
+from imdim.solve.mixture import Draws, Mixture, Scene
 from imdim.solve.parsimony import length, numbers
-from imdim.solve.pool import Choice, Cloud, distinct, own_moves, uses
+from imdim.solve.pool import Cloud, distinct
 from imdim.solve.rims import rims
 
 ROUNDS = 40
@@ -42,7 +43,6 @@ UNEXPLAINED = (3.0, 2.2)  # deviations of the noise
 OWN = 3.0  # deviations of the noise, within which a primitive explains a point
 BLURRED = 0.3  # deviations of the noise by which both skins of a wall must lie off their middle to be told from one
 TAPER = 0.05  # of a radius
-HOLLOW = ("box", "sphere", "cylinder")
 FIRST = MaximiseConfig(rounds=2, through=0.0)
 REFIT = MaximiseConfig(rounds=4, through=0.0)
 
@@ -64,14 +64,20 @@ def restructured(
         return likely
     area = Shown.of(likely.program, likely.noise.sigma).area
     scene = Scene(draws or glanced(points), likely.noise, area, len(points))
-    search = _Search(points, Cloud.of(points, likely.noise.sigma), scene, lent, axes, out_of_time)
-    best, cost = likely, length(likely.program, points, likely.noise, likely.nll)
-    for _ in range(ROUNDS):
-        found = search.shorter(best, cost)
-        if found is None:
-            break
-        best, cost = found
-    return best
+    changes = _Changes(Cloud.of(points, likely.noise.sigma), scene, lent, axes)
+
+    def fit(points: np.ndarray, config: MaximiseConfig) -> Callable[[Likely], list[Likely]]:
+        return lambda trial: [maximise(trial.program, points, trial.noise, config, out_of_time)]
+
+    def lengths(tried: Sequence[Likely]) -> list[float]:
+        return [length(t.program, points, t.noise, t.nll) for t in tried]
+
+    stages = Stage(fit(points[::FEWER], FIRST), TRIED), Stage(fit(points, REFIT), REFITTED)
+    return search_locally((likely, lengths([likely])[0]), changes.promising, stages, lengths, _worth, ROUNDS, out_of_time)[0]
+
+
+def _worth(best: Likely, trial: Likely) -> float:
+    return 0.0 if numbers(trial.program) < numbers(best.program) else WORTH
 
 
 def glanced(points: np.ndarray) -> Draws:
@@ -82,62 +88,43 @@ def glanced(points: np.ndarray) -> Draws:
 def most_telling(programs: Sequence[Program], draws: Draws, likely: Likely, most: int) -> list[Program]:
     """The `most` of `programs`, as they are, that tell the points of `draws` in the shortest messages; `likely` gives noise and area."""
     scene = Scene(draws, likely.noise, Shown.of(likely.program, likely.noise.sigma).area)
-    lengths = Mixture.of(scene, [], programs).lengths([((i, True),) for i in range(len(programs))])
+    lengths = Mixture.of(scene, [], programs).lengths([(Step("union", i),) for i in range(len(programs))])
     return [programs[i] for i in np.argsort(lengths, kind="stable")[:most]]
 
 
 @dataclass(frozen=True)
-class _Search:
-    points: np.ndarray
+class _Changes:
+    """What a program of a `cloud` could become: its parts, the `lent` ones and guesses along `axes`, judged over the `scene`."""
+
     cloud: Cloud
     scene: Scene
     lent: Sequence[Program]
     axes: np.ndarray
-    out_of_time: Callable[[], bool]
 
-    def shorter(self, best: Likely, cost: float) -> tuple[Likely, float] | None:
-        """The most promising change whose message is shorter than `cost` once its numbers are fitted, and its length."""
-        steps = to_steps(best.program)
-        if self.out_of_time() or len(steps) > LONGEST:
-            return None
-        worth = cost - WORTH
-        fewer = numbers(best.program)
-        firsts = self._fitted([(p, best) for p in self._promising(best, steps)], self.points[::FEWER], FIRST)
-        fitted = self._fitted([(trial.program, trial) for _, trial in firsts[:REFITTED]], self.points, REFIT)
-        shorter = [(after, trial) for after, trial in fitted if after < (cost if numbers(trial.program) < fewer else worth)]
-        return (shorter[0][1], shorter[0][0]) if shorter else None
-
-    def _fitted(self, tried: Sequence[tuple[Program, Likely]], points: np.ndarray, config: MaximiseConfig) -> list[tuple[float, Likely]]:
-        """Programs with their numbers fitted to `points`, from the noise beside each, and the lengths of their messages that tell all
-        points at that density, the shortest first."""
-        out = []
-        for program, known in tried:
-            if self.out_of_time():
-                return []
-            trial = maximise(program, points, known.noise, config, self.out_of_time)
-            out.append((length(trial.program, self.points, trial.noise, trial.nll), trial))
-        return sorted(out, key=itemgetter(0))
-
-    def _promising(self, best: Likely, steps: Steps) -> list[Program]:
-        """Changed programs, not fitted, the shortest message first."""
+    def promising(self, best: Likely) -> list[Likely]:
+        """Changed programs, not fitted, the shortest message first; none of sequences of more than LONGEST steps."""
+        steps = to_sequence(best.program, apart=True)
+        if len(steps) > LONGEST:
+            return []
         single, compound = _sorted([*self._guesses(best, steps), *self.lent])
         others = [*distinct(single, self.cloud), *compound, *_lessened(steps)]
-        mixture = Mixture.of(self.scene, [p for p, _ in steps], others)
-        start: Choice = tuple((i, sign) for i, (_, sign) in enumerate(steps))
+        mixture = Mixture.of(self.scene, [part for _, part in steps], others)
+        start: Choice = tuple(Step(op, i) for i, (op, _) in enumerate(steps))
         new = (c for i in range(len(steps), len(mixture.parts)) for c in uses(i, start))
-        moves = [*own_moves(start), *(c for c in new if all(sign or not _is_wall(mixture.parts[i]) for i, sign in c))]
+        moves = [*own_moves(start), *(c for c in new if all(s.positive or not _is_wall(mixture.parts[s.term]) for s in c))]
         glance = [start, *(moves[i - 1] for i in _shortest(mixture.lengths([start, *moves], GLANCE), LOOKED))]
         lengths = mixture.lengths(glance)
-        return [folded(mixture.steps(glance[i])) for i in _shortest(lengths, TRIED) if lengths[i] < lengths[0] + SLACK]
+        kept = [glance[i] for i in _shortest(lengths, TRIED) if lengths[i] < lengths[0] + SLACK]
+        return [replace(best, program=to_program(map_terms(choice, mixture.parts.__getitem__))) for choice in kept]
 
-    def _guesses(self, best: Likely, steps: Steps) -> list[Program]:
+    def _guesses(self, best: Likely, steps: SignedSequence[Program]) -> list[Program]:
         """What might be missing, and other shapes for the points of each primitive of the sequence."""
         cloud, axes, sigma = self.cloud, self.axes, best.noise.sigma
         # deep in a thin plate nothing is far from its surface
         out: list[Program] = [p for far in UNEXPLAINED for p, _ in missing(best.program, cloud, axes, far * sigma)]
         leaf, value, _, _ = kernels.program_tangent(best.program, cloud.points)
         near, first = np.abs(value) < OWN * sigma, 0
-        for part, positive in steps:
+        for op, part in steps:
             own = near & (leaf == first)
             first += count(part).primitives
             if isinstance(part, Primitive):
@@ -147,7 +134,7 @@ class _Search:
                     *_tapered(part),
                     *stadiums(part, sigma),
                 ]
-                if positive and own.any():
+                if op == "union" and own.any():
                     out += [*_hollowed(part, value[own], cloud, sigma), *rims(part, cloud.points, sigma)]
         return out
 
@@ -156,7 +143,7 @@ def _hollowed(part: Primitive, value: np.ndarray, cloud: Cloud, sigma: float) ->
     """The part's cavities, and walls about its skin where the distances `value` [m] of its points from it are more than noise."""
     half = float(np.sqrt(max(np.mean(value**2) - sigma**2, 0.0)))
     walls = shells(part, 2 * half, cloud, sigma) if half > BLURRED * sigma else ()
-    return [*walls, *(hollows(part, float(np.median(np.abs(value))), cloud) if part.kind in HOLLOW else ())]
+    return [*walls, *hollows(part, float(np.median(np.abs(value))), cloud)]
 
 
 def _shortest(lengths: np.ndarray, most: int) -> np.ndarray:
@@ -184,8 +171,8 @@ def _tapered(part: Primitive) -> Iterator[Primitive]:
             yield Primitive("cone", (radius * (1 - by), radius * (1 + by), height), part.center, part.rotation)
 
 
-def _lessened(steps: Steps) -> Iterator[Program]:
+def _lessened(steps: SignedSequence[Program]) -> Iterator[Program]:
     """Parts that are no primitives, each without one of their leaves."""
-    for part, _ in steps:
+    for _, part in steps:
         if isinstance(part, Combine):
             yield from (less for path, _ in leaf_paths(part) if (less := without(part, [path])) is not None)

@@ -14,12 +14,11 @@ import numpy as np
 import torch
 
 from imdim.geometry import kernels
-from imdim.geometry.lowering import pack
+from imdim.geometry.lowering import pack_all
 from imdim.learn.stump.binary import Labels, Matrices, improved, to_stump, used
 from imdim.learn.stump.decoded import Decoded, start, to_primitives
 from imdim.learn.stump.net import losses
 from imdim.program.stump import CsgStump
-from imdim.program.tree import combine_all
 
 CERTAIN = 20.0  # a logit of 1 or 0
 RICHER = 4.0  # times as dear an entry of W_I is in a round as in the next
@@ -110,7 +109,7 @@ def selected(shape: Decoded, matrices: Matrices) -> Decoded:
 
 def columns(shape: Decoded, points: np.ndarray) -> np.ndarray:
     """Which of `points` [n, 3] each primitive of a batch of one holds, bool [K, n]."""
-    return kernels.leaf_table(*pack(combine_all("union", list(to_primitives(shape)))), points) < 0
+    return kernels.leaf_table(*pack_all(to_primitives(shape)), points) < 0
 
 
 @dataclass

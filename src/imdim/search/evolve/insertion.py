@@ -16,6 +16,7 @@ from imdim.program.tree import Combine, Op, Primitive, Program, leaves
 from imdim.search.cells import CUTS, HULLS, PIECES, TRUE, Weights
 from imdim.search.evolve.scene import Scene
 from imdim.search.families import Candidate
+from imdim.search.sequence import field_of
 
 WEIGHTS = (TRUE, TRUE, TRUE, HULLS, CUTS, PIECES)  # under which parts are put in, by chance
 PROMISING = 4  # places whose best candidates are worked out
@@ -42,12 +43,7 @@ class Place:
 
     def field(self, gain: np.ndarray) -> tuple[np.ndarray, float]:
         """What a part at this place wins: the sum of a field [m] over its cells, and a constant; `gain` [m] is that of filling a cell."""
-        view, gain = self.view, self.view.sign * gain
-        if self.op == "union":
-            return np.where(view.heard & ~view.value, gain, 0.0), 0.0
-        empty = np.where(view.heard & view.value, -gain, 0.0)
-        # keeping only a part wins what emptying all would win, less what emptying the part would
-        return (empty, 0.0) if self.op == "difference" else (-empty, float(empty.sum()))
+        return field_of(self.op, self.view.heard, self.view.value, self.view.sign * gain)
 
 
 def views(program: Program, cells: dict[Primitive, np.ndarray]) -> list[View]:
