@@ -9,6 +9,7 @@ import torch
 import imdim.stump_net as stump_net
 from imdim.body import look
 from imdim.config import ConfigError, Settings
+from imdim.deadline import NEVER
 from imdim.geometry import kernels
 from imdim.geometry.cloud import in_unit_frame, target_from
 from imdim.geometry.rotations import matrix_from_euler
@@ -51,7 +52,7 @@ def test_a_network_is_asked_for_the_cloud(tmp_path, short):
         save_net(path, StumpNet(StumpConfig(primitives=16, intersections=8, width=16, cloud=64)), {})
         unit, frame = in_unit_frame(target_from(to_trimesh(to_manifold(PART))))
         seen = look(unit, 1e-3, np.random.default_rng(0))
-        found.append(frame.undo(stump_net.proposed(seen, stump_net.load(str(path)), 0, lambda: False)))
+        found.append(frame.undo(stump_net.proposed(seen, stump_net.load(str(path)), 0, NEVER)))
     assert found[0] != found[1]
     assert min(iou(p) for p in found) > 0.5
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
 from imdim.body import Seen
+from imdim.deadline import Deadline
 from imdim.program.simplify import reduce_program
 from imdim.program.stump import to_program
 from imdim.program.tree import Program
@@ -19,17 +20,17 @@ from imdim.search.sequence import Price, Sequence
 MOST = 40  # primitives
 
 
-def stumps(seen: Seen, out_of_time: Callable[[], bool]) -> Iterator[Program]:
+def stumps(seen: Seen, deadline: Deadline) -> Iterator[Program]:
     """Programs, each cheaper than the one before; one at least where the body shows any candidate."""
     families, best = seen.families, np.inf
-    pools = _pools(families, seen.size_weight, out_of_time)
+    pools = _pools(families, seen.size_weight, deadline)
     for pool in pools:
         program = _program(pool, families, seen.size_weight)
         price = seen.price(program)
         if price < best:
             best = price
             yield program
-        if out_of_time():
+        if deadline.passed():
             return
 
 
@@ -40,7 +41,7 @@ def _program(pool: list[Candidate], families: Families, size_weight: float) -> P
     return reduce_program(to_program(matrices(chosen.terms, [families.primitive(c) for c in pool])))
 
 
-def _pools(families: Families, size_weight: float, out_of_time: Callable[[], bool]) -> Iterator[list[Candidate]]:
+def _pools(families: Families, size_weight: float, deadline: Deadline) -> Iterator[list[Candidate]]:
     """Sets of primitives to connect: those that greedy insertion takes under each of several prices, then the best of all of them."""
     exact = Price(size_weight * families.cells.volume)
     every: list[Candidate] = []
@@ -48,13 +49,13 @@ def _pools(families: Families, size_weight: float, out_of_time: Callable[[], boo
         found = found_of((), families, exact)
         for weights in phases:
             price = Price(exact.step * (1.0 if weights == (1.0, 1.0) else 40.0), weights)
-            found = complete(found_of(found.sequence, families, price), families, LocalConfig(), price, out_of_time)
-        found = complete(found_of(found.sequence, families, exact), families, LocalConfig(), exact, out_of_time)
+            found = complete(found_of(found.sequence, families, price), families, LocalConfig(), price, deadline)
+        found = complete(found_of(found.sequence, families, exact), families, LocalConfig(), exact, deadline)
         pool = _candidates(pruned(found, families, exact).sequence)[:MOST]
         if pool:
             every += pool
             yield pool
-        if out_of_time():
+        if deadline.passed():
             break
     together = list(dict.fromkeys(every))
     if not together:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import KDTree
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry.surface import Patch, Surface, signed_distance
 from imdim.seeding.cloud_denoise import denoise, inliers
 from imdim.seeding.cloud_hypotheses import propose
@@ -32,32 +32,32 @@ def detect_cloud(
     normals: np.ndarray | None,
     rng: np.random.Generator,
     config: CloudConfig | None = None,
-    out_of_time: Callable[[], bool] = bool,
+    deadline: Deadline = NEVER,
 ) -> list[Patch]:
     """Carrier surfaces that the cloud shows, each with the points that lie on it; points on none are left out.
 
     `points` [n, 3] in any units, `normals` [n, 3] unit vectors (of trusted sign or not) or None. Pieces of one carrier
-    share one patch. `area` is the points' number times the area that one stands for. Once `out_of_time` (by default never) no more
+    share one patch. `area` is the points' number times the area that one stands for. Past the `deadline` (by default never) no more
     surfaces are looked for, beyond a first one, and those found are settled in haste.
     """
     points = np.asarray(points, float)
     scale = measure_scale(points, rng)
     cloud = _begin(points, normals, scale, config or CloudConfig(), rng)
-    _extract(cloud, rng, 1, out_of_time)
+    _extract(cloud, rng, 1, deadline)
     calmer = _measured_sigma(cloud)
     if calmer < 0.5 * cloud.scale.sigma:
         # curvature or thin walls were taken for noise
         cloud = _begin(points, normals, replace(cloud.scale, sigma=calmer), cloud.config, rng)
     if cloud.noisy:
-        return _detect_noisy(points, normals, cloud.config, rng, out_of_time)
-    _extract(cloud, rng, cloud.config.rounds, out_of_time)
-    settle(cloud, out_of_time)
+        return _detect_noisy(points, normals, cloud.config, rng, deadline)
+    _extract(cloud, rng, cloud.config.rounds, deadline)
+    settle(cloud, deadline)
     patches = regularise(patches_of(cloud), max(cloud.config.exact * scale.diagonal, 0.3 * cloud.scale.sigma))
-    return orient(patches, points, out_of_time=out_of_time)
+    return orient(patches, points, deadline=deadline)
 
 
 def _detect_noisy(
-    points: np.ndarray, normals: np.ndarray | None, config: CloudConfig, rng: np.random.Generator, out_of_time: Callable[[], bool]
+    points: np.ndarray, normals: np.ndarray | None, config: CloudConfig, rng: np.random.Generator, deadline: Deadline
 ) -> list[Patch]:
     """Surfaces are found in a calmed cloud and fitted to the points as measured; patches hold points on their carriers."""
     kept = inliers(points)
@@ -67,11 +67,11 @@ def _detect_noisy(
     trust = np.full(len(points), 0.9)
     left = replace(scale, sigma=config.calmed * scale.sigma)
     cloud = Cloud(calm, directed, trust, left, config, np.full(len(points), -1), len(points) if normals is None else 0, raw=points)
-    _extract(cloud, rng, config.rounds, out_of_time)
-    settle(cloud, out_of_time)
-    prune(cloud, scale.sigma, out_of_time)
+    _extract(cloud, rng, config.rounds, deadline)
+    settle(cloud, deadline)
+    prune(cloud, scale.sigma, deadline)
     patches = regularise(measured_patches(cloud, 1.5 * scale.sigma), max(config.exact * scale.diagonal, 0.3 * scale.sigma))
-    return orient([gathered(p) for p in patches], points, out_of_time=out_of_time)
+    return orient([gathered(p) for p in patches], points, deadline=deadline)
 
 
 def _begin(points: np.ndarray, normals: np.ndarray | None, scale: CloudScale, config: CloudConfig, rng: np.random.Generator) -> Cloud:
@@ -88,12 +88,12 @@ def _measured_sigma(cloud: Cloud) -> float:
     return 1.4826 * float(min(spread)) if spread else math.inf
 
 
-def _extract(cloud: Cloud, rng: np.random.Generator, rounds: int, out_of_time: Callable[[], bool]) -> None:
+def _extract(cloud: Cloud, rng: np.random.Generator, rounds: int, deadline: Deadline) -> None:
     """Round by round, take the surfaces with the most support out of the points that are left."""
     misses = 0
     for _ in range(rounds):
         rest = np.flatnonzero(cloud.owner < 0)
-        if len(rest) < cloud.least or misses >= cloud.config.patience or (cloud.found and out_of_time()):
+        if len(rest) < cloud.least or misses >= cloud.config.patience or (cloud.found and deadline.passed()):
             break
         if len(rest) < 0.6 * cloud.viewed and len(rest) > 24:
             # without the faces already found, small ones show their own normals
@@ -103,12 +103,12 @@ def _extract(cloud: Cloud, rng: np.random.Generator, rounds: int, out_of_time: C
                 whole = replace(cloud.scale, sigma=cloud.scale.sigma / cloud.config.calmed)
                 cloud.points[rest], cloud.normals[rest] = denoise(cloud.raw[rest], None, whole, rng)
             cloud.viewed = len(rest)
-        candidates = _candidates(cloud, rest, rng, out_of_time)
+        candidates = _candidates(cloud, rest, rng, deadline)
         misses = 0 if _accept(cloud, candidates) else misses + 1
 
 
 def _candidates(
-    cloud: Cloud, rest: np.ndarray, rng: np.random.Generator, out_of_time: Callable[[], bool]
+    cloud: Cloud, rest: np.ndarray, rng: np.random.Generator, deadline: Deadline
 ) -> list[tuple[float, Surface, np.ndarray]]:
     """Polished hypotheses as (preferred support, surface, indices of the points), best first."""
     points, normals, trust = cloud.points[rest], cloud.normals[rest], cloud.trust[rest]
@@ -125,7 +125,7 @@ def _candidates(
         order = np.column_stack([mine[np.argsort(-r[mine], kind="stable")] for r in raw]).ravel()
         claimed: list[np.ndarray] = []
         for i in order[: 4 * cloud.config.polished]:
-            if len(claimed) == cloud.config.polished or (out and out_of_time()):
+            if len(claimed) == cloud.config.polished or (out and deadline.passed()):
                 break
             near = gains(kind, rows[i], wide[i], points, normals, trust, cloud.cosine) > 0
             if any((near & c).sum() > 0.7 * near.sum() for c in claimed):

@@ -7,12 +7,13 @@ what the cloud contradicts, by a test of the cost that each adds, is given up ag
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import gammaincinv
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry.constraints import rows_of
 from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.pose import Pose, radii
@@ -68,11 +69,11 @@ def discover(
     *,
     normals: np.ndarray | None = None,
     config: DiscoverConfig | None = None,
-    out_of_time: Callable[[], bool] = bool,
+    deadline: Deadline = NEVER,
 ) -> Discovery:
     """Relations among the primitives of `program`, whose numbers fit `points` [n, 3] of the target's surface (see `refine`).
 
-    `normals` [n, 3] (unit, outward) help where faces lie close together. Once `out_of_time` (by default never) no more are taken.
+    `normals` [n, 3] (unit, outward) help where faces lie close together. Past the `deadline` (by default never) no more are taken.
     Raises ValueError unless there are finite points of some extent.
     """
     config = config or DiscoverConfig()
@@ -84,11 +85,11 @@ def discover(
     shown = Shown.of(start, cloud, floor, config.min_support)
     metric = normal_equations(start, cloud, CUT * noise)
     known = covariance(start, cloud, floor)
-    chosen = _chosen(start, known, prior(start, cloud.length), shown, metric, out_of_time)
+    chosen = _chosen(start, known, prior(start, cloud.length), shown, metric, deadline)
     taken, dropped = chosen.taken, chosen.dropped
     numbers, cost = _solved(start, taken, cloud, noise, known if config.fit else None)
     for _ in range(config.reviews):
-        worst = None if out_of_time() else _strained(numbers, taken, cloud, noise, config.significance)
+        worst = None if deadline.passed() else _strained(numbers, taken, cloud, noise, config.significance)
         if worst is None:
             break
         number, reason = worst
@@ -99,7 +100,7 @@ def discover(
     return Discovery(lifted(program, start, numbers), constraints, tuple(dropped), chosen.saved, noise, cost / noise**2, before / noise**2)
 
 
-def exact_relations(program: Program, config: DiscoverConfig | None = None, out_of_time: Callable[[], bool] = bool) -> Discovery:
+def exact_relations(program: Program, config: DiscoverConfig | None = None, deadline: Deadline = NEVER) -> Discovery:
     """Relations that the numbers of a finished program bear out by themselves, each known to the floor of `config`.
 
     Numbers move by no more than that. Unlike `discover`, it also sees faces that are hidden where parts meet.
@@ -108,13 +109,13 @@ def exact_relations(program: Program, config: DiscoverConfig | None = None, out_
     start = lower(program)
     length = float(np.linalg.norm(np.ptp(start.centers, axis=0)) + 2 * radii(start).max())
     k, floor = len(start.kinds), config.floor * length
-    chosen = _chosen(start, floor**2 * np.eye(9 * k), prior(start, length), Shown.everything(start), uniform(k), out_of_time)
+    chosen = _chosen(start, floor**2 * np.eye(9 * k), prior(start, length), Shown.everything(start), uniform(k), deadline)
     numbers = _unmoved(start, onto(start, chosen.taken, length, uniform(k)), length)
     constraints = named(merged(pruned(chosen.taken, numbers)), program)
     return Discovery(lifted(program, start, numbers), constraints, tuple(chosen.dropped), chosen.saved, floor, 0.0, 0.0)
 
 
-def _chosen(start: Lowered, spread: np.ndarray, wide: np.ndarray, shown: Shown, metric: Normal, out_of_time: Callable[[], bool]) -> Choice:
+def _chosen(start: Lowered, spread: np.ndarray, wide: np.ndarray, shown: Shown, metric: Normal, deadline: Deadline) -> Choice:
     """The relations that shorten the description, directions first."""
     first = Choice(start, spread, wide, TILTED)
     directions, accepted = relate_directions(first)
@@ -123,7 +124,7 @@ def _chosen(start: Lowered, spread: np.ndarray, wide: np.ndarray, shown: Shown, 
     choice = Choice(numbers, spread, wide)
     for constraint in accepted:
         choice.accept(constraint)
-    choice.greedy(proposals(Places(Pose.of(numbers), choice.covariance, shown, directions)), out_of_time)
+    choice.greedy(proposals(Places(Pose.of(numbers), choice.covariance, shown, directions)), deadline)
     choice.dropped[:0] = first.dropped
     choice.saved += first.saved
     return choice

@@ -7,11 +7,12 @@ ranking looks at the cloud alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
 from imdim.geometry.axes import SYMMETRIES
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler
@@ -56,13 +57,13 @@ def settle(
     points: np.ndarray,
     axes: np.ndarray | None = None,
     config: ProposalConfig | None = None,
-    out_of_time: Callable[[], bool] = bool,
+    deadline: Deadline = NEVER,
 ) -> list[Proposal]:
     """The best sequences for the surface `points` [n, 3], cheapest first.
 
     Candidates that begin with a cut are left out; single primitives fitted to the whole cloud are added, so there is always an answer
     unless the cloud has no extent. `axes` [3, 3] has the part's main directions as columns (default: the coordinate axes).
-    Once `out_of_time` (by default never) numbers and sequences stay as they are by then.
+    Past the `deadline` (by default never) numbers and sequences stay as they are by then.
     """
     config = config or ProposalConfig()
     cloud = Cloud.of(points[:: max(1, len(points) // config.most)])
@@ -70,18 +71,18 @@ def settle(
     given = [c for c in candidates if c and c[0][1]]
     level = [tuple((_levelled(p, axes, config.level_deg), s) for p, s in c) for c in given]
     starts = list(dict.fromkeys([*level, *given, *(((p, True),) for p in whole(cloud, axes))]))
-    fitted = [_fitted(s, cloud, config.first, config.seen, out_of_time) for s in starts]
+    fitted = [_fitted(s, cloud, config.first, config.seen, deadline) for s in starts]
     if not fitted:
         return []
     everything = [p for s in fitted for p, _ in s]
     ranked = _ranked(fitted, everything, cloud, config)
     lent = distinct([p for r in ranked for p, _ in r.signed], cloud)[: config.pool_limit]
-    done = [_repaired(r, lent, axes, cloud, config, out_of_time) for r in ranked[: config.finalists]]
+    done = [_repaired(r, lent, axes, cloud, config, deadline) for r in ranked[: config.finalists]]
     return sorted(done, key=lambda d: d.cost)
 
 
-def _fitted(signed: Signed, cloud: Cloud, config: RefineConfig, count: int, out_of_time: Callable[[], bool]) -> Signed:
-    return with_numbers(signed, refine(to_program(signed), cloud.thinned(count), config=config, out_of_time=out_of_time).program)
+def _fitted(signed: Signed, cloud: Cloud, config: RefineConfig, count: int, deadline: Deadline) -> Signed:
+    return with_numbers(signed, refine(to_program(signed), cloud.thinned(count), config=config, deadline=deadline).program)
 
 
 def _ranked(sequences: Sequence[Signed], primitives: Sequence[Primitive], cloud: Cloud, config: ProposalConfig) -> list[Proposal]:
@@ -99,22 +100,22 @@ def _repaired(
     axes: np.ndarray,
     cloud: Cloud,
     config: ProposalConfig,
-    out_of_time: Callable[[], bool],
+    deadline: Deadline,
 ) -> Proposal:
     """Choose, fit, guess what is missing, and again, until the cost no longer falls."""
     best = start
     for _ in range(config.rounds):
-        if out_of_time():
+        if deadline.passed():
             return best
         guesses = missing(best.program, cloud, axes, _off(best.program, cloud))
         varied = _varied(best, axes, cloud, config)
         chosen = _chosen(best.signed, [*varied, *lent, *(p for p, _ in guesses)], cloud, config)
-        fitted = _fitted(chosen, cloud, config.again, config.seen, out_of_time)
+        fitted = _fitted(chosen, cloud, config.again, config.seen, deadline)
         after = _ranked([fitted, chosen], [p for s in (fitted, chosen) for p, _ in s], cloud, config)[0]
         if after.cost >= best.cost - 1e-4:
             break
         best = after
-    last = _fitted(best.signed, cloud, config.last, config.most, out_of_time)
+    last = _fitted(best.signed, cloud, config.last, config.most, deadline)
     return _ranked([last, best.signed], [p for s in (last, best.signed) for p, _ in s], cloud, config)[0]
 
 

@@ -8,12 +8,12 @@ per leaf. Unknowns are the face coordinates of `faces.py`; a face that too few p
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
 from imdim.geometry.lowering import Lowered, lower
 from imdim.program.tree import Program
@@ -64,12 +64,12 @@ def refine(
     inside: np.ndarray | None = None,
     outside: np.ndarray | None = None,
     config: RefineConfig | None = None,
-    out_of_time: Callable[[], bool] = bool,
+    deadline: Deadline = NEVER,
 ) -> Fit:
     """The program with its numbers moved to fit `points` [n, 3] of the target's surface.
 
     `normals` [n, 3] (unit, outward) keep a point from pulling a face that looks another way. Samples `inside` and `outside`
-    [m, 3] pull where the program has them on the wrong side. Once `out_of_time` (by default never) the numbers stay as they are by then.
+    [m, 3] pull where the program has them on the wrong side. Past the `deadline` (by default never) the numbers stay as they are by then.
     Raises ValueError without points.
     """
     if len(points) == 0:
@@ -78,8 +78,8 @@ def refine(
     target = _Target.of(points, normals, inside, outside)
     start = lower(program)
     state = _State(start, np.inf, config.start_scale * target.diagonal, 0)
-    state = _adam(state, target, config, out_of_time)
-    state, stop = _newton(state, target, config, out_of_time)
+    state = _adam(state, target, config, deadline)
+    state, stop = _newton(state, target, config, deadline)
     distance = np.abs(kernels.program_sdf(state.numbers, target.points))
     explained = distance < state.scale
     rms = float(np.sqrt(np.mean(distance[explained] ** 2))) if explained.any() else float("inf")
@@ -157,12 +157,12 @@ def _linearise(numbers: Lowered, target: _Target, scale: float, config: RefineCo
     return _Linear(_cost(residual, scales, trust), matrix, gradient, maps, residual, trust)
 
 
-def _adam(state: _State, target: _Target, config: RefineConfig, out_of_time: Callable[[], bool]) -> _State:
+def _adam(state: _State, target: _Target, config: RefineConfig, deadline: Deadline) -> _State:
     """Adam (Kingma and Ba 2015) with a cosine-shaped rate; a fixed floor under the root keeps weakly shown faces slow."""
     mean, square = np.zeros((len(state.numbers.kinds), 9)), np.zeros((len(state.numbers.kinds), 9))
     numbers = state.numbers
     for t in range(1, config.adam_steps + 1):
-        if out_of_time():
+        if deadline.passed():
             break
         linear = _linearise(numbers, target, state.scale, config)
         gradient = np.where(held_open(linear.matrix, config.min_support), linear.gradient, 0.0) / len(target.points)
@@ -174,13 +174,13 @@ def _adam(state: _State, target: _Target, config: RefineConfig, out_of_time: Cal
     return _State(numbers, state.cost, state.scale, config.adam_steps)
 
 
-def _newton(state: _State, target: _Target, config: RefineConfig, out_of_time: Callable[[], bool]) -> tuple[_State, Stop]:
+def _newton(state: _State, target: _Target, config: RefineConfig, deadline: Deadline) -> tuple[_State, Stop]:
     """Levenberg-Marquardt; the robust scale falls with the residuals of what is explained."""
     damping, iterations, rejected = 1e-3, state.iterations, 0
     numbers, scale = state.numbers, state.scale
     linear = _linearise(numbers, target, scale, config)
     for _ in range(config.newton_steps):
-        if out_of_time():
+        if deadline.passed():
             break
         iterations += 1
         free = held_open(linear.matrix, config.min_support)

@@ -8,12 +8,13 @@ numbers of the most promising are fitted, and the first that shortens the messag
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 
 import numpy as np
 
+from imdim.deadline import Deadline
 from imdim.geometry import kernels
 from imdim.program.cost import count
 from imdim.program.paths import leaf_paths, without
@@ -51,7 +52,7 @@ def restructured(
     points: np.ndarray,
     lent: Sequence[Program],
     axes: np.ndarray,
-    out_of_time: Callable[[], bool],
+    deadline: Deadline,
     draws: Draws | None = None,
 ) -> Likely:
     """The program with the changes that shorten the message of `points` [n, 3], each the best of its round.
@@ -59,11 +60,11 @@ def restructured(
     `axes` [3, 3] has the part's directions as columns. Sequences of more than LONGEST steps stay as they are. `draws` of the `glanced`
     points keep for other calls what was computed for single parts.
     """
-    if out_of_time():
+    if deadline.passed():
         return likely
     area = Shown.of(likely.program, likely.noise.sigma).area
     scene = Scene(draws or glanced(points), likely.noise, area, len(points))
-    search = _Search(points, Cloud.of(points), scene, lent, axes, out_of_time)
+    search = _Search(points, Cloud.of(points), scene, lent, axes, deadline)
     best, cost = likely, length(likely.program, points, likely.noise, likely.nll)
     for _ in range(ROUNDS):
         found = search.shorter(best, cost)
@@ -96,12 +97,12 @@ class _Search:
     scene: Scene
     lent: Sequence[Program]
     axes: np.ndarray
-    out_of_time: Callable[[], bool]
+    deadline: Deadline
 
     def shorter(self, best: Likely, cost: float) -> tuple[Likely, float] | None:
         """The most promising change whose message is shorter than `cost` once its numbers are fitted, and its length."""
         steps = to_steps(best.program)
-        if self.out_of_time() or len(steps) > LONGEST:
+        if self.deadline.passed() or len(steps) > LONGEST:
             return None
         worth = cost - WORTH
         fewer = numbers(best.program)
@@ -115,9 +116,9 @@ class _Search:
         points at that density, the shortest first."""
         out = []
         for program, known in tried:
-            if self.out_of_time():
+            if self.deadline.passed():
                 return []
-            trial = maximise(program, points, known.noise, config, self.out_of_time)
+            trial = maximise(program, points, known.noise, config, self.deadline)
             out.append((length(trial.program, self.points, trial.noise, trial.nll), trial))
         return sorted(out, key=itemgetter(0))
 

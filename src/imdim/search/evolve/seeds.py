@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
+from imdim.deadline import Deadline
 from imdim.program.tree import Program
 from imdim.search.families import Families
 from imdim.search.local import LocalConfig, complete, found_of, pruned
@@ -13,7 +12,7 @@ from imdim.search.sequence import Price, Sequence, to_program
 PRICES = (((1.0, 1.0),), ((0.1, 1.0), (1.0, 5.0)), ((20.0, 1.0), (1.0, 1.0)), ((0.01, 1.0), (1.0, 20.0)))
 
 
-def surface_seeds(families: Families, size_weight: float, out_of_time: Callable[[], bool]) -> list[Program]:
+def surface_seeds(families: Families, size_weight: float, deadline: Deadline) -> list[Program]:
     """Greedy insertions of the best candidate under four prices, with every program on the way."""
     out: list[Program] = []
     for phases in PRICES:
@@ -22,10 +21,10 @@ def surface_seeds(families: Families, size_weight: float, out_of_time: Callable[
         for weights in phases:
             # a phase under other weights is short: what it adds must pay forty times the price
             price = Price(exact.step * (1.0 if weights == (1.0, 1.0) else 40.0), weights)
-            found = complete(found_of(found.sequence, families, price), families, LocalConfig(), price, out_of_time)
-        found = complete(found_of(found.sequence, families, exact), families, LocalConfig(), exact, out_of_time)
+            found = complete(found_of(found.sequence, families, price), families, LocalConfig(), price, deadline)
+        found = complete(found_of(found.sequence, families, exact), families, LocalConfig(), exact, deadline)
         out += steps(pruned(found, families, exact).sequence, families)
-        if out_of_time():
+        if deadline.passed():
             break
     return out
 
