@@ -1,37 +1,80 @@
-"""A clock that is handed its time: what was cut short stays known."""
+"""A budget that is handed its clock: shares of it, deadlines that asking does not change, and what a run says that nothing cut."""
 
-from imdim.clock import SEARCH_SHARE, Clock
+import math
+import time
 
+import pytest
 
-def test_work_that_was_cut_short_is_late_and_a_search_that_was_is_cut():
-    hands = [0.0]
-    clock = Clock(100.0, now=lambda: hands[0])
-    near, ending = clock.near_end(0.75), clock.ending_at(0.5)
-    half = 0.5 * SEARCH_SHARE * 100.0  # of what the search may take
-    hands[0] = half - 1.0
-    assert not near()
-    assert not ending()
-    assert not clock.late
-    hands[0] = half + 1.0
-    assert ending()
-    assert clock.late
-    assert not clock.cut
-    hands[0] = 76.0
-    assert near()
-    assert clock.out_of_time()
-    assert clock.cut
+from imdim.clock import SHARES, Budget
+from imdim.deadline import NEVER, Deadline
 
 
-def test_a_share_of_the_time_until_a_moment():
-    hands = [0.0]
-    clock = Clock(100.0, now=lambda: hands[0])
-    hands[0] = 10.0
-    half = clock.ending_at(0.5, 0.3)
-    assert clock.left(0.3) == 20.0
-    hands[0] = 19.0
-    assert not half()
-    hands[0] = 21.0
-    assert half()
-    assert clock.late
-    hands[0] = 40.0
-    assert clock.left(0.3) == 0.0
+class Hands:
+    """A clock that is set by hand."""
+
+    def __init__(self) -> None:
+        self.at = 0.0
+
+    def __call__(self) -> float:
+        return self.at
+
+
+def test_a_stage_ends_by_its_share_of_the_whole():
+    hands = Hands()
+    hands.at = 7.0
+    budget = Budget(100.0, hands)
+    end = budget.end_of("search")
+    assert end.left() == 50.0
+    hands.at = 57.0
+    assert not end.passed()
+    hands.at = 57.1
+    assert end.passed()
+    assert end.left() == 0.0
+    assert budget.seconds() == pytest.approx(50.1)
+
+
+@pytest.mark.parametrize(("share", "left"), [(1.0, 20.0), (0.5, 10.0)])
+def test_a_body_has_its_share_of_the_time_until_a_moment(share, left):
+    hands = Hands()
+    budget = Budget(100.0, hands)
+    hands.at = 10.0
+    part = budget.part_of("detect", share)
+    assert part.left() == pytest.approx(left)
+    hands.at = 10.1 + left
+    assert part.passed()
+    assert budget.part_of("starts", share).left() == pytest.approx(0.4 * share * (50 - hands.at))
+    hands.at = 40.0
+    assert budget.part_of("detect", share).passed()
+
+
+def test_asking_changes_nothing():
+    hands = Hands()
+    budget = Budget(100.0, hands)
+    deadlines = [budget.end_of(stage) for stage in SHARES] + [budget.part_of(stage, 0.5) for stage in SHARES]
+    hands.at = 99.0
+    assert all(d.passed() for d in deadlines)
+    hands.at = 1.0
+    assert not any(d.passed() for d in deadlines)
+    with pytest.raises(AttributeError):
+        budget.start = 1.0
+
+
+def test_stages_end_one_after_the_other():
+    ends = [SHARES[stage].by for stage in ("detect", "label", "search", "prove", "choose", "fit", "relate", "front")]
+    assert ends == sorted(ends)
+    assert all(0 < share.of <= 1 and 0 < share.by < 1 for share in SHARES.values())
+
+
+def test_the_clock_is_looked_up_when_it_is_needed(monkeypatch):
+    monkeypatch.setattr(time, "perf_counter", lambda: 1e9)
+    assert Budget(1.0).start == 1e9
+    assert not Deadline(1e9).passed()
+    assert not NEVER.passed()
+
+
+def test_the_earlier_of_two():
+    first, second = Deadline(1.0), Deadline(2.0)
+    assert first.earlier(second) is first
+    assert second.earlier(first) is first
+    assert NEVER.earlier(first) is first
+    assert NEVER.left() == math.inf

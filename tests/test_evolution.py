@@ -7,6 +7,7 @@ from tests.search.evolve.scenes import planted_scene
 
 from imdim.choices import few, united
 from imdim.config import Settings
+from imdim.deadline import NEVER
 from imdim.evolution import logged
 from imdim.geometry.cloud import target_from
 from imdim.geometry.solid import to_manifold, volume_iou
@@ -91,7 +92,7 @@ def test_generations_are_logged(tmp_path):
 
     scene = planted_scene("L bracket")
     config = EvolutionConfig(population=8, offspring=8, generations=3)
-    run = evolve({"given": [box(60, 40, 5)]}, scene, np.random.default_rng(0), lambda: False, config)
+    run = evolve({"given": [box(60, 40, 5)]}, scene, np.random.default_rng(0), NEVER, config)
     passed = list(logged(run, str(tmp_path), "part"))
     events = EventAccumulator(str(tmp_path / "part"))
     events.Reload()

@@ -2,20 +2,22 @@
 
 import numpy as np
 import pytest
+from tests.deadlines import PASSED
 from tests.planted import box, cut, cylinder, mesh_of
 
 from imdim.body import UnitBody, look
 from imdim.config import Settings
+from imdim.deadline import NEVER
 from imdim.fitting import snapped, solved
 from imdim.geometry.cloud import in_unit_frame, target_from
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.program.tree import leaves
 
 
-def rounded(program, mesh, out_of_time=lambda: False):
+def rounded(program, mesh, deadline=NEVER):
     unit, frame = in_unit_frame(target_from(mesh))
     rng = np.random.default_rng(0)
-    return snapped(program, look(UnitBody.of(unit, rng), Settings().size_weight, rng), frame, out_of_time)
+    return snapped(program, look(UnitBody.of(unit, rng), Settings().size_weight, rng), frame, deadline)
 
 
 def test_typed_numbers_come_back():
@@ -40,7 +42,7 @@ def test_an_open_mesh_is_rounded_by_distance():
 
 
 def test_no_time_leaves_the_numbers():
-    assert next(leaves(rounded(box(40.0004, 29.9998, 6.0001), mesh_of(box(40, 30, 6)), lambda: True))).size[0] == 40.0004
+    assert next(leaves(rounded(box(40.0004, 29.9998, 6.0001), mesh_of(box(40, 30, 6)), PASSED))).size[0] == 40.0004
 
 
 def test_an_odd_hole_becomes_like_its_fellows():

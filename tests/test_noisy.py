@@ -4,11 +4,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.deadlines import PASSED
 from tests.planted import PARTS, box, cut, cylinder, mesh_of, union
 
 from imdim import methods, noisy
-from imdim.body import UnitBody, look
+from imdim.body import UnitBody, UnseenError, look
 from imdim.config import Settings
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry.cloud import InputError, in_unit_frame, sample_surface, target_from
 from imdim.geometry.sampling import surface_points
 from imdim.geometry.solid import to_manifold, volume_iou
@@ -38,7 +40,7 @@ def seen_of(points):
 def told(starts, points, *times):
     """`most_likely` for programs in the units of the points, and there."""
     seen, frame = seen_of(points)
-    return frame.undo(most_likely([frame.apply(p) for p in starts], seen, *times))
+    return frame.undo(most_likely([frame.apply(p) for p in starts], seen, *times).program)
 
 
 @pytest.mark.parametrize(("name", "share"), [("L bracket", 0.006), ("plate with four holes", 0.003)])
@@ -68,13 +70,13 @@ def test_thin_walls_are_not_noise(wall):
 
 def test_the_search_starts_from_the_likeliest_program():
     truth = union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0)))
-    found = told([truth, cut(truth, box(38, 28, 6)), box(9, 9, 9)], cloud(truth), lambda: True)
+    found = told([truth, cut(truth, box(38, 28, 6)), box(9, 9, 9)], cloud(truth), PASSED)
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
 
 
 def test_what_detection_missed_is_seen_in_the_points():
     truth = cut(union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(4, 20, (-12.0, 5.0, 0.0)))
-    found = told([box(40, 30, 8)], cloud(truth), lambda: False)
+    found = told([box(40, 30, 8)], cloud(truth), NEVER)
     assert count(found).primitives == 3
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
 
@@ -88,14 +90,14 @@ def test_a_search_from_one_primitive_comes_first_and_the_likelier_program_is_tol
         return likely
 
     monkeypatch.setattr(noisy, "restructured", unchanged)
-    found = told([truth], cloud(truth), lambda: len(starts) > 0)
+    found = told([truth], cloud(truth), Deadline(0.5, lambda: float(len(starts))))
     assert starts[:2] == [1, 3]  # the second is too late to be changed, yet not forgotten
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
 
 
 def test_what_is_too_much_goes_and_relations_hold():
     truth = union(box(40, 30, 8), box(20, 30, 16, (10.0, 0.0, 12.0)))
-    found = told([union(truth, box(3, 3, 8.4, (-14.0, 9.0, 0.0)))], cloud(truth), lambda: False)
+    found = told([union(truth, box(3, 3, 8.4, (-14.0, 9.0, 0.0)))], cloud(truth), NEVER)
     assert count(found).primitives == 2
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
 
@@ -104,7 +106,7 @@ def test_where_detection_tells_no_inside_there_is_an_answer_still(monkeypatch):
     import imdim.pipeline as pipeline
 
     def blind(*_):
-        raise InputError("part: no inside found, 0 of 4 sampled cells")
+        raise UnseenError("part: no inside found, 0 of 4 sampled cells")
 
     truth = box(40, 30, 10)
     monkeypatch.setattr(pipeline, "look", blind)
@@ -120,22 +122,23 @@ def test_where_detection_tells_no_inside_there_is_an_answer_still(monkeypatch):
 
 def test_a_calm_cloud_has_no_guess():
     body = UnitBody.of(in_unit_frame(target_from(cloud(box(4, 3, 1), share=0.0)))[0], np.random.default_rng(0))
-    assert unlabelled(body, None, lambda: False) is None
+    assert unlabelled(body, None, NEVER) is None
 
 
 def test_without_time_the_likeliest_is_told_as_it_is():
     truth = union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0)))
-    found = told([box(9, 9, 9), truth], cloud(truth, n=3000), lambda: True, lambda: True)
+    found = told([box(9, 9, 9), truth], cloud(truth, n=3000), PASSED, PASSED)
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.99
 
 
 @pytest.mark.parametrize("noisy", [True, False])
 def test_a_noisy_clouds_time_is_not_spent_on_the_decision_tree(noisy, monkeypatch):
     asked = []
-    monkeypatch.setattr(methods, "grown", lambda run: asked.append(run.seen))  # and gives nothing
+    monkeypatch.setattr(methods, "grown", lambda run, _: asked.append(run.seen))  # and gives nothing
     seen = SimpleNamespace(noisy=noisy, error=lambda _: 1.0)
-    run = SimpleNamespace(seen=seen, clock=SimpleNamespace(cut=False))
-    assert methods._grown_if_poor(run, methods.Step("search", Primitive("sphere", (1.0,)))) is None
+    run = SimpleNamespace(seen=seen, part_of=lambda _: NEVER)
+    found = methods.Step("search", Primitive("sphere", (1.0,)))
+    assert methods._grown_if_poor(run, found) is found
     assert asked == ([] if noisy else [seen])
     methods._grown_if_poor(run, None)  # but where there is nothing, it is
     assert asked[-1] is seen

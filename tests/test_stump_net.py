@@ -9,6 +9,7 @@ import torch
 import imdim.stump_net as stump_net
 from imdim.body import UnitBody, look
 from imdim.config import ConfigError, Settings
+from imdim.deadline import NEVER
 from imdim.geometry import kernels
 from imdim.geometry.cloud import in_unit_frame, target_from
 from imdim.geometry.rotations import matrix_from_euler
@@ -52,7 +53,7 @@ def test_a_network_is_asked_for_the_cloud(tmp_path, short):
         unit, frame = in_unit_frame(target_from(to_trimesh(to_manifold(PART))))
         rng = np.random.default_rng(0)
         seen = look(UnitBody.of(unit, rng), 1e-3, rng)
-        found.append(frame.undo(stump_net.proposed(seen, stump_net.load(str(path)), 0, lambda: False)))
+        found.append(frame.undo(stump_net.proposed(seen, stump_net.load(str(path)), 0, NEVER)))
     assert found[0] != found[1]
     assert min(iou(p) for p in found) > 0.5
 

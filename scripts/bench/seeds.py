@@ -24,6 +24,7 @@ import numpy as np
 
 from imdim.body import UnitBody, look
 from imdim.config import Settings
+from imdim.deadline import NEVER, Deadline
 from imdim.evidence import Evidence
 from imdim.geometry.cloud import Frame, in_unit_frame, load_target
 from imdim.program.codec import loads
@@ -101,9 +102,6 @@ def one_run(part: str, source: str, evidence: Evidence, frame: Frame, limit_s: f
     rng, start, before = np.random.default_rng(1), time.perf_counter(), scene.scorer.evaluations
     seeds = make_seeds(source, evidence, scene, frame, given)
 
-    def late() -> bool:
-        return time.perf_counter() - start > limit_s
-
     def run(reached: bool) -> Run:
         return Run(part, source, len(seeds), scene.scorer.evaluations - before, time.perf_counter() - start, reached)
 
@@ -111,7 +109,8 @@ def one_run(part: str, source: str, evidence: Evidence, frame: Frame, limit_s: f
     for seed in seeds:
         if 1 - scene.scorer.score([seed])[0].volume >= BAR:
             return run(True)
-    for generation in evolve({source: seeds}, scene, rng, late, EvolutionConfig(generations=100_000, patience=100_000), evidence.solve):
+    config = EvolutionConfig(generations=100_000, patience=100_000)
+    for generation in evolve({source: seeds}, scene, rng, Deadline(start + limit_s), config, evidence.solve):
         if 1 - min(i.score.volume for i in generation.front) >= BAR:
             return run(True)
     return run(False)
@@ -124,9 +123,9 @@ def make_seeds(source: str, evidence: Evidence, scene: Scene, frame: Frame, give
     if source == "tree":
         return [tree] if (tree := evidence.tree()) else []
     if source == "surfaces":
-        return surface_seeds(evidence.families, evidence.size_weight, lambda: False)
+        return surface_seeds(evidence.families, evidence.size_weight, NEVER)
     if source == "search":
-        found = search(evidence.families, StructureConfig(size_weight=evidence.size_weight), np.random.default_rng(3), lambda: False)
+        found = search(evidence.families, StructureConfig(size_weight=evidence.size_weight), np.random.default_rng(3), NEVER)
         return [p for f in found for p in steps(f.sequence, evidence.families)]
     if source == "policy":
         return [frame.apply(loads(given.read_text()))] if given and given.is_file() else []

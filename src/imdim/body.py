@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from manifold3d import Manifold
 
+from imdim.deadline import NEVER, Deadline
 from imdim.evidence import Evidence
 from imdim.geometry import kernels
 from imdim.geometry.cloud import InputError, Target
@@ -27,6 +28,14 @@ from imdim.seeding.noise import EXACT, NoiseModel, measure_noise
 
 SAMPLES = 150_000  # labelled, spread over the cells
 CLOSING_AREA = 1e-7  # of the squared diagonal; implied planes rank behind detected ones
+
+
+class UnseenError(InputError):
+    """A body shows no surface or no inside; `cut`: time had run out before all of it was looked at."""
+
+    def __init__(self, message: str, cut: bool = False) -> None:
+        super().__init__(message)
+        self.cut = cut
 
 
 @dataclass(frozen=True)
@@ -49,8 +58,11 @@ class UnitBody:
 
 @dataclass(frozen=True)
 class Seen:
-    """What detection and labelling know of one body, all in its unit frame, the programs that are asked about too. `noise` is a cloud's,
-    corrected by what detection learned of it. `label` gives the probability of being inside [n] for points [n, 3]."""
+    """What detection and labelling know of one body, all in its unit frame, the programs that are asked about too.
+
+    `noise` is a cloud's, corrected by what detection learned of it. `label` gives the probability of being inside [n] for points [n, 3].
+    `cut` says whether time ended the look at a cloud.
+    """
 
     target: Target
     noise: NoiseModel
@@ -59,6 +71,7 @@ class Seen:
     families: Families
     size_weight: float
     label: Callable[[np.ndarray], np.ndarray]
+    cut: bool = False
 
     @cached_property
     def evidence(self) -> Evidence:
@@ -109,29 +122,31 @@ def look(
     body: UnitBody,
     size_weight: float,
     rng: np.random.Generator,
-    no_time_to_detect: Callable[[], bool] = bool,
-    no_time_to_label: Callable[[], bool] = bool,
+    detect_by: Deadline = NEVER,
+    label_by: Deadline = NEVER,
 ) -> Seen:
     """Surfaces, cells and candidate families of a body.
 
-    Of a cloud, no more surfaces are looked for once there is `no_time_to_detect`, and no more samples are asked for their side once there
-    is `no_time_to_label` (by default all are).
+    Of a cloud, no more surfaces are looked for past `detect_by`, and no more samples are asked for their side past `label_by` (by default
+    all are). Raises UnseenError.
     """
     unit = body.target
-    patches, closing, noise = _surfaces(body, rng, no_time_to_detect)
+    patches, closing, noise = _surfaces(body, rng, detect_by)
+    cut = unit.mesh is None and detect_by.passed()
     if not patches:
-        raise InputError(f"{unit.name}: no plane, sphere, cylinder, cone or torus found in {len(unit.points)} points")
+        raise UnseenError(f"{unit.name}: no plane, sphere, cylinder, cone or torus found in {len(unit.points)} points", cut)
     corners = _corners(unit, patches, noise)
     bounds = np.stack([np.min(corners, axis=0), np.max(corners, axis=0)])
     surfaces = [p.surface for p in patches] + closing
     areas = [p.area for p in patches] + [CLOSING_AREA] * len(closing)
     arrangement = arrange(surfaces, areas, bounds, ArrangementConfig())
-    label = _labeller(unit, patches, no_time_to_label)
+    label = _labeller(unit, patches, label_by)
     samples = label_samples(arrangement, label, SAMPLES, rng)
+    cut = cut or (unit.mesh is None and label_by.passed())
     cells = compressed(arrangement, samples)
     if not (cells.gain > 0).any():
-        raise InputError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells")
-    return Seen(unit, noise, patches, samples, Families(arrangement, cells), size_weight, label)
+        raise UnseenError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells", cut)
+    return Seen(unit, noise, patches, samples, Families(arrangement, cells), size_weight, label, cut)
 
 
 def _corners(unit: Target, patches: list[Patch], noise: NoiseModel) -> np.ndarray:
@@ -141,16 +156,16 @@ def _corners(unit: Target, patches: list[Patch], noise: NoiseModel) -> np.ndarra
     return np.concatenate([p.points for p in patches]) if noise.blurs else unit.points
 
 
-def _surfaces(body: UnitBody, rng: np.random.Generator, out_of_time: Callable[[], bool]) -> tuple[list[Patch], list[Surface], NoiseModel]:
+def _surfaces(body: UnitBody, rng: np.random.Generator, deadline: Deadline) -> tuple[list[Patch], list[Surface], NoiseModel]:
     """What the target shows, for a cloud the planes that its faces only imply, and its noise."""
     unit = body.target
     if unit.mesh is not None:
         return detect_patches(unit.mesh), [], body.noise
-    patches, noise = detect_cloud(unit.points, unit.normals, body.noise, rng, out_of_time=out_of_time)
+    patches, noise = detect_cloud(unit.points, unit.normals, body.noise, rng, deadline=deadline)
     return patches, closing_planes(patches, noise.spacing), noise
 
 
-def _labeller(unit: Target, patches: list[Patch], out_of_time: Callable[[], bool]) -> Callable[[np.ndarray], np.ndarray]:
+def _labeller(unit: Target, patches: list[Patch], deadline: Deadline) -> Callable[[np.ndarray], np.ndarray]:
     """The function that gives the probability of being inside [n] for points [n, 3]."""
     mesh = unit.mesh
     if mesh is not None:
@@ -158,4 +173,4 @@ def _labeller(unit: Target, patches: list[Patch], out_of_time: Callable[[], bool
     from imdim.seeding.cloud_occupancy import inside_probability
 
     # single queries are right far more often than their votes are unanimous: a cell averages decisions, not doubts
-    return lambda points: inside_probability(patches, unit.points, points, out_of_time=out_of_time) > 0.5
+    return lambda points: inside_probability(patches, unit.points, points, deadline=deadline) > 0.5

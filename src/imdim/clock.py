@@ -1,61 +1,65 @@
-"""How long a run has been going, and whether the search's share of its budget is spent."""
+"""What each stage of a run may take of its budget, and the deadlines that follow."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
 
-DETECT_BY, LABEL_BY = 0.3, 0.37  # of the budget: by then a cloud's surfaces are found, and its samples know their side
-SEARCH_SHARE = 0.5  # of the budget, by which the search ends; the solver and delivery need the rest
-CHOOSE_BY, FIT_BY = 0.7, 0.82  # a noisy cloud's program is chosen; programs are short and their numbers fitted
-RELATE_BY = 0.88  # the search for relations ends
+from imdim.deadline import Deadline
+
+Stage = Literal["detect", "label", "search", "noisy_search", "starts", "seeds", "prove", "choose", "propose", "fit", "relate", "front"]
 
 
-@dataclass
-class Clock:
-    """Seconds since the start. `cut`: whether the search's share of the budget is spent; `late`: whether the clock cut other work short;
-    `ending` is how an evolution ended."""
+class Share(NamedTuple):
+    """Of a budget: a stage ends `by` that share of the whole, and takes `of` the time that is left until then at most."""
 
-    budget_s: float
-    now: Callable[[], float] = time.perf_counter
+    by: float
+    of: float = 1.0
+
+
+SHARES: Mapping[Stage, Share] = {
+    "detect": Share(0.3),  # a cloud's surfaces are found
+    "label": Share(0.37),  # a cloud's samples know their side
+    "search": Share(0.5),  # the solver and delivery need the rest
+    "noisy_search": Share(0.5, 0.15),  # what the cells of a noisy cloud say is not worth more
+    "starts": Share(0.5, 0.4),  # the search's best starts get the rest
+    "seeds": Share(0.5, 0.4),  # evolution needs the rest
+    "prove": Share(0.6),  # a search that took all of its own leaves some for the last proof
+    "choose": Share(0.7),  # a noisy cloud's program is chosen
+    "propose": Share(0.82, 0.5),  # the policy's programs, until numbers must be fitted
+    "fit": Share(0.82),  # programs are short and their numbers fitted
+    "relate": Share(0.88),  # the search for relations ends
+    "front": Share(0.92),  # later no other choices are looked for
+}
+
+
+@dataclass(frozen=True)
+class Budget:
+    """`whole_s` seconds by the clock `now`, from the moment that the budget is made."""
+
+    whole_s: float
+    # looked up when a budget is made: scripts/processor.py puts another clock there
+    now: Callable[[], float] = field(default_factory=lambda: time.perf_counter, repr=False)
     start: float = field(init=False)
-    cut: bool = False
-    late: bool = False
-    ending: str = "finished"
 
     def __post_init__(self) -> None:
-        self.start = self.now()
+        object.__setattr__(self, "start", self.now())
 
     def seconds(self) -> float:
+        """Since the start."""
         return self.now() - self.start
 
-    def out_of_time(self) -> bool:
-        """Whether the search must end; that it was cut stays known."""
-        self.cut = self.cut or self.seconds() > SEARCH_SHARE * self.budget_s
-        return self.cut
+    def end_of(self, stage: Stage) -> Deadline:
+        """When the stage ends at the latest."""
+        return Deadline(self.start + SHARES[stage].by * self.whole_s, self.now)
 
-    def near_end(self, share: float) -> Callable[[], bool]:
-        """Whether a share of the whole budget is spent; that it was asked too late stays known."""
-        return self._noting(lambda: self.seconds() > share * self.budget_s)
+    def part_of(self, stage: Stage, share: float) -> Deadline:
+        """When a body's `share` of the time that the stage may take from now on is spent."""
+        end = self.end_of(stage)
+        return Deadline(end.at - (1 - share * SHARES[stage].of) * end.left(), self.now)
 
-    def ending_at(self, share: float, by: float = SEARCH_SHARE) -> Callable[[], bool]:
-        """`part`; that it was asked too late stays known."""
-        return self._noting(self.part(share, by))
-
-    def left(self, by: float) -> float:
-        """Seconds until a share `by` of the budget is spent; 0 once it is."""
-        return max(by * self.budget_s - self.seconds(), 0.0)
-
-    def _noting(self, spent: Callable[[], bool]) -> Callable[[], bool]:
-        def asked() -> bool:
-            over = spent()
-            self.late = self.late or over
-            return over
-
-        return asked
-
-    def part(self, share: float, by: float = SEARCH_SHARE) -> Callable[[], bool]:
-        """Whether a share of the time left until `by` (a share of the budget, by default the search's) is spent."""
-        end = self.seconds() + share * self.left(by)
-        return lambda: self.seconds() > end
+    def within(self, seconds: float) -> Deadline:
+        """So many seconds from now."""
+        return Deadline(self.now() + seconds, self.now)

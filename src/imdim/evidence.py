@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry.surface import Surface
 from imdim.program.tree import Program
 from imdim.search.cells import Samples
@@ -52,9 +53,9 @@ class Evidence:
         """The program with its numbers fitted to the surface, by a few steps."""
         return refine(program, self.scorer.target.surface, config=RefineConfig(newton_steps=15, start_scale=0.01)).program
 
-    def tree(self, out_of_time: Callable[[], bool] = bool) -> Program | None:
+    def tree(self, deadline: Deadline = NEVER) -> Program | None:
         """The decision tree's program, made shorter while there is time (by default any)."""
         cells = self.families.cells
         tree = grow(cells.points, cells.w_in > cells.w_out, self.surfaces, cells.w_in + cells.w_out)
         low, high = self.families.arrangement.bounds
-        return tree_to_program(tree, low, high, out_of_time)
+        return tree_to_program(tree, low, high, deadline)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from imdim.deadline import Deadline
 from imdim.evidence import Evidence
 from imdim.program.tree import Program
 from imdim.search.evolve.population import EvolutionConfig, Generation, evolve
@@ -17,14 +18,14 @@ from imdim.search.structure import search as search_structure
 
 
 def seeds_of(
-    evidence: Evidence, rng: np.random.Generator, out_of_time: Callable[[], bool], policy: Sequence[Program] = ()
+    evidence: Evidence, rng: np.random.Generator, deadline: Deadline, policy: Sequence[Program] = ()
 ) -> dict[str, list[Program]]:
     """Programs to start from, per source."""
-    tree = evidence.tree(out_of_time)
+    tree = evidence.tree(deadline)
     seeds = {"policy": list(policy), "tree": [tree] if tree else []}
-    seeds["surfaces"] = surface_seeds(evidence.families, evidence.size_weight, out_of_time)
+    seeds["surfaces"] = surface_seeds(evidence.families, evidence.size_weight, deadline)
     config = StructureConfig(size_weight=evidence.size_weight)
-    found = search_structure(evidence.families, config, rng, out_of_time)
+    found = search_structure(evidence.families, config, rng, deadline)
     seeds["search"] = [p for f in found for p in steps(f.sequence, evidence.families)]
     return seeds
 
@@ -33,13 +34,13 @@ def evolved(
     evidence: Evidence,
     seeds: dict[str, list[Program]],
     rng: np.random.Generator,
-    out_of_time: Callable[[], bool],
+    deadline: Deadline,
     config: EvolutionConfig | None = None,
     solver: bool = True,
 ) -> Iterator[Generation]:
     """Generations over the body, programs in its unit frame, the best of them with fitted numbers where there is a `solver`."""
     scene = Scene(evidence.scorer, evidence.families.arrangement.outer, evidence.families)
-    return evolve(seeds, scene, rng, out_of_time, config, evidence.solve if solver else None)
+    return evolve(seeds, scene, rng, deadline, config, evidence.solve if solver else None)
 
 
 def logged(generations: Iterable[Generation], folder: str, name: str) -> Iterator[Generation]:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from imdim.body import Seen
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
 from imdim.geometry.cloud import Frame, Target
 from imdim.geometry.likening import likened
@@ -30,45 +29,45 @@ MOST_RELATED = 120  # primitives; the time that relations take grows with the sq
 RELATE_ERROR, RELATE_MOVE, RELATE_VOLUME = 1e-2, 1e-5, 2.5e-3  # shares of mean distance, diagonal, volume that relations may cost
 
 
-def solved(program: Program, seen: Seen, out_of_time: Callable[[], bool] = bool) -> Program:
+def solved(program: Program, seen: Seen, deadline: Deadline = NEVER) -> Program:
     """The numbers fitted to a cloud, as far as time allows; of a mesh, odd ones are made like their fellows.
 
     A mesh's carriers are exact already, and its facets would pull them inwards.
     """
     if seen.target.mesh is not None:
-        return program if out_of_time() else likened(program, LIKE, lambda trial: seen.iou(trial) or 0.0, out_of_time)
+        return program if deadline.passed() else likened(program, LIKE, lambda trial: seen.iou(trial) or 0.0, deadline)
     chosen = subsample(seen.target.points, SHOWN)
-    fit = refine(program, chosen, config=RefineConfig(start_scale=0.01), out_of_time=out_of_time)
-    fitted = fit.program if out_of_time() else _constrained(fit.program, chosen, seen, out_of_time)
+    fit = refine(program, chosen, config=RefineConfig(start_scale=0.01), deadline=deadline)
+    fitted = fit.program if deadline.passed() else _constrained(fit.program, chosen, seen, deadline)
     nearer = _mean_distance(fitted, chosen) < _mean_distance(program, chosen)
     return fitted if nearer and seen.error(fitted) < seen.error(program) + POOR else program
 
 
-def _constrained(program: Program, points: np.ndarray, seen: Seen, out_of_time: Callable[[], bool]) -> Program:
+def _constrained(program: Program, points: np.ndarray, seen: Seen, deadline: Deadline) -> Program:
     """The relations that a cloud bears out made exact, unless that explains its points or its volume worse."""
-    found = discover(program, points, out_of_time).program
+    found = discover(program, points, deadline).program
     nearer = _mean_distance(found, points) <= (1 + RELATE_ERROR) * _mean_distance(program, points)
     return found if nearer and seen.error(found) <= seen.error(program) + RELATE_VOLUME else program
 
 
-def related(program: Program, target: Target, out_of_time: Callable[[], bool] = bool) -> tuple[Program, tuple[Constraint, ...]]:
+def related(program: Program, target: Target, deadline: Deadline = NEVER) -> tuple[Program, tuple[Constraint, ...]]:
     """The relations that hold for a finished program; its numbers move by rounding alone, or not at all if the target is then missed.
 
     None once time is out.
     """
-    if out_of_time():
+    if deadline.passed():
         return program, ()
-    found, constraints = relations_of(program, out_of_time)
+    found, constraints = relations_of(program, deadline)
     shown = subsample(target.points, SHOWN)
     limit = (1 + RELATE_ERROR) * _mean_distance(program, shown) + RELATE_MOVE * diagonal(shown)
     return (found, constraints) if _mean_distance(found, shown) <= limit else (program, ())
 
 
-def relations_of(program: Program, out_of_time: Callable[[], bool] = bool) -> tuple[Program, tuple[Constraint, ...]]:
+def relations_of(program: Program, deadline: Deadline = NEVER) -> tuple[Program, tuple[Constraint, ...]]:
     """A finished program with the relations that its own numbers bear out; none for a very long one, and no more once time is out."""
     if count(program).primitives > MOST_RELATED:
         return program, ()
-    found = exact_relations(program, out_of_time=out_of_time)
+    found = exact_relations(program, deadline=deadline)
     return found.program, found.constraints
 
 
@@ -76,28 +75,28 @@ def _mean_distance(program: Program, points: np.ndarray) -> float:
     return float(np.abs(kernels.program_sdf(program, points)).mean())
 
 
-def snapped(program: Program, seen: Seen, frame: Frame, out_of_time: Callable[[], bool] = bool) -> Program:
+def snapped(program: Program, seen: Seen, frame: Frame, deadline: Deadline = NEVER) -> Program:
     """A program in the body's units with the numbers that its designer may have typed there, as far as time allows.
 
     Snapping is judged by the distance of surface points, which is fast; the volume it changed decides whether it was too bold.
     """
-    exact, points, in_unit_frame = seen.target.mesh is not None, _surface_points(seen), frame.apply
+    exact, points, to_unit = seen.target.mesh is not None, _surface_points(seen), frame.apply
     limit = 2e-3 if exact else 1e-2
 
     def distance(trial: Program) -> float:
-        return float(np.minimum(np.abs(kernels.program_sdf(in_unit_frame(trial), points)), limit).mean())
+        return float(np.minimum(np.abs(kernels.program_sdf(to_unit(trial), points)), limit).mean())
 
     plain = map_leaves(program, lambda _, leaf: canonical(leaf))
-    if out_of_time():
+    if deadline.passed():
         return plain
-    before = seen.iou(in_unit_frame(plain))
+    before = seen.iou(to_unit(plain))
     for boldness in (1.0, 0.1, 0.01) if exact else (1.0, 0.3):
-        if out_of_time():
+        if deadline.passed():
             break
         config = SnapConfig(max_move=(1e-3 if exact else 2e-3) * boldness, abs_tolerance=(2e-6 if exact else 2e-5) * boldness)
-        rounder = snap(program, distance, config=config, out_of_time=out_of_time)
+        rounder = snap(program, distance, config=config, deadline=deadline)
         if _changed_volume(plain, rounder) < (SNAP_CHANGE if exact else 10 * SNAP_CHANGE) and (
-            before is None or before - (seen.iou(in_unit_frame(rounder)) or 0.0) < SNAP_LOSS
+            before is None or before - (seen.iou(to_unit(rounder)) or 0.0) < SNAP_LOSS
         ):
             return rounder
     return plain

@@ -14,8 +14,9 @@ import numpy as np
 
 from imdim import stump_net as stump_nets
 from imdim.body import SAMPLES, Seen
-from imdim.clock import CHOOSE_BY, FIT_BY, Clock
+from imdim.clock import Budget, Stage
 from imdim.config import Settings
+from imdim.deadline import Deadline
 from imdim.evolution import evolved, logged, seeds_of
 from imdim.fitting import POOR
 from imdim.program.cost import count
@@ -36,29 +37,30 @@ if TYPE_CHECKING:
 
 PolicyOf = Callable[[], "Policy | None"]
 
+CUT = "budget_spent"  # how a method ended that time has cut short
 TOUCHED = 1e-2  # of the volume; a search that leaves more is followed by a short evolution, which mends little that is smaller
 LONG = 40  # primitives; so is one whose program is this long, which evolution shortens
 POOR_IF_CUT = 0.01  # of the volume; a search that was cut short and leaves more is compared with the decision tree
 TOUCH = EvolutionConfig(generations=60, patience=10)
-START_SHARE = 0.4  # of the search's time, after which its best starts get the rest
-SEED_SHARE = 0.4  # of the search's time, that evolution gives to its seeds
 WORTH_MORE = 0.5  # of a primitive's price; error that a search goes on for although no fewer primitives can do
-NOISY_SHARE = 0.15  # of the time that the search has left: what the cells of a noisy cloud say is not worth more
-PROPOSED_SHARE = 0.5  # of the time until numbers must be fitted, that the policy's programs may take
 PROPOSE_S = 6.0  # what loading torch and writing a beam take of the processor; the solver works without it where less is left
 FAR_BETTER = 0.5  # of the misfit of the search's program
 
 
 @dataclass(frozen=True)
 class Run:
-    """One body to be explained: what is seen of it, and what the method may use. `share` is its part of the time left to the search."""
+    """One body to be explained: what is seen of it, and what the method may use. `share` is its part of the time that a stage has left."""
 
     seen: Seen
     settings: Settings
     policy: PolicyOf
-    clock: Clock
+    budget: Budget
     rng: np.random.Generator
     share: float = 1.0
+
+    def part_of(self, stage: Stage) -> Deadline:
+        """When this body's part of the time is spent that the stage may take from now on."""
+        return self.budget.part_of(stage, self.share)
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,7 @@ class Step:
     """A program. `error` is relative to the body's volume, None where the method does not know it.
 
     `others` are cruder and finer programs that a user may choose instead. `proof` says whether it is proved minimal, empty if nobody asked.
+    `stop` of the last step says how the method ended: "finished", CUT, and after an evolution "exact" or "stagnation".
     """
 
     stage: str
@@ -73,6 +76,11 @@ class Step:
     error: float | None = None
     others: tuple[Program, ...] = ()
     proof: str = ""
+    stop: str = "finished"
+
+    def cut_if(self, cut: bool) -> Step:
+        """The step; where time has `cut` what would have bettered it, one that says so."""
+        return replace(self, stop=CUT) if cut else self
 
 
 Method = Callable[[Run], Iterator[Step]]
@@ -81,13 +89,12 @@ Method = Callable[[Run], Iterator[Step]]
 def auto(run: Run) -> Iterator[Step]:
     """The structure search and a short evolution; the decision tree and the policy where these leave much; proofs, which end it early."""
     best: Step | None = None
-    proofs = Proofs(run.seen, run.clock, run.share)
+    proofs = Proofs(run.seen, run.budget, run.share)
     for best in _searched_and_touched(run, proofs):
         yield best
     for source in (_grown_if_poor, _proposed_if_poor):
-        better = source(run, best)
-        if better is not None:
-            best = better
+        before, best = best, source(run, best)
+        if best is not None and best != before:
             yield best
     if best is not None and run.settings.synthesis and not run.seen.noisy:
         yield _proved(best, proofs)
@@ -95,41 +102,43 @@ def auto(run: Run) -> Iterator[Step]:
 
 def tree(run: Run) -> Iterator[Step]:
     """The decision tree alone."""
-    program = grown(run)
+    deadline = run.part_of("fit")
+    program = grown(run, deadline)
     if program is not None:
-        yield Step("tree", program)
+        yield Step("tree", program).cut_if(deadline.passed())
 
 
 def policy(run: Run) -> Iterator[Step]:
     """The policy's beam and the solver alone."""
-    yield Step("policy", _proposed(run, []))
+    yield _proposed(run, [])
 
 
 def evolve(run: Run) -> Iterator[Step]:
     """Evolution from the programs of the policy, the tree, the surfaces and the search."""
     seen, written = run.seen, run.policy()
     beam = [] if written is None else [p.program for p in proposals(written, seen.target.points, seen.noise.sigma)]
-    seeds = seeds_of(seen.evidence, run.rng, run.clock.part(SEED_SHARE * run.share), beam)
-    for generation in _generations(run, seeds, run.clock.part(run.share)):
-        run.clock.ending = generation.stop or run.clock.ending
+    seeds = seeds_of(seen.evidence, run.rng, run.part_of("seeds"), beam)
+    for generation in _generations(run, seeds, run.part_of("search")):
         others = tuple(i.program for i in (*generation.front, generation.best))
-        yield Step("evolve", generation.best.program, generation.best.score.volume, others)
+        yield Step("evolve", generation.best.program, generation.best.score.volume, others, stop=generation.stop or "finished")
 
 
 def stump_net(run: Run) -> Iterator[Step]:
     """CSG-Stump Net's prediction, fitted to the body's samples, alone."""
-    net = stump_nets.load(run.settings.stump_checkpoint)
-    yield Step("stump-net", stump_nets.proposed(run.seen, net, run.settings.seed, run.clock.out_of_time))
+    net, deadline = stump_nets.load(run.settings.stump_checkpoint), run.budget.end_of("search")
+    yield Step("stump-net", stump_nets.proposed(run.seen, net, run.settings.seed, deadline)).cut_if(deadline.passed())
 
 
 def stump(run: Run) -> Iterator[Step]:
     """CSG-Stump's matrices by binary programming over detected primitives; the decision tree where none was detected."""
-    passed: list[Program] = []
-    for program in stumps(run.seen, run.clock.out_of_time):
+    passed, deadline = list[Program](), run.budget.end_of("search")
+    for program in stumps(run.seen, deadline):
         passed.append(program)
         yield Step("stump", program, others=tuple(passed))
     if not passed:
         yield from tree(run)
+    elif deadline.passed():
+        yield Step("stump", passed[-1], others=tuple(passed), stop=CUT)
 
 
 METHODS: dict[str, Method] = {
@@ -144,107 +153,116 @@ METHODS: dict[str, Method] = {
 
 def _searched_and_touched(run: Run, proofs: Proofs) -> Iterator[Step]:
     passed: list[Program] = []
-    for stage, program in _searched(run, proofs):
-        passed.append(program)
-        yield Step(stage, program, others=tuple(passed))
-    for program in _touched(run, passed):
-        passed.append(program)
-        yield Step("evolve", program, others=tuple(passed))
+    step: Step | None = None
+    for step in _searched(run, proofs):
+        passed.append(step.program)
+        yield replace(step, others=tuple(passed))
+    if step is not None:
+        yield from _touched(run, replace(step, others=tuple(passed)))
 
 
-def _searched(run: Run, proofs: Proofs) -> Iterator[tuple[str, Program]]:
+def _searched(run: Run, proofs: Proofs) -> Iterator[Step]:
     """Programs of the structure search, each better than the one before, until one is proved minimal."""
-    seen, found, shortest = run.seen, None, None
+    seen, found, shortest, enough = run.seen, None, None, False
     if not run.settings.synthesis:
-        program = grown(run)
-        if program is not None:
-            yield "tree", program
+        yield from tree(run)
         return
-    out_of_time = run.clock.ending_at(NOISY_SHARE * run.share) if seen.noisy else run.clock.out_of_time
+    deadline = run.part_of("noisy_search") if seen.noisy else run.budget.end_of("search")
     price = seen.size_weight * seen.cells.volume
     sharpener = Sharpener(seen.families, seen.label, SAMPLES, price, run.rng) if seen.evidence.exact else None
-    config, started = StructureConfig(size_weight=seen.size_weight), run.clock.part(START_SHARE * run.share)
-    for found in search_structure(seen.families, config, run.rng, out_of_time, sharpener, started):
+    config, start_by = StructureConfig(size_weight=seen.size_weight), run.part_of("starts")
+    for found in search_structure(seen.families, config, run.rng, deadline, sharpener, start_by):
         program = to_program(found.sequence, found.families)
-        yield "search", program
+        yield Step("search", program)
         # what the labels of a noisy cloud prove is not worth the time
         program, proof = (None if seen.noisy else proofs.early(program)) or (program, None)
         if proof and proof.program and (shortest is None or seen.price(program) < seen.price(shortest)):
             shortest = program
-        if (proof and proof.minimal and proof.extra < WORTH_MORE) or (seen.noisy and out_of_time()):
+        enough = bool(proof and proof.minimal and proof.extra < WORTH_MORE)
+        if enough or (seen.noisy and deadline.passed()):
             break
     if found is None:
         return
+    cut = deadline.passed() and not enough
     # a range is as short as all cells that were ever seen allow
     every = sharpener.every if sharpener else found.families
     tidied = to_program(tidy(seen_by(found.sequence, every), every), every)
     if shortest is not None and seen.exact_price(shortest) < seen.exact_price(tidied):
-        yield "proof", shortest
+        yield Step("proof", shortest).cut_if(cut)
     else:
-        yield "search", tidied
+        yield Step("search", tidied).cut_if(cut)
 
 
-def _touched(run: Run, found: list[Program]) -> Iterator[Program]:
-    """Fitter programs of a few generations that start from those the search passed through: what no signed sequence of candidates is.
+def _touched(run: Run, last: Step) -> Iterator[Step]:
+    """Fitter programs of a few generations that start from those the search passed through, `last.others`: what no signed sequence of
+    candidates is.
 
     For a mesh, where the search left something or its program is long; in a cloud the doubts about what is inside outweigh it.
     """
-    seen = run.seen
-    if not (run.settings.evolution and found and seen.evidence.exact) or run.clock.out_of_time():
+    seen, deadline = run.seen, run.budget.end_of("search")
+    if not (run.settings.evolution and seen.evidence.exact):
         return
-    if seen.error(found[-1]) < TOUCHED and count(found[-1]).primitives < LONG:
+    if seen.error(last.program) < TOUCHED and count(last.program).primitives < LONG:
         return
-    best, least = seen.evidence.scorer.score(found[-1:])[0].fitness, seen.exact_price(found[-1])
-    for generation in _generations(run, {"search": found}, run.clock.out_of_time, TOUCH):
+    best, least = seen.evidence.scorer.score([last.program])[0].fitness, seen.exact_price(last.program)
+    for generation in () if deadline.passed() else _generations(run, {"search": list(last.others)}, deadline, TOUCH):
         # what is not worth half a primitive is not worth another way to draw it
         if generation.best.score.fitness < best - 0.5 * seen.size_weight:
             best = generation.best.score.fitness
             price = seen.exact_price(generation.best.program)
             if price < least - 0.5 * seen.size_weight:
                 least = price
-                yield generation.best.program
+                last = replace(last, stage="evolve", program=generation.best.program, others=(*last.others, generation.best.program))
+                yield last
+    if deadline.passed():
+        yield last.cut_if(True)
 
 
 def _generations(
-    run: Run, seeds: dict[str, list[Program]], out_of_time: Callable[[], bool], config: EvolutionConfig | None = None
+    run: Run, seeds: dict[str, list[Program]], deadline: Deadline, config: EvolutionConfig | None = None
 ) -> Iterator[Generation]:
-    generations = evolved(run.seen.evidence, seeds, run.rng, out_of_time, config, run.settings.solver)
+    generations = evolved(run.seen.evidence, seeds, run.rng, deadline, config, run.settings.solver)
     yield from logged(generations, run.settings.logdir, run.seen.target.name) if run.settings.logdir else generations
 
 
 def _grown_if_poor(run: Run, best: Step | None) -> Step | None:
-    """The decision tree's program, where there is nothing or much is left and it costs less.
+    """The best, or the decision tree's program, where there is nothing or much is left and it costs less.
 
     A noisy cloud's time is better spent on its points: the cells' doubts make the tree long.
     """
     seen = run.seen
-    if best is not None and (seen.noisy or seen.error(best.program) <= (POOR_IF_CUT if run.clock.cut else POOR)):
-        return None
-    program = grown(run)
-    if program is None or (best is not None and seen.price(program) >= seen.price(best.program)):
-        return None
-    return Step("tree", program) if best is None else replace(best, stage="tree", program=program)
+    if best is not None and (seen.noisy or seen.error(best.program) <= (POOR_IF_CUT if best.stop == CUT else POOR)):
+        return best
+    deadline = run.part_of("fit")
+    program = grown(run, deadline)
+    if best is None:
+        return None if program is None else Step("tree", program).cut_if(deadline.passed())
+    if program is not None and seen.price(program) < seen.price(best.program):
+        best = replace(best, stage="tree", program=program)
+    return best.cut_if(deadline.passed())
 
 
-def grown(run: Run) -> Program | None:
+def grown(run: Run, deadline: Deadline) -> Program | None:
     """The decision tree's program."""
-    return run.seen.evidence.tree(run.clock.ending_at(run.share, FIT_BY))
+    return run.seen.evidence.tree(deadline)
 
 
 def _proposed_if_poor(run: Run, best: Step | None) -> Step | None:
-    """The policy's program for a cloud, where there is nothing or much is left and it fits far better.
+    """The best, or the policy's program for a cloud, where there is nothing or much is left and it fits far better.
 
     The cells of a noisy cloud miss what detection missed: there it is always asked, and the points judge later (`noisy`).
     """
     seen = run.seen
     if seen.target.mesh is not None or (best is not None and not seen.noisy and seen.error(best.program) <= POOR):
-        return None
-    program = _proposed(run, [] if best is None else [best.program])
+        return best
+    proposed = _proposed(run, [] if best is None else [best.program])
     if best is None:
-        return Step("policy", program)
+        return proposed
     if seen.noisy:
-        return replace(best, others=(*best.others, program))
-    return replace(best, stage="policy", program=program) if preferred(program, best.program, seen) else None
+        best = replace(best, others=(*best.others, proposed.program))
+    elif preferred(proposed.program, best.program, seen):
+        best = replace(best, stage="policy", program=proposed.program)
+    return best.cut_if(proposed.stop == CUT)
 
 
 def _proved(best: Step, proofs: Proofs) -> Step:
@@ -254,19 +272,17 @@ def _proved(best: Step, proofs: Proofs) -> Step:
     return replace(best, stage="proof", program=program, error=None, others=others, proof=str(proof))
 
 
-def _proposed(run: Run, starts: list[Program]) -> Program:
+def _proposed(run: Run, starts: list[Program]) -> Step:
     """The best that the solver makes of a policy's beam and of other programs."""
-    seen, late = run.seen, run.clock.ending_at(PROPOSED_SHARE * run.share, FIT_BY)
-    written = run.policy() if run.settings.method == "policy" or time_to_propose(run.clock) else None
-    best, *_ = proposals(written, seen.target.points, seen.noise.sigma, starts, out_of_time=late)
-    return best.program
+    deadline, asked = run.part_of("propose"), run.settings.method == "policy" or time_to_propose(run.budget)
+    written = run.policy() if asked else None
+    best, *_ = proposals(written, run.seen.target.points, run.seen.noise.sigma, starts, deadline=deadline)
+    return Step("policy", best.program).cut_if(deadline.passed() or not asked)
 
 
-def time_to_propose(clock: Clock) -> bool:
-    """Whether there is time for a policy; that there was none stays known."""
-    short = clock.left(CHOOSE_BY) < PROPOSE_S
-    clock.late = clock.late or short
-    return not short
+def time_to_propose(budget: Budget) -> bool:
+    """Whether there is time for a policy."""
+    return budget.end_of("choose").left() >= PROPOSE_S
 
 
 def preferred(proposed: Program, program: Program, seen: Seen) -> bool:

@@ -7,6 +7,7 @@ search that outruns its budget, and the last snapshot then says so.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -14,15 +15,16 @@ from functools import cache
 import numpy as np
 import trimesh
 
-from imdim.body import Seen, UnitBody, look
+from imdim.body import Seen, UnitBody, UnseenError, look
 from imdim.choices import choices_beside, few, united
-from imdim.clock import CHOOSE_BY, DETECT_BY, FIT_BY, LABEL_BY, RELATE_BY, Clock
+from imdim.clock import Budget
 from imdim.config import ConfigError, Settings
+from imdim.deadline import Deadline
 from imdim.fitting import related, snapped, solved
 from imdim.geometry.cloud import Frame, InputError, Target, in_unit_frame, split_bodies, target_from
 from imdim.geometry.solid import to_manifold
 from imdim.geometry.strays import without_strays
-from imdim.methods import METHODS, PolicyOf, Run, Step, time_to_propose
+from imdim.methods import CUT, METHODS, PolicyOf, Run, Step, time_to_propose
 from imdim.noisy import most_likely, unlabelled
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
@@ -36,7 +38,6 @@ GUESSING = ("auto", "policy")  # methods that may answer from the points alone w
 UNKNOWN = 1.0  # error of a program whose body shows no inside
 NO_INSIDE = "not proved: the noisy cloud shows no inside, this is a guess from its points alone"
 NO_TIME = "not proved: time ran out before the cloud showed its inside, this is a guess from its points alone"
-FRONT_BY = 0.92  # of the budget: later than that no other choices are looked for
 JOINT_ERROR = 2e-3  # of the volume, that a shorter program of all bodies at once may cost
 
 
@@ -63,7 +64,7 @@ class Snapshot:
 
 @dataclass(frozen=True)
 class _State:
-    """A program of one body, it and the `volume` in the body's units; `error` is relative to that."""
+    """A program of one body, it and the `volume` in the body's units; `error` is relative to that. `stop` is as a step's."""
 
     stage: str
     program: Program
@@ -71,28 +72,39 @@ class _State:
     volume: float
     front: tuple[Choice, ...] = ()
     proof: str = ""
+    stop: str = "finished"
 
 
-def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) -> Iterator[Snapshot]:
-    """Yield better and better programs for `target`; the last one is the result.
+@dataclass(frozen=True)
+class _Work:
+    """What all bodies of a run share."""
+
+    settings: Settings
+    policy: PolicyOf
+    budget: Budget
+    rng: np.random.Generator
+
+
+def reconstruct(target: Target, settings: Settings, rng: np.random.Generator, now: Callable[[], float] | None = None) -> Iterator[Snapshot]:
+    """Yield better and better programs for `target`; the last one is the result. `now` tells the time, by default the wall clock's.
 
     Raises InputError where the target shows no surface or has no volume, ConfigError for an unknown method or an unusable checkpoint.
     """
     if settings.method not in METHODS:
         raise ConfigError(f"unknown method {settings.method!r}; known are {', '.join(METHODS)}")
-    policy = _policy_of(settings)
-    clock = Clock(settings.budget_s)
-    last: Snapshot | None = None
+    policy, budget = _policy_of(settings), Budget(settings.budget_s, now or time.perf_counter)
+    last: _State | None = None
     left_out: list[InputError] = []
-    for last in _by_body(target, settings, policy, clock, rng, left_out):
-        yield last
+    for last in _by_body(target, _Work(settings, policy, budget, rng), left_out):
+        yield Snapshot(last.stage, last.program, last.error, budget.seconds(), front=last.front, proof=last.proof)
     if last is None:
         raise next(iter(left_out), InputError(f"{target.name}: no program found"))
-    program, constraints = related(last.program, target, clock.near_end(RELATE_BY)) if settings.solver else (last.program, ())
+    relate_by = budget.end_of("relate")
+    program, constraints = related(last.program, target, relate_by) if settings.solver else (last.program, ())
     front = tuple(replace(c, program=program) if c.program == last.program else c for c in few(last.front, last.program))
-    stop = "budget_spent" if clock.cut or clock.late else clock.ending
     notes = tuple(f"{error}; left out" for error in left_out)
-    yield Snapshot("finished", program, last.error, clock.seconds(), stop, front, constraints, last.proof, notes)
+    stop = CUT if settings.solver and relate_by.passed() else last.stop
+    yield Snapshot("finished", program, last.error, budget.seconds(), stop, front, constraints, last.proof, notes)
 
 
 def _policy_of(settings: Settings) -> PolicyOf:
@@ -103,10 +115,8 @@ def _policy_of(settings: Settings) -> PolicyOf:
     return policy
 
 
-def _by_body(
-    target: Target, settings: Settings, policy: PolicyOf, clock: Clock, rng: np.random.Generator, left_out: list[InputError]
-) -> Iterator[Snapshot]:
-    """Snapshots of the union of the bodies done so far; a few bodies are then tried as one, since one cut may have parted them.
+def _by_body(target: Target, work: _Work, left_out: list[InputError]) -> Iterator[_State]:
+    """States of the union of the bodies done so far; a few bodies are then tried as one, since one cut may have parted them.
 
     Scraps of surface beside a body are no reason to refuse it: why each was is added to `left_out`.
     """
@@ -115,30 +125,44 @@ def _by_body(
     for i, body in enumerate(bodies):
         state = None
         try:
-            for state in _body(body, settings, policy, clock, rng, 1 / (len(bodies) - i)):
-                yield _together(state.stage, [*done, state], clock)
+            for state in _body(body, work, 1 / (len(bodies) - i)):
+                yield _together(state.stage, [*done, state])
         except InputError as error:
             left_out.append(error)
         done += [state] if state else []
-    if left_out or not 1 < len(done) <= MOST_JOINT or clock.out_of_time():
+    if not left_out and 1 < len(done) <= MOST_JOINT:
+        yield from _jointly(target, work, _together(done[-1].stage, done))
+
+
+def _jointly(target: Target, work: _Work, apart: _State) -> Iterator[_State]:
+    """The bodies as one where that is shorter, or `apart` where time has cut the attempt."""
+    if work.budget.end_of("search").passed():
+        yield replace(apart, stop=CUT)
         return
-    apart = _together("joint", done, clock)
     try:
-        *_, joint = _body(target, settings, policy, clock, rng)
+        *_, joint = _body(target, work)
     except InputError:  # all is told by the bodies
         return
     if count(joint.program).primitives < count(apart.program).primitives and joint.error < apart.error + JOINT_ERROR:
-        yield _together("joint", [joint], clock)
+        yield replace(joint, stage="joint", stop=_stop([apart.stop, joint.stop]))
+    elif joint.stop == CUT:
+        yield replace(apart, stop=CUT)
 
 
-def _together(stage: str, states: list[_State], clock: Clock) -> Snapshot:
+def _together(stage: str, states: list[_State]) -> _State:
     """The union of several bodies' programs, with the error of all of them relative to their volume."""
     volume = sum(s.volume for s in states)
     error = sum(s.error * s.volume for s in states) / volume
     fronts = [s.front for s in states]
     front = united(fronts, [s.program for s in states], [s.volume for s in states]) if all(fronts) else []
-    program, proof = combine_all("union", [s.program for s in states]), _proof([s.proof for s in states])
-    return Snapshot(stage, program, error, clock.seconds(), front=tuple(front), proof=proof)
+    program = combine_all("union", [s.program for s in states])
+    return _State(stage, program, error, volume, tuple(front), _proof([s.proof for s in states]), _stop([s.stop for s in states]))
+
+
+def _stop(stops: list[str]) -> str:
+    """How work on several bodies ended: cut if any was, else as the last one that tells more than that it ended."""
+    told = [stop for stop in stops if stop != "finished"]
+    return CUT if CUT in told else next(reversed(told), "finished")
 
 
 def _proof(proofs: list[str]) -> str:
@@ -148,36 +172,34 @@ def _proof(proofs: list[str]) -> str:
     return next((p for p in proofs if p.startswith("not")), "")
 
 
-def _body(
-    body: Target, settings: Settings, policy: PolicyOf, clock: Clock, rng: np.random.Generator, share: float = 1.0
-) -> Iterator[_State]:
+def _body(body: Target, work: _Work, share: float = 1.0) -> Iterator[_State]:
     """Better and better programs of one body, which may take a share of the time left."""
     unit, frame = in_unit_frame(body)
-    observed = UnitBody.of(unit, rng)
+    budget, settings, observed = work.budget, work.settings, UnitBody.of(unit, work.rng)
     try:
-        seen = look(observed, settings.size_weight, rng, clock.ending_at(share, DETECT_BY), clock.ending_at(share, LABEL_BY))
-    except InputError:
-        cut = clock.late
-        guess = _guess(observed, settings, policy, clock, share, cut) if cut or settings.method in GUESSING else None
+        seen = look(observed, settings.size_weight, work.rng, budget.part_of("detect", share), budget.part_of("label", share))
+    except UnseenError as error:
+        guess = _guess(observed, work, share, error.cut)
         if guess is None:
             raise
-        state = _state(Step("policy", guess, UNKNOWN, proof=NO_TIME if cut else NO_INSIDE), frame, to_manifold(guess).volume())
+        state = _state(guess, frame, to_manifold(guess.program).volume())
         yield replace(state, front=(Choice(state.program, UNKNOWN),))
         return
     step, volume = None, seen.cells.volume
-    for step in METHODS[settings.method](Run(seen, settings, policy, clock, rng, share)):
+    for step in METHODS[settings.method](Run(seen, settings, work.policy, budget, work.rng, share)):
         yield _state(_measured(step, seen), frame, volume)
     if step is None:
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
-    no_time_to_choose, late = _times(clock, share)
-    home = step.program if seen.solid is None else without_strays(step.program, seen.solid, late)
-    step = _measured(replace(step, stage="simplify", program=reduce_program(home, out_of_time=late), error=None), seen)
-    last = _state(step, frame, volume)
+    choose_by, fit_by = _times(budget, share)
+    home = step.program if seen.solid is None else without_strays(step.program, seen.solid, fit_by)
+    simple = replace(step, stage="simplify", program=reduce_program(home, deadline=fit_by), error=None)
+    last = _state(_measured(simple, seen), frame, volume)
     yield last
     if settings.solver:
-        last = _state(_solved(step, seen, no_time_to_choose, late), frame, volume)
-        last = replace(last, program=snapped(last.program, seen, frame, late))
-    yield _finished(last, step.others, seen, frame, clock)
+        last = _state(_measured(_solved(simple, seen, choose_by, fit_by), seen), frame, volume)
+        last = replace(last, program=snapped(last.program, seen, frame, fit_by))
+    cut = seen.cut or fit_by.passed()
+    yield _finished(replace(last, stop=CUT) if cut else last, step.others, seen, frame, budget)
 
 
 def _measured(step: Step, seen: Seen) -> Step:
@@ -187,35 +209,42 @@ def _measured(step: Step, seen: Seen) -> Step:
 def _state(step: Step, frame: Frame, volume: float) -> _State:
     """A step in the body's units; `volume` is the body's in the unit frame."""
     assert step.error is not None
-    return _State(step.stage, frame.undo(step.program), step.error, volume / frame.scale**3, proof=step.proof)
+    return _State(step.stage, frame.undo(step.program), step.error, volume / frame.scale**3, proof=step.proof, stop=step.stop)
 
 
-def _solved(step: Step, seen: Seen, no_time_to_choose: Callable[[], bool], late: Callable[[], bool]) -> Step:
+def _solved(step: Step, seen: Seen, choose_by: Deadline, fit_by: Deadline) -> Step:
     """The step with fitted numbers; of a noisy cloud with a program of other primitives perhaps, which no proof is of."""
-    if seen.noisy:
-        return replace(step, stage="solve", program=most_likely([*step.others, step.program], seen, no_time_to_choose, late), proof="")
-    return replace(step, stage="solve", program=solved(step.program, seen, late))
+    if not seen.noisy:
+        return replace(step, stage="solve", program=solved(step.program, seen, fit_by))
+    told = most_likely([*step.others, step.program], seen, choose_by, fit_by)
+    return replace(step, stage="solve", program=told.program, proof="").cut_if(told.cut)
 
 
-def _finished(last: _State, others: Sequence[Program], seen: Seen, frame: Frame, clock: Clock) -> _State:
+def _finished(last: _State, others: Sequence[Program], seen: Seen, frame: Frame, budget: Budget) -> _State:
     """The last state, its error measured, with its front, of which it alone is where time is short; `others` are in the unit frame."""
     unit = frame.apply(last.program)
     error = seen.error(unit)
-    front = [Choice(last.program, error)]
-    if not clock.near_end(FRONT_BY)():
-        front = choices_beside(last.program, unit, others, seen.evidence, frame)
-    return replace(last, error=error, front=tuple(front))
+    if budget.end_of("front").passed():
+        return replace(last, error=error, front=(Choice(last.program, error),), stop=CUT)
+    return replace(last, error=error, front=tuple(choices_beside(last.program, unit, others, seen.evidence, frame)))
 
 
-def _guess(body: UnitBody, settings: Settings, policy: PolicyOf, clock: Clock, share: float, cut: bool) -> Program | None:
+def _guess(body: UnitBody, work: _Work, share: float, cut: bool) -> Step | None:
     """A program of a cloud from its points alone; of a calm one only where time `cut` its detection short."""
-    asked = settings.method == "policy" or (settings.method in GUESSING and time_to_propose(clock))
-    return unlabelled(body, policy() if asked else None, *_times(clock, share), calm=cut)
+    method = work.settings.method
+    if not cut and method not in GUESSING:
+        return None
+    asked = method == "policy" or (method in GUESSING and time_to_propose(work.budget))
+    told = unlabelled(body, work.policy() if asked else None, *_times(work.budget, share), calm=cut)
+    if told is None:
+        return None
+    step = Step("policy", told.program, UNKNOWN, proof=NO_TIME if cut else NO_INSIDE)
+    return step.cut_if(cut or told.cut or not asked)
 
 
-def _times(clock: Clock, share: float) -> tuple[Callable[[], bool], Callable[[], bool]]:
-    """Whether a body's program must be chosen, and its numbers fitted; each may take a share of the time left."""
-    return clock.ending_at(share, CHOOSE_BY), clock.ending_at(share, FIT_BY)
+def _times(budget: Budget, share: float) -> tuple[Deadline, Deadline]:
+    """When a body's program must be chosen, and its numbers fitted; each may take a share of the time left."""
+    return budget.part_of("choose", share), budget.part_of("fit", share)
 
 
 def reconstruct_best(points_or_mesh: np.ndarray | trimesh.Trimesh | Target, settings: Settings | None = None, seed: int = 0) -> Snapshot:

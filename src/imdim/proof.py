@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from imdim.body import Seen
-from imdim.clock import Clock
+from imdim.clock import Budget
 from imdim.program.cost import count
 from imdim.program.tree import Program
 from imdim.search.exact.prove import Proof, Prover
@@ -14,7 +14,6 @@ from imdim.search.exact.prove import Proof, Prover
 PROOF_S = 10.0  # for all proofs about a body, at most
 EASY, FALL = 16, 8  # primitives, up to which all of that is given, and the power that less is given with beyond: few proofs end there
 EARLY_SHARE = 0.6  # of what is left of that, for one proof before the search has ended
-PROOF_SHARE = 0.6  # of the budget; a search that took all of its own leaves some for the last proof
 MOST_EARLY = 3  # proofs before the search has ended
 
 
@@ -23,7 +22,7 @@ class Proofs:
     """Asks for proofs about programs of one body, which may take a `share` of the time left."""
 
     seen: Seen
-    clock: Clock
+    budget: Budget
     share: float = 1.0
     asked: int = 0
     fewest: int | None = None
@@ -35,12 +34,12 @@ class Proofs:
 
     def of(self, program: Program, share: float = 1.0) -> tuple[Program, Proof]:
         """A proof about a program, and a shorter or the same program; it may take a share of the time for proofs."""
-        start, primitives = self.clock.seconds(), count(program).primitives
+        start, primitives = self.budget.seconds(), count(program).primitives
         most_s = share * (PROOF_S * min(1.0, EASY / primitives) ** FALL - self.spent_s)
-        end = start + min(most_s, self.share * (PROOF_SHARE * self.clock.budget_s - start))
+        deadline = self.budget.within(most_s).earlier(self.budget.part_of("prove", self.share))
         error = self.seen.error(program) * self.seen.cells.volume
-        proof = self._prover.prove(primitives, error, lambda: end - self.clock.seconds())
-        self.spent_s += self.clock.seconds() - start
+        proof = self._prover.prove(primitives, error, deadline)
+        self.spent_s += self.budget.seconds() - start
         return proof.program or program, proof
 
     def early(self, program: Program) -> tuple[Program, Proof] | None:

@@ -6,7 +6,7 @@ and handed with the cloud to the solver of imperfect sequences. torch is only im
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ import numpy as np
 import trimesh
 
 from imdim.config import NONE, SHIPPED, ConfigError, first_line
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry.axes import main_axes
 from imdim.geometry.sampling import subsample
 from imdim.geometry.solid import to_manifold, to_trimesh
@@ -73,12 +74,12 @@ def proposals(
     starts: Sequence[Program] = (),
     seed: int = 0,
     config: ProposalConfig | None = None,
-    out_of_time: Callable[[], bool] = bool,
+    deadline: Deadline = NEVER,
 ) -> list[Proposal]:
     """What the solver makes of a policy's beam and of other programs, cheapest first, never empty; for the surface `points` [n, 3], whose
     noise has the deviation `sigma`.
 
-    Programs that are no signed sequence (intersections) are left out. Once `out_of_time` (by default never) the beam, which is written in
+    Programs that are no signed sequence (intersections) are left out. Past the `deadline` (by default never) the beam, which is written in
     any case, stays as it is.
     """
     # a stray point moves the box that a policy measures by
@@ -86,7 +87,7 @@ def proposals(
     axes = main_axes(subsample(points, POINTS))
     given = [s for p in starts if (s := of_primitives(to_sequence(p))) is not None]
     beam = written(policy, points, axes, seed) if policy is not None else []
-    return settle([*given, *beam], points, sigma, axes, config or FINE, out_of_time)
+    return settle([*given, *beam], points, sigma, axes, config or FINE, deadline)
 
 
 def misfit(program: Program, cloud: Cloud, config: PoolConfig | None = None) -> float:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
 from imdim.body import Seen
+from imdim.deadline import Deadline
 from imdim.program.simplify import reduce_program
 from imdim.program.stump import to_program
 from imdim.program.tree import Program
@@ -17,17 +18,17 @@ from imdim.search.families import Candidate, Families
 MOST = 40  # primitives
 
 
-def stumps(seen: Seen, out_of_time: Callable[[], bool]) -> Iterator[Program]:
+def stumps(seen: Seen, deadline: Deadline) -> Iterator[Program]:
     """Programs, each cheaper than the one before; one at least where the body shows any candidate."""
     families, best = seen.families, np.inf
-    pools = _pools(families, seen.size_weight, out_of_time)
+    pools = _pools(families, seen.size_weight, deadline)
     for pool in pools:
         program = _program(pool, families, seen.size_weight)
         price = seen.price(program)
         if price < best:
             best = price
             yield program
-        if out_of_time():
+        if deadline.passed():
             return
 
 
@@ -38,10 +39,10 @@ def _program(pool: list[Candidate], families: Families, size_weight: float) -> P
     return reduce_program(to_program(matrices(chosen.terms, [families.primitive(c) for c in pool])))
 
 
-def _pools(families: Families, size_weight: float, out_of_time: Callable[[], bool]) -> Iterator[list[Candidate]]:
+def _pools(families: Families, size_weight: float, deadline: Deadline) -> Iterator[list[Candidate]]:
     """Sets of primitives to connect: those that greedy insertion takes under each of several prices, then the best of all of them."""
     every: list[Candidate] = []
-    for sequence in greedy(families, size_weight, out_of_time):
+    for sequence in greedy(families, size_weight, deadline):
         pool = list(dict.fromkeys(half for step in sequence for half in step.term.halves))[:MOST]
         if pool:
             every += pool

@@ -5,7 +5,6 @@ The cloud is turned into its main directions and scaled to the frame that networ
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 
 from imdim.body import Seen
 from imdim.config import NONE, SHIPPED, ConfigError, first_line
+from imdim.deadline import Deadline
 from imdim.geometry import kernels
 from imdim.geometry.axes import main_axes
 from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
@@ -47,7 +47,7 @@ def load(checkpoint: str) -> StumpNet | None:
         raise ConfigError(f"setting stump_checkpoint: {first_line(error)}") from error
 
 
-def proposed(seen: Seen, net: StumpNet | None, seed: int, out_of_time: Callable[[], bool]) -> Program:
+def proposed(seen: Seen, net: StumpNet | None, seed: int, deadline: Deadline) -> Program:
     """The program of what the network sees, or of a random start without one, after the fit."""
     import torch
 
@@ -66,7 +66,7 @@ def proposed(seen: Seen, net: StumpNet | None, seed: int, out_of_time: Callable[
     else:
         with torch.no_grad():
             start = net(poses.local(cloud[None])[:, : net.config.cloud])
-    stump = fit(start, labels, FitConfig(price=seen.size_weight), seed, out_of_time)
+    stump = fit(start, labels, FitConfig(price=seen.size_weight), seed, deadline)
     referee = labels.some(np.random.default_rng(seed + 1).permutation(len(labels.points))[:JUDGED])
 
     def price(program: Program) -> float:

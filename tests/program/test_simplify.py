@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from program_samples import cloud, inside, random_primitive, random_program
+from tests.deadlines import PASSED
 
 from imdim.geometry.solid import to_manifold
 from imdim.program.cost import cost
@@ -183,5 +184,5 @@ def test_a_long_program_is_no_problem():
 
 def test_once_time_is_out_a_program_stays_as_it_is():
     twice = Combine("union", Primitive("sphere", (2.0,)), Primitive("sphere", (1.0,)))
-    assert reduce_program(twice, out_of_time=lambda: True) == twice
+    assert reduce_program(twice, deadline=PASSED) == twice
     assert reduce_program(twice) == twice.left

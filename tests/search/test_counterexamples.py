@@ -5,6 +5,7 @@ import pytest
 from tests.planted import box, common, cut, cylinder, union
 from tests.search.planted_families import arrangement_of, cells_of
 
+from imdim.deadline import NEVER
 from imdim.geometry import kernels
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.cost import count
@@ -29,7 +30,7 @@ def few_samples(program=PLATE, seed=0, samples=FEW, weight=2.5e-4):
 
 
 def searched(families, sharpener, seed=0):
-    *_, last = search(families, StructureConfig(local=LocalConfig(rounds=60)), np.random.default_rng(seed), lambda: False, sharpener)
+    *_, last = search(families, StructureConfig(local=LocalConfig(rounds=60)), np.random.default_rng(seed), NEVER, sharpener)
     return last
 
 

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from tests.deadlines import PASSED
 from tests.planted import PARTS, box, common, cylinder
 from tests.search.planted_families import families_of, planted
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.cost import count
 from imdim.program.sequence import Step
@@ -16,7 +18,7 @@ from imdim.search.tidy import tidy
 
 
 def searched(name: str, seed: int = 0):
-    return list(search(planted(name), StructureConfig(), np.random.default_rng(seed), lambda: False))
+    return list(search(planted(name), StructureConfig(), np.random.default_rng(seed), NEVER))
 
 
 @pytest.mark.parametrize("name", PARTS)
@@ -77,11 +79,11 @@ def test_the_same_seed_finds_the_same():
 def test_a_deadline_cuts_the_search_short():
     families = planted("plate with four holes")
     calls = iter(range(10**9))
-    hurried = list(search(families, StructureConfig(), np.random.default_rng(0), lambda: next(calls) > 6))
+    hurried = list(search(families, StructureConfig(), np.random.default_rng(0), Deadline(6, calls.__next__)))
     assert next(calls) < 60
     assert hurried
     assert hurried[-1].sequence
 
 
 def test_even_without_time_there_is_a_sequence():
-    assert list(search(planted("L bracket"), StructureConfig(), np.random.default_rng(0), lambda: True))
+    assert list(search(planted("L bracket"), StructureConfig(), np.random.default_rng(0), PASSED))

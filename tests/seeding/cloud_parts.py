@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry.surface import Patch
 from imdim.seeding.cloud_surfaces import detect_cloud
 from imdim.seeding.noise import measure_noise
@@ -131,7 +132,7 @@ PARTS = {"plate": plate, "thin_tube": thin_tube, "lamp": lamp}
 
 
 def detected(
-    points: np.ndarray, normals: np.ndarray | None, rng: np.random.Generator, out_of_time: Callable[[], bool] = bool
+    points: np.ndarray, normals: np.ndarray | None, rng: np.random.Generator, deadline: Deadline = NEVER
 ) -> list[Patch]:
     """The surfaces of a cloud with the noise that it shows."""
-    return detect_cloud(points, normals, measure_noise(points, rng)[0], rng, out_of_time=out_of_time)[0]
+    return detect_cloud(points, normals, measure_noise(points, rng)[0], rng, deadline=deadline)[0]

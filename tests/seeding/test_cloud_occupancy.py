@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial import KDTree
 from tests.seeding.cloud_parts import PARTS, detected, plate
 
+from imdim.deadline import Deadline
 from imdim.geometry.surface import Surface
 from imdim.geometry.surface import normals as surface_normals
 from imdim.seeding.cloud_kernels import CONE, CYLINDER, PLANE, SPHERE, TORUS, distance_and_cosine, gradient, pack
@@ -93,7 +94,7 @@ def test_labels_in_no_time_follow_those_that_were_asked():
     queries = queries[KDTree(points).query(queries)[0] > 0.02 * np.linalg.norm(high - low)]
     truth = part.inside(queries)
     asked = []
-    late = inside_probability(patches, points, queries, out_of_time=lambda: asked.append(1) or True)
+    late = inside_probability(patches, points, queries, deadline=Deadline(0.0, lambda: asked.append(1) or 1.0))
     assert len(asked) == 1
     assert ((late > 0.5) == truth).mean() > 0.98
     whole = inside_probability(patches, points, queries)

@@ -5,8 +5,10 @@ from collections import Counter
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.deadlines import PASSED
 from tests.seeding.cloud_parts import PARTS, detected, plate
 
+from imdim.deadline import NEVER
 from imdim.geometry.surface import Patch, signed_distance
 
 
@@ -70,7 +72,7 @@ def test_without_time_the_largest_surfaces_are_found(sigma):
     part, rng = plate(), np.random.default_rng(5)
     points = part.sample(rng, 6000)[0]
     points = points + sigma * np.linalg.norm(np.ptp(points, axis=0)) * rng.normal(size=points.shape)
-    few, whole = (detected(points, None, np.random.default_rng(0), out_of_time=late) for late in (lambda: True, lambda: False))
+    few, whole = (detected(points, None, np.random.default_rng(0), deadline=d) for d in (PASSED, NEVER))
     assert 1 <= len(few) < len(whole)
     assert max(p.area for p in few) > 0.8 * max(p.area for p in whole)
 

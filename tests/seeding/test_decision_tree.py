@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.deadlines import PASSED
 
 from imdim.geometry.kernels import inside
 from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
@@ -125,7 +126,7 @@ def test_without_time_the_program_is_longer_and_the_same_solid():
     program = PLANTED["pocket, turned"][0]
     points, labels, lower, upper = plant(program, 8000, 0)
     tree = grow(points, labels, carriers(program))
-    short, long = to_program(tree, lower, upper), to_program(tree, lower, upper, lambda: True)
+    short, long = to_program(tree, lower, upper), to_program(tree, lower, upper, PASSED)
     fresh = np.random.default_rng(1).uniform(lower, upper, (40_000, 3))
     assert (inside(short, fresh) == inside(long, fresh)).mean() > 0.9999
     assert count(long).primitives > count(short).primitives

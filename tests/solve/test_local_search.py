@@ -4,6 +4,7 @@ from math import inf
 
 import pytest
 
+from imdim.deadline import NEVER
 from imdim.program.sequence import Step
 from imdim.solve.local_search import Stage, own_moves, packed, search_locally, uses
 
@@ -50,7 +51,7 @@ def test_a_round_that_time_cuts_short_changes_nothing(times, reached):
 
 
 def test_nothing_proposed_leaves_the_start():
-    given = search_locally((1, 1.0), lambda _: [], [Stage(as_it_is, 1)], lambda _: [], lambda *_: 0.0, 9, lambda: False)
+    given = search_locally((1, 1.0), lambda _: [], [Stage(as_it_is, 1)], lambda _: [], lambda *_: 0.0, 9, NEVER)
     assert given == (1, 1.0)
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.deadlines import PASSED
 from tests.planted import box, cut, cylinder, sphere, union
 
 from imdim.geometry import kernels
@@ -118,7 +119,7 @@ def test_a_surface_of_one_sample_is_held():
 
 def test_without_time_a_program_is_judged_as_it_is():
     points = cloud(RING, 1000)
-    found = maximise(RING, points, Noise(SIGMA), out_of_time=lambda: True)
+    found = maximise(RING, points, Noise(SIGMA), deadline=PASSED)
     assert found.program == RING
     assert found.rounds == 0
     assert np.isfinite(found.nll)
@@ -129,6 +130,6 @@ def test_without_time_one_surface_is_not_taken_for_two_sheets():
     block = box(40, 30, 20)
     sheets = cut(box(40 + 2 * SIGMA, 30 + 2 * SIGMA, 20 + 2 * SIGMA), box(40 - 2 * SIGMA, 30 - 2 * SIGMA, 20 - 2 * SIGMA))
     points = cloud(block, 4000)
-    one, two = (maximise(p, points, Noise(SIGMA / 2), out_of_time=lambda: True) for p in (block, sheets))
+    one, two = (maximise(p, points, Noise(SIGMA / 2), deadline=PASSED) for p in (block, sheets))
     assert one.nll < two.nll
     assert one.noise.sigma == pytest.approx(SIGMA, rel=0.1)

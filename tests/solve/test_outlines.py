@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tests.deadlines import PASSED
 from tests.planted import box, cone, cut, cylinder, union
 
 from imdim.geometry.rotations import matrix_from_euler
@@ -76,4 +77,4 @@ def test_a_line_is_fitted_and_ends_where_it_is_no_longer_filled():
 
 
 def test_without_time_nothing_is_looked_for():
-    assert outlines(cloud(box(44, 32, 6), 500), np.eye(3), SIGMA, out_of_time=lambda: True) == []
+    assert outlines(cloud(box(44, 32, 6), 500), np.eye(3), SIGMA, deadline=PASSED) == []

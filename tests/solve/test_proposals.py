@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tests.deadlines import PASSED
 from tests.planted import ALONG_X, PARTS, box, cone, cut, cylinder, mesh_of, sphere, union
 
 from imdim.geometry.cloud import sample_surface
@@ -158,5 +159,5 @@ def test_what_has_no_ends_is_not_trimmed(kind):
 
 def test_without_time_the_cheapest_candidate_stays_as_it_is():
     truth = to_signed(PARTS["L bracket"])
-    found = settle([truth, truth[:1]], cloud_of(PARTS["L bracket"]), 0.0, out_of_time=lambda: True)[0]
+    found = settle([truth, truth[:1]], cloud_of(PARTS["L bracket"]), 0.0, deadline=PASSED)[0]
     assert iou(found.program, PARTS["L bracket"]) > 0.99

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from tests.deadlines import PASSED
 from tests.known_programs import KNOWN, LEAVES
 
 from imdim.geometry import kernels
@@ -158,7 +159,7 @@ def test_the_same_input_gives_the_same_numbers():
 def test_once_time_is_out_the_numbers_stay():
     truth = Primitive("box", (4.0, 3.0, 2.0))
     wrong, points = Primitive("box", (4.3, 2.8, 2.0)), surface_points(truth, 600, np.random.default_rng(0))[0]
-    fit = refine(wrong, points, out_of_time=lambda: True)
+    fit = refine(wrong, points, deadline=PASSED)
     assert fit.stop == "budget_spent"
     assert fit.program == wrong
     assert refine(wrong, points).program != wrong

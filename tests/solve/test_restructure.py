@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from tests.deadlines import PASSED
 from tests.planted import box, cone, cut, cylinder, sphere, union
 
+from imdim.deadline import NEVER
 from imdim.geometry.sampling import surface_points
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.cost import count
@@ -18,7 +20,6 @@ from imdim.solve.parsimony import length
 from imdim.solve.restructure import _shortest, most_telling, restructured
 
 PART = cut(union(box(40, 30, 6), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(3, 40, (-12.0, 0.0, 0.0)))
-NEVER = lambda: False  # noqa: E731
 
 
 def cloud(program, n=8000, sigma=0.4, seed=0):
@@ -147,4 +148,4 @@ def test_a_slab_with_round_ends_is_found_from_a_box():
 
 def test_no_time_leaves_the_program():
     likely = maximise(PART, cloud(PART, 2000), Noise(0.4))
-    assert restructured(likely, cloud(PART, 2000), [], np.eye(3), lambda: True) is likely
+    assert restructured(likely, cloud(PART, 2000), [], np.eye(3), PASSED) is likely

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tests.deadlines import PASSED
 
 from imdim.geometry import kernels
 from imdim.geometry.lowering import pack, unpack
@@ -128,4 +129,4 @@ def test_grids_are_decimal():
 def test_once_time_is_out_nothing_more_is_rounded():
     rough = Primitive("box", (39.98, 30.01, 6.003))
     assert next(leaves(snap(rough, lambda _: 0.0))).size == (40.0, 30.0, 6.0)
-    assert next(leaves(snap(rough, lambda _: 0.0, out_of_time=lambda: True))).size == rough.size
+    assert next(leaves(snap(rough, lambda _: 0.0, deadline=PASSED))).size == rough.size

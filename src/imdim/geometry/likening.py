@@ -14,6 +14,7 @@ from itertools import permutations
 import numpy as np
 from manifold3d import Manifold
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry.placed import Placed
 from imdim.geometry.solid import primitive_to_manifold, to_manifold
 from imdim.program.alike import node_of, same_shape
@@ -27,7 +28,7 @@ SEGMENTS = 32
 MOST = 40  # equal primitives
 
 
-def likened(program: Program, tolerance: float, score: Callable[[Program], float], out_of_time: Callable[[], bool] = bool) -> Program:
+def likened(program: Program, tolerance: float, score: Callable[[Program], float], deadline: Deadline = NEVER) -> Program:
     """The program with odd ones like their fellows, which agree within `tolerance`, where that has a higher `score`."""
     solid = _corners(to_manifold(program, SEGMENTS))
     parts, sign, out = list(leaves(program)), signs(program), program
@@ -37,7 +38,7 @@ def likened(program: Program, tolerance: float, score: Callable[[Program], float
         for place in _next_places([parts[i].center for i in group], tolerance):
             like = replace(parts[group[0]], center=place)
             odd = [i for i, p in enumerate(parts) if i not in group and sign[i] == sign[group[0]] and _is_nearly(p, like, solid)]
-            if len(odd) != 1 or out_of_time():
+            if len(odd) != 1 or deadline.passed():
                 continue
             trial = map_leaves(out, lambda i, p, odd=odd[0], like=like: like if i == odd else p)
             if score(trial) > score(out):

@@ -13,8 +13,8 @@ Copies of one part stay alike: a face of all of them moves if one of them has to
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry.dependence import matters
 from imdim.geometry.placed import Placed, diagonal
 from imdim.geometry.prolong import Face, apex, between, beyond, flipped, length, plane_faces, within
@@ -27,13 +27,13 @@ REACH = 2e-2  # fraction of the diagonal: the overshoot is the power of ten belo
 
 
 def overshoot(
-    program: Program, folded: Folded | None = None, reach: float | None = None, out_of_time: Callable[[], bool] = bool
+    program: Program, folded: Folded | None = None, reach: float | None = None, deadline: Deadline = NEVER
 ) -> Program:
     """The same solid with cutters that stick out of what they cut, and joined parts that sink into each other.
 
     `folded`, which `program` is the expansion of, says which leaves are copies. Cutters go first, and what already sticks out stays.
     Overshoots are `reach`, else halves of it; by default round numbers: a power of ten, at most REACH of the diagonal.
-    Once `out_of_time` (by default never) the other faces stay where they are.
+    Past the `deadline` (by default never) the other faces stay where they are.
     """
     placed = [Placed(leaf) for leaf in leaves(program)]
     sign = signs(program)
@@ -42,7 +42,7 @@ def overshoot(
     steps = rounded if reach is None else [reach / 2**k for k in range(3)]
     copies = {i: [(i, False)] for i in range(len(placed))} if folded is None else _copies(folded)
     for index in sorted(copies, key=lambda i: sign[i]):
-        for face in () if out_of_time() else plane_faces(placed[index].leaf):
+        for face in () if deadline.passed() else plane_faces(placed[index].leaf):
             faces = [(i, flipped(face) if mirrored else face) for i, mirrored in copies[index]]
             step = next((s for s in steps if _may_extend(program, placed, faces, s, SKIN * size)), None)
             for i, own in faces if step is not None else ():

@@ -6,11 +6,10 @@ the box ends with the box: the rest of the bar stays outside, unseen. Such cutte
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from manifold3d import Manifold
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry.prolong import Face, between, length, plane_faces
 from imdim.geometry.solid import primitive_to_manifold, to_manifold, volume_iou
 from imdim.program.roles import signs
@@ -21,10 +20,10 @@ NOTHING = 1e-6  # of the target's volume
 REACHES = (0.1, 0.3, 1.0)  # of the diagonal, by which a cutter is prolonged
 
 
-def without_strays(program: Program, solid: Manifold, out_of_time: Callable[[], bool] = bool) -> Program:
+def without_strays(program: Program, solid: Manifold, deadline: Deadline = NEVER) -> Program:
     """`program` whose cutters reach as far out as what they cut off, where that leaves less beyond the box of the target `solid`.
 
-    The program itself where nothing strays, or no cutter can end it; its IoU with the target never falls. Once `out_of_time` (by default
+    The program itself where nothing strays, or no cutter can end it; its IoU with the target never falls. Past the `deadline` (by default
     never) the other cutters stay.
     """
     corners = np.array(solid.bounding_box()).reshape(2, 3)
@@ -37,7 +36,7 @@ def without_strays(program: Program, solid: Manifold, out_of_time: Callable[[], 
     out = stray(program)
     for i, sign in enumerate(signs(program)):
         for face in plane_faces(list(leaves(program))[i]) if sign < 0 else ():
-            if out.volume() <= NOTHING * solid.volume() or out_of_time():
+            if out.volume() <= NOTHING * solid.volume() or deadline.passed():
                 return program
             further = primitive_to_manifold(between(list(leaves(program))[i], face, 0.0, diagonal))
             if (further ^ out).volume() <= NOTHING * solid.volume():

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import combinations, count
 
+from imdim.deadline import NEVER, Deadline
 from imdim.program import relations
 from imdim.program.cost import cost
 from imdim.program.fusion import fuse
@@ -42,14 +43,14 @@ def simplify(
     return best
 
 
-def reduce_program(program: Program, slack: float = relations.SLACK, out_of_time: Callable[[], bool] = bool) -> Program:
+def reduce_program(program: Program, slack: float = relations.SLACK, deadline: Deadline = NEVER) -> Program:
     """The proven rules until none shortens the program further, or time is out (by default never).
 
     Of equally long forms the last is taken, in which cuts stand outside: (A - X) & B is (A & B) - X, so that equal parts meet in one
     operation and can be written as repeats. A solid found empty has no shorter program: it is returned as given.
     """
     best = program
-    while not out_of_time():
+    while not deadline.passed():
         shorter = _rewrite(best, Prover(slack), slack)
         if shorter is None:
             return program

@@ -6,11 +6,12 @@ a price drawn at random (pure cuts first, pure pieces first, or the true one), a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from imdim.deadline import Deadline
 from imdim.search.cells import CUTS, HULLS, PIECES, TRUE, Weights
 from imdim.search.families import Families
 from imdim.search.lazy import Known, apart, best_insertions, inserted
@@ -58,14 +59,14 @@ def complete(
     families: Families,
     config: LocalConfig,
     price: Price,
-    out_of_time: Callable[[], bool],
+    deadline: Deadline,
     limit: float = np.inf,
     known: Known | None = None,
 ) -> Found:
     """Insert the best single step, or a pair where no single pays, until nothing pays or the steps alone cost more than `limit`."""
     known = known or Known()
     share = config.alike if len(families.cells.points) * families.groups > config.large else 1.0
-    while (primitives := cost(found.sequence)) < config.max_primitives and price.step * primitives < limit and not out_of_time():
+    while (primitives := cost(found.sequence)) < config.max_primitives and price.step * primitives < limit and not deadline.passed():
         options = best_insertions(found.sequence, families, price, known, share)
         if not options and price.weights == TRUE:
             options = _pairs(found.sequence, families, config, price, known, share)
@@ -110,7 +111,7 @@ def improve(
     config: LocalConfig,
     price: Price,
     rng: np.random.Generator,
-    out_of_time: Callable[[], bool],
+    deadline: Deadline,
     completed: Known,
 ) -> Iterator[Found]:
     """Yield better and better sequences; `completed` is what their completion learned."""
@@ -120,11 +121,11 @@ def improve(
     size = max(1, len(found.sequence) * len(families.cells.points))
     rounds = int(np.clip(config.work / size, config.least_rounds, config.rounds))
     for _ in range(rounds):
-        if out_of_time() or not found.sequence or idle >= config.patience * rounds + len(attempts):
+        if deadline.passed() or not found.sequence or idle >= config.patience * rounds + len(attempts):
             return
         removed = attempts.pop(0) if attempts else _related(found.sequence, config, rng)
         branches = {weights: bounds.branch() for weights, bounds in known.items()}
-        trial = _refilled(found, removed, families, config, price, rng, out_of_time, branches)
+        trial = _refilled(found, removed, families, config, price, rng, deadline, branches)
         better = trial.objective < found.objective * (1 - 1e-9)
         idle = 0 if better else idle + 1
         if trial.objective <= found.objective:
@@ -157,7 +158,7 @@ def _refilled(
     config: LocalConfig,
     price: Price,
     rng: np.random.Generator,
-    out_of_time: Callable[[], bool],
+    deadline: Deadline,
     known: dict[Weights, Known],
 ) -> Found:
     """The sequence with some steps taken out and the hole filled again, pruned."""
@@ -170,7 +171,7 @@ def _refilled(
     filled = _steps(found_of(shorter, families, price), len(removed) + 1, families, price, known[price.weights])
     trial = pruned(filled, families, price)
     if trial.objective < found.objective * 1.2:
-        trial = pruned(complete(trial, families, config, price, out_of_time, 1.2 * found.objective, known[price.weights]), families, price)
+        trial = pruned(complete(trial, families, config, price, deadline, 1.2 * found.objective, known[price.weights]), families, price)
     return trial
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from imdim.deadline import Deadline
 from imdim.search.counterexamples import Sharpener, seen_by
 from imdim.search.families import Families
 from imdim.search.lazy import Known
@@ -55,25 +56,25 @@ def search(
     families: Families,
     config: StructureConfig,
     rng: np.random.Generator,
-    out_of_time: Callable[[], bool],
+    deadline: Deadline,
     sharpener: Sharpener | None = None,
-    started: Callable[[], bool] | None = None,
+    start_by: Deadline | None = None,
 ) -> Iterator[Found]:
     """Yield better and better sequences; the last is the result. Yields at least one unless the target has no volume.
 
-    Once it is `started`, out of time for further starts, the foremost get the rest of the time. With a sharpener the cells are added on
-    which these are wrong unseen, and what is found from then on is judged on them too.
+    Past `start_by` (by default the `deadline`) there is no further start, the foremost get the rest of the time. With a sharpener the cells
+    are added on which these are wrong unseen, and what is found from then on is judged on them too.
     """
     exact = Price(config.size_weight * families.cells.volume)
     best: Found | None = None
     finalists: list[_Finalist] = []
-    for done in _completed(families, config, exact, out_of_time, started or out_of_time):
+    for done in _completed(families, config, exact, deadline, start_by or deadline):
         finalists = _foremost([*finalists, done], config.finalists)
         if done[0].sequence and (best is None or done[0].objective < best.objective):
             best = done[0]
             yield best
     for again in range(config.local_searches if sharpener else 1):
-        judged = _sharpened(finalists, sharpener, config, exact, out_of_time)
+        judged = _sharpened(finalists, sharpener, config, exact, deadline)
         if judged:
             finalists = judged
             best = min((found for found, _ in finalists), key=lambda f: f.objective)
@@ -81,7 +82,7 @@ def search(
         elif again:
             return
         for i, (start, known) in enumerate(finalists):
-            for found in improve(start, start.families, config.local, exact, rng, out_of_time, known):
+            for found in improve(start, start.families, config.local, exact, rng, deadline, known):
                 finalists[i] = found, known
                 if best is None or found.objective < best.objective * (1 - 1e-9):
                     best = found
@@ -90,15 +91,15 @@ def search(
 
 
 def _sharpened(
-    finalists: list[_Finalist], sharpener: Sharpener | None, config: StructureConfig, exact: Price, out_of_time: Callable[[], bool]
+    finalists: list[_Finalist], sharpener: Sharpener | None, config: StructureConfig, exact: Price, deadline: Deadline
 ) -> list[_Finalist]:
     """The finalists completed over cells with counterexamples to them, again and again; none if no counterexample changes one."""
     changed, now = False, finalists
     for _ in range(config.sharpened if sharpener else 0):
-        sharper = sharpener.sharpened([found for found, _ in now]) if sharpener and not out_of_time() else None
+        sharper = sharpener.sharpened([found for found, _ in now]) if sharpener and not deadline.passed() else None
         if sharper is None:
             break
-        before, now = now, [_resumed(found, sharper, config, exact, out_of_time) for found, _ in now]
+        before, now = now, [_resumed(found, sharper, config, exact, deadline) for found, _ in now]
         if all(a.sequence == b.sequence for (a, _), (b, _) in zip(before, now, strict=True)):
             break
         changed = True
@@ -106,26 +107,26 @@ def _sharpened(
 
 
 def _completed(
-    families: Families, config: StructureConfig, exact: Price, out_of_time: Callable[[], bool], started: Callable[[], bool]
+    families: Families, config: StructureConfig, exact: Price, deadline: Deadline, start_by: Deadline
 ) -> Iterator[_Finalist]:
     """Each start completed and pruned, until that has been enough work or time; then one more, of another schedule."""
-    least, late, enough = np.inf, out_of_time, False
+    least, end, enough = np.inf, deadline, False
     most = families.work + config.start_work
-    for start in _starts(families, config, exact, started, lambda: families.work > most):
+    for start in _starts(families, config, exact, start_by, lambda: families.work > most):
         known = Known()
-        done = pruned(complete(start, families, config.local, exact, late, config.abandon * least, known), families, exact)
+        done = pruned(complete(start, families, config.local, exact, end, config.abandon * least, known), families, exact)
         yield done, known
-        least, late = min(least, done.objective) if done.sequence else least, started
-        if started() or enough:
+        least, end = min(least, done.objective) if done.sequence else least, start_by
+        if start_by.passed() or enough:
             return
         enough = families.work > most
 
 
-def _resumed(found: Found, families: Families, config: StructureConfig, exact: Price, out_of_time: Callable[[], bool]) -> _Finalist:
+def _resumed(found: Found, families: Families, config: StructureConfig, exact: Price, deadline: Deadline) -> _Finalist:
     """A sequence judged, pruned and completed over other cells."""
     known = Known()
     start = pruned(found_of(seen_by(found.sequence, families), families, exact), families, exact)
-    return pruned(complete(start, families, config.local, exact, out_of_time, known=known), families, exact), known
+    return pruned(complete(start, families, config.local, exact, deadline, known=known), families, exact), known
 
 
 def _foremost(completed: list[_Finalist], count: int) -> list[_Finalist]:
@@ -136,29 +137,29 @@ def _foremost(completed: list[_Finalist], count: int) -> list[_Finalist]:
 
 
 def _starts(
-    families: Families, config: StructureConfig, exact: Price, out_of_time: Callable[[], bool], hurried: Callable[[], bool]
+    families: Families, config: StructureConfig, exact: Price, deadline: Deadline, hurried: Callable[[], bool]
 ) -> Iterator[Found]:
     """The beams of each schedule's first phase, carried through its phases; once `hurried`, only the first of each."""
     seen: list[Found] = []
     for schedule in config.schedules:
         phases = [Price(step * exact.step, (excess, lack), kinds == "all") for excess, lack, step, kinds in schedule]
-        for place, state in enumerate(_beam(families, config, [*phases, exact][0], out_of_time)):
+        for place, state in enumerate(_beam(families, config, [*phases, exact][0], deadline)):
             if place and hurried():
                 break
             for phase in phases:
-                state = complete(found_of(state.sequence, families, phase), families, config.local, phase, out_of_time)
+                state = complete(found_of(state.sequence, families, phase), families, config.local, phase, deadline)
             start = pruned(found_of(state.sequence, families, exact), families, exact)
             if len(_distinct([*seen, start])) > len(seen):
                 seen.append(start)
                 yield start
 
 
-def _beam(families: Families, config: StructureConfig, price: Price, out_of_time: Callable[[], bool]) -> list[Found]:
+def _beam(families: Families, config: StructureConfig, price: Price, deadline: Deadline) -> list[Found]:
     states = [found_of((), families, price)]
     for _ in range(config.beam_steps):
         wider = _widen(states, families, config, price)
         states = wider or states
-        if not wider or out_of_time():
+        if not wider or deadline.passed():
             break
     return states
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import KDTree
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry.surface import SURFACE_KINDS, Patch
 from imdim.geometry.surface import normals as surface_normals
 from imdim.seeding.cloud_kernels import pack
@@ -35,7 +35,7 @@ def inside_probability(
     points: np.ndarray,
     queries: np.ndarray,
     config: OccupancyConfig | None = None,
-    out_of_time: Callable[[], bool] = bool,
+    deadline: Deadline = NEVER,
 ) -> np.ndarray:
     """Probability [m] that each of `queries` [m, 3] lies inside the solid that the cloud `points` [n, 3] samples.
 
@@ -43,14 +43,14 @@ def inside_probability(
     must agree, and the lines vote. Queries on the same side of every carrier share their votes where these are nearly
     unanimous; where they are not, a face between them has no carrier. Points of no patch are ignored.
 
-    Once `out_of_time` (by default never) queries without votes follow those on the same sides, or the nearest; some vote always.
+    Past the `deadline` (by default never) queries without votes follow those on the same sides, or the nearest; some vote always.
     """
     config = config or OccupancyConfig()
     queries = np.ascontiguousarray(queries, dtype=float)
     if not patches or not len(queries):
         return np.zeros(len(queries))
     scene = _Scene.of(patches, np.asarray(points, float), config)
-    votes = _asked(scene, queries, config, out_of_time)
+    votes = _asked(scene, queries, config, deadline)
     single = _probability(votes)
     mean = _pooled(scene, queries, single, votes[:, 1])
     follow = np.interp(np.maximum(mean, 1 - mean), config.pure, (0.0, 1.0))
@@ -61,11 +61,11 @@ def inside_probability(
     return found
 
 
-def _asked(scene: _Scene, queries: np.ndarray, config: OccupancyConfig, out_of_time: Callable[[], bool]) -> np.ndarray:
+def _asked(scene: _Scene, queries: np.ndarray, config: OccupancyConfig, deadline: Deadline) -> np.ndarray:
     """Votes [m, 4] of the queries, part by part while there is time; nought for those that were not asked."""
     votes = np.zeros((len(queries), 4))
     for first in range(min(config.parts, len(queries))):
-        if first and out_of_time():
+        if first and deadline.passed():
             break
         asked = np.arange(first, len(queries), config.parts)
         votes[asked] = scene.votes(queries[asked], asked, config.lines, config.enough)
@@ -104,7 +104,7 @@ def _pooled(scene: _Scene, queries: np.ndarray, single: np.ndarray, weight: np.n
 
 
 def orient(
-    patches: list[Patch], points: np.ndarray, config: OccupancyConfig | None = None, out_of_time: Callable[[], bool] = bool
+    patches: list[Patch], points: np.ndarray, config: OccupancyConfig | None = None, deadline: Deadline = NEVER
 ) -> list[Patch]:
     """The patches with `outward` filled in; a carrier that shows both sides becomes two patches.
 
@@ -117,7 +117,7 @@ def orient(
     normals = np.vstack([surface_normals(p.surface, p.points) for p in patches])
     step = config.lift * scene.spacing * normals
     owned = scene.cloud[2]
-    numbers, lines = np.arange(len(owned)), config.hasty_lines if out_of_time() else config.outward_lines
+    numbers, lines = np.arange(len(owned)), config.hasty_lines if deadline.passed() else config.outward_lines
     below, above = (_probability(scene.votes(owned + s, numbers, lines, lines)) for s in (-step, step))
     ends = np.cumsum([len(p.points) for p in patches])
     out: list[Patch] = []

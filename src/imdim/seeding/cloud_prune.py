@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from scipy.spatial import KDTree
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry.surface import signed_distance
 from imdim.seeding.cloud_state import Cloud
 
@@ -15,10 +14,10 @@ _CLIP = 3.0  # deviations; whatever is farther is a stray to every surface
 _WORTH = 1.0  # mean gain in log likelihood per point that makes a surface worth having
 
 
-def prune(cloud: Cloud, sigma: float, out_of_time: Callable[[], bool] = bool) -> None:
+def prune(cloud: Cloud, sigma: float, deadline: Deadline = NEVER) -> None:
     """Let go, smallest first, of surfaces without which the measured points are about as likely; their points go to the others.
 
-    The likelihood is that of Gaussian noise of deviation `sigma`, with distances clipped at three of it. Once `out_of_time`
+    The likelihood is that of Gaussian noise of deviation `sigma`, with distances clipped at three of it. Past the `deadline`
     (by default never) the others stay.
     """
     assert cloud.raw is not None
@@ -26,7 +25,7 @@ def prune(cloud: Cloud, sigma: float, out_of_time: Callable[[], bool] = bool) ->
         return
     distance = np.column_stack([np.abs(signed_distance(s, cloud.raw)) for s in cloud.found]) / sigma
     distance = np.minimum(distance, _CLIP)
-    while len(cloud.found) > 1 and not out_of_time():
+    while len(cloud.found) > 1 and not deadline.passed():
         counts = np.bincount(cloud.owner[cloud.owner >= 0], minlength=len(cloud.found))
         for j in np.argsort(counts, kind="stable"):
             mine = np.flatnonzero(cloud.owner == j)

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import KDTree
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry.surface import Patch, signed_distance
 from imdim.geometry.surface import normals as surface_normals
 from imdim.seeding.cloud_state import Cloud, pieces, sane
 from imdim.seeding.fit_surface import MIN_POINTS, fit_surface
 
 
-def settle(cloud: Cloud, out_of_time: Callable[[], bool] = bool) -> None:
+def settle(cloud: Cloud, deadline: Deadline = NEVER) -> None:
     """Give every point its nearest surface; while there is time (by default any), refit, and let go of surfaces that others explain."""
     for _ in range(2):
-        if out_of_time():
+        if deadline.passed():
             break
         _reassign(cloud)
         _merge(cloud)

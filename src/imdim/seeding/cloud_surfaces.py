@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import KDTree
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry.sampling import subsample
 from imdim.geometry.surface import Patch, Surface, signed_distance
 from imdim.seeding.cloud_denoise import denoise, inliers
@@ -35,31 +35,31 @@ def detect_cloud(
     noise: NoiseModel,
     rng: np.random.Generator,
     config: CloudConfig | None = None,
-    out_of_time: Callable[[], bool] = bool,
+    deadline: Deadline = NEVER,
 ) -> tuple[list[Patch], NoiseModel]:
     """Carrier surfaces that the cloud shows, each with the points that lie on it; points on none are left out. And the noise, less what
     first surfaces show to have been curvature or thin walls.
 
     `points` [n, 3] in any units, `normals` [n, 3] unit vectors (of trusted sign or not) or None. Pieces of one carrier
-    share one patch. `area` is the points' number times the area that one stands for. Once `out_of_time` (by default never) no more
+    share one patch. `area` is the points' number times the area that one stands for. Past the `deadline` (by default never) no more
     surfaces are looked for, beyond a first one, and those found are settled in haste.
     """
     points = np.asarray(points, float)
     cloud = _begin(points, normals, noise, config or CloudConfig(), rng)
-    _extract(cloud, rng, 1, out_of_time)
+    _extract(cloud, rng, 1, deadline)
     calmer = _deviation(cloud)
     if calmer < 0.5 * noise.sigma:  # curvature or thin walls were taken for noise
         noise = replace(noise, sigma=calmer)
         cloud = _begin(points, normals, noise, cloud.config, rng)
     if noise.blurs:
-        return _detect_noisy(cloud, rng, out_of_time), noise
-    _extract(cloud, rng, cloud.config.rounds, out_of_time)
-    settle(cloud, out_of_time)
+        return _detect_noisy(cloud, rng, deadline), noise
+    _extract(cloud, rng, cloud.config.rounds, deadline)
+    settle(cloud, deadline)
     patches = regularise(patches_of(cloud), max(cloud.config.exact * noise.diagonal, 0.3 * noise.sigma))
-    return orient(patches, points, out_of_time=out_of_time), noise
+    return orient(patches, points, deadline=deadline), noise
 
 
-def _detect_noisy(begun: Cloud, rng: np.random.Generator, out_of_time: Callable[[], bool]) -> list[Patch]:
+def _detect_noisy(begun: Cloud, rng: np.random.Generator, deadline: Deadline) -> list[Patch]:
     """Surfaces are found in a calmed cloud and fitted to the points as measured; patches hold points on their carriers."""
     kept, config, given = inliers(begun.points), begun.config, begun.viewed == 0
     points, normals = begun.points[kept], begun.normals[kept] if given else None
@@ -67,11 +67,11 @@ def _detect_noisy(begun: Cloud, rng: np.random.Generator, out_of_time: Callable[
     calm, directed = denoise(points, normals, noise, rng)
     trust = np.full(len(points), 0.9)
     cloud = Cloud(calm, directed, trust, noise, config, np.full(len(points), -1), 0 if given else len(points), raw=points)
-    _extract(cloud, rng, config.rounds, out_of_time)
-    settle(cloud, out_of_time)
-    prune(cloud, noise.sigma, out_of_time)
+    _extract(cloud, rng, config.rounds, deadline)
+    settle(cloud, deadline)
+    prune(cloud, noise.sigma, deadline)
     patches = regularise(measured_patches(cloud, 1.5 * noise.sigma), max(config.exact * noise.diagonal, 0.3 * noise.sigma))
-    return orient([gathered(p) for p in patches], points, out_of_time=out_of_time)
+    return orient([gathered(p) for p in patches], points, deadline=deadline)
 
 
 def _begin(points: np.ndarray, normals: np.ndarray | None, noise: NoiseModel, config: CloudConfig, rng: np.random.Generator) -> Cloud:
@@ -88,12 +88,12 @@ def _deviation(cloud: Cloud) -> float:
     return 1.4826 * float(min(spread)) if spread else math.inf
 
 
-def _extract(cloud: Cloud, rng: np.random.Generator, rounds: int, out_of_time: Callable[[], bool]) -> None:
+def _extract(cloud: Cloud, rng: np.random.Generator, rounds: int, deadline: Deadline) -> None:
     """Round by round, take the surfaces with the most support out of the points that are left."""
     misses = 0
     for _ in range(rounds):
         rest = np.flatnonzero(cloud.owner < 0)
-        if len(rest) < cloud.least or misses >= cloud.config.patience or (cloud.found and out_of_time()):
+        if len(rest) < cloud.least or misses >= cloud.config.patience or (cloud.found and deadline.passed()):
             break
         if len(rest) < 0.6 * cloud.viewed and len(rest) > 24:
             # without the faces already found, small ones show their own normals
@@ -102,12 +102,12 @@ def _extract(cloud: Cloud, rng: np.random.Generator, rounds: int, out_of_time: C
             else:
                 cloud.points[rest], cloud.normals[rest] = denoise(cloud.raw[rest], None, cloud.noise, rng)
             cloud.viewed = len(rest)
-        candidates = _candidates(cloud, rest, rng, out_of_time)
+        candidates = _candidates(cloud, rest, rng, deadline)
         misses = 0 if _accept(cloud, candidates) else misses + 1
 
 
 def _candidates(
-    cloud: Cloud, rest: np.ndarray, rng: np.random.Generator, out_of_time: Callable[[], bool]
+    cloud: Cloud, rest: np.ndarray, rng: np.random.Generator, deadline: Deadline
 ) -> list[tuple[float, Surface, np.ndarray]]:
     """Polished hypotheses as (preferred support, surface, indices of the points), best first."""
     points, normals, trust = cloud.points[rest], cloud.normals[rest], cloud.trust[rest]
@@ -124,7 +124,7 @@ def _candidates(
         order = np.column_stack([mine[np.argsort(-r[mine], kind="stable")] for r in raw]).ravel()
         claimed: list[np.ndarray] = []
         for i in order[: 4 * cloud.config.polished]:
-            if len(claimed) == cloud.config.polished or (out and out_of_time()):
+            if len(claimed) == cloud.config.polished or (out and deadline.passed()):
                 break
             near = gains(kind, rows[i], wide[i], points, normals, trust, cloud.cosine) > 0
             if any((near & c).sum() > 0.7 * near.sum() for c in claimed):

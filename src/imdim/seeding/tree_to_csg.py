@@ -9,12 +9,12 @@ built, its inside cells and its region minus its outside cells, and the cheaper 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import permutations, product
 
 import numpy as np
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis
 from imdim.geometry.surface import Surface
 from imdim.program.cost import cost
@@ -33,25 +33,25 @@ _Halfspace = tuple[np.ndarray, np.ndarray]
 _Part = Program | bool
 
 
-def to_program(tree: Tree, lower: np.ndarray, upper: np.ndarray, out_of_time: Callable[[], bool] = bool) -> Program | None:
+def to_program(tree: Tree, lower: np.ndarray, upper: np.ndarray, deadline: Deadline = NEVER) -> Program | None:
     """The program of the inside cells within the bounds `lower`, `upper` [3]; None where there is no inside cell.
 
-    Once `out_of_time` (by default never) it is no longer made shorter.
+    Past the `deadline` (by default never) it is no longer made shorter.
 
     Raises ValueError where the bounds are not in order.
     """
     lower, upper = np.asarray(lower, float), np.asarray(upper, float)
     if not (upper > lower).all():
         raise ValueError(f"bounds need lower < upper, got {lower.tolist()} and {upper.tolist()}")
-    bounds = _Bounds.of(lower, upper, out_of_time)
+    bounds = _Bounds.of(lower, upper, deadline)
     part = _fill(tree, [], bounds)[0]
     if part is False:
         return None
-    program = reduce_program(_whole(part, [], bounds), out_of_time=out_of_time)
+    program = reduce_program(_whole(part, [], bounds), deadline=deadline)
     if Prover().contains(bounds.box, program):
         return program
     # unbounded rules reach out of the bounds, where nothing is known
-    return reduce_program(Combine("intersection", program, bounds.box), out_of_time=out_of_time)
+    return reduce_program(Combine("intersection", program, bounds.box), deadline=deadline)
 
 
 @dataclass(frozen=True)
@@ -59,13 +59,13 @@ class _Bounds:
     box: Primitive
     corners: np.ndarray  # [8, 3]
     margin: float
-    out_of_time: Callable[[], bool]
+    deadline: Deadline
 
     @classmethod
-    def of(cls, lower: np.ndarray, upper: np.ndarray, out_of_time: Callable[[], bool]) -> _Bounds:
+    def of(cls, lower: np.ndarray, upper: np.ndarray, deadline: Deadline) -> _Bounds:
         box = Primitive("box", _floats(upper - lower), _vec((lower + upper) / 2))
         corners = np.array(list(product(*zip(lower, upper, strict=True))))
-        return cls(box, corners, MARGIN * float(np.linalg.norm(upper - lower)), out_of_time)
+        return cls(box, corners, MARGIN * float(np.linalg.norm(upper - lower)), deadline)
 
     def extent(self, axis: np.ndarray, margin: float) -> tuple[float, float]:
         """From where to where the bounds reach along `axis`."""
@@ -123,7 +123,7 @@ def _across_solid(rule: Primitive, behind: _Part, ahead: _Part, region: list[_Ha
 
 def _cheaper(part: _Part, rest: _Part, region: list[_Halfspace], bounds: _Bounds) -> _Part:
     """`part`, or its region minus the rest where that is shorter."""
-    if isinstance(part, bool) or isinstance(rest, bool) or bounds.out_of_time():
+    if isinstance(part, bool) or isinstance(rest, bool) or bounds.deadline.passed():
         return part
     carved = _reduced(Combine("difference", _whole(True, region, bounds), rest), bounds)
     return carved if cost(carved) < cost(part) else part
@@ -135,7 +135,7 @@ def _whole(part: _Part, region: list[_Halfspace], bounds: _Bounds) -> Program:
 
 
 def _reduced(program: Program, bounds: _Bounds) -> Program:
-    return reduce_program(program, out_of_time=bounds.out_of_time) if cost(program) < 2 * MAX_REDUCED else program
+    return reduce_program(program, deadline=bounds.deadline) if cost(program) < 2 * MAX_REDUCED else program
 
 
 # --- rules to solids -------------------------------------------------------------------------------------------------

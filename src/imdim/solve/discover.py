@@ -7,12 +7,13 @@ must shorten the description (`relations.select`). The numbers then move onto al
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import gammaincinv
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry.constraints import rows_of
 from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.pose import Pose, radii
@@ -44,10 +45,10 @@ class Discovery:
     constraints: tuple[Constraint, ...]
 
 
-def discover(program: Program, points: np.ndarray, out_of_time: Callable[[], bool] = bool) -> Discovery:
+def discover(program: Program, points: np.ndarray, deadline: Deadline = NEVER) -> Discovery:
     """Relations among the primitives of `program`, whose numbers fit `points` [n, 3] of the target's surface (see `refine`).
 
-    Once `out_of_time` (by default never) no more are taken. Raises ValueError unless there are finite points of some extent.
+    Past the `deadline` (by default never) no more are taken. Raises ValueError unless there are finite points of some extent.
     """
     cloud = Cloud.of(points)
     start = lower(program)
@@ -57,11 +58,11 @@ def discover(program: Program, points: np.ndarray, out_of_time: Callable[[], boo
     shown = Shown.of(start, cloud, floor, MIN_SUPPORT)
     metric = normal_equations(start, cloud, CUT * noise)
     known = covariance(start, cloud, floor)
-    chosen = _chosen(start, known, prior(start, cloud.length), shown, metric, out_of_time)
+    chosen = _chosen(start, known, prior(start, cloud.length), shown, metric, deadline)
     taken = chosen.taken
     numbers = onto(start, taken, cloud.length, metric)
     for _ in range(REVIEWS):
-        worst = None if out_of_time() else _strained(numbers, taken, cloud, noise)
+        worst = None if deadline.passed() else _strained(numbers, taken, cloud, noise)
         if worst is None:
             break
         taken.pop(worst)
@@ -70,7 +71,7 @@ def discover(program: Program, points: np.ndarray, out_of_time: Callable[[], boo
     return Discovery(lifted(program, start, numbers), constraints)
 
 
-def exact_relations(program: Program, out_of_time: Callable[[], bool] = bool) -> Discovery:
+def exact_relations(program: Program, deadline: Deadline = NEVER) -> Discovery:
     """Relations that the numbers of a finished program bear out by themselves, each known to FLOOR.
 
     Numbers move by no more than that. Unlike `discover`, it also sees faces that are hidden where parts meet.
@@ -78,13 +79,13 @@ def exact_relations(program: Program, out_of_time: Callable[[], bool] = bool) ->
     start = lower(program)
     length = float(np.linalg.norm(np.ptp(start.centers, axis=0)) + 2 * radii(start).max())
     k, floor = len(start.kinds), FLOOR * length
-    chosen = _chosen(start, floor**2 * np.eye(9 * k), prior(start, length), Shown.everything(start), uniform(k), out_of_time)
+    chosen = _chosen(start, floor**2 * np.eye(9 * k), prior(start, length), Shown.everything(start), uniform(k), deadline)
     numbers = _unmoved(start, onto(start, chosen.taken, length, uniform(k)), length)
     constraints = named(merged(pruned(chosen.taken, numbers)), program)
     return Discovery(lifted(program, start, numbers), constraints)
 
 
-def _chosen(start: Lowered, spread: np.ndarray, wide: np.ndarray, shown: Shown, metric: Normal, out_of_time: Callable[[], bool]) -> Choice:
+def _chosen(start: Lowered, spread: np.ndarray, wide: np.ndarray, shown: Shown, metric: Normal, deadline: Deadline) -> Choice:
     """The relations that shorten the description, directions first."""
     first = Choice(start, spread, wide, TILTED)
     directions, accepted = relate_directions(first)
@@ -93,7 +94,7 @@ def _chosen(start: Lowered, spread: np.ndarray, wide: np.ndarray, shown: Shown, 
     choice = Choice(numbers, spread, wide)
     for constraint in accepted:
         choice.accept(constraint)
-    choice.greedy(proposals(Places(Pose.of(numbers), choice.covariance, shown, directions)), out_of_time)
+    choice.greedy(proposals(Places(Pose.of(numbers), choice.covariance, shown, directions)), deadline)
     return choice
 
 

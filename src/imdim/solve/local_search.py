@@ -12,6 +12,7 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
+from imdim.deadline import Deadline
 from imdim.program.sequence import SignedSequence, Step
 from imdim.program.tree import Op
 
@@ -37,7 +38,7 @@ def search_locally(
     objective: Objective[S],
     worth: Callable[[S, S], float],
     rounds: int,
-    out_of_time: Callable[[], bool],
+    deadline: Deadline,
 ) -> tuple[S, float]:
     """A state that nothing proposed improves, and its objective; `start` has both.
 
@@ -46,11 +47,11 @@ def search_locally(
     """
     best, cost = start
     for _ in range(rounds):
-        if out_of_time():
+        if deadline.passed():
             break
         trials = [(trial, np.inf) for trial in propose(best)]
         for stage in stages:
-            trials = _ranked([trial for trial, _ in trials], stage, objective, out_of_time)
+            trials = _ranked([trial for trial, _ in trials], stage, objective, deadline)
         better = next(((trial, after) for trial, after in trials if after < cost - worth(best, trial)), None)
         if better is None:
             break
@@ -58,11 +59,11 @@ def search_locally(
     return best, cost
 
 
-def _ranked(trials: Sequence[S], stage: Stage[S], objective: Objective[S], out_of_time: Callable[[], bool]) -> list[tuple[S, float]]:
+def _ranked(trials: Sequence[S], stage: Stage[S], objective: Objective[S], deadline: Deadline) -> list[tuple[S, float]]:
     """What becomes of the foremost trials, the best first; nothing where there is no time to fit them all."""
     fitted: list[S] = []
     for trial in trials[: stage.most]:
-        if out_of_time():
+        if deadline.passed():
             return []
         fitted += stage.fit(trial)
     return sorted(zip(fitted, objective(fitted), strict=True), key=itemgetter(1)) if fitted else []

@@ -7,11 +7,11 @@ Before that, ends that only just meet a face are let through it: a step would op
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
 from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.overshoot import overshoot
@@ -52,16 +52,16 @@ class Likely:
 
 
 def maximise(
-    program: Program, points: np.ndarray, noise: Noise, config: MaximiseConfig | None = None, out_of_time: Callable[[], bool] = bool
+    program: Program, points: np.ndarray, noise: Noise, config: MaximiseConfig | None = None, deadline: Deadline = NEVER
 ) -> Likely:
     """`program` with its numbers moved to make `points` [n, 3] most likely; `noise` is a first guess.
 
-    Once `out_of_time` (by default never) they stay as they are by then, and only the noise is fitted.
+    Past the `deadline` (by default never) they stay as they are by then, and only the noise is fitted.
     """
     config = config or MaximiseConfig()
-    if config.through and not out_of_time() and sum(1 for _ in leaves(program)) <= MOST_LET_THROUGH:
+    if config.through and not deadline.passed() and sum(1 for _ in leaves(program)) <= MOST_LET_THROUGH:
         reach = config.through * noise.sigma
-        program = overshoot(clipped(program, points, 2 * reach), reach=reach, out_of_time=out_of_time)
+        program = overshoot(clipped(program, points, 2 * reach), reach=reach, deadline=deadline)
     start = lower(program)
     numbers = replace(start, rotations=aligned(start, config.parallel_deg))
     member = frames(numbers, config.parallel_deg)[0]
@@ -75,7 +75,7 @@ def maximise(
         # a step knows nothing of the area: an end that no point holds may drift out of the cloud
         if not len(shown.points) or share.nll > best.nll + config.worse:
             break
-        if out_of_time():
+        if deadline.passed():
             return _in_its_noise(best, points, share.noise)
         calmer = share.noise.sigma < (1 - config.calmer) * noise.sigma
         noise = share.noise

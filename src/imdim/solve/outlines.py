@@ -7,11 +7,11 @@ axis. Hypotheses come from random points (Fischler & Bolles 1981).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis
 from imdim.geometry.sampling import subsample
 from imdim.program.tree import Primitive
@@ -66,21 +66,21 @@ class _View:
         return out
 
 
-def outlines(points: np.ndarray, axes: np.ndarray, sigma: float, seed: int = 0, out_of_time: Callable[[], bool] = bool) -> list[Primitive]:
+def outlines(points: np.ndarray, axes: np.ndarray, sigma: float, seed: int = 0, deadline: Deadline = NEVER) -> list[Primitive]:
     """Cylinders, cones and boxes for `points` [n, 3] with noise of deviation `sigma`, of which some may be wrong.
 
-    `axes` [3, 3] has the part's directions as columns. Once `out_of_time` (by default never) nothing more is looked for.
+    `axes` [3, 3] has the part's directions as columns. Past the `deadline` (by default never) nothing more is looked for.
     """
     rng = np.random.default_rng(seed)
     local = np.ascontiguousarray(points @ axes)
     out: list[Primitive] = []
     for k in range(3):
-        if out_of_time():
+        if deadline.passed():
             break
         view = _View(local, axes, k, sigma)
         out += _boxes(view)
         lines: list[np.ndarray] = []
-        for center, radius in _circles(view, rng, out_of_time):
+        for center, radius in _circles(view, rng, deadline):
             ends = _ends(view, center, radius)
             if ends is not None:
                 out.append(view.placed("cylinder", (radius, ends[1] - ends[0]), view.middle(center, sum(ends) / 2)))
@@ -88,7 +88,7 @@ def outlines(points: np.ndarray, axes: np.ndarray, sigma: float, seed: int = 0, 
         # a cone casts no circle
         middle = np.quantile(local[:, view.across], OUTERMOST, axis=0).mean(0)
         for center in _apart([*_apart(lines, 2 * sigma)[:MOST_LINES], middle], 2 * sigma):
-            out += [] if out_of_time() else _profile(view, center, rng)
+            out += [] if deadline.passed() else _profile(view, center, rng)
     return out
 
 
@@ -100,7 +100,7 @@ def _apart(lines: list[np.ndarray], least: float) -> list[np.ndarray]:
     return out
 
 
-def _circles(view: _View, rng: np.random.Generator, out_of_time: Callable[[], bool]) -> list[tuple[np.ndarray, float]]:
+def _circles(view: _View, rng: np.random.Generator, deadline: Deadline) -> list[tuple[np.ndarray, float]]:
     """Centres and radii of the circles of a shadow, the clearest first. What a straight wall explains as well is none."""
     shadow = np.ascontiguousarray(view.local[:, view.across])
     weight, width = crowding(shadow, view.sigma), BAND * view.sigma
@@ -108,7 +108,7 @@ def _circles(view: _View, rng: np.random.Generator, out_of_time: Callable[[], bo
     largest = 0.6 * float(np.linalg.norm(np.ptp(shadow, axis=0)))
     out = []
     for _ in range(MOST_CURVES):
-        if (weight * free > 0).sum() < LEAST or len(out) == MOST or out_of_time():
+        if (weight * free > 0).sum() < LEAST or len(out) == MOST or deadline.passed():
             break
         picks, scored = drawn(shadow, weight * free, TRIALS, rng), subsample(shadow[free], SCORED)
         x, y, r, round_contrast = best_circle(shadow, picks, scored, width, largest)

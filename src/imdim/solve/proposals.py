@@ -7,11 +7,12 @@ ranking looks at the cloud alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
 from imdim.geometry.axes import SYMMETRIES
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler
@@ -62,18 +63,18 @@ def settle(
     sigma: float,
     axes: np.ndarray | None = None,
     config: ProposalConfig | None = None,
-    out_of_time: Callable[[], bool] = bool,
+    deadline: Deadline = NEVER,
 ) -> list[Proposal]:
     """The best sequences for the surface `points` [n, 3] with noise of deviation `sigma`, cheapest first.
 
     Candidates that begin with a cut are left out; single primitives fitted to the whole cloud are added, so there is always an answer
     unless the cloud has no extent. `axes` [3, 3] has the part's main directions as columns (default: the coordinate axes).
-    Once `out_of_time` (by default never) numbers and sequences stay as they are by then.
+    Past the `deadline` (by default never) numbers and sequences stay as they are by then.
     """
     config = config or ProposalConfig()
     cloud = Cloud.of(subsample(points, config.most), sigma)
     given = [c for c in candidates if c and c[0].positive]
-    return _Repairs(cloud, np.eye(3) if axes is None else axes, config, out_of_time).settled(given)
+    return _Repairs(cloud, np.eye(3) if axes is None else axes, config, deadline).settled(given)
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ class _Repairs:
     cloud: Cloud
     axes: np.ndarray
     config: ProposalConfig
-    out_of_time: Callable[[], bool]
+    deadline: Deadline
 
     def settled(self, given: Sequence[Signed]) -> list[Proposal]:
         cloud, config = self.cloud, self.config
@@ -94,7 +95,7 @@ class _Repairs:
         return sorted((self._repaired(r, lent) for r in ranked[: config.finalists]), key=lambda r: r.cost)
 
     def _fitted(self, signed: Signed, config: RefineConfig, count: int) -> Signed:
-        found = refine(to_program(signed), self.cloud.thinned(count), config=config, out_of_time=self.out_of_time)
+        found = refine(to_program(signed), self.cloud.thinned(count), config=config, deadline=self.deadline)
         return with_leaves(signed, found.program)
 
     def _ranked(self, sequences: Sequence[Signed]) -> list[Proposal]:
@@ -119,9 +120,9 @@ class _Repairs:
             self._costs,
             lambda *_: WORTH,
             config.rounds,
-            self.out_of_time,
+            self.deadline,
         )
-        return Proposal(best, cost) if self.out_of_time() else self._ranked([self._fitted(best, config.last, config.most), best])[0]
+        return Proposal(best, cost) if self.deadline.passed() else self._ranked([self._fitted(best, config.last, config.most), best])[0]
 
     def _chosen(self, signed: Signed, lent: Sequence[Primitive]) -> Signed:
         """The cheapest that single changes lead to, over its primitives, variants of them, `lent` ones and guesses of what is missing."""

@@ -7,12 +7,12 @@ block per leaf. Unknowns are the face coordinates of `faces.py`; a face that too
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
 from imdim.geometry.lowering import Lowered, lower
 from imdim.program.tree import Program
@@ -53,11 +53,11 @@ class Fit:
 
 
 def refine(
-    program: Program, points: np.ndarray, *, config: RefineConfig | None = None, out_of_time: Callable[[], bool] = bool
+    program: Program, points: np.ndarray, *, config: RefineConfig | None = None, deadline: Deadline = NEVER
 ) -> Fit:
     """The program with its numbers moved to fit `points` [n, 3] of the target's surface.
 
-    Once `out_of_time` (by default never) the numbers stay as they are by then. Raises ValueError without points.
+    Past the `deadline` (by default never) the numbers stay as they are by then. Raises ValueError without points.
     """
     if len(points) == 0:
         raise ValueError("refine needs surface points, got none")
@@ -65,7 +65,7 @@ def refine(
     points = np.ascontiguousarray(points, float)
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
     start = lower(program)
-    end, stop = _newton(start, points, diagonal, config, out_of_time)
+    end, stop = _newton(start, points, diagonal, config, deadline)
     distance = np.abs(kernels.program_sdf(end.numbers, points))
     explained = distance < end.scale
     rms = float(np.sqrt(np.mean(distance[explained] ** 2))) if explained.any() else float("inf")
@@ -99,13 +99,13 @@ def _linearise(numbers: Lowered, points: np.ndarray, scale: float) -> _Linear:
 
 
 def _newton(
-    numbers: Lowered, points: np.ndarray, diagonal: float, config: RefineConfig, out_of_time: Callable[[], bool]
+    numbers: Lowered, points: np.ndarray, diagonal: float, config: RefineConfig, deadline: Deadline
 ) -> tuple[_State, Stop]:
     """Levenberg-Marquardt; the robust scale falls with the residuals of what is explained."""
     damping, iterations, rejected, scale = 1e-3, 0, 0, config.start_scale * diagonal
     linear = _linearise(numbers, points, scale)
     for _ in range(config.newton_steps):
-        if out_of_time():
+        if deadline.passed():
             break
         iterations += 1
         free = held_open(linear.matrix, config.min_support)

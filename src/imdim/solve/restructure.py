@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from imdim.deadline import Deadline
 from imdim.geometry import kernels
 from imdim.geometry.sampling import subsample
 from imdim.program.cost import count
@@ -52,7 +53,7 @@ def restructured(
     points: np.ndarray,
     lent: Sequence[Program],
     axes: np.ndarray,
-    out_of_time: Callable[[], bool],
+    deadline: Deadline,
     draws: Draws | None = None,
 ) -> Likely:
     """The program with the changes that shorten the message of `points` [n, 3], each the best of its round.
@@ -60,20 +61,20 @@ def restructured(
     `axes` [3, 3] has the part's directions as columns. Sequences of more than LONGEST steps stay as they are. `draws` of the `glanced`
     points keep for other calls what was computed for single parts.
     """
-    if out_of_time():
+    if deadline.passed():
         return likely
     area = Shown.of(likely.program, likely.noise.sigma).area
     scene = Scene(draws or glanced(points), likely.noise, area, len(points))
     changes = _Changes(Cloud.of(points, likely.noise.sigma), scene, lent, axes)
 
     def fit(points: np.ndarray, config: MaximiseConfig) -> Callable[[Likely], list[Likely]]:
-        return lambda trial: [maximise(trial.program, points, trial.noise, config, out_of_time)]
+        return lambda trial: [maximise(trial.program, points, trial.noise, config, deadline)]
 
     def lengths(tried: Sequence[Likely]) -> list[float]:
         return [length(t.program, points, t.noise, t.nll) for t in tried]
 
     stages = Stage(fit(points[::FEWER], FIRST), TRIED), Stage(fit(points, REFIT), REFITTED)
-    return search_locally((likely, lengths([likely])[0]), changes.promising, stages, lengths, _worth, ROUNDS, out_of_time)[0]
+    return search_locally((likely, lengths([likely])[0]), changes.promising, stages, lengths, _worth, ROUNDS, deadline)[0]
 
 
 def _worth(best: Likely, trial: Likely) -> float:

@@ -12,6 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from imdim.deadline import NEVER, Deadline
 from imdim.program.tree import Primitive, Program, leaves, map_leaves
 from imdim.solve.canonical import canonical, round_turns
 from imdim.solve.values import Values, clusters, equal_groups, grids, rounded, span
@@ -40,16 +41,16 @@ def snap(
     *,
     unit: float = 1.0,
     config: SnapConfig | None = None,
-    out_of_time: Callable[[], bool] = bool,
+    deadline: Deadline = NEVER,
 ) -> Program:
     """The program with rounder numbers whose `error` is at most that of `program` grown by the tolerances.
 
-    Once `out_of_time` (by default never) nothing more is rounded.
+    Past the `deadline` (by default never) nothing more is rounded.
     `unit` is the length of one model unit: grids are unit times 1 or 5 times a power of ten.
     """
     config = config or SnapConfig()
     program = map_leaves(program, lambda _, p: canonical(p))
-    judge = _Judge(program, error, config, out_of_time)
+    judge = _Judge(program, error, config, deadline)
     parts = _snap_rotations(list(leaves(program)), judge, config)
     values = Values.of(parts)
     largest = span(parts)
@@ -66,8 +67,8 @@ class _Judge:
     What is accepted lowers the limit: error that one rounding saves is not there for the next to spend.
     """
 
-    def __init__(self, program: Program, error: Callable[[Program], float], config: SnapConfig, out_of_time: Callable[[], bool]) -> None:
-        self.program, self.error, self.config, self.out_of_time = program, error, config, out_of_time
+    def __init__(self, program: Program, error: Callable[[Program], float], config: SnapConfig, deadline: Deadline) -> None:
+        self.program, self.error, self.config, self.deadline = program, error, config, deadline
         self.left, self.limit = config.max_calls, float("inf")
         self.current = error(program)
         self.limit = self.allowed(self.current)
@@ -77,7 +78,7 @@ class _Judge:
 
     def error_of(self, parts: Sequence[Primitive]) -> float:
         self.left -= 1
-        return self.error(_rebuilt(self.program, parts)) if self.left >= 0 and not self.out_of_time() else float("inf")
+        return self.error(_rebuilt(self.program, parts)) if self.left >= 0 and not self.deadline.passed() else float("inf")
 
     def bears(self, values: Values) -> bool:
         parts = values.primitives_or_none()

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from tests.deadlines import PASSED
 
 from imdim.app.pretrain import main
 from imdim.data.folder import FolderConfig, make_folder
@@ -146,12 +147,12 @@ def test_a_shape_of_complements_alone_is_still_a_solid():
     shape = start(16, 4, chance(0))
     shape.complement.abs_()
     labels = labels_of(PART, 2000, 0)
-    assert iou(to_program(fit(shape, labels, FitConfig(), out_of_time=lambda: True)), labels) > 0.0
+    assert iou(to_program(fit(shape, labels, FitConfig(), deadline=PASSED)), labels) > 0.0
 
 
 def test_a_fit_that_is_out_of_time_still_answers():
     labels = labels_of(PART, 3000, 0)
-    assert iou(to_program(fit(random_start(labels, 16, 4, 0), labels, FitConfig(), out_of_time=lambda: True)), labels) > 0.0
+    assert iou(to_program(fit(random_start(labels, 16, 4, 0), labels, FitConfig(), deadline=PASSED)), labels) > 0.0
 
 
 def test_a_run_that_was_killed_ends_with_the_same_weights(tmp_path):

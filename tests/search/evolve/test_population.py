@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.deadlines import PASSED
 from tests.planted import PARTS, box, cylinder, sphere, union
 from tests.search.evolve.scenes import planted_scene, scene_of
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry.kernels import program_sdf
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.tree import Program, leaves
@@ -23,7 +25,7 @@ SHORT = EvolutionConfig(population=24, offspring=24, generations=6)
 def run(
     scene: Scene, seeds: dict[str, list[Program]] | None = None, config: EvolutionConfig = SHORT, seed: int = 0, **more
 ) -> list[Generation]:
-    return list(evolve(seeds or {}, scene, np.random.default_rng(seed), more.pop("out_of_time", lambda: False), config, **more))
+    return list(evolve(seeds or {}, scene, np.random.default_rng(seed), more.pop("deadline", NEVER), config, **more))
 
 
 def told(generations: list[Generation]) -> list:
@@ -65,14 +67,14 @@ def test_scores_on_the_front_are_those_of_its_programs():
 
 def test_without_time_the_best_seed_is_returned():
     crude, good = box(60, 40, 4), PARTS["rounded plate"]
-    only = run(fresh(), {"given": [crude, good]}, out_of_time=lambda: True)
+    only = run(fresh(), {"given": [crude, good]}, deadline=PASSED)
     assert [g.number for g in only] == [0]
     assert (only[0].best.program, only[0].stop) == (good, "budget_spent")
 
 
 def test_a_deadline_ends_a_generation_early():
     calls = iter(range(10**9))
-    generations = run(fresh(), config=replace(SHORT, generations=1000), out_of_time=lambda: next(calls) > 60)
+    generations = run(fresh(), config=replace(SHORT, generations=1000), deadline=Deadline(60, calls.__next__))
     assert generations[-1].stop == "budget_spent"
     assert next(calls) < 90
 
@@ -88,7 +90,7 @@ def test_a_population_that_dies_out_starts_anew(monkeypatch):
 
 @pytest.mark.parametrize("seeds", [{}, {"given": [sphere(1e-9, (0.0, 0.0, 0.0))]}, {"given": [sphere(1, (1e6, 0.0, 0.0))]}])
 def test_seeds_of_no_use_are_replaced_by_random_ones(seeds):
-    first = run(fresh(), seeds, out_of_time=lambda: True)[0]
+    first = run(fresh(), seeds, deadline=PASSED)[0]
     assert first.origins["random"] > 0
     assert first.origins.get("given", 0) == 0
 
@@ -145,7 +147,7 @@ def test_children_pass_through_the_solver():
 def test_surface_seeds_lead_from_one_primitive_to_the_part():
     scene = planted_scene("tube on a flange")
     assert scene.families is not None
-    seeds = surface_seeds(scene.families, 2.5e-4, lambda: False)
+    seeds = surface_seeds(scene.families, 2.5e-4, NEVER)
     scores = scene.scorer.score(seeds)
     assert min(s.primitives for s in scores) == 1
     assert min(s.volume for s in scores) < 1e-3

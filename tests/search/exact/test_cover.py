@@ -4,6 +4,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from tests.deadlines import PASSED
 
 from imdim.search.exact.cover import Limits, cover
 
@@ -59,7 +60,7 @@ def test_a_barred_set_is_not_chosen_as_a_whole():
 def test_a_solver_without_time_knows_nothing():
     separates = np.array([[1, 1, 0], [0, 0, 1]], bool)
     left, right, weight = np.array([0, 1, 2]), np.array([3, 4, 5]), np.full(6, 9.0)
-    found = cover(separates, left, right, weight, Limits(2, 2.0, 10.0, left=lambda: 0.0))
+    found = cover(separates, left, right, weight, Limits(2, 2.0, 10.0, deadline=PASSED))
     assert found.chosen is None
     assert not found.known
 

@@ -4,6 +4,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from tests.deadlines import PASSED
 from tests.planted import PARTS, box, common, cut, cylinder, sphere, union
 from tests.search.planted_families import cells_of, families_of, planted
 
@@ -119,7 +120,7 @@ def test_half_of_the_surfaces_still_give_an_answer():
 
 def test_time_and_size_end_a_proof_with_a_reason():
     families = planted("bored ball")
-    late = Prover(families, SIZE_WEIGHT).prove(9, 0.1, lambda: 0.0)
+    late = Prover(families, SIZE_WEIGHT).prove(9, 0.1, PASSED)
     assert (late.minimal, late.program, str(late)) == (False, None, "not proved: time ran out")
     long = Prover(families, SIZE_WEIGHT, ProveConfig(most_primitives=4)).prove(5, 0.0)
     assert str(long) == "not proved: more than 4 primitives"

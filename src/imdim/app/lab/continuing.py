@@ -10,6 +10,7 @@ import numpy as np
 from imdim.body import Seen, UnitBody, look
 from imdim.choices import choices_beside, few
 from imdim.config import Settings
+from imdim.deadline import Deadline
 from imdim.evolution import evolved
 from imdim.fitting import related, snapped, solved
 from imdim.geometry.cloud import Frame, Target, in_unit_frame
@@ -38,12 +39,9 @@ def continued(target: Target, program: Program, settings: Settings, rates: Rates
     unit, frame = in_unit_frame(target)
     seen = look(UnitBody.of(unit, rng), settings.size_weight, rng)
     config = EvolutionConfig(rates.population, rates.population, exact=rates.tolerance, crossover=1 - rates.mutation, elitism=rates.elitism)
-
-    def late() -> bool:
-        return now() - start > SEARCH_SHARE * settings.budget_s
-
+    deadline = Deadline(start + SEARCH_SHARE * settings.budget_s, now)
     generation: Generation | None = None
-    for generation in evolved(seen.evidence, {"edited": [frame.apply(program)]}, rng, late, config):
+    for generation in evolved(seen.evidence, {"edited": [frame.apply(program)]}, rng, deadline, config):
         best = frame.undo(generation.best.program)
         front = [Choice(frame.undo(i.program), i.score.volume) for i in generation.front]
         yield Snapshot("evolve", best, generation.best.score.volume, now() - start, front=tuple(few(front, best)))

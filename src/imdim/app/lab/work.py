@@ -40,7 +40,7 @@ def open_file(request: Message, now: Now) -> Iterator[Message]:
 def fit(request: Message, now: Now) -> Iterator[Message]:
     """A reconstruction from nothing."""
     target, settings = wire.target_of(request), _settings(request)
-    yield from _told(reconstruct(target, settings, np.random.default_rng(settings.seed)))
+    yield from _told(reconstruct(target, settings, np.random.default_rng(settings.seed), now))
 
 
 def go_on(request: Message, now: Now) -> Iterator[Message]:

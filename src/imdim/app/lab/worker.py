@@ -29,15 +29,12 @@ def main(pipe: Connection, paused: Any, most_bytes: int) -> None:
     with contextlib.suppress(ValueError, OSError):
         resource.setrlimit(resource.RLIMIT_DATA, (most_bytes, most_bytes))
     threading.Thread(target=_die_with_parent, daemon=True).start()
-    from imdim import pipeline
     from imdim.app.lab import work
-    from imdim.clock import Clock
 
     def now() -> float:
+        """The time; a run counts none in which it was paused."""
         return time.perf_counter() - paused.value
 
-    # a run counts no time in which it was paused
-    pipeline.Clock = lambda budget_s: Clock(budget_s, now)  # type: ignore[assignment, misc]
     work.warm()
     pipe.send_bytes(wire.packed(wire.Message("ready")))
     with contextlib.suppress(EOFError, BrokenPipeError):

@@ -7,12 +7,12 @@ entries to many.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
 from imdim.geometry.lowering import pack_all
 from imdim.learn.stump.binary import Labels, Matrices, improved, to_stump, used
@@ -61,17 +61,17 @@ def random_start(labels: Labels, primitives: int, intersections: int, seed: int)
     return shape
 
 
-def fit(shape: Decoded, labels: Labels, config: FitConfig, seed: int = 0, out_of_time: Callable[[], bool] = lambda: False) -> CsgStump:
+def fit(shape: Decoded, labels: Labels, config: FitConfig, seed: int = 0, deadline: Deadline = NEVER) -> CsgStump:
     """The binary CSG-Stump that explains `labels` from the batch of one `shape`; the same for the same arguments.
 
-    Where `out_of_time`, the stages end early.
+    Past the `deadline`, the stages end early.
     """
     counted = labels.some(np.random.default_rng(seed).permutation(len(labels.points))[: config.counted])
     generator = torch.Generator().manual_seed(seed)
-    descend = _Descent(labels, config, generator, out_of_time)
+    descend = _Descent(labels, config, generator, deadline)
     shape = descend(shape, config.soft, config.eta, binary=False)
     shape = descend(shape, config.hard, (config.eta[1], config.eta[1]), binary=True)
-    descend = _Descent(labels, replace(config, points=config.last_points), generator, out_of_time)
+    descend = _Descent(labels, replace(config, points=config.last_points), generator, deadline)
     matrices, passed = thresholded(shape), []
     for turn in reversed(range(config.rounds)):
         matrices = improved(matrices, columns(shape, counted.points), counted, config.price * RICHER**turn)
@@ -120,7 +120,7 @@ class _Descent:
     labels: Labels
     config: FitConfig
     generator: torch.Generator
-    out_of_time: Callable[[], bool]
+    deadline: Deadline
 
     def __post_init__(self) -> None:
         w_in, w_out = (torch.as_tensor(w) for w in (self.labels.w_in, self.labels.w_out))
@@ -143,7 +143,7 @@ class _Descent:
             for weight in group["params"]:
                 weight.requires_grad_()
         for step in range(steps):
-            if self.out_of_time():
+            if self.deadline.passed():
                 break
             done = step / steps
             for group, rate in zip(adam.param_groups, rates, strict=True):

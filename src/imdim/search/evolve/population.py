@@ -15,6 +15,7 @@ from typing import Literal
 
 import numpy as np
 
+from imdim.deadline import Deadline
 from imdim.program.paths import leaf_paths, without
 from imdim.program.tree import Program, leaves
 from imdim.search.evolve.front import Archive, Individual, ranked
@@ -62,7 +63,7 @@ def evolve(
     seeds: Mapping[str, Sequence[Program]],
     scene: Scene,
     rng: np.random.Generator,
-    out_of_time: Callable[[], bool],
+    deadline: Deadline,
     config: EvolutionConfig | None = None,
     refine: Refine | None = None,
 ) -> Iterator[Generation]:
@@ -71,14 +72,14 @@ def evolve(
     `seeds` maps a source to its programs; where none is of use, random ones are drawn. At least one generation is yielded.
     """
     state = _Evolution(scene, rng, config or EvolutionConfig(), refine)
-    state.start(seeds, out_of_time)
+    state.start(seeds, deadline)
     idle = 0
     for number in range(state.config.generations + 1):
         before = state.best.score.fitness if number else np.inf
         if number:
-            state.step(out_of_time)
+            state.step(deadline)
         idle = 0 if state.best.score.fitness < before * (1 - state.config.progress) else idle + 1
-        stop = state.ending(number, idle, out_of_time())
+        stop = state.ending(number, idle, deadline.passed())
         yield state.generation(number, stop)
         if stop:
             return
@@ -103,21 +104,21 @@ class _Evolution:
         assert best is not None
         return best
 
-    def start(self, seeds: Mapping[str, Sequence[Program]], out_of_time: Callable[[], bool]) -> None:
+    def start(self, seeds: Mapping[str, Sequence[Program]], deadline: Deadline) -> None:
         """The seeds that are of use, scored; random ones where there are none."""
         named = [(source, p) for source, programs in seeds.items() for p in programs if self._fits(p)]
         for i in range(0, len(named), BATCH):
             self._join(named[i : i + BATCH])
-            if out_of_time():
+            if deadline.passed():
                 break
         if not self.population:
             self._revive()
         self.population = ranked(self.population)[: self.config.population]
 
-    def step(self, out_of_time: Callable[[], bool]) -> None:
+    def step(self, deadline: Deadline) -> None:
         """One generation: children, their solved and shortened kin, and the selection among all."""
         self.origins.clear()
-        children = self._children(out_of_time)
+        children = self._children(deadline)
         before = len(self.population)
         self._join(children)
         newcomers = self.population[before:]
@@ -160,10 +161,10 @@ class _Evolution:
         self.population += self.archive.front()
         self._join([("random", p) for p in random_programs(self.scene, self.config.population, self.rng)])
 
-    def _children(self, out_of_time: Callable[[], bool]) -> list[tuple[str, Program]]:
+    def _children(self, deadline: Deadline) -> list[tuple[str, Program]]:
         children: list[tuple[str, Program]] = []
         for _ in range(2 * self.config.offspring):
-            if len(children) >= self.config.offspring or out_of_time():
+            if len(children) >= self.config.offspring or deadline.passed():
                 break
             origin, child = self._child()
             if child is not None and self._fits(child):

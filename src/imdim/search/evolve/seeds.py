@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
+from imdim.deadline import Deadline
 from imdim.program.tree import Program
 from imdim.search.cells import HULLS, TRUE, Weights
 from imdim.search.families import Families
@@ -14,21 +15,21 @@ from imdim.search.sequence import Price, Sequence, to_program
 PHASES: tuple[tuple[Weights, ...], ...] = ((TRUE,), (HULLS, (1.0, 5.0)), ((20.0, 1.0), TRUE), ((0.01, 1.0), (1.0, 20.0)))
 
 
-def surface_seeds(families: Families, size_weight: float, out_of_time: Callable[[], bool]) -> list[Program]:
+def surface_seeds(families: Families, size_weight: float, deadline: Deadline) -> list[Program]:
     """Greedy insertions of the best candidate under four prices, with every program on the way."""
-    return [p for sequence in greedy(families, size_weight, out_of_time) for p in steps(sequence, families)]
+    return [p for sequence in greedy(families, size_weight, deadline) for p in steps(sequence, families)]
 
 
-def greedy(families: Families, size_weight: float, out_of_time: Callable[[], bool]) -> Iterator[Sequence]:
+def greedy(families: Families, size_weight: float, deadline: Deadline) -> Iterator[Sequence]:
     """The pruned sequence of greedy insertions of the best candidate, under each of four prices; one at least."""
     exact = Price(size_weight * families.cells.volume)
     for phases in PHASES:
         found = found_of((), families, exact)
         # a phase under other weights is short: what it adds must pay forty times the price
         for price in (*(Price(exact.step * (1.0 if w == TRUE else 40.0), w) for w in phases), exact):
-            found = complete(found_of(found.sequence, families, price), families, LocalConfig(), price, out_of_time)
+            found = complete(found_of(found.sequence, families, price), families, LocalConfig(), price, deadline)
         yield pruned(found, families, exact).sequence
-        if out_of_time():
+        if deadline.passed():
             return
 
 

@@ -7,12 +7,14 @@ why branch and bound over it ends in tenths of a second where a solver that lear
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import Bounds, LinearConstraint, linprog, milp
 from scipy.sparse import csr_array, hstack
+
+from imdim.deadline import NEVER, Deadline
 
 INFEASIBLE = 2  # scipy's status
 MOST_NODES = 20_000
@@ -41,18 +43,18 @@ class Cover:
 class Limits:
     """At most `most` columns at a price of at most `price`; not all of any set in `barred` at once.
 
-    Each call of the solver takes `solver_s` seconds at most, and no more than are `left` (by default any number).
+    Each call of the solver takes `solver_s` seconds at most, and none past the `deadline` (by default never).
     """
 
     most: int
     price: float
     solver_s: float
     barred: Sequence[Sequence[int]] = ()
-    left: Callable[[], float] = lambda: np.inf
+    deadline: Deadline = NEVER
 
     def seconds(self) -> float:
         """For the next call of the solver; 0 once none may be made."""
-        return max(min(self.solver_s, self.left()), 0.0)
+        return min(self.solver_s, self.deadline.left())
 
 
 def cover(separates: np.ndarray, left: np.ndarray, right: np.ndarray, weight: np.ndarray, limits: Limits) -> Cover:

@@ -8,11 +8,11 @@ primitives. Candidates that separate all cells are joined into a tree, if there 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from imdim.deadline import NEVER, Deadline
 from imdim.program.cost import count
 from imdim.program.tree import Program
 from imdim.search.exact.columns import Columns, TooManyError, candidate_count, maximal_columns, unpack
@@ -94,10 +94,10 @@ class Prover:
         self.too_large = ""  # why there are more candidates than can be listed; pairs only grow, so that no later proof can do with fewer
         self.inside, self.outside = np.zeros(0, np.int64), np.zeros(0, np.int64)
 
-    def prove(self, primitives: int, error: float, left: Callable[[], float] = lambda: np.inf) -> Proof:
+    def prove(self, primitives: int, error: float, deadline: Deadline = NEVER) -> Proof:
         """A proof about a program of so many `primitives` that differs from the target by the volume `error` over the cells.
 
-        It ends when no seconds are `left` (by default never).
+        It ends at the `deadline` (by default never).
         """
         if primitives > self.config.most_primitives:
             return Proof(False, primitives, self.candidates, f"more than {self.config.most_primitives} primitives")
@@ -106,17 +106,17 @@ class Prover:
         best = _Best(primitives, primitives + error / self.unit - self.mixed)
         if self.found is not None and self.found.primitives <= primitives and self.found.price <= best.price - EQUAL:
             best = self.found
-        best, why = self._shortest(best, left)
+        best, why = self._shortest(best, deadline)
         if not why:
-            best = self._refined(best, left)
+            best = self._refined(best, deadline)
         self.found = best if best.program is not None else self.found
         return Proof(not why, best.primitives, self.candidates, why, best.program, best.price - best.primitives)
 
-    def _shortest(self, best: _Best, left: Callable[[], float]) -> tuple[_Best, str]:
+    def _shortest(self, best: _Best, deadline: Deadline) -> tuple[_Best, str]:
         """Shorter programs until none is left, or why that is not known."""
         why, chosen = None, list[Candidate]()
         while why is None and not self._proved(best):
-            why, chosen = self._round(chosen, best, left)
+            why, chosen = self._round(chosen, best, deadline)
             if why is None:
                 best = self._joined(chosen, best) or best
         if not why:
@@ -127,14 +127,14 @@ class Prover:
         """Whether an earlier proof covers this one: of more primitives, at no lower price."""
         return best.primitives <= 1 or any(best.primitives <= p.primitives and best.price <= p.price + EQUAL for p in self.proved)
 
-    def _refined(self, best: _Best, left: Callable[[], float]) -> _Best:
+    def _refined(self, best: _Best, deadline: Deadline) -> _Best:
         """No fewer primitives but less error, where a few more counterexamples lead to it; they are forgotten then."""
         before, chosen = (self.inside, self.outside), list[Candidate]()
         for _ in range(self.config.refinements):
             if best.price - best.primitives < FINE:
                 break
             goal = _Best(best.primitives + 1, best.price - FINE + EQUAL)
-            why, chosen = self._round(chosen, goal, left)
+            why, chosen = self._round(chosen, goal, deadline)
             if why is not None:
                 break
             best = self._joined(chosen, goal) or best
@@ -149,7 +149,7 @@ class Prover:
         m = len(self.labels.weight)
         return np.stack([self.families.mask(c) for c in chosen]) if chosen else np.zeros((0, m), bool)
 
-    def _round(self, chosen: list[Candidate], best: _Best, left: Callable[[], float]) -> tuple[str | None, list[Candidate]]:
+    def _round(self, chosen: list[Candidate], best: _Best, deadline: Deadline) -> tuple[str | None, list[Candidate]]:
         """More counterexamples and the cheapest candidates that satisfy them; "" for none, which is the proof, or why it must end."""
         config, barred = self.config, self._barred(best)
         if len(barred) > config.most_barred:
@@ -159,7 +159,7 @@ class Prover:
             self.inside, self.outside = np.append(self.inside, more.inside), np.append(self.outside, more.outside)
         if not len(self.inside):
             return "", chosen  # one label for all cells: nothing to tell apart
-        if left() <= 0:
+        if deadline.passed():
             return "time ran out", chosen
         try:
             columns = self._columns()
@@ -170,7 +170,7 @@ class Prover:
         place = {candidate: i for i, candidate in enumerate(columns.candidates)}
         # counterexamples that were added since may have other columns stand for those of a set without a tree
         places = [[place[c] for c in some] for some in barred if all(c in place for c in some)]
-        limits = Limits(best.primitives - 1, best.price - EQUAL, config.solver_s, places, left)
+        limits = Limits(best.primitives - 1, best.price - EQUAL, config.solver_s, places, deadline)
         found = cover(separates, self.inside, self.outside, self.labels.weight, limits)
         if len(self.inside) > config.most_pairs:
             kept = found.binding | (np.arange(len(self.inside)) >= len(self.inside) - config.pairs_per_round)
@@ -179,7 +179,7 @@ class Prover:
         if found.chosen is not None:
             return None, [columns.candidates[i] for i in found.chosen]
         if not found.known:
-            return "time ran out" if left() <= 0 else "time of the solver ran out", chosen
+            return "time ran out" if deadline.passed() else "time of the solver ran out", chosen
         return _unjoined(barred) if barred else "", chosen
 
     def _columns(self) -> Columns:

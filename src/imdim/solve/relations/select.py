@@ -11,12 +11,13 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import takewhile
 
 import numpy as np
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry.constraints import rows_of
 from imdim.geometry.lowering import Lowered
 from imdim.geometry.pose import Pose
@@ -120,15 +121,15 @@ class Choice:
         self._known[:, new] = taken
         self.rank += len(residual)
 
-    def greedy(self, candidates: Iterable[Candidate], out_of_time: Callable[[], bool] = bool) -> list[Constraint]:
+    def greedy(self, candidates: Iterable[Candidate], deadline: Deadline = NEVER) -> list[Constraint]:
         """Accept the candidate that saves most, again and again, while one saves anything and there is time; those accepted, in order.
 
         Savings are only looked at again when a candidate comes to the top: they seldom grow.
         """
-        order = [(-self.judge(c).saving, i, c) for i, c in enumerate(takewhile(lambda _: not out_of_time(), candidates))]
+        order = [(-self.judge(c).saving, i, c) for i, c in enumerate(takewhile(lambda _: not deadline.passed(), candidates))]
         heapq.heapify(order)
         accepted: list[Constraint] = []
-        while order and not out_of_time():
+        while order and not deadline.passed():
             _, i, candidate = heapq.heappop(order)
             judged = self.judge(candidate)
             if judged.rank == 0 or judged.saving <= 0:

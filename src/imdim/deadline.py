@@ -1,0 +1,31 @@
+"""A moment by which work is to end, as a value: asking whether it has passed changes nothing."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Deadline:
+    """Has passed once the clock `now` shows more than `at`, in seconds."""
+
+    at: float
+    # looked up when a deadline is made: scripts/processor.py puts another clock there
+    now: Callable[[], float] = field(default_factory=lambda: time.perf_counter, repr=False)
+
+    def passed(self) -> bool:
+        return self.now() > self.at
+
+    def left(self) -> float:
+        """Seconds; 0 once it has passed."""
+        return max(self.at - self.now(), 0.0)
+
+    def earlier(self, other: Deadline) -> Deadline:
+        """The earlier one of two by the same clock."""
+        return other if other.at < self.at else self
+
+
+NEVER = Deadline(math.inf)
