@@ -50,6 +50,11 @@ class Patch:
     outward: int = 0
 
 
+def vec(v: np.ndarray) -> Vec3:
+    """Plain floats, which keep a `Surface` hashable."""
+    return (float(v[0]), float(v[1]), float(v[2]))
+
+
 def is_spindle(surface: Surface) -> bool:
     """Whether this is a torus that crosses itself, r_minor > r_major, which no primitive is."""
     return surface.kind == "torus" and surface.sizes[1] > surface.sizes[0]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imdim.geometry.surface import SURFACE_KINDS, Surface, signed_distance
+from imdim.geometry.surface import SURFACE_KINDS, Surface, signed_distance, vec
 from imdim.seeding.fit_start import starts
 
 MIN_POINTS = {"plane": 3, "sphere": 4, "cylinder": 5, "cone": 6, "torus": 7}
@@ -71,11 +71,7 @@ def _scaled(surface: Surface, middle: np.ndarray, size: float) -> Surface:
 
 def _unscaled(surface: Surface, middle: np.ndarray, size: float) -> Surface:
     sizes = surface.sizes if surface.kind == "cone" else tuple(float(s * size) for s in surface.sizes)
-    return Surface(surface.kind, _vec(np.asarray(surface.point) * size + middle), _vec(np.asarray(surface.axis)), sizes)
-
-
-def _vec(v: np.ndarray) -> tuple[float, float, float]:
-    return (float(v[0]), float(v[1]), float(v[2]))
+    return Surface(surface.kind, vec(np.asarray(surface.point) * size + middle), vec(np.asarray(surface.axis)), sizes)
 
 
 def _tukey(distance: np.ndarray, scale: float | None) -> np.ndarray:
@@ -102,7 +98,7 @@ def _fit_plane(
         weight = _tukey(signed_distance(surface, local), scale / size if scale else None)
         surface = _weighted_plane(local, weight, axis)
     if start is not None and np.dot(surface.axis, start.axis) < 0:
-        surface = Surface("plane", surface.point, _vec(-np.asarray(surface.axis)))
+        surface = Surface("plane", surface.point, vec(-np.asarray(surface.axis)))
     return surface, _rms(signed_distance(surface, local), weight)
 
 
@@ -111,9 +107,9 @@ def _weighted_plane(local: np.ndarray, weight: np.ndarray, axis: np.ndarray | No
         weight = np.ones(len(local))
     center = weight @ local / weight.sum()
     if axis is not None:
-        return Surface("plane", _vec(center), _vec(axis))
+        return Surface("plane", vec(center), vec(axis))
     q = local - center
-    return Surface("plane", _vec(center), _vec(np.linalg.eigh((q * weight[:, None]).T @ q)[1][:, 0]))
+    return Surface("plane", vec(center), vec(np.linalg.eigh((q * weight[:, None]).T @ q)[1][:, 0]))
 
 
 def _best_of(
@@ -145,14 +141,14 @@ def _surface(state: _State, local: np.ndarray) -> Surface:
         point = state.point
         if state.kind == "cylinder":
             point = point - (point @ state.axis) * state.axis
-        return Surface(state.kind, _vec(point), _vec(state.axis), sizes)
+        return Surface(state.kind, vec(point), vec(state.axis), sizes)
     radius, angle = state.sizes
     angle = math.copysign(min(max(abs(angle), 1e-9), math.pi / 2 - 1e-9), angle)
     apex = state.point - state.axis * (radius / math.tan(angle))
     axis = state.axis * math.copysign(1.0, angle)
     if ((local - apex) @ axis).mean() < 0:
         axis = -axis
-    return Surface("cone", _vec(apex), _vec(axis), (abs(angle),))
+    return Surface("cone", vec(apex), vec(axis), (abs(angle),))
 
 
 def _descend(state: _State, local: np.ndarray, scale: float | None, iterations: int, frozen: tuple[int, ...]) -> tuple[_State, float]:
