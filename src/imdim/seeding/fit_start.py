@@ -7,6 +7,7 @@ import math
 import numpy as np
 from scipy.spatial import KDTree
 
+from imdim.geometry.axes import half_sphere
 from imdim.geometry.surface import Surface
 
 
@@ -132,10 +133,7 @@ def _by_own_normals(points: np.ndarray) -> list[Surface]:
 def _directions(points: np.ndarray, count: int) -> np.ndarray:
     """Principal and coordinate axes, then a Fibonacci half sphere."""
     principal = np.linalg.eigh(np.cov(points.T))[1].T
-    i = np.arange(count) + 0.5
-    z, turn = i / count, math.pi * (1 + math.sqrt(5)) * i
-    side = np.sqrt(1 - z * z)
-    return np.vstack([principal, np.eye(3), np.column_stack([side * np.cos(turn), side * np.sin(turn), z])])
+    return np.vstack([principal, np.eye(3), half_sphere(count)])
 
 
 def _swept(kind: str, points: np.ndarray) -> list[Surface]:
