@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imdim.geometry.surface import SURFACE_KINDS, Surface, signed_distance, vec
-from imdim.seeding.fit_start import starts
+from imdim.seeding.fit_start import basis, starts
 
 MIN_POINTS = {"plane": 3, "sphere": 4, "cylinder": 5, "cone": 6, "torus": 7}
 # columns of the step that each way of holding the axis leaves out
@@ -188,23 +188,10 @@ def _loss(distance: np.ndarray, scale: float | None) -> float:
     return float((1 - np.maximum(1 - (distance / (3 * scale)) ** 2, 0.0) ** 3).sum())
 
 
-def _tangents(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    seed = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    u = _cross(axis, seed)
-    u /= np.linalg.norm(u)
-    return u, _cross(axis, u)
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Of two vectors [3]; np.cross takes most of a fit's time to sort out its axes."""
-    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
-    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
-
-
 def _moved(state: _State, step: np.ndarray) -> _State:
     if state.kind == "sphere":
         return _State("sphere", state.point + step[:3], state.axis, state.sizes + step[3:])
-    u, v = _tangents(state.axis)
+    u, v = basis(state.axis)
     point = state.point + step[0] * u + step[1] * v
     axis = state.axis + step[2] * u + step[3] * v
     axis /= np.linalg.norm(axis)
@@ -219,7 +206,7 @@ def _residual(state: _State, local: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     if state.kind == "sphere":
         length = np.sqrt((q * q).sum(1))
         return length - state.sizes[0], np.column_stack([-q / np.maximum(length, 1e-12)[:, None], -np.ones(len(q))])
-    u, v = _tangents(state.axis)
+    u, v = basis(state.axis)
     qu, qv, h = q @ u, q @ v, q @ state.axis
     rho = np.hypot(qu, qv)
     ru, rv = qu / np.maximum(rho, 1e-12), qv / np.maximum(rho, 1e-12)
