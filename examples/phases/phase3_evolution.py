@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 from sketch import CLOUD, POINT, Panel, write
+from theory_evolution import Generation, evolve
 
-from imdim.solve.constraints.evolve import Generation, evolve
 from imdim.solve.constraints.freedom import freedom
 
 

@@ -31,9 +31,8 @@ from processor import CLOCKS
 
 import imdim
 from imdim.app.batch import folder
-from imdim.app.batch.engine import run_jobs
+from imdim.app.batch.engine import Job, run_jobs
 from imdim.app.batch.folder import PARTS, Outcome, Part
-from imdim.app.batch.local import Job
 from imdim.app.batch.process import Ended, Limits
 from imdim.app.batch.run import BAD_INPUT, COMMAND, GRACE_S, INTERRUPTED, MEMORY_MIB, decisive, limits_of, options, settings_of
 from imdim.config import ConfigError, Settings

@@ -23,17 +23,18 @@ from torch import Tensor
 from imdim.app.arguments import from_arguments
 from imdim.config import ConfigError
 from imdim.data.canonical import canonical
-from imdim.data.solids import Solids, concatenate, from_sequences, from_signed, to_signed
+from imdim.data.solids import BOX, Solids, concatenate, from_sequences, from_signed, to_signed
 from imdim.data.synthesize import Samples, SynthesisConfig, synthesize
 from imdim.geometry.axes import main_axes
+from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.learn.beam import beam_search
 from imdim.learn.checkpoint import load_policy, replace_whole
 from imdim.learn.decode import DecodeConfig, decode
-from imdim.learn.measure import bounding_boxes, errors_by_kind, exact_iou, exact_structure, moves, summary, written_programs
+from imdim.learn.measure import errors_by_kind, exact_structure, moves, summary, written_programs
 from imdim.learn.policy import Policy
 from imdim.poses import Poses
 from imdim.program.sequence import SignedSequence
-from imdim.program.tree import Primitive
+from imdim.program.tree import Primitive, Program
 from imdim.solve.proposals import settle
 
 HEAD = "| answer | median IoU | mean IoU | IoU >= 0.9 | exact structure | seconds per target |\n| --- | --- | --- | --- | --- | --- |"
@@ -111,6 +112,20 @@ def answer_results(policy: Policy, batch: Samples, config: EvaluateConfig, say: 
         say(f"| {name} | {s['median']:.3f} | {s['mean']:.3f} | {s['share_090']:.0%} | {exact:.0%} | {seconds:.2f} |")
         results[name] = {**s, "exact_structure": exact, "seconds": seconds, "ious": ious}
     return results
+
+
+def exact_iou(found: Program | None, truth: Program) -> float:
+    """Volume IoU by exact booleans, 0 where nothing was found."""
+    return 0.0 if found is None else volume_iou(to_manifold(found), to_manifold(truth))
+
+
+def bounding_boxes(gt_points: Tensor) -> Solids:
+    """The answer that needs no policy: the cloud's box."""
+    low, high = gt_points.amin(1), gt_points.amax(1)
+    rows, device = len(low), low.device
+    identity = torch.eye(3, device=device).expand(rows, 1, 3, 3)
+    kinds = torch.full((rows, 1), BOX, device=device)
+    return Solids(kinds, torch.ones_like(kinds, dtype=torch.bool), ((low + high) / 2)[:, None], (high - low)[:, None], identity)
 
 
 def _answers(policy: Policy, gt_points: Tensor, config: EvaluateConfig) -> Iterator[tuple[str, tuple[Solids, float]]]:

@@ -1,10 +1,10 @@
 """Relations found on planted programs, measured: ``python scripts/bench/relations.py [--programs 60] [--seed 0] [--json out.json]``
 
 Programs come from the generator's families; their true relations are found by brute force over their exact numbers (`planted_relations`),
-independent of the code under test. A cloud with noise, numbers that are disturbed, a fit without constraints (`refine`), then `discover`.
-Precision: of the pairwise relations found, those that hold exactly for the true program. Recall: the share of the rank of all true
-relations between shown features that those found span. Error: of the shown numbers, with and without constraints, as a share of the
-diagonal. No program is dropped; the exit status is 1 where a bar is missed.
+independent of the code under test. A cloud with noise, numbers that are disturbed, a fit without constraints (`refine`), then `discover`,
+both as a reconstruction of a cloud calls them. Precision: of the pairwise relations found, those that hold exactly for the true program.
+Recall: the share of the rank of all true relations between shown features that those found span. Error: of the shown numbers, with and
+without constraints, as a share of the diagonal. No program is dropped; the exit status is 1 where a bar is missed.
 """
 
 from __future__ import annotations

@@ -14,8 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from imdim.solve.constraints import named
-from imdim.solve.constraints.evolve import evolve
 from imdim.solve.constraints.freedom import freedom
 from imdim.solve.constraints.solver import solve
 
@@ -25,7 +23,9 @@ CUBE_DISTANCES = np.sqrt(np.repeat([1, 2, 3], [12, 12, 4]))
 
 
 def cubes(starts: int) -> dict[str, float]:
-    theory, good, first, seconds = named.cube(), 0, 0, []
+    from named import cube
+
+    theory, good, first, seconds = cube(), 0, 0, []
     for seed in range(starts):
         began = time.perf_counter()
         found = solve(theory, rng=np.random.default_rng(seed))
@@ -59,6 +59,7 @@ def freedoms() -> dict[str, int]:
 
 def rectangles(clouds: int) -> dict[str, float]:
     from phase3_evolution import is_rectangle, rectangle_cloud
+    from theory_evolution import evolve
 
     good, exact, seconds = 0, 0, []
     for seed in range(clouds):

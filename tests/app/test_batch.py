@@ -18,7 +18,7 @@ from tests.app.batches import make, rows
 from tests.stand_ins import log, wait_for
 
 from imdim.app.batch import folder
-from imdim.app.batch.local import run_local
+from imdim.app.batch.engine import run_local
 from imdim.app.batch.process import Limits, Process, run
 from imdim.app.batch.run import main
 from imdim.app.cli import main as imdim
@@ -226,7 +226,7 @@ def test_what_runs_ends_when_the_iteration_is_left(tmp_path):
     command = (sys.executable, "-c", "import time; time.sleep(600)")
     job = folder_job(part, tmp_path, command)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("imdim.app.batch.local.Process", Spy)
+        patch.setattr("imdim.app.batch.engine.Process", Spy)
         quick = folder_job(part, tmp_path, (sys.executable, "-c", "pass"))
         running = run_local([job, quick], 2)
         assert next(running)[1].why == ""
@@ -236,7 +236,7 @@ def test_what_runs_ends_when_the_iteration_is_left(tmp_path):
 
 
 def folder_job(part: folder.Part, staging: Path, command: tuple[str, ...]):
-    from imdim.app.batch.local import Job
+    from imdim.app.batch.engine import Job
 
     return Job(part, staging, command, (), Limits(60.0))
 

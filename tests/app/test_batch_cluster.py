@@ -10,8 +10,8 @@ import pytest
 from tests.app.batches import make, rows
 from tests.stand_ins import log, wait_for
 
+from imdim.app.batch.engine import Job
 from imdim.app.batch.folder import Part
-from imdim.app.batch.local import Job
 from imdim.app.batch.process import Limits
 from imdim.app.batch.run import main
 from imdim.app.cli import main as imdim

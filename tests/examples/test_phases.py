@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from imdim.solve.constraints.evolve import complexity, evolve, free_polygon
 from imdim.solve.constraints.fit import fit
 from imdim.solve.constraints.freedom import freedom
 from imdim.solve.constraints.outlines import project_on_faces, to_arc, to_circle, to_faces, to_polygon
@@ -23,6 +22,7 @@ sys.path.insert(0, str(PHASES))
 import phase2_projection as phase2  # noqa: E402
 import phase3_evolution as phase3  # noqa: E402
 import phase4_pruning as phase4  # noqa: E402
+from theory_evolution import complexity, evolve, free_polygon  # noqa: E402
 
 
 def test_phase_1_runs_as_its_docstring_says(tmp_path):

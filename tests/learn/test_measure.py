@@ -12,14 +12,14 @@ from imdim.data.solids import from_sequences
 from imdim.data.synthesize import SynthesisConfig, synthesize
 from imdim.learn.base import BaseConfig, BasePolicy
 from imdim.learn.checkpoint import save_policy
-from imdim.learn.measure import bounding_boxes, errors_by_kind, exact_iou, exact_structure, moves, summary, written_programs
+from imdim.learn.measure import errors_by_kind, exact_structure, moves, summary, written_programs
 from imdim.learn.policy import Move
 from imdim.program.state import ADD_BOX, ADD_CYLINDER, ADD_SPHERE, END
 from imdim.program.tree import Primitive
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 
-from evaluate import main
+from evaluate import bounding_boxes, exact_iou, main
 
 SMALL = BaseConfig(d_model=16, encoder_layers=1, decoder_layers=1, heads=2, gt_points=64, cur_points=32)
 

@@ -68,7 +68,7 @@ def preview(target: Target, result: trimesh.Trimesh, worst: float) -> Image.Imag
     # rays and distances leave the interpreter to the other panel
     with ThreadPoolExecutor(1) as beside:
         second = beside.submit(lambda: _paint(_shoot_mesh(result, camera), RESULT_COLOUR))
-        shot = _shoot_cloud(target, camera) if target.mesh is None else _shoot_mesh(target.mesh, camera)
+        shot = _shoot_points(target.points, target.normals, camera) if target.mesh is None else _shoot_mesh(target.mesh, camera)
         first, third = _paint(shot, TARGET_COLOUR), _paint(shot, _heat(shot, tree, top))
         panels = [first, second.result(), third]
     return _sheet(panels, target.name, top, worst, diagonal)
@@ -79,11 +79,21 @@ def thumbnail(mesh: trimesh.Trimesh, pixels: int) -> Image.Image:
     return _paint(_shoot_mesh(mesh, _camera(np.asarray(mesh.vertices), SUPERSAMPLE * pixels)), RESULT_COLOUR, pixels)
 
 
-def _camera(points: np.ndarray, pixels: int = PANEL * SUPERSAMPLE) -> Camera:
+def discs(points: np.ndarray, normals: np.ndarray, camera: Camera, colour: np.ndarray) -> Image.Image:
+    """Points [n, 3] with their normals alone, in the camera's own pixels."""
+    return _paint(_shoot_points(points, normals, camera), colour, camera.pixels)
+
+
+def view_axes() -> np.ndarray:
+    """Rows: right, up, towards the camera."""
     toward = VIEW / np.linalg.norm(VIEW)
     right = np.cross([0.0, 0.0, 1.0], toward)
     right /= np.linalg.norm(right)
-    axes = np.stack([right, np.cross(toward, right), toward])
+    return np.stack([right, np.cross(toward, right), toward])
+
+
+def _camera(points: np.ndarray, pixels: int = PANEL * SUPERSAMPLE) -> Camera:
+    axes = view_axes()
     flat = points @ axes.T
     low, high = flat.min(axis=0), flat.max(axis=0)
     return Camera(axes, (low + high) / 2 @ axes, 0.92 * pixels / max(float((high - low)[:2].max()), 1e-300), pixels)
@@ -131,9 +141,9 @@ def _creases(seen: np.ndarray, normals: np.ndarray, depth: np.ndarray) -> np.nda
     return rim[seen]
 
 
-def _shoot_cloud(target: Target, camera: Camera) -> Shot:
+def _shoot_points(points: np.ndarray, normals: np.ndarray | None, camera: Camera) -> Shot:
     """Discs as wide as the spacing of the points, nearest on top."""
-    projected = camera.project(target.points)
+    projected = camera.project(points)
     order = np.argsort(projected[:, 2], kind="stable")
     radius = int(np.clip(0.5 * camera.pixels / np.sqrt(len(order)), 2, 8))
     owner = np.full((camera.pixels, camera.pixels), -1)
@@ -144,8 +154,7 @@ def _shoot_cloud(target: Target, camera: Camera) -> Shot:
                 _stamp(owner, rows + dy, columns + dx, order, projected[:, 2])
     seen = owner >= 0
     index = owner[seen]
-    normals = _cloud_normals(target, camera, index)
-    return Shot(seen, target.points[index], normals, np.zeros(len(index), bool))
+    return Shot(seen, points[index], _cloud_normals(points, normals, camera, index), np.zeros(len(index), bool))
 
 
 def _stamp(owner: np.ndarray, rows: np.ndarray, columns: np.ndarray, order: np.ndarray, depth: np.ndarray) -> None:
@@ -158,11 +167,11 @@ def _stamp(owner: np.ndarray, rows: np.ndarray, columns: np.ndarray, order: np.n
     owner[nearer] = fresh[nearer]
 
 
-def _cloud_normals(target: Target, camera: Camera, index: np.ndarray) -> np.ndarray:
-    """Normals [k, 3] that face the camera, of the file or else of the plane through the nearest points."""
+def _cloud_normals(points: np.ndarray, normals: np.ndarray | None, camera: Camera, index: np.ndarray) -> np.ndarray:
+    """Normals [k, 3] that face the camera, those given or else of the plane through the nearest points."""
     shown, which = np.unique(index, return_inverse=True)
-    normals = _plane_normals(target.points, shown) if target.normals is None else target.normals[shown]
-    return (_facing(normals @ camera.axes.T) @ camera.axes)[which]
+    chosen = _plane_normals(points, shown) if normals is None else normals[shown]
+    return (_facing(chosen @ camera.axes.T) @ camera.axes)[which]
 
 
 def _plane_normals(points: np.ndarray, index: np.ndarray) -> np.ndarray:

@@ -112,7 +112,7 @@ def _flattest(groups: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _searched(normals: np.ndarray, trust: np.ndarray) -> list[np.ndarray]:
     """Frames [3, 3] about the best directions of a grid; the second axis is the best one across the first."""
-    directions = np.concatenate([_half_sphere(TRIALS), np.eye(3)])
+    directions = np.concatenate([half_sphere(TRIALS), np.eye(3)])
     worth = _direction_worths(directions, normals, trust, WIDTHS[0])
     frames: list[np.ndarray] = []
     for i in np.argsort(-worth, kind="stable").tolist():
@@ -247,7 +247,7 @@ def _symmetries() -> list[np.ndarray]:
 SYMMETRIES = _symmetries()
 
 
-def _half_sphere(count: int) -> np.ndarray:
+def half_sphere(count: int) -> np.ndarray:
     """A Fibonacci half sphere [count, 3]."""
     i = np.arange(count) + 0.5
     z, turn = i / count, np.pi * (1 + np.sqrt(5)) * i

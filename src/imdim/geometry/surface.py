@@ -50,6 +50,11 @@ class Patch:
     outward: int = 0
 
 
+def vec(v: np.ndarray) -> Vec3:
+    """Plain floats, which keep a `Surface` hashable."""
+    return (float(v[0]), float(v[1]), float(v[2]))
+
+
 def is_spindle(surface: Surface) -> bool:
     """Whether this is a torus that crosses itself, r_minor > r_major, which no primitive is."""
     return surface.kind == "torus" and surface.sizes[1] > surface.sizes[0]
@@ -84,17 +89,18 @@ def normals(surface: Surface, points: np.ndarray) -> np.ndarray:
     if surface.kind == "plane":
         return np.broadcast_to(axis, q.shape)
     if surface.kind == "sphere":
-        return _unit(q)
+        return unit(q)
     h = q @ axis
-    radial = _unit(q - h[:, None] * axis)
+    radial = unit(q - h[:, None] * axis)
     if surface.kind == "cylinder":
         return radial
     if surface.kind == "cone":
         return radial * math.cos(surface.sizes[0]) - axis * math.sin(surface.sizes[0])
     if surface.kind == "torus":
-        return _unit(q - surface.sizes[0] * radial)
+        return unit(q - surface.sizes[0] * radial)
     raise ValueError(f"unknown surface kind {surface.kind!r}; known are {', '.join(SURFACE_KINDS)}")
 
 
-def _unit(v: np.ndarray) -> np.ndarray:
-    return v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-300)
+def unit(v: np.ndarray) -> np.ndarray:
+    """Vectors [..., 3] made 1 long, those of no length left."""
+    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-300)

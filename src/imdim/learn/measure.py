@@ -14,7 +14,6 @@ from torch import Tensor
 from imdim.data.canonical import box_symmetries, canonical_primitives
 from imdim.data.solids import BOX, CYLINDER, PAD, SPHERE, Solids, from_sequences, to_sequences, to_signed
 from imdim.data.synthesize import Samples
-from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.learn.codes import FREE, encode, ruler
 from imdim.learn.policy import Move, Policy
 from imdim.program.sequence import to_program
@@ -75,20 +74,6 @@ def exact_structure(found: Solids, truth: Solids) -> Tensor:
 def written_programs(solids: Solids) -> list[Program | None]:
     """Each row as a program of the tree; None where nothing positive is there."""
     return [to_program(sequence) if sequence else None for sequence in to_signed(solids)]
-
-
-def exact_iou(found: Program | None, truth: Program) -> float:
-    """Volume IoU by exact booleans, 0 where nothing was found."""
-    return 0.0 if found is None else volume_iou(to_manifold(found), to_manifold(truth))
-
-
-def bounding_boxes(gt_points: Tensor) -> Solids:
-    """The answer that needs no policy: the cloud's box."""
-    low, high = gt_points.amin(1), gt_points.amax(1)
-    rows, device = len(low), low.device
-    identity = torch.eye(3, device=device).expand(rows, 1, 3, 3)
-    kinds = torch.full((rows, 1), BOX, device=device)
-    return Solids(kinds, torch.ones_like(kinds, dtype=torch.bool), ((low + high) / 2)[:, None], (high - low)[:, None], identity)
 
 
 def summary(values: list[float]) -> dict[str, float]:

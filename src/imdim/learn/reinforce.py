@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 
@@ -26,9 +26,11 @@ from imdim.learn.decode import DecodeConfig, steps
 from imdim.learn.optimise import Optimiser
 from imdim.learn.policy import Policy
 from imdim.learn.rollouts import CREDIT, RewardConfig, Written, moves_of
-from imdim.learn.settings import PRECISIONS
+from imdim.learn.settings import PRECISIONS, fixed
 
 STREAM, TARGETS = 20, 21
+# what a resumed run may change
+FREE = ("resume", "steps", "max_minutes", "device", "threads", "out", "checkpoint", "n_val", "validate_every")
 
 
 @dataclass
@@ -179,12 +181,12 @@ class _Run:
         return Progress(self.step, train, val, best, pace, stop)
 
     def _save(self) -> None:
-        state = {"step": self.step, "best": self.best, "config": _fixed(self.config)}
+        state = {"step": self.step, "best": self.best, "config": fixed(self.config, FREE)}
         save_state(self.out / "state.pt", {**state, **self.optimiser.state_dict()})
 
     def _load(self) -> None:
         path = self.out / "state.pt"
-        state = load_own_state(path, _fixed(self.config))
+        state = load_own_state(path, fixed(self.config, FREE))
         if state["step"] >= self.config.steps:
             raise ValueError(f"{path} is of a run that is over, {state['step']} steps long; give it more steps")
         self.step, self.best = state["step"], state["best"]
@@ -195,11 +197,3 @@ def clipped(log_ratio: Tensor, advantage: Tensor, clip_ratio: float) -> Tensor:
     """What to minimise, [m] (Schulman et al. 2017, "Proximal policy optimization", equation 7)."""
     ratio = log_ratio.exp()
     return -torch.minimum(ratio * advantage, ratio.clamp(1 - clip_ratio, 1 + clip_ratio) * advantage)
-
-
-def _fixed(config: ReinforceConfig) -> dict[str, object]:
-    """The settings that a resumed run must share."""
-    free = ("resume", "steps", "max_minutes", "device", "threads", "out", "checkpoint", "n_val", "validate_every")
-    values = {key: value for key, value in asdict(config).items() if key not in free}
-    values["synthesis"] = {**values["synthesis"], "families": list(config.synthesis.families)}
-    return values

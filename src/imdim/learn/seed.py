@@ -1,7 +1,7 @@
 """The first design, literally: one pooled vector per cloud, tokens as history, parameters by regression.
 
-Source: the project's design, sections 4.3, 5.5 and 7.1. It is the yardstick for `base`. Parameters are raw: Euler degrees beside lengths
-of at most 1, so the angles rule the squared error.
+Source: the project's design, sections 4.3, 5.2 to 5.5 and 7.1. It is the yardstick for `base`. Parameters are raw: Euler degrees beside
+lengths of at most 1, so the angles rule the squared error.
 """
 
 from __future__ import annotations
@@ -16,10 +16,9 @@ from imdim.data.canonical import canonical_primitives
 from imdim.data.solids import CYLINDER, Solids, from_sequences
 from imdim.data.synthesize import Samples
 from imdim.geometry.points import compute_error_embedding
-from imdim.learn.heads import ParamHead, TokenHead
 from imdim.learn.pointnet import PointNet
 from imdim.learn.policy import VOCAB, Move, Policy, chosen_tokens, supervised, token_log_p
-from imdim.learn.transformer import TokenTransformer
+from imdim.program.state import PARAM_COUNT
 
 ERROR_POINTS = 512  # the Chamfer distance of the error embedding needs no more
 
@@ -31,6 +30,58 @@ class SeedConfig:
     heads: int = 4
     hidden: int = 256
     sign_weight: float = 1.0
+
+
+class TokenTransformer(nn.Module):
+    """Causal over the token history, conditioned on clouds and error.
+
+    Position t sees the tokens before t, never token t itself: the design feeds and predicts the same tokens, and unshifted the head
+    would read its own answer. A start symbol stands at position 0.
+    """
+
+    def __init__(self, vocab: int, d_model: int, layers: int, heads: int, max_seq_len: int) -> None:
+        super().__init__()
+        self.embed = nn.Embedding(vocab + 1, d_model)
+        self.position = nn.Parameter(0.02 * torch.randn(max_seq_len, d_model))
+        self.from_error = nn.Linear(3, d_model)
+        layer = nn.TransformerEncoderLayer(d_model, heads, 2 * d_model, dropout=0.0, batch_first=True, norm_first=True)
+        self.blocks = nn.TransformerEncoder(layer, layers, enable_nested_tensor=False)
+
+    def forward(self, tokens: Tensor, gt_embed: Tensor, cur_embed: Tensor, err_embed: Tensor) -> Tensor:
+        """Hidden states [b, t, d] of `tokens` int64 [b, t] (below 0: padding), embeddings [b, d] and error [b, 3].
+
+        Raises ValueError for sequences longer than the positions learned.
+        """
+        steps = tokens.shape[1]
+        if steps > len(self.position):
+            raise ValueError(f"{steps} steps, the model has {len(self.position)}")
+        start = tokens.new_full((len(tokens), 1), self.embed.num_embeddings - 1)
+        history = torch.cat([start, tokens[:, :-1].clamp_min(0)], 1)
+        x = self.embed(history) + self.position[:steps] + (gt_embed + cur_embed + self.from_error(err_embed))[:, None]
+        ahead = torch.ones(steps, steps, dtype=torch.bool, device=x.device).triu(1)
+        return self.blocks(x, mask=ahead)
+
+
+class TokenHead(nn.Module):
+    """Logits [b, t, vocab] of hidden states [b, t, d]."""
+
+    def __init__(self, d_model: int, vocab: int) -> None:
+        super().__init__()
+        self.fc = nn.Linear(d_model, vocab)
+
+    def forward(self, hidden: Tensor) -> Tensor:
+        return self.fc(hidden)
+
+
+class ParamHead(nn.Module):
+    """Nine numbers and a sign logit [..., 10] of the concatenated inputs [..., d_total]."""
+
+    def __init__(self, d_total: int, hidden: int) -> None:
+        super().__init__()
+        self.mlp = nn.Sequential(nn.Linear(d_total, hidden), nn.ReLU(), nn.Linear(hidden, PARAM_COUNT))
+
+    def forward(self, x: Tensor) -> Tensor:
+        return self.mlp(x)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import asdict, dataclass, field, replace
+from typing import Any
 
 import torch
 
@@ -14,8 +16,8 @@ from imdim.learn.stump.net import StumpNet
 from imdim.learn.stump.settings import StumpConfig
 
 # where a run computes, how long, and what it reports: a resumed run may change these
-_FREE = ("resume", "epochs", "max_minutes", "device", "threads", "workers", "precision", "out", "save_every")
-_FREE += ("val_root", "n_val", "n_measure", "measure_every")
+FREE = ("resume", "epochs", "max_minutes", "device", "threads", "workers", "precision", "out", "save_every")
+FREE += ("val_root", "n_val", "n_measure", "measure_every")
 PRECISIONS = {"float32": torch.float32, "bfloat16": torch.bfloat16}
 
 
@@ -95,9 +97,9 @@ def settled(config: TrainConfig, processes: int) -> TrainConfig:
     return replace(config, shards=config.shards or processes, workers=workers)
 
 
-def fixed(config: TrainConfig) -> dict[str, object]:
-    """The settings that a resumed run must share."""
-    return {key: _plain(value) for key, value in asdict(config).items() if key not in _FREE}
+def fixed(config: Any, free: Collection[str] = FREE) -> dict[str, object]:
+    """The settings that a resumed run must share: all but the `free` ones."""
+    return {key: _plain(value) for key, value in asdict(config).items() if key not in free}
 
 
 def _plain(value: object) -> object:

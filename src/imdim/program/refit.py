@@ -11,7 +11,7 @@ from imdim.program.constraints import RULES, WORLD, Constraint, Ref
 from imdim.program.relations import dot
 from imdim.program.repeats import Folded, Group, Repeat, repeats, size
 from imdim.program.tree import Primitive, Program, Vec3, leaves
-from imdim.program.vectors import minus
+from imdim.program.vectors import cross, minus
 
 Key = tuple[object, ...]
 
@@ -48,9 +48,8 @@ def _center(repeat: Repeat, a: Vec3, b: Vec3) -> Vec3:
     if repeat.kind == "mirror":
         x, y, z = (dot(middle, n) * c for c in n)  # type: ignore[arg-type]
         return x, y, z
-    across = (n[1] * chord[2] - n[2] * chord[1], n[2] * chord[0] - n[0] * chord[2], n[0] * chord[1] - n[1] * chord[0])
     factor = 0.5 / math.tan(math.radians(repeat.angle) / 2)
-    off = tuple(m + factor * c for m, c in zip(middle, across, strict=True))
+    off = tuple(m + factor * c for m, c in zip(middle, cross(n, chord), strict=True))
     along = dot(minus(repeat.point, off), n)  # type: ignore[arg-type]
     x, y, z = (o + along * c for o, c in zip(off, n, strict=True))
     return x, y, z

@@ -14,6 +14,7 @@ from functools import lru_cache
 from itertools import product
 
 from imdim.program.tree import Primitive, Vec3
+from imdim.program.vectors import cross
 
 SLACK = 1e-9  # of the smaller primitive's bounding radius
 _COORDINATE_NOISE = 1e-14  # of the largest coordinate: what rotating and adding doubles loses
@@ -218,15 +219,11 @@ def _directions(a: Primitive, b: Primitive, offset: Vec3) -> Iterator[Vec3]:
     raw = [offset]
     for u in axes(a):
         raw.append(along(offset, u, -dot(offset, u)))
-        raw += (_cross(u, v) for v in axes(b))
+        raw += (cross(u, v) for v in axes(b))
     for v in raw:
         length = math.hypot(*v)
         if length > 1e-9 * max(1.0, math.hypot(*offset)):
             yield (v[0] / length, v[1] / length, v[2] / length)
-
-
-def _cross(a: Vec3, b: Vec3) -> Vec3:
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 def _length(a: Primitive, b: Primitive, slack: float) -> float:

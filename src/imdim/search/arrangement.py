@@ -163,7 +163,7 @@ def _offsets(
     config: ArrangementConfig,
 ) -> np.ndarray:
     """Sorted offsets along `v`: detected planes first, then invented ones (centres, tangents) while there is room."""
-    low, high = _span(box, v)
+    low, high = span_along(box, v)
     proposals: list[tuple[float, float]] = []
     for surface, area in zip(surfaces, areas, strict=True):
         proposals += [(rank * area, offset) for rank, offset in _proposed(surface, v)]
@@ -174,12 +174,12 @@ def _offsets(
             break
         if all(abs(offset - other) > tol for other in kept) and low + tol < offset < high - tol:
             kept.append(offset)
-    farthest = _span(outer, v)
+    farthest = span_along(outer, v)
     ends = [low, high] if max(low - farthest[0], farthest[1] - high) < tol else [*farthest, low, high]
     return np.array(sorted([*kept, *ends]))
 
 
-def _span(box: np.ndarray, v: np.ndarray) -> tuple[float, float]:
+def span_along(box: np.ndarray, v: np.ndarray) -> tuple[float, float]:
     """Smallest and largest offset of a box along `v`."""
     middle, half = box.mean(0) @ v, (box[1] - box[0]) / 2 @ np.abs(v)
     return float(middle - half), float(middle + half)

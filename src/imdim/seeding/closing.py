@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from imdim.geometry.surface import Patch, Surface
-from imdim.program.tree import Vec3
+from imdim.geometry.surface import Patch, Surface, vec
 from imdim.seeding.cloud_state import pieces
 
 VOTES = 2  # faces that must end at one place
@@ -30,7 +29,7 @@ def closing_planes(patches: Sequence[Patch], spacing: float) -> list[Surface]:
         for group in np.split(ends, np.flatnonzero(np.diff(ends) > 0.7 * spacing) + 1):
             offset = float(np.mean(group)) if len(group) else 0.0
             if len(group) >= VOTES and all(abs(offset - k) > 2 * spacing for k in known):
-                out.append(Surface("plane", _vec(offset * normal), _vec(normal)))
+                out.append(Surface("plane", vec(offset * normal), vec(normal)))
     return out
 
 
@@ -54,7 +53,3 @@ def _distinct(vectors: list[np.ndarray]) -> list[np.ndarray]:
         if not any(abs(v @ w) > PARALLEL for w in out):
             out.append(v)
     return out
-
-
-def _vec(v: np.ndarray) -> Vec3:
-    return (float(v[0]), float(v[1]), float(v[2]))

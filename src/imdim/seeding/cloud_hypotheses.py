@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import KDTree
 
+from imdim.geometry.surface import unit
 from imdim.seeding.cloud_kernels import CONE, CYLINDER, PLANE, SPHERE, TORUS
 
 
@@ -51,10 +52,6 @@ class _Draw:
             picks = self.rng.integers(1 if k > 1 else 0, near.shape[1], size=(len(seeds), members - 1))
             out.append(np.column_stack([seeds, np.take_along_axis(near, picks, 1)]))
         return np.vstack(out)
-
-
-def _unit(v: np.ndarray) -> np.ndarray:
-    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-300)
 
 
 def _rows(point: np.ndarray, axis: np.ndarray, first: np.ndarray | float = 0.0, second: np.ndarray | float = 0.0) -> np.ndarray:
@@ -109,8 +106,8 @@ def _cones(draw: _Draw, count: int) -> tuple[int, np.ndarray]:
     if not len(p):
         return CONE, np.zeros((0, 8))
     apex = np.linalg.solve(n, (n * p).sum(2)[:, :, None])[:, :, 0]
-    ray = _unit(p - apex[:, None])
-    axis = _unit(np.cross(ray[:, 1] - ray[:, 0], ray[:, 2] - ray[:, 0]))
+    ray = unit(p - apex[:, None])
+    axis = unit(np.cross(ray[:, 1] - ray[:, 0], ray[:, 2] - ray[:, 0]))
     height = (axis * ray.mean(1)).sum(1)
     axis = axis * np.where(height < 0, -1.0, 1.0)[:, None]
     angle = np.arccos(np.clip(np.abs(height), 0, 1))
@@ -120,7 +117,7 @@ def _cones(draw: _Draw, count: int) -> tuple[int, np.ndarray]:
 
 def _bases(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     seed = np.eye(3)[np.argmin(np.abs(axis), axis=1)]
-    u = _unit(np.cross(axis, seed))
+    u = unit(np.cross(axis, seed))
     return u, np.cross(axis, u)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from imdim.deadline import NEVER, Deadline
+from imdim.geometry.axes import half_sphere
 from imdim.geometry.surface import SURFACE_KINDS, Patch
 from imdim.geometry.surface import normals as surface_normals
 from imdim.seeding.cloud_kernels import pack
@@ -177,10 +178,6 @@ class _Scene:
 
 def _directions(count: int = 61) -> np.ndarray:
     """A Fibonacci half sphere, turned away from the coordinate planes."""
-    i = np.arange(count) + 0.5
-    z, turn = i / count, math.pi * (1 + math.sqrt(5)) * i
-    side = np.sqrt(1 - z * z)
-    even = np.column_stack([side * np.cos(turn), side * np.sin(turn), z])
     tilt = np.linalg.qr(np.array([[1.0, 0.31, -0.17], [-0.23, 1.0, 0.41], [0.37, -0.29, 1.0]]))[0]
     # neighbours in the list are far apart on the sphere
-    return np.ascontiguousarray((even @ tilt)[(np.arange(count) * 23) % count])
+    return np.ascontiguousarray((half_sphere(count) @ tilt)[(np.arange(count) * 23) % count])

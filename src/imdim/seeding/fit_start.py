@@ -7,6 +7,7 @@ import math
 import numpy as np
 from scipy.spatial import KDTree
 
+from imdim.geometry.axes import half_sphere
 from imdim.geometry.surface import Surface
 
 
@@ -59,10 +60,17 @@ def _sphere(points: np.ndarray) -> Surface:
     return Surface("sphere", tuple(center), (0.0, 0.0, 1.0), (radius,))
 
 
-def _basis(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    u = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+def basis(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    seed = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    u = _cross(axis, seed)
     u /= np.linalg.norm(u)
-    return u, np.cross(axis, u)
+    return u, _cross(axis, u)
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Of two vectors [3]; np.cross takes most of a fit's time to sort out its axes."""
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
 def _circle(x: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
@@ -73,7 +81,7 @@ def _circle(x: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
 
 
 def _cylinder(points: np.ndarray, axis: np.ndarray) -> Surface:
-    u, v = _basis(axis)
+    u, v = basis(axis)
     cx, cy, radius = _circle(points @ u, points @ v)
     return Surface("cylinder", tuple(cx * u + cy * v), tuple(axis), (radius,))
 
@@ -132,17 +140,14 @@ def _by_own_normals(points: np.ndarray) -> list[Surface]:
 def _directions(points: np.ndarray, count: int) -> np.ndarray:
     """Principal and coordinate axes, then a Fibonacci half sphere."""
     principal = np.linalg.eigh(np.cov(points.T))[1].T
-    i = np.arange(count) + 0.5
-    z, turn = i / count, math.pi * (1 + math.sqrt(5)) * i
-    side = np.sqrt(1 - z * z)
-    return np.vstack([principal, np.eye(3), np.column_stack([side * np.cos(turn), side * np.sin(turn), z])])
+    return np.vstack([principal, np.eye(3), half_sphere(count)])
 
 
 def _swept(kind: str, points: np.ndarray) -> list[Surface]:
     """Guesses without normals: for each of many directions the best quadric of revolution about it is linear; keep the best few."""
     scored = []
     for axis in _directions(points, 60):
-        u, v = _basis(axis)
+        u, v = basis(axis)
         x, y, h = points @ u, points @ v, points @ axis
         columns = [2 * x, 2 * y, np.ones(len(x))]
         if kind != "cylinder":

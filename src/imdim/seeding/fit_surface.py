@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from imdim.geometry.sampling import subsample
-from imdim.geometry.surface import SURFACE_KINDS, Surface, signed_distance
-from imdim.seeding.fit_start import starts
+from imdim.geometry.surface import SURFACE_KINDS, Surface, signed_distance, vec
+from imdim.seeding.fit_start import basis, starts
 
 MIN_POINTS = {"plane": 3, "sphere": 4, "cylinder": 5, "cone": 6, "torus": 7}
 # columns of the step that each way of holding the axis leaves out
@@ -72,11 +72,7 @@ def _scaled(surface: Surface, middle: np.ndarray, size: float) -> Surface:
 
 def _unscaled(surface: Surface, middle: np.ndarray, size: float) -> Surface:
     sizes = surface.sizes if surface.kind == "cone" else tuple(float(s * size) for s in surface.sizes)
-    return Surface(surface.kind, _vec(np.asarray(surface.point) * size + middle), _vec(np.asarray(surface.axis)), sizes)
-
-
-def _vec(v: np.ndarray) -> tuple[float, float, float]:
-    return (float(v[0]), float(v[1]), float(v[2]))
+    return Surface(surface.kind, vec(np.asarray(surface.point) * size + middle), vec(np.asarray(surface.axis)), sizes)
 
 
 def _tukey(distance: np.ndarray, scale: float | None) -> np.ndarray:
@@ -103,7 +99,7 @@ def _fit_plane(
         weight = _tukey(signed_distance(surface, local), scale / size if scale else None)
         surface = _weighted_plane(local, weight, axis)
     if start is not None and np.dot(surface.axis, start.axis) < 0:
-        surface = Surface("plane", surface.point, _vec(-np.asarray(surface.axis)))
+        surface = Surface("plane", surface.point, vec(-np.asarray(surface.axis)))
     return surface, _rms(signed_distance(surface, local), weight)
 
 
@@ -112,9 +108,9 @@ def _weighted_plane(local: np.ndarray, weight: np.ndarray, axis: np.ndarray | No
         weight = np.ones(len(local))
     center = weight @ local / weight.sum()
     if axis is not None:
-        return Surface("plane", _vec(center), _vec(axis))
+        return Surface("plane", vec(center), vec(axis))
     q = local - center
-    return Surface("plane", _vec(center), _vec(np.linalg.eigh((q * weight[:, None]).T @ q)[1][:, 0]))
+    return Surface("plane", vec(center), vec(np.linalg.eigh((q * weight[:, None]).T @ q)[1][:, 0]))
 
 
 def _best_of(
@@ -146,14 +142,14 @@ def _surface(state: _State, local: np.ndarray) -> Surface:
         point = state.point
         if state.kind == "cylinder":
             point = point - (point @ state.axis) * state.axis
-        return Surface(state.kind, _vec(point), _vec(state.axis), sizes)
+        return Surface(state.kind, vec(point), vec(state.axis), sizes)
     radius, angle = state.sizes
     angle = math.copysign(min(max(abs(angle), 1e-9), math.pi / 2 - 1e-9), angle)
     apex = state.point - state.axis * (radius / math.tan(angle))
     axis = state.axis * math.copysign(1.0, angle)
     if ((local - apex) @ axis).mean() < 0:
         axis = -axis
-    return Surface("cone", _vec(apex), _vec(axis), (abs(angle),))
+    return Surface("cone", vec(apex), vec(axis), (abs(angle),))
 
 
 def _descend(state: _State, local: np.ndarray, scale: float | None, iterations: int, frozen: tuple[int, ...]) -> tuple[_State, float]:
@@ -193,23 +189,10 @@ def _loss(distance: np.ndarray, scale: float | None) -> float:
     return float((1 - np.maximum(1 - (distance / (3 * scale)) ** 2, 0.0) ** 3).sum())
 
 
-def _tangents(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    seed = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    u = _cross(axis, seed)
-    u /= np.linalg.norm(u)
-    return u, _cross(axis, u)
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Of two vectors [3]; np.cross takes most of a fit's time to sort out its axes."""
-    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
-    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
-
-
 def _moved(state: _State, step: np.ndarray) -> _State:
     if state.kind == "sphere":
         return _State("sphere", state.point + step[:3], state.axis, state.sizes + step[3:])
-    u, v = _tangents(state.axis)
+    u, v = basis(state.axis)
     point = state.point + step[0] * u + step[1] * v
     axis = state.axis + step[2] * u + step[3] * v
     axis /= np.linalg.norm(axis)
@@ -224,7 +207,7 @@ def _residual(state: _State, local: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     if state.kind == "sphere":
         length = np.sqrt((q * q).sum(1))
         return length - state.sizes[0], np.column_stack([-q / np.maximum(length, 1e-12)[:, None], -np.ones(len(q))])
-    u, v = _tangents(state.axis)
+    u, v = basis(state.axis)
     qu, qv, h = q @ u, q @ v, q @ state.axis
     rho = np.hypot(qu, qv)
     ru, rv = qu / np.maximum(rho, 1e-12), qv / np.maximum(rho, 1e-12)

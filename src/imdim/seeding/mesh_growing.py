@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imdim.program.tree import Vec3
 from imdim.seeding.facets import Facets
 
 
@@ -40,8 +39,3 @@ class Growing:
 def points_of(facets: Facets, chosen: np.ndarray) -> np.ndarray:
     """Distinct corners [n, 3] of the chosen facets."""
     return np.unique(facets.corners[facets.triangles(chosen)].reshape(-1, 3), axis=0)
-
-
-def vec(v: np.ndarray) -> Vec3:
-    """Plain floats, which keep a `Surface` hashable."""
-    return (float(v[0]), float(v[1]), float(v[2]))

@@ -6,10 +6,10 @@ import itertools
 
 import numpy as np
 
-from imdim.geometry.surface import Surface
+from imdim.geometry.surface import Surface, vec
 from imdim.seeding.facets import Facets
 from imdim.seeding.fit_surface import fit_surface
-from imdim.seeding.mesh_growing import Growing, points_of, vec
+from imdim.seeding.mesh_growing import Growing, points_of
 
 
 def hypotheses(seed: int, state: Growing) -> list[tuple[float, Surface]]:

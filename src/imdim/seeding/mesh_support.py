@@ -8,10 +8,10 @@ import numpy as np
 
 from imdim.geometry.rotations import frame_from_axis
 from imdim.geometry.sampling import subsample
-from imdim.geometry.surface import Surface, is_spindle, normals, signed_distance
+from imdim.geometry.surface import Surface, is_spindle, normals, signed_distance, vec
 from imdim.seeding.facets import Facets
 from imdim.seeding.fit_surface import fit_surface
-from imdim.seeding.mesh_growing import Growing, MeshSurfaceConfig, points_of, vec
+from imdim.seeding.mesh_growing import Growing, MeshSurfaceConfig, points_of
 
 LEAST_STEPS = {"sphere": 2.5, "torus": 4.5}  # facets along a patch; four circles of corners may lie on a torus by mere symmetry
 

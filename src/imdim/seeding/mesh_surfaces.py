@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
-from imdim.geometry.surface import Patch, Surface, normals
+from imdim.geometry.surface import Patch, Surface, normals, vec
 from imdim.seeding.facets import Facets, facets_of
-from imdim.seeding.mesh_growing import Growing, MeshSurfaceConfig, points_of, vec
+from imdim.seeding.mesh_growing import Growing, MeshSurfaceConfig, points_of
 from imdim.seeding.mesh_hypotheses import hypotheses, ring_of
 from imdim.seeding.mesh_support import members_of, sagitta, settle
 

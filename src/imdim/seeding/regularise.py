@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imdim.geometry.sampling import subsample
-from imdim.geometry.surface import Patch, Surface, is_spindle, signed_distance
-from imdim.program.tree import Vec3
+from imdim.geometry.surface import Patch, Surface, is_spindle, signed_distance, vec
 from imdim.seeding.fit_surface import MIN_POINTS, fit_surface
 
 _MAX_ANGLE_DEG = 4.0  # relations are looked for up to this angle; the points decide
@@ -76,10 +75,6 @@ class _Item:
         return replace(self.original, surface=self.surface, outward=outward)
 
 
-def _vec(v: np.ndarray) -> Vec3:
-    return (float(v[0]), float(v[1]), float(v[2]))
-
-
 def _align(firm: list[_Item]) -> None:
     known: list[np.ndarray] = [np.eye(3)[i] for i in (2, 1, 0)]
     for item in firm:
@@ -115,7 +110,7 @@ def _turn(item: _Item, direction: np.ndarray) -> bool:
     point = np.asarray(item.surface.point)
     if item.surface.kind == "cylinder":
         point = point + ((middle - point) @ item.axis) * item.axis
-    return item.refit(replace(item.surface, axis=_vec(direction), point=_vec(point)), "axis")
+    return item.refit(replace(item.surface, axis=vec(direction), point=vec(point)), "axis")
 
 
 def _share_axes(firm: list[_Item]) -> None:
@@ -140,14 +135,14 @@ def _onto_line(item: _Item, point: np.ndarray, axis: np.ndarray) -> bool:
     foot = point + (gap @ axis) * axis
     if np.linalg.norm(np.asarray(item.surface.point) - foot) > 20 * item.limit:
         return False
-    return item.refit(replace(item.surface, point=_vec(foot)), "line")
+    return item.refit(replace(item.surface, point=vec(foot)), "line")
 
 
 def _center_to(item: _Item, center: np.ndarray) -> bool:
     if np.linalg.norm(center - np.asarray(item.surface.point)) > 20 * item.limit:
         return False
     radius = float(np.linalg.norm(item.points - center, axis=1).mean())
-    return item.take(replace(item.surface, point=_vec(center), sizes=(radius,)))
+    return item.take(replace(item.surface, point=vec(center), sizes=(radius,)))
 
 
 def _share_centers(firm: list[_Item]) -> None:

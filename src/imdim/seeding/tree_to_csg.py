@@ -16,7 +16,7 @@ import numpy as np
 
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis
-from imdim.geometry.surface import Surface
+from imdim.geometry.surface import Surface, vec
 from imdim.program.cost import cost
 from imdim.program.proofs import Prover
 from imdim.program.simplify import reduce_program
@@ -63,7 +63,7 @@ class _Bounds:
 
     @classmethod
     def of(cls, lower: np.ndarray, upper: np.ndarray, deadline: Deadline) -> _Bounds:
-        box = Primitive("box", _floats(upper - lower), _vec((lower + upper) / 2))
+        box = Primitive("box", _floats(upper - lower), vec((lower + upper) / 2))
         corners = np.array(list(product(*zip(lower, upper, strict=True))))
         return cls(box, corners, MARGIN * float(np.linalg.norm(upper - lower)), deadline)
 
@@ -158,7 +158,7 @@ def _solid(surface: Surface, bounds: _Bounds) -> Primitive:
         low, high = max(low, 0.0), max(high, bounds.margin)
         slope = math.tan(surface.sizes[0])
         size = (low * slope, high * slope, high - low)
-    return Primitive(surface.kind, _floats(size), _vec(point + axis * (low + high) / 2), rotation)
+    return Primitive(surface.kind, _floats(size), vec(point + axis * (low + high) / 2), rotation)
 
 
 def _region_program(region: list[_Halfspace], bounds: _Bounds) -> Program:
@@ -208,7 +208,7 @@ def _box(halfspaces: list[_Halfspace], frame: np.ndarray, bounds: _Bounds) -> Pr
             reach[axis, 0] = max(reach[axis, 0], t)
     size = np.maximum(reach[:, 1] - reach[:, 0], 1e-9 * bounds.margin)
     rotation = (0.0, 0.0, 0.0) if aligned else _tidy(euler_from_matrix(frame))
-    return Primitive("box", _floats(size), _vec(frame @ reach.mean(1)), rotation)
+    return Primitive("box", _floats(size), vec(frame @ reach.mean(1)), rotation)
 
 
 def _tidy(euler_deg: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -218,8 +218,3 @@ def _tidy(euler_deg: tuple[float, float, float]) -> tuple[float, float, float]:
 
 def _floats(values: np.ndarray | tuple[float, ...]) -> tuple[float, ...]:
     return tuple(float(v) for v in values)
-
-
-def _vec(values: np.ndarray) -> tuple[float, float, float]:
-    x, y, z = (float(v) for v in values)
-    return x, y, z

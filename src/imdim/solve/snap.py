@@ -39,14 +39,12 @@ def snap(
     program: Program,
     error: Callable[[Program], float],
     *,
-    unit: float = 1.0,
     config: SnapConfig | None = None,
     deadline: Deadline = NEVER,
 ) -> Program:
     """The program with rounder numbers whose `error` is at most that of `program` grown by the tolerances.
 
-    Past the `deadline` (by default never) nothing more is rounded.
-    `unit` is the length of one model unit: grids are unit times 1 or 5 times a power of ten.
+    Past the `deadline` (by default never) nothing more is rounded. Grids are 1 or 5 times a power of ten.
     """
     config = config or SnapConfig()
     program = map_leaves(program, lambda _, p: canonical(p))
@@ -57,7 +55,7 @@ def snap(
     for share in (0.1, 0.3, 1.0):
         changes = clusters(values, share * config.max_move * largest)
         values = accepted(values, changes, _assign, judge.bears, config.tries)
-    values = _round(values, judge, config, largest, unit)
+    values = _round(values, judge, config, largest)
     return _rebuilt(program, values.primitives())
 
 
@@ -128,11 +126,11 @@ def _assign(values: Values, change: tuple[np.ndarray, float]) -> Values:
     return values.with_numbers(*change)
 
 
-def _round(values: Values, judge: _Judge, config: SnapConfig, largest: float, unit: float) -> Values:
+def _round(values: Values, judge: _Judge, config: SnapConfig, largest: float) -> Values:
     """Coarsest grid first; values that took a grid are done, unless they turn out to have been carried by the others."""
     start, pending = values, equal_groups(values)
-    for grid in grids(largest, unit, config.finest * largest):
-        moves = [(group, rounded(float(values.numbers[group[0]]), grid, unit)) for group in pending]
+    for grid in grids(largest, config.finest * largest):
+        moves = [(group, rounded(float(values.numbers[group[0]]), grid)) for group in pending]
         close = [m for m in moves if _move(values, m) <= config.max_move * largest]
         # the smallest moves stand first, so that halving parts them from the bold ones
         close.sort(key=lambda m: _move(values, m))

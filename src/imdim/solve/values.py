@@ -139,13 +139,13 @@ def equal_groups(values: Values) -> list[np.ndarray]:
     return [np.array(g) for g in groups.values()]
 
 
-def grids(largest: float, unit: float, finest: float) -> list[float]:
-    """Decimal grid widths in model units: unit times 1 and 5 times powers of ten, from about `largest` down to `finest`."""
-    top, bottom = math.floor(math.log10(largest / unit)), math.ceil(math.log10(finest / unit))
-    widths = [digit * 10.0**e * unit for e in range(top, bottom - 1, -1) for digit in (5.0, 1.0)]
+def grids(largest: float, finest: float) -> list[float]:
+    """Decimal grid widths: 1 and 5 times powers of ten, from about `largest` down to `finest`."""
+    top, bottom = math.floor(math.log10(largest)), math.ceil(math.log10(finest))
+    widths = [digit * 10.0**e for e in range(top, bottom - 1, -1) for digit in (5.0, 1.0)]
     return [w for w in widths if w <= largest]
 
 
-def rounded(number: float, grid: float, unit: float) -> float:
-    """The multiple of `grid` next to `number`, free of binary residue when read in units."""
-    return decimal(round(number / grid) * (grid / unit)) * unit
+def rounded(number: float, grid: float) -> float:
+    """The multiple of `grid` next to `number`, free of binary residue."""
+    return decimal(round(number / grid) * grid)

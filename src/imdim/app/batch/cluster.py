@@ -16,8 +16,8 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from imdim.app.batch.engine import Job
 from imdim.app.batch.folder import LOG, PARTS
-from imdim.app.batch.local import Job
 from imdim.app.batch.process import Ended, run
 from imdim.config import ConfigError
 

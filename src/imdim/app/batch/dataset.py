@@ -20,9 +20,8 @@ from pathlib import Path
 
 from imdim.app.arguments import from_arguments
 from imdim.app.batch import folder
-from imdim.app.batch.engine import run_jobs
+from imdim.app.batch.engine import Job, run_jobs
 from imdim.app.batch.folder import PARTS, Part, write_whole
-from imdim.app.batch.local import Job
 from imdim.app.batch.process import Ended, Limits
 from imdim.config import ConfigError
 from imdim.data.folder import CHUNK, Chunk, FolderConfig, chunks, claim, is_there

@@ -1,11 +1,29 @@
-"""What runs jobs: processes of this machine, or a Ray cluster. Every batch goes through this one door."""
+"""What runs jobs: processes of this machine, each under its limits, or a Ray cluster. Every batch goes through this one door."""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+import time
+from collections.abc import Generator, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
-from imdim.app.batch.local import Job, run_local
-from imdim.app.batch.process import Ended
+from imdim.app.batch.folder import LOG, PARTS, Part
+from imdim.app.batch.process import LOOK_S, Ended, Limits, Process
+
+
+@dataclass(frozen=True)
+class Job:
+    """A part to reconstruct in the folder `staging`, by `command` followed by input, output and `options`."""
+
+    part: Part
+    staging: Path
+    command: tuple[str, ...]
+    options: tuple[str, ...]
+    limits: Limits
+
+    def arguments(self, source: str) -> Sequence[str]:
+        """The whole command line. The output is relative to the folder that it runs in, so that reports don't depend on where that is."""
+        return [*self.command, source, "-o", f"{PARTS}/{self.part.name}", *self.options]
 
 
 def run_jobs(jobs: Iterator[Job], at_once: int | None, address: str | None) -> Generator[tuple[Job, Ended], None, None]:
@@ -20,3 +38,21 @@ def run_jobs(jobs: Iterator[Job], at_once: int | None, address: str | None) -> G
 
     with connected(address) as ray:
         yield from run_cluster(jobs, at_once, ray)
+
+
+def run_local(jobs: Iterable[Job], at_once: int) -> Generator[tuple[Job, Ended], None, None]:
+    """As `run_jobs`, on this machine; one loop watches all processes."""
+    waiting, running = iter(jobs), dict[Process, Job]()
+    try:
+        while True:
+            while len(running) < at_once and (job := next(waiting, None)) is not None:
+                running[Process(job.arguments(str(job.part.source)), job.limits, job.staging / LOG, job.staging)] = job
+            if not running:
+                return
+            for process in list(running):
+                if (ended := process.look()) is not None:
+                    yield running.pop(process), ended
+            time.sleep(LOOK_S)
+    finally:
+        for process in running:
+            process.stop()

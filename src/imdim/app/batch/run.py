@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from imdim.app.batch import folder
-from imdim.app.batch.engine import run_jobs
+from imdim.app.batch.engine import Job, run_jobs
 from imdim.app.batch.folder import Outcome, Part, shown
-from imdim.app.batch.local import Job
 from imdim.app.batch.process import Ended, Limits
 from imdim.app.batch.table import write_tables
 from imdim.config import ConfigError, Settings, from_arguments

@@ -9,7 +9,7 @@ import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.program.tree import Primitive
-from imdim.search.arrangement import Arrangement
+from imdim.search.arrangement import Arrangement, span_along
 
 DRIFTED = 40  # free faces that a wall beside a detected one counts as: it fits facets, which lie within the true surface
 
@@ -34,7 +34,7 @@ class Carriers:
         self._arrangement = arrangement
         self._diagonal = float(np.linalg.norm(arrangement.bounds[1] - arrangement.bounds[0]))
         self._axes, self._owner = _axes(arrangement)
-        self._spans = [_span(arrangement.bounds, d.vector) for d in arrangement.directions]
+        self._spans = [span_along(arrangement.bounds, d.vector) for d in arrangement.directions]
         self._known: dict[Primitive, int] = {}
 
     def free_faces(self, primitive: Primitive) -> int:
@@ -91,12 +91,6 @@ class Carriers:
         """How wide a nappe is at both ends of a leaf whose centre is `height` along its axis from the apex."""
         bottom, top = (abs(height + end * leaf.size[2]) * math.tan(half_angle) for end in (-0.5, 0.5))
         return bottom, top
-
-
-def _span(box: np.ndarray, axis: np.ndarray) -> tuple[float, float]:
-    """From where to where a box [2, 3] reaches along an axis."""
-    middle, half = box.mean(0) @ axis, (box[1] - box[0]) / 2 @ np.abs(axis)
-    return float(middle - half), float(middle + half)
 
 
 def _axes(arrangement: Arrangement) -> tuple[np.ndarray, np.ndarray]:

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
+from imdim.geometry.surface import vec
 from imdim.program.paths import leaf_paths, replaced
-from imdim.program.tree import Primitive, Program, Vec3
+from imdim.program.tree import Primitive, Program
 from imdim.search.arrangement import PARALLEL
 from imdim.search.evolve.scene import Scene
 
@@ -69,7 +70,7 @@ def face_at(leaf: Primitive, index: int, axis: int, end: int, shift: float) -> P
     """One of the two faces of a span moved outwards by `shift`, the other one held."""
     size = tuple(s + shift if i == index else s for i, s in enumerate(leaf.size))
     direction = matrix_from_euler(leaf.rotation)[:, axis] * (0.5 * shift * (1 if end else -1))
-    return checked(lambda: replace(leaf, size=size, center=_vec(np.asarray(leaf.center) + direction)))
+    return checked(lambda: replace(leaf, size=size, center=vec(np.asarray(leaf.center) + direction)))
 
 
 def _face_moved(leaf: Primitive, sigma: float, rng: np.random.Generator) -> Primitive | None:
@@ -81,13 +82,13 @@ def _face_moved(leaf: Primitive, sigma: float, rng: np.random.Generator) -> Prim
 
 
 def _shifted(leaf: Primitive, sigma: float, rng: np.random.Generator) -> Primitive:
-    return replace(leaf, center=_vec(np.asarray(leaf.center) + rng.normal(0, sigma, 3)))
+    return replace(leaf, center=vec(np.asarray(leaf.center) + rng.normal(0, sigma, 3)))
 
 
 def _turned(leaf: Primitive, sigma: float, rng: np.random.Generator) -> Primitive:
     """Turned so that its far ends move by about `sigma`."""
     angle = np.degrees(min(sigma / max(leaf.size), 1.0)) * rng.normal(0, 1, 3)
-    return replace(leaf, rotation=euler_from_matrix(matrix_from_euler(leaf.rotation) @ matrix_from_euler(_vec(angle))))
+    return replace(leaf, rotation=euler_from_matrix(matrix_from_euler(leaf.rotation) @ matrix_from_euler(vec(angle))))
 
 
 def _scaled(leaf: Primitive, sigma: float, rng: np.random.Generator) -> Primitive | None:
@@ -109,7 +110,7 @@ def _same_coordinate(leaf: Primitive, other: Primitive, rng: np.random.Generator
     axes = matrix_from_euler(other.rotation)
     gap = (np.asarray(other.center) - leaf.center) @ axes
     kept = np.eye(3)[rng.integers(3)] if rng.random() < 0.5 else np.array([1.0, 1.0, 0.0])
-    return replace(leaf, center=_vec(np.asarray(leaf.center) + axes @ (kept * gap)))
+    return replace(leaf, center=vec(np.asarray(leaf.center) + axes @ (kept * gap)))
 
 
 def _snapped_face(leaf: Primitive, scene: Scene, rng: np.random.Generator) -> Primitive | None:
@@ -140,7 +141,3 @@ def _snapped_radius(leaf: Primitive, scene: Scene, rng: np.random.Generator) -> 
     near = radii[np.argsort(np.abs(radii - leaf.size[index]))[:3]]
     value = float(near[rng.integers(len(near))])
     return checked(lambda: replace(leaf, size=tuple(value if k == index else s for k, s in enumerate(leaf.size))))
-
-
-def _vec(v: np.ndarray) -> Vec3:
-    return (float(v[0]), float(v[1]), float(v[2]))
