@@ -1,8 +1,7 @@
 """The signed sequence: a program as a flat list of steps, the form in which searches put in, leave out and move one term at a time.
 
-A sequence starts from nothing and applies union, difference or intersection with one term after another: it is a left fold, and what is
-in the last term that speaks about a point decides it. What a term is differs: a primitive, a program kept whole, the index of a part in
-a pool, a candidate of a family with its cells.
+A sequence starts from nothing and applies union, difference or intersection with one term after another, as a left fold. A term is a
+primitive, a program that stays whole, the index of a part in a table, or a candidate of a family with the cells that it covers.
 """
 
 from __future__ import annotations
