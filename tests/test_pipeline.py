@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import imdim
 from imdim.config import Settings
 from imdim.geometry.cloud import InputError, target_from
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
+from imdim.methods import METHODS, Run, Step
 from imdim.pipeline import Snapshot, reconstruct
 from imdim.program.codec import dumps
 from imdim.program.cost import count
@@ -209,3 +211,20 @@ def test_a_reconstruction_ends_within_its_budget_by_its_clock(noise):
     *_, last = reconstruct(target, Settings(budget_s=8.0, checkpoint="none"), rng, Hands(0.04))
     assert last.seconds <= 1.1 * 8.0
     assert to_manifold(last.program).volume() > 0
+
+
+@pytest.mark.parametrize("cut", [False, True])
+def test_a_run_is_cut_where_its_method_says_so_not_where_a_deadline_was_asked(cut, monkeypatch):
+    hands = [0.0]
+
+    def boxed(run: Run) -> Iterator[Step]:
+        hands[0] = 55.0
+        assert run.budget.end_of("search").passed()
+        low, high = (f(run.seen.target.points, axis=0) for f in (np.min, np.max))
+        yield Step("boxed", box(*(high - low).tolist(), ((low + high) / 2).tolist())).cut_if(cut)
+
+    monkeypatch.setitem(METHODS, "boxed", boxed)
+    target, settings = target_from(mesh_of(box(40, 30, 10, (100.0, 0.0, 0.0)))), Settings(method="boxed", budget_s=100.0)
+    *_, last = reconstruct(target, settings, np.random.default_rng(0), lambda: hands[0])
+    assert last.stop == ("budget_spent" if cut else "finished")
+    assert last.program == box(40.0, 30.0, 10.0, (100.0, 0.0, 0.0))

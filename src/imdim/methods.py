@@ -103,7 +103,7 @@ def auto(run: Run) -> Iterator[Step]:
 def tree(run: Run) -> Iterator[Step]:
     """The decision tree alone."""
     deadline = run.part_of("fit")
-    program = grown(run, deadline)
+    program = run.seen.evidence.tree(deadline)
     if program is not None:
         yield Step("tree", program).cut_if(deadline.passed())
 
@@ -234,17 +234,12 @@ def _grown_if_poor(run: Run, best: Step | None) -> Step | None:
     if best is not None and (seen.noisy or seen.error(best.program) <= (POOR_IF_CUT if best.stop == CUT else POOR)):
         return best
     deadline = run.part_of("fit")
-    program = grown(run, deadline)
+    program = run.seen.evidence.tree(deadline)
     if best is None:
         return None if program is None else Step("tree", program).cut_if(deadline.passed())
     if program is not None and seen.price(program) < seen.price(best.program):
         best = replace(best, stage="tree", program=program)
     return best.cut_if(deadline.passed())
-
-
-def grown(run: Run, deadline: Deadline) -> Program | None:
-    """The decision tree's program."""
-    return run.seen.evidence.tree(deadline)
 
 
 def _proposed_if_poor(run: Run, best: Step | None) -> Step | None:

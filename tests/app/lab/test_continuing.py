@@ -5,12 +5,15 @@ from itertools import count
 
 import numpy as np
 import pytest
+from tests.planted import box, mesh_of
 
 from imdim.app.lab import continuing, work
 from imdim.app.lab.continuing import Rates
 from imdim.app.lab.edits import Theory, with_number, without_leaf
 from imdim.app.lab.examples import PROGRAMS, example
 from imdim.config import Settings
+from imdim.geometry.cloud import sample_surface, target_from
+from imdim.geometry.kernels import program_sdf
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.program.tree import leaves
 
@@ -19,8 +22,8 @@ SETTINGS = Settings(budget_s=2.0, seed=3)
 RATES = Rates(population=16)
 
 
-def iou(program):
-    return volume_iou(to_manifold(program), mesh_to_manifold(TARGET.mesh))
+def iou(program, truth=None):
+    return volume_iou(to_manifold(program), mesh_to_manifold(TARGET.mesh) if truth is None else to_manifold(truth))
 
 
 def go_on(program, rates=RATES):
@@ -55,6 +58,20 @@ def test_the_same_seed_gives_the_same_programs_and_the_rates_matter(spoilt):
     assert [s.program for s in first] == [s.program for s in again]
     others = go_on(spoilt, replace(RATES, mutation=0.0))
     assert [s.program for s in others] != [s.program for s in first]
+
+
+def test_a_clouds_numbers_are_fitted_to_points_in_the_programs_own_frame(monkeypatch):
+    truth, apart = box(40, 30, 10, (500.0, 0.0, 0.0)), []
+
+    def solved(program, seen, *_):
+        apart.append(float(np.abs(program_sdf(program, seen.target.points)).mean()))
+        return program
+
+    monkeypatch.setattr(continuing, "solved", solved)
+    points = sample_surface(mesh_of(truth).vertices, mesh_of(truth).faces, 3000, np.random.default_rng(0))[0]
+    *_, last = continuing.continued(target_from(points), truth, SETTINGS, RATES, lambda: 0.0)
+    assert apart[0] < 1e-3
+    assert iou(last.program, truth) > 0.999
 
 
 def test_a_process_goes_on_from_a_document(spoilt):
