@@ -23,7 +23,7 @@ from imdim.data.surfaces import surface_clouds
 from imdim.data.synthesize import SynthesisConfig, draw_programs
 from imdim.geometry import kernels as kernels_of_geometry
 from imdim.geometry.lowering import lower
-from imdim.geometry.metrics import chamfer
+from imdim.geometry.metrics import chamfer, diagonal
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sampling import leaf_surface
 from imdim.learn.checkpoint import load_policy
@@ -34,7 +34,7 @@ from imdim.search.evolve.fitness import FitnessConfig, SampledTarget, Scorer
 from imdim.search.evolve.kernels import fill_distances
 from imdim.solve.faces import moved, step_maps
 from imdim.solve.normal_equations import held_open, solve_blocks
-from imdim.solve.refine import RefineConfig, _linearise, _Target
+from imdim.solve.refine import RefineConfig, _linearise
 
 CHECKPOINT = Path(__file__).parents[2] / "models" / "imdim-base.safetensors"
 TRANSFORM, TRANSFORM_SLOTS = 18, 12  # a point in a leaf's frame: 3 subtractions, 9 products, 6 sums
@@ -179,11 +179,10 @@ def solver(primitives: int = 16, points: int = 8192) -> Kernel:
     """One step of Levenberg and Marquardt from a part whose numbers are a little off."""
     program, cloud = _part_and_cloud(primitives, points)
     config, start = RefineConfig(), lower(program)
-    target, maps = _Target.of(cloud, None, None, None), step_maps(start)
-    scale = config.start_scale * target.diagonal
+    maps, scale = step_maps(start), config.start_scale * diagonal(cloud)
 
     def step(_: Any) -> np.ndarray:
-        linear = _linearise(start, target, scale, config)
+        linear = _linearise(start, cloud, scale)
         found = solve_blocks(linear.matrix, linear.gradient, held_open(linear.matrix, config.min_support), 1e-3)
         moved(start, linear.maps, found)
         return found
@@ -199,7 +198,7 @@ def solver(primitives: int = 16, points: int = 8192) -> Kernel:
         Work(flops, slots, roots, moves),
         lambda: None,
         step,
-        lambda: speed_plain.solver_step(program, maps, target.points, scale, 1e-3, config.min_support),
+        lambda: speed_plain.solver_step(program, maps, cloud, scale, 1e-3, config.min_support),
         lambda got, expected: float(np.abs(got - expected).max() / np.abs(expected).max()),
         1e-6,
     )

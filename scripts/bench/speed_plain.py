@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,12 +11,24 @@ from torch import Tensor
 
 from imdim.data.solids import BOX, SPHERE, Solids
 from imdim.data.surfaces import STEP, bounds, surface_areas
-from imdim.geometry.kernels import _tangent_from_params as tangent_from_params
 from imdim.geometry.lowering import pack
+from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sdf import program_sdf
 from imdim.learn.decode import Step
 from imdim.learn.policy import Move, Policy
-from imdim.program.tree import Program, leaves
+from imdim.program.tree import Program, Vec3, leaves
+
+
+def tangent_from_params(euler_deg: Vec3) -> np.ndarray:
+    """The [9, 9] derivative of the local-frame coordinates with respect to sizes, centre and Euler degrees."""
+    rotation = matrix_from_euler(euler_deg)
+    _, ry, rz = euler_deg
+    # the world axes about which the three angles turn: Rz Ry x, Rz y, z
+    axes = np.stack([matrix_from_euler((0.0, ry, rz))[:, 0], matrix_from_euler((0.0, 0.0, rz))[:, 1], (0.0, 0.0, 1.0)], axis=1)
+    out = np.eye(9)
+    out[3:6, 3:6] = rotation.T
+    out[6:9, 6:9] = rotation.T @ axes * (math.pi / 180)
+    return out
 
 
 def chamfer(a: np.ndarray, b: np.ndarray, rows: int = 256) -> float:

@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 import torch
+from scripts.speed_plain import tangent_from_params
 from tests.known_programs import KNOWN
 
 from imdim.geometry import kernels, sdf, solid
 from imdim.geometry.lowering import pack
 from imdim.geometry.points import is_inside
-from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sampling import bounding_radius
-from imdim.program.tree import KINDS, Program, Vec3, fold, leaves
+from imdim.program.tree import KINDS, Program, fold, leaves
 
 SAMPLES = 40_000
 
@@ -55,20 +55,8 @@ def test_volume_of_the_exact_solid(name):
 def program_gradient(program: Program, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Deciding leaf int64 [n], value [n] and its gradient [n, 9] with respect to that leaf's row of `params`."""
     leaf, value, tangent, _ = kernels.program_tangent(program, points)
-    chain = np.stack([_tangent_from_params(p.rotation) for p in leaves(program)])
+    chain = np.stack([tangent_from_params(p.rotation) for p in leaves(program)])
     return leaf, value, np.einsum("ni,nij->nj", tangent, chain[leaf])
-
-
-def _tangent_from_params(euler_deg: Vec3) -> np.ndarray:
-    """The [9, 9] derivative of the local-frame coordinates with respect to sizes, centre and Euler degrees."""
-    rotation = matrix_from_euler(euler_deg)
-    _, ry, rz = euler_deg
-    # the world axes about which the three angles turn: Rz Ry x, Rz y, z
-    axes = np.stack([matrix_from_euler((0.0, ry, rz))[:, 0], matrix_from_euler((0.0, 0.0, rz))[:, 1], (0.0, 0.0, 1.0)], axis=1)
-    out = np.eye(9)
-    out[3:6, 3:6] = rotation.T
-    out[6:9, 6:9] = rotation.T @ axes * (math.pi / 180)
-    return out
 
 
 def random_program_points(name: str, n: int = 200) -> tuple[Program, np.ndarray]:

@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 import torch
+from stump_forms import evaluate
 
 from imdim.data.dice import quaternion_matrices
 from imdim.geometry import kernels
@@ -12,7 +13,7 @@ from imdim.geometry.lowering import pack
 from imdim.learn.stump.decoded import KINDS, LEAST, Decoded, distances, even_kinds, occupancy, start, to_primitives
 from imdim.learn.stump.dgcnn import DGCNN, EdgeConv, nearest
 from imdim.learn.stump.layers import SHARPNESS, complemented, intersected, united
-from imdim.program.stump import CsgStump, evaluate
+from imdim.program.stump import CsgStump
 from imdim.program.tree import combine_all
 
 CERTAIN = 30.0
@@ -29,7 +30,7 @@ def random_matrices(k, c, seed):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_binary_layers_are_the_boolean_ones(seed):
-    """All 2^5 combinations of five primitives, against `program.stump.evaluate` on bit columns."""
+    """All 2^5 combinations of five primitives, against `stump_forms.evaluate` on bit columns."""
     complement, connection, union = random_matrices(5, 4, seed)
     occupied = torch.tensor(list(itertools.product((0.0, 1.0), repeat=5)))[None]
     soft = united(intersected(complemented(occupied, complement), connection), union)[0]

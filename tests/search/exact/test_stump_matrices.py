@@ -4,9 +4,9 @@ from itertools import combinations, product
 
 import numpy as np
 import pytest
+from stump_forms import evaluate
 from tests.planted import box, sphere
 
-from imdim.program.stump import evaluate
 from imdim.search.exact.stump import EXACT, connections, matrices
 
 
