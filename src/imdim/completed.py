@@ -74,7 +74,6 @@ def _others(program: Program) -> list[Folding]:
         return [] if near is None else [near]
     gathering = Gathering(program)
     for largest in GATHERED:
-        every = gathering.gathered(largest)
         loose = _folding_of(gathering.gathered(largest), tolerance)
         if _repeated(loose) <= known:
             continue

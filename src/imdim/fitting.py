@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -11,21 +11,25 @@ from imdim.geometry import kernels
 from imdim.geometry.cloud import Target
 from imdim.geometry.likening import likened
 from imdim.geometry.metrics import diagonal
-from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.geometry.solid import SEGMENTS
+from imdim.preserve import changed_volume, is_same
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
 from imdim.program.tree import Program, map_leaves
 from imdim.solve.canonical import canonical
-from imdim.solve.discover import DiscoverConfig, discover, exact_relations
+from imdim.solve.discover import exact_relations, held
 from imdim.solve.refine import RefineConfig, refine
-from imdim.solve.snap import SnapConfig, snap
+from imdim.solve.snap import SnapConfig, accepted, snap
 
 POOR = 0.05  # of the volume; a search that leaves more is compared with the decision tree
 SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may move
 LIKE = 2e-4  # of the diagonal, within which primitives are equal
 SNAP_LOSS = 1e-4  # of the volume IoU with a mesh, that rounder numbers may cost: typed ones cost none
 MOST_RELATED = 120  # primitives; the time that relations take grows with the square
-RELATE_ERROR, RELATE_MOVE, RELATE_VOLUME = 1e-2, 1e-5, 2.5e-3  # shares of mean distance, diagonal, volume that relations may cost
+RELATE_ERROR, RELATE_MOVE = 1e-2, 1e-5  # shares of mean distance and diagonal that relations may cost
+HOLD_TRIES = 24  # programs that are made to find which relations hold beside rounder numbers
+
+Related = tuple[Program, tuple[Constraint, ...]]  # a program and what holds for it
 
 
 def solved(program: Program, seen: Seen, body: Target, out_of_time: Callable[[], bool] = bool) -> Program:
@@ -33,33 +37,34 @@ def solved(program: Program, seen: Seen, body: Target, out_of_time: Callable[[],
     if body.mesh is not None:
         return program
     chosen = body.points[:: max(1, len(body.points) // 8192)]
-    fit = refine(program, chosen, config=RefineConfig(adam_steps=0, start_scale=0.01), out_of_time=out_of_time)
-    fitted = fit.program if out_of_time() else _constrained(fit.program, chosen, seen, out_of_time)
+    fitted = refine(program, chosen, config=RefineConfig(adam_steps=0, start_scale=0.01), out_of_time=out_of_time).program
     nearer = _mean_distance(fitted, chosen) < _mean_distance(program, chosen)
     return fitted if nearer and seen.error(fitted) < seen.error(program) + POOR else program
 
 
-def _constrained(program: Program, points: np.ndarray, seen: Seen, out_of_time: Callable[[], bool]) -> Program:
-    """The relations that a cloud bears out made exact, unless that explains its points or its volume worse."""
-    found = discover(program, points, config=DiscoverConfig(fit=False), out_of_time=out_of_time).program
-    nearer = _mean_distance(found, points) <= (1 + RELATE_ERROR) * _mean_distance(program, points)
-    return found if nearer and seen.error(found) <= seen.error(program) + RELATE_VOLUME else program
-
-
-def related(program: Program, target: Target, out_of_time: Callable[[], bool] = bool) -> tuple[Program, tuple[Constraint, ...]]:
-    """The relations that hold for a finished program; its numbers move by rounding alone, or not at all if the target is then missed.
-
-    None once time is out.
-    """
+def related(program: Program, target: Target, found: Sequence[Constraint] | None = None, out_of_time: Callable[[], bool] = bool) -> Related:
+    """The relations of a finished program: those that its own numbers bear out or, where noise hides them, those `found` in the points
+    before its numbers were rounded. None once time is out, and none that would change the solid."""
     if out_of_time():
         return program, ()
-    found, constraints = relations_of(program, out_of_time)
-    shown = target.points[:: max(1, len(target.points) // 8192)]
-    limit = (1 + RELATE_ERROR) * _mean_distance(program, shown) + RELATE_MOVE * diagonal(shown)
-    return (found, constraints) if _mean_distance(found, shown) <= limit else (program, ())
+    if found is not None:
+        return _held(program, found, target.points[:: max(1, len(target.points) // 8192)])
+    exact, constraints = relations_of(program, out_of_time)
+    return (exact, constraints) if is_same(program, exact) else (program, ())
 
 
-def relations_of(program: Program, out_of_time: Callable[[], bool] = bool) -> tuple[Program, tuple[Constraint, ...]]:
+def _held(program: Program, found: Sequence[Constraint], points: np.ndarray) -> Related:
+    """As many of the relations that a cloud bore out as can hold with the program as near to its points."""
+    limit = (1 + RELATE_ERROR) * _mean_distance(program, points) + RELATE_MOVE * diagonal(points)
+
+    def near(constraints: tuple[Constraint, ...]) -> bool:
+        return _mean_distance(held(program, constraints, points)[0], points) <= limit
+
+    none: tuple[Constraint, ...] = ()
+    return held(program, accepted(none, found, lambda taken, more: (*taken, more), near, HOLD_TRIES), points)
+
+
+def relations_of(program: Program, out_of_time: Callable[[], bool] = bool) -> Related:
     """A finished program with the relations that its own numbers bear out; none for a very long one, and no more once time is out."""
     if count(program).primitives > MOST_RELATED:
         return program, ()
@@ -94,7 +99,7 @@ def snapped(program: Program, seen: Seen, body: Target, out_of_time: Callable[[]
             break
         config = SnapConfig(max_move=(1e-3 if exact else 2e-3) * boldness, abs_tolerance=(2e-6 if exact else 2e-5) * boldness * diagonal)
         rounder = snap(program, distance, config=config, out_of_time=out_of_time)
-        if _changed_volume(plain, rounder) < (SNAP_CHANGE if exact else 10 * SNAP_CHANGE) and loss(rounder) < SNAP_LOSS:
+        if changed_volume(plain, rounder, SEGMENTS) < (SNAP_CHANGE if exact else 10 * SNAP_CHANGE) and loss(rounder) < SNAP_LOSS:
             return rounder
     return plain
 
@@ -103,11 +108,6 @@ def _loss(plain: Program, seen: Seen) -> Callable[[Program], float]:
     """How much less of a mesh a program meets than `plain`, in volume IoU; nought where there is no mesh, or one that bounds no solid."""
     before = seen.iou(plain)
     return lambda program: 0.0 if before is None else before - (seen.iou(program) or 0.0)
-
-
-def _changed_volume(before: Program, after: Program) -> float:
-    """Volume in which two programs differ, relative to the first; by exact booleans."""
-    return 1 - volume_iou(to_manifold(before), to_manifold(after))
 
 
 def _surface_points(seen: Seen) -> np.ndarray:

@@ -11,12 +11,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from imdim.body import NOISY, Seen, uncrowded
+from imdim.fitting import Related
 from imdim.geometry.axes import clearest_axes, main_axes, shared_axes
 from imdim.geometry.cloud import Frame, Target
+from imdim.program.constraints import Constraint, scaled
 from imdim.program.simplify import reduce_program
-from imdim.program.tree import Program, leaves
+from imdim.program.tree import Program, leaves, map_leaves
 from imdim.proposals import proposals
 from imdim.seeding.cloud_normals import measure_scale
+from imdim.solve.canonical import canonical
 from imdim.solve.compounds import compounds
 from imdim.solve.discover import DiscoverConfig, discover
 from imdim.solve.likelihood import Noise, Shown, shares
@@ -44,8 +47,8 @@ def unlabelled(
     out_of_time: Callable[[], bool],
     no_time_to_fit: Callable[[], bool] = bool,
     calm: bool = False,
-) -> Program | None:
-    """A program of a noisy cloud of which detection cannot tell the inside, from its points and the policy's beam.
+) -> Related | None:
+    """A program of a noisy cloud of which detection cannot tell the inside, from its points and the policy's beam, with its relations.
 
     None for a mesh and, unless `calm` ones are asked for too, a calm cloud, which then have no inside, and where nothing is left of the
     cloud. Time as for `most_likely`.
@@ -57,13 +60,13 @@ def unlabelled(
         return None
     found = [p.program for p in proposals(policy, points, out_of_time=out_of_time)]
     if not found or sigma <= NOISY:
-        return frame.undo(found[0]) if found else None
-    return frame.undo(_Points.of(points, sigma).told(found, out_of_time, no_time_to_fit))
+        return (frame.undo(found[0]), ()) if found else None
+    return _undone(frame, *_Points.of(points, sigma).told(found, out_of_time, no_time_to_fit))
 
 
 def most_likely(
     programs: Sequence[Program], seen: Seen, out_of_time: Callable[[], bool], no_time_to_fit: Callable[[], bool] = bool
-) -> Program:
+) -> Related:
     """The program in the body's units that tells its noisy cloud in the shortest message, with the relations that the points bear out.
 
     `programs`, of which the last is tried in any case, are where the search for it starts; all lend their primitives.
@@ -71,7 +74,12 @@ def most_likely(
     """
     shared = shared_axes([p.surface.axis for p in seen.patches], [p.area for p in seen.patches])
     points = _Points.of(seen.target.points, seen.sigma, shared)
-    return seen.frame.undo(points.told([seen.frame.apply(p) for p in programs], out_of_time, no_time_to_fit))
+    return _undone(seen.frame, *points.told([seen.frame.apply(p) for p in programs], out_of_time, no_time_to_fit))
+
+
+def _undone(frame: Frame, program: Program, constraints: Sequence[Constraint]) -> Related:
+    """A program of the unit frame in the body's units, with its constraints."""
+    return frame.undo(program), scaled(constraints, 1 / frame.scale)
 
 
 @dataclass(frozen=True)
@@ -100,7 +108,7 @@ class _Points:
     def _cloud(self) -> Cloud:
         return Cloud.of(self.quick)
 
-    def told(self, programs: Sequence[Program], out_of_time: Callable[[], bool], no_time_to_fit: Callable[[], bool]) -> Program:
+    def told(self, programs: Sequence[Program], out_of_time: Callable[[], bool], no_time_to_fit: Callable[[], bool]) -> Related:
         """The shortest message's program, by a search from one primitive, then from the best of `programs`, then from both."""
         found = outlines(self.points, self.axes, self.sigma, out_of_time=out_of_time)
         found = distinct(found, self._cloud) if found else []
@@ -144,14 +152,15 @@ def _fitted(program: Program, points: np.ndarray, noise: Noise, out_of_time: Cal
     return through if through.nll < as_drawn.nll + SAME else as_drawn
 
 
-def _related(likely: Likely, points: np.ndarray, out_of_time: Callable[[], bool]) -> Program:
+def _related(likely: Likely, points: np.ndarray, out_of_time: Callable[[], bool]) -> Related:
     """With the relations that the points bear out made exact, unless that makes the points less likely than as many numbers are worth."""
     if out_of_time():
-        return likely.program
-    found = discover(likely.program, points, config=DiscoverConfig(fit=False), out_of_time=out_of_time)
+        return likely.program, ()
+    plain = map_leaves(likely.program, lambda _, leaf: canonical(leaf))
+    found = discover(plain, points, config=DiscoverConfig(fit=False), out_of_time=out_of_time)
     after = shares(points, Shown.of(found.program, likely.noise.sigma), likely.noise).nll
     worth = 0.5 * len(found.constraints) * math.log(len(points)) / len(points)
-    return found.program if after < likely.nll + worth else likely.program
+    return (found.program, found.constraints) if after < likely.nll + worth else (likely.program, ())
 
 
 def _thinned(points: np.ndarray, count: int) -> np.ndarray:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import islice
 
 import numpy as np
 import trimesh
@@ -18,17 +19,18 @@ from imdim.body import Seen, look
 from imdim.clock import CHOOSE_BY, DETECT_BY, FIT_BY, LABEL_BY, RELATE_BY, Clock
 from imdim.config import ConfigError, Settings
 from imdim.evolution import choices, few, united
-from imdim.fitting import related, snapped, solved
+from imdim.fitting import Related, related, snapped, solved
 from imdim.geometry.cloud import InputError, Target, split_bodies, target_from
 from imdim.geometry.solid import to_manifold
 from imdim.geometry.strays import without_strays
 from imdim.methods import METHODS, PolicyOf, Run, time_to_propose
 from imdim.noisy import most_likely, unlabelled
+from imdim.preserve import preserve
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
 from imdim.program.front import Choice
 from imdim.program.simplify import reduce_program
-from imdim.program.tree import Program, combine_all
+from imdim.program.tree import Program, combine_all, leaves, map_leaves
 from imdim.proposals import load, load_if_any
 
 MOST_JOINT = 8  # bodies
@@ -63,14 +65,17 @@ class Snapshot:
 
 @dataclass(frozen=True)
 class _State:
-    """A program of one body in its own units, `error` relative to its `volume`."""
+    """A program of one body in its own units, `error` relative to its `volume`, as `measure` gives it for any of its programs. `found` are
+    the relations that its points bear out, None if they were not asked."""
 
     stage: str
     program: Program
     error: float
     volume: float
+    measure: Callable[[Program], float]
     front: tuple[Choice, ...] = ()
     proof: str = ""
+    found: tuple[Constraint, ...] | None = None
 
 
 def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) -> Iterator[Snapshot]:
@@ -83,16 +88,20 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator) ->
     policy = _policy_of(settings)
     clock = Clock(settings.budget_s)
     last: Snapshot | None = None
+    bodies: list[_State] = []
     left_out: list[InputError] = []
-    for last in _by_body(target, settings, policy, clock, rng, left_out):
+    for stage, bodies in _by_body(target, settings, policy, clock, rng, left_out):
+        last = _together(stage, bodies, clock)
         yield last
     if last is None:
         raise next(iter(left_out), InputError(f"{target.name}: no program found"))
-    program, constraints = related(last.program, target, clock.near_end(RELATE_BY)) if settings.solver else (last.program, ())
+    program, constraints = last.program, ()
+    if settings.solver:
+        program, constraints = related(program, target, bodies[0].found, clock.near_end(RELATE_BY))
     front = tuple(replace(c, program=program) if c.program == last.program else c for c in few(last.front, last.program))
     stop = "budget_spent" if clock.cut or clock.late else clock.ending
     notes = tuple(f"{error}; left out" for error in left_out)
-    yield Snapshot("finished", program, last.error, clock.seconds(), stop, front, constraints, last.proof, notes)
+    yield Snapshot("finished", program, _error(program, bodies), clock.seconds(), stop, front, constraints, last.proof, notes)
 
 
 def _policy_of(settings: Settings) -> PolicyOf:
@@ -105,8 +114,8 @@ def _policy_of(settings: Settings) -> PolicyOf:
 
 def _by_body(
     target: Target, settings: Settings, policy: PolicyOf, clock: Clock, rng: np.random.Generator, left_out: list[InputError]
-) -> Iterator[Snapshot]:
-    """Snapshots of the union of the bodies done so far; a few bodies are then tried as one, since one cut may have parted them.
+) -> Iterator[tuple[str, list[_State]]]:
+    """Stages with the bodies done so far; a few bodies are then tried as one, since one cut may have parted them.
 
     Scraps of surface beside a body are no reason to refuse it: why each was is added to `left_out`.
     """
@@ -116,7 +125,7 @@ def _by_body(
         state = None
         try:
             for state in _body(body, settings, policy, clock, rng, 1 / (len(bodies) - i)):
-                yield _together(state.stage, [*done, state], clock)
+                yield state.stage, [*done, state]
         except InputError as error:
             left_out.append(error)
         done += [state] if state else []
@@ -128,17 +137,28 @@ def _by_body(
     except InputError:  # all is told by the bodies
         return
     if count(joint.program).primitives < count(apart.program).primitives and joint.error < apart.error + JOINT_ERROR:
-        yield _together("joint", [joint], clock)
+        yield "joint", [joint]
 
 
 def _together(stage: str, states: list[_State], clock: Clock) -> Snapshot:
     """The union of several bodies' programs, with the error of all of them relative to their volume."""
-    volume = sum(s.volume for s in states)
-    error = sum(s.error * s.volume for s in states) / volume
     fronts = [s.front for s in states]
     front = united(fronts, [s.program for s in states], [s.volume for s in states]) if all(fronts) else []
     program, proof = combine_all("union", [s.program for s in states]), _proof([s.proof for s in states])
-    return Snapshot(stage, program, error, clock.seconds(), front=tuple(front), proof=proof)
+    return Snapshot(stage, program, _error(program, states), clock.seconds(), front=tuple(front), proof=proof)
+
+
+def _error(program: Program, states: list[_State]) -> float:
+    """Error of the union of several bodies' programs, perhaps with other numbers than theirs, relative to the volume of all."""
+    parts = leaves(program)
+    errors = []
+    for state in states:
+        old = list(leaves(state.program))
+        new = list(islice(parts, len(old)))
+        errors.append(state.error if new == old else state.measure(map_leaves(state.program, lambda i, _, new=new: new[i])))
+    volume = sum(s.volume for s in states)
+    # programs of nothing have no volume to measure by
+    return sum(e * s.volume for e, s in zip(errors, states, strict=True)) / volume if volume else max(errors)
 
 
 def _proof(proofs: list[str]) -> str:
@@ -159,31 +179,35 @@ def _body(
         guess = _guess(body, settings, policy, clock, share, cut) if cut or settings.method in GUESSING else None
         if guess is None:
             raise
-        yield _State("policy", guess, UNKNOWN, to_manifold(guess).volume(), (Choice(guess, UNKNOWN),), NO_TIME if cut else NO_INSIDE)
+        program, found = guess
+        proof = NO_TIME if cut else NO_INSIDE
+        volume, front = to_manifold(program).volume(), (Choice(program, UNKNOWN),)
+        yield _State("policy", program, UNKNOWN, volume, lambda _: UNKNOWN, front, proof, found)
         return
     step = None
 
     def state(stage: str, program: Program, error: float | None = None) -> _State:
         proof = step.proof if step else ""
-        return _State(stage, program, seen.error(program) if error is None else error, seen.volume, proof=proof)
+        return _State(stage, program, seen.error(program) if error is None else error, seen.volume, seen.error, proof=proof)
 
     for step in METHODS[settings.method](Run(seen, settings, policy, clock, rng, share)):
         yield state(step.stage, step.program, step.error)
     if step is None:
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
     no_time_to_choose, late = _times(clock, share)
-    program = reduce_program(_at_home(step.program, seen, late), out_of_time=late)
+    home = _at_home(step.program, seen, late)
+    program = preserve(home, reduce_program(home, out_of_time=late))
     yield state("simplify", program)
     if not settings.solver:
         yield replace(state("simplify", program), front=_front([*step.others, program], seen, clock))
         return
     if seen.noisy:
-        fitted = most_likely([*step.others, program], seen, no_time_to_choose, late)
+        program, found = most_likely([*step.others, program], seen, no_time_to_choose, late)
         step = replace(step, proof="")  # it was of other primitives perhaps
     else:
-        fitted = solved(program, seen, body, late)
-    last = state("solve", snapped(fitted, seen, body, late))
-    yield replace(last, front=_front([*step.others, last.program], seen, clock))
+        program, found = solved(program, seen, body, late), None
+    last = state("solve", snapped(program, seen, body, late))
+    yield replace(last, front=_front([*step.others, last.program], seen, clock), found=found)
 
 
 def _at_home(program: Program, seen: Seen, out_of_time: Callable[[], bool]) -> Program:
@@ -195,7 +219,7 @@ def _at_home(program: Program, seen: Seen, out_of_time: Callable[[], bool]) -> P
     return program if home is unit else seen.frame.undo(home)
 
 
-def _guess(body: Target, settings: Settings, policy: PolicyOf, clock: Clock, share: float, cut: bool) -> Program | None:
+def _guess(body: Target, settings: Settings, policy: PolicyOf, clock: Clock, share: float, cut: bool) -> Related | None:
     """A program of a cloud from its points alone; of a calm one only where time `cut` its detection short."""
     asked = settings.method == "policy" or (settings.method in GUESSING and time_to_propose(clock))
     return unlabelled(body, policy() if asked else None, *_times(clock, share), calm=cut)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import gammaincinv
 
-from imdim.geometry.constraints import rows_of
+from imdim.geometry.constraints import holding, rows_of
 from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.pose import Pose, radii
 from imdim.program.constraints import Constraint
@@ -170,3 +170,12 @@ def _strained(numbers: Lowered, taken: Sequence[Constraint], cloud: Cloud, noise
     if strain[worst] <= limits[worst]:
         return None
     return worst, f"costs {strain[worst]:.1f} squared deviations, noise {limits[worst]:.1f} at most"
+
+
+def held(program: Program, constraints: Sequence[Constraint], points: np.ndarray) -> tuple[Program, tuple[Constraint, ...]]:
+    """The program moved onto the constraints, by the way that moves least of what `points` [n, 3] show, and those that then hold."""
+    cloud, start = Cloud.of(points, None), lower(program)
+    scale = CUT * max(noise_of(start, cloud), DiscoverConfig().floor * cloud.length)
+    numbers = onto(start, constraints, cloud.length, normal_equations(start, cloud, scale))
+    moved = lifted(program, start, _unmoved(start, numbers, cloud.length))
+    return moved, holding(moved, constraints)
