@@ -60,8 +60,7 @@ def _held(program: Program, found: Sequence[Constraint], points: np.ndarray) -> 
     def near(constraints: tuple[Constraint, ...]) -> bool:
         return _mean_distance(held(program, constraints, points)[0], points) <= limit
 
-    none: tuple[Constraint, ...] = ()
-    return held(program, accepted(none, found, lambda taken, more: (*taken, more), near, HOLD_TRIES), points)
+    return held(program, accepted(tuple[Constraint, ...](), found, lambda taken, more: (*taken, more), near, HOLD_TRIES), points)
 
 
 def relations_of(program: Program, out_of_time: Callable[[], bool] = bool) -> Related:
