@@ -7,15 +7,14 @@ from dataclasses import dataclass, replace
 
 from imdim.export.numbers import rounded
 from imdim.export.parameters import Parameters, parametrise
-from imdim.fitting import SNAP_CHANGE, relations_of
-from imdim.geometry.constraints import rebased
-from imdim.geometry.gathering import Gathering
+from imdim.geometry.constraints import holding, rebased
+from imdim.geometry.gathering import Gathered, Gathering
 from imdim.geometry.overshoot import overshoot
-from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.preserve import is_same, preserve
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.cost import count
 from imdim.program.folding import Folding, extent, fold_repeats, worth
-from imdim.program.repeats import Folded, expand, instances, repeats, size, with_leaves
+from imdim.program.repeats import Folded, copies_of, expand, instances, repeats, size, with_leaves
 from imdim.program.tree import Program
 
 NEAR = 2e-4  # of the part's size, by which what nearly repeats may move
@@ -38,36 +37,36 @@ def completed(program: Program, constraints: Sequence[Constraint] = ()) -> Compl
 
     Repeats change the order of primitives. What nearly repeats, or would if it stood together, is made to if that hardly changes the solid.
     """
-    folding = fold_repeats(program)
-    for other in _others(program):
-        if worth(other.folded) <= (0 if folding is None else worth(folding.folded)):
-            break
-        meant = relations_of(other.program), (other.program, ())
-        same = next((pair for pair in meant if _is_same(program, pair[0])), None)
-        if same is not None:
-            program, constraints = same
-            folding = fold_repeats(program)
-            break
+    folding = next((f for f in _foldings(program) if is_same(program, f.program)), None)
     if folding is None:
         delivered = finished(program)
         return Completed(delivered, rebased(delivered, constraints), parametrise(program, constraints, delivered), None)
-    given, constraints = folding.program, _without_rows(_renumbered(constraints, folding.order), folding.folded)
-    folded = with_leaves(folding.folded, rounded(overshoot(given, folding.folded)))
+    given, carried = folding.program, _renumbered(constraints, folding.order)
+    constraints = _without_rows(holding(given, carried), folding.folded)
+    folded = with_leaves(folding.folded, finished(given, folding.folded))
     delivered = expand(folded)
     return Completed(delivered, rebased(delivered, constraints), parametrise(given, constraints, delivered, folded), folded)
 
 
-def finished(program: Program) -> Program:
-    """A program without repeats as it is delivered: cutters overshoot, numbers are rounded."""
-    return rounded(overshoot(program))
+def finished(program: Program, folded: Folded | None = None) -> Program:
+    """A program as it is delivered: cutters overshoot, as far as the solid stays, and numbers are rounded. Copies stay alike where
+    `program` is the expansion of `folded`."""
+    alike = None if folded is None else [[i for i, _ in copies] for copies in copies_of(folded).values()]
+    return preserve(rounded(program), rounded(overshoot(program, folded)), together=alike)
 
 
-def _is_same(a: Program, b: Program) -> bool:
-    return volume_iou(to_manifold(a), to_manifold(b)) >= 1 - SNAP_CHANGE
+def _foldings(program: Program) -> list[Folding]:
+    """Ways to write the repeats of a program, what repeats exactly, nearly, or once its parts are gathered; those that save most first."""
+    exact = fold_repeats(program)
+    more = [f for f in _others(program) if exact is None or worth(f.folded) > worth(exact.folded)]
+    return more if exact is None else [*more, exact]
 
 
 def _others(program: Program) -> list[Folding]:
-    """The repeats of what nearly repeats, and of what does once its parts are gathered; those that save most first."""
+    """The repeats of what nearly repeats, and of what does once its parts are gathered; those that save most first.
+
+    All number the leaves of the program given.
+    """
     tolerance = NEAR * extent(program)
     near = fold_repeats(program, tolerance)
     found, known = [near], _repeated(near)
@@ -75,22 +74,25 @@ def _others(program: Program) -> list[Folding]:
         return [] if near is None else [near]
     gathering = Gathering(program)
     for largest in GATHERED:
-        every = gathering.gathered(largest)
-        loose = None if every is None else fold_repeats(every.program, tolerance)
-        if every is None or _repeated(loose, every.order) <= known:
+        loose = _folding_of(gathering.gathered(largest), tolerance)
+        if _repeated(loose) <= known:
             continue
         # what does not repeat then stays where it is
-        few = gathering.gathered(largest, {i for numbers in _repeated(loose, every.order) for i in numbers})
-        found += [loose, None if few is None else fold_repeats(few.program, tolerance)]
+        found += [loose, _folding_of(gathering.gathered(largest, {i for numbers in _repeated(loose) for i in numbers}), tolerance)]
     return sorted(filter(None, found), key=lambda f: worth(f.folded), reverse=True)
 
 
-def _repeated(folding: Folding | None, order: Sequence[int] | None = None) -> set[frozenset[int]]:
-    """The leaves of each repeat, by their numbers before folding; `order` gives those before that."""
-    if folding is None:
-        return set()
-    numbers = folding.order if order is None else [order[i] for i in folding.order]
-    return {frozenset(numbers[first : first + size(r)]) for first, r in repeats(folding.folded)}
+def _folding_of(gathered: Gathered | None, tolerance: float) -> Folding | None:
+    """The repeats of a program whose parts were gathered, with the leaves numbered as before that."""
+    folding = None if gathered is None else fold_repeats(gathered.program, tolerance)
+    if gathered is None or folding is None:
+        return None
+    return Folding(folding.folded, tuple(gathered.order[i] for i in folding.order))
+
+
+def _repeated(folding: Folding | None) -> set[frozenset[int]]:
+    """The leaves of each repeat, by their numbers before folding."""
+    return set() if folding is None else {frozenset(folding.order[n : n + size(r)]) for n, r in repeats(folding.folded)}
 
 
 def _without_rows(constraints: Sequence[Constraint], folded: Folded) -> tuple[Constraint, ...]:

@@ -16,7 +16,7 @@ from typing import Any
 import trimesh
 
 from imdim.completed import Completed, completed, finished
-from imdim.evaluate import Scores, evaluate_file
+from imdim.evaluate import Kept, Scores, evaluate_file
 from imdim.export import html
 from imdim.export.folder import FILES, OutputError, check_writable, replacing
 from imdim.export.meshes import write_meshes
@@ -76,6 +76,7 @@ def deliver(
                 write_meshes(to_manifold(program, segments), partial)
             with _timed(seconds, "scores"):
                 scores = evaluate_file(partial / "program.scad", target, segments=segments)
+                kept = Kept.of(given, program, target, segments)
             with _timed(seconds, "preview"):
                 _write_preview(partial, target, scores, segments)
             with _timed(seconds, "page"):
@@ -86,7 +87,8 @@ def deliver(
         if found.folded is None:
             skipped["program.loops.scad"] = "skipped: no part repeats"
         files = {name: skipped.get(name, "written") for name in FILES}
-        report = report_of(program, target, scores, volumes, files, run, seconds, found.constraints, found.parameters.values, found.folded)
+        names = found.parameters.values
+        report = report_of(program, target, scores, kept, volumes, files, run, seconds, found.constraints, names, found.folded)
         (partial / "report.json").write_text(dumps(report), encoding="utf-8")
         (partial / "report.html").write_text(html.page(shown, report, _read(partial / "front.json")), encoding="utf-8")
     return report

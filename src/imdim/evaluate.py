@@ -54,6 +54,21 @@ class Scores:
         return Distances(distances.mean / self.diagonal, distances.max / self.diagonal)
 
 
+@dataclass(frozen=True)
+class Kept:
+    """What delivery kept of the program that was found: that program's volume IoU with the target, None where the target bounds no solid,
+    and with the program delivered."""
+
+    found: float | None
+    delivered: float
+
+    @staticmethod
+    def of(found: Program, delivered: Program, target: Target, segments: int = SEGMENTS) -> Kept:
+        """By exact booleans."""
+        solid = to_manifold(found, segments)
+        return Kept(target_iou(solid, target)[0], volume_iou(solid, to_manifold(delivered, segments)))
+
+
 def evaluate(program: Program, target: Target, samples: int = SAMPLES, segments: int = SEGMENTS) -> Scores:
     """Scores of `program` against `target`: distances from `samples` points each way (and the corners, for the maxima)."""
     count = sum(1 for _ in leaves(program))
@@ -72,7 +87,7 @@ def evaluate_file(path: Path, target: Target, samples: int = SAMPLES, segments: 
 
 def evaluate_solid(solid: Manifold, target: Target, samples: int = SAMPLES, primitives: int | None = None) -> Scores:
     """Scores of an exact solid of `primitives` primitives, joined by one operation fewer."""
-    iou, missing = _iou(solid, target)
+    iou, missing = target_iou(solid, target)
     surface = to_trimesh(solid)
     length = diagonal(target.points if target.mesh is None else target.mesh.vertices)
     if not len(surface.faces):
@@ -102,7 +117,8 @@ def _result_distances(surface: trimesh.Trimesh, target: Target, samples: int) ->
     return distances(tree, points), distances(tree, corners)
 
 
-def _iou(solid: Manifold, target: Target) -> tuple[float | None, str | None]:
+def target_iou(solid: Manifold, target: Target) -> tuple[float | None, str | None]:
+    """Volume IoU with the target's solid; None, and why, where it bounds none."""
     if target.mesh is None:
         return None, "the target is a cloud"
     if not target.is_solid:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from imdim.body import Seen
@@ -11,14 +13,15 @@ from imdim.geometry.cloud import Frame, Target
 from imdim.geometry.likening import likened
 from imdim.geometry.metrics import diagonal
 from imdim.geometry.sampling import subsample
-from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.geometry.solid import SEGMENTS
+from imdim.preserve import changed_volume, is_same
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
 from imdim.program.tree import Program, map_leaves
 from imdim.solve.canonical import canonical
-from imdim.solve.discover import discover, exact_relations
+from imdim.solve.discover import exact_relations, held
 from imdim.solve.refine import RefineConfig, refine
-from imdim.solve.snap import SnapConfig, snap
+from imdim.solve.snap import SnapConfig, accepted, snap
 
 POOR = 0.05  # of the volume; a search that leaves more is compared with the decision tree
 SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may move
@@ -26,7 +29,10 @@ LIKE = 2e-4  # of the diagonal, within which primitives are equal
 SHOWN = 8192  # points of a target that numbers and relations are judged by
 SNAP_LOSS = 1e-4  # of the volume IoU with a mesh, that rounder numbers may cost: typed ones cost none
 MOST_RELATED = 120  # primitives; the time that relations take grows with the square
-RELATE_ERROR, RELATE_MOVE, RELATE_VOLUME = 1e-2, 1e-5, 2.5e-3  # shares of mean distance, diagonal, volume that relations may cost
+RELATE_ERROR, RELATE_MOVE = 1e-2, 1e-5  # shares of mean distance and diagonal that relations may cost
+HOLD_TRIES = 24  # programs that are made to find which relations hold beside rounder numbers
+
+Related = tuple[Program, tuple[Constraint, ...]]  # a program and what holds for it
 
 
 def solved(program: Program, seen: Seen, deadline: Deadline = NEVER) -> Program:
@@ -37,33 +43,33 @@ def solved(program: Program, seen: Seen, deadline: Deadline = NEVER) -> Program:
     if seen.target.mesh is not None:
         return program if deadline.passed() else likened(program, LIKE, lambda trial: seen.iou(trial) or 0.0, deadline)
     chosen = subsample(seen.target.points, SHOWN)
-    fit = refine(program, chosen, config=RefineConfig(start_scale=0.01), deadline=deadline)
-    fitted = fit.program if deadline.passed() else _constrained(fit.program, chosen, seen, deadline)
+    fitted = refine(program, chosen, config=RefineConfig(start_scale=0.01), deadline=deadline).program
     nearer = _mean_distance(fitted, chosen) < _mean_distance(program, chosen)
     return fitted if nearer and seen.error(fitted) < seen.error(program) + POOR else program
 
 
-def _constrained(program: Program, points: np.ndarray, seen: Seen, deadline: Deadline) -> Program:
-    """The relations that a cloud bears out made exact, unless that explains its points or its volume worse."""
-    found = discover(program, points, deadline).program
-    nearer = _mean_distance(found, points) <= (1 + RELATE_ERROR) * _mean_distance(program, points)
-    return found if nearer and seen.error(found) <= seen.error(program) + RELATE_VOLUME else program
-
-
-def related(program: Program, target: Target, deadline: Deadline = NEVER) -> tuple[Program, tuple[Constraint, ...]]:
-    """The relations that hold for a finished program; its numbers move by rounding alone, or not at all if the target is then missed.
-
-    None once time is out.
-    """
+def related(program: Program, target: Target, found: Sequence[Constraint] | None = None, deadline: Deadline = NEVER) -> Related:
+    """The relations of a finished program: those that its own numbers bear out or, where noise hides them, those `found` in the points
+    before its numbers were rounded. None once time is out, and none that would change the solid."""
     if deadline.passed():
         return program, ()
-    found, constraints = relations_of(program, deadline)
-    shown = subsample(target.points, SHOWN)
-    limit = (1 + RELATE_ERROR) * _mean_distance(program, shown) + RELATE_MOVE * diagonal(shown)
-    return (found, constraints) if _mean_distance(found, shown) <= limit else (program, ())
+    if found is not None:
+        return _held(program, found, subsample(target.points, SHOWN))
+    exact, constraints = relations_of(program, deadline)
+    return (exact, constraints) if is_same(program, exact) else (program, ())
 
 
-def relations_of(program: Program, deadline: Deadline = NEVER) -> tuple[Program, tuple[Constraint, ...]]:
+def _held(program: Program, found: Sequence[Constraint], points: np.ndarray) -> Related:
+    """As many of the relations that a cloud bore out as can hold with the program as near to its points."""
+    limit = (1 + RELATE_ERROR) * _mean_distance(program, points) + RELATE_MOVE * diagonal(points)
+
+    def near(constraints: tuple[Constraint, ...]) -> bool:
+        return _mean_distance(held(program, constraints, points)[0], points) <= limit
+
+    return held(program, accepted(tuple[Constraint, ...](), found, lambda taken, more: (*taken, more), near, HOLD_TRIES), points)
+
+
+def relations_of(program: Program, deadline: Deadline = NEVER) -> Related:
     """A finished program with the relations that its own numbers bear out; none for a very long one, and no more once time is out."""
     if count(program).primitives > MOST_RELATED:
         return program, ()
@@ -95,16 +101,13 @@ def snapped(program: Program, seen: Seen, frame: Frame, deadline: Deadline = NEV
             break
         config = SnapConfig(max_move=(1e-3 if exact else 2e-3) * boldness, abs_tolerance=(2e-6 if exact else 2e-5) * boldness)
         rounder = snap(program, distance, config=config, deadline=deadline)
-        if _changed_volume(plain, rounder) < (SNAP_CHANGE if exact else 10 * SNAP_CHANGE) and (
+        if changed_volume(plain, rounder, SEGMENTS) < (SNAP_CHANGE if exact else 10 * SNAP_CHANGE) and (
             before is None or before - (seen.iou(to_unit(rounder)) or 0.0) < SNAP_LOSS
         ):
             return rounder
     return plain
 
 
-def _changed_volume(before: Program, after: Program) -> float:
-    """Volume in which two programs differ, relative to the first; by exact booleans."""
-    return 1 - volume_iou(to_manifold(before), to_manifold(after))
 
 
 def _surface_points(seen: Seen) -> np.ndarray:

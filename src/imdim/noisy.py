@@ -14,9 +14,11 @@ from imdim.body import Seen, UnitBody
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry.axes import clearest_axes, main_axes, shared_axes
 from imdim.geometry.sampling import subsample
+from imdim.program.constraints import Constraint
 from imdim.program.simplify import reduce_program
-from imdim.program.tree import Program, leaves
+from imdim.program.tree import Program, leaves, map_leaves
 from imdim.proposals import proposals
+from imdim.solve.canonical import canonical
 from imdim.solve.compounds import compounds
 from imdim.solve.discover import discover
 from imdim.solve.likelihood import Noise, Shown, shares
@@ -40,9 +42,11 @@ SAME = 2e-3  # nats per point, what the samples of the surface leave in doubt
 
 @dataclass(frozen=True)
 class Told:
-    """The program that tells a noisy cloud; whether time has `cut` the search for it, or the fit of its numbers."""
+    """The program that tells a noisy cloud, with the relations that the points bear out; whether time has `cut` the search for it, or the
+    fit of its numbers."""
 
     program: Program
+    constraints: tuple[Constraint, ...]
     cut: bool
 
 
@@ -57,7 +61,7 @@ def unlabelled(body: UnitBody, policy: Policy | None, choose_by: Deadline, fit_b
         return None
     found = [p.program for p in proposals(policy, points, noise.sigma, deadline=choose_by)]
     if not found or not noise.blurs:
-        return Told(found[0], choose_by.passed()) if found else None
+        return Told(found[0], (), choose_by.passed()) if found else None
     return _Points.of(points, noise.sigma).told(found, choose_by, fit_by)
 
 
@@ -107,8 +111,8 @@ class _Points:
         cut = choose_by.passed()
         points = self.quick if cut else subsample(self.points, MOST_POINTS)
         shorter = reduce_program(best.program, deadline=fit_by)
-        program = _related(_fitted(shorter, points, best.noise, fit_by, CAREFUL), points, fit_by)
-        return Told(program, cut or fit_by.passed())
+        program, constraints = _related(_fitted(shorter, points, best.noise, fit_by, CAREFUL), points, fit_by)
+        return Told(program, constraints, cut or fit_by.passed())
 
     def _searched(self, programs: Sequence[Program], lent: Sequence[Program], deadline: Deadline) -> Likely:
         """The shorter of two searches' messages. What grows from one primitive is quick and stays short; of `programs`, which are long, the
@@ -143,11 +147,12 @@ def _fitted(program: Program, points: np.ndarray, noise: Noise, deadline: Deadli
     return through if through.nll < as_drawn.nll + SAME else as_drawn
 
 
-def _related(likely: Likely, points: np.ndarray, deadline: Deadline) -> Program:
+def _related(likely: Likely, points: np.ndarray, deadline: Deadline) -> tuple[Program, tuple[Constraint, ...]]:
     """With the relations that the points bear out made exact, unless that makes the points less likely than as many numbers are worth."""
     if deadline.passed():
-        return likely.program
-    found = discover(likely.program, points, deadline)
+        return likely.program, ()
+    plain = map_leaves(likely.program, lambda _, leaf: canonical(leaf))
+    found = discover(plain, points, deadline)
     after = shares(points, Shown.of(found.program, likely.noise.sigma), likely.noise).nll
     worth = 0.5 * len(found.constraints) * math.log(len(points)) / len(points)
-    return found.program if after < likely.nll + worth else likely.program
+    return (found.program, found.constraints) if after < likely.nll + worth else (likely.program, ())

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import islice
 
 import numpy as np
 import trimesh
@@ -26,11 +27,12 @@ from imdim.geometry.solid import to_manifold
 from imdim.geometry.strays import without_strays
 from imdim.methods import CUT, METHODS, PolicyOf, Run, Step, time_to_propose
 from imdim.noisy import most_likely, unlabelled
-from imdim.program.constraints import Constraint
+from imdim.preserve import preserve
+from imdim.program.constraints import Constraint, scaled
 from imdim.program.cost import count
 from imdim.program.front import Choice
 from imdim.program.simplify import reduce_program
-from imdim.program.tree import Program, combine_all
+from imdim.program.tree import Program, combine_all, leaves, map_leaves
 from imdim.proposals import load, load_if_any
 
 MOST_JOINT = 8  # bodies
@@ -64,15 +66,18 @@ class Snapshot:
 
 @dataclass(frozen=True)
 class _State:
-    """A program of one body, it and the `volume` in the body's units; `error` is relative to that. `stop` is as a step's."""
+    """A program of one body, it and the `volume` in the body's units; `error` is relative to that, as `measure` gives it for any program
+    of its structure. `found` are the relations that its points bear out, None if they were not asked. `stop` is as a step's."""
 
     stage: str
     program: Program
     error: float
     volume: float
+    measure: Callable[[Program], float]
     front: tuple[Choice, ...] = ()
     proof: str = ""
     stop: str = "finished"
+    found: tuple[Constraint, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -100,11 +105,12 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator, no
     if last is None:
         raise next(iter(left_out), InputError(f"{target.name}: no program found"))
     relate_by = budget.end_of("relate")
-    program, constraints = related(last.program, target, relate_by) if settings.solver else (last.program, ())
+    program, constraints = related(last.program, target, last.found, relate_by) if settings.solver else (last.program, ())
+    error = last.error if program == last.program else last.measure(program)
     front = tuple(replace(c, program=program) if c.program == last.program else c for c in few(last.front, last.program))
     notes = tuple(f"{error}; left out" for error in left_out)
     stop = CUT if settings.solver and relate_by.passed() else last.stop
-    yield Snapshot("finished", program, last.error, budget.seconds(), stop, front, constraints, last.proof, notes)
+    yield Snapshot("finished", program, error, budget.seconds(), stop, front, constraints, last.proof, notes)
 
 
 def _policy_of(settings: Settings) -> PolicyOf:
@@ -151,12 +157,27 @@ def _jointly(target: Target, work: _Work, apart: _State) -> Iterator[_State]:
 
 def _together(stage: str, states: list[_State]) -> _State:
     """The union of several bodies' programs, with the error of all of them relative to their volume."""
-    volume = sum(s.volume for s in states)
-    error = sum(s.error * s.volume for s in states) / volume
     fronts = [s.front for s in states]
     front = united(fronts, [s.program for s in states], [s.volume for s in states]) if all(fronts) else []
     program = combine_all("union", [s.program for s in states])
-    return _State(stage, program, error, volume, tuple(front), _proof([s.proof for s in states]), _stop([s.stop for s in states]))
+    stop, proof = _stop([s.stop for s in states]), _proof([s.proof for s in states])
+    error, volume = _mean_error([s.error for s in states], states), sum(s.volume for s in states)
+    return _State(stage, program, error, volume, lambda p: _error(p, states), tuple(front), proof, stop, states[0].found)
+
+
+def _error(program: Program, states: Sequence[_State]) -> float:
+    """Error of the union of several bodies' programs with other numbers than theirs, relative to the volume of all."""
+    parts, errors = leaves(program), []
+    for state in states:
+        new = list(islice(parts, count(state.program).primitives))
+        errors.append(state.measure(map_leaves(state.program, lambda i, _, new=new: new[i])))
+    return _mean_error(errors, states)
+
+
+def _mean_error(errors: Sequence[float], states: Sequence[_State]) -> float:
+    """Of all bodies relative to their volume; programs of nothing have none to measure by."""
+    volume = sum(s.volume for s in states)
+    return sum(e * s.volume for e, s in zip(errors, states, strict=True)) / volume if volume else max(errors)
 
 
 def _stop(stops: list[str]) -> str:
@@ -182,42 +203,48 @@ def _body(body: Target, work: _Work, share: float = 1.0) -> Iterator[_State]:
         guess = _guess(observed, work, share, error.cut)
         if guess is None:
             raise
-        state = _state(guess, frame, to_manifold(guess.program).volume())
-        yield replace(state, front=(Choice(state.program, UNKNOWN),))
+        step, found = guess
+        volume = to_manifold(step.program).volume()
+        state = _State(step.stage, frame.undo(step.program), UNKNOWN, volume / frame.scale**3, lambda _: UNKNOWN, (), step.proof, step.stop)
+        yield replace(state, front=(Choice(state.program, UNKNOWN),), found=scaled(found, 1 / frame.scale))
         return
-    step, volume = None, seen.cells.volume
+    step = None
     for step in METHODS[settings.method](Run(seen, settings, work.policy, budget, work.rng, share)):
-        yield _state(_measured(step, seen), frame, volume)
+        yield _state(step, seen, frame)
     if step is None:
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
     choose_by, fit_by = _times(budget, share)
     home = step.program if seen.solid is None else without_strays(step.program, seen.solid, fit_by)
-    simple = replace(step, stage="simplify", program=reduce_program(home, deadline=fit_by), error=None)
-    last = _state(_measured(simple, seen), frame, volume)
+    simple = replace(step, stage="simplify", program=preserve(home, reduce_program(home, deadline=fit_by)), error=None)
+    last = _state(simple, seen, frame)
     yield last
     if settings.solver:
-        last = _state(_measured(_solved(simple, seen, choose_by, fit_by), seen), frame, volume)
-        last = replace(last, program=snapped(last.program, seen, frame, fit_by))
+        fitted, found = _solved(simple, seen, choose_by, fit_by)
+        last = _state(fitted, seen, frame)
+        found = None if found is None else scaled(found, 1 / frame.scale)
+        last = replace(last, program=snapped(last.program, seen, frame, fit_by), found=found)
     cut = seen.cut or fit_by.passed()
     yield _finished(replace(last, stop=CUT) if cut else last, step.others, seen, frame, budget)
 
 
-def _measured(step: Step, seen: Seen) -> Step:
-    return step if step.error is not None else replace(step, error=seen.error(step.program))
+def _state(step: Step, seen: Seen, frame: Frame) -> _State:
+    """A step in the body's units."""
+    error = seen.error(step.program) if step.error is None else step.error
+    volume = seen.cells.volume / frame.scale**3
+
+    def measure(program: Program) -> float:
+        return seen.error(frame.apply(program))
+
+    return _State(step.stage, frame.undo(step.program), error, volume, measure, proof=step.proof, stop=step.stop)
 
 
-def _state(step: Step, frame: Frame, volume: float) -> _State:
-    """A step in the body's units; `volume` is the body's in the unit frame."""
-    assert step.error is not None
-    return _State(step.stage, frame.undo(step.program), step.error, volume / frame.scale**3, proof=step.proof, stop=step.stop)
-
-
-def _solved(step: Step, seen: Seen, choose_by: Deadline, fit_by: Deadline) -> Step:
-    """The step with fitted numbers; of a noisy cloud with a program of other primitives perhaps, which no proof is of."""
+def _solved(step: Step, seen: Seen, choose_by: Deadline, fit_by: Deadline) -> tuple[Step, tuple[Constraint, ...] | None]:
+    """The step with fitted numbers; of a noisy cloud with a program of other primitives perhaps, which no proof is of, and with the
+    relations that its points bear out."""
     if not seen.noisy:
-        return replace(step, stage="solve", program=solved(step.program, seen, fit_by))
+        return replace(step, stage="solve", program=solved(step.program, seen, fit_by)), None
     told = most_likely([*step.others, step.program], seen, choose_by, fit_by)
-    return replace(step, stage="solve", program=told.program, proof="").cut_if(told.cut)
+    return replace(step, stage="solve", program=told.program, proof="").cut_if(told.cut), told.constraints
 
 
 def _finished(last: _State, others: Sequence[Program], seen: Seen, frame: Frame, budget: Budget) -> _State:
@@ -229,8 +256,8 @@ def _finished(last: _State, others: Sequence[Program], seen: Seen, frame: Frame,
     return replace(last, error=error, front=tuple(choices_beside(last.program, unit, others, seen.evidence, frame)))
 
 
-def _guess(body: UnitBody, work: _Work, share: float, cut: bool) -> Step | None:
-    """A program of a cloud from its points alone; of a calm one only where time `cut` its detection short."""
+def _guess(body: UnitBody, work: _Work, share: float, cut: bool) -> tuple[Step, tuple[Constraint, ...]] | None:
+    """A program of a cloud from its points alone, and its relations; of a calm one only where time `cut` its detection short."""
     method = work.settings.method
     if not cut and method not in GUESSING:
         return None
@@ -239,7 +266,7 @@ def _guess(body: UnitBody, work: _Work, share: float, cut: bool) -> Step | None:
     if told is None:
         return None
     step = Step("policy", told.program, UNKNOWN, proof=NO_TIME if cut else NO_INSIDE)
-    return step.cut_if(cut or told.cut or not asked)
+    return step.cut_if(cut or told.cut or not asked), told.constraints
 
 
 def _times(budget: Budget, share: float) -> tuple[Deadline, Deadline]:

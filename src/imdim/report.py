@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-from imdim.evaluate import Distances, Scores
+from imdim.evaluate import Distances, Kept, Scores
 from imdim.geometry.cloud import Target
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
@@ -45,6 +45,7 @@ def report_of(
     program: Program,
     target: Target,
     scores: Scores,
+    kept: Kept,
     volumes: Mapping[str, float],
     files: Mapping[str, str],
     run: RunRecord,
@@ -73,6 +74,7 @@ def report_of(
         "constraints": [{"name": c.name, "kind": c.kind, "says": str(c)} for c in constraints],
         "parameters": {name: number(value) for name, value in (parameters or {}).items()},
         "scores": _scores(scores),
+        "found": {"volume_iou": number(kept.found), "iou_with_delivered": number(kept.delivered)},
         "volumes": {name: number(volume) for name, volume in volumes.items()},
         "stop": run.stop,
         "proof": run.proof or None,

@@ -25,6 +25,7 @@ Reconstruct = Callable[["Target", Settings, "np.random.Generator"], "Iterator[Sn
 
 DELIVERY_S = 6.0
 LEAST_S = 1.0  # for the reconstruction, however long loading took
+DIFFERS = 1e-3  # of the volume IoU, from which delivery says that it did not keep what was found
 BAD_INPUT = 2
 INTERRUPTED = 130
 
@@ -113,6 +114,8 @@ def summary(report: Mapping[str, Any], folder: Path) -> str:
     fit = f"mean distance {100 * furthest['mean']:.3f} % of the diagonal" if iou is None else f"volume IoU {iou:.4f}"
     lines = [f"{count} primitive{'' if count == 1 else 's'}, {fit}, {report['timing']['total_s']:.1f} s (stopped: {report['stop']})"]
     lines += [f"  {report['proof']}"] if report.get("proof") else []
+    same = report["found"]["iou_with_delivered"]
+    lines += [f"  delivered differs from found: IoU {same:.4f}"] if 1 - same > DIFFERS else []
     said = [repeat["says"] for repeat in report.get("repeats", [])]
     lines += [f"  {'repeats':<8} {'; '.join(said)}"] if said else []
     lines += [

@@ -6,7 +6,7 @@ Residuals are lengths, or sines of angles; both vanish exactly where the constra
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -64,21 +64,32 @@ def verify(program: Program, constraints: Sequence[Constraint], tolerance: float
         raise ConstraintError(f"{describe(number, constraints[number])}: {reason}")
 
 
+def holding(program: Program, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
+    """Those of the constraints that hold for `program`, whose numbers have changed."""
+    return tuple(constraint for constraint, off in _offsets(program, constraints) if off == 0)
+
+
 def rebased(program: Program, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
     """The constraints as they hold for `program`, whose numbers have changed.
 
     Faces and centres that were level keep the distance that they now have; what else no longer holds is left out.
     """
-    numbers = lower(program)
-    largest = max(max(p.size) for p in leaves(program))
     out: list[Constraint] = []
-    for constraint in constraints:
-        off = rows_of([constraint], numbers).residual
-        if np.abs(off).max(initial=0.0) <= HOLDS * largest / 2:
+    for constraint, off in _offsets(program, constraints):
+        if off == 0:
             out.append(constraint)
         elif constraint.kind in ("coplanar", "aligned"):
-            out.append(replace(constraint, value=float(f"{constraint.value + off[0]:.9g}")))
+            out.append(replace(constraint, value=float(f"{constraint.value + off:.9g}")))
     return tuple(out)
+
+
+def _offsets(program: Program, constraints: Sequence[Constraint]) -> Iterator[tuple[Constraint, float]]:
+    """Each constraint and its first residual, or 0 where it holds as well as the nine digits of a file let it."""
+    numbers = lower(program)
+    largest = max(max(p.size) for p in leaves(program))
+    for constraint in constraints:
+        off = rows_of([constraint], numbers).residual
+        yield constraint, 0.0 if np.abs(off).max(initial=0.0) <= HOLDS * largest / 2 else off[0]
 
 
 def _implying(jacobian: np.ndarray, row: int, owner: np.ndarray) -> list[int]:

@@ -7,7 +7,7 @@ cutter stick out, and let joined parts sink into each other. Here every planar f
 - it does not matter beyond it: from a skin's thickness outward, the solid is the same with and without it.
 
 Both are decided in the thin region concerned (see `dependence`), so the solid stays the same up to skins and gaps thinner than `SKIN`.
-Copies of one part stay alike: a face of all of them moves if one of them has to and all of them may.
+Copies of one part stay alike: a face of all of them moves if one of them has to and all of them may, one beside the other.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from imdim.deadline import NEVER, Deadline
 from imdim.geometry.dependence import matters
 from imdim.geometry.placed import Placed, diagonal
 from imdim.geometry.prolong import Face, apex, between, beyond, flipped, length, plane_faces, within
-from imdim.program.repeats import Folded, instances
+from imdim.program.repeats import Folded, copies_of
 from imdim.program.roles import signs
 from imdim.program.tree import Program, leaves, map_leaves
 
@@ -40,31 +40,30 @@ def overshoot(
     size = diagonal([part for part, s in zip(placed, sign, strict=True) if s > 0])
     rounded = [10.0 ** (math.floor(math.log10(REACH * size)) - k) for k in range(2)]
     steps = rounded if reach is None else [reach / 2**k for k in range(3)]
-    copies = {i: [(i, False)] for i in range(len(placed))} if folded is None else _copies(folded)
+    copies = {i: [(i, False)] for i in range(len(placed))} if folded is None else copies_of(folded)
     for index in sorted(copies, key=lambda i: sign[i]):
         for face in () if deadline.passed() else plane_faces(placed[index].leaf):
             faces = [(i, flipped(face) if mirrored else face) for i, mirrored in copies[index]]
-            step = next((s for s in steps if _may_extend(program, placed, faces, s, SKIN * size)), None)
-            for i, own in faces if step is not None else ():
-                leaf = placed[i].leaf
-                placed[i] = Placed(between(leaf, own, -length(leaf, own), step))  # type: ignore[arg-type]
+            extended = (_extended(program, placed, faces, step, SKIN * size) for step in steps)
+            placed = next((parts for parts in extended if parts is not None), placed)
     return map_leaves(program, lambda i, _: placed[i].leaf)
 
 
-def _copies(folded: Folded) -> dict[int, list[tuple[int, bool]]]:
-    """For each leaf that is no copy, itself and its copies, and whether these are mirrored."""
-    out: dict[int, list[tuple[int, bool]]] = {}
-    for i, (source, motion) in enumerate(instances(folded)):
-        out.setdefault(source, []).append((i, motion.mirrors))
-    return out
+def _extended(program: Program, placed: list[Placed], faces: list[tuple[int, Face]], step: float, skin: float) -> list[Placed] | None:
+    """The primitives with a face of each copy further out by `step`, if one ends within `skin` of where it stops to matter.
 
-
-def _may_extend(program: Program, placed: list[Placed], faces: list[tuple[int, Face]], step: float, skin: float) -> bool:
-    """Whether a primitive ends within `skin` of where it stops to matter, and none of the copies matters from there to `step`."""
+    None if a copy matters from there to `step`, beside those before it that reach there already: copies that end at one place may each
+    leave it to the others, but not all of them.
+    """
     index, face = faces[0]
-    leaf = placed[index].leaf
+    leaf, parts = placed[index].leaf, list(placed)
     skin = min(skin, length(leaf, face) / 8)
     high = min(step, apex(leaf, face))
-    if high <= 2 * skin or any(matters(program, placed, i, beyond(placed[i].leaf, own, skin, high)) for i, own in faces):
-        return False
-    return any(matters(program, placed, i, within(placed[i].leaf, own, skin)) for i, own in faces)
+    if high <= 2 * skin:
+        return None
+    for i, own in faces:
+        leaf = parts[i].leaf
+        if matters(program, parts, i, beyond(leaf, own, skin, high)):
+            return None
+        parts[i] = Placed(between(leaf, own, -length(leaf, own), step))
+    return parts if any(matters(program, placed, i, within(placed[i].leaf, own, skin)) for i, own in faces) else None

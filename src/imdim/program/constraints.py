@@ -26,8 +26,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -202,6 +202,11 @@ _FITS: Mapping[str, Callable[[Primitive, str], bool]] = {
     "position": lambda p, f: f == "" or _is_face(p, f),
     "line": lambda p, f: f == "" or _is_axis(p, f),
 }
+
+
+def scaled(constraints: Iterable[Constraint], factor: float) -> tuple[Constraint, ...]:
+    """The constraints of a program whose lengths are `factor` times as long."""
+    return tuple(replace(c, value=c.value * factor) for c in constraints)
 
 
 def size_of(ref: Ref, parts: Sequence[Primitive]) -> float:

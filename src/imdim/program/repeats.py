@@ -154,6 +154,14 @@ def instances(folded: Folded) -> list[tuple[int, Motion]]:
     return out
 
 
+def copies_of(folded: Folded) -> dict[int, list[tuple[int, bool]]]:
+    """For each leaf of the expanded program that is no copy, itself and its copies, and whether these are mirrored."""
+    out: dict[int, list[tuple[int, bool]]] = {}
+    for i, (source, motion) in enumerate(instances(folded)):
+        out.setdefault(source, []).append((i, motion.mirrors))
+    return out
+
+
 def with_leaves(folded: Folded, program: Program) -> Folded:
     """The same repeats with the first copies' leaves taken from `program`, which has the leaves of the expanded one in order."""
     return _filled(folded, list(leaves(program)), 0)

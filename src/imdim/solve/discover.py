@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import gammaincinv
 
 from imdim.deadline import NEVER, Deadline
-from imdim.geometry.constraints import rows_of
+from imdim.geometry.constraints import holding, rows_of
 from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.pose import Pose, radii
 from imdim.program.constraints import Constraint
@@ -119,3 +119,12 @@ def _strained(numbers: Lowered, taken: Sequence[Constraint], cloud: Cloud, noise
     limits = 2 * gammaincinv(np.maximum(counts, 1) / 2, 1 - SIGNIFICANCE)
     worst = int(np.argmax(strain / limits))
     return worst if strain[worst] > limits[worst] else None
+
+
+def held(program: Program, constraints: Sequence[Constraint], points: np.ndarray) -> tuple[Program, tuple[Constraint, ...]]:
+    """The program moved onto the constraints, by the way that moves least of what `points` [n, 3] show, and those that then hold."""
+    cloud, start = Cloud.of(points), lower(program)
+    scale = CUT * max(noise_of(start, cloud), FLOOR * cloud.length)
+    numbers = onto(start, constraints, cloud.length, normal_equations(start, cloud, scale))
+    moved = lifted(program, start, _unmoved(start, numbers, cloud.length))
+    return moved, holding(moved, constraints)

@@ -100,7 +100,7 @@ class Archive:
 def spread(errors: Sequence[float], most: int, keep: int) -> list[int]:
     """Which at most `most` of falling `errors` are even in the logarithm; the first, the last and number `keep` are among them."""
     heights = np.log(np.asarray(errors, float) + 1e-6)
-    chosen = {0, len(errors) - 1, keep}
+    chosen = {0, len(errors) - 1, keep} if len(errors) else set()
     while len(chosen) < min(most, len(errors)):
         held = heights[sorted(chosen)]
         chosen.add(max((i for i in range(len(errors)) if i not in chosen), key=lambda i: float(np.abs(held - heights[i]).min())))
