@@ -17,7 +17,7 @@ from imdim.learn.policy import Move
 from imdim.program.state import ADD_BOX, ADD_CYLINDER, ADD_SPHERE, END
 from imdim.program.tree import Primitive
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts" / "bench"))
 
 from evaluate import bounding_boxes, exact_iou, main
 

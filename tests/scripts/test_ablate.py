@@ -10,7 +10,7 @@ from imdim.app.arguments import from_arguments
 from imdim.config import ConfigError
 from imdim.learn.settings import TrainConfig
 
-SCRIPTS = Path(__file__).parents[2] / "scripts"
+SCRIPTS = Path(__file__).parents[2] / "scripts" / "bench"
 CONFIGS = SCRIPTS.parent / "configs"
 sys.path.insert(0, str(SCRIPTS))  # the scripts import each other by name
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts" / "bench"))
 
-from delivered import main  # noqa: E402
+from delivered import main
 
 
 def reported(folder: Path, name: str, found: float | None, delivered: float | None, same: float) -> None:
