@@ -5,10 +5,10 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import named
 import numpy as np
 from sketch import POINT, VIEW, Panel, write
 
+from imdim.solve.constraints import named
 from imdim.solve.constraints.freedom import freedom
 from imdim.solve.constraints.solver import Solution, random_starts, solve
 

@@ -11,10 +11,10 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-import named
 import numpy as np
 from sketch import CLOUD, POINT, VIEW, Panel, write
 
+from imdim.solve.constraints import named
 from imdim.solve.constraints.fit import fit
 from imdim.solve.constraints.outlines import project_on_faces, to_faces
 

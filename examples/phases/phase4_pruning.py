@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
-import named
 import numpy as np
 from phase3_evolution import rectangle_cloud
 from sketch import ANCHOR, CLOUD, POINT, Panel, write
 from theory_evolution import Generation, TheoryEvolution, complexity, evolve, free_polygon
 
+from imdim.solve.constraints import named
 from imdim.solve.constraints.fit import Distances, fit
 from imdim.solve.constraints.freedom import freedom
 from imdim.solve.constraints.outlines import polygon_error, to_arc, to_circle

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from imdim.solve.constraints import named
 from imdim.solve.constraints.freedom import freedom
 from imdim.solve.constraints.solver import solve
 
@@ -23,9 +24,7 @@ CUBE_DISTANCES = np.sqrt(np.repeat([1, 2, 3], [12, 12, 4]))
 
 
 def cubes(starts: int) -> dict[str, float]:
-    from named import cube
-
-    theory, good, first, seconds = cube(), 0, 0, []
+    theory, good, first, seconds = named.cube(), 0, 0, []
     for seed in range(starts):
         began = time.perf_counter()
         found = solve(theory, rng=np.random.default_rng(seed))

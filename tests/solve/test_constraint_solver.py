@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from imdim.solve.constraints import named
 from imdim.solve.constraints.freedom import freedom
 from imdim.solve.constraints.residuals import FORMS
 from imdim.solve.constraints.solver import solve
@@ -16,8 +17,6 @@ from imdim.solve.constraints.system import violations
 from imdim.solve.constraints.theory import ARITY, Constraint, Theory, TheoryError
 
 sys.path.insert(0, str(Path(__file__).parent))
-sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "phases"))
-import named  # pyright: ignore[reportMissingImports]
 from planted_sketches import measure, planted_forty  # pyright: ignore[reportMissingImports]
 
 FORTY = planted_forty()

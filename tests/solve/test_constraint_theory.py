@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from imdim.solve.constraints import named
 from imdim.solve.constraints.theory import Constraint, Theory, TheoryError, Weights, dumps, from_json, load, loads, save, to_json
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "phases"))
-import named
 
 EXAMPLE = {
     "controlPoints": 8,
