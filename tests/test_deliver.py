@@ -7,6 +7,8 @@ from tests.known_programs import KNOWN
 from tests.planted import box, cut, cylinder
 
 from imdim import deliver as module
+from imdim.app.fit import summary
+from imdim.completed import completed
 from imdim.deliver import OutputError, RunRecord, deliver, finished
 from imdim.export import step_worker
 from imdim.export.folder import FILES
@@ -124,3 +126,15 @@ def test_constraints_are_delivered_as_they_hold_for_the_delivered_numbers(tmp_pa
     assert report["parameters"]["hole_radius"] == 3
     assert "hole_radius = 3\n" in (folder / "program.py").read_text()
     assert report["scores"]["volume_iou"] > 0.999
+
+
+def test_the_report_tells_what_delivery_kept(delivered, target, tmp_path, monkeypatch):
+    _, report = delivered
+    assert report["found"]["volume_iou"] == pytest.approx(report["scores"]["volume_iou"], abs=1e-6)
+    assert report["found"]["iou_with_delivered"] == pytest.approx(1, abs=1e-6)
+    assert "differs" not in summary(report, tmp_path)
+    half = completed(box(20, 30, 6))
+    monkeypatch.setattr(module, "completed", lambda *_: half)
+    report = deliver(box(40, 30, 6), target_from(to_trimesh(to_manifold(box(40, 30, 6)))), tmp_path / "out", RUN)
+    assert report["found"] == {"volume_iou": 1, "iou_with_delivered": 0.5}
+    assert "  delivered differs from found: IoU 0.5000\n" in summary(report, tmp_path)

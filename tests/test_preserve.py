@@ -68,7 +68,7 @@ def test_turned_facets_are_no_change():
 
 
 def test_simplifying_wrongly_is_refused(monkeypatch):
-    monkeypatch.setattr(pipeline, "reduce_program", lambda program, out_of_time: box(1, 1, 1))
+    monkeypatch.setattr(pipeline, "reduce_program", lambda program, deadline: box(1, 1, 1))
     last = reconstruct_best(target_from(mesh_of(PLATE)))
     assert is_same(last.program, PLATE, 1e-3)
 

@@ -73,10 +73,11 @@ def deliver(
             _write_front(front or [Choice(given)], given, meta, partial)
         with _step(partial) as job:
             with _timed(seconds, "meshes"):
-                write_meshes(to_manifold(program, segments), partial)
+                solid = to_manifold(program, segments)
+                write_meshes(solid, partial)
             with _timed(seconds, "scores"):
                 scores = evaluate_file(partial / "program.scad", target, segments=segments)
-                kept = Kept.of(given, program, target, segments)
+                kept = Kept.of(given, solid, target, segments)
             with _timed(seconds, "preview"):
                 _write_preview(partial, target, scores, segments)
             with _timed(seconds, "page"):

@@ -63,10 +63,10 @@ class Kept:
     delivered: float
 
     @staticmethod
-    def of(found: Program, delivered: Program, target: Target, segments: int = SEGMENTS) -> Kept:
+    def of(found: Program, delivered: Manifold, target: Target, segments: int = SEGMENTS) -> Kept:
         """By exact booleans."""
         solid = to_manifold(found, segments)
-        return Kept(target_iou(solid, target)[0], volume_iou(solid, to_manifold(delivered, segments)))
+        return Kept(target_iou(solid, target)[0], volume_iou(solid, delivered))
 
 
 def evaluate(program: Program, target: Target, samples: int = SAMPLES, segments: int = SEGMENTS) -> Scores:

@@ -64,9 +64,9 @@ def _held(program: Program, found: Sequence[Constraint], points: np.ndarray) -> 
     limit = (1 + RELATE_ERROR) * _mean_distance(program, points) + RELATE_MOVE * diagonal(points)
 
     def near(constraints: tuple[Constraint, ...]) -> bool:
-        return _mean_distance(held(program, constraints, points)[0], points) <= limit
+        return _mean_distance(held(program, constraints)[0], points) <= limit
 
-    return held(program, accepted(tuple[Constraint, ...](), found, lambda taken, more: (*taken, more), near, HOLD_TRIES), points)
+    return held(program, accepted(tuple[Constraint, ...](), found, lambda taken, more: (*taken, more), near, HOLD_TRIES))
 
 
 def relations_of(program: Program, deadline: Deadline = NEVER) -> Related:

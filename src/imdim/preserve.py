@@ -14,7 +14,7 @@ from imdim.program.tree import Program, leaves, map_leaves
 from imdim.solve.snap import accepted
 
 SAME = 5e-4  # of the volume, in which solids may differ and still count as one
-COARSE, FINE = 64, 192  # facets of a circle; the fine ones decide where the coarse say no: what is turned has its corners elsewhere
+COARSE, FINE = 48, 192  # facets of a circle; the fine ones decide where the coarse say no: what is turned has its corners elsewhere
 TRIES = 24  # solids that are made to find what of a step can be taken
 
 
@@ -25,10 +25,9 @@ def preserve(before: Program, after: Program, tolerance: float = SAME, together:
     Another structure is taken whole or not.
     """
     old, new = list(leaves(before)), list(leaves(after))
-    alike = postfix(before).tolist() == postfix(after).tolist()
-    if (alike and old == new) or is_same(before, after, tolerance):
+    if is_same(before, after, tolerance):
         return after
-    if not alike:
+    if not _alike(before, after):
         return before
     rows = together or [[i] for i in range(len(old))]
     moved = [row for row in rows if any(old[i] != new[i] for i in row)]
@@ -46,7 +45,14 @@ def preserve(before: Program, after: Program, tolerance: float = SAME, together:
 
 def is_same(before: Program, after: Program, tolerance: float = SAME) -> bool:
     """Whether two programs are one solid up to a share of its volume."""
+    if list(leaves(before)) == list(leaves(after)) and _alike(before, after):
+        return True
     return any(changed_volume(before, after, segments) <= tolerance for segments in (COARSE, FINE))
+
+
+def _alike(a: Program, b: Program) -> bool:
+    """Whether the same operations join as many primitives."""
+    return postfix(a).tolist() == postfix(b).tolist()
 
 
 def changed_volume(before: Program, after: Program, segments: int = COARSE) -> float:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from imdim.geometry.constraints import rebased, rows_of, verify
+from imdim.geometry.constraints import holding, rebased, rows_of, verify
 from imdim.geometry.lowering import lower
 from imdim.geometry.pose import radii
 from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
@@ -141,3 +141,11 @@ def test_what_a_person_holds_stays_where_it_is():
     assert np.flatnonzero(rows.jacobian[0]).tolist() == [9]
     assert rows.jacobian[1, 30:33] == pytest.approx(FRAME[1])
     assert np.flatnonzero(rows.jacobian[2]).tolist() == [8]
+
+
+def test_what_is_off_in_its_last_residual_does_not_hold():
+    """Centres that part along z: the residuals along x and y are none."""
+    part = combine_all("union", [Primitive("box", (2.0, 2.0, 2.0)), Primitive("sphere", (1.0,), (0.0, 0.0, 0.5))])
+    concentric = Constraint("concentric", (Ref(0), Ref(1)))
+    assert holding(part, [concentric]) == ()
+    assert rebased(part, [concentric]) == ()

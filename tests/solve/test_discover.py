@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.deadlines import PASSED
-from tests.planted import PARTS, PLATE_WITH_HOLES, cut, cylinder, union
+from tests.planted import PARTS, PLATE_WITH_HOLES, box, cut, cylinder, union
 from tests.solve.planted_relations import Truth
 
 from imdim.geometry.constraints import rows_of, verify
@@ -13,7 +13,7 @@ from imdim.geometry.lowering import lower, pack, unpack
 from imdim.geometry.sampling import surface_points
 from imdim.program.constraints import Constraint, Ref
 from imdim.program.tree import Primitive, Program, combine_all, leaves, map_leaves
-from imdim.solve.discover import discover, exact_relations
+from imdim.solve.discover import discover, exact_relations, held
 from imdim.solve.faces import lifted
 from imdim.solve.refine import refine
 from imdim.solve.relations.belief import CUT, Cloud, covariance, noise_of, prior
@@ -179,3 +179,14 @@ def test_without_time_no_relation_of_places_is_taken():
     for found in (discover(program, exact, PASSED), exact_relations(program, PASSED)):
         assert len(found.constraints) < len(exact_relations(program).constraints)
         assert len(list(leaves(found.program))) == len(list(leaves(program)))
+
+
+def test_what_rounding_broke_is_held_again():
+    """Two heights meant equal, of which rounding moved one; the other numbers stay."""
+    equal = Constraint("equal", (Ref(0, "sz"), Ref(1, "sz")))
+    already = Constraint("equal", (Ref(0, "sx"), Ref(1, "sy")))
+    program, constraints = held(union(box(10, 10, 10), box(10, 10, 10.02, (20.0, 0.0, 0.0))), [equal, already])
+    first, second = leaves(program)
+    assert first.size[2] == pytest.approx(second.size[2], abs=1e-9) == pytest.approx(10.01)
+    assert (first.size[:2], second.size[:2]) == ((10, 10), (10, 10))
+    assert constraints == (equal, already)

@@ -66,7 +66,8 @@ def verify(program: Program, constraints: Sequence[Constraint], tolerance: float
 
 def holding(program: Program, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
     """Those of the constraints that hold for `program`, whose numbers have changed."""
-    return tuple(constraint for constraint, off in _offsets(program, constraints) if off == 0)
+    offsets = _offsets(program, constraints)
+    return tuple(c for c, off in zip(constraints, offsets, strict=True) if off is None)
 
 
 def rebased(program: Program, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
@@ -75,21 +76,21 @@ def rebased(program: Program, constraints: Sequence[Constraint]) -> tuple[Constr
     Faces and centres that were level keep the distance that they now have; what else no longer holds is left out.
     """
     out: list[Constraint] = []
-    for constraint, off in _offsets(program, constraints):
-        if off == 0:
+    for constraint, off in zip(constraints, _offsets(program, constraints), strict=True):
+        if off is None:
             out.append(constraint)
         elif constraint.kind in ("coplanar", "aligned"):
-            out.append(replace(constraint, value=float(f"{constraint.value + off:.9g}")))
+            out.append(replace(constraint, value=float(f"{constraint.value + off[0]:.9g}")))
     return tuple(out)
 
 
-def _offsets(program: Program, constraints: Sequence[Constraint]) -> Iterator[tuple[Constraint, float]]:
-    """Each constraint and its first residual, or 0 where it holds as well as the nine digits of a file let it."""
+def _offsets(program: Program, constraints: Sequence[Constraint]) -> Iterator[np.ndarray | None]:
+    """The residuals of each constraint, None where it holds as well as the nine digits of a file let it."""
     numbers = lower(program)
     largest = max(max(p.size) for p in leaves(program))
     for constraint in constraints:
         off = rows_of([constraint], numbers).residual
-        yield constraint, 0.0 if np.abs(off).max(initial=0.0) <= HOLDS * largest / 2 else off[0]
+        yield None if np.abs(off).max(initial=0.0) <= HOLDS * largest / 2 else off
 
 
 def _implying(jacobian: np.ndarray, row: int, owner: np.ndarray) -> list[int]:

@@ -77,7 +77,7 @@ def exact_relations(program: Program, deadline: Deadline = NEVER) -> Discovery:
     Numbers move by no more than that. Unlike `discover`, it also sees faces that are hidden where parts meet.
     """
     start = lower(program)
-    length = float(np.linalg.norm(np.ptp(start.centers, axis=0)) + 2 * radii(start).max())
+    length = _length(start)
     k, floor = len(start.kinds), FLOOR * length
     chosen = _chosen(start, floor**2 * np.eye(9 * k), prior(start, length), Shown.everything(start), uniform(k), deadline)
     numbers = _unmoved(start, onto(start, chosen.taken, length, uniform(k)), length)
@@ -121,10 +121,13 @@ def _strained(numbers: Lowered, taken: Sequence[Constraint], cloud: Cloud, noise
     return worst if strain[worst] > limits[worst] else None
 
 
-def held(program: Program, constraints: Sequence[Constraint], points: np.ndarray) -> tuple[Program, tuple[Constraint, ...]]:
-    """The program moved onto the constraints, by the way that moves least of what `points` [n, 3] show, and those that then hold."""
-    cloud, start = Cloud.of(points), lower(program)
-    scale = CUT * max(noise_of(start, cloud), FLOOR * cloud.length)
-    numbers = onto(start, constraints, cloud.length, normal_equations(start, cloud, scale))
-    moved = lifted(program, start, _unmoved(start, numbers, cloud.length))
+def held(program: Program, constraints: Sequence[Constraint]) -> tuple[Program, tuple[Constraint, ...]]:
+    """The program moved onto the constraints by the shortest way, and those that then hold; numbers that none of them names stay."""
+    start = lower(program)
+    length = _length(start)
+    moved = lifted(program, start, _unmoved(start, onto(start, constraints, length, uniform(len(start.kinds))), length))
     return moved, holding(moved, constraints)
+
+
+def _length(numbers: Lowered) -> float:
+    return float(np.linalg.norm(np.ptp(numbers.centers, axis=0)) + 2 * radii(numbers).max())

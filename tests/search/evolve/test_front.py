@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from imdim.evolution import few
 from imdim.program.tree import Primitive
 from imdim.search.evolve.fitness import Score
 from imdim.search.evolve.front import Archive, Individual, crowding, ranked, ranks, spread
@@ -81,3 +82,8 @@ def test_a_spread_is_even_and_keeps_what_it_must():
     assert len(chosen) == 5
     assert np.diff(chosen).max() <= 7
     assert spread(errors[:3], 7, keep=2) == [0, 1, 2]
+
+
+def test_of_nothing_nothing_is_chosen():
+    assert spread([], 5, keep=-1) == []
+    assert few((), Primitive("sphere", (1.0,))) == []
