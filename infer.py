@@ -7,11 +7,13 @@ import sys
 from pathlib import Path
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, epilog="All settings: src/imdim/config.py; overrides: configs/infer.yaml.")
+    parser = argparse.ArgumentParser(
+        description=__doc__, epilog="All settings: src/imdim/reconstruction/config.py; overrides: configs/infer.yaml."
+    )
     parser.add_argument("overrides", nargs="*", metavar="key=value", help="hydra overrides, e.g. input=part.stl output=out/part seed=1")
     overrides = parser.parse_args().overrides
 
     from imdim.app.fit import main
-    from imdim.config import from_hydra
+    from imdim.reconstruction.config import from_hydra
 
     sys.exit(main(lambda: from_hydra(Path(__file__).parent / "configs", "infer", overrides)))

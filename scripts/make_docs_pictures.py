@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from imdim.deliver import RunRecord, deliver
+from imdim.delivery.deliver import RunRecord, deliver
 from imdim.export.html import content, page
-from imdim.fitting import relations_of
-from imdim.geometry.cloud import load_target
 from imdim.program.codec import to_json
 from imdim.program.front import Choice, loads
 from imdim.program.tree import Combine, Primitive, Program, leaves
+from imdim.reconstruction.fitting import relations_of
+from imdim.target.target import load_target
 
 ROOT = Path(__file__).parents[1]
 PICTURES = ROOT / "docs" / "pictures"

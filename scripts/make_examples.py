@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from imdim.geometry.cloud import load_target
-from imdim.geometry.scan import Condition, scan
+from imdim.target.scan import Condition, scan
+from imdim.target.target import load_target
 
 EXAMPLES = Path(__file__).parents[1] / "dataset" / "examples"
 CLOUD_POINTS = 12_000

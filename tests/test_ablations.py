@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from tests.planted import box, cut, cylinder, mesh_of
 
-from imdim import methods
-from imdim.config import Settings
-from imdim.geometry.cloud import target_from
 from imdim.geometry.solid import to_manifold, volume_iou
-from imdim.pipeline import Snapshot, reconstruct
 from imdim.program.tree import leaves
+from imdim.reconstruction import methods
+from imdim.reconstruction.config import Settings
+from imdim.reconstruction.pipeline import Snapshot, reconstruct
+from imdim.target.target import target_from
 
 PART = cut(box(40, 30, 10), cylinder(6, 12))
 STAGES = {
@@ -50,7 +50,7 @@ def typed(last: Snapshot) -> bool:
 def test_evolution_is_asked_only_where_it_is_wanted(monkeypatch, evolution, solver):
     asked = []
     monkeypatch.setattr(methods, "TOUCHED", -1.0)
-    monkeypatch.setattr(methods, "evolved", lambda *given: asked.append(given) or iter(()))
+    monkeypatch.setattr(methods, "evolve_observation", lambda *given: asked.append(given) or iter(()))
     snapshots(evolution=evolution, solver=solver)
     assert [given[-1] for given in asked] == ([solver] if evolution else [])
 
@@ -59,6 +59,6 @@ def test_evolution_is_asked_only_where_it_is_wanted(monkeypatch, evolution, solv
 def test_evolution_is_asked_to_shorten_long_programs(monkeypatch, long):
     asked = []
     monkeypatch.setattr(methods, "LONG", long)
-    monkeypatch.setattr(methods, "evolved", lambda *given: asked.append(given) or iter(()))
+    monkeypatch.setattr(methods, "evolve_observation", lambda *given: asked.append(given) or iter(()))
     assert len(list(leaves(snapshots()[-1].program))) == 2
     assert len(asked) == (long == 2)

@@ -12,7 +12,7 @@ import trimesh
 from tests.planted import PARTS, box, cut, cylinder, mesh_of
 
 from imdim.program.codec import to_json
-from imdim.program.folding import fold_repeats
+from imdim.program.patterns.detect import fold_repeats
 from imdim.program.tree import Program
 
 

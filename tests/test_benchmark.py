@@ -17,10 +17,10 @@ import trimesh
 from tests.stand_ins import log, stand_in_for, wait_for
 
 from imdim.app.batch.cluster import run_shipped
-from imdim.app.batch.process import Limits
-from imdim.config import Settings
-from imdim.geometry.cloud import target_from
-from imdim.geometry.scan import Condition, parse_condition, scan
+from imdim.app.batch.process import ProcessLimits
+from imdim.reconstruction.config import Settings
+from imdim.target.scan import Condition, parse_condition, scan
+from imdim.target.target import target_from
 
 SCRIPTS = Path(__file__).parents[1] / "scripts" / "bench"
 sys.path.insert(0, str(SCRIPTS))  # the scripts import each other by name
@@ -184,7 +184,7 @@ def test_a_scorer_that_breaks_the_job_is_a_row_too(make, tmp_path, stand_in, mon
 def test_a_job_needs_nothing_of_this_folder_but_the_checkout(make, tmp_path, stand_in, scorer):
     (part,) = benchmark.find_parts(make(cube=1), set(), set())
     task = Task("cloud", str(scorer), stand_in(), 20.0, 1000.0)
-    job = benchmark._job(part, tmp_path / "out", task, Limits(60.0), Settings())
+    job = benchmark._job(part, tmp_path / "out", task, ProcessLimits(60.0), Settings())
     ended, files = run_shipped(replace(job, staging=Path(), part=replace(part, source=Path("cube.stl"))), part.source.read_bytes())
     assert ended.why == ""
     assert {"fit.log", "parts/cube/row.json", "parts/cube/cube.npy", "parts/cube/program.scad"} <= files.keys()

@@ -13,15 +13,15 @@ import torch
 import trimesh
 
 from imdim.app import cli
-from imdim.deliver import RunRecord, deliver
-from imdim.evaluate import evaluate
-from imdim.fitting import relations_of
-from imdim.geometry.cloud import load_target
+from imdim.delivery.deliver import RunRecord, deliver
+from imdim.delivery.evaluate import evaluate
 from imdim.program.constraints import RULES
 from imdim.program.front import loads
 from imdim.program.node_codec import REPEAT_FIELDS
 from imdim.program.state import Token
 from imdim.program.tree import SIZE_NAMES
+from imdim.reconstruction.fitting import relations_of
+from imdim.target.target import load_target
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*(ROOT / "docs").glob("*.md"), ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"])

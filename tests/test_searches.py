@@ -5,11 +5,11 @@ import pytest
 import trimesh
 from tests.planted import box, cut, cylinder, mesh_of
 
-from imdim import pipeline
-from imdim.completed import completed
-from imdim.config import Settings
-from imdim.geometry.cloud import Target, target_from
-from imdim.solve import discover as module
+from imdim.delivery.finish import finish
+from imdim.reconstruction import pipeline
+from imdim.reconstruction.config import Settings
+from imdim.relations import discover as module
+from imdim.target.target import Target, target_from
 
 ROW = cut(box(40, 20, 6), *(cylinder(3, 6, (x, 0.0, 0.0)) for x in (-12.0, 0.0, 12.0)))
 
@@ -24,10 +24,10 @@ def target(noise: float | None) -> Target:
 @pytest.mark.parametrize("noise", [None, 1e-4, 6e-3], ids=["mesh", "calm cloud", "noisy cloud"])
 def test_once(noise, monkeypatch):
     searches = []
-    choose = module._chosen
-    monkeypatch.setattr(module, "_chosen", lambda *given: searches.append(given) or choose(*given))
+    choose = module._choose
+    monkeypatch.setattr(module, "_choose", lambda *given: searches.append(given) or choose(*given))
     *_, last = pipeline.reconstruct(target(noise), Settings(budget_s=1e6), np.random.default_rng(0))
-    delivered = completed(last.program, last.constraints)
+    delivered = finish(last.program, last.constraints)
     assert len(searches) == 1
     assert last.constraints
     assert delivered.parameters.values

@@ -6,11 +6,11 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from sketch import POINT, VIEW, Panel, write
 
-from imdim.solve.constraints import named
-from imdim.solve.constraints.freedom import freedom
-from imdim.solve.constraints.solver import Solution, random_starts, solve
+from imdim.sketch import named
+from imdim.sketch.freedom import freedom
+from imdim.sketch.solver import Solution, random_starts, solve
+from sketch import POINT, VIEW, Panel, write
 
 
 def run(picture: Path, seed: int = 0) -> Solution:

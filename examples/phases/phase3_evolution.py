@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from sketch import CLOUD, POINT, Panel, write
 from theory_evolution import Generation, evolve
 
-from imdim.solve.constraints.freedom import freedom
+from imdim.sketch.freedom import freedom
+from sketch import CLOUD, POINT, Panel, write
 
 
 @dataclass(frozen=True)

@@ -15,17 +15,17 @@ from pathlib import Path
 
 import numpy as np
 from phase3_evolution import rectangle_cloud
-from sketch import ANCHOR, CLOUD, POINT, Panel, write
 from theory_evolution import Generation, TheoryEvolution, complexity, evolve, free_polygon
 
-from imdim.solve.constraints import named
-from imdim.solve.constraints.fit import Distances, fit
-from imdim.solve.constraints.freedom import freedom
-from imdim.solve.constraints.outlines import polygon_error, to_arc, to_circle
-from imdim.solve.constraints.theory import Constraint, Theory
+from imdim.sketch import named
+from imdim.sketch.fit import Distances, fit
+from imdim.sketch.freedom import freedom
+from imdim.sketch.outlines import polygon_error, to_arc, to_circle
+from imdim.sketch.theory import SketchConstraint, Theory
+from sketch import ANCHOR, CLOUD, POINT, Panel, write
 
 CIRCLE = Theory(2, (), 2)  # the anchor and a point on the rim
-ARC = Theory(3, (Constraint("equal_length", (0, 1, 0, 2)),), 2)  # the anchor and both ends
+ARC = Theory(3, (SketchConstraint("equal_length", (0, 1, 0, 2)),), 2)  # the anchor and both ends
 NOISE, PENALTY = 0.01, 4.0
 
 
@@ -43,12 +43,12 @@ class Curve:
 
 def over_constrained(corners: np.ndarray) -> Theory:
     """Four points, the six distances between them and the four angles at corners [4, 3]."""
-    distances = [Constraint("distance", (a, b), float(np.linalg.norm(corners[a] - corners[b]))) for a, b in combinations(range(4), 2)]
+    distances = [SketchConstraint("distance", (a, b), float(np.linalg.norm(corners[a] - corners[b]))) for a, b in combinations(range(4), 2)]
     angles = []
     for b in range(4):
         a, c = sorted(((b - 1) % 4, (b + 1) % 4))
         u, v = corners[a] - corners[b], corners[c] - corners[b]
-        angles.append(Constraint("angle", (a, b, c), math.acos(u @ v / (np.linalg.norm(u) * np.linalg.norm(v)))))
+        angles.append(SketchConstraint("angle", (a, b, c), math.acos(u @ v / (np.linalg.norm(u) * np.linalg.norm(v)))))
     return Theory(4, (*distances, *angles), 2)
 
 
@@ -61,9 +61,9 @@ def prune(cloud: np.ndarray, full: Theory, rng: np.random.Generator, penalty: fl
 
 def full_cube() -> Theory:
     """12 edges, 24 right angles and six coplanar faces, of which 18 constraints suffice."""
-    edges = [Constraint("distance", pair, 1.0) for pair in named.CUBE_EDGES]
-    right = [Constraint("angle", (f[i - 1], f[i], f[(i + 1) % 4]), named.RIGHT) for f in named.CUBE_FACES for i in range(4)]
-    return Theory(8, (*edges, *right, *(Constraint("plane_distance", f) for f in named.CUBE_FACES)))
+    edges = [SketchConstraint("distance", pair, 1.0) for pair in named.CUBE_EDGES]
+    right = [SketchConstraint("angle", (f[i - 1], f[i], f[(i + 1) % 4]), named.RIGHT) for f in named.CUBE_FACES for i in range(4)]
+    return Theory(8, (*edges, *right, *(SketchConstraint("plane_distance", f) for f in named.CUBE_FACES)))
 
 
 def arc_cloud(center: Sequence[float], radius: float, begin: float, sweep: float, rng: np.random.Generator, count: int = 300) -> np.ndarray:
@@ -85,7 +85,7 @@ def fit_curve(cloud: np.ndarray, theory: Theory) -> Curve:
     model: Distances = to_circle(cloud) if theory is CIRCLE else to_arc(cloud)
     points, rms, violation = fit(theory, start, model)
     radius = float(np.linalg.norm(points[1] - points[0]))
-    sized = Theory(theory.n_points, (*theory.constraints, Constraint("distance", (0, 1), radius)), 2)
+    sized = Theory(theory.n_points, (*theory.constraints, SketchConstraint("distance", (0, 1), radius)), 2)
 
     def score(square: float, size: float) -> float:
         return len(cloud) * square / (2 * NOISE**2) + PENALTY * size

@@ -14,10 +14,10 @@ from itertools import combinations
 
 import numpy as np
 
-from imdim.solve.constraints.descent import DescentConfig, polish
-from imdim.solve.constraints.outlines import polygon_error, to_polygon
-from imdim.solve.constraints.solver import relax
-from imdim.solve.constraints.theory import Constraint, Theory
+from imdim.sketch.descent import DescentConfig, polish
+from imdim.sketch.outlines import polygon_error, to_polygon
+from imdim.sketch.solver import relax
+from imdim.sketch.theory import SketchConstraint, Theory
 
 KINDS = ("distance", "angle", "equal_length", "line_distance")
 ROUND_ANGLE = math.pi / 12
@@ -130,17 +130,17 @@ class _Judge:
         n = theory.n_points
         return self._decode([theory], self.polygons[n][None], n)[0][0]
 
-    def measured(self, kind: str, indices: tuple[int, ...], n: int) -> Constraint:
+    def measured(self, kind: str, indices: tuple[int, ...], n: int) -> SketchConstraint:
         x = self.polygons[n][list(indices)]
         if kind == "equal_length":
-            return Constraint(kind, indices)
+            return SketchConstraint(kind, indices)
         if kind == "distance":
-            return Constraint(kind, indices, float(np.linalg.norm(x[0] - x[1])))
+            return SketchConstraint(kind, indices, float(np.linalg.norm(x[0] - x[1])))
         if kind == "angle":
             u, v = x[0] - x[1], x[2] - x[1]
-            return Constraint(kind, indices, math.atan2(abs(u[0] * v[1] - u[1] * v[0]), float(u @ v)))
+            return SketchConstraint(kind, indices, math.atan2(abs(u[0] * v[1] - u[1] * v[0]), float(u @ v)))
         t, w = x[1] - x[0], x[2] - x[0]
-        return Constraint(kind, indices, abs(t[0] * w[1] - t[1] * w[0]) / float(np.linalg.norm(t)))
+        return SketchConstraint(kind, indices, abs(t[0] * w[1] - t[1] * w[0]) / float(np.linalg.norm(t)))
 
 
 def free_polygon(cloud: np.ndarray, n: int, turns: int = 5) -> np.ndarray:
@@ -207,7 +207,7 @@ def _references(kind: str, n: int) -> list[tuple[str, tuple[int, ...]]]:
     return [(kind, (a, c, b) if kind == "angle" else (a, b, c)) for a, b, c in pairs]
 
 
-def _snapped(new: Constraint, others: Sequence[Constraint]) -> Constraint:
+def _snapped(new: SketchConstraint, others: Sequence[SketchConstraint]) -> SketchConstraint:
     """A value near another of its kind takes that; an angle near a round one becomes round."""
     options = [c.value for c in others if c.kind == new.kind]
     width = SNAP * new.value
@@ -230,7 +230,7 @@ def _swaps(theory: Theory, judge: _Judge) -> list[Theory]:
     return out
 
 
-def _with(theory: Theory, constraints: Sequence[Constraint]) -> Theory:
+def _with(theory: Theory, constraints: Sequence[SketchConstraint]) -> Theory:
     return replace(theory, constraints=tuple(sorted(constraints, key=lambda c: (KINDS.index(c.kind), c.indices, c.value))))
 
 

@@ -19,11 +19,11 @@ from evaluate import EvaluateConfig, measured
 
 from imdim.app.arguments import from_arguments
 from imdim.app.pretrain import commit
-from imdim.config import ConfigError
 from imdim.learn.checkpoint import load_policy, replace_whole
 from imdim.learn.optimise import NotFinite
 from imdim.learn.settings import TrainConfig
 from imdim.learn.train import train
+from imdim.reconstruction.config import ConfigError
 
 # one validation, at the end; clean clouds, as those that are answered
 SETTING = ["epochs=1000", "samples_per_epoch=1000000", "workers=0", "warmup=100", "n_val=64", "n_measure=8"]

@@ -33,11 +33,11 @@ import imdim
 from imdim.app.batch import folder
 from imdim.app.batch.engine import Job, run_jobs
 from imdim.app.batch.folder import PARTS, Outcome, Part
-from imdim.app.batch.process import Ended, Limits
+from imdim.app.batch.process import Ended, ProcessLimits
 from imdim.app.batch.run import BAD_INPUT, COMMAND, GRACE_S, INTERRUPTED, MEMORY_MIB, decisive, limits_of, options, settings_of
-from imdim.config import ConfigError, Settings
-from imdim.geometry.readers import FORMATS
-from imdim.geometry.scan import parse_condition
+from imdim.reconstruction.config import ConfigError, Settings
+from imdim.target.readers import FORMATS
+from imdim.target.scan import parse_condition
 
 JOB = (sys.executable, str(Path(__file__).with_name("benchmark_part.py")))
 CODE = (  # rows of two versions make no table
@@ -99,8 +99,8 @@ def _run(args: argparse.Namespace, command: Sequence[str]) -> None:
     scorer = "" if args.scorer is None else str(args.scorer.absolute())
     limit = limits.seconds if args.limit or args.clock == "wall" else BUSY * limits.seconds
     task = Task(args.condition, scorer, tuple(command), limit, limits.mib, args.clock)
-    whole = Limits(limit + BESIDE_S, limits.mib + BESIDE_MIB)
-    with folder.opened(out, _noted(args, task, settings)):
+    whole = ProcessLimits(limit + BESIDE_S, limits.mib + BESIDE_MIB)
+    with folder.open_batch(out, _noted(args, task, settings)):
         rows = _kept(out, parts, args.again)
         jobs = (_job(part, out, task, whole, settings) for part in parts if part.name not in rows)
         with closing(run_jobs(jobs, args.jobs, args.address or None)) as ended:
@@ -149,13 +149,13 @@ def _digest(files: Sequence[Path]) -> str:
         raise ConfigError(f"{error.filename}: {error.strerror}") from error
 
 
-def _job(part: Part, out: Path, task: Task, limits: Limits, settings: Settings) -> Job:
+def _job(part: Part, out: Path, task: Task, limits: ProcessLimits, settings: Settings) -> Job:
     return Job(part, folder.staging(out, part), (*JOB, json.dumps(asdict(task))), options(decisive(settings)), limits)
 
 
 def _kept(out: Path, parts: Sequence[Part], again: bool) -> dict[str, Row]:
     """The rows of an earlier run, by part; with `again` not those of failures."""
-    outcomes = folder.finished(out, parts, again)
+    outcomes = folder.read_finished(out, parts, again)
     found = {name: _failure(outcome) if outcome.failure else _read(out / name / ROW) for name, outcome in outcomes.items()}
     return {name: row for name, row in found.items() if row and not (again and row.stop.startswith(FAILED))}
 

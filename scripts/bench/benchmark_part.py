@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from processor import children_s
 
-from imdim.app.batch.process import Limits, last_line, run
+from imdim.app.batch.process import ProcessLimits, last_line, run
 
 ROW, FIT_LOG = "row.json", "imdim.log"
 SCORING_S = 300.0  # for an independent scorer, at most
@@ -68,7 +68,7 @@ def benchmarked(task: Task, part: Path, folder: Path, settings: Sequence[str]) -
     row = Row(folder.name)
     source = sample(part, task.condition, Path(f"{folder.name}.npy"))
     before = children_s()
-    ended = run([*task.command, str(source), "-o", str(folder), *settings], Limits(task.limit_s, task.mib), Path(FIT_LOG))
+    ended = run([*task.command, str(source), "-o", str(folder), *settings], ProcessLimits(task.limit_s, task.mib), Path(FIT_LOG))
     sys.stdout.write(Path(FIT_LOG).read_text(encoding="utf-8", errors="backslashreplace"))
     row.seconds, row.peak_mib = ended.seconds if task.clock == "wall" else children_s() - before, ended.peak_mib
     folder.mkdir(exist_ok=True)
@@ -90,8 +90,8 @@ def sample(part: Path, condition: str, out: Path) -> Path:
     """The part itself, or a cloud of it written to `out`. Raises ValueError for a part that is a cloud already."""
     if condition == "mesh":  # without a second of imports
         return part
-    from imdim.geometry.cloud import load_target
-    from imdim.geometry.scan import parse_condition, scan
+    from imdim.target.scan import parse_condition, scan
+    from imdim.target.target import load_target
 
     wanted = parse_condition(condition)
     mesh = load_target(part).mesh
@@ -105,8 +105,8 @@ def sample(part: Path, condition: str, out: Path) -> Path:
 def score(part: Path, answer: Path, scorer: Path | None) -> tuple[float, float, int | None]:
     """IoU, Hausdorff distance relative to the target's diagonal, and primitives, None for a mesh. Raises ValueError for no solid."""
     if scorer is None:
-        from imdim.evaluate import evaluate_file
-        from imdim.geometry.cloud import load_target
+        from imdim.delivery.evaluate import evaluate_file
+        from imdim.target.target import load_target
 
         scores = evaluate_file(answer, load_target(part))
         if scores.volume_iou is None:

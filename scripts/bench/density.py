@@ -40,11 +40,11 @@ def _row(noise: float, points: int, args: argparse.Namespace) -> str:
     import numpy as np
     import planting
 
-    from imdim.config import Settings
-    from imdim.geometry.scan import Condition, scan
     from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
-    from imdim.pipeline import reconstruct_best
     from imdim.program.cost import count
+    from imdim.reconstruction.config import Settings
+    from imdim.reconstruction.pipeline import reconstruct_best
+    from imdim.target.scan import Condition, scan
 
     same, sizes = [], []
     for seed in args.seeds:

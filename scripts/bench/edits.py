@@ -19,7 +19,7 @@ import trimesh
 from manifold3d import Manifold
 
 from imdim.export.delivered import TEXTS, Delivered, EditError
-from imdim.export.edit import changed, opened, solid_of
+from imdim.export.edit import change_values, open_delivered, solid_of
 from imdim.geometry.solid import mesh_to_manifold, volume_iou
 from imdim.program import codec
 from imdim.program.cost import count
@@ -38,7 +38,7 @@ def main() -> None:
         for name, old in delivered.values.items():
             value, start = old * given.factor, time.perf_counter()
             try:
-                solid_of(changed(delivered, {name: value}))
+                solid_of(change_values(delivered, {name: value}))
             except EditError as error:
                 reasons[_kind(str(error))] += 1
                 print(f"{folder}: {error}")
@@ -61,7 +61,7 @@ def main() -> None:
 
 def _opened(path: Path) -> Delivered:
     texts = {name: (path.parent / name).read_text(encoding="utf-8") for name in TEXTS if (path.parent / name).exists()}
-    return opened(codec.parse(path.read_bytes()), texts)
+    return open_delivered(codec.parse(path.read_bytes()), texts)
 
 
 def _kind(reason: str) -> str:
@@ -71,7 +71,7 @@ def _kind(reason: str) -> str:
 def _compared(delivered: Delivered, folder: Path, name: str, value: float) -> tuple[float, float]:
     """IoU of our solid and OpenSCAD's, before the edit and after it."""
     before = volume_iou(solid_of(delivered), _rendered(folder / TEXTS[0]))
-    after = volume_iou(solid_of(changed(delivered, {name: value})), _rendered(folder / TEXTS[0], f"-D{name}={value!r}"))
+    after = volume_iou(solid_of(change_values(delivered, {name: value})), _rendered(folder / TEXTS[0], f"-D{name}={value!r}"))
     print(f"{folder} {name} = {value:g}: IoU {after:.7f}, before the edit {before:.7f}")
     return before, after
 

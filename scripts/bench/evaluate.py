@@ -21,21 +21,21 @@ import torch
 from torch import Tensor
 
 from imdim.app.arguments import from_arguments
-from imdim.config import ConfigError
 from imdim.data.canonical import canonical
 from imdim.data.solids import BOX, Solids, concatenate, from_sequences, from_signed, to_signed
-from imdim.data.synthesize import Samples, SynthesisConfig, synthesize
+from imdim.data.synthesize import SynthesisConfig, TrainingSamples, synthesize
 from imdim.geometry.axes import main_axes
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.learn.beam import beam_search
 from imdim.learn.checkpoint import load_policy, replace_whole
 from imdim.learn.decode import DecodeConfig, decode
-from imdim.learn.measure import errors_by_kind, exact_structure, moves, summary, written_programs
+from imdim.learn.measure import errors_by_kind, exact_structure, moves, summary, to_programs
 from imdim.learn.policy import Policy
-from imdim.poses import Poses
 from imdim.program.sequence import SignedSequence
 from imdim.program.tree import Primitive, Program
-from imdim.solve.proposals import settle
+from imdim.reconstruction.config import ConfigError
+from imdim.reconstruction.poses import Poses
+from imdim.search.mdl.repair import settle
 
 HEAD = "| answer | median IoU | mean IoU | IoU >= 0.9 | exact structure | seconds per target |\n| --- | --- | --- | --- | --- | --- |"
 T = TypeVar("T")
@@ -83,12 +83,12 @@ def measured(policy: Policy, config: EvaluateConfig, say: Callable[[str], object
             say(f"\n## {low} to {high} primitives, {config.first or n} of {n} targets\n")
             synthesis = replace(config.synthesis, n_min=low, n_max=high)
             batch = synthesize(n, synthesis, torch.Generator().manual_seed(config.seed))
-            some = Samples(*(v[: config.first or n] for v in batch))
+            some = TrainingSamples(*(v[: config.first or n] for v in batch))
             results[f"{low}-{high}"] = {**step_results(policy, batch, say), "answers": answer_results(policy, some, config, say)}
     return results
 
 
-def step_results(policy: Policy, batch: Samples, say: Callable[[str], object]) -> dict[str, object]:
+def step_results(policy: Policy, batch: TrainingSamples, say: Callable[[str], object]) -> dict[str, object]:
     """How often the next token is right at true prefixes, and how far its numbers are off."""
     move, right = moves(policy, batch)
     errors = errors_by_kind(batch, move)
@@ -99,14 +99,14 @@ def step_results(policy: Policy, batch: Samples, say: Callable[[str], object]) -
     return {"token_accuracy": float(right.float().mean()), "errors": {name: asdict(e) for name, e in errors.items()}}
 
 
-def answer_results(policy: Policy, batch: Samples, config: EvaluateConfig, say: Callable[[str], object]) -> dict[str, object]:
+def answer_results(policy: Policy, batch: TrainingSamples, config: EvaluateConfig, say: Callable[[str], object]) -> dict[str, object]:
     """Exact IoU of whole answers. Each target is turned into its main directions first, which are estimated from the cloud."""
     truth = from_sequences(batch.gt_tokens, batch.gt_params)
-    programs = written_programs(truth)
+    programs = to_programs(truth)
     say("\n" + HEAD)
     results: dict[str, object] = {}
     for name, (found, seconds) in _answers(policy, batch.gt_points, config):
-        ious = [exact_iou(f, t) for f, t in zip(written_programs(found), programs, strict=True) if t is not None]
+        ious = [exact_iou(f, t) for f, t in zip(to_programs(found), programs, strict=True) if t is not None]
         exact = float(exact_structure(canonical(found.compact()), canonical(truth)).float().mean())
         s = summary(ious)
         say(f"| {name} | {s['median']:.3f} | {s['mean']:.3f} | {s['share_090']:.0%} | {exact:.0%} | {seconds:.2f} |")

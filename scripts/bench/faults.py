@@ -28,7 +28,7 @@ from pathlib import Path
 
 import numpy as np
 
-from imdim.app.batch.process import Limits, run
+from imdim.app.batch.process import ProcessLimits, run
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.tree import Combine, Primitive
 
@@ -186,7 +186,7 @@ def timed(part: Path, args: argparse.Namespace, jobs: int, i: int) -> Fit:
     folder = args.out / f"{jobs}-{i}"
     folder.parent.mkdir(parents=True, exist_ok=True)
     command = [sys.executable, "-m", "imdim.app.cli", "fit", str(part), "-o", str(folder), "--budget", str(args.budget)]
-    ended = run(command, Limits(20 * args.budget), folder.with_suffix(".log"))
+    ended = run(command, ProcessLimits(20 * args.budget), folder.with_suffix(".log"))
     if ended.status:
         return Fit(part.name, {}, ended.seconds, f"FAILED: {ended.why}", failed=True)
     found = json.loads((folder / "report.json").read_text())

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from planting import mesh_of, planted
 
-from imdim.geometry.scan import parse_condition, scan
+from imdim.target.scan import parse_condition, scan
 
 ROOT = Path(__file__).parents[2]
 FROZEN = ROOT / "benchmarks" / "frozen.json"

@@ -102,9 +102,9 @@ def measured(repeat: int) -> dict[str, float]:
 def fitted(part: Path, truth: Path) -> dict[str, float]:
     """Primitives of a bundled part, and what its IoU with the `truth` lacks of 1."""
     from imdim.app.fit import fit
-    from imdim.config import Settings
-    from imdim.evaluate import evaluate_file
-    from imdim.geometry.cloud import load_target
+    from imdim.delivery.evaluate import evaluate_file
+    from imdim.reconstruction.config import Settings
+    from imdim.target.target import load_target
 
     with tempfile.TemporaryDirectory() as folder:
         report = fit(Settings(input=str(part), output=f"{folder}/out", budget_s=BUDGET_S))

@@ -22,10 +22,10 @@ import numpy as np
 from imdim.geometry import kernels
 from imdim.geometry.lowering import pack
 from imdim.geometry.rotations import matrix_from_euler
-from imdim.program.paths import leaf_paths, replaced
+from imdim.program.paths import leaf_paths, replace_at
 from imdim.program.tree import OPS, SIZE_NAMES, Combine, Primitive, Program, fold, leaves
-from imdim.search.evolve.columns import Columns, Registry
-from imdim.search.evolve.fitness import FitnessConfig, SampledTarget, Scorer
+from imdim.search.front.fitness import FitnessConfig, SampledTarget, Scorer
+from imdim.search.front.leaf_cache import LeafCache, Registry
 
 KINDS = ("box", "sphere", "cylinder", "cone", "torus")
 BAR = 20.0
@@ -90,7 +90,7 @@ def leaf_table_s(population: list[Program], evidence: SampledTarget, capacity: i
     """Filling both tables with the leaves of a population, without trees."""
     parts = [leaf for p in population for leaf in leaves(p)]
     registry = Registry()
-    tables = [Columns(evidence.surface, "distances", registry, capacity), Columns(evidence.samples, "bits", registry, capacity)]
+    tables = [LeafCache(evidence.surface, "distances", registry, capacity), LeafCache(evidence.samples, "bits", registry, capacity)]
     for table in tables:
         table.table.fill(0)  # the pages are there, as they are in a run
     ids = np.array([registry.id(part) for part in parts])
@@ -122,7 +122,7 @@ def random_leaf(rng: np.random.Generator) -> Primitive:
 def with_new_leaf(program: Program, rng: np.random.Generator) -> Program:
     paths = leaf_paths(program)
     path, leaf = paths[rng.integers(len(paths))]
-    return replaced(program, path, replace(leaf, center=tuple((np.array(leaf.center) + rng.normal(0, 0.01, 3)).tolist())))
+    return replace_at(program, path, replace(leaf, center=tuple((np.array(leaf.center) + rng.normal(0, 0.01, 3)).tolist())))
 
 
 # --- the plain loop --------------------------------------------------------------------------------------------------

@@ -53,11 +53,11 @@ def told(stages: dict[str, float] | Counter[str]) -> str:
 def one(part: Path, budget_s: float) -> dict[str, float]:
     """Stages of one part in this process."""
     rule_the_clock()
-    from imdim import pipeline
     from imdim.app.fit import fit
-    from imdim.config import Settings
+    from imdim.reconstruction import pipeline
+    from imdim.reconstruction.config import Settings
 
-    detection, look, finish = list[float](), pipeline.look, time.process_time()
+    detection, look, finish = list[float](), pipeline.observe, time.process_time()
 
     def timed(*args: object) -> object:
         start = time.process_time()
@@ -66,7 +66,7 @@ def one(part: Path, budget_s: float) -> dict[str, float]:
         finally:
             detection.append(time.process_time() - start)
 
-    pipeline.look = timed  # type: ignore[assignment]
+    pipeline.observe = timed  # type: ignore[assignment]
     with tempfile.TemporaryDirectory() as folder:
         report = fit(Settings(input=str(part), output=f"{folder}/out", budget_s=budget_s))
     timing = report["timing"]

@@ -20,11 +20,11 @@ from pathlib import Path
 import numpy as np
 from planting import SEGMENTS, mesh_of, planted, write_csv
 
-from imdim.config import Settings
-from imdim.geometry.cloud import target_from
 from imdim.geometry.solid import to_manifold, volume_iou
-from imdim.pipeline import reconstruct
 from imdim.program.cost import count
+from imdim.reconstruction.config import Settings
+from imdim.reconstruction.pipeline import reconstruct
+from imdim.target.target import target_from
 
 
 @dataclass(frozen=True)

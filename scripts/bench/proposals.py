@@ -21,7 +21,7 @@ from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.sequence import Step, map_terms, to_program
 from imdim.program.tree import Primitive, Program
-from imdim.solve.proposals import Signed, settle
+from imdim.search.mdl.repair import Signed, settle
 
 CHANGES = ("none", "missing", "spurious", "swapped")
 

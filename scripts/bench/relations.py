@@ -25,10 +25,10 @@ from imdim.data.solids import to_signed
 from imdim.data.synthesize import SynthesisConfig, draw_programs
 from imdim.geometry.lowering import pack, unpack
 from imdim.geometry.sampling import surface_points
+from imdim.numbers.refine import refine
 from imdim.program.sequence import to_program
 from imdim.program.tree import Program
-from imdim.solve.discover import discover
-from imdim.solve.refine import refine
+from imdim.relations.discover import discover
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "solve"))

@@ -70,11 +70,11 @@ def _arguments() -> argparse.Namespace:
 
 def run(size: int, seed: int, budget_s: float) -> Row:
     """Plant, reconstruct and compare one part in this process."""
-    from imdim.config import Settings
-    from imdim.geometry.cloud import target_from
     from imdim.geometry.solid import to_manifold, volume_iou
-    from imdim.pipeline import reconstruct
     from imdim.program.cost import count
+    from imdim.reconstruction.config import Settings
+    from imdim.reconstruction.pipeline import reconstruct
+    from imdim.target.target import target_from
 
     program = plate(np.random.default_rng([seed, size]), size)
     target = target_from(mesh_of(program))

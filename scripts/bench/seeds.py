@@ -22,18 +22,18 @@ from pathlib import Path
 
 import numpy as np
 
-from imdim.body import UnitBody, look
-from imdim.config import Settings
 from imdim.deadline import NEVER, Deadline
-from imdim.evidence import Evidence
-from imdim.geometry.cloud import Frame, in_unit_frame, load_target
 from imdim.program.codec import loads
 from imdim.program.tree import Program
+from imdim.reconstruction.config import Settings
+from imdim.reconstruction.evidence import ScoringSamples
+from imdim.reconstruction.observation import UnitBody, observe
 from imdim.search.evolve.population import EvolutionConfig, evolve
 from imdim.search.evolve.proposals import random_programs
 from imdim.search.evolve.scene import Scene
 from imdim.search.evolve.seeds import steps, surface_seeds
 from imdim.search.structure import StructureConfig, search
+from imdim.target.target import Frame, in_unit_frame, load_target
 
 BAR = 0.95
 RANDOM = 64
@@ -89,14 +89,14 @@ def part_runs(part: Path, limit_s: float, programs: Path | None) -> list[Run]:
     runs = []
     for source in ("random", "blind", "tree", "surfaces", "search", *(("policy",) if programs else ()), "all"):
         rng = np.random.default_rng(0)
-        seen = look(UnitBody.of(unit, rng), Settings().size_weight, rng)
+        seen = observe(UnitBody.of(unit, rng), Settings().size_weight, rng)
         evidence = replace(seen.evidence, exact=source != "blind")  # a price of leaving surfaces that are not known would make no sense
         given = programs / part.stem / "program.json" if programs else None
         runs.append(one_run(part.stem, source, evidence, frame, limit_s, given))
     return runs
 
 
-def one_run(part: str, source: str, evidence: Evidence, frame: Frame, limit_s: float, given: Path | None) -> Run:
+def one_run(part: str, source: str, evidence: ScoringSamples, frame: Frame, limit_s: float, given: Path | None) -> Run:
     scene = Scene(evidence.scorer, evidence.families.arrangement.outer, None if source == "blind" else evidence.families)
     scene.scorer.score(random_programs(scene, 1, np.random.default_rng(9)))  # compiled code is loaded before the clock starts
     rng, start, before = np.random.default_rng(1), time.perf_counter(), scene.scorer.evaluations
@@ -116,7 +116,7 @@ def one_run(part: str, source: str, evidence: Evidence, frame: Frame, limit_s: f
     return run(False)
 
 
-def make_seeds(source: str, evidence: Evidence, scene: Scene, frame: Frame, given: Path | None) -> list[Program]:
+def make_seeds(source: str, evidence: ScoringSamples, scene: Scene, frame: Frame, given: Path | None) -> list[Program]:
     """Programs of a source in the unit frame; the policy's, then the cheapest first where all are asked for."""
     if source in ("random", "blind"):
         return random_programs(scene, RANDOM, np.random.default_rng(2))

@@ -25,9 +25,9 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from imdim.geometry.cloud import sample_surface
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.tree import Combine, Primitive
+from imdim.target.target import sample_surface
 
 ROOT = Path(__file__).parents[2]
 PART = Combine("difference", Primitive("box", (40.0, 30.0, 20.0)), Primitive("cylinder", (8.0, 30.0)))
@@ -35,7 +35,7 @@ POINTS, FACES = (5_000, 50_000, 500_000, 5_000_000), (2_000, 20_000, 200_000, 2_
 CLOUDS, MESHES = ("ply", "npy", "pcd", "xyz"), ("stl", "ply", "off", "obj", "glb", "3mf")
 FITTED = {"cloud": "ply", "mesh": "stl"}
 BUDGET_S = 10.0
-IMPORTS = "import sys; from imdim.geometry.cloud import load_target"
+IMPORTS = "import sys; from imdim.target.target import load_target"
 READ = f"{IMPORTS}; load_target(sys.argv[1])"
 
 

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from imdim.solve.constraints import named
-from imdim.solve.constraints.freedom import freedom
-from imdim.solve.constraints.solver import solve
+from imdim.sketch import named
+from imdim.sketch.freedom import freedom
+from imdim.sketch.solver import solve
 
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT / "examples" / "phases"), str(ROOT / "tests" / "solve")]

@@ -67,7 +67,7 @@ def measured(repeat: int, size: float, only: Sequence[str] | None = None) -> tup
     for _ in range(repeat):
         # a reference that takes seconds is no worse known after three times
         often = len(rounds) < 3 or repeat < 3
-        rounds.append((micro.measured(), {k.name: (_timed(k), seconds(k.plain) if often else 0.0) for k in chosen}))
+        rounds.append((micro.measure(), {k.name: (_timed(k), seconds(k.plain) if often else 0.0) for k in chosen}))
     figures = [_figure(k, [(p, found[k.name]) for p, found in rounds], differences[k.name]) for k in chosen]
     peaks = Peaks(*(statistics.median(column) for column in zip(*(asdict(p).values() for p, _ in rounds), strict=True)))
     return peaks, figures
@@ -121,7 +121,7 @@ def table(figures: Sequence[Figure]) -> str:
             f"{1e3 * f.plain_s:.4g}",
             f"{f.times:.3g}",
             f"{100 * f.share:.3g} %",
-            f"{100 * f.allowed:.3g} %",
+            f"{100 * f.error_limit:.3g} %",
             f"{100 * f.of_memory:.3g} %",
             f"{f.differs:.1e}" + ("" if f.right else " WRONG"),
         )

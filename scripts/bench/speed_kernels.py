@@ -2,7 +2,7 @@
 
 Operations are additions, multiplications, divisions, roots, minima, maxima and comparisons on floating-point numbers, each counted once, of
 the work that the answer needs; absolute values, copies and integers count nothing. A product that feeds an addition can be one fused
-instruction: `slots` counts instructions so. The tables below are counted from the loops in `search/evolve/kernels.py` and `data/solids.py`.
+instruction: `slots` counts instructions so. The tables below are counted from the loops in `search/front/kernels.py` and `data/solids.py`.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sampling import leaf_surface
 from imdim.learn.checkpoint import load_policy
 from imdim.learn.decode import DecodeConfig, steps
+from imdim.numbers.face_coordinates import move_limited, step_maps
+from imdim.numbers.normal_equations import mask_determined, solve_blocks
+from imdim.numbers.refine import RefineConfig, _linearise
 from imdim.program.tree import KINDS, Primitive, Program, combine_all, leaves
-from imdim.search.evolve.columns import Columns, Registry
-from imdim.search.evolve.fitness import FitnessConfig, SampledTarget, Scorer
-from imdim.search.evolve.kernels import fill_distances
-from imdim.solve.faces import moved, step_maps
-from imdim.solve.normal_equations import held_open, solve_blocks
-from imdim.solve.refine import RefineConfig, _linearise
+from imdim.search.front.fitness import FitnessConfig, SampledTarget, Scorer
+from imdim.search.front.kernels import fill_distances
+from imdim.search.front.leaf_cache import LeafCache, Registry
 
 CHECKPOINT = Path(__file__).parents[2] / "models" / "imdim-base.safetensors"
 TRANSFORM, TRANSFORM_SLOTS = 18, 12  # a point in a leaf's frame: 3 subtractions, 9 products, 6 sums
@@ -120,7 +120,7 @@ def leaf_table(trees: int, primitives: int = 16, points: int = 4096) -> Kernel:
     rng = np.random.default_rng(0)
     parts = [population_scoring.random_leaf(rng) for _ in range(trees * primitives)]
     cloud, kinds = rng.uniform(-1, 1, (points, 3)), [p.kind for p in parts]
-    columns = Columns(cloud, "distances", Registry(), len(parts))
+    columns = LeafCache(cloud, "distances", Registry(), len(parts))
     columns.of(parts)
     leaves_of, rows = columns_arguments(parts), np.arange(len(parts))
     flops = points * sum(TRANSFORM + DISTANCE[k] for k in kinds)
@@ -183,8 +183,8 @@ def solver(primitives: int = 16, points: int = 8192) -> Kernel:
 
     def step(_: Any) -> np.ndarray:
         linear = _linearise(start, cloud, scale)
-        found = solve_blocks(linear.matrix, linear.gradient, held_open(linear.matrix, config.min_support), 1e-3)
-        moved(start, linear.maps, found)
+        found = solve_blocks(linear.matrix, linear.gradient, mask_determined(linear.matrix, config.min_support), 1e-3)
+        move_limited(start, linear.maps, found)
         return found
 
     n, (flops, slots) = len(cloud), _gradient_flops([leaf.kind for leaf in leaves(program)], len(cloud))

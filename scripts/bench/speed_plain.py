@@ -14,7 +14,7 @@ from imdim.data.surfaces import STEP, bounds, surface_areas
 from imdim.geometry.lowering import pack
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sdf import program_sdf
-from imdim.learn.decode import Step
+from imdim.learn.decode import DecodeStep
 from imdim.learn.policy import Move, Policy
 from imdim.program.tree import Program, Vec3, leaves
 
@@ -74,7 +74,7 @@ def _differentiated(program: Program, points: np.ndarray) -> tuple[np.ndarray, n
     return value.detach().numpy(), free.grad.numpy()
 
 
-def proposals(policy: Policy, clouds: Tensor, states: Sequence[Step]) -> list[Move]:
+def proposals(policy: Policy, clouds: Tensor, states: Sequence[DecodeStep]) -> list[Move]:
     """The moves of each state of each target, one after another."""
     return [
         policy.propose(clouds[row : row + 1], step.current[i : i + 1], step.written[i : i + 1], None, step.may_undo[i : i + 1])

@@ -22,14 +22,14 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from imdim.config import ConfigError, Settings
-from imdim.evaluate import evaluate
-from imdim.geometry.cloud import InputError, Target, load_target
+from imdim.delivery.evaluate import evaluate
 from imdim.geometry.metrics import diagonal, nearest_distances
-from imdim.geometry.readers import FORMATS
 from imdim.geometry.solid import to_manifold, to_trimesh
-from imdim.methods import METHODS
-from imdim.pipeline import reconstruct
+from imdim.reconstruction.config import ConfigError, Settings
+from imdim.reconstruction.methods import METHODS
+from imdim.reconstruction.pipeline import reconstruct
+from imdim.target.readers import FORMATS
+from imdim.target.target import InputError, Target, load_target
 
 POINTS = 2048
 KNOWN = ("auto", "stump", "stump-net", "policy")

@@ -91,7 +91,7 @@ def fuzz(args: argparse.Namespace) -> int:
 def keep(args: argparse.Namespace, kind: str, i: int) -> None:
     args.keep.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
-        (args.keep / f"{kind}-{i}{KINDS[kind].suffix}").write_bytes(Worker.here(Path(folder), args.seed).made(kind, i))
+        (args.keep / f"{kind}-{i}{KINDS[kind].suffix}").write_bytes(Worker.here(Path(folder), args.seed).keep_files(kind, i))
 
 
 class Supervised:
@@ -167,9 +167,10 @@ class Worker:
     @staticmethod
     def here(folder: Path, seed: int) -> Worker:
         """One that watches this process. What is slow, or is written, on first use happens now."""
-        from imdim import deliver, pipeline  # noqa: F401
+        from imdim.delivery import deliver
         from imdim.export import step_worker
         from imdim.export.step import StepError
+        from imdim.reconstruction import pipeline  # noqa: F401
 
         def left_out(*_: object) -> None:
             raise StepError("left out of the fuzzing: two seconds each")
@@ -201,7 +202,7 @@ class Worker:
         return mutated(data, other, KINDS[kind].form, rng)
 
     def case(self, kind: str, i: int) -> str:
-        return self.tried(kind, self.made(kind, i))
+        return self.tried(kind, self.keep_files(kind, i))
 
     def tried(self, kind: str, data: bytes) -> str:
         """`read`, `refused`, or what went wrong."""

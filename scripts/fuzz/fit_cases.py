@@ -11,14 +11,14 @@ import planting
 import population_scoring
 import trimesh
 
-from imdim.config import ConfigError, Settings
-from imdim.geometry.readers import InputError
-from imdim.geometry.scan import VIEWS, Condition, scan
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, to_trimesh, volume_iou
-from imdim.pipeline import Snapshot, reconstruct_best
 from imdim.program.codec import dumps, loads
 from imdim.program.cost import count
 from imdim.program.tree import Program
+from imdim.reconstruction.config import ConfigError, Settings
+from imdim.reconstruction.pipeline import Snapshot, reconstruct_best
+from imdim.target.readers import InputError
+from imdim.target.scan import VIEWS, Condition, scan
 
 METHODS = ["auto"] * 12 + ["tree", "policy", "evolve", "stump", "stump-net"]
 DENSE = 200_000  # faces at most after a mesh is divided

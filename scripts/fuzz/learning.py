@@ -10,9 +10,9 @@ from kind import refused
 def policies(folder: Path) -> list[bytes]:
     import torch
 
-    from imdim.learn.base import BaseConfig, BasePolicy
     from imdim.learn.checkpoint import save_net
-    from imdim.learn.seed import SeedConfig, SeedPolicy
+    from imdim.learn.policy_net import BaseConfig, BasePolicy
+    from imdim.learn.seed_policy import SeedConfig, SeedPolicy
     from imdim.learn.stump.net import StumpNet
     from imdim.learn.stump.settings import StumpConfig
 

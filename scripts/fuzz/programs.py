@@ -19,11 +19,11 @@ EVERY = Combine("intersection", Combine("union", PART, Primitive("torus", (2.0, 
 
 
 def programs(_: Path) -> list[bytes]:
-    from imdim.completed import completed
-    from imdim.fitting import relations_of
+    from imdim.delivery.finish import finish
     from imdim.program import codec
+    from imdim.reconstruction.fitting import relations_of
 
-    found = completed(*relations_of(PART))
+    found = finish(*relations_of(PART))
     meta = codec.Meta("millimeter", (1.0, 2.0, 3.0), 0.1)
     return [codec.dumps(EVERY).encode(), codec.dumps(found.program, meta, found.constraints, found.folded).encode()]
 
@@ -33,7 +33,9 @@ def read_program(path: Path) -> bool:
 
     def read() -> None:
         document = codec.parse(path.read_bytes())
-        program, constraints, meta, folded = (f(document) for f in (codec.from_json, codec.constraints_of, codec.meta_of, codec.folded_of))
+        program, constraints, meta, folded = (
+            f(document) for f in (codec.from_json, codec.constraints_of, codec.meta_of, codec.read_folded)
+        )
         text = codec.dumps(program, meta, constraints, folded)
         if (
             codec.loads(text) != program
@@ -80,15 +82,15 @@ def export(path: Path) -> bool:
 
 def delivered(folder: Path) -> list[bytes]:
     """Delivered folders as one file each: a JSON object of its texts, and arguments of an edit."""
-    from imdim import deliver
     from imdim.app import edit
+    from imdim.delivery import deliver
     from imdim.program.codec import Meta
 
     deliver.export(PART, folder / "delivered", Meta(), 24)
     texts = {
         p.name: p.read_text() for p in sorted((folder / "delivered").iterdir()) if p.name.startswith("program.") and p.suffix != ".step"
     }
-    rows = [line.split()[:2] for line in edit.listed(folder / "delivered" / "program.json").splitlines()]
+    rows = [line.split()[:2] for line in edit.list_names(folder / "delivered" / "program.json").splitlines()]
     values = {name: float(value) + 1 if name.endswith("count") else float(value) * 1.05 for name, value in rows}
     return [json.dumps({"texts": texts, "set": [f"{name}={value}"]}).encode() for name, value in values.items()]
 

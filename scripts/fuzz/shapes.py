@@ -12,7 +12,7 @@ from kind import refused
 
 
 def load(path: Path) -> bool:
-    from imdim.geometry.cloud import InputError, load_target
+    from imdim.target.target import InputError, load_target
 
     return refused((InputError,), lambda: load_target(path))
 

@@ -16,7 +16,7 @@ def settings(_: Path) -> list[bytes]:
 
 
 def read_settings(path: Path) -> bool:
-    from imdim.config import ConfigError, from_arguments
+    from imdim.reconstruction.config import ConfigError, from_arguments
 
     return refused((ConfigError,), lambda: from_arguments(path.read_bytes().decode("utf-8", "replace").split("\n")))
 

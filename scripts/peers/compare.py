@@ -29,10 +29,10 @@ from compare_peers import PEERS, missing
 from compare_table import Row, text, write_csv
 from processor import CLOCKS, children_s
 
-from imdim.app.batch.process import Limits, run
+from imdim.app.batch.process import ProcessLimits, run
 from imdim.app.batch.run import COMMAND, GRACE_S
-from imdim.config import ConfigError
-from imdim.geometry.scan import parse_condition
+from imdim.reconstruction.config import ConfigError
+from imdim.target.scan import parse_condition
 
 OWN: dict[str, list[str]] = {"stump-net": ["method=stump-net"], "imdim": []}
 ABLATIONS = {"policy": "checkpoint=none", "evolution": "evolution=false", "synthesis": "synthesis=false", "solver": "solver=false"}
@@ -108,7 +108,7 @@ def compete(entrant: Entrant, part: Path, source: Path, folder: Path, scorer: Pa
     result = folder / "result"
     command = [{"{target}": str(source), "{folder}": str(result)}.get(word, word) for word in entrant.command]
     before = children_s()
-    ended = run(command, Limits(entrant.limit_s * (1 if clock == "wall" else BUSY)), folder / "log.txt")
+    ended = run(command, ProcessLimits(entrant.limit_s * (1 if clock == "wall" else BUSY)), folder / "log.txt")
     row.seconds, row.peak_mib, row.failure = ended.seconds if clock == "wall" else children_s() - before, ended.peak_mib, ended.why
     answer = next((result / name for name in ANSWERS if (result / name).is_file()), None)
     if row.failure or answer is None:

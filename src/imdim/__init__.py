@@ -8,18 +8,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from imdim.config import Settings
-    from imdim.geometry.cloud import load_target
-    from imdim.pipeline import Snapshot
-    from imdim.pipeline import reconstruct_best as reconstruct
+    from imdim.reconstruction.config import Settings
+    from imdim.reconstruction.pipeline import Snapshot
+    from imdim.reconstruction.pipeline import reconstruct_best as reconstruct
+    from imdim.target.target import load_target
 
 __all__ = ["Settings", "Snapshot", "load_target", "reconstruct"]
 
 _HOMES = {
-    "reconstruct": ("imdim.pipeline", "reconstruct_best"),
-    "Snapshot": ("imdim.pipeline", "Snapshot"),
-    "Settings": ("imdim.config", "Settings"),
-    "load_target": ("imdim.geometry.cloud", "load_target"),
+    "reconstruct": ("imdim.reconstruction.pipeline", "reconstruct_best"),
+    "Snapshot": ("imdim.reconstruction.pipeline", "Snapshot"),
+    "Settings": ("imdim.reconstruction.config", "Settings"),
+    "load_target": ("imdim.target.target", "load_target"),
 }
 
 

@@ -16,7 +16,7 @@ class Deadline:
     # looked up when a deadline is made: scripts/processor.py puts another clock there
     now: Callable[[], float] = field(default_factory=lambda: time.perf_counter, repr=False)
 
-    def passed(self) -> bool:
+    def has_passed(self) -> bool:
         return self.now() > self.at
 
     def left(self) -> float:

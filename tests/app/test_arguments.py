@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from imdim.app.arguments import from_arguments
-from imdim.config import ConfigError
 from imdim.data.augment import AugmentConfig
 from imdim.data.families import FAMILIES
 from imdim.data.synthesize import SynthesisConfig
 from imdim.learn.reinforce import ReinforceConfig
 from imdim.learn.settings import TrainConfig
+from imdim.reconstruction.config import ConfigError
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 NOISY = AugmentConfig(p_noise=0.3, noise=0.01, p_uneven=0.15, p_missing=0.05, missing=0.2)

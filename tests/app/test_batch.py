@@ -19,7 +19,7 @@ from tests.stand_ins import log, wait_for
 
 from imdim.app.batch import folder
 from imdim.app.batch.engine import run_local
-from imdim.app.batch.process import Limits, Process, run
+from imdim.app.batch.process import Process, ProcessLimits, run
 from imdim.app.batch.run import main
 from imdim.app.cli import main as imdim
 
@@ -238,19 +238,19 @@ def test_what_runs_ends_when_the_iteration_is_left(tmp_path):
 def folder_job(part: folder.Part, staging: Path, command: tuple[str, ...]):
     from imdim.app.batch.engine import Job
 
-    return Job(part, staging, command, (), Limits(60.0))
+    return Job(part, staging, command, (), ProcessLimits(60.0))
 
 
 def test_a_sudden_allocation_is_refused_by_the_system(tmp_path):
     code = "import mmap; mmap.mmap(-1, 8 << 30, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)"
-    ended = run([sys.executable, "-c", code], Limits(20.0, 100.0), tmp_path / "log")
+    ended = run([sys.executable, "-c", code], ProcessLimits(20.0, 100.0), tmp_path / "log")
     assert ended.status == 1
     assert "Cannot allocate memory" in ended.why
-    assert run([sys.executable, "-c", code], Limits(20.0), tmp_path / "log").why == ""
+    assert run([sys.executable, "-c", code], ProcessLimits(20.0), tmp_path / "log").why == ""
 
 
 def test_a_command_that_is_missing_is_an_outcome(tmp_path):
-    ended = run(["/nowhere/at/all"], Limits(20.0), tmp_path / "log")
+    ended = run(["/nowhere/at/all"], ProcessLimits(20.0), tmp_path / "log")
     assert (ended.status, ended.why) == (127, "/nowhere/at/all: No such file or directory")
 
 

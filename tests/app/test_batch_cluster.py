@@ -12,7 +12,7 @@ from tests.stand_ins import log, wait_for
 
 from imdim.app.batch.engine import Job
 from imdim.app.batch.folder import Part
-from imdim.app.batch.process import Limits
+from imdim.app.batch.process import ProcessLimits
 from imdim.app.batch.run import main
 from imdim.app.cli import main as imdim
 
@@ -29,7 +29,7 @@ def test_a_shipped_job_brings_its_results(tmp_path, stand_in):
     from imdim.app.batch.cluster import run_shipped
 
     for name, why in (("a", ""), ("crash", "ended by signal SIGABRT")):
-        job = Job(Part(name, tmp_path / f"{name}.stl", ""), tmp_path / "nowhere", tuple(stand_in()), (), Limits(20.0))
+        job = Job(Part(name, tmp_path / f"{name}.stl", ""), tmp_path / "nowhere", tuple(stand_in()), (), ProcessLimits(20.0))
         ended, files = run_shipped(job, b"content")
         assert ended.why == why
         assert files.keys() == {"fit.log"} | ({f"parts/{name}/report.json", f"parts/{name}/preview.png"} if name == "a" else set())

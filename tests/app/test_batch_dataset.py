@@ -131,8 +131,8 @@ def test_what_cannot_be_done_is_one_line(tmp_path, capsys, given, said):
 
 
 def test_two_runs_do_not_share_a_folder(tmp_path, capsys):
-    from imdim.app.batch.folder import held
+    from imdim.app.batch.folder import hold_folder
 
-    with held(tmp_path / "out"):
+    with hold_folder(tmp_path / "out"):
         assert main(arguments(tmp_path / "out"), stand_in(tmp_path)) == 2
     assert "in use by another batch" in capsys.readouterr().err

@@ -17,9 +17,9 @@ import trimesh
 from imdim.app.cli import main as imdim
 from imdim.app.fit import fit, one_line
 from imdim.app.fit import main as run
-from imdim.app.progress import shown
-from imdim.config import Settings
+from imdim.app.progress import show_progress
 from imdim.program.tree import Combine, Primitive, Program
+from imdim.reconstruction.config import Settings
 
 ROOT = Path(__file__).parents[2]
 BOX = Primitive("box", (1.0, 2.0, 3.0))
@@ -151,7 +151,7 @@ def test_plain_progress_is_one_line_per_stage_or_two_seconds():
     two = Combine("union", BOX, BOX)
     snaps = [Snap("a", BOX, 0.5, 0.1), Snap("a", BOX, 0.4, 0.2), Snap("b", two, 0.6, 0.3), Snap("b", two, 0.1, 3.0)]
     out = io.StringIO()
-    assert list(shown(snaps, 10.0, out)) == snaps
+    assert list(show_progress(snaps, 10.0, out)) == snaps
     first, *lines = out.getvalue().splitlines()
     assert first == "   0.0 s  finding surfaces, 10 s left"
     assert [line.split()[2] for line in lines] == ["a", "b", "b"]
@@ -165,13 +165,13 @@ def test_live_progress_passes_every_snapshot_on():
             return True
 
     out = Terminal()
-    assert len(list(shown(iter([Snap("search", BOX, 0.5, 0.1)]), 10.0, out))) == 1
+    assert len(list(show_progress(iter([Snap("search", BOX, 0.5, 0.1)]), 10.0, out))) == 1
     assert "s left" in out.getvalue()
 
 
 def test_the_seed_reaches_the_reconstruction(part, tmp_path, monkeypatch):
     drawn = []
-    monkeypatch.setattr("imdim.deliver.deliver", lambda *_, **__: {})
+    monkeypatch.setattr("imdim.delivery.deliver.deliver", lambda *_, **__: {})
 
     def draw(target, settings, rng):
         drawn.append(rng.random())

@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from imdim.app.pictures import PIXELS, drawn, pairs
+from imdim.app.pictures import PIXELS, draw_cloud, pairs
 from imdim.data.solids import from_sequences
 from imdim.export.preview import TARGET_COLOUR
 from imdim.program.state import ADD_SPHERE
@@ -28,7 +28,7 @@ def test_a_ball_is_a_disc_of_its_size_and_nothing_stays_white():
 def test_the_nearest_point_is_seen_and_what_faces_away_is_not():
     toward = np.array([0.55, -0.68, 0.48]) / np.linalg.norm([0.55, -0.68, 0.48])
     points = np.stack([0.2 * toward, -0.2 * toward])
-    bright = drawn(points, np.stack([toward, np.array([0.3, -0.3, 0.9])]), TARGET_COLOUR)
-    alone = drawn(points[:1], toward[None], TARGET_COLOUR)
+    bright = draw_cloud(points, np.stack([toward, np.array([0.3, -0.3, 0.9])]), TARGET_COLOUR)
+    alone = draw_cloud(points[:1], toward[None], TARGET_COLOUR)
     assert (bright == alone).all()
-    assert (drawn(points, -np.stack([toward, toward]), TARGET_COLOUR) == 255).all()
+    assert (draw_cloud(points, -np.stack([toward, toward]), TARGET_COLOUR) == 255).all()

@@ -11,7 +11,7 @@ from imdim.data.dice import Dice
 from imdim.data.families import FAMILIES
 from imdim.data.solids import PAD, euler_from_matrices, from_sequences, from_signed, inside, levels, to_sequences, to_signed, to_states
 from imdim.data.surfaces import surface_areas, surface_clouds, volumes
-from imdim.data.synthesize import SynthesisConfig, contributions, draw_programs, sampled_iou, synthesize
+from imdim.data.synthesize import SynthesisConfig, contributions, draw_programs, estimate_iou, synthesize
 from imdim.geometry import kernels
 from imdim.geometry.sdf import rotation_matrices
 from imdim.geometry.solid import to_manifold, to_trimesh, volume_iou
@@ -197,7 +197,7 @@ def test_euler_angles_return_the_matrix_even_at_the_lock():
 def test_sampled_iou_agrees_with_exact_booleans(drawn):
     solids, _ = drawn
     a, b = solids[:6], solids[6:12]
-    estimate = sampled_iou(a, b, 20_000, generator())
+    estimate = estimate_iou(a, b, 20_000, generator())
     for value, one, other in zip(estimate.tolist(), programs(a), programs(b), strict=True):
         assert value == pytest.approx(volume_iou(to_manifold(one), to_manifold(other)), abs=0.03)
 

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from imdim.solve.constraints.fit import fit
-from imdim.solve.constraints.freedom import freedom
-from imdim.solve.constraints.outlines import project_on_faces, to_arc, to_circle, to_faces, to_polygon
-from imdim.solve.constraints.solver import solve
-from imdim.solve.constraints.theory import Constraint, Theory
+from imdim.sketch.fit import fit
+from imdim.sketch.freedom import freedom
+from imdim.sketch.outlines import project_on_faces, to_arc, to_circle, to_faces, to_polygon
+from imdim.sketch.solver import solve
+from imdim.sketch.theory import SketchConstraint, Theory
 
 PHASES = Path(__file__).parents[2] / "examples" / "phases"
 sys.path.insert(0, str(PHASES))
@@ -134,15 +134,15 @@ def test_free_polygon_finds_the_corners():
 
 
 def test_complexity_counts_numbers_once():
-    right = Constraint("angle", (0, 1, 2), math.pi / 2)
-    two = tuple(Constraint("distance", pair, 2.0) for pair in ((0, 1), (2, 3)))
+    right = SketchConstraint("angle", (0, 1, 2), math.pi / 2)
+    two = tuple(SketchConstraint("distance", pair, 2.0) for pair in ((0, 1), (2, 3)))
     assert complexity(Theory(4, (right, *two), 2)) == 4 + 3 + 1
-    assert complexity(Theory(4, (right, *two, Constraint("distance", (1, 2), 3.0)), 2)) == 4 + 4 + 2
+    assert complexity(Theory(4, (right, *two, SketchConstraint("distance", (1, 2), 3.0)), 2)) == 4 + 4 + 2
 
 
 def test_a_fit_keeps_its_constraints_against_the_cloud():
     cloud = phase4.arc_cloud((0, 0), 1.0, 0, 2 * math.pi, np.random.default_rng(0))
-    held = Theory(2, (Constraint("distance", (0, 1), 0.8),), 2)
+    held = Theory(2, (SketchConstraint("distance", (0, 1), 0.8),), 2)
     points, rms, violation = fit(held, np.array([[0.1, 0, 0], [0.9, 0, 0]]), to_circle(cloud))
     assert violation <= 1e-9
     assert np.linalg.norm(points[1] - points[0]) == pytest.approx(0.8, abs=1e-9)

@@ -12,9 +12,9 @@ import trimesh
 from tests.export.test_parameters import FLANGE, MOUNT, ROW, mount, parametrised
 from tests.planted import PARTS, box, cut, cylinder, union
 
-from imdim.completed import completed
+from imdim.delivery.finish import finish
 from imdim.export.delivered import Delivered, EditError
-from imdim.export.edit import changed, opened, solid_of, write
+from imdim.export.edit import change_values, open_delivered, solid_of, write
 from imdim.export.meanings import meanings
 from imdim.export.openscad import to_openscad
 from imdim.export.openscad_loops import to_openscad_loops
@@ -22,14 +22,14 @@ from imdim.export.openscad_reader import read_openscad
 from imdim.export.parameters import parametrise
 from imdim.export.script import to_script
 from imdim.export.ucad import to_ucad
-from imdim.fitting import relations_of
-from imdim.geometry.constraints import rebased, verify
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.program.codec import Meta, constraints_of, dumps, parse, to_json
 from imdim.program.constraints import Constraint, Ref
 from imdim.program.repeats import expand
 from imdim.program.tree import Program, leaves
-from imdim.solve.discover import exact_relations
+from imdim.reconstruction.fitting import relations_of
+from imdim.relations.discover import exact_relations
+from imdim.relations.residuals import rebase_constraints, verify
 
 
 def delivered_of(program: Program):
@@ -41,7 +41,7 @@ def delivered_of(program: Program):
         "program.py": to_script(after, parameters),
         "program.ucad": to_ucad(after, parameters),
     }
-    return opened(parse(dumps(after, Meta("millimeter"), rebased(after, found.constraints))), texts)
+    return open_delivered(parse(dumps(after, Meta("millimeter"), rebase_constraints(after, found.constraints))), texts)
 
 
 @pytest.mark.tool
@@ -66,7 +66,7 @@ def test_an_edit_is_openscads_d(program, values, tmp_path):
     command = [tool, "-o", str(tmp_path / "given.stl"), *options, str(tmp_path / "given.scad")]
     assert "WARNING" not in subprocess.run(command, check=True, capture_output=True, timeout=120, text=True).stderr
     theirs = mesh_to_manifold(trimesh.load_mesh(tmp_path / "given.stl"))
-    write(changed(delivered, values), tmp_path / "new")
+    write(change_values(delivered, values), tmp_path / "new")
     ours = mesh_to_manifold(trimesh.load_mesh(tmp_path / "new" / "mesh.stl"))
     assert volume_iou(ours, theirs) == pytest.approx(1, abs=1e-5)
     assert volume_iou(ours, to_manifold(program, 64)) < 0.999
@@ -74,24 +74,24 @@ def test_an_edit_is_openscads_d(program, values, tmp_path):
 
 def test_all_files_say_the_same_and_can_be_edited_back(tmp_path):
     delivered = delivered_of(MOUNT)
-    write(changed(delivered, {"hole_radius": 4.0}), tmp_path / "new")
+    write(change_values(delivered, {"hole_radius": 4.0}), tmp_path / "new")
     texts = {p.name: p.read_text() for p in (tmp_path / "new").iterdir() if p.suffix in (".scad", ".py", ".ucad")}
     document = parse((tmp_path / "new" / "program.json").read_text())
-    again = opened(document, texts)
+    again = open_delivered(document, texts)
     assert volume_iou(to_manifold(again.program, 64), to_manifold(mount(hole=4.0), 64)) == pytest.approx(1, abs=1e-9)
     verify(again.program, constraints_of(document))
     assert again.meta.units == "millimeter"
     assert "hole_radius = 4\n" in texts["program.py"]
     assert "hole_radius = 4mm;" in texts["program.ucad"]
-    back = changed(again, {"hole_radius": 3.0})
+    back = change_values(again, {"hole_radius": 3.0})
     assert (back.program, back.texts, back.constraints) == (delivered.program, delivered.texts, delivered.constraints)
 
 
 def test_without_the_text_the_constraints_give_the_names():
     given = delivered_of(MOUNT)
-    alone = opened(parse(dumps(given.program, given.meta, given.constraints)), {})
+    alone = open_delivered(parse(dumps(given.program, given.meta, given.constraints)), {})
     assert alone.values["hole_radius"] == 3
-    wide = changed(alone, {"hole_radius": 4.0})
+    wide = change_values(alone, {"hole_radius": 4.0})
     assert volume_iou(solid_of(wide), to_manifold(mount(hole=4.0), wide.segments)) == pytest.approx(1, abs=1e-6)
 
 
@@ -113,10 +113,10 @@ def test_relations_along_slanted_directions_are_kept_by_an_edit():
         Constraint("aligned", (Ref(2), Ref(3)), Ref(0, "y")),
     ]
     verify(program, held)
-    delivered = opened(parse(dumps(program, None, held)), {})
+    delivered = open_delivered(parse(dumps(program, None, held)), {})
     for name, value in delivered.values.items():
-        verify(changed(delivered, {name: 1.05 * value}).program, held, 1e-6)
-    longer = list(leaves(changed(delivered, {"plate_length": 44.0}).program))
+        verify(change_values(delivered, {name: 1.05 * value}).program, held, 1e-6)
+    longer = list(leaves(change_values(delivered, {"plate_length": 44.0}).program))
     ahead = np.subtract(longer[1].center, longer[0].center) @ (math.cos(math.radians(30)), math.sin(math.radians(30)), 0.0)
     assert ahead + longer[1].size[0] / 2 == pytest.approx(22, abs=1e-6)
 
@@ -125,7 +125,7 @@ def test_a_length_that_a_constraint_gives_has_no_name():
     program = cut(box(30, 20, 6), cylinder(3, 8))
     value = Constraint("value", (Ref(0, "sx"),), value=30.0)
     with pytest.raises(EditError, match="no parameter 'plate_length'"):
-        changed(opened(parse(dumps(program, None, [value])), {}), {"plate_length": 40.0})
+        change_values(open_delivered(parse(dumps(program, None, [value])), {}), {"plate_length": 40.0})
 
 
 def test_names_say_what_they_are_and_what_follows():
@@ -151,12 +151,12 @@ def test_names_say_what_they_are_and_what_follows():
 )
 def test_what_cannot_be_is_refused(program, values, message):
     with pytest.raises(EditError, match=message) as caught:
-        changed(delivered_of(program), values)
+        change_values(delivered_of(program), values)
     assert "\n" not in str(caught.value)
 
 
 def test_an_empty_solid_is_refused(tmp_path):
-    gone = changed(delivered_of(FLANGE), {"hole_radius": 1000.0})
+    gone = change_values(delivered_of(FLANGE), {"hole_radius": 1000.0})
     with pytest.raises(EditError, match="no solid is left"):
         write(gone, tmp_path / "new")
     assert not (tmp_path / "new").exists()
@@ -167,10 +167,10 @@ def test_an_edit_that_breaks_a_relation_is_refused():
     plate = cut(box(30, 30, 6), cylinder(3, 8))
     square = Constraint("equal", (Ref(0, "sx"), Ref(0, "sy")), name="square")
     texts = {"program.scad": to_openscad(plate, 48, parametrise(plate, (), plate))}
-    delivered = opened(parse(dumps(plate, None, [square])), texts)
+    delivered = open_delivered(parse(dumps(plate, None, [square])), texts)
     with pytest.raises(EditError, match=r"plate_length = 40: constraints\[0\] 'square'.*is off by"):
-        changed(delivered, {"plate_length": 40.0})
-    assert changed(delivered, {"plate_length": 40.0, "plate_width": 40.0}).values["plate_width"] == 40
+        change_values(delivered, {"plate_length": 40.0})
+    assert change_values(delivered, {"plate_length": 40.0, "plate_width": 40.0}).values["plate_width"] == 40
 
 
 def test_texts_that_were_changed_by_hand_are_refused():
@@ -178,17 +178,17 @@ def test_texts_that_were_changed_by_hand_are_refused():
     document = parse(dumps(given.program, given.meta, given.constraints))
     scad = given.texts["program.scad"]
     with pytest.raises(ValueError, match=r"program\.scad beside it describes another program"):
-        opened(document, {**given.texts, "program.scad": scad.replace("plate_length = 80", "plate_length = 81")})
+        open_delivered(document, {**given.texts, "program.scad": scad.replace("plate_length = 80", "plate_length = 81")})
     with pytest.raises(ValueError, match=r"program\.py beside it begins with other names"):
-        opened(document, {**given.texts, "program.py": given.texts["program.py"].replace("plate_length = 80", "plate_length = 81")})
+        open_delivered(document, {**given.texts, "program.py": given.texts["program.py"].replace("plate_length = 80", "plate_length = 81")})
     with pytest.raises(ValueError, match=r"program\.scad: line \d+ is no primitive"):
-        opened(document, {**given.texts, "program.scad": scad + "text();\n"})
+        open_delivered(document, {**given.texts, "program.scad": scad + "text();\n"})
 
 
 def test_the_openscad_text_keeps_what_a_person_wrote_beside_the_numbers():
     given = delivered_of(union(box(10, 10, 10), box(5, 5, 20)))
     noted = re.sub(r"(?m)^(body_length = .*)$", "// a remark\n\\1", given.texts["program.scad"])
-    new = changed(opened(parse(dumps(given.program)), {"program.scad": noted}), {"body_length": 12.0})
+    new = change_values(open_delivered(parse(dumps(given.program)), {"program.scad": noted}), {"body_length": 12.0})
     assert "// a remark\nbody_length = 12;" in new.texts["program.scad"]
     assert next(leaves(read_openscad(new.texts["program.scad"]))).size[0] == 12
 
@@ -197,14 +197,14 @@ def test_the_openscad_text_keeps_what_a_person_wrote_beside_the_numbers():
 
 
 def repeated(program) -> Delivered:
-    found = completed(*relations_of(program))
+    found = finish(*relations_of(program))
     texts = {
         "program.scad": to_openscad(found.program, 48, found.parameters),
         "program.loops.scad": to_openscad_loops(found.folded, 48, found.parameters),
         "program.py": to_script(found.program, found.parameters, found.folded),
         "program.ucad": to_ucad(found.program, found.parameters, found.folded),
     }
-    return opened(to_json(found.program, None, found.constraints, found.folded), texts)
+    return open_delivered(to_json(found.program, None, found.constraints, found.folded), texts)
 
 
 def row(n: int, spacing: float, r: float = 2.0, first: float = -30.0):
@@ -231,7 +231,7 @@ def bolts(n: int, diameter: float, r: float = 3.0):
 )
 def test_counts_pitch_and_circles_are_edited_by_name(before, values, meant):
     delivered = repeated(before)
-    after = changed(delivered, values)
+    after = change_values(delivered, values)
     names = {**after.values, **after.counts}
     expected = {**delivered.values, **delivered.counts, **values}
     assert {name: names[name] for name in expected} == pytest.approx(expected)
@@ -239,8 +239,8 @@ def test_counts_pitch_and_circles_are_edited_by_name(before, values, meant):
         assert volume_iou(solid_of(after), to_manifold(meant, 48)) == pytest.approx(1, abs=1e-6)
     assert expand(after.folded) == after.program
     # the edited files are delivered files again
-    again = opened(to_json(after.program, None, after.constraints, after.folded), after.texts)
-    assert changed(changed(again, {"hole_radius": 2.2}), {"hole_radius": again.values["hole_radius"]}).program == after.program
+    again = open_delivered(to_json(after.program, None, after.constraints, after.folded), after.texts)
+    assert change_values(change_values(again, {"hole_radius": 2.2}), {"hole_radius": again.values["hole_radius"]}).program == after.program
     flat = read_openscad(after.texts["program.scad"])
     assert volume_iou(to_manifold(flat, 48), solid_of(after)) == pytest.approx(1, abs=1e-6)
 
@@ -257,7 +257,7 @@ def test_counts_pitch_and_circles_are_edited_by_name(before, values, meant):
 )
 def test_what_is_no_count_is_refused(values, message):
     with pytest.raises(EditError) as caught:
-        changed(repeated(ROW), values)
+        change_values(repeated(ROW), values)
     assert str(caught.value) == message
 
 
@@ -266,4 +266,4 @@ def test_counts_are_listed_and_have_to_agree():
     assert meanings(delivered)["hole_count"] == "how many copies there are"
     texts = {**delivered.texts, "program.py": delivered.texts["program.py"].replace("hole_count = 4", "hole_count = 6")}
     with pytest.raises(ValueError, match="changed by hand"):
-        opened(to_json(delivered.program, None, delivered.constraints, delivered.folded), texts)
+        open_delivered(to_json(delivered.program, None, delivered.constraints, delivered.folded), texts)

@@ -11,14 +11,14 @@ import trimesh
 from tests.export.coincident import MEANT
 from tests.planted import box, cut, cylinder
 
-from imdim.deliver import RunRecord, deliver
+from imdim.delivery.deliver import RunRecord, deliver
 from imdim.export.html import content, page
-from imdim.export.html_surfaces import MOST_FACES, refined, thinned
-from imdim.geometry.cloud import Target, target_from
-from imdim.geometry.solid import owned_surface, to_manifold, to_trimesh
+from imdim.export.html_surfaces import MOST_FACES, cluster_vertices, split_edges
+from imdim.geometry.solid import surface_with_owners, to_manifold, to_trimesh
 from imdim.geometry.triangles import distances, triangle_tree
 from imdim.program.codec import to_json
 from imdim.program.tree import Combine, Primitive, leaves
+from imdim.target.target import Target, target_from
 
 PROGRAM, EXACT, _ = MEANT["bracket"]
 RUN = RunRecord("parts/bracket.stl", {"load": 0.5}, "finished", 7, {"budget_s": 60.0})
@@ -168,20 +168,20 @@ def test_the_same_content_gives_the_same_bytes():
 
 def test_refining_keeps_the_solid_closed():
     part = to_trimesh(to_manifold(PROGRAM))
-    vertices, faces = refined(np.asarray(part.vertices), np.asarray(part.faces), 4.0, 100_000)
+    vertices, faces = split_edges(np.asarray(part.vertices), np.asarray(part.faces), 4.0, 100_000)
     fine = trimesh.Trimesh(vertices, faces, process=False)
     assert fine.is_watertight
     assert fine.volume == pytest.approx(part.volume, rel=1e-12)
     assert fine.area == pytest.approx(part.area, rel=1e-12)
     assert fine.edges_unique_length.max() <= 4.0
-    bounded = trimesh.Trimesh(*refined(np.asarray(part.vertices), np.asarray(part.faces), 0.001, 20_000), process=False)
+    bounded = trimesh.Trimesh(*split_edges(np.asarray(part.vertices), np.asarray(part.faces), 0.001, 20_000), process=False)
     assert 18_000 < len(bounded.faces) <= 20_000
     assert bounded.edges_unique_length.max() < 0.2 * part.edges_unique_length.max()
 
 
 def test_thinning_keeps_the_shape_and_the_owners():
-    surface, owners = owned_surface(Combine("union", Primitive("sphere", (1.0,)), Primitive("sphere", (0.8,), (1.0, 0.0, 0.0))), 200)
-    vertices, faces, kept = thinned(np.asarray(surface.vertices), np.asarray(surface.faces), 4000)
+    surface, owners = surface_with_owners(Combine("union", Primitive("sphere", (1.0,)), Primitive("sphere", (0.8,), (1.0, 0.0, 0.0))), 200)
+    vertices, faces, kept = cluster_vertices(np.asarray(surface.vertices), np.asarray(surface.faces), 4000)
     assert 800 < len(faces) <= 4000
     assert trimesh.Trimesh(vertices, faces, process=False).volume == pytest.approx(surface.volume, rel=0.05)
     middle = vertices[faces].mean(axis=1)
@@ -231,10 +231,10 @@ def test_leaves_of_the_tree_are_those_of_the_program():
     """Four holes in a row are one node that stands for four leaves."""
     holes = [cylinder(3, 6, (x, 0.0, 0.0)) for x in (-30.0, -10.0, 10.0, 30.0)]
     target = target_from(to_trimesh(to_manifold(cut(box(80, 30, 6), *holes))))
-    from imdim.completed import completed
-    from imdim.solve.discover import exact_relations
+    from imdim.delivery.finish import finish
+    from imdim.relations.discover import exact_relations
 
-    found = completed(exact_relations(cut(box(80, 30, 6), *holes)).program)
+    found = finish(exact_relations(cut(box(80, 30, 6), *holes)).program)
     data = content(to_json(found.program, None, found.constraints, found.folded), target, found.parameters)
     assert data["tree"]["leaves"] == len(list(leaves(found.program))) == len(data["leaves"]) == 5
     row = data["tree"]["parts"][1]

@@ -10,15 +10,15 @@ from PIL import Image
 from tests.export.coincident import MEANT
 from tests.planted import box, cut, cylinder
 
-from imdim.completed import completed
-from imdim.deliver import RunRecord, deliver
+from imdim.delivery.deliver import RunRecord, deliver
+from imdim.delivery.finish import finish
 from imdim.export.html import content, page
-from imdim.geometry.cloud import Target, target_from
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.codec import to_json
 from imdim.program.front import Choice
 from imdim.program.tree import Combine, Primitive
-from imdim.solve.discover import exact_relations
+from imdim.relations.discover import exact_relations
+from imdim.target.target import Target, target_from
 
 CHROMIUM = shutil.which("chromium")
 playwright = pytest.importorskip("playwright.sync_api")
@@ -238,7 +238,7 @@ def test_the_tables_have_the_numbers(opened, report):
 
 def test_a_repeat_shows_all_its_copies(opened, tmp_path):
     part = cut(box(80, 30, 6), *(cylinder(3, 6, (x, 0.0, 0.0)) for x in (-30.0, -10.0, 10.0, 30.0)))
-    found = completed(exact_relations(part).program)
+    found = finish(exact_relations(part).program)
     document = to_json(found.program, None, found.constraints, found.folded)
     path = tmp_path / "row.html"
     path.write_text(page(content(document, None, found.parameters, name="row")), encoding="utf-8")

@@ -13,17 +13,17 @@ from tests.export.test_ucad import read as read_ucad
 from tests.planted import ALONG_X, box, common, cone, cut, cylinder, sphere, union
 from tests.program.test_repeats import BOSS, around
 
-from imdim.completed import Completed, completed
+from imdim.delivery.finish import FinishedProgram, finish
 from imdim.export.openscad import to_openscad
 from imdim.export.openscad_loops import to_openscad_loops
 from imdim.export.openscad_reader import read_openscad
 from imdim.export.script import to_script
 from imdim.export.ucad import to_ucad
-from imdim.fitting import relations_of
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
-from imdim.program.motions import mirror, moved, turn
+from imdim.program.motions import mirror, move_program, turn
 from imdim.program.repeats import expand, repeats
 from imdim.program.tree import Program, leaves
+from imdim.reconstruction.fitting import relations_of
 
 SEGMENTS = 48
 CORNERS = 1e-3  # circles that turn with a copy have their corners elsewhere
@@ -38,15 +38,15 @@ PARTS: dict[str, Program] = {
     "arc": cut(cylinder(60, 8), *around(cylinder(3, 12, (40, 0, 0)), 5, 20.0)),
     "bosses": union(cylinder(60, 4), *around(BOSS, 5)),
     "bosses off centre": union(
-        box(90, 110, 4, (10, 0, 0)), *around(moved(BOSS, turn((0, 0, 0), (0, 0, 1), 10)), 6, point=(10.0, 0.0, 0.0))
+        box(90, 110, 4, (10, 0, 0)), *around(move_program(BOSS, turn((0, 0, 0), (0, 0, 1), 10)), 6, point=(10.0, 0.0, 0.0))
     ),
-    "mirror": union(box(40, 30, 10, (5, 0, 0)), BOSS, moved(BOSS, mirror((5.0, 0.0, 0.0), (1.0, 0.0, 0.0)))),
+    "mirror": union(box(40, 30, 10, (5, 0, 0)), BOSS, move_program(BOSS, mirror((5.0, 0.0, 0.0), (1.0, 0.0, 0.0)))),
     "holes and sinks": cut(
         box(90, 60, 8), *(p for x in (-30, 0, 30) for y in (-20, 20) for p in (cylinder(3, 12, (x, y, 0)), cone(3, 6, 3, (x, y, 2.5))))
     ),
     "across": union(box(10, 80, 10), *(sphere(6, (0.0, -30.0 + 15 * i, 5.0 + 4 * i)) for i in range(5))),
-    "tilted flange": moved(FLANGE, TILTED),
-    "tilted teeth": moved(union(cylinder(28, 6), *around(box(8, 4, 6, (30, 0, 0)), 7)), TILTED),
+    "tilted flange": move_program(FLANGE, TILTED),
+    "tilted teeth": move_program(union(cylinder(28, 6), *around(box(8, 4, 6, (30, 0, 0)), 7)), TILTED),
     "star": union(cylinder(5, 4), *around(box(40, 3, 4), 3, 60.0)),
     "corners": cut(
         box(100, 60, 6),
@@ -59,8 +59,8 @@ PARTS: dict[str, Program] = {
 
 
 @pytest.fixture(scope="module")
-def found() -> dict[str, Completed]:
-    return {name: completed(*relations_of(program)) for name, program in PARTS.items()}
+def found() -> dict[str, FinishedProgram]:
+    return {name: finish(*relations_of(program)) for name, program in PARTS.items()}
 
 
 @pytest.mark.parametrize("name", PARTS)

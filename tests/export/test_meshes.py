@@ -6,7 +6,7 @@ from tests.export.coincident import MEANT
 from tests.known_programs import KNOWN
 
 from imdim.export.meshes import write_meshes
-from imdim.geometry.overshoot import overshoot
+from imdim.geometry.finish.overshoot import overshoot
 from imdim.geometry.solid import mesh_to_manifold, to_manifold
 
 SUFFIXES = ("stl", "glb", "3mf")

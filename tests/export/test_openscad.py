@@ -7,10 +7,10 @@ import trimesh
 from tests.export.coincident import MEANT
 from tests.known_programs import KNOWN
 
-from imdim.export.numbers import plain, rounded
+from imdim.export.numbers import plain, round_program
 from imdim.export.openscad import to_openscad
 from imdim.export.openscad_reader import read_openscad
-from imdim.geometry.overshoot import overshoot
+from imdim.geometry.finish.overshoot import overshoot
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume
 from imdim.program.tree import Combine, Primitive, leaves
 
@@ -24,7 +24,7 @@ ONE_LINE = (
 def test_what_is_written_reads_back(name):
     program, exact = KNOWN[name]
     read = read_openscad(to_openscad(program))
-    assert list(leaves(read)) == list(leaves(rounded(program)))
+    assert list(leaves(read)) == list(leaves(round_program(program)))
     assert volume(read, 256) == pytest.approx(exact, rel=1e-3, abs=1e-9)
 
 

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 from tests.planted import PARTS, box, cut, cylinder, union
 
-from imdim.deliver import finished
+from imdim.delivery.deliver import finish_flat
 from imdim.export.openscad import to_openscad
 from imdim.export.openscad_reader import read_openscad
 from imdim.export.parameters import Parameters, parametrise
@@ -19,7 +19,7 @@ from imdim.export.script import to_script
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.program.constraints import Constraint, Ref
 from imdim.program.tree import Program, leaves
-from imdim.solve.discover import exact_relations
+from imdim.relations.discover import exact_relations
 
 # A plate on the ground with a boss, four holes in the corners, a bore through the boss; cutters end where the plate and the boss end.
 MOUNT = cut(
@@ -34,7 +34,7 @@ FLANGE = cut(cylinder(40, 8), *(cylinder(3, 12, (30 * math.cos(a), 30 * math.sin
 def parametrised(program: Program) -> tuple[Program, Parameters]:
     """As `deliver` has it: relations of the program, then overshoot and rounding."""
     found = exact_relations(program)
-    delivered = finished(found.program)
+    delivered = finish_flat(found.program)
     return delivered, parametrise(found.program, found.constraints, delivered)
 
 
@@ -116,7 +116,7 @@ def test_other_expressions_are_refused(line, message):
 
 
 def test_without_constraints_the_first_part_has_names_and_what_cutters_pass():
-    delivered = finished(MOUNT)
+    delivered = finish_flat(MOUNT)
     parameters = parametrise(MOUNT, [], delivered)
     assert set(parameters.values) == {"plate_length", "plate_width", "plate_thickness", "boss_height", "boss_z"}
     assert list(leaves(read_openscad(to_openscad(delivered, 48, parameters)))) == list(leaves(delivered))
@@ -125,7 +125,7 @@ def test_without_constraints_the_first_part_has_names_and_what_cutters_pass():
 def test_a_relation_of_hidden_depths_names_them_too():
     program = cut(box(30, 30, 10), cylinder(3, 6, (-8, 0, 4)), cylinder(4, 6, (8, 0, 4)))
     equal = Constraint("equal", (Ref(1, "h"), Ref(2, "h")), name="hole_depth")
-    parameters = parametrise(program, [equal], finished(program))
+    parameters = parametrise(program, [equal], finish_flat(program))
     assert parameters.values["hole_depth"] == 6
     assert uses(parameters, "hole_depth") >= 2
 

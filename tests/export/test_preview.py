@@ -3,9 +3,9 @@ import pytest
 import trimesh
 
 from imdim.export.preview import HEADER, PANEL, VIEW, preview, thumbnail
-from imdim.geometry.cloud import Target, target_from
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.tree import Combine, Primitive
+from imdim.target.target import Target, target_from
 
 BLOCK = Primitive("box", (3.0, 2.0, 1.0))
 STEPPED = Combine("union", BLOCK, Primitive("box", (1.0, 1.0, 1.0), (0.0, 0.0, 1.0)))

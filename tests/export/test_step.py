@@ -9,7 +9,7 @@ from tests.known_programs import KNOWN
 
 from imdim.export import step_worker
 from imdim.export.step import StepError, read_step, step_volume, write_step
-from imdim.geometry.overshoot import overshoot
+from imdim.geometry.finish.overshoot import overshoot
 from imdim.program.codec import dumps
 from imdim.program.tree import Combine, Primitive
 

@@ -8,10 +8,10 @@ from tests.planted import PARTS, cone, cut, mesh_of
 
 from imdim.data.surfaces import surface_clouds
 from imdim.data.synthesize import SynthesisConfig, draw_programs
-from imdim.geometry.axes import clearest_axes, local_normals, main_axes, shared_axes
-from imdim.geometry.cloud import sample_surface
+from imdim.geometry.axes import clearest_axes, find_shared_axes, local_normals, main_axes
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sampling import surface_points
+from imdim.target.target import sample_surface
 
 BOXY = ["plate with four holes", "L bracket", "open box", "rounded plate"]
 ROUND = ["tube on a flange", "stepped shaft"]
@@ -74,12 +74,12 @@ def test_synthetic_programs_in_free_poses():
 def test_axes_shared_by_most_of_the_weight():
     turn = matrix_from_euler((20.0, -35.0, 50.0))
     directions = [*turn.T, -turn[:, 0], (0.6, 0.64, 0.48)]
-    found = shared_axes(directions, [3, 2, 1, 2, 4])
+    found = find_shared_axes(directions, [3, 2, 1, 2, 4])
     assert np.abs(found.T @ turn).max(0) == pytest.approx(1.0)
     assert np.linalg.det(found) == pytest.approx(1.0)
-    assert (shared_axes([(0, 0, 1), (1, 0, 0), *turn.T], [3, 2, 1, 1, 1]) == np.eye(3)).all()
-    assert np.abs(shared_axes([turn[:, 2]], [1.0]).T @ turn[:, 2]).max() == pytest.approx(1.0)
-    assert (shared_axes([], []) == np.eye(3)).all()
+    assert (find_shared_axes([(0, 0, 1), (1, 0, 0), *turn.T], [3, 2, 1, 1, 1]) == np.eye(3)).all()
+    assert np.abs(find_shared_axes([turn[:, 2]], [1.0]).T @ turn[:, 2]).max() == pytest.approx(1.0)
+    assert (find_shared_axes([], []) == np.eye(3)).all()
 
 
 def test_the_axis_of_a_turned_part_is_the_clearest_of_directions():

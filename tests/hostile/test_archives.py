@@ -16,9 +16,9 @@ import torch
 import trimesh
 
 from imdim.data.npz import SampleError, read_sample
-from imdim.geometry.archives import ArchiveError, opened_archive, read_arrays
-from imdim.geometry.cloud import InputError, load_target
 from imdim.learn.checkpoint import CheckpointError, load_policy, load_state, load_stump
+from imdim.target.archives import ArchiveError, open_archive, read_arrays
+from imdim.target.target import InputError, load_target
 
 MODEL = (
     '<?xml version="1.0"?>{doctype}<model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">'
@@ -88,7 +88,7 @@ def test_odd_packing_is_refused(tmp_path):
 
 def test_a_name_that_is_accepted_stays_inside(tmp_path):
     for name in ("a", "a/b.npy", "..a", "a..b/c", "3D/3dmodel.model"):
-        with opened_archive(io.BytesIO(packed({name: b"x"}))) as archive:
+        with open_archive(io.BytesIO(packed({name: b"x"}))) as archive:
             for info in archive.infolist():
                 assert (tmp_path / info.filename).resolve().is_relative_to(tmp_path.resolve())
 
@@ -234,5 +234,5 @@ def test_a_member_that_lies_about_its_size_is_refused():
     content = bytearray(packed({"points.npy": npy("(20, 3)")}))
     at = content.rindex(b"PK\x01\x02")
     content[at + 24 : at + 28] = struct.pack("<I", 100)
-    with opened_archive(io.BytesIO(bytes(content))) as archive, pytest.raises(ArchiveError, match="points"):
+    with open_archive(io.BytesIO(bytes(content))) as archive, pytest.raises(ArchiveError, match="points"):
         read_arrays(archive)

@@ -16,9 +16,9 @@ import trimesh
 from imdim.app.batch.run import main as batch
 from imdim.app.cli import main as imdim
 from imdim.app.fit import fit
-from imdim.config import Settings
 from imdim.program import codec
 from imdim.program.tree import Combine, Primitive
+from imdim.reconstruction.config import Settings
 
 ROOT = Path(__file__).parents[2]
 PART = Combine("difference", Primitive("box", (4.0, 2.0, 1.0)), Primitive("cylinder", (0.5, 2.0)))

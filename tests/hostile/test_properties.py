@@ -15,14 +15,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from imdim.app import edit
-from imdim.config import ConfigError, from_arguments
 from imdim.export.openscad_reader import read_openscad
-from imdim.geometry.archives import ArchiveError, read_array
-from imdim.geometry.cloud import InputError, load_target
-from imdim.geometry.pcd import _lzf
-from imdim.geometry.readers import FORMATS, read
 from imdim.program import codec
 from imdim.program.tree import OPS, SIZE_NAMES, Combine, Primitive, Program, combine_all, fold, leaves
+from imdim.reconstruction.config import ConfigError, from_arguments
+from imdim.target.archives import ArchiveError, read_array
+from imdim.target.pcd import _lzf
+from imdim.target.readers import FORMATS, read
+from imdim.target.target import InputError, load_target
 
 SHARED = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
 NUMBER = st.floats(allow_nan=False, allow_infinity=False)

@@ -10,10 +10,10 @@ import torch
 
 from imdim.data.solids import from_sequences
 from imdim.data.synthesize import SynthesisConfig, synthesize
-from imdim.learn.base import BaseConfig, BasePolicy
 from imdim.learn.checkpoint import save_policy
-from imdim.learn.measure import errors_by_kind, exact_structure, moves, summary, written_programs
+from imdim.learn.measure import errors_by_kind, exact_structure, moves, summary, to_programs
 from imdim.learn.policy import Move
+from imdim.learn.policy_net import BaseConfig, BasePolicy
 from imdim.program.state import ADD_BOX, ADD_CYLINDER, ADD_SPHERE, END
 from imdim.program.tree import Primitive
 
@@ -38,7 +38,7 @@ def test_iou_counts_failures_and_is_exact():
 def test_the_box_of_a_ball_is_worth_pi_sixths():
     u = torch.randn(1, 20_000, 3, generator=torch.Generator().manual_seed(0))
     ball = torch.nn.functional.normalize(u, dim=-1) * 0.5
-    found = written_programs(bounding_boxes(ball))[0]
+    found = to_programs(bounding_boxes(ball))[0]
     assert exact_iou(found, Primitive("sphere", (0.5,))) == pytest.approx(math.pi / 6, abs=0.01)
 
 

@@ -12,17 +12,17 @@ from imdim.data.canonical import canonical_primitives
 from imdim.data.families import FAMILIES
 from imdim.data.solids import PAD, Solids, from_sequences
 from imdim.data.surfaces import surface_clouds
-from imdim.data.synthesize import SynthesisConfig, sampled_iou, synthesize
-from imdim.learn.base import BaseConfig, BasePolicy
+from imdim.data.synthesize import SynthesisConfig, estimate_iou, synthesize
 from imdim.learn.beam import beam_search, costs_of
 from imdim.learn.codes import ENDS, FIRST, FREE, NUMBERS, PLACES, STEPS, Choices, decode, encode, ruler, to_bins
-from imdim.learn.decode import DecodeConfig, applied, empty
+from imdim.learn.decode import DecodeConfig, apply_move, empty
 from imdim.learn.decode import decode as write
 from imdim.learn.draft import Draft
-from imdim.learn.policy import VOCAB, Move, drawn, legal, supervised
-from imdim.learn.profile import histograms, look, signed_level, voxel_moments, voxel_of
+from imdim.learn.policy import VOCAB, Move, draw_index, legal, mask_supervised
+from imdim.learn.policy_net import BaseConfig, BasePolicy
+from imdim.learn.profile import fold_levels, histograms, look, voxel_moments, voxel_of
 from imdim.learn.rotations import ROTATION_CODES
-from imdim.learn.seed import ModelComponents, SeedConfig, SeedPolicy, build_cad_model, forward_params_only, seed_losses
+from imdim.learn.seed_policy import ModelComponents, SeedConfig, SeedPolicy, build_cad_model, forward_params_only, seed_losses
 from imdim.program.state import ADD_BOX, ADD_SPHERE, END, UNDO_LAST, ShapeState
 
 SMALL = BaseConfig(d_model=32, encoder_layers=1, decoder_layers=1, heads=2, gt_points=128, cur_points=64, point_width=16)
@@ -100,7 +100,7 @@ def test_seed_losses_are_the_designs_and_padding_is_masked():
 
 def test_steps_that_are_taken_back_are_not_learned():
     tokens = torch.tensor([[int(ADD_BOX), int(ADD_SPHERE), int(UNDO_LAST), int(END), PAD]])
-    assert supervised(tokens).tolist() == [[True, False, True, True, False]]
+    assert mask_supervised(tokens).tolist() == [[True, False, True, True, False]]
 
 
 def test_base_ignores_what_comes_after_the_prefix(batch):
@@ -131,10 +131,10 @@ def test_base_slots_see_only_the_slots_before(batch):
     view = policy._view(batch.gt_points, batch.cur_points, written(batch))
     a, b = blank(8), blank(8)
     b.choices.places[:, 4:] = FIRST + 7  # z low and z high
-    before, after = policy._hidden(view, a, 18), policy._hidden(view, b, 18)
+    before, after = policy._encode_slots(view, a, 18), policy._encode_slots(view, b, 18)
     assert torch.allclose(before[:, :8], after[:, :8])  # token, sign, turn, x and y ends, z low: it does not see itself
     assert not torch.allclose(before[:, 8], after[:, 8])
-    assert torch.allclose(policy._hidden(view, a, 5), before[:, :5], atol=1e-5)
+    assert torch.allclose(policy._encode_slots(view, a, 5), before[:, :5], atol=1e-5)
 
 
 def test_log_p_of_a_draw_is_that_of_teacher_forcing(batch):
@@ -170,11 +170,11 @@ def test_choices_return_the_solid(family):
     low, edges = ruler(data.gt_points)
     parts = []
     for step in range(truth.kinds.shape[1]):
-        one = truth.taken(torch.full((24, 1), step))
+        one = truth.take(torch.full((24, 1), step))
         parts.append(decode(one.kinds[:, 0].clamp_min(0), one.positive[:, 0], encode(one, low, edges), low, edges))
     again = type(truth)(*(torch.cat([getattr(p, f) for p in parts], 1) for f in type(truth).__dataclass_fields__))
     again = type(truth)(torch.where(truth.present, again.kinds, -1), again.positive, again.centers, again.sizes, again.rotations)
-    iou = sampled_iou(again, truth, 8000, generator())
+    iou = estimate_iou(again, truth, 8000, generator())
     assert float(iou.median()) > 0.999
     assert float((iou > 0.97).float().mean()) > 0.9, iou
 
@@ -215,7 +215,7 @@ def test_a_look_tells_what_is_explained_from_what_is_not():
     profile = histograms(clouds, 2)
     assert profile.shape == (1, STEPS + 1, 7)
     assert float(profile[0, -1, 0]) > float(profile[0, -2, 0])  # the peg's top is fuller than its side
-    assert torch.allclose(signed_level(plate, points)[0, ~peg], torch.zeros(int((~peg).sum())), atol=1e-4)
+    assert torch.allclose(fold_levels(plate, points)[0, ~peg], torch.zeros(int((~peg).sum())), atol=1e-4)
 
 
 def test_voxel_moments_are_those_of_numpy():
@@ -277,7 +277,7 @@ def test_regression_minimises_the_squared_error_of_what_it_writes(batch):
     head = policy.regression.requires_grad_(False)
     torch.nn.init.zeros_(head.weight)
     head.bias.data = truth.values()[0]
-    hidden, used = torch.zeros(1, ENDS + NUMBERS, 32), truth.used_bins(torch.tensor([0]))
+    hidden, used = torch.zeros(1, ENDS + NUMBERS, 32), truth.mask_used_bins(torch.tensor([0]))
     assert used.all()
     assert float(head.errors(hidden, truth, used)) == pytest.approx(0.0, abs=1e-9)
     ends = torch.stack([torch.stack(head.place(hidden[:, 0], i)).float()[:, 0] for i in range(ENDS)], 1)
@@ -297,7 +297,7 @@ def test_rotation_codes_come_back(code):
     part = canonical_primitives(Solids(kinds[:, None], torch.ones(200, 1, dtype=torch.bool), zeros, sizes, turned))
     low, edges = torch.full((200, 3), -0.5), torch.ones(200, 3)
     choices = encode(part, low, edges, code)
-    used = choices.used_bins(kinds, code)
+    used = choices.mask_used_bins(kinds, code)
     bins = torch.where(used, choices.bins, 0)
     if code == "columns":
         implied = to_bins(ROTATION_CODES[code].implied(choices.values()[:, ENDS : ENDS + 3]))[0]
@@ -327,18 +327,18 @@ def test_masks_are_those_of_the_state_machine():
 
 def test_draws_follow_their_distribution():
     p = torch.tensor([0.5, 0.3, 0.2, 0.0])
-    index, log_p = drawn(p.log().expand(20_000, 4), generator())
+    index, log_p = draw_index(p.log().expand(20_000, 4), generator())
     share = torch.bincount(index, minlength=4) / 20_000
     assert torch.allclose(share, p, atol=4 * 0.5 / math.sqrt(20_000))
     assert torch.allclose(log_p.exp(), p[index])
-    assert int(drawn(p.log()[None], None)[0]) == 0
+    assert int(draw_index(p.log()[None], None)[0]) == 0
 
 
 def test_undo_and_end_move_the_batch_as_the_state_machine_does():
     solids, done = empty(3, 4), torch.zeros(3, dtype=torch.bool)
     for tokens in ((0, 0, 0), (1, 3, 4), (3, 0, 0)):
         move = Move(torch.tensor(tokens), from_sequences(torch.tensor(tokens).clamp_max(2)[:, None], torch.ones(3, 1, 10)), torch.zeros(3))
-        solids = applied(solids, move, done)
+        solids = apply_move(solids, move, done)
         done = done | (move.tokens == 4)
     assert solids.lengths.tolist() == [1, 1, 1]
     assert solids.kinds[:, 0].tolist() == [0, 0, 0]
@@ -387,4 +387,4 @@ def test_base_learns_a_few_programs_by_heart():
     policy.eval()
     truth = from_sequences(data.gt_tokens[:2], data.gt_params[:2])
     found = write(policy, data.gt_points[:2], DecodeConfig(cur_points=64, max_primitives=3), generator(5))
-    assert (sampled_iou(found, truth, 4000, generator()) > 0.9).all()
+    assert (estimate_iou(found, truth, 4000, generator()) > 0.9).all()

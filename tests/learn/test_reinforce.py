@@ -9,13 +9,13 @@ import torch
 from imdim.app.reinforce import main
 from imdim.data.folder import chunk_generator
 from imdim.data.solids import from_sequences
-from imdim.data.synthesize import SynthesisConfig, sampled_iou, synthesize
-from imdim.learn.base import BaseConfig, BasePolicy
+from imdim.data.synthesize import SynthesisConfig, estimate_iou, synthesize
 from imdim.learn.checkpoint import load_policy, load_state, save_policy
-from imdim.learn.decode import DecodeConfig, applied, steps
-from imdim.learn.reinforce import TARGETS, ReinforceConfig, clipped, reinforce
+from imdim.learn.decode import DecodeConfig, apply_move, steps
+from imdim.learn.policy_net import BaseConfig, BasePolicy
+from imdim.learn.reinforce import TARGETS, ReinforceConfig, clip_objective, reinforce
 from imdim.learn.rollouts import CREDIT, RewardConfig, advantages, branches, whole_programs
-from imdim.learn.seed import SeedConfig, SeedPolicy
+from imdim.learn.seed_policy import SeedConfig, SeedPolicy
 from imdim.program.state import ADD_BOX, ADD_CYLINDER, ADD_SPHERE
 
 DATA = SynthesisConfig(
@@ -43,7 +43,7 @@ def test_advantages_compare_siblings_alone():
 def test_the_objective_is_clipped_where_a_step_would_go_too_far():
     ratio = torch.tensor([1.0, 1.5, 0.5, 1.5, 0.5])
     gain = torch.tensor([2.0, 2.0, 2.0, -2.0, -2.0])
-    assert clipped(ratio.log(), gain, 0.2).tolist() == pytest.approx([-2.0, -2.4, -1.0, 3.0, 1.6])
+    assert clip_objective(ratio.log(), gain, 0.2).tolist() == pytest.approx([-2.0, -2.4, -1.0, 3.0, 1.6])
 
 
 @pytest.mark.parametrize("policy", [SeedPolicy(TINY, 7), BasePolicy(BASE, 7)], ids=["seed", "base"])
@@ -91,7 +91,7 @@ def test_the_reward_rises_to_what_is_best(tmp_path):
     for kind in (ADD_BOX, ADD_SPHERE, ADD_CYLINDER):
         one = torch.tensor([0, 0, 0, 0.5, 0.5, 0.4, 0, 0, 0, 1.0]).expand(64, 1, 10)
         found = from_sequences(torch.full((64, 1), int(kind)), one)
-        worth.append(float(sampled_iou(found, truth, 2048, torch.Generator().manual_seed(0)).mean()) - 2 * config.price)
+        worth.append(float(estimate_iou(found, truth, 2048, torch.Generator().manual_seed(0)).mean()) - 2 * config.price)
     assert last.val["reward"] == pytest.approx(max(worth), abs=0.02)
 
 
@@ -117,8 +117,8 @@ def test_moves_from_one_state_are_worth_the_solids_they_lead_to(make):
         row = int((targets.gt_points[:, 0] == here.gt_points[:, 0]).all(1).nonzero()[0])
         worth = []
         for way in range(4):
-            after = applied(here.written, here.move.of(torch.tensor([way])), torch.zeros(1, dtype=torch.bool))
-            worth.append(float(sampled_iou(after, truth[row : row + 1], 40_000, torch.Generator().manual_seed(way))))
+            after = apply_move(here.written, here.move.of(torch.tensor([way])), torch.zeros(1, dtype=torch.bool))
+            worth.append(float(estimate_iou(after, truth[row : row + 1], 40_000, torch.Generator().manual_seed(way))))
         best = worth[int(here.advantage.argmax())]
         assert best == pytest.approx(max(worth), abs=0.05)
     assert 0 <= facts["reward"] <= 1
@@ -130,7 +130,7 @@ def test_siblings_share_their_points():
     params[0, 0] = torch.tensor([0, 0, 0, 0.4, 0.4, 0.4, 0, 0, 0, 1.0])
     ball = from_sequences(torch.tensor([[int(ADD_SPHERE), -1]]), params)[torch.zeros(8, dtype=torch.long)]
     box = from_sequences(torch.tensor([[int(ADD_BOX), -1]]), params)[torch.zeros(8, dtype=torch.long)]
-    alike, alone = (sampled_iou(ball, box, 500, torch.Generator().manual_seed(0), n) for n in (4, 1))
+    alike, alone = (estimate_iou(ball, box, 500, torch.Generator().manual_seed(0), n) for n in (4, 1))
     assert torch.equal(alike[:4], alike[:1].expand(4))
     assert alike[0] != alike[4]
     assert len(alone.unique()) > 4

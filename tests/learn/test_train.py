@@ -15,12 +15,12 @@ from imdim.data.folder import FolderConfig, make_folder
 from imdim.data.npz import SampleError
 from imdim.data.solids import from_sequences
 from imdim.data.synthesize import SynthesisConfig, synthesize
-from imdim.learn.base import BaseConfig
 from imdim.learn.checkpoint import CheckpointError, load_policy, load_state, save_policy, save_state
 from imdim.learn.optimise import NotFinite, Optimiser
 from imdim.learn.policy import Move, Policy
-from imdim.learn.schedule import Plan, learning_rate, planned, shortened
-from imdim.learn.seed import SeedConfig
+from imdim.learn.policy_net import BaseConfig
+from imdim.learn.schedule import Plan, learning_rate, plan_steps, shorten_plan
+from imdim.learn.seed_policy import SeedConfig
 from imdim.learn.settings import TrainConfig, build
 from imdim.learn.train import train
 from imdim.learn.validation import Validation
@@ -131,7 +131,7 @@ def test_a_run_that_is_over_goes_on_as_if_it_had_been_meant_to_be_longer(tmp_pat
 
 
 def test_the_rate_warms_up_stays_and_falls_like_one_minus_root():
-    plan = planned(100, 0.2)
+    plan = plan_steps(100, 0.2)
     assert plan == Plan(80, 100)
     rates = [learning_rate(2.0, 10, plan, step) for step in range(100)]
     assert rates[:10] == pytest.approx([0.2 * (i + 1) for i in range(10)])
@@ -139,16 +139,16 @@ def test_the_rate_warms_up_stays_and_falls_like_one_minus_root():
     assert rates[80:] == pytest.approx([2.0 * (1 - math.sqrt(i / 21)) for i in range(1, 21)])
     assert learning_rate(2.0, 0, Plan(5, 5), 4) == 2.0
     with pytest.raises(ValueError, match=r"0 to 1, got 1.5"):
-        planned(100, 1.5)
+        plan_steps(100, 1.5)
 
 
 def test_a_fall_is_brought_forward_once_it_has_to_begin():
     plan = Plan(800, 1000)
-    assert shortened(plan, 80, 80, 79.9, 100.0, 0.2) == plan
-    assert shortened(plan, 80, 80, 80.0, 100.0, 0.2) == Plan(80, 100)
-    assert shortened(plan, 580, 80, 80.0, 100.0, 0.2) == Plan(580, 600)  # a resumed run counts its own steps
-    assert shortened(Plan(80, 100), 90, 90, 99.0, 100.0, 0.2) == Plan(80, 100)  # under way
-    assert shortened(plan, 0, 0, 1.0, 1e-9, 0.2) == Plan(0, 1)
+    assert shorten_plan(plan, 80, 80, 79.9, 100.0, 0.2) == plan
+    assert shorten_plan(plan, 80, 80, 80.0, 100.0, 0.2) == Plan(80, 100)
+    assert shorten_plan(plan, 580, 80, 80.0, 100.0, 0.2) == Plan(580, 600)  # a resumed run counts its own steps
+    assert shorten_plan(Plan(80, 100), 90, 90, 99.0, 100.0, 0.2) == Plan(80, 100)  # under way
+    assert shorten_plan(plan, 0, 0, 1.0, 1e-9, 0.2) == Plan(0, 1)
 
 
 def test_the_average_is_the_moving_one(tmp_path):
@@ -259,7 +259,7 @@ class Oracle(Policy):
 
 
 def test_a_loss_that_is_not_finite_stops_with_step_and_batch(tmp_path, monkeypatch):
-    from imdim.learn.base import BasePolicy
+    from imdim.learn.policy_net import BasePolicy
 
     honest = BasePolicy.losses
     calls = []

@@ -9,7 +9,7 @@ from scripts.make_schema import schema
 
 from imdim.program.codec import constraints_of, dumps, from_json, loads, parse, to_json
 from imdim.program.constraints import RULES, Constraint, ConstraintError, Ref, check_all, read_ref
-from imdim.program.roles import labels, named
+from imdim.program.roles import labels, name_constraints
 from imdim.program.tree import Combine, Primitive, combine_all, leaves
 
 PLATE = Primitive("box", (80.0, 50.0, 6.0))
@@ -118,7 +118,7 @@ def test_a_feature_is_one_of_ours(text):
 
 def test_names_say_what_parts_are_for():
     assert labels(PROGRAM, GOOD) == ["plate", "hole", "hole", "hole", "hole"]
-    found = named([replace(c, name="") for c in GOOD], PROGRAM)
+    found = name_constraints([replace(c, name="") for c in GOOD], PROGRAM)
     assert found[2].name == "hole_radius"
     assert len({c.name for c in found}) == len(found)
     turned = Combine("union", Primitive("cylinder", (2.0, 9.0)), Primitive("cylinder", (4.0, 1.0)))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from program_samples import cloud, inside, random_primitive, random_program
 
-from imdim.program.paths import at, leaf_paths, nodes, polarity, replaced, without
+from imdim.program.paths import at, leaf_paths, nodes, polarity, replace_at, without
 from imdim.program.tree import Combine, Program, leaves
 
 POINTS = cloud(np.random.default_rng(9), 800)
@@ -28,7 +28,7 @@ def test_a_replacement_is_at_its_place_and_nothing_else_changes():
     new = random_primitive(np.random.default_rng(5))
     for program in programs():
         for path, _ in nodes(program):
-            changed = replaced(program, path, new)
+            changed = replace_at(program, path, new)
             assert at(changed, path) is new
             others = [p for p, _ in nodes(program) if p[: len(path)] != path and path[: len(p)] != p]
             assert all(at(changed, p) is at(program, p) for p in others)
@@ -59,7 +59,7 @@ def test_a_node_of_positive_polarity_only_fills():
     for program in programs():
         before = inside(program, POINTS)
         for path, node in nodes(program):
-            grown = inside(replaced(program, path, Combine("union", node, random_primitive(rng))), POINTS)
+            grown = inside(replace_at(program, path, Combine("union", node, random_primitive(rng))), POINTS)
             assert not (before & ~grown).any() if polarity(program, path) > 0 else not (grown & ~before).any()
 
 
@@ -68,4 +68,4 @@ def test_a_path_beyond_a_leaf_is_refused():
     with pytest.raises(ValueError, match="leaves the tree"):
         at(leaf, (0,))
     with pytest.raises(ValueError, match="leaves the tree"):
-        replaced(leaf, (1,), leaf)
+        replace_at(leaf, (1,), leaf)

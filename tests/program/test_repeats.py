@@ -12,12 +12,12 @@ from scripts.make_schema import schema
 from tests.planted import box, common, cone, cut, cylinder, sphere, union
 
 from imdim.geometry.solid import to_manifold, volume_iou
-from imdim.program.alike import node_of
-from imdim.program.codec import dumps, folded_of, from_json, loads, parse, to_json
-from imdim.program.folding import extent, fold_repeats
-from imdim.program.layers import layered
-from imdim.program.motions import mirror, moved, step, turn
-from imdim.program.repeats import Group, Repeat, expand, instances, repeats, size, with_leaves, written
+from imdim.program.codec import dumps, from_json, loads, parse, read_folded, to_json
+from imdim.program.motions import mirror, move_program, step, turn
+from imdim.program.patterns.congruence import node_of
+from imdim.program.patterns.detect import extent, fold_repeats
+from imdim.program.repeats import Group, Repeat, count_written, expand, instances, repeats, size, with_leaves
+from imdim.program.rewrite.alternating_form import to_layers
 from imdim.program.tree import Combine, Primitive, leaves
 
 VALIDATOR = jsonschema.Draft202012Validator(schema())
@@ -34,7 +34,7 @@ def shuffled(parts: list, seed: int) -> list:
 
 
 def at(part, *places) -> list:
-    return [moved(part, step(place)) for place in places]
+    return [move_program(part, step(place)) for place in places]
 
 
 def grid(part, n: int, m: int, dx: float, dy: float, x: float = 0.0, y: float = 0.0) -> list:
@@ -42,7 +42,7 @@ def grid(part, n: int, m: int, dx: float, dy: float, x: float = 0.0, y: float = 
 
 
 def around(part, n: int, degrees: float | None = None, point=(0.0, 0.0, 0.0), axis=(0.0, 0.0, 1.0)) -> list:
-    return [moved(part, turn(point, axis, i * (degrees or 360 / n))) for i in range(n)]
+    return [move_program(part, turn(point, axis, i * (degrees or 360 / n))) for i in range(n)]
 
 
 BOSS = cut(cylinder(6, 10, (40, 0, 5)), cylinder(3, 12, (40, 0, 5)), box(2, 20, 2, (40, 0, 9)))
@@ -62,7 +62,7 @@ CASES = {
         3,
     ),
     "mirror": (
-        union(box(40, 30, 10), BOSS, moved(BOSS, mirror((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)))),
+        union(box(40, 30, 10), BOSS, move_program(BOSS, mirror((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)))),
         [("mirror", (2,))],
         4,
     ),
@@ -118,12 +118,12 @@ def test_patterns_come_out_whatever_the_order_and_the_pose(name: str, pose: int)
         program = {"difference": cut, "union": union, "intersection": common}[node.op](*operands)
         axis = np.random.default_rng(pose).normal(size=3)
         motion = turn((1.0, 2.0, 3.0), tuple((axis / np.linalg.norm(axis)).tolist()), 37.0 * pose)
-        program = moved(program, motion) if pose == 1 else program
+        program = move_program(program, motion) if pose == 1 else program
     found = fold_repeats(program)
     assert found is not None
     kinds = [(r.kind, r.counts if kind[1] != 12 else r.number) for (_, r), kind in zip(repeats(found.folded), expected, strict=True)]
     assert kinds == expected
-    assert written(found.folded) == left
+    assert count_written(found.folded) == left
     assert same_solid(found.program, program)
     assert sorted(found.order) == list(range(len(node.leaves)))
     old, new = list(leaves(program)), list(leaves(found.program))
@@ -153,17 +153,17 @@ def test_random_patterns_in_random_places(seed: int):
     program = expand(Group("union", (*others, planted)))
     found = fold_repeats(program)
     assert found is not None
-    assert written(found.folded) <= written(planted) + 2
+    assert count_written(found.folded) <= count_written(planted) + 2
     assert same_solid(found.program, program)
     document = json.loads(dumps(found.program, None, (), found.folded))
     VALIDATOR.validate(document)
     assert from_json(document) == found.program
-    assert folded_of(document) == found.folded
+    assert read_folded(document) == found.folded
 
 
 def node_folded(program):
     """The plain folded form, by the codec."""
-    return folded_of(to_json(program))
+    return read_folded(to_json(program))
 
 
 NOT_THERE = {
@@ -212,7 +212,7 @@ def test_layers_keep_the_solid(seed: int, late: bool):
     for _ in range(10):
         leaf = Primitive("sphere", (float(rng.uniform(0.3, 1.5)),), tuple(rng.uniform(-3, 3, 3).tolist()))
         program = Combine(("union", "difference")[int(rng.integers(2))], program, leaf)
-    node = layered(node_of(program), late)
+    node = to_layers(node_of(program), late)
     again = as_program(node)
     points = rng.uniform(-5, 5, (4000, 3))
     assert np.array_equal(inside(again, points), inside(program, points))
@@ -231,7 +231,7 @@ def test_a_moved_program_is_inside_where_its_points_go(motion, seed: int):
     program = random_program(np.random.default_rng(seed), 4)
     points = cloud(np.random.default_rng(seed))
     there = points @ np.array(motion.linear).T + motion.shift
-    assert (inside(moved(program, motion), there) == inside(program, points)).mean() > 0.999
+    assert (inside(move_program(program, motion), there) == inside(program, points)).mean() > 0.999
 
 
 def test_instances_say_what_each_leaf_is_a_copy_of():
@@ -263,7 +263,7 @@ def test_a_repeat_reads_as_its_copies():
     assert '"version": 3' in text
     assert loads(text) == found.program
     again = parse(text)
-    assert dumps(from_json(again), None, (), folded_of(again)) == text
+    assert dumps(from_json(again), None, (), read_folded(again)) == text
 
 
 def test_copies_may_be_intersected():
@@ -275,7 +275,7 @@ def test_copies_may_be_intersected():
     text = dumps(found.program, None, (), found.folded)
     assert '"join": "intersection"' in text
     VALIDATOR.validate(parse(text))
-    assert folded_of(parse(text)) == found.folded
+    assert read_folded(parse(text)) == found.folded
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from program_samples import left_fold
 from tests.planted import box, common, cone, cut, cylinder, sphere, union
 
 from imdim.program.cost import count
-from imdim.program.sequence import Step, flattened, map_terms, of_primitives, to_program, to_sequence, with_leaves
+from imdim.program.sequence import Step, flatten, map_terms, of_primitives, to_program, to_sequence, with_leaves
 from imdim.program.tree import Primitive, leaves, map_leaves
 
 PARTS = box(4, 4, 4), sphere(1), cylinder(1, 9), cone(2, 1, 3)
@@ -17,7 +17,7 @@ def test_a_left_fold_comes_back_from_every_reading(seed: int):
     program = left_fold(np.random.default_rng(seed), 1 + seed)
     sequence = of_primitives(to_sequence(program))
     assert sequence is not None
-    assert sequence == to_sequence(program, apart=True) == flattened(program)
+    assert sequence == to_sequence(program, apart=True) == flatten(program)
     assert [p for _, p in sequence] == list(leaves(program))
     assert to_program(sequence) == program
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from imdim.app.arguments import from_arguments
-from imdim.config import ConfigError
 from imdim.learn.settings import TrainConfig
+from imdim.reconstruction.config import ConfigError
 
 SCRIPTS = Path(__file__).parents[2] / "scripts" / "bench"
 CONFIGS = SCRIPTS.parent / "configs"

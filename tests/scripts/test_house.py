@@ -6,7 +6,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts" / "bench"))
 
-import house  # noqa: E402
+import house
 
 MODULES = house.parse_modules(house.SOURCE)
 MOST_DOUBLED, MOST_PARTICIPLES, MOST_CONVERSIONS = 3, 10, 6

@@ -11,8 +11,8 @@ from imdim.geometry import kernels
 from imdim.geometry.solid import to_manifold
 from imdim.program.tree import Program
 from imdim.search.arrangement import Arrangement, ArrangementConfig, arrange
-from imdim.search.cells import Cells, compressed, label_samples
-from imdim.search.families import Candidate, Families
+from imdim.search.candidate_families import Candidate, Families
+from imdim.search.cells import Cells, compress_samples, label_samples
 
 
 def arrangement_of(program: Program) -> Arrangement:
@@ -28,7 +28,7 @@ def families_of(program: Program, count: int = 40_000) -> Families:
 
 def cells_of(arrangement: Arrangement, program: Program, count: int) -> Cells:
     samples = label_samples(arrangement, lambda p: kernels.inside(program, p).astype(float), count, np.random.default_rng(7))
-    return compressed(arrangement, samples)
+    return compress_samples(arrangement, samples)
 
 
 @cache

@@ -10,10 +10,10 @@ from imdim.geometry import kernels
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.cost import count
 from imdim.program.sequence import Step
-from imdim.search.cells import pooled
-from imdim.search.counterexamples import Sharpener, seen_by
-from imdim.search.families import Families
-from imdim.search.local import LocalConfig, found_of
+from imdim.search.candidate_families import Families
+from imdim.search.cells import pool_cells
+from imdim.search.counterexamples import Sharpener, transfer
+from imdim.search.lns import LocalConfig, rate_sequence
 from imdim.search.sequence import Covered, Price, error, run, to_program
 from imdim.search.structure import StructureConfig, search
 
@@ -58,7 +58,7 @@ def plain_plate(families):
     """The plate alone, as a sequence: wrong about all tabs and holes."""
     best = max(families.best(families.cells.gain, 1), key=lambda f: f[0])[1]
     assert best.source[0] == "box"
-    return found_of((Step("union", Covered.of(best, families)),), families, Price(0.0))
+    return rate_sequence((Step("union", Covered.of(best, families)),), families, Price(0.0))
 
 
 @pytest.mark.parametrize("looks", [1, 3, 6])
@@ -69,8 +69,8 @@ def test_counterexamples_are_counted_once(looks):
         families, sharpener = few_samples(seed=seed, samples=6000)
         found = plain_plate(families)
         for _ in range(looks):
-            families = sharpener.sharpened([found]) or families
-        sequence = seen_by(found.sequence, families)
+            families = sharpener.sharpen([found]) or families
+        sequence = transfer(found.sequence, families)
         estimates.append(error(sequence, families))
         plate = to_manifold(to_program(sequence, families))
         truth = to_manifold(PLATE)
@@ -81,19 +81,19 @@ def test_counterexamples_are_counted_once(looks):
 def test_a_right_sequence_has_no_counterexamples():
     whole = box(40, 24, 2)
     families, sharpener = few_samples(whole)
-    assert sharpener.sharpened([plain_plate(families)]) is None
+    assert sharpener.sharpen([plain_plate(families)]) is None
 
 
 def test_every_known_cell_stays_and_what_is_right_and_new_is_left_out():
     families, sharpener = few_samples()
     found = plain_plate(families)
-    sharper = sharpener.sharpened([found])
+    sharper = sharpener.sharpen([found])
     assert sharper is not None
-    _, place = pooled(sharper.cells, families.cells, (1.0, 1.0))
+    _, place = pool_cells(sharper.cells, families.cells, (1.0, 1.0))
     old = place[len(sharper.cells.points) :]
     assert set(old) <= set(place[: len(sharper.cells.points)])
     new = ~np.isin(place[: len(sharper.cells.points)], old)
-    filled = run(seen_by(found.sequence, sharper), len(sharper.cells.points))
+    filled = run(transfer(found.sequence, sharper), len(sharper.cells.points))
     wrong = np.where(filled, sharper.cells.w_out, sharper.cells.w_in) > 0
     assert new.any()
     assert wrong[new].all()
@@ -104,7 +104,7 @@ def test_pooled_cells_keep_their_codes_and_sum_their_volumes():
     program = common(cylinder(5, 30), box(20, 20, 8))
     arrangement = arrangement_of(program)
     a, b = cells_of(arrangement, program, 500), cells_of(arrangement, program, 900)
-    both, place = pooled(a, b, (0.25, 0.75))
+    both, place = pool_cells(a, b, (0.25, 0.75))
     assert both.volume == pytest.approx(0.25 * a.volume + 0.75 * b.volume)
     assert np.array_equal(both.slabs[place], np.concatenate([a.slabs, b.slabs]))
     assert np.array_equal(both.inside[place], np.concatenate([a.inside, b.inside]))

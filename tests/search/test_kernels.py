@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.search.planted_families import planted, random_candidates
 
-from imdim.search.families import Candidate
-from imdim.search.kernels import axial_best, best_interval, box_best, merged_slabs
+from imdim.search.candidate_families import Candidate
+from imdim.search.kernels import axial_best, best_interval, box_best, merge_slabs
 
 
 def slow_interval(sums: np.ndarray) -> float:
@@ -93,7 +93,7 @@ def test_merged_slabs_keep_the_best_box(share):
     for _ in range(20):
         grid = rng.normal(size=rng.integers(2, 9, 3)) - 1.0
         grid[rng.random(grid.shape) < share] += 3.0
-        smaller, *first = merged_slabs(grid)
+        smaller, *first = merge_slabs(grid)
         assert smaller.sum() == pytest.approx(grid.sum())
         assert all(f[0] == 0 and f[-1] == n and (np.diff(f) > 0).all() for f, n in zip(first, grid.shape, strict=True))
         best = every_sum(grid)

@@ -7,7 +7,7 @@ from tests.search.planted_families import planted, random_candidates
 
 from imdim.geometry import kernels
 from imdim.program.sequence import Step
-from imdim.search.families import Candidate, Families
+from imdim.search.candidate_families import Candidate, Families
 from imdim.search.sequence import (
     Covered,
     Insertion,

@@ -11,10 +11,10 @@ from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.cost import count
 from imdim.program.sequence import Step
 from imdim.program.tree import leaves
-from imdim.search.families import Candidate
+from imdim.search.candidate_families import Candidate
+from imdim.search.minimal_ranges import tidy
 from imdim.search.sequence import Covered, cost, run, to_program
 from imdim.search.structure import StructureConfig, search
-from imdim.search.tidy import tidy
 
 
 def searched(name: str, seed: int = 0):

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from imdim.config import ConfigError, first_line, merge, one_line
+from imdim.reconstruction.config import ConfigError, first_line, merge, one_line
 
 T = TypeVar("T")
 

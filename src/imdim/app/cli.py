@@ -28,7 +28,7 @@ def fit_parser() -> argparse.ArgumentParser:
     parser.add_argument("-o", "--output", required=True, metavar="FOLDER", help="where the results go")
     parser.add_argument("--budget", type=float, metavar="SECONDS", help="time for the search (default 60)")
     parser.add_argument("--seed", type=int, help="the same seed gives the same program (default 0)")
-    parser.add_argument("settings", nargs="*", metavar="key=value", help="any further setting of imdim.config.Settings")
+    parser.add_argument("settings", nargs="*", metavar="key=value", help="any further setting of imdim.reconstruction.config.Settings")
     return parser
 
 
@@ -36,7 +36,7 @@ def _fit(argv: Sequence[str]) -> int:
     # intermixed: `imdim fit part.stl -o out size_weight=0.001` has a positional after an option
     given = fit_parser().parse_intermixed_args(argv)
     from imdim.app.fit import main as run
-    from imdim.config import from_arguments
+    from imdim.reconstruction.config import from_arguments
 
     typed = {"input": given.input, "output": given.output, "budget_s": given.budget, "seed": given.seed}
     return run(lambda: from_arguments(given.settings, **{k: v for k, v in typed.items() if v is not None}))

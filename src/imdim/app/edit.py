@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from imdim.config import ConfigError, one_line
+from imdim.reconstruction.config import ConfigError, one_line
 
 if TYPE_CHECKING:
     from imdim.export.delivered import Delivered
@@ -35,37 +35,37 @@ def main(argv: Sequence[str]) -> int:
     try:
         source, folder = Path(given.input), given.output
         if given.list:
-            sys.stdout.write(listed(source))
+            sys.stdout.write(list_names(source))
         elif not given.set or folder is None:
             raise ConfigError("imdim edit needs --set NAME=VALUE and -o FOLDER, or --list")
         else:
-            sys.stdout.write(edited(source, _assignments(given.set), Path(folder), given.step))
+            sys.stdout.write(edit_program(source, _assignments(given.set), Path(folder), given.step))
     except ConfigError as error:
         sys.stderr.write(f"imdim: {error}\n")
         return 2
     return 0
 
 
-def listed(source: Path) -> str:
+def list_names(source: Path) -> str:
     """The table of names. Raises ConfigError."""
     from imdim.export.meanings import meanings
 
-    delivered = _opened(source)
+    delivered = _open(source)
     values = {**delivered.values, **delivered.counts}
     rows = [(name, f"{values[name]:.9g}", meaning) for name, meaning in meanings(delivered).items()]
     names, values = (max((len(row[i]) for row in rows), default=0) for i in (0, 1))
     return "".join(f"{name:<{names}}  {value:>{values}}  {meaning}\n" for name, value, meaning in rows) or f"{source}: no names\n"
 
 
-def edited(source: Path, values: dict[str, float], folder: Path, step: bool = False) -> str:
+def edit_program(source: Path, values: dict[str, float], folder: Path, step: bool = False) -> str:
     """Write the edited files, and say what was written. Raises ConfigError, and then nothing was written."""
-    from imdim.export.edit import changed, write
+    from imdim.export.edit import change_values, write
     from imdim.export.folder import OutputError
 
     if folder.resolve() == source.resolve().parent:
         raise ConfigError(f"output folder {folder} is that of {source.name}, whose report would be lost: give another")
     try:
-        files = write(changed(_opened(source), values), folder, STEP_LIMIT_S if step else 0.0)
+        files = write(change_values(_open(source), values), folder, STEP_LIMIT_S if step else 0.0)
     except OutputError as error:
         raise ConfigError(str(error)) from error
     except ValueError as error:
@@ -73,15 +73,15 @@ def edited(source: Path, values: dict[str, float], folder: Path, step: bool = Fa
     return "".join(f"  {folder / name}{'' if state == 'written' else '  ' + state}\n" for name, state in files.items())
 
 
-def _opened(source: Path) -> Delivered:
+def _open(source: Path) -> Delivered:
     from imdim.export.delivered import TEXTS
-    from imdim.export.edit import opened
+    from imdim.export.edit import open_delivered
     from imdim.program import codec
 
     try:
         document = codec.parse(source.read_bytes())
         texts = {name: (source.parent / name).read_text(encoding="utf-8") for name in TEXTS if (source.parent / name).is_file()}
-        return opened(document, texts)
+        return open_delivered(document, texts)
     except OSError as error:
         raise ConfigError(f"{source}: {error.strerror}") from error
     except ValueError as error:

@@ -12,14 +12,14 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from imdim.app.progress import shown
-from imdim.config import ConfigError, Settings
+from imdim.app.progress import show_progress
+from imdim.reconstruction.config import ConfigError, Settings
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from imdim.geometry.cloud import Target
-    from imdim.pipeline import Snapshot
+    from imdim.reconstruction.pipeline import Snapshot
+    from imdim.target.target import Target
 
 Reconstruct = Callable[["Target", Settings, "np.random.Generator"], "Iterator[Snapshot]"]
 
@@ -48,8 +48,8 @@ def main(settings_of: Callable[[], Settings], reconstruct: Reconstruct | None = 
 
 def _fit_or_refuse(settings: Settings, reconstruct: Reconstruct | None) -> dict[str, Any]:
     """As `fit`, with every refusal a ConfigError; imports the numeric libraries, which a misspelt setting need not wait for."""
-    from imdim.deliver import OutputError
-    from imdim.geometry.cloud import InputError
+    from imdim.delivery.deliver import OutputError
+    from imdim.target.target import InputError
 
     try:
         return fit(settings, reconstruct)
@@ -68,8 +68,8 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None) -> dict[str,
             raise ConfigError(f"setting {key} is missing: give {key}=...")
     import numpy as np
 
-    from imdim.deliver import STEP_LIMIT_S, RunRecord, check_writable, deliver
-    from imdim.geometry.cloud import load_target
+    from imdim.delivery.deliver import STEP_LIMIT_S, RunRecord, check_writable, deliver
+    from imdim.target.target import load_target
 
     folder, start = Path(settings.output), time.perf_counter()
     check_writable(folder)
@@ -78,12 +78,12 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None) -> dict[str,
     for note in target.notes:
         sys.stderr.write(f"imdim: {target.name}: {note}\n")
     if reconstruct is None:
-        from imdim import pipeline
+        from imdim.reconstruction import pipeline
 
         reconstruct = pipeline.reconstruct
     left = max(settings.budget_s - stages["loading"], LEAST_S)
     snapshots = reconstruct(target, replace(settings, budget_s=left), np.random.default_rng(settings.seed))
-    last = _exhaust(shown(snapshots, left), stages)
+    last = _exhaust(show_progress(snapshots, left), stages)
     run = RunRecord(settings.input, stages, last.stop or "finished", settings.seed, asdict(settings), last.proof)
     for note in last.notes:
         sys.stderr.write(f"imdim: {note}\n")

@@ -23,10 +23,10 @@ def _panels(solids: Solids, colour: np.ndarray) -> list[np.ndarray]:
     chance = torch.Generator(solids.kinds.device).manual_seed(0)
     points, normals, count = surface_clouds(solids, POINTS, chance)
     rows = zip(points.cpu().double().numpy(), normals.cpu().double().numpy(), count.tolist(), strict=True)
-    return [drawn(p[: c or 0], n[: c or 0], colour) for p, n, c in rows]
+    return [draw_cloud(p[: c or 0], n[: c or 0], colour) for p, n, c in rows]
 
 
-def drawn(points: np.ndarray, normals: np.ndarray, colour: np.ndarray) -> np.ndarray:
+def draw_cloud(points: np.ndarray, normals: np.ndarray, colour: np.ndarray) -> np.ndarray:
     """Oriented points [n, 3] as lit discs on white, nearest on top, uint8 [PIXELS, PIXELS, 3]."""
     camera = Camera(view_axes(), np.zeros(3), 0.9 * PIXELS, PIXELS)
     # what faces away would shine through between the discs

@@ -13,11 +13,11 @@ import torch
 
 from imdim.app.arguments import from_arguments
 from imdim.app.pictures import pairs
-from imdim.config import ConfigError, first_line
 from imdim.learn.distributed import processes
 from imdim.learn.optimise import NotFinite
-from imdim.learn.settings import TrainConfig, settled
+from imdim.learn.settings import TrainConfig, fill_defaults
 from imdim.learn.train import Report, train
+from imdim.reconstruction.config import ConfigError, first_line
 
 
 def main(arguments: Sequence[str], configs: Path, say: Callable[[str], object]) -> int:
@@ -25,11 +25,11 @@ def main(arguments: Sequence[str], configs: Path, say: Callable[[str], object]) 
     rank = 0
     try:
         config = from_arguments(TrainConfig, arguments, configs, "pretrain")
-        with processes(checked_device(config.device)) as (group, device):
+        with processes(check_device(config.device)) as (group, device):
             rank = group.rank
-            config = settled(replace(config, device=device), group.count)
+            config = fill_defaults(replace(config, device=device), group.count)
             notes = {"command": "python pretrain.py " + " ".join(arguments), "commit": commit(), "hardware": hardware(config, group.count)}
-            for report in written(config.out, train(config, notes, processes=group)):
+            for report in log_reports(config.out, train(config, notes, processes=group)):
                 say(line(report))
     except (ConfigError, ValueError, OSError, NotFinite) as error:
         if rank == 0:
@@ -38,7 +38,7 @@ def main(arguments: Sequence[str], configs: Path, say: Callable[[str], object]) 
     return 0
 
 
-def written(out: str, reports: Iterable[Report]) -> Iterator[Report]:
+def log_reports(out: str, reports: Iterable[Report]) -> Iterator[Report]:
     """The same reports, each logged for tensorboard in the folder `out` as it passes; no folder is made before the first."""
     from torch.utils.tensorboard import SummaryWriter
 
@@ -50,7 +50,7 @@ def written(out: str, reports: Iterable[Report]) -> Iterator[Report]:
             yield report
 
 
-def checked_device(name: str) -> str:
+def check_device(name: str) -> str:
     """`name`, if torch can compute there. Raises ConfigError."""
     try:
         torch.zeros(1, device=name)

@@ -36,7 +36,7 @@ def describe(snapshot: Progressing, best: float) -> str:
     return f"{snapshot.stage:<12} error {best:<9.3g} {count} primitive{'' if count == 1 else 's'}"
 
 
-def shown(snapshots: Iterable[S], budget_s: float, stream: TextIO | None = None) -> Iterator[S]:
+def show_progress(snapshots: Iterable[S], budget_s: float, stream: TextIO | None = None) -> Iterator[S]:
     """The same snapshots, each shown on `stream` (stderr) as it passes."""
     out: TextIO = stream or sys.stderr
     return _live(snapshots, budget_s, out) if out.isatty() else _plain(snapshots, budget_s, out)

@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from imdim.app.arguments import from_arguments
-from imdim.app.pretrain import checked_device, commit
-from imdim.config import ConfigError
+from imdim.app.pretrain import check_device, commit
 from imdim.learn.checkpoint import load_policy
 from imdim.learn.optimise import NotFinite
 from imdim.learn.reinforce import Progress, ReinforceConfig, reinforce
+from imdim.reconstruction.config import ConfigError
 
 
 def main(arguments: Sequence[str], configs: Path, say: Callable[[str], object]) -> int:
@@ -20,7 +20,7 @@ def main(arguments: Sequence[str], configs: Path, say: Callable[[str], object]) 
 
     try:
         config = from_arguments(ReinforceConfig, arguments, configs, "reinforce")
-        policy, header = load_policy(Path(config.checkpoint), checked_device(config.device))
+        policy, header = load_policy(Path(config.checkpoint), check_device(config.device))
         notes = {**header, "reinforced_by": "python reinforce.py " + " ".join(arguments), "reinforced_commit": commit()}
         with SummaryWriter(config.out) as writer:
             for progress in reinforce(policy.requires_grad_(True), config, notes):

@@ -31,7 +31,7 @@ class AugmentConfig:
 def augment(points: Tensor, config: AugmentConfig, generator: torch.Generator) -> Tensor:
     """Clouds [b, n, 3] of diagonal 1 as a scanner might deliver them, still [b, n, 3]: lost points are replaced by repeats of others."""
     dice = Dice(generator, len(points))
-    points = _thinned(points, dice, config)
+    points = _thin(points, dice, config)
     strength = torch.where(dice.coin(config.p_noise), dice.uniform(0.0, config.noise), 0.0)
     points = points + strength[:, None, None] * dice.normal(*points.shape[1:])
     share = torch.where(dice.coin(config.p_outliers), dice.uniform(0.0, config.outliers), 0.0)
@@ -40,7 +40,7 @@ def augment(points: Tensor, config: AugmentConfig, generator: torch.Generator) -
     return torch.where((dice.uniform(0.0, 1.0, points.shape[1]) < share[:, None])[..., None], stray, points)
 
 
-def _thinned(points: Tensor, dice: Dice, config: AugmentConfig) -> Tensor:
+def _thin(points: Tensor, dice: Dice, config: AugmentConfig) -> Tensor:
     """Drop points along a random direction, by a gradient of density and beyond a plane, and repeat kept ones in their place."""
     n = points.shape[1]
     along = torch.linalg.vecdot(points, dice.rotations()[:, None, 0])

@@ -48,7 +48,7 @@ def canonical_order(solids: Solids) -> Solids:
     order = torch.arange(run.shape[1], device=run.device).expand(run.shape)
     for key in keys:
         order = order.gather(1, torch.argsort(key.gather(1, order), dim=1, stable=True))
-    return solids.taken(order)
+    return solids.take(order)
 
 
 def shortest_from_z(axis: Tensor) -> Tensor:

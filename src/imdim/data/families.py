@@ -117,7 +117,7 @@ def bracket(dice: Dice) -> Solids:
     return _solids(dice, columns)
 
 
-def turned(dice: Dice) -> Solids:
+def draw_turned_parts(dice: Dice) -> Solids:
     """Coaxial cylinders end to end, a ball or a flat at the end, an axial bore, a counterbore and a cross hole."""
     count = dice.integers(1, 5)
     z, least, columns = torch.zeros(dice.n, device=dice.generator.device), None, []
@@ -227,7 +227,7 @@ def free(dice: Dice) -> Solids:
 FAMILIES: Mapping[str, Callable[[Dice], Solids]] = {
     "plate": plate,
     "bracket": bracket,
-    "turned": turned,
+    "turned": draw_turned_parts,
     "pattern": pattern,
     "shell": shell,
     "free": free,

@@ -17,9 +17,9 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from imdim.data.solids import PAD
-from imdim.data.synthesize import Samples
-from imdim.geometry.archives import ArchiveError, opened_archive, read_member
+from imdim.data.synthesize import TrainingSamples
 from imdim.program.state import END, PARAM_COUNT, Token
+from imdim.target.archives import ArchiveError, open_archive, read_member
 
 FIELDS = ("gt_points", "cur_points", "gt_tokens", "gt_params")
 _EPOCH = (1980, 1, 1, 0, 0, 0)
@@ -67,7 +67,7 @@ def collate(items: list[dict[str, Tensor]]) -> dict[str, Tensor]:
 def read_sample(path: Path) -> dict[str, np.ndarray]:
     """The four arrays of one file. Raises SampleError that names the file and the field, OSError when it cannot be opened."""
     try:
-        with path.open("rb") as file, opened_archive(file) as archive:
+        with path.open("rb") as file, open_archive(file) as archive:
             arrays = {name: _field(path, archive, name) for name in FIELDS}
     except ArchiveError as error:
         raise SampleError(f"{path}: not an npz archive: {error}") from error
@@ -92,7 +92,7 @@ def write_sample(path: Path, sample: Mapping[str, np.ndarray]) -> None:
     os.replace(part, path)
 
 
-def split_samples(samples: Samples) -> list[dict[str, np.ndarray]]:
+def split_samples(samples: TrainingSamples) -> list[dict[str, np.ndarray]]:
     """One mapping of arrays per row, without padding; the cloud of an empty prefix has no points."""
     out = []
     for gt, current, tokens, params, steps in zip(*(t.cpu() for t in samples), strict=True):

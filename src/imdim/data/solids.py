@@ -51,7 +51,7 @@ class Solids:
         column = torch.arange(self.kinds.shape[1], device=self.kinds.device)
         return replace(self, kinds=torch.where(column < lengths[:, None], self.kinds, ABSENT))
 
-    def taken(self, order: Tensor) -> Solids:
+    def take(self, order: Tensor) -> Solids:
         """The columns `order` int64 [b, u] of each row."""
         rows = torch.arange(len(order), device=order.device)[:, None]
         return Solids(*(getattr(self, f.name)[rows, order] for f in fields(self)))
@@ -59,7 +59,7 @@ class Solids:
     def compact(self) -> Solids:
         """Present primitives first, in their order, as wide as the longest row."""
         order = torch.argsort((~self.present).to(torch.uint8), dim=1, stable=True)
-        return self.taken(order[:, : max(1, int(self.lengths.max()) if len(self.kinds) else 1)])
+        return self.take(order[:, : max(1, int(self.lengths.max()) if len(self.kinds) else 1)])
 
 
 class Sequences(NamedTuple):
@@ -71,7 +71,7 @@ class Sequences(NamedTuple):
 
 def concatenate(parts: list[Solids], width: int) -> Solids:
     """Rows of all `parts`, each padded with absent primitives to `width` columns."""
-    padded = [_padded(p, width) for p in parts]
+    padded = [_pad(p, width) for p in parts]
     return Solids(*(torch.cat([getattr(p, f.name) for p in padded]) for f in fields(Solids)))
 
 
@@ -84,7 +84,7 @@ def to_sequences(solids: Solids, steps: int | None = None) -> Sequences:
     steps = needed if steps is None else steps
     if needed > steps:
         raise ValueError(f"{needed - 1} primitives and END do not fit in {steps} steps")
-    wide = _padded(solids, steps)
+    wide = _pad(solids, steps)
     column = torch.arange(wide.kinds.shape[1], device=solids.kinds.device)
     tokens = torch.where(column == solids.lengths[:, None], int(END), torch.where(wide.present, wide.kinds, PAD))
     sign = torch.where(wide.positive, 1.0, -1.0)[..., None]
@@ -190,7 +190,7 @@ def euler_from_matrices(rotations: Tensor) -> Tensor:
     return torch.rad2deg(torch.stack([rx, ry, rz], -1))
 
 
-def _padded(solids: Solids, width: int) -> Solids:
+def _pad(solids: Solids, width: int) -> Solids:
     extra = width - solids.kinds.shape[1]
     if extra <= 0:
         return solids

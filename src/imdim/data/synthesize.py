@@ -52,7 +52,7 @@ class SynthesisConfig:
     augment: AugmentConfig = field(default_factory=AugmentConfig)
 
 
-class Samples(NamedTuple):
+class TrainingSamples(NamedTuple):
     """A batch: `gt_points` [b, n, 3], `cur_points` [b, m, 3] (zeros: the empty prefix), `gt_tokens` int64 [b, t] (END, then PAD),
     `gt_params` [b, t, 10], and `steps` int64 [b], the length of the prefix that `cur_points` shows."""
 
@@ -63,7 +63,7 @@ class Samples(NamedTuple):
     steps: Tensor
 
 
-def synthesize(n: int, config: SynthesisConfig, generator: torch.Generator) -> Samples:
+def synthesize(n: int, config: SynthesisConfig, generator: torch.Generator) -> TrainingSamples:
     """`n` samples on the generator's device, `config.n_max` + 1 steps wide, each with a random prefix.
 
     Raises ValueError for bounds that cannot be met and RuntimeError when the families do not yield programs within them.
@@ -74,28 +74,30 @@ def synthesize(n: int, config: SynthesisConfig, generator: torch.Generator) -> S
     return with_prefixes(augment(clouds[rows], config.augment, generator), tokens[rows], params[rows], config, generator)
 
 
-def with_prefixes(gt_points: Tensor, tokens: Tensor, params: Tensor, config: SynthesisConfig, generator: torch.Generator) -> Samples:
+def with_prefixes(
+    gt_points: Tensor, tokens: Tensor, params: Tensor, config: SynthesisConfig, generator: torch.Generator
+) -> TrainingSamples:
     """Samples of given targets and sequences without UNDO_LAST: a random prefix of each is rendered, some after a mistake."""
     dice = Dice(generator, len(tokens))
     steps = (dice.uniform(0.0, 1.0) * (tokens != PAD).sum(1)).long()
     if config.p_undo > 0:
-        tokens, params, steps = _mistaken(tokens, params, steps, dice.coin(config.p_undo), dice)
+        tokens, params, steps = _insert_mistakes(tokens, params, steps, dice.coin(config.p_undo), dice)
     column = torch.arange(tokens.shape[1], device=tokens.device)
     if config.p_shaken > 0:
         off = dice.coin(config.p_shaken)[:, None] & (column < steps[:, None])
-        params = torch.where(off[..., None], _shaken(params, config.shake, dice), params)
+        params = torch.where(off[..., None], _shake(params, config.shake, dice), params)
     shown = from_sequences(torch.where(column < steps[:, None], tokens, PAD), params)
-    return Samples(gt_points, surface_clouds(shown, config.cur_points, generator)[0], tokens, params, steps)
+    return TrainingSamples(gt_points, surface_clouds(shown, config.cur_points, generator)[0], tokens, params, steps)
 
 
-def _shaken(params: Tensor, size: float, dice: Dice) -> Tensor:
+def _shake(params: Tensor, size: float, dice: Dice) -> Tensor:
     """Parameters [b, t, 10] whose centres are off by `size` (standard deviation) and whose sizes by at most as much, and by a tenth."""
     noise = size * dice.normal(params.shape[1], 6)
     edges = params[..., 3:6] + torch.minimum(noise[..., 3:].abs(), 0.1 * params[..., 3:6]) * noise[..., 3:].sign()
     return torch.cat([params[..., :3] + noise[..., :3], edges, params[..., 6:]], -1)
 
 
-def _mistaken(tokens: Tensor, params: Tensor, steps: Tensor, where: Tensor, dice: Dice) -> tuple[Tensor, Tensor, Tensor]:
+def _insert_mistakes(tokens: Tensor, params: Tensor, steps: Tensor, where: Tensor, dice: Dice) -> tuple[Tensor, Tensor, Tensor]:
     """Two columns wider; in rows `where` a mistake and UNDO_LAST stand at `steps`, which counts the former.
 
     A mistake is the first primitive of the next row or, as often, the right primitive in a wrong place.
@@ -128,14 +130,14 @@ def draw_programs(n: int, config: SynthesisConfig, generator: torch.Generator) -
         found.append(drawn[: min(missing, len(drawn.kinds))])
         missing -= len(found[-1].kinds)
         if not missing:
-            solids, clouds, whole = framed(concatenate(found, MAX_PRIMITIVES).compact(), config.gt_points, generator)
+            solids, clouds, whole = frame_clouds(concatenate(found, MAX_PRIMITIVES).compact(), config.gt_points, generator)
             if whole.all():
-                return _written(solids, config), clouds
+                return _canonicalise(solids, config), clouds
             found, missing = [concatenate(found, MAX_PRIMITIVES)[whole]], int((~whole).sum())
     raise RuntimeError(f"{missing} of {n} programs of {config.n_min} to {config.n_max} primitives not found in {DRAWS} draws")
 
 
-def _written(solids: Solids, config: SynthesisConfig) -> Solids:
+def _canonicalise(solids: Solids, config: SynthesisConfig) -> Solids:
     solids = canonical_primitives(solids) if config.canonical_numbers else solids
     return canonical_order(solids) if config.canonical_order else solids
 
@@ -155,7 +157,7 @@ def _draw(n: int, config: SynthesisConfig, generator: torch.Generator) -> Solids
     shuffled = drawn[torch.randperm(len(drawn.kinds), generator=generator, device=generator.device)]
     kept, valid = without_idle_steps(shuffled, config, generator)
     fitting = valid & (kept.lengths >= config.n_min) & (kept.lengths <= config.n_max)
-    return posed(kept[fitting], config, generator)
+    return pose_randomly(kept[fitting], config, generator)
 
 
 def without_idle_steps(solids: Solids, config: SynthesisConfig, generator: torch.Generator) -> tuple[Solids, Tensor]:
@@ -185,7 +187,7 @@ def contributions(solids: Solids, samples: int, generator: torch.Generator) -> T
     return counts[:, 1:] / now.sum(1, keepdim=True).clamp_min(1)
 
 
-def posed(solids: Solids, config: SynthesisConfig, generator: torch.Generator) -> Solids:
+def pose_randomly(solids: Solids, config: SynthesisConfig, generator: torch.Generator) -> Solids:
     """Each program turned as a whole: anyhow with probability `free_rotation`, else by one of the 24 turns of the axes, and tilted."""
     dice = Dice(generator, len(solids.kinds))
     straight = box_symmetries().to(solids.rotations)[dice.integers(0, 23)]
@@ -195,7 +197,7 @@ def posed(solids: Solids, config: SynthesisConfig, generator: torch.Generator) -
     return replace(solids, centers=solids.centers @ turn.mT, rotations=turn[:, None] @ solids.rotations)
 
 
-def framed(solids: Solids, n: int, generator: torch.Generator) -> tuple[Solids, Tensor, Tensor]:
+def frame_clouds(solids: Solids, n: int, generator: torch.Generator) -> tuple[Solids, Tensor, Tensor]:
     """Programs and clouds [b, n, 3] in the frame of the cloud (box centre 0, box diagonal 1), and which rows have a proper cloud."""
     points, _, count = surface_clouds(solids, n, generator)
     low, high = points.amin(1), points.amax(1)
@@ -204,7 +206,7 @@ def framed(solids: Solids, n: int, generator: torch.Generator) -> tuple[Solids, 
     return placed, (points - middle[:, None]) * scale[:, None, None], count == n
 
 
-def sampled_iou(a: Solids, b: Solids, samples: int, generator: torch.Generator, alike: int = 1) -> Tensor:
+def estimate_iou(a: Solids, b: Solids, samples: int, generator: torch.Generator, alike: int = 1) -> Tensor:
     """Volume IoU [b] estimated with `samples` points in the box of both; 0 where both are empty. Standard error below 0.5 / sqrt(hits).
 
     Every `alike` rows, one after another, share their random numbers: they are compared with less error than each has.

@@ -19,7 +19,7 @@ from imdim.export.delivered import AGREE, LOOPS, Delivered, EditError, read
 from imdim.export.folder import FILES, replacing
 from imdim.export.meanings import is_size
 from imdim.export.meshes import write_meshes
-from imdim.export.numbers import MAX_SEGMENTS, Rounding, fixed, plain, rounded
+from imdim.export.numbers import MAX_SEGMENTS, Rounding, plain, round_program, to_fixed_point
 from imdim.export.openscad import to_openscad
 from imdim.export.openscad_loops import to_openscad_loops
 from imdim.export.openscad_reader import read_openscad
@@ -28,14 +28,14 @@ from imdim.export.script import to_script
 from imdim.export.step import StepError
 from imdim.export.step_worker import finish_step, start_step, stop_step
 from imdim.export.ucad import to_ucad
-from imdim.geometry.constraints import verify
 from imdim.geometry.solid import SEGMENTS, to_manifold
-from imdim.program.codec import constraints_of, dumps, folded_of, from_json, meta_of
+from imdim.program.codec import constraints_of, dumps, from_json, meta_of, read_folded
 from imdim.program.constraints import Constraint, ConstraintError
 from imdim.program.node_codec import MAX_PRIMITIVES
-from imdim.program.refit import recounted, recounted_constraints, refitted
+from imdim.program.patterns.edit import recount_constraints, recount_repeats, refit_repeats
 from imdim.program.repeats import Folded, expand, repeats, size, with_leaves
 from imdim.program.tree import Program, leaves
+from imdim.relations.residuals import verify
 
 LARGEST_VOLUME = 1e30  # mesh files hold single precision
 
@@ -43,12 +43,12 @@ _NAMED = re.compile(r"^([A-Za-z_]\w*) = (-?[\d.]+(?:e[+-]?\d+)?)(mm)?(;?)$", re.
 _SEGMENTS = re.compile(r"^\$fn = (\d{1,18});$", re.MULTILINE)
 
 
-def opened(document: object, texts: Mapping[str, str]) -> Delivered:
+def open_delivered(document: object, texts: Mapping[str, str]) -> Delivered:
     """A program.json with the texts that lie beside it, by their names in TEXTS; without program.scad names come from the constraints.
 
     Raises a one-line ValueError for a document or a text at fault, and where they do not describe one program.
     """
-    program, constraints, folded = from_json(document), constraints_of(document), folded_of(document)
+    program, constraints, folded = from_json(document), constraints_of(document), read_folded(document)
     folded = folded if any(repeats(folded)) else None
     if "program.scad" not in texts:
         texts = _texts(program, parametrise(program, constraints, program, folded), folded, SEGMENTS)
@@ -72,22 +72,22 @@ def _texts(program: Program, named: Parameters, folded: Folded | None, segments:
     return texts if folded is None else {**texts, "program.loops.scad": to_openscad_loops(folded, segments, named)}
 
 
-def changed(delivered: Delivered, values: Mapping[str, float]) -> Delivered:
+def change_values(delivered: Delivered, values: Mapping[str, float]) -> Delivered:
     """The program with some names at other values. Raises EditError for a name or value that cannot be."""
     values = {name: float(value) for name, value in values.items()}
     counts = {name: value for name, value in values.items() if name in delivered.counts}
     if counts:
         recounted = with_counts(delivered, counts)
         rest = {name: value for name, value in values.items() if name not in counts}
-        return changed(recounted, rest) if rest else recounted
+        return change_values(recounted, rest) if rest else recounted
     _check_values(delivered, values)
-    texts = {file: _rewritten(text, values) for file, text in delivered.texts.items()}
+    texts = {file: _rewrite(text, values) for file, text in delivered.texts.items()}
     said = ", ".join(f"{name} = {plain(value)}" for name, value in values.items())
     try:
         exact = read_openscad(texts["program.scad"])
-        program = rounded(exact)
+        program = round_program(exact)
         verify(program, delivered.constraints, AGREE)
-        folded = None if delivered.folded is None else _refolded(delivered.folded, exact, program)
+        folded = None if delivered.folded is None else _refold(delivered.folded, exact, program)
         program = program if folded is None else expand(folded)
     except ValueError as error:
         raise EditError(f"{said}: {error}") from None
@@ -108,11 +108,11 @@ def with_counts(delivered: Delivered, counts: Mapping[str, float]) -> Delivered:
         )
     wanted = {**delivered.counts, **{name: int(count) for name, count in counts.items()}}
     found = {i: tuple(wanted[name] for name in loop.counts) for i, loop in enumerate(named.loops) if loop.counts}
-    after = recounted(folded, found)
+    after = recount_repeats(folded, found)
     if size(after) > MAX_PRIMITIVES:
         raise EditError(f"{', '.join(counts)}: {size(after)} primitives, more than {MAX_PRIMITIVES}")
     program = expand(after)
-    constraints = tuple(c for c in recounted_constraints(delivered.constraints, folded, after) if _holds(c, program))
+    constraints = tuple(c for c in recount_constraints(delivered.constraints, folded, after) if _holds(c, program))
     named = parametrise(program, constraints, program, after, delivered.values)
     texts = {file: text for file, text in _texts(program, named, after, delivered.segments).items() if file in delivered.texts}
     return replace(
@@ -134,9 +134,9 @@ def _holds(constraint: Constraint, program: Program) -> bool:
     return True
 
 
-def _refolded(folded: Folded, exact: Program, program: Program) -> Folded:
+def _refold(folded: Folded, exact: Program, program: Program) -> Folded:
     """The repeats with the numbers of `program`, which are rounded; their steps and centres come from `exact` ones."""
-    out = with_leaves(refitted(folded, exact, Rounding.of(program).decimals + 1), program)
+    out = with_leaves(refit_repeats(folded, exact, Rounding.of(program).decimals + 1), program)
     if not _agree(expand(out), program):
         raise EditError("copies of one part would no longer be alike")
     return out
@@ -217,9 +217,9 @@ def _check_values(delivered: Delivered, values: Mapping[str, float]) -> None:
             raise EditError(f"{name} needs a positive number, got {plain(value)}")
 
 
-def _rewritten(text: str, values: Mapping[str, float]) -> str:
+def _rewrite(text: str, values: Mapping[str, float]) -> str:
     def line(found: re.Match[str]) -> str:
         name, _, unit, end = found.groups(default="")
-        return f"{name} = {fixed(plain(values[name]))}{unit}{end}" if name in values else found[0]
+        return f"{name} = {to_fixed_point(plain(values[name]))}{unit}{end}" if name in values else found[0]
 
     return _NAMED.sub(line, text)

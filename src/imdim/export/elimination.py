@@ -15,11 +15,11 @@ import numpy as np
 
 from imdim.export.repeat_rows import add_repeats
 from imdim.export.through import End, ends_of, overhangs, world_axis
-from imdim.geometry.constraints import rows_of
 from imdim.geometry.lowering import Lowered, lower
 from imdim.program.constraints import AXES_OF, Constraint, Ref
 from imdim.program.repeats import Folded
 from imdim.program.tree import KINDS, Primitive, Program, leaves
+from imdim.relations.residuals import rows_of
 
 ZERO = 1e-9  # coefficients
 SLIGHT = 1e-3  # a slanted equation that says less than this repeats others but for the noise of its directions
@@ -28,7 +28,7 @@ PATTERNS = ("linear", "circular")
 
 
 @dataclass
-class System:
+class LinearSystem:
     """Equations [m, n] that hold at `start` [n]; variables from `extra` on are those of patterns, each with its first leaf and a word.
 
     `slanted` are the equations of directions along no axis of the world. `ties` are equations for the numbers of one leaf, that are to
@@ -44,14 +44,14 @@ class System:
     extras: list[tuple[int, str]] = field(default_factory=list)
 
     @staticmethod
-    def of(program: Program, constraints: Sequence[Constraint], folded: Folded | None = None, fixed: Collection[int] = ()) -> System:
+    def of(program: Program, constraints: Sequence[Constraint], folded: Folded | None = None, fixed: Collection[int] = ()) -> LinearSystem:
         """The equations of those constraints that are linear while all directions stay, and of the repeats in `folded`.
 
         Places in repeats whose numbers (in the order of `repeats`) are in `fixed` follow nothing.
         """
         parts, numbers = list(leaves(program)), lower(program)
         start = vector(parts).tolist()
-        system = System(start, len(start), max(max(p.size) for p in parts))
+        system = LinearSystem(start, len(start), max(max(p.size) for p in parts))
         if folded is not None:
             add_repeats(system, folded, parts, fixed)
         others = [c for c in constraints if c.kind not in PATTERNS or _is_slanted(c, numbers)]
@@ -64,7 +64,7 @@ class System:
                 system._add_opposite(constraint, numbers)
         for row in _linear(others, numbers):
             (system.rows if _is_simple(row) else system.slanted).append(row)
-        system.rows += list(_grounded(parts[0], numbers))
+        system.rows += list(_ground_leaf(parts[0], numbers))
         flush = {ref for c in constraints if c.kind in ("coplanar", "aligned") for ref in c.of}
         for cutter, behind in overhangs(program):
             if Ref(cutter.leaf, cutter.local) not in flush:
@@ -131,7 +131,7 @@ class System:
     def _add_row(self, c: Constraint, numbers: Lowered) -> None:
         """Equal steps along each coordinate in which they step."""
         members = [ref.leaf for ref in c.of]
-        for axis in _constrained_axes(members[0], numbers):
+        for axis in _step_axes(members[0], numbers):
             at = [6 * leaf + 3 + axis for leaf in members]
             step = (self.start[at[-1]] - self.start[at[0]]) / (len(at) - 1)
             moves = abs(step) > ZERO * self.length
@@ -200,7 +200,7 @@ def _linear(constraints: Sequence[Constraint], numbers: Lowered) -> Iterator[dic
             yield found
 
 
-def _grounded(first: Primitive, numbers: Lowered) -> Iterator[dict[int, float]]:
+def _ground_leaf(first: Primitive, numbers: Lowered) -> Iterator[dict[int, float]]:
     """Where the first leaf stands on a plane through the origin: it keeps standing there."""
     for end in ends_of(0, first, numbers):
         half = first.size[end.column] / 2
@@ -213,7 +213,7 @@ def _place(end: End, sign: float) -> dict[int, float]:
     return {6 * end.leaf + 3 + end.axis: sign, 6 * end.leaf + end.column: sign * end.side / 2}
 
 
-def _constrained_axes(leaf: int, numbers: Lowered) -> list[int]:
+def _step_axes(leaf: int, numbers: Lowered) -> list[int]:
     """The world's axes along which the steps of a row are equal: not along the axis of a hole or shaft."""
     own = world_axis(numbers.rotations[leaf][:, 2]) if _is_round(leaf, numbers) else None
     return [a for a in range(3) if a != own]

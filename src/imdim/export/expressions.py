@@ -30,7 +30,7 @@ def constants(values: Sequence[float]) -> tuple[Expression, ...]:
     return tuple(Expression((), v) for v in values)
 
 
-def written(expression: Expression, number: Callable[[float], str], unit: str = "") -> str:
+def write_expression(expression: Expression, number: Callable[[float], str], unit: str = "") -> str:
     """The sum as OpenSCAD, Python and, with a `unit` behind constants, µcad read it; `number` rounds the constant."""
     constant = number(expression.constant)
     if not expression.terms:

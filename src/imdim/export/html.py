@@ -19,10 +19,10 @@ from typing import Any
 from imdim.export.html_surfaces import Box, solid_values, target_values
 from imdim.export.html_tree import constraint_values, leaf_values, name_values, tree_values
 from imdim.export.parameters import Parameters, parametrise
-from imdim.geometry.cloud import Target
-from imdim.geometry.solid import SEGMENTS, owned_surface
-from imdim.program.codec import constraints_of, folded_of, from_json
+from imdim.geometry.solid import SEGMENTS, surface_with_owners
+from imdim.program.codec import constraints_of, from_json, read_folded
 from imdim.program.roles import labels
+from imdim.target.target import Target
 
 SCRIPTS = ("vectors.js", "meshes.js", "shapes.js", "renderer.js", "view.js", "steer.js", "tree.js", "panels.js", "main.js")
 
@@ -41,10 +41,10 @@ def content(
     constraints. `worst` is the largest distance from the target to the result, in model units, if it is known better than the page's
     corners would say. Raises ValueError as `from_json` does for a document that holds no program.
     """
-    program, constraints, folded = from_json(document), constraints_of(document), folded_of(document)
+    program, constraints, folded = from_json(document), constraints_of(document), read_folded(document)
     named = named or parametrise(program, constraints, program, folded)
     label = labels(program, constraints)
-    surface, owners = owned_surface(program, segments)
+    surface, owners = surface_with_owners(program, segments)
     shown = [] if target is None else [target.points if target.mesh is None else target.mesh.vertices]
     box = Box.around(surface.vertices, *shown)
     return {

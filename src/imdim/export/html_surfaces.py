@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from imdim.geometry.cloud import Target
 from imdim.geometry.triangles import distances, triangle_tree
+from imdim.target.target import Target
 
 MOST_FACES = 60_000  # of one surface
 MOST_REFINED = 30_000  # faces of a target, halved where they are large
@@ -43,7 +43,7 @@ class Box:
         """Its length, in model units."""
         return float(np.linalg.norm(self.high - self.low))
 
-    def packed(self, points: np.ndarray) -> str:
+    def pack_points(self, points: np.ndarray) -> str:
         """Points [n, 3] as base64 of whole steps."""
         side = np.maximum(self.high - self.low, 1e-300)
         return _base64(np.round((np.asarray(points, np.float64) - self.low) / side * STEPS).astype("<u2"))
@@ -51,11 +51,11 @@ class Box:
 
 def solid_values(surface: trimesh.Trimesh, owners: np.ndarray, box: Box) -> dict[str, Any]:
     """The solid: corners, faces, and the leaf of each face as runs ``[leaf, faces]``."""
-    vertices, faces, kept = thinned(np.asarray(surface.vertices), np.asarray(surface.faces))
+    vertices, faces, kept = cluster_vertices(np.asarray(surface.vertices), np.asarray(surface.faces))
     starts = np.flatnonzero(np.diff(owners[kept], prepend=-1))
     counts = np.diff(np.append(starts, len(kept)))
     runs = np.column_stack([owners[kept][starts], counts])
-    return {"points": box.packed(vertices), "faces": _indices(faces, len(vertices)), "owners": runs.tolist()}
+    return {"points": box.pack_points(vertices), "faces": _indices(faces, len(vertices)), "owners": runs.tolist()}
 
 
 def target_values(target: Target, surface: trimesh.Trimesh, box: Box, worst: float | None = None) -> dict[str, Any]:
@@ -67,16 +67,16 @@ def target_values(target: Target, surface: trimesh.Trimesh, box: Box, worst: flo
         shown = np.linspace(0, len(target.points) - 1, min(len(target.points), MOST_POINTS)).astype(np.int64)
         points, faces = target.points[shown], None
     else:
-        points, faces, _ = thinned(np.asarray(target.mesh.vertices), np.asarray(target.mesh.faces))
-        points, faces = refined(points, faces, Box.around(points).diagonal / FINENESS)
+        points, faces, _ = cluster_vertices(np.asarray(target.mesh.vertices), np.asarray(target.mesh.faces))
+        points, faces = split_edges(points, faces, Box.around(points).diagonal / FINENESS)
     far = distances(triangle_tree(surface), points) if len(surface.faces) else np.full(len(points), box.diagonal)
     top = max(far.max(initial=0.0) if worst is None else worst, SMALLEST_RANGE * box.diagonal)
     shade = np.round(np.clip(far / top, 0.0, 1.0) * 255).astype(np.uint8)
-    out = {"points": box.packed(points), "distances": _base64(shade), "top": float(top)}
+    out = {"points": box.pack_points(points), "distances": _base64(shade), "top": float(top)}
     return out if faces is None else {**out, "faces": _indices(faces, len(points))}
 
 
-def thinned(vertices: np.ndarray, faces: np.ndarray, most: int = MOST_FACES) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def cluster_vertices(vertices: np.ndarray, faces: np.ndarray, most: int = MOST_FACES) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """At most `most` faces: vertices in one cell of a grid become one (Rossignac and Borrel 1993), the finest grid that does it.
 
     Returns vertices [v, 3], faces [f, 3] and the number [f] that each had.
@@ -95,7 +95,7 @@ def thinned(vertices: np.ndarray, faces: np.ndarray, most: int = MOST_FACES) -> 
     return merged[used], corners.reshape(-1, 3), kept
 
 
-def refined(vertices: np.ndarray, faces: np.ndarray, longest: float, most: int = MOST_REFINED) -> tuple[np.ndarray, np.ndarray]:
+def split_edges(vertices: np.ndarray, faces: np.ndarray, longest: float, most: int = MOST_REFINED) -> tuple[np.ndarray, np.ndarray]:
     """Edges beyond `longest` halved, in both faces of each and longest first, until none is left or there are `most` faces."""
     while True:
         edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
@@ -109,7 +109,7 @@ def refined(vertices: np.ndarray, faces: np.ndarray, longest: float, most: int =
             return vertices, faces
         number = np.where(long, len(vertices) + np.cumsum(long) - 1, -1)
         vertices = np.concatenate([vertices, (a[long] + b[long]) / 2])
-        faces = _halved(faces, number[which].reshape(-1, 3))
+        faces = _split_faces(faces, number[which].reshape(-1, 3))
 
 
 # Corners 0 to 2 are the face's, 3 to 5 the middles of its edges, turned so that halved edges come first.
@@ -121,7 +121,7 @@ _PARTS = {
 }
 
 
-def _halved(faces: np.ndarray, middle: np.ndarray) -> np.ndarray:
+def _split_faces(faces: np.ndarray, middle: np.ndarray) -> np.ndarray:
     """Faces [f, 3] split at the `middle` [f, 3] of edges 01, 12 and 20, -1 where an edge stays whole."""
     split = middle >= 0
     turn = np.array([0, 0, 1, 0, 2, 2, 1, 0])[split @ [1, 2, 4]]

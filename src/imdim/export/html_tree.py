@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from imdim.export.expressions import Expression, written
+from imdim.export.expressions import Expression, write_expression
 from imdim.export.numbers import plain
 from imdim.export.parameters import Parameters
 from imdim.geometry.rotations import matrix_from_euler
@@ -95,7 +95,7 @@ def _followers(name: str, named: Parameters) -> list[int]:
 
 def _number(name: str, value: float, expression: Expression) -> dict[str, Any]:
     out = {"name": name, "value": float(f"{value:.9g}")}
-    return {**out, "says": written(expression, lambda v: plain(float(f"{v:.9g}")))} if expression.terms else out
+    return {**out, "says": write_expression(expression, lambda v: plain(float(f"{v:.9g}")))} if expression.terms else out
 
 
 def _feature(ref: Ref, labels: Sequence[str]) -> str:

@@ -43,12 +43,12 @@ def loop_of(
     """The loop of a repeat whose first leaf is number `first`, without names for its counts; None where expressions do not repeat."""
     own, motions = size(repeat.part), list(repeat.motions())
     at = [[_affine(e) for e in row] for row in centers[first : first + own * repeat.number]]
-    shifts = [_minus(at[k * own], _turned(m, at[0])) for k, m in enumerate(motions)]
+    shifts = [_minus(at[k * own], _turn(m, at[0])) for k, m in enumerate(motions)]
     slack = AGREE * length
     for k, motion in enumerate(motions):
         for j in range(own):
             mine, its = sizes[first + k * own + j], sizes[first + j]
-            moved = _plus(_turned(motion, at[j]), shifts[k])
+            moved = _plus(_turn(motion, at[j]), shifts[k])
             if not _same(map(_affine, mine), map(_affine, its), slack) or not _same(moved, at[k * own + j], slack):
                 return None
     built, expected = _BUILD[repeat.kind](repeat, shifts)
@@ -58,7 +58,7 @@ def loop_of(
 def _steps(repeat: Repeat, shifts: list[Vector]) -> tuple[Loop, list[Vector]]:
     strides = [repeat.counts[1], 1] if repeat.kind == "grid" else [1]
     steps = [shifts[stride] for stride in strides]
-    expected = [_sum(_scaled(s, n) for n, s in zip(numbers, steps, strict=True)) for numbers in product(*map(range, repeat.counts))]
+    expected = [_sum(_scale(s, n) for n, s in zip(numbers, steps, strict=True)) for numbers in product(*map(range, repeat.counts))]
     return Loop((), steps=tuple(tuple(map(_expression, s)) for s in steps)), expected
 
 
@@ -74,9 +74,9 @@ def _circle(repeat: Repeat, shifts: list[Vector]) -> tuple[Loop, list[Vector]]:
         a, b, c, d = 1 - q[u][u], -q[u][v], -q[v][u], 1 - q[v][v]
         determinant = a * d - b * c
         center: Vector = [{}, {}, {}]
-        center[u] = _sum([_scaled([shifts[1][u]], d / determinant), _scaled([shifts[1][v]], -b / determinant)])[0]
-        center[v] = _sum([_scaled([shifts[1][u]], -c / determinant), _scaled([shifts[1][v]], a / determinant)])[0]
-    expected = [_minus(center, _turned(m, center)) for m in motions]
+        center[u] = _sum([_scale([shifts[1][u]], d / determinant), _scale([shifts[1][v]], -b / determinant)])[0]
+        center[v] = _sum([_scale([shifts[1][u]], -c / determinant), _scale([shifts[1][v]], a / determinant)])[0]
+    expected = [_minus(center, _turn(m, center)) for m in motions]
     return Loop((), center=tuple(map(_expression, center))), expected
 
 
@@ -114,11 +114,11 @@ def _simple(value: float) -> Fraction | float:
     return fraction if abs(float(fraction) - value) < 1e-9 else value
 
 
-def _turned(motion: Motion, v: Vector) -> Vector:
-    return [_sum(_scaled([a], q) for a, q in zip(v, row, strict=True))[0] for row in motion.linear]
+def _turn(motion: Motion, v: Vector) -> Vector:
+    return [_sum(_scale([a], q) for a, q in zip(v, row, strict=True))[0] for row in motion.linear]
 
 
-def _scaled(v: Vector, factor: float) -> Vector:
+def _scale(v: Vector, factor: float) -> Vector:
     return [{name: factor * value for name, value in a.items()} for a in v]
 
 
@@ -137,7 +137,7 @@ def _plus(a: Vector, b: Vector) -> Vector:
 
 
 def _minus(a: Vector, b: Vector) -> Vector:
-    return _sum((a, _scaled(b, -1.0)))
+    return _sum((a, _scale(b, -1.0)))
 
 
 def _same(a: Iterable[Affine], b: Iterable[Affine], slack: float) -> bool:

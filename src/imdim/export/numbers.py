@@ -43,7 +43,7 @@ class Rounding:
         return Primitive(leaf.kind, size, (float(cx), float(cy), float(cz)), (float(rx), float(ry), float(rz)))
 
 
-def rounded(program: Program) -> Program:
+def round_program(program: Program) -> Program:
     """The program with every number as it is written to files."""
     rounding = Rounding.of(program)
     return map_leaves(program, lambda _, leaf: rounding.primitive(leaf))
@@ -56,6 +56,6 @@ def plain(value: float) -> str:
     return repr(float(value)).removesuffix(".0")
 
 
-def fixed(text: str) -> str:
+def to_fixed_point(text: str) -> str:
     """A decimal text without an exponent."""
     return format(Decimal(text), "f")

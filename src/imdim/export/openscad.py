@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from imdim.export.expressions import Expression, written
+from imdim.export.expressions import Expression, write_expression
 from imdim.export.numbers import Rounding
 from imdim.export.parameters import Parameters
 from imdim.geometry.solid import SEGMENTS
@@ -38,10 +38,10 @@ def to_openscad(program: Program, segments: int = SEGMENTS, parameters: Paramete
 
 def primitive_text(leaf: Primitive, rounding: Rounding, sizes: Sequence[Expression], center: Sequence[Expression]) -> str:
     """``translate(..) rotate(..) shape(..)`` without the semicolon; the identity parts are left out."""
-    place = _step("translate", [written(c, rounding.length) for c in center])
+    place = _step("translate", [write_expression(c, rounding.length) for c in center])
     place += _step("rotate", [rounding.angle(a) for a in leaf.rotation])
     # a bare number is a size, which never vanishes; the constant of a sum may
-    texts = [written(s, rounding.length if s.terms else rounding.size) for s in sizes]
+    texts = [write_expression(s, rounding.length if s.terms else rounding.size) for s in sizes]
     return place + _SHAPE[leaf.kind](*texts)
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from imdim.export.expressions import Expression, written
+from imdim.export.expressions import Expression, write_expression
 from imdim.export.loops import Loop, less
 from imdim.export.numbers import Rounding, plain
 from imdim.export.openscad import primitive_text
@@ -87,10 +87,10 @@ class _Writer:
         """A vector of what is moved for each loop variable."""
         texts = []
         for axis in range(3):
-            terms = [(i, written(step[axis], self._rounding.length)) for i, step in moves]
+            terms = [(i, write_expression(step[axis], self._rounding.length)) for i, step in moves]
             products = [f"({t})*{i}" if " " in t else f"{t}*{i}" for i, t in terms if t != "0"]
             texts.append(" + ".join(products) or "0")
         return f"[{', '.join(texts)}]"
 
     def _vector(self, v: Sequence[Expression]) -> str:
-        return f"[{', '.join(written(e, self._rounding.length) for e in v)}]"
+        return f"[{', '.join(write_expression(e, self._rounding.length) for e in v)}]"

@@ -101,7 +101,7 @@ _PLAIN: tuple[tuple[str, str, tuple[str, ...], tuple[int, ...]], ...] = (
 
 def _arguments(text: str, names: tuple[str, ...], values: Values, number: int, optional: bool = False) -> Any:
     """The numbers of a call with exactly these arguments; `center` has to be true. None if it has others and `optional` is set."""
-    call = _parsed(text, number)
+    call = _parse(text, number)
     if not isinstance(call, ast.Call):
         raise ValueError(f"line {number} is no primitive of ours: {text!r}")
     keywords = {k.arg: k.value for k in call.keywords}
@@ -118,7 +118,7 @@ def _arguments(text: str, names: tuple[str, ...], values: Values, number: int, o
 def _vector(text: str | None, values: Values, number: int) -> Vec3:
     if text is None:
         return (0.0, 0.0, 0.0)
-    x, y, z = _entries(_parsed(text, number), values, number)
+    x, y, z = _entries(_parse(text, number), values, number)
     return (x, y, z)
 
 
@@ -129,10 +129,10 @@ def _entries(node: ast.AST, values: Values, number: int) -> tuple[float, ...]:
 
 
 def _number(text: str, values: Values, number: int) -> float:
-    return _value(_parsed(text, number), values, number)
+    return _value(_parse(text, number), values, number)
 
 
-def _parsed(text: str, number: int) -> ast.expr:
+def _parse(text: str, number: int) -> ast.expr:
     try:
         return ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, RecursionError, MemoryError):
@@ -142,21 +142,21 @@ def _parsed(text: str, number: int) -> ast.expr:
 def _value(node: ast.AST, values: Values, number: int) -> float:
     """The number that a sum or product stands for."""
     try:
-        return _worked_out(node, values, number)
+        return _evaluate(node, values, number)
     except RecursionError:
         raise ValueError(f"line {number} nests too deep") from None
 
 
-def _worked_out(node: ast.AST, values: Values, number: int) -> float:
+def _evaluate(node: ast.AST, values: Values, number: int) -> float:
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
         return _float(node.value, number)
     if isinstance(node, ast.Name) and node.id in values:
         return values[node.id]
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
-        return -_worked_out(node.operand, values, number)
+        return -_evaluate(node.operand, values, number)
     if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
         try:
-            return _OPERATORS[type(node.op)](_worked_out(node.left, values, number), _worked_out(node.right, values, number))
+            return _OPERATORS[type(node.op)](_evaluate(node.left, values, number), _evaluate(node.right, values, number))
         except ZeroDivisionError:
             raise ValueError(f"line {number} divides by zero: {ast.unparse(node)!r}") from None
     raise ValueError(f"line {number}: {ast.unparse(node)!r} is no number of ours")

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
-from imdim.export.elimination import System, vector
+from imdim.export.elimination import LinearSystem, vector
 from imdim.export.expressions import Expression, Term, constants
 from imdim.export.loops import Loop, loop_of
 from imdim.program.constraints import Constraint
@@ -42,7 +42,7 @@ class Parameters:
         parts = list(leaves(program))
         sizes, centers = tuple(constants(p.size) for p in parts), tuple(constants(p.center) for p in parts)
         bare = Parameters({}, sizes, centers)
-        return bare if folded is None else _looped(bare, folded, labels(program), max(max(p.size) for p in parts))[0]
+        return bare if folded is None else _add_loops(bare, folded, labels(program), max(max(p.size) for p in parts))[0]
 
     def lines(self, number: Callable[[float], str], end: str = "") -> list[str]:
         """``name = value`` for each name but those of counts."""
@@ -67,10 +67,12 @@ def parametrise(
     """
     fixed: set[int] = set()
     while True:
-        named = _shifted(_parametrised(System.of(program, constraints, folded, fixed), program, constraints, delivered), values or {})
+        named = _shift_constants(
+            _express_numbers(LinearSystem.of(program, constraints, folded, fixed), program, constraints, delivered), values or {}
+        )
         if folded is None:
             return named
-        looped, broken = _looped(named, folded, labels(program, constraints), max(max(p.size) for p in leaves(delivered)))
+        looped, broken = _add_loops(named, folded, labels(program, constraints), max(max(p.size) for p in leaves(delivered)))
         if not broken:
             return looped
         if broken <= fixed:
@@ -78,7 +80,7 @@ def parametrise(
         fixed |= broken
 
 
-def _shifted(named: Parameters, values: Mapping[str, float]) -> Parameters:
+def _shift_constants(named: Parameters, values: Mapping[str, float]) -> Parameters:
     """The same numbers with names at other values: constants make up for it."""
     gone = {name: value - values[name] for name, value in named.values.items() if name in values}
 
@@ -91,7 +93,7 @@ def _shifted(named: Parameters, values: Mapping[str, float]) -> Parameters:
     return replace(named, values={**named.values, **{name: values[name] for name in gone}}, sizes=sizes, centers=centers)
 
 
-def _looped(named: Parameters, folded: Folded, label: Sequence[str], length: float) -> tuple[Parameters, set[int]]:
+def _add_loops(named: Parameters, folded: Folded, label: Sequence[str], length: float) -> tuple[Parameters, set[int]]:
     """With loops, and the numbers of the repeats that the expressions do not repeat in, which have none."""
     taken, broken = {*RESERVED, *named.values}, set[int]()
     counts: dict[str, int] = {}
@@ -120,7 +122,7 @@ def _counts(loop: Loop, counts: dict[str, int]) -> tuple[int, ...]:
     return tuple(counts[name] for name in loop.counts) or (2,)
 
 
-def _parametrised(system: System, program: Program, constraints: Sequence[Constraint], delivered: Program) -> Parameters:
+def _express_numbers(system: LinearSystem, program: Program, constraints: Sequence[Constraint], delivered: Program) -> Parameters:
     solved = {v: _terms(row, system) for v, row in system.solve().items()}
     names = _names(program, constraints, system, solved)
     after = vector(list(leaves(delivered)))
@@ -136,7 +138,7 @@ def _parametrised(system: System, program: Program, constraints: Sequence[Constr
 _Solved = dict[int, list[tuple[int, Fraction | float]]]
 
 
-def _terms(row: dict[int, float], system: System) -> list[tuple[int, Fraction | float]]:
+def _terms(row: dict[int, float], system: LinearSystem) -> list[tuple[int, Fraction | float]]:
     """The coefficients, as fractions where a person would write these; a place that is 0 is left out."""
     out: list[tuple[int, Fraction | float]] = []
     for v, coefficient in sorted(row.items(), key=lambda item: _rank(item[0], system)):
@@ -147,12 +149,12 @@ def _terms(row: dict[int, float], system: System) -> list[tuple[int, Fraction | 
     return out
 
 
-def _rank(v: int, system: System) -> tuple[bool, bool, int]:
+def _rank(v: int, system: LinearSystem) -> tuple[bool, bool, int]:
     """Places first, sizes after them, spacings and diameters last."""
     return v >= system.extra, v % 6 < 3, v
 
 
-def _expression(v: int, value: float, system: System, solved: _Solved, names: dict[int, str]) -> Expression:
+def _expression(v: int, value: float, system: LinearSystem, solved: _Solved, names: dict[int, str]) -> Expression:
     terms = solved.get(v, [(v, Fraction(1))] if v in names else [])
     known = sum(float(c) * float(system.start[w]) for w, c in terms)
     constant = value - known
@@ -160,7 +162,7 @@ def _expression(v: int, value: float, system: System, solved: _Solved, names: di
     return Expression(tuple(Term(names[w], c) for w, c in terms), 0.0 if terms and abs(constant) < 10 * tiny else constant)
 
 
-def _names(program: Program, constraints: Sequence[Constraint], system: System, solved: _Solved) -> dict[int, str]:
+def _names(program: Program, constraints: Sequence[Constraint], system: LinearSystem, solved: _Solved) -> dict[int, str]:
     """Names of the free numbers that others need, and of the first leaf's sizes; in the order of the text."""
     parts, label, sign = list(leaves(program)), labels(program, constraints), signs(program)
     needed = {w for row in solved.values() for w, _ in row} | {c for c in range(len(parts[0].size)) if c not in solved}
@@ -172,7 +174,7 @@ def _names(program: Program, constraints: Sequence[Constraint], system: System, 
 RESERVED = ("part", "scale", "export_step")
 
 
-def _name(v: int, system: System, parts: Sequence[Primitive], label: Sequence[str], sign: Sequence[int]) -> str:
+def _name(v: int, system: LinearSystem, parts: Sequence[Primitive], label: Sequence[str], sign: Sequence[int]) -> str:
     if v >= system.extra:
         leaf, word = system.extras[v - system.extra]
         return "bolt_circle" if word == "circle" and label[leaf].startswith("hole") else f"{label[leaf]}_{word}"

@@ -13,8 +13,8 @@ import trimesh
 from PIL import Image, ImageDraw, ImageFont
 from scipy.spatial import KDTree
 
-from imdim.geometry.cloud import Target
 from imdim.geometry.triangles import TriangleTree, distances, triangle_tree
+from imdim.target.target import Target
 
 PANEL = 480  # pixels, square
 GAP, HEADER, FOOTER = 20, 46, 64
@@ -109,13 +109,13 @@ def _shoot_mesh(mesh: trimesh.Trimesh, camera: Camera) -> Shot:
     hit = np.asarray(local.ray.intersects_first(origins, np.broadcast_to([0.0, 0.0, -1.0], origins.shape)))
     seen = (hit >= 0).reshape(camera.pixels, camera.pixels)
     face = hit[hit >= 0]
-    flat = _dropped(origins[hit >= 0], local, face)
+    flat = _drop_rays(origins[hit >= 0], local, face)
     normals = local.face_normals[face]
     points = flat / camera.scale @ camera.axes + camera.center
     return Shot(seen, points, _facing(normals) @ camera.axes, _creases(seen, normals, flat[:, 2]))
 
 
-def _dropped(origins: np.ndarray, local: trimesh.Trimesh, face: np.ndarray) -> np.ndarray:
+def _drop_rays(origins: np.ndarray, local: trimesh.Trimesh, face: np.ndarray) -> np.ndarray:
     """The points [k, 3] of the faces right below `origins`; within the face's range of z where it stands almost upright."""
     corners = np.asarray(local.vertices)[local.faces[face]]
     normals = local.face_normals[face]
@@ -213,7 +213,7 @@ def _sheet(panels: list[Image.Image], name: str, top: float, worst: float, diago
     for number, (panel, title) in enumerate(zip(panels, titles, strict=True)):
         left = GAP // 2 + number * (PANEL + GAP)
         sheet.paste(panel, (left, HEADER))
-        draw.text((left + 8, 14), _fitted(draw, title, PANEL - 16), font=_font(19), fill=INK)
+        draw.text((left + 8, 14), _shorten_text(draw, title, PANEL - 16), font=_font(19), fill=INK)
     _bar(sheet, draw, GAP // 2 + 2 * (PANEL + GAP), top)
     text = f"worst distance {worst:.4g} ({worst / diagonal:.2%} of the diagonal {diagonal:.4g}), in model units"
     draw.text((GAP // 2 + 8, HEADER + PANEL + 22), text, font=_font(16), fill=FAINT)
@@ -230,7 +230,7 @@ def _bar(sheet: Image.Image, draw: ImageDraw.ImageDraw, left: int, top: float) -
         draw.text((x, y + height + 7), f"{top * part / 4:.3g}", font=_font(14), fill=INK, anchor="ma")
 
 
-def _fitted(draw: ImageDraw.ImageDraw, text: str, width: int) -> str:
+def _shorten_text(draw: ImageDraw.ImageDraw, text: str, width: int) -> str:
     while draw.textlength(text, font=_font(19)) > width:
         text = text[:-2].rstrip("…") + "…"
     return text

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from imdim.export.expressions import Expression, written
+from imdim.export.expressions import Expression, write_expression
 from imdim.export.numbers import Rounding
 from imdim.export.parameters import Parameters
 from imdim.export.script_loops import SIGN, ScriptLoops, chain
@@ -66,11 +66,11 @@ def to_script(program: Program, parameters: Parameters | None = None, folded: Fo
 
 
 def _primitive(leaf: Primitive, rounding: Rounding, sizes: Sequence[Expression], center: Sequence[Expression]) -> str:
-    place = [written(c, rounding.length) for c in center]
+    place = [write_expression(c, rounding.length) for c in center]
     steps = [f"Pos({', '.join(place)})"] if any(c != "0" for c in place) else []
     for axis in (2, 1, 0):
         angle = rounding.angle(leaf.rotation[axis])
         if angle != "0":
             steps.append(f"Rot({', '.join(angle if a == axis else '0' for a in range(3))})")
-    texts = [written(s, rounding.length if s.terms else rounding.size) for s in sizes]
+    texts = [write_expression(s, rounding.length if s.terms else rounding.size) for s in sizes]
     return " * ".join([*steps, _SHAPE[leaf.kind](*texts)])

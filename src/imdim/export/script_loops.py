@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from imdim.export.expressions import Expression, written
+from imdim.export.expressions import Expression, write_expression
 from imdim.export.loops import Loop
 from imdim.export.numbers import Rounding, plain
 from imdim.export.parameters import Parameters
-from imdim.program.motions import Motion, moved_leaf
+from imdim.program.motions import Motion, move_leaf
 from imdim.program.repeats import Folded, Repeat, size
 from imdim.program.tree import Op, Primitive
 
@@ -74,24 +74,24 @@ class ScriptLoops:
         return f"[{there}{turn} * {back}{loop.part} for i in range({loop.counts[0]})]"
 
     def _mirror(self, repeat: Repeat, loop: Loop) -> str:
-        origin = ", ".join(written(_half(e), self._rounding.length) for e in loop.shift)
+        origin = ", ".join(write_expression(_half(e), self._rounding.length) for e in loop.shift)
         normal = ", ".join(plain(round(n, 12)) for n in repeat.axis)
         return f"[{loop.part}, mirror({loop.part}, about=Plane(origin=({origin}), z_dir=({normal})))]"
 
     def _place(self, motion: Motion) -> str:
-        leaf = moved_leaf(_FRAME, motion)
+        leaf = move_leaf(_FRAME, motion)
         turns = [f"Rot({', '.join(self._rounding.angle(leaf.rotation[a]) if b == a else '0' for b in range(3))})" for a in (2, 1, 0)]
         return " * ".join([f"Pos({', '.join(self._rounding.length(c) for c in leaf.center)})", *turns])
 
     def _sum(self, moves: Sequence[tuple[str, tuple[Expression, ...]]]) -> str:
         texts = []
         for axis in range(3):
-            terms = [(i, written(step[axis], self._rounding.length)) for i, step in moves]
+            terms = [(i, write_expression(step[axis], self._rounding.length)) for i, step in moves]
             texts.append(" + ".join(f"({t}) * {i}" if " " in t else f"{t} * {i}" for i, t in terms if t != "0") or "0")
         return ", ".join(texts)
 
     def _vector(self, v: Sequence[Expression], sign: int = 1) -> str:
-        return ", ".join(t if sign > 0 or t == "0" else f"-({t})" for t in (written(e, self._rounding.length) for e in v))
+        return ", ".join(t if sign > 0 or t == "0" else f"-({t})" for t in (write_expression(e, self._rounding.length) for e in v))
 
 
 _COPIES: Mapping[str, Callable[[ScriptLoops, Repeat, Loop], str]] = {

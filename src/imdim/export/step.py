@@ -86,12 +86,12 @@ def to_shape(program: Program) -> Any:
     }
     exact = volume(program)
     try:
-        shape = fold_nary(program, lambda _, leaf: _placed(leaf), combine)
+        shape = fold_nary(program, lambda _, leaf: _place(leaf), combine)
     except _ocp("Standard").Standard_Failure as error:
         raise StepError(f"OpenCASCADE failed: {str(error).splitlines()[0]}") from error
     if not _is_right(shape, exact):
         raise StepError("OpenCASCADE built an invalid or empty solid")
-    return _unified(shape, exact)
+    return _unify(shape, exact)
 
 
 def _check_installed() -> None:
@@ -141,7 +141,7 @@ def _common(parts: list[Any]) -> Any:
     return shape
 
 
-def _unified(shape: Any, exact: float) -> Any:
+def _unify(shape: Any, exact: float) -> Any:
     """The shape with faces and edges on the same surface or curve merged, or as it is where OpenCASCADE spoils it by that."""
     try:
         unify = _ocp("ShapeUpgrade").ShapeUpgrade_UnifySameDomain(shape, True, True, True)
@@ -152,7 +152,7 @@ def _unified(shape: Any, exact: float) -> Any:
     return unified if _is_right(unified, exact) else shape
 
 
-def _placed(leaf: Primitive) -> Any:
+def _place(leaf: Primitive) -> Any:
     placement = _ocp("gp").gp_Trsf()
     matrix = np.column_stack([exact_rotation(leaf), leaf.center])
     placement.SetValues(*(float(v) for v in matrix.ravel()))

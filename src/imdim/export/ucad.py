@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from imdim.export.expressions import Expression, written
-from imdim.export.numbers import Rounding, fixed
+from imdim.export.expressions import Expression, write_expression
+from imdim.export.numbers import Rounding, to_fixed_point
 from imdim.export.parameters import Parameters
 from imdim.export.script_loops import chain
 from imdim.export.ucad_loops import SIGN, UcadLoops
@@ -39,22 +39,22 @@ def to_ucad(program: Program, parameters: Parameters | None = None, folded: Fold
 
     writer = UcadLoops(rounding, named, line)
     lines = fold_nary(program, line, {op: chain(sign) for op, sign in SIGN.items()}) if folded is None else writer.lines(folded, 0)
-    names = [*named.lines(lambda value: fixed(rounding.size(value)), "mm;"), *named.count_lines(";")]
+    names = [*named.lines(lambda value: to_fixed_point(rounding.size(value)), "mm;"), *named.count_lines(";")]
     return _HEAD + "\n".join([*names, *([""] if names else []), *writer.parts, *lines]) + ";\n"
 
 
 def _primitive(leaf: Primitive, rounding: Rounding, sizes: Sequence[Expression], center: Sequence[Expression]) -> str:
     def length(value: float) -> str:
-        return fixed(rounding.length(value))
+        return to_fixed_point(rounding.length(value))
 
     def size(value: float) -> str:
-        return fixed(rounding.size(value))
+        return to_fixed_point(rounding.size(value))
 
-    text = _SHAPE[leaf.kind](leaf, *(written(s, length if s.terms else size, "mm") for s in sizes))
+    text = _SHAPE[leaf.kind](leaf, *(write_expression(s, length if s.terms else size, "mm") for s in sizes))
     for axis, degrees in zip("xyz", leaf.rotation, strict=True):
-        angle = fixed(rounding.angle(degrees))
+        angle = to_fixed_point(rounding.angle(degrees))
         text += f".rotate({axis} = {angle}°)" if angle != "0" else ""
-    place = {axis: written(c, length, "mm") for axis, c in zip("xyz", center, strict=True)}
+    place = {axis: write_expression(c, length, "mm") for axis, c in zip("xyz", center, strict=True)}
     moves = ", ".join(f"{axis} = {c}" for axis, c in place.items() if c != "0mm")
     return text + (f".translate({moves})" if moves else "")
 

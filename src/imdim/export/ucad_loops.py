@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import islice
 
-from imdim.export.expressions import Expression, written
+from imdim.export.expressions import Expression, write_expression
 from imdim.export.loops import Loop
-from imdim.export.numbers import Rounding, fixed
+from imdim.export.numbers import Rounding, to_fixed_point
 from imdim.export.parameters import Parameters
 from imdim.export.script_loops import chain
 from imdim.program.nary import fold_nary
@@ -66,7 +66,7 @@ class UcadLoops:
         if repeat.kind == "mirror" or max(map(abs, repeat.axis)) < 1:
             return ""
         sign = "" if sum(repeat.axis) * repeat.angle > 0 else "-"
-        angle = _array(loop.counts[0], f"{sign}{fixed(self._rounding.angle(abs(repeat.angle)))}°")
+        angle = _array(loop.counts[0], f"{sign}{to_fixed_point(self._rounding.angle(abs(repeat.angle)))}°")
         if repeat.is_full:
             angle = f"[1..{loop.counts[0]}] * {sign}360° / {loop.counts[0]}"
         axis = next(a for a in range(3) if repeat.axis[a])
@@ -79,7 +79,7 @@ class UcadLoops:
         return f".translate({moves})" if moves else ""
 
     def _sum(self, e: Expression) -> str:
-        text = written(e, lambda value: fixed(self._rounding.length(value)), "mm")
+        text = write_expression(e, lambda value: to_fixed_point(self._rounding.length(value)), "mm")
         return f"({text})" if " " in text else text
 
 

@@ -1,1 +1,1 @@
-"""Layer 1: the leaf table and its folds, point sets, exact solids, clouds, meshes and metrics."""
+"""Solids as signed distances, meshes and points; poses, surfaces, sampling."""

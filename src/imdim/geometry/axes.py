@@ -37,14 +37,14 @@ def main_axes(points: np.ndarray) -> np.ndarray:
     normals, trust = local_normals(points)
     if not trust.any():
         return np.eye(3)
-    found = [_adjusted(f, normals, trust) for f in _searched(normals, trust)]
-    best = _finished(max(found, key=lambda f: _worth(f, normals, trust, WIDTHS[1])), points, normals, trust)
+    found = [_adjust_frame(f, normals, trust) for f in _search_frames(normals, trust)]
+    best = _finish_frame(max(found, key=lambda f: _worth(f, normals, trust, WIDTHS[1])), points, normals, trust)
     if _worth(np.eye(3), normals, trust, WIDTHS[1]) >= STAY * _worth(best, normals, trust, WIDTHS[1]):
         return np.eye(3)
     return nearest_equal(best)
 
 
-def shared_axes(directions: Sequence[Sequence[float]], weights: Sequence[float], off_deg: float = 2.0) -> np.ndarray:
+def find_shared_axes(directions: Sequence[Sequence[float]], weights: Sequence[float], off_deg: float = 2.0) -> np.ndarray:
     """The rotation [3, 3] along whose columns most of the weighted `directions` [n, 3] lie; the given axes where they do nearly as well.
 
     For faces and axes that were fitted to many points each, which say more than the normals of a noisy cloud.
@@ -72,12 +72,12 @@ def clearest_axes(points: np.ndarray, frames: Sequence[np.ndarray], width: float
 
     They do in the shadows along the part's directions, where walls become lines, and in the profile about the axis of a turned part.
     """
-    worth = [_crowded(points @ f, width) for f in frames]
+    worth = [_crowding(points @ f, width) for f in frames]
     best = int(np.argmax(worth))
     return frames[best if worth[0] < CLEARLY * worth[best] else 0]
 
 
-def _crowded(local: np.ndarray, width: float) -> float:
+def _crowding(local: np.ndarray, width: float) -> float:
     """Points that share a point's square, summed over three shadows, and in the best of three profiles about the middle."""
     shadows = [np.delete(local, k, axis=1) for k in range(3)]
     middles = [np.quantile(s, (0.02, 0.98), axis=0).mean(0) for s in shadows]
@@ -110,7 +110,7 @@ def _flattest(groups: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return axes[:, :, 0], np.clip(flat, 0.0, 1.0) ** 4
 
 
-def _searched(normals: np.ndarray, trust: np.ndarray) -> list[np.ndarray]:
+def _search_frames(normals: np.ndarray, trust: np.ndarray) -> list[np.ndarray]:
     """Frames [3, 3] about the best directions of a grid; the second axis is the best one across the first."""
     directions = np.concatenate([half_sphere(TRIALS), np.eye(3)])
     worth = _direction_worths(directions, normals, trust, WIDTHS[0])
@@ -118,13 +118,13 @@ def _searched(normals: np.ndarray, trust: np.ndarray) -> list[np.ndarray]:
     for i in np.argsort(-worth, kind="stable").tolist():
         if any(np.abs(f.T @ directions[i]).max() > 0.98 for f in frames):
             continue
-        frames.append(_completed(directions[i], normals, trust))
+        frames.append(_complete_frame(directions[i], normals, trust))
         if len(frames) == 3:
             break
     return frames
 
 
-def _completed(first: np.ndarray, normals: np.ndarray, trust: np.ndarray) -> np.ndarray:
+def _complete_frame(first: np.ndarray, normals: np.ndarray, trust: np.ndarray) -> np.ndarray:
     seed = np.eye(3)[np.abs(first).argmin()]
     u = seed - (seed @ first) * first
     u /= np.linalg.norm(u)
@@ -157,7 +157,7 @@ def _direction_worths(directions, normals, trust, width):  # pragma: no cover - 
     return out
 
 
-def _adjusted(frame: np.ndarray, normals: np.ndarray, trust: np.ndarray) -> np.ndarray:
+def _adjust_frame(frame: np.ndarray, normals: np.ndarray, trust: np.ndarray) -> np.ndarray:
     """Gauss-Newton steps on the residuals of the kernels, ever narrower: components of a normal that should be 0."""
     for width in np.repeat(WIDTHS, 4):
         local = normals @ frame
@@ -181,23 +181,23 @@ def _adjusted(frame: np.ndarray, normals: np.ndarray, trust: np.ndarray) -> np.n
     return frame
 
 
-def _finished(frame: np.ndarray, points: np.ndarray, normals: np.ndarray, trust: np.ndarray) -> np.ndarray:
+def _finish_frame(frame: np.ndarray, points: np.ndarray, normals: np.ndarray, trust: np.ndarray) -> np.ndarray:
     """Where normals are exact they have the last word, where they are noisy the places of the points."""
-    sharp = _sharpened(frame, points)
-    exact = max((frame, _adjusted(sharp, normals, trust)), key=lambda f: _worth(f, normals, trust, WIDTHS[-1]))
+    sharp = _sharpen_frame(frame, points)
+    exact = max((frame, _adjust_frame(sharp, normals, trust)), key=lambda f: _worth(f, normals, trust, WIDTHS[-1]))
     clear = _worth(exact, normals, trust, WIDTHS[-1]) > EXACT * _worth(exact, normals, trust, WIDTHS[1])
     return exact if clear else sharp
 
 
-def _sharpened(frame: np.ndarray, points: np.ndarray) -> np.ndarray:
+def _sharpen_frame(frame: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Turned a little so that the coordinates of the points pile up where faces are; a pattern search, ever finer."""
     points = subsample(points, SHARPENED)
     points = (points - points.mean(0)) / float(np.linalg.norm(np.ptp(points, axis=0)))
     for step, width in SHARPENING:
-        best = _piled(points @ frame, width)
+        best = _pile_density(points @ frame, width)
         for _ in range(12):
             turned = [frame @ _exponential(sign * step * axis) for axis in np.eye(3) for sign in (1, -1)]
-            piled = [_piled(points @ t, width) for t in turned]
+            piled = [_pile_density(points @ t, width) for t in turned]
             k = int(np.argmax(piled))
             if piled[k] <= best:
                 break
@@ -206,7 +206,7 @@ def _sharpened(frame: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def _piled(local, width):  # pragma: no cover - compiled
+def _pile_density(local, width):  # pragma: no cover - compiled
     """Sum over the axes of the squared density of one coordinate, seen through triangles of `width`."""
     total = 0.0
     for axis in range(3):

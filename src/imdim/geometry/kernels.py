@@ -30,7 +30,7 @@ def leaf_table(kinds: np.ndarray, params: np.ndarray, points: np.ndarray) -> np.
 
 def program_sdf(program: Program | Lowered, points: np.ndarray) -> np.ndarray:
     """Values [n] at `points` [n, 3]."""
-    p = _lowered(program)
+    p = _as_lowered(program)
     return _program_values(p.code, p.kinds, p.sizes, p.centers, p.rotations, _as_points(points))[0]
 
 
@@ -41,11 +41,11 @@ def inside(program: Program | Lowered, points: np.ndarray) -> np.ndarray:
 
 def program_tangent(program: Program | Lowered, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Deciding leaf int64 [n], value [n], local-frame derivative [n, 9] (sizes, shift, rotation vector), world normal [n, 3]."""
-    p = _lowered(program)
+    p = _as_lowered(program)
     return _program_tangent(p.code, p.kinds, p.sizes, p.centers, p.rotations, _as_points(points))
 
 
-def _lowered(program: Program | Lowered) -> Lowered:
+def _as_lowered(program: Program | Lowered) -> Lowered:
     return program if isinstance(program, Lowered) else lower(program)
 
 

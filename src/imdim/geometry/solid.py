@@ -62,9 +62,9 @@ def mesh_to_manifold(mesh: trimesh.Trimesh) -> Manifold:
     if not len(mesh.faces) or not np.isfinite(vertices).all():
         raise ValueError(f"mesh of {len(vertices)} vertices and {len(mesh.faces)} faces bounds no solid: it is empty or not finite")
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    solid = _merged_solid(mesh, vertices)
+    solid = _merge_vertices(mesh, vertices)
     if solid.status() != Error.NoError:
-        solid = _merged_solid(mesh, np.round(vertices / max(diagonal * 1e-6, 1e-300)))
+        solid = _merge_vertices(mesh, np.round(vertices / max(diagonal * 1e-6, 1e-300)))
     if solid.status() != Error.NoError:
         raise ValueError(f"mesh of {len(mesh.faces)} faces is not a closed manifold: {solid.status().name}")
     if solid.volume() <= 0:
@@ -72,7 +72,7 @@ def mesh_to_manifold(mesh: trimesh.Trimesh) -> Manifold:
     return solid
 
 
-def _merged_solid(mesh: trimesh.Trimesh, keys: np.ndarray) -> Manifold:
+def _merge_vertices(mesh: trimesh.Trimesh, keys: np.ndarray) -> Manifold:
     """A solid whose vertices with equal rows of `keys` [v, 3] are one; faces that thereby collapse are dropped."""
     _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     faces = inverse.reshape(-1)[np.asarray(mesh.faces)]
@@ -88,7 +88,7 @@ def to_trimesh(solid: Manifold) -> trimesh.Trimesh:
     return trimesh.Trimesh(vertices, np.array(mesh.tri_verts, np.int64), process=False)
 
 
-def owned_surface(program: Program, segments: int = SEGMENTS) -> tuple[trimesh.Trimesh, np.ndarray]:
+def surface_with_owners(program: Program, segments: int = SEGMENTS) -> tuple[trimesh.Trimesh, np.ndarray]:
     """The surface of `program`, and for each of its faces [f] the number of the leaf that made it."""
     owners: dict[int, int] = {}
 

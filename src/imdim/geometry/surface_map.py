@@ -78,10 +78,10 @@ def _box(xp: Any, size: tuple[float, ...], u: Array) -> Mapped:
     # the free coordinates are s and t, the fixed one is at half the edge
     unit = xp.stack([xp.where(on_x, sign / 2, s), xp.where(on_y, sign / 2, xp.where(on_x, s, t)), xp.where(on_z, sign / 2, t)], -1)
     normals = xp.stack([xp.where(flag, sign, none) for flag in (on_x, on_y, on_z)], -1)
-    return _scaled(xp, unit, size), normals, _ones(u)
+    return _scale(xp, unit, size), normals, _ones(u)
 
 
-def _scaled(xp: Any, points: Array, factors: tuple[float, ...]) -> Array:
+def _scale(xp: Any, points: Array, factors: tuple[float, ...]) -> Array:
     return xp.stack([points[:, i] * f for i, f in enumerate(factors)], -1)
 
 
@@ -98,10 +98,10 @@ def _sphere(xp: Any, size: tuple[float, ...], u: Array) -> Mapped:
 
 def _ellipsoid(xp: Any, size: tuple[float, ...], u: Array) -> Mapped:
     direction = _direction(xp, u)
-    gradient = _scaled(xp, direction, tuple(1 / s for s in size))
+    gradient = _scale(xp, direction, tuple(1 / s for s in size))
     length = xp.sqrt((gradient * gradient).sum(-1))
     # a patch of the unit sphere grows by abc |u / s|, at most abc / min(s)
-    return _scaled(xp, direction, size), gradient / length[:, None], length * min(size)
+    return _scale(xp, direction, size), gradient / length[:, None], length * min(size)
 
 
 def _cylinder(xp: Any, size: tuple[float, ...], u: Array) -> Mapped:

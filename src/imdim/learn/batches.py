@@ -11,12 +11,12 @@ from torch.utils.data import DataLoader, Dataset
 from imdim.data.folder import chunk_generator
 from imdim.data.npz import NPZCADDataset, collate
 from imdim.data.solids import from_sequences
-from imdim.data.synthesize import Samples, synthesize, with_prefixes
+from imdim.data.synthesize import TrainingSamples, synthesize, with_prefixes
 from imdim.learn.distributed import Processes
 from imdim.learn.settings import TrainConfig
-from imdim.learn.stump.samples import Occupied, labelled, occupied_samples
+from imdim.learn.stump.samples import Occupied, draw_samples, label_solids
 
-Batch = Samples | Occupied
+Batch = TrainingSamples | Occupied
 
 TRAIN_STREAM, ORDER_STREAM, VAL_STREAM, NPZ_STREAM, TARGET_STREAM = 10, 11, 12, 13, 14
 AHEAD = 4  # steps whose samples wait in memory, for each worker
@@ -87,7 +87,7 @@ def validation_batches(config: TrainConfig) -> Iterator[Batch]:
 def fresh(n: int, config: TrainConfig, generator: torch.Generator) -> Batch:
     """Samples made for the experiment."""
     if config.experiment == "stump":
-        return occupied_samples(n, config.synthesis, config.stump, generator)
+        return draw_samples(n, config.synthesis, config.stump, generator)
     return synthesize(n, config.synthesis, generator)
 
 
@@ -96,7 +96,7 @@ def from_npz(data: Dataset[dict[str, Tensor]], rows: list[int], config: TrainCon
     batch = {name: tensor.to(generator.device) for name, tensor in collate([data[i] for i in rows]).items()}
     if config.experiment == "stump":
         solids = from_sequences(batch["gt_tokens"], batch["gt_params"])
-        return labelled(solids, batch["gt_points"], config.synthesis, config.stump, generator)
+        return label_solids(solids, batch["gt_points"], config.synthesis, config.stump, generator)
     return with_prefixes(batch["gt_points"], batch["gt_tokens"], batch["gt_params"], config.synthesis, generator)
 
 

@@ -9,9 +9,9 @@ from torch import Tensor
 
 from imdim.data.solids import Solids
 from imdim.data.surfaces import surface_clouds
-from imdim.learn.decode import DecodeConfig, applied, empty
+from imdim.learn.decode import DecodeConfig, apply_move, empty
 from imdim.learn.policy import Policy
-from imdim.learn.profile import signed_level
+from imdim.learn.profile import fold_levels
 from imdim.program.state import END, UNDO_LAST
 
 FAR = 0.1  # of the diagonal; a point further off weighs no more
@@ -62,18 +62,18 @@ def beam_search(
     stale = torch.zeros(rows, 1, dtype=torch.long, device=device)
     for depth in range(most + 2 * config.undo_limit + 1):
         # the first step starts from one state, so it is tried as often as all others together
-        tried = _tried(policy, gt_points, states, config, config.expand if depth else config.beam * config.expand, render, chance)
+        tried = _expand(policy, gt_points, states, config, config.expand if depth else config.beam * config.expand, render, chance)
         if tried is None:
             break
         before = answers.costs[:, :1]
-        answers = _joined(answers, tried, rows).best(config.beam)
+        answers = _join(answers, tried, rows).best(config.beam)
         states = tried.best(config.beam)
         stale = torch.where(answers.costs[:, :1] < before - STALE, 0, stale + 1)
         states.costs = torch.where(stale < PATIENCE, states.costs, torch.inf)
     return answers.solids, answers.costs
 
 
-def _tried(
+def _expand(
     policy: Policy, gt_points: Tensor, states: _Ranked, config: DecodeConfig, ways: int, render: torch.Generator, chance: torch.Generator
 ) -> _Ranked | None:
     """All states one move on, `ways` for each of the `beam`; None when none is left to go on from. Ended ones cost infinity."""
@@ -85,7 +85,7 @@ def _tried(
     move = policy.propose(target, states.shown[alive], before, chance, states.undone[alive] < config.undo_limit, ways)
     each = torch.arange(len(alive), device=alive.device).repeat_interleave(ways)
     ended = move.tokens == int(END)
-    after = applied(before[each], move, ended)
+    after = apply_move(before[each], move, ended)
     shown = surface_clouds(after, config.cur_points, render)[0]
     costs = torch.where(ended, torch.inf, costs_of(after, target[each], shown, config))
     undone = states.undone[alive][each] + (move.tokens == int(UNDO_LAST))
@@ -98,7 +98,7 @@ def _tried(
     return _Ranked(solids, wide.view(len(states.costs), -1), *scattered)
 
 
-def _joined(a: _Ranked, b: _Ranked, rows: int) -> _Ranked:
+def _join(a: _Ranked, b: _Ranked, rows: int) -> _Ranked:
     """Both sets of states of each target."""
 
     def join(x: Tensor, y: Tensor) -> Tensor:
@@ -112,7 +112,7 @@ def costs_of(solids: Solids, gt_points: Tensor, shown: Tensor, config: DecodeCon
     """What [b] programs cost before clouds [b, n, 3], in shares of the diagonal: the mean level of the cloud's points, the mean distance of
     the points `shown` [b, m, 3] of their own surfaces to the cloud, and the price of primitives. Infinite where nothing is shown."""
     points = gt_points[:, : config.points]
-    unexplained = signed_level(solids, points).abs().clamp_max(FAR).mean(1)
+    unexplained = fold_levels(solids, points).abs().clamp_max(FAR).mean(1)
     unsupported = torch.cdist(shown, points).amin(2).clamp_max(FAR).mean(1)
     there = shown.flatten(1).any(1)
     return torch.where(there, unexplained + unsupported + config.price * solids.lengths, torch.inf)

@@ -20,9 +20,9 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor, nn
 
-from imdim.learn.base import BaseConfig, BasePolicy
 from imdim.learn.policy import VOCAB, Policy
-from imdim.learn.seed import SeedConfig, SeedPolicy
+from imdim.learn.policy_net import BaseConfig, BasePolicy
+from imdim.learn.seed_policy import SeedConfig, SeedPolicy
 from imdim.learn.stump.net import StumpNet
 from imdim.learn.stump.settings import StumpConfig
 from imdim.program.state import Token
@@ -53,7 +53,7 @@ def save_net(path: Path, net: Policy | StumpNet, notes: Mapping[str, str]) -> No
     """`save_policy`, or the same of a CSG-Stump Net, which has no vocabulary."""
     if isinstance(net, StumpNet):
         header = {"format": STUMP_FORMAT, "version": STUMP_VERSION, "config": json.dumps(asdict(net.config))}
-        replace_whole(path, _saved(_weights(net), {**notes, **header}))
+        replace_whole(path, _serialise(_weights(net), {**notes, **header}))
     else:
         save_policy(path, net, notes)
 
@@ -70,10 +70,10 @@ def save_policy(path: Path, policy: Policy, notes: Mapping[str, str]) -> None:
         "config": json.dumps(asdict(policy.config)),  # type: ignore[call-overload]
         "max_seq_len": str(policy.max_seq_len),
     }
-    replace_whole(path, _saved(_weights(policy), header))
+    replace_whole(path, _serialise(_weights(policy), header))
 
 
-def _saved(weights: dict[str, torch.Tensor], header: dict[str, str]) -> bytes:
+def _serialise(weights: dict[str, torch.Tensor], header: dict[str, str]) -> bytes:
     """A safetensors file with sorted metadata: the library writes them in an order that changes from process to process."""
     raw = save(weights, header)
     length = int.from_bytes(raw[:8], "little")
@@ -88,7 +88,7 @@ def load_stump(path: Path, device: torch.device | str = "cpu") -> tuple[StumpNet
     """The CSG-Stump Net in evaluation mode, and the file's header. Raises as `load_policy` does."""
     header, weights = _read(path)
     _check_format(path, header, STUMP_FORMAT, STUMP_VERSION)
-    net = _built(path, weights, "a CSG-Stump Net", lambda: StumpNet(_config(StumpConfig, header, weights)))
+    net = _build_net(path, weights, "a CSG-Stump Net", lambda: StumpNet(_config(StumpConfig, header, weights)))
     return net.to(device).eval(), header
 
 
@@ -97,7 +97,7 @@ def load_policy(path: Path, device: torch.device | str = "cpu") -> tuple[Policy,
     header, weights = _read(path)
     _check(path, header)
     kind, config = POLICIES[header["design"]]
-    policy = _built(
+    policy = _build_net(
         path, weights, f"the design {header['design']}", lambda: kind(_config(config, header, weights), int(header["max_seq_len"]))
     )
     return policy.to(device).eval(), header
@@ -170,7 +170,7 @@ def _read(path: Path) -> tuple[dict[str, str], dict[str, Tensor]]:
         raise CheckpointError(f"{path}: not a safetensors file: {_short(error)}") from error
 
 
-def _built(path: Path, weights: Mapping[str, Tensor], what: str, build: Callable[[], N]) -> N:
+def _build_net(path: Path, weights: Mapping[str, Tensor], what: str, build: Callable[[], N]) -> N:
     """A net with these weights."""
     try:
         net = build()

@@ -54,7 +54,7 @@ class Choices:
         """What places, bins and offsets stand for: ends in shares, numbers of 0 to 1, [b, ENDS + NUMBERS]."""
         return torch.cat([self.shares(), (self.bins + self.offsets[:, ENDS:]) / (BINS - 1)], 1)
 
-    def used_bins(self, kinds: Tensor, code: str = "columns") -> Tensor:
+    def mask_used_bins(self, kinds: Tensor, code: str = "columns") -> Tensor:
         """Which of the nine bins mean something, bool [b, 9], for tokens `kinds` [b]; `code` is of the rotation."""
         box, turn = (kinds == BOX)[:, None], ROTATION_CODES[code]
         needed = torch.where(box, turn.box, turn.cylinder) > torch.arange(6, device=kinds.device)

@@ -39,7 +39,7 @@ def empty(rows: int, width: int, device: torch.device | str = "cpu") -> Solids:
     )
 
 
-class Step(NamedTuple):
+class DecodeStep(NamedTuple):
     """A move of the `rows` int64 [r] that have not ended: what the policy saw there, the cloud `current` [r, m, 3] of the `written`
     programs, whether it `may_undo` [r] (else UNDO_LAST was barred), its `move`, and the programs [b] of all rows `after` it."""
 
@@ -54,7 +54,7 @@ class Step(NamedTuple):
 @torch.no_grad()
 def steps(
     policy: Policy, gt_points: Tensor, config: DecodeConfig, render: torch.Generator, chance: torch.Generator | None = None
-) -> Iterator[Step]:
+) -> Iterator[DecodeStep]:
     """The moves by which programs for clouds [b, n, 3] of diagonal 1 are written: greedy ones, or samples with `chance`. `render` draws
     the prefixes' clouds."""
     most = min(config.max_primitives, policy.max_seq_len - 1)
@@ -68,9 +68,9 @@ def steps(
         written, may_undo = solids[rows], undone[rows] < config.undo_limit
         current = surface_clouds(written, config.cur_points, render)[0]
         move = policy.propose(gt_points[rows], current, written, chance, may_undo)
-        after = applied(written, move, torch.zeros_like(may_undo))
+        after = apply_move(written, move, torch.zeros_like(may_undo))
         solids = Solids(*(getattr(solids, f.name).index_copy(0, rows, getattr(after, f.name)) for f in fields(Solids)))
-        yield Step(rows, current, written, may_undo, move, solids)
+        yield DecodeStep(rows, current, written, may_undo, move, solids)
         undone[rows] += move.tokens == int(UNDO_LAST)
         rows = rows[move.tokens != int(END)]
 
@@ -85,7 +85,7 @@ def decode(
     return solids
 
 
-def applied(solids: Solids, move: Move, done: Tensor) -> Solids:
+def apply_move(solids: Solids, move: Move, done: Tensor) -> Solids:
     """The sequences after the move; rows that are `done` stay."""
     rows = torch.arange(len(done), device=done.device)
     width, length = solids.kinds.shape[1], solids.lengths

@@ -32,7 +32,7 @@ class Processes:
         for tensor, part in zip(tensors, together.split([t.numel() for t in tensors]), strict=True):
             tensor.copy_(part.view_as(tensor))
 
-    def agreed(self, values: Sequence[int], device: str) -> list[int]:
+    def agree(self, values: Sequence[int], device: str) -> list[int]:
         """What the first process has."""
         if self.count == 1:
             return list(values)

@@ -13,7 +13,7 @@ from imdim.learn.profile import Clouds
 
 
 @dataclass(frozen=True)
-class View:
+class StateView:
     """What a state shows: the ruler `low`, `edges` [b, 3], the `clouds`, what each decoder layer `reads` of its encoded
     tokens, which of them are `there` [b, 1, 1, s], and the encoded `slabs` [b, STEPS + 1, d] of each axis."""
 
@@ -24,18 +24,18 @@ class View:
     there: Tensor
     slabs: tuple[Tensor, ...]
 
-    def only(self, rows: Tensor) -> View:
+    def only(self, rows: Tensor) -> StateView:
         """Some rows, without the clouds."""
         reads = tuple((k[rows], v[rows]) for k, v in self.reads)
-        return View(self.low[rows], self.edges[rows], self.clouds, reads, self.there[rows], tuple(s[rows] for s in self.slabs))
+        return StateView(self.low[rows], self.edges[rows], self.clouds, reads, self.there[rows], tuple(s[rows] for s in self.slabs))
 
-    def repeated(self, ways: int) -> View:
+    def repeat(self, ways: int) -> StateView:
         """Each row `ways` times; the clouds, which are large, stay shared."""
         if ways == 1:
             return self
         low, edges, there = (v.repeat_interleave(ways, 0) for v in (self.low, self.edges, self.there))
         reads = tuple((k.repeat_interleave(ways, 0), v.repeat_interleave(ways, 0)) for k, v in self.reads)
-        return View(low, edges, self.clouds, reads, there, tuple(s.repeat_interleave(ways, 0) for s in self.slabs))
+        return StateView(low, edges, self.clouds, reads, there, tuple(s.repeat_interleave(ways, 0) for s in self.slabs))
 
 
 @dataclass

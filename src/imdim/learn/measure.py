@@ -13,7 +13,7 @@ from torch import Tensor
 
 from imdim.data.canonical import box_symmetries, canonical_primitives
 from imdim.data.solids import BOX, CYLINDER, PAD, SPHERE, Solids, from_sequences, to_sequences, to_signed
-from imdim.data.synthesize import Samples
+from imdim.data.synthesize import TrainingSamples
 from imdim.learn.codes import FREE, encode, ruler
 from imdim.learn.policy import Move, Policy
 from imdim.program.sequence import to_program
@@ -34,7 +34,7 @@ class KindError:
 
 
 @torch.no_grad()
-def moves(policy: Policy, batch: Samples) -> tuple[Move, Tensor]:
+def moves(policy: Policy, batch: TrainingSamples) -> tuple[Move, Tensor]:
     """The greedy moves from the true prefixes of `batch`, and which tokens [b] are the true next ones."""
     rows = torch.arange(len(batch.steps), device=batch.steps.device)
     column = torch.arange(batch.gt_tokens.shape[1], device=rows.device)
@@ -43,7 +43,7 @@ def moves(policy: Policy, batch: Samples) -> tuple[Move, Tensor]:
     return move, move.tokens == batch.gt_tokens[rows, batch.steps]
 
 
-def errors_by_kind(batch: Samples, move: Move) -> dict[str, KindError]:
+def errors_by_kind(batch: TrainingSamples, move: Move) -> dict[str, KindError]:
     """Errors of the proposed primitives, by kind, where the proposed kind is the true one; both are made canonical. "turned" are
     boxes and cylinders along no coordinate axis."""
     rows = torch.arange(len(batch.steps), device=batch.steps.device)
@@ -71,7 +71,7 @@ def exact_structure(found: Solids, truth: Solids) -> Tensor:
     return (a == b).all(1) & (p[..., 9] == q[..., 9]).all(1)
 
 
-def written_programs(solids: Solids) -> list[Program | None]:
+def to_programs(solids: Solids) -> list[Program | None]:
     """Each row as a program of the tree; None where nothing positive is there."""
     return [to_program(sequence) if sequence else None for sequence in to_signed(solids)]
 

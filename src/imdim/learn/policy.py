@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from imdim.data.solids import CYLINDER, PAD, Solids
-from imdim.data.synthesize import Samples
+from imdim.data.synthesize import TrainingSamples
 from imdim.program.state import END, UNDO_LAST
 
 VOCAB = 5  # ADD_BOX, ADD_SPHERE, ADD_CYLINDER, UNDO_LAST, END; later tokens are not of signed sequences of these three
@@ -37,7 +37,7 @@ class Policy(nn.Module):
     max_seq_len: int
 
     @abstractmethod
-    def losses(self, batch: Samples) -> dict[str, Tensor]:
+    def losses(self, batch: TrainingSamples) -> dict[str, Tensor]:
         """Scalars; `loss` is what training minimises, `token_accuracy` is 0 to 1."""
 
     @abstractmethod
@@ -74,11 +74,11 @@ def legal(lengths: Tensor, most: int, may_undo: Tensor | None = None) -> Tensor:
     return mask
 
 
-def chosen_tokens(
+def choose_tokens(
     logits: Tensor, lengths: Tensor, most: int, generator: torch.Generator | None, may_undo: Tensor | None = None
 ) -> tuple[Tensor, Tensor]:
     """Tokens [b] and their log p [b] among the legal ones."""
-    return drawn(logits.masked_fill(~legal(lengths, most, may_undo), -torch.inf), generator)
+    return draw_index(logits.masked_fill(~legal(lengths, most, may_undo), -torch.inf), generator)
 
 
 def token_log_p(logits: Tensor, tokens: Tensor, lengths: Tensor, most: int, may_undo: Tensor | None = None) -> Tensor:
@@ -86,14 +86,14 @@ def token_log_p(logits: Tensor, tokens: Tensor, lengths: Tensor, most: int, may_
     return logits.masked_fill(~legal(lengths, most, may_undo), -torch.inf).log_softmax(-1).gather(1, tokens[:, None])[:, 0]
 
 
-def drawn(logits: Tensor, generator: torch.Generator | None) -> tuple[Tensor, Tensor]:
+def draw_index(logits: Tensor, generator: torch.Generator | None) -> tuple[Tensor, Tensor]:
     """The likeliest index [b] of `logits` [b, k], or one drawn with `generator`, and its log p."""
     log_p = logits.log_softmax(-1)
     index = log_p.argmax(-1) if generator is None else torch.multinomial(log_p.exp(), 1, generator=generator)[:, 0]
     return index, log_p.gather(1, index[:, None])[:, 0]
 
 
-def supervised(tokens: Tensor) -> Tensor:
+def mask_supervised(tokens: Tensor) -> Tensor:
     """Steps [b, t] to learn: not padding, and not a primitive that the next step takes back."""
     following = torch.cat([tokens[:, 1:], tokens.new_full((len(tokens), 1), PAD)], 1)
     return (tokens != PAD) & (following != int(UNDO_LAST))

@@ -50,7 +50,7 @@ def _clouds(gt_points: Tensor, cur_points: Tensor, written: Solids, low: Tensor,
     rows = torch.arange(len(points), device=points.device)[:, None]
     moments = table[rows, voxel_of(points)]
     moments[..., 1:4] = (points - moments[..., 1:4]) * VOXELS * moments[..., :1].sign()
-    outside = signed_level(written, gt_points)
+    outside = fold_levels(written, gt_points)
     there = cur_points.flatten(1).any(1)[:, None]
     shares = relative(points, low, edges)
     level = torch.cat([outside, torch.zeros_like(cur_points[..., 0])], 1)
@@ -75,7 +75,7 @@ def _kinds_of(outside: Tensor) -> Tensor:
     return torch.stack([zero + 1, (outside > NEAR).float(), (outside < -NEAR).float(), (outside.abs() <= NEAR).float(), zero, zero], -1)
 
 
-def signed_level(written: Solids, points: Tensor) -> Tensor:
+def fold_levels(written: Solids, points: Tensor) -> Tensor:
     """Levels [b, n] of the left fold at points [b, n, 3]: negative inside, 1 where nothing is written."""
     each = levels(written, points)
     level = torch.ones_like(points[..., 0])

@@ -20,13 +20,13 @@ from torch import Tensor
 
 from imdim.data.folder import chunk_generator
 from imdim.data.solids import from_sequences
-from imdim.data.synthesize import Samples, SynthesisConfig, sampled_iou, synthesize
+from imdim.data.synthesize import SynthesisConfig, TrainingSamples, estimate_iou, synthesize
 from imdim.learn.checkpoint import load_own_state, save_policy, save_state
 from imdim.learn.decode import DecodeConfig, steps
 from imdim.learn.optimise import Optimiser
 from imdim.learn.policy import Policy
 from imdim.learn.rollouts import CREDIT, RewardConfig, Written, moves_of
-from imdim.learn.settings import PRECISIONS, fixed
+from imdim.learn.settings import PRECISIONS, settings_to_keep
 
 STREAM, TARGETS = 20, 21
 # what a resumed run may change
@@ -89,10 +89,10 @@ def reinforce(
 
     Raises NotFinite, FileNotFoundError when there is nothing to resume, ValueError when the run to resume was of other settings.
     """
-    yield from _Run(policy, config, notes or {}, clock).progress()
+    yield from _ReinforceRun(policy, config, notes or {}, clock).progress()
 
 
-class _Run:
+class _ReinforceRun:
     def __init__(self, policy: Policy, config: ReinforceConfig, notes: dict[str, str], clock: Callable[[], float]) -> None:
         torch.set_num_threads(config.threads)
         self.config, self.notes, self.out, self.clock = config, notes, Path(config.out), clock
@@ -111,7 +111,7 @@ class _Run:
     def progress(self) -> Iterator[Progress]:
         config, begun = self.config, self.clock()
         if self.step == 0:
-            yield self._validated([], begun, None)
+            yield self._validate([], begun, None)
         since, means = self.clock(), []
         while self.step < config.steps:
             means.append(self._learn())
@@ -119,7 +119,7 @@ class _Run:
             late = bool(config.max_minutes) and self.clock() - begun > 60 * config.max_minutes
             if self.step % config.validate_every == 0 or self.step == config.steps or late:
                 stop = "finished" if self.step == config.steps else "max_minutes" if late else None
-                yield self._validated(means, since, stop)
+                yield self._validate(means, since, stop)
                 if stop:
                     return
                 since, means = self.clock(), []
@@ -134,10 +134,10 @@ class _Run:
         old: list[Tensor | None] = [None] * len(chunks)
         for _ in range(config.reuse):
             parts = [partial(self._gain, made, rows, old, i) for i, rows in enumerate(chunks)]
-            facts |= self.optimiser.step([*parts, partial(self._anchored, anchor)], 1, config.lr, self.step)
+            facts |= self.optimiser.step([*parts, partial(self._anchor_loss, anchor)], 1, config.lr, self.step)
         return {name: float(value) for name, value in facts.items()}
 
-    def _targets(self, n: int, chance: torch.Generator) -> Samples:
+    def _targets(self, n: int, chance: torch.Generator) -> TrainingSamples:
         return synthesize(n, self.targets_of, chance)
 
     def _gain(self, made: Written, rows: Tensor, old: list[Tensor | None], chunk: int) -> dict[str, Tensor]:
@@ -147,27 +147,27 @@ class _Run:
         before = old[chunk]
         if before is None:
             before = old[chunk] = log_p.detach()
-        loss = clipped(log_p - before, some.advantage, self.config.clip_ratio)
+        loss = clip_objective(log_p - before, some.advantage, self.config.clip_ratio)
         share = len(rows) / len(made.may_undo)
         moved = ((log_p - before).exp() - 1).abs() > self.config.clip_ratio
         return {"loss": loss.mean() * share, "clipped": moved.float().mean() * share}
 
-    def _anchored(self, anchor: Samples) -> dict[str, Tensor]:
+    def _anchor_loss(self, anchor: TrainingSamples) -> dict[str, Tensor]:
         loss = self.optimiser.policy.losses(anchor)["loss"]
         return {"loss": self.config.anchor * loss, "supervised": loss}
 
     @cached_property
-    def _validation(self) -> Samples:
+    def _validation(self) -> TrainingSamples:
         return self._targets(self.config.n_val, chunk_generator(0, TARGETS, 0, self.config.device))
 
-    def _validated(self, means: list[dict[str, float]], since: float, stop: str | None) -> Progress:
+    def _validate(self, means: list[dict[str, float]], since: float, stop: str | None) -> Progress:
         config, average = self.config, self.optimiser.average
         seconds = self.clock() - since
         targets = self._validation
         chance = chunk_generator(0, TARGETS, 1, config.device)
         made = list(steps(average, targets.gt_points, self.decoding, chance))
         count = moves_of(made, config.n_val)
-        iou = sampled_iou(made[-1].after, from_sequences(targets.gt_tokens, targets.gt_params), 2 * config.iou_samples, chance)
+        iou = estimate_iou(made[-1].after, from_sequences(targets.gt_tokens, targets.gt_params), 2 * config.iou_samples, chance)
         reward = iou - config.price * count
         val = {"reward": reward.mean().item(), "iou": iou.mean().item(), "iou_median": iou.median().item(), "moves": count.mean().item()}
         best = val["reward"] > self.best
@@ -181,19 +181,19 @@ class _Run:
         return Progress(self.step, train, val, best, pace, stop)
 
     def _save(self) -> None:
-        state = {"step": self.step, "best": self.best, "config": fixed(self.config, FREE)}
+        state = {"step": self.step, "best": self.best, "config": settings_to_keep(self.config, FREE)}
         save_state(self.out / "state.pt", {**state, **self.optimiser.state_dict()})
 
     def _load(self) -> None:
         path = self.out / "state.pt"
-        state = load_own_state(path, fixed(self.config, FREE))
+        state = load_own_state(path, settings_to_keep(self.config, FREE))
         if state["step"] >= self.config.steps:
             raise ValueError(f"{path} is of a run that is over, {state['step']} steps long; give it more steps")
         self.step, self.best = state["step"], state["best"]
         self.optimiser.load_state_dict(state)
 
 
-def clipped(log_ratio: Tensor, advantage: Tensor, clip_ratio: float) -> Tensor:
+def clip_objective(log_ratio: Tensor, advantage: Tensor, clip_ratio: float) -> Tensor:
     """What to minimise, [m] (Schulman et al. 2017, "Proximal policy optimization", equation 7)."""
     ratio = log_ratio.exp()
     return -torch.minimum(ratio * advantage, ratio.clamp(1 - clip_ratio, 1 + clip_ratio) * advantage)

@@ -16,8 +16,8 @@ from torch import Tensor
 
 from imdim.data.solids import Solids, concatenate, from_sequences
 from imdim.data.surfaces import surface_clouds
-from imdim.data.synthesize import Samples, sampled_iou
-from imdim.learn.decode import DecodeConfig, Step, applied, empty, steps
+from imdim.data.synthesize import TrainingSamples, estimate_iou
+from imdim.learn.decode import DecodeConfig, DecodeStep, apply_move, empty, steps
 from imdim.learn.policy import Move, Policy
 from imdim.program.state import END, UNDO_LAST
 
@@ -58,7 +58,7 @@ class Written(NamedTuple):
 
 @torch.no_grad()
 def whole_programs(
-    policy: Policy, targets: Samples, config: RewardConfig, decoding: DecodeConfig, chance: torch.Generator
+    policy: Policy, targets: TrainingSamples, config: RewardConfig, decoding: DecodeConfig, chance: torch.Generator
 ) -> tuple[Written, Facts]:
     """`config.group` programs for each target; means of reward, IoU and moves, and the spread of rewards within a group."""
     clouds = targets.gt_points.repeat_interleave(config.group, 0)
@@ -66,7 +66,7 @@ def whole_programs(
     count = moves_of(made, len(clouds))
     truth = from_sequences(targets.gt_tokens, targets.gt_params)
     origin = torch.arange(len(truth.kinds), device=clouds.device).repeat_interleave(config.group)
-    iou = sampled_iou(made[-1].after, truth[origin], config.iou_samples, chance, config.group)
+    iou = estimate_iou(made[-1].after, truth[origin], config.iou_samples, chance, config.group)
     reward = iou - config.price * count
     facts = _facts(reward, iou, count, config.group)
     return _flat(made, clouds, advantages(reward, config.group)), facts
@@ -74,7 +74,7 @@ def whole_programs(
 
 @torch.no_grad()
 def branches(
-    policy: Policy, targets: Samples, config: RewardConfig, decoding: DecodeConfig, chance: torch.Generator
+    policy: Policy, targets: TrainingSamples, config: RewardConfig, decoding: DecodeConfig, chance: torch.Generator
 ) -> tuple[Written, Facts]:
     """`config.group` moves from each state of one program for each target, which goes on with one of them, whichever.
 
@@ -91,8 +91,8 @@ def branches(
         current = surface_clouds(written, decoding.cur_points, chance)[0]
         move = policy.propose(targets.gt_points[rows], current, written, chance, may_undo, group)
         each = torch.arange(len(rows), device=rows.device).repeat_interleave(group)
-        after = applied(written[each], move, torch.zeros_like(may_undo)[each])
-        worth = sampled_iou(after, truth[rows][each], config.iou_samples, chance, group)
+        after = apply_move(written[each], move, torch.zeros_like(may_undo)[each])
+        worth = estimate_iou(after, truth[rows][each], config.iou_samples, chance, group)
         rewards.append(worth - config.price * (move.tokens != int(END)))
         seen.append(Written(targets.gt_points[rows], current, written, may_undo, move, advantages(rewards[-1], group)))
         chosen = torch.randint(group, (len(rows),), generator=chance, device=rows.device) + group * torch.arange(
@@ -103,13 +103,13 @@ def branches(
         undone[rows] += token == int(UNDO_LAST)
         rows = rows[token != int(END)]
     reward = torch.cat(rewards)
-    made = _joined(seen, most)
+    made = _join(seen, most)
     different = made.advantage.view(-1, group).abs().amax(1) > 0.5
     facts = _facts(reward, iou, reward.new_tensor([len(reward) / group / n]), group)
     return made.of((different if different.any() else ~different).nonzero()[:, 0]), facts
 
 
-CREDIT: Mapping[str, Callable[[Policy, Samples, RewardConfig, DecodeConfig, torch.Generator], tuple[Written, Facts]]] = {
+CREDIT: Mapping[str, Callable[[Policy, TrainingSamples, RewardConfig, DecodeConfig, torch.Generator], tuple[Written, Facts]]] = {
     "program": whole_programs,
     "move": branches,
 }
@@ -121,7 +121,7 @@ def advantages(reward: Tensor, group: int) -> Tensor:
     return ((grouped - grouped.mean(1, keepdim=True)) / grouped.std(1, keepdim=True).clamp_min(ALIKE)).flatten()
 
 
-def moves_of(made: list[Step], n: int) -> Tensor:
+def moves_of(made: list[DecodeStep], n: int) -> Tensor:
     """How many moves each of `n` rows made."""
     return torch.cat([step.rows for step in made]).bincount(minlength=n).float()
 
@@ -131,13 +131,13 @@ def _facts(reward: Tensor, iou: Tensor, count: Tensor, group: int) -> Facts:
     return {"reward": reward.mean().item(), "iou": iou.mean().item(), "moves": count.mean().item(), "spread": spread}
 
 
-def _flat(made: list[Step], clouds: Tensor, advantage: Tensor) -> Written:
+def _flat(made: list[DecodeStep], clouds: Tensor, advantage: Tensor) -> Written:
     """One move from each state, with the advantage [b] of its row."""
     parts = [Written(clouds[s.rows], s.current, s.written, s.may_undo, s.move, advantage[s.rows]) for s in made]
-    return _joined(parts, made[0].written.kinds.shape[1])
+    return _join(parts, made[0].written.kinds.shape[1])
 
 
-def _joined(parts: list[Written], width: int) -> Written:
+def _join(parts: list[Written], width: int) -> Written:
     draws = [p.move.draws for p in parts if p.move.draws is not None]
     move = Move(
         torch.cat([p.move.tokens for p in parts]),

@@ -42,7 +42,7 @@ def from_columns(numbers: Tensor) -> Tensor:
     return torch.stack([x, torch.linalg.cross(z, x), z], -1)
 
 
-def implied_x(numbers: Tensor) -> Tensor:
+def infer_x(numbers: Tensor) -> Tensor:
     """The x axis of a canonical cylinder, from its z axis."""
     z = normalize(numbers * 2 - 1 + torch.tensor([0.0, 0.0, 1e-6], device=numbers.device), dim=-1)
     return (shortest_from_z(z)[..., 0] + 1) / 2
@@ -60,6 +60,6 @@ def from_euler(numbers: Tensor) -> Tensor:
 
 # the continuous one: Zhou et al. 2019, "On the continuity of rotation representations"; Euler angles jump, and are there to compare
 ROTATION_CODES: Mapping[str, RotationCode] = {
-    "columns": RotationCode(columns, from_columns, implied_x, 6, 3),
+    "columns": RotationCode(columns, from_columns, infer_x, 6, 3),
     "euler": RotationCode(euler, from_euler, torch.zeros_like, 3, 3),
 }

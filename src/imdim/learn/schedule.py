@@ -17,14 +17,14 @@ class Plan(NamedTuple):
     end: int
 
 
-def planned(steps: int, cooldown: float) -> Plan:
+def plan_steps(steps: int, cooldown: float) -> Plan:
     """The fall takes the last `cooldown` share of `steps`. Raises ValueError for a share outside 0 to 1."""
     if not 0 <= cooldown <= 1:
         raise ValueError(f"cooldown is a share of the steps, 0 to 1, got {cooldown}")
     return Plan(steps - round(cooldown * steps), steps)
 
 
-def shortened(plan: Plan, step: int, taken: int, seconds: float, limit: float, cooldown: float) -> Plan:
+def shorten_plan(plan: Plan, step: int, taken: int, seconds: float, limit: float, cooldown: float) -> Plan:
     """`plan`, or one whose fall begins now, at `step`, so that it ends when `limit` seconds are over at the pace of the `taken` steps."""
     if step >= plan.start or seconds < (1 - cooldown) * limit:
         return plan

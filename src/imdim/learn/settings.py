@@ -9,9 +9,9 @@ from typing import Any
 import torch
 
 from imdim.data.synthesize import SynthesisConfig
-from imdim.learn.base import BaseConfig, BasePolicy
 from imdim.learn.policy import Policy
-from imdim.learn.seed import SeedConfig, SeedPolicy
+from imdim.learn.policy_net import BaseConfig, BasePolicy
+from imdim.learn.seed_policy import SeedConfig, SeedPolicy
 from imdim.learn.stump.net import StumpNet
 from imdim.learn.stump.settings import StumpConfig
 
@@ -91,13 +91,13 @@ def precision(config: TrainConfig) -> torch.dtype:
     return PRECISIONS[name]
 
 
-def settled(config: TrainConfig, processes: int) -> TrainConfig:
+def fill_defaults(config: TrainConfig, processes: int) -> TrainConfig:
     """`config` with numbers in place of what it leaves open."""
     workers = (0 if config.device.startswith("cuda") else 1) if config.workers < 0 else config.workers
     return replace(config, shards=config.shards or processes, workers=workers)
 
 
-def fixed(config: Any, free: Collection[str] = FREE) -> dict[str, object]:
+def settings_to_keep(config: Any, free: Collection[str] = FREE) -> dict[str, object]:
     """The settings that a resumed run must share: all but the `free` ones."""
     return {key: _plain(value) for key, value in asdict(config).items() if key not in free}
 

@@ -20,10 +20,10 @@ from imdim.learn.batches import Batch, Batches
 from imdim.learn.checkpoint import load_own_state, load_state, save_net, save_state, state_tensors
 from imdim.learn.distributed import Processes
 from imdim.learn.optimise import NotFinite, Optimiser
-from imdim.learn.schedule import Plan, learning_rate, planned, shortened
-from imdim.learn.settings import TrainConfig, build, fixed, precision, settled
+from imdim.learn.schedule import Plan, learning_rate, plan_steps, shorten_plan
+from imdim.learn.settings import TrainConfig, build, fill_defaults, precision, settings_to_keep
 from imdim.learn.stump.measure import StumpValidation
-from imdim.learn.validation import Shown, Validation
+from imdim.learn.validation import Reconstructions, Validation
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Report:
     samples_per_second: float
     data_share: float
     validation_share: float
-    shown: Shown | None = None
+    shown: Reconstructions | None = None
     stop: str | None = None
 
 
@@ -82,11 +82,11 @@ def train(
     the run to resume was of another configuration or is over.
     """
     processes = processes or Processes()
-    run = _Run(settled(config, processes.count), notes or {}, clock, processes)
+    run = _TrainRun(fill_defaults(config, processes.count), notes or {}, clock, processes)
     yield from run.reports()
 
 
-class _Run:
+class _TrainRun:
     def __init__(self, config: TrainConfig, notes: dict[str, str], clock: Callable[[], float], processes: Processes) -> None:
         torch.set_num_threads(config.threads)
         self.config, self.notes, self.out, self.clock, self.processes = config, notes, Path(config.out), clock, processes
@@ -94,7 +94,7 @@ class _Run:
         self.optimiser = Optimiser(self.net, config.ema, config.clip, precision(config), processes)
         self.batches = Batches(config, processes)
         self.validation = StumpValidation(config) if config.experiment == "stump" else Validation(config)
-        self.plan = planned(self.batches.per_epoch * config.epochs, config.cooldown)
+        self.plan = plan_steps(self.batches.per_epoch * config.epochs, config.cooldown)
         self.whole = self.plan.end
         self.step, self.best = 0, math.inf
         if config.resume:
@@ -119,8 +119,8 @@ class _Run:
                 self._save("state.pt")
 
     def _hurry(self, seconds: float, taken: int) -> None:
-        plan = shortened(self.plan, self.step, taken, seconds, 60 * self.config.max_minutes, self.config.cooldown)
-        self.plan = Plan(*self.processes.agreed(plan, self.config.device))
+        plan = shorten_plan(self.plan, self.step, taken, seconds, 60 * self.config.max_minutes, self.config.cooldown)
+        self.plan = Plan(*self.processes.agree(plan, self.config.device))
 
     def _take(self, batches: Iterator[list[Batch]], tally: _Tally) -> None:
         before = self.clock()
@@ -142,7 +142,7 @@ class _Run:
         val = self.validation.losses(average)  # type: ignore[arg-type]
         measured, shown = {}, None
         if over or self.step // self.batches.per_epoch % config.measure_every == 0:
-            measured, shown = self.validation.measured(average)  # type: ignore[arg-type]
+            measured, shown = self.validation.measure(average)  # type: ignore[arg-type]
         seen = self.step * config.batch_size
         best = val["loss"] < self.best
         if best:
@@ -171,12 +171,12 @@ class _Run:
     def _save(self, name: str) -> None:
         if not self.processes.first:
             return
-        state = {"step": self.step, "best": self.best, "plan": list(self.plan), "config": fixed(self.config)}
+        state = {"step": self.step, "best": self.best, "plan": list(self.plan), "config": settings_to_keep(self.config)}
         save_state(self.out / name, {**state, **self.optimiser.state_dict()})
 
     def _load(self) -> None:
         path = self.out / "state.pt"
-        state = load_own_state(path, fixed(self.config))
+        state = load_own_state(path, settings_to_keep(self.config))
         self.best = state["best"]
         start, end = state["plan"]
         if state["step"] >= end:

@@ -11,7 +11,7 @@ import torch
 
 from imdim.data.folder import chunk_generator
 from imdim.data.solids import Solids, from_sequences
-from imdim.data.synthesize import Samples, sampled_iou, synthesize
+from imdim.data.synthesize import TrainingSamples, estimate_iou, synthesize
 from imdim.learn.batches import TARGET_STREAM, validation_batches
 from imdim.learn.decode import DecodeConfig, decode
 from imdim.learn.measure import errors_by_kind, exact_structure, moves, summary
@@ -23,7 +23,7 @@ from imdim.learn.stump.samples import Occupied
 IOU_SAMPLES = 4096
 
 
-class Shown(NamedTuple):
+class Reconstructions(NamedTuple):
     """Targets and what was written for them, row by row, with the IoU [b] of each."""
 
     truth: Solids
@@ -38,17 +38,17 @@ class Validation:
         self.config = config
 
     @cached_property
-    def batches(self) -> list[Samples]:
+    def batches(self) -> list[TrainingSamples]:
         """For the losses, and for the moves from true prefixes."""
-        return [b for b in validation_batches(self.config) if isinstance(b, Samples)]
+        return [b for b in validation_batches(self.config) if isinstance(b, TrainingSamples)]
 
     @cached_property
-    def targets(self) -> Samples:
+    def targets(self) -> TrainingSamples:
         """For whole programs: no program stands twice among them."""
         config = self.config
         if config.val_root:
             first = next(validation_batches(replace(config, n_val=config.n_measure, batch_size=config.n_measure)))
-            assert isinstance(first, Samples)
+            assert isinstance(first, TrainingSamples)
             return first
         generator = chunk_generator(0, TARGET_STREAM, 0, config.device)
         return synthesize(config.n_measure, replace(config.synthesis, prefixes=1, p_undo=0.0), generator)
@@ -57,13 +57,13 @@ class Validation:
         """Means over `n_val` samples."""
         return mean_losses(policy, self.batches)
 
-    def measured(self, policy: Policy) -> tuple[dict[str, float], Shown]:
+    def measure(self, policy: Policy) -> tuple[dict[str, float], Reconstructions]:
         """Whole programs and next primitives."""
         values, shown = self.programs(policy)
         return values | self.errors(policy), shown
 
     @torch.no_grad()
-    def programs(self, policy: Policy) -> tuple[dict[str, float], Shown]:
+    def programs(self, policy: Policy) -> tuple[dict[str, float], Reconstructions]:
         """Greedy programs for `n_measure` targets: IoU (sampled, standard error below 0.01) and share of exact structures."""
         policy.eval()
         targets, device = self.targets, self.config.device
@@ -72,10 +72,10 @@ class Validation:
         settings = DecodeConfig(cur_points=synthesis.cur_points, max_primitives=synthesis.n_max, undo_limit=1)
         found = decode(policy, targets.gt_points, settings, chance_free(device))
         truth = from_sequences(targets.gt_tokens, targets.gt_params)
-        iou = sampled_iou(found, truth, IOU_SAMPLES, chance_free(device))
+        iou = estimate_iou(found, truth, IOU_SAMPLES, chance_free(device))
         exact = exact_structure(found.compact(), truth).float().mean()
         values = {f"iou_{name}": value for name, value in summary(iou.tolist()).items()}
-        return {**values, "exact_structure": float(exact)}, Shown(truth, found, iou)
+        return {**values, "exact_structure": float(exact)}, Reconstructions(truth, found, iou)
 
     @torch.no_grad()
     def errors(self, policy: Policy) -> dict[str, float]:
@@ -92,7 +92,7 @@ class Validation:
 
 
 @torch.no_grad()
-def mean_losses(net: Policy | StumpNet, batches: Sequence[Samples] | Sequence[Occupied]) -> dict[str, float]:
+def mean_losses(net: Policy | StumpNet, batches: Sequence[TrainingSamples] | Sequence[Occupied]) -> dict[str, float]:
     """Means of the losses over all samples of the network's kind of `batches`."""
     net.eval()
     sums: dict[str, torch.Tensor] = {}

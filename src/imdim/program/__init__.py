@@ -1,1 +1,1 @@
-"""Layer 0, standard library only: what a CSG program is, and the forms it can take."""
+"""CSG programs as values: the tree, its codec, constraints and repeats."""

@@ -17,7 +17,7 @@ from typing import Any
 
 from imdim.program import fields
 from imdim.program.constraints import RULES, Constraint, ConstraintError, Ref, check_all, read_ref
-from imdim.program.node_codec import MAX_DEPTH, MAX_PRIMITIVES, folded_node, program_node, read_node, text_lines
+from imdim.program.node_codec import MAX_DEPTH, MAX_PRIMITIVES, encode_folded, program_node, read_node, text_lines
 from imdim.program.repeats import Folded, expand, repeats
 from imdim.program.tree import Program, Vec3, leaves
 
@@ -57,7 +57,7 @@ def to_json(
     contradicts another.
     """
     meta = meta or Meta()
-    count, depth, node = program_node(program) if folded is None else folded_node(folded)
+    count, depth, node = program_node(program) if folded is None else encode_folded(folded)
     if count > MAX_PRIMITIVES or depth > MAX_DEPTH:
         raise ValueError(f"a document holds {MAX_PRIMITIVES} primitives and {MAX_DEPTH} nested operations at most, got {count} and {depth}")
     frame = {**CONVENTION, "center": [float(v) for v in meta.center], "scale": float(meta.scale)}
@@ -74,7 +74,7 @@ def from_json(document: object) -> Program:
     return _read_document(document)[0]
 
 
-def folded_of(document: object) -> Folded:
+def read_folded(document: object) -> Folded:
     """The program of a document with its repeats; raises like `from_json`."""
     return _read_document(document)[3]
 

@@ -117,7 +117,7 @@ def describe(number: int, constraint: Constraint) -> str:
 def check_all(constraints: Sequence[Constraint], parts: Sequence[Primitive]) -> None:
     """Raise ConstraintError for the first that is ill-formed, and for two that give one length two values.
 
-    Whether the others agree with each other and with the numbers is a matter of geometry: see `geometry.constraints.verify`.
+    Whether the others agree with each other and with the numbers is a matter of geometry: see `relations.residuals.verify`.
     """
     for number, constraint in enumerate(constraints):
         check(number, constraint, parts)
@@ -204,7 +204,7 @@ _FITS: Mapping[str, Callable[[Primitive, str], bool]] = {
 }
 
 
-def scaled(constraints: Iterable[Constraint], factor: float) -> tuple[Constraint, ...]:
+def scale_constraints(constraints: Iterable[Constraint], factor: float) -> tuple[Constraint, ...]:
     """The constraints of a program whose lengths are `factor` times as long."""
     return tuple(replace(c, value=c.value * factor) for c in constraints)
 

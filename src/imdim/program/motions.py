@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from imdim.program.relations import axes, dot
+from imdim.program.rewrite.containment import axes, dot
 from imdim.program.tree import Primitive, Program, Vec3, map_leaves
 
 Matrix = tuple[Vec3, Vec3, Vec3]  # rows
@@ -65,12 +65,12 @@ def after(second: Motion, first: Motion) -> Motion:
     return Motion(rows, second.point(first.shift), first.mirrors != second.mirrors)  # type: ignore[arg-type]
 
 
-def moved(program: Program, motion: Motion) -> Program:
+def move_program(program: Program, motion: Motion) -> Program:
     """The program as a rigid whole in another place."""
-    return map_leaves(program, lambda _, leaf: moved_leaf(leaf, motion))
+    return map_leaves(program, lambda _, leaf: move_leaf(leaf, motion))
 
 
-def moved_leaf(leaf: Primitive, motion: Motion) -> Primitive:
+def move_leaf(leaf: Primitive, motion: Motion) -> Primitive:
     """A primitive elsewhere; angles stay as they are where the motion does not change what they say."""
     center = motion.point(leaf.center)
     if motion.linear == IDENTITY or leaf.kind == "sphere":

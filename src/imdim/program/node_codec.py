@@ -26,15 +26,15 @@ def program_node(program: Program) -> Counted:
     return fold(program, lambda _, p: (1, 0, _leaf(p)), {op: _joiner(op) for op in OPS})
 
 
-def folded_node(folded: Folded) -> Counted:
+def encode_folded(folded: Folded) -> Counted:
     """The node of a program with repeats."""
     if isinstance(folded, Primitive):
         return 1, 0, _leaf(folded)
     if isinstance(folded, Repeat):
-        _, depth, node = folded_node(folded.part)
+        _, depth, node = encode_folded(folded.part)
         join = {} if folded.join == "union" else {"join": folded.join}
         return size(folded), depth + 1, {"repeat": folded.kind, **_WRITE[folded.kind](folded), **join, "part": node}
-    parts = [folded_node(part) for part in folded.parts]
+    parts = [encode_folded(part) for part in folded.parts]
     return sum(p[0] for p in parts), 1 + max(p[1] for p in parts), {"op": folded.op, "parts": [p[2] for p in parts]}
 
 

@@ -35,7 +35,7 @@ def at(program: Program, path: Path) -> Program:
     return program
 
 
-def replaced(program: Program, path: Path, node: Program) -> Program:
+def replace_at(program: Program, path: Path, node: Program) -> Program:
     """The tree with `node` at `path`."""
     spine = [program]
     for turn in path:

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 
-from imdim.program.motions import Motion, after, mirror, moved, step, turn
+from imdim.program.motions import Motion, after, mirror, move_program, step, turn
 from imdim.program.tree import Op, Primitive, Program, Vec3, combine_all, leaves
 
 REPEATS: Mapping[str, str] = {
@@ -112,7 +112,7 @@ def _copies(repeat: Repeat) -> Iterator[Program]:
     inner = repeat.part
     own = list(_copies(inner)) if isinstance(inner, Repeat) and inner.join == repeat.join else [expand(inner)]
     for motion in repeat.motions():
-        yield from (moved(program, motion) for program in own)
+        yield from (move_program(program, motion) for program in own)
 
 
 def size(folded: Folded) -> int:
@@ -122,11 +122,11 @@ def size(folded: Folded) -> int:
     return folded.number * size(folded.part) if isinstance(folded, Repeat) else sum(size(part) for part in folded.parts)
 
 
-def written(folded: Folded) -> int:
+def count_written(folded: Folded) -> int:
     """How many primitives are written out."""
     if isinstance(folded, Primitive):
         return 1
-    return written(folded.part) if isinstance(folded, Repeat) else sum(written(part) for part in folded.parts)
+    return count_written(folded.part) if isinstance(folded, Repeat) else sum(count_written(part) for part in folded.parts)
 
 
 def repeats(folded: Folded, first: int = 0) -> Iterator[tuple[int, Repeat]]:
@@ -164,16 +164,16 @@ def copies_of(folded: Folded) -> dict[int, list[tuple[int, bool]]]:
 
 def with_leaves(folded: Folded, program: Program) -> Folded:
     """The same repeats with the first copies' leaves taken from `program`, which has the leaves of the expanded one in order."""
-    return _filled(folded, list(leaves(program)), 0)
+    return _fill_leaves(folded, list(leaves(program)), 0)
 
 
-def _filled(folded: Folded, parts: list[Primitive], first: int) -> Folded:
+def _fill_leaves(folded: Folded, parts: list[Primitive], first: int) -> Folded:
     if isinstance(folded, Primitive):
         return parts[first]
     if isinstance(folded, Repeat):
-        return replace(folded, part=_filled(folded.part, parts, first))
+        return replace(folded, part=_fill_leaves(folded.part, parts, first))
     out: list[Folded] = []
     for part in folded.parts:
-        out.append(_filled(part, parts, first))
+        out.append(_fill_leaves(part, parts, first))
         first += size(part)
     return Group(folded.op, tuple(out))

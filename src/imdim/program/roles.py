@@ -35,10 +35,10 @@ _SIZES: Mapping[str, tuple[str, ...]] = {
 
 def signs(program: Program) -> list[int]:
     """+1 for each leaf that adds, -1 for each that cuts, in order."""
-    return fold(program, lambda _, __: [1], {"union": list.__add__, "intersection": list.__add__, "difference": _negated})
+    return fold(program, lambda _, __: [1], {"union": list.__add__, "intersection": list.__add__, "difference": _negate})
 
 
-def _negated(keep: list[int], cut: list[int]) -> list[int]:
+def _negate(keep: list[int], cut: list[int]) -> list[int]:
     return keep + [-sign for sign in cut]
 
 
@@ -76,7 +76,7 @@ def size_word(p: Primitive, column: int, sign: int, label: str) -> str:
     return "depth" if word == "height" and sign < 0 and p.kind != "box" else word
 
 
-def named(constraints: Sequence[Constraint], program: Program) -> tuple[Constraint, ...]:
+def name_constraints(constraints: Sequence[Constraint], program: Program) -> tuple[Constraint, ...]:
     """The constraints with a name each, no two alike."""
     parts, label, sign = list(leaves(program)), labels(program, constraints), signs(program)
     taken: set[str] = set()

@@ -49,13 +49,13 @@ def to_sequence(program: Program, apart: bool = False) -> SignedSequence[Program
     """
     steps: list[Step[Program]] = []
     while isinstance(program, Combine) and program.op != "intersection":
-        op, terms = program.op, _united(program.right) if apart else [program.right]
+        op, terms = program.op, _union_terms(program.right) if apart else [program.right]
         steps += [Step(op, term) for term in reversed(terms)]
         program = program.left
     return (Step("union", program), *reversed(steps))
 
 
-def _united(program: Program) -> list[Program]:
+def _union_terms(program: Program) -> list[Program]:
     sequence = to_sequence(program, apart=True)
     return [term for _, term in sequence] if _positive(sequence) else [program]
 
@@ -66,7 +66,7 @@ def of_primitives(sequence: SignedSequence[Program]) -> SignedSequence[Primitive
     return steps if len(steps) == len(sequence) else None
 
 
-def flattened(program: Program) -> SignedSequence[Primitive]:
+def flatten(program: Program) -> SignedSequence[Primitive]:
     """A sequence of all primitives with the same solid.
 
     A left fold keeps its order. A union may also stand on the right, a cut may be a union, and one of two united parts may contain cuts.

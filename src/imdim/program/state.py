@@ -23,7 +23,7 @@ from enum import IntEnum
 from itertools import dropwhile
 from typing import cast
 
-from imdim.program.sequence import SignedSequence, Step, flattened, to_program
+from imdim.program.sequence import SignedSequence, Step, flatten, to_program
 from imdim.program.tree import SIZE_NAMES, Primitive, Program, Vec3
 
 PARAM_COUNT = 10
@@ -161,11 +161,11 @@ class ShapeState:
 
     @classmethod
     def from_program(cls, program: Program) -> ShapeState:
-        """Lower a program whose solid is a signed sequence of its own primitives (see `flattened`, which raises ValueError for others).
+        """Lower a program whose solid is a signed sequence of its own primitives (see `flatten`, which raises ValueError for others).
 
         A left fold of unions and differences comes back from `to_program` as the same tree; other nestings keep the solid.
         """
-        return cls.from_sequence(flattened(program))
+        return cls.from_sequence(flatten(program))
 
 
 def _emit(primitive: Primitive, sign: int) -> SignedPrimitive:

@@ -1,1 +1,1 @@
-"""Layer 2: the structure search that composes candidates into a short program."""
+"""Structure search: boolean programs over canonical candidates; the product's search by signed sequences is `structure`."""

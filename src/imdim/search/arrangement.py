@@ -99,7 +99,7 @@ def _direction_vectors(surfaces: Sequence[Surface], areas: Sequence[float], conf
     for surface, area in zip(surfaces, areas, strict=True):
         if surface.kind == "sphere":
             continue
-        axis = _canonical_sign(_snapped(np.asarray(surface.axis)))
+        axis = _canonical_sign(_snap_axis(np.asarray(surface.axis)))
         match = next((i for i, v in enumerate(vectors) if abs(v @ axis) > PARALLEL), None)
         if match is None:
             vectors.append(axis)
@@ -112,7 +112,7 @@ def _direction_vectors(surfaces: Sequence[Surface], areas: Sequence[float], conf
     return _complete(kept)
 
 
-def _snapped(axis: np.ndarray) -> np.ndarray:
+def _snap_axis(axis: np.ndarray) -> np.ndarray:
     """A coordinate axis where `axis` is within 0.1 degrees of it."""
     lead = int(np.argmax(np.abs(axis)))
     return np.eye(3)[lead] * np.sign(axis[lead]) if abs(axis[lead]) > 1 - 1.5e-6 else axis
@@ -166,7 +166,7 @@ def _offsets(
     low, high = span_along(box, v)
     proposals: list[tuple[float, float]] = []
     for surface, area in zip(surfaces, areas, strict=True):
-        proposals += [(rank * area, offset) for rank, offset in _proposed(surface, v)]
+        proposals += [(rank * area, offset) for rank, offset in _propose_offsets(surface, v)]
     proposals.sort(key=lambda p: (-p[0], p[1]))
     kept: list[float] = []
     for _, offset in proposals:
@@ -185,7 +185,7 @@ def span_along(box: np.ndarray, v: np.ndarray) -> tuple[float, float]:
     return float(middle - half), float(middle + half)
 
 
-def _proposed(surface: Surface, v: np.ndarray) -> list[tuple[float, float]]:
+def _propose_offsets(surface: Surface, v: np.ndarray) -> list[tuple[float, float]]:
     """(rank, offset) pairs along `v`; detected planes outrank whatever is invented."""
     at = float(np.asarray(surface.point) @ v)
     along = abs(float(np.asarray(surface.axis) @ v))

@@ -43,13 +43,13 @@ class Cells:
         """Volume of the target as sampled."""
         return float(self.w_in.sum())
 
-    def chosen(self, which: np.ndarray) -> Cells:
+    def choose(self, which: np.ndarray) -> Cells:
         """Some of the cells."""
         return Cells(self.points[which], self.slabs[which], self.inside[which], self.w_in[which], self.w_out[which])
 
 
 @dataclass(frozen=True)
-class Samples:
+class VolumeSamples:
     """Points [n, 3] and the volume [n] inside and outside the target that each stands for."""
 
     points: np.ndarray
@@ -57,16 +57,18 @@ class Samples:
     w_out: np.ndarray
 
 
-def label_samples(arrangement: Arrangement, label: Callable[[np.ndarray], np.ndarray], count: int, rng: np.random.Generator) -> Samples:
+def label_samples(
+    arrangement: Arrangement, label: Callable[[np.ndarray], np.ndarray], count: int, rng: np.random.Generator
+) -> VolumeSamples:
     """About `count` weighted points, with what `label` gives as their probability [n] of being inside."""
     points, weights = importance_samples(arrangement, count, rng)
     near = ((points >= arrangement.bounds[0]) & (points <= arrangement.bounds[1])).all(1)
     probability = np.zeros(len(points))
     probability[near] = label(points[near])
-    return Samples(points, weights * probability, weights * (1 - probability))
+    return VolumeSamples(points, weights * probability, weights * (1 - probability))
 
 
-def compressed(arrangement: Arrangement, samples: Samples) -> Cells:
+def compress_samples(arrangement: Arrangement, samples: VolumeSamples) -> Cells:
     """The cells of the arrangement that hold samples, with the volume of theirs."""
     slabs, inside = codes(arrangement, samples.points)
     first, member = _group(slabs, inside)
@@ -74,7 +76,7 @@ def compressed(arrangement: Arrangement, samples: Samples) -> Cells:
     return Cells(samples.points[first], slabs[first], inside[first], w_in, w_out)
 
 
-def pooled(cells: Cells, others: Cells, weights: tuple[float, float]) -> tuple[Cells, np.ndarray]:
+def pool_cells(cells: Cells, others: Cells, weights: tuple[float, float]) -> tuple[Cells, np.ndarray]:
     """The cells of both, of the same arrangement, with the weighted sums of their volumes, and where each went [m + k]."""
     slabs, inside = np.concatenate([cells.slabs, others.slabs]), np.concatenate([cells.inside, others.inside])
     first, member = _group(slabs, inside)

@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from imdim.program.sequence import map_terms
-from imdim.search.cells import Cells, compressed, label_samples, pooled
-from imdim.search.families import Families
-from imdim.search.local import Found
+from imdim.search.candidate_families import Families
+from imdim.search.cells import Cells, compress_samples, label_samples, pool_cells
+from imdim.search.lns import RatedSequence
 from imdim.search.sequence import Covered, Sequence, run
 
 WORTH = 0.5  # of a primitive's price; cells that a sequence is wrong about on less are no reason to search again
@@ -39,16 +39,16 @@ class Sharpener:
         self._known = np.ones(len(families.cells.points), bool)
         self._looks = 1
 
-    def sharpened(self, found: list[Found]) -> Families | None:
+    def sharpen(self, found: list[RatedSequence]) -> Families | None:
         """Families with the counterexamples to what was found; None where that is hardly wrong on cells it does not know."""
         self._look()
         every = self.every
-        wrong = [np.where(run(seen_by(f.sequence, every), len(self._doubted)), self._cells.w_out, self._cells.w_in) for f in found]
+        wrong = [np.where(run(transfer(f.sequence, every), len(self._doubted)), self._cells.w_out, self._cells.w_in) for f in found]
         self._doubted |= np.max(wrong, axis=0) > 0
         if max(float(w[~self._known].sum()) for w in wrong) < WORTH * self._price:
             return None
         self._known |= self._doubted
-        return Families(self._arrangement, self._judged().chosen(self._known))
+        return Families(self._arrangement, self._judge_cells().choose(self._known))
 
     @property
     def every(self) -> Families:
@@ -57,27 +57,27 @@ class Sharpener:
 
     def _look(self) -> None:
         """Pool what is known with fresh samples; new cells are neither known nor doubted yet."""
-        fresh = compressed(self._arrangement, label_samples(self._arrangement, self._label, self._count, self._rng))
+        fresh = compress_samples(self._arrangement, label_samples(self._arrangement, self._label, self._count, self._rng))
         empty = replace(fresh, w_in=np.zeros(len(fresh.points)), w_out=np.zeros(len(fresh.points)))
         old = self._looks / (self._looks + 1)
-        self._first, _ = pooled(self._first, empty, (1.0, 1.0))
-        self._cells, place = pooled(self._cells, fresh, (old, 1 - old))
-        self._doubted, self._known = (_moved(flags, place, len(self._cells.points)) for flags in (self._doubted, self._known))
+        self._first, _ = pool_cells(self._first, empty, (1.0, 1.0))
+        self._cells, place = pool_cells(self._cells, fresh, (old, 1 - old))
+        self._doubted, self._known = (_move_flags(flags, place, len(self._cells.points)) for flags in (self._doubted, self._known))
         self._looks += 1
 
-    def _judged(self) -> Cells:
+    def _judge_cells(self) -> Cells:
         """All cells with the volumes that count."""
         w_in, w_out = (np.where(self._doubted, *w) for w in ((self._cells.w_in, self._first.w_in), (self._cells.w_out, self._first.w_out)))
         return replace(self._cells, w_in=w_in, w_out=w_out)
 
 
-def _moved(flags: np.ndarray, place: np.ndarray, count: int) -> np.ndarray:
+def _move_flags(flags: np.ndarray, place: np.ndarray, count: int) -> np.ndarray:
     """Flags of cells [m] at their places [m, ...] among `count`."""
     out = np.zeros(count, bool)
     out[place[: len(flags)]] = flags
     return out
 
 
-def seen_by(sequence: Sequence, families: Families) -> Sequence:
+def transfer(sequence: Sequence, families: Families) -> Sequence:
     """The same steps over the cells of other families of the same arrangement."""
     return map_terms(sequence, lambda covered: Covered.of(covered.shape, families))

@@ -17,8 +17,8 @@ import numpy as np
 from imdim.program import sequence as signed
 from imdim.program.sequence import SignedSequence, Step, map_terms
 from imdim.program.tree import Combine, Op, Program
+from imdim.search.candidate_families import Candidate, Families
 from imdim.search.cells import TRUE, Weights
-from imdim.search.families import Candidate, Families
 
 
 @dataclass(frozen=True)
@@ -215,14 +215,14 @@ def pair_insertions(sequence: Sequence, families: Families, least: float, limit:
     out: list[Insertion] = []
     for op, field, _, _ in islice(_fields(gap, gain), 2):
         for half in _promising(field, families, limit):
-            out += [Insertion(v, gap.position, op, pair) for v, pair in _paired(half, field, families, least)]
+            out += [Insertion(v, gap.position, op, pair) for v, pair in _best_pairs(half, field, families, least)]
         for half in _separating(field, families, limit):
             rest = np.where(families.mask(half), 0.0, field)
             out += [Insertion(v, gap.position, op, Pair("difference", c, half)) for v, c in families.best(rest, 1, least)]
     return sorted(out, key=lambda i: -i.gain)
 
 
-def _paired(half: Candidate, field: np.ndarray, families: Families, least: float) -> list[tuple[float, Pair]]:
+def _best_pairs(half: Candidate, field: np.ndarray, families: Families, least: float) -> list[tuple[float, Pair]]:
     """The best intersections with, and subtractions from, one half."""
     kept = np.where(families.mask(half), field, 0.0)
     if kept[kept > 0].sum() <= least:

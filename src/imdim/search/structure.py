@@ -13,13 +13,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from imdim.deadline import Deadline
-from imdim.search.counterexamples import Sharpener, seen_by
-from imdim.search.families import Families
-from imdim.search.lazy import Known
-from imdim.search.local import Found, LocalConfig, complete, found_of, grown, improve, pruned
+from imdim.search.candidate_families import Families
+from imdim.search.counterexamples import Sharpener, transfer
+from imdim.search.lazy_bounds import GainBounds
+from imdim.search.lns import LocalConfig, RatedSequence, complete, grow, improve, prune, rate_sequence
 from imdim.search.sequence import Insertion, Price, cost, insertions, run
 
-_Finalist = tuple[Found, Known]
+_Finalist = tuple[RatedSequence, GainBounds]
 
 
 @dataclass
@@ -59,22 +59,22 @@ def search(
     deadline: Deadline,
     sharpener: Sharpener | None = None,
     start_by: Deadline | None = None,
-) -> Iterator[Found]:
+) -> Iterator[RatedSequence]:
     """Yield better and better sequences; the last is the result. Yields at least one unless the target has no volume.
 
     Past `start_by` (by default the `deadline`) there is no further start, the foremost get the rest of the time. With a sharpener the cells
     are added on which these are wrong unseen, and what is found from then on is judged on them too.
     """
     exact = Price(config.size_weight * families.cells.volume)
-    best: Found | None = None
+    best: RatedSequence | None = None
     finalists: list[_Finalist] = []
-    for done in _completed(families, config, exact, deadline, start_by or deadline):
+    for done in _complete_starts(families, config, exact, deadline, start_by or deadline):
         finalists = _foremost([*finalists, done], config.finalists)
         if done[0].sequence and (best is None or done[0].objective < best.objective):
             best = done[0]
             yield best
     for again in range(config.local_searches if sharpener else 1):
-        judged = _sharpened(finalists, sharpener, config, exact, deadline)
+        judged = _sharpen_finalists(finalists, sharpener, config, exact, deadline)
         if judged:
             finalists = judged
             best = min((found for found, _ in finalists), key=lambda f: f.objective)
@@ -90,43 +90,43 @@ def search(
         finalists = _foremost(finalists, 1)
 
 
-def _sharpened(
+def _sharpen_finalists(
     finalists: list[_Finalist], sharpener: Sharpener | None, config: StructureConfig, exact: Price, deadline: Deadline
 ) -> list[_Finalist]:
     """The finalists completed over cells with counterexamples to them, again and again; none if no counterexample changes one."""
     changed, now = False, finalists
     for _ in range(config.sharpened if sharpener else 0):
-        sharper = sharpener.sharpened([found for found, _ in now]) if sharpener and not deadline.passed() else None
+        sharper = sharpener.sharpen([found for found, _ in now]) if sharpener and not deadline.has_passed() else None
         if sharper is None:
             break
-        before, now = now, [_resumed(found, sharper, config, exact, deadline) for found, _ in now]
+        before, now = now, [_resume(found, sharper, config, exact, deadline) for found, _ in now]
         if all(a.sequence == b.sequence for (a, _), (b, _) in zip(before, now, strict=True)):
             break
         changed = True
     return now if changed else []
 
 
-def _completed(
+def _complete_starts(
     families: Families, config: StructureConfig, exact: Price, deadline: Deadline, start_by: Deadline
 ) -> Iterator[_Finalist]:
     """Each start completed and pruned, until that has been enough work or time; then one more, of another schedule."""
     least, end, enough = np.inf, deadline, False
     most = families.work + config.start_work
     for start in _starts(families, config, exact, start_by, lambda: families.work > most):
-        known = Known()
-        done = pruned(complete(start, families, config.local, exact, end, config.abandon * least, known), families, exact)
+        known = GainBounds()
+        done = prune(complete(start, families, config.local, exact, end, config.abandon * least, known), families, exact)
         yield done, known
         least, end = min(least, done.objective) if done.sequence else least, start_by
-        if start_by.passed() or enough:
+        if start_by.has_passed() or enough:
             return
         enough = families.work > most
 
 
-def _resumed(found: Found, families: Families, config: StructureConfig, exact: Price, deadline: Deadline) -> _Finalist:
+def _resume(found: RatedSequence, families: Families, config: StructureConfig, exact: Price, deadline: Deadline) -> _Finalist:
     """A sequence judged, pruned and completed over other cells."""
-    known = Known()
-    start = pruned(found_of(seen_by(found.sequence, families), families, exact), families, exact)
-    return pruned(complete(start, families, config.local, exact, deadline, known=known), families, exact), known
+    known = GainBounds()
+    start = prune(rate_sequence(transfer(found.sequence, families), families, exact), families, exact)
+    return prune(complete(start, families, config.local, exact, deadline, known=known), families, exact), known
 
 
 def _foremost(completed: list[_Finalist], count: int) -> list[_Finalist]:
@@ -138,38 +138,38 @@ def _foremost(completed: list[_Finalist], count: int) -> list[_Finalist]:
 
 def _starts(
     families: Families, config: StructureConfig, exact: Price, deadline: Deadline, hurried: Callable[[], bool]
-) -> Iterator[Found]:
+) -> Iterator[RatedSequence]:
     """The beams of each schedule's first phase, carried through its phases; once `hurried`, only the first of each."""
-    seen: list[Found] = []
+    seen: list[RatedSequence] = []
     for schedule in config.schedules:
         phases = [Price(step * exact.step, (excess, lack), kinds == "all") for excess, lack, step, kinds in schedule]
         for place, state in enumerate(_beam(families, config, [*phases, exact][0], deadline)):
             if place and hurried():
                 break
             for phase in phases:
-                state = complete(found_of(state.sequence, families, phase), families, config.local, phase, deadline)
-            start = pruned(found_of(state.sequence, families, exact), families, exact)
+                state = complete(rate_sequence(state.sequence, families, phase), families, config.local, phase, deadline)
+            start = prune(rate_sequence(state.sequence, families, exact), families, exact)
             if len(_distinct([*seen, start])) > len(seen):
                 seen.append(start)
                 yield start
 
 
-def _beam(families: Families, config: StructureConfig, price: Price, deadline: Deadline) -> list[Found]:
-    states = [found_of((), families, price)]
+def _beam(families: Families, config: StructureConfig, price: Price, deadline: Deadline) -> list[RatedSequence]:
+    states = [rate_sequence((), families, price)]
     for _ in range(config.beam_steps):
         wider = _widen(states, families, config, price)
         states = wider or states
-        if not wider or deadline.passed():
+        if not wider or deadline.has_passed():
             break
     return states
 
 
-def _widen(states: list[Found], families: Families, config: StructureConfig, price: Price) -> list[Found]:
+def _widen(states: list[RatedSequence], families: Families, config: StructureConfig, price: Price) -> list[RatedSequence]:
     """The next beam: the best distinct states among the best insertions into each state, and the states that nothing improves."""
     wider = list(states)
     for state in states:
         found = insertions(state.sequence, families, config.per_frame if price.boxes else 0, price.step, price.weights)
-        wider += [grown(state, i, families, price) for i in _diverse(found, config.branch)]
+        wider += [grow(state, i, families, price) for i in _diverse(found, config.branch)]
     wider.sort(key=lambda f: f.objective)
     kept = _distinct(wider)[: config.beam]
     return [] if kept == states else kept
@@ -185,7 +185,7 @@ def _diverse(found: list[Insertion], count: int) -> list[Insertion]:
     return sorted([*first[:count], *rest[: count // 2]], key=lambda i: -i.gain)[: count + count // 2]
 
 
-def _distinct(states: list[Found]) -> list[Found]:
+def _distinct(states: list[RatedSequence]) -> list[RatedSequence]:
     """One state for each set of filled cells and size, in the order given."""
     seen, out = set(), []
     for state in states:

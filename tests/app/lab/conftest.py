@@ -2,7 +2,7 @@ import threading
 
 import pytest
 
-from imdim.app.lab.jobs import END_KINDS, Limits, Pool
+from imdim.app.lab.jobs import END_KINDS, PoolLimits, WorkerPool
 
 
 class Heard:
@@ -33,6 +33,6 @@ def heard():
 
 @pytest.fixture(scope="module")
 def pool():
-    pool = Pool(Limits(running=1, waiting=2))
+    pool = WorkerPool(PoolLimits(running=1, waiting=2))
     yield pool
     pool.close()

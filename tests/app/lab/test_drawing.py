@@ -3,20 +3,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from imdim.app.lab import drawing, edits, plots, texts
+from imdim.app.lab import drawing, edits, plots, renderers
 from imdim.app.lab.drawing import BROKEN_COLOUR, CUT, HELD_COLOUR, SELECTED, SPAN
-from imdim.app.lab.edits import Theory
+from imdim.app.lab.edits import ConstrainedProgram
 from imdim.app.lab.examples import PROGRAMS, example
 from imdim.app.lab.solving import Lock
-from imdim.app.lab.state import Step
-from imdim.fitting import relations_of
-from imdim.geometry.cloud import Frame
+from imdim.app.lab.state import CurvePoint
 from imdim.geometry.solid import to_manifold
 from imdim.program.constraints import Constraint, Ref
 from imdim.program.front import Choice
 from imdim.program.tree import Combine, Primitive
+from imdim.reconstruction.fitting import relations_of
+from imdim.target.target import Frame
 
-THEORY = Theory(*relations_of(PROGRAMS["Bracket"]()))
+THEORY = ConstrainedProgram(*relations_of(PROGRAMS["Bracket"]()))
 TARGET = example("Bracket")
 FRAME = Frame.of(TARGET)
 
@@ -57,7 +57,7 @@ def test_the_selected_primitive_stands_out():
 def test_a_flush_hole_leaves_no_film():
     plate, off = Primitive("box", (10.0, 10.0, 2.0)), 1e-15
     flush = Combine("difference", plate, Primitive("cylinder", (2.0, 2.0), (0.0, 0.0, -off)))
-    surface = drawing.scene(Theory(flush), FRAME, None).surface
+    surface = drawing.scene(ConstrainedProgram(flush), FRAME, None).surface
     middle = surface.triangles_center[np.linalg.norm(surface.triangles_center[:, :2], axis=1) < 1.5]
     assert not len(middle)
 
@@ -80,7 +80,7 @@ def test_the_distance_map_is_hot_where_the_part_is_missed():
 
 
 def test_the_tree_tells_names_numbers_units_and_locks():
-    html = texts.tree(edits.with_lock(THEORY, Lock(1, "r"), True), 1, "mm")
+    html = renderers.tree(edits.with_lock(THEORY, Lock(1, "r"), True), 1, "mm")
     assert html.count("<button") == 7
     assert "r&nbsp;14&nbsp;mm&#128274;" in html
     assert html.count('aria-selected="true"') == 1
@@ -88,27 +88,33 @@ def test_the_tree_tells_names_numbers_units_and_locks():
 
 
 def test_the_code_has_a_line_to_click_for_each_primitive():
-    html = texts.code(THEORY, 0)
+    html = renderers.code(THEORY, 0)
     assert [f'data-n="{i}"' in html for i in range(8)] == [True] * 7 + [False]
     assert "cylinder(h = 24, r = 14" in html
 
 
 def test_the_front_is_a_plot_and_a_strip_of_pictures():
     choices = [Choice(Primitive("box", (80.0, 50.0, 8.0)), 0.2), Choice(THEORY.program, 1e-3), Choice(Primitive("sphere", (1.0,)))]
-    plot, strip = plots.front(choices, THEORY.program), texts.strip(choices, THEORY.program)
+    plot, strip = plots.front(choices, THEORY.program), renderers.strip(choices, THEORY.program)
     assert plot.count('role="button"') == 2
     assert strip.count("data:image/png") == 3
     assert "7 primitives" in strip
 
 
 def test_texts_of_nothing():
-    for html in (texts.tree(None, None, ""), texts.code(None, None), plots.front([], None), texts.strip([], None), plots.curves([])):
+    for html in (
+        renderers.tree(None, None, ""),
+        renderers.code(None, None),
+        plots.front([], None),
+        renderers.strip([], None),
+        plots.curves([]),
+    ):
         assert "data-n" not in html
 
 
 def test_names_of_constraints_are_no_markup():
-    theory = Theory(THEORY.program, (Constraint("equal", (Ref(2, "r"), Ref(3, "r")), name="<b>x"),))
-    assert "<b>x" not in texts.relations(theory, [0.0], 1e-6, -1)
+    theory = ConstrainedProgram(THEORY.program, (Constraint("equal", (Ref(2, "r"), Ref(3, "r")), name="<b>x"),))
+    assert "<b>x" not in renderers.relations(theory, [0.0], 1e-6, -1)
 
 
 def stairs(html, name):
@@ -118,7 +124,7 @@ def stairs(html, name):
 
 
 def test_the_curves_are_stairs_on_scales_of_their_own():
-    html = plots.curves([Step(2.0, 0.1, 3, 0.0), Step(4.0, 0.0, 2, 1e-3)])
+    html = plots.curves([CurvePoint(2.0, 0.1, 3, 0.0), CurvePoint(4.0, 0.0, 2, 1e-3)])
     error, size, violation = (stairs(html, name) for name in ("error", "primitives", "violation of constraints"))
     for curve in (error, size, violation):
         (start, last), high = (plots.LEFT + (plots.WIDE - plots.LEFT - plots.RIGHT) * t for t in (0.5, 1.0)), curve[:, 1]
@@ -129,10 +135,10 @@ def test_the_curves_are_stairs_on_scales_of_their_own():
     assert violation[0, 1] > violation[-1, 1]
     for said in ("error: none", "primitives: 2", "violation of constraints: 0.001", "4 s"):
         assert said in html
-    assert 'data-curve="error"' in plots.curves([Step(0.0, 0.0, 1, 0.0)]), "one program, at once"
+    assert 'data-curve="error"' in plots.curves([CurvePoint(0.0, 0.0, 1, 0.0)]), "one program, at once"
 
 
 def test_the_chosen_constraint_is_marked():
-    html = texts.relations(THEORY, [0.0] * len(THEORY.constraints), 1e-6, 2)
+    html = renderers.relations(THEORY, [0.0] * len(THEORY.constraints), 1e-6, 2)
     assert html.split('aria-pressed="true"')[0].rsplit('data-n="', 1)[1].startswith('2"')
     assert html.count('aria-pressed="true"') == 1

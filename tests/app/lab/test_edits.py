@@ -3,7 +3,7 @@ import math
 import pytest
 
 from imdim.app.lab import edits
-from imdim.app.lab.edits import Theory
+from imdim.app.lab.edits import ConstrainedProgram
 from imdim.app.lab.history import ONE_EDIT_S, History
 from imdim.app.lab.solving import TURN, Lock, violations
 from imdim.geometry.solid import volume
@@ -15,7 +15,7 @@ HOLES = [Primitive("cylinder", (3.0, 20.0), (x, 0.0, 0.0)) for x in (-30.0, 30.0
 PART = Combine("difference", Combine("difference", PLATE, HOLES[0]), HOLES[1])
 EQUAL = Constraint("equal", (Ref(1, "r"), Ref(2, "r")))
 LEVEL = Constraint("aligned", (Ref(1), Ref(2)), Ref(-1, "y"))
-THEORY = Theory(PART, (EQUAL, LEVEL))
+THEORY = ConstrainedProgram(PART, (EQUAL, LEVEL))
 
 
 def radii(theory):
@@ -49,7 +49,7 @@ def test_a_turn_and_a_place_change():
 
 
 def test_a_value_that_a_constraint_gives_is_the_new_one():
-    theory = Theory(PART, (Constraint("value", (Ref(1, "r"),), value=3.0), EQUAL))
+    theory = ConstrainedProgram(PART, (Constraint("value", (Ref(1, "r"),), value=3.0), EQUAL))
     after = edits.with_number(theory, 1, "r", 4.0, follow=True)
     assert after.constraints[0].value == 4.0
     assert radii(after) == [4.0, 4.0]
@@ -57,7 +57,7 @@ def test_a_value_that_a_constraint_gives_is_the_new_one():
 
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
 def test_impossible_sizes_are_refused(value):
-    with pytest.raises(edits.EditError, match="positive r"):
+    with pytest.raises(edits.LabEditError, match="positive r"):
         edits.with_number(THEORY, 1, "r", value)
 
 
@@ -65,7 +65,7 @@ def test_operations():
     assert [edits.operation(PART, i) for i in range(3)] == [None, "difference", "difference"]
     filled = edits.with_operation(THEORY, 1, "union")
     assert volume(filled.program) > volume(PART) + 500
-    with pytest.raises(edits.EditError, match="no operation"):
+    with pytest.raises(edits.LabEditError, match="no operation"):
         edits.with_operation(THEORY, 0, "union")
 
 
@@ -77,12 +77,12 @@ def test_a_primitive_is_added_last_and_removed_with_what_was_said_of_it():
     assert [p.kind for p in leaves(less.program)] == ["box", "cylinder", "sphere"]
     assert less.constraints == (Constraint("concentric", (Ref(1), Ref(2))),)
     assert less.locks == {Lock(2, TURN)}
-    with pytest.raises(edits.EditError, match="last primitive"):
-        edits.without_leaf(Theory(PLATE), 0)
+    with pytest.raises(edits.LabEditError, match="last primitive"):
+        edits.without_leaf(ConstrainedProgram(PLATE), 0)
 
 
 def test_what_is_cut_out_of_a_removed_primitive_goes_with_it():
-    gone = edits.without_leaf(Theory(Combine("union", Combine("difference", PLATE, HOLES[0]), HOLES[1])), 0)
+    gone = edits.without_leaf(ConstrainedProgram(Combine("union", Combine("difference", PLATE, HOLES[0]), HOLES[1])), 0)
     assert gone.program == HOLES[1]
 
 
@@ -91,9 +91,9 @@ def test_constraints_are_read_as_they_are_written():
     assert edits.read_constraint("aligned", "1 2", "world.y") == LEVEL
     assert edits.read_constraint("value", "1.r", "", 3.0).value == 3.0
     for bad in (("equal", "1.q, 2.r"), ("equal", "1.r"), ("equal", "1.r, 9.r"), ("aligned", "1, 2")):
-        with pytest.raises((edits.EditError, ConstraintError)):
+        with pytest.raises((edits.LabEditError, ConstraintError)):
             edits.with_constraint(THEORY, edits.read_constraint(*bad))
-    with pytest.raises(edits.EditError, match="unknown kind 'same'"):
+    with pytest.raises(edits.LabEditError, match="unknown kind 'same'"):
         edits.read_constraint("same", "1.r, 2.r")
 
 

@@ -5,17 +5,17 @@ import time
 import numpy as np
 import pytest
 
-from imdim.app.lab import wire, work
+from imdim.app.lab import protocol, work
 from imdim.app.lab.examples import example
-from imdim.app.lab.jobs import died
-from imdim.app.lab.wire import Message
+from imdim.app.lab.jobs import describe_death
+from imdim.app.lab.protocol import Message
 from imdim.program.tree import leaves
 
 BALL = "\n".join(f"{x} {y} {z}" for x, y, z in np.random.default_rng(0).normal(size=(5000, 3))).encode()
 
 
 def request(kind="fit", name="Bracket", **settings):
-    message = wire.target_message(example(name))
+    message = protocol.target_message(example(name))
     return Message(kind, {**message.values, "settings": settings}, message.arrays)
 
 
@@ -27,7 +27,7 @@ def test_a_run_tells_its_programs(pool, heard):
     pool.submit(request(budget_s=120.0), heard)
     assert heard.last().kind == "done"
     snapshots = [m.values for m in heard.messages[:-1]]
-    program, constraints = wire.read_document(snapshots[-1]["document"])
+    program, constraints = protocol.read_document(snapshots[-1]["document"])
     assert snapshots[-1]["stop"] == "finished"
     assert len(list(leaves(program))) == 7
     assert constraints
@@ -61,7 +61,7 @@ class Collected:
 
 
 def test_the_end_of_a_process_is_told_whoever_collects_it():
-    assert "SIGKILL" in died(Collected())
+    assert "SIGKILL" in describe_death(Collected())
 
 
 def test_a_pause_costs_no_budget_and_a_step_ends_at_the_next_program(pool, heard):
@@ -125,7 +125,7 @@ def test_what_is_no_part_is_refused_in_one_line_that_names_it(name, data, says):
 def test_a_large_cloud_is_thinned():
     told = list(work.perform(upload("ball.xyz", BALL, 1000), time.perf_counter))
     assert [m.kind for m in told] == ["target", "done"]
-    assert len(wire.target_of(told[0]).points) <= 1000
+    assert len(protocol.target_of(told[0]).points) <= 1000
 
 
 def test_want_of_memory_is_told(monkeypatch):

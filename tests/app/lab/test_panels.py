@@ -4,12 +4,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from imdim.app.lab.continuing import Rates
-from imdim.config import Settings
+from imdim.app.lab.resume import Rates
+from imdim.reconstruction.config import Settings
 
 viser = pytest.importorskip("viser")
 run = pytest.importorskip("imdim.app.lab.panels.run")
-Ear = pytest.importorskip("imdim.app.lab.ear").Ear
+Ear = pytest.importorskip("imdim.app.lab.input_queue").InputQueue
 
 
 @pytest.fixture(scope="module")

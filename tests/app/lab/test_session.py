@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from imdim.app.lab import edits, wire
-from imdim.app.lab.continuing import Rates
+from imdim.app.lab import edits, protocol
 from imdim.app.lab.examples import PROGRAMS, example
 from imdim.app.lab.jobs import Job
+from imdim.app.lab.protocol import Message
+from imdim.app.lab.resume import Rates
 from imdim.app.lab.session import Session
 from imdim.app.lab.solving import Lock
-from imdim.app.lab.state import UploadLimits, shown_name
-from imdim.app.lab.wire import Message
-from imdim.fitting import relations_of
+from imdim.app.lab.state import UploadLimits, printable_name
 from imdim.program.front import Choice
 from imdim.program.tree import Primitive, leaves
+from imdim.reconstruction.fitting import relations_of
 
 PROGRAM, CONSTRAINTS = relations_of(PROGRAMS["Bracket"]())
 
@@ -42,8 +42,8 @@ class Quiet:
 
 
 def snapshot(program=PROGRAM, constraints=(), stop=None, front=(), seconds=1.0):
-    values = {"stage": "search", "document": wire.document(program, constraints), "error": 0.01, "seconds": seconds}
-    return {**values, "stop": stop, "front": wire.front_values(front), "proof": "", "notes": []}
+    values = {"stage": "search", "document": protocol.document(program, constraints), "error": 0.01, "seconds": seconds}
+    return {**values, "stop": stop, "front": protocol.front_values(front), "proof": "", "notes": []}
 
 
 @pytest.fixture
@@ -130,7 +130,7 @@ def test_evolution_goes_on_from_what_is_shown(session, pool):
     session.edit("number 1 r", lambda theory: edits.with_number(theory, 1, "r", 15.0, True))
     session.go_on({"budget_s": 9.0}, Rates(mutation=0.5))
     values = pool.jobs[-1].request.values
-    assert wire.read_document(values["document"])[0] == session.theory.program
+    assert protocol.read_document(values["document"])[0] == session.theory.program
     assert (values["rates"]["mutation"], values["settings"]["budget_s"]) == (0.5, 9.0)
 
 
@@ -181,7 +181,7 @@ def test_uploads_are_read_elsewhere(session, pool):
     request = pool.jobs[-1].request
     assert (request.kind, request.values["name"], request.arrays["data"].tobytes()) == ("open", "part.stl", b"abc")
     assert request.values["max_points"] == session.limits.points
-    message = wire.target_message(example("Flange"))
+    message = protocol.target_message(example("Flange"))
     pool.jobs[-1].tell(message)
     assert session.state.target.name == "Flange"
     assert session.theory is None
@@ -203,8 +203,8 @@ def test_a_file_that_is_too_large_never_leaves_the_server(session, pool):
     [("a.stl", "a.stl"), ("..", ".."), ("C:\\x\\a.stl", "a.stl"), ("/etc/passwd", "passwd"), ("<img>.stl", "_img_.stl"), ("", "upload")],
 )
 def test_file_names_are_no_paths_and_no_markup(name, shown):
-    assert shown_name(name) == shown
-    assert len(shown_name("x" * 500 + ".stl")) == 80
+    assert printable_name(name) == shown
+    assert len(printable_name("x" * 500 + ".stl")) == 80
 
 
 def test_downloads_are_made_once_per_program(session, pool):

@@ -2,17 +2,17 @@ import numpy as np
 import pytest
 
 from imdim.app.lab import edits
-from imdim.app.lab.edits import Theory
+from imdim.app.lab.edits import ConstrainedProgram
 from imdim.app.lab.examples import NAMES, PROGRAMS, example
-from imdim.app.lab.solving import TURN, Lock, finish, followed, held, misfit, violations
-from imdim.fitting import relations_of
+from imdim.app.lab.solving import TURN, Lock, finish, follow_constraints, lock_constraints, misfit, violations
 from imdim.program.constraints import Constraint, ConstraintError, Ref
 from imdim.program.tree import leaves
+from imdim.reconstruction.fitting import relations_of
 
 
 @pytest.fixture(scope="module")
 def bracket():
-    return Theory(*relations_of(PROGRAMS["Bracket"]())), example("Bracket")
+    return ConstrainedProgram(*relations_of(PROGRAMS["Bracket"]())), example("Bracket")
 
 
 def sizes(program):
@@ -58,8 +58,8 @@ def test_what_contradicts_a_lock_is_named(bracket):
 
 def test_numbers_that_already_hold_do_not_move(bracket):
     theory, _ = bracket
-    assert followed(theory.program, theory.constraints, []) == theory.program
-    assert len(held(theory.program, [Lock(0, TURN), Lock(0, "sx"), Lock(0, "x")])) == 5
+    assert follow_constraints(theory.program, theory.constraints, []) == theory.program
+    assert len(lock_constraints(theory.program, [Lock(0, TURN), Lock(0, "sx"), Lock(0, "x")])) == 5
 
 
 @pytest.mark.parametrize("name", NAMES)

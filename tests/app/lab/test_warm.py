@@ -9,11 +9,11 @@ SCRIPT = """
 import json, sys, time
 from numba.core.dispatcher import Dispatcher
 from imdim.app.lab import requests, work
-from imdim.app.lab.continuing import Rates
+from imdim.app.lab.resume import Rates
 from imdim.app.lab.edits import Theory
 from imdim.app.lab.examples import example
-from imdim.config import Settings
-from imdim.fitting import relations_of
+from imdim.reconstruction.config import Settings
+from imdim.reconstruction.fitting import relations_of
 from imdim.app.lab.examples import PROGRAMS
 
 def ready():

@@ -12,7 +12,7 @@ from imdim.geometry import kernels
 from imdim.geometry.lowering import pack
 from imdim.learn.stump.decoded import KINDS, LEAST, Decoded, distances, even_kinds, occupancy, start, to_primitives
 from imdim.learn.stump.dgcnn import DGCNN, EdgeConv, nearest
-from imdim.learn.stump.layers import SHARPNESS, complemented, intersected, united
+from imdim.learn.stump.layers import SHARPNESS, complement_nodes, intersect_nodes, unite_terms
 from imdim.program.stump import CsgStump
 from imdim.program.tree import combine_all
 
@@ -33,7 +33,7 @@ def test_binary_layers_are_the_boolean_ones(seed):
     """All 2^5 combinations of five primitives, against `stump_forms.evaluate` on bit columns."""
     complement, connection, union = random_matrices(5, 4, seed)
     occupied = torch.tensor(list(itertools.product((0.0, 1.0), repeat=5)))[None]
-    soft = united(intersected(complemented(occupied, complement), connection), union)[0]
+    soft = unite_terms(intersect_nodes(complement_nodes(occupied, complement), connection), union)[0]
     numbers = start(8, 4, chance(0)).numbers
     primitives = to_primitives(Decoded(even_kinds(8), numbers, *[torch.zeros(1, 1)] * 3))[:5]
     bits = [tuple(int(v) for v in m.flatten()) for m in (complement, union)]
@@ -65,7 +65,7 @@ def test_soft_layers_and_their_gradients_are_those_of_the_plain_formula():
     nodes, w = torch.rand(2, 100, 6, generator=generator).double(), torch.rand(2, 5, 6, generator=generator).double()
     grad = torch.rand(2, 100, 5, generator=generator).double()
     results = []
-    for run in (plain_intersection, intersected):
+    for run in (plain_intersection, intersect_nodes):
         inputs = [t.clone().requires_grad_() for t in (nodes, w)]
         out = run(*inputs)
         (out * grad).sum().backward()

@@ -19,11 +19,11 @@ from imdim.learn.batches import Batches
 from imdim.learn.checkpoint import CheckpointError, load_policy, load_state, load_stump, save_net
 from imdim.learn.distributed import Processes
 from imdim.learn.settings import TrainConfig
-from imdim.learn.stump.binary import Labels, Matrices, improved, to_stump, used
+from imdim.learn.stump.binary import LabelledPoints, Matrices, find_used, improve, to_stump
 from imdim.learn.stump.decoded import start, to_primitives
 from imdim.learn.stump.fit import FitConfig, columns, fit, random_start
 from imdim.learn.stump.net import StumpNet, losses
-from imdim.learn.stump.samples import labelled, occupied_samples
+from imdim.learn.stump.samples import draw_samples, label_solids
 from imdim.learn.stump.settings import StumpConfig
 from imdim.learn.train import train
 from imdim.program.stump import to_program
@@ -44,10 +44,10 @@ def small(out, **changes) -> TrainConfig:
     return replace(config, warmup=2, synthesis=DATA, stump=SMALL, **changes)
 
 
-def labels_of(program, n, seed) -> Labels:
+def labels_of(program, n, seed) -> LabelledPoints:
     points = np.random.default_rng(seed).uniform(-0.5, 0.5, (n, 3))
     held = kernels.inside(program, points).astype(float)
-    return Labels(points, held, 1 - held)
+    return LabelledPoints(points, held, 1 - held)
 
 
 def iou(program, labels) -> float:
@@ -58,7 +58,7 @@ def iou(program, labels) -> float:
 @pytest.mark.parametrize("encoder", ["dgcnn", "pointnet"])
 def test_every_weight_learns(encoder):
     net = StumpNet(replace(SMALL, encoder=encoder)).train()
-    batch = occupied_samples(6, DATA, SMALL, chance(0))
+    batch = draw_samples(6, DATA, SMALL, chance(0))
     found = net.losses(batch)
     found["loss"].backward()
     values = {name: float(value.detach()) for name, value in found.items()}
@@ -82,7 +82,7 @@ def packed(shape):
 def test_labels_are_those_of_the_program():
     """Against the last-holder rule at the same points; half of the points lie beside the surface."""
     solids, clouds = draw_programs(3, DATA, chance(2))
-    batch = labelled(solids, clouds, DATA, replace(SMALL, points=200, near=0.5, spread=0.01), chance(3))
+    batch = label_solids(solids, clouds, DATA, replace(SMALL, points=200, near=0.5, spread=0.01), chance(3))
     assert torch.equal(batch.inside > 0.5, inside(solids, levels(solids, batch.points) < 0))
     off = torch.cdist(batch.points[:, 100:], clouds).amin(-1)
     assert float(off.max()) < 0.07
@@ -100,8 +100,8 @@ def test_a_binary_program_is_its_matrices(seed):
     matrices = Matrices(np.arange(16) % 2 == 1, connection, np.array([True, False, True, True]))
     points = rng.uniform(-0.5, 0.5, (5000, 3))
     program = to_program(to_stump(to_primitives(shape), matrices))
-    assert np.array_equal(kernels.inside(program, points), matrices.held(columns(shape, points)))
-    assert matrices.held(columns(shape, points)).any()
+    assert np.array_equal(kernels.inside(program, points), matrices.contains(columns(shape, points)))
+    assert matrices.contains(columns(shape, points)).any()
 
 
 def test_improved_matrices_are_never_dearer_and_drop_what_is_idle():
@@ -110,22 +110,22 @@ def test_improved_matrices_are_never_dearer_and_drop_what_is_idle():
     held = np.stack([kernels.inside(p, labels.points) for p in (*leaves(PART), Primitive("box", (0.1, 0.1, 0.1), (0.5, 0.5, 0.5)))])
     complement = np.array([False, True, False])
     first = Matrices(complement, np.array([[True, False, False], [False, False, True]]), np.array([True, True]))
-    after = improved(first, held, labels, 1e-3)
-    assert np.array_equal(used(after)[0], [0, 1])
-    assert np.array_equal(after.held(held), labels.w_in > 0)
+    after = improve(first, held, labels, 1e-3)
+    assert np.array_equal(find_used(after)[0], [0, 1])
+    assert np.array_equal(after.contains(held), labels.w_in > 0)
     for seed in range(20):
         rng = np.random.default_rng(seed)
         cells = rng.random((6, 300)) < 0.5
         target = (cells[0] & ~cells[4]) | (cells[1] & cells[2])
-        given = Labels(np.zeros((300, 3)), target.astype(float), 1.0 - target)
+        given = LabelledPoints(np.zeros((300, 3)), target.astype(float), 1.0 - target)
         any_matrices = Matrices(np.arange(6) > 3, rng.random((3, 6)) < 0.4, np.ones(3, bool))
         any_matrices.connection[:, 0] = True
-        better = improved(any_matrices, cells, given, 0.01)
+        better = improve(any_matrices, cells, given, 0.01)
         assert price(better, cells, given) <= price(any_matrices, cells, given) + 1e-6
 
 
 def price(matrices, cells, labels) -> float:
-    found = matrices.held(cells)
+    found = matrices.contains(cells)
     wrong = np.where(found, labels.w_out, labels.w_in).sum() / labels.w_in.sum()
     return float(wrong) + 0.01 * int(matrices.connection[matrices.union].sum())
 

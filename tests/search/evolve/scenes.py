@@ -11,10 +11,10 @@ from tests.search.planted_families import arrangement_of
 
 from imdim.geometry import kernels
 from imdim.program.tree import Program
-from imdim.search.cells import compressed, label_samples
-from imdim.search.evolve.fitness import FitnessConfig, SampledTarget, Scorer
+from imdim.search.candidate_families import Families
+from imdim.search.cells import compress_samples, label_samples
 from imdim.search.evolve.scene import Scene
-from imdim.search.families import Families
+from imdim.search.front.fitness import FitnessConfig, SampledTarget, Scorer
 
 
 def scene_of(program: Program, count: int = 20_000, detected: bool = True) -> Scene:
@@ -23,7 +23,7 @@ def scene_of(program: Program, count: int = 20_000, detected: bool = True) -> Sc
     mesh = mesh_of(program)
     surface = trimesh.sample.sample_surface(mesh, 1000, seed=3)[0]
     evidence = SampledTarget(surface, float(mesh.area), samples.points, samples.w_in, samples.w_out)
-    families = Families(arrangement, compressed(arrangement, samples)) if detected else None
+    families = Families(arrangement, compress_samples(arrangement, samples)) if detected else None
     return Scene(Scorer(evidence, FitnessConfig(capacity=512)), arrangement.outer, families)
 
 

@@ -7,7 +7,7 @@ from tests.search.evolve.scenes import planted_scene
 from tests.search.planted_families import random_candidates
 
 from imdim.geometry.kernels import program_sdf
-from imdim.program.paths import nodes, replaced, without
+from imdim.program.paths import nodes, replace_at, without
 from imdim.program.tree import OPS, Combine, Program, fold, leaves
 from imdim.search.evolve.insertion import (
     WEIGHTS,
@@ -15,7 +15,7 @@ from imdim.search.evolve.insertion import (
     places,
     random_candidate,
     views,
-    weighted_gain,
+    weigh_gain,
     with_best_insertion,
     with_best_refit,
 )
@@ -65,11 +65,11 @@ def test_a_place_foretells_what_a_candidate_wins(seed):
     rng = np.random.default_rng(seed)
     scene, program = planted_scene(NAME), random_tree(rng, 4)
     assert scene.families is not None
-    gain = weighted_gain(scene, WEIGHTS[rng.integers(len(WEIGHTS))])
+    gain = weigh_gain(scene, WEIGHTS[rng.integers(len(WEIGHTS))])
     (candidate,) = random_candidates(scene.families, 1, rng)
     mask = scene.families.mask(candidate)
     for place in places(views(program, cells_of(program, scene)), gain):
-        changed = replaced(program, place.view.path, Combine(place.op, place.view.node, scene.families.primitive(candidate)))
+        changed = replace_at(program, place.view.path, Combine(place.op, place.view.node, scene.families.primitive(candidate)))
         field, constant = place.field(gain)
         assert constant + field[mask].sum() == pytest.approx(won(changed, gain) - won(program, gain), abs=1e-9)
         # a part of exactly the cells that win anything
@@ -80,7 +80,7 @@ def test_a_place_foretells_what_a_candidate_wins(seed):
 
 def test_the_missing_part_is_found_again():
     scene, program = planted_scene(NAME), PARTS[NAME]
-    gain = weighted_gain(scene, (1.0, 1.0))
+    gain = weigh_gain(scene, (1.0, 1.0))
     for path, _ in nodes(program)[1:]:
         holed = without(program, [path])
         if holed is not None and won(holed, gain) < won(program, gain) * 0.999:
@@ -95,7 +95,7 @@ def test_a_wrong_leaf_is_refitted():
     scene = planted_scene("plate with four holes")
     plate, holes = box(80, 50, 6), [cylinder(3, 8, (x, y, 0.0)) for x in (-30.0, 30.0) for y in (-15.0, 15.0)]
     wrong = cut(plate, *holes[:3], box(1, 1, 1))
-    gain = weighted_gain(scene, (1.0, 1.0))
+    gain = weigh_gain(scene, (1.0, 1.0))
     tried = [with_best_refit(wrong, scene, gain, np.random.default_rng(seed)) for seed in range(12)]
     assert min(s.volume for s in scene.scorer.score([t for t in tried if t])) < 1e-6
 

@@ -10,8 +10,8 @@ from imdim.geometry.kernels import inside, program_sdf
 from imdim.geometry.sampling import bounding_radius
 from imdim.program.paths import leaf_paths
 from imdim.program.tree import Combine, Primitive, Program, check_size, leaves, map_leaves
-from imdim.search.evolve.numbers import face_at, jittered, shared, snapped
-from imdim.search.evolve.operators import MUTATIONS, _shortened, crossover, hull, merge, move, remove, split, substitute
+from imdim.search.evolve.numbers import face_at, jitter, share_number, snap_number
+from imdim.search.evolve.operators import MUTATIONS, _shorten, crossover, hull, merge, move, remove, split, substitute
 from imdim.search.evolve.scene import Scene
 
 NAME = "rounded plate"
@@ -90,7 +90,7 @@ def test_removal_takes_leaves_away():
 def test_two_halves_are_the_whole(leaf, index):
     axis = 2 if leaf.kind == "cylinder" else index
     index = 1 if leaf.kind == "cylinder" else index
-    low, high = (_shortened(leaf, index, axis, end, 0.3) for end in (0, 1))
+    low, high = (_shorten(leaf, index, axis, end, 0.3) for end in (0, 1))
     assert low is not None
     assert high is not None
     assert low.size[index] == pytest.approx(0.3 * leaf.size[index])
@@ -101,7 +101,7 @@ def test_two_halves_are_the_whole(leaf, index):
 
 def test_halves_of_a_cone_are_the_cone():
     cone = Primitive("cone", (12.0, 4.0, 30.0), (1.0, 2.0, 3.0), (30.0, 50.0, 0.0))
-    halves = [_shortened(cone, 2, 2, end, 0.4) for end in (0, 1)]
+    halves = [_shorten(cone, 2, 2, end, 0.4) for end in (0, 1)]
     assert (inside(union(*[h for h in halves if h]), CLOUD) == inside(cone, CLOUD)).all()
 
 
@@ -159,7 +159,7 @@ def test_steps_follow_the_local_error():
     good, bad = cylinder(6, 4, (-24.0, 14.0, 0.0)), box(60, 28, 9)
     errors = BLIND.local_errors(union(bad, good))
     assert errors[0] > 2 * errors[1]
-    moves = [jittered(union(bad, good), BLIND, np.random.default_rng(s)) for s in range(60)]
+    moves = [jitter(union(bad, good), BLIND, np.random.default_rng(s)) for s in range(60)]
     changed = [m.left != bad for m in moves if isinstance(m, Combine)]
     assert np.mean(changed) > 0.7
 
@@ -179,10 +179,10 @@ def test_a_moved_face_leaves_the_other_where_it_is():
 def test_snapping_finds_the_drawn_numbers():
     scene = planted_scene(NAME)
     off = union(box(60, 28, 4), box(48, 40.6, 4, (0.0, 0.3, 0.0)))
-    children = {snapped(off, scene, np.random.default_rng(s)) for s in range(80)}
+    children = {snap_number(off, scene, np.random.default_rng(s)) for s in range(80)}
     exact = [leaf.size for c in children if c for leaf in leaves(c)]
     assert any(size == pytest.approx((48, 40, 4)) for size in exact)
-    radii = [leaf.size[0] for s in range(60) if (c := snapped(cylinder(5.7, 4), scene, np.random.default_rng(s))) for leaf in leaves(c)]
+    radii = [leaf.size[0] for s in range(60) if (c := snap_number(cylinder(5.7, 4), scene, np.random.default_rng(s))) for leaf in leaves(c)]
     assert any(r == pytest.approx(6) for r in radii)
 
 
@@ -190,7 +190,7 @@ def test_shared_values_become_equal():
     pair = cut(box(30, 30, 10), cylinder(3, 20), cylinder(3.1, 20, (8.0, 1.0, 0.0)))
     seen = {"radius": False, "axis": False}
     for seed in range(300):
-        child = shared(pair, BLIND, np.random.default_rng(seed))
+        child = share_number(pair, BLIND, np.random.default_rng(seed))
         if child:
             cuts = [leaf for _, leaf in leaf_paths(child) if leaf.kind == "cylinder"]
             seen["radius"] |= cuts[0].size[0] == cuts[1].size[0]

@@ -13,22 +13,22 @@ from imdim.geometry.kernels import program_sdf
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.tree import Program, leaves
 from imdim.search.evolve import population as module
-from imdim.search.evolve.population import EvolutionConfig, Generation, evolve
+from imdim.search.evolve.population import EvolutionConfig, TheoryGeneration, evolve
 from imdim.search.evolve.proposals import random_programs
 from imdim.search.evolve.scene import Scene
 from imdim.search.evolve.seeds import surface_seeds
-from imdim.search.evolve.thinning import thinned
+from imdim.search.front.backward_elimination import eliminate_backwards
 
 SHORT = EvolutionConfig(population=24, offspring=24, generations=6)
 
 
 def run(
     scene: Scene, seeds: dict[str, list[Program]] | None = None, config: EvolutionConfig = SHORT, seed: int = 0, **more
-) -> list[Generation]:
+) -> list[TheoryGeneration]:
     return list(evolve(seeds or {}, scene, np.random.default_rng(seed), more.pop("deadline", NEVER), config, **more))
 
 
-def told(generations: list[Generation]) -> list:
+def told(generations: list[TheoryGeneration]) -> list:
     return [(g.best.program, [i.program for i in g.front], g.diversity, g.origins, g.stop) for g in generations]
 
 
@@ -155,14 +155,14 @@ def test_surface_seeds_lead_from_one_primitive_to_the_part():
 
 def test_thinning_leads_from_crude_to_the_program():
     scene, program = planted_scene("rounded plate"), PARTS["rounded plate"]
-    front = thinned([program], scene.scorer)
+    front = eliminate_backwards([program], scene.scorer)
     assert [i.score.primitives for i in front] == [1, 2, 3, 4, 5, 6]
     assert front[-1].program == program
     assert set(leaves(front[1].program)) == {box(60, 28, 4), box(48, 40, 4)}
     # a plate with square corners is nearer than all but the whole
-    assert [i.score.primitives for i in thinned([box(60, 40, 4), program], scene.scorer)] == [1, 6]
+    assert [i.score.primitives for i in eliminate_backwards([box(60, 40, 4), program], scene.scorer)] == [1, 6]
 
 
 def test_thinning_a_single_primitive():
     scene = planted_scene("rounded plate")
-    assert [i.program for i in thinned([cylinder(9, 4)], scene.scorer)] == [cylinder(9, 4)]
+    assert [i.program for i in eliminate_backwards([cylinder(9, 4)], scene.scorer)] == [cylinder(9, 4)]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.deadlines import PASSED
 
-from imdim.search.exact.cover import Limits, cover
+from imdim.search.exact.cover import CoverLimits, cover
 
 
 def least_price(separates: np.ndarray, left: np.ndarray, right: np.ndarray, weight: np.ndarray, most: int) -> float:
@@ -33,7 +33,7 @@ def test_an_answer_is_found_where_there_is_one(seed):
     most = int(rng.integers(1, 5))
     least = least_price(separates, left, right, weight, most)
     for price in (least - 1e-2, least + 1e-2) if np.isfinite(least) else (10.0,):
-        found = cover(separates, left, right, weight, Limits(most, price, 10.0))
+        found = cover(separates, left, right, weight, CoverLimits(most, price, 10.0))
         if price < least:
             assert found.chosen is None
             assert found.known
@@ -48,7 +48,7 @@ def test_a_barred_set_is_not_chosen_as_a_whole():
     separates = np.array([[1, 1, 0], [0, 0, 1], [0, 1, 1], [1, 0, 0]], bool)
     left, right, weight = np.array([0, 1, 2]), np.array([3, 4, 5]), np.full(6, 9.0)
     for barred in ([], [[0, 1]], [[0, 1], [2, 3]], [[0, 1], [2, 3], [0, 2]]):
-        found = cover(separates, left, right, weight, Limits(2, 2.0, 10.0, barred))
+        found = cover(separates, left, right, weight, CoverLimits(2, 2.0, 10.0, barred))
         if len(barred) == 3:
             assert found.chosen is None
         else:
@@ -60,7 +60,7 @@ def test_a_barred_set_is_not_chosen_as_a_whole():
 def test_a_solver_without_time_knows_nothing():
     separates = np.array([[1, 1, 0], [0, 0, 1]], bool)
     left, right, weight = np.array([0, 1, 2]), np.array([3, 4, 5]), np.full(6, 9.0)
-    found = cover(separates, left, right, weight, Limits(2, 2.0, 10.0, deadline=PASSED))
+    found = cover(separates, left, right, weight, CoverLimits(2, 2.0, 10.0, deadline=PASSED))
     assert found.chosen is None
     assert not found.known
 
@@ -68,7 +68,7 @@ def test_a_solver_without_time_knows_nothing():
 def test_a_problem_too_large_for_the_time_left_is_not_begun(monkeypatch):
     separates = np.array([[1, 1, 0], [0, 0, 1], [0, 1, 1], [1, 0, 0]], bool)
     left, right, weight = np.array([0, 1, 2]), np.array([3, 4, 5]), np.full(6, 9.0)
-    unsolvable = Limits(2, 2.0, 10.0, [[0, 1], [2, 3], [0, 2]])
+    unsolvable = CoverLimits(2, 2.0, 10.0, [[0, 1], [2, 3], [0, 2]])
     assert cover(separates, left, right, weight, unsolvable).known
     monkeypatch.setattr("imdim.search.exact.cover.COLUMNS_PER_S", 4 / 11.0)
     assert not cover(separates, left, right, weight, unsolvable).known

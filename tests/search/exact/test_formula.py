@@ -7,7 +7,7 @@ import pytest
 
 from imdim.geometry import kernels
 from imdim.program.tree import Combine, Primitive, Program
-from imdim.search.exact.formula import Literal, Node, holds, read_once, to_program
+from imdim.search.exact.formula import Gate, Literal, holds, read_once, to_program
 
 GROUPS = 12
 EVERYTHING = (1 << GROUPS) - 1
@@ -57,11 +57,11 @@ def test_a_planted_tree_of_eight_sets_is_found_again(seed):
     assert holds(found, sets, everything) == goal
 
 
-def random_formula(rng: np.random.Generator, members: list[int]) -> Node | Literal:
+def random_formula(rng: np.random.Generator, members: list[int]) -> Gate | Literal:
     if len(members) == 1:
         return Literal(int(members[0]), bool(rng.integers(2)))
     at = int(rng.integers(1, len(members)))
-    return Node(str(rng.choice(["or", "and"])), random_formula(rng, members[:at]), random_formula(rng, members[at:]))
+    return Gate(str(rng.choice(["or", "and"])), random_formula(rng, members[:at]), random_formula(rng, members[at:]))
 
 
 @pytest.mark.parametrize("seed", range(30))

@@ -11,10 +11,10 @@ from tests.search.planted_families import cells_of, families_of, planted
 from imdim.geometry import kernels
 from imdim.program.cost import count
 from imdim.program.tree import Program
+from imdim.search.candidate_families import Candidate, Families
 from imdim.search.cells import Cells
 from imdim.search.exact.columns import maximal_columns, pack, unpack
 from imdim.search.exact.prove import ProveConfig, Prover
-from imdim.search.families import Candidate, Families
 
 SIZE_WEIGHT = 2.5e-4
 NESTED = cut(box(60, 40, 20), cut(box(30, 20, 30, (10.0, 5.0, 0.0)), cylinder(6, 40, (10.0, 5.0, 0.0))))

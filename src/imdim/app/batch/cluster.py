@@ -19,7 +19,7 @@ from typing import Any
 from imdim.app.batch.engine import Job
 from imdim.app.batch.folder import LOG, PARTS
 from imdim.app.batch.process import Ended, run
-from imdim.config import ConfigError
+from imdim.reconstruction.config import ConfigError
 
 RETRIES = 3  # of a task whose machine died; what the part itself does is no reason to try again
 AHEAD = 2  # tasks in flight per CPU, so that none waits for its file
@@ -28,7 +28,7 @@ Files = dict[str, bytes]
 
 
 @contextmanager
-def connected(address: str) -> Iterator[Any]:
+def connect(address: str) -> Iterator[Any]:
     """The ray module, connected to the cluster at `address`. Raises ConfigError without the package or the cluster."""
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     try:
@@ -60,7 +60,7 @@ def run_cluster(jobs: Iterable[Job], at_once: int | None, ray: Any) -> Iterator[
             done, _ = ray.wait(list(running), timeout=1.0)
             for reference in done:
                 job = running.pop(reference)
-                yield job, _received(ray, reference, job)
+                yield job, _receive(ray, reference, job)
     finally:
         for reference in running:
             ray.cancel(reference, force=True)
@@ -83,7 +83,7 @@ def _relative(job: Job) -> Job:
     return replace(job, staging=Path(), part=replace(job.part, source=Path(job.part.source.name)))
 
 
-def _received(ray: Any, reference: Any, job: Job) -> Ended:
+def _receive(ray: Any, reference: Any, job: Job) -> Ended:
     try:
         ended, files = ray.get(reference)
     except ray.exceptions.RayError as error:

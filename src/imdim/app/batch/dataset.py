@@ -22,9 +22,9 @@ from imdim.app.arguments import from_arguments
 from imdim.app.batch import folder
 from imdim.app.batch.engine import Job, run_jobs
 from imdim.app.batch.folder import PARTS, Part, write_whole
-from imdim.app.batch.process import Ended, Limits
-from imdim.config import ConfigError
+from imdim.app.batch.process import Ended, ProcessLimits
 from imdim.data.folder import CHUNK, Chunk, FolderConfig, chunks, claim, is_there
+from imdim.reconstruction.config import ConfigError
 
 COMMAND = (sys.executable, "-m", "imdim.app.batch.share")
 FAILURES = "failures.csv"
@@ -75,7 +75,7 @@ def main(arguments: Sequence[str], command: Sequence[str] = COMMAND) -> int:
 
 def _run(config: DatasetConfig, command: tuple[str, ...]) -> int:
     out, total, start = Path(config.out).absolute(), config.n_train + config.n_val, time.monotonic()
-    with folder.held(out):
+    with folder.hold_folder(out):
         claim(config)
         missing = [chunk for chunk in chunks(config) if not is_there(chunk, out)]
         shares = {share.name: share for share in _shares(missing, config)}
@@ -93,7 +93,7 @@ def _record(out: Path, shares: Mapping[str, _Share], total: int, ended: Iterator
     (out / FAILURES).unlink(missing_ok=True)
     for job, how in ended:
         share = shares[job.part.name]
-        why = _kept(share, job, how, out)
+        why = _keep(share, job, how, out)
         if why:
             failures[share.name] = why
             write_whole(out / FAILURES, _table(failures, shares))
@@ -118,10 +118,10 @@ def _job(share: _Share, out: Path, config: DatasetConfig, command: tuple[str, ..
     source = staging / "share.json"
     settings = {f.name: asdict(config)[f.name] for f in fields(FolderConfig)}
     source.write_text(json.dumps({"config": settings, "chunks": [(c.split, c.index, c.names) for c in share.chunks]}), encoding="utf-8")
-    return Job(Part(share.name, source, ""), staging, command, (), Limits(config.limit_s, config.memory_mib))
+    return Job(Part(share.name, source, ""), staging, command, (), ProcessLimits(config.limit_s, config.memory_mib))
 
 
-def _kept(share: _Share, job: Job, how: Ended, out: Path) -> str:
+def _keep(share: _Share, job: Job, how: Ended, out: Path) -> str:
     """Put the samples of a share in their places, or say why there are none."""
     made = job.staging / PARTS / share.name
     missing = [] if how.why else [name for name in share.files if not (made / name).is_file()]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from imdim.app.batch.folder import LOG, PARTS, Part
-from imdim.app.batch.process import LOOK_S, Ended, Limits, Process
+from imdim.app.batch.process import LOOK_S, Ended, Process, ProcessLimits
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Job:
     staging: Path
     command: tuple[str, ...]
     options: tuple[str, ...]
-    limits: Limits
+    limits: ProcessLimits
 
     def arguments(self, source: str) -> Sequence[str]:
         """The whole command line. The output is relative to the folder that it runs in, so that reports don't depend on where that is."""
@@ -34,9 +34,9 @@ def run_jobs(jobs: Iterator[Job], at_once: int | None, address: str | None) -> G
     if not address:
         yield from run_local(jobs, at_once or 1)
         return
-    from imdim.app.batch.cluster import connected, run_cluster
+    from imdim.app.batch.cluster import connect, run_cluster
 
-    with connected(address) as ray:
+    with connect(address) as ray:
         yield from run_cluster(jobs, at_once, ray)
 
 

@@ -17,7 +17,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from imdim.config import ConfigError
+from imdim.reconstruction.config import ConfigError
 
 PARTS, RUNNING, NOTE, LOCK = "parts", ".running", "batch.json", ".lock"
 BEGUN = (LOCK, f".{NOTE}.part")  # what there is before the note
@@ -59,22 +59,22 @@ def find_parts(source: Path, suffixes: Sequence[str]) -> list[Part]:
     try:
         entries = sorted(source.iterdir())
     except OSError as error:
-        raise ConfigError(f"{shown(source)}: {error.strerror}") from error
+        raise ConfigError(f"{to_line(source)}: {error.strerror}") from error
     files = [path.absolute() for path in entries if path.suffix.lower() in suffixes and not path.name.startswith(".") and path.is_file()]
     if not files:
-        raise ConfigError(f"{shown(source)}: 0 model files among {len(entries)} entries; known are {', '.join(suffixes)}")
+        raise ConfigError(f"{to_line(source)}: 0 model files among {len(entries)} entries; known are {', '.join(suffixes)}")
     stems = [path.stem.casefold() for path in files]
     return [Part(_short(p.stem if stems.count(s) == 1 else p.name), p, _digest(p)) for p, s in zip(files, stems, strict=True)]
 
 
-def shown(text: object) -> str:
+def to_line(text: object) -> str:
     """A name as one line of valid Unicode: file names may hold line ends and bytes that are no text."""
     plain = str(text).encode("utf-8", "backslashreplace").decode("utf-8")
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in plain)
 
 
 @contextmanager
-def opened(out: Path, settings: Mapping[str, Any]) -> Iterator[None]:
+def open_batch(out: Path, settings: Mapping[str, Any]) -> Iterator[None]:
     """Claim `out` for a batch with these settings while the block runs, rid of what an earlier run left half done.
 
     Raises ConfigError where it cannot be written, holds something else, was begun with other settings or is in use.
@@ -88,11 +88,11 @@ def opened(out: Path, settings: Mapping[str, Any]) -> Iterator[None]:
             with running(out):
                 yield
     except OSError as error:
-        raise ConfigError(f"output folder {shown(out)} cannot be written: {error.strerror}") from error
+        raise ConfigError(f"output folder {to_line(out)} cannot be written: {error.strerror}") from error
 
 
 @contextmanager
-def held(out: Path) -> Iterator[None]:
+def hold_folder(out: Path) -> Iterator[None]:
     """Claim the folder `out` itself while the block runs, without a file for that. Raises ConfigError where it is in use, OSError."""
     out.mkdir(parents=True, exist_ok=True)
     lock = os.open(out, os.O_RDONLY)
@@ -115,7 +115,7 @@ def running(out: Path) -> Iterator[None]:
         shutil.rmtree(out / RUNNING, ignore_errors=True)
 
 
-def finished(place: Path, parts: Sequence[Part], again: bool) -> dict[str, Outcome]:
+def read_finished(place: Path, parts: Sequence[Part], again: bool) -> dict[str, Outcome]:
     """The outcomes of parts in the folder `place`, by name; with `again` not of failures, and of none whose content has changed."""
     found = {part.name: _read(place / part.name / OUTCOME) for part in parts}
     return {
@@ -207,7 +207,7 @@ def _digest(path: Path) -> str:
 
 def _check_ours(out: Path) -> None:
     if out.is_dir() and not (out / NOTE).is_file() and (foreign := sorted(p.name for p in out.iterdir() if p.name not in BEGUN)):
-        raise ConfigError(f"output folder {shown(out)} holds {shown(foreign[0])} and no {NOTE}: give another folder")
+        raise ConfigError(f"output folder {to_line(out)} holds {to_line(foreign[0])} and no {NOTE}: give another folder")
 
 
 def _hold(lock: int, out: Path) -> None:
@@ -215,7 +215,7 @@ def _hold(lock: int, out: Path) -> None:
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
-        raise ConfigError(f"output folder {shown(out)} is in use by another batch") from error
+        raise ConfigError(f"output folder {to_line(out)} is in use by another batch") from error
 
 
 def _claim(note: Path, settings: Mapping[str, Any]) -> None:
@@ -229,6 +229,6 @@ def _claim(note: Path, settings: Mapping[str, Any]) -> None:
         before = noted["settings"]
         other = [f"{key}={before.get(key)} then, {key}={value} now" for key, value in settings.items() if before.get(key) != value]
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise ConfigError(f"{shown(note)}: not the note of a batch") from error
+        raise ConfigError(f"{to_line(note)}: not the note of a batch") from error
     if other:
-        raise ConfigError(f"{shown(note.parent)} was begun with other settings ({'; '.join(other)}): give another folder")
+        raise ConfigError(f"{to_line(note.parent)} was begun with other settings ({'; '.join(other)}): give another folder")

@@ -21,7 +21,7 @@ TIME, MEMORY = "time", "memory"
 
 
 @dataclass(frozen=True)
-class Limits:
+class ProcessLimits:
     """Wall clock in seconds and resident memory in MiB, of a process and its children together."""
 
     seconds: float
@@ -44,7 +44,7 @@ class Ended:
 class Process:
     """A running command. It leads a process group, which ends with it; it ends when the thread that started it does (Linux)."""
 
-    def __init__(self, command: Sequence[str], limits: Limits, log: Path, cwd: Path | None = None) -> None:
+    def __init__(self, command: Sequence[str], limits: ProcessLimits, log: Path, cwd: Path | None = None) -> None:
         """Start `command` in `cwd` with its output in `log`. Raises OSError where the log cannot be written or no process started."""
         self._limits, self._log = limits, log
         self._start, self._peak, self._over = time.monotonic(), 0.0, ""
@@ -97,7 +97,7 @@ class Process:
         return "" if status == 0 else last_line(self._log) or f"ended with exit status {status}"
 
 
-def run(command: Sequence[str], limits: Limits, log: Path, cwd: Path | None = None) -> Ended:
+def run(command: Sequence[str], limits: ProcessLimits, log: Path, cwd: Path | None = None) -> Ended:
     """Run a command to its end or to a limit."""
     process = Process(command, limits, log, cwd)
     try:

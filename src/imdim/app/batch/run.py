@@ -15,10 +15,10 @@ from typing import Any
 
 from imdim.app.batch import folder
 from imdim.app.batch.engine import Job, run_jobs
-from imdim.app.batch.folder import Outcome, Part, shown
-from imdim.app.batch.process import Ended, Limits
+from imdim.app.batch.folder import Outcome, Part, to_line
+from imdim.app.batch.process import Ended, ProcessLimits
 from imdim.app.batch.table import write_tables
-from imdim.config import ConfigError, Settings, from_arguments
+from imdim.reconstruction.config import ConfigError, Settings, from_arguments
 
 COMMAND = (sys.executable, "-m", "imdim.app.cli", "fit")
 GRACE_S = 60.0  # for start-up and delivery, beyond the budget, before a part is ended by force
@@ -43,7 +43,7 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument("--limit", type=float, metavar="SECONDS", help=f"wall clock before a part is ended (default: budget + {GRACE_S:g})")
     out.add_argument("--memory", type=float, default=MEMORY_MIB, metavar="MIB", help="before a part is ended (default %(default)s)")
     out.add_argument("--again", action="store_true", help="try parts again that failed in an earlier run")
-    out.add_argument("settings", nargs="*", metavar="key=value", help="any further setting of imdim.config.Settings")
+    out.add_argument("settings", nargs="*", metavar="key=value", help="any further setting of imdim.reconstruction.config.Settings")
     return out
 
 
@@ -62,14 +62,14 @@ def main(argv: Sequence[str], command: Sequence[str] = COMMAND) -> int:
 
 
 def _run(given: argparse.Namespace, command: tuple[str, ...]) -> int:
-    from imdim.geometry.readers import FORMATS
+    from imdim.target.readers import FORMATS
 
     settings = settings_of(given)
     limits = limits_of(given, settings)
     out, parts = Path(given.output).absolute(), folder.find_parts(Path(given.input), tuple(FORMATS))
     noted = decisive(settings)
-    with folder.opened(out, noted):
-        outcomes = folder.finished(out / folder.PARTS, parts, given.again)
+    with folder.open_batch(out, noted):
+        outcomes = folder.read_finished(out / folder.PARTS, parts, given.again)
         jobs = (Job(p, folder.staging(out, p), command, options(noted), limits) for p in parts if p.name not in outcomes)
         with closing(run_jobs(jobs, given.jobs, given.address)) as ended:
             _record(out, parts, outcomes, ended)
@@ -91,9 +91,9 @@ def settings_of(given: argparse.Namespace) -> Settings:
     return settings
 
 
-def limits_of(given: argparse.Namespace, settings: Settings) -> Limits:
+def limits_of(given: argparse.Namespace, settings: Settings) -> ProcessLimits:
     """Of every part, from `limit` and `memory`. Raises ConfigError, for `jobs` too."""
-    limits = Limits(given.limit or settings.budget_s + GRACE_S, given.memory)
+    limits = ProcessLimits(given.limit or settings.budget_s + GRACE_S, given.memory)
     if limits.seconds <= 0 or limits.mib <= 0 or (given.jobs is not None and given.jobs < 1):
         raise ConfigError("--limit, --memory and --jobs need positive numbers")
     return limits
@@ -121,7 +121,7 @@ def _record(out: Path, parts: Sequence[Part], outcomes: dict[str, Outcome], ende
             folder.commit(out / folder.PARTS, job.staging, outcome)
             outcomes[outcome.part] = outcome
             left = (len(parts) - len(outcomes)) * (time.monotonic() - start) / (len(outcomes) - before)
-            sys.stderr.write(f"[{len(outcomes)}/{len(parts)}] {_line(outcome)}; {_left(left)}\n")
+            sys.stderr.write(f"[{len(outcomes)}/{len(parts)}] {_line(outcome)}; {_time_left(left)}\n")
             write_tables(out, parts, outcomes, _status(outcomes, len(parts), left), running=True)
     finally:
         write_tables(out, parts, outcomes, _status(outcomes, len(parts), None), running=False)
@@ -129,16 +129,16 @@ def _record(out: Path, parts: Sequence[Part], outcomes: dict[str, Outcome], ende
 
 def _line(outcome: Outcome) -> str:
     if outcome.failure:
-        return f"{shown(outcome.input)}: FAILED, {shown(outcome.failure)}"
+        return f"{to_line(outcome.input)}: FAILED, {to_line(outcome.failure)}"
     iou = f"mean distance {100 * (outcome.mean_distance or 0):.3f} %" if outcome.volume_iou is None else f"IoU {outcome.volume_iou:.4f}"
     count = f"{outcome.primitives} primitive{'' if outcome.primitives == 1 else 's'}"
-    return f"{shown(outcome.input)}: {count}, {iou}, {outcome.seconds:.1f} s"
+    return f"{to_line(outcome.input)}: {count}, {iou}, {outcome.seconds:.1f} s"
 
 
 def _status(outcomes: dict[str, Outcome], total: int, left: float | None) -> str:
     failed = sum(bool(outcome.failure) for outcome in outcomes.values())
-    return f"{len(outcomes)} of {total} parts done, {failed} failed" + ("" if left is None else f", {_left(left)}")
+    return f"{len(outcomes)} of {total} parts done, {failed} failed" + ("" if left is None else f", {_time_left(left)}")
 
 
-def _left(seconds: float) -> str:
+def _time_left(seconds: float) -> str:
     return f"{seconds:.0f} s left" if seconds < 100 else f"{seconds / 60:.0f} min left"

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import torch
 
-from imdim.config import ConfigError, merge
 from imdim.data.folder import Chunk, FolderConfig, write_chunk
+from imdim.reconstruction.config import ConfigError, merge
 
 
 def main(arguments: Sequence[str]) -> int:

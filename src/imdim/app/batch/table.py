@@ -10,7 +10,7 @@ from html import escape
 from pathlib import Path
 from urllib.parse import quote
 
-from imdim.app.batch.folder import LOG, OUTCOME, PARTS, Outcome, Part, shown, write_whole
+from imdim.app.batch.folder import LOG, OUTCOME, PARTS, Outcome, Part, to_line, write_whole
 
 REFRESH_S = 10
 LINKS = {"OpenSCAD": "program.scad", "STEP": "program.step", "mesh": "mesh.stl", "report": "report.json", "log": LOG}
@@ -64,12 +64,12 @@ def _row(out: Path, outcome: Outcome) -> str:
     cells = "".join(f'<td class="n">{n}</td>' for n in numbers)
     return (
         f'<tr class="{"failed" if outcome.failure else "done"}"><td>{"" if outcome.failure else picture}</td>'
-        f"<td>{escape(shown(outcome.input))}</td>{cells}<td>{escape(shown(outcome.failure or outcome.stop))}</td><td>{links}</td></tr>"
+        f"<td>{escape(to_line(outcome.input))}</td>{cells}<td>{escape(to_line(outcome.failure or outcome.stop))}</td><td>{links}</td></tr>"
     )
 
 
 def _waiting(part: Part) -> str:
-    return f'<tr class="waiting"><td></td><td>{escape(shown(part.source.name))}</td>{"<td></td>" * 5}<td>waiting</td><td></td></tr>'
+    return f'<tr class="waiting"><td></td><td>{escape(to_line(part.source.name))}</td>{"<td></td>" * 5}<td>waiting</td><td></td></tr>'
 
 
 def _link(outcome: Outcome, file: str) -> str:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from imdim.app.lab import wire
-from imdim.app.lab.edits import Theory
+from imdim.app.lab import protocol
+from imdim.app.lab.edits import ConstrainedProgram
+from imdim.app.lab.protocol import Message
 from imdim.app.lab.solving import Lock, violations
-from imdim.app.lab.state import State, Step
-from imdim.app.lab.wire import Message
+from imdim.app.lab.state import CurvePoint, State
 from imdim.program.cost import count
 from imdim.program.front import Choice
 
@@ -19,8 +19,8 @@ STRIP = 8  # programs in the strip
 def take_snapshot(state: State, task: str, message: Message, locks: frozenset[Lock]) -> None:
     """The program of a snapshot is the one that goes on; curves, strip and front grow."""
     values = message.values
-    program, constraints = wire.read_document(values["document"])
-    live = state.live = Theory(program, constraints, locks)
+    program, constraints = protocol.read_document(values["document"])
+    live = state.live = ConstrainedProgram(program, constraints, locks)
     state.stage = values["stage"]
     if task in FREE:
         state.proof, state.proved = values["proof"] or state.proof, program
@@ -31,18 +31,18 @@ def take_snapshot(state: State, task: str, message: Message, locks: frozenset[Lo
         state.trace = [*state.trace, _step(live, values["seconds"], values["error"])][-MOST_STEPS:]
     if task in FREE:
         _see(state, Choice(program, values["error"]))
-        state.front = wire.read_front(values["front"]) or state.front
+        state.front = protocol.read_front(values["front"]) or state.front
 
 
-def said_at_end(task: str, theory: Theory | None) -> str:
+def final_message(task: str, theory: ConstrainedProgram | None) -> str:
     """The line that a person reads when a task has done its work, "" where the program says it all."""
     found = len(theory.constraints) if theory else 0
     related = f"{found} relation{'' if found == 1 else 's'} found" if found else "no relations found"
     return {"solve": "solved: all constraints and locks hold", "relate": related}.get(task, "")
 
 
-def _step(live: Theory, seconds: float, error: float) -> Step:
-    return Step(seconds, error, count(live.program).primitives, max(violations(live.program, live.constraints), default=0.0))
+def _step(live: ConstrainedProgram, seconds: float, error: float) -> CurvePoint:
+    return CurvePoint(seconds, error, count(live.program).primitives, max(violations(live.program, live.constraints), default=0.0))
 
 
 def _see(state: State, choice: Choice) -> None:

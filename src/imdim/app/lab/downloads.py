@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from imdim.app.lab.wire import Message
+from imdim.app.lab.protocol import Message
 
 Files = Mapping[str, bytes]
 Wanted = Callable[[Files], None]
@@ -26,7 +26,7 @@ class Downloads:
         """Call `wanted` when the files are there."""
         self._wishes.append(wanted)
 
-    def made(self, message: Message) -> None:
+    def keep_files(self, message: Message) -> None:
         """The files of a "files" message are those of the revision that was asked for; a program may have been edited since."""
         self._made = self.making, {name: data.tobytes() for name, data in message.arrays.items()}
 

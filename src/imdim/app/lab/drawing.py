@@ -8,18 +8,18 @@ from itertools import pairwise
 import numpy as np
 import trimesh
 
-from imdim.app.lab.edits import Theory
+from imdim.app.lab.edits import ConstrainedProgram
 from imdim.app.lab.solving import worst
-from imdim.evaluate import target_distances
+from imdim.delivery.evaluate import target_distances
 from imdim.export.preview import ramp
-from imdim.geometry.cloud import Frame, Target
-from imdim.geometry.constraints import HOLDS
 from imdim.geometry.lowering import lower
 from imdim.geometry.pose import Pose
-from imdim.geometry.solid import owned_surface, primitive_to_manifold, to_trimesh
+from imdim.geometry.solid import primitive_to_manifold, surface_with_owners, to_trimesh
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.roles import labels, signs
 from imdim.program.tree import Primitive, Program, fold, leaves, map_leaves
+from imdim.relations.residuals import HOLDS
+from imdim.target.target import Frame, Target
 
 SPAN = 4.0  # the diagonal of the target in the view
 FINE, COARSE, MANY = 96, 48, 60  # facets per circle, fewer for programs of many primitives
@@ -49,7 +49,7 @@ class Piece:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class Drawing:
     """The solid in `pieces`, cutters and clippers in `ghosts`; the solid's `surface` and `volume` in the target's units."""
 
     pieces: list[Piece]
@@ -74,14 +74,14 @@ def place(frame: Frame, points: np.ndarray) -> np.ndarray:
 
 def roles(program: Program) -> list[str]:
     """What each leaf does: "union", "difference" or "intersection"."""
-    clips = fold(program, lambda _, __: [False], {op: (list.__add__ if op != "intersection" else _clipped) for op in _OPS})
+    clips = fold(program, lambda _, __: [False], {op: (list.__add__ if op != "intersection" else _mark_clips) for op in _OPS})
     return ["intersection" if clip else "union" if sign > 0 else "difference" for clip, sign in zip(clips, signs(program), strict=True)]
 
 
 _OPS = ("union", "intersection", "difference")
 
 
-def _clipped(left: list[bool], right: list[bool]) -> list[bool]:
+def _mark_clips(left: list[bool], right: list[bool]) -> list[bool]:
     return left + [True] * len(right)
 
 
@@ -91,12 +91,12 @@ def colours(program: Program) -> list[Colour]:
     return [fixed.get(role, ADDS[i % len(ADDS)]) for i, role in enumerate(roles(program))]
 
 
-def scene(theory: Theory, frame: Frame, selected: int | None) -> Scene:
+def scene(theory: ConstrainedProgram, frame: Frame, selected: int | None) -> Drawing:
     """The solid as it is to be drawn."""
     program = theory.program
     parts, tints = list(leaves(program)), colours(program)
     segments = FINE if len(parts) <= MANY else COARSE
-    surface, owners = owned_surface(drawn(program), segments)
+    surface, owners = surface_with_owners(enlarge_cutters(program), segments)
     at = place(frame, surface.vertices)
     pieces = [_piece(leaf, at, surface.faces[owners == leaf], tints[leaf], leaf == selected) for leaf in np.unique(owners).tolist()]
     ghosts: list[Piece] = []
@@ -104,10 +104,10 @@ def scene(theory: Theory, frame: Frame, selected: int | None) -> Scene:
         if role != "union" or leaf == selected:
             tint, opacity = (SELECTED, 0.45) if leaf == selected else (tints[leaf], 0.22)
             ghosts.append(_ghost(leaf, parts[leaf], frame, -LIFT if role == "difference" else LIFT, tint, opacity))
-    return Scene(pieces, ghosts, surface, float(surface.volume) if len(surface.faces) else 0.0)
+    return Drawing(pieces, ghosts, surface, float(surface.volume) if len(surface.faces) else 0.0)
 
 
-def drawn(program: Program) -> Program:
+def enlarge_cutters(program: Program) -> Program:
     """The program with cutters larger by SKIN, whose solid differs in nothing that could be seen."""
     sign = signs(program)
     return map_leaves(program, lambda i, p: p if sign[i] > 0 else replace(p, size=tuple(s * (1 + SKIN) for s in p.size)))
@@ -125,7 +125,7 @@ def _ghost(leaf: int, part: Primitive, frame: Frame, lift: float, tint: Colour, 
     return Piece(leaf, at, whole.faces, tint, opacity)
 
 
-def overlay(theory: Theory, frame: Frame) -> Overlay:
+def overlay(theory: ConstrainedProgram, frame: Frame) -> Overlay:
     """Control points and constraints."""
     pose = Pose.of(lower(theory.program))
     segments: list[np.ndarray] = []
@@ -164,6 +164,6 @@ def distance_map(target: Target, surface: trimesh.Trimesh, frame: Frame) -> tupl
     return place(frame, points), ramp(far / top).astype(np.uint8), top
 
 
-def names(theory: Theory) -> list[str]:
+def names(theory: ConstrainedProgram) -> list[str]:
     """What each leaf is called."""
     return labels(theory.program, theory.constraints)

@@ -6,20 +6,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from imdim.app.lab.solving import TURN, Lock, followed
+from imdim.app.lab.solving import TURN, Lock, follow_constraints
 from imdim.program.constraints import AXES, RULES, WORLD, Constraint, Ref, check_all, read_ref
-from imdim.program.paths import at, leaf_paths, replaced, without
+from imdim.program.paths import at, leaf_paths, replace_at, without
 from imdim.program.tree import SIZE_NAMES, Combine, Op, Primitive, Program, leaves, map_leaves
 
 TURNS = ("rx", "ry", "rz")
 
 
-class EditError(ValueError):
+class LabEditError(ValueError):
     """What was asked for cannot be; the message is one line."""
 
 
 @dataclass(frozen=True)
-class Theory:
+class ConstrainedProgram:
     """A program, the constraints on its numbers, and the numbers that are locked."""
 
     program: Program
@@ -46,23 +46,23 @@ def numbers(part: Primitive) -> list[Number]:
     return [Number(n, v, "length") for n, v in lengths] + [Number(n, v, "degrees") for n, v in zip(TURNS, part.rotation, strict=True)]
 
 
-def with_number(theory: Theory, leaf: int, name: str, value: float, follow: bool = False) -> Theory:
+def with_number(theory: ConstrainedProgram, leaf: int, name: str, value: float, follow: bool = False) -> ConstrainedProgram:
     """One number changed. With `follow`, all that the constraints relate to it moves along, locked numbers stay."""
     parts = list(leaves(theory.program))
     try:
-        changed = _changed(parts[leaf], name, float(value))
+        changed = _change_number(parts[leaf], name, float(value))
     except ValueError as error:
-        raise EditError(str(error)) from error
+        raise LabEditError(str(error)) from error
     program = map_leaves(theory.program, lambda i, p: changed if i == leaf else p)
     if follow:
         held = Lock(leaf, TURN if name in TURNS else name)
-        constraints = _valued(theory.constraints, Ref(leaf, name), float(value))
-        program = followed(program, constraints, sorted(theory.locks | {held}))
+        constraints = _update_value(theory.constraints, Ref(leaf, name), float(value))
+        program = follow_constraints(program, constraints, sorted(theory.locks | {held}))
         return replace(theory, program=program, constraints=constraints)
     return replace(theory, program=program)
 
 
-def _changed(part: Primitive, name: str, value: float) -> Primitive:
+def _change_number(part: Primitive, name: str, value: float) -> Primitive:
     if name in AXES:
         x, y, z = (value if axis == name else v for axis, v in zip(AXES, part.center, strict=True))
         return replace(part, center=(x, y, z))
@@ -72,7 +72,7 @@ def _changed(part: Primitive, name: str, value: float) -> Primitive:
     return replace(part, size=tuple(value if n == name else v for n, v in zip(SIZE_NAMES[part.kind], part.size, strict=True)))
 
 
-def _valued(constraints: Sequence[Constraint], ref: Ref, value: float) -> tuple[Constraint, ...]:
+def _update_value(constraints: Sequence[Constraint], ref: Ref, value: float) -> tuple[Constraint, ...]:
     """A size that a constraint gives a value has the new one from now on."""
     return tuple(replace(c, value=value) if c.kind == "value" and c.of == (ref,) else c for c in constraints)
 
@@ -84,38 +84,38 @@ def operation(program: Program, leaf: int) -> Op | None:
     return parent.op if path and path[-1] == 1 and isinstance(parent, Combine) else None
 
 
-def with_operation(theory: Theory, leaf: int, op: Op) -> Theory:
+def with_operation(theory: ConstrainedProgram, leaf: int, op: Op) -> ConstrainedProgram:
     """The operation by which a primitive joins what comes before it."""
     path, _ = leaf_paths(theory.program)[leaf]
     parent = at(theory.program, path[:-1])
     if not path or path[-1] == 0 or not isinstance(parent, Combine):
-        raise EditError(f"primitive {leaf} is what others are joined to, it has no operation of its own")
-    return replace(theory, program=replaced(theory.program, path[:-1], replace(parent, op=op)))
+        raise LabEditError(f"primitive {leaf} is what others are joined to, it has no operation of its own")
+    return replace(theory, program=replace_at(theory.program, path[:-1], replace(parent, op=op)))
 
 
-def with_added(theory: Theory | None, op: Op, part: Primitive) -> Theory:
+def with_added(theory: ConstrainedProgram | None, op: Op, part: Primitive) -> ConstrainedProgram:
     """One more primitive, joined to all that is there; its number is the last."""
     if theory is None:
-        return Theory(part)
+        return ConstrainedProgram(part)
     return replace(theory, program=Combine(op, theory.program, part))
 
 
-def without_leaf(theory: Theory, leaf: int) -> Theory:
+def without_leaf(theory: ConstrainedProgram, leaf: int) -> ConstrainedProgram:
     """The theory without a primitive, and without what was said of it. What was cut out of it alone goes with it."""
     order = list(leaves(theory.program))
     marked = map_leaves(theory.program, lambda i, p: replace(p, center=(float(i), 0.0, 0.0)))
     left = without(marked, [leaf_paths(theory.program)[leaf][0]])
     if left is None:
-        raise EditError("the last primitive cannot be removed")
+        raise LabEditError("the last primitive cannot be removed")
     kept = [round(p.center[0]) for p in leaves(left)]
     number = {old: new for new, old in enumerate(kept)} | {WORLD: WORLD}
     program = map_leaves(left, lambda i, _: order[kept[i]])
-    constraints = tuple(c for c in (_renumbered(c, number) for c in theory.constraints) if c is not None)
+    constraints = tuple(c for c in (_renumber(c, number) for c in theory.constraints) if c is not None)
     locks = frozenset(Lock(number[lock.leaf], lock.name) for lock in theory.locks if lock.leaf in number)
-    return Theory(program, constraints, locks)
+    return ConstrainedProgram(program, constraints, locks)
 
 
-def _renumbered(constraint: Constraint, number: dict[int, int]) -> Constraint | None:
+def _renumber(constraint: Constraint, number: dict[int, int]) -> Constraint | None:
     """What is left of a constraint when primitives are renumbered, None if it then says nothing."""
     if constraint.about is not None and constraint.about.leaf not in number:
         return None
@@ -130,28 +130,28 @@ def _renumbered(constraint: Constraint, number: dict[int, int]) -> Constraint | 
 def read_constraint(kind: str, of: str, about: str = "", value: float = 0.0) -> Constraint:
     """A constraint as a person writes it: features like ``2.r, 3.r`` in `of`, one like ``world.z`` in `about`."""
     if kind not in RULES:
-        raise EditError(f"unknown kind {kind!r}; known are {', '.join(RULES)}")
+        raise LabEditError(f"unknown kind {kind!r}; known are {', '.join(RULES)}")
     try:
         refs = tuple(read_ref(text) for text in of.replace(",", " ").split())
         named = read_ref(about.strip()) if about.strip() else None
     except ValueError as error:
-        raise EditError(str(error)) from error
+        raise LabEditError(str(error)) from error
     return Constraint(kind, refs, named if RULES[kind].about else None, float(value) if RULES[kind].has_value else 0.0)
 
 
-def with_constraint(theory: Theory, constraint: Constraint) -> Theory:
+def with_constraint(theory: ConstrainedProgram, constraint: Constraint) -> ConstrainedProgram:
     """One more constraint, well-formed; whether it holds is another matter."""
     constraints = (*theory.constraints, constraint)
     check_all(constraints, list(leaves(theory.program)))
     return replace(theory, constraints=constraints)
 
 
-def without_constraint(theory: Theory, number: int) -> Theory:
+def without_constraint(theory: ConstrainedProgram, number: int) -> ConstrainedProgram:
     if not 0 <= number < len(theory.constraints):
-        raise EditError("no constraint is chosen: click one in the list")
+        raise LabEditError("no constraint is chosen: click one in the list")
     return replace(theory, constraints=theory.constraints[:number] + theory.constraints[number + 1 :])
 
 
-def with_lock(theory: Theory, lock: Lock, locked: bool) -> Theory:
+def with_lock(theory: ConstrainedProgram, lock: Lock, locked: bool) -> ConstrainedProgram:
     """A number held, or let go."""
     return replace(theory, locks=theory.locks | {lock} if locked else theory.locks - {lock})

@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from imdim.geometry.cloud import Target, sample_surface, target_from
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.tree import Combine as Join
 from imdim.program.tree import Primitive, Program, combine_all
+from imdim.target.target import Target, sample_surface, target_from
 
 POINTS = 8192
 NOISE = 0.002  # of the diagonal

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from imdim.app.lab.edits import Theory
+from imdim.app.lab.edits import ConstrainedProgram
 
 MOST = 200  # steps that can be undone
 ONE_EDIT_S = 1.5  # keystrokes in one number that follow each other within it are one edit
@@ -15,12 +15,12 @@ class History:
     """`revision` counts every change, undone ones too."""
 
     revision: int = 0
-    _past: list[tuple[str, Theory]] = field(default_factory=list)
-    _future: list[tuple[str, Theory]] = field(default_factory=list)
+    _past: list[tuple[str, ConstrainedProgram]] = field(default_factory=list)
+    _future: list[tuple[str, ConstrainedProgram]] = field(default_factory=list)
     _last: tuple[str, float] = ("", 0.0)
 
     @property
-    def theory(self) -> Theory | None:
+    def theory(self) -> ConstrainedProgram | None:
         """The present one, None before the first."""
         return self._past[-1][1] if self._past else None
 
@@ -28,7 +28,7 @@ class History:
     def can_undo(self) -> bool:
         return len(self._past) > 1
 
-    def push(self, what: str, theory: Theory, now: float = 0.0) -> None:
+    def push(self, what: str, theory: ConstrainedProgram, now: float = 0.0) -> None:
         """The next theory. One that continues the same edit takes the place of the one before, so that undo takes the whole edit back."""
         if self.theory == theory:
             return
@@ -45,15 +45,15 @@ class History:
         if not self.can_undo:
             return None
         self._future.append(self._past.pop())
-        return self._moved(self._future[-1][0])
+        return self._note_move(self._future[-1][0])
 
     def redo(self) -> str | None:
         if not self._future:
             return None
         self._past.append(self._future.pop())
-        return self._moved(self._past[-1][0])
+        return self._note_move(self._past[-1][0])
 
-    def _moved(self, what: str) -> str:
+    def _note_move(self, what: str) -> str:
         self._last = ("", 0.0)
         self.revision += 1
         return what

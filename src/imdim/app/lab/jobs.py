@@ -19,8 +19,8 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any
 
-from imdim.app.lab import wire
-from imdim.app.lab.wire import Message
+from imdim.app.lab import protocol
+from imdim.app.lab.protocol import Message
 
 LARGEST_ANSWER = 1 << 30  # bytes
 ENDS_WITHIN_S = 2.0
@@ -31,7 +31,7 @@ GiB = 1 << 30
 
 
 @dataclass(frozen=True)
-class Limits:
+class PoolLimits:
     """`running` tasks at once, `waiting` ones at most, `memory` bytes for each process."""
 
     running: int = 2
@@ -106,7 +106,7 @@ class Job:
             self.stepping = True
             self.resume()
 
-    def answered(self, message: Message) -> None:
+    def receive(self, message: Message) -> None:
         with self._lock:
             if self.stepping and message.kind == "snapshot":
                 self.stepping = False
@@ -114,11 +114,11 @@ class Job:
         self.tell(message)
 
 
-class Pool:
+class WorkerPool:
     """The processes of a server."""
 
-    def __init__(self, limits: Limits | None = None) -> None:
-        self.limits = limits or Limits()
+    def __init__(self, limits: PoolLimits | None = None) -> None:
+        self.limits = limits or PoolLimits()
         self._lock = threading.RLock()
         self._waiting: deque[Job] = deque()
         self._running: list[Job] = []
@@ -185,9 +185,9 @@ class Pool:
         try:
             for last in _answers(worker, job.request):
                 if last.kind not in END_KINDS:
-                    job.answered(last)
+                    job.receive(last)
         finally:
-            end = last if last.kind in END_KINDS else Message("died", {"message": died(worker.process)})
+            end = last if last.kind in END_KINDS else Message("died", {"message": describe_death(worker.process)})
             self._release(job, worker, reusable=last.kind in WELL and worker.alive)
             job.tell(end)
             self._dispatch()
@@ -209,16 +209,16 @@ def _answers(worker: Worker, request: Message):
     """What the process says, until its last word or its end."""
     pipe: Connection = worker.pipe
     with contextlib.suppress(EOFError, OSError):
-        pipe.send_bytes(wire.packed(request))
+        pipe.send_bytes(protocol.pack_message(request))
         while True:
-            message = wire.unpacked(pipe.recv_bytes(LARGEST_ANSWER))
+            message = protocol.unpack_message(pipe.recv_bytes(LARGEST_ANSWER))
             if message.kind != "ready":
                 yield message
             if message.kind in END_KINDS:
                 return
 
 
-def died(process: BaseProcess) -> str:
+def describe_death(process: BaseProcess) -> str:
     """How a process ended that gave no last word, in words."""
     code = _status(process)
     if code is not None and code < 0:

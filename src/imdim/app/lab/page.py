@@ -7,10 +7,10 @@ from collections.abc import Set
 
 import viser
 
-from imdim.app.lab import drawing, texts
-from imdim.app.lab.ear import Ear
-from imdim.app.lab.edits import Theory
-from imdim.app.lab.jobs import Pool
+from imdim.app.lab import drawing, renderers
+from imdim.app.lab.edits import ConstrainedProgram
+from imdim.app.lab.input_queue import InputQueue
+from imdim.app.lab.jobs import WorkerPool
 from imdim.app.lab.panels.browse import CurvesPanel, FrontPanel, TreePanel
 from imdim.app.lab.panels.edit import EditPanel
 from imdim.app.lab.panels.relate import RelatePanel
@@ -22,11 +22,11 @@ from imdim.app.lab.session import Session
 from imdim.app.lab.state import UploadLimits
 from imdim.app.lab.style import BRAND
 from imdim.app.lab.uploads import limit_uploads
-from imdim.app.lab.view import View
-from imdim.evaluate import Scores, evaluate
-from imdim.geometry.cloud import Frame
+from imdim.app.lab.view import SceneView
+from imdim.delivery.evaluate import Scores, evaluate
 from imdim.program.cost import count
 from imdim.program.tree import leaves
+from imdim.target.target import Frame
 
 SCORE_SAMPLES = 5_000
 SCORE_AFTER_S = 0.4, 1.0  # the picture has the core for itself until then: after an edit, and while a run goes on
@@ -39,14 +39,14 @@ LEFT, RIGHT = 300, 320  # pixels
 class Page:
     """See the module. `close` when the client has gone."""
 
-    def __init__(self, client: viser.ClientHandle, pool: Pool, limits: UploadLimits, ear: Ear) -> None:
+    def __init__(self, client: viser.ClientHandle, pool: WorkerPool, limits: UploadLimits, ear: InputQueue) -> None:
         self._client, self._ear = client, ear
         self._drawing = Refresher(self._draw_at_once, "draw")
         self._scoring = Refresher(self._score, "score", lambda: SCORE_AFTER_S[self.session.state.live is not None], SCORE_NICE)
         self.session = Session(pool, self._drawing.poke, limits)
-        self.view = View(client, ear, self._clicked)
-        self._scene: drawing.Scene | None = None
-        self._scored: Theory | None = None
+        self.view = SceneView(client, ear, self._on_click)
+        self._scene: drawing.Drawing | None = None
+        self._scored: ConstrainedProgram | None = None
         self._scores: Scores | None = None
         self._told = ("", "")
         self._stating = threading.Lock()  # of two threads that write the status, the later one says what is so now
@@ -68,7 +68,7 @@ class Page:
         gui.main_panel.dock_right()
         gui.main_panel.set_width(RIGHT)
         self.status = StatusPanel(gui, session, ear)
-        texts.add_clicks(gui, "Primitive", ear, session.select)
+        renderers.add_clicks(gui, "Primitive", ear, session.select)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Run"):
             self.run = RunPanel(gui, session, ear)
@@ -118,7 +118,7 @@ class Page:
             size = sum(1 for _ in leaves(theory.program))
             self.session.select((now + step) % size if now is not None else (0 if step > 0 else size - 1))
 
-    def _clicked(self, leaf: int) -> None:
+    def _on_click(self, leaf: int) -> None:
         self.session.select(None if self.session.state.selected == leaf else leaf)
 
     def _draw_again(self) -> None:
@@ -148,7 +148,7 @@ class Page:
         if topics & {"program", "front", "target"}:
             self._scoring.poke("front", "score")
 
-    def _draw_program(self, theory: Theory | None, selected: int | None) -> None:
+    def _draw_program(self, theory: ConstrainedProgram | None, selected: int | None) -> None:
         target = self.session.state.target
         if theory is None or target is None:
             self._scene = None
@@ -204,7 +204,7 @@ class Page:
             choices = list(state.front or state.seen)
         if theory is not None and target is not None and scene is not None and len(scene.surface.faces):
             if theory != self._scored:
-                self._scores, self._scored = evaluate(drawing.drawn(theory.program), target, SCORE_SAMPLES), theory
+                self._scores, self._scored = evaluate(drawing.enlarge_cutters(theory.program), target, SCORE_SAMPLES), theory
                 self._draw_state()
             if self.view.shown["Distance map"]:
                 points, tints, top = drawing.distance_map(target, scene.surface, Frame.of(target))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from imdim.app.lab.state import Step
-from imdim.app.lab.texts import clickable, note
+from imdim.app.lab.renderers import clickable, note
+from imdim.app.lab.state import CurvePoint
 from imdim.program.cost import count
 from imdim.program.front import Choice
 from imdim.program.tree import Program
@@ -54,7 +54,7 @@ def front(choices: Sequence[Choice], shown: Program | None) -> str:
     return clickable("Choice", f'{head}{grid}{ticks}<polyline points="{path}" fill="none" stroke="#74a5d4"/>{dots}{foot}')
 
 
-def curves(steps: Sequence[Step]) -> str:
+def curves(steps: Sequence[CurvePoint]) -> str:
     """Error, primitives and the largest violation of a constraint over the seconds of a run, one above the other."""
     if not steps:
         return note("Error, size and violation of the constraints are drawn here while a run goes on.")

@@ -13,20 +13,20 @@ from pathlib import Path
 
 import viser
 
-from imdim.app.lab.ear import Ear
 from imdim.app.lab.examples import NAMES
-from imdim.app.lab.jobs import GiB, Limits, Pool
+from imdim.app.lab.input_queue import InputQueue
+from imdim.app.lab.jobs import GiB, PoolLimits, WorkerPool
 from imdim.app.lab.page import Page
 from imdim.app.lab.state import MiB, UploadLimits
 from imdim.app.lab.view import light
-from imdim.geometry.cloud import InputError, Target, load_target
+from imdim.target.target import InputError, Target, load_target
 
 
 class Lab:
     """A running server. `close` ends it and all that it started."""
 
-    def __init__(self, host: str, port: int, limits: Limits, uploads: UploadLimits, target: Target | None = None) -> None:
-        self.pool, self._uploads, self._target = Pool(limits), uploads, target
+    def __init__(self, host: str, port: int, limits: PoolLimits, uploads: UploadLimits, target: Target | None = None) -> None:
+        self.pool, self._uploads, self._target = WorkerPool(limits), uploads, target
         self._pages: dict[int, Page] = {}
         self._lock = threading.Lock()
         self._server = viser.ViserServer(host=host, port=port, label="IMDIM Live Lab", verbose=False)
@@ -40,7 +40,7 @@ class Lab:
         _compress(host, self._server.get_port())
 
     def _came(self, client: viser.ClientHandle) -> None:
-        page = Page(client, self.pool, self._uploads, Ear(self._server.get_event_loop()))
+        page = Page(client, self.pool, self._uploads, InputQueue(self._server.get_event_loop()))
         with self._lock:
             self._pages[client.client_id] = page
         if self._target is None:
@@ -97,7 +97,7 @@ def main(argv: Sequence[str]) -> int:
     except InputError as error:
         sys.stderr.write(f"imdim: {error}\n")
         return 2
-    limits = Limits(given.runs, memory=int(given.memory * GiB))
+    limits = PoolLimits(given.runs, memory=int(given.memory * GiB))
     lab = Lab(given.host, given.port, limits, UploadLimits(int(given.upload * MiB), given.points), target)
     sys.stdout.write(f"IMDIM Live Lab: {lab.url}\n")
     sys.stdout.flush()

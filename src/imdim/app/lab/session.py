@@ -8,23 +8,23 @@ from typing import Any
 
 import numpy as np
 
-from imdim.app.lab import answers, requests, wire
-from imdim.app.lab.continuing import Rates
-from imdim.app.lab.desk import Desk
+from imdim.app.lab import answers, protocol, requests
+from imdim.app.lab.document import Document
 from imdim.app.lab.downloads import Downloads, Wanted
 from imdim.app.lab.examples import example
 from imdim.app.lab.history import History
-from imdim.app.lab.jobs import END_KINDS, Job, Pool
-from imdim.app.lab.state import MiB, State, UploadLimits, shown_name
-from imdim.app.lab.wire import Message
-from imdim.config import ConfigError, Settings, check
-from imdim.geometry.cloud import Target
+from imdim.app.lab.jobs import END_KINDS, Job, WorkerPool
+from imdim.app.lab.protocol import Message
+from imdim.app.lab.resume import Rates
+from imdim.app.lab.state import MiB, State, UploadLimits, printable_name
+from imdim.reconstruction.config import ConfigError, Settings, check
+from imdim.target.target import Target
 
 
-class Session(Desk):
+class Session(Document):
     """See the module."""
 
-    def __init__(self, pool: Pool, changed: Callable[..., None], limits: UploadLimits | None = None) -> None:
+    def __init__(self, pool: WorkerPool, changed: Callable[..., None], limits: UploadLimits | None = None) -> None:
         super().__init__(changed)
         self.pool, self.limits, self.settings = pool, limits or UploadLimits(), Settings()
         self._job: Job | None = None
@@ -52,14 +52,14 @@ class Session(Desk):
 
     def open_example(self, name: str) -> None:
         """One of `examples.NAMES` becomes the target."""
-        self._opened(example(name))
+        self._open(example(name))
 
     def open_target(self, target: Target) -> None:
-        self._opened(target)
+        self._open(target)
 
     def open_upload(self, name: str, data: bytes) -> None:
         """A file becomes the target; another process reads it."""
-        shown = shown_name(name)
+        shown = printable_name(name)
         if len(data) > self.limits.size:
             return self.refuse_upload(shown, len(data))
         values = {"name": shown, "max_points": self.limits.points}
@@ -67,14 +67,14 @@ class Session(Desk):
 
     def upload_began(self, name: str) -> None:
         """Say that a file is coming."""
-        self._say("info", f"{shown_name(name)}: being read")
+        self._say("info", f"{printable_name(name)}: being read")
 
     def refuse_upload(self, name: str, size: int) -> None:
         """Say that a file is too large."""
         most = f"at most {self.limits.size / MiB:.0f} MB can be uploaded"
-        self._say("error", f"{shown_name(name)}: {size / MiB:.0f} MB are too large, {most}")
+        self._say("error", f"{printable_name(name)}: {size / MiB:.0f} MB are too large, {most}")
 
-    def _opened(self, target: Target) -> None:
+    def _open(self, target: Target) -> None:
         with self.lock:
             self._end_job()
             self.state, self.history, self._downloads = State(target=target), History(self.history.revision + 1), Downloads()
@@ -163,7 +163,7 @@ class Session(Desk):
                 self.state.trace = []
             job: list[Job] = []
             try:
-                job.append(self.pool.submit(request, lambda message: self._answered(job, task, message)))
+                job.append(self.pool.submit(request, lambda message: self._on_answer(job, task, message)))
             except RuntimeError as error:
                 return self._say("error", str(error))
             self._job = job[0]
@@ -176,7 +176,7 @@ class Session(Desk):
             job.state = "ended"
         self._keep_live(self.state.task)
 
-    def _answered(self, job: list[Job], task: str, message: Message) -> None:
+    def _on_answer(self, job: list[Job], task: str, message: Message) -> None:
         """An answer of the task, in a thread of its job. Those of a task that was ended meanwhile are late, and are dropped."""
         with self.lock:
             if self._job is not None and job and job[0] is not self._job:
@@ -195,17 +195,17 @@ class Session(Desk):
 
     def _on_target(self, task: str, message: Message) -> tuple[str, ...]:
         self._job = None  # it has done its work: ended as one that goes on, it would take its process, warm for the run, along
-        self._opened(wire.target_of(message))
+        self._open(protocol.target_of(message))
         return ()
 
     def _on_files(self, task: str, message: Message) -> tuple[str, ...]:
-        self._downloads.made(message)
+        self._downloads.keep_files(message)
         return ()
 
     def _on_done(self, task: str, message: Message) -> tuple[str, ...]:
         if task == "files":
             self._downloads.send()
-        said = answers.said_at_end(task, self.theory)
+        said = answers.final_message(task, self.theory)
         if said:
             self.state.notice = ("info", said)
         return ("notice",) if said else ()

@@ -8,20 +8,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imdim.detection.mesh_surfaces import detect_patches
 from imdim.geometry import kernels
-from imdim.geometry.cloud import Target, in_unit_frame
-from imdim.geometry.constraints import rows_of
 from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.pose import radii
 from imdim.geometry.sampling import subsample
 from imdim.geometry.surface import Surface, signed_distance
 from imdim.geometry.surface import normals as surface_normals
+from imdim.numbers.face_coordinates import lift_numbers
 from imdim.program.constraints import AXES, WORLD, Constraint, ConstraintError, Ref, describe
 from imdim.program.tree import SIZE_NAMES, Primitive, Program, leaves, map_leaves
-from imdim.seeding.mesh_surfaces import detect_patches
-from imdim.solve.faces import lifted
-from imdim.solve.relations.belief import CUT, Cloud, noise_of, uniform
-from imdim.solve.relations.hold import MET, fitted, onto
+from imdim.relations.belief import CUT, WeightedCloud, noise_of, uniform
+from imdim.relations.hold import MET, fit_under_constraints, onto
+from imdim.relations.residuals import rows_of
+from imdim.target.target import Target, in_unit_frame
 
 TURN = "turn"  # the lock of a whole orientation
 SHOWN = 8192  # points that the solver sees
@@ -39,7 +39,7 @@ class Lock:
     name: str
 
 
-def held(program: Program, locks: Sequence[Lock]) -> list[Constraint]:
+def lock_constraints(program: Program, locks: Sequence[Lock]) -> list[Constraint]:
     """The rows that keep locked numbers where they are in `program`."""
     parts, out = list(leaves(program)), []
     for lock in locks:
@@ -59,25 +59,25 @@ def finish(program: Program, constraints: Sequence[Constraint], locks: Sequence[
 
     The robust scale shrinks from what an edit may be off to the noise. Raises ConstraintError where constraints and locks conflict.
     """
-    cloud, start = Cloud.of(*_shown(target)), lower(program)
-    rows, numbers, scale = [*constraints, *held(program, locks)], start, COARSEST * cloud.length
+    cloud, start = WeightedCloud.of(*_fit_points(target)), lower(program)
+    rows, numbers, scale = [*constraints, *lock_constraints(program, locks)], start, COARSEST * cloud.length
     while True:
-        numbers, _ = fitted(numbers, rows, cloud, scale)
+        numbers, _ = fit_under_constraints(numbers, rows, cloud, scale)
         _check(numbers, rows, constraints, cloud.length)
-        yield _plain(lifted(program, start, numbers), cloud.length)
+        yield _plain(lift_numbers(program, start, numbers), cloud.length)
         noise = max(CUT * noise_of(numbers, cloud), FINEST * cloud.length)
         if scale <= noise:
             return
         scale = max(FINER * scale, noise)
 
 
-def followed(program: Program, constraints: Sequence[Constraint], locks: Sequence[Lock]) -> Program:
+def follow_constraints(program: Program, constraints: Sequence[Constraint], locks: Sequence[Lock]) -> Program:
     """The program moved by as little as the constraints need, locked numbers held; raises ConstraintError where they conflict."""
     start = lower(program)
-    rows, length = [*constraints, *held(program, locks)], extent(start)
+    rows, length = [*constraints, *lock_constraints(program, locks)], extent(start)
     numbers = onto(start, rows, length, uniform(len(start.kinds)))
     _check(numbers, rows, constraints, length)
-    return _plain(lifted(program, start, numbers), length)
+    return _plain(lift_numbers(program, start, numbers), length)
 
 
 def violations(program: Program, constraints: Sequence[Constraint]) -> list[float]:
@@ -130,18 +130,18 @@ def _check(numbers: Lowered, rows: Sequence[Constraint], constraints: Sequence[C
     raise ConstraintError(f"{what}: cannot hold together with the others, is off by {off.max() * length:.3g}")
 
 
-def _shown(target: Target) -> tuple[np.ndarray, np.ndarray | None]:
+def _fit_points(target: Target) -> tuple[np.ndarray, np.ndarray | None]:
     """Points that the numbers are fitted to; those of a mesh on the surfaces that its facets cut short."""
     points, normals = subsample(target.points, SHOWN), None if target.normals is None else subsample(target.normals, SHOWN)
     if target.mesh is None or normals is None:
         return points, normals
     whole, frame = in_unit_frame(target)
     assert whole.mesh is not None
-    unit = _lifted(frame.to_unit(points), normals, [p.surface for p in detect_patches(whole.mesh)])
+    unit = _lift_to_surfaces(frame.to_unit(points), normals, [p.surface for p in detect_patches(whole.mesh)])
     return unit / frame.scale + frame.center, normals
 
 
-def _lifted(points: np.ndarray, facing: np.ndarray, surfaces: Sequence[Surface]) -> np.ndarray:
+def _lift_to_surfaces(points: np.ndarray, facing: np.ndarray, surfaces: Sequence[Surface]) -> np.ndarray:
     """Points [n, 3] of facets moved to the nearest of the detected surfaces that face the same way; the others stay."""
     least, out = np.full(len(points), INSET), points.copy()
     for surface in surfaces:

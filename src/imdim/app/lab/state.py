@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 
-from imdim.app.lab.edits import Theory
-from imdim.geometry.cloud import Target
+from imdim.app.lab.edits import ConstrainedProgram
 from imdim.program.front import Choice
 from imdim.program.tree import Program
+from imdim.target.target import Target
 
 MiB = 1 << 20
 
@@ -22,7 +22,7 @@ class UploadLimits:
 
 
 @dataclass(frozen=True)
-class Step:
+class CurvePoint:
     """One point of the curves: seconds of the run, error, primitives, largest violation of a constraint."""
 
     seconds: float
@@ -36,7 +36,7 @@ class State:
     """What the page draws. `live` is the program of a run that goes on; `seen` are programs that it went through, with their errors."""
 
     target: Target | None = None
-    live: Theory | None = None
+    live: ConstrainedProgram | None = None
     selected: int | None = None
     stage: str = ""
     task: str = ""
@@ -44,12 +44,12 @@ class State:
     proof: str = ""  # what a run says of its program `proved`
     proved: Program | None = None
     notice: tuple[str, str] = ("", "")  # "info" or "error", and one line
-    trace: list[Step] = field(default_factory=list)
+    trace: list[CurvePoint] = field(default_factory=list)
     seen: list[Choice] = field(default_factory=list)
     front: tuple[Choice, ...] = ()
 
 
-def shown_name(name: str) -> str:
+def printable_name(name: str) -> str:
     """A file's name as it is said back: its last part, printable, not too long. It is never a path."""
     last = PurePosixPath(name.replace("\\", "/")).name
     plain = "".join(c if c.isprintable() and c not in "<>&\"'`" else "_" for c in last)

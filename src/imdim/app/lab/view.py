@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import viser
 
-from imdim.app.lab.drawing import POINT_COLOUR, Colour, Overlay, Piece, Scene
-from imdim.app.lab.ear import Ear
+from imdim.app.lab.drawing import POINT_COLOUR, Colour, Drawing, Overlay, Piece
+from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.points import Points
 
 LAYERS: Mapping[str, bool] = {"Solid": True, "Cutters": True, "Points": True, "Distance map": False, "Constraints": False}
@@ -33,10 +33,10 @@ def light(scene: viser.SceneApi) -> None:
     scene.add_light_directional("/lights/key", intensity=KEY, position=(1.5, -3.5, 4.0))
 
 
-class View:
+class SceneView:
     """Draws pieces, and tells which primitive was clicked."""
 
-    def __init__(self, client: viser.ClientHandle, ear: Ear, clicked: Callable[[int], None]) -> None:
+    def __init__(self, client: viser.ClientHandle, ear: InputQueue, clicked: Callable[[int], None]) -> None:
         self._scene, self._client, self._ear, self._clicked = client.scene, client, ear, clicked
         self._meshes: dict[str, tuple[Piece, viser.MeshHandle]] = {}
         self._others: dict[str, viser.SceneNodeHandle] = {}
@@ -68,7 +68,7 @@ class View:
             if layer == "Points":
                 self._cloud.show(visible)
 
-    def draw(self, scene: Scene | None, overlay: Overlay | None) -> None:
+    def draw(self, scene: Drawing | None, overlay: Overlay | None) -> None:
         """The solid, its cutters, and what the constraints relate."""
         pieces = {} if scene is None else {f"/solid/{p.leaf}": p for p in scene.pieces} | {f"/cutters/{p.leaf}": p for p in scene.ghosts}
         with self._lock, self._client.atomic():

@@ -14,18 +14,18 @@ from typing import Any
 
 import numpy as np
 
-from imdim.app.lab import continuing, solving, wire
-from imdim.app.lab.wire import Message
-from imdim.config import ConfigError, Settings, check, first_line, merge
-from imdim.deliver import RunRecord, deliver
-from imdim.evaluate import evaluate
-from imdim.fitting import relations_of
-from imdim.geometry.cloud import InputError, Target, load_target
-from imdim.geometry.readers import FORMATS
+from imdim.app.lab import protocol, resume, solving
+from imdim.app.lab.protocol import Message
+from imdim.delivery.deliver import RunRecord, deliver
+from imdim.delivery.evaluate import evaluate
 from imdim.geometry.winding import winding_number
-from imdim.pipeline import Snapshot, reconstruct, reconstruct_best
 from imdim.program.constraints import ConstraintError
 from imdim.program.tree import Combine, Primitive
+from imdim.reconstruction.config import ConfigError, Settings, check, first_line, merge
+from imdim.reconstruction.fitting import relations_of
+from imdim.reconstruction.pipeline import Snapshot, reconstruct, reconstruct_best
+from imdim.target.readers import FORMATS
+from imdim.target.target import InputError, Target, load_target
 
 Now = Callable[[], float]
 SHOWN_EVERY_S = 0.05  # an evolution makes generations faster than they can be drawn
@@ -34,27 +34,27 @@ STEP_LIMIT_S = 120.0
 
 def open_file(request: Message, now: Now) -> Iterator[Message]:
     """An uploaded file, which is data and nothing else, as a target. Its own name is only said back."""
-    yield wire.target_message(_loaded(request))
+    yield protocol.target_message(_load(request))
 
 
 def fit(request: Message, now: Now) -> Iterator[Message]:
     """A reconstruction from nothing."""
-    target, settings = wire.target_of(request), _settings(request)
-    yield from _told(reconstruct(target, settings, np.random.default_rng(settings.seed), now))
+    target, settings = protocol.target_of(request), _settings(request)
+    yield from _to_messages(reconstruct(target, settings, np.random.default_rng(settings.seed), now))
 
 
 def go_on(request: Message, now: Now) -> Iterator[Message]:
     """Evolution from a program that a person may have edited."""
-    target, settings = wire.target_of(request), _settings(request)
-    program, _ = wire.read_document(request.values["document"])
-    config = continuing.Rates(**request.values.get("rates", {}))
-    yield from _told(continuing.continued(target, program, settings, config, now))
+    target, settings = protocol.target_of(request), _settings(request)
+    program, _ = protocol.read_document(request.values["document"])
+    config = resume.Rates(**request.values.get("rates", {}))
+    yield from _to_messages(resume.resume_evolution(target, program, settings, config, now))
 
 
 def solve(request: Message, now: Now) -> Iterator[Message]:
     """The numbers of a program fitted while constraints and locked numbers hold."""
-    target = wire.target_of(request)
-    program, constraints = wire.read_document(request.values["document"])
+    target = protocol.target_of(request)
+    program, constraints = protocol.read_document(request.values["document"])
     locks = [solving.Lock(int(leaf), str(name)) for leaf, name in request.values["locks"]]
     start = now()
     for solved in solving.finish(program, constraints, locks, target):
@@ -64,16 +64,16 @@ def solve(request: Message, now: Now) -> Iterator[Message]:
 
 def relate(request: Message, now: Now) -> Iterator[Message]:
     """The relations that the numbers of a program bear out."""
-    target = wire.target_of(request)
-    program, constraints = relations_of(wire.read_document(request.values["document"])[0])
+    target = protocol.target_of(request)
+    program, constraints = relations_of(protocol.read_document(request.values["document"])[0])
     yield _snapshot(Snapshot("relate", program, solving.misfit(program, target), 0.0, constraints=constraints))
 
 
 def files(request: Message, now: Now) -> Iterator[Message]:
     """The results folder of a program, as `imdim fit` writes it, as bytes by name."""
-    target = wire.target_of(request)
-    program, constraints = wire.read_document(request.values["document"])
-    front = wire.read_front(request.values["front"])
+    target = protocol.target_of(request)
+    program, constraints = protocol.read_document(request.values["document"])
+    front = protocol.read_front(request.values["front"])
     settings = _settings(request)
     run = RunRecord(target.name, {}, request.values["stop"], settings.seed, asdict(settings))
     with tempfile.TemporaryDirectory() as place:
@@ -108,7 +108,7 @@ def perform(request: Message, now: Now) -> Iterator[Message]:
         yield Message("done")
 
 
-def _loaded(request: Message) -> Target:
+def _load(request: Message) -> Target:
     """The target in the bytes of an upload. On disk it has a name of ours; messages say the one it came with."""
     shown, suffix = request.values["name"], Path(request.values["name"]).suffix.lower()
     if suffix not in FORMATS:
@@ -126,7 +126,7 @@ def _settings(request: Message) -> Settings:
     return check(merge(Settings, request.values.get("settings", {})))
 
 
-def _told(snapshots: Iterator[Snapshot]) -> Iterator[Message]:
+def _to_messages(snapshots: Iterator[Snapshot]) -> Iterator[Message]:
     """Snapshots as messages; of those that follow each other at once only the last, and all that say why a run ended."""
     last = 0.0
     kept: Snapshot | None = None
@@ -142,11 +142,11 @@ def _told(snapshots: Iterator[Snapshot]) -> Iterator[Message]:
 def _snapshot(snapshot: Snapshot) -> Message:
     values: dict[str, Any] = {
         "stage": snapshot.stage,
-        "document": wire.document(snapshot.program, snapshot.constraints),
+        "document": protocol.document(snapshot.program, snapshot.constraints),
         "error": float(snapshot.error),
         "seconds": snapshot.seconds,
         "stop": snapshot.stop,
-        "front": wire.front_values(snapshot.front),
+        "front": protocol.front_values(snapshot.front),
         "proof": snapshot.proof,
         "notes": list(snapshot.notes),
     }
@@ -158,7 +158,7 @@ def warm() -> Target:
     """One tiny reconstruction and its score, so that the first real one finds compiled kernels loaded. Gives the tiny part."""
     import trimesh
 
-    from imdim.geometry.cloud import target_from
+    from imdim.target.target import target_from
 
     box = trimesh.creation.box((3.0, 2.0, 1.0))
     target = target_from(box, "warm-up")
@@ -172,8 +172,8 @@ def warm() -> Target:
 def warm_rest() -> None:
     """What a reconstruction does not need and the other tasks do: an evolution that goes on, the solver, the search for relations."""
     target, part = warm(), Primitive("cylinder", (1.0, 1.0))
-    *_, last = continuing.continued(
-        target, Combine("union", part, part), Settings(budget_s=2.0), continuing.Rates(population=8), time.perf_counter
+    *_, last = resume.resume_evolution(
+        target, Combine("union", part, part), Settings(budget_s=2.0), resume.Rates(population=8), time.perf_counter
     )
     _, constraints = relations_of(last.program)
     for solved in solving.finish(last.program, constraints, [solving.Lock(0, "x")], target):

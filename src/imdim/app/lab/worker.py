@@ -12,7 +12,7 @@ import time
 from multiprocessing.connection import Connection
 from typing import Any
 
-from imdim.app.lab import wire
+from imdim.app.lab import protocol
 
 IDLE_S = 3.0  # after which the kernels of the rarer tasks are made ready too
 BEHIND_THE_PAGE = 5  # niceness: where cores are few, what a run found is drawn before it searches on
@@ -36,13 +36,13 @@ def main(pipe: Connection, paused: Any, most_bytes: int) -> None:
         return time.perf_counter() - paused.value
 
     work.warm()
-    pipe.send_bytes(wire.packed(wire.Message("ready")))
+    pipe.send_bytes(protocol.pack_message(protocol.Message("ready")))
     with contextlib.suppress(EOFError, BrokenPipeError):
         if not pipe.poll(IDLE_S):
             work.warm_rest()
         while True:
-            for answer in work.perform(wire.unpacked(pipe.recv_bytes()), now):
-                pipe.send_bytes(wire.packed(answer))
+            for answer in work.perform(protocol.unpack_message(pipe.recv_bytes()), now):
+                pipe.send_bytes(protocol.pack_message(answer))
 
 
 def _die_with_parent() -> None:

@@ -19,7 +19,7 @@ LEAST_GAIN = 1e-9
 
 
 @dataclass(frozen=True)
-class Labels:
+class LabelledPoints:
     """Points [n, 3] and the volume [n] inside and outside the target that each stands for."""
 
     points: np.ndarray
@@ -31,10 +31,10 @@ class Labels:
         """What holding each point wins [n], relative to the target's volume."""
         return (self.w_in - self.w_out) / self.w_in.sum()
 
-    def some(self, rows: np.ndarray) -> Labels:
+    def some(self, rows: np.ndarray) -> LabelledPoints:
         """Some points, which stand for as much volume as all."""
         share = len(self.points) / len(rows)
-        return Labels(self.points[rows], self.w_in[rows] * share, self.w_out[rows] * share)
+        return LabelledPoints(self.points[rows], self.w_in[rows] * share, self.w_out[rows] * share)
 
 
 @dataclass
@@ -45,26 +45,26 @@ class Matrices:
     connection: np.ndarray
     union: np.ndarray
 
-    def held(self, columns: np.ndarray) -> np.ndarray:
+    def contains(self, columns: np.ndarray) -> np.ndarray:
         """Which points the solid holds, bool [n], from those that each primitive holds, bool [K, n]."""
         misses = self.connection.astype(np.float32) @ (columns == self.complement[:, None]).astype(np.float32)
         return (misses[self.union] == 0).any(0)
 
 
-def improved(matrices: Matrices, columns: np.ndarray, labels: Labels, price: float) -> Matrices:
+def improve(matrices: Matrices, columns: np.ndarray, labels: LabelledPoints, price: float) -> Matrices:
     """Fewer or other entries: error + `price` per entry of W_I never rises. W_C stays as it is.
 
     `columns` bool [K, n] are the points that each primitive holds; one node at least is plain. A solid that is nowhere worth its price
     becomes the best single plain primitive.
     """
-    descent = _Descent(matrices, columns, labels.value.astype(np.float32), price)
+    descent = _FlipDescent(matrices, columns, labels.value.astype(np.float32), price)
     for _ in range(SWEEPS):
         if not descent.sweep():
             break
     return descent.result()
 
 
-class _Descent:
+class _FlipDescent:
     def __init__(self, matrices: Matrices, columns: np.ndarray, value: np.ndarray, price: float) -> None:
         self.complement, self.value, self.price = matrices.complement, value, price
         self.connection = matrices.connection.copy()
@@ -84,9 +84,9 @@ class _Descent:
         before = (self.connection[c].copy(), bool(self.union[c]))
         self.cover -= self.union[c] & (self.misses[c] == 0)
         free = self.value * (self.cover == 0)
-        gain, row, misses = self._descended(self.connection[c], free) if self.union[c] else (0.0, self.connection[c], self.misses[c])
+        gain, row, misses = self._descend(self.connection[c], free) if self.union[c] else (0.0, self.connection[c], self.misses[c])
         if gain <= LEAST_GAIN:
-            gain, row, misses = max((self._descended(start, free) for start in self._starts(free)), key=lambda found: found[0])
+            gain, row, misses = max((self._descend(start, free) for start in self._starts(free)), key=lambda found: found[0])
         self.connection[c], self.misses[c], self.union[c] = row, misses, gain > LEAST_GAIN
         self.cover += self.union[c] & (misses == 0)
         return bool(self.union[c]) != before[1] or (before[1] and bool((row != before[0]).any()))
@@ -97,7 +97,7 @@ class _Descent:
         chosen = np.argsort(-full)[: min(STARTS, int((~self.complement).sum()))]
         return np.arange(len(full)) == chosen[:, None]
 
-    def _descended(self, row: np.ndarray, free: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    def _descend(self, row: np.ndarray, free: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """An intersection after the best flips: what it wins, its row, and how many of its nodes lack each point."""
         row, misses = row.copy(), row.astype(np.float32) @ self.missing
         while (k := self._best_flip(row, misses, free)) is not None:
@@ -123,7 +123,7 @@ class _Descent:
         return Matrices(self.complement, self.connection, self.union)
 
 
-def used(matrices: Matrices) -> tuple[np.ndarray, np.ndarray]:
+def find_used(matrices: Matrices) -> tuple[np.ndarray, np.ndarray]:
     """Rising indices of the primitives and of the intersections that the solid depends on."""
     terms = np.flatnonzero(matrices.union)
     return np.flatnonzero(matrices.connection[terms].any(0)), terms
@@ -131,7 +131,7 @@ def used(matrices: Matrices) -> tuple[np.ndarray, np.ndarray]:
 
 def to_stump(primitives: list[Primitive], matrices: Matrices) -> CsgStump:
     """The project's CSG-Stump of what is used."""
-    kept, terms = used(matrices)
+    kept, terms = find_used(matrices)
     connection = matrices.connection[np.ix_(terms, kept)].T.astype(int).tolist()
     complement = tuple(int(matrices.complement[k]) for k in kept)
     return CsgStump(tuple(primitives[k] for k in kept), complement, tuple(tuple(row) for row in connection), (1,) * len(terms))

@@ -15,7 +15,7 @@ from torch import Tensor
 from imdim.data.dice import Dice, quaternion_matrices
 from imdim.data.solids import euler_from_matrices
 from imdim.geometry.sdf import LOCAL_SDF
-from imdim.learn.stump.layers import complemented, intersected, united
+from imdim.learn.stump.layers import complement_nodes, intersect_nodes, unite_terms
 from imdim.program.tree import SIZE_NAMES, Primitive
 
 KINDS = ("box", "sphere", "cylinder", "cone")
@@ -81,8 +81,8 @@ def occupancy(shape: Decoded, points: Tensor, eta: float, binary: bool = False) 
     """
     sdf = distances(shape.kinds, shape.numbers, points)
     complement, connection, union = (_matrix(logits, binary) for logits in (shape.complement, shape.connection, shape.union))
-    terms = intersected(complemented(torch.sigmoid(-eta * sdf), complement), connection)
-    return united(terms, union), sdf
+    terms = intersect_nodes(complement_nodes(torch.sigmoid(-eta * sdf), complement), connection)
+    return unite_terms(terms, union), sdf
 
 
 def _matrix(logits: Tensor, binary: bool) -> Tensor:

@@ -15,7 +15,7 @@ import torch
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
 from imdim.geometry.lowering import pack_all
-from imdim.learn.stump.binary import Labels, Matrices, improved, to_stump, used
+from imdim.learn.stump.binary import LabelledPoints, Matrices, find_used, improve, to_stump
 from imdim.learn.stump.decoded import Decoded, start, to_primitives
 from imdim.learn.stump.net import losses
 from imdim.program.stump import CsgStump
@@ -48,7 +48,7 @@ class FitConfig:
     counted: int = 8192
 
 
-def random_start(labels: Labels, primitives: int, intersections: int, seed: int) -> Decoded:
+def random_start(labels: LabelledPoints, primitives: int, intersections: int, seed: int) -> Decoded:
     """`start` with its plain primitives at labels inside, its complemented ones at labels outside but in the box of those inside."""
     generator = torch.Generator().manual_seed(seed)
     shape = start(primitives, intersections, generator)
@@ -61,47 +61,47 @@ def random_start(labels: Labels, primitives: int, intersections: int, seed: int)
     return shape
 
 
-def fit(shape: Decoded, labels: Labels, config: FitConfig, seed: int = 0, deadline: Deadline = NEVER) -> CsgStump:
+def fit(shape: Decoded, labels: LabelledPoints, config: FitConfig, seed: int = 0, deadline: Deadline = NEVER) -> CsgStump:
     """The binary CSG-Stump that explains `labels` from the batch of one `shape`; the same for the same arguments.
 
     Past the `deadline`, the stages end early.
     """
     counted = labels.some(np.random.default_rng(seed).permutation(len(labels.points))[: config.counted])
     generator = torch.Generator().manual_seed(seed)
-    descend = _Descent(labels, config, generator, deadline)
+    descend = _AdamDescent(labels, config, generator, deadline)
     shape = descend(shape, config.soft, config.eta, binary=False)
     shape = descend(shape, config.hard, (config.eta[1], config.eta[1]), binary=True)
-    descend = _Descent(labels, replace(config, points=config.last_points), generator, deadline)
-    matrices, passed = thresholded(shape), []
+    descend = _AdamDescent(labels, replace(config, points=config.last_points), generator, deadline)
+    matrices, passed = threshold(shape), []
     for turn in reversed(range(config.rounds)):
-        matrices = improved(matrices, columns(shape, counted.points), counted, config.price * RICHER**turn)
+        matrices = improve(matrices, columns(shape, counted.points), counted, config.price * RICHER**turn)
         passed.append((price_of(shape, matrices, counted, config.price), to_stump(to_primitives(shape), matrices)))
-        part, before = selected(shape, matrices), shape.numbers.clone()
-        shape.numbers[:, used(matrices)[0]] = descend(part, config.last, config.last_eta, binary=True, numbers_only=True).numbers
+        part, before = select_used(shape, matrices), shape.numbers.clone()
+        shape.numbers[:, find_used(matrices)[0]] = descend(part, config.last, config.last_eta, binary=True, numbers_only=True).numbers
         if price_of(shape, matrices, counted, config.price) > passed[-1][0]:
             shape.numbers.copy_(before)
-    matrices = improved(matrices, columns(shape, counted.points), counted, config.price)
+    matrices = improve(matrices, columns(shape, counted.points), counted, config.price)
     passed.append((price_of(shape, matrices, counted, config.price), to_stump(to_primitives(shape), matrices)))
     return min(passed, key=lambda found: found[0])[1]
 
 
-def price_of(shape: Decoded, matrices: Matrices, labels: Labels, price: float) -> float:
+def price_of(shape: Decoded, matrices: Matrices, labels: LabelledPoints, price: float) -> float:
     """Error of a batch of one, relative to the target's volume, + `price` per entry of W_I."""
-    held = matrices.held(columns(shape, labels.points))
+    held = matrices.contains(columns(shape, labels.points))
     wrong = float(np.where(held, labels.w_out, labels.w_in).sum() / labels.w_in.sum())
     return wrong + price * int(matrices.connection[matrices.union].sum())
 
 
-def thresholded(shape: Decoded) -> Matrices:
+def threshold(shape: Decoded) -> Matrices:
     """The matrices of a batch of one. The node that is most nearly plain is: without one there is no bounded solid."""
     complement, connection, union = ((t[0] > 0).numpy() for t in shape.tensors[1:])
     complement[int(shape.complement[0].argmin())] = False
     return Matrices(complement, connection, union)
 
 
-def selected(shape: Decoded, matrices: Matrices) -> Decoded:
+def select_used(shape: Decoded, matrices: Matrices) -> Decoded:
     """What `matrices` use of a batch of one, with logits that say so."""
-    kept, terms = used(matrices)
+    kept, terms = find_used(matrices)
     bits = (matrices.complement[kept], matrices.connection[np.ix_(terms, kept)], matrices.union[terms])
     logits = (torch.where(torch.as_tensor(b), CERTAIN, -CERTAIN)[None] for b in bits)
     return Decoded(tuple(shape.kinds[k] for k in kept), shape.numbers[:, kept], *logits)
@@ -113,11 +113,11 @@ def columns(shape: Decoded, points: np.ndarray) -> np.ndarray:
 
 
 @dataclass
-class _Descent:
+class _AdamDescent:
     """Adam on batches of labels: half of them drawn by the volume they hold inside, half as they lie. Soft matrices take all alike, so
     that little volume counts as much as much of it; binary ones take them by the volume they stand for, which is the error."""
 
-    labels: Labels
+    labels: LabelledPoints
     config: FitConfig
     generator: torch.Generator
     deadline: Deadline
@@ -143,7 +143,7 @@ class _Descent:
             for weight in group["params"]:
                 weight.requires_grad_()
         for step in range(steps):
-            if self.deadline.passed():
+            if self.deadline.has_passed():
                 break
             done = step / steps
             for group, rate in zip(adam.param_groups, rates, strict=True):

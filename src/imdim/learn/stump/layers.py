@@ -13,13 +13,13 @@ SHARPNESS = 40.0
 CHUNK = 64  # points whose [C, K] tables are held at once: they should stay in a core's cache
 
 
-def complemented(occupancy: Tensor, complement: Tensor) -> Tensor:
+def complement_nodes(occupancy: Tensor, complement: Tensor) -> Tensor:
     """F [b, n, K] of `occupancy` O [b, n, K]: its complement where W_C [b, K] is 1."""
     flip = complement[:, None]
     return flip * (1 - occupancy) + (1 - flip) * occupancy
 
 
-def intersected(nodes: Tensor, connection: Tensor) -> Tensor:
+def intersect_nodes(nodes: Tensor, connection: Tensor) -> Tensor:
     """S [b, n, C]: the soft minimum over k of ``W F + (1 - W)`` for `nodes` F [b, n, K] and `connection` W_I [b, C, K].
 
     Without a selected node it is the whole space.
@@ -27,7 +27,7 @@ def intersected(nodes: Tensor, connection: Tensor) -> Tensor:
     return 1 - _SoftMaximum.apply(1 - nodes, connection)  # type: ignore[operator]
 
 
-def united(terms: Tensor, union: Tensor) -> Tensor:
+def unite_terms(terms: Tensor, union: Tensor) -> Tensor:
     """T [b, n]: the soft maximum over c of ``W S`` for `terms` S [b, n, C] and `union` W_U [b, C]."""
     return _SoftMaximum.apply(terms, union[:, None])[..., 0]  # type: ignore[index]
 

@@ -12,7 +12,7 @@ from imdim.learn.batches import TARGET_STREAM, validation_batches
 from imdim.learn.settings import TrainConfig
 from imdim.learn.stump.decoded import occupancy
 from imdim.learn.stump.net import StumpNet
-from imdim.learn.stump.samples import Occupied, occupied_samples
+from imdim.learn.stump.samples import Occupied, draw_samples
 from imdim.learn.validation import mean_losses
 
 IOU_POINTS = 2048  # even in the box
@@ -35,14 +35,14 @@ class StumpValidation:
         """For the IoU."""
         config = self.config
         generator = chunk_generator(0, TARGET_STREAM, 0, config.device)
-        return occupied_samples(config.n_measure, config.synthesis, replace(config.stump, points=IOU_POINTS, near=0.0), generator)
+        return draw_samples(config.n_measure, config.synthesis, replace(config.stump, points=IOU_POINTS, near=0.0), generator)
 
     def losses(self, net: StumpNet) -> dict[str, float]:
         """Means over `n_val` samples."""
         return mean_losses(net, self.batches)
 
     @torch.no_grad()
-    def measured(self, net: StumpNet) -> tuple[dict[str, float], None]:
+    def measure(self, net: StumpNet) -> tuple[dict[str, float], None]:
         """IoU of the binary shape as predicted, not fitted, and the intersections in its union."""
         net.eval()
         targets = self.targets

@@ -22,13 +22,13 @@ class Occupied(NamedTuple):
     inside: Tensor
 
 
-def occupied_samples(n: int, synthesis: SynthesisConfig, config: StumpConfig, generator: torch.Generator) -> Occupied:
+def draw_samples(n: int, synthesis: SynthesisConfig, config: StumpConfig, generator: torch.Generator) -> Occupied:
     """`n` samples on the generator's device. Raises as `draw_programs` does."""
     solids, cloud = draw_programs(n, synthesis, generator)
-    return labelled(solids, cloud, synthesis, config, generator)
+    return label_solids(solids, cloud, synthesis, config, generator)
 
 
-def labelled(solids: Solids, exact: Tensor, synthesis: SynthesisConfig, config: StumpConfig, generator: torch.Generator) -> Occupied:
+def label_solids(solids: Solids, exact: Tensor, synthesis: SynthesisConfig, config: StumpConfig, generator: torch.Generator) -> Occupied:
     """Samples of known `solids` and their clouds [b, n, 3]."""
     points = test_points(exact, config, generator)
     held = inside(solids, levels(solids, points) < 0)

@@ -1,1 +1,1 @@
-"""Evolution of CSG trees: a population scored in one batched call, a front of error against size."""
+"""Evolution of whole programs: operators, populations, seeds."""

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from imdim.geometry.surface import signed_distance
-from imdim.program.paths import Path, leaf_paths, nodes, replaced, without
+from imdim.program.paths import Path, leaf_paths, nodes, replace_at, without
 from imdim.program.tree import Combine, Op, Primitive, Program, leaves
+from imdim.search.candidate_families import Candidate
 from imdim.search.cells import CUTS, HULLS, PIECES, TRUE, Weights
 from imdim.search.evolve.scene import Scene
-from imdim.search.families import Candidate
 from imdim.search.sequence import field_of
 
 WEIGHTS = (TRUE, TRUE, TRUE, HULLS, CUTS, PIECES)  # under which parts are put in, by chance
@@ -23,7 +23,7 @@ PROMISING = 4  # places whose best candidates are worked out
 
 
 @dataclass(frozen=True)
-class View:
+class NodeView:
     """A node: its cells [m], the cells that hear it, and +1 or -1 as filling it fills or empties the solid."""
 
     path: Path
@@ -37,7 +37,7 @@ class View:
 class Place:
     """A node and an operation with a new right part, which wins `potential` at most."""
 
-    view: View
+    view: NodeView
     op: Op
     potential: float
 
@@ -46,12 +46,12 @@ class Place:
         return field_of(self.op, self.view.heard, self.view.value, self.view.sign * gain)
 
 
-def views(program: Program, cells: dict[Primitive, np.ndarray]) -> list[View]:
+def views(program: Program, cells: dict[Primitive, np.ndarray]) -> list[NodeView]:
     """All nodes, parents first."""
     order = nodes(program)
     value: dict[Path, np.ndarray] = {}
     for path, node in reversed(order):
-        value[path] = cells[node] if isinstance(node, Primitive) else _combined(node.op, value[*path, 0], value[*path, 1])
+        value[path] = cells[node] if isinstance(node, Primitive) else _combine(node.op, value[*path, 0], value[*path, 1])
     everything = np.ones_like(value[()])
     heard: dict[Path, tuple[np.ndarray, int]] = {(): (everything, 1)}
     for path, node in order:
@@ -60,16 +60,16 @@ def views(program: Program, cells: dict[Primitive, np.ndarray]) -> list[View]:
             left, right = value[*path, 0], value[*path, 1]
             heard[*path, 0] = (here & right if node.op == "intersection" else here & ~right, sign)
             heard[*path, 1] = (here & ~left if node.op == "union" else here & left, -sign if node.op == "difference" else sign)
-    return [View(path, node, value[path], *heard[path]) for path, node in order]
+    return [NodeView(path, node, value[path], *heard[path]) for path, node in order]
 
 
-def _combined(op: Op, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+def _combine(op: Op, left: np.ndarray, right: np.ndarray) -> np.ndarray:
     if op == "union":
         return left | right
     return left & right if op == "intersection" else left & ~right
 
 
-def places(seen: list[View], gain: np.ndarray) -> list[Place]:
+def places(seen: list[NodeView], gain: np.ndarray) -> list[Place]:
     """The three operations at each node of a program, `gain` [m] being what filling a cell wins."""
     filled = seen[0].value
     # a change that is heard and wins anything is in a cell that is wrong now: usually few
@@ -88,10 +88,10 @@ def cells_of(program: Program, scene: Scene) -> dict[Primitive, np.ndarray]:
     columns = scene.cells
     assert columns is not None
     parts = list(leaves(program))
-    return dict(zip(parts, columns.unpacked(columns.of(parts)), strict=True))
+    return dict(zip(parts, columns.unpack(columns.of(parts)), strict=True))
 
 
-def weighted_gain(scene: Scene, weights: Weights) -> np.ndarray:
+def weigh_gain(scene: Scene, weights: Weights) -> np.ndarray:
     """What filling each cell wins [m]."""
     assert scene.families is not None
     return scene.families.cells.gain_under(weights)
@@ -117,7 +117,7 @@ def with_best_insertion(program: Program, scene: Scene, gain: np.ndarray, rng: n
     if chosen is None:
         return None
     place, candidate = chosen
-    return replaced(program, place.view.path, Combine(place.op, place.view.node, families.primitive(candidate)))
+    return replace_at(program, place.view.path, Combine(place.op, place.view.node, families.primitive(candidate)))
 
 
 def with_best_refit(program: Program, scene: Scene, gain: np.ndarray, rng: np.random.Generator) -> Program | None:
@@ -131,7 +131,7 @@ def with_best_refit(program: Program, scene: Scene, gain: np.ndarray, rng: np.ra
     if not found:
         return None
     candidate = max(found, key=lambda f: f[0])[1]
-    return replaced(program, view.path, families.primitive(candidate))
+    return replace_at(program, view.path, families.primitive(candidate))
 
 
 def regrown(program: Program, scene: Scene, rng: np.random.Generator, most: int = 3) -> Program | None:
@@ -140,8 +140,8 @@ def regrown(program: Program, scene: Scene, rng: np.random.Generator, most: int 
     if taken is None:
         return None
     shorter, count = taken
-    gain = weighted_gain(scene, WEIGHTS[rng.integers(len(WEIGHTS))])
-    true = weighted_gain(scene, TRUE)
+    gain = weigh_gain(scene, WEIGHTS[rng.integers(len(WEIGHTS))])
+    true = weigh_gain(scene, TRUE)
     for step in range(count + int(rng.integers(-1, 2))):
         longer = with_best_insertion(shorter, scene, gain if step == 0 else true, rng, bold=step == 0)
         if longer is None:

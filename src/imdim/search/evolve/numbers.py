@@ -9,7 +9,7 @@ import numpy as np
 
 from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
 from imdim.geometry.surface import vec
-from imdim.program.paths import leaf_paths, replaced
+from imdim.program.paths import leaf_paths, replace_at
 from imdim.program.tree import Primitive, Program
 from imdim.search.arrangement import PARALLEL
 from imdim.search.evolve.scene import Scene
@@ -20,7 +20,7 @@ _SPANS = {"box": {0: 0, 1: 1, 2: 2}, "cylinder": {1: 2}, "cone": {2: 2}}
 _RADII = {"sphere": (0,), "cylinder": (0,), "cone": (0, 1), "torus": (0, 1), "ellipsoid": (0, 1, 2)}
 
 
-def jittered(program: Program, scene: Scene, rng: np.random.Generator) -> Program | None:
+def jitter(program: Program, scene: Scene, rng: np.random.Generator) -> Program | None:
     """One leaf's numbers moved by about its local error."""
     every = leaf_paths(program)
     errors = scene.local_errors(program)
@@ -29,11 +29,11 @@ def jittered(program: Program, scene: Scene, rng: np.random.Generator) -> Progra
     i = int(rng.choice(len(every), p=weight / weight.sum()))
     path, leaf = every[i]
     sigma = max(float(errors[i]), LEAST_STEP * scene.diagonal) * float(rng.choice((0.3, 1.0, 3.0)))
-    change = (_face_moved, _face_moved, _shifted, _turned, _scaled)[rng.integers(5)]
+    change = (_face_moved, _face_moved, _shift, _turn, _scale)[rng.integers(5)]
     return _with(program, path, change(leaf, sigma, rng), scene)
 
 
-def shared(program: Program, scene: Scene, rng: np.random.Generator) -> Program | None:
+def share_number(program: Program, scene: Scene, rng: np.random.Generator) -> Program | None:
     """A value of one leaf given to another: a radius or an edge, the orientation, or the place along an axis (equal sizes, coaxial)."""
     every = leaf_paths(program)
     if len(every) < 2:
@@ -44,21 +44,21 @@ def shared(program: Program, scene: Scene, rng: np.random.Generator) -> Program 
     return _with(program, path, give(leaf, every[j][1], rng), scene)
 
 
-def snapped(program: Program, scene: Scene, rng: np.random.Generator) -> Program | None:
+def snap_number(program: Program, scene: Scene, rng: np.random.Generator) -> Program | None:
     """A face put on one of the nearest detected offsets, or a radius made that of a detected surface."""
     if scene.families is None:
         return None
     every = leaf_paths(program)
     path, leaf = every[rng.integers(len(every))]
-    snap = _snapped_radius if leaf.kind in _RADII and rng.random() < 0.5 else _snapped_face
+    snap = _snap_radius if leaf.kind in _RADII and rng.random() < 0.5 else _snap_face
     return _with(program, path, snap(leaf, scene, rng), scene)
 
 
 def _with(program: Program, path: tuple[int, ...], leaf: Primitive | None, scene: Scene) -> Program | None:
-    return replaced(program, path, leaf) if leaf is not None and scene.holds(leaf) else None
+    return replace_at(program, path, leaf) if leaf is not None and scene.holds(leaf) else None
 
 
-def checked(make: Callable[[], Primitive]) -> Primitive | None:
+def make_valid(make: Callable[[], Primitive]) -> Primitive | None:
     """The primitive, or None where its sizes are refused."""
     try:
         return make()
@@ -70,7 +70,7 @@ def face_at(leaf: Primitive, index: int, axis: int, end: int, shift: float) -> P
     """One of the two faces of a span moved outwards by `shift`, the other one held."""
     size = tuple(s + shift if i == index else s for i, s in enumerate(leaf.size))
     direction = matrix_from_euler(leaf.rotation)[:, axis] * (0.5 * shift * (1 if end else -1))
-    return checked(lambda: replace(leaf, size=size, center=vec(np.asarray(leaf.center) + direction)))
+    return make_valid(lambda: replace(leaf, size=size, center=vec(np.asarray(leaf.center) + direction)))
 
 
 def _face_moved(leaf: Primitive, sigma: float, rng: np.random.Generator) -> Primitive | None:
@@ -78,27 +78,27 @@ def _face_moved(leaf: Primitive, sigma: float, rng: np.random.Generator) -> Prim
     shift = float(rng.normal(0, sigma))
     if index in _SPANS.get(leaf.kind, {}):
         return face_at(leaf, index, _SPANS[leaf.kind][index], int(rng.integers(2)), shift)
-    return checked(lambda: replace(leaf, size=tuple(s + shift if i == index else s for i, s in enumerate(leaf.size))))
+    return make_valid(lambda: replace(leaf, size=tuple(s + shift if i == index else s for i, s in enumerate(leaf.size))))
 
 
-def _shifted(leaf: Primitive, sigma: float, rng: np.random.Generator) -> Primitive:
+def _shift(leaf: Primitive, sigma: float, rng: np.random.Generator) -> Primitive:
     return replace(leaf, center=vec(np.asarray(leaf.center) + rng.normal(0, sigma, 3)))
 
 
-def _turned(leaf: Primitive, sigma: float, rng: np.random.Generator) -> Primitive:
+def _turn(leaf: Primitive, sigma: float, rng: np.random.Generator) -> Primitive:
     """Turned so that its far ends move by about `sigma`."""
     angle = np.degrees(min(sigma / max(leaf.size), 1.0)) * rng.normal(0, 1, 3)
     return replace(leaf, rotation=euler_from_matrix(matrix_from_euler(leaf.rotation) @ matrix_from_euler(vec(angle))))
 
 
-def _scaled(leaf: Primitive, sigma: float, rng: np.random.Generator) -> Primitive | None:
+def _scale(leaf: Primitive, sigma: float, rng: np.random.Generator) -> Primitive | None:
     factor = float(np.exp(rng.normal(0, min(sigma / max(leaf.size), 0.5))))
-    return checked(lambda: replace(leaf, size=tuple(s * factor for s in leaf.size)))
+    return make_valid(lambda: replace(leaf, size=tuple(s * factor for s in leaf.size)))
 
 
 def _same_size(leaf: Primitive, other: Primitive, rng: np.random.Generator) -> Primitive | None:
     i, value = int(rng.integers(len(leaf.size))), other.size[rng.integers(len(other.size))]
-    return checked(lambda: replace(leaf, size=tuple(value if k == i else s for k, s in enumerate(leaf.size))))
+    return make_valid(lambda: replace(leaf, size=tuple(value if k == i else s for k, s in enumerate(leaf.size))))
 
 
 def _same_rotation(leaf: Primitive, other: Primitive, rng: np.random.Generator) -> Primitive:
@@ -113,7 +113,7 @@ def _same_coordinate(leaf: Primitive, other: Primitive, rng: np.random.Generator
     return replace(leaf, center=vec(np.asarray(leaf.center) + axes @ (kept * gap)))
 
 
-def _snapped_face(leaf: Primitive, scene: Scene, rng: np.random.Generator) -> Primitive | None:
+def _snap_face(leaf: Primitive, scene: Scene, rng: np.random.Generator) -> Primitive | None:
     assert scene.families is not None
     spans = _SPANS.get(leaf.kind)
     if not spans:
@@ -132,7 +132,7 @@ def _snapped_face(leaf: Primitive, scene: Scene, rng: np.random.Generator) -> Pr
     return None
 
 
-def _snapped_radius(leaf: Primitive, scene: Scene, rng: np.random.Generator) -> Primitive | None:
+def _snap_radius(leaf: Primitive, scene: Scene, rng: np.random.Generator) -> Primitive | None:
     assert scene.families is not None
     radii = np.array([s for c in scene.families.arrangement.curved if c.kind != "cone" for s in c.sizes])
     if not len(radii):
@@ -140,4 +140,4 @@ def _snapped_radius(leaf: Primitive, scene: Scene, rng: np.random.Generator) -> 
     index = int(rng.choice(_RADII[leaf.kind]))
     near = radii[np.argsort(np.abs(radii - leaf.size[index]))[:3]]
     value = float(near[rng.integers(len(near))])
-    return checked(lambda: replace(leaf, size=tuple(value if k == index else s for k, s in enumerate(leaf.size))))
+    return make_valid(lambda: replace(leaf, size=tuple(value if k == index else s for k, s in enumerate(leaf.size))))

@@ -12,13 +12,13 @@ from dataclasses import replace
 import numpy as np
 
 from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
-from imdim.program.paths import Path, at, leaf_paths, nodes, polarity, replaced, without
+from imdim.program.paths import Path, at, leaf_paths, nodes, polarity, replace_at, without
 from imdim.program.tree import OPS, Combine, Primitive, Program
-from imdim.search.evolve.fitness import Scorer
-from imdim.search.evolve.insertion import WEIGHTS, regrown, weighted_gain, with_best_insertion, with_best_refit
-from imdim.search.evolve.numbers import checked, face_at, jittered, shared, snapped
+from imdim.search.evolve.insertion import WEIGHTS, regrown, weigh_gain, with_best_insertion, with_best_refit
+from imdim.search.evolve.numbers import face_at, jitter, make_valid, share_number, snap_number
 from imdim.search.evolve.proposals import propose
 from imdim.search.evolve.scene import Scene
+from imdim.search.front.fitness import Scorer
 
 Operator = Callable[[Program, Scene, np.random.Generator], Program | None]
 _EXTENTS: Mapping[str, Callable[[tuple[float, ...]], tuple[float, float, float]]] = {
@@ -40,18 +40,18 @@ def add(program: Program, scene: Scene, rng: np.random.Generator) -> Program | N
         return None
     every = nodes(program)
     path, node = every[0] if rng.random() < 0.5 else every[rng.integers(len(every))]
-    return replaced(program, path, Combine(OPS[rng.choice(3, p=(0.45, 0.4, 0.15))], node, new))
+    return replace_at(program, path, Combine(OPS[rng.choice(3, p=(0.45, 0.4, 0.15))], node, new))
 
 
 def add_best(program: Program, scene: Scene, rng: np.random.Generator) -> Program | None:
     """The best candidate of all at a promising place, under the true weights or discounted ones."""
-    gain = weighted_gain(scene, WEIGHTS[rng.integers(len(WEIGHTS))]) if scene.families else np.zeros(0)
+    gain = weigh_gain(scene, WEIGHTS[rng.integers(len(WEIGHTS))]) if scene.families else np.zeros(0)
     return with_best_insertion(program, scene, gain, rng, bold=rng.random() < 0.5)
 
 
 def refit(program: Program, scene: Scene, rng: np.random.Generator) -> Program | None:
     """One primitive replaced by the best candidate for its place."""
-    gain = weighted_gain(scene, WEIGHTS[rng.integers(len(WEIGHTS))]) if scene.families else np.zeros(0)
+    gain = weigh_gain(scene, WEIGHTS[rng.integers(len(WEIGHTS))]) if scene.families else np.zeros(0)
     return with_best_refit(program, scene, gain, rng)
 
 
@@ -74,28 +74,28 @@ def split(program: Program, scene: Scene, rng: np.random.Generator) -> Program |
     path, leaf = every[rng.integers(len(every))]
     index = int(rng.integers(3)) if leaf.kind == "box" else len(leaf.size) - 1
     axis, share = (index if leaf.kind == "box" else 2), float(rng.uniform(0.15, 0.85))
-    halves = [_shortened(leaf, index, axis, end, share) for end in (0, 1)]
+    halves = [_shorten(leaf, index, axis, end, share) for end in (0, 1)]
     moved = halves[1] and _radially(halves[1], rng)
     if not halves[0] or not moved or not (scene.holds(halves[0]) and scene.holds(moved)):
         return None
-    return replaced(program, path, Combine("union", halves[0], moved))
+    return replace_at(program, path, Combine("union", halves[0], moved))
 
 
-def _shortened(leaf: Primitive, index: int, axis: int, end: int, share: float) -> Primitive | None:
+def _shorten(leaf: Primitive, index: int, axis: int, end: int, share: float) -> Primitive | None:
     """The lower `share` of a leaf along an axis (end 0), or the rest (end 1)."""
     length = leaf.size[index]
     cut = face_at(leaf, index, axis, 1 - end, -length * (1 - share if end == 0 else share))
     if cut is None or leaf.kind != "cone":
         return cut
     rim = leaf.size[0] + share * (leaf.size[1] - leaf.size[0])
-    return checked(lambda: replace(cut, size=(leaf.size[0], rim, cut.size[2]) if end == 0 else (rim, leaf.size[1], cut.size[2])))
+    return make_valid(lambda: replace(cut, size=(leaf.size[0], rim, cut.size[2]) if end == 0 else (rim, leaf.size[1], cut.size[2])))
 
 
 def _radially(leaf: Primitive, rng: np.random.Generator) -> Primitive | None:
     """A half made wider or narrower across its axis."""
     factor = float(np.exp(rng.normal(0, 0.3)))
     across = range(int(rng.integers(3)), 3) if leaf.kind == "box" else range(len(leaf.size) - 1)
-    return checked(lambda: replace(leaf, size=tuple(s * factor if i in across else s for i, s in enumerate(leaf.size))))
+    return make_valid(lambda: replace(leaf, size=tuple(s * factor if i in across else s for i, s in enumerate(leaf.size))))
 
 
 def merge(program: Program, scene: Scene, rng: np.random.Generator) -> Program | None:
@@ -111,7 +111,7 @@ def merge(program: Program, scene: Scene, rng: np.random.Generator) -> Program |
     joint = hull(every[i][1], every[j][1])
     if joint is None or not scene.holds(joint):
         return None
-    return without(replaced(program, every[i][0], joint), [every[j][0]])
+    return without(replace_at(program, every[i][0], joint), [every[j][0]])
 
 
 def hull(a: Primitive, b: Primitive) -> Primitive | None:
@@ -130,7 +130,7 @@ def hull(a: Primitive, b: Primitive) -> Primitive | None:
         "cone": (width, width, z),
         "ellipsoid": (x / 2, y / 2, z / 2),
     }[a.kind]
-    return checked(lambda: Primitive(a.kind, size, tuple((axes @ ((low + high) / 2)).tolist()), a.rotation))  # type: ignore[arg-type]
+    return make_valid(lambda: Primitive(a.kind, size, tuple((axes @ ((low + high) / 2)).tolist()), a.rotation))  # type: ignore[arg-type]
 
 
 def _span(leaf: Primitive, axes: np.ndarray) -> np.ndarray:
@@ -145,7 +145,7 @@ def substitute(program: Program, scene: Scene, rng: np.random.Generator) -> Prog
     every = leaf_paths(program)
     path, leaf = every[rng.integers(len(every))]
     new = propose(program, scene, rng) if rng.random() < 0.4 else _other_kind(leaf, rng)
-    return replaced(program, path, new) if new and scene.holds(new) else None
+    return replace_at(program, path, new) if new and scene.holds(new) else None
 
 
 def _other_kind(leaf: Primitive, rng: np.random.Generator) -> Primitive | None:
@@ -162,7 +162,7 @@ def _other_kind(leaf: Primitive, rng: np.random.Generator) -> Primitive | None:
         "torus": (width - tube, tube),
     }[kind]
     rotation = euler_from_matrix(matrix_from_euler(leaf.rotation)[:, turn])
-    return checked(lambda: Primitive(kind, size, leaf.center, rotation))
+    return make_valid(lambda: Primitive(kind, size, leaf.center, rotation))
 
 
 def change_operation(program: Program, scene: Scene, rng: np.random.Generator) -> Program | None:
@@ -174,7 +174,7 @@ def change_operation(program: Program, scene: Scene, rng: np.random.Generator) -
     op = str(rng.choice([o for o in OPS if o != node.op]))
     turn = "difference" in (op, node.op) and rng.random() < 0.3
     left, right = (node.right, node.left) if turn else (node.left, node.right)
-    return replaced(program, path, Combine(op, left, right))  # type: ignore[arg-type]
+    return replace_at(program, path, Combine(op, left, right))  # type: ignore[arg-type]
 
 
 def move(program: Program, scene: Scene, rng: np.random.Generator) -> Program | None:
@@ -190,7 +190,7 @@ def move(program: Program, scene: Scene, rng: np.random.Generator) -> Program | 
     op = parent.op if isinstance(parent, Combine) and rng.random() < 0.7 else OPS[rng.integers(3)]
     places = nodes(rest)
     where, host = places[rng.integers(len(places))]
-    return replaced(rest, where, Combine(op, host, node))
+    return replace_at(rest, where, Combine(op, host, node))
 
 
 MUTATIONS: Mapping[str, tuple[float, Operator]] = {
@@ -204,9 +204,9 @@ MUTATIONS: Mapping[str, tuple[float, Operator]] = {
     "substitute": (0.7, substitute),
     "change_operation": (0.5, change_operation),
     "move": (1.0, move),
-    "jitter": (1.5, jittered),
-    "share": (0.7, shared),
-    "snap": (0.7, snapped),
+    "jitter": (1.5, jitter),
+    "share": (0.7, share_number),
+    "snap": (0.7, snap_number),
 }
 
 
@@ -215,12 +215,12 @@ def crossover(a: Program, b: Program, scorer: Scorer, rng: np.random.Generator) 
 
     It takes the place of the subtree of `a` that explains most of the same region, or joins `a` as what it was: a part or a cut.
     """
-    filled = scorer.filled([a, b])
+    filled = scorer.fill([a, b])
     better = (filled[0] ^ scorer.label) & ~(filled[1] ^ scorer.label)
     if not better.any():
         return None
     donors = nodes(b)
-    regions = scorer.filled([node for _, node in donors])
+    regions = scorer.fill([node for _, node in donors])
     # of two donors that mend as much, the smaller one says more about the place
     mends = np.bitwise_count(regions & better).sum(1) / np.sqrt(np.bitwise_count(regions).sum(1) + 1.0)
     if not mends.any():
@@ -229,12 +229,12 @@ def crossover(a: Program, b: Program, scorer: Scorer, rng: np.random.Generator) 
     path, subtree = donors[chosen]
     if rng.random() < 0.4:
         return Combine("union" if polarity(b, path) > 0 else "difference", a, subtree)
-    return replaced(a, _most_alike(a, regions[chosen], scorer), subtree)
+    return replace_at(a, _most_alike(a, regions[chosen], scorer), subtree)
 
 
 def _most_alike(program: Program, region: np.ndarray, scorer: Scorer) -> Path:
     """The node that shares most of its samples with a region (Jaccard index)."""
     every = nodes(program)
-    own = scorer.filled([node for _, node in every])
+    own = scorer.fill([node for _, node in every])
     alike = np.bitwise_count(own & region).sum(1) / np.maximum(np.bitwise_count(own | region).sum(1), 1)
     return every[int(np.argmax(alike))][0]

@@ -18,10 +18,10 @@ import numpy as np
 from imdim.deadline import Deadline
 from imdim.program.paths import leaf_paths, without
 from imdim.program.tree import Program, leaves
-from imdim.search.evolve.front import Archive, Individual, ranked
 from imdim.search.evolve.operators import MUTATIONS, crossover
 from imdim.search.evolve.proposals import random_programs
 from imdim.search.evolve.scene import Scene
+from imdim.search.front.front import Archive, Individual, rank_population
 
 Stop = Literal["exact", "stagnation", "budget_spent", "finished"]
 Refine = Callable[[Program], Program]
@@ -45,7 +45,7 @@ class EvolutionConfig:
 
 
 @dataclass(frozen=True)
-class Generation:
+class TheoryGeneration:
     """`front` from crude to exact; `diversity` is the share of the population with a solid of its own; `origins` counts
     who put how many on the archive; `evaluations` are trees folded since the start. `stop` says why the last one is the last.
     """
@@ -66,7 +66,7 @@ def evolve(
     deadline: Deadline,
     config: EvolutionConfig | None = None,
     refine: Refine | None = None,
-) -> Iterator[Generation]:
+) -> Iterator[TheoryGeneration]:
     """Yield generations, the seeds being number 0. The same seeds and generator give the same generations, but for the deadline's.
 
     `seeds` maps a source to its programs; where none is of use, random ones are drawn. At least one generation is yielded.
@@ -79,7 +79,7 @@ def evolve(
         if number:
             state.step(deadline)
         idle = 0 if state.best.score.fitness < before * (1 - state.config.progress) else idle + 1
-        stop = state.ending(number, idle, deadline.passed())
+        stop = state.ending(number, idle, deadline.has_passed())
         yield state.generation(number, stop)
         if stop:
             return
@@ -109,11 +109,11 @@ class _Evolution:
         named = [(source, p) for source, programs in seeds.items() for p in programs if self._fits(p)]
         for i in range(0, len(named), BATCH):
             self._join(named[i : i + BATCH])
-            if deadline.passed():
+            if deadline.has_passed():
                 break
         if not self.population:
             self._revive()
-        self.population = ranked(self.population)[: self.config.population]
+        self.population = rank_population(self.population)[: self.config.population]
 
     def step(self, deadline: Deadline) -> None:
         """One generation: children, their solved and shortened kin, and the selection among all."""
@@ -122,17 +122,17 @@ class _Evolution:
         before = len(self.population)
         self._join(children)
         newcomers = self.population[before:]
-        self._join(self._solved(newcomers))
+        self._join(self._solve_fittest(newcomers))
         self._join(self._shorter())
         if len(self.population) == before and not children:
             self._revive()
-        self.population = ranked(self.population)[: self.config.population]
+        self.population = rank_population(self.population)[: self.config.population]
 
-    def generation(self, number: int, stop: Stop | None) -> Generation:
-        filled = self.scene.scorer.filled([i.program for i in self.population])
+    def generation(self, number: int, stop: Stop | None) -> TheoryGeneration:
+        filled = self.scene.scorer.fill([i.program for i in self.population])
         diversity = len({row.tobytes() for row in filled}) / len(filled)
         front = tuple(self.archive.front())
-        return Generation(number, self.best, front, self.scene.scorer.evaluations, diversity, dict(self.origins), stop)
+        return TheoryGeneration(number, self.best, front, self.scene.scorer.evaluations, diversity, dict(self.origins), stop)
 
     def ending(self, number: int, idle: int, late: bool) -> Stop | None:
         config = self.config
@@ -164,7 +164,7 @@ class _Evolution:
     def _children(self, deadline: Deadline) -> list[tuple[str, Program]]:
         children: list[tuple[str, Program]] = []
         for _ in range(2 * self.config.offspring):
-            if len(children) >= self.config.offspring or deadline.passed():
+            if len(children) >= self.config.offspring or deadline.has_passed():
                 break
             origin, child = self._child()
             if child is not None and self._fits(child):
@@ -185,7 +185,7 @@ class _Evolution:
             return front[self.rng.integers((len(front) + 1) // 2)]
         return self.population[self.rng.integers(len(self.population), size=2).min()]
 
-    def _solved(self, newcomers: Sequence[Individual]) -> list[tuple[str, Program]]:
+    def _solve_fittest(self, newcomers: Sequence[Individual]) -> list[tuple[str, Program]]:
         """The fittest newcomers with the numbers that the solver finds."""
         if self.refine is None:
             return []

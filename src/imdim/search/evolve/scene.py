@@ -11,9 +11,9 @@ from imdim.geometry import kernels
 from imdim.geometry.rotations import euler_from_matrix
 from imdim.geometry.sampling import bounding_radius, subsample
 from imdim.program.tree import Primitive, Program, Vec3, leaves
-from imdim.search.evolve.columns import Columns
-from imdim.search.evolve.fitness import Scorer
-from imdim.search.families import Families
+from imdim.search.candidate_families import Families
+from imdim.search.front.fitness import Scorer
+from imdim.search.front.leaf_cache import LeafCache
 
 OWNED = 1024  # surface points that tell the local error of leaves
 
@@ -25,7 +25,7 @@ class Scene:
     scorer: Scorer
     bounds: np.ndarray
     families: Families | None = None
-    cells: Columns | None = field(init=False, default=None)
+    cells: LeafCache | None = field(init=False, default=None)
     near: np.ndarray = field(init=False)
     rotations: tuple[Vec3, ...] = field(init=False)
     _held: dict[Primitive, bool] = field(init=False, default_factory=dict)
@@ -34,7 +34,7 @@ class Scene:
         surface = self.scorer.target.surface
         self.near = subsample(surface, OWNED)
         if self.families is not None:
-            self.cells = Columns(self.families.cells.points, "bits", self.scorer.registry, self.scorer.config.capacity)
+            self.cells = LeafCache(self.families.cells.points, "bits", self.scorer.registry, self.scorer.config.capacity)
         self.rotations = _rotations(self.families)
 
     @cached_property
@@ -57,7 +57,7 @@ class Scene:
     def wrong_point(self, program: Program, rng: np.random.Generator) -> np.ndarray | None:
         """A sample [3] on the wrong side of `program`, drawn by volume; of the surface, by distance, where no sample is wrong."""
         scorer = self.scorer
-        wrong = scorer.bits.unpacked(scorer.filled([program])[0] ^ scorer.label)
+        wrong = scorer.bits.unpack(scorer.fill([program])[0] ^ scorer.label)
         weight = np.where(wrong, scorer.weight[: scorer.bits.count], 0.0)
         if weight.sum() > 0:
             return scorer.target.samples[rng.choice(len(weight), p=weight / weight.sum())]

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 from imdim.deadline import Deadline
 from imdim.program.tree import Program
+from imdim.search.candidate_families import Families
 from imdim.search.cells import HULLS, TRUE, Weights
-from imdim.search.families import Families
-from imdim.search.local import LocalConfig, complete, found_of, pruned
+from imdim.search.lns import LocalConfig, complete, prune, rate_sequence
 from imdim.search.sequence import Price, Sequence, to_program
 
 # true, hulls first, pure pieces first, pure cuts after a hull
@@ -24,12 +24,12 @@ def greedy(families: Families, size_weight: float, deadline: Deadline) -> Iterat
     """The pruned sequence of greedy insertions of the best candidate, under each of four prices; one at least."""
     exact = Price(size_weight * families.cells.volume)
     for phases in PHASES:
-        found = found_of((), families, exact)
+        found = rate_sequence((), families, exact)
         # a phase under other weights is short: what it adds must pay forty times the price
         for price in (*(Price(exact.step * (1.0 if w == TRUE else 40.0), w) for w in phases), exact):
-            found = complete(found_of(found.sequence, families, price), families, LocalConfig(), price, deadline)
-        yield pruned(found, families, exact).sequence
-        if deadline.passed():
+            found = complete(rate_sequence(found.sequence, families, price), families, LocalConfig(), price, deadline)
+        yield prune(found, families, exact).sequence
+        if deadline.has_passed():
             return
 
 

@@ -1,1 +1,1 @@
-"""Exact search over the candidates of an arrangement: bounds that prove a program minimal, and CSG-Stump by binary programming."""
+"""Proofs that a program has the fewest primitives, and exact formulas."""

@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 from numba import njit
 
-from imdim.search.families import Candidate, Families
+from imdim.search.candidate_families import Candidate, Families
 
 MOST_BOXES = 20_000_000  # of one frame, listed in one go
 MOST_DISTINCT = 1_000_000
@@ -41,7 +41,7 @@ def candidate_count(families: Families) -> int:
 def maximal_columns(families: Families, left: np.ndarray, right: np.ndarray) -> Columns:
     """The columns over the pairs of cells (left[k], right[k]) that no other column holds; raises TooManyError."""
     tables = [_ranges(families, axis, left, right) for axis in range(len(families.arrangement.directions))]
-    bits, candidates = _curved(families, tables, left, right)
+    bits, candidates = _find_curved_columns(families, tables, left, right)
     for frame, axes in enumerate(families.arrangement.frames):
         a, b, c = (tables[axis] for axis in axes)
         if len(a.left) * len(b.left) * len(c.left) > MOST_BOXES:
@@ -88,7 +88,9 @@ def unpack(bits: np.ndarray, n: int) -> np.ndarray:
     return np.unpackbits(np.ascontiguousarray(bits).view(np.uint8), axis=1, count=n, bitorder="little").astype(bool)
 
 
-def _curved(families: Families, tables: list[_Ranges], left: np.ndarray, right: np.ndarray) -> tuple[list[np.ndarray], list[Candidate]]:
+def _find_curved_columns(
+    families: Families, tables: list[_Ranges], left: np.ndarray, right: np.ndarray
+) -> tuple[list[np.ndarray], list[Candidate]]:
     bits, candidates = [], []
     inside = families.cells.inside
     for i, axis in enumerate(families.arrangement.axis_of):
@@ -161,11 +163,11 @@ def _maximal(rows: np.ndarray, distinct: np.ndarray) -> np.ndarray:
     """Indices, out of those of the `distinct` rows, of the rows that no other row holds, the fullest first."""
     counts = np.bitwise_count(rows[distinct]).sum(1)
     order = distinct[np.argsort(-counts.astype(np.int64), kind="stable")]
-    return order[_undominated(np.ascontiguousarray(rows[order]))]
+    return order[_drop_dominated(np.ascontiguousarray(rows[order]))]
 
 
 @njit(nogil=True, cache=True)
-def _undominated(rows: np.ndarray) -> np.ndarray:
+def _drop_dominated(rows: np.ndarray) -> np.ndarray:
     """Which rows, fullest first, no row before them holds. Only kept rows that hold the rarest of a row's bits are looked at."""
     n, words = rows.shape
     keep = np.zeros(n, np.bool_)

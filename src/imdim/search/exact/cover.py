@@ -40,7 +40,7 @@ class Cover:
 
 
 @dataclass(frozen=True)
-class Limits:
+class CoverLimits:
     """At most `most` columns at a price of at most `price`; not all of any set in `barred` at once.
 
     Each call of the solver takes `solver_s` seconds at most, and none past the `deadline` (by default never).
@@ -57,7 +57,7 @@ class Limits:
         return min(self.solver_s, self.deadline.left())
 
 
-def cover(separates: np.ndarray, left: np.ndarray, right: np.ndarray, weight: np.ndarray, limits: Limits) -> Cover:
+def cover(separates: np.ndarray, left: np.ndarray, right: np.ndarray, weight: np.ndarray, limits: CoverLimits) -> Cover:
     """Columns of `separates` bool [n, pairs] that separate all pairs.
 
     A column costs 1, giving a pair up the `weight` [m] of one of its cells `left`, `right` [pairs].
@@ -65,7 +65,7 @@ def cover(separates: np.ndarray, left: np.ndarray, right: np.ndarray, weight: np
     cells = np.unique(np.concatenate([left, right]))
     cells = cells[weight[cells] < limits.price]
     given_up = ((left[:, None] == cells) | (right[:, None] == cells)).astype(float)
-    relaxed = _relaxed(separates, given_up, weight[cells], limits)
+    relaxed = _relax(separates, given_up, weight[cells], limits)
     if relaxed is None:
         return Cover(None, False, np.ones(len(left), bool))
     if relaxed.bound > limits.price + SLACK:
@@ -74,10 +74,10 @@ def cover(separates: np.ndarray, left: np.ndarray, right: np.ndarray, weight: np
     kept = np.flatnonzero(relaxed.bound + relaxed.reduced <= limits.price + SLACK)
     first = np.sort(kept[np.lexsort((relaxed.reduced[kept], -relaxed.value[kept]))[:PROMISING]])
     problem = _Problem(separates, given_up, weight[cells], relaxed.bound)
-    chosen, price = problem.solved(first, limits, bounded=False)
+    chosen, price = problem.solve(first, limits, bounded=False)
     known = False
     if chosen is None and len(kept) <= COLUMNS_PER_S * limits.seconds():
-        chosen, price = problem.solved(kept, limits, bounded=True)
+        chosen, price = problem.solve(kept, limits, bounded=True)
         known = price == np.inf
     return Cover(chosen, chosen is not None or known, relaxed.dual > 0, price)
 
@@ -92,7 +92,7 @@ class _Relaxed:
     dual: np.ndarray
 
 
-def _relaxed(separates: np.ndarray, given_up: np.ndarray, weight: np.ndarray, limits: Limits) -> _Relaxed | None:
+def _relax(separates: np.ndarray, given_up: np.ndarray, weight: np.ndarray, limits: CoverLimits) -> _Relaxed | None:
     """The linear relaxation by column generation; None where the solver gives no answer, an infinite value where there is none."""
     n, pairs = separates.shape
     order = np.argsort(-separates.sum(1), kind="stable")
@@ -130,7 +130,7 @@ class _Problem:
     weight: np.ndarray
     bound: float
 
-    def solved(self, some: np.ndarray, limits: Limits, bounded: bool) -> tuple[list[int] | None, float]:
+    def solve(self, some: np.ndarray, limits: CoverLimits, bounded: bool) -> tuple[list[int] | None, float]:
         """An answer out of `some` columns within the limits and its price; or None, and an infinite price where there surely is none.
 
         With `bounded` the solver knows price and size, which proves more; without it comes to some answer sooner.
@@ -153,7 +153,7 @@ class _Problem:
         fits = chosen @ size <= limits.most and chosen @ cost <= limits.price
         return (some[chosen[:n] > 0].tolist(), float(chosen @ cost)) if fits else (None, np.nan)
 
-    def _bars(self, some: np.ndarray, limits: Limits) -> list[LinearConstraint]:
+    def _bars(self, some: np.ndarray, limits: CoverLimits) -> list[LinearConstraint]:
         """Not all of any barred set at once."""
         bars = []
         for barred in limits.barred:

@@ -24,7 +24,7 @@ class Literal:
 
 
 @dataclass(frozen=True)
-class Node:
+class Gate:
     """Two formulas joined by `op`, "or" or "and"."""
 
     op: str
@@ -32,7 +32,7 @@ class Node:
     right: Formula
 
 
-Formula = Literal | Node
+Formula = Literal | Gate
 
 
 def read_once(sets: Sequence[int], required: int, forbidden: int) -> Formula | None:
@@ -50,15 +50,15 @@ def holds(formula: Formula, sets: Sequence[int], everything: int) -> int:
 
 def to_program(formula: Formula, programs: Sequence[Program]) -> Program | None:
     """The tree of a formula over solids, without complements; None where it is unbounded."""
-    program, complemented = _lowered(formula, programs)
+    program, complemented = _lower(formula, programs)
     return None if complemented else program
 
 
-def _lowered(formula: Formula, programs: Sequence[Program]) -> tuple[Program, bool]:
+def _lower(formula: Formula, programs: Sequence[Program]) -> tuple[Program, bool]:
     """A bounded solid, and whether the formula is its complement."""
     if isinstance(formula, Literal):
         return programs[formula.index], formula.negated
-    (a, not_a), (b, not_b) = _lowered(formula.left, programs), _lowered(formula.right, programs)
+    (a, not_a), (b, not_b) = _lower(formula.left, programs), _lower(formula.right, programs)
     union = formula.op == "or"
     if not_a == not_b:
         # by De Morgan, a union of complements is the complement of an intersection
@@ -77,10 +77,10 @@ class _Solver:
     def solve(self, free: frozenset[int], required: int, forbidden: int) -> Formula | None:
         key = (free, required, forbidden)
         if key not in self.known:
-            self.known[key] = self._peeled(free, required, forbidden)
+            self.known[key] = self._peel(free, required, forbidden)
         return self.known[key]
 
-    def _peeled(self, free: frozenset[int], required: int, forbidden: int) -> Formula | None:
+    def _peel(self, free: frozenset[int], required: int, forbidden: int) -> Formula | None:
         for literal in (Literal(v, negated) for v in sorted(free) for negated in (False, True)):
             held = holds(literal, self.sets, self.everything)
             pure, whole = not held & forbidden, not required & ~held
@@ -89,7 +89,7 @@ class _Solver:
             if (pure and held & required) or (whole and forbidden & ~held):
                 rest = free - {literal.index}
                 other = self.solve(rest, required & ~held, forbidden) if pure else self.solve(rest, required, forbidden & held)
-                return Node("or" if pure else "and", other, literal) if other else None
+                return Gate("or" if pure else "and", other, literal) if other else None
         if len(free) < 4:
             return None
         return next((f for half in _halves(free) for f in self._split(half, free - half, required, forbidden)), None)
@@ -102,14 +102,14 @@ class _Solver:
                 left = self.solve(a, goal, forbidden) if goal else None
                 right = self.solve(b, required & ~holds(left, self.sets, self.everything), forbidden) if left else None
                 if left and right:
-                    yield Node("or", left, right)
+                    yield Gate("or", left, right)
         by_a, by_b = (self._apart(half, forbidden, required) for half in (a, b))
         if not forbidden & ~(by_a | by_b):
             for goal in (forbidden & ~by_b, by_a):
                 left = self.solve(a, required, goal) if goal else None
                 right = self.solve(b, required, forbidden & holds(left, self.sets, self.everything)) if left else None
                 if left and right:
-                    yield Node("and", left, right)
+                    yield Gate("and", left, right)
 
     def _apart(self, half: frozenset[int], groups: int, others: int) -> int:
         """The part of `groups` that the sets of `half` tell apart from all of `others`."""

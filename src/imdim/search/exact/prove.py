@@ -15,11 +15,11 @@ import numpy as np
 from imdim.deadline import NEVER, Deadline
 from imdim.program.cost import count
 from imdim.program.tree import Program
+from imdim.search.candidate_families import Candidate, Families
 from imdim.search.exact.columns import Columns, TooManyError, candidate_count, maximal_columns, unpack
-from imdim.search.exact.cover import Limits, cover
-from imdim.search.exact.joining import joined
-from imdim.search.exact.pairs import Labels, counterexamples, least_error
-from imdim.search.families import Candidate, Families
+from imdim.search.exact.cover import CoverLimits, cover
+from imdim.search.exact.read_once import join_candidates
+from imdim.search.exact.separation_pairs import CellLabels, counterexamples, least_error
 
 EQUAL = 1e-3  # of a primitive's price
 OFF = 1.0  # primitives' prices, by which an answer may be dearer over all cells than over the pairs for it to be joined
@@ -86,7 +86,7 @@ class Prover:
         self.mixed = float(np.minimum(cells.w_in, cells.w_out).sum()) / self.unit  # which no program over the candidates can avoid
         codes = np.concatenate([cells.slabs, cells.inside], axis=1).astype(float)
         self.candidates = candidate_count(families)
-        self.labels = Labels(codes, cells.gain > 0, np.abs(cells.gain) / self.unit)
+        self.labels = CellLabels(codes, cells.gain > 0, np.abs(cells.gain) / self.unit)
         self.treeless: list[_Treeless] = []
         self._over_pairs = 0.0  # price of the latest answer
         self.proved: list[_Best] = []
@@ -108,26 +108,26 @@ class Prover:
             best = self.found
         best, why = self._shortest(best, deadline)
         if not why:
-            best = self._refined(best, deadline)
+            best = self._refine(best, deadline)
         self.found = best if best.program is not None else self.found
         return Proof(not why, best.primitives, self.candidates, why, best.program, best.price - best.primitives)
 
     def _shortest(self, best: _Best, deadline: Deadline) -> tuple[_Best, str]:
         """Shorter programs until none is left, or why that is not known."""
         why, chosen = None, list[Candidate]()
-        while why is None and not self._proved(best):
+        while why is None and not self._is_proved(best):
             why, chosen = self._round(chosen, best, deadline)
             if why is None:
-                best = self._joined(chosen, best) or best
+                best = self._join(chosen, best) or best
         if not why:
             self.proved.append(best)
         return best, why or ""
 
-    def _proved(self, best: _Best) -> bool:
+    def _is_proved(self, best: _Best) -> bool:
         """Whether an earlier proof covers this one: of more primitives, at no lower price."""
         return best.primitives <= 1 or any(best.primitives <= p.primitives and best.price <= p.price + EQUAL for p in self.proved)
 
-    def _refined(self, best: _Best, deadline: Deadline) -> _Best:
+    def _refine(self, best: _Best, deadline: Deadline) -> _Best:
         """No fewer primitives but less error, where a few more counterexamples lead to it; they are forgotten then."""
         before, chosen = (self.inside, self.outside), list[Candidate]()
         for _ in range(self.config.refinements):
@@ -137,7 +137,7 @@ class Prover:
             why, chosen = self._round(chosen, goal, deadline)
             if why is not None:
                 break
-            best = self._joined(chosen, goal) or best
+            best = self._join(chosen, goal) or best
         self.inside, self.outside = before
         return best
 
@@ -151,15 +151,15 @@ class Prover:
 
     def _round(self, chosen: list[Candidate], best: _Best, deadline: Deadline) -> tuple[str | None, list[Candidate]]:
         """More counterexamples and the cheapest candidates that satisfy them; "" for none, which is the proof, or why it must end."""
-        config, barred = self.config, self._barred(best)
+        config, barred = self.config, self._list_barred(best)
         if len(barred) > config.most_barred:
-            return _unjoined(barred), chosen
+            return _describe_unjoined(barred), chosen
         if chosen or not len(self.inside):
             more = counterexamples(self.labels, self._masks(chosen), config.pairs_per_round)
             self.inside, self.outside = np.append(self.inside, more.inside), np.append(self.outside, more.outside)
         if not len(self.inside):
             return "", chosen  # one label for all cells: nothing to tell apart
-        if deadline.passed():
+        if deadline.has_passed():
             return "time ran out", chosen
         try:
             columns = self._columns()
@@ -170,7 +170,7 @@ class Prover:
         place = {candidate: i for i, candidate in enumerate(columns.candidates)}
         # counterexamples that were added since may have other columns stand for those of a set without a tree
         places = [[place[c] for c in some] for some in barred if all(c in place for c in some)]
-        limits = Limits(best.primitives - 1, best.price - EQUAL, config.solver_s, places, deadline)
+        limits = CoverLimits(best.primitives - 1, best.price - EQUAL, config.solver_s, places, deadline)
         found = cover(separates, self.inside, self.outside, self.labels.weight, limits)
         if len(self.inside) > config.most_pairs:
             kept = found.binding | (np.arange(len(self.inside)) >= len(self.inside) - config.pairs_per_round)
@@ -179,8 +179,8 @@ class Prover:
         if found.chosen is not None:
             return None, [columns.candidates[i] for i in found.chosen]
         if not found.known:
-            return "time ran out" if deadline.passed() else "time of the solver ran out", chosen
-        return _unjoined(barred) if barred else "", chosen
+            return "time ran out" if deadline.has_passed() else "time of the solver ran out", chosen
+        return _describe_unjoined(barred) if barred else "", chosen
 
     def _columns(self) -> Columns:
         """What tells the pairs apart; raises TooManyError."""
@@ -189,7 +189,7 @@ class Prover:
             raise TooManyError(f"more than {most} candidates that matter")
         return columns
 
-    def _barred(self, best: _Best) -> list[list[Candidate]]:
+    def _list_barred(self, best: _Best) -> list[list[Candidate]]:
         """Sets without a tree that would be answers."""
         return [
             t.candidates
@@ -197,7 +197,7 @@ class Prover:
             if len(t.candidates) < best.primitives and t.price <= best.price - EQUAL and best.price <= t.below + EQUAL
         ]
 
-    def _joined(self, chosen: list[Candidate], best: _Best) -> _Best | None:
+    def _join(self, chosen: list[Candidate], best: _Best) -> _Best | None:
         """A tree of the chosen candidates that is cheaper than the best; groups of cells too light to matter are left to chance.
 
         Candidates that could be as cheap, without such a tree, are noted.
@@ -207,7 +207,7 @@ class Prover:
             return None  # what the pairs miss is worth a primitive: more of them first, or a crude tree would end the search for a good one
         slack = best.price - EQUAL - price
         allowed = sorted({s for s in (0.0, 0.3, 1.0, slack) if 0 <= s <= slack}) if chosen else []
-        found = next((f for s in allowed if (f := joined(chosen, self.labels, self.families, s))), None)
+        found = next((f for s in allowed if (f := join_candidates(chosen, self.labels, self.families, s))), None)
         if found is None:
             if slack >= 0:
                 self.treeless.append(_Treeless(chosen, price, best.price))
@@ -217,5 +217,5 @@ class Prover:
         return _Best(used, used + float(self.labels.weight[filled != self.labels.filled].sum()), program)
 
 
-def _unjoined(barred: list[list[Candidate]]) -> str:
+def _describe_unjoined(barred: list[list[Candidate]]) -> str:
     return f"{len(barred[0])} candidates could tell all cells apart, but no tree of them was found"

@@ -52,11 +52,11 @@ def connections(masks: np.ndarray, w_in: np.ndarray, w_out: np.ndarray, literal:
 
     `literal` is the price of a literal in volume. Every intersection has a plain literal, without which it would be unbounded.
     """
-    groups = _grouped(masks, w_in, w_out)
+    groups = _group_cells(masks, w_in, w_out)
     exact = len(masks) <= EXACT
-    terms = _all_terms(len(masks)) if exact else list(dict.fromkeys(_grown_terms(groups, literal)))
+    terms = _all_terms(len(masks)) if exact else list(dict.fromkeys(_grow_terms(groups, literal)))
     covers = np.stack([_cover(groups.signs, term) for term in terms])
-    kept = _undominated(covers, np.array([len(t) for t in terms]))
+    kept = _drop_dominated(covers, np.array([len(t) for t in terms]))
     chosen, optimal = _cheapest(covers[kept], [len(terms[i]) for i in kept], groups, literal)
     if not chosen:
         # nothing pays for itself; the best there is, for a program is never empty
@@ -79,7 +79,7 @@ def matrices(terms: Sequence[Term], primitives: Sequence[Primitive]) -> CsgStump
     )
 
 
-def _grouped(masks: np.ndarray, w_in: np.ndarray, w_out: np.ndarray) -> _Groups:
+def _group_cells(masks: np.ndarray, w_in: np.ndarray, w_out: np.ndarray) -> _Groups:
     _, first, member = np.unique(np.packbits(masks, axis=0), axis=1, return_index=True, return_inverse=True)
     member = member.reshape(-1)
     return _Groups(masks[:, first], *(np.bincount(member, w, len(first)) for w in (w_in, w_out)))
@@ -97,7 +97,7 @@ def _cover(signs: np.ndarray, term: Term) -> np.ndarray:
     return np.logical_and.reduce([signs[k] != flip for k, flip in term])
 
 
-def _grown_terms(groups: _Groups, literal: float) -> Iterator[Term]:
+def _grow_terms(groups: _Groups, literal: float) -> Iterator[Term]:
     """Maximal intersections: literals left out one by one while less comes in from outside than a literal costs."""
     rng = np.random.default_rng(ORDER_SEED)
     gain = groups.w_in - groups.w_out
@@ -105,12 +105,12 @@ def _grown_terms(groups: _Groups, literal: float) -> Iterator[Term]:
         if gain[g] <= 0:
             return
         for _ in range(ORDERS):
-            term = _grown(groups, int(g), rng.permutation(len(groups.signs)), literal)
+            term = _grow(groups, int(g), rng.permutation(len(groups.signs)), literal)
             if term:
                 yield term
 
 
-def _grown(groups: _Groups, g: int, order: np.ndarray, literal: float) -> Term | None:
+def _grow(groups: _Groups, g: int, order: np.ndarray, literal: float) -> Term | None:
     """One maximal intersection around a group."""
     loss = np.maximum(groups.w_out - groups.w_in, 0.0)
     agree = groups.signs == groups.signs[:, g : g + 1]
@@ -130,7 +130,7 @@ def _grown(groups: _Groups, g: int, order: np.ndarray, literal: float) -> Term |
     return term if any(not flip for _, flip in term) else None
 
 
-def _undominated(covers: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+def _drop_dominated(covers: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     """Indices of intersections that differ in what they cover, each with the fewest literals that cover it."""
     order = np.argsort(sizes, kind="stable")
     _, first = np.unique(np.packbits(covers[order], axis=1), axis=0, return_index=True)

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import viser
 
-from imdim.app.lab import plots, texts
-from imdim.app.lab.ear import Ear
-from imdim.app.lab.edits import Theory
+from imdim.app.lab import plots, renderers
+from imdim.app.lab.edits import ConstrainedProgram
+from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.session import Session
-from imdim.app.lab.state import Step
+from imdim.app.lab.state import CurvePoint
 from imdim.program.front import Choice
 from imdim.program.tree import Program
 
@@ -24,20 +24,20 @@ class TreePanel:
         with panel.add_tab("Code"):
             self._code = gui.add_html("")
 
-    def draw(self, theory: Theory | None, selected: int | None, unit: str) -> None:
-        self._tree.content = texts.tree(theory, selected, unit)
-        self._code.content = texts.code(theory, selected)
+    def draw(self, theory: ConstrainedProgram | None, selected: int | None, unit: str) -> None:
+        self._tree.content = renderers.tree(theory, selected, unit)
+        self._code.content = renderers.code(theory, selected)
 
 
 class FrontPanel:
     """Programs as small solids and as points of a plot; what is clicked is loaded."""
 
-    def __init__(self, gui: viser.GuiApi, panel: viser.PanelHandle, session: Session, ear: Ear) -> None:
+    def __init__(self, gui: viser.GuiApi, panel: viser.PanelHandle, session: Session, ear: InputQueue) -> None:
         self._session = session
         self._choices: list[Choice] = []
         with panel.add_tab("Front"):
             self._strip = gui.add_html("")
-            texts.add_clicks(gui, "Choice", ear, self._load)
+            renderers.add_clicks(gui, "Choice", ear, self._load)
             self._plot = gui.add_html("")
 
     def _load(self, number: int) -> None:
@@ -46,7 +46,7 @@ class FrontPanel:
 
     def draw(self, choices: Sequence[Choice], shown: Program | None) -> None:
         self._choices = list(choices)
-        self._strip.content = texts.strip(choices, shown)
+        self._strip.content = renderers.strip(choices, shown)
         self._plot.content = plots.front(choices, shown)
 
 
@@ -57,5 +57,5 @@ class CurvesPanel:
         with panel.add_tab("Curves"):
             self._plot = gui.add_html(plots.curves(()))
 
-    def draw(self, steps: Sequence[Step]) -> None:
+    def draw(self, steps: Sequence[CurvePoint]) -> None:
         self._plot.content = plots.curves(steps)

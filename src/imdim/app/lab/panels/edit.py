@@ -7,15 +7,15 @@ from collections.abc import Callable
 
 import viser
 
-from imdim.app.lab import edits, texts
+from imdim.app.lab import edits, renderers
 from imdim.app.lab.drawing import names
-from imdim.app.lab.ear import Ear
-from imdim.app.lab.edits import Number, Theory
+from imdim.app.lab.edits import ConstrainedProgram, Number
+from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.session import Session
 from imdim.app.lab.solving import Lock
 from imdim.app.lab.style import BLUE, GREY, RED
-from imdim.geometry.cloud import Frame
 from imdim.program.tree import KINDS, OPS, SIZE_NAMES, Op, Primitive, leaves
+from imdim.target.target import Frame
 
 NOTHING = "Select a primitive in the picture, the tree or the code."
 LOCKED = "\N{LOCK}"
@@ -32,7 +32,7 @@ class EditPanel:
         gui: viser.GuiApi,
         place: viser.GuiTabHandle,
         session: Session,
-        ear: Ear,
+        ear: InputQueue,
         unit_changed: Callable[[], None],
     ) -> None:
         self._gui, self._place, self._session, self._ear = gui, place, session, ear
@@ -43,7 +43,7 @@ class EditPanel:
         self._numbers = gui.add_folder("Numbers")
         self._order = self._numbers.order
         with self._numbers:
-            gui.add_html(texts.note(NOTHING))
+            gui.add_html(renderers.note(NOTHING))
         self.follow = gui.add_checkbox("Keep relations", True, hint="What the constraints relate to an edited number moves along")
         self.steps = gui.add_button_group("History", ("Undo", "Redo"))
         ear.press(self.steps, lambda step: session.undo() if step == "Undo" else session.redo())
@@ -75,7 +75,7 @@ class EditPanel:
         part = new_primitive(self.kind.value, frame)
         self._session.add(self.op.value, part)
 
-    def draw(self, theory: Theory | None, selected: int | None) -> None:
+    def draw(self, theory: ConstrainedProgram | None, selected: int | None) -> None:
         """The numbers of the selected primitive; inputs stay while the primitive is the same, so that typing is not disturbed."""
         parts = [] if theory is None else list(leaves(theory.program))
         if theory is None or selected is None or selected >= len(parts):
@@ -94,7 +94,7 @@ class EditPanel:
         if self._locks is not None and tuple(self._locks.options) != options:
             self._locks.options = options
 
-    def _build(self, theory: Theory, leaf: int, part: Primitive) -> None:
+    def _build(self, theory: ConstrainedProgram, leaf: int, part: Primitive) -> None:
         """Inputs for all numbers of a primitive, its operation and its locks."""
         self._clear()
         with self._numbers:
@@ -139,7 +139,7 @@ class EditPanel:
         self._inputs, self._heard = {}, []
         if line:
             with self._numbers:
-                self._gui.add_html(texts.note(line))
+                self._gui.add_html(renderers.note(line))
 
 
 def new_primitive(kind: str, frame: Frame) -> Primitive:

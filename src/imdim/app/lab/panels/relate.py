@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import viser
 
-from imdim.app.lab import edits, texts
+from imdim.app.lab import edits, renderers
 from imdim.app.lab.drawing import VIOLATED
-from imdim.app.lab.ear import Ear
-from imdim.app.lab.edits import Theory
+from imdim.app.lab.edits import ConstrainedProgram
+from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.session import Session
 from imdim.app.lab.solving import violations
 from imdim.app.lab.style import GREY, RED
@@ -20,11 +20,11 @@ from imdim.program.tree import SIZE_NAMES, Primitive, leaves
 class RelatePanel:
     """See the module."""
 
-    def __init__(self, gui: viser.GuiApi, session: Session, ear: Ear, changed: Callable[[], None]) -> None:
+    def __init__(self, gui: viser.GuiApi, session: Session, ear: InputQueue, changed: Callable[[], None]) -> None:
         self._session, self._changed = session, changed
         self._chosen = -1
         self._list = gui.add_html("")
-        texts.add_clicks(gui, "Constraint", ear, self._choose)
+        renderers.add_clicks(gui, "Constraint", ear, self._choose)
         remove = gui.add_button("Remove the constraint", color=RED, hint="The one that was clicked in the list")
         ear.press(remove, lambda _: self._remove())
         ear.press(gui.add_button("Look for relations", color=GREY), lambda _: session.relate())
@@ -41,7 +41,7 @@ class RelatePanel:
         self._changed()
 
     def _add(self) -> None:
-        def change(theory: Theory) -> Theory:
+        def change(theory: ConstrainedProgram) -> ConstrainedProgram:
             constraint = edits.read_constraint(self.kind.value, self.of.value, self.about.value, self.value.value)
             return edits.with_constraint(theory, constraint)
 
@@ -52,17 +52,17 @@ class RelatePanel:
         if self._session.edit("constraint", lambda theory: edits.without_constraint(theory, number)):
             self._choose(-1)
 
-    def draw(self, theory: Theory | None, selected: int | None) -> None:
+    def draw(self, theory: ConstrainedProgram | None, selected: int | None) -> None:
         """The list, and the features that the selected primitive offers."""
         if theory is None or self._chosen >= len(theory.constraints):
             self._chosen = -1
         off = [] if theory is None else violations(theory.program, theory.constraints)
-        self._list.content = texts.relations(theory, off, VIOLATED, self._chosen)
+        self._list.content = renderers.relations(theory, off, VIOLATED, self._chosen)
         parts = [] if theory is None else list(leaves(theory.program))
         text = "Select a primitive to see the names of its features."
         if selected is not None and selected < len(parts):
             text = f"Features of {selected}: {features(selected, parts[selected])}"
-        self._hint.content = texts.note(text)
+        self._hint.content = renderers.note(text)
 
 
 def features(leaf: int, part: Primitive) -> str:

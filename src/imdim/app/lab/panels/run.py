@@ -7,12 +7,12 @@ from typing import Any
 
 import viser
 
-from imdim.app.lab.continuing import Rates
-from imdim.app.lab.ear import Ear
 from imdim.app.lab.examples import NAMES
+from imdim.app.lab.input_queue import InputQueue
+from imdim.app.lab.resume import Rates
 from imdim.app.lab.session import Session
 from imdim.app.lab.style import BLUE, GREY
-from imdim.methods import METHODS
+from imdim.reconstruction.methods import METHODS
 
 NONE = "none"
 
@@ -20,14 +20,14 @@ NONE = "none"
 class RunPanel:
     """See the module."""
 
-    def __init__(self, gui: viser.GuiApi, session: Session, ear: Ear) -> None:
+    def __init__(self, gui: viser.GuiApi, session: Session, ear: InputQueue) -> None:
         self._session, self._ear = session, ear
         self.example = gui.add_dropdown("Example", (NONE, *NAMES))
         ear.hear(self.example, self._open)
         self.start = self._button(gui, "Start", lambda: session.start(self.settings()), BLUE)
         with gui.add_folder(None):
             self.go = gui.add_button_group("Run", ("Pause", "Resume", "Step", "Stop"))
-            ear.press(self.go, self._pressed)
+            ear.press(self.go, self._on_press)
         with gui.add_folder("Settings"):
             self.method = gui.add_dropdown("Method", tuple(METHODS), hint="auto searches, proves and repairs; evolve breeds")
             self.budget = gui.add_number("Seconds", 60.0, min=1.0, max=3600.0, step=1.0, hint="Time budget; a pause does not count")
@@ -53,7 +53,7 @@ class RunPanel:
         """The example that is open, none where a file is: the browser tells of a choice only where it changes one."""
         self._ear.show(self.example, part if part in NAMES else NONE)
 
-    def _pressed(self, what: str) -> None:
+    def _on_press(self, what: str) -> None:
         {"Pause": self._session.pause, "Resume": self._session.resume, "Step": self.step, "Stop": self._session.stop}[what]()
 
     def step(self) -> None:

@@ -6,7 +6,7 @@ import html
 
 import viser
 
-from imdim.app.lab.ear import Ear
+from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.session import Session
 from imdim.app.lab.style import GREY, MUTED, style
 
@@ -19,7 +19,7 @@ HINT = "Or drop it anywhere on the page: STL, OBJ, OFF, PLY, 3MF, GLB, XYZ, TXT,
 class StatusPanel:
     """See the module."""
 
-    def __init__(self, gui: viser.GuiApi, session: Session, ear: Ear) -> None:
+    def __init__(self, gui: viser.GuiApi, session: Session, ear: InputQueue) -> None:
         self._session = session
         gui.add_html(style())
         self._text = gui.add_html("")
@@ -33,7 +33,7 @@ class StatusPanel:
             state += f", {self._session.waiting_behind} before it"
         rows = "".join(_row(name, value) for name, value in [("state", state), *lines])
         table = f'<table class="lab-status" style="width:100%;color:#212529"><tbody>{rows}</tbody></table>'
-        self._text.content = f'<div style="padding:6px 12px 8px;font-size:13px;line-height:1.45">{table}{_said(*notice)}</div>'
+        self._text.content = f'<div style="padding:6px 12px 8px;font-size:13px;line-height:1.45">{table}{_notice_html(*notice)}</div>'
 
 
 def _row(name: str, value: str) -> str:
@@ -42,7 +42,7 @@ def _row(name: str, value: str) -> str:
     return f'<tr{wide}><td style="color:{MUTED}">{name}</td><td title="{text}"><b>{text}</b></td></tr>'
 
 
-def _said(kind: str, line: str) -> str:
+def _notice_html(kind: str, line: str) -> str:
     tint = "color:#a61e1e;background:#fff0f0" if kind == "error" else "color:#0b5345;background:#e8f7f1"
     box = f'<div class="lab-notice" style="{tint};border-radius:6px;padding:6px 8px;margin:6px 0 0">{html.escape(line)}</div>'
     return f'<div role="alert" style="min-height:{NOTICE}px">{box if line else ""}</div>'

@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 
 import viser
 
-from imdim.app.lab import texts
+from imdim.app.lab import renderers
 from imdim.app.lab.downloads import Files
-from imdim.app.lab.ear import Ear
+from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.session import Session
 from imdim.app.lab.style import GREY
-from imdim.app.lab.view import LAYERS, View
+from imdim.app.lab.view import LAYERS, SceneView
 from imdim.program import codec
 
 FORMATS: Mapping[str, str] = {
@@ -30,10 +30,10 @@ FORMATS: Mapping[str, str] = {
 class TakePanel:
     """Downloads. All files come from one delivery, as `imdim fit` writes them."""
 
-    def __init__(self, client: viser.ClientHandle, session: Session, ear: Ear, units: Callable[[], str]) -> None:
+    def __init__(self, client: viser.ClientHandle, session: Session, ear: InputQueue, units: Callable[[], str]) -> None:
         self._client, self._session, self._units = client, session, units
         text = "The files are made together, which takes some seconds the first time."
-        client.gui.add_html(texts.note(text))
+        client.gui.add_html(renderers.note(text))
         for label in FORMATS:
             ear.press(client.gui.add_button(f"Download {label}", color=GREY), lambda _, label=label: self.take(label))
 
@@ -56,13 +56,13 @@ def in_units(document: bytes, units: str) -> bytes:
     parsed = codec.parse(document)
     meta = codec.meta_of(parsed)
     named = codec.Meta(units, meta.center, meta.scale)
-    return codec.dumps(codec.from_json(parsed), named, codec.constraints_of(parsed), codec.folded_of(parsed)).encode()
+    return codec.dumps(codec.from_json(parsed), named, codec.constraints_of(parsed), codec.read_folded(parsed)).encode()
 
 
 class ShowPanel:
     """Layers of the view."""
 
-    def __init__(self, gui: viser.GuiApi, view: View, ear: Ear, changed: Callable[[], None]) -> None:
+    def __init__(self, gui: viser.GuiApi, view: SceneView, ear: InputQueue, changed: Callable[[], None]) -> None:
         self._view, self._ear, self._changed = view, ear, changed
         self._boxes = {layer: gui.add_checkbox(layer, shown) for layer, shown in LAYERS.items()}
         for layer, box in self._boxes.items():

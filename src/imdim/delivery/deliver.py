@@ -1,0 +1,183 @@
+"""Deliver a program: every file of the results folder, and the report measured over those files.
+
+The delivered program has the solid of the one given, with numbers rounded to nine digits and cutters that overshoot. Constraints that hold
+for the program become named parameters of the texts; by how much a cutter overshoots stays a number beside them.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import trimesh
+
+from imdim.delivery.evaluate import DeliveryLoss, Scores, evaluate_file
+from imdim.delivery.finish import FinishedProgram, finish, finish_flat
+from imdim.delivery.report import RunRecord, dumps, report_of
+from imdim.export import html
+from imdim.export.folder import FILES, OutputError, check_writable, replacing
+from imdim.export.meshes import write_meshes
+from imdim.export.numbers import round_program
+from imdim.export.openscad import to_openscad
+from imdim.export.openscad_loops import to_openscad_loops
+from imdim.export.openscad_reader import read_openscad
+from imdim.export.preview import preview
+from imdim.export.script import to_script
+from imdim.export.step import StepError
+from imdim.export.step_worker import StepJob, finish_step, start_step, stop_step
+from imdim.export.ucad import to_ucad
+from imdim.geometry.solid import SEGMENTS, mesh_to_manifold, to_manifold, to_trimesh
+from imdim.program.codec import Meta
+from imdim.program.codec import dumps as program_text
+from imdim.program.constraints import Constraint
+from imdim.program.front import Choice
+from imdim.program.front import dumps as front_text
+from imdim.program.tree import Program
+from imdim.reconstruction.fitting import relations_of
+from imdim.target.target import Target, frame_meta
+
+__all__ = ["OutputError", "RunRecord", "check_writable", "deliver", "finish_flat"]
+
+STEP_LIMIT_S = 20.0
+
+
+def deliver(
+    program: Program,
+    target: Target,
+    folder: Path,
+    run: RunRecord,
+    segments: int = SEGMENTS,
+    step_limit_s: float = STEP_LIMIT_S,
+    constraints: Sequence[Constraint] = (),
+    front: Sequence[Choice] = (),
+) -> dict[str, Any]:
+    """Write all results for `program` (in the target's units) into `folder`, whole or not at all; returns the report.
+
+    `constraints` hold for `program` (see `relations.discover`). `front` holds programs from crude to exact, `program` among them; without
+    it `front.json` holds the program alone.
+
+    STEP is skipped, and the report says why, where OpenCASCADE is missing, fails or takes longer than `step_limit_s`.
+    Raises OutputError when the folder cannot be written or holds foreign files, ValueError when the program is empty.
+    """
+    seconds: dict[str, float] = {}
+    with replacing(folder) as partial:
+        with _time(seconds, "program"):
+            given, found = program, finish(program, constraints)
+            program = found.program
+            meta = frame_meta(target)
+            _write_texts(found, meta, partial, segments)
+            _write_front(front or [Choice(given)], given, meta, partial)
+        with _step(partial) as job:
+            with _time(seconds, "meshes"):
+                solid = to_manifold(program, segments)
+                write_meshes(solid, partial)
+            with _time(seconds, "scores"):
+                scores = evaluate_file(partial / "program.scad", target, segments=segments)
+                kept = DeliveryLoss.of(given, solid, target, segments)
+            with _time(seconds, "preview"):
+                _write_preview(partial, target, scores, segments)
+            with _time(seconds, "page"):
+                shown = html.content(_read(partial / "program.json"), target, found.parameters, segments, scores.to_result.max)
+            with _time(seconds, "step"):
+                volumes = _volumes(partial, target, segments)
+                skipped = _finish(job, step_limit_s, volumes)
+        if found.folded is None:
+            skipped["program.loops.scad"] = "skipped: no part repeats"
+        files = {name: skipped.get(name, "written") for name in FILES}
+        names = found.parameters.values
+        report = report_of(program, target, scores, kept, volumes, files, run, seconds, found.constraints, names, found.folded)
+        (partial / "report.json").write_text(dumps(report), encoding="utf-8")
+        (partial / "report.html").write_text(html.page(shown, report, _read(partial / "front.json")), encoding="utf-8")
+    return report
+
+
+def export(program: Program, folder: Path, meta: Meta, segments: int = SEGMENTS, step_limit_s: float = STEP_LIMIT_S) -> dict[str, str]:
+    """Write what needs no target for `program` into `folder`, whole or not at all: texts with the names of
+    what its own numbers relate, meshes, the page without a target, and STEP; what became of each file.
+
+    Raises as `deliver` does.
+    """
+    with replacing(folder) as partial:
+        found = finish(*relations_of(program))
+        program = found.program
+        _write_texts(found, meta, partial, segments)
+        with _step(partial) as job:
+            write_meshes(to_manifold(program, segments), partial)
+            shown = html.content(_read(partial / "program.json"), named=found.parameters, segments=segments)
+            (partial / "report.html").write_text(html.page(shown), encoding="utf-8")
+            skipped = _finish(job, step_limit_s, {})
+        files = {path.name: "written" for path in sorted(partial.iterdir())}
+    return {**files, **skipped}
+
+
+def _write_texts(found: FinishedProgram, meta: Meta, folder: Path, segments: int) -> None:
+    program, parameters, folded = found.program, found.parameters, found.folded
+    texts = {
+        "program.json": program_text(program, meta, found.constraints, folded),
+        "program.scad": to_openscad(program, segments, parameters),
+        "program.py": to_script(program, parameters, folded),
+        "program.ucad": to_ucad(program, parameters, folded),
+    }
+    if folded is not None:
+        texts["program.loops.scad"] = to_openscad_loops(folded, segments, parameters)
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+
+
+def _write_preview(folder: Path, target: Target, scores: Scores, segments: int) -> None:
+    result = to_trimesh(to_manifold(read_openscad((folder / "program.scad").read_text(encoding="utf-8")), segments))
+    preview(target, result, scores.to_result.max).save(folder / "preview.png")
+
+
+def _write_front(front: Sequence[Choice], picked: Program, meta: Meta, folder: Path) -> None:
+    """Cutters do not overshoot in front.json: they do where a choice is exported."""
+    number = next((i for i, choice in enumerate(front, 1) if choice.program == picked), None)
+    choices = [Choice(round_program(choice.program), choice.error) for choice in front]
+    (folder / "front.json").write_text(front_text(choices, meta, number), encoding="utf-8")
+
+
+def _read(path: Path) -> Any:
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def _volumes(folder: Path, target: Target, segments: int) -> dict[str, float]:
+    """Volumes of the target, where it has one, and of the delivered files, re-read."""
+    volumes = {"target": float(target.mesh.volume)} if target.mesh is not None and target.is_solid else {}
+    volumes["program.scad"] = to_manifold(read_openscad((folder / "program.scad").read_text(encoding="utf-8")), segments).volume()
+    volumes["mesh.stl"] = mesh_to_manifold(trimesh.load_mesh(folder / "mesh.stl")).volume()
+    return volumes
+
+
+@contextmanager
+def _step(folder: Path) -> Iterator[StepJob | StepError]:
+    """The export running beside the other work; it never outlives the block."""
+    try:
+        job = start_step(folder / "program.json", folder / "program.step")
+    except StepError as error:
+        yield error
+        return
+    try:
+        yield job
+    finally:
+        stop_step(job)
+
+
+def _finish(job: StepJob | StepError, limit_s: float, volumes: dict[str, float]) -> dict[str, str]:
+    try:
+        if isinstance(job, StepError):
+            raise job
+        volumes["program.step"] = finish_step(job, limit_s)
+    except StepError as error:
+        return {"program.step": f"skipped: {error}"}
+    return {}
+
+
+@contextmanager
+def _time(seconds: dict[str, float], step: str) -> Iterator[None]:
+    start = time.perf_counter()
+    yield
+    seconds[step] = time.perf_counter() - start

@@ -1,0 +1,120 @@
+"""What a program becomes when it is delivered: repeated parts written once, cutters that overshoot, rounded numbers, and names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from imdim.export.numbers import round_program
+from imdim.export.parameters import Parameters, parametrise
+from imdim.geometry.finish.commute import Commutation, CommutedProgram
+from imdim.geometry.finish.overshoot import overshoot
+from imdim.program.constraints import WORLD, Constraint, Ref
+from imdim.program.cost import count
+from imdim.program.patterns.detect import Folding, extent, fold_repeats, worth
+from imdim.program.repeats import Folded, copies_of, expand, instances, repeats, size, with_leaves
+from imdim.program.tree import Program
+from imdim.reconstruction.preserve import is_same, preserve
+from imdim.relations.residuals import holding, rebase_constraints
+
+NEAR = 2e-4  # of the part's size, by which what nearly repeats may move
+GATHERED = (1, 6)  # primitives of a part that may move to where it repeats, at most
+MOST_GATHERED = 150  # primitives of a program
+
+
+@dataclass(frozen=True)
+class FinishedProgram:
+    """`folded`, which `program` is the expansion of, has the repeats, None if there are none. `constraints` hold for `program`."""
+
+    program: Program
+    constraints: tuple[Constraint, ...]
+    parameters: Parameters
+    folded: Folded | None
+
+
+def finish(program: Program, constraints: Sequence[Constraint] = ()) -> FinishedProgram:
+    """The program as it is delivered; `constraints` hold for the one given.
+
+    Repeats change the order of primitives. What nearly repeats, or would if it stood together, is made to if that hardly changes the solid.
+    """
+    folding = next((f for f in _foldings(program) if is_same(program, f.program)), None)
+    if folding is None:
+        delivered = finish_flat(program)
+        return FinishedProgram(delivered, rebase_constraints(delivered, constraints), parametrise(program, constraints, delivered), None)
+    given, carried = folding.program, _renumber(constraints, folding.order)
+    constraints = _without_rows(holding(given, carried), folding.folded)
+    folded = with_leaves(folding.folded, finish_flat(given, folding.folded))
+    delivered = expand(folded)
+    return FinishedProgram(
+        delivered, rebase_constraints(delivered, constraints), parametrise(given, constraints, delivered, folded), folded
+    )
+
+
+def finish_flat(program: Program, folded: Folded | None = None) -> Program:
+    """A program as it is delivered: cutters overshoot, as far as the solid stays, and numbers are rounded. Copies stay alike where
+    `program` is the expansion of `folded`."""
+    alike = None if folded is None else [[i for i, _ in copies] for copies in copies_of(folded).values()]
+    return preserve(round_program(program), round_program(overshoot(program, folded)), together=alike)
+
+
+def _foldings(program: Program) -> list[Folding]:
+    """Ways to write the repeats of a program, what repeats exactly, nearly, or once its parts are gathered; those that save most first."""
+    exact = fold_repeats(program)
+    more = [f for f in _others(program) if exact is None or worth(f.folded) > worth(exact.folded)]
+    return more if exact is None else [*more, exact]
+
+
+def _others(program: Program) -> list[Folding]:
+    """The repeats of what nearly repeats, and of what does once its parts are gathered; those that save most first.
+
+    All number the leaves of the program given.
+    """
+    tolerance = NEAR * extent(program)
+    near = fold_repeats(program, tolerance)
+    found, known = [near], _leaves_of_repeats(near)
+    if count(program).primitives > MOST_GATHERED:
+        return [] if near is None else [near]
+    gathering = Commutation(program)
+    for largest in GATHERED:
+        loose = _folding_of(gathering.commute(largest), tolerance)
+        if _leaves_of_repeats(loose) <= known:
+            continue
+        # what does not repeat then stays where it is
+        found += [loose, _folding_of(gathering.commute(largest, {i for numbers in _leaves_of_repeats(loose) for i in numbers}), tolerance)]
+    return sorted(filter(None, found), key=lambda f: worth(f.folded), reverse=True)
+
+
+def _folding_of(gathered: CommutedProgram | None, tolerance: float) -> Folding | None:
+    """The repeats of a program whose parts were gathered, with the leaves numbered as before that."""
+    folding = None if gathered is None else fold_repeats(gathered.program, tolerance)
+    if gathered is None or folding is None:
+        return None
+    return Folding(folding.folded, tuple(gathered.order[i] for i in folding.order))
+
+
+def _leaves_of_repeats(folding: Folding | None) -> set[frozenset[int]]:
+    """The leaves of each repeat, by their numbers before folding."""
+    return set() if folding is None else {frozenset(folding.order[n : n + size(r)]) for n, r in repeats(folding.folded)}
+
+
+def _without_rows(constraints: Sequence[Constraint], folded: Folded) -> tuple[Constraint, ...]:
+    """Without rows and circles of copies of one leaf, which the repeat says; of circles the middle stays, by an opposite pair."""
+    sources = {i: source for i, (source, _) in enumerate(instances(folded))}
+    out: list[Constraint] = []
+    for c in constraints:
+        members, half = [ref.leaf for ref in c.of], len(c.of) // 2
+        if c.kind not in ("linear", "circular") or len(members) < 3 or len({sources[leaf] for leaf in members}) > 1:
+            out.append(c)
+        elif c.about is not None and c.about.leaf not in members and len(members) % 2 == 0:
+            out.append(replace(c, of=(c.of[0], c.of[half])))
+    return tuple(out)
+
+
+def _renumber(constraints: Sequence[Constraint], order: Sequence[int]) -> tuple[Constraint, ...]:
+    """The constraints of a program whose leaf i was number ``order[i]`` before."""
+    number = {old: new for new, old in enumerate(order)} | {WORLD: WORLD}
+
+    def moved(ref: Ref) -> Ref:
+        return ref._replace(leaf=number[ref.leaf])
+
+    return tuple(replace(c, of=tuple(map(moved, c.of)), about=None if c.about is None else moved(c.about)) for c in constraints)

@@ -1,0 +1,166 @@
+"""report.json: what was measured over the delivered files, and how they came about.
+
+All that depends on the clock is under ``timing``, so that the rest repeats byte for byte with the same input, settings and versions.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from imdim.delivery.evaluate import DeliveryLoss, Distances, Scores
+from imdim.program.constraints import Constraint
+from imdim.program.cost import count
+from imdim.program.repeats import Folded, Repeat, repeats, size
+from imdim.program.roles import labels
+from imdim.program.tree import Program
+from imdim.target.target import Target
+
+FORMAT, VERSION = "imdim-report", 1
+
+PACKAGES = ("imdim", "numpy", "scipy", "numba", "torch", "trimesh", "manifold3d", "embreex", "cadquery-ocp-novtk")
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """How a program was found: the input as given, seconds per stage, why it stopped, the seed, and the settings as plain values.
+
+    `proof` says whether it was proved minimal, and why not; it is empty where the method does not ask.
+    """
+
+    input: str
+    stages: Mapping[str, float]
+    stop: str
+    seed: int
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    proof: str = ""
+
+
+def report_of(
+    program: Program,
+    target: Target,
+    scores: Scores,
+    kept: DeliveryLoss,
+    volumes: Mapping[str, float],
+    files: Mapping[str, str],
+    run: RunRecord,
+    delivery: Mapping[str, float],
+    constraints: Sequence[Constraint] = (),
+    parameters: Mapping[str, float] | None = None,
+    folded: Folded | None = None,
+) -> dict[str, Any]:
+    """The report as plain values; lengths in model units, `volumes` per file in cubed ones, `delivery` in seconds per step.
+
+    `constraints` are those in `program.json`, `parameters` the names in `program.scad` with their values, `folded` the repeats.
+    """
+    counts = count(program)
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "input": run.input,
+        "target": _target(target, scores),
+        "result": {
+            "primitives": counts.primitives,
+            "operations": counts.operations,
+            "kinds": {kind: n for kind, n in counts.kinds.items() if n},
+            "ops": {op: n for op, n in counts.ops.items() if n},
+        },
+        "repeats": [] if folded is None else _repeats(folded, labels(program, constraints)),
+        "constraints": [{"name": c.name, "kind": c.kind, "says": str(c)} for c in constraints],
+        "parameters": {name: number(value) for name, value in (parameters or {}).items()},
+        "scores": _scores(scores),
+        "found": {"volume_iou": number(kept.found), "iou_with_delivered": number(kept.delivered)},
+        "volumes": {name: number(volume) for name, volume in volumes.items()},
+        "stop": run.stop,
+        "proof": run.proof or None,
+        "seed": run.seed,
+        "settings": dict(run.settings),
+        "files": dict(files),
+        "versions": _versions(),
+        "timing": {
+            "stages_s": {stage: round(seconds, 3) for stage, seconds in run.stages.items()},
+            "delivery_s": {step: round(seconds, 3) for step, seconds in delivery.items()},
+            "total_s": round(sum(run.stages.values()) + sum(delivery.values()), 3),
+        },
+    }
+
+
+def _repeats(folded: Folded, label: Sequence[str]) -> list[dict[str, Any]]:
+    """What each repeat says; `leaves` are the primitives of one copy, `first` the number of the first of them in `program.json`."""
+    return [
+        {
+            "says": describe_repeat(repeat, label[first]),
+            "kind": repeat.kind,
+            "counts": list(repeat.counts),
+            "leaves": size(repeat.part),
+            "first": first,
+        }
+        for first, repeat in repeats(folded)
+    ]
+
+
+def describe_repeat(repeat: Repeat, label: str) -> str:
+    """In words: "12 holes as a 3 x 4 grid"."""
+    own = size(repeat.part)
+    word = label.rstrip("0123456789")
+    what = f"{repeat.number} {word}{'es' if word.endswith('s') else 's'}" if own == 1 else f"{repeat.number} groups of {own} primitives"
+    counts = " x ".join(map(str, repeat.counts))
+    how = {
+        "linear": "in a row",
+        "grid": f"as a {counts} grid",
+        "circular": "on a circle" if repeat.is_full else f"on a circle, {number(repeat.angle)} degrees apart",
+        "mirror": "as mirror images",
+    }
+    return f"{what} {how[repeat.kind]}" + (", what they have in common" if repeat.join == "intersection" else "")
+
+
+def dumps(report: Mapping[str, Any]) -> str:
+    """The report's text; raises ValueError for numbers that JSON does not know."""
+    return json.dumps(report, indent=2, allow_nan=False, ensure_ascii=False, default=str) + "\n"
+
+
+def number(value: float | None) -> float | None:
+    """Nine significant digits; None for what is missing or infinite, which JSON cannot say."""
+    return None if value is None or not math.isfinite(value) else float(f"{value:.9g}")
+
+
+def _target(target: Target, scores: Scores) -> dict[str, Any]:
+    kind = "cloud" if target.mesh is None else "solid" if target.is_solid else "open mesh"
+    faces = None if target.mesh is None else len(target.mesh.faces)
+    return {
+        "name": target.name,
+        "kind": kind,
+        "points": len(target.points),
+        "faces": faces,
+        "diagonal": number(scores.diagonal),
+        "notes": list(target.notes),
+    }
+
+
+def _scores(scores: Scores) -> dict[str, Any]:
+    both = {"target_to_result": scores.to_result, "result_to_target": scores.to_target}
+    return {
+        "volume_iou": number(scores.volume_iou),
+        **({} if scores.iou_missing is None else {"volume_iou_missing": scores.iou_missing}),
+        "distance": {way: _distances(distances) for way, distances in both.items()},
+        "distance_relative_to_diagonal": {way: _distances(scores.relative(distances)) for way, distances in both.items()},
+    }
+
+
+def _distances(distances: Distances) -> dict[str, float | None]:
+    return {"mean": number(distances.mean), "max": number(distances.max)}
+
+
+def _versions() -> dict[str, str]:
+    found = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found

@@ -1,0 +1,229 @@
+"""Least-squares fits of carrier surfaces to points: closed-form starts, then damped Gauss-Newton on orthogonal distances."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from imdim.detection.fit_start import basis, starts
+from imdim.geometry.sampling import subsample
+from imdim.geometry.surface import SURFACE_KINDS, Surface, signed_distance, vec
+
+MIN_POINTS = {"plane": 3, "sphere": 4, "cylinder": 5, "cone": 6, "torus": 7}
+# columns of the step that each way of holding the axis leaves out
+_FROZEN: dict[str, tuple[int, ...]] = {"": (), "axis": (2, 3), "line": (0, 1, 2, 3)}
+
+
+@dataclass(frozen=True)
+class _SurfaceState:
+    """Moving frame of the iteration: a point, an axis and the kind's numbers; a cone is (radius at `point`, half angle of either sign)."""
+
+    kind: str
+    point: np.ndarray
+    axis: np.ndarray
+    sizes: np.ndarray
+
+
+def fit_surface(
+    kind: str,
+    points: np.ndarray,
+    normals: np.ndarray | None = None,
+    start: Surface | None = None,
+    *,
+    scale: float | None = None,
+    iterations: int = 30,
+    hold: str = "",
+) -> tuple[Surface, float]:
+    """The surface of `kind` with the least squared orthogonal distances to `points` [n, 3], and the rms distance.
+
+    `normals` [n, 3] (unit, of either sign) give the start; without them, and without `start`, a sweep of axis directions does.
+    With `scale` the fit is robust: Tukey's biweight that ignores points farther than 3 `scale`, and the rms is the weighted one.
+    With `hold` of "axis" the start's direction is kept, with "line" the start's whole axis of revolution (a torus still slides along it).
+    Raises ValueError for an unknown kind, too few points or numbers that are not finite.
+    """
+    points = np.asarray(points, float)
+    _check(kind, points)
+    middle = points.mean(0)
+    size = float(np.sqrt(((points - middle) ** 2).sum(1).mean())) or 1.0
+    local = (points - middle) / size
+    if kind == "plane":
+        surface, rms = _fit_plane(local, start, middle, size, scale, hold)
+    else:
+        begin = [_scale(start, middle, size)] if start else starts(kind, local, normals)
+        surface, rms = _best_of(kind, begin, local, scale / size if scale else None, iterations, _FROZEN[hold])
+    return _unscale(surface, middle, size), rms * size
+
+
+def _check(kind: str, points: np.ndarray) -> None:
+    if kind not in SURFACE_KINDS:
+        raise ValueError(f"unknown surface kind {kind!r}; known are {', '.join(SURFACE_KINDS)}")
+    if points.ndim != 2 or points.shape[1] != 3 or len(points) < MIN_POINTS[kind]:
+        raise ValueError(f"{kind} needs points [n >= {MIN_POINTS[kind]}, 3], got {list(points.shape)}")
+    if not np.isfinite(points).all():
+        raise ValueError(f"{kind} needs finite points, {int((~np.isfinite(points)).any(1).sum())} are not")
+
+
+def _scale(surface: Surface, middle: np.ndarray, size: float) -> Surface:
+    sizes = surface.sizes if surface.kind == "cone" else tuple(s / size for s in surface.sizes)
+    return Surface(surface.kind, tuple((np.asarray(surface.point) - middle) / size), surface.axis, sizes)
+
+
+def _unscale(surface: Surface, middle: np.ndarray, size: float) -> Surface:
+    sizes = surface.sizes if surface.kind == "cone" else tuple(float(s * size) for s in surface.sizes)
+    return Surface(surface.kind, vec(np.asarray(surface.point) * size + middle), vec(np.asarray(surface.axis)), sizes)
+
+
+def _tukey(distance: np.ndarray, scale: float | None) -> np.ndarray:
+    if scale is None:
+        return np.ones(len(distance))
+    return np.maximum(1 - (distance / (3 * scale)) ** 2, 0.0) ** 2
+
+
+def _rms(distance: np.ndarray, weight: np.ndarray) -> float:
+    total = weight.sum()
+    return float(np.sqrt((weight * distance**2).sum() / total)) if total > 0 else math.inf
+
+
+def _fit_plane(
+    local: np.ndarray, start: Surface | None, middle: np.ndarray, size: float, scale: float | None, hold: str
+) -> tuple[Surface, float]:
+    """Principal components; repeated with new weights when robust."""
+    axis = np.asarray(start.axis) if start is not None and hold else None
+    weight = np.ones(len(local))
+    if start is not None and scale is not None:
+        weight = _tukey(signed_distance(_scale(start, middle, size), local), scale / size)
+    surface = _fit_weighted_plane(local, weight, axis)
+    for _ in range(10 if scale is not None else 0):
+        weight = _tukey(signed_distance(surface, local), scale / size if scale else None)
+        surface = _fit_weighted_plane(local, weight, axis)
+    if start is not None and np.dot(surface.axis, start.axis) < 0:
+        surface = Surface("plane", surface.point, vec(-np.asarray(surface.axis)))
+    return surface, _rms(signed_distance(surface, local), weight)
+
+
+def _fit_weighted_plane(local: np.ndarray, weight: np.ndarray, axis: np.ndarray | None) -> Surface:
+    if np.count_nonzero(weight) < 3:
+        weight = np.ones(len(local))
+    center = weight @ local / weight.sum()
+    if axis is not None:
+        return Surface("plane", vec(center), vec(axis))
+    q = local - center
+    return Surface("plane", vec(center), vec(np.linalg.eigh((q * weight[:, None]).T @ q)[1][:, 0]))
+
+
+def _best_of(
+    kind: str, begin: list[Surface], local: np.ndarray, scale: float | None, iterations: int, frozen: tuple[int, ...]
+) -> tuple[Surface, float]:
+    """Polish the start that a few steps on a thinned set bring nearest."""
+    if len(begin) > 1:
+        thin = subsample(local, 300)
+        trial = [_descend(_state(s), thin, scale, 6, frozen) for s in begin]
+        state = min(trial, key=lambda pair: pair[1])[0]
+    else:
+        state = _state(begin[0])
+    state, rms = _descend(state, local, scale, iterations, frozen)
+    return _surface(state, local), rms
+
+
+def _state(surface: Surface) -> _SurfaceState:
+    point, axis = np.asarray(surface.point, float), np.asarray(surface.axis, float)
+    if surface.kind != "cone":
+        return _SurfaceState(surface.kind, point, axis, np.asarray(surface.sizes, float))
+    # the points' middle is the origin: a reference circle at its height keeps slender cones well conditioned
+    height = -(point @ axis)
+    return _SurfaceState("cone", point + height * axis, axis, np.array([height * math.tan(surface.sizes[0]), surface.sizes[0]]))
+
+
+def _surface(state: _SurfaceState, local: np.ndarray) -> Surface:
+    sizes = tuple(float(abs(s)) for s in state.sizes)
+    if state.kind != "cone":
+        point = state.point
+        if state.kind == "cylinder":
+            point = point - (point @ state.axis) * state.axis
+        return Surface(state.kind, vec(point), vec(state.axis), sizes)
+    radius, angle = state.sizes
+    angle = math.copysign(min(max(abs(angle), 1e-9), math.pi / 2 - 1e-9), angle)
+    apex = state.point - state.axis * (radius / math.tan(angle))
+    axis = state.axis * math.copysign(1.0, angle)
+    if ((local - apex) @ axis).mean() < 0:
+        axis = -axis
+    return Surface("cone", vec(apex), vec(axis), (abs(angle),))
+
+
+def _descend(
+    state: _SurfaceState, local: np.ndarray, scale: float | None, iterations: int, frozen: tuple[int, ...]
+) -> tuple[_SurfaceState, float]:
+    """Levenberg-Marquardt; the weights are renewed after every accepted step."""
+    damping = 1e-3
+    distance, jacobian = _residual(state, local)
+    weight = _tukey(distance, scale)
+    cost = _loss(distance, scale)
+    for _ in range(iterations):
+        if state.kind != "sphere":
+            jacobian[:, frozen] = 0.0
+        weighted = jacobian * weight[:, None]
+        normal, slope = weighted.T @ jacobian, weighted.T @ distance
+        if np.abs(slope).max(initial=0.0) < 1e-14 * len(local):
+            break
+        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-9 * (1 + np.trace(normal))), -slope)
+        trial = _move(state, step)
+        new_distance, new_jacobian = _residual(trial, local)
+        new_cost = _loss(new_distance, scale)
+        if not new_cost < cost:
+            damping *= 8
+            if damping > 1e6:
+                break
+            continue
+        gain = cost - new_cost
+        state, distance, jacobian, cost = trial, new_distance, new_jacobian, new_cost
+        weight = _tukey(distance, scale)
+        damping = max(damping / 6, 1e-12)
+        if gain < 1e-11 * cost:
+            break
+    return state, _rms(distance, weight)
+
+
+def _loss(distance: np.ndarray, scale: float | None) -> float:
+    if scale is None:
+        return float(distance @ distance)
+    return float((1 - np.maximum(1 - (distance / (3 * scale)) ** 2, 0.0) ** 3).sum())
+
+
+def _move(state: _SurfaceState, step: np.ndarray) -> _SurfaceState:
+    if state.kind == "sphere":
+        return _SurfaceState("sphere", state.point + step[:3], state.axis, state.sizes + step[3:])
+    u, v = basis(state.axis)
+    point = state.point + step[0] * u + step[1] * v
+    axis = state.axis + step[2] * u + step[3] * v
+    axis /= np.linalg.norm(axis)
+    if state.kind == "torus":
+        return _SurfaceState("torus", point + step[4] * state.axis, axis, state.sizes + step[5:])
+    return _SurfaceState(state.kind, point, axis, state.sizes + step[4:])
+
+
+def _residual(state: _SurfaceState, local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Signed distances [n] and their derivatives [n, p] with respect to the step of `_move`."""
+    q = local - state.point
+    if state.kind == "sphere":
+        length = np.sqrt((q * q).sum(1))
+        return length - state.sizes[0], np.column_stack([-q / np.maximum(length, 1e-12)[:, None], -np.ones(len(q))])
+    u, v = basis(state.axis)
+    qu, qv, h = q @ u, q @ v, q @ state.axis
+    rho = np.hypot(qu, qv)
+    ru, rv = qu / np.maximum(rho, 1e-12), qv / np.maximum(rho, 1e-12)
+    one = np.ones(len(q))
+    if state.kind == "cylinder":
+        return rho - state.sizes[0], np.column_stack([-ru, -rv, -h * ru, -h * rv, -one])
+    if state.kind == "cone":
+        radius, angle = state.sizes
+        c, s = math.cos(angle), math.sin(angle)
+        turn = -(h * c + rho * s)
+        jacobian = np.column_stack([-ru * c, -rv * c, turn * ru, turn * rv, -c * one, -(rho - radius) * s - h * c])
+        return (rho - radius) * c - h * s, jacobian
+    out = rho - state.sizes[0]
+    length = np.hypot(out, h)
+    g, k = out / np.maximum(length, 1e-12), h / np.maximum(length, 1e-12)
+    turn = k * rho - g * h
+    return length - state.sizes[1], np.column_stack([-g * ru, -g * rv, turn * ru, turn * rv, -k, -g, -one])

@@ -1,0 +1,96 @@
+"""Guesses of the carrier through a seed facet of a mesh: two strips fix a cylinder, three facets a cone, a ring of them the rest."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from imdim.detection.facets import Facets
+from imdim.detection.fit_surface import fit_surface
+from imdim.detection.mesh_growing import Growing, points_of
+from imdim.geometry.surface import Surface, vec
+
+
+def hypotheses(seed: int, state: Growing) -> list[tuple[float, Surface]]:
+    """Guesses through the seed with a preference factor; simple kinds win ties."""
+    facets, out = state.facets, []
+    near = [n for n in state.neighbours[seed] if state.free[n]]
+    alike = [n for n in near if 0.02 < facets.areas[n] / facets.areas[seed] < 50]
+    for other in sorted(alike, key=lambda n: -facets.areas[n])[:4]:
+        out.append((1.02, _cylinder_through(facets, np.array([seed, other]))))
+    ring = ring_of(seed, alike, state, 30)
+    if len(ring) >= 3:
+        trios = [np.array([seed, a, b]) for a, b in itertools.combinations(_gentlest(seed, alike, state), 2)]
+        out += [(1.01, s) for s in (_cone_through(facets, trio) for trio in [*trios, ring]) if s]
+    if len(ring) >= 4:
+        points, point_normals = _corner_normals(facets, ring)
+        # a small ring keeps clear of cuts, a wide one is more exact
+        for size in (8, 30, 150):
+            chosen = points_of(facets, ring_of(seed, alike, state, size))
+            if len(chosen) >= 5:
+                out.append((1.0, fit_surface("sphere", chosen)[0]))
+        if len(ring) >= 8:
+            out.append((0.95, fit_surface("torus", points, point_normals, iterations=15)[0]))
+    return out
+
+
+def _gentlest(seed: int, near: list[int], state: Growing) -> list[int]:
+    """The three neighbours under the smallest angles: along a cone they are its own strips, across it something else may follow."""
+    cosines = state.facets.normals[near] @ state.facets.normals[seed] if near else np.zeros(0)
+    return [near[i] for i in np.argsort(-cosines, kind="stable")[:3]]
+
+
+def ring_of(seed: int, near: list[int], state: Growing, most: int) -> np.ndarray:
+    """The seed, its smooth neighbours of like size, theirs, and so on up to `most` facets."""
+    found, known = [seed, *near], {seed, *near}
+    limit = 50 * state.facets.areas[seed]
+    for n in found:
+        if len(found) >= most:
+            break
+        fresh = [m for m in state.neighbours[n] if m not in known and state.free[m] and state.facets.areas[m] < limit]
+        known.update(fresh)
+        found += fresh
+    return np.array(found[:most])
+
+
+def _corner_normals(facets: Facets, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distinct corners with the mean normal of the chosen facets that meet there."""
+    triangles = facets.triangles(chosen)
+    points, member = np.unique(facets.corners[triangles].reshape(-1, 3), axis=0, return_inverse=True)
+    per_corner = np.repeat(facets.normals[facets.facet_of[triangles]], 3, axis=0)
+    total = np.stack([np.bincount(member.reshape(-1), per_corner[:, i]) for i in range(3)], axis=1)
+    return points, total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300)
+
+
+def _cylinder_through(facets: Facets, pair: np.ndarray) -> Surface:
+    axis = np.cross(*facets.normals[pair])
+    axis /= np.linalg.norm(axis)
+    points = points_of(facets, pair)
+    flat = points - np.outer(points @ axis, axis)
+    middle = flat.mean(0)
+    q = flat - middle
+    # Kasa's circle in the plane across the axis; the column of ones carries the radius
+    solution = np.linalg.lstsq(np.column_stack([2 * q, np.ones(len(q))]), (q * q).sum(1), rcond=1e-9)[0]
+    center = solution[:3] - solution[:3] @ axis * axis
+    radius = float(np.sqrt(max(solution[3] + center @ center, 1e-24)))
+    return Surface("cylinder", vec(middle + center), vec(axis), (radius,))
+
+
+def _cone_through(facets: Facets, chosen: np.ndarray) -> Surface | None:
+    """The planes of a cone's facets meet in the apex, and their normals lie on a circle about the axis."""
+    if len(chosen) < 3:
+        return None
+    n, c = facets.normals[chosen], facets.centers[chosen]
+    middle = c.mean(0)
+    apex = middle + np.linalg.lstsq(n, (n * (c - middle)).sum(1), rcond=1e-6)[0]
+    spread, vectors = np.linalg.eigh(np.cov(n.T))
+    axis = vectors[:, 0]
+    if spread[1] < 1e-10:
+        return None
+    if (middle - apex) @ axis < 0:
+        axis = -axis
+    angle = float(np.arcsin(min(abs(float((n @ axis).mean())), 1.0)))
+    if not 0.01 < angle < 1.56 or np.linalg.norm(apex - middle) > 50 * facets.diagonal:
+        return None
+    return Surface("cone", vec(apex), vec(axis), (angle,))

@@ -1,0 +1,182 @@
+"""The facets of a mesh that a carrier explains, and the carrier that fits them: collected, fitted and doubted in turn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from imdim.detection.facets import Facets
+from imdim.detection.fit_surface import fit_surface
+from imdim.detection.mesh_growing import Growing, MeshSurfaceConfig, points_of
+from imdim.geometry.rotations import frame_from_axis
+from imdim.geometry.sampling import subsample
+from imdim.geometry.surface import Surface, is_spindle, normals, signed_distance, vec
+
+LEAST_STEPS = {"sphere": 2.5, "torus": 4.5}  # facets along a patch; four circles of corners may lie on a torus by mere symmetry
+
+
+def settle(guess: Surface, state: Growing) -> tuple[Surface, np.ndarray] | None:
+    """Refit on the members and collect again until nothing is added; None when there are too few facets."""
+    facets, config = state.facets, state.config
+    surface, members, loose = guess, members_of(guess, state, 5.0), 5.0
+    if len(members) < 2 or not _sane(surface, facets.diagonal):
+        return None
+    for _ in range(4):
+        points = points_of(facets, members)
+        if len(points) < 7:
+            return None
+        surface, rms = _fit_carrier(surface, subsample(points, 1500), facets, members, config)
+        if not _sane(surface, facets.diagonal) or rms > config.on_surface * facets.diagonal:
+            return None
+        grown = members_of(surface, state, 1.0)
+        if len(grown) == len(members) and loose == 1.0:
+            break
+        members, loose = grown, 1.0
+        if len(members) < 2:
+            return None
+    if not believable(surface, members, facets):
+        return None
+    return _polish(surface, facets, members, config), members
+
+
+def _fit_carrier(
+    surface: Surface, points: np.ndarray, facets: Facets, members: np.ndarray, config: MeshSurfaceConfig
+) -> tuple[Surface, float]:
+    """The carrier through corners [n, 3] of its facets, and their rms distance to it.
+
+    The normals of a cylinder's strips are exact, so they give its axis. Corners on chords lie off by the sagitta: where the plain fit
+    is not good a robust one follows those on the curve.
+    """
+    hold = ""
+    if surface.kind == "cylinder":
+        n = facets.normals[members] * np.sqrt(facets.areas[members])[:, None]
+        spread, vectors = np.linalg.eigh(n.T @ n)
+        if spread[1] > 1e-3 * spread[2]:
+            surface, hold = replace(surface, axis=vec(vectors[:, 0])), "axis"
+    tolerance = config.on_surface * facets.diagonal
+    fitted, rms = fit_surface(surface.kind, points, start=surface, iterations=12, hold=hold)
+    if rms > 0.3 * tolerance:
+        return fit_surface(surface.kind, points, start=surface, scale=0.5 * tolerance, iterations=12, hold=hold)
+    return fitted, rms
+
+
+def _polish(surface: Surface, facets: Facets, members: np.ndarray, config: MeshSurfaceConfig) -> Surface:
+    """Reweighted twice with the scale of the better half: a design's corners are exact but for those that cuts made."""
+    points = points_of(facets, members)
+    hold = "axis" if surface.kind == "cylinder" else ""
+    for _ in range(2):
+        scale = 3 * float(np.median(np.abs(signed_distance(surface, points)))) + 1e-7 * facets.diagonal
+        polished, rms = fit_surface(surface.kind, points, start=surface, scale=scale, iterations=12, hold=hold)
+        if not _sane(polished, facets.diagonal) or not rms < config.on_surface * facets.diagonal:
+            break
+        surface = polished
+    return surface
+
+
+def sagitta(surface: Surface, facets: Facets, members: np.ndarray) -> float:
+    """How far the chords leave the carrier: where a cut crosses a facet its new corners lie on the chord, not on the curve."""
+    middle = facets.corners[facets.triangles(members)].mean(1)
+    return 1.5 * float(np.abs(signed_distance(surface, middle)).max())
+
+
+def _sane(surface: Surface, diagonal: float) -> bool:
+    if surface.kind == "cone":
+        return 0.01 < surface.sizes[0] < 1.56
+    if is_spindle(surface):
+        return False
+    # a sphere or torus far larger than the part is a flat with noise; long gentle arcs are drawn with cylinders
+    largest = 6.0 if surface.kind == "cylinder" else 2.0
+    return all(1e-5 * diagonal < s < largest * diagonal for s in surface.sizes)
+
+
+def members_of(surface: Surface, state: Growing, slack: float, among: np.ndarray | None = None) -> np.ndarray:
+    """Free facets, of all or `among` some, whose every corner lies on the carrier within `slack` tolerances and whose normal follows it."""
+    facets, config = state.facets, state.config
+    triangles = np.flatnonzero(state.free[facets.facet_of]) if among is None else facets.triangles(among)
+    state.spent += len(triangles)
+    corners = facets.corners[triangles]
+    off = np.abs(signed_distance(surface, corners.reshape(-1, 3))) > slack * config.on_surface * facets.diagonal
+    good = np.logical_not(off.reshape(-1, 3).any(axis=1))
+    fine = triangles[good]
+    along = _following(surface, corners[good], facets.normals[facets.facet_of[fine]], 10 * config.on_surface * facets.diagonal)
+    good[good] = along >= np.cos(np.radians(config.follow_deg))
+    bad = np.ones(len(facets.areas), bool)
+    bad[facets.facet_of[triangles]] = False
+    bad[facets.facet_of[triangles[~good]]] = True
+    return _without_flats(surface, np.flatnonzero(~bad), fine, along, state)
+
+
+def _following(surface: Surface, corners: np.ndarray, facing: np.ndarray, blur: float) -> np.ndarray:
+    """The least cosine [t] between triangles' normals `facing` [t, 3] and the carrier's at their corners [t, 3, 3] and middles.
+
+    A disc inside a torus's topmost circle follows the torus at its corners alone. Within `blur` of a cone's apex there is no normal.
+    """
+    probes = np.concatenate([corners, corners.mean(1, keepdims=True)], axis=1)
+    along = np.abs(np.einsum("tci,ti->tc", normals(surface, probes.reshape(-1, 3)).reshape(probes.shape), facing))
+    if surface.kind == "cone":
+        along[np.linalg.norm(probes - surface.point, axis=2) < blur] = 1.0
+    return along.min(1)
+
+
+def _without_flats(surface: Surface, members: np.ndarray, fine: np.ndarray, along: np.ndarray, state: Growing) -> np.ndarray:
+    """Drop facets that span much more of the curve than is typical: the flat of a D-shaft has its corners on the shaft.
+
+    A slight span counts only where the middle leaves the carrier too: a wall between two strips lies on a cylinder that is far too wide.
+    """
+    if len(members) < 3:
+        return members
+    facets, config = state.facets, state.config
+    worst, off = np.ones(len(facets.areas)), np.zeros(len(facets.areas))
+    np.minimum.at(worst, facets.facet_of[fine], along)
+    np.maximum.at(off, facets.facet_of[fine], np.abs(signed_distance(surface, facets.corners[fine].mean(1))))
+    span = np.arccos(np.clip(worst[members], -1, 1))
+    slight = (span < np.radians(4.0)) & (off[members] < config.loose * facets.diagonal)
+    return members[(span <= config.wide_span * np.median(span)) | slight]
+
+
+def believable(surface: Surface, members: np.ndarray, facets: Facets) -> bool:
+    """Enough facets for the turn they make: two coarse strips are a chamfer, not a cylinder."""
+    least = {"cylinder": 3, "cone": 3, "sphere": 6, "torus": 8}[surface.kind]
+    if surface.kind == "cone" and surface.sizes[0] > 1.35:
+        least = 8  # nearly flat
+    if len(members) < least:
+        return False
+    if surface.kind in LEAST_STEPS and _least_steps(surface, members, facets) < LEAST_STEPS[surface.kind]:
+        return False
+    n = facets.normals[members]
+    turn = np.arccos(np.clip((n @ n.T).min() if len(n) < 800 else -1.0, -1, 1))
+    return turn > np.radians(4.0)
+
+
+def _least_steps(surface: Surface, members: np.ndarray, facets: Facets) -> float:
+    """How many facets long a sphere's patch is along its pole, or a torus's along and about its axis, whichever is less.
+
+    Two circles of corners lie on many spheres and tori, and mean a cone; strips that are one facet long mean a cylinder.
+    """
+    corners = facets.corners[facets.triangles(members)]
+    direction = normals(surface, corners.reshape(-1, 3)).reshape(-1, 3, 3)
+    axis = np.asarray(surface.axis)
+    if surface.kind == "sphere":
+        flat = direction.reshape(-1, 3)
+        # the axis of a band, the pole of a cap
+        axis = np.linalg.eigh(np.cov(flat.T))[1][:, 0]
+        return _turns(np.arcsin(np.clip(direction @ axis, -1, 1)))
+    frame = frame_from_axis(axis)
+    local = (corners - surface.point) @ frame
+    around = np.arctan2(local[..., 1], local[..., 0])
+    radial = np.cos(around)[..., None] * frame[:, 0] + np.sin(around)[..., None] * frame[:, 1]
+    along = np.arctan2(direction @ frame[:, 2], (direction * radial).sum(2))
+    return min(_turns(along), _turns(around))
+
+
+def _turns(angles: np.ndarray) -> float:
+    """Angle that triangles with corners at `angles` [t, 3] cover together, over the median range of one."""
+    middle = np.arctan2(np.sin(angles).mean(), np.cos(angles).mean())
+    centered = (angles - middle + np.pi) % (2 * np.pi)
+    low, high = centered.min(1), centered.max(1)
+    whole = np.flatnonzero(high - low < np.pi)  # the others lie across the cut
+    order = whole[np.argsort(low[whole], kind="stable")]
+    reach = np.concatenate([[-np.inf], np.maximum.accumulate(high[order])])
+    covered = np.maximum(high[order] - np.maximum(low[order], reach[:-1]), 0).sum()
+    return float(covered) / max(float(np.median(high - low)), 1e-9)

@@ -1,0 +1,108 @@
+"""Carrier surfaces of a triangle mesh by hypothesis and growing over its flat facets.
+
+A tessellated CAD face has its vertices on the true surface, so the test is strict: a facet belongs to a carrier when all its corners
+lie on it and its normal follows the carrier's. Hypotheses come from a seed facet with its smooth neighbours (two strips fix a
+cylinder, three facets a cone, a ring of facets a sphere or torus); the kind that explains the largest area wins. A sphere's
+band of latitude is also an exact cone: area decides that too. What no curved carrier explains is flat.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import trimesh
+
+from imdim.detection.facets import Facets, facets_of
+from imdim.detection.mesh_growing import Growing, MeshSurfaceConfig, points_of
+from imdim.detection.mesh_hypotheses import hypotheses, ring_of
+from imdim.detection.mesh_support import members_of, sagitta, settle
+from imdim.geometry.surface import Patch, Surface, normals, vec
+
+
+def detect_patches(mesh: trimesh.Trimesh, config: MeshSurfaceConfig | None = None) -> list[Patch]:
+    """Carriers with their visible pieces, curved ones first, each kind by falling area."""
+    config = config or MeshSurfaceConfig()
+    facets = facets_of(mesh)
+    curved, free = _find_curved(facets, np.ones(len(facets.areas), bool), config)
+    # corners where two tessellations cut each other lie on chords: what the strict pass leaves gets a second one
+    more, free = _find_curved(facets, free, replace(config, on_surface=config.loose, max_failures=config.max_failures // 3))
+    return sorted(curved + more, key=lambda p: -p.area) + _planes(facets, free, config)
+
+
+def _find_curved(facets: Facets, free: np.ndarray, config: MeshSurfaceConfig) -> tuple[list[Patch], np.ndarray]:
+    """Curved patches among the `free` facets [u], and the facets that stay free."""
+    smooth = (facets.angles > 1e-3) & (facets.angles < np.radians(config.smooth_deg))
+    neighbours: list[list[int]] = [[] for _ in facets.areas]
+    for a, b in facets.edges[smooth]:
+        neighbours[a].append(int(b))
+        neighbours[b].append(int(a))
+    state = Growing(facets, free.copy(), neighbours, config)
+    patches, failures = [], 0
+    for seed in np.argsort(-facets.areas, kind="stable"):
+        if not state.free[seed] or len(neighbours[seed]) == 0:
+            continue
+        found = _grow_from(int(seed), state)
+        if found is None:
+            failures += 1
+            if failures >= config.max_failures or state.spent > config.most_work:
+                break
+            continue
+        surface, members = found
+        slack = 1.0 + sagitta(surface, facets, members) / (config.on_surface * facets.diagonal)
+        members = np.union1d(members, members_of(surface, state, slack))
+        state.free[members] = False
+        patches.append(_patch(surface, facets, members))
+    return patches, state.free
+
+
+def _grow_from(seed: int, state: Growing) -> tuple[Surface, np.ndarray] | None:
+    """The carrier through a seed facet that explains the largest area, with its facets."""
+    best: tuple[float, Surface, np.ndarray] | None = None
+    around = ring_of(seed, state.neighbours[seed], state, 12)
+    for preference, guess in hypotheses(seed, state):
+        # most guesses fail where they were made, which is far cheaper to see than over the whole mesh
+        if len(members_of(guess, state, 5.0, around)) < 2:
+            continue
+        found = settle(guess, state)
+        if found is None or seed not in found[1]:
+            continue
+        area = float(state.facets.areas[found[1]].sum()) * preference
+        if best is None or area > best[0]:
+            best = (area, *found)
+    return best[1:] if best else None
+
+
+def _patch(surface: Surface, facets: Facets, members: np.ndarray) -> Patch:
+    points = points_of(facets, members)
+    facing = (normals(surface, facets.centers[members]) * facets.normals[members]).sum(1) * facets.areas[members]
+    return Patch(surface, points, float(facets.areas[members].sum()), 1 if facing.sum() > 0 else -1)
+
+
+def _planes(facets: Facets, free: np.ndarray, config: MeshSurfaceConfig) -> list[Patch]:
+    """Free facets collected into planes, largest first; the larger facet's plane stands for all that lie in it."""
+    order = [i for i in np.argsort(-facets.areas, kind="stable") if free[i] and facets.areas[i] > config.least_plane * facets.diagonal**2]
+    normal, at = np.empty((len(order), 3)), np.empty(len(order))
+    groups: list[list[int]] = []
+    count, cosine = 0, np.cos(np.radians(config.same_plane_deg))
+    for i in order:
+        n, c = facets.normals[i], facets.centers[i]
+        side = normal[:count] @ n
+        same = np.flatnonzero((np.abs(side) > cosine) & (np.abs(normal[:count] @ c - at[:count]) < config.on_surface * facets.diagonal))
+        if len(same):
+            groups[same[0]].append(int(i))
+        elif count < 4 * config.max_planes:
+            normal[count], at[count] = n, n @ c
+            groups.append([int(i)])
+            count += 1
+    patches = [_plane_patch(facets, np.array(g)) for g in groups]
+    return sorted(patches, key=lambda p: -p.area)[: config.max_planes]
+
+
+def _plane_patch(facets: Facets, members: np.ndarray) -> Patch:
+    largest = members[0]
+    n = facets.normals[largest]
+    sides = facets.normals[members] @ n
+    outward = 1 if (sides > 0).all() else 0
+    surface = Surface("plane", vec(facets.centers[largest]), vec(n))
+    return Patch(surface, points_of(facets, members), float(facets.areas[members].sum()), outward)

@@ -1,0 +1,181 @@
+"""Relations that a designer meant: parallel, perpendicular, coaxial, flush, of equal radius, made exact where the points allow it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from imdim.detection.fit_surface import MIN_POINTS, fit_surface
+from imdim.geometry.sampling import subsample
+from imdim.geometry.surface import Patch, Surface, is_spindle, signed_distance, vec
+
+_MAX_ANGLE_DEG = 4.0  # relations are looked for up to this angle; the points decide
+
+
+def regularise(patches: list[Patch], tolerance: float) -> list[Patch]:
+    """The patches in the same order on carriers with exact relations; carriers that become one are equal values.
+
+    A carrier changes only if the root mean square distance of its patch's points then is at most sqrt(old^2 + tolerance^2);
+    `tolerance` is in the points' units. Directions first (coordinate axes are preferred, then the directions of larger
+    patches and those across them), then axes and centres, offsets of planes, radii. `outward` keeps its meaning.
+    """
+    work = [_Item(p, tolerance) for p in patches]
+    firm = sorted(work, key=lambda item: -item.firmness)
+    _align(firm)
+    _share_axes(firm)
+    _share_centers(firm)
+    _share_planes(firm, tolerance)
+    _share_radii(firm, tolerance)
+    return [item.patch() for item in work]
+
+
+@dataclass
+class _Item:
+    """A patch while its carrier is being changed."""
+
+    original: Patch
+    tolerance: float
+
+    def __post_init__(self) -> None:
+        self.surface = self.original.surface
+        points = np.asarray(self.original.points, float)
+        self.points = subsample(points, 400)
+        self.limit = math.hypot(self.rms(self.surface), self.tolerance)
+        centered = self.points - self.points.mean(0)
+        spread = np.sqrt(np.maximum(np.linalg.eigvalsh(centered.T @ centered / max(len(points), 1)), 0.0))
+        # a plane turns about its long side, an axis about the patch's length
+        self.firmness = float(spread[1] if self.surface.kind == "plane" else 0.5 * spread[2])
+
+    @property
+    def axis(self) -> np.ndarray:
+        return np.asarray(self.surface.axis)
+
+    def rms(self, surface: Surface) -> float:
+        return float(np.sqrt((signed_distance(surface, self.points) ** 2).mean()))
+
+    def take(self, surface: Surface) -> bool:
+        """Change to `surface` if the points allow it, and if it is one that a primitive can have."""
+        if is_spindle(surface) or self.rms(surface) > self.limit:
+            return False
+        self.surface = surface
+        return True
+
+    def refit(self, start: Surface, hold: str) -> bool:
+        if len(self.points) < MIN_POINTS[start.kind]:
+            return self.take(start)
+        return self.take(fit_surface(start.kind, self.points, start=start, hold=hold)[0])
+
+    def patch(self) -> Patch:
+        outward = self.original.outward
+        if self.surface.kind == "plane" and np.dot(self.surface.axis, self.original.surface.axis) < 0:
+            outward = -outward
+        return replace(self.original, surface=self.surface, outward=outward)
+
+
+def _align(firm: list[_Item]) -> None:
+    known: list[np.ndarray] = [np.eye(3)[i] for i in (2, 1, 0)]
+    for item in firm:
+        if item.surface.kind == "sphere":
+            continue
+        turned = any(_turn(item, d) for d in _candidates(item.axis, known))
+        if not turned or all(abs(item.axis @ d) < 1 - 1e-12 for d in known):
+            known.append(item.axis)
+
+
+def _candidates(axis: np.ndarray, known: list[np.ndarray]) -> Iterable[np.ndarray]:
+    """Directions near `axis`: known ones, those across two known ones, and its own part across one known."""
+    least = math.cos(math.radians(_MAX_ANGLE_DEG))
+    for d in known:
+        if abs(axis @ d) > least:
+            yield d
+    across = [np.cross(a, b) for i, a in enumerate(known) for b in known[:i] if i > 2 and abs(a @ b) < 1e-9]
+    for d in across:
+        if abs(axis @ d) > least:
+            yield d
+    for d in known:
+        if abs(axis @ d) < math.sin(math.radians(_MAX_ANGLE_DEG)):
+            flat = axis - (axis @ d) * d
+            yield flat / np.linalg.norm(flat)
+
+
+def _turn(item: _Item, direction: np.ndarray) -> bool:
+    direction = direction if direction @ item.axis > 0 else -direction
+    if abs(direction @ item.axis) > 1 - 1e-15:
+        return True
+    # turn about the patch, not about a far point of the carrier
+    middle = item.points.mean(0)
+    point = np.asarray(item.surface.point)
+    if item.surface.kind == "cylinder":
+        point = point + ((middle - point) @ item.axis) * item.axis
+    return item.refit(replace(item.surface, axis=vec(direction), point=vec(point)), "axis")
+
+
+def _share_axes(firm: list[_Item]) -> None:
+    """Axes of revolution that are parallel and near become one line; centres of spheres near a line move onto it."""
+    lines: list[tuple[np.ndarray, np.ndarray]] = []
+    for item in firm:
+        if item.surface.kind not in ("cylinder", "cone", "torus"):
+            continue
+        if not any(_onto_line(item, point, axis) for point, axis in lines):
+            lines.append((np.asarray(item.surface.point), item.axis))
+    for item in firm:
+        if item.surface.kind == "sphere":
+            for point, axis in lines:
+                if _center_to(item, point + ((np.asarray(item.surface.point) - point) @ axis) * axis):
+                    break
+
+
+def _onto_line(item: _Item, point: np.ndarray, axis: np.ndarray) -> bool:
+    if abs(axis @ item.axis) < 1 - 1e-12:
+        return False
+    gap = np.asarray(item.surface.point) - point
+    foot = point + (gap @ axis) * axis
+    if np.linalg.norm(np.asarray(item.surface.point) - foot) > 20 * item.limit:
+        return False
+    return item.refit(replace(item.surface, point=vec(foot)), "line")
+
+
+def _center_to(item: _Item, center: np.ndarray) -> bool:
+    if np.linalg.norm(center - np.asarray(item.surface.point)) > 20 * item.limit:
+        return False
+    radius = float(np.linalg.norm(item.points - center, axis=1).mean())
+    return item.take(replace(item.surface, point=vec(center), sizes=(radius,)))
+
+
+def _share_centers(firm: list[_Item]) -> None:
+    centers: list[np.ndarray] = []
+    for item in firm:
+        if item.surface.kind == "sphere" and not any(_center_to(item, c) for c in centers):
+            centers.append(np.asarray(item.surface.point))
+
+
+def _share_planes(firm: list[_Item], tolerance: float) -> None:
+    """Parallel planes at the same height become the firmest of them."""
+    heads: list[_Item] = []
+    for item in firm:
+        if item.surface.kind != "plane":
+            continue
+        for head in heads:
+            if abs(head.axis @ item.axis) < 1 - 1e-12:
+                continue
+            gap = abs((np.asarray(item.surface.point) - np.asarray(head.surface.point)) @ head.axis)
+            if gap < 2 * tolerance and item.take(head.surface):
+                break
+        else:
+            heads.append(item)
+
+
+def _share_radii(firm: list[_Item], tolerance: float) -> None:
+    heads: list[_Item] = []
+    for item in firm:
+        if item.surface.kind not in ("cylinder", "sphere"):
+            continue
+        for head in heads:
+            near = head.surface.kind == item.surface.kind and abs(head.surface.sizes[0] - item.surface.sizes[0]) < tolerance
+            if near and item.take(replace(item.surface, sizes=head.surface.sizes)):
+                break
+        else:
+            heads.append(item)

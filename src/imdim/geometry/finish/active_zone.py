@@ -1,0 +1,121 @@
+"""Whether a program's solid inside a small region depends on one of its primitives.
+
+A few points of the region are asked first: where one of them shows that the primitive matters, no boolean need. Otherwise exact booleans
+in the region decide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from manifold3d import Manifold
+
+from imdim.geometry import kernels
+from imdim.geometry.finish.posed import INSCRIBED, PosedPrimitive, apart, diagonal, holds
+from imdim.geometry.lowering import Lowered, postfix
+from imdim.geometry.solid import exact_rotation
+from imdim.program.tree import KINDS, Op, Primitive, Program, fold
+
+NOTHING = 1e-6  # fraction of a region's volume that counts as unchanged
+PROBES = 64  # points of a region that are asked first
+
+
+def matters(program: Program, placed: list[PosedPrimitive], index: int, region: Primitive) -> bool:
+    """Whether the program's solid inside `region`, a part of primitive `index` or its prolongation, depends on that primitive."""
+    return _shows_at_probes(program, placed, index, region) or _decides(program, placed, index, PosedPrimitive(region))
+
+
+def _shows_at_probes(program: Program, placed: list[PosedPrimitive], index: int, region: Primitive) -> bool:
+    """Whether a point of the region shows it, by the primitives' true surfaces and by those that their polyhedra have at least."""
+    points, code, size = _probes(region), postfix(program), diagonal(placed)
+    kinds = np.array([KINDS.index(part.leaf.kind) for part in placed])
+    kinds[index] = KINDS.index("sphere")
+    centers = np.array([part.leaf.center for part in placed])
+    rotations = np.stack([part.rotation for part in placed])
+    shows = np.ones(len(points), bool)
+    for sizes in (np.stack([part.sizes[k] for part in placed]) for k in (0, 1)):
+        # a ball that holds everything in the primitive's place, and one that holds nothing
+        both = []
+        for radius in (4 * size, 1e-9 * size):
+            sizes[index], centers[index] = radius, points[0] + (0.0 if radius > size else 2 * size)
+            both.append(kernels.inside(Lowered(code, kinds, sizes, centers, rotations), points))
+        shows &= both[0] != both[1]
+    return bool(shows.any())
+
+
+def _probes(region: Primitive) -> np.ndarray:
+    """Points [PROBES, 3] strewn evenly over a box, cylinder or cone, away from its rim (after Roberts 2018)."""
+    u = (np.arange(1, PROBES + 1)[:, None] * np.array([0.8191725134, 0.6710436067, 0.5497004779])) % 1.0
+    if region.kind == "box":
+        local = (u - 0.5) * region.size
+    else:
+        bottom, top = region.size[0], region.size[-2]
+        rho = INSCRIBED * np.sqrt(u[:, 0]) * (bottom + (top - bottom) * u[:, 2])
+        turn = 2 * np.pi * u[:, 1]
+        local = np.column_stack([rho * np.cos(turn), rho * np.sin(turn), (u[:, 2] - 0.5) * region.size[-1]])
+    return local @ exact_rotation(region).T + region.center
+
+
+@dataclass(frozen=True)
+class _Open:
+    """A part of the program that holds the primitive asked about, which still decides the solid in `where`."""
+
+    where: _Local
+
+
+def _decides(program: Program, placed: list[PosedPrimitive], index: int, region: PosedPrimitive) -> bool:
+    """`matters` by exact booleans: what is left of the region after each operation above the primitive."""
+    plain: Mapping[Op, Callable[[_Local, _Local], _Local]] = {
+        "union": _union,
+        "intersection": _intersection,
+        "difference": lambda keep, cut: _difference(keep, cut, region.solid),
+    }
+
+    def combined(op: Op, a: Any, b: Any) -> _Local | _Open:
+        if isinstance(a, _Open):
+            return _Open(plain["intersection" if op == "intersection" else "difference"](a.where, b))
+        if isinstance(b, _Open):
+            return _Open(plain["difference" if op == "union" else "intersection"](b.where, a))
+        return plain[op](a, b)
+
+    values = [_Open(True) if i == index else _restrict(part, region) for i, part in enumerate(placed)]
+    root = fold(program, lambda i, _: values[i], {op: partial(combined, op) for op in plain})
+    left = root.where if isinstance(root, _Open) else root
+    return left if isinstance(left, bool) else left.volume() > NOTHING * region.solid.volume()
+
+
+# A part of the program inside one small region: everywhere (True), nowhere (False), or a solid inside it.
+_Local = bool | Manifold
+
+
+def _restrict(part: PosedPrimitive, region: PosedPrimitive) -> _Local:
+    if apart(part, region):
+        return False
+    if holds(part, region):
+        return True
+    # booleans are put off until somebody asks for their volume
+    return part.solid ^ region.solid
+
+
+def _union(a: _Local, b: _Local) -> _Local:
+    if isinstance(a, bool):
+        return True if a else b
+    return (True if b else a) if isinstance(b, bool) else a + b
+
+
+def _intersection(a: _Local, b: _Local) -> _Local:
+    if isinstance(a, bool):
+        return b if a else False
+    return (a if b else False) if isinstance(b, bool) else a ^ b
+
+
+def _difference(keep: _Local, cut: _Local, region: Manifold) -> _Local:
+    if isinstance(cut, bool):
+        return False if cut else keep
+    if isinstance(keep, bool):
+        return region - cut if keep else False
+    return keep - cut

@@ -1,0 +1,69 @@
+"""Let cutters overshoot: a program with the same solid, without faces that only just meet.
+
+Where a subtracted primitive ends exactly at a face of what it cuts, rounding leaves a skin of no thickness. Modellers therefore let the
+cutter stick out, and let joined parts sink into each other. Here every planar face of a primitive is moved outward if two things hold:
+
+- the primitive matters right up to that face: just inside it, the program's solid changes when the primitive is taken away;
+- it does not matter beyond it: from a skin's thickness outward, the solid is the same with and without it.
+
+Both are decided in the thin region concerned (see `dependence`), so the solid stays the same up to skins and gaps thinner than `SKIN`.
+Copies of one part stay alike: a face of all of them moves if one of them has to and all of them may, one beside the other.
+"""
+
+from __future__ import annotations
+
+import math
+
+from imdim.deadline import NEVER, Deadline
+from imdim.geometry.finish.active_zone import matters
+from imdim.geometry.finish.extend import Face, apex, between, beyond, flip_face, length, plane_faces, within
+from imdim.geometry.finish.posed import PosedPrimitive, diagonal
+from imdim.program.repeats import Folded, copies_of
+from imdim.program.roles import signs
+from imdim.program.tree import Program, leaves, map_leaves
+
+SKIN = 1e-4  # fraction of the diagonal: what is thinner is no feature
+REACH = 2e-2  # fraction of the diagonal: the overshoot is the power of ten below it
+
+
+def overshoot(program: Program, folded: Folded | None = None, reach: float | None = None, deadline: Deadline = NEVER) -> Program:
+    """The same solid with cutters that stick out of what they cut, and joined parts that sink into each other.
+
+    `folded`, which `program` is the expansion of, says which leaves are copies. Cutters go first, and what already sticks out stays.
+    Overshoots are `reach`, else halves of it; by default round numbers: a power of ten, at most REACH of the diagonal.
+    Past the `deadline` (by default never) the other faces stay where they are.
+    """
+    placed = [PosedPrimitive(leaf) for leaf in leaves(program)]
+    sign = signs(program)
+    size = diagonal([part for part, s in zip(placed, sign, strict=True) if s > 0])
+    rounded = [10.0 ** (math.floor(math.log10(REACH * size)) - k) for k in range(2)]
+    steps = rounded if reach is None else [reach / 2**k for k in range(3)]
+    copies = {i: [(i, False)] for i in range(len(placed))} if folded is None else copies_of(folded)
+    for index in sorted(copies, key=lambda i: sign[i]):
+        for face in () if deadline.has_passed() else plane_faces(placed[index].leaf):
+            faces = [(i, flip_face(face) if mirrored else face) for i, mirrored in copies[index]]
+            extended = (_extend(program, placed, faces, step, SKIN * size) for step in steps)
+            placed = next((parts for parts in extended if parts is not None), placed)
+    return map_leaves(program, lambda i, _: placed[i].leaf)
+
+
+def _extend(
+    program: Program, placed: list[PosedPrimitive], faces: list[tuple[int, Face]], step: float, skin: float
+) -> list[PosedPrimitive] | None:
+    """The primitives with a face of each copy further out by `step`, if one ends within `skin` of where it stops to matter.
+
+    None if a copy matters from there to `step`, beside those before it that reach there already: copies that end at one place may each
+    leave it to the others, but not all of them.
+    """
+    index, face = faces[0]
+    leaf, parts = placed[index].leaf, list(placed)
+    skin = min(skin, length(leaf, face) / 8)
+    high = min(step, apex(leaf, face))
+    if high <= 2 * skin:
+        return None
+    for i, own in faces:
+        leaf = parts[i].leaf
+        if matters(program, parts, i, beyond(leaf, own, skin, high)):
+            return None
+        parts[i] = PosedPrimitive(between(leaf, own, -length(leaf, own), step))
+    return parts if any(matters(program, placed, i, within(placed[i].leaf, own, skin)) for i, own in faces) else None

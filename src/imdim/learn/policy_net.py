@@ -1,0 +1,270 @@
+"""The better design: a policy that writes, executes and looks.
+
+Against `seed`: it reads profiles of target and current cloud along the axes of the target's box instead of one vector each; the state is
+the executed one, so one step is one sample and undone steps leave no trace; and each primitive is a short sequence of choices, every one
+conditioned on those before, so that the distribution over primitives has as many modes as the shape has next steps. The places of its
+ends are pointed at, and the profile along the next axis is taken anew over the points within the ends already chosen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from imdim.data.canonical import canonical_primitives
+from imdim.data.solids import ABSENT, CYLINDER, PAD, Solids, from_sequences
+from imdim.data.synthesize import TrainingSamples
+from imdim.learn.attention import Layer, causal
+from imdim.learn.codes import BINS, ENDS, FIRST, NUMBERS, PLACES, STEPS, TURNS, Choices, decode, encode, numbers_of, ruler, to_bins
+from imdim.learn.draft import Draft, StateView
+from imdim.learn.pointer import Pointer
+from imdim.learn.policy import VOCAB, Move, Policy, choose_tokens, draw_index, token_log_p
+from imdim.learn.profile import COUNTS, SlabTokens, histograms, look
+from imdim.learn.regression import Regression
+from imdim.learn.rotations import ROTATION_CODES
+
+HEAD = 3  # slots before the ends: token, sign, turn
+SLOTS = HEAD + ENDS + NUMBERS
+MARGIN = 0.6 / STEPS  # points this far outside of the ends chosen still count as within
+
+
+@dataclass
+class BaseConfig:
+    """`gt_points` and `cur_points` are how many points of each cloud are used, `point_width` how many features a point has.
+
+    The switches take a design change back, to measure what it is worth: `feedback` sees the written solid, `pointing` scores marks by what
+    is there, `within` looks only at points within the ends chosen so far. Without `local` there is one max-pooled vector of each cloud and
+    nothing to point at; without `distributions` ends and numbers are regressed; `rotation` is a key of ROTATION_CODES. What is not
+    `canonical` writes as it was taught, which is for samples without `canonical_numbers`.
+    """
+
+    d_model: int = 128
+    encoder_layers: int = 3
+    decoder_layers: int = 2
+    heads: int = 4
+    gt_points: int = 1024
+    cur_points: int = 256
+    point_width: int = 48
+    offset_weight: float = 4.0
+    feedback: bool = True
+    pointing: bool = True
+    within: bool = True
+    local: bool = True
+    distributions: bool = True
+    rotation: str = "columns"
+    canonical: bool = True
+
+
+class BasePolicy(Policy):
+    def __init__(self, config: BaseConfig, max_seq_len: int) -> None:
+        """Raises ValueError for a rotation code that is none."""
+        super().__init__()
+        if config.rotation not in ROTATION_CODES:
+            raise ValueError(f"unknown rotation code {config.rotation!r}; known are {', '.join(ROTATION_CODES)}")
+        self.config, self.max_seq_len = config, max_seq_len
+        d = config.d_model
+        self.slabs = SlabTokens(d, config.point_width, config.local)
+        self.history = nn.Linear(ENDS + NUMBERS + TURNS + VOCAB + 1, d)
+        self.order = nn.Parameter(0.02 * torch.randn(max_seq_len, d))
+        self.encoder = nn.ModuleList(Layer(d, config.heads) for _ in range(config.encoder_layers))
+        self.decoder = nn.ModuleList(Layer(d, config.heads, cross=True) for _ in range(config.decoder_layers))
+        self.encoded, self.decoded = nn.LayerNorm(d), nn.LayerNorm(d)
+        self.slot = nn.Parameter(0.02 * torch.randn(SLOTS, d))
+        self.token_embed, self.sign_embed, self.turn_embed = (nn.Embedding(n, d) for n in (VOCAB, 2, TURNS))
+        self.place_embed, self.bin_embed = nn.Embedding(PLACES, d), nn.Embedding(BINS * NUMBERS, d)
+        self.glance = nn.Linear((STEPS + 1) * (COUNTS + 1), d)
+        self.to_token, self.to_sign, self.to_turn = (nn.Linear(d, n) for n in (VOCAB, 2, TURNS))
+        self.pointer = Pointer(d, config.pointing and config.local)
+        self.to_bins = nn.Parameter(torch.randn(NUMBERS, d, BINS) * d**-0.5)
+        self.to_shifts = nn.Parameter(torch.randn(NUMBERS, d, BINS) * 0.01)
+        self.regression = None if config.distributions else Regression(d)
+
+    def losses(self, batch: TrainingSamples) -> dict[str, Tensor]:
+        """Cross-entropies (nats) of the step after the prefix that `cur_points` shows; `ends` and `numbers` are sums over a primitive's."""
+        rows = torch.arange(len(batch.steps), device=batch.steps.device)
+        column = torch.arange(batch.gt_tokens.shape[1], device=rows.device)
+        written = from_sequences(torch.where(column < batch.steps[:, None], batch.gt_tokens, PAD), batch.gt_params)
+        tokens = batch.gt_tokens[rows, batch.steps]
+        adds = (tokens <= CYLINDER).float()
+        part = from_sequences(tokens[:, None].clamp_max(CYLINDER), batch.gt_params[rows, batch.steps][:, None])
+        view = self._view(batch.gt_points, batch.cur_points, written)
+        draft = Draft(tokens, part.positive[:, 0].long(), encode(part, view.low, view.edges, self.config.rotation), [])
+        log_p, shift, logits = self._log_p(view, draft)
+        count = adds.sum().clamp_min(1)
+        parts = {name: -(value * adds).sum() / count for name, value in log_p.items() if name != "token"}
+        parts["token"], parts["shift"] = -log_p["token"].mean(), (shift * adds).sum() / count
+        loss = sum(value * (self.config.offset_weight if name == "shift" else 1.0) for name, value in parts.items())
+        accuracy = (logits.argmax(-1) == tokens).float().mean()
+        return {"loss": torch.as_tensor(loss), **parts, "token_accuracy": accuracy}
+
+    def propose(
+        self,
+        gt_points: Tensor,
+        cur_points: Tensor,
+        solids: Solids,
+        generator: torch.Generator | None = None,
+        may_undo: Tensor | None = None,
+        ways: int = 1,
+    ) -> Move:
+        view = self._view(gt_points, cur_points, solids).repeat(ways)
+        b, device = len(gt_points) * ways, gt_points.device
+        lengths = solids.lengths.repeat_interleave(ways)
+        may_undo = None if may_undo is None else may_undo.repeat_interleave(ways)
+        zeros = torch.zeros(b, SLOTS, dtype=torch.long, device=device)
+        choices = Choices(zeros[:, 0], zeros[:, :ENDS].clone(), zeros[:, :NUMBERS].clone(), torch.zeros(b, ENDS + NUMBERS, device=device))
+        draft = Draft(zeros[:, 0], zeros[:, 0], choices, [])
+        draft.tokens, log_p = choose_tokens(self._logits(view, draft), lengths, self.max_seq_len - 1, generator, may_undo)
+        adds = (draft.tokens <= CYLINDER).float()
+        first = torch.tensor([-torch.inf, 0.0], device=device)
+        sign = torch.where((lengths == 0)[:, None], first, self.to_sign(self._encode_slots(view, draft, 2)[:, 1]))
+        draft.sign, log_sign = draw_index(sign, generator)
+        turn, log_turn = draw_index(self.to_turn(self._encode_slots(view, draft, 3)[:, 2]), generator)
+        draft.choices = Choices(turn, choices.places, choices.bins, choices.offsets)
+        log_p = log_p + (log_sign + log_turn) * adds
+        for end in range(ENDS):
+            log_p = log_p + self._draw_end(view, draft, end, generator) * adds
+        used = draft.choices.mask_used_bins(draft.tokens, self.config.rotation) & (adds > 0)[:, None]
+        free = used.any(1).nonzero()[:, 0]
+        if len(free):
+            log_p = log_p.index_add(0, free, self._draw_numbers(view, draft, free, generator))
+        part = decode(draft.tokens.clamp_max(CYLINDER), draft.sign.bool(), draft.choices, view.low, view.edges, self.config.rotation)
+        return Move(draft.tokens, canonical_primitives(part) if self.config.canonical else part, log_p, draft.draws())
+
+    def log_prob(self, gt_points: Tensor, cur_points: Tensor, solids: Solids, move: Move, may_undo: Tensor | None = None) -> Tensor:
+        """Of a move that `propose` drew: several draws make one primitive, so it is asked for the draws."""
+        if move.draws is None:
+            raise ValueError("a move of this policy's own is needed: the primitive does not tell what was drawn")
+        ways = len(move.tokens) // len(gt_points)
+        view, draft = self._view(gt_points, cur_points, solids).repeat(ways), Draft.of(move.tokens, move.draws)
+        log_p, _, logits = self._log_p(view, draft)
+        lengths = solids.lengths.repeat_interleave(ways)
+        may_undo = None if may_undo is None else may_undo.repeat_interleave(ways)
+        token = token_log_p(logits, move.tokens, lengths, self.max_seq_len - 1, may_undo)
+        # the first primitive is positive without a choice
+        primitive = log_p["sign"] * (lengths > 0) + log_p["turn"] + log_p["ends"] + log_p["numbers"]
+        return token + primitive * (move.tokens <= CYLINDER)
+
+    def _draw_end(self, view: StateView, draft: Draft, end: int, generator: torch.Generator | None) -> Tensor:
+        """Choose one end in place; its log p [b]."""
+        hidden = self._encode_slots(view, draft, HEAD + end + 1)[:, -1]
+        if self.regression is not None:
+            draft.choices.places[:, end], draft.choices.offsets[:, end] = self.regression.place(hidden, end)
+            return torch.zeros_like(hidden[:, 0])
+        keys = self._keys(view, draft, end)
+        place, log_p = draw_index(self.pointer.scores(hidden, keys), generator)
+        draft.choices.places[:, end] = place
+        draft.choices.offsets[:, end] = self.pointer.offset(hidden, keys, place)
+        return log_p
+
+    def _draw_numbers(self, view: StateView, draft: Draft, rows: Tensor, generator: torch.Generator | None) -> Tensor:
+        """Choose the numbers of the free rotations of `rows` in place; their log p [rows]."""
+        view, part = view.only(rows), draft.only(rows)
+        code, log_p = ROTATION_CODES[self.config.rotation], torch.zeros(len(rows), device=rows.device)
+        used = part.choices.mask_used_bins(part.tokens, self.config.rotation)
+        for slot in range(NUMBERS):
+            if slot == 3:
+                # what a cylinder's x axis is in the data, it is here
+                implied, _ = to_bins(code.implied(part.choices.values()[:, ENDS : ENDS + 3]))
+                part.choices.bins[:, 3:6] = torch.where(used[:, 3:6], 0, implied)
+            index, shift, log_index = self._draw_bin(self._encode_slots(view, part, HEAD + ENDS + slot + 1)[:, -1], slot, generator)
+            part.choices.bins[:, slot] = torch.where(used[:, slot], index, part.choices.bins[:, slot])
+            part.choices.offsets[:, ENDS + slot] = shift
+            log_p = log_p + log_index * used[:, slot]
+        draft.choices.bins[rows], draft.choices.offsets[rows] = part.choices.bins, part.choices.offsets
+        return log_p
+
+    def _draw_bin(self, hidden: Tensor, slot: int, generator: torch.Generator | None) -> tuple[Tensor, Tensor, Tensor]:
+        """Bin, offset and log p [b] of one number."""
+        if self.regression is not None:
+            return *self.regression.bin(hidden, slot), torch.zeros_like(hidden[:, 0])
+        index, log_p = draw_index(hidden @ self.to_bins[slot], generator)
+        return index, (hidden @ self.to_shifts[slot]).gather(1, index[:, None])[:, 0].clamp(-0.5, 0.5), log_p
+
+    def _logits(self, view: StateView, draft: Draft) -> Tensor:
+        return self.to_token(self._encode_slots(view, draft, 1)[:, 0])
+
+    def _log_p(self, view: StateView, draft: Draft) -> tuple[dict[str, Tensor], Tensor, Tensor]:
+        """Log p [b] of each group of a whole draft's choices, the squared errors [b] of its offsets, in steps, and the token's logits."""
+        choices, rows = draft.choices, torch.arange(len(draft.tokens), device=draft.tokens.device)
+        hidden = self._encode_slots(view, draft, SLOTS)
+        used = choices.mask_used_bins(draft.tokens, self.config.rotation)
+        if self.regression is not None:
+            shift = self.regression.errors(hidden[:, HEAD:], choices, used)
+            ends = numbers = torch.zeros_like(shift)
+        else:
+            ends, numbers, shift = self._choice_losses(view, draft, hidden, used)
+        logits = [head(hidden[:, i]) for i, head in enumerate((self.to_token, self.to_sign, self.to_turn))]
+        chosen = (draft.tokens, draft.sign, choices.turn)
+        token, sign, turn = (scores.log_softmax(-1)[rows, value] for scores, value in zip(logits, chosen, strict=True))
+        return {"token": token, "sign": sign, "turn": turn, "ends": ends, "numbers": numbers}, shift, logits[0]
+
+    def _choice_losses(self, view: StateView, draft: Draft, hidden: Tensor, used: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Log p [b] of the ends and of the `used` numbers, and the squared errors [b] of their offsets."""
+        choices, rows = draft.choices, torch.arange(len(draft.tokens), device=draft.tokens.device)
+        ends, shift = torch.zeros_like(view.low[:, 0]), torch.zeros_like(view.low[:, 0])
+        for end in range(ENDS):
+            at, keys, place = hidden[:, HEAD + end], self._keys(view, draft, end), choices.places[:, end]
+            ends = ends + self.pointer.scores(at, keys).log_softmax(-1)[rows, place]
+            shift = shift + (self.pointer.offset(at, keys, place) - choices.offsets[:, end]).square()
+        bins = torch.einsum("bsd,sdk->bsk", hidden[:, HEAD + ENDS :], self.to_bins).log_softmax(-1)
+        shifts = torch.einsum("bsd,sdk->bsk", hidden[:, HEAD + ENDS :], self.to_shifts)
+        numbers, moved = (v.gather(2, choices.bins[..., None])[..., 0] for v in (bins, shifts))
+        shift = shift + ((moved - choices.offsets[:, ENDS:]).square() * used).sum(1)
+        return ends, (numbers * used).sum(1), shift
+
+    def _view(self, gt_points: Tensor, cur_points: Tensor, written: Solids) -> StateView:
+        low, edges = ruler(gt_points)
+        if not self.config.feedback:
+            cur_points, written = torch.zeros_like(cur_points), replace(written, kinds=torch.full_like(written.kinds, ABSENT))
+        clouds = look(gt_points[:, : self.config.gt_points], cur_points[:, : self.config.cur_points], written, low, edges)
+        sign = torch.where(written.positive, 1.0, -1.0)[..., None]
+        kinds = F.one_hot(written.kinds.clamp_min(0), VOCAB)
+        numbers = numbers_of(written, low, edges, self.config.rotation)
+        past = self.history(torch.cat([numbers, kinds, sign], -1)) + self.order[: written.kinds.shape[1]]
+        slabs = self.slabs(clouds, edges)
+        there = torch.cat([torch.ones_like(slabs[..., 0], dtype=torch.bool), written.present], 1)[:, None, None]
+        memory = torch.cat([slabs, past], 1)
+        for layer in self.encoder:
+            memory = layer(memory, there)
+        memory = self.encoded(memory)
+        reads = tuple(layer.read(memory) for layer in self.decoder if isinstance(layer, Layer))
+        # one vector has no places
+        tokens = memory[:, : 3 * (STEPS + 1)] if self.config.local else torch.zeros_like(memory[:, :1]).expand(-1, 3 * (STEPS + 1), -1)
+        return StateView(low, edges, clouds, reads, there, tokens.split(STEPS + 1, 1))
+
+    def _profile(self, view: StateView, draft: Draft, axis: int) -> Tensor:
+        """The profile along `axis` of the points within the ends chosen along the axes before it."""
+        while len(draft.profiles) <= axis:
+            weight, shares, done = None, draft.choices.shares(), len(draft.profiles)
+            if done and self.config.within:
+                low, high = shares[:, None, 0 : 2 * done : 2] - MARGIN, shares[:, None, 1 : 2 * done : 2] + MARGIN
+                seen = view.clouds.shares[..., :done]
+                seen = seen.repeat_interleave(len(low) // len(seen), 0)
+                weight = ((seen > low) & (seen < high)).all(-1).float()
+            profile = histograms(view.clouds, done, weight)
+            draft.profiles.append(profile.repeat_interleave(len(shares) // len(profile), 0))
+        return draft.profiles[axis]
+
+    def _keys(self, view: StateView, draft: Draft, end: int) -> Tensor:
+        from_low = draft.choices.places[:, end - 1] - FIRST if end % 2 else None
+        profile = self._profile(view, draft, end // 2) if self.pointer.fixed is None else None
+        return self.pointer.keys(view.slabs[end // 2], profile, from_low)
+
+    def _encode_slots(self, view: StateView, draft: Draft, count: int) -> Tensor:
+        """Hidden states [b, count, d] of the first `count` slots, each seeing those before it; later choices are not looked at."""
+        choices = draft.choices
+        number = choices.bins + BINS * torch.arange(NUMBERS, device=choices.bins.device)
+        before = [torch.zeros_like(view.slabs[0][:, :1]), self.token_embed(draft.tokens)[:, None], self.sign_embed(draft.sign)[:, None]]
+        before += [self.turn_embed(choices.turn)[:, None], self.place_embed(choices.places), self.bin_embed(number)[:, :-1]]
+        x = (torch.cat(before, 1) + self.slot)[:, :count]
+        axes = range((min(ENDS, max(0, count - HEAD)) + 1) // 2)
+        if axes and self.config.local:
+            glances = torch.stack([self.glance(self._profile(view, draft, axis).flatten(1)) for axis in axes], 1)
+            seen = nn.functional.pad(glances.repeat_interleave(2, 1), (0, 0, HEAD, NUMBERS))
+            x = x + seen[:, :count]
+        for layer, read in zip(self.decoder, view.reads, strict=True):
+            x = layer(x, causal(count, x.device), read, view.there)
+        return self.decoded(x)

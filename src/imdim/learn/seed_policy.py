@@ -1,0 +1,187 @@
+"""The first design, literally: one pooled vector per cloud, tokens as history, parameters by regression.
+
+Source: the project's design, sections 4.3, 5.2 to 5.5 and 7.1. It is the yardstick for `base`. Parameters are raw: Euler degrees beside
+lengths of at most 1, so the angles rule the squared error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from imdim.data.canonical import canonical_primitives
+from imdim.data.solids import CYLINDER, Solids, from_sequences
+from imdim.data.synthesize import TrainingSamples
+from imdim.geometry.points import compute_error_embedding
+from imdim.learn.pointnet import PointNet
+from imdim.learn.policy import VOCAB, Move, Policy, choose_tokens, mask_supervised, token_log_p
+from imdim.program.state import PARAM_COUNT
+
+ERROR_POINTS = 512  # the Chamfer distance of the error embedding needs no more
+
+
+@dataclass
+class SeedConfig:
+    d_model: int = 128
+    layers: int = 4
+    heads: int = 4
+    hidden: int = 256
+    sign_weight: float = 1.0
+
+
+class TokenTransformer(nn.Module):
+    """Causal over the token history, conditioned on clouds and error.
+
+    Position t sees the tokens before t, never token t itself: the design feeds and predicts the same tokens, and unshifted the head
+    would read its own answer. A start symbol stands at position 0.
+    """
+
+    def __init__(self, vocab: int, d_model: int, layers: int, heads: int, max_seq_len: int) -> None:
+        super().__init__()
+        self.embed = nn.Embedding(vocab + 1, d_model)
+        self.position = nn.Parameter(0.02 * torch.randn(max_seq_len, d_model))
+        self.from_error = nn.Linear(3, d_model)
+        layer = nn.TransformerEncoderLayer(d_model, heads, 2 * d_model, dropout=0.0, batch_first=True, norm_first=True)
+        self.blocks = nn.TransformerEncoder(layer, layers, enable_nested_tensor=False)
+
+    def forward(self, tokens: Tensor, gt_embed: Tensor, cur_embed: Tensor, err_embed: Tensor) -> Tensor:
+        """Hidden states [b, t, d] of `tokens` int64 [b, t] (below 0: padding), embeddings [b, d] and error [b, 3].
+
+        Raises ValueError for sequences longer than the positions learned.
+        """
+        steps = tokens.shape[1]
+        if steps > len(self.position):
+            raise ValueError(f"{steps} steps, the model has {len(self.position)}")
+        start = tokens.new_full((len(tokens), 1), self.embed.num_embeddings - 1)
+        history = torch.cat([start, tokens[:, :-1].clamp_min(0)], 1)
+        x = self.embed(history) + self.position[:steps] + (gt_embed + cur_embed + self.from_error(err_embed))[:, None]
+        ahead = torch.ones(steps, steps, dtype=torch.bool, device=x.device).triu(1)
+        return self.blocks(x, mask=ahead)
+
+
+class TokenHead(nn.Module):
+    """Logits [b, t, vocab] of hidden states [b, t, d]."""
+
+    def __init__(self, d_model: int, vocab: int) -> None:
+        super().__init__()
+        self.fc = nn.Linear(d_model, vocab)
+
+    def forward(self, hidden: Tensor) -> Tensor:
+        return self.fc(hidden)
+
+
+class ParamHead(nn.Module):
+    """Nine numbers and a sign logit [..., 10] of the concatenated inputs [..., d_total]."""
+
+    def __init__(self, d_total: int, hidden: int) -> None:
+        super().__init__()
+        self.mlp = nn.Sequential(nn.Linear(d_total, hidden), nn.ReLU(), nn.Linear(hidden, PARAM_COUNT))
+
+    def forward(self, x: Tensor) -> Tensor:
+        return self.mlp(x)
+
+
+@dataclass(frozen=True)
+class ModelComponents:
+    """The four networks of the design."""
+
+    pointnet: PointNet
+    transformer: TokenTransformer
+    param_head: ParamHead
+    token_head: TokenHead
+
+
+def build_cad_model(config: SeedConfig, max_seq_len: int) -> ModelComponents:
+    """Fresh networks for sequences of up to `max_seq_len` steps, END included."""
+    d = config.d_model
+    return ModelComponents(
+        PointNet(d),
+        TokenTransformer(VOCAB, d, config.layers, config.heads, max_seq_len),
+        ParamHead(4 * d + 3, config.hidden),
+        TokenHead(d, VOCAB),
+    )
+
+
+def forward_params_only(
+    components: ModelComponents, gt_points: Tensor, cur_points: Tensor, gt_tokens: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
+    """`params_pred` [b, t, 10], `hidden_states` [b, t, d], `token_logits` [b, t, vocab], teacher-forced.
+
+    `cur_points` of zeros, or with no points, is the empty state: its embedding and error are zero. `hidden_states` and `token_logits` at t
+    depend on the tokens before t; `params_pred` at t on token t too.
+    """
+    gt_embed = components.pointnet(gt_points)
+    there = cur_points.flatten(1).any(1, keepdim=True) if cur_points.shape[1] else cur_points.new_zeros(len(gt_points), 1, dtype=torch.bool)
+    cur_embed = components.pointnet(cur_points) * there if cur_points.shape[1] else torch.zeros_like(gt_embed)
+    err_embed = compute_error_embedding(gt_points[:, :ERROR_POINTS], cur_points[:, :ERROR_POINTS]) * there
+    hidden = components.transformer(gt_tokens, gt_embed, cur_embed, err_embed)
+    clouds = torch.cat([gt_embed, cur_embed], -1)[:, None].expand(-1, hidden.shape[1], -1)
+    errors = err_embed[:, None].expand(-1, hidden.shape[1], -1)
+    current = components.transformer.embed(gt_tokens.clamp_min(0))
+    params = components.param_head(torch.cat([hidden, clouds, current, errors], -1))
+    return params, hidden, components.token_head(hidden)
+
+
+class SeedPolicy(Policy):
+    def __init__(self, config: SeedConfig, max_seq_len: int) -> None:
+        super().__init__()
+        self.config, self.max_seq_len = config, max_seq_len
+        built = build_cad_model(config, max_seq_len)
+        self.parts = nn.ModuleDict({k: getattr(built, k) for k in ("pointnet", "transformer", "param_head", "token_head")})
+        self.components = built
+
+    def losses(self, batch: TrainingSamples) -> dict[str, Tensor]:
+        """Means over steps that are neither padding nor taken back; `loss` is their weighted sum."""
+        params, _, logits = forward_params_only(self.components, batch.gt_points, batch.cur_points, batch.gt_tokens)
+        return seed_losses(params, logits, batch.gt_tokens, batch.gt_params, self.config.sign_weight)
+
+    def propose(
+        self,
+        gt_points: Tensor,
+        cur_points: Tensor,
+        solids: Solids,
+        generator: torch.Generator | None = None,
+        may_undo: Tensor | None = None,
+        ways: int = 1,
+    ) -> Move:
+        if ways > 1:
+            each = torch.arange(len(gt_points), device=gt_points.device).repeat_interleave(ways)
+            may = None if may_undo is None else may_undo[each]
+            return self.propose(gt_points[each], cur_points[each], solids[each], generator, may)
+        tokens, at = self._history(solids)
+        logits = forward_params_only(self.components, gt_points, cur_points, tokens)[2][at]
+        token, log_p = choose_tokens(logits, solids.lengths, self.max_seq_len - 1, generator, may_undo)
+        tokens = tokens.index_put(at, token)
+        numbers = forward_params_only(self.components, gt_points, cur_points, tokens)[0][at]
+        part = from_sequences(token[:, None].clamp_max(CYLINDER), numbers[:, None])
+        part = replace(part, positive=part.positive | (solids.lengths == 0)[:, None], sizes=part.sizes.clamp_min(1e-3))
+        return Move(token, canonical_primitives(part), log_p)
+
+    def log_prob(self, gt_points: Tensor, cur_points: Tensor, solids: Solids, move: Move, may_undo: Tensor | None = None) -> Tensor:
+        """Of the token alone: signs and numbers are regressed, not drawn."""
+        tokens, at = self._history(solids)
+        logits = forward_params_only(self.components, gt_points, cur_points, tokens)[2][at]
+        each = torch.arange(len(gt_points), device=gt_points.device).repeat_interleave(len(move.tokens) // len(gt_points))
+        may = None if may_undo is None else may_undo[each]
+        return token_log_p(logits[each], move.tokens, solids.lengths[each], self.max_seq_len - 1, may)
+
+    def _history(self, solids: Solids) -> tuple[Tensor, tuple[Tensor, Tensor]]:
+        """The tokens [b, t] written, padded, and the indices of the next one of each row."""
+        length = solids.lengths
+        steps = min(int(length.max()) + 1, self.max_seq_len)
+        tokens = F.pad(solids.kinds, (0, max(0, steps - solids.kinds.shape[1])), value=-1)[:, :steps]
+        return tokens, (torch.arange(len(tokens), device=tokens.device), length.clamp_max(steps - 1))
+
+
+def seed_losses(params: Tensor, logits: Tensor, tokens: Tensor, targets: Tensor, sign_weight: float = 1.0) -> dict[str, Tensor]:
+    """`loss` and its parts, and `token_accuracy`, with padding and steps that are taken back masked; shapes as in `forward_params_only`."""
+    valid = mask_supervised(tokens)
+    adds = valid & (tokens <= CYLINDER)
+    mse = F.mse_loss(params[adds][:, :9], targets[adds][:, :9])
+    sign = F.binary_cross_entropy_with_logits(params[adds][:, 9], (targets[adds][:, 9] >= 0).float())
+    token = F.cross_entropy(logits[valid], tokens[valid])
+    accuracy = (logits[valid].argmax(-1) == tokens[valid]).float().mean()
+    return {"loss": mse + sign_weight * sign + token, "params": mse, "sign": sign, "token": token, "token_accuracy": accuracy}

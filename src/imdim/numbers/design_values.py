@@ -1,0 +1,151 @@
+"""The lengths and positions that a person would have typed: what snapping makes equal and round.
+
+An aligned box is known by the positions of its six faces, an aligned cylinder or cone by those of its two ends and by its axis; other
+leaves by sizes and centre. Values of one class (positions along x, y, z; lengths) may be made equal to each other.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+
+from imdim.numbers.symmetry_normal_form import AXIAL
+from imdim.program.tree import Primitive
+
+LENGTH = 3  # classes 0, 1, 2 are positions along x, y, z
+UNUSED = -1
+
+# Canonical rotations of axes along x, y, z.
+ALIGNED = {(0.0, 90.0, 0.0): 0, (90.0, 0.0, 0.0): 1, (0.0, 0.0, 0.0): 2}
+
+
+@dataclass(frozen=True)
+class Values:
+    """`numbers` [6 k] and their classes [6 k]; entries of class UNUSED are padding. `leaves` holds what is not a value."""
+
+    leaves: tuple[Primitive, ...]
+    numbers: np.ndarray
+    classes: np.ndarray
+
+    @staticmethod
+    def of(leaves: list[Primitive]) -> Values:
+        """Read the leaves, whose rotations must be canonical."""
+        readings = [_reading(p) for p in leaves]
+        numbers = [reading.matrix @ _row(p) for reading, p in zip(readings, leaves, strict=True)]
+        return Values(tuple(leaves), np.concatenate(numbers), np.concatenate([reading.classes for reading in readings]))
+
+    def primitives(self) -> list[Primitive]:
+        """The leaves with these numbers; raises ValueError where a size is not positive."""
+        return [self._leaf(i, p) for i, p in enumerate(self.leaves)]
+
+    def primitives_or_none(self) -> list[Primitive] | None:
+        """The leaves with these numbers, or None where a size is not proper."""
+        try:
+            return self.primitives()
+        except ValueError:
+            return None
+
+    def _leaf(self, i: int, p: Primitive) -> Primitive:
+        numbers, reading = self.numbers[6 * i : 6 * i + 6], _reading(p)
+        if np.array_equal(numbers, reading.matrix @ _row(p)):
+            return p
+        # sums of decimal numbers are decimal again
+        row = [decimal(v) for v in (reading.inverse @ numbers).tolist()]
+        return replace(p, size=tuple(row[: len(p.size)]), center=(row[3], row[4], row[5]))
+
+    def with_numbers(self, index: np.ndarray, number: float) -> Values:
+        numbers = self.numbers.copy()
+        numbers[index] = number
+        return replace(self, numbers=numbers)
+
+
+def _row(p: Primitive) -> np.ndarray:
+    """Sizes, padded with zeros, and centre [6]."""
+    return np.array([*p.size, *(0.0,) * (3 - len(p.size)), *p.center])
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """The matrix [6, 6] from (sizes, centre) to values, its inverse, and the values' classes [6]."""
+
+    matrix: np.ndarray
+    inverse: np.ndarray
+    classes: np.ndarray
+
+
+def _reading(p: Primitive) -> _Reading:
+    if p.kind == "box" and p.rotation == (0.0, 0.0, 0.0):
+        return _reading_of(len(p.size), tuple((axis, axis) for axis in range(3)))
+    if p.kind in AXIAL and p.kind != "torus" and p.rotation in ALIGNED:
+        return _reading_of(len(p.size), ((len(p.size) - 1, ALIGNED[p.rotation]),))
+    return _reading_of(len(p.size), ())
+
+
+@cache
+def _reading_of(sizes: int, ends: tuple[tuple[int, int], ...]) -> _Reading:
+    """Of a leaf with so many sizes, of which some (size, axis) are read as the positions of two ends."""
+    matrix, classes = np.eye(6), np.array([LENGTH] * 3 + [0, 1, 2])
+    classes[sizes:3] = UNUSED
+    for size, axis in ends:
+        _as_ends(matrix, classes, size, axis)
+    return _Reading(matrix, np.linalg.inv(matrix), classes)
+
+
+def _as_ends(matrix: np.ndarray, classes: np.ndarray, size: int, axis: int) -> None:
+    """Read (size, centre along axis) as the positions of the lower and the upper end."""
+    for row, sign in ((size, -0.5), (3 + axis, 0.5)):
+        matrix[row] = 0
+        matrix[row, size], matrix[row, 3 + axis] = sign, 1.0
+        classes[row] = axis
+
+
+def decimal(value: float) -> float:
+    """`value` to 12 significant digits, which drops what binary fractions add to decimal ones."""
+    return float(f"{value:.12g}") + 0.0
+
+
+def span(leaves: list[Primitive]) -> float:
+    """The largest value that occurs, or difference of positions: what a decimal grid has to be compared with."""
+    values = Values.of(leaves)
+    widths = [np.ptp(values.numbers[values.classes == axis]) for axis in range(3)]
+    return float(max(*widths, values.numbers[values.classes == LENGTH].max(initial=0.0)))
+
+
+def clusters(values: Values, width: float) -> list[tuple[np.ndarray, float]]:
+    """Groups (indices, common value) of two or more unequal values of one class that span at most `width`."""
+    found = []
+    for kind in range(LENGTH + 1):
+        index = np.flatnonzero(values.classes == kind)
+        index = index[np.argsort(values.numbers[index], kind="stable")]
+        while len(index):
+            close = values.numbers[index] <= values.numbers[index[0]] + width
+            numbers = values.numbers[index[close]]
+            if numbers[-1] > numbers[0]:
+                found.append((index[close], float(np.median(numbers))))
+            index = index[~close]
+    return found
+
+
+def equal_groups(values: Values) -> list[np.ndarray]:
+    """The indices of all values, those that are equal and of one class together."""
+    keys = [(kind, number) for kind, number in zip(values.classes.tolist(), values.numbers.tolist(), strict=True)]
+    groups: dict[tuple[int, float], list[int]] = {}
+    for i, key in enumerate(keys):
+        if key[0] != UNUSED:
+            groups.setdefault(key, []).append(i)
+    return [np.array(g) for g in groups.values()]
+
+
+def grids(largest: float, finest: float) -> list[float]:
+    """Decimal grid widths: 1 and 5 times powers of ten, from about `largest` down to `finest`."""
+    top, bottom = math.floor(math.log10(largest)), math.ceil(math.log10(finest))
+    widths = [digit * 10.0**e for e in range(top, bottom - 1, -1) for digit in (5.0, 1.0)]
+    return [w for w in widths if w <= largest]
+
+
+def round_to_grid(number: float, grid: float) -> float:
+    """The multiple of `grid` next to `number`, free of binary residue."""
+    return decimal(round(number / grid) * grid)

@@ -1,0 +1,129 @@
+"""The numbers of a program that make a noisy cloud most likely, by expectation and maximisation (Dempster, Laird & Rubin 1977).
+
+Each round shares the points among samples of the program's own surface (`likelihood`), and moves the faces by what their samples were
+given: the normal equations of `refine` with offsets in the place of distances. What the surface does not show has no samples and stays.
+Before that, ends that only just meet a face are let through it: a step would open or close them; and none reaches far out of the cloud.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from imdim.deadline import NEVER, Deadline
+from imdim.geometry import kernels
+from imdim.geometry.finish.overshoot import overshoot
+from imdim.geometry.lowering import Lowered, lower
+from imdim.numbers.clip import clip_program
+from imdim.numbers.face_coordinates import lift_numbers, shift_leaves, step_maps
+from imdim.numbers.likelihood import Noise, Share, SurfaceSamples, shares
+from imdim.numbers.normal_equations import blocks
+from imdim.numbers.shared_rotations import TURNS, align_rotations, frames, map_shared_turns
+from imdim.program.tree import Program, leaves
+
+MOST_LET_THROUGH = 40  # leaves; the booleans that ask which ends only just meet grow with the square
+NOISE_ROUNDS = 4
+RELAXED = 1.6  # any factor below 2 converges where 1 does (Salakhutdinov & Roweis 2003)
+
+
+@dataclass(frozen=True)
+class EMConfig:
+    """Lengths are in units of the noise: a round whose longest step is shorter than `still` ends the work, none is longer than `far`."""
+
+    rounds: int = 24
+    still: float = 0.02
+    calmer: float = 0.02  # share by which the noise must fall for a still round to be followed by another
+    far: float = 3.0
+    worse: float = 0.02  # nats per point above the best round at which the work ends
+    support: float = 12.0  # points that must show a direction of the numbers' space; it is held otherwise
+    through: float = 6.0  # how far ends reach beyond what they meet; 0 leaves them
+    parallel_deg: float = 2.0  # leaves whose directions differ by less are taken to be parallel
+
+
+@dataclass(frozen=True)
+class FittedProgram:
+    """A fitted program, the noise that explains the points beside it, and their mean negative log-density."""
+
+    program: Program
+    noise: Noise
+    nll: float
+    rounds: int
+
+
+def maximise_likelihood(
+    program: Program, points: np.ndarray, noise: Noise, config: EMConfig | None = None, deadline: Deadline = NEVER
+) -> FittedProgram:
+    """`program` with its numbers moved to make `points` [n, 3] most likely; `noise` is a first guess.
+
+    Past the `deadline` (by default never) they stay as they are by then, and only the noise is fitted.
+    """
+    config = config or EMConfig()
+    if config.through and not deadline.has_passed() and sum(1 for _ in leaves(program)) <= MOST_LET_THROUGH:
+        reach = config.through * noise.sigma
+        program = overshoot(clip_program(program, points, 2 * reach), reach=reach, deadline=deadline)
+    start = lower(program)
+    numbers = replace(start, rotations=align_rotations(start, config.parallel_deg))
+    member = frames(numbers, config.parallel_deg)[0]
+    best = FittedProgram(program, noise, np.inf, 0)
+    for done in range(config.rounds):
+        trial = lift_numbers(program, start, numbers)
+        shown = SurfaceSamples.of(trial, noise.sigma)
+        share = shares(points, shown, noise)
+        if share.nll < best.nll:
+            best = FittedProgram(trial, noise, share.nll, done)
+        # a step knows nothing of the area: an end that no point holds may drift out of the cloud
+        if not len(shown.points) or share.nll > best.nll + config.worse:
+            break
+        if deadline.has_passed():
+            return _in_its_noise(best, points, share.noise)
+        calmer = share.noise.sigma < (1 - config.calmer) * noise.sigma
+        noise = share.noise
+        numbers, longest = _maximisation_step(numbers, member, shown, share, config)
+        if longest < config.still * noise.sigma and not calmer:
+            break
+    return best
+
+
+def _in_its_noise(likely: FittedProgram, points: np.ndarray, noise: Noise) -> FittedProgram:
+    """The program with the noise that explains the points beside it, `noise` or later ones: under a first guess that is too small two
+    sheets are likelier than the one surface that they blur into."""
+    for _ in range(NOISE_ROUNDS):
+        share = shares(points, SurfaceSamples.of(likely.program, noise.sigma), noise)
+        if share.nll >= likely.nll:
+            break
+        likely, noise = replace(likely, noise=noise, nll=share.nll), share.noise
+    return likely
+
+
+def _maximisation_step(
+    numbers: Lowered, member: np.ndarray, shown: SurfaceSamples, share: Share, config: EMConfig
+) -> tuple[Lowered, float]:
+    """The maximisation step, and the longest move of a face in it.
+
+    Unknowns are the faces' coordinates of each leaf without its rotation, and one rotation per frame.
+    """
+    leaf, _, tangent, _ = kernels.program_tangent(numbers, shown.points)
+    k, groups = len(numbers.kinds), int(member.max(initial=-1)) + 1
+    plain = np.broadcast_to(np.eye(9), (k, 9, 9))
+    matrix, gradient = blocks(leaf, tangent, share.offset, share.mass, plain)
+    maps, turns = step_maps(numbers), map_shared_turns(numbers, member)
+    basis = np.zeros((k, 9, TURNS * k + 3 * groups))
+    size = max(float(np.linalg.norm(np.ptp(shown.points, axis=0))) / 2, share.noise.sigma)
+    for i in range(k):
+        basis[i, :, TURNS * i : TURNS * (i + 1)] = maps[i, :, :TURNS]
+        if member[i] >= 0:
+            at = TURNS * k + 3 * member[i]
+            basis[i, :, at : at + 3] = turns[i] / size
+    whole = np.einsum("kai,kab,kbj->ij", basis, matrix, basis, optimize=True)
+    step = _step_along_determined(whole, np.einsum("kai,ka->i", basis, gradient), config.support)
+    longest = float(np.abs(step).max(initial=0.0))
+    step *= min(1.0, config.far * share.noise.sigma / max(longest, 1e-300))
+    return shift_leaves(numbers, np.einsum("kaj,j->ka", basis, step)), longest
+
+
+def _step_along_determined(matrix: np.ndarray, gradient: np.ndarray, support: float) -> np.ndarray:
+    """The step along those eigenvectors that enough points show, longer than asked: where walls blur, each round goes a part of the way."""
+    values, vectors = np.linalg.eigh(matrix)
+    shown = values >= support
+    return -RELAXED * vectors[:, shown] @ ((vectors[:, shown].T @ gradient) / values[shown])

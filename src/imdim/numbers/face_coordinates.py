@@ -1,0 +1,111 @@
+"""Coordinates in which a leaf's visible faces move on their own.
+
+With (size, centre) as unknowns a hidden face follows the visible one opposite to it. Here a step [9] of a leaf, all entries lengths in
+its own frame, moves what the surface shows:
+
+=========  ================================================================================================
+box        0-2 the faces at +x +y +z, 3-5 those at -x -y -z
+cylinder   0 radius, 1 top, 5 bottom, 3-4 axis sideways
+cone       0-1 radius in the bottom and top plane of before, 2 top, 5 bottom, both sliding on the slant of before,
+           3-4 axis sideways; a pointed end stays pointed
+others     0-2 sizes, 3-5 centre
+all        6-8 rotation vector times the bounding radius
+=========  ================================================================================================
+
+Entries that the solid does not feel (a sphere's rotation, a cylinder's spin, unused sizes) are zero columns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from imdim.geometry.lowering import Lowered
+from imdim.geometry.rotations import euler_from_matrix
+from imdim.geometry.sampling import bounding_radius
+from imdim.program.tree import KINDS, SIZE_NAMES, Primitive, Program, map_leaves
+
+BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID = range(len(KINDS))
+
+# One step may shrink a size to no less than this share and turn or shift a leaf by no more than this share of its bounding radius.
+MIN_SHRINK = 0.3
+MAX_STEP = 0.25
+
+
+def step_maps(numbers: Lowered) -> np.ndarray:
+    """Matrices [k, 9, 9] from steps in face coordinates to the kernels' (sizes, shift, rotation vector) of each leaf."""
+    return np.stack([_step_map(kind, size) for kind, size in zip(numbers.kinds, numbers.sizes, strict=True)])
+
+
+def _step_map(kind: int, size: np.ndarray) -> np.ndarray:
+    out = np.diag([1.0] * 6 + [1 / radius(kind, size)] * 3)
+    used = len(SIZE_NAMES[KINDS[kind]])
+    out[used:3] = 0
+    if kind == BOX:
+        for axis in range(3):
+            _opposite_faces(out, axis, axis, axis)
+    elif kind == CYLINDER:
+        _opposite_faces(out, 1, 1, 2)
+    elif kind == CONE:
+        _opposite_faces(out, 2, 2, 2)
+        slope = (size[1] - size[0]) / size[2]
+        for end, column in ((0, 5), (1, 2)):
+            pointed = size[end] == 0
+            out[end, column] = 0 if pointed else slope
+            out[end, end] = not pointed
+    if kind in (CYLINDER, CONE, TORUS):
+        out[8, 8] = 0
+    if kind == SPHERE:
+        out[6:, 6:] = 0
+    return out
+
+
+def _opposite_faces(out: np.ndarray, size: int, column: int, axis: int) -> None:
+    """Let `column` move the face at +`axis` and column 3 + `axis` the one at -`axis`; `size` is the row of their distance."""
+    for position, sign in ((column, 1.0), (3 + axis, -1.0)):
+        out[size, position] = sign
+        out[3 + axis, position] = 0.5
+
+
+def radius(kind: int, size: np.ndarray) -> float:
+    """The bounding radius of a leaf."""
+    name = KINDS[kind]
+    return bounding_radius(Primitive(name, tuple(size[: len(SIZE_NAMES[name])].tolist())))
+
+
+def move_limited(numbers: Lowered, maps: np.ndarray, steps: np.ndarray) -> Lowered:
+    """The leaves after `steps` [k, 9] in face coordinates, cut short where they are too long; sizes stay positive."""
+    limits = MAX_STEP * np.array([radius(k, s) for k, s in zip(numbers.kinds, numbers.sizes, strict=True)])
+    longest = np.abs(steps).max(1)
+    return shift_leaves(numbers, np.einsum("kij,kj->ki", maps, steps * np.minimum(1.0, limits / np.maximum(longest, 1e-300))[:, None]))
+
+
+def shift_leaves(numbers: Lowered, raw: np.ndarray) -> Lowered:
+    """The leaves after steps `raw` [k, 9] in the kernels' (sizes, shift, rotation vector); sizes stay positive."""
+    sizes = np.maximum(numbers.sizes + raw[:, :3], MIN_SHRINK * numbers.sizes)
+    tori = numbers.kinds == TORUS
+    sizes[tori, 1] = np.minimum(sizes[tori, 1], sizes[tori, 0])
+    centers = numbers.centers + np.einsum("kij,kj->ki", numbers.rotations, raw[:, 3:6])
+    return replace(numbers, sizes=sizes, centers=centers, rotations=numbers.rotations @ _exponentials(raw[:, 6:9]))
+
+
+def _exponentials(vectors: np.ndarray) -> np.ndarray:
+    """Rotation matrices [k, 3, 3] of rotation vectors [k, 3] (Rodrigues)."""
+    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
+    x, y, z = (vectors / np.maximum(angle[:, :, 0], 1e-300)).T
+    zero = np.zeros_like(x)
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], 1).reshape(-1, 3, 3)
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+def lift_numbers(program: Program, before: Lowered, after: Lowered) -> Program:
+    """`program` with the numbers of `after`; a leaf's rotation that did not move keeps its Euler degrees exactly."""
+
+    def read(i: int, p: Primitive) -> Primitive:
+        turned = not np.array_equal(before.rotations[i], after.rotations[i])
+        rx, ry, rz = euler_from_matrix(after.rotations[i]) if turned else p.rotation
+        size = tuple(after.sizes[i, : len(p.size)].tolist())
+        return Primitive(p.kind, size, tuple(after.centers[i].tolist()), (rx + 0.0, ry + 0.0, rz + 0.0))  # no negative zeros
+
+    return map_leaves(program, read)

@@ -1,0 +1,145 @@
+"""How likely a noisy cloud is for a solid: points are places of its surface, all alike, moved by Gaussian noise; a few are clutter.
+
+The surface is a mixture of one Gaussian per sample of it, as flat as the noise along the normal and as wide as the samples are apart, and a
+uniform density over the cloud's box (Myronenko & Song 2010, section 4; Granger & Pennec 2002 for surfaces). Distances to the nearest
+surface, which least squares add up, are biased where noise is no longer small beside what it blurs: at an edge points stray to the outside
+only, and in a thin wall each point is counted for the nearer side. Here every place answers for its share of each point, so that the mean
+offset over any face is zero at the truth; and a surface without points costs, because the density is spread over all of it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy.spatial import KDTree
+
+from imdim.geometry import kernels
+from imdim.geometry.sampling import even_surface
+from imdim.geometry.surface_map import surface_area
+from imdim.program.tree import Primitive, Program, leaves
+
+NEIGHBOURS = 40  # both skins of a thin wall, and the walls of a corner, have to be among them
+APART = 1.4  # deviations of the noise between samples: nearer ones would need more neighbours to reach as far
+MOST_SAMPLES = 10_000
+LEAST_DRAWN, MOST_DRAWN = 1024, 65_536  # hidden ones included
+GAP = 2.0  # deviations of the noise
+WIDE = 0.7  # a sample's deviation along the surface, times the side of the square that it stands for
+
+
+@dataclass(frozen=True)
+class Noise:
+    """`sigma`: deviation of a coordinate, in units of the points; `clutter`: share of points that belong to no surface."""
+
+    sigma: float
+    clutter: float = 0.01
+
+
+@dataclass(frozen=True)
+class SurfaceSamples:
+    """Samples of a program's surface: `points`, outward `normals` [m, 3], its whole `area`, and the share of it whose wall is a `skin`."""
+
+    points: np.ndarray
+    normals: np.ndarray
+    area: float
+    skin: float
+
+    @staticmethod
+    def of(program: Program, sigma: float) -> SurfaceSamples:
+        """About one sample per square of APART * `sigma`, within limits, spread evenly: chance would make a density of lumps, which is
+        less likely than an even one, and less so where two sheets lie in one, so that thin walls would vanish."""
+        parts = list(leaves(program))
+        areas = np.array([surface_area(p.kind, p.size) for p in parts])
+        glance = len(_visible(program, parts, _counts(areas, LEAST_DRAWN), GAP * sigma)[0]) / LEAST_DRAWN
+        # every other sample of an even set is not even: their number has to be right at once
+        wanted = np.clip(areas.sum() / (APART * sigma) ** 2, LEAST_DRAWN, min(MOST_SAMPLES / max(glance, 1e-3), MOST_DRAWN))
+        points, normals = _visible(program, parts, _counts(areas, wanted), GAP * sigma)
+        area = len(points) / wanted * float(areas.sum())
+        thin = ~kernels.inside(program, points - GAP * sigma * normals)
+        return SurfaceSamples(points, normals, area, float(thin.mean()) if len(thin) else 0.0)
+
+    @property
+    def spacing(self) -> float:
+        return math.sqrt(self.area / max(len(self.points), 1))
+
+
+@dataclass(frozen=True)
+class Share:
+    """What the points say of each sample: `mass` [m] is how many of them it answers for, `offset` [m] their mean distance along its
+    normal. `noise` is what explains them best, `nll` the negative logarithm of their density, a mean per point."""
+
+    mass: np.ndarray
+    offset: np.ndarray
+    noise: Noise
+    nll: float
+
+
+def shares(points: np.ndarray, shown: SurfaceSamples, noise: Noise) -> Share:
+    """The expectation step for `points` [n, 3]."""
+    m, box = len(shown.points), float(np.prod(np.maximum(np.ptp(points, axis=0), noise.sigma)))
+    wide = max(noise.sigma, WIDE * shown.spacing)
+    peak = math.log((1 - noise.clutter) / max(m, 1)) - 1.5 * math.log(2 * math.pi) - math.log(noise.sigma) - 2 * math.log(wide)
+    if m == 0:
+        return Share(np.zeros(0), np.zeros(0), noise, -math.log(noise.clutter / box))
+    near = np.asarray(KDTree(shown.points).query(points, k=min(NEIGHBOURS, m), distance_upper_bound=4 * wide)[1]).reshape(len(points), -1)
+    clutter = math.exp(math.log(noise.clutter / box) - peak)
+    mass, moment, square, log = _shares(points, shown.points, shown.normals, near, noise.sigma, wide, clutter)
+    held = float(mass.sum())
+    offset = np.divide(moment, mass, out=np.zeros(m), where=mass > 1e-12)
+    sigma = math.sqrt(square / held) if held > 0 else noise.sigma
+    clutter = min(max(1 - held / len(points), 1e-3), 0.5)
+    return Share(mass, offset, Noise(sigma, clutter), -(log / len(points) + peak))
+
+
+def _counts(areas: np.ndarray, wanted: float) -> np.ndarray:
+    return np.ceil(wanted * areas / areas.sum()).astype(int)
+
+
+def _visible(program: Program, parts: list[Primitive], counts: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
+    """Of `counts` samples of each leaf those on the program's boundary, with the program's outward normals.
+
+    A gap that the noise hides is none: where two faces only just met, a step of either would open it.
+    """
+    drawn = [even_surface(p, n) for p, n in zip(parts, counts.tolist(), strict=True)]
+    points, normals = (np.concatenate(column) for column in zip(*drawn, strict=True))
+    step = 1e-6 * float(np.linalg.norm(np.ptp(points, axis=0)))
+    behind, ahead = (kernels.inside(program, points + side * normals) for side in (-step, step))
+    normals = np.where(behind, 1.0, -1.0)[:, None] * normals
+    keep = behind != ahead
+    points, normals = points[keep], normals[keep]
+    clear = ~kernels.inside(program, points + gap * normals)
+    return points[clear], normals[clear]
+
+
+@njit(nogil=True, cache=True)
+def _shares(points, samples, normals, near, sigma, wide, clutter):  # pragma: no cover - compiled
+    n, k = near.shape
+    m = len(samples)
+    mass, moment = np.zeros(m), np.zeros(m)
+    square, log = 0.0, 0.0
+    density, along = np.empty(k), np.empty(k)
+    for i in range(n):
+        total = clutter
+        for j in range(k):
+            q = near[i, j]
+            if q >= m:
+                density[j] = 0.0
+                continue
+            a, b = 0.0, 0.0
+            for c in range(3):
+                e = points[i, c] - samples[q, c]
+                a += e * normals[q, c]
+                b += e * e
+            along[j] = a
+            density[j] = math.exp(-0.5 * (a * a / (sigma * sigma) + max(b - a * a, 0.0) / (wide * wide)))
+            total += density[j]
+        log += math.log(total)
+        for j in range(k):
+            if density[j] > 0:
+                r = density[j] / total
+                mass[near[i, j]] += r
+                moment[near[i, j]] += r * along[j]
+                square += r * along[j] * along[j]
+    return mass, moment, square, log

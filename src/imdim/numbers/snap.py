@@ -1,0 +1,167 @@
+"""Snap a program's numbers to what a person would have typed, wherever the error does not grow.
+
+Rotations become canonical and round, values that nearly agree become equal, and each takes the coarsest decimal grid that it bears.
+Proposals are tried all at once and halved where they fail, so that a program whose numbers are nearly round costs few evaluations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from imdim.deadline import NEVER, Deadline
+from imdim.numbers.design_values import Values, clusters, equal_groups, grids, round_to_grid, span
+from imdim.numbers.symmetry_normal_form import canonical, round_turns
+from imdim.program.tree import Primitive, Program, leaves, map_leaves
+
+S = TypeVar("S")
+C = TypeVar("C")
+
+
+@dataclass
+class SnapConfig:
+    """Lengths are shares of the program's span."""
+
+    rel_tolerance: float = 0.03  # the error may grow by this share
+    abs_tolerance: float = 0.0  # and by this much, in the error's own unit
+    max_deg: float = 3.0  # a rotation turns by no more
+    max_move: float = 3e-3  # a value moves by no more
+    finest: float = 1e-5  # the last grid is about this wide
+    reviews: int = 12  # bold roundings of one grid that are looked at singly
+    tries: int = 32  # evaluations that one round of proposals may cost
+    max_calls: int = 300  # evaluations in all
+
+
+def snap(
+    program: Program,
+    error: Callable[[Program], float],
+    *,
+    config: SnapConfig | None = None,
+    deadline: Deadline = NEVER,
+) -> Program:
+    """The program with rounder numbers whose `error` is at most that of `program` grown by the tolerances.
+
+    Past the `deadline` (by default never) nothing more is rounded. Grids are 1 or 5 times a power of ten.
+    """
+    config = config or SnapConfig()
+    program = map_leaves(program, lambda _, p: canonical(p))
+    judge = _SnapJudge(program, error, config, deadline)
+    parts = _snap_rotations(list(leaves(program)), judge, config)
+    values = Values.of(parts)
+    largest = span(parts)
+    for share in (0.1, 0.3, 1.0):
+        changes = clusters(values, share * config.max_move * largest)
+        values = accept_changes(values, changes, _assign, judge.bears, config.tries)
+    values = _round(values, judge, config, largest)
+    return _rebuilt(program, values.primitives())
+
+
+class _SnapJudge:
+    """Tells whether a candidate's error stays within the limit; a spent budget says no.
+
+    What is accepted lowers the limit: error that one rounding saves is not there for the next to spend.
+    """
+
+    def __init__(self, program: Program, error: Callable[[Program], float], config: SnapConfig, deadline: Deadline) -> None:
+        self.program, self.error, self.config, self.deadline = program, error, config, deadline
+        self.left, self.limit = config.max_calls, float("inf")
+        self.current = error(program)
+        self.limit = self.error_limit(self.current)
+
+    def error_limit(self, error: float) -> float:
+        return min(self.limit, error * (1 + self.config.rel_tolerance) + self.config.abs_tolerance)
+
+    def error_of(self, parts: Sequence[Primitive]) -> float:
+        self.left -= 1
+        return self.error(_rebuilt(self.program, parts)) if self.left >= 0 and not self.deadline.has_passed() else float("inf")
+
+    def bears(self, values: Values) -> bool:
+        parts = values.primitives_or_none()
+        return parts is not None and self.bears_parts(parts)
+
+    def bears_parts(self, parts: Sequence[Primitive]) -> bool:
+        error = self.error_of(parts)
+        if error > self.limit:
+            return False
+        self.current, self.limit = error, self.error_limit(error)
+        return True
+
+
+def accept_changes(state: S, changes: Sequence[C], apply: Callable[[S, C], S], bears: Callable[[S], bool], tries: int) -> S:
+    """`state` after those of `changes` that `bears` allows: all at once if possible, else by halves, in at most `tries` trials."""
+    todo = [list(changes)] if changes else []
+    while todo and tries > 0:
+        batch = todo.pop()
+        trial = state
+        for change in batch:
+            trial = apply(trial, change)
+        tries -= 1
+        if bears(trial):
+            state = trial
+        elif len(batch) > 1:
+            half = len(batch) // 2
+            todo += [batch[half:], batch[:half]]
+    return state
+
+
+def _snap_rotations(parts: list[Primitive], judge: _SnapJudge, config: SnapConfig) -> list[Primitive]:
+    """Offer every leaf its rounder rotations, rank by rank; a leaf that took one is done."""
+    offers = [list(round_turns(p, config.max_deg)) for p in parts]
+    current = tuple(parts)
+    for rank in range(max(map(len, offers), default=0)):
+        changes = [(i, o[rank]) for i, o in enumerate(offers) if rank < len(o) and current[i] == parts[i]]
+        current = accept_changes(current, changes, _replace, judge.bears_parts, config.tries)
+    return list(current)
+
+
+def _replace(parts: tuple[Primitive, ...], change: tuple[int, Primitive]) -> tuple[Primitive, ...]:
+    i, new = change
+    return (*parts[:i], new, *parts[i + 1 :])
+
+
+def _assign(values: Values, change: tuple[np.ndarray, float]) -> Values:
+    return values.with_numbers(*change)
+
+
+def _round(values: Values, judge: _SnapJudge, config: SnapConfig, largest: float) -> Values:
+    """Coarsest grid first; values that took a grid are done, unless they turn out to have been carried by the others."""
+    start, pending = values, equal_groups(values)
+    for grid in grids(largest, config.finest * largest):
+        moves = [(group, round_to_grid(float(values.numbers[group[0]]), grid)) for group in pending]
+        close = [m for m in moves if _move(values, m) <= config.max_move * largest]
+        # the smallest moves stand first, so that halving parts them from the bold ones
+        close.sort(key=lambda m: _move(values, m))
+        values = accept_changes(values, close, _assign, judge.bears, config.tries)
+        taken = [m for m in close if values.numbers[m[0][0]] == m[1]]
+        values, returned = _review_moves(values, start, taken, judge, config)
+        done = {int(group[0]) for group, _ in taken} - returned
+        pending = [group for group in pending if int(group[0]) not in done]
+    return values
+
+
+def _review_moves(
+    values: Values, start: Values, taken: list[tuple[np.ndarray, float]], judge: _SnapJudge, config: SnapConfig
+) -> tuple[Values, set[int]]:
+    """Undo those of the boldest moves without which the error is clearly smaller; the others had paid for them."""
+    returned: set[int] = set()
+    if len(taken) < 2:
+        return values, returned
+    for group, _ in sorted(taken, key=lambda m: -_move(start, m))[: config.reviews]:
+        undone = values.with_numbers(group, float(start.numbers[group[0]]))
+        parts = undone.primitives_or_none()
+        error = judge.error_of(parts) if parts is not None else float("inf")
+        if error * (1 + config.rel_tolerance) + config.abs_tolerance < judge.current:
+            values, judge.current, judge.limit = undone, error, judge.error_limit(error)
+            returned.add(int(group[0]))
+    return values, returned
+
+
+def _move(values: Values, change: tuple[np.ndarray, float]) -> float:
+    return abs(change[1] - float(values.numbers[change[0][0]]))
+
+
+def _rebuilt(program: Program, parts: Sequence[Primitive]) -> Program:
+    return map_leaves(program, lambda i, _: parts[i])

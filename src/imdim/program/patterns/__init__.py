@@ -1,0 +1,1 @@
+"""Repeated parts: rows, grids, circles and mirror images, detected and edited."""

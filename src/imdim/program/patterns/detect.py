@@ -1,0 +1,186 @@
+"""Find the repeated parts of a program and write each once: rows, grids, circles and mirror images among what one operation joins.
+
+Parts repeat if a rigid motion takes one to the other, whatever their numbers: equal primitives, and equal subtrees such as a boss with its
+holes. Of all ways to write the parts of an operation, the one that saves most is taken first (a description length in numbers to write);
+repeats with the same motions become one. The order of what is united or cut changes, and numbers by no more than the tolerance.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+from imdim.program.motions import step
+from imdim.program.patterns.candidate import Bench, RepeatCandidate, classes, first_leaf
+from imdim.program.patterns.circular import Circling
+from imdim.program.patterns.congruence import Node, match, node_of
+from imdim.program.patterns.linear import Lattice, lattices
+from imdim.program.patterns.mirror import pairs
+from imdim.program.repeats import Folded, Group, Repeat, expand, repeats, size
+from imdim.program.rewrite.alternating_form import to_layers
+from imdim.program.rewrite.containment import axes, dot
+from imdim.program.tree import Op, Primitive, Program, Vec3, leaves
+from imdim.program.vectors import minus
+
+TOLERANCE = 1e-6  # of the part's size
+MOST_PARTS = 150
+MOST_DEPTH = 100
+
+
+@dataclass(frozen=True)
+class Folding:
+    """`order[i]` is the number in the given program of leaf i of the expanded one."""
+
+    folded: Folded
+    order: tuple[int, ...]
+
+    @property
+    def program(self) -> Program:
+        """The expanded program."""
+        return expand(self.folded)
+
+
+def fold_repeats(program: Program, tolerance: float | None = None) -> Folding | None:
+    """The program with its repeated parts written once; None where nothing repeats.
+
+    A repeat saves two primitives or more. `tolerance` is the length by which numbers may move, `TOLERANCE` of the part's size if None.
+    """
+    parts = list(leaves(program))
+    exact = TOLERANCE * extent(program)
+    root = node_of(program)
+    if root.depth > MOST_DEPTH:
+        return None
+    bench = Bench(exact if tolerance is None else tolerance, exact)
+    circling = Circling(bench, _body_axis(parts[0]), [p.center for p in parts])
+    best: Folding | None = None
+    for node in (root, to_layers(root), to_layers(root, late=True)):
+        search = _FoldSearch(bench, circling)
+        folded, order = search.fold_node(node)
+        if search.found and (best is None or worth(folded) > worth(best.folded)):
+            best = Folding(folded, tuple(order))
+    return best
+
+
+def worth(folded: Folded) -> int:
+    """What repeats save of primitives, squared so that a few large ones are worth more than many small ones."""
+    return sum(((repeat.number - 1) * size(repeat.part)) ** 2 for _, repeat in repeats(folded))
+
+
+def extent(program: Program) -> float:
+    """The part's size, roughly: how far apart its primitives are, and how large."""
+    parts = list(leaves(program))
+    low, high = ([f(p.center[a] for p in parts) for a in range(3)] for f in (min, max))
+    return math.dist(low, high) + 2 * max(max(p.size) for p in parts)
+
+
+def _body_axis(first: Primitive) -> tuple[Vec3, Vec3] | None:
+    """Centre and axis of a body that is round."""
+    return (first.center, axes(first)[2]) if first.kind in ("cylinder", "cone", "torus") else None
+
+
+@dataclass
+class _FoldSearch:
+    """`found` counts repeats."""
+
+    bench: Bench
+    circling: Circling
+    found: int = field(default=0)
+
+    def fold_node(self, node: Node) -> tuple[Folded, list[int]]:
+        """A node with its repeats, and the numbers of its leaves in their new order."""
+        if node.leaf is not None:
+            return node.leaf, [node.number]
+        kept = node.parts[:1] if node.op == "difference" else []
+        choices = self.choose_repeats(node.parts[len(kept) :])
+        built = [self.fold_node(part) for part in kept]
+        built += self._write_parts(node.parts[len(kept) :], choices, "intersection" if node.op == "intersection" else "union")
+        self.found += len(choices)
+        order = [number for _, numbers in built for number in numbers]
+        if len(built) == 1:
+            return built[0][0], order
+        assert node.op is not None
+        return Group(node.op, tuple(part for part, _ in built)), order
+
+    def _write_parts(self, parts: list[Node], choices: list[RepeatCandidate], join: Op) -> Iterator[tuple[Folded, list[int]]]:
+        """Single parts, and each repeat where its first part stands."""
+        heads = {min(i for row in c.members for i in row): c for c in choices}
+        inside = {i for c in choices for row in c.members for i in row}
+        for i, part in enumerate(parts):
+            if i in heads:
+                yield self._repeat(parts, heads[i], join)
+            elif i not in inside:
+                yield self.fold_node(part)
+
+    def _repeat(self, parts: list[Node], choice: RepeatCandidate, join: Op) -> tuple[Folded, list[int]]:
+        """With what repeats among the parts of one copy inside it, as the mirror image of a mirror image."""
+        first = [parts[row[0]] for row in choice.members]
+        part, numbers = self.fold_node(first[0] if len(first) == 1 else Node(join, first))
+        order: list[int] = []
+        for copy in range(choice.repeat.number):
+            of = {a: b for orders in choice.orders for a, b in zip(orders[0], orders[copy], strict=True)}
+            order += [of[number] for number in numbers]
+        return replace(choice.repeat, part=part, join=join), order
+
+    def choose_repeats(self, parts: list[Node]) -> list[RepeatCandidate]:
+        """Repeats that share no part, the largest savings first."""
+        if len(parts) > MOST_PARTS:
+            return []
+        out: list[RepeatCandidate] = []
+        left = list(range(len(parts)))
+        for group in classes(parts, left, self.bench.tolerance):
+            out += self._of_class(parts, group)
+        left = [i for i in left if not any(i in row for c in out for row in c.members)]
+        both = (*self._merge(out), *pairs(self.bench, parts, left))
+        return [c for c in both if (c.repeat.number - 1) * sum(parts[row[0]].size for row in c.members) >= 2]
+
+    def _of_class(self, parts: list[Node], group: list[int]) -> Iterator[RepeatCandidate]:
+        while len(group) > 2:
+            best = max(self._candidates(parts, group), key=lambda c: c.saved, default=None)
+            if best is None:
+                return
+            yield best
+            group = [i for i in group if i not in best.members[0]]
+
+    def _candidates(self, parts: list[Node], group: list[int]) -> Iterator[RepeatCandidate]:
+        for chain in self._find_translated(parts, group):
+            for lattice in lattices([parts[i].anchor for i in chain], 4 * self.bench.tolerance):
+                yield from self._lattice(parts, chain, lattice)
+        yield from self.circling.circles(parts, group)
+
+    def _find_translated(self, parts: list[Node], group: list[int]) -> list[list[int]]:
+        """Members that are steps apart, three or more."""
+        out: list[list[int]] = []
+        for i in group:
+            for chain in out:
+                shift = minus(parts[i].anchor, parts[chain[0]].anchor)
+                if match(parts[chain[0]], parts[i], step(shift), self.bench.tolerance) is not None:
+                    chain.append(i)
+                    break
+            else:
+                out.append([i])
+        return [chain for chain in out if len(chain) > 2]
+
+    def _lattice(self, parts: list[Node], chain: list[int], lattice: Lattice) -> Iterator[RepeatCandidate]:
+        members = tuple(chain[i] for i in lattice.members)
+        at = [parts[i].anchor for i in members]
+        n, steps = lattice.counts[-1], []
+        for count, stride in zip(reversed(lattice.counts), (1, n), strict=False):
+            x, y, z = ((at[(count - 1) * stride][a] - at[0][a]) / (count - 1) for a in range(3))
+            steps.append(self.bench.tidy((x, y, z)))
+        kind = "linear" if len(steps) == 1 else "grid"
+        repeat = Repeat(kind, first_leaf(parts[members[0]]), lattice.counts, tuple(reversed(steps)))
+        straight = kind == "linear" or abs(dot(*steps)) <= 1e-6 * math.hypot(*steps[0]) * math.hypot(*steps[1])
+        yield from self.bench.verify(parts, members, repeat, 0.5 * straight)
+
+    def _merge(self, choices: list[RepeatCandidate]) -> list[RepeatCandidate]:
+        """Repeats with the same motions as one."""
+        out: list[RepeatCandidate] = []
+        for choice in choices:
+            for n, other in enumerate(out):
+                if self.bench.same_motions(other.repeat, choice.repeat):
+                    out[n] = replace(other, members=other.members + choice.members, orders=other.orders + choice.orders)
+                    break
+            else:
+                out.append(choice)
+        return out

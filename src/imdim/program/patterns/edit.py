@@ -1,0 +1,102 @@
+"""Repeats of a program whose numbers or counts have changed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import product
+
+from imdim.program.constraints import RULES, WORLD, Constraint, Ref
+from imdim.program.repeats import Folded, Group, Repeat, repeats, size
+from imdim.program.rewrite.containment import dot
+from imdim.program.tree import Primitive, Program, Vec3, leaves
+from imdim.program.vectors import cross, minus
+
+Key = tuple[object, ...]
+
+
+def refit_repeats(folded: Folded, program: Program, decimals: int) -> Folded:
+    """The repeats as the first copies in `program` have them, which has the leaves of the expanded program with other sizes and places.
+
+    Steps and centres keep `decimals` decimals.
+    """
+    return _refit(folded, list(leaves(program)), 0, decimals)
+
+
+def _refit(folded: Folded, parts: Sequence[Primitive], first: int, decimals: int) -> Folded:
+    if isinstance(folded, Primitive):
+        return parts[first]
+    if isinstance(folded, Group):
+        out: list[Folded] = []
+        for part in folded.parts:
+            out.append(_refit(part, parts, first, decimals))
+            first += size(part)
+        return Group(folded.op, tuple(out))
+    own, part = size(folded.part), _refit(folded.part, parts, first, decimals)
+    strides = {"grid": (own * folded.counts[-1], own)}.get(folded.kind, (own,))
+    at, others = parts[first].center, [parts[first + stride].center for stride in strides]
+    if folded.kind in ("linear", "grid"):
+        return replace(folded, part=part, steps=tuple(_tidy(minus(other, at), decimals) for other in others))
+    return replace(folded, part=part, point=_tidy(_center(folded, at, others[0]), decimals))
+
+
+def _center(repeat: Repeat, a: Vec3, b: Vec3) -> Vec3:
+    """The point of the axis that turns `a` to `b`, or of the plane that mirrors one to the other."""
+    n, chord = repeat.axis, minus(b, a)
+    middle = tuple((p + q) / 2 for p, q in zip(a, b, strict=True))
+    if repeat.kind == "mirror":
+        x, y, z = (dot(middle, n) * c for c in n)  # type: ignore[arg-type]
+        return x, y, z
+    factor = 0.5 / math.tan(math.radians(repeat.angle) / 2)
+    off = tuple(m + factor * c for m, c in zip(middle, cross(n, chord), strict=True))
+    along = dot(minus(repeat.point, off), n)  # type: ignore[arg-type]
+    x, y, z = (o + along * c for o, c in zip(off, n, strict=True))
+    return x, y, z
+
+
+def recount_repeats(folded: Folded, counts: Mapping[int, tuple[int, ...]]) -> Folded:
+    """With other counts for some repeats, by their numbers in the order of `repeats`; full circles stay full."""
+    return _recount(folded, counts, 0)
+
+
+def _recount(folded: Folded, counts: Mapping[int, tuple[int, ...]], number: int) -> Folded:
+    if isinstance(folded, Primitive):
+        return folded
+    if isinstance(folded, Group):
+        out: list[Folded] = []
+        for part in folded.parts:
+            out.append(_recount(part, counts, number))
+            number += sum(1 for _ in repeats(part))
+        return Group(folded.op, tuple(out))
+    part, new = _recount(folded.part, counts, number + 1), counts.get(number, folded.counts)
+    angle = folded.angle * folded.counts[0] / new[0] if folded.is_full else folded.angle
+    return replace(folded, part=part, counts=new, angle=angle)
+
+
+def recount_constraints(constraints: Sequence[Constraint], before: Folded, after: Folded) -> tuple[Constraint, ...]:
+    """The constraints among leaves that are still there."""
+    number = {key: i for i, key in enumerate(_keys(after))}
+    moved = {i: number.get(key) for i, key in enumerate(_keys(before))} | {WORLD: WORLD}
+    out: list[Constraint] = []
+    for c in constraints:
+        of = tuple(Ref(new, ref.feature) for ref in c.of if (new := moved[ref.leaf]) is not None)
+        about = None if c.about is None else moved[c.about.leaf]
+        enough = len(of) >= (2 if RULES[c.kind].most > 3 else len(c.of)) and len(of) >= RULES[c.kind].least
+        if enough and (c.about is None or about is not None):
+            out.append(replace(c, of=of, about=None if c.about is None or about is None else Ref(about, c.about.feature)))
+    return tuple(out)
+
+
+def _keys(folded: Folded) -> list[Key]:
+    """For each leaf of the expanded program where it is written and which copy it is of."""
+    if isinstance(folded, Primitive):
+        return [()]
+    if isinstance(folded, Group):
+        return [(n, *key) for n, part in enumerate(folded.parts) for key in _keys(part)]
+    return [(copy, *key) for copy in product(*map(range, folded.counts)) for key in _keys(folded.part)]
+
+
+def _tidy(v: Vec3, decimals: int) -> Vec3:
+    x, y, z = (round(c, decimals) + 0.0 for c in v)
+    return x, y, z

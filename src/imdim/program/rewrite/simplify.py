@@ -1,0 +1,267 @@
+"""Shorter programs for the same solid.
+
+`reduce_program` applies rules that hold for every point: operations flattened, no-ops and duplicates removed, what another
+part holds absorbed, pairs that are one primitive fused. `simplify` goes on where a referee is given: it drops parts and
+merges near-equal primitives, and keeps each step only if the referee finds the solid unchanged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import combinations, count
+
+from imdim.deadline import NEVER, Deadline
+from imdim.program.cost import cost
+from imdim.program.nary import fold_nary
+from imdim.program.rewrite import containment
+from imdim.program.rewrite.containment_rules import ContainmentProver, parts, spine
+from imdim.program.rewrite.fusion import fuse
+from imdim.program.tree import OPS, Combine, Op, Primitive, Program, combine_all, fold, leaves, map_leaves
+
+SameSolid = Callable[[Program, Program], bool]
+
+
+def simplify(
+    program: Program,
+    same_solid: SameSolid | None = None,
+    slack: float = containment.SLACK,
+    near: float = 1e-2,
+    max_checks: int = 1000,
+) -> Program:
+    """A program of at most the same cost and the same solid.
+
+    Without `same_solid` only what is proven changes, lengths being equal within `slack` of the smaller primitive.
+    With it, parts are also dropped, and primitives equal within `near` made equal, wherever ``same_solid(program, candidate)``
+    is true. It always compares with the given program, so errors do not add up, and is asked at most `max_checks` times.
+    """
+    best = reduce_program(program, slack)
+    if same_solid is None:
+        return best
+    referee = _Referee(program, same_solid, max_checks)
+    best = _merge_near(best, referee, slack, near)
+    best = reduce_program(_drop_parts(best, referee), slack)
+    return best
+
+
+def reduce_program(program: Program, slack: float = containment.SLACK, deadline: Deadline = NEVER) -> Program:
+    """The proven rules until none shortens the program further, or time is out (by default never).
+
+    Of equally long forms the last is taken, in which cuts stand outside: (A - X) & B is (A & B) - X, so that equal parts meet in one
+    operation and can be written as repeats. A solid found empty has no shorter program: it is returned as given.
+    """
+    best = program
+    while not deadline.has_passed():
+        shorter = _rewrite(best, ContainmentProver(slack), slack)
+        if shorter is None:
+            return program
+        if cost(shorter) >= cost(best):
+            return shorter if cost(shorter) == cost(best) else best
+        best = shorter
+    return best
+
+
+# --- proven rules ----------------------------------------------------------------------------------------------------
+
+
+def _rewrite(program: Program, prover: ContainmentProver, slack: float) -> Program | None:
+    """One pass from the leaves up; None stands for the empty solid."""
+
+    def union(terms: list[Program | None]) -> Program | None:
+        return _union([t for term in terms if term for t in parts(term, "union")], prover, slack)
+
+    def intersection(factors: list[Program | None]) -> Program | None:
+        filled = [f for f in factors if f]
+        return _product(filled, [], prover, slack) if len(filled) == len(factors) else None
+
+    def difference(terms: list[Program | None]) -> Program | None:
+        base, *cuts = terms
+        return _product([base], [c for cut in cuts if cut for c in parts(cut, "union")], prover, slack) if base else None
+
+    rules = {"union": union, "intersection": intersection, "difference": difference}
+    return fold_nary(program, lambda _, p: p, rules)  # type: ignore[arg-type]
+
+
+def _union(terms: list[Program], prover: ContainmentProver, slack: float) -> Program | None:
+    terms = _largest(terms, prover)
+    terms = [_without_filled_cuts(t, [*terms[:i], *terms[i + 1 :]], prover, slack) for i, t in enumerate(terms)]
+    terms = _fuse_all("union", terms, slack)
+    return combine_all("union", terms) if terms else None
+
+
+def _without_filled_cuts(term: Program, others: list[Program], prover: ContainmentProver, slack: float) -> Program:
+    """(X - C) | Y is X | Y where Y holds C, or what C takes from X."""
+    base, cuts = spine(term)
+    taken = [[c, _fuse_pair("intersection", c, base, slack)] for c in cuts]
+    filled = [any(t and prover.contains(other, t) for t in both for other in others) for both in taken]
+    return _cut_all(base, [c for c, gone in zip(cuts, filled, strict=True) if not gone])
+
+
+def _product(factors: list[Program], cuts: list[Program], prover: ContainmentProver, slack: float) -> Program | None:
+    """The intersection of `factors` minus the union of `cuts`."""
+    bases: list[Program] = []
+    for factor in (f for given in factors for f in parts(given, "intersection")):
+        base, inner = spine(factor)
+        bases += parts(base, "intersection")
+        cuts = [c for cut in inner for c in parts(cut, "union")] + cuts
+    bases, cuts = _ease_cuts(bases, cuts, prover)
+    bases = _smallest([_without_dead_parts(b, bases, cuts, prover) for b in bases], prover)
+    bases = _fuse_all("intersection", bases, slack)
+    if any(prover.disjoint(a, b) for a, b in combinations(bases, 2)) or any(prover.contains(c, b) for c in cuts for b in bases):
+        return None
+    cuts = _largest([c for c in cuts if not any(prover.disjoint(c, b) for b in bases)], prover)
+    return _trim(bases, _fuse_all("union", cuts, slack), slack)
+
+
+def _ease_cuts(bases: list[Program], cuts: list[Program], prover: ContainmentProver) -> tuple[list[Program], list[Program]]:
+    """Cuts lose what does not bear on the bases: X - (C1 & C2) is X - C2 where C1 holds X; X - (C - D) is X & D where C holds X."""
+    kept: list[Program] = []
+    for cut in cuts:
+        base, spared = spine(cut)
+        factors = [f for f in parts(base, "intersection") if not any(prover.contains(f, b) for b in bases)]
+        spared = [d for d in spared if not any(prover.disjoint(d, b) for b in bases)]
+        if factors:
+            kept.append(_cut_all(combine_all("intersection", factors), spared))
+        elif spared:
+            bases = [*bases, combine_all("union", spared)]
+        else:
+            kept.append(cut)
+    return bases, kept
+
+
+def _without_dead_parts(base: Program, bases: list[Program], cuts: list[Program], prover: ContainmentProver) -> Program:
+    """A united part goes where a cut holds it or another factor is apart from it."""
+    terms = parts(base, "union")
+    alive = [
+        t for t in terms if not any(prover.contains(c, t) for c in cuts) and not any(prover.disjoint(b, t) for b in bases if b is not base)
+    ]
+    return combine_all("union", alive) if 0 < len(alive) < len(terms) else base
+
+
+def _trim(bases: list[Program], cuts: list[Program], slack: float) -> Program:
+    """A cut that shortens a single primitive is done in its numbers."""
+    base = combine_all("intersection", bases)
+    left = []
+    for cut in cuts:
+        both = isinstance(base, Primitive) and isinstance(cut, Primitive)
+        shorter = fuse("difference", base, cut, slack) if both else None  # type: ignore[arg-type]
+        if shorter is None:
+            left.append(cut)
+        else:
+            base = shorter
+    return _cut_all(base, left)
+
+
+def _largest(terms: list[Program], prover: ContainmentProver) -> list[Program]:
+    """Without the terms that another one holds; of equal ones the first stays."""
+    kept: list[Program] = []
+    for term in terms:
+        if not any(prover.contains(other, term) for other in kept):
+            kept = [other for other in kept if not prover.contains(term, other)] + [term]
+    return kept
+
+
+def _smallest(factors: list[Program], prover: ContainmentProver) -> list[Program]:
+    """Without the factors that hold another one; of equal ones the first stays."""
+    kept: list[Program] = []
+    for factor in factors:
+        if not any(prover.contains(factor, other) for other in kept):
+            kept = [other for other in kept if not prover.contains(other, factor)] + [factor]
+    return kept
+
+
+def _fuse_all(op: Op, terms: list[Program], slack: float) -> list[Program]:
+    """Pairs of primitives that are one, fused until none is left."""
+    terms = list(terms)
+    i = 0
+    while i < len(terms):
+        merged = next(((j, f) for j in range(len(terms)) if j != i and (f := _fuse_pair(op, terms[i], terms[j], slack))), None)
+        if merged is None:
+            i += 1
+        else:
+            j, terms[i] = merged
+            del terms[j]
+            i = 0
+    return terms
+
+
+def _fuse_pair(op: Op, a: Program, b: Program, slack: float) -> Primitive | None:
+    return fuse(op, a, b, slack) if isinstance(a, Primitive) and isinstance(b, Primitive) else None
+
+
+def _cut_all(base: Program, cuts: list[Program]) -> Program:
+    for cut in cuts:
+        base = Combine("difference", base, cut)
+    return base
+
+
+# --- refereed steps --------------------------------------------------------------------------------------------------
+
+
+class _Referee:
+    """Asks whether a candidate is still the given solid, a bounded number of times."""
+
+    def __init__(self, program: Program, same_solid: SameSolid, max_checks: int) -> None:
+        self._program, self._same_solid, self._left = program, same_solid, max_checks
+
+    def accepts(self, candidate: Program) -> bool:
+        if self._left <= 0:
+            return False
+        self._left -= 1
+        return self._same_solid(self._program, candidate)
+
+
+def _merge_near(program: Program, referee: _Referee, slack: float, near: float) -> Program:
+    """Make near-equal primitives equal where the rules then shorten the program."""
+    for a, b in combinations(dict.fromkeys(leaves(program)), 2):
+        if a.kind == b.kind and containment.same(a, b, near):
+            merged = reduce_program(map_leaves(program, lambda _, p, a=a, b=b: a if p == b else p), slack)
+            if cost(merged) < cost(program) and referee.accepts(merged):
+                program = merged
+    return program
+
+
+def _drop_parts(program: Program, referee: _Referee) -> Program:
+    """Remove subtrees, the largest first and later ones before earlier ones, until none can go."""
+    while True:
+        sizes = _subtree_sizes(program)
+        gone: set[int] = set()
+        best = program
+        for node in sorted(range(len(sizes) - 1), key=lambda i: (-sizes[i], -i)):
+            candidate = _without(program, gone | {node})
+            if candidate is not None and cost(candidate) < cost(best) and referee.accepts(candidate):
+                gone.add(node)
+                best = candidate
+        if not gone:
+            return program
+        program = best
+
+
+def _subtree_sizes(program: Program) -> list[int]:
+    """Primitives below each node, nodes numbered in the order in which `fold` visits them."""
+    sizes: list[int] = []
+
+    def add(a: int, b: int) -> int:
+        sizes.append(a + b)
+        return a + b
+
+    def leaf(_: int, __: Primitive) -> int:
+        sizes.append(1)
+        return 1
+
+    fold(program, leaf, dict.fromkeys(OPS, add))
+    return sizes
+
+
+def _without(program: Program, gone: set[int]) -> Program | None:
+    """The program without the numbered nodes; what is cut out of nothing, and an operation without parts, is nothing."""
+    number = count()
+
+    def leaf(_: int, p: Primitive) -> Program | None:
+        return None if next(number) in gone else p
+
+    def join(op: Op, a: Program | None, b: Program | None) -> Program | None:
+        if next(number) in gone or (a is None and (b is None or op == "difference")):
+            return None
+        return Combine(op, a, b) if a and b else a or b
+
+    return fold(program, leaf, {op: (lambda a, b, op=op: join(op, a, b)) for op in OPS})

@@ -1,0 +1,1 @@
+"""From a target to a program: the stages in their order, with their time."""

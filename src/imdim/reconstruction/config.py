@@ -1,0 +1,160 @@
+"""Settings: typed, flat where they can be, refused where they are misspelt.
+
+Defaults live here and in the dataclasses of the parts; a YAML file or a command line only overrides them. Whatever composed
+them (hydra, ``key=value`` arguments, a plain dict), they are merged into a fresh structured schema and passed on as a `Settings`.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, TypeVar, get_type_hints
+
+from imdim.export.numbers import MAX_SEGMENTS
+
+T = TypeVar("T")
+NONE = "none"  # as a checkpoint: no network at all
+_HOMES = (Path(__file__).parents[3], Path(sys.prefix, "share/imdim"))  # a source tree, and where an installed wheel puts its data
+_MODELS = [home / "models" / "imdim-base.safetensors" for home in _HOMES]
+SHIPPED = next((model for model in _MODELS if model.is_file()), _MODELS[0])
+
+
+class ConfigError(ValueError):
+    """A setting is unknown, misspelt or of the wrong type; the message is one line."""
+
+
+@dataclass
+class Settings:
+    """What one reconstruction needs to know.
+
+    `budget_s` bounds the run in seconds of wall clock; `size_weight` is the price of a primitive: the share of the target's volume that
+    one more must set right (larger gives shorter and cruder programs); `segments` is the number of facets per circle in delivered meshes;
+    `logdir` is where an evolution writes tensorboard's event files (empty: nowhere); `checkpoint` is the policy of method=policy, which
+    auto and evolve use too (empty: the shipped one, for these if there is one; none: no policy), `stump_checkpoint` the network of
+    method=stump-net (empty: the shipped one, if there is one; none: random starts).
+
+    `evolution`, `synthesis` and `solver` are for ablations of method=auto; false leaves out the evolution after the search; the structure
+    search and its proofs (the decision tree stands in); what fits, relates and rounds numbers (but for the policy's own proposals).
+    """
+
+    input: str = ""
+    output: str = ""
+    seed: int = 0
+    budget_s: float = 60.0
+    method: str = "auto"
+    size_weight: float = 2.5e-4
+    segments: int = 96
+    logdir: str = ""
+    checkpoint: str = ""
+    stump_checkpoint: str = ""
+    evolution: bool = True
+    synthesis: bool = True
+    solver: bool = True
+
+
+def merge(schema: type[T], values: Mapping[str, Any]) -> T:
+    """A fresh `schema` (a dataclass) with `values` laid over its defaults; raises ConfigError on unknown keys and wrong types."""
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    check_keys(schema, values)
+    try:
+        merged = OmegaConf.merge(OmegaConf.structured(schema), OmegaConf.create(dict(values)))
+        return OmegaConf.to_object(merged)  # type: ignore[return-value]
+    except OmegaConfBaseException as error:
+        where = error.full_key or ", ".join(key for key, value in values.items() if not isinstance(value, Mapping))
+        raise ConfigError(f"setting {where}: {first_line(error)}") from error
+
+
+def check_keys(schema: type, values: Mapping[str, Any], prefix: str = "") -> None:
+    """Raise ConfigError for the first key of `values`, at any depth, that `schema` lacks, with the nearest key that it has."""
+    hints = get_type_hints(schema)
+    for key, value in values.items():
+        if key not in hints:
+            raise ConfigError(_unknown(prefix + str(key), schema, prefix))
+        if isinstance(value, Mapping) and is_dataclass(hints[key]):
+            check_keys(hints[key], value, f"{prefix}{key}.")  # type: ignore[arg-type]
+
+
+def _unknown(key: str, schema: type, prefix: str) -> str:
+    known = [prefix + f.name for f in fields(schema)]
+    near = get_close_matches(key, known, n=1, cutoff=0.6)
+    hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+    return f"unknown setting {key!r}: {hint}"
+
+
+def from_arguments(arguments: Sequence[str], **given: Any) -> Settings:
+    """Settings from ``key=value`` arguments; `given` are already typed and win. Raises ConfigError."""
+    from omegaconf import OmegaConf
+    from yaml import YAMLError
+
+    for argument in arguments:
+        if "=" not in argument:
+            raise ConfigError(f"setting {one_line(repr(argument))} is not of the form key=value")
+    try:
+        values = OmegaConf.to_container(OmegaConf.from_dotlist(list(arguments)))
+    except (YAMLError, RecursionError, IndexError) as error:  # the last for a key of brackets alone
+        raise ConfigError(f"settings {one_line(' '.join(arguments))}: {first_line(error)}") from error
+    assert isinstance(values, dict)
+    hints = get_type_hints(Settings)
+    # YAML reads nothing as null
+    named = {key: "" if value is None and hints.get(str(key)) is str else value for key, value in values.items()}
+    return check(merge(Settings, {**named, **given}))  # type: ignore[dict-item]
+
+
+def from_hydra(folder: Path, name: str, overrides: Sequence[str]) -> Settings:
+    """Settings composed by hydra from ``folder/name.yaml`` and its override grammar. Raises ConfigError.
+
+    Composing without `hydra.main` leaves the working directory, the log and the disk alone.
+    """
+    from hydra import compose, initialize_config_dir
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+    from hydra.errors import HydraException, OverrideParseException
+    from omegaconf import OmegaConf
+
+    try:
+        parsed = OverridesParser.create().parse_overrides(list(overrides))
+        for override in parsed:
+            if override.is_sweep_override():
+                raise ConfigError(f"setting {override.input_line}: one value per run, a sweep was given")
+        with initialize_config_dir(str(folder.absolute()), version_base="1.3"):
+            # struct mode would report an unknown key without its near match: let all keys in, the schema refuses them
+            forced = [o.input_line if _is_group(folder, o.input_line) else f"++{o.input_line}" for o in parsed if o.input_line]
+            values = OmegaConf.to_container(compose(name, forced), resolve=True)
+    except OverrideParseException as error:
+        raise ConfigError(f"{first_line(error)}; quote special characters twice, as in 'input=\"my part (1).stl\"'") from error
+    except HydraException as error:
+        raise ConfigError(first_line(error)) from error
+    assert isinstance(values, dict)
+    return check(merge(Settings, values))  # type: ignore[arg-type]
+
+
+def _is_group(folder: Path, override: str) -> bool:
+    return override[0] in "+~" or (folder / override.split("=")[0].split("@")[0]).is_dir()
+
+
+def check(settings: Settings) -> Settings:
+    """The same settings, or ConfigError for a number out of its range."""
+    for key, low in (("budget_s", 0.0), ("segments", 3), ("seed", 0)):
+        value = getattr(settings, key)
+        if not value >= low or value == float("inf"):
+            raise ConfigError(f"setting {key} must be a finite number of at least {low:g}, got {value}")
+    if settings.segments > MAX_SEGMENTS:
+        raise ConfigError(f"setting segments must be at most {MAX_SEGMENTS}, got {settings.segments}")
+    if not 0 < settings.size_weight < 1:
+        raise ConfigError(f"setting size_weight must lie in 0..1, got {settings.size_weight}")
+    return settings
+
+
+def first_line(error: BaseException) -> str:
+    """The first line of an error's message, not all of it where it is long, or its type where it has none."""
+    return one_line(next(iter(str(error).strip().splitlines()), type(error).__name__))
+
+
+def one_line(text: str, most: int = 200) -> str:
+    """What was given, for a message: on one line, and no more than `most` characters of it."""
+    text = " ".join(text.split())
+    return text if len(text) <= most else text[: most - 3] + "..."

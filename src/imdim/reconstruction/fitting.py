@@ -1,0 +1,114 @@
+"""The numbers of a program whose structure is found: fitted to a cloud, related to each other, rounded to what may have been typed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from imdim.deadline import NEVER, Deadline
+from imdim.geometry import kernels
+from imdim.geometry.finish.pattern_outlier import regularise_outliers
+from imdim.geometry.metrics import diagonal
+from imdim.geometry.sampling import subsample
+from imdim.geometry.solid import SEGMENTS
+from imdim.numbers.refine import RefineConfig, refine
+from imdim.numbers.snap import SnapConfig, accept_changes, snap
+from imdim.numbers.symmetry_normal_form import canonical
+from imdim.program.constraints import Constraint
+from imdim.program.cost import count
+from imdim.program.tree import Program, map_leaves
+from imdim.reconstruction.observation import Observation
+from imdim.reconstruction.preserve import is_same, volume_difference
+from imdim.relations.discover import exact_relations, hold_constraints
+from imdim.target.target import Frame, Target
+
+POOR = 0.05  # of the volume; a search that leaves more is compared with the decision tree
+SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may move
+LIKE = 2e-4  # of the diagonal, within which primitives are equal
+SHOWN = 8192  # points of a target that numbers and relations are judged by
+SNAP_LOSS = 1e-4  # of the volume IoU with a mesh, that rounder numbers may cost: typed ones cost none
+MOST_RELATED = 120  # primitives; the time that relations take grows with the square
+RELATE_ERROR, RELATE_MOVE = 1e-2, 1e-5  # shares of mean distance and diagonal that relations may cost
+HOLD_TRIES = 24  # programs that are made to find which relations hold beside rounder numbers
+
+Related = tuple[Program, tuple[Constraint, ...]]  # a program and what holds for it
+
+
+def fit_numbers(program: Program, seen: Observation, deadline: Deadline = NEVER) -> Program:
+    """The numbers fitted to a cloud, as far as time allows; of a mesh, odd ones are made like their fellows.
+
+    A mesh's carriers are exact already, and its facets would pull them inwards.
+    """
+    if seen.target.mesh is not None:
+        return program if deadline.has_passed() else regularise_outliers(program, LIKE, lambda trial: seen.iou(trial) or 0.0, deadline)
+    chosen = subsample(seen.target.points, SHOWN)
+    fitted = refine(program, chosen, config=RefineConfig(start_scale=0.01), deadline=deadline).program
+    nearer = _mean_distance(fitted, chosen) < _mean_distance(program, chosen)
+    return fitted if nearer and seen.error(fitted) < seen.error(program) + POOR else program
+
+
+def find_relations(program: Program, target: Target, found: Sequence[Constraint] | None = None, deadline: Deadline = NEVER) -> Related:
+    """The relations of a finished program: those that its own numbers bear out or, where noise hides them, those `found` in the points
+    before its numbers were rounded. None once time is out, and none that would change the solid."""
+    if deadline.has_passed():
+        return program, ()
+    if found is not None:
+        return _hold(program, found, subsample(target.points, SHOWN))
+    exact, constraints = relations_of(program, deadline)
+    return (exact, constraints) if is_same(program, exact) else (program, ())
+
+
+def _hold(program: Program, found: Sequence[Constraint], points: np.ndarray) -> Related:
+    """As many of the relations that a cloud bore out as can hold with the program as near to its points."""
+    limit = (1 + RELATE_ERROR) * _mean_distance(program, points) + RELATE_MOVE * diagonal(points)
+
+    def near(constraints: tuple[Constraint, ...]) -> bool:
+        return _mean_distance(hold_constraints(program, constraints)[0], points) <= limit
+
+    return hold_constraints(program, accept_changes(tuple[Constraint, ...](), found, lambda taken, more: (*taken, more), near, HOLD_TRIES))
+
+
+def relations_of(program: Program, deadline: Deadline = NEVER) -> Related:
+    """A finished program with the relations that its own numbers bear out; none for a very long one, and no more once time is out."""
+    if count(program).primitives > MOST_RELATED:
+        return program, ()
+    found = exact_relations(program, deadline=deadline)
+    return found.program, found.constraints
+
+
+def _mean_distance(program: Program, points: np.ndarray) -> float:
+    return float(np.abs(kernels.program_sdf(program, points)).mean())
+
+
+def snap_numbers(program: Program, seen: Observation, frame: Frame, deadline: Deadline = NEVER) -> Program:
+    """A program in the body's units with the numbers that its designer may have typed there, as far as time allows.
+
+    Snapping is judged by the distance of surface points, which is fast; the volume it changed decides whether it was too bold.
+    """
+    exact, points, to_unit = seen.target.mesh is not None, _surface_points(seen), frame.apply
+    limit = 2e-3 if exact else 1e-2
+
+    def distance(trial: Program) -> float:
+        return float(np.minimum(np.abs(kernels.program_sdf(to_unit(trial), points)), limit).mean())
+
+    plain = map_leaves(program, lambda _, leaf: canonical(leaf))
+    if deadline.has_passed():
+        return plain
+    before = seen.iou(to_unit(plain))
+    for boldness in (1.0, 0.1, 0.01) if exact else (1.0, 0.3):
+        if deadline.has_passed():
+            break
+        config = SnapConfig(max_move=(1e-3 if exact else 2e-3) * boldness, abs_tolerance=(2e-6 if exact else 2e-5) * boldness)
+        rounder = snap(program, distance, config=config, deadline=deadline)
+        if volume_difference(plain, rounder, SEGMENTS) < (SNAP_CHANGE if exact else 10 * SNAP_CHANGE) and (
+            before is None or before - (seen.iou(to_unit(rounder)) or 0.0) < SNAP_LOSS
+        ):
+            return rounder
+    return plain
+
+
+def _surface_points(seen: Observation) -> np.ndarray:
+    """Points of the true surface: corners of a mesh's patches, or the cloud; some thousands, evenly picked."""
+    points = seen.target.points if seen.target.mesh is None else np.concatenate([subsample(p.points, 60) for p in seen.patches])
+    return subsample(points, 6000)

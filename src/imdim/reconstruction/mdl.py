@@ -1,0 +1,160 @@
+"""Programs of noisy clouds, judged by how likely they make the points: which of several, how short, with what numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from imdim.deadline import NEVER, Deadline
+from imdim.geometry.axes import clearest_axes, find_shared_axes, main_axes
+from imdim.geometry.sampling import subsample
+from imdim.numbers.em import EMConfig, FittedProgram, maximise_likelihood
+from imdim.numbers.likelihood import Noise, SurfaceSamples, shares
+from imdim.numbers.symmetry_normal_form import canonical
+from imdim.program.constraints import Constraint
+from imdim.program.rewrite.simplify import reduce_program
+from imdim.program.tree import Program, leaves, map_leaves
+from imdim.reconstruction.observation import Observation, UnitBody
+from imdim.reconstruction.policy_beam import proposals
+from imdim.relations.discover import discover
+from imdim.search.mdl.batched_likelihood import PartTableCache
+from imdim.search.mdl.candidates.shell_slot import compounds
+from imdim.search.mdl.description_length import description_length
+from imdim.search.mdl.primitive_selection import Cloud, distinct
+from imdim.search.mdl.search import REFIT, best_by_mdl, search_shortest, tables_of_subsample
+from imdim.search.mdl.silhouettes import outlines
+
+if TYPE_CHECKING:
+    from imdim.learn.policy import Policy
+
+MOST_POINTS = 8192
+QUICK_POINTS = 4096
+FITTED = 3  # starts whose numbers are fitted before one is chosen
+QUICK = EMConfig()
+CAREFUL = EMConfig(rounds=60, still=0.004, calmer=0.003)  # walls that blur thin or thicken slowly, as the noise grows or falls
+SAME = 2e-3  # nats per point, what the samples of the surface leave in doubt
+
+
+@dataclass(frozen=True)
+class NoisyFit:
+    """The program that tells a noisy cloud, with the relations that the points bear out; whether time has `cut` the search for it, or the
+    fit of its numbers."""
+
+    program: Program
+    constraints: tuple[Constraint, ...]
+    cut: bool
+
+
+def reconstruct_unlabelled(
+    body: UnitBody, policy: Policy | None, choose_by: Deadline, fit_by: Deadline = NEVER, calm: bool = False
+) -> NoisyFit | None:
+    """A program of a noisy cloud of which detection cannot tell the inside, from its points and the policy's beam; both in the unit frame.
+
+    None for a mesh and, unless `calm` ones are asked for too, a calm cloud, which then have no inside, and where nothing is left of the
+    cloud. Time as for `most_likely`.
+    """
+    points, noise = body.target.points, body.noise
+    if body.target.mesh is not None or not (noise.blurs or calm):
+        return None
+    found = [p.program for p in proposals(policy, points, noise.sigma, deadline=choose_by)]
+    if not found or not noise.blurs:
+        return NoisyFit(found[0], (), choose_by.has_passed()) if found else None
+    return _NoisyCloud.of(points, noise.sigma).find_shortest(found, choose_by, fit_by)
+
+
+def most_likely(programs: Sequence[Program], seen: Observation, choose_by: Deadline, fit_by: Deadline = NEVER) -> NoisyFit:
+    """The program that tells a noisy cloud in the shortest message, with the relations that the points bear out.
+
+    `programs`, of which the last is tried in any case, are where the search for it starts; all lend their primitives.
+    The search ends at `choose_by`, and the numbers of its program are fitted until `fit_by` (by default to the end).
+    """
+    shared = find_shared_axes([p.surface.axis for p in seen.patches], [p.area for p in seen.patches])
+    return _NoisyCloud.of(seen.target.points, seen.noise.sigma, shared).find_shortest(programs, choose_by, fit_by)
+
+
+@dataclass(frozen=True)
+class _NoisyCloud:
+    """A noisy cloud: points [n, 3], the deviation of their noise, the part's directions as columns [3, 3]."""
+
+    points: np.ndarray
+    sigma: float
+    axes: np.ndarray
+
+    @staticmethod
+    def of(points: np.ndarray, sigma: float, *known: np.ndarray) -> _NoisyCloud:
+        """With the clearest of the directions: those `known` from surfaces, those of the points, and the given axes."""
+        frames = [*known, main_axes(points[:QUICK_POINTS]), np.eye(3)]
+        return _NoisyCloud(points, sigma, clearest_axes(points, frames, 2 * sigma))
+
+    @cached_property
+    def quick(self) -> np.ndarray:
+        return subsample(self.points, QUICK_POINTS)
+
+    @cached_property
+    def _draws(self) -> PartTableCache:
+        return tables_of_subsample(self.quick)
+
+    @cached_property
+    def _cloud(self) -> Cloud:
+        return Cloud.of(self.quick, self.sigma)
+
+    def find_shortest(self, programs: Sequence[Program], choose_by: Deadline, fit_by: Deadline) -> NoisyFit:
+        """The shortest message's program, by a search from one primitive, then from the best of `programs`, then from both."""
+        found = outlines(self.points, self.axes, self.sigma, deadline=choose_by)
+        found = distinct(found, self._cloud) if found else []
+        seen = [*found, *compounds(found, self._cloud, self.sigma)]
+        candidates = [*seen, *dict.fromkeys(leaf for p in programs for leaf in leaves(p))]
+        best = self._search(programs, candidates, choose_by)
+        cut = choose_by.has_passed()
+        points = self.quick if cut else subsample(self.points, MOST_POINTS)
+        shorter = reduce_program(best.program, deadline=fit_by)
+        program, constraints = _hold_relations(_fit(shorter, points, best.noise, fit_by, CAREFUL), points, fit_by)
+        return NoisyFit(program, constraints, cut or fit_by.has_passed())
+
+    def _search(self, programs: Sequence[Program], candidates: Sequence[Program], deadline: Deadline) -> FittedProgram:
+        """The shorter of two searches' messages. What grows from one primitive is quick and stays short; of `programs`, which are long, the
+        best start is known at least where time is out."""
+        if deadline.has_passed() or not candidates:
+            return self._start(programs, deadline)
+        first = self._start(candidates, deadline)
+        grown = self._search_from(first, candidates, deadline)
+        second = self._start(programs, deadline)
+        if second.program == first.program:
+            return grown
+        best, other = sorted((grown, self._search_from(second, candidates, deadline)), key=self._length)
+        return self._search_from(best, [*leaves(other.program)], deadline)
+
+    def _search_from(self, start: FittedProgram, candidates: Sequence[Program], deadline: Deadline) -> FittedProgram:
+        return search_shortest(start, self.quick, candidates, self.axes, deadline, self._draws)
+
+    def _start(self, starts: Sequence[Program], deadline: Deadline) -> FittedProgram:
+        """The likeliest of several programs, with its numbers fitted."""
+        rough = FittedProgram(starts[-1], Noise(self.sigma), np.inf, 0)
+        few = best_by_mdl([*dict.fromkeys(starts)], self._draws, rough, FITTED)
+        start = min((maximise_likelihood(p, self.quick, rough.noise, REFIT, deadline) for p in few), key=self._length)
+        return start if deadline.has_passed() else _fit(start.program, self.quick, start.noise, deadline)
+
+    def _length(self, likely: FittedProgram) -> float:
+        return description_length(likely.program, self.quick, likely.noise, likely.nll)
+
+
+def _fit(program: Program, points: np.ndarray, noise: Noise, deadline: Deadline, config: EMConfig = QUICK) -> FittedProgram:
+    """The numbers that make the points most likely, with ends let through what they only just meet, unless that hides what they show."""
+    through, as_drawn = (maximise_likelihood(program, points, noise, c, deadline) for c in (config, replace(config, through=0.0)))
+    return through if through.nll < as_drawn.nll + SAME else as_drawn
+
+
+def _hold_relations(likely: FittedProgram, points: np.ndarray, deadline: Deadline) -> tuple[Program, tuple[Constraint, ...]]:
+    """With the relations that the points bear out made exact, unless that makes the points less likely than as many numbers are worth."""
+    if deadline.has_passed():
+        return likely.program, ()
+    plain = map_leaves(likely.program, lambda _, leaf: canonical(leaf))
+    found = discover(plain, points, deadline)
+    after = shares(points, SurfaceSamples.of(found.program, likely.noise.sigma), likely.noise).nll
+    worth = 0.5 * len(found.constraints) * math.log(len(points)) / len(points)
+    return (found.program, found.constraints) if after < likely.nll + worth else (likely.program, ())

@@ -1,0 +1,286 @@
+"""The methods by which one body's program is found: each a generator of better and better programs, all in the body's unit frame.
+
+A method knows a `Run` and yields `MethodStep`s; its last step is its answer, and no step at all means that it found nothing. Simplifying,
+fitting and rounding come after it and are the same for all (`pipeline`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from imdim.baselines import stump_net as stump_nets
+from imdim.baselines.stump import stumps
+from imdim.deadline import Deadline
+from imdim.program.cost import count
+from imdim.program.tree import Program
+from imdim.reconstruction.budget import Budget, Stage
+from imdim.reconstruction.config import Settings
+from imdim.reconstruction.evolution import evolve_observation, log_generations, seeds_of
+from imdim.reconstruction.fitting import POOR
+from imdim.reconstruction.observation import SAMPLES, Observation
+from imdim.reconstruction.policy_beam import misfit, proposals
+from imdim.reconstruction.proof import Proofs
+from imdim.search.counterexamples import Sharpener, transfer
+from imdim.search.evolve.population import EvolutionConfig, TheoryGeneration
+from imdim.search.mdl.primitive_selection import Cloud
+from imdim.search.minimal_ranges import tidy
+from imdim.search.sequence import to_program
+from imdim.search.structure import StructureConfig
+from imdim.search.structure import search as search_structure
+
+if TYPE_CHECKING:
+    from imdim.learn.policy import Policy
+
+PolicyOf = Callable[[], "Policy | None"]
+
+CUT = "budget_spent"  # how a method ended that time has cut short
+TOUCHED = 1e-2  # of the volume; a search that leaves more is followed by a short evolution, which mends little that is smaller
+LONG = 40  # primitives; so is one whose program is this long, which evolution shortens
+POOR_IF_CUT = 0.01  # of the volume; a search that was cut short and leaves more is compared with the decision tree
+TOUCH = EvolutionConfig(generations=60, patience=10)
+WORTH_MORE = 0.5  # of a primitive's price; error that a search goes on for although no fewer primitives can do
+PROPOSE_S = 6.0  # what loading torch and writing a beam take of the processor; the solver works without it where less is left
+FAR_BETTER = 0.5  # of the misfit of the search's program
+
+
+@dataclass(frozen=True)
+class Run:
+    """One body to be explained: what is seen of it, and what the method may use. `share` is its part of the time that a stage has left."""
+
+    seen: Observation
+    settings: Settings
+    policy: PolicyOf
+    budget: Budget
+    rng: np.random.Generator
+    share: float = 1.0
+
+    def part_of(self, stage: Stage) -> Deadline:
+        """When this body's part of the time is spent that the stage may take from now on."""
+        return self.budget.part_of(stage, self.share)
+
+
+@dataclass(frozen=True)
+class MethodStep:
+    """A program. `error` is relative to the body's volume, None where the method does not know it.
+
+    `others` are cruder and finer programs that a user may choose instead. `proof` says whether it is proved minimal, empty if nobody asked.
+    `stop` of the last step says how the method ended: "finished", CUT, and after an evolution "exact" or "stagnation".
+    """
+
+    stage: str
+    program: Program
+    error: float | None = None
+    others: tuple[Program, ...] = ()
+    proof: str = ""
+    stop: str = "finished"
+
+    def cut_if(self, cut: bool) -> MethodStep:
+        """The step; where time has `cut` what would have bettered it, one that says so."""
+        return replace(self, stop=CUT) if cut else self
+
+
+Method = Callable[[Run], Iterator[MethodStep]]
+
+
+def auto(run: Run) -> Iterator[MethodStep]:
+    """The structure search and a short evolution; the decision tree and the policy where these leave much; proofs, which end it early."""
+    best: MethodStep | None = None
+    proofs = Proofs(run.seen, run.budget, run.share)
+    for best in _search_and_touch_up(run, proofs):
+        yield best
+    for source in (_grow_if_poor, _propose_if_poor):
+        before, best = best, source(run, best)
+        if best is not None and best != before:
+            yield best
+    if best is not None and run.settings.synthesis and not run.seen.noisy:
+        yield _prove(best, proofs)
+
+
+def tree(run: Run) -> Iterator[MethodStep]:
+    """The decision tree alone."""
+    deadline = run.part_of("fit")
+    program = run.seen.evidence.tree(deadline)
+    if program is not None:
+        yield MethodStep("tree", program).cut_if(deadline.has_passed())
+
+
+def policy(run: Run) -> Iterator[MethodStep]:
+    """The policy's beam and the solver alone."""
+    yield _propose(run, [])
+
+
+def evolve(run: Run) -> Iterator[MethodStep]:
+    """Evolution from the programs of the policy, the tree, the surfaces and the search."""
+    seen, written = run.seen, run.policy()
+    beam = [] if written is None else [p.program for p in proposals(written, seen.target.points, seen.noise.sigma)]
+    seeds = seeds_of(seen.evidence, run.rng, run.part_of("seeds"), beam)
+    for generation in _generations(run, seeds, run.part_of("search")):
+        others = tuple(i.program for i in (*generation.front, generation.best))
+        yield MethodStep("evolve", generation.best.program, generation.best.score.volume, others, stop=generation.stop or "finished")
+
+
+def stump_net(run: Run) -> Iterator[MethodStep]:
+    """CSG-Stump Net's prediction, fitted to the body's samples, alone."""
+    net, deadline = stump_nets.load(run.settings.stump_checkpoint), run.budget.end_of("search")
+    yield MethodStep("stump-net", stump_nets.propose_program(run.seen, net, run.settings.seed, deadline)).cut_if(deadline.has_passed())
+
+
+def stump(run: Run) -> Iterator[MethodStep]:
+    """CSG-Stump's matrices by binary programming over detected primitives; the decision tree where none was detected."""
+    passed, deadline = list[Program](), run.budget.end_of("search")
+    for program in stumps(run.seen, deadline):
+        passed.append(program)
+        yield MethodStep("stump", program, others=tuple(passed))
+    if not passed:
+        yield from tree(run)
+    elif deadline.has_passed():
+        yield MethodStep("stump", passed[-1], others=tuple(passed), stop=CUT)
+
+
+METHODS: dict[str, Method] = {
+    "auto": auto,
+    "evolve": evolve,
+    "policy": policy,
+    "stump": stump,
+    "stump-net": stump_net,
+    "tree": tree,
+}
+
+
+def _search_and_touch_up(run: Run, proofs: Proofs) -> Iterator[MethodStep]:
+    passed: list[Program] = []
+    step: MethodStep | None = None
+    for step in _search_structure(run, proofs):
+        passed.append(step.program)
+        yield replace(step, others=tuple(passed))
+    if step is not None:
+        yield from _touch_up(run, replace(step, others=tuple(passed)))
+
+
+def _search_structure(run: Run, proofs: Proofs) -> Iterator[MethodStep]:
+    """Programs of the structure search, each better than the one before, until one is proved minimal."""
+    seen, found, shortest, enough = run.seen, None, None, False
+    if not run.settings.synthesis:
+        yield from tree(run)
+        return
+    deadline = run.part_of("noisy_search") if seen.noisy else run.budget.end_of("search")
+    price = seen.size_weight * seen.cells.volume
+    sharpener = Sharpener(seen.families, seen.label, SAMPLES, price, run.rng) if seen.evidence.exact else None
+    config, start_by = StructureConfig(size_weight=seen.size_weight), run.part_of("starts")
+    for found in search_structure(seen.families, config, run.rng, deadline, sharpener, start_by):
+        program = to_program(found.sequence, found.families)
+        yield MethodStep("search", program)
+        # what the labels of a noisy cloud prove is not worth the time
+        program, proof = (None if seen.noisy else proofs.early(program)) or (program, None)
+        if proof and proof.program and (shortest is None or seen.price(program) < seen.price(shortest)):
+            shortest = program
+        enough = bool(proof and proof.minimal and proof.extra < WORTH_MORE)
+        if enough or (seen.noisy and deadline.has_passed()):
+            break
+    if found is None:
+        return
+    cut = deadline.has_passed() and not enough
+    # a range is as short as all cells that were ever seen allow
+    every = sharpener.every if sharpener else found.families
+    tidied = to_program(tidy(transfer(found.sequence, every), every), every)
+    if shortest is not None and seen.exact_price(shortest) < seen.exact_price(tidied):
+        yield MethodStep("proof", shortest).cut_if(cut)
+    else:
+        yield MethodStep("search", tidied).cut_if(cut)
+
+
+def _touch_up(run: Run, last: MethodStep) -> Iterator[MethodStep]:
+    """Fitter programs of a few generations that start from those the search passed through, `last.others`: what no signed sequence of
+    candidates is.
+
+    For a mesh, where the search left something or its program is long; in a cloud the doubts about what is inside outweigh it.
+    """
+    seen, deadline = run.seen, run.budget.end_of("search")
+    if not (run.settings.evolution and seen.evidence.exact):
+        return
+    if seen.error(last.program) < TOUCHED and count(last.program).primitives < LONG:
+        return
+    best, least = seen.evidence.scorer.score([last.program])[0].fitness, seen.exact_price(last.program)
+    for generation in () if deadline.has_passed() else _generations(run, {"search": list(last.others)}, deadline, TOUCH):
+        # what is not worth half a primitive is not worth another way to draw it
+        if generation.best.score.fitness < best - 0.5 * seen.size_weight:
+            best = generation.best.score.fitness
+            price = seen.exact_price(generation.best.program)
+            if price < least - 0.5 * seen.size_weight:
+                least = price
+                last = replace(last, stage="evolve", program=generation.best.program, others=(*last.others, generation.best.program))
+                yield last
+    if deadline.has_passed():
+        yield last.cut_if(True)
+
+
+def _generations(
+    run: Run, seeds: dict[str, list[Program]], deadline: Deadline, config: EvolutionConfig | None = None
+) -> Iterator[TheoryGeneration]:
+    generations = evolve_observation(run.seen.evidence, seeds, run.rng, deadline, config, run.settings.solver)
+    yield from log_generations(generations, run.settings.logdir, run.seen.target.name) if run.settings.logdir else generations
+
+
+def _grow_if_poor(run: Run, best: MethodStep | None) -> MethodStep | None:
+    """The best, or the decision tree's program, where there is nothing or much is left and it costs less.
+
+    A noisy cloud's time is better spent on its points: the cells' doubts make the tree long.
+    """
+    seen = run.seen
+    if best is not None and (seen.noisy or seen.error(best.program) <= (POOR_IF_CUT if best.stop == CUT else POOR)):
+        return best
+    deadline = run.part_of("fit")
+    program = run.seen.evidence.tree(deadline)
+    if best is None:
+        return None if program is None else MethodStep("tree", program).cut_if(deadline.has_passed())
+    if program is not None and seen.price(program) < seen.price(best.program):
+        best = replace(best, stage="tree", program=program)
+    return best.cut_if(deadline.has_passed())
+
+
+def _propose_if_poor(run: Run, best: MethodStep | None) -> MethodStep | None:
+    """The best, or the policy's program for a cloud, where there is nothing or much is left and it fits far better.
+
+    The cells of a noisy cloud miss what detection missed: there it is always asked, and the points judge later (`noisy`).
+    """
+    seen = run.seen
+    if seen.target.mesh is not None or (best is not None and not seen.noisy and seen.error(best.program) <= POOR):
+        return best
+    proposed = _propose(run, [] if best is None else [best.program])
+    if best is None:
+        return proposed
+    if seen.noisy:
+        best = replace(best, others=(*best.others, proposed.program))
+    elif prefers_proposal(proposed.program, best.program, seen):
+        best = replace(best, stage="policy", program=proposed.program)
+    return best.cut_if(proposed.stop == CUT)
+
+
+def _prove(best: MethodStep, proofs: Proofs) -> MethodStep:
+    """The best with its proof, or a shorter program that the search for one met."""
+    program, proof = proofs.of(best.program)
+    others = (*best.others, best.program) if proof.program else best.others
+    return replace(best, stage="proof", program=program, error=None, others=others, proof=str(proof))
+
+
+def _propose(run: Run, starts: list[Program]) -> MethodStep:
+    """The best that the solver makes of a policy's beam and of other programs."""
+    deadline, asked = run.part_of("propose"), run.settings.method == "policy" or time_to_propose(run.budget)
+    written = run.policy() if asked else None
+    best, *_ = proposals(written, run.seen.target.points, run.seen.noise.sigma, starts, deadline=deadline)
+    return MethodStep("policy", best.program).cut_if(deadline.has_passed() or not asked)
+
+
+def time_to_propose(budget: Budget) -> bool:
+    """Whether there is time for a policy."""
+    return budget.end_of("choose").left() >= PROPOSE_S
+
+
+def prefers_proposal(proposed: Program, program: Program, seen: Observation) -> bool:
+    """Cells of a cloud know no surface that detection missed: what fits the points far better is taken, whatever its cells say."""
+    cloud = Cloud.of(seen.target.points, seen.noise.sigma)
+    return misfit(proposed, cloud) < FAR_BETTER * misfit(program, cloud)

@@ -1,0 +1,176 @@
+"""What a body shows: its surfaces, the cells between them labelled inside or outside, and the families of candidates over them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from manifold3d import Manifold
+
+from imdim.deadline import NEVER, Deadline
+from imdim.detection.cloud_surfaces import detect_cloud
+from imdim.detection.implied_planes import closing_planes
+from imdim.detection.mesh_surfaces import detect_patches
+from imdim.detection.noise import EXACT, NoiseModel, measure_noise
+from imdim.geometry import kernels
+from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
+from imdim.geometry.surface import Patch, Surface
+from imdim.geometry.winding import inside_mesh
+from imdim.program.cost import count
+from imdim.program.tree import Program
+from imdim.reconstruction.evidence import ScoringSamples
+from imdim.search.arrangement import ArrangementConfig, arrange
+from imdim.search.candidate_families import Families
+from imdim.search.cells import Cells, VolumeSamples, compress_samples, label_samples
+from imdim.target.target import InputError, Target
+
+SAMPLES = 150_000  # labelled, spread over the cells
+CLOSING_AREA = 1e-7  # of the squared diagonal; implied planes rank behind detected ones
+
+
+class UnseenError(InputError):
+    """A body shows no surface or no inside; `cut`: time had run out before all of it was looked at."""
+
+    def __init__(self, message: str, cut: bool = False) -> None:
+        super().__init__(message)
+        self.cut = cut
+
+
+@dataclass(frozen=True)
+class UnitBody:
+    """A body in its unit frame, and a cloud's noise there; of a crowded cloud so many points that they show its faces."""
+
+    target: Target
+    noise: NoiseModel
+
+    @staticmethod
+    def of(unit: Target, rng: np.random.Generator) -> UnitBody:
+        """A body that is in its unit frame, with its noise measured."""
+        if unit.mesh is not None:
+            return UnitBody(unit, EXACT)
+        noise, kept = measure_noise(unit.points, rng)
+        if len(kept) < len(unit.points):
+            unit = replace(unit, points=unit.points[kept], normals=None if unit.normals is None else unit.normals[kept])
+        return UnitBody(unit, noise)
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What detection and labelling know of one body, all in its unit frame, the programs that are asked about too.
+
+    `noise` is a cloud's, corrected by what detection learned of it. `label` gives the probability of being inside [n] for points [n, 3].
+    `cut` says whether time ended the look at a cloud.
+    """
+
+    target: Target
+    noise: NoiseModel
+    patches: list[Patch]
+    samples: VolumeSamples
+    families: Families
+    size_weight: float
+    label: Callable[[np.ndarray], np.ndarray]
+    cut: bool = False
+
+    @cached_property
+    def evidence(self) -> ScoringSamples:
+        """What evolution and the front need to know."""
+        mesh = self.target.mesh
+        area = sum(p.area for p in self.patches) if mesh is None else float(mesh.area)
+        surfaces = [p.surface for p in self.patches]
+        return ScoringSamples(surfaces, self.families, self.samples, self.target.points, area, self.size_weight, mesh is not None)
+
+    @property
+    def noisy(self) -> bool:
+        """Whether the noise of the body's cloud blurs its edges and walls, so that distances alone mislead."""
+        return self.noise.blurs
+
+    @property
+    def cells(self) -> Cells:
+        return self.families.cells
+
+    def error(self, program: Program) -> float:
+        """Volume in which the body and a program differ over the samples, relative to the body's."""
+        samples = self.samples
+        inside = kernels.inside(program, samples.points)
+        return float(np.where(inside, samples.w_out, samples.w_in).sum()) / self.cells.volume
+
+    def price(self, program: Program) -> float:
+        """The search's objective, relative to the body's volume."""
+        return self.error(program) + self.size_weight * count(program).primitives
+
+    @cached_property
+    def solid(self) -> Manifold | None:
+        """The solid that the body's mesh bounds; None for a cloud, and for a mesh that bounds none."""
+        try:
+            return None if self.target.mesh is None else mesh_to_manifold(self.target.mesh)
+        except ValueError:
+            return None
+
+    def iou(self, program: Program) -> float | None:
+        """Volume IoU of a program with the solid, by exact booleans; None where there is no solid."""
+        return None if self.solid is None else volume_iou(to_manifold(program), self.solid)
+
+    def exact_price(self, program: Program) -> float:
+        """As `price`, with the exact volumes where there is a solid: samples may all have missed what a program gets wrong."""
+        iou = self.iou(program)
+        return self.price(program) if iou is None else 1 - iou + self.size_weight * count(program).primitives
+
+
+def observe(
+    body: UnitBody,
+    size_weight: float,
+    rng: np.random.Generator,
+    detect_by: Deadline = NEVER,
+    label_by: Deadline = NEVER,
+) -> Observation:
+    """Surfaces, cells and candidate families of a body.
+
+    Of a cloud, no more surfaces are looked for past `detect_by`, and no more samples are asked for their side past `label_by` (by default
+    all are). Raises UnseenError.
+    """
+    unit = body.target
+    patches, closing, noise = _surfaces(body, rng, detect_by)
+    cut = unit.mesh is None and detect_by.has_passed()
+    if not patches:
+        raise UnseenError(f"{unit.name}: no plane, sphere, cylinder, cone or torus found in {len(unit.points)} points", cut)
+    corners = _corners(unit, patches, noise)
+    bounds = np.stack([np.min(corners, axis=0), np.max(corners, axis=0)])
+    surfaces = [p.surface for p in patches] + closing
+    areas = [p.area for p in patches] + [CLOSING_AREA] * len(closing)
+    arrangement = arrange(surfaces, areas, bounds, ArrangementConfig())
+    label = _labeller(unit, patches, label_by)
+    samples = label_samples(arrangement, label, SAMPLES, rng)
+    cut = cut or (unit.mesh is None and label_by.has_passed())
+    cells = compress_samples(arrangement, samples)
+    if not (cells.gain > 0).any():
+        raise UnseenError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells", cut)
+    return Observation(unit, noise, patches, samples, Families(arrangement, cells), size_weight, label, cut)
+
+
+def _corners(unit: Target, patches: list[Patch], noise: NoiseModel) -> np.ndarray:
+    """Points [n, 3] whose box is the body's; strays of a noisy cloud, which lie on no surface, would widen it."""
+    if unit.mesh is not None:
+        return np.asarray(unit.mesh.vertices)
+    return np.concatenate([p.points for p in patches]) if noise.blurs else unit.points
+
+
+def _surfaces(body: UnitBody, rng: np.random.Generator, deadline: Deadline) -> tuple[list[Patch], list[Surface], NoiseModel]:
+    """What the target shows, for a cloud the planes that its faces only imply, and its noise."""
+    unit = body.target
+    if unit.mesh is not None:
+        return detect_patches(unit.mesh), [], body.noise
+    patches, noise = detect_cloud(unit.points, unit.normals, body.noise, rng, deadline=deadline)
+    return patches, closing_planes(patches, noise.spacing), noise
+
+
+def _labeller(unit: Target, patches: list[Patch], deadline: Deadline) -> Callable[[np.ndarray], np.ndarray]:
+    """The function that gives the probability of being inside [n] for points [n, 3]."""
+    mesh = unit.mesh
+    if mesh is not None:
+        return lambda points: inside_mesh(mesh, points)
+    from imdim.detection.cloud_occupancy import inside_probability
+
+    # single queries are right far more often than their votes are unanimous: a cell averages decisions, not doubts
+    return lambda points: inside_probability(patches, unit.points, points, deadline=deadline) > 0.5

@@ -1,0 +1,283 @@
+"""From a target to a program: where detection, the methods of the search and the solver meet.
+
+Per body: carriers and sample cells labelled inside or outside (`body`), a program over them (`methods`), then its numbers (`fitting`).
+A generator of snapshots, so that progress, a time limit and tests work from outside. Work is bounded by counts; the clock only cuts a
+search that outruns its budget, and the last snapshot then says so.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import islice
+
+import numpy as np
+import trimesh
+
+from imdim.deadline import Deadline
+from imdim.geometry.finish.out_of_box import without_strays
+from imdim.geometry.solid import to_manifold
+from imdim.program.constraints import Constraint, scale_constraints
+from imdim.program.cost import count
+from imdim.program.front import Choice
+from imdim.program.rewrite.simplify import reduce_program
+from imdim.program.tree import Program, combine_all, leaves, map_leaves
+from imdim.reconstruction.budget import Budget
+from imdim.reconstruction.choices import choices_beside, few, unite_fronts
+from imdim.reconstruction.config import ConfigError, Settings
+from imdim.reconstruction.fitting import find_relations, fit_numbers, snap_numbers
+from imdim.reconstruction.mdl import most_likely, reconstruct_unlabelled
+from imdim.reconstruction.methods import CUT, METHODS, MethodStep, PolicyOf, Run, time_to_propose
+from imdim.reconstruction.observation import Observation, UnitBody, UnseenError, observe
+from imdim.reconstruction.policy_beam import load, load_if_any
+from imdim.reconstruction.preserve import preserve
+from imdim.target.target import Frame, InputError, Target, in_unit_frame, split_bodies, target_from
+
+MOST_JOINT = 8  # bodies
+GUESSING = ("auto", "policy")  # methods that may answer from the points alone where detection sees no inside
+UNKNOWN = 1.0  # error of a program whose body shows no inside
+NO_INSIDE = "not proved: the noisy cloud shows no inside, this is a guess from its points alone"
+NO_TIME = "not proved: time ran out before the cloud showed its inside, this is a guess from its points alone"
+JOINT_ERROR = 2e-3  # of the volume, that a shorter program of all bodies at once may cost
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The state of a run: `program` in the target's units, `error` relative to the target's volume, `seconds` since the start.
+
+    `stop` is None until the last snapshot, which says why the run ended: "finished" or "budget_spent", after an evolution also "exact" or
+    "stagnation". That one has the `front`, programs from crude to exact, of which `program` is one, and the `constraints` that hold for it.
+    `proof` says whether the program was proved minimal, and why not; it is empty where the method does not ask. The last one's `notes`
+    say, a sentence each, what was left out.
+    """
+
+    stage: str
+    program: Program
+    error: float
+    seconds: float
+    stop: str | None = None
+    front: tuple[Choice, ...] = ()
+    constraints: tuple[Constraint, ...] = ()
+    proof: str = ""
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _BodyState:
+    """A program of one body, it and the `volume` in the body's units; `error` is relative to that, as `measure` gives it for any program
+    of its structure. `found` are the relations that its points bear out, None if they were not asked. `stop` is as a step's."""
+
+    stage: str
+    program: Program
+    error: float
+    volume: float
+    measure: Callable[[Program], float]
+    front: tuple[Choice, ...] = ()
+    proof: str = ""
+    stop: str = "finished"
+    found: tuple[Constraint, ...] | None = None
+
+
+@dataclass(frozen=True)
+class _Work:
+    """What all bodies of a run share."""
+
+    settings: Settings
+    policy: PolicyOf
+    budget: Budget
+    rng: np.random.Generator
+
+
+def reconstruct(target: Target, settings: Settings, rng: np.random.Generator, now: Callable[[], float] | None = None) -> Iterator[Snapshot]:
+    """Yield better and better programs for `target`; the last one is the result. `now` tells the time, by default the wall clock's.
+
+    Raises InputError where the target shows no surface or has no volume, ConfigError for an unknown method or an unusable checkpoint.
+    """
+    if settings.method not in METHODS:
+        raise ConfigError(f"unknown method {settings.method!r}; known are {', '.join(METHODS)}")
+    policy, budget = _policy_of(settings), Budget(settings.budget_s, now or time.perf_counter)
+    last: _BodyState | None = None
+    left_out: list[InputError] = []
+    for last in _by_body(target, _Work(settings, policy, budget, rng), left_out):
+        yield Snapshot(last.stage, last.program, last.error, budget.seconds(), front=last.front, proof=last.proof)
+    if last is None:
+        raise next(iter(left_out), InputError(f"{target.name}: no program found"))
+    relate_by = budget.end_of("relate")
+    program, constraints = find_relations(last.program, target, last.found, relate_by) if settings.solver else (last.program, ())
+    error = last.error if program == last.program else last.measure(program)
+    front = tuple(replace(c, program=program) if c.program == last.program else c for c in few(last.front, last.program))
+    notes = tuple(f"{error}; left out" for error in left_out)
+    stop = CUT if settings.solver and relate_by.has_passed() else last.stop
+    yield Snapshot("finished", program, error, budget.seconds(), stop, front, constraints, last.proof, notes)
+
+
+def _policy_of(settings: Settings) -> PolicyOf:
+    """Loads the policy when it is asked for. One that must be there, and is not, is told at once."""
+    policy = cache(lambda: (load if settings.method == "policy" else load_if_any)(settings.checkpoint))
+    if settings.method == "policy" or settings.checkpoint:
+        policy()
+    return policy
+
+
+def _by_body(target: Target, work: _Work, left_out: list[InputError]) -> Iterator[_BodyState]:
+    """States of the union of the bodies done so far; a few bodies are then tried as one, since one cut may have parted them.
+
+    Scraps of surface beside a body are no reason to refuse it: why each was is added to `left_out`.
+    """
+    bodies = split_bodies(target)
+    done: list[_BodyState] = []
+    for i, body in enumerate(bodies):
+        state = None
+        try:
+            for state in _body(body, work, 1 / (len(bodies) - i)):
+                yield _together(state.stage, [*done, state])
+        except InputError as error:
+            left_out.append(error)
+        done += [state] if state else []
+    if not left_out and 1 < len(done) <= MOST_JOINT:
+        yield from _jointly(target, work, _together(done[-1].stage, done))
+
+
+def _jointly(target: Target, work: _Work, apart: _BodyState) -> Iterator[_BodyState]:
+    """The bodies as one where that is shorter, or `apart` where time has cut the attempt."""
+    if work.budget.end_of("search").has_passed():
+        yield replace(apart, stop=CUT)
+        return
+    try:
+        *_, joint = _body(target, work)
+    except InputError:  # all is told by the bodies
+        return
+    if count(joint.program).primitives < count(apart.program).primitives and joint.error < apart.error + JOINT_ERROR:
+        yield replace(joint, stage="joint", stop=_stop([apart.stop, joint.stop]))
+    elif joint.stop == CUT:
+        yield replace(apart, stop=CUT)
+
+
+def _together(stage: str, states: list[_BodyState]) -> _BodyState:
+    """The union of several bodies' programs, with the error of all of them relative to their volume."""
+    fronts = [s.front for s in states]
+    front = unite_fronts(fronts, [s.program for s in states], [s.volume for s in states]) if all(fronts) else []
+    program = combine_all("union", [s.program for s in states])
+    stop, proof = _stop([s.stop for s in states]), _proof([s.proof for s in states])
+    error, volume = _mean_error([s.error for s in states], states), sum(s.volume for s in states)
+    return _BodyState(stage, program, error, volume, lambda p: _error(p, states), tuple(front), proof, stop, states[0].found)
+
+
+def _error(program: Program, states: Sequence[_BodyState]) -> float:
+    """Error of the union of several bodies' programs with other numbers than theirs, relative to the volume of all."""
+    parts, errors = leaves(program), []
+    for state in states:
+        new = list(islice(parts, count(state.program).primitives))
+        errors.append(state.measure(map_leaves(state.program, lambda i, _, new=new: new[i])))
+    return _mean_error(errors, states)
+
+
+def _mean_error(errors: Sequence[float], states: Sequence[_BodyState]) -> float:
+    """Of all bodies relative to their volume; programs of nothing have none to measure by."""
+    volume = sum(s.volume for s in states)
+    return sum(e * s.volume for e, s in zip(errors, states, strict=True)) / volume if volume else max(errors)
+
+
+def _stop(stops: list[str]) -> str:
+    """How work on several bodies ended: cut if any was, else as the last one that tells more than that it ended."""
+    told = [stop for stop in stops if stop != "finished"]
+    return CUT if CUT in told else next(reversed(told), "finished")
+
+
+def _proof(proofs: list[str]) -> str:
+    """Of several bodies: the first that is lacking, or what holds for each."""
+    if len(set(proofs)) == 1:
+        return proofs[0] + (f", each of {len(proofs)} bodies" if proofs[0] and len(proofs) > 1 else "")
+    return next((p for p in proofs if p.startswith("not")), "")
+
+
+def _body(body: Target, work: _Work, share: float = 1.0) -> Iterator[_BodyState]:
+    """Better and better programs of one body, which may take a share of the time left."""
+    unit, frame = in_unit_frame(body)
+    budget, settings, observed = work.budget, work.settings, UnitBody.of(unit, work.rng)
+    try:
+        seen = observe(observed, settings.size_weight, work.rng, budget.part_of("detect", share), budget.part_of("label", share))
+    except UnseenError as error:
+        guess = _guess(observed, work, share, error.cut)
+        if guess is None:
+            raise
+        step, found = guess
+        volume = to_manifold(step.program).volume()
+        state = _BodyState(
+            step.stage, frame.undo(step.program), UNKNOWN, volume / frame.scale**3, lambda _: UNKNOWN, (), step.proof, step.stop
+        )
+        yield replace(state, front=(Choice(state.program, UNKNOWN),), found=scale_constraints(found, 1 / frame.scale))
+        return
+    step = None
+    for step in METHODS[settings.method](Run(seen, settings, work.policy, budget, work.rng, share)):
+        yield _state(step, seen, frame)
+    if step is None:
+        raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
+    choose_by, fit_by = _times(budget, share)
+    home = step.program if seen.solid is None else without_strays(step.program, seen.solid, fit_by)
+    simple = replace(step, stage="simplify", program=preserve(home, reduce_program(home, deadline=fit_by)), error=None)
+    last = _state(simple, seen, frame)
+    yield last
+    if settings.solver:
+        fitted, found = _solve(simple, seen, choose_by, fit_by)
+        last = _state(fitted, seen, frame)
+        found = None if found is None else scale_constraints(found, 1 / frame.scale)
+        last = replace(last, program=snap_numbers(last.program, seen, frame, fit_by), found=found)
+    cut = seen.cut or fit_by.has_passed()
+    yield _finish_state(replace(last, stop=CUT) if cut else last, step.others, seen, frame, budget)
+
+
+def _state(step: MethodStep, seen: Observation, frame: Frame) -> _BodyState:
+    """A step in the body's units."""
+    error = seen.error(step.program) if step.error is None else step.error
+    volume = seen.cells.volume / frame.scale**3
+
+    def measure(program: Program) -> float:
+        return seen.error(frame.apply(program))
+
+    return _BodyState(step.stage, frame.undo(step.program), error, volume, measure, proof=step.proof, stop=step.stop)
+
+
+def _solve(step: MethodStep, seen: Observation, choose_by: Deadline, fit_by: Deadline) -> tuple[MethodStep, tuple[Constraint, ...] | None]:
+    """The step with fitted numbers; of a noisy cloud with a program of other primitives perhaps, which no proof is of, and with the
+    relations that its points bear out."""
+    if not seen.noisy:
+        return replace(step, stage="solve", program=fit_numbers(step.program, seen, fit_by)), None
+    told = most_likely([*step.others, step.program], seen, choose_by, fit_by)
+    return replace(step, stage="solve", program=told.program, proof="").cut_if(told.cut), told.constraints
+
+
+def _finish_state(last: _BodyState, others: Sequence[Program], seen: Observation, frame: Frame, budget: Budget) -> _BodyState:
+    """The last state, its error measured, with its front, of which it alone is where time is short; `others` are in the unit frame."""
+    unit = frame.apply(last.program)
+    error = seen.error(unit)
+    if budget.end_of("front").has_passed():
+        return replace(last, error=error, front=(Choice(last.program, error),), stop=CUT)
+    return replace(last, error=error, front=tuple(choices_beside(last.program, unit, others, seen.evidence, frame)))
+
+
+def _guess(body: UnitBody, work: _Work, share: float, cut: bool) -> tuple[MethodStep, tuple[Constraint, ...]] | None:
+    """A program of a cloud from its points alone, and its relations; of a calm one only where time `cut` its detection short."""
+    method = work.settings.method
+    if not cut and method not in GUESSING:
+        return None
+    asked = method == "policy" or (method in GUESSING and time_to_propose(work.budget))
+    told = reconstruct_unlabelled(body, work.policy() if asked else None, *_times(work.budget, share), calm=cut)
+    if told is None:
+        return None
+    step = MethodStep("policy", told.program, UNKNOWN, proof=NO_TIME if cut else NO_INSIDE)
+    return step.cut_if(cut or told.cut or not asked), told.constraints
+
+
+def _times(budget: Budget, share: float) -> tuple[Deadline, Deadline]:
+    """When a body's program must be chosen, and its numbers fitted; each may take a share of the time left."""
+    return budget.part_of("choose", share), budget.part_of("fit", share)
+
+
+def reconstruct_best(points_or_mesh: np.ndarray | trimesh.Trimesh | Target, settings: Settings | None = None, seed: int = 0) -> Snapshot:
+    """The last snapshot for points [n, 3], points with normals [n, 6], a trimesh or a `Target`; the Python way in."""
+    target = points_or_mesh if isinstance(points_or_mesh, Target) else target_from(points_or_mesh)
+    *_, last = reconstruct(target, settings or Settings(), np.random.default_rng(seed))
+    return last

@@ -1,0 +1,105 @@
+"""What a policy proposes and the solver makes of it: `learn` and `solve` meet here, and the pipeline gets programs.
+
+A cloud is turned into its main directions and scaled to the frame that policies know; a beam of sequences is written there, brought back,
+and handed with the cloud to the solver of imperfect sequences. torch is only imported once a policy is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import trimesh
+
+from imdim.deadline import NEVER, Deadline
+from imdim.detection.cloud_denoise import inliers
+from imdim.geometry.axes import main_axes
+from imdim.geometry.sampling import subsample
+from imdim.geometry.solid import to_manifold, to_trimesh
+from imdim.geometry.triangles import distances, triangle_tree
+from imdim.program.cost import count
+from imdim.program.sequence import SignedSequence, of_primitives, to_sequence
+from imdim.program.tree import Primitive, Program
+from imdim.reconstruction.config import NONE, SHIPPED, ConfigError, first_line
+from imdim.reconstruction.poses import POINTS, Poses
+from imdim.search.mdl.primitive_selection import Cloud, PoolConfig
+from imdim.search.mdl.repair import Proposal, ProposalConfig, settle
+
+if TYPE_CHECKING:
+    from imdim.learn.decode import DecodeConfig
+    from imdim.learn.policy import Policy
+
+MEASURED = 4096  # points each way of a misfit
+FINE = ProposalConfig(seen=1536, most=8192)  # dense clouds show walls thinner than a policy's cloud can
+
+
+def load(checkpoint: str) -> Policy:
+    """The policy at a path, the shipped one for an empty one; ConfigError with one line where there is none that this version reads."""
+    from imdim.learn.checkpoint import load_policy
+
+    try:
+        return load_policy(Path(checkpoint) if checkpoint else SHIPPED)[0]
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"setting checkpoint: {first_line(error)}") from error
+
+
+def load_if_any(checkpoint: str) -> Policy | None:
+    """As `load`, but None for ``none``, and where no path is given and none is shipped."""
+    return load(checkpoint) if checkpoint != NONE and (checkpoint or SHIPPED.is_file()) else None
+
+
+def decode_sequences(
+    policy: Policy, points: np.ndarray, axes: np.ndarray, seed: int = 0, config: DecodeConfig | None = None
+) -> list[SignedSequence[Primitive]]:
+    """The sequences of a beam for the surface `points` [n, 3], best first, in their units; `axes` [3, 3] are the part's directions."""
+    import torch
+
+    from imdim.data.solids import to_signed
+    from imdim.learn.beam import beam_search
+    from imdim.learn.decode import DecodeConfig
+
+    cloud = points[np.resize(np.random.default_rng(seed).permutation(len(points)), POINTS)]
+    poses = Poses.of([cloud], [axes])
+    render, chance = (torch.Generator().manual_seed(2 * seed + stream) for stream in (0, 1))
+    found, _ = beam_search(policy, poses.local(cloud[None]), config or DecodeConfig(), render, chance)
+    return [sequence for sequence in to_signed(poses.back(found)) if sequence]
+
+
+def proposals(
+    policy: Policy | None,
+    points: np.ndarray,
+    sigma: float,
+    starts: Sequence[Program] = (),
+    seed: int = 0,
+    config: ProposalConfig | None = None,
+    deadline: Deadline = NEVER,
+) -> list[Proposal]:
+    """What the solver makes of a policy's beam and of other programs, cheapest first, never empty; for the surface `points` [n, 3], whose
+    noise has the deviation `sigma`.
+
+    Programs that are no signed sequence (intersections) are left out. Past the `deadline` (by default never) the beam, which is written in
+    any case, stays as it is.
+    """
+    # a stray point moves the box that a policy measures by
+    points = points[inliers(points)]
+    axes = main_axes(subsample(points, POINTS))
+    given = [s for p in starts if (s := of_primitives(to_sequence(p))) is not None]
+    beam = decode_sequences(policy, points, axes, seed) if policy is not None else []
+    return settle([*given, *beam], points, sigma, axes, config or FINE, deadline)
+
+
+def misfit(program: Program, cloud: Cloud, config: PoolConfig | None = None) -> float:
+    """The cost of `pool` for any program, by its exact surface: what it leaves of the cloud, what it has without the cloud, its price."""
+    config = config or PoolConfig()
+    surface = to_trimesh(to_manifold(program))
+    if not len(surface.faces):
+        return 1.0 + config.price * count(program).primitives
+    explained, calm = config.explained * cloud.diagonal, config.calm * cloud.noise
+    away = np.minimum(distances(triangle_tree(surface), cloud.subsample(MEASURED)), explained)
+    shown = trimesh.sample.sample_surface(surface, MEASURED, seed=0)[0]
+    bare = np.clip((cloud.tree.query(shown)[0] - calm) / cloud.spacing - 1.0, 0.0, 1.0)
+    area = float(surface.area) / (len(cloud.points) * cloud.spacing**2)
+    left = float(np.maximum(away - calm, 0.0).mean()) / explained
+    return left + config.surface_weight * area * float(bare.mean()) + config.price * count(program).primitives

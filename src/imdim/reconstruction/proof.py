@@ -1,0 +1,51 @@
+"""The last word on a found program: a proof that nothing shorter explains the body over its candidates, or the shorter program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from imdim.program.cost import count
+from imdim.program.tree import Program
+from imdim.reconstruction.budget import Budget
+from imdim.reconstruction.observation import Observation
+from imdim.search.exact.prove import Proof, Prover
+
+PROOF_S = 10.0  # for all proofs about a body, at most
+EASY, FALL = 16, 8  # primitives, up to which all of that is given, and the power that less is given with beyond: few proofs end there
+EARLY_SHARE = 0.6  # of what is left of that, for one proof before the search has ended
+MOST_EARLY = 3  # proofs before the search has ended
+
+
+@dataclass
+class Proofs:
+    """Asks for proofs about programs of one body, which may take a `share` of the time left."""
+
+    seen: Observation
+    budget: Budget
+    share: float = 1.0
+    asked: int = 0
+    fewest: int | None = None
+    spent_s: float = 0.0
+
+    @cached_property
+    def _prover(self) -> Prover:
+        return Prover(self.seen.families, self.seen.size_weight)
+
+    def of(self, program: Program, share: float = 1.0) -> tuple[Program, Proof]:
+        """A proof about a program, and a shorter or the same program; it may take a share of the time for proofs."""
+        start, primitives = self.budget.seconds(), count(program).primitives
+        most_s = share * (PROOF_S * min(1.0, EASY / primitives) ** FALL - self.spent_s)
+        deadline = self.budget.within(most_s).earlier(self.budget.part_of("prove", self.share))
+        error = self.seen.error(program) * self.seen.cells.volume
+        proof = self._prover.prove(primitives, error, deadline)
+        self.spent_s += self.budget.seconds() - start
+        return proof.program or program, proof
+
+    def early(self, program: Program) -> tuple[Program, Proof] | None:
+        """As `of`, for a program that the search passes through, where it is shorter than those before; None where that is not worth it."""
+        primitives = count(program).primitives
+        if self.asked == MOST_EARLY or (self.fewest is not None and primitives >= self.fewest):
+            return None
+        self.asked, self.fewest = self.asked + 1, primitives
+        return self.of(program, EARLY_SHARE)

@@ -1,0 +1,146 @@
+"""Discover the relations that hold among the primitives of a program, and solve its numbers under them.
+
+How well each number is known comes from the cloud (`relations.belief`). Directions are settled first, then sizes and places; each relation
+must shorten the description (`relations.select`). The numbers then move onto all that were taken, no further than these need
+(`relations.hold`); what the cloud contradicts, by a test of the cost that each adds, is given up again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import gammaincinv
+
+from imdim.deadline import NEVER, Deadline
+from imdim.geometry.lowering import Lowered, lower
+from imdim.geometry.pose import Pose, radii
+from imdim.numbers.face_coordinates import lift_numbers
+from imdim.program.constraints import Constraint
+from imdim.program.roles import name_constraints
+from imdim.program.tree import Program
+from imdim.relations.belief import (
+    CUT,
+    DeterminedFaces,
+    Normal,
+    WeightedCloud,
+    away_from_edges,
+    covariance,
+    noise_of,
+    normal_equations,
+    prior,
+    uniform,
+)
+from imdim.relations.directions import relate_directions
+from imdim.relations.features import Places
+from imdim.relations.hold import onto, strains
+from imdim.relations.merge import merge_transitive, prune_implied
+from imdim.relations.places import proposals
+from imdim.relations.residuals import holding, rows_of
+from imdim.relations.select import RelationSelection
+
+TILTED = 1e-2  # while axes are off by degrees: what a row keeps beside those that span it once they are not
+SAME = 1e-10  # what a number moves by rounding, as a share of the part
+FLOOR = 2e-6  # share of the part's diagonal below which no number counts as known: what exact targets differ from their design by
+MIN_SUPPORT = 6.0  # what fewer points show is not shown, as in `refine`
+SIGNIFICANCE = 1e-4  # of the test by which a relation is given up
+REVIEWS = 8  # relations that are given up at most
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """`program` with numbers under `constraints`, which are independent and hold to rounding."""
+
+    program: Program
+    constraints: tuple[Constraint, ...]
+
+
+def discover(program: Program, points: np.ndarray, deadline: Deadline = NEVER) -> Discovery:
+    """Relations among the primitives of `program`, whose numbers fit `points` [n, 3] of the target's surface (see `refine`).
+
+    Past the `deadline` (by default never) no more are taken. Raises ValueError unless there are finite points of some extent.
+    """
+    cloud = WeightedCloud.of(points)
+    start = lower(program)
+    noise = max(noise_of(start, cloud), FLOOR * cloud.length)
+    floor = FLOOR * cloud.length
+    cloud = away_from_edges(cloud, start, noise)
+    shown = DeterminedFaces.of(start, cloud, floor, MIN_SUPPORT)
+    metric = normal_equations(start, cloud, CUT * noise)
+    known = covariance(start, cloud, floor)
+    chosen = _choose(start, known, prior(start, cloud.length), shown, metric, deadline)
+    taken = chosen.taken
+    numbers = onto(start, taken, cloud.length, metric)
+    for _ in range(REVIEWS):
+        worst = None if deadline.has_passed() else _find_most_strained(numbers, taken, cloud, noise)
+        if worst is None:
+            break
+        taken.pop(worst)
+        numbers = onto(start, taken, cloud.length, metric)
+    constraints = name_constraints(merge_transitive(prune_implied(taken, numbers)), program)
+    return Discovery(lift_numbers(program, start, numbers), constraints)
+
+
+def exact_relations(program: Program, deadline: Deadline = NEVER) -> Discovery:
+    """Relations that the numbers of a finished program bear out by themselves, each known to FLOOR.
+
+    Numbers move by no more than that. Unlike `discover`, it also sees faces that are hidden where parts meet.
+    """
+    start = lower(program)
+    length = _length(start)
+    k, floor = len(start.kinds), FLOOR * length
+    chosen = _choose(start, floor**2 * np.eye(9 * k), prior(start, length), DeterminedFaces.everything(start), uniform(k), deadline)
+    numbers = _keep_unmoved(start, onto(start, chosen.taken, length, uniform(k)), length)
+    constraints = name_constraints(merge_transitive(prune_implied(chosen.taken, numbers)), program)
+    return Discovery(lift_numbers(program, start, numbers), constraints)
+
+
+def _choose(
+    start: Lowered, spread: np.ndarray, wide: np.ndarray, shown: DeterminedFaces, metric: Normal, deadline: Deadline
+) -> RelationSelection:
+    """The relations that shorten the description, directions first."""
+    first = RelationSelection(start, spread, wide, TILTED)
+    directions, accepted = relate_directions(first)
+    length = float(np.sqrt(1 / wide[:, :6].max()))
+    numbers = onto(start, accepted, length, metric)
+    choice = RelationSelection(numbers, spread, wide)
+    for constraint in accepted:
+        choice.accept(constraint)
+    choice.greedy(proposals(Places(Pose.of(numbers), choice.covariance, shown, directions)), deadline)
+    return choice
+
+
+def _keep_unmoved(before: Lowered, after: Lowered, length: float) -> Lowered:
+    """`after`, with the numbers of `before` wherever only rounding moved them."""
+
+    def kept(old: np.ndarray, new: np.ndarray, scale: float) -> np.ndarray:
+        return np.where(np.abs(new - old) <= SAME * scale, old, new)
+
+    sizes, centers = kept(before.sizes, after.sizes, length), kept(before.centers, after.centers, length)
+    return replace(after, sizes=sizes, centers=centers, rotations=kept(before.rotations, after.rotations, 1.0))
+
+
+def _find_most_strained(numbers: Lowered, taken: Sequence[Constraint], cloud: WeightedCloud, noise: float) -> int | None:
+    """The number of the relation that adds most to the cost beyond what noise adds, if any does."""
+    if not taken:
+        return None
+    rows = rows_of(taken, numbers)
+    strain = strains(numbers, rows, cloud, noise, len(taken))
+    counts = np.bincount(rows.owner, minlength=len(taken))
+    # quantiles of chi squared; scipy.stats has them too, and takes a third of a second to import
+    limits = 2 * gammaincinv(np.maximum(counts, 1) / 2, 1 - SIGNIFICANCE)
+    worst = int(np.argmax(strain / limits))
+    return worst if strain[worst] > limits[worst] else None
+
+
+def hold_constraints(program: Program, constraints: Sequence[Constraint]) -> tuple[Program, tuple[Constraint, ...]]:
+    """The program moved onto the constraints by the shortest way, and those that then hold; numbers that none of them names stay."""
+    start = lower(program)
+    length = _length(start)
+    moved = lift_numbers(program, start, _keep_unmoved(start, onto(start, constraints, length, uniform(len(start.kinds))), length))
+    return moved, holding(moved, constraints)
+
+
+def _length(numbers: Lowered) -> float:
+    return float(np.linalg.norm(np.ptp(numbers.centers, axis=0)) + 2 * radii(numbers).max())

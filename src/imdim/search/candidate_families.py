@@ -1,0 +1,172 @@
+"""Candidate families: all the boxes, cylinders, cones, spheres and tori that an arrangement allows, never listed one by one.
+
+A family is a frame of three directions (boxes), a cylinder or cone with two caps along its axis, or a single sphere or torus.
+`Families.best` finds each family's candidate with the largest sum of a per-cell field; `mask` and `primitive` spell a candidate out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from imdim.geometry.rotations import euler_from_matrix, frame_from_axis
+from imdim.geometry.surface import Surface
+from imdim.program.tree import Primitive
+from imdim.search.arrangement import Arrangement
+from imdim.search.cells import Cells
+from imdim.search.kernels import add_field, axial_best, box_best, merge_slabs
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A member of a family: `source` is ("box", frame index) or ("curved", surface index), `ranges` offset indices (lo, hi) per axis."""
+
+    source: tuple[str, int]
+    ranges: tuple[tuple[int, int], ...]
+
+
+class Families:
+    """The families of an arrangement over one set of cells."""
+
+    def __init__(self, arrangement: Arrangement, cells: Cells) -> None:
+        self.arrangement = arrangement
+        self.cells = cells
+        self.work = 0.0  # cells summed so far: a measure of time that repeats
+        # column by column, as they are asked for
+        self._slabs, self._inside = np.asfortranarray(cells.slabs), np.asfortranarray(cells.inside)
+        self._pack_axial()
+        self._frames = [self._pack_frame(f) for f in range(len(arrangement.frames))]
+
+    def _pack_axial(self) -> None:
+        """Lay the curved families out for the compiled loop: the slots of one long row that each cell is summed into, cell by cell."""
+        axes = self.arrangement.axis_of
+        widths = [len(self.arrangement.directions[axis].offsets) - 1 if axis >= 0 else 1 for axis in axes]
+        self._ends = np.concatenate([[0], np.cumsum(widths)]).astype(np.int64)
+        cell, family = np.nonzero(self.cells.inside)
+        axis = np.array(axes, np.int64)[family]
+        self._slots = (self._ends[family] + np.where(axis >= 0, self._slabs[cell, axis], 0)).astype(np.int32)
+        self._starts = np.searchsorted(cell, np.arange(len(self._slabs) + 1))
+
+    def _pack_frame(self, frame: int) -> tuple[tuple[int, ...], np.ndarray]:
+        """The shape of a frame's grid, and each cell's place in it."""
+        axes = self.arrangement.frames[frame]
+        shape = tuple(len(self.arrangement.directions[a].offsets) - 1 for a in axes)
+        return shape, np.ravel_multi_index([self._slabs[:, a].astype(np.int64) for a in axes], shape)
+
+    @property
+    def groups(self) -> int:
+        """Number of groups for `best_of`: the curved families together, and each box frame."""
+        return 1 + len(self._frames)
+
+    def best_of(self, group: int, field: np.ndarray, cells: np.ndarray, floor: float = 0.0) -> tuple[float, Candidate] | None:
+        """The candidate of one group with the largest sum of `field` [m], which is nought outside `cells`, if that is above `floor`."""
+        self.work += len(field)
+        found = self._best_boxes(field, cells, group - 1, 1, floor) if group else self._best_curved(field, cells, floor, 1)
+        return found[0] if found else None
+
+    def best(self, field: np.ndarray, per_frame: int, floor: float = 0.0) -> list[tuple[float, Candidate]]:
+        """Candidates whose sums of `field` [m] are above `floor`: one per curved family, up to `per_frame` (or none) per box frame."""
+        self.work += len(field) * (self.groups if per_frame else 1)
+        cells = np.flatnonzero(field)
+        out = self._best_curved(field, cells, floor)
+        for frame in range(len(self.arrangement.frames) if per_frame else 0):
+            if per_frame == 1:
+                floor = max([floor, *(v for v, _ in out)])
+            out += self._best_boxes(field, cells, frame, per_frame, floor)
+        return out
+
+    def _best_curved(self, field: np.ndarray, cells: np.ndarray, floor: float, count: int | None = None) -> list[tuple[float, Candidate]]:
+        table = np.empty((len(self._ends) - 1, 3))
+        axial_best(field, cells, self._starts, self._slots, self._ends, table)
+        return [
+            (float(table[i, 0]), Candidate(("curved", int(i)), ((int(table[i, 1]), int(table[i, 2])),)))
+            for i in (np.flatnonzero(table[:, 0] > floor) if count is None else _top(table[:, 0], count, floor))
+        ]
+
+    def _best_boxes(self, field: np.ndarray, cells: np.ndarray, frame: int, count: int, floor: float) -> list[tuple[float, Candidate]]:
+        shape, places = self._frames[frame]
+        sums = np.zeros(math.prod(shape))
+        add_field(field, cells, places, sums)
+        grid, *first = merge_slabs(sums.reshape(shape))
+        order = sorted(range(3), key=lambda a: grid.shape[a])  # fewest slabs first is cheapest for the compiled loop
+        grid = np.ascontiguousarray(grid.transpose(order))
+        table = np.empty((len(grid) * (len(grid) + 1) // 2, 7))
+        box_best(grid, floor, count == 1, table)
+        out = []
+        for row in table[_top(table[:, 0], count, floor)]:
+            ranges = [(0, 0)] * 3
+            for position, axis in enumerate(order):
+                lo, hi = row[1 + 2 * position : 3 + 2 * position].astype(int)
+                ranges[axis] = (int(first[axis][lo]), int(first[axis][hi]))
+            out.append((float(row[0]), Candidate(("box", frame), tuple(ranges))))
+        return out
+
+    def mask(self, candidate: Candidate) -> np.ndarray:
+        """The cells [m] that a candidate covers."""
+        kind, index = candidate.source
+        slabs = self._slabs
+        if kind == "curved":
+            axis = self.arrangement.axis_of[index]
+            inside = self._inside[:, index]
+            return inside & _between(slabs[:, axis], candidate.ranges[0]) if axis >= 0 else inside.copy()
+        columns = self.arrangement.frames[index]
+        return np.logical_and.reduce([_between(slabs[:, c], r) for c, r in zip(columns, candidate.ranges, strict=True)])
+
+    def primitive(self, candidate: Candidate) -> Primitive:
+        """The solid that a candidate stands for."""
+        kind, index = candidate.source
+        if kind == "box":
+            return self._box(index, candidate.ranges)
+        surface = self.arrangement.curved[index]
+        axis = self.arrangement.axis_of[index]
+        if axis < 0:
+            rotation = euler_from_matrix(frame_from_axis(np.asarray(surface.axis))) if surface.kind == "torus" else (0.0, 0.0, 0.0)
+            return Primitive(surface.kind, surface.sizes, surface.point, rotation)
+        direction = self.arrangement.directions[axis]
+        lo, hi = (float(direction.offsets[i]) for i in candidate.ranges[0])
+        return _cap(surface, direction.vector, lo, hi)
+
+    def _box(self, frame: int, ranges: tuple[tuple[int, int], ...]) -> Primitive:
+        chosen = [self.arrangement.directions[i] for i in self.arrangement.frames[frame]]
+        rotation = np.stack([d.vector for d in chosen], axis=1)
+        rotation[:, 2] *= np.sign(np.linalg.det(rotation))
+        left, _, right = np.linalg.svd(rotation)  # detected directions are orthogonal to tolerance only
+        rotation = left @ right
+        spans = [(float(d.offsets[lo]), float(d.offsets[hi])) for d, (lo, hi) in zip(chosen, ranges, strict=True)]
+        middle = sum(d.vector * (lo + hi) / 2 for d, (lo, hi) in zip(chosen, spans, strict=True))
+        sizes = tuple(hi - lo for lo, hi in spans)
+        return Primitive("box", sizes, tuple(float(x) for x in middle), euler_from_matrix(rotation))  # type: ignore[arg-type]
+
+
+def _top(sums: np.ndarray, count: int, floor: float) -> np.ndarray:
+    """Indices of the `count` largest sums above `floor`, the first of equal ones first."""
+    if count == 1:
+        best = sums.argmax() if len(sums) else 0
+        return np.array([best] if len(sums) and sums[best] > floor else [], np.int64)
+    top = np.argsort(-sums, kind="stable")[:count]
+    return top[sums[top] > floor]
+
+
+def _between(slab: np.ndarray, bounds: tuple[int, int]) -> np.ndarray:
+    return (slab >= bounds[0]) & (slab < bounds[1])
+
+
+def _cap(surface: Surface, direction: np.ndarray, lo: float, hi: float) -> Primitive:
+    """The cylinder or cone between two planes perpendicular to its axis; a cone starts at its apex at the earliest."""
+    point = np.asarray(surface.point)
+    at = float(point @ direction)
+    foot = point - at * direction
+    if surface.kind == "cylinder":
+        return _place("cylinder", (surface.sizes[0], hi - lo), foot + (lo + hi) / 2 * direction, direction)
+    opens_up = float(np.asarray(surface.axis) @ direction) > 0
+    lo, hi = (max(lo, at), hi) if opens_up else (lo, min(hi, at))
+    slope = math.tan(surface.sizes[0])
+    bottom, top = abs(lo - at) * slope, abs(hi - at) * slope
+    return _place("cone", (bottom, top, hi - lo), foot + (lo + hi) / 2 * direction, direction)
+
+
+def _place(kind: str, size: tuple[float, ...], center: np.ndarray, axis: np.ndarray) -> Primitive:
+    rotation = euler_from_matrix(frame_from_axis(axis))
+    return Primitive(kind, size, tuple(float(x) for x in center), rotation)  # type: ignore[arg-type]

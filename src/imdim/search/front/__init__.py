@@ -1,0 +1,1 @@
+"""Scores of whole programs, and the front from crude to exact."""

@@ -1,0 +1,185 @@
+"""Moves on one sequence: greedy completion, pruning, and a local search that removes related steps and refills the hole.
+
+The local search is a large neighbourhood search (Shaw 1998): a step and some that touch it are removed, the hole is refilled under
+a price drawn at random (pure cuts first, pure pieces first, or the true one), and the result stays if it is no worse.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from imdim.deadline import Deadline
+from imdim.search.candidate_families import Families
+from imdim.search.cells import CUTS, HULLS, PIECES, TRUE, Weights
+from imdim.search.lazy_bounds import GainBounds, apart, best_insertions, insert_all
+from imdim.search.sequence import Insertion, Price, Sequence, cost, error, error_of, insert, pair_insertions, run, without_one
+
+WEIGHTS = (TRUE, CUTS, PIECES, HULLS)  # under which holes are refilled
+
+
+@dataclass
+class LocalConfig:
+    """Limits of completion and local search."""
+
+    max_primitives: int = 120
+    pair_limit: int = 24
+    large: float = 3e5  # cells times groups of families, from which several steps are inserted at once: faster, and a little longer
+    alike: float = 0.7  # of the best gain, from which steps that do not touch it are then inserted with it
+    rounds: int = 600  # of removal and refill, at most
+    work: float = 3e7  # cells times steps times rounds; large parts get fewer rounds
+    least_rounds: int = 40
+    patience: float = 0.3  # of the rounds, without an improvement, before it ends
+    most_removed: int = 4
+
+
+@dataclass(frozen=True)
+class RatedSequence:
+    """A sequence over the cells of families, with its objective there."""
+
+    sequence: Sequence
+    objective: float
+    families: Families
+
+
+def rate_sequence(sequence: Sequence, families: Families, price: Price) -> RatedSequence:
+    """The sequence with its objective under `price`."""
+    return RatedSequence(sequence, error(sequence, families, price.weights) + price.step * cost(sequence), families)
+
+
+def grow(found: RatedSequence, insertion: Insertion, families: Families, price: Price) -> RatedSequence:
+    """One step more."""
+    return rate_sequence(insert(found.sequence, insertion, families), families, price)
+
+
+def complete(
+    found: RatedSequence,
+    families: Families,
+    config: LocalConfig,
+    price: Price,
+    deadline: Deadline,
+    limit: float = np.inf,
+    known: GainBounds | None = None,
+) -> RatedSequence:
+    """Insert the best single step, or a pair where no single pays, until nothing pays or the steps alone cost more than `limit`."""
+    known = known or GainBounds()
+    share = config.alike if len(families.cells.points) * families.groups > config.large else 1.0
+    while (primitives := cost(found.sequence)) < config.max_primitives and price.step * primitives < limit and not deadline.has_passed():
+        options = best_insertions(found.sequence, families, price, known, share)
+        if not options and price.weights == TRUE:
+            options = _pairs(found.sequence, families, config, price, known, share)
+        longer = rate_sequence(insert_all(found.sequence, apart(options, families)), families, price)
+        if longer.objective >= found.objective * (1 - 1e-12):
+            break
+        found = longer
+    return found
+
+
+def _pairs(sequence: Sequence, families: Families, config: LocalConfig, price: Price, known: GainBounds, share: float) -> list[Insertion]:
+    """The best pairs at the end of the sequence, as far as it is worth to ask again."""
+    state = run(sequence, len(families.cells.points))
+    if known.no_pair(state, families.cells.gain, 0.5 * price.step):
+        return []
+    pairs = pair_insertions(sequence, families, 2 * price.step, config.pair_limit)
+    if not pairs:
+        known.put_no_pair(state)
+    return [p for p in pairs if p.gain >= share * pairs[0].gain]
+
+
+def prune(found: RatedSequence, families: Families, price: Price) -> RatedSequence:
+    """Without the steps that do not earn their price; later steps often make earlier ones idle."""
+    while (shorter := _without_idle(found, families, price)) is not None:
+        found = shorter
+    return found
+
+
+def _without_idle(found: RatedSequence, families: Families, price: Price) -> RatedSequence | None:
+    """Without the last step that does not earn its price, None where all do."""
+    steps, primitives = found.sequence, cost(found.sequence)
+    for i, filled in without_one(steps, len(families.cells.points)):
+        objective = error_of(filled, families, price.weights) + price.step * (primitives - len(steps[i].term.halves))
+        if objective <= found.objective:
+            return RatedSequence(steps[:i] + steps[i + 1 :], objective, families)
+    return None
+
+
+def improve(
+    found: RatedSequence,
+    families: Families,
+    config: LocalConfig,
+    price: Price,
+    rng: np.random.Generator,
+    deadline: Deadline,
+    completed: GainBounds,
+) -> Iterator[RatedSequence]:
+    """Yield better and better sequences; `completed` is what their completion learned."""
+    idle = 0
+    known = {weights: GainBounds() for weights in WEIGHTS} | {price.weights: completed}
+    attempts = _single_removals(found.sequence)
+    size = max(1, len(found.sequence) * len(families.cells.points))
+    rounds = int(np.clip(config.work / size, config.least_rounds, config.rounds))
+    for _ in range(rounds):
+        if deadline.has_passed() or not found.sequence or idle >= config.patience * rounds + len(attempts):
+            return
+        removed = attempts.pop(0) if attempts else _choose_related(found.sequence, config, rng)
+        branches = {weights: bounds.branch() for weights, bounds in known.items()}
+        trial = _refill(found, removed, families, config, price, rng, deadline, branches)
+        better = trial.objective < found.objective * (1 - 1e-9)
+        idle = 0 if better else idle + 1
+        if trial.objective <= found.objective:
+            found = trial
+            for weights, branch in branches.items():
+                known[weights].adopt(branch)
+            attempts = attempts if not better else _single_removals(found.sequence)
+        if better:
+            yield found
+
+
+def _single_removals(sequence: Sequence) -> list[tuple[int, ...]]:
+    return [(i,) for i in range(len(sequence))] if len(sequence) <= 40 else []
+
+
+def _choose_related(sequence: Sequence, config: LocalConfig, rng: np.random.Generator) -> tuple[int, ...]:
+    """A random step with up to `most_removed` - 1 others, those that share cells with it first."""
+    n = len(sequence)
+    seed = int(rng.integers(n))
+    count = min(n, int(rng.integers(2, config.most_removed + 1)))
+    shared = np.array([float((s.term.mask & sequence[seed].term.mask).sum()) for s in sequence]) * rng.random(n) + 1e-3 * rng.random(n)
+    shared[seed] = np.inf
+    return tuple(sorted(int(i) for i in np.argsort(-shared, kind="stable")[:count]))
+
+
+def _refill(
+    found: RatedSequence,
+    removed: tuple[int, ...],
+    families: Families,
+    config: LocalConfig,
+    price: Price,
+    rng: np.random.Generator,
+    deadline: Deadline,
+    known: dict[Weights, GainBounds],
+) -> RatedSequence:
+    """The sequence with some steps taken out and the hole filled again, pruned."""
+    shorter = tuple(s for i, s in enumerate(found.sequence) if i not in removed)
+    if len(removed) > 1:
+        excess, lack = WEIGHTS[int(rng.integers(len(WEIGHTS)))]
+        phase = Price(price.step * (10.0 if excess < 1 else 1.0), (excess, lack))
+        start = rate_sequence(shorter, families, phase)
+        shorter = _steps(start, len(removed) - 1, families, phase, known[phase.weights]).sequence
+    filled = _steps(rate_sequence(shorter, families, price), len(removed) + 1, families, price, known[price.weights])
+    trial = prune(filled, families, price)
+    if trial.objective < found.objective * 1.2:
+        trial = prune(complete(trial, families, config, price, deadline, 1.2 * found.objective, known[price.weights]), families, price)
+    return trial
+
+
+def _steps(found: RatedSequence, count: int, families: Families, price: Price, known: GainBounds) -> RatedSequence:
+    """Up to `count` best single insertions that pay."""
+    for _ in range(count):
+        options = best_insertions(found.sequence, families, price, known)
+        if not options:
+            break
+        found = grow(found, options[0], families, price)
+    return found

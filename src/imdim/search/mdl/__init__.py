@@ -1,0 +1,1 @@
+"""Structure search for noisy clouds: the program with the shortest description of the points (minimum description length)."""

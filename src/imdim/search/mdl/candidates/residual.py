@@ -1,0 +1,256 @@
+"""Primitives that a sequence lacks, guessed from points that its surface does not explain and from surface without points.
+
+Points inside the solid lie on walls of cuts that are missing, points outside on parts that are missing. Each connected group of them
+offers a box, a sphere and a cylinder along each axis of the part. Surface without points is where a cut has taken it away: each such
+region offers a box and a cylinder that go through the part. What guesses are worth is for the caller to find out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numba import njit
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
+
+from imdim.geometry import kernels
+from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler
+from imdim.geometry.sampling import surface_points
+from imdim.program.tree import Primitive, Program
+from imdim.search.mdl.primitive_selection import Cloud
+
+LEAST = 8  # points of a group
+MOST_GROUPS = 6
+LINKED = 2.2  # spacings between neighbours of a group
+LOOK = 0.03  # of the diagonal: how far an end looks, and how much longer it becomes
+SAMPLED = 6000  # points of the program's surface that are looked at
+BARE = 1.2  # spacings to the nearest point
+WALLS = (0.03, 0.06)  # of the diagonal
+THINNEST = 3.0  # deviations of the noise, the least half thickness of a wall: nearer skins are one blurred surface
+ENDS = {"box": ((0, 0), (1, 1), (2, 2)), "cylinder": ((2, 1),), "cone": ((2, 2),), "sphere": ()}  # axis, and slot of the size along it
+SKINS = {"box": (2, 2, 2), "cylinder": (1, 2), "sphere": (1,)}  # walls within a size
+TRIALS = 60  # circles and balls through random points
+SEED = 0  # the same points always suggest the same primitives
+
+
+def missing(program: Program, cloud: Cloud, axes: np.ndarray, off: float) -> list[tuple[Primitive, bool]]:
+    """Guesses with their signs; `axes` [3, 3] has the part's directions as columns, points further than `off` are unexplained."""
+    value = kernels.program_sdf(program, cloud.points)
+    out: list[tuple[Primitive, bool]] = []
+    for positive, here in ((True, value > off), (False, value < -off)):
+        for group in _groups(np.flatnonzero(here), cloud):
+            for guess in _guesses(cloud.points[group], axes, off, cloud.spacing):
+                out += [(reached, positive) for reached in _reaching(guess, program, positive, cloud.diagonal)]
+    return out + [(guess, False) for guess in _through(program, cloud, axes)]
+
+
+def whole(cloud: Cloud, axes: np.ndarray) -> list[Primitive]:
+    """What the whole cloud would be as one primitive."""
+    return _guesses(cloud.points, axes, 0.03 * cloud.diagonal, cloud.spacing)
+
+
+def alternatives(points: np.ndarray, axes: np.ndarray, cloud: Cloud) -> list[Primitive]:
+    """Other primitives for the `points` [m, 3] that one explains."""
+    return _guesses(points, axes, 0.01 * cloud.diagonal, cloud.spacing) if len(points) >= LEAST else []
+
+
+def hollows(primitive: Primitive, wall: float, cloud: Cloud) -> list[Primitive]:
+    """Cavities of a part: itself with walls taken off, open at the ends that bear no points. `wall` is a guess of their half thickness:
+    a part that was fitted to both skins of a thin wall runs between them."""
+    if primitive.kind not in SKINS:
+        return []
+    rotation, center = matrix_from_euler(primitive.rotation), np.array(primitive.center)
+    slots = dict(ENDS[primitive.kind])
+    bare = bare_ends(primitive, cloud)
+    out = []
+    for thick in (max(wall, THINNEST * cloud.noise), *(w * cloud.diagonal for w in WALLS)):
+        size = np.array(primitive.size) - np.array(SKINS[primitive.kind]) * thick
+        middle = center.copy()
+        for k, sign in bare:
+            size[slots[k]] += thick + LOOK * cloud.diagonal
+            middle += sign * (thick + LOOK * cloud.diagonal) / 2 * rotation[:, k]
+        if size.min() > cloud.spacing:
+            out.append(_place(primitive.kind, tuple(size), middle, np.eye(3), rotation))
+    return out
+
+
+def bare_ends(primitive: Primitive, cloud: Cloud) -> list[tuple[int, int]]:
+    """The flat ends, by axis and sign, most of whose middle lies off the cloud."""
+    return [(k, sign) for k, _ in ENDS[primitive.kind] for sign in (-1, 1) if _is_bare(primitive, k, sign, cloud)]
+
+
+def _is_bare(primitive: Primitive, axis: int, sign: int, cloud: Cloud) -> bool:
+    steps = np.linspace(-0.7, 0.7, 6)
+    grid = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
+    if primitive.kind == "box":
+        half = np.array(primitive.size) / 2
+    else:
+        radius = 0.7 * primitive.size[1 if primitive.kind == "cone" and sign > 0 else 0]
+        half = np.array([radius, radius, primitive.size[-1] / 2])
+    local = np.insert(grid, axis, sign, axis=1) * half
+    away = cloud.tree.query(local @ matrix_from_euler(primitive.rotation).T + primitive.center)[0]
+    return bool((away > BARE * cloud.spacing).mean() > 0.6)
+
+
+def trim(primitive: Primitive, points: np.ndarray) -> list[Primitive]:
+    """The primitive made as short, and as slim, as the `points` [m, 3] that it explains: a face beyond them has nothing to hold it."""
+    if not ENDS.get(primitive.kind) or len(points) < LEAST:
+        return []
+    rotation = matrix_from_euler(primitive.rotation)
+    local = (points - primitive.center) @ rotation
+    out = []
+    for k, slot in ENDS[primitive.kind]:
+        low, high = np.quantile(local[:, k], (0.003, 0.997))
+        x, y, z = (np.array(primitive.center) + (low + high) / 2 * rotation[:, k]).tolist()
+        size = [*primitive.size]
+        if primitive.kind == "cone":  # of the same slope
+            bottom, top, height = primitive.size
+            size[:2] = [max(bottom + (top - bottom) * (z / height + 0.5), 0.0) for z in (float(low), float(high))]
+            if not max(size[:2]) > 0:
+                continue
+        size[slot] = max(float(high - low), 1e-3 * size[slot])
+        out.append(replace(primitive, size=tuple(size), center=(x, y, z)))
+    if primitive.kind == "cylinder":
+        radius = float(np.quantile(np.hypot(local[:, 0], local[:, 1]), 0.995))
+        out.append(replace(primitive, size=(radius, primitive.size[1])))
+    return out
+
+
+def _groups(index: np.ndarray, cloud: Cloud) -> list[np.ndarray]:
+    """Connected groups of the points `index` [m], the largest first."""
+    return [index[g] for g in _group_connected(cloud.points[index], LINKED * cloud.spacing)]
+
+
+def _group_connected(points: np.ndarray, reach: float) -> list[np.ndarray]:
+    """Indices of the largest connected groups of `points` [n, 3]."""
+    if len(points) < LEAST:
+        return []
+    a, b = KDTree(points).query_pairs(reach, output_type="ndarray").T
+    links = coo_matrix((np.ones(len(a)), (a, b)), shape=(len(points), len(points)))
+    label = connected_components(links, directed=False)[1]
+    sizes = np.bincount(label)
+    return [np.flatnonzero(label == i) for i in np.argsort(-sizes, kind="stable")[:MOST_GROUPS] if sizes[i] >= LEAST]
+
+
+def _through(program: Program, cloud: Cloud, axes: np.ndarray) -> list[Primitive]:
+    """Cuts where the surface of `program` bears no points, through the whole part and from there to its middle."""
+    points, normals = surface_points(program, SAMPLED, np.random.default_rng(SEED))
+    if not len(points):
+        return []
+    bare = cloud.tree.query(points, distance_upper_bound=2 * cloud.spacing)[0] > BARE * cloud.spacing
+    points, normals = points[bare], normals[bare]
+    low, high = (cloud.points @ axes).min(0) - LOOK * cloud.diagonal, (cloud.points @ axes).max(0) + LOOK * cloud.diagonal
+    out: list[Primitive] = []
+    for group in _group_connected(points, LINKED * cloud.spacing):
+        local, normal = points[group] @ axes, (normals[group] @ axes).mean(0)
+        k = int(np.abs(normal).argmax())
+        # the rim of the region has points nearby
+        bottom, top = local.min(0) - 0.7 * cloud.spacing, local.max(0) + 0.7 * cloud.spacing
+        for ends in ((low[k], high[k]), (bottom[k], high[k]) if normal[k] > 0 else (low[k], top[k])):
+            bottom[k], top[k] = ends
+            if (top <= bottom).any():
+                continue
+            size, middle = top - bottom, (bottom + top) / 2
+            out.append(_place("box", tuple(size), middle, axes))
+            radius = float(np.delete(size, k).mean()) / 2
+            out.append(_place("cylinder", (radius, size[k]), middle, axes, frame_from_axis(axes[:, k])))
+    return out
+
+
+def _guesses(points: np.ndarray, axes: np.ndarray, off: float, spacing: float) -> list[Primitive]:
+    local = points @ axes
+    low, high = local.min(0), local.max(0)
+    thin = 0.5 * spacing
+    found = [_place("box", tuple(np.maximum(high - low, thin)), (low + high) / 2, axes)]
+    for k in range(3):
+        u, v = (k + 1) % 3, (k + 2) % 3
+        circle = _round(np.ascontiguousarray(local[:, [u, v]]), off)
+        if circle is None:
+            continue
+        center, radius, on = circle
+        ends = local[on, k].min(), local[on, k].max()
+        middle = np.zeros(3)
+        middle[[u, v]], middle[k] = center, sum(ends) / 2
+        found.append(_place("cylinder", (radius, max(ends[1] - ends[0], thin)), middle, axes, frame_from_axis(axes[:, k])))
+    ball = _round(local, off)
+    if ball is not None:
+        found.append(_place("sphere", (ball[1],), ball[0], axes))
+    return found
+
+
+def _round(points: np.ndarray, off: float) -> tuple[np.ndarray, float, np.ndarray] | None:
+    """Centre, radius and points [m] of the circle or ball through most of `points` [n, 2 or 3], None where it is far larger than they."""
+    n, d = points.shape
+    rng = np.random.default_rng(SEED)
+    picks = rng.integers(n, size=(TRIALS, d + 1))
+    chosen = points[picks]
+    matrix = 2 * (chosen[:, 1:] - chosen[:, :1])
+    square = (chosen**2).sum(-1)
+    proper = np.abs(np.linalg.det(matrix)) > 1e-12
+    if not proper.any():
+        return None
+    centers = np.linalg.solve(matrix[proper], (square[:, 1:] - square[:, :1])[proper][..., None])[..., 0]
+    radii = np.linalg.norm(chosen[proper, 0] - centers, axis=1)
+    largest = 1.5 * float(np.linalg.norm(np.ptp(points, axis=0)))
+    small = radii < largest
+    if not small.any():
+        return None
+    best = _most_borne(points, centers[small], radii[small], 0.5 * off)
+    center, radius = centers[small][best], radii[small][best]
+    for _ in range(2):
+        on = np.abs(np.linalg.norm(points - center, axis=1) - radius) < 0.5 * off
+        if on.sum() <= d + 1:
+            return None
+        # Kasa (1976): |p|^2 = 2 p.c + (r^2 - |c|^2) is linear
+        solution = np.linalg.lstsq(np.column_stack([2 * points[on], np.ones(on.sum())]), (points[on] ** 2).sum(1), rcond=None)[0]
+        squared = solution[d] + (solution[:d] ** 2).sum()
+        if not 0 < squared < largest**2:
+            return None
+        center, radius = solution[:d], float(np.sqrt(squared))
+    return center, radius, on
+
+
+@njit(cache=True)
+def _most_borne(points, centers, radii, band):  # pragma: no cover - compiled
+    best, most = 0, -1
+    for i in range(len(centers)):
+        count = 0
+        for j in range(len(points)):
+            square = 0.0
+            for c in range(points.shape[1]):
+                square += (points[j, c] - centers[i, c]) ** 2
+            if abs(np.sqrt(square) - radii[i]) < band:
+                count += 1
+        if count > most:
+            best, most = i, count
+    return best
+
+
+def _reaching(guess: Primitive, program: Program, positive: bool, diagonal: float) -> list[Primitive]:
+    """The guess, and the guess made longer where it opens: ends of a cut that look out of the solid, ends of a part that look into it.
+
+    Openings bear no points, so the group of a hole ends before the face that the hole pierces.
+    """
+    if guess.kind == "sphere":
+        return [guess]
+    axes, sizes, center = matrix_from_euler(guess.rotation), np.array(guess.size), np.array(guess.center)
+    columns = ((0, 0), (1, 1), (2, 2)) if guess.kind == "box" else ((2, 1),)
+    ends = [(sign * axes[:, k], slot) for k, slot in columns for sign in (-1.0, 1.0)]
+    probes = np.array([center + (sizes[slot] / 2 + LOOK * diagonal) * way for way, slot in ends])
+    beyond = kernels.program_sdf(program, probes)
+    longer_size, longer_center = sizes.copy(), center.copy()
+    for (way, slot), value in zip(ends, beyond, strict=True):
+        if (value > 0) != positive:
+            longer_size[slot] += 2 * LOOK * diagonal
+            longer_center += LOOK * diagonal * way
+    x, y, z = longer_center.tolist()
+    longer = replace(guess, size=tuple(longer_size.tolist()), center=(x, y, z))
+    return [longer] if longer == guess else [longer, guess]
+
+
+def _place(kind: str, size: tuple[float, ...], local: np.ndarray, axes: np.ndarray, turn: np.ndarray | None = None) -> Primitive:
+    """A primitive centred at `local` in the frame `axes`, whose own axes are the columns of `turn` (default: of `axes`)."""
+    x, y, z = (axes @ local).tolist()
+    return Primitive(kind, tuple(float(s) for s in size), (x, y, z), euler_from_matrix(axes if turn is None else turn))

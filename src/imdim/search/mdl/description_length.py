@@ -1,0 +1,29 @@
+"""The shortest of the programs that explain a noisy cloud: what the noise could have done is no feature.
+
+Programs are judged by the length of a message that tells the points: their negative log-density in all, half the logarithm of their number
+for each number of the program (Schwarz 1978), and a surcharge for skins that the noise blurs into one surface.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from imdim.numbers.likelihood import Noise, SurfaceSamples, shares
+from imdim.program.tree import SIZE_NAMES, Program, leaves
+
+PLACE = {"box": 6, "ellipsoid": 6, "sphere": 3, "cylinder": 5, "cone": 5, "torus": 5}  # numbers that say where a kind lies
+SKIN = 0.1  # nats that a point on a skin thinner than the noise costs
+
+
+def description_length(program: Program, points: np.ndarray, noise: Noise, fitted: float | None = None) -> float:
+    """Nats per point of `points` [n, 3]; `fitted` is the negative log-density where it is known already."""
+    shown = SurfaceSamples.of(program, noise.sigma)
+    nll = shares(points, shown, noise).nll if fitted is None else fitted
+    return nll + 0.5 * numbers(program) * math.log(len(points)) / len(points) + SKIN * shown.skin
+
+
+def numbers(program: Program) -> int:
+    """How many numbers say where the primitives lie and how large they are."""
+    return sum(PLACE[p.kind] + len(SIZE_NAMES[p.kind]) for p in leaves(program))

@@ -1,0 +1,112 @@
+"""One local search, whatever is minimised: propose changes by a quick score, fit the numbers of the foremost, keep the first that pays.
+
+What is proposed are mostly single changes of a signed sequence, and the quick score is a pass over tables of what depends on one part
+alone. A sequence then has the indices of parts as its terms: a choice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from operator import itemgetter
+from typing import Generic, NamedTuple, TypeVar
+
+import numpy as np
+
+from imdim.deadline import Deadline
+from imdim.program.sequence import SignedSequence, Step
+from imdim.program.tree import Op
+
+S = TypeVar("S")
+T = TypeVar("T")
+
+Choice = SignedSequence[int]
+Objective = Callable[[Sequence[S]], Sequence[float]]  # of several states at once: they may be judged by common samples
+TURNED: Mapping[Op, Op] = {"union": "difference", "difference": "union"}
+
+
+class Stage(NamedTuple, Generic[S]):
+    """The `most` foremost trials are fitted; `fit` gives what becomes of one, itself included where it may stay as it is."""
+
+    fit: Callable[[S], Sequence[S]]
+    most: int
+
+
+def search_locally(
+    start: tuple[S, float],
+    propose: Callable[[S], Sequence[S]],
+    stages: Sequence[Stage[S]],
+    objective: Objective[S],
+    worth: Callable[[S, S], float],
+    rounds: int,
+    deadline: Deadline,
+) -> tuple[S, float]:
+    """A state that nothing proposed improves, and its objective; `start` has both.
+
+    `propose` gives changed states, the most promising first. Each of the `stages` fits the foremost and ranks them anew. The first whose
+    objective is lower than the best's by more than `worth(best, trial)` takes its place. A round that time cuts short changes nothing.
+    """
+    best, cost = start
+    for _ in range(rounds):
+        if deadline.has_passed():
+            break
+        trials = [(trial, np.inf) for trial in propose(best)]
+        for stage in stages:
+            trials = _rank([trial for trial, _ in trials], stage, objective, deadline)
+        better = next(((trial, after) for trial, after in trials if after < cost - worth(best, trial)), None)
+        if better is None:
+            break
+        best, cost = better
+    return best, cost
+
+
+def _rank(trials: Sequence[S], stage: Stage[S], objective: Objective[S], deadline: Deadline) -> list[tuple[S, float]]:
+    """What becomes of the foremost trials, the best first; nothing where there is no time to fit them all."""
+    fitted: list[S] = []
+    for trial in trials[: stage.most]:
+        if deadline.has_passed():
+            return []
+        fitted += stage.fit(trial)
+    return sorted(zip(fitted, objective(fitted), strict=True), key=itemgetter(1)) if fitted else []
+
+
+def own_moves(sequence: SignedSequence[T]) -> Iterator[SignedSequence[T]]:
+    """Leave one step out, turn a union into a cut or a cut into a union, move a step to another place."""
+    for i, step in enumerate(sequence):
+        rest = sequence[:i] + sequence[i + 1 :]
+        if _proper(rest):
+            yield rest
+        turned = (*sequence[:i], Step(TURNED[step.op], step.term), *sequence[i + 1 :])
+        if _proper(turned):
+            yield turned
+        for j in range(len(sequence)):
+            moved = (*rest[:j], step, *rest[j:])
+            if j != i and _proper(moved):
+                yield moved
+
+
+def uses(term: T, sequence: SignedSequence[T]) -> Iterator[SignedSequence[T]]:
+    """Put a term that is not there yet in at the end or before the closing run of cuts, or in the place of another."""
+    if any(step.term == term for step in sequence):
+        return
+    closing = len(sequence)
+    while closing and not sequence[closing - 1].positive:
+        closing -= 1
+    for at in sorted({closing, len(sequence)}):
+        for op in TURNED:
+            yield (*sequence[:at], Step(op, term), *sequence[at:])
+    for i, step in enumerate(sequence):
+        yield (*sequence[:i], Step(step.op, term), *sequence[i + 1 :])
+
+
+def _proper(sequence: SignedSequence[T]) -> bool:
+    return bool(sequence) and sequence[0].positive
+
+
+def pack_choices(choices: Sequence[Choice]) -> tuple[np.ndarray, np.ndarray]:
+    """Indices int64 [c, w], -1 behind the end of a choice, and whether each is united, bool [c, w]."""
+    lengths = np.array([len(choice) for choice in choices], np.int64)
+    there = np.arange(lengths.max(initial=0)) < lengths[:, None]
+    index, united = np.full(there.shape, -1, np.int64), np.zeros(there.shape, bool)
+    index[there] = [step.term for choice in choices for step in choice]
+    united[there] = [step.op == "union" for choice in choices for step in choice]
+    return index, united

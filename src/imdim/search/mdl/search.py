@@ -1,0 +1,179 @@
+"""Another structure for a program of a noisy cloud: the one that tells the points in the shortest message.
+
+Detection sees what noise leaves of edges and small faces, and the search believes it. Here parts are put in, left out, exchanged, turned
+from part to cut and moved in the order, by what the points say (`parsimony`). What could be put in comes from outside (`candidates`), from
+the places that the program does not explain (`missing`) and from its own parts. All single changes are looked at over one `mixture`; the
+numbers of the most promising are fitted, and the first that shortens the message is kept (`local_search`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from imdim.deadline import Deadline
+from imdim.geometry import kernels
+from imdim.geometry.sampling import subsample
+from imdim.numbers.em import EMConfig, FittedProgram, maximise_likelihood
+from imdim.numbers.likelihood import SurfaceSamples
+from imdim.program.cost import count
+from imdim.program.paths import leaf_paths, without
+from imdim.program.sequence import SignedSequence, Step, map_terms, to_program, to_sequence
+from imdim.program.tree import Combine, Primitive, Program
+from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PartTableCache, PointScene
+from imdim.search.mdl.candidates.residual import alternatives, hollows, missing, trim
+from imdim.search.mdl.candidates.rim import rims
+from imdim.search.mdl.candidates.shell_slot import shells, stadiums
+from imdim.search.mdl.description_length import description_length, numbers
+from imdim.search.mdl.local_search import Choice, Stage, own_moves, search_locally, uses
+from imdim.search.mdl.primitive_selection import Cloud, distinct
+
+ROUNDS = 40
+SEEN = 2048  # points that changes are looked at with
+GLANCE = 4  # each so-manieth of them for a first look
+LOOKED = 120  # changes that get a second one
+TRIED = 16  # changes whose numbers get a first step
+FEWER = 2  # each so-manieth point for that
+REFITTED = 4  # of them, whose numbers are fitted
+LONGEST = 40  # steps of a sequence
+SLACK = 0.05  # nats per point that a change may cost before its numbers are fitted
+WORTH = 2e-3  # nats per point, what the samples of the surface leave in doubt; a change for fewer numbers need not be worth it
+UNEXPLAINED = (3.0, 2.2)  # deviations of the noise
+OWN = 3.0  # deviations of the noise, within which a primitive explains a point
+BLURRED = 0.3  # deviations of the noise by which both skins of a wall must lie off their middle to be told from one
+TAPER = 0.05  # of a radius
+FIRST = EMConfig(rounds=2, through=0.0)
+REFIT = EMConfig(rounds=4, through=0.0)
+
+
+def search_shortest(
+    likely: FittedProgram,
+    points: np.ndarray,
+    candidates: Sequence[Program],
+    axes: np.ndarray,
+    deadline: Deadline,
+    draws: PartTableCache | None = None,
+) -> FittedProgram:
+    """The program with the changes that shorten the message of `points` [n, 3], each the best of its round.
+
+    `axes` [3, 3] has the part's directions as columns. Sequences of more than LONGEST steps stay as they are. `draws` of the
+    `tables_of_subsample` points keep for other calls what was computed for single parts.
+    """
+    if deadline.has_passed():
+        return likely
+    area = SurfaceSamples.of(likely.program, likely.noise.sigma).area
+    scene = PointScene(draws or tables_of_subsample(points), likely.noise, area, len(points))
+    changes = _Changes(Cloud.of(points, likely.noise.sigma), scene, candidates, axes)
+
+    def fit(points: np.ndarray, config: EMConfig) -> Callable[[FittedProgram], list[FittedProgram]]:
+        return lambda trial: [maximise_likelihood(trial.program, points, trial.noise, config, deadline)]
+
+    def lengths(tried: Sequence[FittedProgram]) -> list[float]:
+        return [description_length(t.program, points, t.noise, t.nll) for t in tried]
+
+    stages = Stage(fit(points[::FEWER], FIRST), TRIED), Stage(fit(points, REFIT), REFITTED)
+    return search_locally((likely, lengths([likely])[0]), changes.promising, stages, lengths, _worth, ROUNDS, deadline)[0]
+
+
+def _worth(best: FittedProgram, trial: FittedProgram) -> float:
+    return 0.0 if numbers(trial.program) < numbers(best.program) else WORTH
+
+
+def tables_of_subsample(points: np.ndarray) -> PartTableCache:
+    """Of points [n, 3], those that changes are looked at with."""
+    return PartTableCache(subsample(points, SEEN))
+
+
+def best_by_mdl(programs: Sequence[Program], draws: PartTableCache, likely: FittedProgram, most: int) -> list[Program]:
+    """The `most` of `programs`, as they are, that tell the points of `draws` in the shortest messages; `likely` gives noise and area."""
+    scene = PointScene(draws, likely.noise, SurfaceSamples.of(likely.program, likely.noise.sigma).area)
+    lengths = BatchedLikelihood.of(scene, [], programs).lengths([(Step("union", i),) for i in range(len(programs))])
+    return [programs[i] for i in np.argsort(lengths, kind="stable")[:most]]
+
+
+@dataclass(frozen=True)
+class _Changes:
+    """What a program of a `cloud` could become: its parts, the `candidates` ones and guesses along `axes`, judged over the `scene`."""
+
+    cloud: Cloud
+    scene: PointScene
+    lent: Sequence[Program]
+    axes: np.ndarray
+
+    def promising(self, best: FittedProgram) -> list[FittedProgram]:
+        """Changed programs, not fitted, the shortest message first; none of sequences of more than LONGEST steps."""
+        steps = to_sequence(best.program, apart=True)
+        if len(steps) > LONGEST:
+            return []
+        single, compound = _separate([*self._guesses(best, steps), *self.lent])
+        others = [*distinct(single, self.cloud), *compound, *_drop_leaves(steps)]
+        mixture = BatchedLikelihood.of(self.scene, [part for _, part in steps], others)
+        start: Choice = tuple(Step(op, i) for i, (op, _) in enumerate(steps))
+        new = (c for i in range(len(steps), len(mixture.parts)) for c in uses(i, start))
+        moves = [*own_moves(start), *(c for c in new if all(s.positive or not _is_wall(mixture.parts[s.term]) for s in c))]
+        glance = [start, *(moves[i - 1] for i in _shortest(mixture.lengths([start, *moves], GLANCE), LOOKED))]
+        lengths = mixture.lengths(glance)
+        kept = [glance[i] for i in _shortest(lengths, TRIED) if lengths[i] < lengths[0] + SLACK]
+        return [replace(best, program=to_program(map_terms(choice, mixture.parts.__getitem__))) for choice in kept]
+
+    def _guesses(self, best: FittedProgram, steps: SignedSequence[Program]) -> list[Program]:
+        """What might be missing, and other shapes for the points of each primitive of the sequence."""
+        cloud, axes, sigma = self.cloud, self.axes, best.noise.sigma
+        # deep in a thin plate nothing is far from its surface
+        out: list[Program] = [p for far in UNEXPLAINED for p, _ in missing(best.program, cloud, axes, far * sigma)]
+        leaf, value, _, _ = kernels.program_tangent(best.program, cloud.points)
+        near, first = np.abs(value) < OWN * sigma, 0
+        for op, part in steps:
+            own = near & (leaf == first)
+            first += count(part).primitives
+            if isinstance(part, Primitive):
+                out += [
+                    *trim(part, cloud.points[own]),
+                    *alternatives(cloud.points[own], axes, cloud),
+                    *_taper(part),
+                    *stadiums(part, sigma),
+                ]
+                if op == "union" and own.any():
+                    out += [*_hollow(part, value[own], cloud, sigma), *rims(part, cloud.points, sigma)]
+        return out
+
+
+def _hollow(part: Primitive, value: np.ndarray, cloud: Cloud, sigma: float) -> list[Program]:
+    """The part's cavities, and walls about its skin where the distances `value` [m] of its points from it are more than noise."""
+    half = float(np.sqrt(max(np.mean(value**2) - sigma**2, 0.0)))
+    walls = shells(part, 2 * half, cloud, sigma) if half > BLURRED * sigma else ()
+    return [*walls, *hollows(part, float(np.median(np.abs(value))), cloud)]
+
+
+def _shortest(lengths: np.ndarray, most: int) -> np.ndarray:
+    """Indices of the `most` shortest, of those that come to the same the first, and none of those that come to what the first of all does:
+    in another order the same solid comes about."""
+    first = np.unique(np.round(lengths, 9), return_index=True)[1]
+    return first[first > 0][:most]
+
+
+def _is_wall(part: Program) -> bool:
+    """Whether a part is no cut: what is left of a cut in its middle would stand alone."""
+    return isinstance(part, Combine) and part.op == "difference"
+
+
+def _separate(programs: Sequence[Program]) -> tuple[list[Primitive], list[Combine]]:
+    """Primitives, and others."""
+    return [p for p in programs if isinstance(p, Primitive)], [p for p in programs if isinstance(p, Combine)]
+
+
+def _taper(part: Primitive) -> Iterator[Primitive]:
+    """Cones in the place of a cylinder, a little wider at either end."""
+    if part.kind == "cylinder":
+        radius, height = part.size
+        for by in (TAPER, -TAPER):
+            yield Primitive("cone", (radius * (1 - by), radius * (1 + by), height), part.center, part.rotation)
+
+
+def _drop_leaves(steps: SignedSequence[Program]) -> Iterator[Program]:
+    """Parts that are no primitives, each without one of their leaves."""
+    for _, part in steps:
+        if isinstance(part, Combine):
+            yield from (less for path, _ in leaf_paths(part) if (less := without(part, [path])) is not None)

@@ -1,0 +1,79 @@
+"""Ranges of a found sequence made as a person would have drawn them: solids no longer than they must be, cutters just through."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from imdim.program.sequence import Step
+from imdim.search.arrangement import Arrangement
+from imdim.search.candidate_families import Candidate, Families
+from imdim.search.cells import Cells
+from imdim.search.sequence import Covered, Pair, Sequence, run
+
+
+def tidy(sequence: Sequence, families: Families) -> Sequence:
+    """The same or a better fill of the cells, with each range shrunk from the far sentinels, and those of added solids as short as they
+    can be.
+
+    Better: a range may have been found on fewer cells than are known here, and then fills some that no sample of the search fell into.
+    """
+    for i in range(len(sequence)):
+        sequence = _tidy_step(sequence, i, families)
+    return sequence
+
+
+def _tidy_step(sequence: Sequence, i: int, families: Families) -> Sequence:
+    halves, state = list(sequence[i].term.halves), run(sequence, len(families.cells.points))
+    for h in range(len(halves)):
+        for axis in range(len(halves[h].ranges)):
+            for end in (0, 1):
+                while True:
+                    shorter = shorten_range(halves[h], axis, end, families.arrangement, added=sequence[i].op == "union" and h == 0)
+                    if shorter is None:
+                        break
+                    trial = _with(sequence, i, [shorter if k == h else c for k, c in enumerate(halves)], families)
+                    tried = run(trial, len(state))
+                    if _worse(tried, state, families.cells):
+                        break
+                    sequence, halves[h], state = trial, shorter, tried
+    return sequence
+
+
+def _worse(tried: np.ndarray, state: np.ndarray, cells: Cells) -> bool:
+    """Whether other filled cells [m] leave more volume wrong."""
+    changed = tried != state
+    return float(np.where(tried, -cells.gain, cells.gain)[changed].sum()) > 0
+
+
+def shorten_range(candidate: Candidate, axis: int, end: int, arrangement: Arrangement, added: bool) -> Candidate | None:
+    """One slab less at one end; a cutter is only taken back from the far sentinel to the near one."""
+    lo, hi = candidate.ranges[axis]
+    if hi - lo <= 1:
+        return None
+    direction = _direction(candidate, axis, arrangement)
+    if direction < 0:
+        return None
+    offsets = arrangement.directions[direction].offsets
+    middle, half = _span(arrangement.bounds, arrangement.directions[direction].vector)
+    at = offsets[lo if end == 0 else hi]
+    if not added and abs(at - middle) <= half * (1 + 1e-9):
+        return None
+    moved = (lo + 1, hi) if end == 0 else (lo, hi - 1)
+    return replace(candidate, ranges=tuple(moved if a == axis else r for a, r in enumerate(candidate.ranges)))
+
+
+def _direction(candidate: Candidate, axis: int, arrangement: Arrangement) -> int:
+    kind, index = candidate.source
+    return arrangement.axis_of[index] if kind == "curved" else arrangement.frames[index][axis]
+
+
+def _span(box: np.ndarray, v: np.ndarray) -> tuple[float, float]:
+    return float(box.mean(0) @ v), float((box[1] - box[0]) / 2 @ np.abs(v))
+
+
+def _with(sequence: Sequence, i: int, halves: list[Candidate], families: Families) -> Sequence:
+    op, old = sequence[i]
+    shape = halves[0] if isinstance(old.shape, Candidate) else Pair(old.shape.op, halves[0], halves[1])
+    return (*sequence[:i], Step(op, Covered.of(shape, families)), *sequence[i + 1 :])

@@ -1,1 +1,0 @@
-"""Layer 2: surfaces found in the target, and the candidate solids that they bound."""

@@ -1,0 +1,1 @@
+"""Solver for geometric constraints between control points, in the plane and in space."""

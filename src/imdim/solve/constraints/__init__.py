@@ -1,1 +1,0 @@
-"""Geometric theories: control points, constraints between them, and a solver that makes them exact."""

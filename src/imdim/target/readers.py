@@ -1,0 +1,247 @@
+"""Files to bare arrays: one reader per format, nothing repaired and nothing judged but the file's syntax."""
+
+from __future__ import annotations
+
+import re
+import struct
+import warnings
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from imdim.target.archives import open_archive, read_array, read_arrays
+from imdim.target.threemf import read_model
+
+
+class InputError(ValueError):
+    """The input cannot be used; the message is one line that names the file and the number."""
+
+
+@dataclass(frozen=True, eq=False)
+class Raw:
+    """What a file says: `points` [n, 3] float64, `normals` [n, 3] or None, `faces` [m, 3] int64 or None."""
+
+    points: np.ndarray
+    normals: np.ndarray | None = None
+    faces: np.ndarray | None = None
+
+
+MAX_BRACKETS = 1_000_000
+# what numpy's and trimesh's parsers raise on files that break their format
+SYNTAX_ERRORS = (
+    *(ValueError, KeyError, IndexError, TypeError, AttributeError, EOFError, SyntaxError, NotImplementedError, OverflowError),
+    *(struct.error, zlib.error, zipfile.BadZipFile, RecursionError, MemoryError, StopIteration, UnboundLocalError),
+)
+
+
+def read(path: Path) -> Raw:
+    """The content of `path`, by its suffix; raises InputError for what is missing, unknown or broken."""
+    reader = FORMATS.get(path.suffix.lower())
+    if not path.exists():
+        raise InputError(f"{path}: no such file")
+    if reader is None:
+        raise InputError(f"{path}: unknown format {path.suffix!r}; known are {', '.join(FORMATS)}")
+    try:
+        if path.stat().st_size == 0:
+            raise InputError(f"{path}: the file is empty (0 bytes)")
+        raw = reader(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be opened: {error.strerror or error}") from error
+    except InputError:
+        raise
+    except SYNTAX_ERRORS as error:
+        raise InputError(f"{path}: not a readable {path.suffix.lower()[1:].upper()} file: {_one_line(error)}") from error
+    return _check_raw(raw, path)
+
+
+def _one_line(error: Exception) -> str:
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= 160 else text[:157] + "..."
+
+
+def _check_raw(raw: Raw, path: Path) -> Raw:
+    faces = raw.faces
+    for what, table in (("coordinates", raw.points), ("normals", raw.normals), ("corners", faces)):
+        if table is not None and len(table) and (table.ndim != 2 or table.shape[1] != 3):
+            raise InputError(f"{path}: 3 {what} each are needed, the shape is {list(table.shape)}")
+    if raw.normals is not None and len(raw.normals) != len(raw.points):
+        raise InputError(f"{path}: {len(raw.normals)} normals for {len(raw.points)} points")
+    if faces is None or not len(faces):
+        return Raw(raw.points, raw.normals)
+    bad = int(((faces < 0) | (faces >= len(raw.points))).any(axis=1).sum())
+    if bad:
+        raise InputError(f"{path}: {bad} of {len(faces)} faces name a vertex that is not among the {len(raw.points)}")
+    return raw
+
+
+def read_stl(path: Path) -> Raw:
+    """Binary or ASCII, told apart by the length that a binary header promises: some binary files begin with "solid"."""
+    data = path.read_bytes()
+    count = int.from_bytes(data[80:84], "little")
+    promised = 84 + 50 * count
+    if promised == len(data) or (promised < len(data) and count and data.lstrip()[:5].lower() != b"solid"):
+        record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("extra", "<u2")])
+        corners = np.frombuffer(data, record, count, offset=84)["corners"].reshape(-1, 3).astype(float)
+    else:
+        corners = _ascii_corners(data)
+    if not len(corners) or len(corners) % 3:
+        raise InputError(f"{path}: not a readable STL file: {len(corners)} corners found, {len(data)} bytes")
+    return Raw(corners, faces=np.arange(len(corners)).reshape(-1, 3))
+
+
+def _ascii_corners(data: bytes) -> np.ndarray:
+    rows = re.findall(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", data, re.IGNORECASE)
+    return np.array(rows, dtype="S32").astype(float).reshape(-1, 3)
+
+
+def read_scene(path: Path) -> Raw:
+    """OBJ, OFF, GLB and GLTF by trimesh: every mesh in its place, or, where there is none, every cloud."""
+    import trimesh
+
+    if path.suffix.lower() in (".glb", ".gltf"):
+        _check_json(path)
+    options = {"skip_materials": True} if path.suffix.lower() == ".obj" else {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        scene = trimesh.load_scene(path, process=False, **options)  # type: ignore[arg-type]
+    mesh = scene.to_mesh()
+    if len(mesh.faces):
+        return Raw(np.array(mesh.vertices, float), faces=np.array(mesh.faces, np.int64))
+    clouds = [np.asarray(g.vertices, float) for g in scene.dump() if isinstance(g, trimesh.PointCloud)]  # type: ignore[union-attr]
+    if not clouds and path.suffix.lower() == ".obj":
+        clouds = [_obj_vertices(path)]
+    return Raw(np.concatenate([np.zeros((0, 3)), *clouds]))
+
+
+def read_threemf(path: Path) -> Raw:
+    """Every mesh that is built, in its place. Trimesh needs a kilobyte per face for its tree of nodes."""
+    with path.open("rb") as file, open_archive(file) as archive:
+        points, faces = read_model(archive)
+    return Raw(points, faces=faces)
+
+
+def _check_json(path: Path) -> None:
+    """Refuse a scene of more lists and objects than any has: Python's collector of garbage takes minutes over them."""
+    data = path.read_bytes()
+    text = data[20 : 20 + int.from_bytes(data[12:16], "little")] if data[:4] == b"glTF" else data
+    many = text.count(b"[") + text.count(b"{")
+    if many > MAX_BRACKETS:
+        raise InputError(f"{path}: {many} lists and objects in its JSON, at most {MAX_BRACKETS}")
+
+
+def _obj_vertices(path: Path) -> np.ndarray:
+    rows = re.findall(rb"^v\s+(\S+)\s+(\S+)\s+(\S+)", path.read_bytes(), re.MULTILINE)
+    return np.array(rows, dtype="S32").astype(float).reshape(-1, 3)
+
+
+def read_ply(path: Path) -> Raw:
+    """A mesh where there are faces, a cloud where there are none."""
+    from trimesh.exchange.ply import load_ply
+
+    with path.open("rb") as file:
+        found = load_ply(file, fix_texture=False)
+    if "vertices" not in found:
+        return Raw(np.zeros((0, 3)))
+    normals, faces = found.get("vertex_normals"), found.get("faces")
+    return Raw(
+        np.array(found["vertices"], float),
+        None if normals is None else np.array(normals, float),
+        None if faces is None else np.array(faces, np.int64),
+    )
+
+
+def read_text(path: Path) -> Raw:
+    """Rows of x y z, with commas, semicolons or blanks; normals where a header names them or three columns have unit length.
+
+    A header of any length is passed over; colours are told from normals by their length.
+    """
+    skip, delimiter, names = _text_head(path)
+    table = np.loadtxt(path, delimiter=delimiter, skiprows=skip, ndmin=2, comments=("#", "//"), encoding="utf-8-sig")
+    if table.shape[1] < 3:
+        raise InputError(f"{path}: {table.shape[1]} columns per row, at least 3 are needed")
+    return _by_columns(table, names)
+
+
+def _text_head(path: Path) -> tuple[int, str | None, list[str]]:
+    """Lines before the numbers, the delimiter (None: blanks) and the column names of the last line before the numbers."""
+    names: list[str] = []
+    with path.open(encoding="utf-8-sig") as lines:
+        for i, text in enumerate(lines):
+            delimiter = next((d for d in (";", ",", "\t") if d in text), None)
+            fields = [f.strip() for f in text.strip().split(delimiter)]
+            if len(fields) >= 3 and all(map(_is_number, fields)):
+                return i, None if delimiter == "\t" else delimiter, names if len(names) == len(fields) else []
+            names = [f.strip("#/\"' ").lower() for f in text.lstrip("#/ ").strip().split(delimiter)]
+    raise InputError(f"{path}: no row of at least 3 numbers among its {i + 1} lines")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _by_columns(table: np.ndarray, names: list[str]) -> Raw:
+    if {"x", "y", "z"} <= set(names):
+        normals = table[:, [names.index(n) for n in ("nx", "ny", "nz")]] if {"nx", "ny", "nz"} <= set(names) else None
+        return Raw(table[:, [names.index(n) for n in "xyz"]], normals)
+    for start in (3, 6, 7):
+        candidate = table[:, start : start + 3]
+        if candidate.shape[1] == 3 and np.mean(np.abs(np.linalg.norm(candidate, axis=1) - 1) < 0.02) > 0.9:
+            return Raw(table[:, :3], candidate)
+    return Raw(table[:, :3])
+
+
+def read_numpy(path: Path) -> Raw:
+    """NPY: [n, 3], or [n, 6] with normals. NPZ: `points` (or vertices, xyz, pos), `normals`, `faces`. Pickles are refused."""
+    with path.open("rb") as file:
+        if file.read(2) != b"PK":
+            file.seek(0)
+            return _by_columns(_table(read_array(file, path.stat().st_size), path), [])
+        with open_archive(file) as archive:
+            entries = {name.lower(): array for name, array in read_arrays(archive).items()}
+    pick = [next((entries[n] for n in names if n in entries), None) for names in NPZ_NAMES]
+    if pick[0] is None:
+        raise InputError(f"{path}: none of {', '.join(NPZ_NAMES[0])} among its {len(entries)} arrays")
+    points, normals, faces = (None if a is None else _table(a, path) for a in pick)
+    assert points is not None
+    raw = _by_columns(points, [])
+    return Raw(raw.points, normals if normals is not None else raw.normals, None if faces is None else faces.astype(np.int64))
+
+
+NPZ_NAMES = (("points", "vertices", "xyz", "pos", "positions"), ("normals", "normal"), ("faces", "triangles"))
+
+
+def _table(array: np.ndarray, path: Path) -> np.ndarray:
+    if array.ndim != 2 or array.shape[1] < 3 or array.dtype.kind not in "fiu":
+        raise InputError(f"{path}: expected numbers of shape [n, 3] or [n, 6], got {array.dtype} of shape {list(array.shape)}")
+    return array.astype(float)
+
+
+def _read_pcd(path: Path) -> Raw:
+    from imdim.target.pcd import read_pcd
+
+    return _by_columns(*read_pcd(path.read_bytes()))
+
+
+FORMATS: Mapping[str, Callable[[Path], Raw]] = {
+    ".stl": read_stl,
+    ".obj": read_scene,
+    ".off": read_scene,
+    ".ply": read_ply,
+    ".3mf": read_threemf,
+    ".glb": read_scene,
+    ".gltf": read_scene,
+    ".xyz": read_text,
+    ".txt": read_text,
+    ".csv": read_text,
+    ".pcd": _read_pcd,
+    ".npy": read_numpy,
+    ".npz": read_numpy,
+}

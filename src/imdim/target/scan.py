@@ -1,0 +1,81 @@
+"""Simulated scans: a mesh sampled under a named condition, with a fixed seed, as benchmarks and examples need it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+
+from imdim.target.target import sample_surface
+
+POINTS = 8192
+VIEWS = np.array([(0.48, 0.60, 0.64), (-0.80, 0.36, 0.48), (0.28, -0.72, -0.64)])  # unit, from the part to the scanner
+
+
+@dataclass(frozen=True)
+class Condition:
+    """How a part is seen: `noise` is a standard deviation relative to the box diagonal, `outliers` a share of the points,
+    `views` the number of sides it is seen from (0: all around)."""
+
+    normals: bool = False
+    noise: float = 0.0
+    outliers: float = 0.0
+    views: int = 0
+
+
+def parse_condition(text: str) -> Condition | None:
+    """``mesh`` (None), or ``cloud`` and what spoils or helps it, joined by +: ``cloud+normals``, ``noise=0.5%``, ``outliers=2%+views=1``.
+
+    Raises ValueError that names the unknown word.
+    """
+    if text == "mesh":
+        return None
+    found: dict[str, float] = {}
+    for word in text.split("+"):
+        key, _, value = word.partition("=")
+        if key not in ("cloud", "normals", "noise", "outliers", "views") or bool(value) != (key in ("noise", "outliers", "views")):
+            raise ValueError(
+                f"unknown condition {word!r} in {text!r}: mesh, or cloud, normals, noise=0.5%, outliers=2%, views=1 joined by +"
+            )
+        found[key] = float(value.removesuffix("%")) / 100 if value.endswith("%") else float(value or 1)
+    views = int(found.get("views", 0))
+    if not 0 <= views <= len(VIEWS):
+        raise ValueError(f"condition {text!r}: views must be 0 to {len(VIEWS)}, got {views}")
+    return Condition("normals" in found, found.get("noise", 0.0), found.get("outliers", 0.0), views)
+
+
+def scan(
+    mesh: trimesh.Trimesh, condition: Condition, rng: np.random.Generator, count: int = POINTS
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Points [count, 3] on the mesh, spoilt as `condition` says, and the normals of their true faces [count, 3] or None.
+
+    Noise is isotropic and Gaussian; outliers are uniform in the box grown by a tenth, with random normals.
+    """
+    points, normals = _sample_visible(mesh, condition.views, rng, count)
+    diagonal = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
+    points = points + rng.normal(0.0, condition.noise * diagonal, points.shape) if condition.noise else points
+    wrong = rng.permutation(count)[: round(condition.outliers * count)]
+    low, high = (np.asarray(v) for v in mesh.bounds)
+    grow = 0.1 * (high - low)
+    points[wrong] = rng.uniform(low - grow, high + grow, (len(wrong), 3))
+    random = rng.normal(size=(len(wrong), 3))
+    normals[wrong] = random / np.linalg.norm(random, axis=1, keepdims=True)
+    return points, normals if condition.normals else None
+
+
+def _sample_visible(mesh: trimesh.Trimesh, views: int, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Samples that at least one of the first `views` directions sees unobstructed."""
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    if not views:
+        return sample_surface(vertices, faces, count, rng)
+    points, normals = sample_surface(vertices, faces, 16 * count, rng)
+    start = points + normals * (1e-4 * np.linalg.norm(np.ptp(vertices, axis=0)))
+    seen = np.zeros(len(points), bool)
+    for direction in VIEWS[:views]:
+        facing = np.flatnonzero(~seen & (normals @ direction > 0.05))
+        seen[facing] = ~mesh.ray.intersects_any(start[facing], np.broadcast_to(direction, (len(facing), 3)))
+    found = rng.permutation(np.flatnonzero(seen))[:count]
+    if len(found) < count:
+        raise ValueError(f"only {len(found)} of {len(points)} samples are seen from {views} sides, {count} are needed")
+    return points[found], normals[found]

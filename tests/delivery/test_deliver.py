@@ -1,0 +1,140 @@
+import json
+
+import pytest
+import trimesh
+from tests.export.coincident import MEANT
+from tests.known_programs import KNOWN
+from tests.planted import box, cut, cylinder
+
+from imdim.app.fit import summary
+from imdim.delivery import deliver as module
+from imdim.delivery.deliver import OutputError, RunRecord, deliver, finish_flat
+from imdim.delivery.finish import finish
+from imdim.export import step_worker
+from imdim.export.folder import FILES
+from imdim.geometry.solid import to_manifold, to_trimesh
+from imdim.program.codec import constraints_of, from_json, loads, parse
+from imdim.program.tree import Primitive
+from imdim.relations.discover import exact_relations
+from imdim.relations.residuals import verify
+from imdim.target.target import target_from
+
+PROGRAM, EXACT, _ = MEANT["bracket"]
+RUN = RunRecord("parts/bracket.stl", {"load": 0.5, "search": 2.25}, "tolerance met", 7, {"budget_s": 60.0})
+
+
+@pytest.fixture(scope="module")
+def target():
+    return target_from(to_trimesh(to_manifold(PROGRAM, 200)))
+
+
+@pytest.fixture(scope="module")
+def delivered(target, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("results") / "bracket"
+    return folder, deliver(PROGRAM, target, folder, RUN)
+
+
+def test_the_folder_holds_every_file(delivered):
+    folder, report = delivered
+    missing = {name for name, state in report["files"].items() if state != "written"}
+    assert missing <= {"program.step", "program.loops.scad"}
+    assert {path.name for path in folder.iterdir()} == set(FILES) - missing
+    assert all((folder / name).stat().st_size > 100 for name in set(FILES) - missing)
+    assert loads((folder / "program.json").read_text()) == finish_flat(PROGRAM)
+
+
+def test_the_report_says_what_was_measured(delivered):
+    folder, report = delivered
+    assert json.loads((folder / "report.json").read_text()) == report
+    assert (report["input"], report["stop"], report["seed"], report["settings"]) == (RUN.input, RUN.stop, 7, {"budget_s": 60.0})
+    assert report["result"] == {
+        "primitives": 7,
+        "operations": 6,
+        "kinds": {"box": 3, "cylinder": 3, "cone": 1},
+        "ops": {"union": 1, "difference": 5},
+    }
+    assert 0.999 < report["scores"]["volume_iou"] < 1
+    sagitta = 6 * (1 - 0.99946)  # of the boss, at 96 segments
+    assert 0 < report["scores"]["distance"]["target_to_result"]["max"] < 2 * sagitta
+    for name in ("program.scad", "mesh.stl"):
+        assert report["volumes"][name] == pytest.approx(EXACT, rel=1e-3)
+    if "program.step" in report["volumes"]:
+        assert report["volumes"]["program.step"] == pytest.approx(EXACT, rel=1e-7)
+    assert report["timing"]["stages_s"] == {"load": 0.5, "search": 2.25}
+    assert set(report["versions"]) >= {"python", "imdim", "numpy", "manifold3d"}
+
+
+def test_the_same_run_gives_the_same_bytes(delivered, target, tmp_path):
+    folder, report = delivered
+    again = deliver(PROGRAM, target, tmp_path / "again", RUN)
+    for name in set(FILES) - {"report.json", "report.html"}:
+        first, second = ((place / name) for place in (folder, tmp_path / "again"))
+        assert first.exists() == second.exists()
+        assert not first.exists() or first.read_bytes() == second.read_bytes(), name
+    assert {**report, "timing": None} == {**again, "timing": None}
+
+
+def test_no_step_is_reported_and_an_earlier_one_does_not_stay(delivered, target, tmp_path, monkeypatch):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "program.step").write_text("earlier")
+    monkeypatch.setattr(step_worker, "find_spec", lambda name: None)
+    report = deliver(PROGRAM, target, tmp_path / "out", RUN)
+    assert report["files"]["program.step"] == 'skipped: no STEP without OpenCASCADE: pip install "imdim[step]"'
+    assert not (tmp_path / "out" / "program.step").exists()
+
+
+def test_a_failure_leaves_the_earlier_results(target, tmp_path, monkeypatch):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "report.json").write_text("earlier")
+
+    def full(*_):
+        raise OSError("No space left on device")
+
+    monkeypatch.setattr(module, "write_meshes", full)
+    with pytest.raises(OutputError, match=r"out cannot be written: No space left"):
+        deliver(PROGRAM, target, tmp_path / "out", RUN)
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+    assert (tmp_path / "out" / "report.json").read_text() == "earlier"
+
+
+def test_an_empty_program_is_not_delivered(target, tmp_path):
+    with pytest.raises(ValueError, match="empty"):
+        deliver(KNOWN["nothing"][0], target, tmp_path / "out", RUN)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_cloud_and_a_tiny_part(tmp_path):
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=2e-6)
+    report = deliver(Primitive("sphere", (2e-6,)), target_from(ball.vertices), tmp_path / "out", RUN)
+    assert report["scores"]["volume_iou"] is None
+    assert report["scores"]["volume_iou_missing"] == "the target is a cloud"
+    assert report["volumes"]["mesh.stl"] == pytest.approx(4 / 3 * 3.14159 * 8e-18, rel=4e-3)
+    assert report["files"]["program.step"].startswith("skipped: ")
+
+
+def test_constraints_are_delivered_as_they_hold_for_the_delivered_numbers(tmp_path):
+    """Holes that end flush with the plate overshoot; the file says by how much, and its names are those of the report."""
+    part = cut(box(40, 30, 6), *(cylinder(3, 6, (x, 0.0, 0.0)) for x in (-12.0, 12.0)))
+    found = exact_relations(part)
+    folder = tmp_path / "out"
+    report = deliver(found.program, target_from(to_trimesh(to_manifold(part))), folder, RUN, constraints=found.constraints)
+    document = parse((folder / "program.json").read_text())
+    constraints = constraints_of(document)
+    verify(from_json(document), constraints)
+    assert [c["name"] for c in report["constraints"]] == [c.name for c in constraints]
+    assert any(c.kind == "coplanar" and c.value > 0 for c in constraints)
+    assert report["parameters"]["hole_radius"] == 3
+    assert "hole_radius = 3\n" in (folder / "program.py").read_text()
+    assert report["scores"]["volume_iou"] > 0.999
+
+
+def test_the_report_tells_what_delivery_kept(delivered, target, tmp_path, monkeypatch):
+    _, report = delivered
+    assert report["found"]["volume_iou"] == pytest.approx(report["scores"]["volume_iou"], abs=1e-6)
+    assert report["found"]["iou_with_delivered"] == pytest.approx(1, abs=1e-6)
+    assert "differs" not in summary(report, tmp_path)
+    half = finish(box(20, 30, 6))
+    monkeypatch.setattr(module, "finish", lambda *_: half)
+    report = deliver(box(40, 30, 6), target_from(to_trimesh(to_manifold(box(40, 30, 6)))), tmp_path / "out", RUN)
+    assert report["found"] == {"volume_iou": 1, "iou_with_delivered": 0.5}
+    assert "  delivered differs from found: IoU 0.5000\n" in summary(report, tmp_path)

@@ -1,0 +1,102 @@
+"""The carriers that a part was drawn with, and no others, must be read off its tessellation."""
+
+import math
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+from tests.planted import ALONG_X, PARTS, box, carriers, common, cone, cut, cylinder, mesh_of, same, sphere, torus, union
+
+from imdim.detection.mesh_surfaces import detect_patches
+from imdim.geometry.surface import Surface, normals, signed_distance
+
+HEXAGON = union(*(box(20, 20 / math.sqrt(3), 8, rotation=(0.0, 0.0, a)) for a in (0.0, 60.0, 120.0)))
+BAR = union(box(30, 20, 8), cylinder(10, 8, (15.0, 0.0, 0.0)), cylinder(10, 8, (-15.0, 0.0, 0.0)))
+SLOT = union(box(30, 20, 12), cylinder(10, 12, (15.0, 0.0, 0.0)), cylinder(10, 12, (-15.0, 0.0, 0.0)))
+
+CASES = {
+    **PARTS,
+    "frustum": cone(12, 7, 9),
+    "pointed cone": cone(12, 0, 9),
+    "nozzle": union(cone(12, 7, 9, (0.0, 0.0, 4.5)), cylinder(12, 6, (0.0, 0.0, -3.0)), cylinder(7, 10, (0.0, 0.0, 14.0))),
+    "double cone": union(cone(12, 7, 9, (0.0, 0.0, 4.5)), cone(7, 12, 4, (0.0, 0.0, -2.0))),
+    "bar with round ends": BAR,
+    "plate with a slot": cut(box(80, 50, 10), SLOT),
+    "D shaft": cut(cylinder(6, 40), box(12, 4, 50, (0.0, 6.5, 0.0))),
+    "hexagon nut": cut(HEXAGON, cylinder(5, 10)),
+    "ball": sphere(20),
+    "dome on a post": union(cylinder(10, 20), sphere(10, (0.0, 0.0, 10.0))),
+    "ball with a skew bore": cut(sphere(20), cylinder(6, 50, (4.0, 3.0, 0.0), (25.0, 30.0, 0.0))),
+    "lens": common(sphere(20, (0.0, 0.0, 15.0)), sphere(20, (0.0, 0.0, -15.0))),
+    "ring": torus(20, 5),
+    "half ring": common(torus(20, 5), box(60, 30, 20, (0.0, 15.0, 0.0))),
+    "grooved post": cut(cylinder(15, 30), torus(15, 3)),
+    "wheel with a round rim": union(cylinder(20, 10), torus(20, 5)),
+    "puck with filleted edges": union(cylinder(20, 14), cylinder(23, 8), torus(20, 3, (0.0, 0.0, 4.0)), torus(20, 3, (0.0, 0.0, -4.0))),
+    "crossing bores": cut(box(40, 40, 40), cylinder(8, 50), cylinder(8, 50, rotation=ALONG_X)),
+}
+
+
+# flats that meet a curve only at their corners are taken for a part of it
+WRONG = {("wheel with a round rim", 96), ("puck with filleted edges", 64), ("puck with filleted edges", 96)}
+
+
+def visible(surface: Surface, mesh: trimesh.Trimesh) -> bool:
+    """Whether a triangle lies on the carrier with all its corners and faces along it."""
+    on = (np.abs(signed_distance(surface, mesh.vertices)) < 1e-6 * mesh.scale)[mesh.faces].all(1)
+    middles = mesh.vertices[mesh.faces[on]].mean(1)
+    return bool((np.abs((normals(surface, middles) * mesh.face_normals[on]).sum(1)) > 0.98).any())
+
+
+def check(mesh: trimesh.Trimesh, expected: list[Surface]) -> None:
+    patches = detect_patches(mesh)
+    tolerance = 1e-4 * mesh.scale
+    for truth in expected:
+        assert sum(same(p.surface, truth, tolerance) for p in patches) == 1, f"{truth} in {[p.surface for p in patches]}"
+    assert len(patches) == len(expected), [p.surface for p in patches]
+    assert sum(p.area for p in patches) == pytest.approx(mesh.area, rel=1e-6)
+
+
+def cases() -> list:
+    every = [(name, segments) for name in CASES for segments in (64, 96)]
+    return [pytest.param(*c, marks=[pytest.mark.xfail(strict=True)] if c in WRONG else []) for c in every]
+
+
+@pytest.mark.parametrize(("name", "segments"), cases())
+def test_a_part_gives_back_the_carriers_it_was_drawn_with(name, segments):
+    mesh = mesh_of(CASES[name], segments)
+    check(mesh, [s for s in carriers(CASES[name]) if visible(s, mesh)])
+
+
+@pytest.mark.parametrize("name", ["tube on a flange", "bored ball", "countersink", "hexagon nut", "ring"])
+def test_placement_and_size_do_not_matter(name):
+    mesh = mesh_of(CASES[name])
+    turn, shift, scale = Rotation.from_euler("xyz", [0.3, -0.8, 1.9]).as_matrix(), np.array([3.0, -70.0, 11.0]), 1e-3
+    truths = [s for s in carriers(CASES[name]) if visible(s, mesh)]
+    moved = trimesh.Trimesh(scale * (mesh.vertices @ turn.T + shift), mesh.faces, process=False)
+    check(moved, [_moved(s, turn, shift, scale) for s in truths])
+
+
+def _moved(s: Surface, turn: np.ndarray, shift: np.ndarray, scale: float) -> Surface:
+    sizes = s.sizes if s.kind == "cone" else tuple(scale * x for x in s.sizes)
+    return Surface(s.kind, tuple(scale * (turn @ s.point + shift)), tuple(turn @ s.axis), sizes)  # type: ignore[arg-type]
+
+
+def test_a_patch_knows_its_side_its_area_and_its_points():
+    mesh = mesh_of(PARTS["tube on a flange"])
+    by_radius = {p.surface.sizes[0]: p for p in detect_patches(mesh) if p.surface.kind == "cylinder"}
+    sides = {round(r): p.outward for r, p in by_radius.items()}
+    assert sides == {7: -1, 10: 1, 20: 1}
+    for r, height in {7: 30, 10: 25, 20: 5}.items():
+        p = next(p for fitted, p in by_radius.items() if round(fitted) == r)
+        assert p.area == pytest.approx(2 * 96 * r * math.sin(math.pi / 96) * height, rel=1e-6)
+        assert np.hypot(p.points[:, 0], p.points[:, 1]) == pytest.approx(r, abs=5e-3)
+
+
+def test_coplanar_faces_are_one_plane():
+    posts = cut(box(60, 20, 10), box(20, 30, 10, (0.0, 0.0, 4.0)))
+    planes = detect_patches(mesh_of(posts))
+    top = [p for p in planes if abs(p.surface.axis[2]) > 0.9 and abs(p.surface.point[2] - 5) < 1e-9]
+    assert [p.area for p in top] == pytest.approx([800])
+    assert len(planes) == 9

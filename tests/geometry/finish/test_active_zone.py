@@ -1,0 +1,66 @@
+"""Whether a primitive matters in a region, against cases where the eye sees it and against the volume of what changes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from imdim.geometry.finish import active_zone
+from imdim.geometry.finish.active_zone import matters
+from imdim.geometry.finish.posed import PosedPrimitive
+from imdim.geometry.solid import to_manifold
+from imdim.program.tree import Combine, Primitive, leaves, map_leaves
+
+PLATE = Primitive("box", (10.0, 10.0, 2.0))
+HOLE = Primitive("cylinder", (2.0, 2.0))
+ABOVE, IN_THE_HOLE = Primitive("box", (1.0, 1.0, 1.0), (0.0, 0.0, 1.5)), Primitive("box", (1.0, 1.0, 1.0))
+BLOCK = Primitive("box", (4.0, 4.0, 4.0), (0.0, 0.0, 3.0))
+
+
+def asked(program, index, region):
+    return matters(program, [PosedPrimitive(leaf) for leaf in leaves(program)], index, region)
+
+
+def test_a_hole_matters_inside_the_plate_and_not_above():
+    bored = Combine("difference", PLATE, HOLE)
+    assert asked(bored, 1, IN_THE_HOLE)
+    assert not asked(bored, 1, ABOVE)
+    assert asked(Combine("difference", Combine("union", PLATE, BLOCK), HOLE), 2, ABOVE)
+
+
+def test_a_part_matters_where_no_other_has_material():
+    joined = Combine("union", PLATE, BLOCK)
+    assert not asked(joined, 1, IN_THE_HOLE)
+    assert asked(joined, 1, ABOVE)
+    assert not asked(Combine("intersection", joined, HOLE), 1, ABOVE)
+
+
+@pytest.mark.parametrize("probed", [True, False])
+def test_random_programs_agree_with_what_changes(probed, monkeypatch):
+    """The volume that differs in the region between the primitive taken as all of it and as nothing."""
+    if not probed:
+        monkeypatch.setattr(active_zone, "_shows_at_probes", lambda *_: False)
+    rng, found = np.random.default_rng(0), []
+    for _ in range(60):
+        program = _random(rng, 4)
+        index = int(rng.integers(4))
+        own = list(leaves(program))[index]
+        region = replace(own, size=tuple(0.3 * s for s in own.size))
+        everywhere, nowhere = (
+            to_manifold(map_leaves(program, lambda i, p, s=size: replace(p, size=s, center=region.center) if i == index else p), 64)  # noqa: B023
+            for size in ((9.0, 9.0, 9.0), (1e-6, 1e-6, 1e-6))
+        )
+        inside = to_manifold(region, 64)
+        changed = ((everywhere - nowhere) ^ inside).volume() + ((nowhere - everywhere) ^ inside).volume()
+        found.append(changed > 1e-6 * inside.volume())
+        assert asked(program, index, region) == found[-1]
+    assert 10 < sum(found) < 50
+
+
+def _random(rng, n):
+    """Boxes and cylinders about one place; the primitive asked about is made a box."""
+    if n > 1:
+        ops = ("union", "intersection", "difference")
+        return Combine(ops[rng.integers(3)], _random(rng, n // 2), _random(rng, n - n // 2))
+    center, turn = rng.normal(0, 0.3, 3).tolist(), rng.uniform(-90, 90, 3).tolist()
+    return Primitive("box", tuple(rng.uniform(0.4, 1.2, 3).tolist()), tuple(center), tuple(turn))

@@ -1,0 +1,60 @@
+"""Prolonged primitives against closed forms."""
+
+import math
+
+import pytest
+
+from imdim.geometry.finish.extend import apex, between, beyond, flip_face, plane_faces, within
+from imdim.geometry.solid import to_manifold
+from imdim.program.tree import KINDS, Primitive
+
+TILT = (30.0, 20.0, 10.0)
+CONE = Primitive("cone", (4.0, 1.0, 3.0))
+SIZES = {
+    "box": (2.0, 3.0, 4.0),
+    "sphere": (1.0,),
+    "cylinder": (1.0, 2.0),
+    "cone": (4.0, 1.0, 3.0),
+    "torus": (2.0, 0.5),
+    "ellipsoid": (1.0, 2.0, 3.0),
+}
+FACED = [Primitive(kind, SIZES[kind], (1.0, 2.0, 3.0), TILT) for kind in ("box", "cylinder", "cone")]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_plane_faces_are_counted(kind):
+    assert len(list(plane_faces(Primitive(kind, SIZES[kind])))) == {"box": 6, "cylinder": 2, "cone": 2}.get(kind, 0)
+
+
+def test_an_apex_is_no_face():
+    assert list(plane_faces(Primitive("cone", (0.0, 1.0, 3.0)))) == [(2, 1)]
+
+
+def test_a_cone_keeps_its_slope_and_ends_at_its_apex():
+    assert between(CONE, (2, 1), -3.0, 0.5).size == (4.0, 0.5, 3.5)
+    assert between(CONE, (2, 1), -3.0, 9.0) == Primitive("cone", (4.0, 0.0, 4.0), (0.0, 0.0, 0.5))
+    assert between(CONE, (2, -1), -3.0, 1.0) == Primitive("cone", (5.0, 1.0, 4.0), (0.0, 0.0, -0.5))
+    assert (apex(CONE, (2, 1)), apex(CONE, (2, -1))) == (1.0, math.inf)
+
+
+@pytest.mark.parametrize("leaf", FACED, ids=lambda p: p.kind)
+def test_what_is_prolonged_is_the_primitive_and_the_piece_beyond(leaf):
+    for face in plane_faces(leaf):
+        depth = leaf.size[face[0]] if leaf.kind == "box" else leaf.size[-1]
+        whole, piece = (to_manifold(between(leaf, face, low, 0.5)) for low in (-depth, 0.0))
+        assert (whole - (to_manifold(leaf) + piece)).volume() < 1e-6 * whole.volume()
+        assert (to_manifold(leaf) ^ piece).volume() < 1e-6 * whole.volume()
+
+
+@pytest.mark.parametrize("leaf", FACED, ids=lambda p: p.kind)
+def test_regions_lie_on_their_side_of_the_face(leaf):
+    for face in plane_faces(leaf):
+        inner, outer = to_manifold(within(leaf, face, 0.01)), to_manifold(beyond(leaf, face, 0.01, 0.5))
+        assert (inner - to_manifold(leaf)).volume() < 1e-9
+        assert inner.volume() > 0
+        assert (outer ^ to_manifold(leaf)).volume() < 1e-9
+        assert outer.volume() > 0
+
+
+def test_a_mirror_image_is_turned_about_x():
+    assert [flip_face(face) for face in [(0, 1), (1, -1), (2, 1)]] == [(0, -1), (1, -1), (2, 1)]

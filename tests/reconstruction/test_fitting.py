@@ -1,0 +1,56 @@
+"""Rounding to typed numbers: taken where it costs nothing of the target, left where the target has other numbers."""
+
+import numpy as np
+import pytest
+from tests.deadlines import PASSED
+from tests.planted import box, cut, cylinder, mesh_of
+
+from imdim.deadline import NEVER
+from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
+from imdim.program.tree import leaves
+from imdim.reconstruction.config import Settings
+from imdim.reconstruction.fitting import fit_numbers, snap_numbers
+from imdim.reconstruction.observation import UnitBody, observe
+from imdim.target.target import in_unit_frame, target_from
+
+
+def rounded(program, mesh, deadline=NEVER):
+    unit, frame = in_unit_frame(target_from(mesh))
+    rng = np.random.default_rng(0)
+    return snap_numbers(program, observe(UnitBody.of(unit, rng), Settings().size_weight, rng), frame, deadline)
+
+
+def test_typed_numbers_come_back():
+    truth = cut(box(40, 30, 6), cylinder(3, 8))
+    plate, hole = leaves(rounded(cut(box(40.0004, 29.9998, 6.0001), cylinder(3.0002, 8)), mesh_of(truth)))
+    assert plate.size == (40.0, 30.0, 6.0)
+    assert hole.size[0] == 3.0
+
+
+def test_numbers_that_the_target_does_not_have_are_not_rounded_to():
+    odd = box(40.006, 30.0045, 6.0009)
+    mesh = mesh_of(odd)
+    kept = rounded(odd, mesh)
+    assert volume_iou(to_manifold(kept), mesh_to_manifold(mesh)) > 1 - 1e-4
+    assert next(leaves(kept)).size == pytest.approx((40.006, 30.0045, 6.0009), abs=5e-3)
+
+
+def test_an_open_mesh_is_rounded_by_distance():
+    mesh = mesh_of(box(40, 30, 6))
+    mesh.update_faces(np.arange(len(mesh.faces)) > 0)
+    assert next(leaves(rounded(box(40.0004, 29.9998, 6.0001), mesh))).size == (40.0, 30.0, 6.0)
+
+
+def test_no_time_leaves_the_numbers():
+    assert next(leaves(rounded(box(40.0004, 29.9998, 6.0001), mesh_of(box(40, 30, 6)), PASSED))).size[0] == 40.0004
+
+
+def test_an_odd_hole_becomes_like_its_fellows():
+    holes = [cylinder(3, 8, (x, y, 0.0)) for x in (-14.0, 14.0) for y in (-9.0, 9.0)]
+    truth = cut(box(40, 30, 6), *holes)
+    found = cut(box(40, 30, 6), *holes[:3], box(5.6, 5.8, 8, (14.1, 9.0, 0.0)))
+    unit, frame = in_unit_frame(target_from(mesh_of(truth)))
+    rng = np.random.default_rng(0)
+    seen = observe(UnitBody.of(unit, rng), Settings().size_weight, rng)
+    alike = frame.undo(fit_numbers(frame.apply(found), seen))
+    assert list(leaves(snap_numbers(alike, seen, frame)))[4] == holes[3]

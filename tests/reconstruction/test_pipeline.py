@@ -1,0 +1,230 @@
+"""From a target to a program: planted parts as meshes and clouds, through the whole pipeline."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from tests.planted import ALONG_X, PARTS, box, cone, cut, cylinder, mesh_of, sphere, union
+
+import imdim
+from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
+from imdim.program.codec import dumps
+from imdim.program.cost import count
+from imdim.program.tree import Program, leaves
+from imdim.reconstruction.config import Settings
+from imdim.reconstruction.methods import METHODS, MethodStep, Run
+from imdim.reconstruction.pipeline import Snapshot, reconstruct
+from imdim.target.target import InputError, target_from
+
+ROOT = Path(__file__).parents[2]
+
+
+def snapshots(mesh: trimesh.Trimesh, seed: int = 0, **settings) -> list[Snapshot]:
+    return list(reconstruct(target_from(mesh), Settings(**settings), np.random.default_rng(seed)))
+
+
+@cache
+def reconstructed(name: str) -> list[Snapshot]:
+    return snapshots(mesh_of(PARTS[name]))
+
+
+def iou(program: Program, truth: Program) -> float:
+    return volume_iou(to_manifold(program), to_manifold(truth))
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_a_planted_part_comes_back(name):
+    last = reconstructed(name)[-1]
+    assert iou(last.program, PARTS[name]) >= 0.999
+    assert count(last.program).primitives <= count(PARTS[name]).primitives
+    assert last.stop == "finished"
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_snapshots_tell_the_run(name):
+    run = reconstructed(name)
+    stages = [s.stage for s in run]
+    assert [s for i, s in enumerate(stages) if i == 0 or stages[i - 1] != s] == ["search", "proof", "simplify", "solve", "finished"]
+    assert run[-1].proof == "proved minimal over these candidates"
+    assert [s.stop for s in run[:-1]] == [None] * (len(run) - 1)
+    assert [s.seconds for s in run] == sorted(s.seconds for s in run)
+    assert run[-1].error <= min(s.error for s in run) + 1e-3
+    assert iou(run[-1].program, PARTS[name]) >= iou(run[0].program, PARTS[name]) - 1e-3
+
+
+def test_typed_numbers_come_back_exactly():
+    holes = [leaf for leaf in leaves(reconstructed("plate with four holes")[-1].program) if leaf.kind == "cylinder"]
+    plates = [leaf for leaf in leaves(reconstructed("plate with four holes")[-1].program) if leaf.kind == "box"]
+    assert {leaf.size[0] for leaf in holes} == {3.0}
+    assert sorted(leaf.center[:2] for leaf in holes) == [(-30.0, -15.0), (-30.0, 15.0), (30.0, -15.0), (30.0, 15.0)]
+    assert [sorted(leaf.size) for leaf in plates] == [[6.0, 50.0, 80.0]]
+    radii = [leaf.size[0] for leaf in leaves(reconstructed("stepped shaft")[-1].program)]
+    assert sorted(radii) == [5.0, 8.0, 12.0]
+
+
+def test_a_placed_part_keeps_typed_angles_and_places():
+    truth = cut(box(60, 40, 20, (100.0, -3.5, 7.25), (10.0, 20.0, 30.0)), sphere(12, (100.0, -3.5, 17.25)))
+    last = snapshots(mesh_of(truth))[-1]
+    assert iou(last.program, truth) >= 0.999
+    block, ball = leaves(last.program)
+    assert sorted(block.size) == [20.0, 40.0, 60.0]
+    assert block.center == (100.0, -3.5, 7.25)
+    assert ball.size == (12.0,)
+    assert ball.center == (100.0, -3.5, 17.25)
+
+
+SEEDED = """
+import numpy as np
+from tests.planted import PARTS, mesh_of
+from imdim.reconstruction.config import Settings
+from imdim.target.target import target_from
+from imdim.reconstruction.pipeline import reconstruct
+from imdim.program.codec import dumps
+*_, last = reconstruct(target_from(mesh_of(PARTS["bored ball"])), Settings(), np.random.default_rng(5))
+print(dumps(last.program))
+"""
+
+
+def test_the_same_seed_gives_the_same_bytes():
+    first, second = (dumps(snapshots(mesh_of(PARTS["bored ball"]), seed=5)[-1].program) for _ in range(2))
+    fresh = subprocess.run([sys.executable, "-c", SEEDED], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert first == second
+    assert fresh.stdout.strip() == first.strip()
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_units_do_not_matter(scale):
+    mesh = mesh_of(PARTS["tube on a flange"])
+    scaled = snapshots(trimesh.Trimesh(mesh.vertices * scale, mesh.faces, process=False))[-1].program
+    plain = reconstructed("tube on a flange")[-1].program
+    for a, b in zip(leaves(plain), leaves(scaled), strict=True):
+        assert a.kind == b.kind
+        assert b.size == pytest.approx([s * scale for s in a.size], rel=1e-9)
+        assert b.center == pytest.approx([c * scale for c in a.center], rel=1e-9, abs=1e-9 * scale)
+        assert b.rotation == pytest.approx(a.rotation)
+
+
+def test_separate_bodies_are_reconstructed_one_by_one():
+    parts = [box(10, 20, 30), cylinder(4, 25, (40.0, 0.0, 0.0)), box(5, 5, 5, (0.0, 50.0, 0.0))]
+    last = snapshots(mesh_of(union(*parts)))[-1]
+    assert sorted(leaf.kind for leaf in leaves(last.program)) == ["box", "box", "cylinder"]
+    assert iou(last.program, union(*parts)) >= 0.999
+
+
+def test_a_scrap_of_surface_beside_a_body_is_left_out_and_told():
+    solid = mesh_of(box(10, 20, 30))
+    scrap = np.array([(40.0, 0.0, 0.0), (45.0, 0.0, 0.0), (40.0, 3.0, 0.0)])
+    mesh = trimesh.Trimesh(
+        np.vstack([solid.vertices, scrap]), np.vstack([solid.faces, [np.arange(3) + len(solid.vertices)]]), process=False
+    )
+    last = snapshots(mesh)[-1]
+    assert iou(last.program, box(10, 20, 30)) >= 0.999
+    (note,) = last.notes
+    assert "body 2" in note
+    assert note.endswith("left out")
+    with pytest.raises(InputError):
+        snapshots(trimesh.Trimesh(scrap, [[0, 1, 2]]))
+
+
+def complex_part() -> Program:
+    """Some 60 primitives in three layers."""
+    rng = np.random.default_rng(8)
+    spots = [(x, y) for x in np.linspace(-90, 90, 10) for y in np.linspace(-40, 40, 5)]
+    bosses = [cylinder(float(rng.integers(5, 8)), float(rng.integers(8, 30)), (float(x), float(y), 0.0)) for x, y in spots[::2]]
+    holes = [cylinder(float(rng.integers(2, 5)), 80, (float(x), float(y), 0.0)) for x, y in spots]
+    return cut(union(box(200, 100, 6), *bosses), *holes, cylinder(1.5, 300, rotation=ALONG_X), cone(8, 2, 12, (0.0, 0.0, 3.0)))
+
+
+def test_a_small_budget_still_gives_a_program():
+    mesh = mesh_of(complex_part(), 48)
+    last = snapshots(mesh, budget_s=1.0)[-1]
+    assert last.stop in ("budget_spent", "finished")
+    assert volume_iou(to_manifold(last.program), mesh_to_manifold(mesh)) > 0.5
+
+
+def test_no_budget_at_all_still_gives_a_program():
+    last = snapshots(mesh_of(PARTS["L bracket"]), budget_s=0.0)[-1]
+    assert last.stop == "budget_spent"
+    assert iou(last.program, PARTS["L bracket"]) >= 0.99
+
+
+@pytest.mark.parametrize("name", ["plate with four holes", "L bracket", "stepped shaft"])
+def test_the_tree_alone_explains_simple_parts(name):
+    run = snapshots(mesh_of(PARTS[name]), method="tree")
+    assert run[0].stage == "tree"
+    assert "search" not in {s.stage for s in run}
+    assert iou(run[-1].program, PARTS[name]) >= 0.99
+
+
+def test_an_unknown_method_is_refused():
+    with pytest.raises(ValueError, match=r"magic.*auto"):
+        snapshots(mesh_of(PARTS["L bracket"]), method="magic")
+
+
+def test_a_shapeless_cloud_is_refused():
+    with pytest.raises(InputError):
+        # one that runs out of time is answered by a guess
+        imdim.reconstruct(np.random.default_rng(0).normal(size=(400, 3)) ** 3, Settings(budget_s=600))
+
+
+def test_a_mesh_in_python():
+    last = imdim.reconstruct(mesh_of(PARTS["countersink"]))
+    assert isinstance(last, imdim.Snapshot)
+    assert iou(last.program, PARTS["countersink"]) >= 0.999
+
+
+def test_a_cloud_in_python():
+    truth = cut(box(80, 50, 10), cylinder(12, 12))
+    points = trimesh.sample.sample_surface(mesh_of(truth), 8192, seed=1)[0]
+    last = imdim.reconstruct(np.asarray(points), Settings(budget_s=20.0))
+    assert iou(last.program, truth) >= 0.9
+
+
+def test_importing_is_cheap():
+    script = "import sys, imdim; sys.exit(any(m in sys.modules for m in ('torch', 'numba', 'trimesh', 'OCP', 'numpy')))"
+    assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
+
+
+class Hands:
+    """A clock that moves by `step` seconds with each look."""
+
+    def __init__(self, step: float) -> None:
+        self.step, self.seconds = step, 0.0
+
+    def __call__(self) -> float:
+        self.seconds += self.step
+        return self.seconds
+
+
+@pytest.mark.parametrize("noise", [None, 0.0, 0.4])
+def test_a_reconstruction_ends_within_its_budget_by_its_clock(noise):
+    """By a clock that only looks move: a deadline that is not heeded, or that is looked at again and again, would outrun the budget."""
+    mesh = mesh_of(PARTS["L bracket"])
+    points = trimesh.sample.sample_surface(mesh, 4000, seed=1)[0]
+    rng = np.random.default_rng(0)
+    target = target_from(mesh if noise is None else np.asarray(points) + noise * rng.normal(size=(4000, 3)))
+    *_, last = reconstruct(target, Settings(budget_s=8.0, checkpoint="none"), rng, Hands(0.04))
+    assert last.seconds <= 1.1 * 8.0
+    assert to_manifold(last.program).volume() > 0
+
+
+@pytest.mark.parametrize("cut", [False, True])
+def test_a_run_is_cut_where_its_method_says_so_not_where_a_deadline_was_asked(cut, monkeypatch):
+    hands = [0.0]
+
+    def boxed(run: Run) -> Iterator[MethodStep]:
+        hands[0] = 55.0
+        assert run.budget.end_of("search").has_passed()
+        low, high = (f(run.seen.target.points, axis=0) for f in (np.min, np.max))
+        yield MethodStep("boxed", box(*(high - low).tolist(), ((low + high) / 2).tolist())).cut_if(cut)
+
+    monkeypatch.setitem(METHODS, "boxed", boxed)
+    target, settings = target_from(mesh_of(box(40, 30, 10, (100.0, 0.0, 0.0)))), Settings(method="boxed", budget_s=100.0)
+    *_, last = reconstruct(target, settings, np.random.default_rng(0), lambda: hands[0])
+    assert last.stop == ("budget_spent" if cut else "finished")
+    assert last.program == box(40.0, 30.0, 10.0, (100.0, 0.0, 0.0))

@@ -1,0 +1,176 @@
+"""Policies in the pipeline: clouds in any pose and unit, scripted programs, checkpoints that are none."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+from tests.planted import PARTS, box, cut, cylinder, mesh_of, union
+
+from imdim.data.solids import BOX, CYLINDER, Solids
+from imdim.geometry.axes import main_axes
+from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
+from imdim.learn.checkpoint import save_policy
+from imdim.learn.decode import DecodeConfig
+from imdim.learn.policy import Move, Policy
+from imdim.learn.policy_net import BaseConfig, BasePolicy
+from imdim.program.sequence import to_program
+from imdim.program.state import END
+from imdim.reconstruction import methods, pipeline
+from imdim.reconstruction.config import ConfigError, Settings
+from imdim.reconstruction.observation import UnitBody, observe
+from imdim.reconstruction.policy_beam import decode_sequences, load, load_if_any, misfit, proposals
+from imdim.search.mdl.primitive_selection import Cloud
+from imdim.target.target import in_unit_frame, sample_surface, target_from
+
+ROOT = Path(__file__).parents[2]
+TINY = BaseConfig(d_model=16, encoder_layers=1, decoder_layers=1, heads=2, gt_points=64, cur_points=32, point_width=8)
+
+
+class Script(Policy):
+    """Writes the box of the cloud that it sees, then, if asked, a bore along its longest edge; then ends."""
+
+    max_seq_len = 4
+
+    def __init__(self, bore: float = 0.0) -> None:
+        super().__init__()
+        self.bore = bore
+
+    def losses(self, batch):
+        raise NotImplementedError
+
+    def propose(self, gt_points, cur_points, solids, generator=None, may_undo=None, ways=1):
+        gt_points, lengths = gt_points.repeat_interleave(ways, 0), solids.lengths.repeat_interleave(ways)
+        low, high = gt_points.amin(1), gt_points.amax(1)
+        first, more = lengths == 0, (lengths == 1) & (self.bore > 0)
+        tokens = torch.where(first, BOX, torch.where(more, CYLINDER, int(END)))
+        bore = torch.tensor([self.bore, 2.0, 0.0]).expand_as(low)
+        sizes = torch.where(first[:, None], high - low, bore)
+        k = (high - low).argmin(1)
+        turn = torch.stack([torch.eye(3), torch.eye(3).roll(1, 1), torch.eye(3)])
+        turn[0] = torch.tensor([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+        turn[1] = torch.tensor([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+        rotations = torch.where(first[:, None, None], torch.eye(3), turn[k])
+        part = Solids(tokens[:, None], first[:, None], ((low + high) / 2)[:, None], sizes[:, None], rotations[:, None])
+        return Move(tokens, part, torch.zeros(len(tokens)))
+
+
+def cloud(program, seed=0, n=3000):
+    mesh = mesh_of(program)
+    return sample_surface(mesh.vertices, mesh.faces, n, np.random.default_rng(seed))[0]
+
+
+def iou(found, truth):
+    return volume_iou(to_manifold(found), to_manifold(truth))
+
+
+def test_programs_come_back_in_the_pose_and_units_of_the_cloud():
+    pose = (25.0, -40.0, 70.0)
+    truth = cut(box(300, 200, 80, (1000.0, -50.0, 7.0), pose), cylinder(40, 200, (1000.0, -50.0, 7.0), pose))
+    points = cloud(truth)
+    axes = main_axes(points)
+    found = decode_sequences(Script(bore=0.1), points, axes, config=DecodeConfig(beam=2, cur_points=64))
+    bore = 0.1 * float(np.linalg.norm([300, 200, 80]))
+    expected = cut(box(300, 200, 80, (1000.0, -50.0, 7.0), pose), cylinder(bore, 200, (1000.0, -50.0, 7.0), pose))
+    assert max(iou(to_program(s), expected) for s in found) >= 0.98
+    assert iou(proposals(Script(bore=0.1), points, 0.0)[0].program, truth) >= 0.99
+
+
+def test_stray_points_do_not_move_the_box_that_a_policy_measures_by():
+    truth = cut(box(60, 40, 20), cylinder(8, 60))
+    points = cloud(truth, n=4000)
+    stray = np.random.default_rng(1).uniform(-60, 60, (60, 3))
+    assert iou(proposals(Script(), np.concatenate([points, stray]), 0.0)[0].program, truth) >= 0.98
+
+
+def test_misfit_orders_programs_by_what_they_get_wrong():
+    truth = PARTS["L bracket"]
+    seen = Cloud.of(cloud(truth, n=2048), 0.0)
+    half, whole, more = truth.left, truth, union(truth, box(20, 20, 20, (40.0, 40.0, 40.0)))
+    costs = [misfit(p, seen) for p in (whole, more, half)]
+    assert costs == sorted(costs)
+    assert costs[0] < 0.1 < 0.3 < costs[2]
+    assert misfit(cut(box(1, 1, 1), box(2, 2, 2)), seen) > 1
+
+
+@pytest.fixture(scope="module")
+def checkpoint(tmp_path_factory):
+    torch.manual_seed(0)
+    path = tmp_path_factory.mktemp("models") / "tiny.safetensors"
+    save_policy(path, BasePolicy(TINY, 4), {})
+    return str(path)
+
+
+def test_the_policy_alone_explains_a_mesh_and_a_cloud(checkpoint):
+    part = cut(box(60, 40, 20), cylinder(8, 60))
+    for target in (target_from(mesh_of(part)), target_from(cloud(part, n=4000))):
+        run = list(pipeline.reconstruct(target, Settings(method="policy", checkpoint=checkpoint), np.random.default_rng(0)))
+        assert run[0].stage == "policy"
+        assert "search" not in {s.stage for s in run}
+        assert volume_iou(to_manifold(run[-1].program), mesh_to_manifold(mesh_of(part))) >= 0.98
+
+
+def test_auto_takes_a_policy_for_clouds_and_is_none_the_worse(checkpoint, monkeypatch):
+    asked = []
+    monkeypatch.setattr(methods, "POOR", -1.0)
+    monkeypatch.setattr(pipeline, "load_if_any", lambda path: asked.append(path) or Script())
+    part = cut(box(60, 40, 20), cylinder(8, 60))
+    *_, last = pipeline.reconstruct(target_from(cloud(part, n=4000)), Settings(checkpoint="x"), np.random.default_rng(0))
+    assert asked == ["x"]
+    assert iou(last.program, part) >= 0.98
+    list(pipeline.reconstruct(target_from(mesh_of(part)), Settings(), np.random.default_rng(0)))
+    assert asked == ["x"]
+
+
+def seen_of(points):
+    rng = np.random.default_rng(0)
+    return observe(UnitBody.of(target_from(points), rng), 2.5e-4, rng)
+
+
+def test_what_fits_far_better_replaces_what_the_search_found():
+    """A search that only found half of a part is the worse of the two by its surface, whatever its cells say."""
+    truth = PARTS["L bracket"]
+    points = cloud(truth, n=3000)
+    unit, frame = in_unit_frame(target_from(points))
+    rng = np.random.default_rng(0)
+    seen, truth = observe(UnitBody.of(unit, rng), 2.5e-4, rng), frame.apply(truth)
+    assert methods.prefers_proposal(truth, truth.left, seen)
+    assert not methods.prefers_proposal(truth.left, truth, seen)
+    assert not methods.prefers_proposal(truth, truth, seen)
+
+
+def test_the_two_sides_of_a_thin_plate_are_no_noise_that_forgives_another_thickness():
+    thin, thick = box(40, 30, 0.5), box(40, 30, 0.8)
+    seen = seen_of(cloud(thin, n=4000))
+    assert methods.prefers_proposal(thin, thick, seen)
+    assert not methods.prefers_proposal(thick, thin, seen)
+
+
+def test_no_checkpoint_and_a_foreign_one_are_one_line(tmp_path, checkpoint, monkeypatch):
+    monkeypatch.setattr("imdim.reconstruction.policy_beam.SHIPPED", tmp_path / "none.safetensors")
+    with pytest.raises(ConfigError, match=r"checkpoint: no checkpoint at .*none.safetensors"):
+        load("")
+    assert load_if_any("") is None
+    assert load_if_any("none") is None
+    (tmp_path / "text.safetensors").write_text("weights")
+    with pytest.raises(ConfigError, match="not a safetensors file"):
+        load_if_any(str(tmp_path / "text.safetensors"))
+    mesh_of(box(1, 1, 1)).export(tmp_path / "a.stl")
+    command = [sys.executable, str(ROOT / "infer.py"), f"input={tmp_path / 'a.stl'}", f"output={tmp_path / 'out'}", "method=policy"]
+    done = subprocess.run([*command, f"checkpoint={tmp_path / 'gone'}"], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.strip().splitlines()[-1].startswith("imdim: setting checkpoint: no checkpoint at")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_random_pose_changes_nothing():
+    part = PARTS["L bracket"]
+    turn = Rotation.random(random_state=1)
+    points = turn.apply(cloud(part))
+    found = proposals(None, points, 0.0)[0].program
+    mesh = mesh_of(part)
+    mesh.apply_transform(np.block([[turn.as_matrix(), np.zeros((3, 1))], [np.zeros((1, 3)), np.ones((1, 1))]]))
+    assert volume_iou(to_manifold(found), mesh_to_manifold(mesh)) >= 0.95

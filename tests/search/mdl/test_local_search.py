@@ -1,0 +1,81 @@
+"""The local search on integers, whose best is known, and the changes of sequences that it is fed with."""
+
+from math import inf
+
+import pytest
+
+from imdim.deadline import NEVER
+from imdim.program.sequence import Step
+from imdim.search.mdl.local_search import Stage, own_moves, pack_choices, search_locally, uses
+
+A, B, C = Step("union", 7), Step("difference", 8), Step("difference", 9)
+
+
+def found(start, stages, worth=0.0, rounds=100, times=inf, best=100):
+    """From `start` by steps of one and ten towards `best`, the nearer ones first; time ends after so many questions."""
+    asked = []
+    return search_locally(
+        (start, abs(best - start)),
+        lambda n: [n - 1, n + 1, n + 10],
+        stages,
+        lambda tried: [abs(best - n) for n in tried],
+        lambda *_: worth,
+        rounds,
+        lambda: asked.append(0) or len(asked) > times,
+    )
+
+
+def as_it_is(n):
+    return [n]
+
+
+def test_the_best_of_the_fitted_is_taken_until_nothing_is_better():
+    assert found(73, [Stage(as_it_is, 3)]) == (100, 0)
+    assert found(73, [Stage(as_it_is, 3)], rounds=2) == (93, 7)
+
+
+def test_only_the_foremost_are_fitted_and_each_stage_ranks_anew():
+    assert found(73, [Stage(as_it_is, 1)]) == (73, 27)
+    assert found(73, [Stage(as_it_is, 3), Stage(as_it_is, 1)], rounds=1) == (83, 17)
+    assert found(73, [Stage(as_it_is, 1), Stage(lambda n: [n, n + 5], 1)], rounds=1) == (77, 23)
+
+
+def test_what_is_not_worth_it_changes_nothing():
+    assert found(85, [Stage(as_it_is, 3)], worth=5.0) == (95, 5)
+    assert found(95, [Stage(as_it_is, 3)], worth=5.0) == (95, 5)
+
+
+@pytest.mark.parametrize(("times", "reached"), [(0, 73), (1, 73), (3, 73), (4, 83), (7, 83), (8, 93)])
+def test_a_round_that_time_cuts_short_changes_nothing(times, reached):
+    assert found(73, [Stage(as_it_is, 3)], times=times)[0] == reached
+
+
+def test_nothing_proposed_leaves_the_start():
+    given = search_locally((1, 1.0), lambda _: [], [Stage(as_it_is, 1)], lambda _: [], lambda *_: 0.0, 9, NEVER)
+    assert given == (1, 1.0)
+
+
+def test_single_changes_begin_with_a_union():
+    moves = set(own_moves((A, B, C)))
+    assert moves == {
+        (A, C),
+        (A, Step("union", 8), C),
+        (A, C, B),
+        (A, B),
+        (A, B, Step("union", 9)),
+    }
+    assert set(own_moves((A,))) == set()
+
+
+def test_a_new_term_goes_to_the_ends_or_in_the_place_of_another():
+    new = Step("union", 1), Step("difference", 1)
+    ends = {(A, n, B) for n in new} | {(A, B, n) for n in new}
+    assert set(uses(1, (A, B))) == ends | {(new[0], B), (A, new[1])}
+    assert list(uses(8, (A, B))) == []
+
+
+def test_choices_are_padded_behind_their_ends():
+    index, united = pack_choices([(A, B), (A,), ()])
+    assert index.tolist() == [[7, 8], [7, -1], [-1, -1]]
+    assert united.tolist() == [[True, False], [True, False], [False, False]]
+    assert pack_choices([])[0].shape == (0, 0)

@@ -1,0 +1,151 @@
+"""Another structure for a noisy cloud: the mixture says of a choice what the likelihood says, and the truth has the shortest message."""
+
+import numpy as np
+import pytest
+from tests.deadlines import PASSED
+from tests.planted import box, cone, cut, cylinder, sphere, union
+
+from imdim.deadline import NEVER
+from imdim.geometry.sampling import surface_points
+from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.numbers.em import FittedProgram, maximise_likelihood
+from imdim.numbers.likelihood import Noise, SurfaceSamples
+from imdim.program.cost import count
+from imdim.program.sequence import Step, map_terms, to_program, to_sequence
+from imdim.program.tree import leaves
+from imdim.search.mdl import batched_likelihood as mixture_module
+from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PartTableCache, PointScene
+from imdim.search.mdl.description_length import description_length
+from imdim.search.mdl.search import _shortest, best_by_mdl, search_shortest
+from imdim.search.mdl.silhouettes import outlines
+
+PART = cut(union(box(40, 30, 6), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(3, 40, (-12.0, 0.0, 0.0)))
+
+
+def cloud(program, n=8000, sigma=0.4, seed=0):
+    rng = np.random.default_rng(seed)
+    return surface_points(program, n, rng)[0] + rng.normal(0, sigma, (n, 3))
+
+
+def settled(program, points, sigma=0.4, lent=()):
+    return search_shortest(maximise_likelihood(program, points, Noise(1.2 * sigma)), points, list(lent), np.eye(3), NEVER)
+
+
+def scene_of(program, points, sigma=0.4):
+    return PointScene(PartTableCache(points), Noise(sigma), SurfaceSamples.of(program, sigma).area)
+
+
+def test_a_choice_ranks_as_its_program_does():
+    points = cloud(PART)
+    steps = to_sequence(PART, apart=True)
+    others = [box(6, 6, 8, (10.0, -9.0, 0.0)), sphere(4, (0.0, 0.0, 3.0)), cylinder(2.0, 40, (-12.0, 0.0, 0.0))]
+    mixture = BatchedLikelihood.of(scene_of(PART, points), [p for _, p in steps], others)
+    start = tuple(Step(op, i) for i, (op, _) in enumerate(steps))
+    added = [(*start, Step("union", 3)), (*start, Step("difference", 4)), (*start[:2], Step("difference", 5))]
+    choices = [start, start[:2], start[:1], *added]
+    fast = mixture.lengths(choices)
+    exact = np.array([description_length(to_program(map_terms(c, mixture.parts.__getitem__)), points, Noise(0.6)) for c in choices])
+    assert fast.argmin() == exact.argmin() == 0
+    assert fast[1:3].min() > fast[3:].max() + 0.02  # without a part it is worse than with a wrong one beside it
+    assert fast == pytest.approx(exact, abs=0.12)
+    assert mixture.lengths(choices, every=4) == pytest.approx(fast, abs=0.1)
+
+
+def test_parts_are_drawn_once_for_nearly_the_same_noise(monkeypatch):
+    points, drawn = cloud(PART), []
+    near = mixture_module._near
+    monkeypatch.setattr(mixture_module, "_near", lambda *given: drawn.append(1) or near(*given))
+    draws, area = PartTableCache(points), SurfaceSamples.of(PART, 0.4).area
+    parts = [box(6, 6, 8, (x, -9.0, 0.0)) for x in (1.0, 2.0, 3.0)]
+    before = BatchedLikelihood.of(PointScene(draws, Noise(0.4), area), parts[:2], parts[2:])
+    again = BatchedLikelihood.of(PointScene(draws, Noise(0.405), 1.02 * area), parts[1:], parts[:1])
+    assert len(drawn) == 3
+    choices = [(Step("union", i),) for i in range(3)]
+    assert again.lengths(choices)[[2, 0, 1]] == pytest.approx(before.lengths(choices), rel=1e-12)
+    BatchedLikelihood.of(PointScene(draws, Noise(0.6), area), parts, [])
+    assert len(drawn) == 6
+
+
+def test_the_tables_do_not_grow_for_ever(monkeypatch):
+    monkeypatch.setattr(mixture_module, "MOST_ROWS", 4)
+    points = cloud(PART, 500)
+    scene = PointScene(PartTableCache(points), Noise(0.4), SurfaceSamples.of(PART, 0.4).area)
+    parts = [box(6, 6, 8, (float(x), -9.0, 0.0)) for x in range(5)]
+    choices = [(Step("union", 0),)]
+    first = BatchedLikelihood.of(scene, parts[:1], []).lengths(choices)
+    assert len(scene.drawn.near) == 1
+    BatchedLikelihood.of(scene, parts[1:4], [])
+    assert len(scene.drawn.near) == 4
+    BatchedLikelihood.of(scene, parts[4:], [])
+    assert len(scene.drawn.near) == 1
+    assert BatchedLikelihood.of(scene, parts[:1], parts[1:]).lengths(choices) == first  # more than the tables are meant to have
+    assert len(scene.drawn.near) == 5
+
+
+def test_what_is_cut_away_wholly_is_infinitely_long():
+    points = cloud(box(4, 4, 4), 500, 0.1)
+    mixture = BatchedLikelihood.of(scene_of(box(4, 4, 4), points, 0.1), [box(4, 4, 4), box(9, 9, 9)], [])
+    assert np.isinf(mixture.lengths([(Step("union", 0), Step("difference", 1))])).all()
+
+
+def test_orders_of_one_solid_are_looked_at_once():
+    lengths = np.array([1.0, 3.0, 1.0, 0.5, np.inf, 0.5 + 1e-12, 1.2])  # of the start, then of its changes
+    assert _shortest(lengths, 9).tolist() == [3, 6, 1, 4]
+    assert _shortest(lengths, 2).tolist() == [3, 6]
+
+
+def test_what_noise_explains_is_dropped_and_what_it_does_not_stays():
+    points = cloud(PART)
+    crowded = cut(union(PART, box(3, 3, 6.2, (10.0, -9.0, 0.0))), sphere(0.5, (0.0, 0.0, 3.0)))
+    short = settled(crowded, points)
+    assert sorted(p.kind for p in leaves(short.program)) == ["box", "cylinder", "cylinder"]
+    assert description_length(short.program, points, short.noise) < description_length(crowded, points, short.noise)
+
+
+def test_a_program_that_nothing_is_left_of_is_a_start_too():
+    points, block = cloud(box(20, 14, 9)), box(20, 14, 9)
+    gone = FittedProgram(cut(block, box(30, 30, 30)), Noise(0.4), np.inf, 0)
+    assert search_shortest(gone, points, [block], np.eye(3), NEVER).program.kind == "box"
+    assert best_by_mdl([gone.program, block], PartTableCache(points), gone, 1) == [block]
+
+
+def test_leaves_of_nested_parts_can_go():
+    points = cloud(PART)
+    nested = cut(PART.left, union(PART.right, box(2, 2, 2, (0.0, 0.0, 30.0))))
+    assert count(settled(nested, points).program).primitives == 3
+
+
+def test_a_cylinder_that_tapers_becomes_a_cone():
+    points = cloud(union(box(40, 30, 6), cone(8.0, 5.0, 14.0, (0.0, 0.0, 9.0))), sigma=0.3)
+    short = settled(union(box(40, 30, 6), cylinder(6.5, 14, (0.0, 0.0, 9.0))), points, 0.3)
+    found = [p for p in leaves(short.program) if p.kind == "cone"]
+    assert len(found) == 1
+    assert sorted(found[0].size[:2]) == pytest.approx([5.0, 8.0], abs=0.25)
+
+
+def test_from_one_primitive_to_the_whole_part():
+    points = cloud(PART)
+    lent = outlines(points, np.eye(3), 0.4)
+    start = best_by_mdl(lent, PartTableCache(points), maximise_likelihood(lent[0], points, Noise(0.5)), 1)[0]
+    found = settled(start, points, lent=lent)
+    assert volume_iou(to_manifold(found.program), to_manifold(PART)) > 0.97
+    assert count(found.program).primitives == 3
+
+
+def test_a_thin_ring_is_found_from_the_solid_between_its_skins():
+    sigma = 0.5
+    ring = cut(cone(30.0, 20.0, 12.0), cone(28.25, 17.75, 12.6))  # its wall is three deviations of the noise
+    found = settled(cone(29.0, 19.0, 12.0), cloud(ring, sigma=sigma), sigma)
+    assert volume_iou(to_manifold(found.program), to_manifold(ring)) > 0.9
+
+
+def test_a_slab_with_round_ends_is_found_from_a_box():
+    slab = union(union(box(40, 16, 8), cylinder(8, 8, (20.0, 0.0, 0.0))), cylinder(8, 8, (-20.0, 0.0, 0.0)))
+    found = settled(box(56, 16, 8), cloud(slab))
+    assert sorted(p.kind for p in leaves(found.program)) == ["box", "cylinder", "cylinder"]
+    assert volume_iou(to_manifold(found.program), to_manifold(slab)) > 0.98
+
+
+def test_no_time_leaves_the_program():
+    likely = maximise_likelihood(PART, cloud(PART, 2000), Noise(0.4))
+    assert search_shortest(likely, cloud(PART, 2000), [], np.eye(3), PASSED) is likely

@@ -1,0 +1,89 @@
+"""What cannot be reconstructed is refused in one line that names the file and the number."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from imdim.target.target import InputError, load_target, target_from
+
+BOX = trimesh.creation.box()
+CLOUD = np.random.default_rng(0).random((60, 3))
+
+
+def holed(value: float) -> np.ndarray:
+    points = CLOUD.copy()
+    points[[3, 5], 1] = value
+    return points
+
+
+CASES = {
+    "few points": (CLOUD[:49], "49 points"),
+    "no points": (np.zeros((0, 3)), r"\(0\)"),
+    "NaN points": (holed(np.nan), "2 of 60"),
+    "infinite points": (holed(np.inf), "2 of 60"),
+    "a huge coordinate": (holed(1e200), r"1e\+200"),
+    "one place": (np.ones((60, 3)), "60 points"),
+    "one plane": (CLOUD * [1, 1, 0], "60 points .* 0"),
+    "one line": (CLOUD * [1, 0, 0], "60 points .* 0"),
+    "two columns": (CLOUD[:, :2], r"\[60, 2\]"),
+    "a flat mesh": (trimesh.Trimesh(BOX.vertices * [1, 1, 0], BOX.faces, process=False), r"no volume \(0"),
+    "a sheet": (trimesh.Trimesh(BOX.vertices, BOX.faces[:1], process=False), r"no volume \("),
+    "no proper face": (trimesh.Trimesh(BOX.vertices, [[0, 0, 1], [2, 3, 3]], process=False), "0 faces"),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_refused_in_one_line(case):
+    source, number = CASES[case]
+    with pytest.raises(InputError, match=f"^part: .*{number}") as caught:
+        target_from(source, name="part")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "number"),
+    [
+        ("missing.stl", None, "no such file"),
+        ("empty.stl", b"", r"\(0 bytes\)"),
+        ("part.step", b"ISO-10303-21;", r"'\.step'"),
+        ("part", b"solid", "unknown format ''"),
+        ("header.csv", b"x,y,z\n", "1 lines"),
+        ("words.txt", b"this is\nnot a cloud\n", "2 lines"),
+        ("ragged.xyz", b"0 0 0\n1 1\n2 2 2\n", "ragged"),
+        ("flat.csv", b"0,0,0\n1,2,3\n", "2 points"),
+        (
+            "vertices.ply",
+            b"ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n",
+            "vertices",
+        ),
+        ("beyond.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "beyond"),
+    ],
+)
+def test_files_are_refused_in_one_line(tmp_path, name, content, number):
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InputError, match=number) as caught:
+        load_target(path)
+    assert name in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_folder_is_no_part(tmp_path):
+    (tmp_path / "a.stl").mkdir()
+    with pytest.raises(InputError, match=r"a\.stl"):
+        load_target(tmp_path / "a.stl")
+
+
+def test_bad_normals_are_left_out_with_a_note():
+    normals = np.ones_like(CLOUD)
+    normals[7] = 0
+    target = target_from(np.hstack([CLOUD, normals]))
+    assert target.normals is None
+    assert "1 of 60 normals" in target.notes[0]
+
+
+def test_a_thin_needle_is_still_a_part():
+    assert target_from(trimesh.creation.box((1.0, 1.0, 5000.0))).is_solid
