@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import torch
-from scripts.speed_plain import tangent_from_params
+from scripts.bench.speed_plain import tangent_from_params
 from tests.known_programs import KNOWN
 
 from imdim.geometry import kernels, sdf, solid

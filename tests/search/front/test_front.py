@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from imdim.program.tree import Primitive
-from imdim.reconstruction.evolution import few
+from imdim.reconstruction.choices import few
 from imdim.search.front.fitness import Score
 from imdim.search.front.front import Archive, Individual, crowding, rank_population, ranks, spread
 
