@@ -1,6 +1,6 @@
 """IMDIM: a mesh or a point cloud becomes a short, editable CSG program.
 
-Read `program.tree`, `geometry.sdf`, `pipeline` and `evaluate`, in this order, and you know the house.
+Read `program.tree`, `geometry.sdf`, `reconstruction.pipeline` and `delivery.evaluate`, in this order; docs/tour.md walks through the rest.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Layer 4: what a person starts: the command line."""
+"""What a person starts: the command line, batches of parts, and the live lab in a browser."""

@@ -1,4 +1,4 @@
-"""Inside or outside from a cloud's carrier surfaces, without oriented normals: parity of crossings that points bear out."""
+"""Inside or outside from a cloud's carrier surfaces, without oriented normals: parity of crossings that points support."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class OccupancyConfig:
     outward_lines: int = 6  # per side of a point when patches are oriented
     hasty_lines: int = 2  # the same once time is out
     lift: float = 0.15  # spacings from a point to its probes on either side
-    reach: float = 1.5  # spacings within which a point bears out a crossing: a Poisson process misses it once in 1,200
+    reach: float = 1.5  # spacings within which a point supports a crossing: a Poisson process misses it once in 1,200
     presence: int = 2  # reaches within which a carrier's points let it bound other faces
     merge: float = 0.2  # spacings within which tangent carriers count as one place
     band: float = 2e-4  # of the diagonal: points nearer to a carrier lie on no side of it

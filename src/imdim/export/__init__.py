@@ -1,1 +1,1 @@
-"""Layer 1: a program written as OpenSCAD, STEP, Python, mesh files and pictures."""
+"""A program in other languages and file formats: OpenSCAD, STEP (`step`), Python scripts, meshes, the report page, pictures."""

@@ -1,1 +1,1 @@
-"""From a target to a program: the stages in their order, with their time."""
+"""From a target to a program: the stages in their order (`pipeline`), the methods, and the time that each may take (`budget`)."""

@@ -1,4 +1,4 @@
-"""The numbers of a program whose structure is found: fitted to a cloud, related to each other, rounded to what may have been typed."""
+"""The numbers of a program whose structure is found: fitted to a cloud, rounded to what may have been typed, related to each other."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def fit_numbers(program: Program, seen: Observation, deadline: Deadline = NEVER)
 
 
 def find_relations(program: Program, target: Target, found: Sequence[Constraint] | None = None, deadline: Deadline = NEVER) -> Related:
-    """The relations of a finished program: those that its own numbers bear out or, where noise hides them, those `found` in the points
+    """The relations of a finished program: those that its own numbers support or, where noise hides them, those `found` in the points
     before its numbers were rounded. None once time is out, and none that would change the solid."""
     if deadline.has_passed():
         return program, ()
@@ -60,7 +60,7 @@ def find_relations(program: Program, target: Target, found: Sequence[Constraint]
 
 
 def _hold(program: Program, found: Sequence[Constraint], points: np.ndarray) -> Related:
-    """As many of the relations that a cloud bore out as can hold with the program as near to its points."""
+    """As many of the relations that a cloud supported as can hold with the program as near to its points."""
     limit = (1 + RELATE_ERROR) * _mean_distance(program, points) + RELATE_MOVE * diagonal(points)
 
     def near(constraints: tuple[Constraint, ...]) -> bool:
@@ -70,7 +70,7 @@ def _hold(program: Program, found: Sequence[Constraint], points: np.ndarray) -> 
 
 
 def relations_of(program: Program, deadline: Deadline = NEVER) -> Related:
-    """A finished program with the relations that its own numbers bear out; none for a very long one, and no more once time is out."""
+    """A finished program with the relations that its own numbers support; none for a very long one, and no more once time is out."""
     if count(program).primitives > MOST_RELATED:
         return program, ()
     found = exact_relations(program, deadline=deadline)

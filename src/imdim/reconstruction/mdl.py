@@ -1,4 +1,4 @@
-"""Programs of noisy clouds, judged by how likely they make the points: which of several, how short, with what numbers."""
+"""Noisy clouds: the program with the shortest description of the points (MDL), and the numbers that make them most likely."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ SAME = 2e-3  # nats per point, what the samples of the surface leave in doubt
 
 @dataclass(frozen=True)
 class NoisyFit:
-    """The program that tells a noisy cloud, with the relations that the points bear out; whether time has `cut` the search for it, or the
+    """The program that tells a noisy cloud, with the relations that the points support; whether time has `cut` the search for it, or the
     fit of its numbers."""
 
     program: Program
@@ -68,7 +68,7 @@ def reconstruct_unlabelled(
 
 
 def most_likely(programs: Sequence[Program], seen: Observation, choose_by: Deadline, fit_by: Deadline = NEVER) -> NoisyFit:
-    """The program that tells a noisy cloud in the shortest message, with the relations that the points bear out.
+    """The program that tells a noisy cloud in the shortest description, with the relations that the points support.
 
     `programs`, of which the last is tried in any case, are where the search for it starts; all lend their primitives.
     The search ends at `choose_by`, and the numbers of its program are fitted until `fit_by` (by default to the end).
@@ -104,7 +104,7 @@ class _NoisyCloud:
         return Cloud.of(self.quick, self.sigma)
 
     def find_shortest(self, programs: Sequence[Program], choose_by: Deadline, fit_by: Deadline) -> NoisyFit:
-        """The shortest message's program, by a search from one primitive, then from the best of `programs`, then from both."""
+        """The program with the shortest description, by a search from one primitive, then from the best of `programs`, then from both."""
         found = outlines(self.points, self.axes, self.sigma, deadline=choose_by)
         found = distinct(found, self._cloud) if found else []
         seen = [*found, *compounds(found, self._cloud, self.sigma)]
@@ -117,8 +117,8 @@ class _NoisyCloud:
         return NoisyFit(program, constraints, cut or fit_by.has_passed())
 
     def _search(self, programs: Sequence[Program], candidates: Sequence[Program], deadline: Deadline) -> FittedProgram:
-        """The shorter of two searches' messages. What grows from one primitive is quick and stays short; of `programs`, which are long, the
-        best start is known at least where time is out."""
+        """The result of two searches with the shorter description. What grows from one primitive is quick and stays short; of `programs`,
+        which are long, the best start is known at least where time is out."""
         if deadline.has_passed() or not candidates:
             return self._start(programs, deadline)
         first = self._start(candidates, deadline)
@@ -150,7 +150,7 @@ def _fit(program: Program, points: np.ndarray, noise: Noise, deadline: Deadline,
 
 
 def _hold_relations(likely: FittedProgram, points: np.ndarray, deadline: Deadline) -> tuple[Program, tuple[Constraint, ...]]:
-    """With the relations that the points bear out made exact, unless that makes the points less likely than as many numbers are worth."""
+    """With the relations that the points support made exact, unless that makes the points less likely than as many numbers are worth."""
     if deadline.has_passed():
         return likely.program, ()
     plain = map_leaves(likely.program, lambda _, leaf: canonical(leaf))

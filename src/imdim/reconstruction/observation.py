@@ -1,4 +1,4 @@
-"""What a body shows: its surfaces, the cells between them labelled inside or outside, and the families of candidates over them."""
+"""The observation of one body: detected surfaces, the cells between them labelled inside or outside, and candidate families."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ class Snapshot:
 @dataclass(frozen=True)
 class _BodyState:
     """A program of one body, it and the `volume` in the body's units; `error` is relative to that, as `measure` gives it for any program
-    of its structure. `found` are the relations that its points bear out, None if they were not asked. `stop` is as a step's."""
+    of its structure. `found` are the relations that its points support, None if they were not asked. `stop` is as a step's."""
 
     stage: str
     program: Program
@@ -242,7 +242,7 @@ def _state(step: MethodStep, seen: Observation, frame: Frame) -> _BodyState:
 
 def _solve(step: MethodStep, seen: Observation, choose_by: Deadline, fit_by: Deadline) -> tuple[MethodStep, tuple[Constraint, ...] | None]:
     """The step with fitted numbers; of a noisy cloud with a program of other primitives perhaps, which no proof is of, and with the
-    relations that its points bear out."""
+    relations that its points support."""
     if not seen.noisy:
         return replace(step, stage="solve", program=fit_numbers(step.program, seen, fit_by)), None
     told = most_likely([*step.others, step.program], seen, choose_by, fit_by)

@@ -1,4 +1,4 @@
-"""What a policy proposes and the solver makes of it: `learn` and `solve` meet here, and the pipeline gets programs.
+"""What a policy proposes and the solver makes of it: `learn` and `search.mdl` meet here, and the pipeline gets programs.
 
 A cloud is turned into its main directions and scaled to the frame that policies know; a beam of sequences is written there, brought back,
 and handed with the cloud to the solver of imperfect sequences. torch is only imported once a policy is asked for.

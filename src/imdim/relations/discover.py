@@ -83,7 +83,7 @@ def discover(program: Program, points: np.ndarray, deadline: Deadline = NEVER) -
 
 
 def exact_relations(program: Program, deadline: Deadline = NEVER) -> Discovery:
-    """Relations that the numbers of a finished program bear out by themselves, each known to FLOOR.
+    """Relations that the numbers of a finished program support by themselves, each known to FLOOR.
 
     Numbers move by no more than that. Unlike `discover`, it also sees faces that are hidden where parts meet.
     """

@@ -1,1 +1,1 @@
-"""Structure search: boolean programs over canonical candidates; the product's search by signed sequences is `structure`."""
+"""Structure search: which primitives, in which order, added or cut. For meshes and calm clouds `structure`, for noisy ones `mdl`."""

@@ -1,1 +1,1 @@
-"""The live lab: watch a program come about in a browser page, correct it, take it away. The page knows no geometry of its own."""
+"""The live lab: watch a program being built in a browser page, correct it, export it. The page knows no geometry of its own."""

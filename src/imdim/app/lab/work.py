@@ -63,7 +63,7 @@ def solve(request: Message, now: Now) -> Iterator[Message]:
 
 
 def relate(request: Message, now: Now) -> Iterator[Message]:
-    """The relations that the numbers of a program bear out."""
+    """The relations that the numbers of a program support."""
     target = protocol.target_of(request)
     program, constraints = relations_of(protocol.read_document(request.values["document"])[0])
     yield _snapshot(Snapshot("relate", program, solving.misfit(program, target), 0.0, constraints=constraints))

@@ -1,4 +1,4 @@
-"""Whether a program's solid inside a small region depends on one of its primitives.
+"""The active zone of a primitive (Rossignac & Voelcker 1989): where the solid of a program depends on it.
 
 A few points of the region are asked first: where one of them shows that the primitive matters, no boolean need. Otherwise exact booleans
 in the region decide.

@@ -1,4 +1,4 @@
-"""The same solid with parts that stood apart in the program side by side: whole cutters last, and whole added parts before them.
+"""The same solid with parts that stood apart in the program side by side (parts commuted): whole cutters last, added parts before them.
 
 Outside a part c, taking ``- c`` or ``| c`` out of a program changes nothing, wherever it stands. Inside it, cutting c last leaves nothing
 and adding it last leaves all. So what the finished solid holds nothing of may be cut last, and what it holds all of may be added last,

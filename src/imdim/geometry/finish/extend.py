@@ -1,4 +1,4 @@
-"""The plane faces of a primitive, and how it is prolonged past them: a box keeps its section, a cylinder its radius, a cone its slope."""
+"""The plane faces of a primitive, and how it is extended past them: a box keeps its section, a cylinder its radius, a cone its slope."""
 
 from __future__ import annotations
 

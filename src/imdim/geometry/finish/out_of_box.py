@@ -1,4 +1,4 @@
-"""Ends of a solid that lie beyond its target, where no sample of the search ever was.
+"""Ends of a solid that lie outside its target's box, where no sample of the search ever was.
 
 A search looks at a box around the part. A slanted bar that is added may reach beyond that box, and a cutter that takes its end off within
 the box ends with the box: the rest of the bar stays outside, unseen. Such cutters are prolonged here until the stray end is gone.

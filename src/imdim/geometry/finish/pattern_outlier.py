@@ -1,4 +1,4 @@
-"""One of several equal features may have come out otherwise than its fellows, as a box for a pin: it is made like them.
+"""Outliers of a pattern take the numbers of the others, as a box among pins becomes a pin.
 
 Where three equal primitives are corners of a rectangle, or stand in a row, and at the next place of that pattern, or a free one between,
 stands another primitive of nearly the same extent, that one becomes a copy of them if the target says that this is better.

@@ -1,4 +1,4 @@
-"""How likely a noisy cloud is for many choices among the same parts: what depends on one part alone is computed once.
+"""The likelihood of a noisy cloud under many choices among the same parts: what depends on one part alone is computed once.
 
 The density is that of `likelihood`, over coarser samples. Which of a part's samples lie within every other part is kept in bits, and how
 near each point lies to them as densities, so that a choice costs a pass over bits and a sum: a thousand choices take about a second.
@@ -155,7 +155,7 @@ class BatchedLikelihood:
         return BatchedLikelihood(scene, parts, starts, sides, _sides(others, known), selves, rows, own)
 
     def lengths(self, choices: Sequence[Choice], every: int = 1) -> np.ndarray:
-        """Nats per point of the message that tells the points by each choice (see `parsimony`); infinite where nothing is left.
+        """Description length of the points under each choice, in nats per point (see `description_length`); infinite where nothing is left.
 
         Only each so-manieth point is looked at.
         """

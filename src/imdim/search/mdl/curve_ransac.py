@@ -1,4 +1,4 @@
-"""Lines and circles that noisy points of a plane lie on, told by contrast from points that are strewn evenly.
+"""Lines and circles that noisy points of a plane lie on, found by the difference of point counts in two bands.
 
 The contrast of a curve is how many more points lie in the band about it than in the two strips beside it, of the same width together. It is
 nought on average for whatever is strewn evenly, needs no normals, and does not mind how near the next curve is.

@@ -1,6 +1,6 @@
-"""The shortest of the programs that explain a noisy cloud: what the noise could have done is no feature.
+"""Description length (MDL) of a noisy cloud by a program: what the noise could have done is no feature.
 
-Programs are judged by the length of a message that tells the points: their negative log-density in all, half the logarithm of their number
+It is the negative log-density of all points, half the logarithm of their number
 for each number of the program (Schwarz 1978), and a surcharge for skins that the noise blurs into one surface.
 """
 

@@ -1,4 +1,4 @@
-"""One local search, whatever is minimised: propose changes by a quick score, fit the numbers of the foremost, keep the first that pays.
+"""One local search for any objective: propose changes by a quick score, fit the numbers of the best, keep the first that pays.
 
 What is proposed are mostly single changes of a signed sequence, and the quick score is a pass over tables of what depends on one part
 alone. A sequence then has the indices of parts as its terms: a choice.

@@ -1,7 +1,7 @@
 """Signed sequences out of a pool of primitives, judged by a cloud alone: which of them, in what order, with what sign.
 
 The cost of a sequence needs no truth and no normals: the share of the cloud that its surface does not explain, the share of its surface
-that the cloud does not bear out, and a price per primitive. Distances of all primitives to all points are taken once, so that a sequence
+that the cloud does not support, and a price per primitive. Distances of all primitives to all points are taken once, so that a sequence
 costs some ten microseconds, and thousands can be tried.
 """
 
@@ -63,7 +63,7 @@ class Cloud:
 @dataclass(frozen=True)
 class PrimitivePool:
     """`primitives`, their signed distances `table` [p, n] to the cloud with gradients `normals` [p, n, 3], and the samples of their
-    surfaces that no point bears out: `weight` [s] (share of the cloud's area), and which primitives hold the places just `behind` and
+    surfaces that no point supports: `weight` [s] (share of the cloud's area), and which primitives hold the places just `behind` and
     `ahead` of them, [p, s]; those of primitive i are `starts[i]` to `starts[i + 1]`."""
 
     primitives: tuple[Primitive, ...]

@@ -1,9 +1,10 @@
-"""Another structure for a program of a noisy cloud: the one that tells the points in the shortest message.
+"""Local search for the program of a noisy cloud that has the shortest description of its points (MDL).
 
 Detection sees what noise leaves of edges and small faces, and the search believes it. Here parts are put in, left out, exchanged, turned
-from part to cut and moved in the order, by what the points say (`parsimony`). What could be put in comes from outside (`candidates`), from
-the places that the program does not explain (`missing`) and from its own parts. All single changes are looked at over one `mixture`; the
-numbers of the most promising are fitted, and the first that shortens the message is kept (`local_search`).
+from part to cut and moved in the order, by description length (`description_length`). What could be put in comes from outside
+(`candidates`), from the places that the program does not explain (`candidates.residual`) and from its own parts. All single changes are
+scored by one `batched_likelihood`; the numbers of the most promising are fitted, and the first that shortens the description is kept
+(`local_search`).
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ def search_shortest(
     deadline: Deadline,
     draws: PartTableCache | None = None,
 ) -> FittedProgram:
-    """The program with the changes that shorten the message of `points` [n, 3], each the best of its round.
+    """The program with the changes that shorten the description of `points` [n, 3], each the best of its round.
 
     `axes` [3, 3] has the part's directions as columns. Sequences of more than LONGEST steps stay as they are. `draws` of the
     `tables_of_subsample` points keep for other calls what was computed for single parts.
@@ -82,12 +83,12 @@ def _worth(best: FittedProgram, trial: FittedProgram) -> float:
 
 
 def tables_of_subsample(points: np.ndarray) -> PartTableCache:
-    """Of points [n, 3], those that changes are looked at with."""
+    """The tables over a subsample of points [n, 3], with which changes are scored."""
     return PartTableCache(subsample(points, SEEN))
 
 
 def best_by_mdl(programs: Sequence[Program], draws: PartTableCache, likely: FittedProgram, most: int) -> list[Program]:
-    """The `most` of `programs`, as they are, that tell the points of `draws` in the shortest messages; `likely` gives noise and area."""
+    """The `most` of `programs`, as they are, with the shortest descriptions of the points of `draws`; `likely` gives noise and area."""
     scene = PointScene(draws, likely.noise, SurfaceSamples.of(likely.program, likely.noise.sigma).area)
     lengths = BatchedLikelihood.of(scene, [], programs).lengths([(Step("union", i),) for i in range(len(programs))])
     return [programs[i] for i in np.argsort(lengths, kind="stable")[:most]]
@@ -103,7 +104,7 @@ class _Changes:
     axes: np.ndarray
 
     def promising(self, best: FittedProgram) -> list[FittedProgram]:
-        """Changed programs, not fitted, the shortest message first; none of sequences of more than LONGEST steps."""
+        """Changed programs, not fitted, the shortest description first; none of sequences of more than LONGEST steps."""
         steps = to_sequence(best.program, apart=True)
         if len(steps) > LONGEST:
             return []
