@@ -11,7 +11,7 @@ from imdim.learn.settings import TrainConfig
 from imdim.reconstruction.config import ConfigError
 
 SCRIPTS = Path(__file__).parents[2] / "scripts" / "bench"
-CONFIGS = SCRIPTS.parent / "configs"
+CONFIGS = SCRIPTS.parents[1] / "configs"
 sys.path.insert(0, str(SCRIPTS))  # the scripts import each other by name
 
 import ablate  # noqa: E402

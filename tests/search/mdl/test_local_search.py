@@ -4,7 +4,7 @@ from math import inf
 
 import pytest
 
-from imdim.deadline import NEVER
+from imdim.deadline import NEVER, Deadline
 from imdim.program.sequence import Step
 from imdim.search.mdl.local_search import Stage, own_moves, pack_choices, search_locally, uses
 
@@ -21,7 +21,7 @@ def found(start, stages, worth=0.0, rounds=100, times=inf, best=100):
         lambda tried: [abs(best - n) for n in tried],
         lambda *_: worth,
         rounds,
-        lambda: asked.append(0) or len(asked) > times,
+        Deadline(times, now=lambda: asked.append(0) or len(asked)),
     )
 
 
