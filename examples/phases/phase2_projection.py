@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from cloud_fit import fit
+from outlines import project_on_faces, to_faces
 
 from imdim.sketch import named
-from imdim.sketch.fit import fit
-from imdim.sketch.outlines import project_on_faces, to_faces
 from sketch import CLOUD, POINT, VIEW, Panel, write
 
 CORNERS = np.array([[b & 1, b >> 1 & 1, b >> 2] for b in range(8)], float)

@@ -14,13 +14,13 @@ from itertools import combinations
 from pathlib import Path
 
 import numpy as np
+from cloud_fit import Distances, fit
+from outlines import polygon_error, to_arc, to_circle
 from phase3_evolution import rectangle_cloud
 from theory_evolution import Generation, TheoryEvolution, complexity, evolve, free_polygon
 
 from imdim.sketch import named
-from imdim.sketch.fit import Distances, fit
 from imdim.sketch.freedom import freedom
-from imdim.sketch.outlines import polygon_error, to_arc, to_circle
 from imdim.sketch.theory import SketchConstraint, Theory
 from sketch import ANCHOR, CLOUD, POINT, Panel, write
 

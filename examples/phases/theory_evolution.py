@@ -13,9 +13,9 @@ from functools import cache
 from itertools import combinations
 
 import numpy as np
+from outlines import polygon_error, to_polygon
 
 from imdim.sketch.descent import DescentConfig, polish
-from imdim.sketch.outlines import polygon_error, to_polygon
 from imdim.sketch.solver import relax
 from imdim.sketch.theory import SketchConstraint, Theory
 

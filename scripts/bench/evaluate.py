@@ -29,9 +29,9 @@ from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.learn.beam import beam_search
 from imdim.learn.checkpoint import load_policy, replace_whole
 from imdim.learn.decode import DecodeConfig, decode
-from imdim.learn.measure import errors_by_kind, exact_structure, moves, summary, to_programs
+from imdim.learn.measure import errors_by_kind, exact_structure, moves, summary
 from imdim.learn.policy import Policy
-from imdim.program.sequence import SignedSequence
+from imdim.program.sequence import SignedSequence, to_program
 from imdim.program.tree import Primitive, Program
 from imdim.reconstruction.config import ConfigError
 from imdim.reconstruction.poses import Poses
@@ -102,16 +102,21 @@ def step_results(policy: Policy, batch: TrainingSamples, say: Callable[[str], ob
 def answer_results(policy: Policy, batch: TrainingSamples, config: EvaluateConfig, say: Callable[[str], object]) -> dict[str, object]:
     """Exact IoU of whole answers. Each target is turned into its main directions first, which are estimated from the cloud."""
     truth = from_sequences(batch.gt_tokens, batch.gt_params)
-    programs = to_programs(truth)
+    programs = written_programs(truth)
     say("\n" + HEAD)
     results: dict[str, object] = {}
     for name, (found, seconds) in _answers(policy, batch.gt_points, config):
-        ious = [exact_iou(f, t) for f, t in zip(to_programs(found), programs, strict=True) if t is not None]
+        ious = [exact_iou(f, t) for f, t in zip(written_programs(found), programs, strict=True) if t is not None]
         exact = float(exact_structure(canonical(found.compact()), canonical(truth)).float().mean())
         s = summary(ious)
         say(f"| {name} | {s['median']:.3f} | {s['mean']:.3f} | {s['share_090']:.0%} | {exact:.0%} | {seconds:.2f} |")
         results[name] = {**s, "exact_structure": exact, "seconds": seconds, "ious": ious}
     return results
+
+
+def written_programs(solids: Solids) -> list[Program | None]:
+    """Each row as a program of the tree; None where nothing positive is there."""
+    return [to_program(sequence) if sequence else None for sequence in to_signed(solids)]
 
 
 def exact_iou(found: Program | None, truth: Program) -> float:

@@ -11,10 +11,11 @@ import time
 from pathlib import Path
 
 import pytest
+from tests.data.folders import make_folder
 from tests.stand_ins import log, stand_in_for, wait_for
 
 from imdim.app.batch.dataset import main
-from imdim.data.folder import FolderConfig, make_folder
+from imdim.data.folder import FolderConfig
 from imdim.data.synthesize import SynthesisConfig
 
 # what a share does is decided by its name; every start and every end is a line of a file that is not part of the data set

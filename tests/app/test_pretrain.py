@@ -3,9 +3,10 @@
 from pathlib import Path
 
 import pytest
+from tests.data.folders import make_folder
 
 from imdim.app.pretrain import main
-from imdim.data.folder import FolderConfig, make_folder
+from imdim.data.folder import FolderConfig
 from imdim.data.synthesize import SynthesisConfig
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -5,9 +5,10 @@ import zipfile
 import numpy as np
 import pytest
 import torch
+from tests.data.folders import make_folder
 
 from imdim.data.augment import AugmentConfig, augment
-from imdim.data.folder import FolderConfig, make_folder
+from imdim.data.folder import FolderConfig
 from imdim.data.npz import NPZCADDataset, SampleError, collate, read_sample, split_samples, write_sample
 from imdim.data.solids import PAD
 from imdim.data.synthesize import SynthesisConfig, synthesize

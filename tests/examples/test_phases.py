@@ -11,9 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from imdim.sketch.fit import fit
 from imdim.sketch.freedom import freedom
-from imdim.sketch.outlines import project_on_faces, to_arc, to_circle, to_faces, to_polygon
 from imdim.sketch.solver import solve
 from imdim.sketch.theory import SketchConstraint, Theory
 
@@ -22,6 +20,8 @@ sys.path.insert(0, str(PHASES))
 import phase2_projection as phase2  # noqa: E402
 import phase3_evolution as phase3  # noqa: E402
 import phase4_pruning as phase4  # noqa: E402
+from cloud_fit import fit  # noqa: E402
+from outlines import project_on_faces, to_arc, to_circle, to_faces, to_polygon  # noqa: E402
 from theory_evolution import complexity, evolve, free_polygon  # noqa: E402
 
 

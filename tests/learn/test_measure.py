@@ -10,8 +10,8 @@ import torch
 
 from imdim.data.solids import from_sequences
 from imdim.data.synthesize import SynthesisConfig, synthesize
-from imdim.learn.checkpoint import save_policy
-from imdim.learn.measure import errors_by_kind, exact_structure, moves, summary, to_programs
+from imdim.learn.checkpoint import save_net
+from imdim.learn.measure import errors_by_kind, exact_structure, moves, summary
 from imdim.learn.policy import Move
 from imdim.learn.policy_net import BaseConfig, BasePolicy
 from imdim.program.state import ADD_BOX, ADD_CYLINDER, ADD_SPHERE, END
@@ -19,7 +19,7 @@ from imdim.program.tree import Primitive
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts" / "bench"))
 
-from evaluate import bounding_boxes, exact_iou, main
+from evaluate import bounding_boxes, exact_iou, main, written_programs
 
 SMALL = BaseConfig(d_model=16, encoder_layers=1, decoder_layers=1, heads=2, gt_points=64, cur_points=32)
 
@@ -38,7 +38,7 @@ def test_iou_counts_failures_and_is_exact():
 def test_the_box_of_a_ball_is_worth_pi_sixths():
     u = torch.randn(1, 20_000, 3, generator=torch.Generator().manual_seed(0))
     ball = torch.nn.functional.normalize(u, dim=-1) * 0.5
-    found = to_programs(bounding_boxes(ball))[0]
+    found = written_programs(bounding_boxes(ball))[0]
     assert exact_iou(found, Primitive("sphere", (0.5,))) == pytest.approx(math.pi / 6, abs=0.01)
 
 
@@ -85,7 +85,7 @@ def test_moves_in_a_mixed_batch_are_those_of_each_row_alone():
 
 
 def test_the_script_measures_a_checkpoint_and_refuses_none(tmp_path, capsys):
-    save_policy(tmp_path / "a.safetensors", BasePolicy(SMALL, 5), {})
+    save_net(tmp_path / "a.safetensors", BasePolicy(SMALL, 5), {})
     small = [
         "synthesis.gt_points=64",
         "synthesis.cur_points=32",

@@ -10,12 +10,12 @@ from scipy.spatial.transform import Rotation
 
 from imdim.data.canonical import canonical_primitives
 from imdim.data.families import FAMILIES
-from imdim.data.solids import PAD, Solids, from_sequences
+from imdim.data.solids import PAD, Solids, empty, from_sequences
 from imdim.data.surfaces import surface_clouds
 from imdim.data.synthesize import SynthesisConfig, estimate_iou, synthesize
 from imdim.learn.beam import beam_search, costs_of
 from imdim.learn.codes import ENDS, FIRST, FREE, NUMBERS, PLACES, STEPS, Choices, decode, encode, ruler, to_bins
-from imdim.learn.decode import DecodeConfig, apply_move, empty
+from imdim.learn.decode import DecodeConfig, apply_move
 from imdim.learn.decode import decode as write
 from imdim.learn.draft import Draft
 from imdim.learn.policy import VOCAB, Move, draw_index, legal, mask_supervised
@@ -205,7 +205,7 @@ def test_a_look_tells_what_is_explained_from_what_is_not():
     params[0, 1] = torch.tensor([0.0, 0, 0.2, 0.1, 0.4, 0, 0, 0, 0, 1])
     whole = from_sequences(tokens, params)
     points = surface_clouds(whole, 512, generator())[0]
-    plate = whole.prefix(torch.tensor([1]))
+    plate = whole.take(torch.tensor([[0]]))
     shown = surface_clouds(plate, 64, generator(1))[0]
     low, edges = ruler(points)
     clouds = look(points, shown, plate, low, edges)
@@ -335,11 +335,10 @@ def test_draws_follow_their_distribution():
 
 
 def test_undo_and_end_move_the_batch_as_the_state_machine_does():
-    solids, done = empty(3, 4), torch.zeros(3, dtype=torch.bool)
-    for tokens in ((0, 0, 0), (1, 3, 4), (3, 0, 0)):
+    solids = empty(3, 4)
+    for tokens in ((0, 0, 0), (1, 3, 4), (3, 0, 4)):
         move = Move(torch.tensor(tokens), from_sequences(torch.tensor(tokens).clamp_max(2)[:, None], torch.ones(3, 1, 10)), torch.zeros(3))
-        solids = apply_move(solids, move, done)
-        done = done | (move.tokens == 4)
+        solids = apply_move(solids, move)
     assert solids.lengths.tolist() == [1, 1, 1]
     assert solids.kinds[:, 0].tolist() == [0, 0, 0]
 

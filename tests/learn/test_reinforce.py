@@ -10,7 +10,7 @@ from imdim.app.reinforce import main
 from imdim.data.folder import chunk_generator
 from imdim.data.solids import from_sequences
 from imdim.data.synthesize import SynthesisConfig, estimate_iou, synthesize
-from imdim.learn.checkpoint import load_policy, load_state, save_policy
+from imdim.learn.checkpoint import load_policy, load_state, save_net
 from imdim.learn.decode import DecodeConfig, apply_move, steps
 from imdim.learn.policy_net import BaseConfig, BasePolicy
 from imdim.learn.reinforce import TARGETS, ReinforceConfig, clip_objective, reinforce
@@ -117,7 +117,7 @@ def test_moves_from_one_state_are_worth_the_solids_they_lead_to(make):
         row = int((targets.gt_points[:, 0] == here.gt_points[:, 0]).all(1).nonzero()[0])
         worth = []
         for way in range(4):
-            after = apply_move(here.written, here.move.of(torch.tensor([way])), torch.zeros(1, dtype=torch.bool))
+            after = apply_move(here.written, here.move.of(torch.tensor([way])))
             worth.append(float(estimate_iou(after, truth[row : row + 1], 40_000, torch.Generator().manual_seed(way))))
         best = worth[int(here.advantage.argmax())]
         assert best == pytest.approx(max(worth), abs=0.05)
@@ -184,7 +184,7 @@ def test_a_run_that_was_killed_ends_with_the_same_weights(tmp_path, credit):
 def test_the_command_writes_a_checkpoint_and_refuses_what_is_none(tmp_path, capsys):
     from pathlib import Path
 
-    save_policy(tmp_path / "a.safetensors", SeedPolicy(TINY, 5), {"commit": "abc"})
+    save_net(tmp_path / "a.safetensors", SeedPolicy(TINY, 5), {"commit": "abc"})
     configs, said = Path(__file__).parents[2] / "configs", []
     small = ["steps=2", "targets=2", "group=2", "n_val=4", "validate_every=1", "iou_samples=64", "anchor_batch=4"]
     small += [

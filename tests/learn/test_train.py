@@ -10,12 +10,13 @@ import pytest
 import torch
 from safetensors import safe_open
 from safetensors.torch import save_file
+from tests.data.folders import make_folder
 
-from imdim.data.folder import FolderConfig, make_folder
+from imdim.data.folder import FolderConfig
 from imdim.data.npz import SampleError
 from imdim.data.solids import from_sequences
 from imdim.data.synthesize import SynthesisConfig, synthesize
-from imdim.learn.checkpoint import CheckpointError, load_policy, load_state, save_policy, save_state
+from imdim.learn.checkpoint import CheckpointError, load_policy, load_state, save_net, save_state
 from imdim.learn.optimise import NotFinite, Optimiser
 from imdim.learn.policy import Move, Policy
 from imdim.learn.policy_net import BaseConfig
@@ -279,7 +280,7 @@ def test_a_loss_that_is_not_finite_stops_with_step_and_batch(tmp_path, monkeypat
 
 def test_a_checkpoint_comes_back_as_it_was(tmp_path):
     policy = build(small(tmp_path))
-    save_policy(tmp_path / "a.safetensors", policy, {"commit": "abc"})
+    save_net(tmp_path / "a.safetensors", policy, {"commit": "abc"})
     back, header = load_policy(tmp_path / "a.safetensors")
     assert header["commit"] == "abc"
     assert not back.training
@@ -298,7 +299,7 @@ def test_a_checkpoint_comes_back_as_it_was(tmp_path):
 )
 def test_foreign_checkpoints_say_what_they_are(tmp_path, change, message):
     path = tmp_path / "a.safetensors"
-    save_policy(path, build(small(tmp_path)), {})
+    save_net(path, build(small(tmp_path)), {})
     header = {**load_policy(path)[1], **change}
     save_file(weights(path), path, header)
     with pytest.raises(CheckpointError, match=message):
@@ -325,7 +326,7 @@ def full_disk():
 def test_a_full_disk_leaves_the_last_checkpoint_whole(tmp_path, full_disk, name):
     def write(seed):
         policy = build(small(tmp_path, "seed", seed=seed))
-        save_policy(tmp_path / name, policy, {}) if name.endswith("s") else save_state(tmp_path / name, policy.state_dict())
+        save_net(tmp_path / name, policy, {}) if name.endswith("s") else save_state(tmp_path / name, policy.state_dict())
 
     write(0)
     before = (tmp_path / name).read_bytes()

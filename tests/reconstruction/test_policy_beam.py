@@ -13,7 +13,7 @@ from tests.planted import PARTS, box, cut, cylinder, mesh_of, union
 from imdim.data.solids import BOX, CYLINDER, Solids
 from imdim.geometry.axes import main_axes
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
-from imdim.learn.checkpoint import save_policy
+from imdim.learn.checkpoint import save_net
 from imdim.learn.decode import DecodeConfig
 from imdim.learn.policy import Move, Policy
 from imdim.learn.policy_net import BaseConfig, BasePolicy
@@ -100,7 +100,7 @@ def test_misfit_orders_programs_by_what_they_get_wrong():
 def checkpoint(tmp_path_factory):
     torch.manual_seed(0)
     path = tmp_path_factory.mktemp("models") / "tiny.safetensors"
-    save_policy(path, BasePolicy(TINY, 4), {})
+    save_net(path, BasePolicy(TINY, 4), {})
     return str(path)
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, TypeVar
 
 import torch
 
@@ -19,6 +20,8 @@ from imdim.learn.settings import TrainConfig, fill_defaults
 from imdim.learn.train import Report, train
 from imdim.reconstruction.config import ConfigError, first_line
 
+R = TypeVar("R")
+
 
 def main(arguments: Sequence[str], configs: Path, say: Callable[[str], object]) -> int:
     """Train as `arguments` say, report each epoch to `say` and to tensorboard in the run's folder; exit status 2 for bad settings."""
@@ -29,7 +32,7 @@ def main(arguments: Sequence[str], configs: Path, say: Callable[[str], object]) 
             rank = group.rank
             config = fill_defaults(replace(config, device=device), group.count)
             notes = {"command": "python pretrain.py " + " ".join(arguments), "commit": commit(), "hardware": hardware(config, group.count)}
-            for report in log_reports(config.out, train(config, notes, processes=group)):
+            for report in logged(config.out, train(config, notes, processes=group), log):
                 say(line(report))
     except (ConfigError, ValueError, OSError, NotFinite) as error:
         if rank == 0:
@@ -38,7 +41,7 @@ def main(arguments: Sequence[str], configs: Path, say: Callable[[str], object]) 
     return 0
 
 
-def log_reports(out: str, reports: Iterable[Report]) -> Iterator[Report]:
+def logged(out: str, reports: Iterable[R], log: Callable[[Any, R], None]) -> Iterator[R]:
     """The same reports, each logged for tensorboard in the folder `out` as it passes; no folder is made before the first."""
     from torch.utils.tensorboard import SummaryWriter
 
@@ -47,6 +50,7 @@ def log_reports(out: str, reports: Iterable[Report]) -> Iterator[Report]:
         for report in reports:
             writer = writer or stack.enter_context(SummaryWriter(out))
             log(writer, report)
+            writer.flush()
             yield report
 
 
@@ -70,16 +74,15 @@ def line(report: Report) -> str:
     return f"step {report.step}: train {report.train['loss']:.3f}, val {parts}{written}, {pace}{mark}{stop}"
 
 
-def log(writer: object, report: Report) -> None:
+def log(writer: Any, report: Report) -> None:
     """All numbers against samples seen, and pictures of targets beside what was written."""
     pace = {name: getattr(report, name) for name in ("lr", "samples_per_second", "data_share", "validation_share")}
     for group, values in (("train", report.train), ("val", report.val | report.measured), ("run", pace)):
         for name, value in values.items():
-            writer.add_scalar(f"{group}/{name}", value, report.samples)  # type: ignore[attr-defined]
+            writer.add_scalar(f"{group}/{name}", value, report.samples)
     if report.shown is not None:
         picture = pairs(report.shown.truth, report.shown.found)
-        writer.add_image("target and written", picture, report.samples, dataformats="HWC")  # type: ignore[attr-defined]
-    writer.flush()  # type: ignore[attr-defined]
+        writer.add_image("target and written", picture, report.samples, dataformats="HWC")
 
 
 def commit() -> str:

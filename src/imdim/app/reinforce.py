@@ -5,9 +5,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from imdim.app.arguments import from_arguments
-from imdim.app.pretrain import check_device, commit
+from imdim.app.pretrain import check_device, commit, logged
 from imdim.learn.checkpoint import load_policy
 from imdim.learn.optimise import NotFinite
 from imdim.learn.reinforce import Progress, ReinforceConfig, reinforce
@@ -16,28 +17,24 @@ from imdim.reconstruction.config import ConfigError
 
 def main(arguments: Sequence[str], configs: Path, say: Callable[[str], object]) -> int:
     """Fine-tune as `arguments` say, report to `say` and to tensorboard in the run's folder; exit status 2 for bad settings or files."""
-    from torch.utils.tensorboard import SummaryWriter
-
     try:
         config = from_arguments(ReinforceConfig, arguments, configs, "reinforce")
         policy, header = load_policy(Path(config.checkpoint), check_device(config.device))
         notes = {**header, "reinforced_by": "python reinforce.py " + " ".join(arguments), "reinforced_commit": commit()}
-        with SummaryWriter(config.out) as writer:
-            for progress in reinforce(policy.requires_grad_(True), config, notes):
-                for name, value in scalars(progress).items():
-                    writer.add_scalar(name, value, progress.step)
-                writer.flush()
-                say(line(progress))
+        for progress in logged(config.out, reinforce(policy.requires_grad_(True), config, notes), log):
+            say(line(progress))
     except (ConfigError, ValueError, OSError, NotFinite) as error:
         sys.stderr.write(f"reinforce: {error}\n")
         return 1 if isinstance(error, NotFinite) else 2
     return 0
 
 
-def scalars(progress: Progress) -> dict[str, float]:
-    """All numbers by their names in tensorboard."""
+def log(writer: Any, progress: Progress) -> None:
+    """All numbers against steps."""
     groups = {"train": progress.train, "val": progress.val, "run": {"programs_per_second": progress.programs_per_second}}
-    return {f"{group}/{name}": value for group, values in groups.items() for name, value in values.items()}
+    for group, values in groups.items():
+        for name, value in values.items():
+            writer.add_scalar(f"{group}/{name}", value, progress.step)
 
 
 def line(progress: Progress) -> str:

@@ -62,14 +62,9 @@ def shortest_from_z(axis: Tensor) -> Tensor:
 @cache
 def box_symmetries() -> Tensor:
     """The 24 proper rotations [24, 3, 3] that map coordinate axes to coordinate axes; always the same tensor."""
-    identity = torch.eye(3)
-    found = []
-    for order in itertools.permutations(range(3)):
-        for signs in itertools.product((1.0, -1.0), repeat=3):
-            matrix = identity[:, list(order)] * torch.tensor(signs)
-            if torch.linalg.det(matrix) > 0:
-                found.append(matrix)
-    return torch.stack(found)
+    orders, signs = itertools.permutations(range(3)), itertools.product((1.0, -1.0), repeat=3)
+    signed = (torch.eye(3)[:, list(order)] * torch.tensor(sign) for order, sign in itertools.product(orders, signs))
+    return torch.stack([matrix for matrix in signed if torch.linalg.det(matrix) > 0])
 
 
 def _nearest_box(rotations: Tensor, sizes: Tensor) -> tuple[Tensor, Tensor]:

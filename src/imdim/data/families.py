@@ -17,7 +17,6 @@ from imdim.data.dice import Dice
 from imdim.data.solids import ABSENT, BOX, CYLINDER, SPHERE, Solids
 
 Column = tuple[Tensor, bool | Tensor, Tensor, Tensor, Tensor]
-_AXES = torch.eye(3)
 
 
 def _part(
@@ -49,8 +48,8 @@ def _solids(dice: Dice, columns: list[Column]) -> Solids:
     return Solids(*(torch.stack(c, 1) for c in (kinds, signs, centers, sizes, rotations)))
 
 
-def _along(dice: Dice, axis: int) -> Tensor:
-    return shortest_from_z(_AXES[axis].to(dice.generator.device))
+def _along_x(dice: Dice) -> Tensor:
+    return shortest_from_z(torch.eye(3, device=dice.generator.device)[0])
 
 
 def _about_z(angle: Tensor) -> Tensor:
@@ -98,7 +97,7 @@ def bracket(dice: Dice) -> Solids:
     w, d, t = dice.log_uniform(0.7, 1.6), dice.log_uniform(0.3, 1.2), dice.log_uniform(0.05, 0.25)
     t2, tall = dice.log_uniform(0.05, 0.25), dice.log_uniform(0.3, 1.4)
     top, middle = t / 2 + tall, t / 2 + tall / 2
-    across = _along(dice, 0)
+    across = _along_x(dice)
     columns = [_part(dice, BOX, (0.0, 0.0, 0.0), (w, d, t)), _part(dice, BOX, (t2 / 2 - w / 2, 0.0, middle), (t2, d, tall))]
     columns.append(_part(dice, BOX, (w / 2 - t2 / 2, 0.0, middle), (t2, d, tall), where=dice.coin(0.35)))
     rib, reach = d * dice.uniform(0.1, 0.3), w * dice.uniform(0.2, 0.6)
@@ -137,7 +136,7 @@ def draw_turned_parts(dice: Dice) -> Solids:
     columns.append(_part(dice, CYLINDER, (0.0, 0.0, z), (wide, z * dice.uniform(0.1, 0.5), 0.0), False, dice.coin(0.25)))
     cross = least * dice.uniform(0.15, 0.5)
     up = z * dice.uniform(0.1, 0.9)
-    columns.append(_part(dice, CYLINDER, (0.0, 0.0, up), (cross, 4.0, 0.0), False, dice.coin(0.3), _along(dice, 0)))
+    columns.append(_part(dice, CYLINDER, (0.0, 0.0, up), (cross, 4.0, 0.0), False, dice.coin(0.3), _along_x(dice)))
     return _solids(dice, columns)
 
 
@@ -194,7 +193,7 @@ def shell(dice: Dice) -> Solids:
     open_at = h * dice.uniform(0.0, 0.35)
     columns.append(_part(dice, BOX, (0.0, 0.0, open_at + h), (2 * w, 2 * d, 2 * h), False, ball))
     r = torch.minimum(d, h) * dice.uniform(0.08, 0.25)
-    columns.append(_part(dice, CYLINDER, (w / 2, 0.0, 0.0), (r, w * dice.uniform(0.5, 2.2), 0.0), False, dice.coin(0.4), _along(dice, 0)))
+    columns.append(_part(dice, CYLINDER, (w / 2, 0.0, 0.0), (r, w * dice.uniform(0.5, 2.2), 0.0), False, dice.coin(0.4), _along_x(dice)))
     width = w * dice.uniform(0.1, 0.5)
     columns.append(_part(dice, BOX, (0.0, d / 2, h / 2), (width, d * 0.6, h * dice.uniform(0.3, 0.9)), False, dice.coin(0.3)))
     return _solids(dice, columns)
@@ -225,10 +224,5 @@ def free(dice: Dice) -> Solids:
 
 
 FAMILIES: Mapping[str, Callable[[Dice], Solids]] = {
-    "plate": plate,
-    "bracket": bracket,
-    "turned": draw_turned_parts,
-    "pattern": pattern,
-    "shell": shell,
-    "free": free,
+    family.__name__: family for family in (plate, bracket, draw_turned_parts, pattern, shell, free)
 }

@@ -65,21 +65,6 @@ def write_chunk(config: FolderConfig, chunk: Chunk, folder: Path) -> None:
         write_sample(folder / name, sample)
 
 
-def make_folder(config: FolderConfig) -> Iterator[tuple[int, int]]:
-    """Write what is missing and yield (samples there, samples wanted) after each chunk.
-
-    Raises ValueError when `out` was begun with other settings.
-    """
-    out = Path(config.out)
-    claim(config)
-    done, total = 0, config.n_train + config.n_val
-    for chunk in chunks(config):
-        if not is_there(chunk, out):
-            write_chunk(config, chunk, out / chunk.split)
-        done += len(chunk.names)
-        yield done, total
-
-
 def claim(config: FolderConfig) -> None:
     """Make the folders and note the settings that decide the bytes, or compare with those noted: ValueError where they are others."""
     out = Path(config.out)

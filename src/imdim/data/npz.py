@@ -72,8 +72,7 @@ def read_sample(path: Path) -> dict[str, np.ndarray]:
     except ArchiveError as error:
         raise SampleError(f"{path}: not an npz archive: {error}") from error
     _check(path, arrays)
-    kinds = {"gt_tokens": np.int64}
-    return {name: np.ascontiguousarray(array, kinds.get(name, np.float32)) for name, array in arrays.items()}
+    return {name: np.ascontiguousarray(array, np.int64 if name == "gt_tokens" else np.float32) for name, array in arrays.items()}
 
 
 def write_sample(path: Path, sample: Mapping[str, np.ndarray]) -> None:

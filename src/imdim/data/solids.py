@@ -7,7 +7,7 @@ primitives overwrite earlier ones. All questions of membership here are that one
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import torch
@@ -46,11 +46,6 @@ class Solids:
     def __getitem__(self, rows: Tensor | slice) -> Solids:
         return Solids(*(getattr(self, f.name)[rows] for f in fields(self)))
 
-    def prefix(self, lengths: Tensor) -> Solids:
-        """The first `lengths` [b] columns of each row; the others become absent."""
-        column = torch.arange(self.kinds.shape[1], device=self.kinds.device)
-        return replace(self, kinds=torch.where(column < lengths[:, None], self.kinds, ABSENT))
-
     def take(self, order: Tensor) -> Solids:
         """The columns `order` int64 [b, u] of each row."""
         rows = torch.arange(len(order), device=order.device)[:, None]
@@ -67,6 +62,13 @@ class Sequences(NamedTuple):
 
     tokens: Tensor
     params: Tensor
+
+
+def empty(rows: int, width: int, device: torch.device | str = "cpu") -> Solids:
+    """`rows` sequences of nothing, `width` columns wide."""
+    kinds = torch.full((rows, width), ABSENT, device=device)
+    zeros = torch.zeros(rows, width, 3, device=device)
+    return Solids(kinds, torch.zeros_like(kinds, dtype=torch.bool), zeros, zeros, torch.eye(3, device=device).expand(rows, width, 3, 3))
 
 
 def concatenate(parts: list[Solids], width: int) -> Solids:
@@ -194,8 +196,5 @@ def _pad(solids: Solids, width: int) -> Solids:
     extra = width - solids.kinds.shape[1]
     if extra <= 0:
         return solids
-    shape = (len(solids.kinds), extra)
-    new = solids.centers.new_zeros
-    identity = torch.eye(3, dtype=solids.centers.dtype, device=solids.centers.device).expand(*shape, 3, 3)
-    tail = (solids.kinds.new_full(shape, ABSENT), solids.positive.new_zeros(shape), new(*shape, 3), new(*shape, 3), identity)
-    return Solids(*(torch.cat([getattr(solids, f.name), t], 1) for f, t in zip(fields(Solids), tail, strict=True)))
+    tail = empty(len(solids.kinds), extra, solids.kinds.device)
+    return Solids(*(torch.cat([getattr(solids, f.name), getattr(tail, f.name)], 1) for f in fields(Solids)))

@@ -48,7 +48,8 @@ def _candidates(solids: Solids, m: int, generator: torch.Generator) -> tuple[Ten
     rotation = solids.rotations[rows, owner]
     points = (rotation @ local[..., None])[..., 0] + solids.centers[rows, owner]
     normals = (rotation @ direction[..., None])[..., 0]
-    step = STEP * _extent(solids)
+    low, high = bounds(solids)
+    step = STEP * torch.linalg.vector_norm(high - low, dim=-1).clamp_min(1e-6)
     behind, ahead = (levels(solids, points + s * step[:, None, None] * normals) < 0 for s in (-1, 1))
     countdown = torch.arange(behind.shape[1], 0, -1, device=owner.device, dtype=torch.int16)[:, None]
     first = behind.shape[1] - (countdown * (behind != ahead)).amax(1)
@@ -127,8 +128,3 @@ def bounds(solids: Solids) -> tuple[Tensor, Tensor]:
     high = torch.where(solid, solids.centers + radius, -torch.inf).amax(1)
     some = solid.any(1)
     return torch.where(some, low, 0.0), torch.where(some, high, 0.0)
-
-
-def _extent(solids: Solids) -> Tensor:
-    low, high = bounds(solids)
-    return torch.linalg.vector_norm(high - low, dim=-1).clamp_min(1e-6)

@@ -62,6 +62,19 @@ class TrainingSamples(NamedTuple):
     gt_params: Tensor
     steps: Tensor
 
+    @property
+    def written(self) -> Solids:
+        """The prefixes."""
+        column = torch.arange(self.gt_tokens.shape[1], device=self.steps.device)
+        return from_sequences(torch.where(column < self.steps[:, None], self.gt_tokens, PAD), self.gt_params)
+
+    @property
+    def following(self) -> tuple[Tensor, Solids]:
+        """The true next tokens [b], and their primitives [b, 1] (meaningless unless the token adds one)."""
+        rows = torch.arange(len(self.steps), device=self.steps.device)
+        tokens = self.gt_tokens[rows, self.steps]
+        return tokens, from_sequences(tokens[:, None].clamp_max(CYLINDER), self.gt_params[rows, self.steps][:, None])
+
 
 def synthesize(n: int, config: SynthesisConfig, generator: torch.Generator) -> TrainingSamples:
     """`n` samples on the generator's device, `config.n_max` + 1 steps wide, each with a random prefix.
@@ -82,12 +95,12 @@ def with_prefixes(
     steps = (dice.uniform(0.0, 1.0) * (tokens != PAD).sum(1)).long()
     if config.p_undo > 0:
         tokens, params, steps = _insert_mistakes(tokens, params, steps, dice.coin(config.p_undo), dice)
-    column = torch.arange(tokens.shape[1], device=tokens.device)
     if config.p_shaken > 0:
+        column = torch.arange(tokens.shape[1], device=tokens.device)
         off = dice.coin(config.p_shaken)[:, None] & (column < steps[:, None])
         params = torch.where(off[..., None], _shake(params, config.shake, dice), params)
-    shown = from_sequences(torch.where(column < steps[:, None], tokens, PAD), params)
-    return TrainingSamples(gt_points, surface_clouds(shown, config.cur_points, generator)[0], tokens, params, steps)
+    samples = TrainingSamples(gt_points, gt_points[:, :0], tokens, params, steps)
+    return samples._replace(cur_points=surface_clouds(samples.written, config.cur_points, generator)[0])
 
 
 def _shake(params: Tensor, size: float, dice: Dice) -> Tensor:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import torch
-from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
 from imdim.data.folder import chunk_generator
@@ -50,13 +49,13 @@ class Batches(Dataset[list[Batch] | Exception]):
     def part(self, step: int, shard: int) -> Batch:
         """Part `shard` of the batch of one step."""
         config = self.config
+        chosen: Sequence[int] = range(config.batch_size // config.shards)
+        if self.data is not None:
+            epoch, place = divmod(step, self.per_epoch)
+            order = torch.randperm(len(self.data), generator=chunk_generator(config.seed, ORDER_STREAM, epoch))
+            chosen = order[place * config.batch_size : (place + 1) * config.batch_size][shard :: config.shards].tolist()
         generator = chunk_generator(config.seed, TRAIN_STREAM, step * config.shards + shard, self.device)
-        if self.data is None:
-            return fresh(config.batch_size // config.shards, config, generator)
-        epoch, place = divmod(step, self.per_epoch)
-        order = torch.randperm(len(self.data), generator=chunk_generator(config.seed, ORDER_STREAM, epoch))
-        chosen = order[place * config.batch_size : (place + 1) * config.batch_size][shard :: config.shards].tolist()
-        return from_npz(self.data, chosen, config, generator)
+        return _samples(self.data, chosen, config, generator)
 
     def steps(self, first: int, end: int) -> Iterator[list[Batch]]:
         """The items from `first` to before `end`, on the device, made ahead where there are workers."""
@@ -75,29 +74,23 @@ def validation_batches(config: TrainConfig) -> Iterator[Batch]:
     data = NPZCADDataset(config.val_root, config.max_seq_len) if config.val_root else None
     total = min(config.n_val, len(data)) if data else config.n_val
     for index, first in enumerate(range(0, total, config.batch_size)):
-        count = min(config.batch_size, total - first)
         # a fixed seed: runs of any seed are validated on the same samples
         generator = chunk_generator(0, NPZ_STREAM if data else VAL_STREAM, index, config.device)
-        if data is None:
-            yield fresh(count, config, generator)
-        else:
-            yield from_npz(data, list(range(first, first + count)), config, generator)
+        yield _samples(data, range(first, min(first + config.batch_size, total)), config, generator)
 
 
-def fresh(n: int, config: TrainConfig, generator: torch.Generator) -> Batch:
-    """Samples made for the experiment."""
-    if config.experiment == "stump":
-        return draw_samples(n, config.synthesis, config.stump, generator)
-    return synthesize(n, config.synthesis, generator)
-
-
-def from_npz(data: Dataset[dict[str, Tensor]], rows: list[int], config: TrainConfig, generator: torch.Generator) -> Batch:
-    """Samples of files. Their prefixes are drawn and rendered anew: a file does not say how long the one is that its `cur_points` shows."""
-    batch = {name: tensor.to(generator.device) for name, tensor in collate([data[i] for i in rows]).items()}
-    if config.experiment == "stump":
-        solids = from_sequences(batch["gt_tokens"], batch["gt_params"])
-        return label_solids(solids, batch["gt_points"], config.synthesis, config.stump, generator)
-    return with_prefixes(batch["gt_points"], batch["gt_tokens"], batch["gt_params"], config.synthesis, generator)
+def _samples(data: NPZCADDataset | None, rows: Sequence[int], config: TrainConfig, generator: torch.Generator) -> Batch:
+    """Samples of the files `rows`, or without `data` as many made for the experiment. The prefixes of files are drawn and rendered anew: a
+    file does not say how long the one is that its `cur_points` shows."""
+    stump = config.experiment == "stump"
+    if data is None:
+        n, synthesis = len(rows), config.synthesis
+        return draw_samples(n, synthesis, config.stump, generator) if stump else synthesize(n, synthesis, generator)
+    batch = collate([data[i] for i in rows])
+    clouds, tokens, params = (batch[name].to(generator.device) for name in ("gt_points", "gt_tokens", "gt_params"))
+    if stump:
+        return label_solids(from_sequences(tokens, params), clouds, config.synthesis, config.stump, generator)
+    return with_prefixes(clouds, tokens, params, config.synthesis, generator)
 
 
 def _as_it_is(item: object) -> object:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, fields
 import torch
 from torch import Tensor
 
-from imdim.data.solids import Solids
+from imdim.data.solids import Solids, empty
 from imdim.data.surfaces import surface_clouds
-from imdim.learn.decode import DecodeConfig, apply_move, empty
+from imdim.learn.decode import DecodeConfig, apply_move
 from imdim.learn.policy import Policy
 from imdim.learn.profile import fold_levels
 from imdim.program.state import END, UNDO_LAST
@@ -85,7 +85,7 @@ def _expand(
     move = policy.propose(target, states.shown[alive], before, chance, states.undone[alive] < config.undo_limit, ways)
     each = torch.arange(len(alive), device=alive.device).repeat_interleave(ways)
     ended = move.tokens == int(END)
-    after = apply_move(before[each], move, ended)
+    after = apply_move(before[each], move)
     shown = surface_clouds(after, config.cur_points, render)[0]
     costs = torch.where(ended, torch.inf, costs_of(after, target[each], shown, config))
     undone = states.undone[alive][each] + (move.tokens == int(UNDO_LAST))

@@ -27,8 +27,7 @@ from imdim.learn.stump.net import StumpNet
 from imdim.learn.stump.settings import StumpConfig
 from imdim.program.state import Token
 
-FORMAT, VERSION = "imdim-policy", "1"
-STUMP_FORMAT, STUMP_VERSION = "imdim-stump", "1"
+FORMAT, STUMP_FORMAT, VERSION = "imdim-policy", "imdim-stump", "1"
 VOCABULARY = [Token(i).name for i in range(VOCAB)]
 POLICIES: Mapping[str, tuple[type, type]] = {"seed": (SeedPolicy, SeedConfig), "base": (BasePolicy, BaseConfig)}
 
@@ -50,27 +49,15 @@ class CheckpointError(ValueError):
 
 
 def save_net(path: Path, net: Policy | StumpNet, notes: Mapping[str, str]) -> None:
-    """`save_policy`, or the same of a CSG-Stump Net, which has no vocabulary."""
+    """Weights, version, settings and `notes`; of a policy of POLICIES vocabulary and design too. OSError (a full disk) leaves an older
+    file whole."""
+    header = {**notes, "version": VERSION, "config": json.dumps(asdict(net.config))}  # type: ignore[call-overload]
     if isinstance(net, StumpNet):
-        header = {"format": STUMP_FORMAT, "version": STUMP_VERSION, "config": json.dumps(asdict(net.config))}
-        replace_whole(path, _serialise(_weights(net), {**notes, **header}))
+        header["format"] = STUMP_FORMAT
     else:
-        save_policy(path, net, notes)
-
-
-def save_policy(path: Path, policy: Policy, notes: Mapping[str, str]) -> None:
-    """Weights, version, vocabulary, design and `notes` of a policy of POLICIES. OSError (a full disk) leaves an older file whole."""
-    design = next(name for name, (kind, _) in POLICIES.items() if type(policy) is kind)
-    header = {
-        **notes,
-        "format": FORMAT,
-        "version": VERSION,
-        "vocabulary": json.dumps(VOCABULARY),
-        "design": design,
-        "config": json.dumps(asdict(policy.config)),  # type: ignore[call-overload]
-        "max_seq_len": str(policy.max_seq_len),
-    }
-    replace_whole(path, _serialise(_weights(policy), header))
+        design = next(name for name, (kind, _) in POLICIES.items() if type(net) is kind)
+        header |= {"format": FORMAT, "vocabulary": json.dumps(VOCABULARY), "design": design, "max_seq_len": str(net.max_seq_len)}
+    replace_whole(path, _serialise({k: v.detach().cpu().contiguous() for k, v in net.state_dict().items()}, header))
 
 
 def _serialise(weights: dict[str, torch.Tensor], header: dict[str, str]) -> bytes:
@@ -84,18 +71,21 @@ def _serialise(weights: dict[str, torch.Tensor], header: dict[str, str]) -> byte
     return len(text).to_bytes(8, "little") + text + raw[8 + length :]
 
 
-def load_stump(path: Path, device: torch.device | str = "cpu") -> tuple[StumpNet, dict[str, str]]:
+def load_stump(path: Path) -> tuple[StumpNet, dict[str, str]]:
     """The CSG-Stump Net in evaluation mode, and the file's header. Raises as `load_policy` does."""
-    header, weights = _read(path)
-    _check_format(path, header, STUMP_FORMAT, STUMP_VERSION)
+    header, weights = _read(path, STUMP_FORMAT)
     net = _build_net(path, weights, "a CSG-Stump Net", lambda: StumpNet(_config(StumpConfig, header, weights)))
-    return net.to(device).eval(), header
+    return net.eval(), header
 
 
 def load_policy(path: Path, device: torch.device | str = "cpu") -> tuple[Policy, dict[str, str]]:
     """The policy in evaluation mode, and the file's header. Raises CheckpointError, OSError when the file cannot be read."""
-    header, weights = _read(path)
-    _check(path, header)
+    header, weights = _read(path, FORMAT)
+    if header.get("vocabulary") != json.dumps(VOCABULARY):
+        given = re.sub(r'["\[\],]+', " ", str(header.get("vocabulary")))  # a list in JSON as it is read aloud
+        raise CheckpointError(f"{path}: vocabulary {_short(given)}, this program's is {' '.join(VOCABULARY)}")
+    if header.get("design") not in POLICIES:
+        raise CheckpointError(f"{path}: design {_short(repr(header.get('design')))}, known are {', '.join(POLICIES)}")
     kind, config = POLICIES[header["design"]]
     policy = _build_net(
         path, weights, f"the design {header['design']}", lambda: kind(_config(config, header, weights), int(header["max_seq_len"]))
@@ -155,19 +145,20 @@ def replace_whole(path: Path, content: bytes | memoryview) -> None:
         part.unlink(missing_ok=True)
 
 
-def _weights(net: Policy | StumpNet) -> dict[str, Tensor]:
-    return {k: v.detach().cpu().contiguous() for k, v in net.state_dict().items()}
-
-
-def _read(path: Path) -> tuple[dict[str, str], dict[str, Tensor]]:
-    """Header and weights of a safetensors file."""
+def _read(path: Path, form: str) -> tuple[dict[str, str], dict[str, Tensor]]:
+    """Header and weights of a safetensors file of this format and version."""
     if not path.is_file():
         raise FileNotFoundError(f"no checkpoint at {path}")
     try:
         with safe_open(path, framework="pt") as file:
-            return dict(file.metadata() or {}), {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 (not a mapping)
+            header, weights = dict(file.metadata() or {}), {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 (not a mapping)
     except SafetensorError as error:
         raise CheckpointError(f"{path}: not a safetensors file: {_short(error)}") from error
+    if header.get("format") != form:
+        raise CheckpointError(f"{path}: not a checkpoint of {form}, its format is {_short(header.get('format', 'not given'))}")
+    if header.get("version") != VERSION:
+        raise CheckpointError(f"{path}: checkpoint version {_short(header.get('version'))}, this program reads version {VERSION}")
+    return header, weights
 
 
 def _build_net(path: Path, weights: Mapping[str, Tensor], what: str, build: Callable[[], N]) -> N:
@@ -198,31 +189,6 @@ def _config(kind: type[C], header: Mapping[str, str], weights: Mapping[str, Tens
     return kind(**given)
 
 
-def _words(text: object) -> str:
-    """A list in JSON as it is read aloud."""
-    return _short(re.sub(r'["\[\],]+', " ", str(text)))
-
-
 def _short(text: object) -> str:
     line = " ".join(str(text).split())
     return line if len(line) <= 160 else line[:157] + "..."
-
-
-def _check_format(path: Path, header: Mapping[str, str], form: str, version: str) -> None:
-    if header.get("format") != form:
-        raise CheckpointError(f"{path}: not a checkpoint of {form}, its format is {_short(header.get('format', 'not given'))}")
-    if header.get("version") != version:
-        raise CheckpointError(f"{path}: checkpoint version {_short(header.get('version'))}, this program reads version {version}")
-
-
-def _check(path: Path, header: Mapping[str, str]) -> None:
-    _check_format(path, header, FORMAT, VERSION)
-    if header.get("vocabulary") != json.dumps(VOCABULARY):
-        raise CheckpointError(f"{path}: vocabulary {_words(header.get('vocabulary'))}, this program's is {' '.join(VOCABULARY)}")
-    if header.get("design") not in POLICIES:
-        raise CheckpointError(f"{path}: design {_short(repr(header.get('design')))}, known are {', '.join(POLICIES)}")
-
-
-def state_tensors(batch: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """The same tensors on the CPU."""
-    return {name: tensor.detach().cpu() for name, tensor in batch.items()}

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from imdim.data.solids import ABSENT, CYLINDER, Solids
+from imdim.data.solids import ABSENT, CYLINDER, Solids, empty
 from imdim.data.surfaces import surface_clouds
 from imdim.learn.policy import Move, Policy
 from imdim.program.state import END, UNDO_LAST
@@ -27,16 +27,6 @@ class DecodeConfig:
     price: float = 1e-4
     max_primitives: int = 12
     undo_limit: int = 4
-
-
-def empty(rows: int, width: int, device: torch.device | str = "cpu") -> Solids:
-    """`rows` sequences of nothing, `width` columns wide."""
-    shape = (rows, width)
-    zeros = torch.zeros(*shape, 3, device=device)
-    kinds = torch.full(shape, ABSENT, device=device)
-    return Solids(
-        kinds, torch.zeros(shape, dtype=torch.bool, device=device), zeros, zeros, torch.eye(3, device=device).expand(*shape, 3, 3)
-    )
 
 
 class DecodeStep(NamedTuple):
@@ -68,7 +58,7 @@ def steps(
         written, may_undo = solids[rows], undone[rows] < config.undo_limit
         current = surface_clouds(written, config.cur_points, render)[0]
         move = policy.propose(gt_points[rows], current, written, chance, may_undo)
-        after = apply_move(written, move, torch.zeros_like(may_undo))
+        after = apply_move(written, move)
         solids = Solids(*(getattr(solids, f.name).index_copy(0, rows, getattr(after, f.name)) for f in fields(Solids)))
         yield DecodeStep(rows, current, written, may_undo, move, solids)
         undone[rows] += move.tokens == int(UNDO_LAST)
@@ -85,13 +75,13 @@ def decode(
     return solids
 
 
-def apply_move(solids: Solids, move: Move, done: Tensor) -> Solids:
-    """The sequences after the move; rows that are `done` stay."""
-    rows = torch.arange(len(done), device=done.device)
+def apply_move(solids: Solids, move: Move) -> Solids:
+    """The sequences after the move."""
+    rows = torch.arange(len(move.tokens), device=move.tokens.device)
     width, length = solids.kinds.shape[1], solids.lengths
-    adds = (move.tokens <= CYLINDER) & ~done & (length < width)
+    adds = (move.tokens <= CYLINDER) & (length < width)
     at = rows[adds], length[adds]
     after = Solids(*(getattr(solids, f.name).index_put(at, getattr(move.part, f.name)[adds, 0]) for f in fields(Solids)))
-    back = (move.tokens == int(UNDO_LAST)) & ~done
-    last = torch.arange(width, device=done.device) == (length - 1)[:, None]
+    back = move.tokens == int(UNDO_LAST)
+    last = torch.arange(width, device=rows.device) == (length - 1)[:, None]
     return replace(after, kinds=torch.where(back[:, None] & last, ABSENT, after.kinds))

@@ -31,11 +31,8 @@ class StateView:
 
     def repeat(self, ways: int) -> StateView:
         """Each row `ways` times; the clouds, which are large, stay shared."""
-        if ways == 1:
-            return self
-        low, edges, there = (v.repeat_interleave(ways, 0) for v in (self.low, self.edges, self.there))
-        reads = tuple((k.repeat_interleave(ways, 0), v.repeat_interleave(ways, 0)) for k, v in self.reads)
-        return StateView(low, edges, self.clouds, reads, there, tuple(s.repeat_interleave(ways, 0) for s in self.slabs))
+        rows = torch.arange(len(self.low), device=self.low.device)
+        return self if ways == 1 else self.only(rows.repeat_interleave(ways))
 
 
 @dataclass

@@ -12,14 +12,11 @@ import torch
 from torch import Tensor
 
 from imdim.data.canonical import box_symmetries, canonical_primitives
-from imdim.data.solids import BOX, CYLINDER, PAD, SPHERE, Solids, from_sequences, to_sequences, to_signed
+from imdim.data.solids import BOX, CYLINDER, SPHERE, Solids, to_sequences
 from imdim.data.synthesize import TrainingSamples
 from imdim.learn.codes import FREE, encode, ruler
 from imdim.learn.policy import Move, Policy
-from imdim.program.sequence import to_program
-from imdim.program.tree import Program
-
-KIND_NAMES = {BOX: "box", SPHERE: "sphere", CYLINDER: "cylinder"}
+from imdim.program.state import TOKEN_OF
 
 
 @dataclass(frozen=True)
@@ -36,29 +33,24 @@ class KindError:
 @torch.no_grad()
 def moves(policy: Policy, batch: TrainingSamples) -> tuple[Move, Tensor]:
     """The greedy moves from the true prefixes of `batch`, and which tokens [b] are the true next ones."""
-    rows = torch.arange(len(batch.steps), device=batch.steps.device)
-    column = torch.arange(batch.gt_tokens.shape[1], device=rows.device)
-    written = from_sequences(torch.where(column < batch.steps[:, None], batch.gt_tokens, PAD), batch.gt_params)
-    move = policy.propose(batch.gt_points, batch.cur_points, written)
-    return move, move.tokens == batch.gt_tokens[rows, batch.steps]
+    move = policy.propose(batch.gt_points, batch.cur_points, batch.written)
+    return move, move.tokens == batch.following[0]
 
 
 def errors_by_kind(batch: TrainingSamples, move: Move) -> dict[str, KindError]:
     """Errors of the proposed primitives, by kind, where the proposed kind is the true one; both are made canonical. "turned" are
     boxes and cylinders along no coordinate axis."""
-    rows = torch.arange(len(batch.steps), device=batch.steps.device)
-    tokens = batch.gt_tokens[rows, batch.steps]
-    truth = canonical_primitives(from_sequences(tokens[:, None].clamp_max(CYLINDER), batch.gt_params[rows, batch.steps][:, None]))
-    part = canonical_primitives(move.part)
+    tokens, part = batch.following
+    truth, part = canonical_primitives(part), canonical_primitives(move.part)
     center = torch.linalg.vector_norm(truth.centers - part.centers, dim=-1)[:, 0]
     size = (truth.sizes - part.sizes).abs().amax(-1)[:, 0]
     angle = _angles(truth, part)[:, 0]
     right = tokens == move.tokens
     turned = (tokens != SPHERE) & (encode(truth, *ruler(batch.gt_points)).turn == FREE)
-    met = {**{name: tokens == kind for kind, name in KIND_NAMES.items()}, "turned": (tokens <= CYLINDER) & turned}
+    met = {**{name: tokens == int(TOKEN_OF[name]) for name in ("box", "sphere", "cylinder")}, "turned": (tokens <= CYLINDER) & turned}
     found = {}
-    for name, rows_of in met.items():
-        here = right & rows_of
+    for name, rows in met.items():
+        here = right & rows
         medians = [float(v[here].median()) if here.any() else float("nan") for v in (center, size, angle)]
         found[name] = KindError(int(here.sum()), *medians)
     return found
@@ -69,11 +61,6 @@ def exact_structure(found: Solids, truth: Solids) -> Tensor:
     width = max(found.kinds.shape[1], truth.kinds.shape[1]) + 1
     (a, p), (b, q) = (to_sequences(s, width) for s in (found, truth))
     return (a == b).all(1) & (p[..., 9] == q[..., 9]).all(1)
-
-
-def to_programs(solids: Solids) -> list[Program | None]:
-    """Each row as a program of the tree; None where nothing positive is there."""
-    return [to_program(sequence) if sequence else None for sequence in to_signed(solids)]
 
 
 def summary(values: list[float]) -> dict[str, float]:

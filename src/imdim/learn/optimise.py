@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Generic, TypeVar
 
 import torch
@@ -16,6 +16,11 @@ N = TypeVar("N", bound=nn.Module)
 
 class NotFinite(FloatingPointError):
     """The loss or a gradient is not finite."""
+
+
+def means(records: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Of each number of the `records`, which have the same ones; nothing of no records."""
+    return {name: float(sum(r[name] for r in records)) / len(records) for name in records[0]} if records else {}
 
 
 class Optimiser(Generic[N]):

@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from imdim.data.canonical import canonical_primitives
-from imdim.data.solids import ABSENT, CYLINDER, PAD, Solids, from_sequences
+from imdim.data.solids import ABSENT, CYLINDER, Solids
 from imdim.data.synthesize import TrainingSamples
 from imdim.learn.attention import Layer, causal
 from imdim.learn.codes import BINS, ENDS, FIRST, NUMBERS, PLACES, STEPS, TURNS, Choices, decode, encode, numbers_of, ruler, to_bins
@@ -84,13 +84,9 @@ class BasePolicy(Policy):
 
     def losses(self, batch: TrainingSamples) -> dict[str, Tensor]:
         """Cross-entropies (nats) of the step after the prefix that `cur_points` shows; `ends` and `numbers` are sums over a primitive's."""
-        rows = torch.arange(len(batch.steps), device=batch.steps.device)
-        column = torch.arange(batch.gt_tokens.shape[1], device=rows.device)
-        written = from_sequences(torch.where(column < batch.steps[:, None], batch.gt_tokens, PAD), batch.gt_params)
-        tokens = batch.gt_tokens[rows, batch.steps]
+        tokens, part = batch.following
         adds = (tokens <= CYLINDER).float()
-        part = from_sequences(tokens[:, None].clamp_max(CYLINDER), batch.gt_params[rows, batch.steps][:, None])
-        view = self._view(batch.gt_points, batch.cur_points, written)
+        view = self._view(batch.gt_points, batch.cur_points, batch.written)
         draft = Draft(tokens, part.positive[:, 0].long(), encode(part, view.low, view.edges, self.config.rotation), [])
         log_p, shift, logits = self._log_p(view, draft)
         count = adds.sum().clamp_min(1)
@@ -116,7 +112,8 @@ class BasePolicy(Policy):
         zeros = torch.zeros(b, SLOTS, dtype=torch.long, device=device)
         choices = Choices(zeros[:, 0], zeros[:, :ENDS].clone(), zeros[:, :NUMBERS].clone(), torch.zeros(b, ENDS + NUMBERS, device=device))
         draft = Draft(zeros[:, 0], zeros[:, 0], choices, [])
-        draft.tokens, log_p = choose_tokens(self._logits(view, draft), lengths, self.max_seq_len - 1, generator, may_undo)
+        token = self.to_token(self._encode_slots(view, draft, 1)[:, 0])
+        draft.tokens, log_p = choose_tokens(token, lengths, self.max_seq_len - 1, generator, may_undo)
         adds = (draft.tokens <= CYLINDER).float()
         first = torch.tensor([-torch.inf, 0.0], device=device)
         sign = torch.where((lengths == 0)[:, None], first, self.to_sign(self._encode_slots(view, draft, 2)[:, 1]))
@@ -182,9 +179,6 @@ class BasePolicy(Policy):
             return *self.regression.bin(hidden, slot), torch.zeros_like(hidden[:, 0])
         index, log_p = draw_index(hidden @ self.to_bins[slot], generator)
         return index, (hidden @ self.to_shifts[slot]).gather(1, index[:, None])[:, 0].clamp(-0.5, 0.5), log_p
-
-    def _logits(self, view: StateView, draft: Draft) -> Tensor:
-        return self.to_token(self._encode_slots(view, draft, 1)[:, 0])
 
     def _log_p(self, view: StateView, draft: Draft) -> tuple[dict[str, Tensor], Tensor, Tensor]:
         """Log p [b] of each group of a whole draft's choices, the squared errors [b] of its offsets, in steps, and the token's logits."""

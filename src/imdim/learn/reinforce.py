@@ -21,9 +21,9 @@ from torch import Tensor
 from imdim.data.folder import chunk_generator
 from imdim.data.solids import from_sequences
 from imdim.data.synthesize import SynthesisConfig, TrainingSamples, estimate_iou, synthesize
-from imdim.learn.checkpoint import load_own_state, save_policy, save_state
+from imdim.learn.checkpoint import load_own_state, save_net, save_state
 from imdim.learn.decode import DecodeConfig, steps
-from imdim.learn.optimise import Optimiser
+from imdim.learn.optimise import Optimiser, means
 from imdim.learn.policy import Policy
 from imdim.learn.rollouts import CREDIT, RewardConfig, Written, moves_of
 from imdim.learn.settings import PRECISIONS, settings_to_keep
@@ -112,17 +112,17 @@ class _ReinforceRun:
         config, begun = self.config, self.clock()
         if self.step == 0:
             yield self._validate([], begun, None)
-        since, means = self.clock(), []
+        since, facts = self.clock(), []
         while self.step < config.steps:
-            means.append(self._learn())
+            facts.append(self._learn())
             self.step += 1
             late = bool(config.max_minutes) and self.clock() - begun > 60 * config.max_minutes
             if self.step % config.validate_every == 0 or self.step == config.steps or late:
                 stop = "finished" if self.step == config.steps else "max_minutes" if late else None
-                yield self._validate(means, since, stop)
+                yield self._validate(facts, since, stop)
                 if stop:
                     return
-                since, means = self.clock(), []
+                since, facts = self.clock(), []
 
     def _learn(self) -> dict[str, float]:
         config, chance = self.config, chunk_generator(self.config.seed, STREAM, self.step, self.config.device)
@@ -160,7 +160,7 @@ class _ReinforceRun:
     def _validation(self) -> TrainingSamples:
         return self._targets(self.config.n_val, chunk_generator(0, TARGETS, 0, self.config.device))
 
-    def _validate(self, means: list[dict[str, float]], since: float, stop: str | None) -> Progress:
+    def _validate(self, facts: list[dict[str, float]], since: float, stop: str | None) -> Progress:
         config, average = self.config, self.optimiser.average
         seconds = self.clock() - since
         targets = self._validation
@@ -173,12 +173,11 @@ class _ReinforceRun:
         best = val["reward"] > self.best
         if best:
             self.best = val["reward"]
-            facts = {f"reinforced_{name}": f"{value:.4f}" for name, value in val.items()}
-            save_policy(self.out / "best.safetensors", average, {**self.notes, "reinforced_steps": str(self.step), **facts})
+            worth = {f"reinforced_{name}": f"{value:.4f}" for name, value in val.items()}
+            save_net(self.out / "best.safetensors", average, {**self.notes, "reinforced_steps": str(self.step), **worth})
         self._save()
-        train = {name: sum(m[name] for m in means) / len(means) for name in means[0]} if means else {}
-        pace = len(means) * config.targets * (config.group if config.credit == "program" else 1) / max(seconds, 1e-9)
-        return Progress(self.step, train, val, best, pace, stop)
+        pace = len(facts) * config.targets * (config.group if config.credit == "program" else 1) / max(seconds, 1e-9)
+        return Progress(self.step, means(facts), val, best, pace, stop)
 
     def _save(self) -> None:
         state = {"step": self.step, "best": self.best, "config": settings_to_keep(self.config, FREE)}

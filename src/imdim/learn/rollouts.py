@@ -14,10 +14,10 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from imdim.data.solids import Solids, concatenate, from_sequences
+from imdim.data.solids import Solids, concatenate, empty, from_sequences
 from imdim.data.surfaces import surface_clouds
 from imdim.data.synthesize import TrainingSamples, estimate_iou
-from imdim.learn.decode import DecodeConfig, DecodeStep, apply_move, empty, steps
+from imdim.learn.decode import DecodeConfig, DecodeStep, apply_move, steps
 from imdim.learn.policy import Move, Policy
 from imdim.program.state import END, UNDO_LAST
 
@@ -91,13 +91,11 @@ def branches(
         current = surface_clouds(written, decoding.cur_points, chance)[0]
         move = policy.propose(targets.gt_points[rows], current, written, chance, may_undo, group)
         each = torch.arange(len(rows), device=rows.device).repeat_interleave(group)
-        after = apply_move(written[each], move, torch.zeros_like(may_undo)[each])
+        after = apply_move(written[each], move)
         worth = estimate_iou(after, truth[rows][each], config.iou_samples, chance, group)
         rewards.append(worth - config.price * (move.tokens != int(END)))
         seen.append(Written(targets.gt_points[rows], current, written, may_undo, move, advantages(rewards[-1], group)))
-        chosen = torch.randint(group, (len(rows),), generator=chance, device=rows.device) + group * torch.arange(
-            len(rows), device=rows.device
-        )
+        chosen = torch.randint(group, (len(rows),), generator=chance, device=rows.device) + group * each[::group]
         solids = Solids(*(getattr(solids, f.name).index_copy(0, rows, getattr(after, f.name)[chosen]) for f in fields(Solids)))
         iou[rows], token = worth[chosen], move.tokens[chosen]
         undone[rows] += token == int(UNDO_LAST)

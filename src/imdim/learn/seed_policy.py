@@ -6,6 +6,7 @@ lengths of at most 1, so the angles rule the squared error.
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from dataclasses import dataclass, replace
 
 import torch
@@ -62,47 +63,25 @@ class TokenTransformer(nn.Module):
         return self.blocks(x, mask=ahead)
 
 
-class TokenHead(nn.Module):
-    """Logits [b, t, vocab] of hidden states [b, t, d]."""
-
-    def __init__(self, d_model: int, vocab: int) -> None:
-        super().__init__()
-        self.fc = nn.Linear(d_model, vocab)
-
-    def forward(self, hidden: Tensor) -> Tensor:
-        return self.fc(hidden)
-
-
-class ParamHead(nn.Module):
-    """Nine numbers and a sign logit [..., 10] of the concatenated inputs [..., d_total]."""
-
-    def __init__(self, d_total: int, hidden: int) -> None:
-        super().__init__()
-        self.mlp = nn.Sequential(nn.Linear(d_total, hidden), nn.ReLU(), nn.Linear(hidden, PARAM_COUNT))
-
-    def forward(self, x: Tensor) -> Tensor:
-        return self.mlp(x)
-
-
 @dataclass(frozen=True)
 class ModelComponents:
-    """The four networks of the design."""
+    """The four networks of the design. `param_head` makes nine numbers and a sign logit [..., 10] of the concatenated inputs, `token_head`
+    logits [b, t, vocab] of hidden states [b, t, d]."""
 
     pointnet: PointNet
     transformer: TokenTransformer
-    param_head: ParamHead
-    token_head: TokenHead
+    param_head: nn.Module
+    token_head: nn.Module
 
 
 def build_cad_model(config: SeedConfig, max_seq_len: int) -> ModelComponents:
     """Fresh networks for sequences of up to `max_seq_len` steps, END included."""
     d = config.d_model
-    return ModelComponents(
-        PointNet(d),
-        TokenTransformer(VOCAB, d, config.layers, config.heads, max_seq_len),
-        ParamHead(4 * d + 3, config.hidden),
-        TokenHead(d, VOCAB),
-    )
+    pointnet, transformer = PointNet(d), TokenTransformer(VOCAB, d, config.layers, config.heads, max_seq_len)
+    mlp = nn.Sequential(nn.Linear(4 * d + 3, config.hidden), nn.ReLU(), nn.Linear(config.hidden, PARAM_COUNT))
+    # the names are those of the weights in checkpoints
+    heads = nn.Sequential(OrderedDict(mlp=mlp)), nn.Sequential(OrderedDict(fc=nn.Linear(d, VOCAB)))
+    return ModelComponents(pointnet, transformer, *heads)
 
 
 def forward_params_only(
@@ -130,8 +109,7 @@ class SeedPolicy(Policy):
         super().__init__()
         self.config, self.max_seq_len = config, max_seq_len
         built = build_cad_model(config, max_seq_len)
-        self.parts = nn.ModuleDict({k: getattr(built, k) for k in ("pointnet", "transformer", "param_head", "token_head")})
-        self.components = built
+        self.parts, self.components = nn.ModuleDict(vars(built)), built
 
     def losses(self, batch: TrainingSamples) -> dict[str, Tensor]:
         """Means over steps that are neither padding nor taken back; `loss` is their weighted sum."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
@@ -98,12 +99,5 @@ def fill_defaults(config: TrainConfig, processes: int) -> TrainConfig:
 
 
 def settings_to_keep(config: Any, free: Collection[str] = FREE) -> dict[str, object]:
-    """The settings that a resumed run must share: all but the `free` ones."""
-    return {key: _plain(value) for key, value in asdict(config).items() if key not in free}
-
-
-def _plain(value: object) -> object:
-    """Tuples as lists, as they come back from a file."""
-    if isinstance(value, dict):
-        return {k: _plain(v) for k, v in value.items()}
-    return [_plain(v) for v in value] if isinstance(value, (tuple, list)) else value
+    """The settings that a resumed run must share: all but the `free` ones, with lists for tuples, as they come back from a file."""
+    return json.loads(json.dumps({key: value for key, value in asdict(config).items() if key not in free}))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -17,12 +17,11 @@ import torch
 from torch import Tensor
 
 from imdim.learn.batches import Batch, Batches
-from imdim.learn.checkpoint import load_own_state, load_state, save_net, save_state, state_tensors
+from imdim.learn.checkpoint import load_own_state, load_state, save_net, save_state
 from imdim.learn.distributed import Processes
-from imdim.learn.optimise import NotFinite, Optimiser
+from imdim.learn.optimise import NotFinite, Optimiser, means
 from imdim.learn.schedule import Plan, learning_rate, plan_steps, shorten_plan
 from imdim.learn.settings import TrainConfig, build, fill_defaults, precision, settings_to_keep
-from imdim.learn.stump.measure import StumpValidation
 from imdim.learn.validation import Reconstructions, Validation
 
 
@@ -46,25 +45,6 @@ class Report:
     validation_share: float
     shown: Reconstructions | None = None
     stop: str | None = None
-
-
-@dataclass
-class _Tally:
-    """Since `start`: steps taken, sums of the losses, seconds lost to data."""
-
-    start: float
-    steps: int = 0
-    waited: float = 0.0
-    sums: dict[str, Tensor] = field(default_factory=dict)
-
-    def add(self, losses: dict[str, Tensor], waited: float) -> None:
-        self.steps += 1
-        self.waited += waited
-        for name, value in losses.items():
-            self.sums[name] = self.sums.get(name, 0.0) + value
-
-    def means(self) -> dict[str, float]:
-        return {name: float(value) / self.steps for name, value in self.sums.items()}
 
 
 def train(
@@ -93,7 +73,7 @@ class _TrainRun:
         self.net = build(config).to(config.device)
         self.optimiser = Optimiser(self.net, config.ema, config.clip, precision(config), processes)
         self.batches = Batches(config, processes)
-        self.validation = StumpValidation(config) if config.experiment == "stump" else Validation(config)
+        self.validation = Validation(config)
         self.plan = plan_steps(self.batches.per_epoch * config.epochs, config.cooldown)
         self.whole = self.plan.end
         self.step, self.best = 0, math.inf
@@ -103,18 +83,18 @@ class _TrainRun:
     def reports(self) -> Iterator[Report]:
         config, begun, first = self.config, self.clock(), self.step
         batches = self.batches.steps(self.step, self.whole)
-        tally = _Tally(begun)
+        since, taken = begun, []
         while self.step < self.plan.end:
             if config.max_minutes:
                 self._hurry(self.clock() - begun, self.step - first)
             if self.step == self.plan.start:
                 self._save("before_cooldown.pt")
                 self._save("state.pt")
-            self._take(batches, tally)
+            taken.append(self._take(batches))
             if self.step % self.batches.per_epoch == 0 or self.step == self.plan.end:
                 if self.processes.first:
-                    yield self._report(tally)
-                tally = _Tally(self.clock())
+                    yield self._report(taken, since)
+                since, taken = self.clock(), []
             elif self.step % config.save_every == 0:
                 self._save("state.pt")
 
@@ -122,27 +102,29 @@ class _TrainRun:
         plan = shorten_plan(self.plan, self.step, taken, seconds, 60 * self.config.max_minutes, self.config.cooldown)
         self.plan = Plan(*self.processes.agree(plan, self.config.device))
 
-    def _take(self, batches: Iterator[list[Batch]], tally: _Tally) -> None:
+    def _take(self, batches: Iterator[list[Batch]]) -> tuple[dict[str, Tensor], float]:
+        """The losses of a step, and the seconds that its samples took to come."""
         before = self.clock()
         parts = next(batches)
         waited = self.clock() - before
         losses = [partial(self.net.losses, part) for part in parts]  # type: ignore[arg-type]
         try:
-            tally.add(self.optimiser.step(losses, self.config.shards, self._lr(self.step), self.step), waited)
+            found = self.optimiser.step(losses, self.config.shards, self._lr(self.step), self.step)
         except NotFinite as error:
             path = self.out / f"not_finite_{self.step}{f'_of_{self.processes.rank}' if self.processes.rank else ''}.pt"
-            save_state(path, {"step": self.step, "parts": [state_tensors(part._asdict()) for part in parts]})
+            save_state(path, {"step": self.step, "parts": [{k: v.cpu() for k, v in part._asdict().items()} for part in parts]})
             raise NotFinite(f"{error} at step {self.step}; its batch is in {path}") from None
         self.step += 1
+        return found, waited
 
-    def _report(self, tally: _Tally) -> Report:
+    def _report(self, taken: list[tuple[dict[str, Tensor], float]], since: float) -> Report:
         config, over = self.config, self.step == self.plan.end
-        trained = self.clock() - tally.start
+        trained = self.clock() - since
         average = self.optimiser.average
-        val = self.validation.losses(average)  # type: ignore[arg-type]
+        val = self.validation.losses(average)
         measured, shown = {}, None
         if over or self.step // self.batches.per_epoch % config.measure_every == 0:
-            measured, shown = self.validation.measure(average)  # type: ignore[arg-type]
+            measured, shown = self.validation.measure(average)
         seen = self.step * config.batch_size
         best = val["loss"] < self.best
         if best:
@@ -153,14 +135,14 @@ class _TrainRun:
         return Report(
             self.step,
             seen,
-            tally.means(),
+            means([losses for losses, _ in taken]),
             val,
             measured,
             best,
             lr=self._lr(self.step - 1),
-            samples_per_second=tally.steps * config.batch_size / max(trained, 1e-9),
-            data_share=tally.waited / max(trained, 1e-9),
-            validation_share=1 - trained / max(self.clock() - tally.start, 1e-9),
+            samples_per_second=len(taken) * config.batch_size / max(trained, 1e-9),
+            data_share=sum(waited for _, waited in taken) / max(trained, 1e-9),
+            validation_share=1 - trained / max(self.clock() - since, 1e-9),
             shown=shown,
             stop=None if not over else "finished" if self.step == self.whole else "max_minutes",
         )

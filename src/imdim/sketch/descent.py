@@ -27,8 +27,6 @@ def adam(evaluate: Evaluate, x: np.ndarray, config: DescentConfig) -> np.ndarray
     mean, square = np.zeros_like(x), np.zeros_like(x)
     for step in range(1, config.adam_steps + 1):
         residual, jacobian = evaluate(x)
-        if step == 1 and residual.size == 0:
-            return x
         gradient = _pull(jacobian, residual)
         mean = 0.9 * mean + 0.1 * gradient
         square = 0.99 * square + 0.01 * gradient**2

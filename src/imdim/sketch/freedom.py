@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imdim.sketch.residuals import FORMS
 from imdim.sketch.system import TheorySystem, check_points, length_of
 from imdim.sketch.theory import Theory
 
@@ -50,7 +49,7 @@ def freedom(theory: Theory, points: np.ndarray) -> Freedom:
     x = points[None] / scale
     system = TheorySystem.of([theory], np.array([scale]))
     jacobian = system.evaluate(x)[1][0]
-    rigid = _rank(_rigid_motions(x[0], theory.dimension))
+    rigid = int(np.linalg.matrix_rank(_rigid_motions(x[0], theory.dimension), rtol=RANK))
     rank, redundant = _independent(system, jacobian)
     dof = jacobian.shape[1] - rigid - rank
     return Freedom(dof, rank, redundant, _loose(x[0], jacobian, rank, theory.dimension) if dof else ())
@@ -64,16 +63,11 @@ def _rigid_motions(x: np.ndarray, dimension: int) -> np.ndarray:
     return np.stack([v[:, :dimension].ravel() for v in (*shifts, *turns)])
 
 
-def _rank(rows: np.ndarray) -> int:
-    values = np.linalg.svd(rows, compute_uv=False)
-    return int((values > RANK * values.max(initial=0)).sum()) if values.size and values[0] > 0 else 0
-
-
 def _independent(system: TheorySystem, jacobian: np.ndarray) -> tuple[int, tuple[int, ...]]:
     """The rank, and the constraints whose rows all lie in the span of those of earlier constraints."""
     size = np.linalg.norm(jacobian, axis=1).max(initial=0.0)
     basis, redundant = np.zeros((0, jacobian.shape[1])), []
-    for number, rows in enumerate(_rows_of(system)):
+    for number, rows in enumerate(system.rows_of()):
         rest = jacobian[rows]
         for _ in range(2):  # once more removes what rounding left
             rest = rest - (rest @ basis.T) @ basis
@@ -83,16 +77,6 @@ def _independent(system: TheorySystem, jacobian: np.ndarray) -> tuple[int, tuple
             redundant.append(number)
         basis = np.vstack([basis, fresh])
     return len(basis), tuple(redundant)
-
-
-def _rows_of(system: TheorySystem) -> list[np.ndarray]:
-    """The rows of each constraint [m], in order."""
-    rows = {
-        int(number): np.arange(row, row + FORMS[block.form].width)
-        for block in system.blocks
-        for number, row in zip(block.number, block.row, strict=True)
-    }
-    return [rows[i] for i in sorted(rows)]
 
 
 def _loose(x: np.ndarray, jacobian: np.ndarray, rank: int, dimension: int) -> tuple[int, ...]:

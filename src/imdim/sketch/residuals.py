@@ -10,8 +10,9 @@ freedoms removed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -104,15 +105,7 @@ def _turn(u: np.ndarray, v: np.ndarray) -> Rows:
     return np.arctan2(size, dot(u, v)), _unit(normal)
 
 
-def fold_back(x: np.ndarray, _: np.ndarray) -> Rows:
-    return _parallel(x, 1.0)
-
-
-def straight(x: np.ndarray, _: np.ndarray) -> Rows:
-    return _parallel(x, -1.0)
-
-
-def _parallel(x: np.ndarray, sign: float) -> Rows:
+def _parallel(x: np.ndarray, _: np.ndarray, sign: float) -> Rows:
     """The turn from u to v, or to -v, as a rotation vector [r, 3]: smooth where the angle itself is a cone."""
     u, v = x[:, 0] - x[:, 1], sign * (x[:, 2] - x[:, 1])
     value, axis = _turn(u, v)
@@ -195,16 +188,9 @@ def _no_reference(x: np.ndarray) -> np.ndarray:
     return np.ones(len(x))
 
 
-def _two_legs(x: np.ndarray) -> np.ndarray:
-    return np.minimum(norm(x[:, 0] - x[:, 1]), norm(x[:, 2] - x[:, 1]))
-
-
-def _line(x: np.ndarray) -> np.ndarray:
-    return norm(x[:, 1] - x[:, 0])
-
-
-def _two_lengths(x: np.ndarray) -> np.ndarray:
-    return np.minimum(norm(x[:, 0] - x[:, 1]), norm(x[:, 2] - x[:, 3]))
+def _shortest(x: np.ndarray, pairs: Sequence[tuple[int, int]]) -> np.ndarray:
+    """The length [r] of the shortest of some segments between points."""
+    return np.min([norm(x[:, a] - x[:, b]) for a, b in pairs], axis=0)
 
 
 def _triangle(x: np.ndarray) -> np.ndarray:
@@ -215,12 +201,16 @@ def _two_triangles(x: np.ndarray) -> np.ndarray:
     return np.minimum(_triangle(x[:, :3]), _triangle(x[:, 1:]))
 
 
+_line = partial(_shortest, pairs=((0, 1),))
+_two_legs = partial(_shortest, pairs=((0, 1), (2, 1)))
+_two_lengths = partial(_shortest, pairs=((0, 1), (2, 3)))
+
 FORMS = {
     "distance": Form(1, distance, _no_reference),
     "coincident": Form(3, coincident, _no_reference),
     "angle": Form(1, angle, _two_legs),
-    "folded": Form(3, fold_back, _two_legs),
-    "straight": Form(3, straight, _two_legs),
+    "folded": Form(3, partial(_parallel, sign=1.0), _two_legs),
+    "straight": Form(3, partial(_parallel, sign=-1.0), _two_legs),
     "line_distance": Form(1, line_distance, _line),
     "collinear": Form(3, collinear, _line),
     "equal_length": Form(1, equal_length, _two_lengths),

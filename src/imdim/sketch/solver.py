@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from operator import attrgetter
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from imdim.sketch.descent import DescentConfig, Evaluate, adam, polish
+from imdim.sketch.descent import DescentConfig, adam, polish
 from imdim.sketch.system import DEGENERATE, TheorySystem, check_points, length_of
 from imdim.sketch.theory import Theory, TheoryError
 
@@ -59,14 +60,14 @@ def solve(theory: Theory, start: np.ndarray | None = None, *, rng: np.random.Gen
     scale = length_of(theory, first)
     found = _attempt(theory, first[None] / scale, replace(config.descent, adam_steps=0), scale)
     if not found.good:  # only then: soft penalties lead away from a solution close by
-        found = min(found, _attempt(theory, first[None] / scale, config.descent, scale), key=_order)
+        found = min(found, _attempt(theory, first[None] / scale, config.descent, scale), key=attrgetter("worst"))
     starts = 1
     for _ in range(config.rounds):
         if found.good:
             break
         fresh = _restarts(theory, found.points, scale, config, rng)
         starts += len(fresh)
-        found = min(found, _attempt(theory, fresh, config.descent, scale), key=_order)
+        found = min(found, _attempt(theory, fresh, config.descent, scale), key=attrgetter("worst"))
     if found.good:
         return Solution(found.points * scale, found.violations, "solved", starts=starts)
     conflict = _conflict(theory, found, scale, config, rng)
@@ -76,8 +77,7 @@ def solve(theory: Theory, start: np.ndarray | None = None, *, rng: np.random.Gen
 def random_starts(theory: Theory, count: int, rng: np.random.Generator) -> np.ndarray:
     """Normal points [count, n, 3] as wide as the theory's length."""
     points = rng.normal(size=(count, theory.n_points, 3)) * (theory.length() or 1.0)
-    if theory.dimension == 2:
-        points[..., 2] = 0
+    points[..., theory.dimension :] = 0
     return points
 
 
@@ -88,39 +88,29 @@ def relax(theories: Sequence[Theory], starts: np.ndarray, scale: np.ndarray, con
     """
     system = TheorySystem.of(theories, scale)
     x = starts / scale[:, None, None]
-    shape = (*x.shape[:2], theories[0].dimension)
-    evaluate = _flat(system, shape)
-    flat = x[..., : shape[2]].reshape(len(x), -1)
-    if config.adam_steps:
-        flat = adam(evaluate, flat, config)
-    points = _spatial(polish(evaluate, flat, config), shape)
+    axes = theories[0].dimension
+
+    def spatial(flat: np.ndarray) -> np.ndarray:
+        points = np.zeros_like(x)
+        points[..., :axes] = flat.reshape(*x.shape[:2], axes)
+        return points
+
+    def evaluate(flat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return system.evaluate(spatial(flat))
+
+    points = spatial(polish(evaluate, adam(evaluate, x[..., :axes].reshape(len(x), -1), config), config))
     worst = np.abs(system.evaluate(points)[0]).max(axis=1, initial=0.0)
     worst[system.references(points) < DEGENERATE] = np.inf
     return points * scale[:, None, None], worst
 
 
-def _flat(system: TheorySystem, shape: tuple[int, int, int]) -> Evaluate:
-    return lambda flat: system.evaluate(_spatial(flat, shape))
+class _Attempt(NamedTuple):
+    """The best of several starts, in units of the theory's length; `good` where the constraints hold."""
 
-
-def _spatial(flat: np.ndarray, shape: tuple[int, int, int]) -> np.ndarray:
-    points = np.zeros((*shape[:2], 3))
-    points[..., : shape[2]] = flat.reshape(shape)
-    return points
-
-
-@dataclass(frozen=True)
-class _Attempt:
-    """The best of several starts, in units of the theory's length."""
-
-    points: np.ndarray
-    violations: np.ndarray
     worst: float
     good: bool
-
-
-def _order(attempt: _Attempt) -> tuple[bool, float]:
-    return not attempt.good, attempt.worst
+    points: np.ndarray
+    violations: np.ndarray
 
 
 def _attempt(theory: Theory, starts: np.ndarray, config: DescentConfig, scale: float) -> _Attempt:
@@ -129,7 +119,7 @@ def _attempt(theory: Theory, starts: np.ndarray, config: DescentConfig, scale: f
     best = int(np.argmin(worst))
     system = TheorySystem.of([theory], scales[:1])
     violations = system.per_constraint(system.evaluate(points[best : best + 1] / scale)[0])
-    return _Attempt(points[best] / scale, violations, float(worst[best]), bool(worst[best] <= config.tolerance))
+    return _Attempt(float(worst[best]), bool(worst[best] <= config.tolerance), points[best] / scale, violations)
 
 
 def _restarts(theory: Theory, best: np.ndarray, scale: float, config: SolveConfig, rng: np.random.Generator) -> np.ndarray:
@@ -137,8 +127,7 @@ def _restarts(theory: Theory, best: np.ndarray, scale: float, config: SolveConfi
     starts = random_starts(theory, config.restarts, rng) / scale
     kicks = config.kick * 3.0 ** (1 - np.arange(near))
     starts[:near] = best + kicks[:, None, None] * rng.normal(size=(near, *best.shape))
-    if theory.dimension == 2:
-        starts[..., 2] = 0
+    starts[..., theory.dimension :] = 0
     return starts
 
 

@@ -74,14 +74,18 @@ class TheorySystem:
             np.minimum.at(smallest, block.theory, FORMS[block.form].reference(points[block.theory[:, None], block.indices]))
         return smallest
 
-    def per_constraint(self, residuals: np.ndarray, b: int = 0) -> np.ndarray:
-        """The norm of each constraint's residual [m] of theory b: the violations, relative to its length or in radians."""
-        out = np.zeros(len(self.theories[b].constraints))
-        for block in self.blocks:
-            mine = block.theory == b
-            rows = block.row[mine, None] + np.arange(FORMS[block.form].width)
-            out[block.number[mine]] = np.sqrt((residuals[b][rows] ** 2).sum(axis=1))
-        return out
+    def rows_of(self) -> list[np.ndarray]:
+        """The rows of each constraint [m] of a single theory, in order."""
+        rows = {
+            int(number): np.arange(row, row + FORMS[block.form].width)
+            for block in self.blocks
+            for number, row in zip(block.number, block.row, strict=True)
+        }
+        return [rows[i] for i in sorted(rows)]
+
+    def per_constraint(self, residuals: np.ndarray) -> np.ndarray:
+        """The norm of each constraint's residual [m] of a single theory: the violations, relative to its length or in radians."""
+        return np.array([np.sqrt((residuals[0][rows] ** 2).sum()) for rows in self.rows_of()])
 
 
 def _block(form: str, entries: list[tuple]) -> Block:
@@ -98,8 +102,7 @@ def check_points(theory: Theory, points: np.ndarray) -> np.ndarray:
     if len(bad):
         users = [i for i, c in enumerate(theory.constraints) if bad[0] in c.indices]
         raise TheoryError(f"control point {bad[0]} is not finite" + (f", used by {theory.name(users[0])}" if users else ""))
-    if theory.dimension == 2:
-        points[:, 2] = 0
+    points[:, theory.dimension :] = 0
     return points
 
 

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from tests.data.folders import make_folder
 from tests.deadlines import PASSED
 
 from imdim.app.pretrain import main
-from imdim.data.folder import FolderConfig, make_folder
+from imdim.data.folder import FolderConfig
 from imdim.data.solids import inside, levels
 from imdim.data.synthesize import SynthesisConfig, draw_programs
 from imdim.geometry import kernels

@@ -11,6 +11,8 @@ from imdim.learn.stump.dgcnn import DGCNN
 from imdim.learn.stump.samples import Occupied
 from imdim.learn.stump.settings import StumpConfig, check
 
+STEEP = 1e4  # of occupancies that are all but 0 and 1
+
 
 class StumpNet(nn.Module):
     """The heads say how a shape differs from `start`, which is learnt too."""
@@ -40,6 +42,17 @@ class StumpNet(nn.Module):
         with torch.autocast(batch.cloud.device.type, enabled=False):
             shape = Decoded(shape.kinds, *(t.float() for t in shape.tensors))
             return losses(shape, batch.points, batch.inside, self.config.eta, self.config.primitive_weight)
+
+
+@torch.no_grad()
+def measured_shapes(net: StumpNet, targets: Occupied) -> dict[str, float]:
+    """IoU of the binary shapes as predicted, not fitted, and the intersections in their unions."""
+    net.eval()
+    shape = net(targets.cloud)
+    found, truth = occupancy(shape, targets.points, STEEP, binary=True)[0] > 0.5, targets.inside > 0.5
+    iou = (found & truth).sum(1) / (found | truth).sum(1).clamp_min(1)
+    used = (shape.union > 0).sum(1).float()
+    return {"iou_mean": float(iou.mean()), "iou_median": float(iou.median()), "intersections": float(used.mean())}
 
 
 def losses(

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from cloud_fit import Distances
 
-from imdim.sketch.fit import Distances
 from imdim.sketch.residuals import TINY
 
 
