@@ -10,8 +10,7 @@ from tests.planted import box, cut, cylinder, sphere, union
 from imdim.geometry import kernels
 from imdim.geometry.lowering import lower
 from imdim.geometry.sampling import surface_points
-from imdim.numbers.clip import clip_program
-from imdim.numbers.em import EMConfig, maximise_likelihood
+from imdim.numbers.em import EMConfig, clip_program, maximise_likelihood
 from imdim.numbers.likelihood import Noise
 from imdim.numbers.refine import refine
 from imdim.numbers.shared_rotations import align_rotations, frames, map_shared_turns

@@ -5,7 +5,8 @@ import pytest
 from tests.known_programs import LEAVES
 
 from imdim.geometry import kernels
-from imdim.numbers.symmetry_normal_form import CUBE_ROTATIONS, canonical, round_turns
+from imdim.geometry.axes import SYMMETRIES
+from imdim.numbers.symmetry_normal_form import canonical, round_turns
 from imdim.program.tree import KINDS, Primitive
 
 SIZES = {
@@ -51,8 +52,8 @@ def test_a_cone_upside_down_swaps_its_radii():
 
 
 def test_there_are_24_cube_rotations():
-    assert len({tuple(m.ravel()) for m in CUBE_ROTATIONS}) == 24
-    assert all(np.allclose(m @ m.T, np.eye(3)) for m in CUBE_ROTATIONS)
+    assert len({tuple(m.ravel()) for m in SYMMETRIES}) == 24
+    assert all(np.allclose(m @ m.T, np.eye(3)) for m in SYMMETRIES)
 
 
 @pytest.mark.parametrize("leaf", [p for p in LEAVES if p.kind != "sphere"], ids=lambda p: f"{p.kind}{p.size}")

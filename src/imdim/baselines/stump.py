@@ -21,8 +21,7 @@ MOST = 40  # primitives
 def stumps(seen: Observation, deadline: Deadline) -> Iterator[Program]:
     """Programs, each cheaper than the one before; one at least where the body shows any candidate."""
     families, best = seen.families, np.inf
-    pools = _pools(families, seen.size_weight, deadline)
-    for pool in pools:
+    for pool in _pools(families, seen.size_weight, deadline):
         program = _program(pool, families, seen.size_weight)
         price = seen.price(program)
         if price < best:

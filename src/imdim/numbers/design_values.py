@@ -90,16 +90,12 @@ def _reading_of(sizes: int, ends: tuple[tuple[int, int], ...]) -> _Reading:
     matrix, classes = np.eye(6), np.array([LENGTH] * 3 + [0, 1, 2])
     classes[sizes:3] = UNUSED
     for size, axis in ends:
-        _as_ends(matrix, classes, size, axis)
+        # (size, centre along axis) become the positions of the lower and the upper end
+        for row, sign in ((size, -0.5), (3 + axis, 0.5)):
+            matrix[row] = 0
+            matrix[row, size], matrix[row, 3 + axis] = sign, 1.0
+            classes[row] = axis
     return _Reading(matrix, np.linalg.inv(matrix), classes)
-
-
-def _as_ends(matrix: np.ndarray, classes: np.ndarray, size: int, axis: int) -> None:
-    """Read (size, centre along axis) as the positions of the lower and the upper end."""
-    for row, sign in ((size, -0.5), (3 + axis, 0.5)):
-        matrix[row] = 0
-        matrix[row, size], matrix[row, 3 + axis] = sign, 1.0
-        classes[row] = axis
 
 
 def decimal(value: float) -> float:

@@ -8,6 +8,7 @@ Before that, ends that only just meet a face are let through it: a step would op
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -15,15 +16,16 @@ from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
 from imdim.geometry.finish.overshoot import overshoot
 from imdim.geometry.lowering import Lowered, lower
-from imdim.numbers.clip import clip_program
+from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.face_coordinates import lift_numbers, shift_leaves, step_maps
 from imdim.numbers.likelihood import Noise, Share, SurfaceSamples, shares
 from imdim.numbers.normal_equations import blocks
 from imdim.numbers.shared_rotations import TURNS, align_rotations, frames, map_shared_turns
-from imdim.program.tree import Program, leaves
+from imdim.program.tree import Primitive, Program, leaves, map_leaves
 
 MOST_LET_THROUGH = 40  # leaves; the booleans that ask which ends only just meet grow with the square
 NOISE_ROUNDS = 4
+SPANS = {"box": {0: 0, 1: 1, 2: 2}, "cylinder": {2: 1}}  # kind: local axis -> the size along it
 RELAXED = 1.6  # any factor below 2 converges where 1 does (Salakhutdinov & Roweis 2003)
 
 
@@ -83,6 +85,26 @@ def maximise_likelihood(
         if longest < config.still * noise.sigma and not calmer:
             break
     return best
+
+
+def clip_program(program: Program, points: np.ndarray, margin: float) -> Program:
+    """The program with boxes and cylinders that end `margin` outside the box of `points` [n, 3] at the latest; inside, it is the same.
+
+    What reaches further takes samples from the surface that is seen.
+    """
+    corners = np.array(list(product(*zip(points.min(0) - margin, points.max(0) + margin, strict=True))))
+    return map_leaves(program, lambda _, leaf: _clipped(leaf, corners))
+
+
+def _clipped(leaf: Primitive, corners: np.ndarray) -> Primitive:
+    rotation, center, size = matrix_from_euler(leaf.rotation), np.array(leaf.center), list(leaf.size)
+    for axis, slot in SPANS.get(leaf.kind, {}).items():
+        along = (corners - np.array(leaf.center)) @ rotation[:, axis]
+        start, end = max(-leaf.size[slot] / 2, float(along.min())), min(leaf.size[slot] / 2, float(along.max()))
+        if end > start and end - start < leaf.size[slot]:
+            size[slot] = end - start
+            center = center + (start + end) / 2 * rotation[:, axis]
+    return replace(leaf, size=tuple(size), center=tuple(center.tolist()))
 
 
 def _in_its_noise(likely: FittedProgram, points: np.ndarray, noise: Noise) -> FittedProgram:

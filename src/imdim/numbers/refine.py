@@ -63,18 +63,11 @@ def refine(program: Program, points: np.ndarray, *, config: RefineConfig | None 
     points = np.ascontiguousarray(points, float)
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
     start = lower(program)
-    end, stop = _newton(start, points, diagonal, config, deadline)
-    distance = np.abs(kernels.program_sdf(end.numbers, points))
-    explained = distance < end.scale
+    numbers, scale, iterations, stop = _newton(start, points, diagonal, config, deadline)
+    distance = np.abs(kernels.program_sdf(numbers, points))
+    explained = distance < scale
     rms = float(np.sqrt(np.mean(distance[explained] ** 2))) if explained.any() else float("inf")
-    return Fit(lift_numbers(program, start, end.numbers), rms, float(explained.mean()), end.iterations, stop)
-
-
-@dataclass(frozen=True)
-class _RefineState:
-    numbers: Lowered
-    scale: float
-    iterations: int
+    return Fit(lift_numbers(program, start, numbers), rms, float(explained.mean()), iterations, stop)
 
 
 @dataclass(frozen=True)
@@ -96,8 +89,10 @@ def _linearise(numbers: Lowered, points: np.ndarray, scale: float) -> _Linear:
     return _Linear(float((square / (1 + square / (scale * scale))).sum()), matrix, gradient, maps, residual)
 
 
-def _newton(numbers: Lowered, points: np.ndarray, diagonal: float, config: RefineConfig, deadline: Deadline) -> tuple[_RefineState, Stop]:
-    """Levenberg-Marquardt; the robust scale falls with the residuals of what is explained."""
+def _newton(
+    numbers: Lowered, points: np.ndarray, diagonal: float, config: RefineConfig, deadline: Deadline
+) -> tuple[Lowered, float, int, Stop]:
+    """Levenberg-Marquardt: the numbers, their robust scale, which falls with the residuals of what is explained, and the iterations."""
     damping, iterations, rejected, scale = 1e-3, 0, 0, config.start_scale * diagonal
     linear = _linearise(numbers, points, scale)
     for _ in range(config.newton_steps):
@@ -106,7 +101,7 @@ def _newton(numbers: Lowered, points: np.ndarray, diagonal: float, config: Refin
         iterations += 1
         free = mask_determined(linear.matrix, config.min_support)
         if not free.any():
-            return _RefineState(numbers, scale, iterations), "no_support"
+            return numbers, scale, iterations, "no_support"
         step = solve_blocks(linear.matrix, linear.gradient, free, damping)
         trial = move_limited(numbers, linear.maps, step)
         after = _linearise(trial, points, scale)
@@ -114,7 +109,7 @@ def _newton(numbers: Lowered, points: np.ndarray, diagonal: float, config: Refin
         if after.cost > linear.cost:
             damping, rejected = damping * 6, rejected + 1
             if still or rejected > MAX_REJECTED:
-                return _RefineState(numbers, scale, iterations), "converged" if still else "stalled"
+                return numbers, scale, iterations, "converged" if still else "stalled"
             continue
         gain = linear.cost - after.cost
         settled, finished = still or gain <= SETTLED * linear.cost, still or gain <= FINISHED * linear.cost
@@ -124,8 +119,8 @@ def _newton(numbers: Lowered, points: np.ndarray, diagonal: float, config: Refin
             scale = smaller
             linear = _linearise(numbers, points, scale)
         elif finished:
-            return _RefineState(numbers, scale, iterations), "converged"
-    return _RefineState(numbers, scale, iterations), "budget_spent"
+            return numbers, scale, iterations, "converged"
+    return numbers, scale, iterations, "budget_spent"
 
 
 def _noise_scale(residual: np.ndarray, scale: float, diagonal: float, config: RefineConfig) -> float:

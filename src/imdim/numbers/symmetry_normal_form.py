@@ -10,10 +10,10 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache
-from itertools import permutations, product
 
 import numpy as np
 
+from imdim.geometry.axes import SYMMETRIES
 from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
 from imdim.program.tree import Primitive, Vec3
 
@@ -62,15 +62,7 @@ def in_frame(primitive: Primitive, frame: np.ndarray) -> Primitive:
 @lru_cache(4096)
 def _simplest(frame: bytes) -> Vec3:
     """The simplest of the equal frames of a box; most boxes of a part share theirs."""
-    return min((_turn(np.frombuffer(frame).reshape(3, 3) @ turn) for turn in CUBE_ROTATIONS), key=_simplicity)
-
-
-def _cube_rotations() -> list[np.ndarray]:
-    signed = (np.eye(3)[list(order)] * signs for order in permutations(range(3)) for signs in product((1, -1), repeat=3))
-    return [m for m in signed if np.linalg.det(m) > 0]
-
-
-CUBE_ROTATIONS = _cube_rotations()
+    return min((_turn(np.frombuffer(frame).reshape(3, 3) @ turn) for turn in SYMMETRIES), key=_simplicity)
 
 
 def _turn(frame: np.ndarray) -> Vec3:
@@ -101,7 +93,7 @@ def round_turns(primitive: Primitive, max_deg: float) -> Iterator[Primitive]:
     seen = {canonical(primitive)}
     for frame in _round_axes(before[:, 2]) if axial else _round_frames(before):
         near = along_axis(primitive, frame) if axial else in_frame(primitive, frame)
-        angle = angle_between(before[:, 2], frame, undirected=True) if axial else frame_angle(before, frame)
+        angle = line_angle(before[:, 2], frame) if axial else frame_angle(before, frame)
         if angle <= max_deg and near not in seen:
             seen.add(near)
             yield near
@@ -127,7 +119,7 @@ def _round_axes(axis: np.ndarray) -> Iterator[np.ndarray]:
 
 def _round_frames(frame: np.ndarray) -> Iterator[np.ndarray]:
     """Frames near `frame`: a signed permutation, one axis along the world's with a round or any angle about it, round Euler degrees."""
-    yield max(CUBE_ROTATIONS, key=lambda m: float((m * frame).sum()))
+    yield max(SYMMETRIES, key=lambda m: float((m * frame).sum()))
     world, local = np.unravel_index(np.abs(frame).argmax(), (3, 3))
     fixed = np.eye(3)[world] * np.sign(frame[world, local])
     level = _shortest_turn(frame[:, local], fixed) @ frame
@@ -159,10 +151,9 @@ def _about(axis: np.ndarray, angle: float) -> np.ndarray:
     return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
 
 
-def angle_between(a: np.ndarray, b: np.ndarray, undirected: bool = False) -> float:
-    """Degrees between unit vectors, or between the lines along them."""
-    cosine = abs(float(a @ b)) if undirected else float(a @ b)
-    return math.degrees(math.atan2(float(np.linalg.norm(np.cross(a, b))), cosine))
+def line_angle(a: np.ndarray, b: np.ndarray) -> float:
+    """Degrees between the lines along unit vectors."""
+    return math.degrees(math.atan2(float(np.linalg.norm(np.cross(a, b))), abs(float(a @ b))))
 
 
 def frame_angle(a: np.ndarray, b: np.ndarray) -> float:

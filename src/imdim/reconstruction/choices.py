@@ -9,8 +9,7 @@ from imdim.program.cost import count
 from imdim.program.front import Choice
 from imdim.program.tree import Program, combine_all
 from imdim.reconstruction.evidence import ScoringSamples
-from imdim.search.front.backward_elimination import eliminate_backwards
-from imdim.search.front.front import Individual, spread
+from imdim.search.front.front import Individual, eliminate_backwards, spread
 from imdim.target.target import Frame
 
 MOST_CHOICES = 7

@@ -42,12 +42,10 @@ class ScoringSamples:
         # fewer samples stand for the same volume
         share = len(self.samples.points) / len(chosen)
         w_in, w_out = self.samples.w_in[chosen] * share, self.samples.w_out[chosen] * share
-        target = SampledTarget(self._surface(), self.area, self.samples.points[chosen], w_in, w_out)
+        surface = self.points[np.random.default_rng(SURFACE_SEED).permutation(len(self.points))[:SURFACE]]
+        target = SampledTarget(surface, self.area, self.samples.points[chosen], w_in, w_out)
         config = FitnessConfig(self.size_weight, free_weight=self.size_weight if self.exact else 0.0)
         return Scorer(target, config, Carriers(self.families.arrangement))
-
-    def _surface(self) -> np.ndarray:
-        return self.points[np.random.default_rng(SURFACE_SEED).permutation(len(self.points))[:SURFACE]]
 
     def solve(self, program: Program) -> Program:
         """The program with its numbers fitted to the surface, by a few steps."""

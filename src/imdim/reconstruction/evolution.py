@@ -50,13 +50,8 @@ def log_generations(generations: Iterable[TheoryGeneration], folder: str, name: 
     writer = SummaryWriter(Path(folder) / name)
     try:
         for g in generations:
-            best, step = g.best.score, g.number
             values = {
-                "best/fitness": best.fitness,
-                "best/error": best.error,
-                "best/volume": best.volume,
-                "best/distance": best.distance,
-                "best/primitives": best.primitives,
+                **{f"best/{part}": getattr(g.best.score, part) for part in ("fitness", "error", "volume", "distance", "primitives")},
                 "front/size": len(g.front),
                 "front/least_error": g.front[-1].score.error,
                 "population/diversity": g.diversity,
@@ -64,7 +59,7 @@ def log_generations(generations: Iterable[TheoryGeneration], folder: str, name: 
                 **{f"origins/{name}": count for name, count in g.origins.items()},
             }
             for name, value in values.items():
-                writer.add_scalar(name, value, step)
+                writer.add_scalar(name, value, g.number)
             yield g
     finally:
         writer.close()

@@ -97,7 +97,7 @@ def misfit(program: Program, cloud: Cloud, config: PoolConfig | None = None) -> 
     if not len(surface.faces):
         return 1.0 + config.price * count(program).primitives
     explained, calm = config.explained * cloud.diagonal, config.calm * cloud.noise
-    away = np.minimum(distances(triangle_tree(surface), cloud.subsample(MEASURED)), explained)
+    away = np.minimum(distances(triangle_tree(surface), subsample(cloud.points, MEASURED)), explained)
     shown = trimesh.sample.sample_surface(surface, MEASURED, seed=0)[0]
     bare = np.clip((cloud.tree.query(shown)[0] - calm) / cloud.spacing - 1.0, 0.0, 1.0)
     area = float(surface.area) / (len(cloud.points) * cloud.spacing**2)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations, islice
 
 import numpy as np
 
@@ -45,6 +46,13 @@ class Arrangement:
     frames: tuple[tuple[int, int, int], ...]
     bounds: np.ndarray
     outer: np.ndarray
+
+    def rotation(self, frame: tuple[int, int, int]) -> np.ndarray:
+        """The proper rotation [3, 3] nearest to three of the directions, which detection makes orthogonal to tolerance only."""
+        axes = np.stack([self.directions[i].vector for i in frame], axis=1)
+        axes[:, 2] *= np.sign(np.linalg.det(axes))
+        left, _, right = np.linalg.svd(axes)
+        return left @ right
 
 
 @dataclass(frozen=True)
@@ -141,16 +149,9 @@ def _complete(vectors: list[np.ndarray]) -> list[np.ndarray]:
 
 
 def _frames(vectors: list[np.ndarray], config: ArrangementConfig) -> tuple[tuple[int, int, int], ...]:
-    frames: list[tuple[int, int, int]] = []
-    n = len(vectors)
-    for i in range(n):
-        for j in range(i + 1, n):
-            if abs(vectors[i] @ vectors[j]) >= ORTHOGONAL:
-                continue
-            for k in range(j + 1, n):
-                if abs(vectors[i] @ vectors[k]) < ORTHOGONAL and abs(vectors[j] @ vectors[k]) < ORTHOGONAL:
-                    frames.append((i, j, k))
-    return tuple(frames[: config.max_frames])
+    right = {pair for pair in combinations(range(len(vectors)), 2) if abs(vectors[pair[0]] @ vectors[pair[1]]) < ORTHOGONAL}
+    triples = (t for t in combinations(range(len(vectors)), 3) if right.issuperset(combinations(t, 2)))
+    return tuple(islice(triples, config.max_frames))
 
 
 def _offsets(

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis
-from imdim.geometry.surface import Surface
+from imdim.geometry.surface import Surface, vec
 from imdim.program.tree import Primitive
 from imdim.search.arrangement import Arrangement
 from imdim.search.cells import Cells
@@ -129,15 +129,12 @@ class Families:
         return _cap(surface, direction.vector, lo, hi)
 
     def _box(self, frame: int, ranges: tuple[tuple[int, int], ...]) -> Primitive:
-        chosen = [self.arrangement.directions[i] for i in self.arrangement.frames[frame]]
-        rotation = np.stack([d.vector for d in chosen], axis=1)
-        rotation[:, 2] *= np.sign(np.linalg.det(rotation))
-        left, _, right = np.linalg.svd(rotation)  # detected directions are orthogonal to tolerance only
-        rotation = left @ right
+        axes = self.arrangement.frames[frame]
+        chosen = [self.arrangement.directions[i] for i in axes]
         spans = [(float(d.offsets[lo]), float(d.offsets[hi])) for d, (lo, hi) in zip(chosen, ranges, strict=True)]
         middle = sum(d.vector * (lo + hi) / 2 for d, (lo, hi) in zip(chosen, spans, strict=True))
         sizes = tuple(hi - lo for lo, hi in spans)
-        return Primitive("box", sizes, tuple(float(x) for x in middle), euler_from_matrix(rotation))  # type: ignore[arg-type]
+        return Primitive("box", sizes, vec(np.asarray(middle)), euler_from_matrix(self.arrangement.rotation(axes)))
 
 
 def _top(sums: np.ndarray, count: int, floor: float) -> np.ndarray:
@@ -168,5 +165,4 @@ def _cap(surface: Surface, direction: np.ndarray, lo: float, hi: float) -> Primi
 
 
 def _place(kind: str, size: tuple[float, ...], center: np.ndarray, axis: np.ndarray) -> Primitive:
-    rotation = euler_from_matrix(frame_from_axis(axis))
-    return Primitive(kind, size, tuple(float(x) for x in center), rotation)  # type: ignore[arg-type]
+    return Primitive(kind, size, vec(center), euler_from_matrix(frame_from_axis(axis)))

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imdim.geometry.rotations import frame_from_axis
 from imdim.search.arrangement import Arrangement, Direction, codes
 
 # Weights of (excess, lack). Cheap excess proposes hulls to cut from, dear lack pure cuts, dear excess pure pieces.
@@ -192,7 +193,5 @@ def _axial_densities(arrangement: Arrangement) -> list[_AxialDensity]:
 
 
 def _axial_density(direction: Direction, foot: np.ndarray, radii: list[float], size: float) -> _AxialDensity:
-    from imdim.geometry.rotations import frame_from_axis
-
     edges = np.unique(np.round(np.array([0.0, *radii, max(radii) + 0.01 * size]) / size, 7)) * size
     return _AxialDensity(foot, frame_from_axis(direction.vector).T, _Slabs(edges), _Slabs(direction.offsets))

@@ -62,20 +62,14 @@ class Sharpener:
         old = self._looks / (self._looks + 1)
         self._first, _ = pool_cells(self._first, empty, (1.0, 1.0))
         self._cells, place = pool_cells(self._cells, fresh, (old, 1 - old))
-        self._doubted, self._known = (_move_flags(flags, place, len(self._cells.points)) for flags in (self._doubted, self._known))
+        count = len(self._cells.points)
+        self._doubted, self._known = (np.bincount(place[: len(flags)], flags, count) > 0 for flags in (self._doubted, self._known))
         self._looks += 1
 
     def _judge_cells(self) -> Cells:
         """All cells with the volumes that count."""
         w_in, w_out = (np.where(self._doubted, *w) for w in ((self._cells.w_in, self._first.w_in), (self._cells.w_out, self._first.w_out)))
         return replace(self._cells, w_in=w_in, w_out=w_out)
-
-
-def _move_flags(flags: np.ndarray, place: np.ndarray, count: int) -> np.ndarray:
-    """Flags of cells [m] at their places [m, ...] among `count`."""
-    out = np.zeros(count, bool)
-    out[place[: len(flags)]] = flags
-    return out
 
 
 def transfer(sequence: Sequence, families: Families) -> Sequence:

@@ -49,22 +49,16 @@ def rate_sequence(sequence: Sequence, families: Families, price: Price) -> Rated
     return RatedSequence(sequence, error(sequence, families, price.weights) + price.step * cost(sequence), families)
 
 
-def grow(found: RatedSequence, insertion: Insertion, families: Families, price: Price) -> RatedSequence:
+def grow(found: RatedSequence, insertion: Insertion, price: Price) -> RatedSequence:
     """One step more."""
-    return rate_sequence(insert(found.sequence, insertion, families), families, price)
+    return rate_sequence(insert(found.sequence, insertion, found.families), found.families, price)
 
 
 def complete(
-    found: RatedSequence,
-    families: Families,
-    config: LocalConfig,
-    price: Price,
-    deadline: Deadline,
-    limit: float = np.inf,
-    known: GainBounds | None = None,
+    found: RatedSequence, config: LocalConfig, price: Price, deadline: Deadline, limit: float = np.inf, known: GainBounds | None = None
 ) -> RatedSequence:
     """Insert the best single step, or a pair where no single pays, until nothing pays or the steps alone cost more than `limit`."""
-    known = known or GainBounds()
+    known, families = known or GainBounds(), found.families
     share = config.alike if len(families.cells.points) * families.groups > config.large else 1.0
     while (primitives := cost(found.sequence)) < config.max_primitives and price.step * primitives < limit and not deadline.has_passed():
         options = best_insertions(found.sequence, families, price, known, share)
@@ -88,16 +82,16 @@ def _pairs(sequence: Sequence, families: Families, config: LocalConfig, price: P
     return [p for p in pairs if p.gain >= share * pairs[0].gain]
 
 
-def prune(found: RatedSequence, families: Families, price: Price) -> RatedSequence:
+def prune(found: RatedSequence, price: Price) -> RatedSequence:
     """Without the steps that do not earn their price; later steps often make earlier ones idle."""
-    while (shorter := _without_idle(found, families, price)) is not None:
+    while (shorter := _without_idle(found, price)) is not None:
         found = shorter
     return found
 
 
-def _without_idle(found: RatedSequence, families: Families, price: Price) -> RatedSequence | None:
+def _without_idle(found: RatedSequence, price: Price) -> RatedSequence | None:
     """Without the last step that does not earn its price, None where all do."""
-    steps, primitives = found.sequence, cost(found.sequence)
+    steps, families, primitives = found.sequence, found.families, cost(found.sequence)
     for i, filled in without_one(steps, len(families.cells.points)):
         objective = error_of(filled, families, price.weights) + price.step * (primitives - len(steps[i].term.halves))
         if objective <= found.objective:
@@ -106,26 +100,20 @@ def _without_idle(found: RatedSequence, families: Families, price: Price) -> Rat
 
 
 def improve(
-    found: RatedSequence,
-    families: Families,
-    config: LocalConfig,
-    price: Price,
-    rng: np.random.Generator,
-    deadline: Deadline,
-    completed: GainBounds,
+    found: RatedSequence, config: LocalConfig, price: Price, rng: np.random.Generator, deadline: Deadline, completed: GainBounds
 ) -> Iterator[RatedSequence]:
     """Yield better and better sequences; `completed` is what their completion learned."""
     idle = 0
     known = {weights: GainBounds() for weights in WEIGHTS} | {price.weights: completed}
     attempts = _single_removals(found.sequence)
-    size = max(1, len(found.sequence) * len(families.cells.points))
+    size = max(1, len(found.sequence) * len(found.families.cells.points))
     rounds = int(np.clip(config.work / size, config.least_rounds, config.rounds))
     for _ in range(rounds):
         if deadline.has_passed() or not found.sequence or idle >= config.patience * rounds + len(attempts):
             return
         removed = attempts.pop(0) if attempts else _choose_related(found.sequence, config, rng)
         branches = {weights: bounds.branch() for weights, bounds in known.items()}
-        trial = _refill(found, removed, families, config, price, rng, deadline, branches)
+        trial = _refill(found, removed, config, price, rng, deadline, branches)
         better = trial.objective < found.objective * (1 - 1e-9)
         idle = 0 if better else idle + 1
         if trial.objective <= found.objective:
@@ -154,7 +142,6 @@ def _choose_related(sequence: Sequence, config: LocalConfig, rng: np.random.Gene
 def _refill(
     found: RatedSequence,
     removed: tuple[int, ...],
-    families: Families,
     config: LocalConfig,
     price: Price,
     rng: np.random.Generator,
@@ -162,24 +149,24 @@ def _refill(
     known: dict[Weights, GainBounds],
 ) -> RatedSequence:
     """The sequence with some steps taken out and the hole filled again, pruned."""
-    shorter = tuple(s for i, s in enumerate(found.sequence) if i not in removed)
+    shorter, families = tuple(s for i, s in enumerate(found.sequence) if i not in removed), found.families
     if len(removed) > 1:
         excess, lack = WEIGHTS[int(rng.integers(len(WEIGHTS)))]
         phase = Price(price.step * (10.0 if excess < 1 else 1.0), (excess, lack))
         start = rate_sequence(shorter, families, phase)
-        shorter = _steps(start, len(removed) - 1, families, phase, known[phase.weights]).sequence
-    filled = _steps(rate_sequence(shorter, families, price), len(removed) + 1, families, price, known[price.weights])
-    trial = prune(filled, families, price)
+        shorter = _steps(start, len(removed) - 1, phase, known[phase.weights]).sequence
+    filled = _steps(rate_sequence(shorter, families, price), len(removed) + 1, price, known[price.weights])
+    trial = prune(filled, price)
     if trial.objective < found.objective * 1.2:
-        trial = prune(complete(trial, families, config, price, deadline, 1.2 * found.objective, known[price.weights]), families, price)
+        trial = prune(complete(trial, config, price, deadline, 1.2 * found.objective, known[price.weights]), price)
     return trial
 
 
-def _steps(found: RatedSequence, count: int, families: Families, price: Price, known: GainBounds) -> RatedSequence:
+def _steps(found: RatedSequence, count: int, price: Price, known: GainBounds) -> RatedSequence:
     """Up to `count` best single insertions that pay."""
     for _ in range(count):
-        options = best_insertions(found.sequence, families, price, known)
+        options = best_insertions(found.sequence, found.families, price, known)
         if not options:
             break
-        found = grow(found, options[0], families, price)
+        found = grow(found, options[0], price)
     return found

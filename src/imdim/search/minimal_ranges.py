@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from imdim.program.sequence import Step
-from imdim.search.arrangement import Arrangement
+from imdim.search.arrangement import Arrangement, span_along
 from imdim.search.candidate_families import Candidate, Families
 from imdim.search.cells import Cells
 from imdim.search.sequence import Covered, Pair, Sequence, run
@@ -56,9 +56,9 @@ def shorten_range(candidate: Candidate, axis: int, end: int, arrangement: Arrang
     if direction < 0:
         return None
     offsets = arrangement.directions[direction].offsets
-    middle, half = _span(arrangement.bounds, arrangement.directions[direction].vector)
-    at = offsets[lo if end == 0 else hi]
-    if not added and abs(at - middle) <= half * (1 + 1e-9):
+    low, high = span_along(arrangement.bounds, arrangement.directions[direction].vector)
+    at, slack = offsets[lo if end == 0 else hi], 1e-9 * (high - low)
+    if not added and low - slack <= at <= high + slack:
         return None
     moved = (lo + 1, hi) if end == 0 else (lo, hi - 1)
     return replace(candidate, ranges=tuple(moved if a == axis else r for a, r in enumerate(candidate.ranges)))
@@ -67,10 +67,6 @@ def shorten_range(candidate: Candidate, axis: int, end: int, arrangement: Arrang
 def _direction(candidate: Candidate, axis: int, arrangement: Arrangement) -> int:
     kind, index = candidate.source
     return arrangement.axis_of[index] if kind == "curved" else arrangement.frames[index][axis]
-
-
-def _span(box: np.ndarray, v: np.ndarray) -> tuple[float, float]:
-    return float(box.mean(0) @ v), float((box[1] - box[0]) / 2 @ np.abs(v))
 
 
 def _with(sequence: Sequence, i: int, halves: list[Candidate], families: Families) -> Sequence:

@@ -8,9 +8,10 @@ maximises over all candidates.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import islice
+from functools import reduce
+from itertools import accumulate, islice
 
 import numpy as np
 
@@ -31,6 +32,11 @@ class Pair:
 
 
 Shape = Candidate | Pair
+OCCUPANCY: Mapping[Op, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
+    "union": np.logical_or,
+    "intersection": np.logical_and,
+    "difference": lambda keep, cut: keep & ~cut,
+}
 
 
 @dataclass(frozen=True)
@@ -71,19 +77,14 @@ class Insertion:
     shape: Shape
 
 
-def apply(step: Step[Covered], state: np.ndarray) -> np.ndarray:
+def apply(state: np.ndarray, step: Step[Covered]) -> np.ndarray:
     """The cells [m] filled after one step."""
-    if step.op == "union":
-        return state | step.term.mask
-    return state & ~step.term.mask if step.op == "difference" else state & step.term.mask
+    return OCCUPANCY[step.op](state, step.term.mask)
 
 
 def run(sequence: Sequence, m: int) -> np.ndarray:
     """The cells [m] that a sequence fills."""
-    state = np.zeros(m, bool)
-    for step in sequence:
-        state = apply(step, state)
-    return state
+    return reduce(apply, sequence, np.zeros(m, bool))
 
 
 def error(sequence: Sequence, families: Families, weights: Weights = TRUE) -> float:
@@ -102,9 +103,7 @@ def without_one(sequence: Sequence, m: int) -> Iterator[tuple[int, np.ndarray]]:
 
     What the steps behind it make of an empty and of a filled cell is carried along, so that all removals take the time of a few runs.
     """
-    states = [np.zeros(m, bool)]
-    for step in sequence[:-1]:
-        states.append(apply(step, states[-1]))
+    states = list(accumulate(sequence[:-1], apply, initial=np.zeros(m, bool)))
     of_empty, of_filled = np.zeros(m, bool), np.ones(m, bool)
     for i in range(len(sequence) - 1, -1, -1):
         yield i, np.where(states[i], of_filled, of_empty)
@@ -135,8 +134,7 @@ def mask_of(shape: Shape, families: Families) -> np.ndarray:
     """The cells [m] of a shape."""
     if isinstance(shape, Candidate):
         return families.mask(shape)
-    left, right = families.mask(shape.left), families.mask(shape.right)
-    return left & right if shape.op == "intersection" else left & ~right
+    return OCCUPANCY[shape.op](families.mask(shape.left), families.mask(shape.right))
 
 
 def insert(sequence: Sequence, insertion: Insertion, families: Families) -> Sequence:
@@ -156,9 +154,7 @@ class Gap:
 
 def gaps(sequence: Sequence, m: int) -> Iterator[Gap]:
     """All places where a step can go, the end first."""
-    states = [np.zeros(m, bool)]
-    for step in sequence:
-        states.append(apply(step, states[-1]))
+    states = list(accumulate(sequence, apply, initial=np.zeros(m, bool)))
     free = np.ones(m, bool)
     for position in range(len(sequence), -1, -1):
         yield Gap(position, states[position], free)
@@ -216,7 +212,8 @@ def pair_insertions(sequence: Sequence, families: Families, least: float, limit:
     for op, field, _, _ in islice(_fields(gap, gain), 2):
         for half in _promising(field, families, limit):
             out += [Insertion(v, gap.position, op, pair) for v, pair in _best_pairs(half, field, families, least)]
-        for half in _separating(field, families, limit):
+        # what holds the most of what must not be covered: something larger less one of them may pay
+        for half in _promising(-field, families, limit):
             rest = np.where(families.mask(half), 0.0, field)
             out += [Insertion(v, gap.position, op, Pair("difference", c, half)) for v, c in families.best(rest, 1, least)]
     return sorted(out, key=lambda i: -i.gain)
@@ -236,10 +233,4 @@ def _best_pairs(half: Candidate, field: np.ndarray, families: Families, least: f
 def _promising(field: np.ndarray, families: Families, limit: int) -> list[Candidate]:
     """Candidates with the largest positive content, whatever else they cover."""
     found = families.best(np.where(field > 0, field, 0.02 * field), 2)
-    return [c for v, c in sorted(found, key=lambda f: -f[0])[:limit] if v > 0]
-
-
-def _separating(field: np.ndarray, families: Families, limit: int) -> list[Candidate]:
-    """Candidates that hold the most of what must not be covered: something larger less one of them may pay."""
-    found = families.best(np.where(field < 0, -field, 0.02 * -field), 2)
     return [c for v, c in sorted(found, key=lambda f: -f[0])[:limit] if v > 0]

@@ -82,7 +82,7 @@ def search(
         elif again:
             return
         for i, (start, known) in enumerate(finalists):
-            for found in improve(start, start.families, config.local, exact, rng, deadline, known):
+            for found in improve(start, config.local, exact, rng, deadline, known):
                 finalists[i] = found, known
                 if best is None or found.objective < best.objective * (1 - 1e-9):
                     best = found
@@ -114,7 +114,7 @@ def _complete_starts(
     most = families.work + config.start_work
     for start in _starts(families, config, exact, start_by, lambda: families.work > most):
         known = GainBounds()
-        done = prune(complete(start, families, config.local, exact, end, config.abandon * least, known), families, exact)
+        done = prune(complete(start, config.local, exact, end, config.abandon * least, known), exact)
         yield done, known
         least, end = min(least, done.objective) if done.sequence else least, start_by
         if start_by.has_passed() or enough:
@@ -125,8 +125,8 @@ def _complete_starts(
 def _resume(found: RatedSequence, families: Families, config: StructureConfig, exact: Price, deadline: Deadline) -> _Finalist:
     """A sequence judged, pruned and completed over other cells."""
     known = GainBounds()
-    start = prune(rate_sequence(transfer(found.sequence, families), families, exact), families, exact)
-    return prune(complete(start, families, config.local, exact, deadline, known=known), families, exact), known
+    start = prune(rate_sequence(transfer(found.sequence, families), families, exact), exact)
+    return prune(complete(start, config.local, exact, deadline, known=known), exact), known
 
 
 def _foremost(completed: list[_Finalist], count: int) -> list[_Finalist]:
@@ -147,8 +147,8 @@ def _starts(
             if place and hurried():
                 break
             for phase in phases:
-                state = complete(rate_sequence(state.sequence, families, phase), families, config.local, phase, deadline)
-            start = prune(rate_sequence(state.sequence, families, exact), families, exact)
+                state = complete(rate_sequence(state.sequence, families, phase), config.local, phase, deadline)
+            start = prune(rate_sequence(state.sequence, families, exact), exact)
             if len(_distinct([*seen, start])) > len(seen):
                 seen.append(start)
                 yield start
@@ -157,19 +157,19 @@ def _starts(
 def _beam(families: Families, config: StructureConfig, price: Price, deadline: Deadline) -> list[RatedSequence]:
     states = [rate_sequence((), families, price)]
     for _ in range(config.beam_steps):
-        wider = _widen(states, families, config, price)
+        wider = _widen(states, config, price)
         states = wider or states
         if not wider or deadline.has_passed():
             break
     return states
 
 
-def _widen(states: list[RatedSequence], families: Families, config: StructureConfig, price: Price) -> list[RatedSequence]:
+def _widen(states: list[RatedSequence], config: StructureConfig, price: Price) -> list[RatedSequence]:
     """The next beam: the best distinct states among the best insertions into each state, and the states that nothing improves."""
     wider = list(states)
     for state in states:
-        found = insertions(state.sequence, families, config.per_frame if price.boxes else 0, price.step, price.weights)
-        wider += [grow(state, i, families, price) for i in _diverse(found, config.branch)]
+        found = insertions(state.sequence, state.families, config.per_frame if price.boxes else 0, price.step, price.weights)
+        wider += [grow(state, i, price) for i in _diverse(found, config.branch)]
     wider.sort(key=lambda f: f.objective)
     kept = _distinct(wider)[: config.beam]
     return [] if kept == states else kept

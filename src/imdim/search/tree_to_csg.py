@@ -63,7 +63,7 @@ class _Bounds:
 
     @classmethod
     def of(cls, lower: np.ndarray, upper: np.ndarray, deadline: Deadline) -> _Bounds:
-        box = Primitive("box", _floats(upper - lower), vec((lower + upper) / 2))
+        box = Primitive("box", vec(upper - lower), vec((lower + upper) / 2))
         corners = np.array(list(product(*zip(lower, upper, strict=True))))
         return cls(box, corners, MARGIN * float(np.linalg.norm(upper - lower)), deadline)
 
@@ -71,9 +71,6 @@ class _Bounds:
         """From where to where the bounds reach along `axis`."""
         t = self.corners @ axis
         return float(t.min()) - margin, float(t.max()) + margin
-
-
-# --- cells to parts --------------------------------------------------------------------------------------------------
 
 
 def _fill(tree: Tree, region: list[_Halfspace], bounds: _Bounds) -> tuple[_Part, _Part]:
@@ -109,16 +106,15 @@ def _across_solid(rule: Primitive, behind: _Part, ahead: _Part, region: list[_Ha
         return behind
     if behind is False:
         return _reduce(Combine("difference", _whole(ahead, region, bounds), rule), bounds)
-    within = Combine("intersection", rule, _whole(behind, region, bounds))
+    core = _whole(behind, region, bounds)
+    within = Combine("intersection", rule, core)
     if ahead is False:
         return _reduce(within, bounds)
     if behind is True and isinstance(ahead, Primitive | Combine):
         # where the rule is all inside, what is ahead of it need not be cut
         return _reduce(Combine("union", ahead, within), bounds)
-    if ahead is True:
-        core = _whole(behind, region, bounds)
-        return _reduce(Combine("union", Combine("difference", _whole(True, region, bounds), rule), core), bounds)
-    return _reduce(Combine("union", Combine("difference", _whole(ahead, region, bounds), rule), within), bounds)
+    around = Combine("difference", _whole(ahead, region, bounds), rule)
+    return _reduce(Combine("union", around, core if ahead is True else within), bounds)
 
 
 def _cheaper(part: _Part, rest: _Part, region: list[_Halfspace], bounds: _Bounds) -> _Part:
@@ -138,9 +134,6 @@ def _reduce(program: Program, bounds: _Bounds) -> Program:
     return reduce_program(program, deadline=bounds.deadline) if cost(program) < 2 * MAX_REDUCED else program
 
 
-# --- rules to solids -------------------------------------------------------------------------------------------------
-
-
 def _solid(surface: Surface, bounds: _Bounds) -> Primitive:
     """The inside of a curved carrier, passing through the bounds where it is unbounded."""
     point, axis = np.array(surface.point), np.array(surface.axis)
@@ -158,7 +151,7 @@ def _solid(surface: Surface, bounds: _Bounds) -> Primitive:
         low, high = max(low, 0.0), max(high, bounds.margin)
         slope = math.tan(surface.sizes[0])
         size = (low * slope, high * slope, high - low)
-    return Primitive(surface.kind, _floats(size), vec(point + axis * (low + high) / 2), rotation)
+    return Primitive(surface.kind, tuple(float(s) for s in size), vec(point + axis * (low + high) / 2), rotation)
 
 
 def _region_program(region: list[_Halfspace], bounds: _Bounds) -> Program:
@@ -208,13 +201,9 @@ def _box(halfspaces: list[_Halfspace], frame: np.ndarray, bounds: _Bounds) -> Pr
             reach[axis, 0] = max(reach[axis, 0], t)
     size = np.maximum(reach[:, 1] - reach[:, 0], 1e-9 * bounds.margin)
     rotation = (0.0, 0.0, 0.0) if aligned else _tidy(euler_from_matrix(frame))
-    return Primitive("box", _floats(size), vec(frame @ reach.mean(1)), rotation)
+    return Primitive("box", vec(size), vec(frame @ reach.mean(1)), rotation)
 
 
 def _tidy(euler_deg: tuple[float, float, float]) -> tuple[float, float, float]:
     x, y, z = (0.0 if abs(a) < 1e-9 else a for a in euler_deg)
     return x, y, z
-
-
-def _floats(values: np.ndarray | tuple[float, ...]) -> tuple[float, ...]:
-    return tuple(float(v) for v in values)

@@ -10,12 +10,11 @@ from imdim.geometry.kernels import program_sdf
 from imdim.program.paths import nodes, replace_at, without
 from imdim.program.tree import OPS, Combine, Program, fold, leaves
 from imdim.search.evolve.insertion import (
-    WEIGHTS,
     cells_of,
+    drawn_gain,
     places,
     random_candidate,
     views,
-    weigh_gain,
     with_best_insertion,
     with_best_refit,
 )
@@ -65,7 +64,7 @@ def test_a_place_foretells_what_a_candidate_wins(seed):
     rng = np.random.default_rng(seed)
     scene, program = planted_scene(NAME), random_tree(rng, 4)
     assert scene.families is not None
-    gain = weigh_gain(scene, WEIGHTS[rng.integers(len(WEIGHTS))])
+    gain = drawn_gain(scene, rng)
     (candidate,) = random_candidates(scene.families, 1, rng)
     mask = scene.families.mask(candidate)
     for place in places(views(program, cells_of(program, scene)), gain):
@@ -80,7 +79,8 @@ def test_a_place_foretells_what_a_candidate_wins(seed):
 
 def test_the_missing_part_is_found_again():
     scene, program = planted_scene(NAME), PARTS[NAME]
-    gain = weigh_gain(scene, (1.0, 1.0))
+    assert scene.families is not None
+    gain = scene.families.cells.gain
     for path, _ in nodes(program)[1:]:
         holed = without(program, [path])
         if holed is not None and won(holed, gain) < won(program, gain) * 0.999:
@@ -95,7 +95,8 @@ def test_a_wrong_leaf_is_refitted():
     scene = planted_scene("plate with four holes")
     plate, holes = box(80, 50, 6), [cylinder(3, 8, (x, y, 0.0)) for x in (-30.0, 30.0) for y in (-15.0, 15.0)]
     wrong = cut(plate, *holes[:3], box(1, 1, 1))
-    gain = weigh_gain(scene, (1.0, 1.0))
+    assert scene.families is not None
+    gain = scene.families.cells.gain
     tried = [with_best_refit(wrong, scene, gain, np.random.default_rng(seed)) for seed in range(12)]
     assert min(s.volume for s in scene.scorer.score([t for t in tried if t])) < 1e-6
 

@@ -17,7 +17,7 @@ from imdim.search.evolve.population import EvolutionConfig, TheoryGeneration, ev
 from imdim.search.evolve.proposals import random_programs
 from imdim.search.evolve.scene import Scene
 from imdim.search.evolve.seeds import surface_seeds
-from imdim.search.front.backward_elimination import eliminate_backwards
+from imdim.search.front.front import eliminate_backwards
 
 SHORT = EvolutionConfig(population=24, offspring=24, generations=6)
 

@@ -11,9 +11,10 @@ from tests.search.planted_families import cells_of, families_of, planted
 from imdim.geometry import kernels
 from imdim.program.cost import count
 from imdim.program.tree import Program
+from imdim.search.bits import pack_words, unpacked
 from imdim.search.candidate_families import Candidate, Families
 from imdim.search.cells import Cells
-from imdim.search.exact.columns import maximal_columns, pack, unpack
+from imdim.search.exact.columns import maximal_columns
 from imdim.search.exact.prove import ProveConfig, Prover
 
 SIZE_WEIGHT = 2.5e-4
@@ -138,8 +139,8 @@ def test_columns_are_the_maximal_ones():
     held = (outside == 0).sum(1) > 1
     maximal = {r.tobytes() for r in rows[~held]}
     found = maximal_columns(families, left, right)
-    assert {r.tobytes() for r in unpack(found.bits, 70)} == maximal
-    for bits, candidate in zip(unpack(found.bits, 70), found.candidates, strict=True):
+    assert {r.tobytes() for r in unpacked(found.bits, 70)} == maximal
+    for bits, candidate in zip(unpacked(found.bits, 70), found.candidates, strict=True):
         mask = families.mask(candidate)
         assert np.array_equal(bits, mask[left] ^ mask[right])
-    assert np.array_equal(unpack(pack(rows), 70), rows)
+    assert np.array_equal(unpacked(pack_words(rows), 70), rows)

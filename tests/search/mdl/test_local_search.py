@@ -1,5 +1,6 @@
 """The local search on integers, whose best is known, and the changes of sequences that it is fed with."""
 
+import itertools
 from math import inf
 
 import pytest
@@ -13,7 +14,7 @@ A, B, C = Step("union", 7), Step("difference", 8), Step("difference", 9)
 
 def found(start, stages, worth=0.0, rounds=100, times=inf, best=100):
     """From `start` by steps of one and ten towards `best`, the nearer ones first; time ends after so many questions."""
-    asked = []
+    questions = itertools.count(1)
     return search_locally(
         (start, abs(best - start)),
         lambda n: [n - 1, n + 1, n + 10],
@@ -21,7 +22,7 @@ def found(start, stages, worth=0.0, rounds=100, times=inf, best=100):
         lambda tried: [abs(best - n) for n in tried],
         lambda *_: worth,
         rounds,
-        Deadline(times, now=lambda: asked.append(0) or len(asked)),
+        Deadline(times, lambda: next(questions)),
     )
 
 
@@ -75,7 +76,8 @@ def test_a_new_term_goes_to_the_ends_or_in_the_place_of_another():
 
 
 def test_choices_are_padded_behind_their_ends():
-    index, united = pack_choices([(A, B), (A,), ()])
+    lengths, index, united = pack_choices([(A, B), (A,), ()])
+    assert lengths.tolist() == [2, 1, 0]
     assert index.tolist() == [[7, 8], [7, -1], [-1, -1]]
     assert united.tolist() == [[True, False], [True, False], [False, False]]
-    assert pack_choices([])[0].shape == (0, 0)
+    assert pack_choices([])[1].shape == (0, 0)

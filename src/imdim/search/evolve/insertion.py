@@ -13,12 +13,14 @@ import numpy as np
 from imdim.geometry.surface import signed_distance
 from imdim.program.paths import Path, leaf_paths, nodes, replace_at, without
 from imdim.program.tree import Combine, Op, Primitive, Program, leaves
+from imdim.search.bits import unpacked
 from imdim.search.candidate_families import Candidate
-from imdim.search.cells import CUTS, HULLS, PIECES, TRUE, Weights
+from imdim.search.cells import CUTS, HULLS, PIECES, TRUE
 from imdim.search.evolve.scene import Scene
-from imdim.search.sequence import field_of
+from imdim.search.sequence import OCCUPANCY, field_of
 
 WEIGHTS = (TRUE, TRUE, TRUE, HULLS, CUTS, PIECES)  # under which parts are put in, by chance
+MOST_REGROWN = 3  # leaves taken out at once
 PROMISING = 4  # places whose best candidates are worked out
 
 
@@ -51,7 +53,7 @@ def views(program: Program, cells: dict[Primitive, np.ndarray]) -> list[NodeView
     order = nodes(program)
     value: dict[Path, np.ndarray] = {}
     for path, node in reversed(order):
-        value[path] = cells[node] if isinstance(node, Primitive) else _combine(node.op, value[*path, 0], value[*path, 1])
+        value[path] = cells[node] if isinstance(node, Primitive) else OCCUPANCY[node.op](value[*path, 0], value[*path, 1])
     everything = np.ones_like(value[()])
     heard: dict[Path, tuple[np.ndarray, int]] = {(): (everything, 1)}
     for path, node in order:
@@ -61,12 +63,6 @@ def views(program: Program, cells: dict[Primitive, np.ndarray]) -> list[NodeView
             heard[*path, 0] = (here & right if node.op == "intersection" else here & ~right, sign)
             heard[*path, 1] = (here & ~left if node.op == "union" else here & left, -sign if node.op == "difference" else sign)
     return [NodeView(path, node, value[path], *heard[path]) for path, node in order]
-
-
-def _combine(op: Op, left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    if op == "union":
-        return left | right
-    return left & right if op == "intersection" else left & ~right
 
 
 def places(seen: list[NodeView], gain: np.ndarray) -> list[Place]:
@@ -88,13 +84,12 @@ def cells_of(program: Program, scene: Scene) -> dict[Primitive, np.ndarray]:
     columns = scene.cells
     assert columns is not None
     parts = list(leaves(program))
-    return dict(zip(parts, columns.unpack(columns.of(parts)), strict=True))
+    return dict(zip(parts, unpacked(columns.of(parts), columns.count), strict=True))
 
 
-def weigh_gain(scene: Scene, weights: Weights) -> np.ndarray:
-    """What filling each cell wins [m]."""
-    assert scene.families is not None
-    return scene.families.cells.gain_under(weights)
+def drawn_gain(scene: Scene, rng: np.random.Generator) -> np.ndarray:
+    """What filling each cell wins [m], under weights drawn by chance; nothing where there are no cells."""
+    return scene.families.cells.gain_under(WEIGHTS[rng.integers(len(WEIGHTS))]) if scene.families else np.zeros(0)
 
 
 def with_best_insertion(program: Program, scene: Scene, gain: np.ndarray, rng: np.random.Generator, bold: bool = False) -> Program | None:
@@ -134,14 +129,13 @@ def with_best_refit(program: Program, scene: Scene, gain: np.ndarray, rng: np.ra
     return replace_at(program, view.path, families.primitive(candidate))
 
 
-def regrown(program: Program, scene: Scene, rng: np.random.Generator, most: int = 3) -> Program | None:
+def regrown(program: Program, scene: Scene, rng: np.random.Generator) -> Program | None:
     """Related leaves taken out, as many or one fewer or more put back, each the best for its place (Shaw 1998, large neighbourhoods)."""
-    taken = _without_related(program, scene, rng, most)
-    if taken is None:
+    taken = _without_related(program, scene, rng) if scene.families else None
+    if scene.families is None or taken is None:
         return None
     shorter, count = taken
-    gain = weigh_gain(scene, WEIGHTS[rng.integers(len(WEIGHTS))])
-    true = weigh_gain(scene, TRUE)
+    gain, true = drawn_gain(scene, rng), scene.families.cells.gain
     for step in range(count + int(rng.integers(-1, 2))):
         longer = with_best_insertion(shorter, scene, gain if step == 0 else true, rng, bold=step == 0)
         if longer is None:
@@ -150,7 +144,7 @@ def regrown(program: Program, scene: Scene, rng: np.random.Generator, most: int 
     return shorter
 
 
-def _without_related(program: Program, scene: Scene, rng: np.random.Generator, most: int) -> tuple[Program, int] | None:
+def _without_related(program: Program, scene: Scene, rng: np.random.Generator) -> tuple[Program, int] | None:
     """The program without a random leaf and some that share cells with it, and how many went."""
     every = leaf_paths(program)
     if len(every) < 2:
@@ -158,7 +152,7 @@ def _without_related(program: Program, scene: Scene, rng: np.random.Generator, m
     cells = cells_of(program, scene)
     first = cells[every[rng.integers(len(every))][1]]
     near = np.array([float((cells[p] & first).sum()) + 1e-3 for _, p in every]) * rng.random(len(every))
-    count = int(rng.integers(1, min(most, len(every) - 1) + 1))
+    count = int(rng.integers(1, min(MOST_REGROWN, len(every) - 1) + 1))
     shorter = without(program, [every[i][0] for i in np.argsort(-near)[:count]])
     return (shorter, count) if shorter else None
 
@@ -169,7 +163,7 @@ def random_candidate(scene: Scene, point: np.ndarray, rng: np.random.Generator) 
     assert families is not None
     arrangement = families.arrangement
     at = [int(d.bins(point[None])[0]) for d in arrangement.directions]
-    inside = [i for i in range(len(arrangement.curved)) if _covers(scene, i, point)]
+    inside = [i for i, surface in enumerate(arrangement.curved) if signed_distance(surface, point[None])[0] < 0]
     if inside and (not arrangement.frames or rng.random() < 0.5):
         index = inside[rng.integers(len(inside))]
         axis = arrangement.axis_of[index]
@@ -179,11 +173,6 @@ def random_candidate(scene: Scene, point: np.ndarray, rng: np.random.Generator) 
     frame = int(rng.integers(len(arrangement.frames)))
     axes = arrangement.frames[frame]
     return Candidate(("box", frame), tuple(_range(at[a], len(arrangement.directions[a].offsets), rng) for a in axes))
-
-
-def _covers(scene: Scene, index: int, point: np.ndarray) -> bool:
-    assert scene.families is not None
-    return bool(signed_distance(scene.families.arrangement.curved[index], point[None])[0] < 0)
 
 
 def _range(slab: int, offsets: int, rng: np.random.Generator) -> tuple[int, int]:

@@ -11,26 +11,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from imdim.geometry.finish.posed import PosedPrimitive
 from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
 from imdim.program.paths import Path, at, leaf_paths, nodes, polarity, replace_at, without
 from imdim.program.tree import OPS, Combine, Primitive, Program
-from imdim.search.evolve.insertion import WEIGHTS, regrown, weigh_gain, with_best_insertion, with_best_refit
+from imdim.search.evolve.insertion import drawn_gain, regrown, with_best_insertion, with_best_refit
 from imdim.search.evolve.numbers import face_at, jitter, make_valid, share_number, snap_number
-from imdim.search.evolve.proposals import propose
-from imdim.search.evolve.scene import Scene
+from imdim.search.evolve.proposals import KINDS, propose
+from imdim.search.evolve.scene import TURNS, Scene
 from imdim.search.front.fitness import Scorer
 
 Operator = Callable[[Program, Scene, np.random.Generator], Program | None]
-_EXTENTS: Mapping[str, Callable[[tuple[float, ...]], tuple[float, float, float]]] = {
-    "box": lambda s: (s[0], s[1], s[2]),
-    "sphere": lambda s: (2 * s[0], 2 * s[0], 2 * s[0]),
-    "cylinder": lambda s: (2 * s[0], 2 * s[0], s[1]),
-    "cone": lambda s: (2 * max(s[:2]), 2 * max(s[:2]), s[2]),
-    "torus": lambda s: (2 * (s[0] + s[1]), 2 * (s[0] + s[1]), 2 * s[1]),
-    "ellipsoid": lambda s: (2 * s[0], 2 * s[1], 2 * s[2]),
-}
-# Local frames whose z axis is the old z, x or y: a cylinder may stand in for a box along any of its axes.
-_TURNS = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 
 
 def add(program: Program, scene: Scene, rng: np.random.Generator) -> Program | None:
@@ -45,19 +36,12 @@ def add(program: Program, scene: Scene, rng: np.random.Generator) -> Program | N
 
 def add_best(program: Program, scene: Scene, rng: np.random.Generator) -> Program | None:
     """The best candidate of all at a promising place, under the true weights or discounted ones."""
-    gain = weigh_gain(scene, WEIGHTS[rng.integers(len(WEIGHTS))]) if scene.families else np.zeros(0)
-    return with_best_insertion(program, scene, gain, rng, bold=rng.random() < 0.5)
+    return with_best_insertion(program, scene, drawn_gain(scene, rng), rng, bold=rng.random() < 0.5)
 
 
 def refit(program: Program, scene: Scene, rng: np.random.Generator) -> Program | None:
     """One primitive replaced by the best candidate for its place."""
-    gain = weigh_gain(scene, WEIGHTS[rng.integers(len(WEIGHTS))]) if scene.families else np.zeros(0)
-    return with_best_refit(program, scene, gain, rng)
-
-
-def regrow(program: Program, scene: Scene, rng: np.random.Generator) -> Program | None:
-    """Some related primitives taken out and the hole refilled with the best."""
-    return regrown(program, scene, rng) if scene.families else None
+    return with_best_refit(program, scene, drawn_gain(scene, rng), rng)
 
 
 def remove(program: Program, scene: Scene, rng: np.random.Generator) -> Program | None:
@@ -135,7 +119,7 @@ def hull(a: Primitive, b: Primitive) -> Primitive | None:
 
 def _span(leaf: Primitive, axes: np.ndarray) -> np.ndarray:
     """From where to where the box around a leaf reaches [3, 2] along `axes`."""
-    half = np.abs(axes.T @ matrix_from_euler(leaf.rotation)) @ (np.array(_EXTENTS[leaf.kind](leaf.size)) / 2)
+    half = np.abs(axes.T @ matrix_from_euler(leaf.rotation)) @ PosedPrimitive(leaf).half
     center = np.asarray(leaf.center) @ axes
     return np.stack([center - half, center + half], axis=1)
 
@@ -149,9 +133,9 @@ def substitute(program: Program, scene: Scene, rng: np.random.Generator) -> Prog
 
 
 def _other_kind(leaf: Primitive, rng: np.random.Generator) -> Primitive | None:
-    kind = str(rng.choice([k for k in ("box", "sphere", "cylinder", "cone", "torus") if k != leaf.kind]))
-    turn = list(_TURNS[rng.integers(3)])
-    x, y, z = np.array(_EXTENTS[leaf.kind](leaf.size))[turn].tolist()
+    kind = str(rng.choice([k for k in KINDS if k != leaf.kind]))
+    turn = list(TURNS[rng.integers(3)])  # a cylinder may stand in for a box along any of its axes
+    x, y, z = (2 * PosedPrimitive(leaf).half)[turn].tolist()
     width, taper = min(x, y) / 2, float(rng.uniform(0, 1))
     tube = min(z, width) / 2
     size = {
@@ -197,7 +181,7 @@ MUTATIONS: Mapping[str, tuple[float, Operator]] = {
     "add": (1.0, add),
     "add_best": (3.0, add_best),
     "refit": (2.5, refit),
-    "regrow": (3.0, regrow),
+    "regrow": (3.0, regrown),
     "remove": (1.5, remove),
     "split": (0.5, split),
     "merge": (0.7, merge),

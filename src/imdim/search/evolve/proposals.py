@@ -15,9 +15,9 @@ KINDS = ("box", "sphere", "cylinder", "cone", "torus")
 DETECTED = 0.7  # share of proposals that come from detected surfaces, where there are any
 
 
-def propose(program: Program | None, scene: Scene, rng: np.random.Generator) -> Primitive | None:
-    """A primitive that holds a point at which `program` is wrong (any point where there is none)."""
-    point = None if program is None else scene.wrong_point(program, rng)
+def propose(program: Program, scene: Scene, rng: np.random.Generator) -> Primitive | None:
+    """A primitive that holds a point at which `program` is wrong (any point where none is known)."""
+    point = scene.wrong_point(program, rng)
     if point is None:
         point = rng.uniform(*scene.bounds)
     if scene.families is not None and rng.random() < DETECTED:
@@ -40,10 +40,8 @@ def random_programs(scene: Scene, count: int, rng: np.random.Generator, most: in
     return out
 
 
-def _scale(program: Program | None, point: np.ndarray, scene: Scene, rng: np.random.Generator) -> float:
+def _scale(program: Program, point: np.ndarray, scene: Scene, rng: np.random.Generator) -> float:
     """The size of the error around a point: the distance to the program's surface, with a spread of an octave."""
-    if program is None:
-        return scene.diagonal * 0.5 ** rng.uniform(1, 4)
     distance = abs(float(kernels.program_sdf(program, point[None])[0]))
     return float(np.clip(distance * 2 ** rng.uniform(0, 2), 5e-3 * scene.diagonal, 0.5 * scene.diagonal))
 

@@ -11,10 +11,13 @@ from imdim.geometry import kernels
 from imdim.geometry.rotations import euler_from_matrix
 from imdim.geometry.sampling import bounding_radius, subsample
 from imdim.program.tree import Primitive, Program, Vec3, leaves
+from imdim.search.bits import unpacked
 from imdim.search.candidate_families import Families
 from imdim.search.front.fitness import Scorer
 from imdim.search.front.leaf_cache import LeafCache
 
+# Local frames whose z axis is the old z, x or y.
+TURNS = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 OWNED = 1024  # surface points that tell the local error of leaves
 
 
@@ -57,7 +60,7 @@ class Scene:
     def wrong_point(self, program: Program, rng: np.random.Generator) -> np.ndarray | None:
         """A sample [3] on the wrong side of `program`, drawn by volume; of the surface, by distance, where no sample is wrong."""
         scorer = self.scorer
-        wrong = scorer.bits.unpack(scorer.fill([program])[0] ^ scorer.label)
+        wrong = unpacked(scorer.fill([program])[0] ^ scorer.label, scorer.bits.count)
         weight = np.where(wrong, scorer.weight[: scorer.bits.count], 0.0)
         if weight.sum() > 0:
             return scorer.target.samples[rng.choice(len(weight), p=weight / weight.sum())]
@@ -80,10 +83,6 @@ class Scene:
 def _rotations(families: Families | None) -> tuple[Vec3, ...]:
     """Orientations that occur: upright, lying along x and y, and the frames of detected directions."""
     out: list[Vec3] = [(0.0, 0.0, 0.0), (0.0, 90.0, 0.0), (-90.0, 0.0, 0.0)]
-    for frame in families.arrangement.frames if families else ():
-        axes = np.stack([families.arrangement.directions[i].vector for i in frame], axis=1)  # type: ignore[union-attr]
-        axes[:, 2] *= np.sign(np.linalg.det(axes))
-        left, _, right = np.linalg.svd(axes)
-        for turn in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-            out.append(euler_from_matrix((left @ right)[:, turn]))
+    for axes in (families.arrangement.rotation(frame) for frame in families.arrangement.frames) if families else ():
+        out += [euler_from_matrix(axes[:, turn]) for turn in TURNS]
     return tuple(dict.fromkeys(out))

@@ -27,8 +27,8 @@ def greedy(families: Families, size_weight: float, deadline: Deadline) -> Iterat
         found = rate_sequence((), families, exact)
         # a phase under other weights is short: what it adds must pay forty times the price
         for price in (*(Price(exact.step * (1.0 if w == TRUE else 40.0), w) for w in phases), exact):
-            found = complete(rate_sequence(found.sequence, families, price), families, LocalConfig(), price, deadline)
-        yield prune(found, families, exact).sequence
+            found = complete(rate_sequence(found.sequence, families, price), LocalConfig(), price, deadline)
+        yield prune(found, exact).sequence
         if deadline.has_passed():
             return
 

@@ -1,7 +1,7 @@
 """What candidates can tell apart: bit columns over pairs of cells, only the ones that no other column holds.
 
 A candidate separates a pair of cells when it covers just one of them. All boxes of a frame are listed as products of ranges, ranges that
-cover the same of the paired cells once. Columns are rows of 64-bit words, pair k being bit k % 64 of word k // 64.
+cover the same of the paired cells once. Columns are rows of words (see `bits`).
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from itertools import combinations
 import numpy as np
 from numba import njit
 
+from imdim.search.bits import pack_words
 from imdim.search.candidate_families import Candidate, Families
 
 MOST_BOXES = 20_000_000  # of one frame, listed in one go
@@ -70,22 +71,9 @@ def _ranges(families: Families, axis: int, left: np.ndarray, right: np.ndarray) 
     slabs = families.cells.slabs[:, axis]
     every = np.array(list(combinations(range(len(families.arrangement.directions[axis].offsets)), 2)))
     held = [(slabs[side] >= every[:, :1]) & (slabs[side] < every[:, 1:]) for side in (left, right)]
-    packed = [pack(h) for h in held]
-    _, first = np.unique(np.concatenate(packed, axis=1), axis=0, return_index=True)
-    return _Ranges(packed[0][first], packed[1][first], [(int(lo), int(hi)) for lo, hi in every[first]])
-
-
-def pack(flags: np.ndarray) -> np.ndarray:
-    """Rows of bool [r, n] as 64-bit words [r, words]."""
-    words = -(-flags.shape[1] // 64)
-    wide = np.zeros((len(flags), 64 * words), bool)
-    wide[:, : flags.shape[1]] = flags
-    return np.packbits(wide, axis=1, bitorder="little").view(np.uint64)
-
-
-def unpack(bits: np.ndarray, n: int) -> np.ndarray:
-    """Rows of 64-bit words [r, words] as bool [r, n]."""
-    return np.unpackbits(np.ascontiguousarray(bits).view(np.uint8), axis=1, count=n, bitorder="little").astype(bool)
+    words = [pack_words(h) for h in held]
+    _, first = np.unique(np.concatenate(words, axis=1), axis=0, return_index=True)
+    return _Ranges(words[0][first], words[1][first], [(int(lo), int(hi)) for lo, hi in every[first]])
 
 
 def _find_curved_columns(
@@ -94,7 +82,7 @@ def _find_curved_columns(
     bits, candidates = [], []
     inside = families.cells.inside
     for i, axis in enumerate(families.arrangement.axis_of):
-        at = [pack(inside[side, i][None]) for side in (left, right)]
+        at = [pack_words(inside[side, i][None]) for side in (left, right)]
         if axis < 0:
             bits.append(at[0] ^ at[1])
             candidates.append(Candidate(("curved", i), ((0, 1),)))

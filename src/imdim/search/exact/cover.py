@@ -155,8 +155,5 @@ class _Problem:
 
     def _bars(self, some: np.ndarray, limits: CoverLimits) -> list[LinearConstraint]:
         """Not all of any barred set at once."""
-        bars = []
-        for barred in limits.barred:
-            row = np.concatenate([np.isin(some, barred).astype(float), np.zeros(len(self.weight))])
-            bars.append(LinearConstraint(row[None], ub=len(barred) - 1.0))
-        return bars
+        none = np.zeros(len(self.weight))
+        return [LinearConstraint(np.append(np.isin(some, barred), none)[None], ub=len(barred) - 1.0) for barred in limits.barred]

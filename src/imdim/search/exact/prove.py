@@ -15,8 +15,9 @@ import numpy as np
 from imdim.deadline import NEVER, Deadline
 from imdim.program.cost import count
 from imdim.program.tree import Program
+from imdim.search.bits import unpacked
 from imdim.search.candidate_families import Candidate, Families
-from imdim.search.exact.columns import Columns, TooManyError, candidate_count, maximal_columns, unpack
+from imdim.search.exact.columns import TooManyError, candidate_count, maximal_columns
 from imdim.search.exact.cover import CoverLimits, cover
 from imdim.search.exact.read_once import join_candidates
 from imdim.search.exact.separation_pairs import CellLabels, counterexamples, least_error
@@ -141,10 +142,6 @@ class Prover:
         self.inside, self.outside = before
         return best
 
-    def _price(self, chosen: list[Candidate]) -> float:
-        """Of the best function of the chosen candidates."""
-        return len(chosen) + least_error(self.labels, self._masks(chosen))
-
     def _masks(self, chosen: list[Candidate]) -> np.ndarray:
         m = len(self.labels.weight)
         return np.stack([self.families.mask(c) for c in chosen]) if chosen else np.zeros((0, m), bool)
@@ -162,11 +159,13 @@ class Prover:
         if deadline.has_passed():
             return "time ran out", chosen
         try:
-            columns = self._columns()
+            columns = maximal_columns(self.families, self.inside, self.outside)
+            if len(columns.candidates) > config.most_columns:
+                raise TooManyError(f"more than {config.most_columns} candidates that matter")
         except TooManyError as error:
             self.too_large = f"too large, {error}"
             return self.too_large, chosen
-        separates = unpack(columns.bits, len(self.inside))
+        separates = unpacked(columns.bits, len(self.inside))
         place = {candidate: i for i, candidate in enumerate(columns.candidates)}
         # counterexamples that were added since may have other columns stand for those of a set without a tree
         places = [[place[c] for c in some] for some in barred if all(c in place for c in some)]
@@ -182,13 +181,6 @@ class Prover:
             return "time ran out" if deadline.has_passed() else "time of the solver ran out", chosen
         return _describe_unjoined(barred) if barred else "", chosen
 
-    def _columns(self) -> Columns:
-        """What tells the pairs apart; raises TooManyError."""
-        columns, most = maximal_columns(self.families, self.inside, self.outside), self.config.most_columns
-        if len(columns.candidates) > most:
-            raise TooManyError(f"more than {most} candidates that matter")
-        return columns
-
     def _list_barred(self, best: _Best) -> list[list[Candidate]]:
         """Sets without a tree that would be answers."""
         return [
@@ -202,7 +194,7 @@ class Prover:
 
         Candidates that could be as cheap, without such a tree, are noted.
         """
-        price = self._price(chosen)
+        price = len(chosen) + least_error(self.labels, self._masks(chosen))  # of the best function of them
         if price > self._over_pairs + OFF:
             return None  # what the pairs miss is worth a primitive: more of them first, or a crude tree would end the search for a good one
         slack = best.price - EQUAL - price

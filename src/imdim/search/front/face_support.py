@@ -82,15 +82,11 @@ class Carriers:
         if float(np.linalg.norm(gap)) > tolerance.place * self._diagonal:
             return False
         if leaf.kind == "cone":
-            rims = self._rims(leaf, float((center - surface.point) @ axis), surface.sizes[0])
+            height, slope = float((center - surface.point) @ axis), math.tan(surface.sizes[0])
+            rims = (abs(height + end * leaf.size[2]) * slope for end in (-0.5, 0.5))  # of a nappe, at the ends of the leaf
             return all(abs(a - b) <= tolerance.size * max(leaf.size[:2]) for a, b in zip(leaf.size[:2], rims, strict=True))
         sizes = leaf.size[:1] if leaf.kind == "cylinder" else leaf.size
         return all(abs(a - b) <= tolerance.size * b for a, b in zip(sizes, surface.sizes, strict=True))
-
-    def _rims(self, leaf: Primitive, height: float, half_angle: float) -> tuple[float, float]:
-        """How wide a nappe is at both ends of a leaf whose centre is `height` along its axis from the apex."""
-        bottom, top = (abs(height + end * leaf.size[2]) * math.tan(half_angle) for end in (-0.5, 0.5))
-        return bottom, top
 
 
 def _axes(arrangement: Arrangement) -> tuple[np.ndarray, np.ndarray]:
@@ -98,7 +94,6 @@ def _axes(arrangement: Arrangement) -> tuple[np.ndarray, np.ndarray]:
     axes = [d.vector for d in arrangement.directions]
     owner = list(range(len(axes)))
     for frame in arrangement.frames:
-        left, _, right = np.linalg.svd(np.stack([arrangement.directions[i].vector for i in frame], axis=1))
-        axes += list((left @ right).T)
+        axes += list(arrangement.rotation(frame).T)
         owner += frame
     return np.array(axes), np.array(owner)

@@ -14,13 +14,14 @@ from itertools import chain
 
 import numpy as np
 
+from imdim.geometry.lowering import OP_CODES
 from imdim.program.tree import Combine, Program
+from imdim.search.bits import pack_words
 from imdim.search.front.face_support import Carriers
 from imdim.search.front.kernels import mean_distances, states, wrong_weight
-from imdim.search.front.leaf_cache import LeafCache, Registry, pack_words
+from imdim.search.front.leaf_cache import LeafCache, Registry
 
 _NONE = np.zeros((0, 3))
-_CODE = {"union": -1, "intersection": -2, "difference": -3}
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ class Scorer:
         while stack:
             node = stack.pop()
             if isinstance(node, Combine):
-                out.append(_CODE[node.op])
+                out.append(OP_CODES[node.op])
                 stack += (node.left, node.right)
             else:
                 out.append(number(node))
@@ -121,7 +122,7 @@ class Scorer:
                 values.append(step)
                 continue
             b, a = values.pop(), values[-1]
-            if b < a and step != _CODE["difference"]:
+            if b < a and step != OP_CODES["difference"]:
                 a, b = b, a
             values[-1] = nodes.setdefault((step, a, b), -1 - len(nodes))
         return values[0]

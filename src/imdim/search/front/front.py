@@ -1,4 +1,6 @@
-"""Programs from crude to exact: ranks and crowding for selection (NSGA-II, Deb et al. 2002), and the archive of the best per size."""
+"""Programs from crude to exact: ranks and crowding for selection (NSGA-II, Deb et al. 2002), the archive of the best per size, and a
+program's own front by backward elimination.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imdim.program.paths import leaf_paths, without
 from imdim.program.tree import Program
-from imdim.search.front.fitness import Score
+from imdim.search.front.fitness import Score, Scorer
+
+TOGETHER = 30  # a program of more leaves loses one more at a time for each so many
 
 
 @dataclass(frozen=True)
@@ -95,6 +100,24 @@ class Archive:
     def best(self) -> Individual | None:
         """The fittest; the shorter one of two equals."""
         return min(self.front(), key=lambda i: i.score.fitness, default=None)
+
+
+def eliminate_backwards(programs: Iterable[Program], scorer: Scorer) -> list[Individual]:
+    """The non-dominated among `programs` and all that thinning the last of them passes through, from crude to exact.
+
+    The leaf whose loss costs least goes first, until one is left: a few batched calls, nearly free.
+    """
+    archive = Archive()
+    every = list(programs)
+    archive.add(Individual(p, s) for p, s in zip(every, scorer.score(every), strict=True))
+    program = every[-1]
+    while len(paths := leaf_paths(program)) > 1:
+        trials = {path: p for path, _ in paths if (p := without(program, [path])) is not None}
+        scores = dict(zip(trials, scorer.score(list(trials.values())), strict=True))
+        archive.add(Individual(trials[path], score, "shorten") for path, score in scores.items())
+        cheapest = sorted(trials, key=lambda path: scores[path].fitness)
+        program = without(program, cheapest[: 1 + len(paths) // TOGETHER]) or trials[cheapest[0]]
+    return archive.front()
 
 
 def spread(errors: Sequence[float], most: int, keep: int) -> list[int]:

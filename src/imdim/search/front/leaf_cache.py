@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from itertools import chain
-from operator import attrgetter
 from typing import Literal
 
 import numpy as np
 
+from imdim.geometry.lowering import pack_all
 from imdim.geometry.rotations import matrices_from_euler
-from imdim.program.tree import KINDS, Primitive
+from imdim.program.tree import Primitive
 from imdim.search.front.kernels import fill_bits, fill_distances
-
-_CODES = {kind: i for i, kind in enumerate(KINDS)}
 
 
 class Registry:
@@ -22,7 +19,6 @@ class Registry:
     def __init__(self) -> None:
         self.ids: dict[Primitive, int] = {}
         self.primitives: list[Primitive] = []
-
         self._kinds, self._leaves = np.zeros(0, np.int64), np.zeros((0, 15), np.float32)
 
     def id(self, primitive: Primitive) -> int:
@@ -37,17 +33,15 @@ class Registry:
         """Kinds [k] and rows [k, 15] of the kernels for some primitives; computed once for all tables."""
         fresh = self.primitives[len(self._kinds) :]
         if fresh:
-            sizes = np.fromiter(chain.from_iterable(p.size + _PADDING[len(p.size)] for p in fresh), float, 3 * len(fresh))
-            centers, angles = (np.fromiter(chain.from_iterable(map(of, fresh)), float, 3 * len(fresh)) for of in _PLACE)
-            axes = matrices_from_euler(angles.reshape(-1, 3)).transpose(0, 2, 1).reshape(-1, 9)
-            leaves = np.concatenate([sizes.reshape(-1, 3), centers.reshape(-1, 3), axes], axis=1).astype(np.float32)
-            self._kinds = np.append(self._kinds, np.array([_CODES[p.kind] for p in fresh], np.int64))
-            self._leaves = np.concatenate([self._leaves, leaves])
+            kinds, params = pack_all(fresh)
+            axes = matrices_from_euler(params[:, 6:]).transpose(0, 2, 1).reshape(-1, 9)
+            self._kinds = np.append(self._kinds, kinds)
+            self._leaves = np.concatenate([self._leaves, np.concatenate([params[:, :6], axes], axis=1).astype(np.float32)])
         return self._kinds[ids], self._leaves[ids]
 
 
 class LeafCache:
-    """Rows over fixed `points` [n, 3]: signed distances float32 [n], or occupancy bits uint64 [ceil(n / 64)], low bit first.
+    """Rows over fixed `points` [n, 3]: signed distances float32 [n], or occupancy bits uint64 [ceil(n / 64)] (see `bits`).
 
     Rows beyond `capacity` take the place of those that were least recently asked for.
     """
@@ -87,10 +81,6 @@ class LeafCache:
         rows = self.rows(np.array([self.registry.id(p) for p in primitives], np.int64))
         return self.table[rows]
 
-    def unpack(self, words: np.ndarray) -> np.ndarray:
-        """Bits [..., w] as bool [..., n]."""
-        return np.unpackbits(np.ascontiguousarray(words).view(np.uint8), axis=-1, bitorder="little")[..., : self.count].view(bool)
-
     def _room(self, needed: int) -> np.ndarray:
         """Rows [needed] to write into: free ones, then the least recently used; more of them where all were asked for just now."""
         idle = np.flatnonzero((self._id < 0) | (self._used < self._time))
@@ -112,13 +102,3 @@ class LeafCache:
         kinds, leaves = self.registry.lower_rows(ids)
         fill = fill_bits if self.content == "bits" else fill_distances
         fill(kinds, leaves, self._xyz, rows, self.table)
-
-
-_PADDING = {n: (0.0,) * (3 - n) for n in (1, 2, 3)}
-_PLACE = attrgetter("center"), attrgetter("rotation")
-
-
-def pack_words(flags: np.ndarray) -> np.ndarray:
-    """Flags [n] as words [ceil(n / 64)], low bit first."""
-    padded = np.concatenate([flags, np.zeros(-len(flags) % 64, bool)])
-    return np.packbits(padded, bitorder="little").view(np.uint64)

@@ -205,14 +205,12 @@ def _near(places: np.ndarray, normals: np.ndarray, points: np.ndarray, sigma: fl
 
 
 @njit(nogil=True, cache=True)
-def _lengths(index, sign, starts, sides, over, selves, rows, near, density, every, strewn, held):  # pragma: no cover - compiled
+def _lengths(lengths, index, sign, starts, sides, over, selves, rows, near, density, every, strewn, held):  # pragma: no cover - compiled
     count, n = len(index), near.shape[1]
     nll, skin = np.full(count, np.inf), np.zeros(count)
     visible = np.zeros(starts[-1], np.bool_)
     for c in range(count):
-        k = 0
-        while k < index.shape[1] and index[c, k] >= 0:
-            k += 1
+        k = lengths[c]
         shown, thin = _show(index[c, :k], sign[c, :k], starts, sides, over, selves, visible)
         if shown == 0:
             continue

@@ -102,11 +102,11 @@ def _proper(sequence: SignedSequence[T]) -> bool:
     return bool(sequence) and sequence[0].positive
 
 
-def pack_choices(choices: Sequence[Choice]) -> tuple[np.ndarray, np.ndarray]:
-    """Indices int64 [c, w], -1 behind the end of a choice, and whether each is united, bool [c, w]."""
+def pack_choices(choices: Sequence[Choice]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Lengths int64 [c], indices int64 [c, w], -1 behind the end of a choice, and whether each is united, bool [c, w]."""
     lengths = np.array([len(choice) for choice in choices], np.int64)
     there = np.arange(lengths.max(initial=0)) < lengths[:, None]
     index, united = np.full(there.shape, -1, np.int64), np.zeros(there.shape, bool)
     index[there] = [step.term for choice in choices for step in choice]
     united[there] = [step.op == "union" for choice in choices for step in choice]
-    return index, united
+    return lengths, index, united

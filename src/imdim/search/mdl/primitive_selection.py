@@ -56,9 +56,6 @@ class Cloud:
         diagonal = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
         return Cloud(points, tree, diagonal, max(surface_spacing(eighth), 1e-9 * diagonal), noise)
 
-    def subsample(self, count: int) -> np.ndarray:
-        return subsample(self.points, count)
-
 
 @dataclass(frozen=True)
 class PrimitivePool:
@@ -82,7 +79,7 @@ class PrimitivePool:
     def of(primitives: Sequence[Primitive], cloud: Cloud, config: PoolConfig, count: int = 768) -> PrimitivePool:
         """The pool over `count` points of the cloud."""
         kinds, params = pack_all(primitives)
-        seen, step = cloud.subsample(count), 1e-5 * cloud.diagonal
+        seen, step = subsample(cloud.points, count), 1e-5 * cloud.diagonal
         table = kernels.leaf_table(kinds, params, seen)
         ahead_of = [kernels.leaf_table(kinds, params, seen + step * axis) for axis in np.eye(3)]
         gradients = (np.stack(ahead_of, -1) - table[..., None]) / step
@@ -120,12 +117,10 @@ def _unborne(primitives: Sequence[Primitive], cloud: Cloud, config: PoolConfig) 
 
 
 @njit(nogil=True, cache=True)
-def _costs(index, sign, table, normals, starts, weight, behind, ahead, explained, noise, gap, price, limit):  # pragma: no cover - compiled
+def _costs(lengths, index, sign, table, normals, starts, weight, behind, ahead, explained, noise, gap, price, limit):  # pragma: no cover
     out = np.full(len(index), np.inf)
     for i in range(len(index)):
-        k = 0
-        while k < index.shape[1] and index[i, k] >= 0:
-            k += 1
+        k = lengths[i]
         cost = price * k + _bare_share(index[i, :k], sign[i, :k], starts, weight, behind, ahead)
         if cost < limit:
             cost += _cost_unexplained(index[i, :k], sign[i, :k], table, normals, explained, noise, gap, limit - cost)
@@ -208,7 +203,7 @@ def best_choice(pool: PrimitivePool, start: Choice, config: PoolConfig) -> tuple
 
 def distinct(primitives: Sequence[Primitive], cloud: Cloud, tolerance: float = 5e-4, count: int = 200) -> list[Primitive]:
     """Without those whose distances to the cloud are, on average, within `tolerance` of the diagonal of an earlier one's."""
-    table = kernels.leaf_table(*pack_all(primitives), cloud.subsample(count)).astype(np.float32)
+    table = kernels.leaf_table(*pack_all(primitives), subsample(cloud.points, count)).astype(np.float32)
     kept: list[int] = []
     for i in range(len(primitives)):
         if not kept or float(np.abs(table[kept] - table[i]).mean(1).min()) > tolerance * cloud.diagonal:

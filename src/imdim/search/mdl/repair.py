@@ -95,7 +95,7 @@ class _Repairs:
         return sorted((self._repair(r, extra) for r in ranked[: config.finalists]), key=lambda r: r.cost)
 
     def _fit(self, signed: Signed, config: RefineConfig, count: int) -> Signed:
-        found = refine(to_program(signed), self.cloud.subsample(count), config=config, deadline=self.deadline)
+        found = refine(to_program(signed), subsample(self.cloud.points, count), config=config, deadline=self.deadline)
         return with_leaves(signed, found.program)
 
     def _rank(self, sequences: Sequence[Signed]) -> list[Proposal]:
@@ -129,7 +129,7 @@ class _Repairs:
         program, cloud, config = to_program(signed), self.cloud, self.config
         off = _off(program, cloud)
         guesses = missing(program, cloud, self.axes, off)
-        own, others = [p for _, p in signed], [*self._vary(signed, off), *extra, *(p for p, _ in guesses)]
+        own, others = [p for _, p in signed], [*self._vary(signed, off), *extra, *guesses]
         primitives = [*own, *(p for p in distinct([*own, *others], cloud) if p not in set(own))]
         pool = PrimitivePool.of(primitives, cloud, config.pool, config.seen)
         start: Choice = tuple(Step(op, i) for i, (op, _) in enumerate(signed))

@@ -108,8 +108,9 @@ class _Changes:
         steps = to_sequence(best.program, apart=True)
         if len(steps) > LONGEST:
             return []
-        single, compound = _separate([*self._guesses(best, steps), *self.lent])
-        others = [*distinct(single, self.cloud), *compound, *_drop_leaves(steps)]
+        offered = [*self._guesses(best, steps), *self.lent]
+        compound = [p for p in offered if isinstance(p, Combine)]
+        others = [*distinct([p for p in offered if isinstance(p, Primitive)], self.cloud), *compound, *_drop_leaves(steps)]
         mixture = BatchedLikelihood.of(self.scene, [part for _, part in steps], others)
         start: Choice = tuple(Step(op, i) for i, (op, _) in enumerate(steps))
         new = (c for i in range(len(steps), len(mixture.parts)) for c in uses(i, start))
@@ -123,7 +124,7 @@ class _Changes:
         """What might be missing, and other shapes for the points of each primitive of the sequence."""
         cloud, axes, sigma = self.cloud, self.axes, best.noise.sigma
         # deep in a thin plate nothing is far from its surface
-        out: list[Program] = [p for far in UNEXPLAINED for p, _ in missing(best.program, cloud, axes, far * sigma)]
+        out: list[Program] = [p for far in UNEXPLAINED for p in missing(best.program, cloud, axes, far * sigma)]
         leaf, value, _, _ = kernels.program_tangent(best.program, cloud.points)
         near, first = np.abs(value) < OWN * sigma, 0
         for op, part in steps:
@@ -158,11 +159,6 @@ def _shortest(lengths: np.ndarray, most: int) -> np.ndarray:
 def _is_wall(part: Program) -> bool:
     """Whether a part is no cut: what is left of a cut in its middle would stand alone."""
     return isinstance(part, Combine) and part.op == "difference"
-
-
-def _separate(programs: Sequence[Program]) -> tuple[list[Primitive], list[Combine]]:
-    """Primitives, and others."""
-    return [p for p in programs if isinstance(p, Primitive)], [p for p in programs if isinstance(p, Combine)]
 
 
 def _taper(part: Primitive) -> Iterator[Primitive]:

@@ -7,14 +7,16 @@ axis. Hypotheses come from random points (Fischler & Bolles 1981).
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from imdim.deadline import NEVER, Deadline
-from imdim.geometry.rotations import euler_from_matrix, frame_from_axis
+from imdim.geometry.rotations import frame_from_axis
 from imdim.geometry.sampling import subsample
 from imdim.program.tree import Primitive
+from imdim.search.mdl.candidates.residual import placed
 from imdim.search.mdl.curve_ransac import (
     BAND,
     FILLED,
@@ -55,10 +57,8 @@ class _View:
     def across(self) -> tuple[int, int]:
         return (self.k + 1) % 3, (self.k + 2) % 3
 
-    def place(self, kind: str, size: tuple[float, ...], center: np.ndarray, upward: float = 1.0) -> Primitive:
-        turn = self.axes if kind == "box" else frame_from_axis(upward * self.axes[:, self.k])
-        x, y, z = (self.axes @ center).tolist()
-        return Primitive(kind, tuple(float(s) for s in size), (x, y, z), euler_from_matrix(turn))
+    def place(self, kind: str, size: Iterable[float], center: np.ndarray) -> Primitive:
+        return placed(kind, size, center, self.axes, self.axes if kind == "box" else frame_from_axis(self.axes[:, self.k]))
 
     def middle(self, center: np.ndarray, height: float) -> np.ndarray:
         out = np.zeros(3)
@@ -205,7 +205,7 @@ def _boxes(view: _View) -> list[Primitive]:
                 continue
             size = np.zeros(3)
             size[list(view.across)], size[view.k] = high - low, top - bottom
-            out.append(view.place("box", tuple(size), view.middle((low + high) / 2, (bottom + top) / 2)))
+            out.append(view.place("box", size, view.middle((low + high) / 2, (bottom + top) / 2)))
     return out
 
 

@@ -7,6 +7,7 @@ region offers a box and a cylinder that go through the part. What guesses are wo
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from scipy.spatial import KDTree
 from imdim.geometry import kernels
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler
 from imdim.geometry.sampling import surface_points
+from imdim.geometry.surface import vec
 from imdim.program.tree import Primitive, Program
 from imdim.search.mdl.primitive_selection import Cloud
 
@@ -35,15 +37,16 @@ TRIALS = 60  # circles and balls through random points
 SEED = 0  # the same points always suggest the same primitives
 
 
-def missing(program: Program, cloud: Cloud, axes: np.ndarray, off: float) -> list[tuple[Primitive, bool]]:
-    """Guesses with their signs; `axes` [3, 3] has the part's directions as columns, points further than `off` are unexplained."""
+def missing(program: Program, cloud: Cloud, axes: np.ndarray, off: float) -> list[Primitive]:
+    """Guesses; `axes` [3, 3] has the part's directions as columns, points further than `off` are unexplained."""
     value = kernels.program_sdf(program, cloud.points)
-    out: list[tuple[Primitive, bool]] = []
+    out: list[Primitive] = []
     for positive, here in ((True, value > off), (False, value < -off)):
-        for group in _groups(np.flatnonzero(here), cloud):
-            for guess in _guesses(cloud.points[group], axes, off, cloud.spacing):
-                out += [(reached, positive) for reached in _reaching(guess, program, positive, cloud.diagonal)]
-    return out + [(guess, False) for guess in _through(program, cloud, axes)]
+        points = cloud.points[here]
+        for group in _group_connected(points, LINKED * cloud.spacing):
+            for guess in _guesses(points[group], axes, off, cloud.spacing):
+                out += _reaching(guess, program, positive, cloud.diagonal)
+    return out + _through(program, cloud, axes)
 
 
 def whole(cloud: Cloud, axes: np.ndarray) -> list[Primitive]:
@@ -72,7 +75,7 @@ def hollows(primitive: Primitive, wall: float, cloud: Cloud) -> list[Primitive]:
             size[slots[k]] += thick + LOOK * cloud.diagonal
             middle += sign * (thick + LOOK * cloud.diagonal) / 2 * rotation[:, k]
         if size.min() > cloud.spacing:
-            out.append(_place(primitive.kind, tuple(size), middle, np.eye(3), rotation))
+            out.append(placed(primitive.kind, size, middle, np.eye(3), rotation))
     return out
 
 
@@ -103,24 +106,18 @@ def trim(primitive: Primitive, points: np.ndarray) -> list[Primitive]:
     out = []
     for k, slot in ENDS[primitive.kind]:
         low, high = np.quantile(local[:, k], (0.003, 0.997))
-        x, y, z = (np.array(primitive.center) + (low + high) / 2 * rotation[:, k]).tolist()
-        size = [*primitive.size]
+        size, middle = [*primitive.size], np.array(primitive.center) + (low + high) / 2 * rotation[:, k]
         if primitive.kind == "cone":  # of the same slope
             bottom, top, height = primitive.size
             size[:2] = [max(bottom + (top - bottom) * (z / height + 0.5), 0.0) for z in (float(low), float(high))]
             if not max(size[:2]) > 0:
                 continue
         size[slot] = max(float(high - low), 1e-3 * size[slot])
-        out.append(replace(primitive, size=tuple(size), center=(x, y, z)))
+        out.append(replace(primitive, size=tuple(size), center=vec(middle)))
     if primitive.kind == "cylinder":
         radius = float(np.quantile(np.hypot(local[:, 0], local[:, 1]), 0.995))
         out.append(replace(primitive, size=(radius, primitive.size[1])))
     return out
-
-
-def _groups(index: np.ndarray, cloud: Cloud) -> list[np.ndarray]:
-    """Connected groups of the points `index` [m], the largest first."""
-    return [index[g] for g in _group_connected(cloud.points[index], LINKED * cloud.spacing)]
 
 
 def _group_connected(points: np.ndarray, reach: float) -> list[np.ndarray]:
@@ -153,9 +150,9 @@ def _through(program: Program, cloud: Cloud, axes: np.ndarray) -> list[Primitive
             if (top <= bottom).any():
                 continue
             size, middle = top - bottom, (bottom + top) / 2
-            out.append(_place("box", tuple(size), middle, axes))
+            out.append(placed("box", size, middle, axes))
             radius = float(np.delete(size, k).mean()) / 2
-            out.append(_place("cylinder", (radius, size[k]), middle, axes, frame_from_axis(axes[:, k])))
+            out.append(placed("cylinder", (radius, size[k]), middle, axes, frame_from_axis(axes[:, k])))
     return out
 
 
@@ -163,7 +160,7 @@ def _guesses(points: np.ndarray, axes: np.ndarray, off: float, spacing: float) -
     local = points @ axes
     low, high = local.min(0), local.max(0)
     thin = 0.5 * spacing
-    found = [_place("box", tuple(np.maximum(high - low, thin)), (low + high) / 2, axes)]
+    found = [placed("box", np.maximum(high - low, thin), (low + high) / 2, axes)]
     for k in range(3):
         u, v = (k + 1) % 3, (k + 2) % 3
         circle = _round(np.ascontiguousarray(local[:, [u, v]]), off)
@@ -173,10 +170,10 @@ def _guesses(points: np.ndarray, axes: np.ndarray, off: float, spacing: float) -
         ends = local[on, k].min(), local[on, k].max()
         middle = np.zeros(3)
         middle[[u, v]], middle[k] = center, sum(ends) / 2
-        found.append(_place("cylinder", (radius, max(ends[1] - ends[0], thin)), middle, axes, frame_from_axis(axes[:, k])))
+        found.append(placed("cylinder", (radius, max(ends[1] - ends[0], thin)), middle, axes, frame_from_axis(axes[:, k])))
     ball = _round(local, off)
     if ball is not None:
-        found.append(_place("sphere", (ball[1],), ball[0], axes))
+        found.append(placed("sphere", (ball[1],), ball[0], axes))
     return found
 
 
@@ -236,8 +233,7 @@ def _reaching(guess: Primitive, program: Program, positive: bool, diagonal: floa
     if guess.kind == "sphere":
         return [guess]
     axes, sizes, center = matrix_from_euler(guess.rotation), np.array(guess.size), np.array(guess.center)
-    columns = ((0, 0), (1, 1), (2, 2)) if guess.kind == "box" else ((2, 1),)
-    ends = [(sign * axes[:, k], slot) for k, slot in columns for sign in (-1.0, 1.0)]
+    ends = [(sign * axes[:, k], slot) for k, slot in ENDS[guess.kind] for sign in (-1.0, 1.0)]
     probes = np.array([center + (sizes[slot] / 2 + LOOK * diagonal) * way for way, slot in ends])
     beyond = kernels.program_sdf(program, probes)
     longer_size, longer_center = sizes.copy(), center.copy()
@@ -245,12 +241,15 @@ def _reaching(guess: Primitive, program: Program, positive: bool, diagonal: floa
         if (value > 0) != positive:
             longer_size[slot] += 2 * LOOK * diagonal
             longer_center += LOOK * diagonal * way
-    x, y, z = longer_center.tolist()
-    longer = replace(guess, size=tuple(longer_size.tolist()), center=(x, y, z))
+    longer = resized(guess, longer_size, longer_center)
     return [longer] if longer == guess else [longer, guess]
 
 
-def _place(kind: str, size: tuple[float, ...], local: np.ndarray, axes: np.ndarray, turn: np.ndarray | None = None) -> Primitive:
+def placed(kind: str, size: Iterable[float], local: np.ndarray, axes: np.ndarray, turn: np.ndarray | None = None) -> Primitive:
     """A primitive centred at `local` in the frame `axes`, whose own axes are the columns of `turn` (default: of `axes`)."""
-    x, y, z = (axes @ local).tolist()
-    return Primitive(kind, tuple(float(s) for s in size), (x, y, z), euler_from_matrix(axes if turn is None else turn))
+    return Primitive(kind, tuple(float(s) for s in size), vec(axes @ local), euler_from_matrix(axes if turn is None else turn))
+
+
+def resized(part: Primitive, size: np.ndarray, center: np.ndarray) -> Primitive:
+    """A primitive that is turned like `part`."""
+    return replace(part, size=tuple(size.tolist()), center=vec(center))

@@ -7,13 +7,12 @@ meets the face takes nothing away.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.program.tree import Combine, Primitive, Program
-from imdim.search.mdl.candidates.residual import ENDS, LEAST
+from imdim.search.mdl.candidates.residual import ENDS, LEAST, resized
 
 ABOVE = 3.0  # deviations of the noise, from which a point is no longer the face's
 TOP = 0.8  # quantile of the heights above the face: the top of a rim has more points than its walls
@@ -43,12 +42,12 @@ def rims(part: Primitive, points: np.ndarray, sigma: float) -> Iterator[Program]
             high = float(np.quantile(height[above], TOP))
             size, middle = np.array(part.size, float), np.zeros(3)
             size[slot], middle[k] = size[slot] + high, sign * high / 2
-            taller = _place(part, size, middle, rotation)
+            taller = resized(part, size, part.center + rotation @ middle)
             width, middle[across] = free
             size[[s for s in range(len(size)) if s != slot]] = width
             size[slot] = high + OUT * sigma
             middle[k] = sign * (half[k] + size[slot] / 2)
-            yield Combine("difference", taller, _place(part, size, middle, rotation))
+            yield Combine("difference", taller, resized(part, size, part.center + rotation @ middle))
 
 
 def _free(kind: str, points: np.ndarray, half: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray] | None:
@@ -66,8 +65,3 @@ def _free(kind: str, points: np.ndarray, half: np.ndarray, sigma: float) -> tupl
                 ends[end, j] = sign * np.quantile(here, INNER)
     width = ends[1] - ends[0]
     return (width, ends.mean(0)) if width.min() > 2 * ABOVE * sigma and (width < 2 * out).any() else None
-
-
-def _place(part: Primitive, size: np.ndarray, local: np.ndarray, rotation: np.ndarray) -> Primitive:
-    x, y, z = (part.center + rotation @ local).tolist()
-    return replace(part, size=tuple(size.tolist()), center=(x, y, z))
