@@ -16,7 +16,7 @@ import pytest
 import trimesh
 from tests.stand_ins import log, stand_in_for, wait_for
 
-from imdim.app.batch.cluster import run_shipped
+from imdim.app.batch.engine import run_shipped
 from imdim.app.batch.process import ProcessLimits
 from imdim.reconstruction.config import Settings
 from imdim.target.scan import Condition, parse_condition, scan

@@ -26,7 +26,7 @@ def test_without_a_cluster_is_one_line(parts, tmp_path, capsys, monkeypatch):
 
 
 def test_a_shipped_job_brings_its_results(tmp_path, stand_in):
-    from imdim.app.batch.cluster import run_shipped
+    from imdim.app.batch.engine import run_shipped
 
     for name, why in (("a", ""), ("crash", "ended by signal SIGABRT")):
         job = Job(Part(name, tmp_path / f"{name}.stl", ""), tmp_path / "nowhere", tuple(stand_in()), (), ProcessLimits(20.0))

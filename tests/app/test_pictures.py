@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from imdim.app.pictures import PIXELS, draw_cloud, pairs
+from imdim.app.pretrain import PIXELS, draw_cloud, pairs
 from imdim.data.solids import from_sequences
 from imdim.export.preview import TARGET_COLOUR
 from imdim.program.state import ADD_SPHERE

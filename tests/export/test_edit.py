@@ -13,11 +13,9 @@ from tests.export.test_parameters import FLANGE, MOUNT, ROW, mount, parametrised
 from tests.planted import PARTS, box, cut, cylinder, union
 
 from imdim.delivery.finish import finish
-from imdim.export.delivered import Delivered, EditError
+from imdim.export.delivered import Delivered, EditError, meanings
 from imdim.export.edit import change_values, open_delivered, solid_of, write
-from imdim.export.meanings import meanings
-from imdim.export.openscad import to_openscad
-from imdim.export.openscad_loops import to_openscad_loops
+from imdim.export.openscad import to_openscad, to_openscad_loops
 from imdim.export.openscad_reader import read_openscad
 from imdim.export.parameters import parametrise
 from imdim.export.script import to_script

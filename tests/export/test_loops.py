@@ -14,8 +14,7 @@ from tests.planted import ALONG_X, box, common, cone, cut, cylinder, sphere, uni
 from tests.program.test_repeats import BOSS, around
 
 from imdim.delivery.finish import FinishedProgram, finish
-from imdim.export.openscad import to_openscad
-from imdim.export.openscad_loops import to_openscad_loops
+from imdim.export.openscad import to_openscad, to_openscad_loops
 from imdim.export.openscad_reader import read_openscad
 from imdim.export.script import to_script
 from imdim.export.ucad import to_ucad

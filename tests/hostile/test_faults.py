@@ -28,8 +28,8 @@ SMALL_DISK = """
 import resource, signal, sys
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (400, 400))
-from imdim.app.export import main
-sys.exit(main(sys.argv[1], sys.argv[2], None, 24))
+from imdim.app.cli import main
+sys.exit(main(["export", sys.argv[1], "-o", sys.argv[2], "--segments", "24"]))
 """
 
 

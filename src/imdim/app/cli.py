@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
 ABOUT = "A mesh or a point cloud becomes a short, editable CSG program."
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command; the exit status is 0, or 2 for input or arguments that cannot be used."""
+    """Run one command; the exit status is 0, or 2 for input or arguments that cannot be used (one line on stderr)."""
     parser = argparse.ArgumentParser(prog="imdim", description=ABOUT, epilog="`imdim fit --help` tells more.")
     parser.add_argument("--version", action="version", version=f"imdim {_version()}")
     about = "fit: reconstruct one part; batch: every part of a folder; export: write one program of a front.json; "
@@ -18,7 +19,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("command", choices=list(COMMANDS), help=about)
     parser.add_argument("arguments", nargs=argparse.REMAINDER, help="arguments of the command")
     given = parser.parse_args(argv)
-    return COMMANDS[given.command](given.arguments)
+    from imdim.reconstruction.config import ConfigError
+
+    try:
+        return COMMANDS[given.command](given.arguments)
+    except ConfigError as error:
+        sys.stderr.write(f"imdim: {error}\n")
+        return 2
 
 
 def fit_parser() -> argparse.ArgumentParser:
@@ -54,9 +61,10 @@ def export_parser() -> argparse.ArgumentParser:
 
 def _export(argv: Sequence[str]) -> int:
     given = export_parser().parse_args(argv)
-    from imdim.app.export import main as run
+    from imdim.app.export import export_program
 
-    return run(given.input, given.output, given.pick, given.segments)
+    sys.stdout.write(export_program(Path(given.input), Path(given.output), given.pick, given.segments))
+    return 0
 
 
 def _edit(argv: Sequence[str]) -> int:
@@ -68,9 +76,10 @@ def _edit(argv: Sequence[str]) -> int:
 def _lab(argv: Sequence[str]) -> int:
     from importlib.util import find_spec
 
+    from imdim.reconstruction.config import ConfigError
+
     if find_spec("viser") is None:
-        sys.stderr.write('imdim: the lab needs an extra: pip install "imdim[lab]"\n')
-        return 2
+        raise ConfigError('the lab needs an extra: pip install "imdim[lab]"')
     from imdim.app.lab.server import main as run
 
     return run(argv)

@@ -30,25 +30,21 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(argv: Sequence[str]) -> int:
-    """The exit status: 0 fine, 2 for a file, a name, a value or a folder that cannot be used (one line on stderr)."""
+    """The exit status 0; raises ConfigError for a file, a name, a value or a folder that cannot be used."""
     given = parser().parse_args(argv)
-    try:
-        source, folder = Path(given.input), given.output
-        if given.list:
-            sys.stdout.write(list_names(source))
-        elif not given.set or folder is None:
-            raise ConfigError("imdim edit needs --set NAME=VALUE and -o FOLDER, or --list")
-        else:
-            sys.stdout.write(edit_program(source, _assignments(given.set), Path(folder), given.step))
-    except ConfigError as error:
-        sys.stderr.write(f"imdim: {error}\n")
-        return 2
+    source, folder = Path(given.input), given.output
+    if given.list:
+        sys.stdout.write(list_names(source))
+    elif not given.set or folder is None:
+        raise ConfigError("imdim edit needs --set NAME=VALUE and -o FOLDER, or --list")
+    else:
+        sys.stdout.write(edit_program(source, _assignments(given.set), Path(folder), given.step))
     return 0
 
 
 def list_names(source: Path) -> str:
     """The table of names. Raises ConfigError."""
-    from imdim.export.meanings import meanings
+    from imdim.export.delivered import meanings
 
     delivered = _open(source)
     values = {**delivered.values, **delivered.counts}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 from imdim.export.numbers import MAX_SEGMENTS
@@ -11,18 +10,8 @@ from imdim.reconstruction.config import ConfigError, one_line
 MESSAGE = 1000  # characters, of what is in a document
 
 
-def main(source: str, folder: str, pick: int | None = None, segments: int = 96) -> int:
-    """The exit status: 0 fine, 2 for a file, a pick or a folder that cannot be used (one line on stderr)."""
-    try:
-        sys.stdout.write(export_program(Path(source), Path(folder), pick, segments))
-    except ConfigError as error:
-        sys.stderr.write(f"imdim: {error}\n")
-        return 2
-    return 0
-
-
 def export_program(source: Path, folder: Path, pick: int | None, segments: int) -> str:
-    """Write the files, and say what was written. Raises ConfigError."""
+    """Write the files, and say what was written. Raises ConfigError for a file, a pick or a folder that cannot be used."""
     from imdim.delivery.deliver import OutputError, export
     from imdim.program import codec, front
     from imdim.program.tree import leaves

@@ -1,4 +1,4 @@
-"""A training run on the terminal and in tensorboard."""
+"""A training run on the terminal and in tensorboard, with small pictures: targets on the left, what was written for them on the right."""
 
 from __future__ import annotations
 
@@ -10,10 +10,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 import torch
 
 from imdim.app.arguments import from_arguments
-from imdim.app.pictures import pairs
+from imdim.data.solids import Solids
+from imdim.data.surfaces import surface_clouds
+from imdim.export.preview import RESULT_COLOUR, TARGET_COLOUR, Camera, discs, view_axes
 from imdim.learn.distributed import processes
 from imdim.learn.optimise import NotFinite
 from imdim.learn.settings import TrainConfig, fill_defaults
@@ -21,6 +24,8 @@ from imdim.learn.train import Report, train
 from imdim.reconstruction.config import ConfigError, first_line
 
 R = TypeVar("R")
+PIXELS = 128
+POINTS = 12_000
 
 
 def main(arguments: Sequence[str], configs: Path, say: Callable[[str], object]) -> int:
@@ -98,3 +103,26 @@ def hardware(config: TrainConfig, count: int) -> str:
     cuda = config.device.startswith("cuda")
     one = torch.cuda.get_device_name(config.device) if cuda else f"{config.threads} CPU thread(s), {config.workers} worker(s)"
     return one if count == 1 else f"{count} processes of {one}"
+
+
+def pairs(truth: Solids, found: Solids, most: int = 8) -> np.ndarray:
+    """One picture uint8 [rows * PIXELS, 2 * PIXELS, 3] of the first `most` rows; solids have a diagonal of about 1 around 0."""
+    panels = [_panels(solids[:most], colour) for solids, colour in ((truth, TARGET_COLOUR), (found, RESULT_COLOUR))]
+    return np.concatenate([np.concatenate(row, 1) for row in zip(*panels, strict=True)], 0)
+
+
+def _panels(solids: Solids, colour: np.ndarray) -> list[np.ndarray]:
+    chance = torch.Generator(solids.kinds.device).manual_seed(0)
+    points, normals, count = surface_clouds(solids, POINTS, chance)
+    rows = zip(points.cpu().double().numpy(), normals.cpu().double().numpy(), count.tolist(), strict=True)
+    return [draw_cloud(p[: c or 0], n[: c or 0], colour) for p, n, c in rows]
+
+
+def draw_cloud(points: np.ndarray, normals: np.ndarray, colour: np.ndarray) -> np.ndarray:
+    """Oriented points [n, 3] as lit discs on white, nearest on top, uint8 [PIXELS, PIXELS, 3]."""
+    camera = Camera(view_axes(), np.zeros(3), 0.9 * PIXELS, PIXELS)
+    # what faces away would shine through between the discs
+    front = normals @ camera.axes[2] > 0
+    if not front.any():
+        return np.full((PIXELS, PIXELS, 3), 255, np.uint8)
+    return np.asarray(discs(points[front], normals[front], camera, colour))

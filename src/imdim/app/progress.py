@@ -4,31 +4,16 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Protocol, TextIO, TypeVar
+from typing import TYPE_CHECKING, TextIO
 
 if TYPE_CHECKING:
-    from imdim.program.tree import Program
+    from imdim.reconstruction.pipeline import Snapshot
 
-
-class Progressing(Protocol):
-    """What a snapshot must tell to be shown."""
-
-    @property
-    def stage(self) -> str: ...
-    @property
-    def program(self) -> Program: ...
-    @property
-    def error(self) -> float: ...
-    @property
-    def seconds(self) -> float: ...
-
-
-S = TypeVar("S", bound=Progressing)
 QUIET_S = 2.0  # between two plain lines of one stage
 FIRST = "finding surfaces"  # said before there is any program
 
 
-def describe(snapshot: Progressing, best: float) -> str:
+def describe(snapshot: Snapshot, best: float) -> str:
     """One line: stage, best error so far, primitives."""
     from imdim.program.tree import leaves
 
@@ -36,13 +21,13 @@ def describe(snapshot: Progressing, best: float) -> str:
     return f"{snapshot.stage:<12} error {best:<9.3g} {count} primitive{'' if count == 1 else 's'}"
 
 
-def show_progress(snapshots: Iterable[S], budget_s: float, stream: TextIO | None = None) -> Iterator[S]:
+def show_progress(snapshots: Iterable[Snapshot], budget_s: float, stream: TextIO | None = None) -> Iterator[Snapshot]:
     """The same snapshots, each shown on `stream` (stderr) as it passes."""
     out: TextIO = stream or sys.stderr
     return _live(snapshots, budget_s, out) if out.isatty() else _plain(snapshots, budget_s, out)
 
 
-def _plain(snapshots: Iterable[S], budget_s: float, stream: TextIO) -> Iterator[S]:
+def _plain(snapshots: Iterable[Snapshot], budget_s: float, stream: TextIO) -> Iterator[Snapshot]:
     stream.write(f"{0.0:6.1f} s  {FIRST}, {budget_s:.0f} s left\n")
     stream.flush()
     stage, last, best = "", -QUIET_S, float("inf")
@@ -56,7 +41,7 @@ def _plain(snapshots: Iterable[S], budget_s: float, stream: TextIO) -> Iterator[
         yield snapshot
 
 
-def _live(snapshots: Iterable[S], budget_s: float, stream: TextIO) -> Iterator[S]:
+def _live(snapshots: Iterable[Snapshot], budget_s: float, stream: TextIO) -> Iterator[Snapshot]:
     from rich.console import Console
     from rich.progress import Progress, ProgressColumn, SpinnerColumn, Task, TextColumn
     from rich.text import Text

@@ -14,22 +14,19 @@ from pathlib import Path
 from typing import Any
 
 import trimesh
+from manifold3d import Manifold
 
-from imdim.delivery.evaluate import DeliveryLoss, Scores, evaluate_file
+from imdim.delivery.evaluate import DeliveryLoss, evaluate_file
 from imdim.delivery.finish import FinishedProgram, finish, finish_flat
 from imdim.delivery.report import RunRecord, dumps, report_of
 from imdim.export import html
+from imdim.export.delivered import texts_of
 from imdim.export.folder import FILES, OutputError, check_writable, replacing
 from imdim.export.meshes import write_meshes
 from imdim.export.numbers import round_program
-from imdim.export.openscad import to_openscad
-from imdim.export.openscad_loops import to_openscad_loops
 from imdim.export.openscad_reader import read_openscad
 from imdim.export.preview import preview
-from imdim.export.script import to_script
-from imdim.export.step import StepError
-from imdim.export.step_worker import StepJob, finish_step, start_step, stop_step
-from imdim.export.ucad import to_ucad
+from imdim.export.step_worker import exporting, skipped_step
 from imdim.geometry.solid import SEGMENTS, mesh_to_manifold, to_manifold, to_trimesh
 from imdim.program.codec import Meta
 from imdim.program.codec import dumps as program_text
@@ -71,7 +68,7 @@ def deliver(
             meta = frame_meta(target)
             _write_texts(found, meta, partial, segments)
             _write_front(front or [Choice(given)], given, meta, partial)
-        with _step(partial) as job:
+        with exporting(partial) as job:
             with _time(seconds, "meshes"):
                 solid = to_manifold(program, segments)
                 write_meshes(solid, partial)
@@ -79,17 +76,17 @@ def deliver(
                 scores = evaluate_file(partial / "program.scad", target, segments=segments)
                 kept = DeliveryLoss.of(given, solid, target, segments)
             with _time(seconds, "preview"):
-                _write_preview(partial, target, scores, segments)
+                delivered = to_manifold(read_openscad((partial / "program.scad").read_text(encoding="utf-8")), segments)
+                preview(target, to_trimesh(delivered), scores.to_result.max).save(partial / "preview.png")
             with _time(seconds, "page"):
                 shown = html.content(_read(partial / "program.json"), target, found.parameters, segments, scores.to_result.max)
             with _time(seconds, "step"):
-                volumes = _volumes(partial, target, segments)
-                skipped = _finish(job, step_limit_s, volumes)
+                volumes = _volumes(partial, target, delivered)
+                skipped = skipped_step(job, step_limit_s, volumes)
         if found.folded is None:
             skipped["program.loops.scad"] = "skipped: no part repeats"
         files = {name: skipped.get(name, "written") for name in FILES}
-        names = found.parameters.values
-        report = report_of(program, target, scores, kept, volumes, files, run, seconds, found.constraints, names, found.folded)
+        report = report_of(found, target, scores, kept, volumes, files, run, seconds)
         (partial / "report.json").write_text(dumps(report), encoding="utf-8")
         (partial / "report.html").write_text(html.page(shown, report, _read(partial / "front.json")), encoding="utf-8")
     return report
@@ -105,32 +102,20 @@ def export(program: Program, folder: Path, meta: Meta, segments: int = SEGMENTS,
         found = finish(*relations_of(program))
         program = found.program
         _write_texts(found, meta, partial, segments)
-        with _step(partial) as job:
+        with exporting(partial) as job:
             write_meshes(to_manifold(program, segments), partial)
             shown = html.content(_read(partial / "program.json"), named=found.parameters, segments=segments)
             (partial / "report.html").write_text(html.page(shown), encoding="utf-8")
-            skipped = _finish(job, step_limit_s, {})
+            skipped = skipped_step(job, step_limit_s, {})
         files = {path.name: "written" for path in sorted(partial.iterdir())}
     return {**files, **skipped}
 
 
 def _write_texts(found: FinishedProgram, meta: Meta, folder: Path, segments: int) -> None:
-    program, parameters, folded = found.program, found.parameters, found.folded
-    texts = {
-        "program.json": program_text(program, meta, found.constraints, folded),
-        "program.scad": to_openscad(program, segments, parameters),
-        "program.py": to_script(program, parameters, folded),
-        "program.ucad": to_ucad(program, parameters, folded),
-    }
-    if folded is not None:
-        texts["program.loops.scad"] = to_openscad_loops(folded, segments, parameters)
-    for name, text in texts.items():
+    document = program_text(found.program, meta, found.constraints, found.folded)
+    texts = texts_of(found.program, found.parameters, found.folded, segments)
+    for name, text in {"program.json": document, **texts}.items():
         (folder / name).write_text(text, encoding="utf-8")
-
-
-def _write_preview(folder: Path, target: Target, scores: Scores, segments: int) -> None:
-    result = to_trimesh(to_manifold(read_openscad((folder / "program.scad").read_text(encoding="utf-8")), segments))
-    preview(target, result, scores.to_result.max).save(folder / "preview.png")
 
 
 def _write_front(front: Sequence[Choice], picked: Program, meta: Meta, folder: Path) -> None:
@@ -144,36 +129,11 @@ def _read(path: Path) -> Any:
     return json.loads(path.read_text(encoding="utf-8"))
 
 
-def _volumes(folder: Path, target: Target, segments: int) -> dict[str, float]:
+def _volumes(folder: Path, target: Target, delivered: Manifold) -> dict[str, float]:
     """Volumes of the target, where it has one, and of the delivered files, re-read."""
     volumes = {"target": float(target.mesh.volume)} if target.mesh is not None and target.is_solid else {}
-    volumes["program.scad"] = to_manifold(read_openscad((folder / "program.scad").read_text(encoding="utf-8")), segments).volume()
-    volumes["mesh.stl"] = mesh_to_manifold(trimesh.load_mesh(folder / "mesh.stl")).volume()
-    return volumes
-
-
-@contextmanager
-def _step(folder: Path) -> Iterator[StepJob | StepError]:
-    """The export running beside the other work; it never outlives the block."""
-    try:
-        job = start_step(folder / "program.json", folder / "program.step")
-    except StepError as error:
-        yield error
-        return
-    try:
-        yield job
-    finally:
-        stop_step(job)
-
-
-def _finish(job: StepJob | StepError, limit_s: float, volumes: dict[str, float]) -> dict[str, str]:
-    try:
-        if isinstance(job, StepError):
-            raise job
-        volumes["program.step"] = finish_step(job, limit_s)
-    except StepError as error:
-        return {"program.step": f"skipped: {error}"}
-    return {}
+    mesh = mesh_to_manifold(trimesh.load_mesh(folder / "mesh.stl"))
+    return {**volumes, "program.scad": delivered.volume(), "mesh.stl": mesh.volume()}
 
 
 @contextmanager

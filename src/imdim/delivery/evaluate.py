@@ -47,7 +47,10 @@ class Scores:
     to_target: Distances
     diagonal: float
     primitives: int | None = None
-    operations: int | None = None
+
+    @property
+    def operations(self) -> int | None:
+        return None if self.primitives is None else self.primitives - 1
 
     def relative(self, distances: Distances) -> Distances:
         """The same distances as fractions of the target's diagonal."""
@@ -92,10 +95,10 @@ def evaluate_solid(solid: Manifold, target: Target, samples: int = SAMPLES, prim
     length = diagonal(target.points if target.mesh is None else target.mesh.vertices)
     if not len(surface.faces):
         nowhere = Distances(math.inf, math.inf)
-        return Scores(iou, missing, nowhere, nowhere, length, primitives, _operations(primitives))
+        return Scores(iou, missing, nowhere, nowhere, length, primitives)
     to_result = _summary(*target_distances(target, surface, samples)[1:])
     to_target = _summary(*_result_distances(surface, target, samples))
-    return Scores(iou, missing, to_result, to_target, length, primitives, _operations(primitives))
+    return Scores(iou, missing, to_result, to_target, length, primitives)
 
 
 def target_distances(target: Target, surface: trimesh.Trimesh, samples: int = SAMPLES) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -131,7 +134,3 @@ def target_iou(solid: Manifold, target: Target) -> tuple[float | None, str | Non
 
 def _summary(spread: np.ndarray, corners: np.ndarray) -> Distances:
     return Distances(float(spread.mean()), float(max(spread.max(), corners.max(initial=0.0))))
-
-
-def _operations(primitives: int | None) -> int | None:
-    return None if primitives is None else primitives - 1

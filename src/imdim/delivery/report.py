@@ -14,11 +14,10 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from imdim.delivery.evaluate import DeliveryLoss, Distances, Scores
-from imdim.program.constraints import Constraint
+from imdim.delivery.finish import FinishedProgram
 from imdim.program.cost import count
 from imdim.program.repeats import Folded, Repeat, repeats, size
 from imdim.program.roles import labels
-from imdim.program.tree import Program
 from imdim.target.target import Target
 
 FORMAT, VERSION = "imdim-report", 1
@@ -42,7 +41,7 @@ class RunRecord:
 
 
 def report_of(
-    program: Program,
+    delivered: FinishedProgram,
     target: Target,
     scores: Scores,
     kept: DeliveryLoss,
@@ -50,14 +49,9 @@ def report_of(
     files: Mapping[str, str],
     run: RunRecord,
     delivery: Mapping[str, float],
-    constraints: Sequence[Constraint] = (),
-    parameters: Mapping[str, float] | None = None,
-    folded: Folded | None = None,
 ) -> dict[str, Any]:
-    """The report as plain values; lengths in model units, `volumes` per file in cubed ones, `delivery` in seconds per step.
-
-    `constraints` are those in `program.json`, `parameters` the names in `program.scad` with their values, `folded` the repeats.
-    """
+    """The report as plain values; lengths in model units, `volumes` per file in cubed ones, `delivery` in seconds per step."""
+    program, constraints, folded = delivered.program, delivered.constraints, delivered.folded
     counts = count(program)
     return {
         "format": FORMAT,
@@ -72,7 +66,7 @@ def report_of(
         },
         "repeats": [] if folded is None else _repeats(folded, labels(program, constraints)),
         "constraints": [{"name": c.name, "kind": c.kind, "says": str(c)} for c in constraints],
-        "parameters": {name: number(value) for name, value in (parameters or {}).items()},
+        "parameters": {name: number(value) for name, value in delivered.parameters.values.items()},
         "scores": _scores(scores),
         "found": {"volume_iou": number(kept.found), "iou_with_delivered": number(kept.delivered)},
         "volumes": {name: number(volume) for name, volume in volumes.items()},

@@ -1,19 +1,47 @@
-"""A delivered program together with the texts that name its numbers."""
+"""A delivered program together with the texts that name its numbers, and what these names are: which sizes and places follow them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from imdim.export.numbers import plain
+from imdim.export.openscad import to_openscad, to_openscad_loops
 from imdim.export.openscad_reader import read_openscad
+from imdim.export.parameters import Parameters
+from imdim.export.script import to_script
+from imdim.export.ucad import to_ucad
 from imdim.program.codec import Meta
 from imdim.program.constraints import Constraint
 from imdim.program.repeats import Folded
-from imdim.program.tree import Program
+from imdim.program.tree import SIZE_NAMES, Program, leaves
 
 TEXTS = ("program.scad", "program.loops.scad", "program.py", "program.ucad")
 LOOPS = TEXTS[1:]
 AGREE = 1e-6  # of the largest size: the nine digits of each number of a text, summed up along its expressions
+
+PROBE = 1e-3  # share of a value by which it is moved to see what follows
+
+_MEANING: Mapping[str, str] = {
+    "sx": "length along x",
+    "sy": "length along y",
+    "sz": "length along z",
+    "r": "radius",
+    "h": "height",
+    "r_bottom": "radius at the bottom",
+    "r_top": "radius at the top",
+    "r_major": "radius of the ring",
+    "r_minor": "radius of the tube",
+    "rx": "radius along x",
+    "ry": "radius along y",
+    "rz": "radius along z",
+    "x": "centre along x",
+    "y": "centre along y",
+    "z": "centre along z",
+}
+SIZES = frozenset(name for names in SIZE_NAMES.values() for name in names)
+
+Feature = tuple[int, str]  # the primitive's number, and the name of a size or of a coordinate
 
 
 class EditError(ValueError):
@@ -37,9 +65,59 @@ class Delivered:
     counts: Mapping[str, int] = field(default_factory=dict)
 
 
+def texts_of(program: Program, named: Parameters, folded: Folded | None, segments: int) -> dict[str, str]:
+    """The texts by their names in TEXTS; with loops where `folded`, which `program` is the expansion of, has repeats."""
+    texts = {
+        "program.scad": to_openscad(program, segments, named),
+        "program.py": to_script(program, named, folded),
+        "program.ucad": to_ucad(program, named, folded),
+    }
+    return texts if folded is None else {**texts, "program.loops.scad": to_openscad_loops(folded, segments, named)}
+
+
 def read(delivered: Delivered, values: Mapping[str, float]) -> Program:
     """What program.scad describes with some names at other values; a one-line ValueError where that is nothing."""
     try:
         return read_openscad(delivered.texts["program.scad"], **values)
     except ValueError as error:
         raise ValueError(f"program.scad: {error}") from None
+
+
+def meanings(delivered: Delivered) -> dict[str, str]:
+    """For each name the sizes and places that are its value, and those that move with it, as ``primitive.feature``.
+
+    Primitives are counted from 0 in the order of program.json, as constraints count them.
+    """
+    out: dict[str, str] = {}
+    for name, value in delivered.values.items():
+        equal, moved = _followers(delivered, name)
+        words = [_MEANING[feature] for _, feature in equal]
+        is_what = [f"{word} of primitive {_some([str(leaf) for leaf, f in equal if _MEANING[f] == word])}" for word in dict.fromkeys(words)]
+        follow = [f"moves {_some([f'{leaf}.{feature}' for leaf, feature in moved])}"] if moved else []
+        out[name] = "; ".join(is_what + follow) or f"nothing follows {plain(value)}"
+    return out | dict.fromkeys(delivered.counts, "how many copies there are")
+
+
+def is_size(delivered: Delivered, name: str) -> bool:
+    """Whether some size is the named value, or the name is that of a diameter."""
+    return "circle" in name.split("_") or any(feature in SIZES for _, feature in _followers(delivered, name)[0])
+
+
+def _followers(delivered: Delivered, name: str) -> tuple[list[Feature], list[Feature]]:
+    """The numbers that are the named value, and the others that move with it."""
+    value = delivered.values[name]
+    step = PROBE * (abs(value) or max(max(p.size) for p in leaves(delivered.program)))
+    before, after = (dict(_numbers(read(delivered, {name: v}))) for v in (value, value + step))
+    moved = {feature: after[feature] - before[feature] for feature in before if abs(after[feature] - before[feature]) > AGREE * step}
+    equal = [f for f, way in moved.items() if max(abs(way - step), abs(before[f] - value)) <= AGREE * step]
+    return equal, [f for f in moved if f not in equal]
+
+
+def _numbers(program: Program) -> Iterator[tuple[Feature, float]]:
+    for i, p in enumerate(leaves(program)):
+        for feature, number in zip((*SIZE_NAMES[p.kind], "x", "y", "z"), (*p.size, *p.center), strict=True):
+            yield (i, feature), number
+
+
+def _some(words: Sequence[str], most: int = 8) -> str:
+    return ", ".join(words[:most]) + (f" and {len(words) - most} more" if len(words) > most else "")

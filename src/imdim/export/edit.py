@@ -15,19 +15,13 @@ from pathlib import Path
 
 from manifold3d import Manifold
 
-from imdim.export.delivered import AGREE, LOOPS, Delivered, EditError, read
+from imdim.export.delivered import AGREE, LOOPS, Delivered, EditError, is_size, read, texts_of
 from imdim.export.folder import FILES, replacing
-from imdim.export.meanings import is_size
 from imdim.export.meshes import write_meshes
 from imdim.export.numbers import MAX_SEGMENTS, Rounding, plain, round_program, to_fixed_point
-from imdim.export.openscad import to_openscad
-from imdim.export.openscad_loops import to_openscad_loops
 from imdim.export.openscad_reader import read_openscad
-from imdim.export.parameters import Parameters, parametrise
-from imdim.export.script import to_script
-from imdim.export.step import StepError
-from imdim.export.step_worker import finish_step, start_step, stop_step
-from imdim.export.ucad import to_ucad
+from imdim.export.parameters import parametrise
+from imdim.export.step_worker import exporting, skipped_step
 from imdim.geometry.solid import SEGMENTS, to_manifold
 from imdim.program.codec import constraints_of, dumps, from_json, meta_of, read_folded
 from imdim.program.constraints import Constraint, ConstraintError
@@ -51,7 +45,7 @@ def open_delivered(document: object, texts: Mapping[str, str]) -> Delivered:
     program, constraints, folded = from_json(document), constraints_of(document), read_folded(document)
     folded = folded if any(repeats(folded)) else None
     if "program.scad" not in texts:
-        texts = _texts(program, parametrise(program, constraints, program, folded), folded, SEGMENTS)
+        texts = texts_of(program, parametrise(program, constraints, program, folded), folded, SEGMENTS)
     values = _values(texts["program.scad"])
     found = _SEGMENTS.search(texts["program.scad"])
     segments = int(found[1]) if found else SEGMENTS
@@ -61,15 +55,6 @@ def open_delivered(document: object, texts: Mapping[str, str]) -> Delivered:
     delivered = Delivered(program, meta_of(document), constraints, texts, values, segments, folded, counts)
     _check_same(delivered)
     return delivered
-
-
-def _texts(program: Program, named: Parameters, folded: Folded | None, segments: int) -> dict[str, str]:
-    texts = {
-        "program.scad": to_openscad(program, segments, named),
-        "program.py": to_script(program, named, folded),
-        "program.ucad": to_ucad(program, named, folded),
-    }
-    return texts if folded is None else {**texts, "program.loops.scad": to_openscad_loops(folded, segments, named)}
 
 
 def change_values(delivered: Delivered, values: Mapping[str, float]) -> Delivered:
@@ -114,7 +99,7 @@ def with_counts(delivered: Delivered, counts: Mapping[str, float]) -> Delivered:
     program = expand(after)
     constraints = tuple(c for c in recount_constraints(delivered.constraints, folded, after) if _holds(c, program))
     named = parametrise(program, constraints, program, after, delivered.values)
-    texts = {file: text for file, text in _texts(program, named, after, delivered.segments).items() if file in delivered.texts}
+    texts = {file: text for file, text in texts_of(program, named, after, delivered.segments).items() if file in delivered.texts}
     return replace(
         delivered,
         program=program,
@@ -162,21 +147,12 @@ def write(delivered: Delivered, folder: Path, step_limit_s: float = 0.0) -> dict
         for file, text in texts.items():
             (partial / file).write_text(text, encoding="utf-8")
         write_meshes(solid, partial)
-        skipped = _write_step(partial, step_limit_s) if step_limit_s else {}
+        skipped: dict[str, str] = {}
+        if step_limit_s:
+            with exporting(partial) as job:
+                skipped = skipped_step(job, step_limit_s, {})
         files = {file: "written" for file in FILES if (partial / file).exists()}
     return {**files, **skipped}
-
-
-def _write_step(folder: Path, limit_s: float) -> dict[str, str]:
-    try:
-        job = start_step(folder / "program.json", folder / "program.step")
-        try:
-            finish_step(job, limit_s)
-        finally:
-            stop_step(job)
-    except StepError as error:
-        return {"program.step": f"skipped: {error}"}
-    return {}
 
 
 def _values(text: str) -> dict[str, float]:

@@ -113,14 +113,10 @@ class LinearSystem:
         is_place = v % 6 > 2 if v < self.extra else self.extras[v - self.extra][1] in ("center_x", "center_y", "center_z")
         return is_place and abs(self.start[v]) <= ZERO * self.length
 
-    def _is_diameter(self, v: int) -> bool:
-        return v >= self.extra and self.extras[v - self.extra][1] == "circle"
-
     def _order(self) -> list[int]:
-        """Variables in the order in which they are eliminated."""
-        own = range(self.extra)
-        middles = [v for v in range(self.extra, len(self.start)) if not self._is_diameter(v)]
-        return sorted(own, key=lambda v: (v % 6 < 3, -v)) + middles + [v for v in range(self.extra, len(self.start)) if v not in middles]
+        """Variables in the order in which they are eliminated: of patterns the diameters last."""
+        extra = sorted(range(self.extra, len(self.start)), key=lambda v: self.extras[v - self.extra][1] == "circle")
+        return [*sorted(range(self.extra), key=lambda v: (v % 6 < 3, -v)), *extra]
 
     def new(self, leaf: int, word: str, value: float) -> int:
         """A further variable, named after a leaf and a word."""

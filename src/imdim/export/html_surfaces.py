@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from imdim.geometry.sampling import subsample
 from imdim.geometry.triangles import distances, triangle_tree
 from imdim.target.target import Target
 
@@ -64,8 +65,7 @@ def target_values(target: Target, surface: trimesh.Trimesh, box: Box, worst: flo
     `worst` is the largest distance where it was measured better than over these corners.
     """
     if target.mesh is None:
-        shown = np.linspace(0, len(target.points) - 1, min(len(target.points), MOST_POINTS)).astype(np.int64)
-        points, faces = target.points[shown], None
+        points, faces = subsample(target.points, MOST_POINTS), None
     else:
         points, faces, _ = cluster_vertices(np.asarray(target.mesh.vertices), np.asarray(target.mesh.faces))
         points, faces = split_edges(points, faces, Box.around(points).diagonal / FINENESS)

@@ -8,12 +8,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from imdim.export.expressions import Expression, write_expression
-from imdim.export.numbers import plain
+from imdim.export.numbers import Expression, plain, write_expression
 from imdim.export.parameters import Parameters
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.program.constraints import RULES, WORLD, Constraint, Ref
-from imdim.program.repeats import Folded, Repeat, repeats, size
+from imdim.program.repeats import Folded, Repeat, repeats, size, starts
 from imdim.program.tree import SIZE_NAMES, Primitive, Program, fold, leaves
 
 
@@ -25,17 +24,12 @@ def tree_values(folded: Folded, first: int = 0) -> dict[str, Any]:
     if isinstance(folded, Repeat):
         how = {"counts": list(folded.counts), "angle": folded.angle, "join": folded.join}
         return {"is": folded.kind, **head, **how, "parts": [tree_values(folded.part, first)]}
-    parts = []
-    for part in folded.parts:
-        parts.append(tree_values(part, first))
-        first += size(part)
-    return {"is": folded.op, **head, "parts": parts}
+    return {"is": folded.op, **head, "parts": [tree_values(part, start) for part, start in starts(folded, first)]}
 
 
 def leaf_values(program: Program, labels: Sequence[str], named: Parameters) -> list[dict[str, Any]]:
     """Of each leaf its kind, label, role, sizes, place and rotation matrix; numbers that follow names come with the expression."""
-    given = Parameters.none(program)
-    rows = zip(leaves(program), labels, roles(program), named.sizes or given.sizes, named.centers or given.centers, strict=True)
+    rows = zip(leaves(program), labels, roles(program), named.sizes, named.centers, strict=True)
     return [
         {
             "kind": p.kind,

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
 
-from imdim.export.expressions import Expression, Term
+from imdim.export.numbers import Expression, Term
 from imdim.export.repeat_rows import world_axis
 from imdim.program.motions import Motion
 from imdim.program.repeats import Repeat, size

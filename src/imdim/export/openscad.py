@@ -1,15 +1,19 @@
-"""Flat OpenSCAD text: parameters, then one line per primitive, n-ary operations, numbers as a person would write them."""
+"""OpenSCAD text: parameters, then one line per primitive, n-ary operations, numbers as a person would write them.
+
+It is flat, or has repeated parts as modules in ``for`` loops: how often and how far apart are named parameters then.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from imdim.export.expressions import Expression, write_expression
-from imdim.export.numbers import Rounding
+from imdim.export.loops import Loop, less
+from imdim.export.numbers import Expression, Rounding, plain, write_expression
 from imdim.export.parameters import Parameters
 from imdim.geometry.solid import SEGMENTS
 from imdim.program.nary import fold_nary
-from imdim.program.tree import OPS, Op, Primitive, Program
+from imdim.program.repeats import Folded, Group, Repeat, expand, starts
+from imdim.program.tree import OPS, Primitive, Program
 
 _SHAPE: Mapping[str, Callable[..., str]] = {
     "box": lambda x, y, z: f"cube([{x}, {y}, {z}], center = true)",
@@ -29,28 +33,102 @@ def to_openscad(program: Program, segments: int = SEGMENTS, parameters: Paramete
     rounding, named = Rounding.of(program), parameters or Parameters.none(program)
 
     def line(number: int, leaf: Primitive) -> list[str]:
-        return [primitive_text(leaf, rounding, named.sizes[number], named.centers[number]) + ";"]
+        return [_primitive(leaf, rounding, named.sizes[number], named.centers[number])]
 
     lines = fold_nary(program, line, {op: _block(op) for op in OPS})
-    head = [*named.lines(rounding.size, ";"), ""] if named.values else []
-    return "\n".join([f"$fn = {segments};", "", *head, *lines, ""])
+    return "\n".join([f"$fn = {segments};", "", *named.head(rounding.size, end=";", counted=False), *lines, ""])
 
 
-def primitive_text(leaf: Primitive, rounding: Rounding, sizes: Sequence[Expression], center: Sequence[Expression]) -> str:
-    """``translate(..) rotate(..) shape(..)`` without the semicolon; the identity parts are left out."""
+def to_openscad_loops(folded: Folded, segments: int, named: Parameters) -> str:
+    """OpenSCAD text of a program with repeats in its own units, with `$fn` at `segments`, and numbers that follow `named`."""
+    rounding = Rounding.of(expand(folded))
+    writer = _Writer(rounding, named)
+    body = writer.lines(folded, 0)
+    return "\n".join([f"$fn = {segments};", "", *named.head(rounding.size, end=";"), *writer.modules, *body, ""])
+
+
+def _primitive(leaf: Primitive, rounding: Rounding, sizes: Sequence[Expression], center: Sequence[Expression]) -> str:
+    """``translate(..) rotate(..) shape(..);``, the identity parts left out."""
     place = _step("translate", [write_expression(c, rounding.length) for c in center])
     place += _step("rotate", [rounding.angle(a) for a in leaf.rotation])
     # a bare number is a size, which never vanishes; the constant of a sum may
     texts = [write_expression(s, rounding.length if s.terms else rounding.size) for s in sizes]
-    return place + _SHAPE[leaf.kind](*texts)
+    return place + _SHAPE[leaf.kind](*texts) + ";"
 
 
 def _step(name: str, numbers: list[str]) -> str:
     return "" if all(number == "0" for number in numbers) else f"{name}([{', '.join(numbers)}]) "
 
 
-def _block(op: Op) -> Callable[[list[list[str]]], list[str]]:
+def _block(head: str) -> Callable[[list[list[str]]], list[str]]:
     def lines(parts: list[list[str]]) -> list[str]:
-        return [f"{op}() {{", *("  " + line for part in parts for line in part), "}"]
+        return [f"{head}() {{", *("  " + line for part in parts for line in part), "}"]
 
     return lines
+
+
+class _Writer:
+    """Writes nodes; `modules` are the definitions of what repeats."""
+
+    def __init__(self, rounding: Rounding, named: Parameters) -> None:
+        self._rounding, self._named = rounding, named
+        self._loops: Iterator[Loop] = iter(named.loops)
+        self.modules: list[str] = []
+
+    def lines(self, node: Folded, first: int, origin: Sequence[Expression] | None = None) -> list[str]:
+        """The statements of a node whose first leaf is number `first`; a primitive relative to `origin`."""
+        if isinstance(node, Primitive):
+            center = self._named.centers[first]
+            center = center if origin is None else less(center, origin)
+            return [_primitive(node, self._rounding, self._named.sizes[first], center)]
+        if isinstance(node, Repeat):
+            return [self._repeat(node, first)]
+        return _block(node.op)(self._parts(node, first))
+
+    def _parts(self, node: Group, first: int) -> list[list[str]]:
+        return [self.lines(part, start) for part, start in starts(node, first)]
+
+    def _repeat(self, repeat: Repeat, first: int) -> str:
+        loop = next(self._loops)
+        centered = repeat.kind == "circular" and self._vector(loop.center) != "[0, 0, 0]"
+        relative = centered and isinstance(repeat.part, Primitive)
+        is_union = isinstance(repeat.part, Group) and repeat.part.op == "union"
+        origin = loop.center if relative else None
+        parts = self._parts(repeat.part, first) if is_union else [self.lines(repeat.part, first, origin)]  # type: ignore[arg-type]
+        self.modules += [*_block(f"module {loop.part}")(parts), ""]
+        place = self._place(repeat, loop)
+        if centered:
+            back = "" if relative else f" translate(-{self._vector(loop.center)})"
+            place = f"translate({self._vector(loop.center)}) {place}{back}"
+        loops = "for" if repeat.join == "union" else "intersection_for"
+        return f"{loops} ({self._ranges(repeat, loop)}) {place} {loop.part}();"
+
+    def _ranges(self, repeat: Repeat, loop: Loop) -> str:
+        if repeat.kind == "mirror":
+            return "i = [0, 1]"
+        return ", ".join(f"{i} = [0 : {name} - 1]" for i, name in zip("ij", loop.counts, strict=False))
+
+    def _place(self, repeat: Repeat, loop: Loop) -> str:
+        if repeat.kind in ("linear", "grid"):
+            return f"translate({self._sums(list(zip('ij', loop.steps, strict=False)))})"
+        if repeat.kind == "mirror":
+            normal = ", ".join(f"{plain(round(n, 12))}*i" if n not in (0, 1) else "i" if n else "0" for n in repeat.axis)
+            shift = self._sums([("i", loop.shift)])
+            return (f"translate({shift}) " if shift != "[0, 0, 0]" else "") + f"mirror([{normal}])"
+        angle = f"360/{loop.counts[0]}*i" if repeat.is_full else f"{self._rounding.angle(repeat.angle)}*i"
+        if max(map(abs, repeat.axis)) < 1:
+            return f"rotate(a = {angle}, v = [{', '.join(plain(round(c, 12)) for c in repeat.axis)}])"
+        forward = sum(repeat.axis) * (1 if repeat.angle > 0 or not repeat.is_full else -1) > 0
+        return f"rotate([{', '.join((angle if forward else '-' + angle) if c else '0' for c in repeat.axis)}])"
+
+    def _sums(self, moves: list[tuple[str, tuple[Expression, ...]]]) -> str:
+        """A vector of what is moved for each loop variable."""
+        texts = []
+        for axis in range(3):
+            terms = [(i, write_expression(step[axis], self._rounding.length)) for i, step in moves]
+            products = [f"({t})*{i}" if " " in t else f"{t}*{i}" for i, t in terms if t != "0"]
+            texts.append(" + ".join(products) or "0")
+        return f"[{', '.join(texts)}]"
+
+    def _vector(self, v: Sequence[Expression]) -> str:
+        return f"[{', '.join(write_expression(e, self._rounding.length) for e in v)}]"

@@ -40,15 +40,16 @@ def read_openscad(text: str, **given: float) -> Program:
     for number, raw in enumerate(text.splitlines(), start=1):
         line = raw.partition("//")[0].strip()
         assigned = _ASSIGNMENT.fullmatch(line)
+        begun: Op | None = next((op for op in OPS if line == f"{op}() {{"), None)
         if not line or line.startswith("$fn = "):
             continue
         if line == "}" and len(open_blocks) > 1 and open_blocks[-1][1]:
             op, parts = open_blocks.pop()
             open_blocks[-1][1].append(combine_all(op, parts))
-        elif line.removesuffix("() {") in OPS and line.endswith("() {"):
-            open_blocks.append((_op(line), []))
+        elif begun is not None:
+            open_blocks.append((begun, []))
         elif assigned is not None:
-            values[assigned[1]] = given.get(assigned[1], _number(assigned[2], values, number))
+            values[assigned[1]] = given.get(assigned[1], _value(_parse(assigned[2], number), values, number))
         else:
             open_blocks[-1][1].append(_primitive(line, values, number))
     if len(open_blocks) != 1 or not open_blocks[0][1]:
@@ -57,10 +58,6 @@ def read_openscad(text: str, **given: float) -> Program:
     if unknown:
         raise ValueError(f"the text has no parameter {unknown[0]!r}; it has {', '.join(values) or 'none'}")
     return combine_all(*open_blocks[0])
-
-
-def _op(line: str) -> Op:
-    return next(op for op in OPS if line.startswith(op))
 
 
 def _primitive(line: str, values: Values, number: int) -> Primitive:
@@ -126,10 +123,6 @@ def _entries(node: ast.AST, values: Values, number: int) -> tuple[float, ...]:
     if not isinstance(node, ast.List) or len(node.elts) != 3:
         raise ValueError(f"line {number}: expected a list of 3 numbers, got {ast.unparse(node)!r}")
     return tuple(_value(entry, values, number) for entry in node.elts)
-
-
-def _number(text: str, values: Values, number: int) -> float:
-    return _value(_parse(text, number), values, number)
 
 
 def _parse(text: str, number: int) -> ast.expr:

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from imdim.export.elimination import LinearSystem, vector
-from imdim.export.expressions import Expression, Term, constants
 from imdim.export.loops import Loop, loop_of
+from imdim.export.numbers import Expression, Term, constants
 from imdim.program.constraints import Constraint
 from imdim.program.repeats import Folded, Repeat, repeats
 from imdim.program.roles import labels, signs, size_word, unique
@@ -44,13 +44,11 @@ class Parameters:
         bare = Parameters({}, sizes, centers)
         return bare if folded is None else _add_loops(bare, folded, labels(program), max(max(p.size) for p in parts))[0]
 
-    def lines(self, number: Callable[[float], str], end: str = "") -> list[str]:
-        """``name = value`` for each name but those of counts."""
-        return [f"{name} = {number(value)}{end}" for name, value in self.values.items()]
-
-    def count_lines(self, end: str = "") -> list[str]:
-        """``name = count`` for each count."""
-        return [f"{name} = {count}{end}" for name, count in self.counts.items()]
+    def head(self, number: Callable[[float], str], unit: str = "", end: str = "", counted: bool = True) -> list[str]:
+        """``name = value`` for each name, those of counts only where these are `counted`; an empty line below them if there are any."""
+        lines = [f"{name} = {number(value)}{unit}{end}" for name, value in self.values.items()]
+        lines += [f"{name} = {count}{end}" for name, count in self.counts.items()] if counted else []
+        return [*lines, ""] if lines else []
 
 
 def parametrise(

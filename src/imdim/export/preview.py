@@ -213,10 +213,10 @@ def _sheet(panels: list[Image.Image], name: str, top: float, worst: float, diago
     for number, (panel, title) in enumerate(zip(panels, titles, strict=True)):
         left = GAP // 2 + number * (PANEL + GAP)
         sheet.paste(panel, (left, HEADER))
-        draw.text((left + 8, 14), _shorten_text(draw, title, PANEL - 16), font=_font(19), fill=INK)
+        draw.text((left + 8, 14), _shorten_text(draw, title, PANEL - 16), font=ImageFont.load_default(19), fill=INK)
     _bar(sheet, draw, GAP // 2 + 2 * (PANEL + GAP), top)
     text = f"worst distance {worst:.4g} ({worst / diagonal:.2%} of the diagonal {diagonal:.4g}), in model units"
-    draw.text((GAP // 2 + 8, HEADER + PANEL + 22), text, font=_font(16), fill=FAINT)
+    draw.text((GAP // 2 + 8, HEADER + PANEL + 22), text, font=ImageFont.load_default(16), fill=FAINT)
     return sheet
 
 
@@ -227,14 +227,10 @@ def _bar(sheet: Image.Image, draw: ImageDraw.ImageDraw, left: int, top: float) -
     for part in range(5):
         x = left + 30 + part * (width - 1) / 4
         draw.line([(x, y + height), (x, y + height + 5)], fill=FAINT)
-        draw.text((x, y + height + 7), f"{top * part / 4:.3g}", font=_font(14), fill=INK, anchor="ma")
+        draw.text((x, y + height + 7), f"{top * part / 4:.3g}", font=ImageFont.load_default(14), fill=INK, anchor="ma")
 
 
 def _shorten_text(draw: ImageDraw.ImageDraw, text: str, width: int) -> str:
-    while draw.textlength(text, font=_font(19)) > width:
+    while draw.textlength(text, font=ImageFont.load_default(19)) > width:
         text = text[:-2].rstrip("…") + "…"
     return text
-
-
-def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    return ImageFont.load_default(size)

@@ -5,26 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Sequence
 from itertools import product
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from imdim.program.repeats import Folded, Repeat, repeats, size
 from imdim.program.rewrite.containment import axes, dot
 from imdim.program.tree import Primitive, Vec3
 
+if TYPE_CHECKING:
+    from imdim.export.elimination import LinearSystem
+
 ALIGNED = 1e-9  # of a unit vector
 ZERO = 1e-9  # of the largest size
 
 
-class RowSystem(Protocol):
-    """The system of equations that rows are added to: see `elimination`."""
-
-    rows: list[dict[int, float]]
-    length: float
-
-    def new(self, leaf: int, word: str, value: float) -> int: ...
-
-
-def add_repeats(system: RowSystem, folded: Folded, parts: Sequence[Primitive], fixed: Collection[int]) -> None:
+def add_repeats(system: LinearSystem, folded: Folded, parts: Sequence[Primitive], fixed: Collection[int]) -> None:
     """The equations of all repeats; those with numbers in `fixed`, and those along no axis of the world, have places that stay."""
     for number, (first, repeat) in enumerate(repeats(folded)):
         own = size(repeat.part)
@@ -48,7 +42,7 @@ def world_axis(direction: Vec3) -> int | None:
     return next((a for a in range(3) if abs(direction[a]) > 1 - ALIGNED), None)
 
 
-def _add_steps(system: RowSystem, repeat: Repeat, first: int, own: int) -> None:
+def _add_steps(system: LinearSystem, repeat: Repeat, first: int, own: int) -> None:
     spacing = [
         {a: system.new(first, _word(repeat, a), step[a]) for a in range(3) if abs(step[a]) > ZERO * system.length} for step in repeat.steps
     ]
@@ -63,7 +57,7 @@ def _word(repeat: Repeat, axis: int) -> str:
     return "spacing" if plain else f"spacing_{'xyz'[axis]}"
 
 
-def _add_circle(system: RowSystem, repeat: Repeat, first: int, own: int, parts: Sequence[Primitive]) -> None:
+def _add_circle(system: LinearSystem, repeat: Repeat, first: int, own: int, parts: Sequence[Primitive]) -> None:
     """Each leaf on a circle of its own about one centre, at angles that are numbers."""
     axis = world_axis(repeat.axis)
     assert axis is not None

@@ -2,19 +2,21 @@
 
 build123d's primitives are centred with their axis along z, as ours are. Rotations are written one axis at a time, since its
 three-angle `Rot` turns about the moved axes and OpenSCAD's about the fixed ones.
+What repeats has a name, and its copies are a list.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import ClassVar
 
-from imdim.export.expressions import Expression, write_expression
-from imdim.export.numbers import Rounding
+from imdim.export.chains import Chains
+from imdim.export.loops import Loop
+from imdim.export.numbers import Expression, Rounding, plain, write_expression
 from imdim.export.parameters import Parameters
-from imdim.export.script_loops import SIGN, ScriptLoops, chain
-from imdim.program.nary import fold_nary
-from imdim.program.repeats import Folded
-from imdim.program.tree import Primitive, Program
+from imdim.program.motions import Motion, move_leaf
+from imdim.program.repeats import Folded, Group, Repeat, starts
+from imdim.program.tree import Op, Primitive, Program
 
 _SHAPE: Mapping[str, Callable[..., str]] = {
     "box": lambda x, y, z: f"Box({x}, {y}, {z})",
@@ -38,6 +40,7 @@ from operator import and_
 
 _NAMES = ("Box", "Cone", "Cylinder", "Part", "Plane", "Pos", "Rot", "Sphere", "Torus", "export_step", "mirror", "scale")
 _LOOPS = ("Part", "Plane", "mirror")  # what plain scripts do without
+_FRAME = Primitive("box", (1.0, 1.0, 1.0))  # turned and moved, it shows a placement
 
 _TAIL = """)
 
@@ -52,25 +55,93 @@ def to_script(program: Program, parameters: Parameters | None = None, folded: Fo
     Numbers follow `parameters` if given. `folded`, which `program` is the expansion of, gives it loops.
     """
     rounding, named = Rounding.of(program), parameters or Parameters.none(program, folded)
-
-    def line(number: int, leaf: Primitive) -> list[str]:
-        return [_primitive(leaf, rounding, named.sizes[number], named.centers[number])]
-
-    writer = ScriptLoops(rounding, named, line)
-    lines = fold_nary(program, line, {op: chain(sign) for op, sign in SIGN.items()}) if folded is None else writer.lines(folded, 0)
-    names = [*named.lines(rounding.size), *named.count_lines()]
-    body = [*names, *([""] if names else []), *writer.parts, "part = (", *("    " + text for text in lines)]
+    writer = _Script(rounding, named)
+    lines = writer.flat(program) if folded is None else writer.lines(folded)
+    body = [*named.head(rounding.size), *writer.parts, "part = (", *("    " + text for text in lines)]
     used = [n for n in _NAMES if n not in _LOOPS or any(f"{n}(" in text for text in body)]
     reduces = any("reduce(" in text for text in body)
     return _HEAD.format(standard=_REDUCE if reduces else "", names=", ".join(used)) + "\n".join(body) + "\n" + _TAIL
 
 
-def _primitive(leaf: Primitive, rounding: Rounding, sizes: Sequence[Expression], center: Sequence[Expression]) -> str:
-    place = [write_expression(c, rounding.length) for c in center]
-    steps = [f"Pos({', '.join(place)})"] if any(c != "0" for c in place) else []
-    for axis in (2, 1, 0):
-        angle = rounding.angle(leaf.rotation[axis])
-        if angle != "0":
-            steps.append(f"Rot({', '.join(angle if a == axis else '0' for a in range(3))})")
-    texts = [write_expression(s, rounding.length if s.terms else rounding.size) for s in sizes]
-    return " * ".join([*steps, _SHAPE[leaf.kind](*texts)])
+class _Script(Chains):
+    """Placements are multiplied to what they place."""
+
+    signs: ClassVar[Mapping[Op, str]] = {"union": "+", "difference": "-", "intersection": "&"}
+
+    def _primitive(self, leaf: Primitive, number: int) -> str:
+        rounding = self._rounding
+        place = [write_expression(c, rounding.length) for c in self._named.centers[number]]
+        steps = [f"Pos({', '.join(place)})"] if any(c != "0" for c in place) else []
+        for axis in (2, 1, 0):
+            angle = rounding.angle(leaf.rotation[axis])
+            if angle != "0":
+                steps.append(f"Rot({', '.join(angle if a == axis else '0' for a in range(3))})")
+        texts = [write_expression(s, rounding.length if s.terms else rounding.size) for s in self._named.sizes[number]]
+        return " * ".join([*steps, _SHAPE[leaf.kind](*texts)])
+
+    def _repeat(self, repeat: Repeat, first: int) -> list[str]:
+        # a list alone is no part
+        copies = self._copies(repeat, first)
+        return ["Part()", f"+ {copies}"] if repeat.join == "union" else [f"reduce(and_, {copies})"]
+
+    def _operands(self, group: Group, first: int) -> list[list[str]]:
+        operands: list[list[str]] = []
+        for part, start in starts(group, first):
+            spread = isinstance(part, Repeat) and part.join == "union" and group.op != "intersection" and start > first
+            operands.append([self._copies(part, start)] if spread else self.lines(part, start))  # type: ignore[arg-type]
+        if isinstance(group.parts[0], Repeat) and group.parts[0].join == group.op == "union":
+            operands[:1] = [[line.removeprefix("+ ")] for line in operands[0]]
+        return operands
+
+    def _copies(self, repeat: Repeat, first: int) -> str:
+        loop = next(self._loops)
+        self._assign(repeat, first, loop.part)
+        return _COPIES[repeat.kind](self, repeat, loop)
+
+    def _row(self, _: Repeat, loop: Loop) -> str:
+        place = self._sum(list(zip("ij", loop.steps, strict=False)))
+        ranges = " ".join(f"for {i} in range({name})" for i, name in zip("ij", loop.counts, strict=False))
+        return f"[Pos({place}) * {loop.part} {ranges}]"
+
+    def _circle(self, repeat: Repeat, loop: Loop) -> str:
+        if max(map(abs, repeat.axis)) < 1:
+            places = [self._place(motion) for motion in repeat.motions()]
+            return f"[place * {loop.part} for place in ({', '.join(places)})]"
+        angle = f"360 / {loop.counts[0]} * i" if repeat.is_full else f"{self._rounding.angle(abs(repeat.angle))} * i"
+        sign = "" if sum(repeat.axis) * repeat.angle > 0 else "-"
+        turn = f"Rot({', '.join(sign + angle if c else '0' for c in repeat.axis)})"
+        center = self._vector(loop.center)
+        there, back = (f"Pos({center}) * ", f"Pos({self._vector(loop.center, -1)}) * ") if center != "0, 0, 0" else ("", "")
+        return f"[{there}{turn} * {back}{loop.part} for i in range({loop.counts[0]})]"
+
+    def _mirror(self, repeat: Repeat, loop: Loop) -> str:
+        origin = ", ".join(write_expression(_half(e), self._rounding.length) for e in loop.shift)
+        normal = ", ".join(plain(round(n, 12)) for n in repeat.axis)
+        return f"[{loop.part}, mirror({loop.part}, about=Plane(origin=({origin}), z_dir=({normal})))]"
+
+    def _place(self, motion: Motion) -> str:
+        leaf = move_leaf(_FRAME, motion)
+        turns = [f"Rot({', '.join(self._rounding.angle(leaf.rotation[a]) if b == a else '0' for b in range(3))})" for a in (2, 1, 0)]
+        return " * ".join([f"Pos({', '.join(self._rounding.length(c) for c in leaf.center)})", *turns])
+
+    def _sum(self, moves: Sequence[tuple[str, tuple[Expression, ...]]]) -> str:
+        texts = []
+        for axis in range(3):
+            terms = [(i, write_expression(step[axis], self._rounding.length)) for i, step in moves]
+            texts.append(" + ".join(f"({t}) * {i}" if " " in t else f"{t} * {i}" for i, t in terms if t != "0") or "0")
+        return ", ".join(texts)
+
+    def _vector(self, v: Sequence[Expression], sign: int = 1) -> str:
+        return ", ".join(t if sign > 0 or t == "0" else f"-({t})" for t in (write_expression(e, self._rounding.length) for e in v))
+
+
+_COPIES: Mapping[str, Callable[[_Script, Repeat, Loop], str]] = {
+    "linear": _Script._row,
+    "grid": _Script._row,
+    "circular": _Script._circle,
+    "mirror": _Script._mirror,
+}
+
+
+def _half(e: Expression) -> Expression:
+    return Expression(tuple(type(t)(t.name, t.coefficient / 2) for t in e.terms), e.constant / 2)

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
@@ -54,6 +56,31 @@ def stop_step(job: StepJob) -> None:
     for pipe in (job.process.stdout, job.process.stderr):
         if pipe is not None:
             pipe.close()
+
+
+@contextmanager
+def exporting(folder: Path) -> Iterator[StepJob | StepError]:
+    """The export of the program.json in `folder`, running beside the other work; it never outlives the block."""
+    try:
+        job = start_step(folder / "program.json", folder / "program.step")
+    except StepError as error:
+        yield error
+        return
+    try:
+        yield job
+    finally:
+        stop_step(job)
+
+
+def skipped_step(job: StepJob | StepError, limit_s: float, volumes: dict[str, float]) -> dict[str, str]:
+    """Wait for the file, whose volume joins `volumes`; why there is none, by its name."""
+    try:
+        if isinstance(job, StepError):
+            raise job
+        volumes["program.step"] = finish_step(job, limit_s)
+    except StepError as error:
+        return {"program.step": f"skipped: {error}"}
+    return {}
 
 
 def main(document: str, out: str) -> None:

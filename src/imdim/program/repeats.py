@@ -129,15 +129,21 @@ def count_written(folded: Folded) -> int:
     return count_written(folded.part) if isinstance(folded, Repeat) else sum(count_written(part) for part in folded.parts)
 
 
+def starts(group: Group, first: int = 0) -> Iterator[tuple[Folded, int]]:
+    """Each part of a group whose first leaf is number `first`, with the number of its own first leaf."""
+    for part in group.parts:
+        yield part, first
+        first += size(part)
+
+
 def repeats(folded: Folded, first: int = 0) -> Iterator[tuple[int, Repeat]]:
     """Every repeat with the number of its first leaf, those around others before them, from left to right."""
     if isinstance(folded, Repeat):
         yield first, folded
         yield from repeats(folded.part, first)
     elif isinstance(folded, Group):
-        for part in folded.parts:
-            yield from repeats(part, first)
-            first += size(part)
+        for part, start in starts(folded, first):
+            yield from repeats(part, start)
 
 
 def instances(folded: Folded) -> list[tuple[int, Motion]]:
@@ -172,8 +178,4 @@ def _fill_leaves(folded: Folded, parts: list[Primitive], first: int) -> Folded:
         return parts[first]
     if isinstance(folded, Repeat):
         return replace(folded, part=_fill_leaves(folded.part, parts, first))
-    out: list[Folded] = []
-    for part in folded.parts:
-        out.append(_fill_leaves(part, parts, first))
-        first += size(part)
-    return Group(folded.op, tuple(out))
+    return Group(folded.op, tuple(_fill_leaves(part, parts, start) for part, start in starts(folded, first)))

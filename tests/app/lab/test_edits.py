@@ -4,8 +4,8 @@ import pytest
 
 from imdim.app.lab import edits
 from imdim.app.lab.edits import ConstrainedProgram
-from imdim.app.lab.history import ONE_EDIT_S, History
 from imdim.app.lab.solving import TURN, Lock, violations
+from imdim.app.lab.state import ONE_EDIT_S, History
 from imdim.geometry.solid import volume
 from imdim.program.constraints import Constraint, ConstraintError, Ref
 from imdim.program.tree import Combine, Primitive, leaves

@@ -6,6 +6,7 @@ import pytest
 from imdim.app.lab import protocol
 from imdim.app.lab.examples import PROGRAMS, example
 from imdim.app.lab.protocol import Message
+from imdim.program import codec
 from imdim.program.constraints import Constraint, Ref
 from imdim.program.front import Choice
 
@@ -26,7 +27,7 @@ def test_targets_come_through(name):
 
 def test_programs_and_fronts_come_through():
     constraints = (Constraint("equal", (Ref(2, "r"), Ref(3, "r"))),)
-    assert protocol.read_document(protocol.document(PROGRAM, constraints)) == (PROGRAM, constraints)
+    assert protocol.read_document(codec.to_json(PROGRAM, None, constraints)) == (PROGRAM, constraints)
     front = (Choice(PROGRAM, 0.5), Choice(PROGRAM, None))
     assert protocol.read_front(protocol.front_values(front)) == front
 

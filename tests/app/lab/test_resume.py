@@ -1,6 +1,6 @@
 """Evolution that goes on from a program that a person has edited."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import count
 
 import numpy as np
@@ -75,10 +75,10 @@ def test_a_clouds_numbers_are_fitted_to_points_in_the_programs_own_frame(monkeyp
 
 
 def test_a_process_goes_on_from_a_document(spoilt):
-    from imdim.app.lab import requests
+    from imdim.app.lab.requests import request
 
-    request = requests.go_on(TARGET, SETTINGS, ConstrainedProgram(spoilt), RATES)
-    told = list(work.perform(request, iter(np.arange(0.0, 1e4, 0.1)).__next__))
+    asked = request("continue", TARGET, SETTINGS, ConstrainedProgram(spoilt), rates=asdict(RATES))
+    told = list(work.perform(asked, iter(np.arange(0.0, 1e4, 0.1)).__next__))
     assert [m.kind for m in told[-2:]] == ["snapshot", "done"]
     assert told[-2].values["stage"] == "finished"
     assert told[-2].values["front"]

@@ -5,6 +5,8 @@ import webbrowser
 
 import pytest
 
+from imdim.app.cli import main as imdim
+
 pytest.importorskip("viser")
 server = pytest.importorskip("imdim.app.lab.server")
 
@@ -68,7 +70,7 @@ def test_limits_are_those_of_the_command(person):
 
 def test_what_is_no_part_ends_with_one_line_and_opens_nothing(person, tmp_path, capsys):
     (tmp_path / "part.stl").write_bytes(b"")
-    assert server.main([str(tmp_path / "part.stl")]) == 2
+    assert imdim(["lab", str(tmp_path / "part.stl")]) == 2
     said = capsys.readouterr().err
     assert said.startswith("imdim: ")
     assert said.count("\n") == 1

@@ -11,6 +11,7 @@ from imdim.app.lab.resume import Rates
 from imdim.app.lab.session import Session
 from imdim.app.lab.solving import Lock
 from imdim.app.lab.state import UploadLimits, printable_name
+from imdim.program import codec
 from imdim.program.front import Choice
 from imdim.program.tree import Primitive, leaves
 from imdim.reconstruction.fitting import relations_of
@@ -42,7 +43,7 @@ class Quiet:
 
 
 def snapshot(program=PROGRAM, constraints=(), stop=None, front=(), seconds=1.0):
-    values = {"stage": "search", "document": protocol.document(program, constraints), "error": 0.01, "seconds": seconds}
+    values = {"stage": "search", "document": codec.to_json(program, None, constraints), "error": 0.01, "seconds": seconds}
     return {**values, "stop": stop, "front": protocol.front_values(front), "proof": "", "notes": []}
 
 

@@ -7,11 +7,13 @@ import sys
 # Lists the kernels that each task makes ready itself, in a process that did what a waiting one does.
 SCRIPT = """
 import json, sys, time
+from dataclasses import asdict
 from numba.core.dispatcher import Dispatcher
-from imdim.app.lab import requests, work
+from imdim.app.lab import work
 from imdim.app.lab.resume import Rates
 from imdim.app.lab.edits import Theory
 from imdim.app.lab.examples import example
+from imdim.app.lab.requests import request
 from imdim.reconstruction.config import Settings
 from imdim.reconstruction.fitting import relations_of
 from imdim.app.lab.examples import PROGRAMS
@@ -27,13 +29,13 @@ work.warm_rest()
 late = {"warm_rest": sorted(ready() - first)}
 target, theory, settings = example("Bracket"), Theory(*relations_of(PROGRAMS["Bracket"]())), Settings(budget_s=1.0)
 asked = {
-    "continue": requests.go_on(target, settings, theory, Rates(population=8)),
-    "solve": requests.solve(target, theory),
-    "relate": requests.relate(target, theory),
+    "continue": request("continue", target, settings, theory, rates=asdict(Rates(population=8))),
+    "solve": request("solve", target, settings, theory, locks=[]),
+    "relate": request("relate", target, settings, theory),
 }
-for name, request in asked.items():
+for name, message in asked.items():
     before = ready()
-    told = [message.kind for message in work.perform(request, time.perf_counter)]
+    told = [message.kind for message in work.perform(message, time.perf_counter)]
     assert told[-1] == "done", told
     late[name] = sorted(ready() - before)
 print(json.dumps(late))

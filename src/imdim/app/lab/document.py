@@ -9,8 +9,7 @@ from typing import Any
 
 from imdim.app.lab import edits
 from imdim.app.lab.edits import ConstrainedProgram, LabEditError
-from imdim.app.lab.history import History
-from imdim.app.lab.state import State
+from imdim.app.lab.state import History, State
 from imdim.program.constraints import ConstraintError
 from imdim.program.front import Choice
 from imdim.program.tree import leaves
@@ -33,9 +32,8 @@ class Document:
     def edit(self, what: str, change: Callable[[ConstrainedProgram], ConstrainedProgram]) -> bool:
         """Change the theory; what cannot be is said, and nothing changes. A run that goes on keeps its own program."""
         with self.lock:
-            theory = self.theory
+            theory = self._program_to("edit")
             if theory is None:
-                self._say("error", "there is no program to edit")
                 return False
             try:
                 after = change(theory)
@@ -49,8 +47,7 @@ class Document:
         """One more primitive, the first one too."""
         with self.lock:
             self._commit("add", edits.with_added(self.theory, op, part))
-            assert self.theory is not None
-            self.state.selected = sum(1 for _ in leaves(self.theory.program)) - 1
+            self.state.selected = self._size() - 1
         self.changed("selection")
 
     def load(self, choice: Choice) -> None:
@@ -67,8 +64,7 @@ class Document:
     def select(self, leaf: int | None) -> None:
         """A primitive by its number, or none."""
         with self.lock:
-            size = sum(1 for _ in leaves(self.theory.program)) if self.theory else 0
-            self.state.selected = leaf if leaf is not None and 0 <= leaf < size else None
+            self.state.selected = leaf if leaf is not None and 0 <= leaf < self._size() else None
         self.changed("selection")
 
     def _commit(self, what: str, theory: ConstrainedProgram) -> None:
@@ -86,9 +82,17 @@ class Document:
         self.changed("program", "run")
 
     def _forget_selection(self) -> None:
-        size = sum(1 for _ in leaves(self.theory.program)) if self.theory else 0
-        if self.state.selected is not None and self.state.selected >= size:
+        if self.state.selected is not None and self.state.selected >= self._size():
             self.state.selected = None
+
+    def _size(self) -> int:
+        return sum(1 for _ in leaves(self.theory.program)) if self.theory else 0
+
+    def _program_to(self, what: str) -> ConstrainedProgram | None:
+        """The program that is shown; where there is none, that is said."""
+        if self.theory is None:
+            self._say("error", f"there is no program to {what}")
+        return self.theory
 
     def _keep_live(self, what: str) -> None:
         """What a run found becomes the person's program, as one step that can be undone."""

@@ -9,11 +9,12 @@ import numpy as np
 import trimesh
 
 from imdim.app.lab.edits import ConstrainedProgram
-from imdim.app.lab.solving import worst
+from imdim.app.lab.solving import violations
 from imdim.delivery.evaluate import target_distances
 from imdim.export.preview import ramp
 from imdim.geometry.lowering import lower
 from imdim.geometry.pose import Pose
+from imdim.geometry.sampling import subsample
 from imdim.geometry.solid import primitive_to_manifold, surface_with_owners, to_trimesh
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.roles import labels, signs
@@ -74,11 +75,8 @@ def place(frame: Frame, points: np.ndarray) -> np.ndarray:
 
 def roles(program: Program) -> list[str]:
     """What each leaf does: "union", "difference" or "intersection"."""
-    clips = fold(program, lambda _, __: [False], {op: (list.__add__ if op != "intersection" else _mark_clips) for op in _OPS})
+    clips = fold(program, lambda _, __: [False], {"union": list.__add__, "intersection": _mark_clips, "difference": list.__add__})
     return ["intersection" if clip else "union" if sign > 0 else "difference" for clip, sign in zip(clips, signs(program), strict=True)]
-
-
-_OPS = ("union", "intersection", "difference")
 
 
 def _mark_clips(left: list[bool], right: list[bool]) -> list[bool]:
@@ -130,7 +128,7 @@ def overlay(theory: ConstrainedProgram, frame: Frame) -> Overlay:
     pose = Pose.of(lower(theory.program))
     segments: list[np.ndarray] = []
     tints: list[Colour] = []
-    for constraint, off in worst(theory.program, theory.constraints):
+    for constraint, off in zip(theory.constraints, violations(theory.program, theory.constraints), strict=True):
         links = _links(constraint, pose)
         segments += links
         tints += [HELD_COLOUR if off <= VIOLATED else BROKEN_COLOUR] * len(links)
@@ -152,9 +150,7 @@ def _place(ref: Ref, pose: Pose) -> np.ndarray:
 
 def cloud(target: Target, frame: Frame) -> np.ndarray:
     """The target's points [n, 3] as they are drawn, evenly thinned."""
-    count = len(target.points)
-    most = min(count, SHOWN_POINTS if target.mesh is None else SHOWN_OF_MESH)
-    return place(frame, target.points[np.linspace(0, count - 1, most).astype(int)])
+    return place(frame, subsample(target.points, SHOWN_POINTS if target.mesh is None else SHOWN_OF_MESH))
 
 
 def distance_map(target: Target, surface: trimesh.Trimesh, frame: Frame) -> tuple[np.ndarray, np.ndarray, float]:

@@ -14,8 +14,7 @@ from imdim.app.lab.jobs import WorkerPool
 from imdim.app.lab.panels.browse import CurvesPanel, FrontPanel, TreePanel
 from imdim.app.lab.panels.edit import EditPanel
 from imdim.app.lab.panels.relate import RelatePanel
-from imdim.app.lab.panels.run import RunPanel
-from imdim.app.lab.panels.status import StatusPanel
+from imdim.app.lab.panels.run import RunPanel, StatusPanel
 from imdim.app.lab.panels.take import ShowPanel, TakePanel
 from imdim.app.lab.refresher import Refresher
 from imdim.app.lab.session import Session

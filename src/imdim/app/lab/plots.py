@@ -24,21 +24,17 @@ def front(choices: Sequence[Choice], shown: Program | None) -> str:
     known = [(i, count(c.program).primitives, c.error, c.program == shown) for i, c in enumerate(choices, 1) if c.error is not None]
     if not known:
         return note("The front of error against size appears when a run has one.")
-    wide, tall, left, low = 300, 190, 44, 30
+    tall, low = 190, 30
     sizes, logs = [k[1] for k in known], [math.log10(max(k[2], 1e-6)) for k in known]
     x0, x1, y0, y1 = min(sizes) - 0.5, max(sizes) + 0.5, math.floor(min(logs) - 0.1), math.ceil(max(logs) + 0.1)
 
     def x(size: float) -> float:
-        return left + (size - x0) / (x1 - x0) * (wide - left - 12)
+        return LEFT + (size - x0) / (x1 - x0) * (WIDE - LEFT - RIGHT)
 
     def y(log: float) -> float:
         return tall - low - (log - y0) / max(y1 - y0, 1) * (tall - low - 12)
 
-    grid = "".join(
-        f'<line x1="{left}" x2="{wide - 12}" y1="{y(p):.1f}" y2="{y(p):.1f}" stroke="#dee2e6"/>'
-        f'<text x="{left - 5}" y="{y(p) + 4:.1f}" text-anchor="end">1e{p}</text>'
-        for p in range(y0, y1 + 1)
-    )
+    grid = "".join(_rung(y(p), f"1e{p}") for p in range(y0, y1 + 1))
     ticks = "".join(f'<text x="{x(s):.1f}" y="{tall - low + 15}" text-anchor="middle">{s}</text>' for s in sorted(set(sizes)))
     path = " ".join(f"{x(s):.1f},{y(log):.1f}" for s, log in sorted(zip(sizes, logs, strict=True)))
     dots = "".join(
@@ -48,9 +44,9 @@ def front(choices: Sequence[Choice], shown: Program | None) -> str:
         f'<circle cx="{x(size):.1f}" cy="{y(log):.1f}" r="6" fill="{"#e67700" if now else "#1864ab"}"/></g>'
         for (i, size, error, now), log in zip(known, logs, strict=True)
     )
-    head = f'<svg viewBox="0 0 {wide} {tall}" {_LOOK} aria-label="error against size">'
+    head = f'<svg viewBox="0 0 {WIDE} {tall}" {_LOOK} aria-label="error against size">'
     says = "primitives (error upwards); click a point to load it"
-    foot = f'<text x="{(wide + left) / 2}" y="{tall - 2}" text-anchor="middle">{says}</text></svg>'
+    foot = f'<text x="{(WIDE + LEFT) / 2}" y="{tall - 2}" text-anchor="middle">{says}</text></svg>'
     return clickable("Choice", f'{head}{grid}{ticks}<polyline points="{path}" fill="none" stroke="#74a5d4"/>{dots}{foot}')
 
 
@@ -82,15 +78,17 @@ def _curve(row: int, name: str, x: Sequence[float], values: Sequence[float], pow
     ups = [y(v) for v in shown]
     line = " ".join(f"{a:.1f},{b:.1f}" for a, b in _stairs(x, ups))
     dots = "".join(f'<circle cx="{a:.1f}" cy="{b:.1f}" r="2.5"/>' for a, b in zip(x[-MARKS:], ups[-MARKS:], strict=True))
-    grid = "".join(
-        f'<line x1="{LEFT}" x2="{WIDE - RIGHT}" y1="{y(at):.1f}" y2="{y(at):.1f}" stroke="#dee2e6"/>'
-        f'<text x="{LEFT - 5}" y="{y(at) + 4:.1f}" text-anchor="end">{"1e" if powers else ""}{at}</text>'
-        for at in (low, high)
-    )
+    grid = "".join(_rung(y(at), f"{'1e' if powers else ''}{at}") for at in (low, high))
     says = "none" if powers and values[-1] <= LEAST else f"{values[-1]:.2g}"
     title = f'<text x="{LEFT}" y="{HIGH * row + 13}" style="font-weight:600">{name}: {says}</text>'
     curve = f'<polyline points="{line}" fill="none" stroke="{INKS[row]}" stroke-width="2"/><g fill="{INKS[row]}">{dots}</g>'
     return f'<g data-curve="{name}">{title}{grid}{curve}</g>'
+
+
+def _rung(y: float, label: str) -> str:
+    """A line across a plot with its value on the left."""
+    line = f'<line x1="{LEFT}" x2="{WIDE - RIGHT}" y1="{y:.1f}" y2="{y:.1f}" stroke="#dee2e6"/>'
+    return f'{line}<text x="{LEFT - 5}" y="{y + 4:.1f}" text-anchor="end">{label}</text>'
 
 
 def _stairs(x: Sequence[float], y: Sequence[float]) -> list[tuple[float, float]]:

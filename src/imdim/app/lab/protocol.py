@@ -66,19 +66,14 @@ def target_of(message: Message) -> Target:
     return Target(values["name"], arrays["points"], arrays.get("normals"), mesh, values["is_solid"], tuple(values["notes"]))
 
 
-def document(program: Program, constraints: Sequence[Constraint] = ()) -> dict[str, Any]:
-    """A program with its constraints as plain values."""
-    return codec.to_json(program, None, constraints)
-
-
 def read_document(values: object) -> tuple[Program, tuple[Constraint, ...]]:
-    """The program and constraints of a `document`; raises a one-line ValueError."""
+    """The program and constraints of a parsed program.json; raises a one-line ValueError."""
     return codec.from_json(values), codec.constraints_of(values)
 
 
 def front_values(front: Sequence[Choice]) -> list[dict[str, Any]]:
     """Programs from crude to exact as plain values."""
-    return [{"error": c.error, "document": document(c.program)} for c in front]
+    return [{"error": c.error, "document": codec.to_json(c.program)} for c in front]
 
 
 def read_front(values: Sequence[Mapping[str, Any]]) -> tuple[Choice, ...]:

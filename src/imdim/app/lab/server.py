@@ -19,6 +19,7 @@ from imdim.app.lab.jobs import GiB, PoolLimits, WorkerPool
 from imdim.app.lab.page import Page
 from imdim.app.lab.state import MiB, UploadLimits
 from imdim.app.lab.view import light
+from imdim.reconstruction.config import ConfigError
 from imdim.target.target import InputError, Target, load_target
 
 
@@ -90,13 +91,12 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(argv: Sequence[str]) -> int:
-    """The exit status: 0 fine, 2 for a file that cannot be used (one line on stderr)."""
+    """The exit status 0; raises ConfigError for a file that cannot be used."""
     given = parser().parse_args(argv)
     try:
         target = load_target(Path(given.input), given.points) if given.input else None
     except InputError as error:
-        sys.stderr.write(f"imdim: {error}\n")
-        return 2
+        raise ConfigError(str(error)) from error
     limits = PoolLimits(given.runs, memory=int(given.memory * GiB))
     lab = Lab(given.host, given.port, limits, UploadLimits(int(given.upload * MiB), given.points), target)
     sys.stdout.write(f"IMDIM Live Lab: {lab.url}\n")

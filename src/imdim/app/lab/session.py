@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 
-from imdim.app.lab import answers, protocol, requests
+from imdim.app.lab import answers, protocol
 from imdim.app.lab.document import Document
 from imdim.app.lab.downloads import Downloads, Wanted
 from imdim.app.lab.examples import example
-from imdim.app.lab.history import History
 from imdim.app.lab.jobs import END_KINDS, Job, WorkerPool
 from imdim.app.lab.protocol import Message
+from imdim.app.lab.requests import request
 from imdim.app.lab.resume import Rates
-from imdim.app.lab.state import MiB, State, UploadLimits, printable_name
+from imdim.app.lab.state import History, MiB, State, UploadLimits, printable_name
 from imdim.reconstruction.config import ConfigError, Settings, check
 from imdim.target.target import Target
 
@@ -52,10 +52,16 @@ class Session(Document):
 
     def open_example(self, name: str) -> None:
         """One of `examples.NAMES` becomes the target."""
-        self._open(example(name))
+        self.open_target(example(name))
 
     def open_target(self, target: Target) -> None:
-        self._open(target)
+        """What is open makes room: its task ends, its program and its undo go."""
+        with self.lock:
+            self._end_job()
+            self.state, self.history, self._downloads = State(target=target), History(self.history.revision + 1), Downloads()
+            notes = " ".join(target.notes)
+            self.state.notice = ("info", f"{target.name}: {notes}" if notes else "")
+        self.changed("target", "program", "run", "front", "notice", "selection")
 
     def open_upload(self, name: str, data: bytes) -> None:
         """A file becomes the target; another process reads it."""
@@ -63,7 +69,7 @@ class Session(Document):
         if len(data) > self.limits.size:
             return self.refuse_upload(shown, len(data))
         values = {"name": shown, "max_points": self.limits.points}
-        self._submit("open", Message("open", values, {"data": np.frombuffer(data, np.uint8)}))
+        self._submit(Message("open", values, {"data": np.frombuffer(data, np.uint8)}))
 
     def upload_began(self, name: str) -> None:
         """Say that a file is coming."""
@@ -74,14 +80,6 @@ class Session(Document):
         most = f"at most {self.limits.size / MiB:.0f} MB can be uploaded"
         self._say("error", f"{printable_name(name)}: {size / MiB:.0f} MB are too large, {most}")
 
-    def _open(self, target: Target) -> None:
-        with self.lock:
-            self._end_job()
-            self.state, self.history, self._downloads = State(target=target), History(self.history.revision + 1), Downloads()
-            notes = " ".join(target.notes)
-            self.state.notice = ("info", f"{target.name}: {notes}" if notes else "")
-        self.changed("target", "program", "run", "front", "notice", "selection")
-
     # --- runs ----------------------------------------------------------------------------------------------------------
 
     def start(self, values: Mapping[str, Any]) -> None:
@@ -89,29 +87,27 @@ class Session(Document):
         with self.lock:
             if self._use(values):
                 self.state.seen, self.state.front = [], ()
-                self._submit("fit", requests.fit(self._target, self.settings))
+                self._submit(request("fit", self._target, self.settings))
 
     def go_on(self, values: Mapping[str, Any], rates: Rates) -> None:
         """Evolution from the program that is shown."""
         with self.lock:
-            if self.theory is None:
-                return self._say("error", "there is no program to go on from: press Start")
-            if self._use(values):
-                self._submit("continue", requests.go_on(self._target, self.settings, self.theory, rates))
+            theory = self._program_to("go on from: press Start")
+            if theory and self._use(values):
+                self._submit(request("continue", self._target, self.settings, theory, rates=asdict(rates)))
 
     def solve(self) -> None:
         """Let the solver finish from what is shown: constraints and locks hold."""
         with self.lock:
-            if self.theory is None:
-                return self._say("error", "there is no program to solve")
-            self._submit("solve", requests.solve(self._target, self.theory))
+            if theory := self._program_to("solve"):
+                locks = [[lock.leaf, lock.name] for lock in sorted(theory.locks)]
+                self._submit(request("solve", self._target, self.settings, theory, locks=locks))
 
     def relate(self) -> None:
         """Look for relations among the numbers."""
         with self.lock:
-            if self.theory is None:
-                return self._say("error", "there is no program to relate")
-            self._submit("relate", requests.relate(self._target, self.theory))
+            if theory := self._program_to("relate"):
+                self._submit(request("relate", self._target, self.settings, theory))
 
     def pause(self) -> None:
         if self._job:
@@ -152,18 +148,19 @@ class Session(Document):
             return False
         return True
 
-    def _submit(self, task: str, request: Message) -> None:
+    def _submit(self, asked: Message) -> None:
         """Run a task in place of the one before."""
         with self.lock:
             self._end_job()
-            self.state.task, self.state.stop = task, ""
+            task = self.state.task = asked.kind
+            self.state.stop = ""
             if task in answers.FREE:
                 self.state.proof = ""
             if task in answers.TRACED:
                 self.state.trace = []
             job: list[Job] = []
             try:
-                job.append(self.pool.submit(request, lambda message: self._on_answer(job, task, message)))
+                job.append(self.pool.submit(asked, lambda message: self._on_answer(job, task, message)))
             except RuntimeError as error:
                 return self._say("error", str(error))
             self._job = job[0]
@@ -195,7 +192,7 @@ class Session(Document):
 
     def _on_target(self, task: str, message: Message) -> tuple[str, ...]:
         self._job = None  # it has done its work: ended as one that goes on, it would take its process, warm for the run, along
-        self._open(protocol.target_of(message))
+        self.open_target(protocol.target_of(message))
         return ()
 
     def _on_files(self, task: str, message: Message) -> tuple[str, ...]:
@@ -220,18 +217,19 @@ class Session(Document):
     def files(self, wanted: Wanted) -> None:
         """Call `wanted` with all files of the program that is shown; they are made where they are not there yet."""
         with self.lock:
-            if self.theory is None:
-                return self._say("error", "there is no program to download")
+            theory, state = self._program_to("download"), self.state
+            if theory is None:
+                return None
             revision = self.history.revision
-            ready = self._downloads.of(revision) if self.state.live is None else None
+            ready = self._downloads.of(revision) if state.live is None else None
             if ready is None:
-                if self.running and self.state.task != "files":
+                if self.running and state.task != "files":
                     return self._say("error", "a run is going on: stop it, or wait for its end, and download then")
                 self._downloads.wish(wanted)
                 if not self.running or self._downloads.making != revision:
-                    request = requests.files(self._target, self.settings, self.theory, self.state.front, self.state.stop or "edited")
+                    front, stop = protocol.front_values(state.front), state.stop or "edited"
                     self._downloads.making = revision
-                    self._submit("files", request)
+                    self._submit(request("files", self._target, self.settings, theory, front=front, stop=stop))
                 return None
         wanted(ready)
 

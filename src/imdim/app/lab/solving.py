@@ -89,11 +89,6 @@ def violations(program: Program, constraints: Sequence[Constraint]) -> list[floa
     return out
 
 
-def worst(program: Program, constraints: Sequence[Constraint]) -> list[tuple[Constraint, float]]:
-    """The constraints with how far they are off."""
-    return list(zip(constraints, violations(program, constraints), strict=True))
-
-
 def misfit(program: Program, target: Target) -> float:
     """Mean distance of the target's points to the surface, by the signed distance, relative to the diagonal."""
     points = subsample(target.points, SHOWN)

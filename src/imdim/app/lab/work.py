@@ -19,6 +19,7 @@ from imdim.app.lab.protocol import Message
 from imdim.delivery.deliver import RunRecord, deliver
 from imdim.delivery.evaluate import evaluate
 from imdim.geometry.winding import winding_number
+from imdim.program import codec
 from imdim.program.constraints import ConstraintError
 from imdim.program.tree import Combine, Primitive
 from imdim.reconstruction.config import ConfigError, Settings, check, first_line, merge
@@ -142,7 +143,7 @@ def _to_messages(snapshots: Iterator[Snapshot]) -> Iterator[Message]:
 def _snapshot(snapshot: Snapshot) -> Message:
     values: dict[str, Any] = {
         "stage": snapshot.stage,
-        "document": protocol.document(snapshot.program, snapshot.constraints),
+        "document": codec.to_json(snapshot.program, None, snapshot.constraints),
         "error": float(snapshot.error),
         "seconds": snapshot.seconds,
         "stop": snapshot.stop,

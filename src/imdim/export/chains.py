@@ -1,0 +1,60 @@
+"""Programs as operands with operators between them, as build123d scripts and µcad texts are; what repeats is assigned to a name before."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping
+from typing import ClassVar
+
+from imdim.export.loops import Loop
+from imdim.export.numbers import Rounding
+from imdim.export.parameters import Parameters
+from imdim.program.nary import fold_nary
+from imdim.program.repeats import Folded, Group, Repeat, starts
+from imdim.program.tree import Op, Primitive, Program
+
+
+class Chains(ABC):
+    """Writes nodes in a language with the operators `signs`; `parts` are the assignments of what repeats, which `end` ends."""
+
+    signs: ClassVar[Mapping[Op, str]]
+    end: ClassVar[str] = ""
+
+    def __init__(self, rounding: Rounding, named: Parameters) -> None:
+        self._rounding, self._named = rounding, named
+        self._loops: Iterator[Loop] = iter(named.loops)
+        self.parts: list[str] = []
+
+    def flat(self, program: Program, first: int = 0) -> list[str]:
+        """The expression of a program whose first leaf is number `first`, each copy written out."""
+        return fold_nary(program, lambda n, leaf: self.lines(leaf, first + n), {op: _chain(sign) for op, sign in self.signs.items()})
+
+    def lines(self, node: Folded, first: int = 0) -> list[str]:
+        """The expression of a node whose first leaf is number `first`."""
+        if isinstance(node, Primitive):
+            return [self._primitive(node, first)]
+        return self._repeat(node, first) if isinstance(node, Repeat) else _chain(self.signs[node.op])(self._operands(node, first))
+
+    @abstractmethod
+    def _primitive(self, leaf: Primitive, number: int) -> str: ...
+
+    @abstractmethod
+    def _repeat(self, repeat: Repeat, first: int) -> list[str]: ...
+
+    def _operands(self, group: Group, first: int) -> list[list[str]]:
+        return [self.lines(part, start) for part, start in starts(group, first)]
+
+    def _assign(self, repeat: Repeat, first: int, name: str) -> None:
+        body = self.lines(repeat.part, first)
+        lines = [f"{name} = {body[0]}"] if len(body) == 1 else [f"{name} = (", *("    " + line for line in body), ")"]
+        self.parts += [*lines[:-1], lines[-1] + self.end]
+
+
+def _chain(sign: str) -> Callable[[list[list[str]]], list[str]]:
+    """Operands with an operator between them, those of several lines in parentheses."""
+
+    def lines(parts: list[list[str]]) -> list[str]:
+        blocks = [part if len(part) == 1 else ["(", *("    " + line for line in part), ")"] for part in parts]
+        return [*blocks[0], *(line for block in blocks[1:] for line in (f"{sign} {block[0]}", *block[1:]))]
+
+    return lines
