@@ -1,6 +1,6 @@
 import numpy as np
 
-from imdim.geometry.morton import morton
+from imdim.geometry.triangles import morton
 
 
 def test_bits_stand_by_turns():

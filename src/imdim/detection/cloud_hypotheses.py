@@ -121,6 +121,16 @@ def _bases(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return u, np.cross(axis, u)
 
 
+def _circles(x: np.ndarray, y: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Centres of the circles through three points (x, y) [n, 3] as seen from the first, and whether these make a sine of `least`."""
+    bx, by, cx, cy = x[:, 1] - x[:, 0], y[:, 1] - y[:, 0], x[:, 2] - x[:, 0], y[:, 2] - y[:, 0]
+    twice = 2 * (bx * cy - by * cx)
+    bb, cc = bx * bx + by * by, cx * cx + cy * cy
+    keep = np.abs(twice) > least * np.sqrt(bb * cc) + 1e-300
+    safe = np.where(keep, twice, 1.0)
+    return (cy * bb - by * cc) / safe, (bx * cc - cx * bb) / safe, keep
+
+
 def _cylinders_along(draw: _Draw, directions: np.ndarray, count: int) -> tuple[int, np.ndarray]:
     """A circle through three points seen along a known direction."""
     triple = draw.sets(count, 3)
@@ -128,12 +138,7 @@ def _cylinders_along(draw: _Draw, directions: np.ndarray, count: int) -> tuple[i
     u, v = _bases(axis)
     p = draw.points[triple]
     x, y = (p * u[:, None]).sum(2), (p * v[:, None]).sum(2)
-    bx, by, cx, cy = x[:, 1] - x[:, 0], y[:, 1] - y[:, 0], x[:, 2] - x[:, 0], y[:, 2] - y[:, 0]
-    twice = 2 * (bx * cy - by * cx)
-    bb, cc = bx * bx + by * by, cx * cx + cy * cy
-    keep = np.abs(twice) > 0.05 * np.sqrt(bb * cc) + 1e-300
-    safe = np.where(keep, twice, 1.0)
-    ox, oy = (cy * bb - by * cc) / safe, (bx * cc - cx * bb) / safe
+    ox, oy, keep = _circles(x, y, 0.05)
     center = (x[:, 0] + ox)[:, None] * u + (y[:, 0] + oy)[:, None] * v
     return CYLINDER, _rows(center, axis, np.hypot(ox, oy))[keep]
 
@@ -175,12 +180,7 @@ def _spheres_about(foot: np.ndarray, axis: np.ndarray, rho: np.ndarray, h: np.nd
 
 
 def _tori_about(foot: np.ndarray, axis: np.ndarray, rho: np.ndarray, h: np.ndarray) -> tuple[int, np.ndarray]:
-    bx, by, cx, cy = rho[:, 1] - rho[:, 0], h[:, 1] - h[:, 0], rho[:, 2] - rho[:, 0], h[:, 2] - h[:, 0]
-    twice = 2 * (bx * cy - by * cx)
-    bb, cc = bx * bx + by * by, cx * cx + cy * cy
-    keep = np.abs(twice) > 0.1 * np.sqrt(bb * cc) + 1e-300
-    safe = np.where(keep, twice, 1.0)
-    ox, oy = (cy * bb - by * cc) / safe, (bx * cc - cx * bb) / safe
+    ox, oy, keep = _circles(rho, h, 0.1)
     major, minor = rho[:, 0] + ox, np.hypot(ox, oy)
     keep &= (major > 1.05 * minor) & (minor > 0)
     return TORUS, _rows(foot + (h[:, 0] + oy)[:, None] * axis, axis, major, minor)[keep]

@@ -52,52 +52,19 @@ def distance_and_cosine(kind, row, x, y, z, nx, ny, nz):  # pragma: no cover - c
 
 @njit(cache=True, inline="always")
 def gradient(kind, row, x, y, z):  # pragma: no cover - compiled
-    """Unit gradient of the distance to a carrier."""
-    qx, qy, qz = x - row[0], y - row[1], z - row[2]
-    ax, ay, az = row[3], row[4], row[5]
-    if kind == PLANE:
-        return ax, ay, az
-    if kind == SPHERE:
-        length = max(math.sqrt(qx * qx + qy * qy + qz * qz), 1e-12)
-        return qx / length, qy / length, qz / length
-    h = qx * ax + qy * ay + qz * az
-    rx, ry, rz = qx - h * ax, qy - h * ay, qz - h * az
-    rho = max(math.sqrt(rx * rx + ry * ry + rz * rz), 1e-12)
-    rx, ry, rz = rx / rho, ry / rho, rz / rho
-    out, along = 1.0, 0.0
-    if kind == CONE:
-        out, along = math.cos(row[6]), -math.sin(row[6])
-    elif kind == TORUS:
-        length = max(math.hypot(rho - row[6], h), 1e-12)
-        out, along = (rho - row[6]) / length, h / length
-    return out * rx + along * ax, out * ry + along * ay, out * rz + along * az
-
-
-@njit(cache=True)
-def score(kinds, rows, tolerance, points, normals, trust, least_cosine):  # pragma: no cover - compiled
-    """Per hypothesis the sum over points of 1 - (distance / tolerance)^2 (MSAC, Torr & Zisserman 2000), and the largest it could be.
-
-    A point whose normal disagrees counts by the distrust in its normal only.
-    """
-    out = np.zeros(len(kinds))
-    for i in range(len(kinds)):
-        row, kind, reach = rows[i], kinds[i], tolerance[i]
-        total = 0.0
-        for j in range(len(points)):
-            d, c = distance_and_cosine(kind, row, points[j, 0], points[j, 1], points[j, 2], normals[j, 0], normals[j, 1], normals[j, 2])
-            r = d / reach
-            if -1.0 < r < 1.0:
-                gain = 1.0 - r * r
-                if abs(c) < least_cosine:
-                    gain *= 1.0 - trust[j]
-                total += gain
-        out[i] = total
-    return out
+    """Unit gradient of the distance to a carrier: its cosines with the axes."""
+    _, gx = distance_and_cosine(kind, row, x, y, z, 1.0, 0.0, 0.0)
+    _, gy = distance_and_cosine(kind, row, x, y, z, 0.0, 1.0, 0.0)
+    _, gz = distance_and_cosine(kind, row, x, y, z, 0.0, 0.0, 1.0)
+    return gx, gy, gz
 
 
 @njit(cache=True)
 def gains(kind, row, tolerance, points, normals, trust, least_cosine):  # pragma: no cover - compiled
-    """The terms [n] that `score` sums for one hypothesis; 0 outside of the tolerance."""
+    """Per point 1 - (distance / tolerance)^2, 0 outside of the tolerance (MSAC, Torr & Zisserman 2000).
+
+    A point whose normal disagrees counts by the distrust in its normal only.
+    """
     out = np.zeros(len(points))
     for j in range(len(points)):
         d, c = distance_and_cosine(kind, row, points[j, 0], points[j, 1], points[j, 2], normals[j, 0], normals[j, 1], normals[j, 2])
@@ -106,6 +73,15 @@ def gains(kind, row, tolerance, points, normals, trust, least_cosine):  # pragma
             out[j] = 1.0 - r * r
             if abs(c) < least_cosine:
                 out[j] *= 1.0 - trust[j]
+    return out
+
+
+@njit(cache=True)
+def score(kinds, rows, tolerance, points, normals, trust, least_cosine):  # pragma: no cover - compiled
+    """The sum of the `gains` of each hypothesis."""
+    out = np.zeros(len(kinds))
+    for i in range(len(kinds)):
+        out[i] = gains(kinds[i], rows[i], tolerance[i], points, normals, trust, least_cosine).sum()
     return out
 
 

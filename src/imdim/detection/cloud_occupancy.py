@@ -104,14 +104,14 @@ def _pool_votes(scene: _Scene, queries: np.ndarray, single: np.ndarray, weight: 
     return (np.bincount(cell, (weight + 1e-6) * single) / total)[cell]
 
 
-def orient(patches: list[Patch], points: np.ndarray, config: OccupancyConfig | None = None, deadline: Deadline = NEVER) -> list[Patch]:
+def orient(patches: list[Patch], points: np.ndarray, deadline: Deadline = NEVER) -> list[Patch]:
     """The patches with `outward` filled in; a carrier that shows both sides becomes two patches.
 
     Each point asks on both of its sides; neighbours on the patch smooth the answers.
     """
-    config = config or OccupancyConfig()
     if not patches:
         return []
+    config = OccupancyConfig()
     scene = _Scene.of(patches, np.asarray(points, float), config)
     normals = np.vstack([surface_normals(p.surface, p.points) for p in patches])
     step = config.lift * scene.spacing * normals

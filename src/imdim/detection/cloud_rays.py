@@ -86,25 +86,12 @@ def _torus_value(row, qd, qq, qa, da, t):  # pragma: no cover - compiled
     return math.hypot(rho - row[6], h) - row[7]
 
 
-@njit(cache=True)
-def build_grid(points, low, cell, shape):  # pragma: no cover - compiled
-    """Counting sort of the points by cell: starts [cells + 1] and point indices in cell order."""
-    n = len(points)
-    cells = np.empty(n, np.int64)
-    starts = np.zeros(shape[0] * shape[1] * shape[2] + 1, np.int64)
-    for i in range(n):
-        c = np.int64(0)
-        for axis in range(3):
-            c = c * shape[axis] + min(max(int((points[i, axis] - low[axis]) / cell), 0), shape[axis] - 1)
-        cells[i] = c
-        starts[c + 1] += 1
-    for c in range(1, len(starts)):
-        starts[c] += starts[c - 1]
-    order, fill = np.empty(n, np.int64), starts[:-1].copy()
-    for i in range(n):
-        order[fill[cells[i]]] = i
-        fill[cells[i]] += 1
-    return starts, order
+def build_grid(points: np.ndarray, low: np.ndarray, cell: float, shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The points sorted by cell: starts [cells + 1] and point indices in cell order."""
+    at = np.clip(((points - low) / cell).astype(np.int64), 0, shape - 1)
+    cells = np.ravel_multi_index(tuple(at.T), tuple(shape))
+    starts = np.concatenate([[0], np.cumsum(np.bincount(cells, minlength=int(np.prod(shape))))])
+    return starts, np.argsort(cells, kind="stable")
 
 
 @njit(cache=True)

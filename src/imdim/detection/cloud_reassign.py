@@ -1,4 +1,5 @@
-"""After the search for surfaces: every point to its nearest one, doubles let go, all refitted."""
+"""After the search for surfaces: every point to its nearest one, doubles let go, all refitted; and those of a noisy cloud let go that the
+others explain: slabs through walls, cones and planes over edges that denoising rounded."""
 
 from __future__ import annotations
 
@@ -12,6 +13,10 @@ from imdim.detection.cloud_state import DetectionState, pieces, sane
 from imdim.detection.fit_surface import MIN_POINTS, fit_surface
 from imdim.geometry.surface import Patch, signed_distance
 from imdim.geometry.surface import normals as surface_normals
+
+_REACH = 3.0  # spacings within which a surface's points let it explain others
+_CLIP = 3.0  # deviations; whatever is farther is a stray to every surface
+_WORTH = 1.0  # mean gain in log likelihood per point that makes a surface worth having
 
 
 def settle(cloud: DetectionState, deadline: Deadline = NEVER) -> None:
@@ -51,7 +56,11 @@ def _reassign(cloud: DetectionState) -> None:
 
 def _drop(cloud: DetectionState) -> None:
     counts = np.bincount(cloud.owner[cloud.owner >= 0], minlength=len(cloud.found))
-    keep = np.flatnonzero(counts >= cloud.least)
+    _keep(cloud, np.flatnonzero(counts >= cloud.least))
+
+
+def _keep(cloud: DetectionState, keep: np.ndarray) -> None:
+    """Let go of all surfaces but those numbered `keep` [k]; their points are free."""
     number = np.full(len(cloud.found) + 1, -1)
     number[keep] = np.arange(len(keep))
     cloud.owner = number[cloud.owner]
@@ -84,27 +93,55 @@ def _as_well(cloud: DetectionState, i: int, j: int) -> bool:
     return rms_i < 1.25 * rms_j
 
 
-def patches_of(cloud: DetectionState) -> list[Patch]:
-    share = cloud.noise.spacing**2
-    out = []
-    for i, surface in enumerate(cloud.found):
-        mine = cloud.points[cloud.owner == i]
-        out.append(Patch(surface, mine, share * len(mine)))
-    out.sort(key=lambda p: -p.area)
-    return out
+def prune(cloud: DetectionState, deadline: Deadline = NEVER) -> None:
+    """Let go, smallest first, of surfaces without which the measured points are about as likely; their points go to the others.
 
-
-def fit_measured_patches(cloud: DetectionState, scale: float) -> list[Patch]:
-    """`patches_of` a denoised cloud with the points as measured, and carriers fitted to those; `scale` is that of a robust fit."""
+    The likelihood is that of the measured Gaussian noise, with distances clipped at three of it. Past the `deadline`
+    (by default never) the others stay.
+    """
     assert cloud.raw is not None
+    if not cloud.found:
+        return
+    distance = np.column_stack([np.abs(signed_distance(s, cloud.raw)) for s in cloud.found]) / cloud.noise.sigma
+    distance = np.minimum(distance, _CLIP)
+    while len(cloud.found) > 1 and not deadline.has_passed():
+        counts = np.bincount(cloud.owner[cloud.owner >= 0], minlength=len(cloud.found))
+        for j in np.argsort(counts, kind="stable"):
+            mine = np.flatnonzero(cloud.owner == j)
+            other = _others(cloud, distance, mine, int(j))
+            gain = (other.min(1) ** 2 - distance[mine, j] ** 2) / 2
+            if len(mine) == 0 or gain.mean() < _WORTH:
+                cloud.owner[mine] = np.where(other.min(1) < _CLIP, other.argmin(1), -1)
+                break
+        else:
+            return
+        keep = np.flatnonzero(np.arange(len(cloud.found)) != j)
+        _keep(cloud, keep)
+        distance = distance[:, keep]
+
+
+def _others(cloud: DetectionState, distance: np.ndarray, mine: np.ndarray, j: int) -> np.ndarray:
+    """Clipped distances [m, k] of the points `mine` to the surfaces that are present there, but for surface `j`."""
+    out = distance[mine].copy()
+    for k in range(len(cloud.found)):
+        held = cloud.points[cloud.owner == k]
+        if k == j or len(held) == 0:
+            out[:, k] = _CLIP
+            continue
+        out[KDTree(held).query(cloud.points[mine])[0] > _REACH * cloud.noise.spacing, k] = _CLIP
+    return out
+
+
+def patches_of(cloud: DetectionState) -> list[Patch]:
+    """By falling area; of a denoised cloud with the points as measured, and carriers fitted to those."""
     out = []
     for i, surface in enumerate(cloud.found):
-        mine = cloud.raw[cloud.owner == i]
-        fitted, _ = fit_surface(surface.kind, mine, start=surface, scale=scale, iterations=15)
-        good = sane(fitted, cloud.noise.diagonal)
-        out.append(Patch(fitted if good else surface, mine, cloud.noise.spacing**2 * len(mine)))
-    out.sort(key=lambda p: -p.area)
-    return out
+        mine = (cloud.points if cloud.raw is None else cloud.raw)[cloud.owner == i]
+        if cloud.raw is not None:
+            fitted, _ = fit_surface(surface.kind, mine, start=surface, scale=1.5 * cloud.noise.sigma, iterations=15)
+            surface = fitted if sane(fitted, cloud.noise.diagonal) else surface
+        out.append(Patch(surface, mine, cloud.noise.spacing**2 * len(mine)))
+    return sorted(out, key=lambda p: -p.area)
 
 
 def gather_points(patch: Patch, neighbours: int = 8) -> Patch:

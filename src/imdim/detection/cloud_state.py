@@ -6,13 +6,12 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from imdim.detection.cloud_kernels import CONE, PLANE, gains, pack
 from imdim.detection.noise import NoiseModel
 from imdim.geometry.surface import SURFACE_KINDS, Surface, is_spindle
+from imdim.target.bodies import components
 
 
 @dataclass
@@ -103,5 +102,4 @@ def pieces(points: np.ndarray, reach: float) -> np.ndarray:
     distance, near = KDTree(points).query(points, k=k)
     ok = (distance < reach).ravel()
     start = np.repeat(np.arange(len(points)), k)[ok]
-    graph = coo_matrix((np.ones(len(start)), (start, near.reshape(-1)[ok])), shape=(len(points), len(points)))
-    return connected_components(graph, directed=False)[1]
+    return components(start, near.reshape(-1)[ok], len(points))[1]

@@ -14,8 +14,7 @@ from imdim.detection.cloud_hypotheses import propose
 from imdim.detection.cloud_kernels import PLANE, gains, largest_plane, pack, score, sharp_gains, unpack
 from imdim.detection.cloud_normals import estimate_normals
 from imdim.detection.cloud_occupancy import orient
-from imdim.detection.cloud_prune import prune
-from imdim.detection.cloud_reassign import fit_measured_patches, gather_points, patches_of, settle
+from imdim.detection.cloud_reassign import gather_points, patches_of, prune, settle
 from imdim.detection.cloud_state import CloudConfig, DetectionState, pieces, sane
 from imdim.detection.fit_surface import MIN_POINTS, fit_surface
 from imdim.detection.noise import NoiseModel
@@ -34,7 +33,6 @@ def detect_cloud(
     normals: np.ndarray | None,
     noise: NoiseModel,
     rng: np.random.Generator,
-    config: CloudConfig | None = None,
     deadline: Deadline = NEVER,
 ) -> tuple[list[Patch], NoiseModel]:
     """Carrier surfaces that the cloud shows, each with the points that lie on it; points on none are left out. And the noise, less what
@@ -45,7 +43,7 @@ def detect_cloud(
     surfaces are looked for, beyond a first one, and those found are settled in haste.
     """
     points = np.asarray(points, float)
-    cloud = _begin(points, normals, noise, config or CloudConfig(), rng)
+    cloud = _begin(points, normals, noise, CloudConfig(), rng)
     _extract(cloud, rng, 1, deadline)
     calmer = _deviation(cloud)
     if calmer < 0.5 * noise.sigma:  # curvature or thin walls were taken for noise
@@ -69,8 +67,8 @@ def _detect_noisy(begun: DetectionState, rng: np.random.Generator, deadline: Dea
     cloud = DetectionState(calm, directed, trust, noise, config, np.full(len(points), -1), 0 if given else len(points), raw=points)
     _extract(cloud, rng, config.rounds, deadline)
     settle(cloud, deadline)
-    prune(cloud, noise.sigma, deadline)
-    patches = regularise(fit_measured_patches(cloud, 1.5 * noise.sigma), max(config.exact * noise.diagonal, 0.3 * noise.sigma))
+    prune(cloud, deadline)
+    patches = regularise(patches_of(cloud), max(config.exact * noise.diagonal, 0.3 * noise.sigma))
     return orient([gather_points(p) for p in patches], points, deadline=deadline)
 
 

@@ -48,11 +48,11 @@ def fit_surface(
     middle = points.mean(0)
     size = float(np.sqrt(((points - middle) ** 2).sum(1).mean())) or 1.0
     local = (points - middle) / size
+    begin, reach = _scale(start, middle, size) if start else None, scale / size if scale else None
     if kind == "plane":
-        surface, rms = _fit_plane(local, start, middle, size, scale, hold)
+        surface, rms = _fit_plane(local, begin, reach, hold)
     else:
-        begin = [_scale(start, middle, size)] if start else starts(kind, local, normals)
-        surface, rms = _best_of(kind, begin, local, scale / size if scale else None, iterations, _FROZEN[hold])
+        surface, rms = _best_of(kind, [begin] if begin else starts(kind, local, normals), local, reach, iterations, _FROZEN[hold])
     return _unscale(surface, middle, size), rms * size
 
 
@@ -86,17 +86,15 @@ def _rms(distance: np.ndarray, weight: np.ndarray) -> float:
     return float(np.sqrt((weight * distance**2).sum() / total)) if total > 0 else math.inf
 
 
-def _fit_plane(
-    local: np.ndarray, start: Surface | None, middle: np.ndarray, size: float, scale: float | None, hold: str
-) -> tuple[Surface, float]:
+def _fit_plane(local: np.ndarray, start: Surface | None, scale: float | None, hold: str) -> tuple[Surface, float]:
     """Principal components; repeated with new weights when robust."""
     axis = np.asarray(start.axis) if start is not None and hold else None
     weight = np.ones(len(local))
     if start is not None and scale is not None:
-        weight = _tukey(signed_distance(_scale(start, middle, size), local), scale / size)
+        weight = _tukey(signed_distance(start, local), scale)
     surface = _fit_weighted_plane(local, weight, axis)
     for _ in range(10 if scale is not None else 0):
-        weight = _tukey(signed_distance(surface, local), scale / size if scale else None)
+        weight = _tukey(signed_distance(surface, local), scale)
         surface = _fit_weighted_plane(local, weight, axis)
     if start is not None and np.dot(surface.axis, start.axis) < 0:
         surface = Surface("plane", surface.point, vec(-np.asarray(surface.axis)))

@@ -6,9 +6,8 @@ import itertools
 
 import numpy as np
 
-from imdim.detection.facets import Facets
+from imdim.detection.facets import Facets, Growing, points_of
 from imdim.detection.fit_surface import fit_surface
-from imdim.detection.mesh_growing import Growing, points_of
 from imdim.geometry.surface import Surface, vec
 
 

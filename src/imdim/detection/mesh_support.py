@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from imdim.detection.facets import Facets
+from imdim.detection.facets import Facets, Growing, MeshSurfaceConfig, points_of
 from imdim.detection.fit_surface import fit_surface
-from imdim.detection.mesh_growing import Growing, MeshSurfaceConfig, points_of
 from imdim.geometry.rotations import frame_from_axis
 from imdim.geometry.sampling import subsample
 from imdim.geometry.surface import Surface, is_spindle, normals, signed_distance, vec

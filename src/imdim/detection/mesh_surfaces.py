@@ -13,17 +13,15 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
-from imdim.detection.facets import Facets, facets_of
-from imdim.detection.mesh_growing import Growing, MeshSurfaceConfig, points_of
+from imdim.detection.facets import Facets, Growing, MeshSurfaceConfig, facets_of, points_of
 from imdim.detection.mesh_hypotheses import hypotheses, ring_of
 from imdim.detection.mesh_support import members_of, sagitta, settle
 from imdim.geometry.surface import Patch, Surface, normals, vec
 
 
-def detect_patches(mesh: trimesh.Trimesh, config: MeshSurfaceConfig | None = None) -> list[Patch]:
+def detect_patches(mesh: trimesh.Trimesh) -> list[Patch]:
     """Carriers with their visible pieces, curved ones first, each kind by falling area."""
-    config = config or MeshSurfaceConfig()
-    facets = facets_of(mesh)
+    config, facets = MeshSurfaceConfig(), facets_of(mesh)
     curved, free = _find_curved(facets, np.ones(len(facets.areas), bool), config)
     # corners where two tessellations cut each other lie on chords: what the strict pass leaves gets a second one
     more, free = _find_curved(facets, free, replace(config, on_surface=config.loose, max_failures=config.max_failures // 3))

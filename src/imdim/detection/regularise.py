@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,9 +26,9 @@ def regularise(patches: list[Patch], tolerance: float) -> list[Patch]:
     firm = sorted(work, key=lambda item: -item.firmness)
     _align(firm)
     _share_axes(firm)
-    _share_centers(firm)
-    _share_planes(firm, tolerance)
-    _share_radii(firm, tolerance)
+    _share(firm, ("sphere",), lambda item, head: _center_to(item, head.point))
+    _share(firm, ("plane",), _to_plane)
+    _share(firm, ("cylinder", "sphere"), _to_radius)
     return [item.patch() for item in work]
 
 
@@ -52,6 +52,14 @@ class _Item:
     @property
     def axis(self) -> np.ndarray:
         return np.asarray(self.surface.axis)
+
+    @property
+    def point(self) -> np.ndarray:
+        return np.asarray(self.surface.point)
+
+    def foot(self, point: np.ndarray) -> np.ndarray:
+        """The nearest place on the axis."""
+        return self.point + ((point - self.point) @ self.axis) * self.axis
 
     def rms(self, surface: Surface) -> float:
         return float(np.sqrt((signed_distance(surface, self.points) ** 2).mean()))
@@ -107,75 +115,52 @@ def _turn(item: _Item, direction: np.ndarray) -> bool:
         return True
     # turn about the patch, not about a far point of the carrier
     middle = item.points.mean(0)
-    point = np.asarray(item.surface.point)
-    if item.surface.kind == "cylinder":
-        point = point + ((middle - point) @ item.axis) * item.axis
+    point = item.foot(middle) if item.surface.kind == "cylinder" else item.point
     return item.refit(replace(item.surface, axis=vec(direction), point=vec(point)), "axis")
 
 
 def _share_axes(firm: list[_Item]) -> None:
     """Axes of revolution that are parallel and near become one line; centres of spheres near a line move onto it."""
-    lines: list[tuple[np.ndarray, np.ndarray]] = []
-    for item in firm:
-        if item.surface.kind not in ("cylinder", "cone", "torus"):
-            continue
-        if not any(_onto_line(item, point, axis) for point, axis in lines):
-            lines.append((np.asarray(item.surface.point), item.axis))
+    heads = _share(firm, ("cylinder", "cone", "torus"), _onto_line)
     for item in firm:
         if item.surface.kind == "sphere":
-            for point, axis in lines:
-                if _center_to(item, point + ((np.asarray(item.surface.point) - point) @ axis) * axis):
+            for head in heads:
+                if _center_to(item, head.foot(item.point)):
                     break
 
 
-def _onto_line(item: _Item, point: np.ndarray, axis: np.ndarray) -> bool:
-    if abs(axis @ item.axis) < 1 - 1e-12:
+def _share(firm: list[_Item], kinds: tuple[str, ...], joins: Callable[[_Item, _Item], bool]) -> list[_Item]:
+    """Each item of some kinds joins the first of those before it that it can, or stays as it is; returned are the ones that stayed."""
+    heads: list[_Item] = []
+    for item in firm:
+        if item.surface.kind in kinds and not any(joins(item, head) for head in heads):
+            heads.append(item)
+    return heads
+
+
+def _onto_line(item: _Item, head: _Item) -> bool:
+    if abs(head.axis @ item.axis) < 1 - 1e-12:
         return False
-    gap = np.asarray(item.surface.point) - point
-    foot = point + (gap @ axis) * axis
-    if np.linalg.norm(np.asarray(item.surface.point) - foot) > 20 * item.limit:
+    foot = head.foot(item.point)
+    if np.linalg.norm(item.point - foot) > 20 * item.limit:
         return False
     return item.refit(replace(item.surface, point=vec(foot)), "line")
 
 
 def _center_to(item: _Item, center: np.ndarray) -> bool:
-    if np.linalg.norm(center - np.asarray(item.surface.point)) > 20 * item.limit:
+    if np.linalg.norm(center - item.point) > 20 * item.limit:
         return False
     radius = float(np.linalg.norm(item.points - center, axis=1).mean())
     return item.take(replace(item.surface, point=vec(center), sizes=(radius,)))
 
 
-def _share_centers(firm: list[_Item]) -> None:
-    centers: list[np.ndarray] = []
-    for item in firm:
-        if item.surface.kind == "sphere" and not any(_center_to(item, c) for c in centers):
-            centers.append(np.asarray(item.surface.point))
-
-
-def _share_planes(firm: list[_Item], tolerance: float) -> None:
+def _to_plane(item: _Item, head: _Item) -> bool:
     """Parallel planes at the same height become the firmest of them."""
-    heads: list[_Item] = []
-    for item in firm:
-        if item.surface.kind != "plane":
-            continue
-        for head in heads:
-            if abs(head.axis @ item.axis) < 1 - 1e-12:
-                continue
-            gap = abs((np.asarray(item.surface.point) - np.asarray(head.surface.point)) @ head.axis)
-            if gap < 2 * tolerance and item.take(head.surface):
-                break
-        else:
-            heads.append(item)
+    if abs(head.axis @ item.axis) < 1 - 1e-12:
+        return False
+    return bool(abs((item.point - head.point) @ head.axis) < 2 * item.tolerance) and item.take(head.surface)
 
 
-def _share_radii(firm: list[_Item], tolerance: float) -> None:
-    heads: list[_Item] = []
-    for item in firm:
-        if item.surface.kind not in ("cylinder", "sphere"):
-            continue
-        for head in heads:
-            near = head.surface.kind == item.surface.kind and abs(head.surface.sizes[0] - item.surface.sizes[0]) < tolerance
-            if near and item.take(replace(item.surface, sizes=head.surface.sizes)):
-                break
-        else:
-            heads.append(item)
+def _to_radius(item: _Item, head: _Item) -> bool:
+    near = head.surface.kind == item.surface.kind and abs(head.surface.sizes[0] - item.surface.sizes[0]) < item.tolerance
+    return near and item.take(replace(item.surface, sizes=head.surface.sizes))

@@ -14,8 +14,7 @@ import math
 import numpy as np
 from numba import njit
 
-from imdim.geometry.lowering import Lowered, lower
-from imdim.geometry.rotations import matrix_from_euler
+from imdim.geometry.lowering import Lowered, lower, split_params
 from imdim.program.tree import KINDS, Program
 
 BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID = range(len(KINDS))
@@ -23,9 +22,7 @@ BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID = range(len(KINDS))
 
 def leaf_table(kinds: np.ndarray, params: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Signed distances [k, n] of `points` [n, 3] to the leaves `kinds` [k], `params` [k, 9]."""
-    params = np.asarray(params, float).reshape(-1, 9)
-    rotations = np.array([matrix_from_euler(tuple(row)) for row in params[:, 6:9]]).reshape(-1, 3, 3)
-    return _leaf_table(np.require(kinds, np.int64, ["C", "W"]), params[:, :3].copy(), params[:, 3:6].copy(), rotations, _as_points(points))
+    return _leaf_table(np.require(kinds, np.int64, ["C", "W"]), *split_params(params), _as_points(points))
 
 
 def program_sdf(program: Program | Lowered, points: np.ndarray) -> np.ndarray:

@@ -65,5 +65,11 @@ class Lowered:
 def lower(program: Program) -> Lowered:
     """All arrays that the compiled kernels need."""
     kinds, params = pack(program)
-    rotations = np.stack([matrix_from_euler(tuple(row)) for row in params[:, 6:9]])
-    return Lowered(postfix(program), kinds, params[:, :3].copy(), params[:, 3:6].copy(), rotations)
+    return Lowered(postfix(program), kinds, *split_params(params))
+
+
+def split_params(params: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Sizes [k, 3], centres [k, 3] and rotations [k, 3, 3] of parameters [k, 9]."""
+    params = np.asarray(params, float).reshape(-1, 9)
+    rotations = np.array([matrix_from_euler(tuple(row)) for row in params[:, 6:9]]).reshape(-1, 3, 3)
+    return params[:, :3].copy(), params[:, 3:6].copy(), rotations

@@ -6,14 +6,14 @@ solids stay. `sampling.surface_points` samples the true boundary. Membership and
 
 from __future__ import annotations
 
-import numpy as np
 import torch
 from torch import Tensor
 
+from imdim.geometry.lowering import pack
 from imdim.geometry.sdf import leaf_table, rotation_matrices
 from imdim.geometry.surface_map import SURFACE_MAPS
 from imdim.program.state import ShapeState, SignedPrimitive
-from imdim.program.tree import KINDS, Primitive
+from imdim.program.tree import Primitive
 
 
 def sample_points(
@@ -33,14 +33,14 @@ def sample_points(
         missing -= len(kept[-1])
     if not kept:
         return torch.empty(0, 3, device=device)
-    row = _row(solid).to(device)
+    row = torch.from_numpy(pack(solid)[1][0]).to(device)
     return (torch.cat(kept) @ rotation_matrices(row[6:9]).mT + row[3:6]).float()
 
 
 def is_inside(primitive: Primitive | SignedPrimitive, points: Tensor) -> Tensor:
     """Whether each of `points` [n, 3] lies inside the primitive or on it, bool [n]."""
-    solid = _solid(primitive)
-    return leaf_table(np.array([KINDS.index(solid.kind)]), _row(solid).to(points)[None], points)[0] <= 0
+    kinds, params = pack(_solid(primitive))
+    return leaf_table(kinds, torch.from_numpy(params).to(points), points)[0] <= 0
 
 
 def state_to_point_cloud(
@@ -96,9 +96,3 @@ def compute_error_embedding(gt_points: Tensor, cur_points: Tensor) -> Tensor:
 
 def _solid(primitive: Primitive | SignedPrimitive) -> Primitive:
     return primitive if isinstance(primitive, Primitive) else primitive.solid()
-
-
-def _row(primitive: Primitive) -> Tensor:
-    """The primitive's `params` row, float64 [9]."""
-    padding = (0.0,) * (3 - len(primitive.size))
-    return torch.tensor([*primitive.size, *padding, *primitive.center, *primitive.rotation], dtype=torch.float64)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -11,13 +13,16 @@ from imdim.program.tree import Vec3
 
 def matrix_from_euler(euler_deg: Vec3) -> np.ndarray:
     """The [3, 3] rotation of OpenSCAD's ``rotate([rx, ry, rz])``."""
-    (cx, cy, cz), (sx, sy, sz) = ([f(math.radians(a)) for a in euler_deg] for f in (math.cos, math.sin))
-    return np.array(
-        [
-            [cy * cz, sx * sy * cz - cx * sz, cx * sy * cz + sx * sz],
-            [cy * sz, sx * sy * sz + cx * cz, cx * sy * sz - sx * cz],
-            [-sy, sx * cy, cx * cy],
-        ]
+    return np.array(rotation_rows(*([f(math.radians(a)) for a in euler_deg] for f in (math.cos, math.sin))))
+
+
+def rotation_rows(cosines: Iterable[Any], sines: Iterable[Any]) -> tuple[tuple[Any, Any, Any], ...]:
+    """The rows of ``Rz @ Ry @ Rx`` from the cosines and sines of three angles: floats, arrays or tensors."""
+    (cx, cy, cz), (sx, sy, sz) = cosines, sines
+    return (
+        (cy * cz, sx * sy * cz - cx * sz, cx * sy * cz + sx * sz),
+        (cy * sz, sx * sy * sz + cx * cz, cx * sy * sz - sx * cz),
+        (-sy, sx * cy, cx * cy),
     )
 
 
@@ -44,10 +49,4 @@ def frame_from_axis(axis: np.ndarray) -> np.ndarray:
 
 def matrices_from_euler(euler_deg: np.ndarray) -> np.ndarray:
     """The rotations [k, 3, 3] of Euler degrees [k, 3]."""
-    (cx, cy, cz), (sx, sy, sz) = (f(np.radians(np.asarray(euler_deg, float))).T for f in (np.cos, np.sin))
-    rows = (
-        (cy * cz, sx * sy * cz - cx * sz, cx * sy * cz + sx * sz),
-        (cy * sz, sx * sy * sz + cx * cz, cx * sy * sz - sx * cz),
-        (-sy, sx * cy, cx * cy),
-    )
-    return np.array(rows).transpose(2, 0, 1)
+    return np.array(rotation_rows(*(f(np.radians(np.asarray(euler_deg, float))).T for f in (np.cos, np.sin)))).transpose(2, 0, 1)

@@ -28,7 +28,8 @@ def surface_points(program: Program, n: int, rng: np.random.Generator) -> tuple[
     parts, lowered = list(leaves(program)), lower(program)
     kinds, params = pack(program)
     areas = np.array([surface_area(p.kind, p.size) for p in parts])
-    step = 1e-7 * float(np.ptp(_reach(parts), axis=0).max())
+    reach = np.array([np.add(p.center, side * bounding_radius(p)) for p in parts for side in (-1, 1)])
+    step = 1e-7 * float(np.ptp(reach, axis=0).max())
     kept: list[tuple[np.ndarray, np.ndarray]] = [(np.empty((0, 3)), np.empty((0, 3)))]
     found = 0
     for drawn in range(1, MAX_ROUNDS + 1):
@@ -92,10 +93,6 @@ def bounding_radius(primitive: Primitive) -> float:
     if primitive.kind in ("cylinder", "cone"):
         return float(np.hypot(max(size[:-1]), size[-1] / 2))
     return sum(size) if primitive.kind == "torus" else max(size)
-
-
-def _reach(parts: list[Primitive]) -> np.ndarray:
-    return np.array([np.add(p.center, side * bounding_radius(p)) for p in parts for side in (-1, 1)])
 
 
 def subsample(points: np.ndarray, count: int) -> np.ndarray:

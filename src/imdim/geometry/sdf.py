@@ -18,6 +18,7 @@ from torch import Tensor
 from torch.linalg import vector_norm
 
 from imdim.geometry.lowering import pack, unpack
+from imdim.geometry.rotations import rotation_rows
 from imdim.program.tree import KINDS, Op, Program, fold
 
 __all__ = ["LOCAL_SDF", "SDF_OPS", "fold_table", "leaf_table", "pack", "program_sdf", "rotation_matrices", "to_local", "unpack"]
@@ -61,12 +62,7 @@ def to_local(params: Tensor, points: Tensor) -> Tensor:
 
 def rotation_matrices(euler_deg: Tensor) -> Tensor:
     """``Rz @ Ry @ Rx`` [..., 3, 3] of Euler degrees [..., 3]."""
-    (cx, cy, cz), (sx, sy, sz) = (f(euler_deg * (math.pi / 180)).unbind(-1) for f in (torch.cos, torch.sin))
-    rows = (
-        (cy * cz, sx * sy * cz - cx * sz, cx * sy * cz + sx * sz),
-        (cy * sz, sx * sy * sz + cx * cz, cx * sy * sz - sx * cz),
-        (-sy, sx * cy, cx * cy),
-    )
+    rows = rotation_rows(*(f(euler_deg * (math.pi / 180)).unbind(-1) for f in (torch.cos, torch.sin)))
     return torch.stack([torch.stack(row, -1) for row in rows], -2)
 
 

@@ -75,17 +75,27 @@ def mesh_to_manifold(mesh: trimesh.Trimesh) -> Manifold:
 def _merge_vertices(mesh: trimesh.Trimesh, keys: np.ndarray) -> Manifold:
     """A solid whose vertices with equal rows of `keys` [v, 3] are one; faces that thereby collapse are dropped."""
     _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    faces = inverse.reshape(-1)[np.asarray(mesh.faces)]
-    proper = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-    vertices = np.ascontiguousarray(np.asarray(mesh.vertices, np.float64)[first])
-    return Manifold(Mesh64(vertices, np.ascontiguousarray(faces[proper], dtype=np.uint64)))
+    return solid_of(np.asarray(mesh.vertices, np.float64)[first], drop_collapsed(inverse.reshape(-1)[np.asarray(mesh.faces)]))
+
+
+def drop_collapsed(faces: np.ndarray) -> np.ndarray:
+    """The faces with three different corners."""
+    a, b, c = faces.T
+    return faces[(a != b) & (b != c) & (c != a)]
+
+
+def solid_of(vertices: np.ndarray, faces: np.ndarray) -> Manifold:
+    """The solid of a mesh whose equal vertices are one; its status says where there is none."""
+    return Manifold(Mesh64(np.ascontiguousarray(vertices), np.ascontiguousarray(faces, dtype=np.uint64)))
 
 
 def to_trimesh(solid: Manifold) -> trimesh.Trimesh:
     """The surface of a solid, in double precision, one shared vertex per corner."""
-    mesh = solid.to_mesh64()
-    vertices = np.array(mesh.vert_properties, np.float64)[:, :3]
-    return trimesh.Trimesh(vertices, np.array(mesh.tri_verts, np.int64), process=False)
+    return _trimesh(solid.to_mesh64())
+
+
+def _trimesh(mesh: Mesh64) -> trimesh.Trimesh:
+    return trimesh.Trimesh(np.array(mesh.vert_properties, np.float64)[:, :3], np.array(mesh.tri_verts, np.int64), process=False)
 
 
 def surface_with_owners(program: Program, segments: int = SEGMENTS) -> tuple[trimesh.Trimesh, np.ndarray]:
@@ -98,11 +108,9 @@ def surface_with_owners(program: Program, segments: int = SEGMENTS) -> tuple[tri
         return solid
 
     mesh = fold_nary(program, own, _COMBINE).to_mesh64()
-    faces = np.array(mesh.tri_verts, np.int64)
     runs = np.diff(np.array(mesh.run_index, np.int64)) // 3
     leaves = np.array([owners[i] for i in mesh.run_original_id], np.int64)
-    surface = trimesh.Trimesh(np.array(mesh.vert_properties, np.float64)[:, :3], faces, process=False)
-    return surface, np.repeat(leaves, runs)
+    return _trimesh(mesh), np.repeat(leaves, runs)
 
 
 def volume(program: Program, segments: int = SEGMENTS) -> float:

@@ -1,27 +1,27 @@
 """Exact distances from points to triangle surfaces, through a bounding-box tree over Morton-ordered triangles.
 
-The tree is a complete binary heap: node i has the children 2i+1 and 2i+2, and the leaves hold LEAF triangles each, so building it is
-one sort and a few reductions (Karras 2012 shows why Morton order clusters well).
+The tree is complete: node i has the children 2i and 2i+1, and the leaves hold LEAF triangles each or fewer, so building it is one sort and
+a few reductions (Karras 2012 shows why Morton order clusters well). `winding` builds its own in the same way.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import trimesh
 from numba import njit
 
-from imdim.geometry.morton import morton
-
 LEAF = 4
 
 
 @dataclass(frozen=True)
 class TriangleTree:
-    """`corners` [t, 3, 3] padded to LEAF * 2^depth by repetition of the last, boxes `low` and `high` [2^(depth+1) - 1, 3]."""
+    """`corners` [t, 3, 3], of which leaf j of l owns ``starts[j]:starts[j + 1]``, and the boxes `low` and `high` [2 l, 3] of the nodes."""
 
     corners: np.ndarray
+    starts: np.ndarray
     low: np.ndarray
     high: np.ndarray
 
@@ -31,52 +31,69 @@ def triangle_tree(mesh: trimesh.Trimesh) -> TriangleTree:
     corners = np.asarray(mesh.vertices, np.float64)[np.asarray(mesh.faces)]
     if not len(corners):
         raise ValueError("no distance to a mesh of 0 faces")
-    ordered = corners[np.argsort(morton(_unit(corners.mean(axis=1))), kind="stable")]
-    depth = max(int(np.ceil(np.log2(len(ordered) / LEAF))), 0)
-    padding = LEAF * 2**depth - len(ordered)
-    ordered = np.concatenate([ordered, np.repeat(ordered[-1:], padding, axis=0)])
-    return TriangleTree(ordered, _boxes(ordered.min(axis=1), depth, np.minimum), _boxes(ordered.max(axis=1), depth, np.maximum))
+    order, starts = sorted_leaves(_unit(corners.mean(axis=1)), LEAF)
+    ordered = corners[order]
+    low, high = summed_up(ordered.min(axis=1), starts, np.minimum), summed_up(ordered.max(axis=1), starts, np.maximum)
+    return TriangleTree(ordered, starts, low, high)
 
 
 def distances(tree: TriangleTree, points: np.ndarray) -> np.ndarray:
     """Unsigned distance [n] of each of `points` [n, 3] to the nearest triangle."""
-    return _distances(tree.corners, tree.low, tree.high, np.ascontiguousarray(points, np.float64))
+    return _distances(tree.corners, tree.starts, tree.low, tree.high, np.ascontiguousarray(points, np.float64))
 
 
 def _unit(points: np.ndarray) -> np.ndarray:
     return (points - points.min(axis=0)) / max(float(np.ptp(points, axis=0).max()), 1e-300) - 0.5
 
 
-def _boxes(bounds: np.ndarray, depth: int, reduce: np.ufunc) -> np.ndarray:
-    level = reduce.reduce(bounds.reshape(-1, LEAF, 3), axis=1)
-    levels = [level]
-    for _ in range(depth):
-        level = reduce.reduce(level.reshape(-1, 2, 3), axis=1)
-        levels.append(level)
-    return np.concatenate(levels[::-1])
+def morton(unit: np.ndarray) -> np.ndarray:
+    """The codes uint64 [n] of points [n, 3] in -0.5..0.5: the bits of their coordinates by turns, 21 each."""
+    cell = np.clip((unit + 0.5) * (1 << 21), 0, (1 << 21) - 1).astype(np.uint64)
+    for shift, mask in (
+        (32, 0x1F00000000FFFF),
+        (16, 0x1F0000FF0000FF),
+        (8, 0x100F00F00F00F00F),
+        (4, 0x10C30C30C30C30C3),
+        (2, 0x1249249249249249),
+    ):
+        cell = (cell | (cell << np.uint64(shift))) & np.uint64(mask)
+    return cell[:, 0] | (cell[:, 1] << np.uint64(1)) | (cell[:, 2] << np.uint64(2))
+
+
+def sorted_leaves(unit: np.ndarray, leaf_size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points [n, 3] in -0.5..0.5 shared out in Morton order among the leaves of a complete tree: the order, and where each leaf starts."""
+    leaves = 1 << max(0, math.ceil(math.log2(len(unit) / leaf_size)))
+    return np.argsort(morton(unit), kind="stable"), np.arange(leaves + 1) * len(unit) // leaves
+
+
+def summed_up(values: np.ndarray, starts: np.ndarray, combine: np.ufunc) -> np.ndarray:
+    """Per node of that tree [2 l, ..] what `combine` makes of the sorted `values` [n, ..] below it; row 0 stands for nothing."""
+    levels = [combine.reduceat(values, starts[:-1])]
+    while len(levels[-1]) > 1:
+        levels.append(combine(levels[-1][0::2], levels[-1][1::2]))
+    return np.concatenate([levels[-1], *levels[::-1]])
 
 
 @njit(cache=True, nogil=True)
-def _distances(corners, low, high, points):  # pragma: no cover - compiled
-    first_leaf = (low.shape[0] - 1) // 2
+def _distances(corners, starts, low, high, points):  # pragma: no cover - compiled
+    leaves = len(starts) - 1
     out = np.empty(points.shape[0])
     stack = np.empty(128, np.int64)
     for i in range(points.shape[0]):
         p = points[i]
         best = np.inf
-        stack[0] = 0
+        stack[0] = 1
         top = 1
         while top:
             top -= 1
             node = stack[top]
             if _box2(p, low[node], high[node]) >= best:
                 continue
-            if node >= first_leaf:
-                start = (node - first_leaf) * LEAF
-                for t in range(start, start + LEAF):
+            if node >= leaves:
+                for t in range(starts[node - leaves], starts[node - leaves + 1]):
                     best = min(best, _triangle2(p, corners[t, 0], corners[t, 1], corners[t, 2]))
                 continue
-            left = 2 * node + 1
+            left = 2 * node
             # the nearer child goes on top of the stack
             near_left = _box2(p, low[left], high[left]) <= _box2(p, low[left + 1], high[left + 1])
             stack[top] = left + 1 if near_left else left

@@ -15,7 +15,7 @@ import numpy as np
 import trimesh
 from numba import njit
 
-from imdim.geometry.morton import morton
+from imdim.geometry.triangles import sorted_leaves, summed_up
 
 LEAF_SIZE = 6
 FAR = 3.0  # a group is far at this many radii; at 2, as in the paper, a flat group of large faces is 8 % off
@@ -48,7 +48,21 @@ def triangle_tree(mesh_or_triangles: trimesh.Trimesh | np.ndarray) -> WindingTre
     center, scale = _unit_frame(triangles.reshape(-1, 3))
     unit = (triangles - center) * scale
     vector = np.cross(unit[:, 1] - unit[:, 0], unit[:, 2] - unit[:, 0]) / 2
-    return _tree(unit.reshape(-1, 9), unit.mean(axis=1), vector, unit.min(axis=1), unit.max(axis=1), center, scale)
+    middle, low, high = unit.mean(axis=1), unit.min(axis=1), unit.max(axis=1)
+    order, starts = sorted_leaves(middle, LEAF_SIZE)
+    area = np.linalg.norm(vector, axis=1)
+    terms = np.hstack([area[:, None], area[:, None] * middle, vector, (middle[:, :, None] * vector[:, None, :]).reshape(-1, 9)])[order]
+    sums, low, high = (
+        summed_up(terms, starts, np.add),
+        summed_up(low[order], starts, np.minimum),
+        summed_up(high[order], starts, np.maximum),
+    )
+    weight = sums[:, :1]
+    at = np.where(weight > 0, sums[:, 1:4] / np.where(weight > 0, weight, 1.0), (low + high) / 2)
+    radius = np.linalg.norm(np.maximum(high - at, at - low), axis=1)
+    first = sums[:, 7:] - (at[:, :, None] * sums[:, 4:7][:, None, :]).reshape(-1, 9)
+    moments = np.hstack([at, (FAR * radius[:, None]) ** 2, sums[:, 4:7], first])
+    return WindingTree(np.ascontiguousarray(unit.reshape(-1, 9)[order]), np.ascontiguousarray(moments), starts, center, scale)
 
 
 def winding_number(source: trimesh.Trimesh | np.ndarray | WindingTree, queries: np.ndarray) -> np.ndarray:
@@ -93,32 +107,6 @@ def _odd_crossings(mesh: trimesh.Trimesh, origins: np.ndarray, direction: tuple[
 def _unit_frame(points: np.ndarray) -> tuple[np.ndarray, float]:
     low, high = points.min(axis=0), points.max(axis=0)
     return (low + high) / 2, float(1 / max(np.linalg.norm(high - low), 1e-300))
-
-
-def _tree(
-    corners: np.ndarray, middle: np.ndarray, vector: np.ndarray, low: np.ndarray, high: np.ndarray, center: np.ndarray, scale: float
-) -> WindingTree:
-    order = np.argsort(morton(middle), kind="stable")
-    leaves = 1 << max(0, math.ceil(math.log2(len(order) / LEAF_SIZE)))
-    starts = np.arange(leaves + 1) * len(order) // leaves
-    area = np.linalg.norm(vector, axis=1)
-    terms = np.hstack([area[:, None], area[:, None] * middle, vector, (middle[:, :, None] * vector[:, None, :]).reshape(-1, 9)])[order]
-    sums = _upwards(np.add.reduceat(terms, starts[:-1]), np.add)
-    low = _upwards(np.minimum.reduceat(low[order], starts[:-1]), np.minimum)
-    high = _upwards(np.maximum.reduceat(high[order], starts[:-1]), np.maximum)
-    weight = sums[:, :1]
-    at = np.where(weight > 0, sums[:, 1:4] / np.where(weight > 0, weight, 1.0), (low + high) / 2)
-    radius = np.linalg.norm(np.maximum(high - at, at - low), axis=1)
-    first = sums[:, 7:] - (at[:, :, None] * sums[:, 4:7][:, None, :]).reshape(-1, 9)
-    moments = np.hstack([at, (FAR * radius[:, None]) ** 2, sums[:, 4:7], first])
-    return WindingTree(np.ascontiguousarray(corners[order]), np.ascontiguousarray(moments), starts, center, scale)
-
-
-def _upwards(leaf_values: np.ndarray, combine: np.ufunc) -> np.ndarray:
-    levels = [leaf_values]
-    while len(levels[-1]) > 1:
-        levels.append(combine(levels[-1][0::2], levels[-1][1::2]))
-    return np.concatenate([levels[-1], *levels[::-1]])  # row 0 is never visited
 
 
 @njit(nogil=True, cache=True)

@@ -21,6 +21,16 @@ def nodes(program: Program) -> list[tuple[Path, Program]]:
     return out
 
 
+def leaf_counts(program: Program) -> dict[Path, int]:
+    """The number of primitives in every node, in the order of `nodes`."""
+    every = nodes(program)
+    counts = dict.fromkeys((path for path, _ in every), 1)
+    for path, node in reversed(every):
+        if isinstance(node, Combine):
+            counts[path] = counts[(*path, 0)] + counts[(*path, 1)]
+    return counts
+
+
 def leaf_paths(program: Program) -> list[tuple[Path, Primitive]]:
     """The primitives with their paths, from left to right."""
     return [(path, node) for path, node in nodes(program) if isinstance(node, Primitive)]

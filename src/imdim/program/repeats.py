@@ -8,7 +8,7 @@ the first copy comes first.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -122,13 +122,6 @@ def size(folded: Folded) -> int:
     return folded.number * size(folded.part) if isinstance(folded, Repeat) else sum(size(part) for part in folded.parts)
 
 
-def count_written(folded: Folded) -> int:
-    """How many primitives are written out."""
-    if isinstance(folded, Primitive):
-        return 1
-    return count_written(folded.part) if isinstance(folded, Repeat) else sum(count_written(part) for part in folded.parts)
-
-
 def starts(group: Group, first: int = 0) -> Iterator[tuple[Folded, int]]:
     """Each part of a group whose first leaf is number `first`, with the number of its own first leaf."""
     for part in group.parts:
@@ -170,12 +163,16 @@ def copies_of(folded: Folded) -> dict[int, list[tuple[int, bool]]]:
 
 def with_leaves(folded: Folded, program: Program) -> Folded:
     """The same repeats with the first copies' leaves taken from `program`, which has the leaves of the expanded one in order."""
-    return _fill_leaves(folded, list(leaves(program)), 0)
+    parts = list(leaves(program))
+    return rebuilt(folded, lambda first, _: parts[first], lambda _, repeat: repeat)
 
 
-def _fill_leaves(folded: Folded, parts: list[Primitive], first: int) -> Folded:
+def rebuilt(folded: Folded, leaf: Callable[[int, Primitive], Primitive], change: Callable[[int, Repeat], Repeat], first: int = 0) -> Folded:
+    """With ``leaf(number, primitive)`` for what is written, and ``change(number of first leaf, repeat)`` for each repeat in the order of
+    `repeats`, whatever that has as its part."""
     if isinstance(folded, Primitive):
-        return parts[first]
+        return leaf(first, folded)
     if isinstance(folded, Repeat):
-        return replace(folded, part=_fill_leaves(folded.part, parts, first))
-    return Group(folded.op, tuple(_fill_leaves(part, parts, start) for part, start in starts(folded, first)))
+        changed = change(first, folded)
+        return replace(changed, part=rebuilt(folded.part, leaf, change, first))
+    return Group(folded.op, tuple(rebuilt(part, leaf, change, start) for part, start in starts(folded, first)))

@@ -7,9 +7,8 @@ primitive, as it is or complemented; a primitive that a tree needs both ways the
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import reduce
 
-from imdim.program.tree import Combine, Primitive, Program, combine_all
+from imdim.program.tree import Primitive, Program, combine_all
 
 
 @dataclass(frozen=True)
@@ -58,5 +57,4 @@ def _term_program(stump: CsgStump, term: list[int]) -> Program:
     plain: list[Program] = [stump.primitives[k] for k in term if not stump.complement[k]]
     if not plain:
         raise ValueError(f"an intersection of {len(term)} nodes has no plain primitive: the solid is unbounded")
-    cuts = (stump.primitives[k] for k in term if stump.complement[k])
-    return reduce(lambda keep, cut: Combine("difference", keep, cut), cuts, combine_all("intersection", plain))
+    return combine_all("difference", [combine_all("intersection", plain), *(stump.primitives[k] for k in term if stump.complement[k])])

@@ -32,6 +32,12 @@ def unit(v: Vec3) -> Vec3:
     return times(v, 1 / math.hypot(*v))
 
 
+def rounded(v: Vec3, decimals: int) -> Vec3:
+    """v to `decimals` decimals, without negative zeros."""
+    x, y, z = (round(c, decimals) + 0.0 for c in v)
+    return x, y, z
+
+
 def is_forward(v: Vec3, tolerance: float = 1e-9) -> bool:
     """Whether the first coordinate that is not nothing is positive."""
     return next((c > 0 for c in v if abs(c) > tolerance), False)

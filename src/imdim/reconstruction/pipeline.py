@@ -17,7 +17,7 @@ import numpy as np
 import trimesh
 
 from imdim.deadline import Deadline
-from imdim.geometry.finish.out_of_box import without_strays
+from imdim.geometry.finish.overshoot import without_strays
 from imdim.geometry.solid import to_manifold
 from imdim.program.constraints import Constraint, scale_constraints
 from imdim.program.cost import count

@@ -9,7 +9,6 @@ import numpy as np
 
 from imdim.geometry.pose import Pose, Vector
 from imdim.program.constraints import Ref
-from imdim.program.tree import KINDS
 from imdim.relations.belief import DeterminedFaces
 from imdim.relations.directions import Directions
 
@@ -62,9 +61,6 @@ class Places:
 
     def leaves(self) -> range:
         return range(len(self.pose.numbers.kinds))
-
-    def kind(self, leaf: int) -> str:
-        return KINDS[self.pose.numbers.kinds[leaf]]
 
 
 def without_slope(direction: Vector) -> Vector:

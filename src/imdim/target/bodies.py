@@ -38,6 +38,11 @@ def edge_table(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, n
     return low, high, start < end, label
 
 
+def components(rows: np.ndarray, columns: np.ndarray, count: int) -> tuple[int, np.ndarray]:
+    """How many pieces the links between `rows` and `columns` make of `count` nodes, and the piece of each."""
+    return connected_components(coo_matrix((np.ones(len(rows), bool), (rows, columns)), shape=(count, count)), directed=False)
+
+
 def mesh_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
     """The signed volume by the divergence theorem, positive when the faces are seen counter-clockwise from outside.
 
@@ -46,10 +51,19 @@ def mesh_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
     return float(_face_volumes(vertices, faces, np.zeros(len(faces), np.int64)).sum())
 
 
-def mesh_area(vertices: np.ndarray, faces: np.ndarray) -> float:
-    """The summed area of all faces."""
+def face_normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals [m, 3] (zero for a face without area) and areas [m], at any scale of coordinates."""
     a, b, c = (np.asarray(vertices, float)[faces[:, i]] for i in range(3))
-    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+    unit = np.abs(np.stack([b - a, c - a])).max(initial=0.0) or 1.0
+    cross = np.cross((b - a) / unit, (c - a) / unit)
+    length = np.linalg.norm(cross, axis=1)
+    return cross / np.maximum(length, 1e-300)[:, None], length / 2 * unit * unit
+
+
+def compacted(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The mesh without the vertices that none of its faces has."""
+    used, corners = np.unique(faces, return_inverse=True)
+    return vertices[used], corners.reshape(-1, 3).astype(np.int64)
 
 
 def find_bodies(vertices: np.ndarray, faces: np.ndarray) -> Bodies:
@@ -80,7 +94,7 @@ def _pieces(faces: np.ndarray) -> np.ndarray:
     order = np.argsort(label, kind="stable")
     together = label[order[1:]] == label[order[:-1]]
     one, two = order[1:][together] % count, order[:-1][together] % count
-    return connected_components(coo_matrix((np.ones(len(one)), (one, two)), shape=(count, count)), directed=False)[1]
+    return components(one, two, count)[1]
 
 
 def _face_volumes(vertices: np.ndarray, faces: np.ndarray, label: np.ndarray) -> np.ndarray:

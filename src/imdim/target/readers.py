@@ -87,14 +87,15 @@ def read_stl(path: Path) -> Raw:
         record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("extra", "<u2")])
         corners = np.frombuffer(data, record, count, offset=84)["corners"].reshape(-1, 3).astype(float)
     else:
-        corners = _ascii_corners(data)
+        corners = _text_points(data, b"(?i:vertex)")
     if not len(corners) or len(corners) % 3:
         raise InputError(f"{path}: not a readable STL file: {len(corners)} corners found, {len(data)} bytes")
     return Raw(corners, faces=np.arange(len(corners)).reshape(-1, 3))
 
 
-def _ascii_corners(data: bytes) -> np.ndarray:
-    rows = re.findall(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", data, re.IGNORECASE)
+def _text_points(data: bytes, pattern: bytes) -> np.ndarray:
+    """Three numbers [n, 3] after each keyword."""
+    rows = re.findall(pattern + rb"\s+(\S+)\s+(\S+)\s+(\S+)", data, re.MULTILINE)
     return np.array(rows, dtype="S32").astype(float).reshape(-1, 3)
 
 
@@ -113,7 +114,7 @@ def read_scene(path: Path) -> Raw:
         return Raw(np.array(mesh.vertices, float), faces=np.array(mesh.faces, np.int64))
     clouds = [np.asarray(g.vertices, float) for g in scene.dump() if isinstance(g, trimesh.PointCloud)]  # type: ignore[union-attr]
     if not clouds and path.suffix.lower() == ".obj":
-        clouds = [_obj_vertices(path)]
+        clouds = [_text_points(path.read_bytes(), b"^v")]
     return Raw(np.concatenate([np.zeros((0, 3)), *clouds]))
 
 
@@ -131,11 +132,6 @@ def _check_json(path: Path) -> None:
     many = text.count(b"[") + text.count(b"{")
     if many > MAX_BRACKETS:
         raise InputError(f"{path}: {many} lists and objects in its JSON, at most {MAX_BRACKETS}")
-
-
-def _obj_vertices(path: Path) -> np.ndarray:
-    rows = re.findall(rb"^v\s+(\S+)\s+(\S+)\s+(\S+)", path.read_bytes(), re.MULTILINE)
-    return np.array(rows, dtype="S32").astype(float).reshape(-1, 3)
 
 
 def read_ply(path: Path) -> Raw:

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from manifold3d import Error, Manifold, Mesh64, OpType
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
+from manifold3d import Error, Manifold, OpType
 from scipy.spatial import KDTree
 
-from imdim.target.bodies import edge_table, find_bodies, mesh_area, mesh_volume, split_faces
+from imdim.geometry.solid import drop_collapsed, solid_of
+from imdim.target.bodies import compacted, components, edge_table, face_normals, find_bodies, mesh_volume, split_faces
 from imdim.target.readers import InputError
 
 MAX_FACES = 200_000
@@ -51,8 +50,8 @@ def clean_mesh(vertices: np.ndarray, faces: np.ndarray, name: str) -> Cleaned:
         raise InputError(f"{name}: the mesh encloses no volume ({volume * diagonal**3:.3g} cubic units)")
     found = _as_solid(unit, faces, notes)
     unit, faces = found or _thin_shell(unit, faces, notes)
-    used, corners = np.unique(faces, return_inverse=True)
-    return Cleaned(unit[used] * diagonal + center, corners.reshape(-1, 3).astype(np.int64), found is not None, tuple(notes))
+    unit, faces = compacted(unit, faces)
+    return Cleaned(unit * diagonal + center, faces, found is not None, tuple(notes))
 
 
 def merge_equal(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -65,17 +64,11 @@ def merge_equal(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np
     return vertices[order[fresh]], drop_collapsed(label[faces])
 
 
-def drop_collapsed(faces: np.ndarray) -> np.ndarray:
-    """The faces with three different corners."""
-    a, b, c = faces.T
-    return faces[(a != b) & (b != c) & (c != a)]
-
-
 def drop_copies(faces: np.ndarray, count: int) -> np.ndarray:
     """One of each connected piece of a mesh of `count` vertices that lies several times in exactly the same place."""
     turn = np.argmin(faces, axis=1)[:, None]
     single, times = np.unique(np.take_along_axis(faces, (turn + np.arange(3)) % 3, axis=1), axis=0, return_counts=True)
-    piece = connected_components(_graph(single.ravel(), np.roll(single, 1, axis=1).ravel(), count), directed=False)[1][single[:, 0]]
+    piece = components(single.ravel(), np.roll(single, 1, axis=1).ravel(), count)[1][single[:, 0]]
     least, most = np.full(piece.max() + 1, len(faces)), np.zeros(piece.max() + 1, np.int64)
     np.minimum.at(least, piece, times)
     np.maximum.at(most, piece, times)
@@ -93,7 +86,7 @@ def close_seams(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Merge vertices of open edges that nearly coincide, in a mesh of diagonal 1; repeated faces count once."""
     rim = find_unpaired(faces)
     pairs = KDTree(vertices[rim]).query_pairs(SEAM, output_type="ndarray")
-    count, label = connected_components(_graph(pairs[:, 0], pairs[:, 1], len(rim)), directed=False)
+    count, label = components(pairs[:, 0], pairs[:, 1], len(rim))
     leader = np.full(count, len(vertices))
     np.minimum.at(leader, label, rim)
     target = np.arange(len(vertices))
@@ -117,7 +110,7 @@ def orient_alike(faces: np.ndarray) -> tuple[np.ndarray, int]:
     turned_too = np.where(forward[one] == forward[two], count, 0)
     one, two = one % count, two % count
     rows, columns = np.concatenate([one, one + count]), np.concatenate([two + turned_too, two + count - turned_too])
-    pieces, node = connected_components(_graph(rows, columns, 2 * count), directed=False)
+    pieces, node = components(rows, columns, 2 * count)
     kept, turned = node[:count], node[count:]
     as_is = np.bincount(kept, minlength=pieces)
     flip = (as_is[kept] < as_is[turned]) | ((as_is[kept] == as_is[turned]) & (kept > turned))
@@ -135,10 +128,6 @@ def cluster(vertices: np.ndarray, faces: np.ndarray, limit: int = MAX_FACES) -> 
             size = np.bincount(label)
             return np.stack([np.bincount(label, v) / size for v in vertices.T], axis=1), fewer
         cells *= 0.8
-
-
-def _graph(rows: np.ndarray, columns: np.ndarray, size: int) -> coo_matrix:
-    return coo_matrix((np.ones(len(rows), bool), (rows, columns)), shape=(size, size))
 
 
 def _orient(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, list[str]]:
@@ -166,12 +155,12 @@ def _as_solid(vertices: np.ndarray, faces: np.ndarray, notes: list[str]) -> tupl
     if rim:
         notes.append(f"The mesh is open ({rim} vertices on open edges): the winding number tells inside from outside.")
         return None
-    bodies = [_manifold(vertices, faces[chosen]) for chosen in split_faces(vertices, faces)]
+    bodies = [solid_of(*compacted(vertices, faces[chosen])) for chosen in split_faces(vertices, faces)]
     if any(body.status() != Error.NoError or body.volume() <= 0 for body in bodies):
         notes.append("The mesh is closed but no manifold: the winding number tells inside from outside.")
         return None
     solid = Manifold.batch_boolean([part for body in bodies for part in _parts(body)], OpType.Add)
-    walls = 1 - solid.surface_area() / mesh_area(vertices, faces)
+    walls = 1 - solid.surface_area() / face_normals(vertices, faces)[1].sum()
     if walls > WALLS:
         notes.append(f"Bodies overlapped or touched: united, {100 * walls:.2g} % of the surface lay within.")
     if len(faces) > MAX_FACES:
@@ -181,11 +170,6 @@ def _as_solid(vertices: np.ndarray, faces: np.ndarray, notes: list[str]) -> tupl
         return vertices, faces
     mesh = solid.to_mesh64()
     return np.array(mesh.vert_properties[:, :3], float), np.array(mesh.tri_verts, np.int64)
-
-
-def _manifold(vertices: np.ndarray, faces: np.ndarray) -> Manifold:
-    used, corners = np.unique(faces, return_inverse=True)
-    return Manifold(Mesh64(np.ascontiguousarray(vertices[used]), corners.reshape(-1, 3).astype(np.uint64)))
 
 
 def _parts(body: Manifold) -> list[Manifold]:

@@ -15,7 +15,7 @@ import trimesh
 
 from imdim.program.codec import Meta
 from imdim.program.tree import Primitive, Program, Vec3, map_leaves
-from imdim.target.bodies import split_faces
+from imdim.target.bodies import compacted, face_normals, split_faces
 from imdim.target.readers import InputError, Raw, read
 from imdim.target.repair import clean_mesh
 
@@ -178,15 +178,6 @@ def sample_surface(vertices: np.ndarray, faces: np.ndarray, count: int, rng: np.
     return (1 - root) * a + root * (1 - v) * b + root * v * c, normals[face]
 
 
-def face_normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Unit normals [m, 3] (zero for a face without area) and areas [m], at any scale of coordinates."""
-    a, b, c = (np.asarray(vertices, float)[faces[:, i]] for i in range(3))
-    unit = np.abs(np.stack([b - a, c - a])).max(initial=0.0) or 1.0
-    cross = np.cross((b - a) / unit, (c - a) / unit)
-    length = np.linalg.norm(cross, axis=1)
-    return cross / np.maximum(length, 1e-300)[:, None], length / 2 * unit * unit
-
-
 def _cloud_target(raw: Raw, name: str, max_points: int) -> Target:
     points, normals, notes = raw.points, raw.normals, []
     if len(points) < MIN_POINTS:
@@ -236,5 +227,4 @@ def _distinct(keys: np.ndarray) -> int:
 
 
 def _submesh(mesh: trimesh.Trimesh, faces: np.ndarray) -> trimesh.Trimesh:
-    used, corners = np.unique(mesh.faces[faces], return_inverse=True)
-    return trimesh.Trimesh(mesh.vertices[used], corners.reshape(-1, 3), process=False)
+    return trimesh.Trimesh(*compacted(mesh.vertices, mesh.faces[faces]), process=False)

@@ -4,7 +4,7 @@ import pytest
 from tests.deadlines import PASSED
 from tests.planted import box, cut, union
 
-from imdim.geometry.finish.out_of_box import without_strays
+from imdim.geometry.finish.overshoot import without_strays
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.tree import Primitive, Program
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import accumulate
 from typing import NamedTuple
 
 from manifold3d import Manifold
@@ -19,7 +20,7 @@ from imdim.geometry.finish.active_zone import matters
 from imdim.geometry.finish.cutter_extent import LastOperand, Rest, ends_of, even_lengths, narrow, reach, stretch
 from imdim.geometry.finish.posed import PosedPrimitive
 from imdim.geometry.solid import primitive_to_manifold, to_manifold
-from imdim.program.paths import Path, nodes, polarity
+from imdim.program.paths import Path, leaf_counts, nodes, polarity
 from imdim.program.tree import OPS, Combine, Op, Primitive, Program, combine_all, fold, leaves
 
 CHECK_SEGMENTS = 64
@@ -110,15 +111,8 @@ def _join(op: Op, a: Program | None, b: Program | None) -> Program | None:
 
 def _units(program: Program, largest: int) -> Iterator[_Unit]:
     """Parts of unions and what differences cut, the larger ones first."""
-    first: dict[Path, int] = {}
-    sizes: dict[Path, int] = {}
-    number = 0
-    every = nodes(program)
-    for path, node in every:
-        first[path] = number
-        number += isinstance(node, Primitive)
-    for path, node in reversed(every):
-        sizes[path] = 1 if isinstance(node, Primitive) else sizes[(*path, 0)] + sizes[(*path, 1)]
+    every, sizes = nodes(program), leaf_counts(program)
+    first = dict(zip(sizes, accumulate((isinstance(node, Primitive) for _, node in every), initial=0), strict=False))
     ops = {path: node.op for path, node in every if isinstance(node, Combine)}
     for path, node in every:
         joined = path and (ops[path[:-1]] == "union" or (ops[path[:-1]] == "difference" and path[-1] == 1))

@@ -16,6 +16,7 @@ from manifold3d import Manifold
 
 from imdim.geometry.finish.extend import between
 from imdim.geometry.solid import exact_rotation, primitive_to_manifold
+from imdim.program.patterns.congruence import grouped
 from imdim.program.tree import Primitive, Program
 
 CHECK_SEGMENTS = 64
@@ -131,16 +132,9 @@ def _span(number: int, part: LastOperand, axis: int, rest: Rest) -> _Span:
 
 def _alike(parts: Sequence[LastOperand], axis: int, slack: float) -> list[list[int]]:
     """Numbers of parts with the same cross-section along the same direction, two or more."""
-    out: list[list[int]] = []
-    for i, part in enumerate(parts):
-        if not _is_prism(part, axis):
-            continue
-        home = next((g for g in out if _same_section(parts[g[0]], part, axis, slack)), None)
-        if home is None:
-            out.append([i])
-        else:
-            home.append(i)
-    return [group for group in out if len(group) > 1]
+    prisms = [i for i, part in enumerate(parts) if _is_prism(part, axis)]
+    groups = grouped(prisms, lambda group, i: _same_section(parts[group[0]], parts[i], axis, slack))
+    return [group for group in groups if len(group) > 1]
 
 
 def _are_even(parts: Sequence[LastOperand], group: list[int], axis: int, slack: float) -> bool:

@@ -1,19 +1,25 @@
-"""A repeat that is borne out by the parts themselves."""
+"""Repeats that are borne out by the parts themselves; pairs, as mirror images or a step apart, and circles."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations, islice
 
-from imdim.program.patterns.congruence import Node, match, same_shape
+from imdim.program.motions import mirror
+from imdim.program.patterns.congruence import Node, grouped, match, same_shape
+from imdim.program.patterns.linear import Ring, rings
 from imdim.program.repeats import Repeat
-from imdim.program.rewrite.containment import dot
+from imdim.program.rewrite.containment import axes, dot
 from imdim.program.tree import Primitive, Vec3
-from imdim.program.vectors import minus
+from imdim.program.vectors import cross, is_forward, minus, rounded, times, unit
 
 NUMBERS = 9  # of a primitive: sizes, place, and what it is
 COSTS = {"linear": 5, "grid": 9, "circular": 11, "mirror": 7}
+AT_BODY = 6  # a circle round the axis of a body that is round needs no centre
+MOST_PLANES = 10  # through three parts of one shape, across which copies may turn
+SAME_AXIS = 1e-12  # of a cosine
 
 
 @dataclass(frozen=True)
@@ -54,28 +60,175 @@ class Bench:
             return False
         off = minus(a.point, b.point)
         along = dot(off, a.axis) if a.kind == "circular" else 0.0
-        gaps = [math.dist(off, (along * a.axis[0], along * a.axis[1], along * a.axis[2]))]
+        gaps = [math.dist(off, times(a.axis, along))]
         return max(gaps + [math.dist(s, t) for s, t in zip(a.steps, b.steps, strict=True)]) <= self.exact
 
     def tidy(self, v: Vec3) -> Vec3:
         """Without what is far below the tolerance."""
-        decimals = 2 - math.floor(math.log10(self.exact))
-        x, y, z = (round(c, decimals) + 0.0 for c in v)
-        return x, y, z
+        return rounded(v, 2 - math.floor(math.log10(self.exact)))
 
 
 def classes(parts: list[Node], among: Sequence[int], tolerance: float) -> list[list[int]]:
     """Parts of one shape, two or more."""
-    out: list[list[int]] = []
-    for i in among:
-        home = next((group for group in out if same_shape(parts[group[0]], parts[i], tolerance)), None)
-        if home is None:
-            out.append([i])
-        else:
-            home.append(i)
-    return [group for group in out if len(group) > 1]
+    groups = grouped(among, lambda group, i: same_shape(parts[group[0]], parts[i], tolerance))
+    return [group for group in groups if len(group) > 1]
 
 
 def first_leaf(node: Node) -> Primitive:
     """Stands for the part until that is folded itself."""
     return node.leaves[0][1]
+
+
+# --- pairs -----------------------------------------------------------------------------------------------------------
+
+
+def pairs(bench: Bench, parts: list[Node], left: list[int]) -> list[RepeatCandidate]:
+    """Pairs of parts that one plane or one step takes to each other, as long as two primitives or more are saved."""
+    found: list[RepeatCandidate] = []
+    for group in classes(parts, left, bench.tolerance):
+        for i, j in combinations(group, 2):
+            shift = minus(parts[j].anchor, parts[i].anchor)
+            length = math.hypot(*shift)
+            if length > 8 * bench.tolerance:
+                found += [f for r in _pair_repeats(bench, parts[i], parts[j], shift, length) for f in bench.verify(parts, (i, j), r, 0.0)]
+    out: list[RepeatCandidate] = []
+    while True:
+        best = max((_largest(bench, parts, found, p.repeat) for p in found), key=lambda c: c.saved, default=None)
+        if best is None or sum(parts[row[0]].size for row in best.members) < 2:
+            return out
+        out.append(best)
+        used = {i for row in best.members for i in row}
+        found = [p for p in found if not used & set(p.members[0])]
+
+
+def _pair_repeats(bench: Bench, a: Node, b: Node, shift: Vec3, length: float) -> Iterator[Repeat]:
+    x, y, z = (round(s / length, 12) + 0.0 for s in shift)
+    middle = tuple((p + q) / 2 for p, q in zip(a.anchor, b.anchor, strict=True))
+    normal, sign = (x, y, z), 1.0 if is_forward((x, y, z)) else -1.0
+    if match(a, b, mirror(middle, normal), bench.tolerance) is not None:  # type: ignore[arg-type]
+        normal = (sign * x + 0.0, sign * y + 0.0, sign * z + 0.0)
+        along = dot(middle, normal)  # type: ignore[arg-type]
+        point = bench.tidy(times(normal, along))
+        yield Repeat("mirror", first_leaf(a), (2,), point=point, axis=normal)
+    if sign > 0:
+        yield Repeat("linear", first_leaf(a), (2,), (bench.tidy(shift),))
+
+
+def _largest(bench: Bench, parts: list[Node], pairs: list[RepeatCandidate], like: Repeat) -> RepeatCandidate:
+    """All pairs with the motion of one, none twice."""
+    used: set[int] = set()
+    rows: list[RepeatCandidate] = []
+    for pair in pairs:
+        if not used & set(pair.members[0]) and bench.same_motions(pair.repeat, like):
+            used |= set(pair.members[0])
+            rows.append(_facing(parts, pair, rows[0].members[0][0]) if rows and like.kind == "mirror" else pair)
+    saved = sum(parts[r.members[0][0]].size for r in rows) * NUMBERS - COSTS[like.kind]
+    return RepeatCandidate(like, tuple(r.members[0] for r in rows), tuple(r.orders[0] for r in rows), saved + (like.kind == "mirror") * 2.5)
+
+
+def _facing(parts: list[Node], pair: RepeatCandidate, first: int) -> RepeatCandidate:
+    """A pair of mirror images with that one first which is on the side of part `first`, so that firsts may repeat in turn."""
+    sides = [dot(minus(parts[i].anchor, pair.repeat.point), pair.repeat.axis) for i in (first, pair.members[0][0])]
+    if sides[0] * sides[1] > 0:
+        return pair
+    (a, b), (of_a, of_b) = pair.members[0], pair.orders[0]
+    return replace(pair, members=((b, a),), orders=((of_b, of_a),))
+
+
+# --- circles, and parts that all have their middle on the axis -------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Circling:
+    """`body` is the centre and axis of a body that is round, `hubs` are points that circles may have their centre at."""
+
+    bench: Bench
+    body: tuple[Vec3, Vec3] | None
+    hubs: list[Vec3]
+
+    def circles(self, parts: list[Node], group: list[int]) -> Iterator[RepeatCandidate]:
+        """All circles among parts of one shape."""
+        for axis in _directions(parts[group[0]], [parts[i].anchor for i in group]):
+            yield from self._circles(parts, group, axis)
+
+    def _circles(self, parts: list[Node], group: list[int], axis: Vec3) -> Iterator[RepeatCandidate]:
+        u, v = _across(axis)
+        for level in _levels(parts, group, axis, 2 * self.bench.tolerance):
+            height = dot(parts[level[0]].anchor, axis)
+            points = [(dot(parts[i].anchor, u), dot(parts[i].anchor, v)) for i in level]
+            hubs = list(dict.fromkeys((round(dot(h, u), 9), round(dot(h, v), 9)) for h in self.hubs))
+            for ring in rings(points, hubs, 2 * self.bench.tolerance) if len(level) > 2 else ():
+                yield from self._ring(parts, tuple(level[i] for i in ring.members), ring, (u, v, axis), height)
+            yield from self._spokes(parts, level, points, axis)
+
+    def _ring(
+        self, parts: list[Node], members: tuple[int, ...], ring: Ring, frame: tuple[Vec3, Vec3, Vec3], height: float
+    ) -> Iterator[RepeatCandidate]:
+        u, v, axis = frame
+        x, y, z = (ring.center[0] * u[a] + ring.center[1] * v[a] + height * axis[a] for a in range(3))
+        point = self.bench.tidy((x, y, z))
+        repeat = Repeat(
+            "circular", first_leaf(parts[members[0]]), (len(members),), point=point, axis=axis, angle=_tidy_angle(ring.angle, len(members))
+        )
+        yield from self.bench.verify(parts, members, repeat, AT_BODY * self._is_at_body(point, axis) + 0.25 * repeat.is_full)
+
+    def _spokes(self, parts: list[Node], level: list[int], points: list[tuple[float, float]], axis: Vec3) -> Iterator[RepeatCandidate]:
+        """Parts that all have their middle on the axis, such as the bars of a star."""
+        for i in level:
+            same = [j for j in level if math.dist(points[level.index(i)], points[level.index(j)]) <= 2 * self.bench.tolerance]
+            if same[0] != i or len(same) < 3:
+                continue
+            for angle in dict.fromkeys(whole / n for n in range(len(same), 2, -1) for whole in (360.0, 180.0)):
+                repeat = Repeat(
+                    "circular", first_leaf(parts[i]), (len(same),), point=self.bench.tidy(parts[i].anchor), axis=axis, angle=angle
+                )
+                yield from self.bench.verify(parts, tuple(same), repeat, 0.0)
+
+    def _is_at_body(self, point: Vec3, axis: Vec3) -> bool:
+        if self.body is None:
+            return False
+        off = minus(point, self.body[0])
+        along = dot(off, axis)
+        away = math.dist(off, times(axis, along))
+        return abs(dot(axis, self.body[1])) > 1 - 1e-9 and away <= 4 * self.bench.tolerance
+
+
+def _directions(node: Node, anchors: list[Vec3]) -> list[Vec3]:
+    """Axes that copies may turn about: the world's, those of the leaves, and those across planes that the copies lie in."""
+    offered: list[Vec3] = [(0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)]
+    for _, leaf in node.leaves[:4]:
+        offered += axes(leaf) if leaf.kind in ("box", "ellipsoid") else axes(leaf)[2:] if leaf.kind != "sphere" else ()
+    for a, b, c in islice(combinations(anchors, 3), MOST_PLANES):
+        u, v = minus(b, a), minus(c, a)
+        normal = cross(u, v)
+        if math.hypot(*normal) > 1e-3 * math.hypot(*u) * math.hypot(*v):
+            offered.append(unit(normal))
+    out: list[Vec3] = []
+    for d in offered:
+        if all(abs(dot(d, e)) < 1 - SAME_AXIS for e in out):
+            out.append(d if is_forward(d) else (-d[0], -d[1], -d[2]))
+    return out
+
+
+def _across(axis: Vec3) -> tuple[Vec3, Vec3]:
+    """Unit vectors u, v with u x v = axis."""
+    helper = (1.0, 0.0, 0.0) if abs(axis[0]) < 0.9 else (0.0, 1.0, 0.0)
+    along = dot(helper, axis)
+    u = unit(minus(helper, times(axis, along)))
+    return u, cross(axis, u)
+
+
+def _levels(parts: list[Node], group: list[int], axis: Vec3, tolerance: float) -> list[list[int]]:
+    """Members at one height along the axis."""
+    out: list[list[int]] = []
+    for i in sorted(group, key=lambda i: dot(parts[i].anchor, axis)):
+        if out and dot(minus(parts[i].anchor, parts[out[-1][0]].anchor), axis) <= tolerance:
+            out[-1].append(i)
+        else:
+            out.append([i])
+    return out
+
+
+def _tidy_angle(angle: float, count: int) -> float:
+    full = 360 / count
+    return full if abs(angle - full) < 1e-6 else round(angle, 6)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 from imdim.program.motions import Motion
 from imdim.program.nary import fold_nary
 from imdim.program.rewrite.containment import axes
 from imdim.program.tree import OPS, Op, Primitive, Program, Vec3
 from imdim.program.vectors import times
+
+T = TypeVar("T")
 
 
 @dataclass(eq=False)
@@ -76,6 +79,18 @@ def same_shape(a: Node, b: Node, tolerance: float) -> bool:
     if [kind for kind, _ in a.shape] != [kind for kind, _ in b.shape]:
         return False
     return all(_close(u, v, 2 * tolerance) for (_, u), (_, v) in zip(a.shape, b.shape, strict=True))
+
+
+def grouped(items: Iterable[T], fits: Callable[[list[T], T], bool]) -> list[list[T]]:
+    """Each item in the first group that it fits, else in one of its own."""
+    out: list[list[T]] = []
+    for item in items:
+        home = next((group for group in out if fits(group, item)), None)
+        if home is None:
+            out.append([item])
+        else:
+            home.append(item)
+    return out
 
 
 def match(a: Node, b: Node, motion: Motion, tolerance: float) -> list[int] | None:

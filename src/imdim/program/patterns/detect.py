@@ -12,14 +12,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 from imdim.program.motions import step
-from imdim.program.patterns.candidate import Bench, RepeatCandidate, classes, first_leaf
-from imdim.program.patterns.circular import Circling
-from imdim.program.patterns.congruence import Node, match, node_of
+from imdim.program.patterns.candidate import Bench, Circling, RepeatCandidate, classes, first_leaf, pairs
+from imdim.program.patterns.congruence import Node, grouped, match, node_of
 from imdim.program.patterns.linear import Lattice, lattices
-from imdim.program.patterns.mirror import pairs
 from imdim.program.repeats import Folded, Group, Repeat, expand, repeats, size
-from imdim.program.rewrite.alternating_form import to_layers
-from imdim.program.rewrite.containment import axes, dot
+from imdim.program.rewrite.containment import axes, disjoint, dot
 from imdim.program.tree import Op, Primitive, Program, Vec3, leaves
 from imdim.program.vectors import minus
 
@@ -150,16 +147,12 @@ class _FoldSearch:
 
     def _find_translated(self, parts: list[Node], group: list[int]) -> list[list[int]]:
         """Members that are steps apart, three or more."""
-        out: list[list[int]] = []
-        for i in group:
-            for chain in out:
-                shift = minus(parts[i].anchor, parts[chain[0]].anchor)
-                if match(parts[chain[0]], parts[i], step(shift), self.bench.tolerance) is not None:
-                    chain.append(i)
-                    break
-            else:
-                out.append([i])
-        return [chain for chain in out if len(chain) > 2]
+
+        def follows(chain: list[int], i: int) -> bool:
+            shift = minus(parts[i].anchor, parts[chain[0]].anchor)
+            return match(parts[chain[0]], parts[i], step(shift), self.bench.tolerance) is not None
+
+        return [chain for chain in grouped(group, follows) if len(chain) > 2]
 
     def _lattice(self, parts: list[Node], chain: list[int], lattice: Lattice) -> Iterator[RepeatCandidate]:
         members = tuple(chain[i] for i in lattice.members)
@@ -175,12 +168,63 @@ class _FoldSearch:
 
     def _merge(self, choices: list[RepeatCandidate]) -> list[RepeatCandidate]:
         """Repeats with the same motions as one."""
-        out: list[RepeatCandidate] = []
-        for choice in choices:
-            for n, other in enumerate(out):
-                if self.bench.same_motions(other.repeat, choice.repeat):
-                    out[n] = replace(other, members=other.members + choice.members, orders=other.orders + choice.orders)
-                    break
-            else:
-                out.append(choice)
-        return out
+        groups = grouped(choices, lambda group, choice: self.bench.same_motions(group[0].repeat, choice.repeat))
+        return [
+            replace(group[0], members=tuple(m for c in group for m in c.members), orders=tuple(o for c in group for o in c.orders))
+            for group in groups
+        ]
+
+
+# --- layers ----------------------------------------------------------------------------------------------------------
+
+
+def to_layers(node: Node, late: bool = False) -> Node:
+    """The same solid with what is united and what is cut in as few alternating layers as its parts allow; leaves keep their numbers.
+
+    Each part comes as early, or as `late`, as can be.
+
+    ``(X - c) | a`` is ``(X | a) - c`` where a and c are apart, so that unions and cuts along the spine of a program form a trace: two of
+    them trade places unless they meet. Every one goes into the first layer that those it has to stay behind leave open (the normal form of
+    Cartier and Foata 1969). Equal parts that were found one by one then stand together.
+    """
+    if node.op not in ("union", "difference"):
+        return node if node.leaf is not None else Node(node.op, [to_layers(part, late) for part in node.parts])
+    base, steps = _spine(node)
+    layers: dict[int, list[Node]] = {}
+    placed: dict[bool, list[tuple[int, list[Primitive]]]] = {False: [] if late else [(0, _filled(base))], True: []}
+    for cuts, part in reversed(steps) if late else steps:
+        reach = _filled(part)
+        # what is united is in layers 0, 2, 4 .., what is cut in 1, 3, 5 ..
+        layer = 1 + max((n for n, others in placed[not cuts] if not _apart(reach, others)), default=0 if cuts else -1)
+        placed[cuts].append((layer, reach))
+        layers.setdefault(layer, []).append(to_layers(part, late))
+    out = to_layers(base, late)
+    for number in sorted(layers, reverse=late):
+        op: Op = "difference" if number % 2 else "union"
+        out = Node(op, [*(out.parts if out.op == op else [out]), *(reversed(layers[number]) if late else layers[number])])
+    return out
+
+
+def _spine(node: Node) -> tuple[Node, list[tuple[bool, Node]]]:
+    """What everything is united with and cut from, and the steps in order: whether they cut, and what."""
+    steps: list[tuple[bool, Node]] = []
+    while node.op in ("union", "difference"):
+        main = 0 if node.op == "difference" else max(range(len(node.parts)), key=lambda i: (node.parts[i].size, -i))
+        steps[:0] = [(node.op == "difference", part) for i, part in enumerate(node.parts) if i != main]
+        node = node.parts[main]
+    return node, steps
+
+
+def _filled(node: Node) -> list[Primitive]:
+    """Primitives that together hold the node."""
+    if node.leaf is not None:
+        return [node.leaf]
+    if node.op == "difference":
+        return _filled(node.parts[0])
+    if node.op == "intersection":
+        return min((_filled(part) for part in node.parts), key=len)
+    return [leaf for part in node.parts for leaf in _filled(part)]
+
+
+def _apart(a: list[Primitive], b: list[Primitive]) -> bool:
+    return all(disjoint(p, q) for p in a for q in b)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import product
+from itertools import count, product
 
 from imdim.program.constraints import RULES, WORLD, Constraint, Ref
-from imdim.program.repeats import Folded, Group, Repeat, repeats, size
+from imdim.program.repeats import Folded, Group, Repeat, rebuilt, size
 from imdim.program.rewrite.containment import dot
 from imdim.program.tree import Primitive, Program, Vec3, leaves
-from imdim.program.vectors import cross, minus
+from imdim.program.vectors import cross, minus, rounded
 
 Key = tuple[object, ...]
 
@@ -21,24 +21,17 @@ def refit_repeats(folded: Folded, program: Program, decimals: int) -> Folded:
 
     Steps and centres keep `decimals` decimals.
     """
-    return _refit(folded, list(leaves(program)), 0, decimals)
+    parts = list(leaves(program))
 
+    def refit(first: int, repeat: Repeat) -> Repeat:
+        own = size(repeat.part)
+        strides = {"grid": (own * repeat.counts[-1], own)}.get(repeat.kind, (own,))
+        at, others = parts[first].center, [parts[first + stride].center for stride in strides]
+        if repeat.kind in ("linear", "grid"):
+            return replace(repeat, steps=tuple(rounded(minus(other, at), decimals) for other in others))
+        return replace(repeat, point=rounded(_center(repeat, at, others[0]), decimals))
 
-def _refit(folded: Folded, parts: Sequence[Primitive], first: int, decimals: int) -> Folded:
-    if isinstance(folded, Primitive):
-        return parts[first]
-    if isinstance(folded, Group):
-        out: list[Folded] = []
-        for part in folded.parts:
-            out.append(_refit(part, parts, first, decimals))
-            first += size(part)
-        return Group(folded.op, tuple(out))
-    own, part = size(folded.part), _refit(folded.part, parts, first, decimals)
-    strides = {"grid": (own * folded.counts[-1], own)}.get(folded.kind, (own,))
-    at, others = parts[first].center, [parts[first + stride].center for stride in strides]
-    if folded.kind in ("linear", "grid"):
-        return replace(folded, part=part, steps=tuple(_tidy(minus(other, at), decimals) for other in others))
-    return replace(folded, part=part, point=_tidy(_center(folded, at, others[0]), decimals))
+    return rebuilt(folded, lambda first, _: parts[first], refit)
 
 
 def _center(repeat: Repeat, a: Vec3, b: Vec3) -> Vec3:
@@ -57,21 +50,13 @@ def _center(repeat: Repeat, a: Vec3, b: Vec3) -> Vec3:
 
 def recount_repeats(folded: Folded, counts: Mapping[int, tuple[int, ...]]) -> Folded:
     """With other counts for some repeats, by their numbers in the order of `repeats`; full circles stay full."""
-    return _recount(folded, counts, 0)
+    number = count()
 
+    def recount(_: int, repeat: Repeat) -> Repeat:
+        new = counts.get(next(number), repeat.counts)
+        return replace(repeat, counts=new, angle=repeat.angle * repeat.counts[0] / new[0] if repeat.is_full else repeat.angle)
 
-def _recount(folded: Folded, counts: Mapping[int, tuple[int, ...]], number: int) -> Folded:
-    if isinstance(folded, Primitive):
-        return folded
-    if isinstance(folded, Group):
-        out: list[Folded] = []
-        for part in folded.parts:
-            out.append(_recount(part, counts, number))
-            number += sum(1 for _ in repeats(part))
-        return Group(folded.op, tuple(out))
-    part, new = _recount(folded.part, counts, number + 1), counts.get(number, folded.counts)
-    angle = folded.angle * folded.counts[0] / new[0] if folded.is_full else folded.angle
-    return replace(folded, part=part, counts=new, angle=angle)
+    return rebuilt(folded, lambda _, leaf: leaf, recount)
 
 
 def recount_constraints(constraints: Sequence[Constraint], before: Folded, after: Folded) -> tuple[Constraint, ...]:
@@ -95,8 +80,3 @@ def _keys(folded: Folded) -> list[Key]:
     if isinstance(folded, Group):
         return [(n, *key) for n, part in enumerate(folded.parts) for key in _keys(part)]
     return [(copy, *key) for copy in product(*map(range, folded.counts)) for key in _keys(folded.part)]
-
-
-def _tidy(v: Vec3, decimals: int) -> Vec3:
-    x, y, z = (round(c, decimals) + 0.0 for c in v)
-    return x, y, z

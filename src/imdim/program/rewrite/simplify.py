@@ -8,15 +8,16 @@ merges near-equal primitives, and keeps each step only if the referee finds the 
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import combinations, count
+from itertools import combinations
 
 from imdim.deadline import NEVER, Deadline
 from imdim.program.cost import cost
 from imdim.program.nary import fold_nary
+from imdim.program.paths import Path, leaf_counts, without
 from imdim.program.rewrite import containment
 from imdim.program.rewrite.containment_rules import ContainmentProver, parts, spine
 from imdim.program.rewrite.fusion import fuse
-from imdim.program.tree import OPS, Combine, Op, Primitive, Program, combine_all, fold, leaves, map_leaves
+from imdim.program.tree import Op, Primitive, Program, combine_all, leaves, map_leaves
 
 SameSolid = Callable[[Program, Program], bool]
 
@@ -82,7 +83,7 @@ def _rewrite(program: Program, prover: ContainmentProver, slack: float) -> Progr
 
 
 def _union(terms: list[Program], prover: ContainmentProver, slack: float) -> Program | None:
-    terms = _largest(terms, prover)
+    terms = _uncovered(terms, prover.contains)
     terms = [_without_filled_cuts(t, [*terms[:i], *terms[i + 1 :]], prover, slack) for i, t in enumerate(terms)]
     terms = _fuse_all("union", terms, slack)
     return combine_all("union", terms) if terms else None
@@ -93,7 +94,7 @@ def _without_filled_cuts(term: Program, others: list[Program], prover: Containme
     base, cuts = spine(term)
     taken = [[c, _fuse_pair("intersection", c, base, slack)] for c in cuts]
     filled = [any(t and prover.contains(other, t) for t in both for other in others) for both in taken]
-    return _cut_all(base, [c for c, gone in zip(cuts, filled, strict=True) if not gone])
+    return combine_all("difference", [base, *(c for c, gone in zip(cuts, filled, strict=True) if not gone)])
 
 
 def _product(factors: list[Program], cuts: list[Program], prover: ContainmentProver, slack: float) -> Program | None:
@@ -104,11 +105,12 @@ def _product(factors: list[Program], cuts: list[Program], prover: ContainmentPro
         bases += parts(base, "intersection")
         cuts = [c for cut in inner for c in parts(cut, "union")] + cuts
     bases, cuts = _ease_cuts(bases, cuts, prover)
-    bases = _smallest([_without_dead_parts(b, bases, cuts, prover) for b in bases], prover)
+    # a factor that holds another one says nothing
+    bases = _uncovered([_without_dead_parts(b, bases, cuts, prover) for b in bases], lambda a, b: prover.contains(b, a))
     bases = _fuse_all("intersection", bases, slack)
     if any(prover.disjoint(a, b) for a, b in combinations(bases, 2)) or any(prover.contains(c, b) for c in cuts for b in bases):
         return None
-    cuts = _largest([c for c in cuts if not any(prover.disjoint(c, b) for b in bases)], prover)
+    cuts = _uncovered([c for c in cuts if not any(prover.disjoint(c, b) for b in bases)], prover.contains)
     return _trim(bases, _fuse_all("union", cuts, slack), slack)
 
 
@@ -120,7 +122,7 @@ def _ease_cuts(bases: list[Program], cuts: list[Program], prover: ContainmentPro
         factors = [f for f in parts(base, "intersection") if not any(prover.contains(f, b) for b in bases)]
         spared = [d for d in spared if not any(prover.disjoint(d, b) for b in bases)]
         if factors:
-            kept.append(_cut_all(combine_all("intersection", factors), spared))
+            kept.append(combine_all("difference", [combine_all("intersection", factors), *spared]))
         elif spared:
             bases = [*bases, combine_all("union", spared)]
         else:
@@ -148,24 +150,15 @@ def _trim(bases: list[Program], cuts: list[Program], slack: float) -> Program:
             left.append(cut)
         else:
             base = shorter
-    return _cut_all(base, left)
+    return combine_all("difference", [base, *left])
 
 
-def _largest(terms: list[Program], prover: ContainmentProver) -> list[Program]:
-    """Without the terms that another one holds; of equal ones the first stays."""
+def _uncovered(terms: list[Program], covers: Callable[[Program, Program], bool]) -> list[Program]:
+    """Without the terms that another one covers; of equal ones the first stays."""
     kept: list[Program] = []
     for term in terms:
-        if not any(prover.contains(other, term) for other in kept):
-            kept = [other for other in kept if not prover.contains(term, other)] + [term]
-    return kept
-
-
-def _smallest(factors: list[Program], prover: ContainmentProver) -> list[Program]:
-    """Without the factors that hold another one; of equal ones the first stays."""
-    kept: list[Program] = []
-    for factor in factors:
-        if not any(prover.contains(factor, other) for other in kept):
-            kept = [other for other in kept if not prover.contains(other, factor)] + [factor]
+        if not any(covers(other, term) for other in kept):
+            kept = [other for other in kept if not covers(term, other)] + [term]
     return kept
 
 
@@ -186,12 +179,6 @@ def _fuse_all(op: Op, terms: list[Program], slack: float) -> list[Program]:
 
 def _fuse_pair(op: Op, a: Program, b: Program, slack: float) -> Primitive | None:
     return fuse(op, a, b, slack) if isinstance(a, Primitive) and isinstance(b, Primitive) else None
-
-
-def _cut_all(base: Program, cuts: list[Program]) -> Program:
-    for cut in cuts:
-        base = Combine("difference", base, cut)
-    return base
 
 
 # --- refereed steps --------------------------------------------------------------------------------------------------
@@ -223,45 +210,14 @@ def _merge_near(program: Program, referee: _Referee, slack: float, near: float) 
 def _drop_parts(program: Program, referee: _Referee) -> Program:
     """Remove subtrees, the largest first and later ones before earlier ones, until none can go."""
     while True:
-        sizes = _subtree_sizes(program)
-        gone: set[int] = set()
+        sizes = leaf_counts(program)
+        gone: set[Path] = set()
         best = program
-        for node in sorted(range(len(sizes) - 1), key=lambda i: (-sizes[i], -i)):
-            candidate = _without(program, gone | {node})
+        for path in sorted([*sizes][:0:-1], key=lambda path: -sizes[path]):
+            candidate = without(program, gone | {path})
             if candidate is not None and cost(candidate) < cost(best) and referee.accepts(candidate):
-                gone.add(node)
+                gone.add(path)
                 best = candidate
         if not gone:
             return program
         program = best
-
-
-def _subtree_sizes(program: Program) -> list[int]:
-    """Primitives below each node, nodes numbered in the order in which `fold` visits them."""
-    sizes: list[int] = []
-
-    def add(a: int, b: int) -> int:
-        sizes.append(a + b)
-        return a + b
-
-    def leaf(_: int, __: Primitive) -> int:
-        sizes.append(1)
-        return 1
-
-    fold(program, leaf, dict.fromkeys(OPS, add))
-    return sizes
-
-
-def _without(program: Program, gone: set[int]) -> Program | None:
-    """The program without the numbered nodes; what is cut out of nothing, and an operation without parts, is nothing."""
-    number = count()
-
-    def leaf(_: int, p: Primitive) -> Program | None:
-        return None if next(number) in gone else p
-
-    def join(op: Op, a: Program | None, b: Program | None) -> Program | None:
-        if next(number) in gone or (a is None and (b is None or op == "difference")):
-            return None
-        return Combine(op, a, b) if a and b else a or b
-
-    return fold(program, leaf, {op: (lambda a, b, op=op: join(op, a, b)) for op in OPS})
