@@ -9,7 +9,8 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "scripts" / "bench"))
 import house
 
 MODULES = house.parse_modules(house.SOURCE)
-MOST_DOUBLED, MOST_PARTICIPLES, MOST_CONVERSIONS = 3, 10, 6
+MOST_DOUBLED, MOST_PARTICIPLES = 3, 10
+MOST_CONVERSIONS = 9  # six of them where the lab goes on with a program, which has no other door
 
 
 def test_a_class_name_means_one_thing():

@@ -37,7 +37,7 @@ def main(arguments: Sequence[str], configs: Path, say: Callable[[str], object]) 
             rank = group.rank
             config = fill_defaults(replace(config, device=device), group.count)
             notes = {"command": "python pretrain.py " + " ".join(arguments), "commit": commit(), "hardware": hardware(config, group.count)}
-            for report in logged(config.out, train(config, notes, processes=group), log):
+            for report in log_to_tensorboard(config.out, train(config, notes, processes=group), log):
                 say(line(report))
     except (ConfigError, ValueError, OSError, NotFinite) as error:
         if rank == 0:
@@ -46,7 +46,7 @@ def main(arguments: Sequence[str], configs: Path, say: Callable[[str], object]) 
     return 0
 
 
-def logged(out: str, reports: Iterable[R], log: Callable[[Any, R], None]) -> Iterator[R]:
+def log_to_tensorboard(out: str, reports: Iterable[R], log: Callable[[Any, R], None]) -> Iterator[R]:
     """The same reports, each logged for tensorboard in the folder `out` as it passes; no folder is made before the first."""
     from torch.utils.tensorboard import SummaryWriter
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from imdim.app.arguments import from_arguments
-from imdim.app.pretrain import check_device, commit, logged
+from imdim.app.pretrain import check_device, commit, log_to_tensorboard
 from imdim.learn.checkpoint import load_policy
 from imdim.learn.optimise import NotFinite
 from imdim.learn.reinforce import Progress, ReinforceConfig, reinforce
@@ -21,7 +21,7 @@ def main(arguments: Sequence[str], configs: Path, say: Callable[[str], object]) 
         config = from_arguments(ReinforceConfig, arguments, configs, "reinforce")
         policy, header = load_policy(Path(config.checkpoint), check_device(config.device))
         notes = {**header, "reinforced_by": "python reinforce.py " + " ".join(arguments), "reinforced_commit": commit()}
-        for progress in logged(config.out, reinforce(policy.requires_grad_(True), config, notes), log):
+        for progress in log_to_tensorboard(config.out, reinforce(policy.requires_grad_(True), config, notes), log):
             say(line(progress))
     except (ConfigError, ValueError, OSError, NotFinite) as error:
         sys.stderr.write(f"reinforce: {error}\n")

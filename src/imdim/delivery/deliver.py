@@ -26,7 +26,7 @@ from imdim.export.meshes import write_meshes
 from imdim.export.numbers import round_program
 from imdim.export.openscad_reader import read_openscad
 from imdim.export.preview import preview
-from imdim.export.step_worker import exporting, skipped_step
+from imdim.export.step_worker import exporting, finish_or_skip_step
 from imdim.geometry.solid import SEGMENTS, mesh_to_manifold, to_manifold, to_trimesh
 from imdim.program.codec import Meta
 from imdim.program.codec import dumps as program_text
@@ -82,7 +82,7 @@ def deliver(
                 shown = html.content(_read(partial / "program.json"), target, found.parameters, segments, scores.to_result.max)
             with _time(seconds, "step"):
                 volumes = _volumes(partial, target, delivered)
-                skipped = skipped_step(job, step_limit_s, volumes)
+                skipped = finish_or_skip_step(job, step_limit_s, volumes)
         if found.folded is None:
             skipped["program.loops.scad"] = "skipped: no part repeats"
         files = {name: skipped.get(name, "written") for name in FILES}
@@ -106,7 +106,7 @@ def export(program: Program, folder: Path, meta: Meta, segments: int = SEGMENTS,
             write_meshes(to_manifold(program, segments), partial)
             shown = html.content(_read(partial / "program.json"), named=found.parameters, segments=segments)
             (partial / "report.html").write_text(html.page(shown), encoding="utf-8")
-            skipped = skipped_step(job, step_limit_s, {})
+            skipped = finish_or_skip_step(job, step_limit_s, {})
         files = {path.name: "written" for path in sorted(partial.iterdir())}
     return {**files, **skipped}
 

@@ -75,7 +75,7 @@ def _adopt(points, normals, trust, near, sigma, spacing):  # pragma: no cover - 
 
 
 @njit(cache=True, inline="always")
-def _weighed(points, normals, i, j, reach, band, turn):  # pragma: no cover - compiled
+def _weigh(points, normals, i, j, reach, band, turn):  # pragma: no cover - compiled
     """Of neighbour j of point i: whether its normal points the same way, the distance to it along both normals, and its weight by nearness,
     by the angle between the normals and by that distance."""
     qx, qy, qz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
@@ -96,7 +96,7 @@ def _bilateral(points, normals, near, reach, band, turn):  # pragma: no cover - 
     for i in range(len(points)):
         sx, sy, sz = 0.0, 0.0, 0.0
         for j in near[i]:
-            sign, _, w = _weighed(points, normals, i, j, reach, band, turn)
+            sign, _, w = _weigh(points, normals, i, j, reach, band, turn)
             w *= sign
             sx, sy, sz = sx + w * normals[j, 0], sy + w * normals[j, 1], sz + w * normals[j, 2]
         length = max(math.sqrt(sx * sx + sy * sy + sz * sz), 1e-300)
@@ -111,7 +111,7 @@ def _follow(points, normals, near, reach, band, turn, signed):  # pragma: no cov
     for i in range(len(points)):
         total, shift = 0.0, 0.0
         for j in near[i]:
-            sign, d, w = _weighed(points, normals, i, j, reach, band, turn)
+            sign, d, w = _weigh(points, normals, i, j, reach, band, turn)
             if signed and sign < 0.0:
                 continue
             total += w

@@ -21,7 +21,7 @@ from imdim.export.meshes import write_meshes
 from imdim.export.numbers import MAX_SEGMENTS, Rounding, plain, round_program, to_fixed_point
 from imdim.export.openscad_reader import read_openscad
 from imdim.export.parameters import parametrise
-from imdim.export.step_worker import exporting, skipped_step
+from imdim.export.step_worker import exporting, finish_or_skip_step
 from imdim.geometry.solid import SEGMENTS, to_manifold
 from imdim.program.codec import constraints_of, dumps, from_json, meta_of, read_folded
 from imdim.program.constraints import Constraint, ConstraintError
@@ -150,7 +150,7 @@ def write(delivered: Delivered, folder: Path, step_limit_s: float = 0.0) -> dict
         skipped: dict[str, str] = {}
         if step_limit_s:
             with exporting(partial) as job:
-                skipped = skipped_step(job, step_limit_s, {})
+                skipped = finish_or_skip_step(job, step_limit_s, {})
         files = {file: "written" for file in FILES if (partial / file).exists()}
     return {**files, **skipped}
 

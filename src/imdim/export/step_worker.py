@@ -72,7 +72,7 @@ def exporting(folder: Path) -> Iterator[StepJob | StepError]:
         stop_step(job)
 
 
-def skipped_step(job: StepJob | StepError, limit_s: float, volumes: dict[str, float]) -> dict[str, str]:
+def finish_or_skip_step(job: StepJob | StepError, limit_s: float, volumes: dict[str, float]) -> dict[str, str]:
     """Wait for the file, whose volume joins `volumes`; why there is none, by its name."""
     try:
         if isinstance(job, StepError):

@@ -31,9 +31,9 @@ def triangle_tree(mesh: trimesh.Trimesh) -> TriangleTree:
     corners = np.asarray(mesh.vertices, np.float64)[np.asarray(mesh.faces)]
     if not len(corners):
         raise ValueError("no distance to a mesh of 0 faces")
-    order, starts = sorted_leaves(_unit(corners.mean(axis=1)), LEAF)
+    order, starts = sort_leaves(_unit(corners.mean(axis=1)), LEAF)
     ordered = corners[order]
-    low, high = summed_up(ordered.min(axis=1), starts, np.minimum), summed_up(ordered.max(axis=1), starts, np.maximum)
+    low, high = sum_up(ordered.min(axis=1), starts, np.minimum), sum_up(ordered.max(axis=1), starts, np.maximum)
     return TriangleTree(ordered, starts, low, high)
 
 
@@ -60,13 +60,13 @@ def morton(unit: np.ndarray) -> np.ndarray:
     return cell[:, 0] | (cell[:, 1] << np.uint64(1)) | (cell[:, 2] << np.uint64(2))
 
 
-def sorted_leaves(unit: np.ndarray, leaf_size: int) -> tuple[np.ndarray, np.ndarray]:
+def sort_leaves(unit: np.ndarray, leaf_size: int) -> tuple[np.ndarray, np.ndarray]:
     """Points [n, 3] in -0.5..0.5 shared out in Morton order among the leaves of a complete tree: the order, and where each leaf starts."""
     leaves = 1 << max(0, math.ceil(math.log2(len(unit) / leaf_size)))
     return np.argsort(morton(unit), kind="stable"), np.arange(leaves + 1) * len(unit) // leaves
 
 
-def summed_up(values: np.ndarray, starts: np.ndarray, combine: np.ufunc) -> np.ndarray:
+def sum_up(values: np.ndarray, starts: np.ndarray, combine: np.ufunc) -> np.ndarray:
     """Per node of that tree [2 l, ..] what `combine` makes of the sorted `values` [n, ..] below it; row 0 stands for nothing."""
     levels = [combine.reduceat(values, starts[:-1])]
     while len(levels[-1]) > 1:

@@ -15,7 +15,7 @@ import numpy as np
 import trimesh
 from numba import njit
 
-from imdim.geometry.triangles import sorted_leaves, summed_up
+from imdim.geometry.triangles import sort_leaves, sum_up
 
 LEAF_SIZE = 6
 FAR = 3.0  # a group is far at this many radii; at 2, as in the paper, a flat group of large faces is 8 % off
@@ -49,13 +49,13 @@ def triangle_tree(mesh_or_triangles: trimesh.Trimesh | np.ndarray) -> WindingTre
     unit = (triangles - center) * scale
     vector = np.cross(unit[:, 1] - unit[:, 0], unit[:, 2] - unit[:, 0]) / 2
     middle, low, high = unit.mean(axis=1), unit.min(axis=1), unit.max(axis=1)
-    order, starts = sorted_leaves(middle, LEAF_SIZE)
+    order, starts = sort_leaves(middle, LEAF_SIZE)
     area = np.linalg.norm(vector, axis=1)
     terms = np.hstack([area[:, None], area[:, None] * middle, vector, (middle[:, :, None] * vector[:, None, :]).reshape(-1, 9)])[order]
     sums, low, high = (
-        summed_up(terms, starts, np.add),
-        summed_up(low[order], starts, np.minimum),
-        summed_up(high[order], starts, np.maximum),
+        sum_up(terms, starts, np.add),
+        sum_up(low[order], starts, np.minimum),
+        sum_up(high[order], starts, np.maximum),
     )
     weight = sums[:, :1]
     at = np.where(weight > 0, sums[:, 1:4] / np.where(weight > 0, weight, 1.0), (low + high) / 2)

@@ -17,7 +17,7 @@ from imdim.learn.decode import DecodeConfig, decode
 from imdim.learn.measure import errors_by_kind, exact_structure, moves, summary
 from imdim.learn.policy import Policy
 from imdim.learn.settings import TrainConfig
-from imdim.learn.stump.net import StumpNet, measured_shapes
+from imdim.learn.stump.net import StumpNet, measure_shapes
 from imdim.learn.stump.samples import Occupied, draw_samples
 
 IOU_SAMPLES = 4096
@@ -75,7 +75,7 @@ class Validation:
     def measure(self, net: Policy | StumpNet) -> tuple[dict[str, float], Reconstructions | None]:
         """Whole programs and next primitives, or shapes."""
         if isinstance(net, StumpNet):
-            return measured_shapes(net, self.shapes), None
+            return measure_shapes(net, self.shapes), None
         values, shown = self.programs(net)
         return values | self.errors(net), shown
 

@@ -93,10 +93,10 @@ def clip_program(program: Program, points: np.ndarray, margin: float) -> Program
     What reaches further takes samples from the surface that is seen.
     """
     corners = np.array(list(product(*zip(points.min(0) - margin, points.max(0) + margin, strict=True))))
-    return map_leaves(program, lambda _, leaf: _clipped(leaf, corners))
+    return map_leaves(program, lambda _, leaf: _clip(leaf, corners))
 
 
-def _clipped(leaf: Primitive, corners: np.ndarray) -> Primitive:
+def _clip(leaf: Primitive, corners: np.ndarray) -> Primitive:
     rotation, center, size = matrix_from_euler(leaf.rotation), np.array(leaf.center), list(leaf.size)
     for axis, slot in SPANS.get(leaf.kind, {}).items():
         along = (corners - np.array(leaf.center)) @ rotation[:, axis]

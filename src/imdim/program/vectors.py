@@ -32,7 +32,7 @@ def unit(v: Vec3) -> Vec3:
     return times(v, 1 / math.hypot(*v))
 
 
-def rounded(v: Vec3, decimals: int) -> Vec3:
+def round_vector(v: Vec3, decimals: int) -> Vec3:
     """v to `decimals` decimals, without negative zeros."""
     x, y, z = (round(c, decimals) + 0.0 for c in v)
     return x, y, z

@@ -10,7 +10,7 @@ import numpy as np
 from imdim.deadline import Deadline
 from imdim.program.tree import Program
 from imdim.reconstruction.evidence import ScoringSamples
-from imdim.search.evolve.population import EvolutionConfig, TheoryGeneration, evolve
+from imdim.search.evolve.population import EvolutionConfig, Generation, evolve
 from imdim.search.evolve.scene import Scene
 from imdim.search.evolve.seeds import steps, surface_seeds
 from imdim.search.structure import StructureConfig
@@ -37,13 +37,13 @@ def evolve_observation(
     deadline: Deadline,
     config: EvolutionConfig | None = None,
     solver: bool = True,
-) -> Iterator[TheoryGeneration]:
+) -> Iterator[Generation]:
     """Generations over the body, programs in its unit frame, the best of them with fitted numbers where there is a `solver`."""
     scene = Scene(evidence.scorer, evidence.families.arrangement.outer, evidence.families)
     return evolve(seeds, scene, rng, deadline, config, evidence.solve if solver else None)
 
 
-def log_generations(generations: Iterable[TheoryGeneration], folder: str, name: str) -> Iterator[TheoryGeneration]:
+def log_generations(generations: Iterable[Generation], folder: str, name: str) -> Iterator[Generation]:
     """The same generations, each written to tensorboard's event files in ``folder/name`` as it passes."""
     from torch.utils.tensorboard import SummaryWriter
 

@@ -25,7 +25,7 @@ from imdim.reconstruction.observation import SAMPLES, Observation
 from imdim.reconstruction.policy_beam import misfit, proposals
 from imdim.reconstruction.proof import Proofs
 from imdim.search.counterexamples import Sharpener, transfer
-from imdim.search.evolve.population import EvolutionConfig, TheoryGeneration
+from imdim.search.evolve.population import EvolutionConfig, Generation
 from imdim.search.mdl.primitive_selection import Cloud
 from imdim.search.minimal_ranges import tidy
 from imdim.search.sequence import to_program
@@ -220,7 +220,7 @@ def _touch_up(run: Run, last: MethodStep) -> Iterator[MethodStep]:
 
 def _generations(
     run: Run, seeds: dict[str, list[Program]], deadline: Deadline, config: EvolutionConfig | None = None
-) -> Iterator[TheoryGeneration]:
+) -> Iterator[Generation]:
     generations = evolve_observation(run.seen.evidence, seeds, run.rng, deadline, config, run.settings.solver)
     yield from log_generations(generations, run.settings.logdir, run.seen.target.name) if run.settings.logdir else generations
 

@@ -178,10 +178,10 @@ def merge_transitive(constraints: Iterable[Constraint]) -> tuple[Constraint, ...
         for other in touching:
             out.remove(other)
         together = {ref: None for c in [*touching, constraint] for ref in c.of}
-        out.append(replace(constraint, of=_ordered(list(together))))
+        out.append(replace(constraint, of=_order_refs(list(together))))
     return tuple(sorted(out, key=lambda c: ORDER.index(c.kind) if c.kind in ORDER else len(ORDER)))
 
 
-def _ordered(refs: list[Ref]) -> tuple[Ref, ...]:
+def _order_refs(refs: list[Ref]) -> tuple[Ref, ...]:
     """By leaf, those of the frame first; the line of a coaxial group needs an axis in front."""
     return tuple(sorted(refs, key=lambda r: (r.leaf != WORLD, not r.feature, r.leaf, r.feature)))

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from imdim.program.constraints import FACES_OF, WORLD, Constraint, Ref
-from imdim.program.patterns.congruence import grouped
+from imdim.program.patterns.congruence import group_by_fit
 from imdim.program.tree import SIZE_NAMES
 from imdim.relations.directions import KIND_BITS
 from imdim.relations.features import LOOK, NEIGHBOURS, Centers, KnownFeatures, Places, centers_of, near_pairs, without_slope
@@ -68,7 +68,7 @@ def _alike(places: Places, sizes: list[KnownFeatures]) -> list[list[int]]:
     def fits(group: list[int], leaf: int) -> bool:
         return places.pose.kind(group[0]) == places.pose.kind(leaf) and not any((leaf, m) in apart for m in group)
 
-    return [g[:MOST_ALIKE] for g in grouped(places.leaves(), fits) if len(g) > 1]
+    return [g[:MOST_ALIKE] for g in group_by_fit(places.leaves(), fits) if len(g) > 1]
 
 
 def _along(places: Places, members: list[Ref], alike: list[list[int]], naming: float) -> Iterator[RelationCandidate]:

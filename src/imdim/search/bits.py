@@ -11,6 +11,6 @@ def pack_words(flags: np.ndarray) -> np.ndarray:
     return np.packbits(padded, axis=-1, bitorder="little").view(np.uint64)
 
 
-def unpacked(words: np.ndarray, n: int) -> np.ndarray:
+def unpack_words(words: np.ndarray, n: int) -> np.ndarray:
     """Words [..., w] as bool [..., n]."""
     return np.unpackbits(np.ascontiguousarray(words).view(np.uint8), axis=-1, count=n, bitorder="little").view(bool)

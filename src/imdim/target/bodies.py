@@ -60,7 +60,7 @@ def face_normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, n
     return cross / np.maximum(length, 1e-300)[:, None], length / 2 * unit * unit
 
 
-def compacted(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def compact(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The mesh without the vertices that none of its faces has."""
     used, corners = np.unique(faces, return_inverse=True)
     return vertices[used], corners.reshape(-1, 3).astype(np.int64)

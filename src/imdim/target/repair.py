@@ -9,7 +9,7 @@ from manifold3d import Error, Manifold, OpType
 from scipy.spatial import KDTree
 
 from imdim.geometry.solid import drop_collapsed, solid_of
-from imdim.target.bodies import compacted, components, edge_table, face_normals, find_bodies, mesh_volume, split_faces
+from imdim.target.bodies import compact, components, edge_table, face_normals, find_bodies, mesh_volume, split_faces
 from imdim.target.readers import InputError
 
 MAX_FACES = 200_000
@@ -50,7 +50,7 @@ def clean_mesh(vertices: np.ndarray, faces: np.ndarray, name: str) -> Cleaned:
         raise InputError(f"{name}: the mesh encloses no volume ({volume * diagonal**3:.3g} cubic units)")
     found = _as_solid(unit, faces, notes)
     unit, faces = found or _thin_shell(unit, faces, notes)
-    unit, faces = compacted(unit, faces)
+    unit, faces = compact(unit, faces)
     return Cleaned(unit * diagonal + center, faces, found is not None, tuple(notes))
 
 
@@ -155,7 +155,7 @@ def _as_solid(vertices: np.ndarray, faces: np.ndarray, notes: list[str]) -> tupl
     if rim:
         notes.append(f"The mesh is open ({rim} vertices on open edges): the winding number tells inside from outside.")
         return None
-    bodies = [solid_of(*compacted(vertices, faces[chosen])) for chosen in split_faces(vertices, faces)]
+    bodies = [solid_of(*compact(vertices, faces[chosen])) for chosen in split_faces(vertices, faces)]
     if any(body.status() != Error.NoError or body.volume() <= 0 for body in bodies):
         notes.append("The mesh is closed but no manifold: the winding number tells inside from outside.")
         return None

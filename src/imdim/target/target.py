@@ -15,7 +15,7 @@ import trimesh
 
 from imdim.program.codec import Meta
 from imdim.program.tree import Primitive, Program, Vec3, map_leaves
-from imdim.target.bodies import compacted, face_normals, split_faces
+from imdim.target.bodies import compact, face_normals, split_faces
 from imdim.target.readers import InputError, Raw, read
 from imdim.target.repair import clean_mesh
 
@@ -227,4 +227,4 @@ def _distinct(keys: np.ndarray) -> int:
 
 
 def _submesh(mesh: trimesh.Trimesh, faces: np.ndarray) -> trimesh.Trimesh:
-    return trimesh.Trimesh(*compacted(mesh.vertices, mesh.faces[faces]), process=False)
+    return trimesh.Trimesh(*compact(mesh.vertices, mesh.faces[faces]), process=False)

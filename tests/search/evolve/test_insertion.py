@@ -11,7 +11,7 @@ from imdim.program.paths import nodes, replace_at, without
 from imdim.program.tree import OPS, Combine, Program, fold, leaves
 from imdim.search.evolve.insertion import (
     cells_of,
-    drawn_gain,
+    draw_gain,
     places,
     random_candidate,
     views,
@@ -64,7 +64,7 @@ def test_a_place_foretells_what_a_candidate_wins(seed):
     rng = np.random.default_rng(seed)
     scene, program = planted_scene(NAME), random_tree(rng, 4)
     assert scene.families is not None
-    gain = drawn_gain(scene, rng)
+    gain = draw_gain(scene, rng)
     (candidate,) = random_candidates(scene.families, 1, rng)
     mask = scene.families.mask(candidate)
     for place in places(views(program, cells_of(program, scene)), gain):

@@ -13,7 +13,7 @@ from imdim.geometry.kernels import program_sdf
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.tree import Program, leaves
 from imdim.search.evolve import population as module
-from imdim.search.evolve.population import EvolutionConfig, TheoryGeneration, evolve
+from imdim.search.evolve.population import EvolutionConfig, Generation, evolve
 from imdim.search.evolve.proposals import random_programs
 from imdim.search.evolve.scene import Scene
 from imdim.search.evolve.seeds import surface_seeds
@@ -24,11 +24,11 @@ SHORT = EvolutionConfig(population=24, offspring=24, generations=6)
 
 def run(
     scene: Scene, seeds: dict[str, list[Program]] | None = None, config: EvolutionConfig = SHORT, seed: int = 0, **more
-) -> list[TheoryGeneration]:
+) -> list[Generation]:
     return list(evolve(seeds or {}, scene, np.random.default_rng(seed), more.pop("deadline", NEVER), config, **more))
 
 
-def told(generations: list[TheoryGeneration]) -> list:
+def told(generations: list[Generation]) -> list:
     return [(g.best.program, [i.program for i in g.front], g.diversity, g.origins, g.stop) for g in generations]
 
 

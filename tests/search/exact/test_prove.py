@@ -11,7 +11,7 @@ from tests.search.planted_families import cells_of, families_of, planted
 from imdim.geometry import kernels
 from imdim.program.cost import count
 from imdim.program.tree import Program
-from imdim.search.bits import pack_words, unpacked
+from imdim.search.bits import pack_words, unpack_words
 from imdim.search.candidate_families import Candidate, Families
 from imdim.search.cells import Cells
 from imdim.search.exact.columns import maximal_columns
@@ -139,8 +139,8 @@ def test_columns_are_the_maximal_ones():
     held = (outside == 0).sum(1) > 1
     maximal = {r.tobytes() for r in rows[~held]}
     found = maximal_columns(families, left, right)
-    assert {r.tobytes() for r in unpacked(found.bits, 70)} == maximal
-    for bits, candidate in zip(unpacked(found.bits, 70), found.candidates, strict=True):
+    assert {r.tobytes() for r in unpack_words(found.bits, 70)} == maximal
+    for bits, candidate in zip(unpack_words(found.bits, 70), found.candidates, strict=True):
         mask = families.mask(candidate)
         assert np.array_equal(bits, mask[left] ^ mask[right])
-    assert np.array_equal(unpacked(pack_words(rows), 70), rows)
+    assert np.array_equal(unpack_words(pack_words(rows), 70), rows)

@@ -11,7 +11,7 @@ from numba import njit
 for _ in range(int(sys.argv[1])):
     njit(lambda x: x)(1.0)  # shifts the running numbers of all functions that are compiled later
 from imdim.program.tree import Primitive
-from imdim.search.bits import unpacked
+from imdim.search.bits import unpack_words
 from imdim.search.front.leaf_cache import Columns, Registry
 
 parts = [Primitive("box", (1.0, 2.0, 1.5)), Primitive("sphere", (1.0,)), Primitive("cylinder", (0.8, 2.0))]
@@ -24,7 +24,7 @@ if "first" in sys.argv:
     answers += [Columns(points, "distances", Registry(), 8).of(parts) < 0]
 if "second" in sys.argv:
     columns = Columns(points, "bits", Registry(), 8)
-    answers += [unpacked(columns.of(parts), columns.count)]
+    answers += [unpack_words(columns.of(parts), columns.count)]
 sys.exit(sum(int((a != truth).sum()) for a in answers) > 0)
 """
 

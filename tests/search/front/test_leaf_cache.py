@@ -7,7 +7,7 @@ from program_samples import cloud, inside_primitive, random_primitive
 from imdim.geometry.kernels import leaf_table
 from imdim.geometry.lowering import pack
 from imdim.program.tree import KINDS, Primitive
-from imdim.search.bits import pack_words, unpacked
+from imdim.search.bits import pack_words, unpack_words
 from imdim.search.front.leaf_cache import LeafCache, Registry
 
 
@@ -32,7 +32,7 @@ def test_every_kind_agrees_with_the_leaf_table():
 def test_bits_agree_with_the_equations(count):
     parts, points = some(40), cloud(np.random.default_rng(2), count)
     columns = LeafCache(points, "bits", Registry(), 64)
-    flags = unpacked(columns.of(parts), columns.count)
+    flags = unpack_words(columns.of(parts), columns.count)
     expected = np.array([inside_primitive(p, points) for p in parts])
     unsure = np.abs(truth(parts, points)) < 1e-5
     assert flags.shape == (40, count)
@@ -76,4 +76,4 @@ def test_equal_primitives_share_a_row():
 
 def test_packing_is_undone_by_unpacking():
     flags = np.random.default_rng(0).random(150) < 0.5
-    assert np.array_equal(unpacked(pack_words(flags), 150), flags)
+    assert np.array_equal(unpack_words(pack_words(flags), 150), flags)

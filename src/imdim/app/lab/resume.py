@@ -17,7 +17,7 @@ from imdim.reconstruction.evolution import evolve_observation
 from imdim.reconstruction.fitting import find_relations, fit_numbers, snap_numbers
 from imdim.reconstruction.observation import Observation, UnitBody, observe
 from imdim.reconstruction.pipeline import Snapshot
-from imdim.search.evolve.population import EvolutionConfig, TheoryGeneration
+from imdim.search.evolve.population import EvolutionConfig, Generation
 from imdim.target.target import Frame, Target, in_unit_frame
 
 SEARCH_SHARE = 0.8  # of the budget; the numbers need the rest
@@ -40,7 +40,7 @@ def resume_evolution(target: Target, program: Program, settings: Settings, rates
     seen = observe(UnitBody.of(unit, rng), settings.size_weight, rng)
     config = EvolutionConfig(rates.population, rates.population, exact=rates.tolerance, crossover=1 - rates.mutation, elitism=rates.elitism)
     deadline = Deadline(start + SEARCH_SHARE * settings.budget_s, now)
-    generation: TheoryGeneration | None = None
+    generation: Generation | None = None
     for generation in evolve_observation(seen.evidence, {"edited": [frame.apply(program)]}, rng, deadline, config):
         best = frame.undo(generation.best.program)
         front = [Choice(frame.undo(i.program), i.score.volume) for i in generation.front]
@@ -49,7 +49,7 @@ def resume_evolution(target: Target, program: Program, settings: Settings, rates
     yield _finish(generation, seen, frame, target, lambda: now() - start)
 
 
-def _finish(generation: TheoryGeneration, seen: Observation, frame: Frame, target: Target, seconds: Callable[[], float]) -> Snapshot:
+def _finish(generation: Generation, seen: Observation, frame: Frame, target: Target, seconds: Callable[[], float]) -> Snapshot:
     """What a person gets: reduced, fitted, rounded, with its relations and the front from crude to exact."""
     fitted = fit_numbers(reduce_program(generation.best.program), seen)
     final, constraints = find_relations(snap_numbers(frame.undo(fitted), seen, frame), target)

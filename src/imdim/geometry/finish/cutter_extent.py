@@ -16,7 +16,7 @@ from manifold3d import Manifold
 
 from imdim.geometry.finish.extend import between
 from imdim.geometry.solid import exact_rotation, primitive_to_manifold
-from imdim.program.patterns.congruence import grouped
+from imdim.program.patterns.congruence import group_by_fit
 from imdim.program.tree import Primitive, Program
 
 CHECK_SEGMENTS = 64
@@ -133,7 +133,7 @@ def _span(number: int, part: LastOperand, axis: int, rest: Rest) -> _Span:
 def _alike(parts: Sequence[LastOperand], axis: int, slack: float) -> list[list[int]]:
     """Numbers of parts with the same cross-section along the same direction, two or more."""
     prisms = [i for i, part in enumerate(parts) if _is_prism(part, axis)]
-    groups = grouped(prisms, lambda group, i: _same_section(parts[group[0]], parts[i], axis, slack))
+    groups = group_by_fit(prisms, lambda group, i: _same_section(parts[group[0]], parts[i], axis, slack))
     return [group for group in groups if len(group) > 1]
 
 

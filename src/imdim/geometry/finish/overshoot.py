@@ -101,7 +101,7 @@ def without_strays(program: Program, solid: Manifold, deadline: Deadline = NEVER
             further = primitive_to_manifold(between(list(leaves(program))[i], face, 0.0, diagonal))
             if (further ^ out).volume() <= NOTHING * solid.volume():
                 continue
-            trials = [_prolonged(program, i, face, reach * diagonal) for reach in REACHES]
+            trials = [_extend_past(program, i, face, reach * diagonal) for reach in REACHES]
             left = [stray(trial).volume() for trial in trials]
             # the shortest of those that leave least
             best = next(k for k, volume in enumerate(left) if volume <= min(left) + NOTHING * solid.volume())
@@ -110,7 +110,7 @@ def without_strays(program: Program, solid: Manifold, deadline: Deadline = NEVER
     return program
 
 
-def _prolonged(program: Program, index: int, face: Face, reach: float) -> Program:
+def _extend_past(program: Program, index: int, face: Face, reach: float) -> Program:
     return map_leaves(program, lambda i, leaf: between(leaf, face, -length(leaf, face), reach) if i == index else leaf)
 
 

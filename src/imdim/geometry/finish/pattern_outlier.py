@@ -17,7 +17,7 @@ from manifold3d import Manifold
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.posed import PosedPrimitive
 from imdim.geometry.solid import primitive_to_manifold, to_manifold
-from imdim.program.patterns.congruence import grouped, node_of, same_shape
+from imdim.program.patterns.congruence import group_by_fit, node_of, same_shape
 from imdim.program.rewrite.containment import dot
 from imdim.program.roles import signs
 from imdim.program.tree import Primitive, Program, Vec3, leaves, map_leaves
@@ -48,7 +48,7 @@ def regularise_outliers(program: Program, tolerance: float, score: Callable[[Pro
 
 def _groups(parts: list[Primitive], sign: list[int], tolerance: float) -> list[list[int]]:
     """Numbers of primitives that are equal but for their place, three or more."""
-    groups = grouped(range(len(parts)), lambda g, i: sign[g[0]] == sign[i] and _are_equal(parts[g[0]], parts[i], tolerance))
+    groups = group_by_fit(range(len(parts)), lambda g, i: sign[g[0]] == sign[i] and _are_equal(parts[g[0]], parts[i], tolerance))
     return [g for g in groups if 3 <= len(g) <= MOST]
 
 

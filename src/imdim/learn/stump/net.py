@@ -45,7 +45,7 @@ class StumpNet(nn.Module):
 
 
 @torch.no_grad()
-def measured_shapes(net: StumpNet, targets: Occupied) -> dict[str, float]:
+def measure_shapes(net: StumpNet, targets: Occupied) -> dict[str, float]:
     """IoU of the binary shapes as predicted, not fitted, and the intersections in their unions."""
     net.eval()
     shape = net(targets.cloud)

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 from itertools import combinations, islice
 
 from imdim.program.motions import mirror
-from imdim.program.patterns.congruence import Node, grouped, match, same_shape
+from imdim.program.patterns.congruence import Node, group_by_fit, match, same_shape
 from imdim.program.patterns.linear import Ring, rings
 from imdim.program.repeats import Repeat
 from imdim.program.rewrite.containment import axes, dot
 from imdim.program.tree import Primitive, Vec3
-from imdim.program.vectors import cross, is_forward, minus, rounded, times, unit
+from imdim.program.vectors import cross, is_forward, minus, round_vector, times, unit
 
 NUMBERS = 9  # of a primitive: sizes, place, and what it is
 COSTS = {"linear": 5, "grid": 9, "circular": 11, "mirror": 7}
@@ -65,12 +65,12 @@ class Bench:
 
     def tidy(self, v: Vec3) -> Vec3:
         """Without what is far below the tolerance."""
-        return rounded(v, 2 - math.floor(math.log10(self.exact)))
+        return round_vector(v, 2 - math.floor(math.log10(self.exact)))
 
 
 def classes(parts: list[Node], among: Sequence[int], tolerance: float) -> list[list[int]]:
     """Parts of one shape, two or more."""
-    groups = grouped(among, lambda group, i: same_shape(parts[group[0]], parts[i], tolerance))
+    groups = group_by_fit(among, lambda group, i: same_shape(parts[group[0]], parts[i], tolerance))
     return [group for group in groups if len(group) > 1]
 
 

@@ -81,7 +81,7 @@ def same_shape(a: Node, b: Node, tolerance: float) -> bool:
     return all(_close(u, v, 2 * tolerance) for (_, u), (_, v) in zip(a.shape, b.shape, strict=True))
 
 
-def grouped(items: Iterable[T], fits: Callable[[list[T], T], bool]) -> list[list[T]]:
+def group_by_fit(items: Iterable[T], fits: Callable[[list[T], T], bool]) -> list[list[T]]:
     """Each item in the first group that it fits, else in one of its own."""
     out: list[list[T]] = []
     for item in items:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 from imdim.program.motions import step
 from imdim.program.patterns.candidate import Bench, Circling, RepeatCandidate, classes, first_leaf, pairs
-from imdim.program.patterns.congruence import Node, grouped, match, node_of
+from imdim.program.patterns.congruence import Node, group_by_fit, match, node_of
 from imdim.program.patterns.linear import Lattice, lattices
 from imdim.program.repeats import Folded, Group, Repeat, expand, repeats, size
 from imdim.program.rewrite.containment import axes, disjoint, dot
@@ -152,7 +152,7 @@ class _FoldSearch:
             shift = minus(parts[i].anchor, parts[chain[0]].anchor)
             return match(parts[chain[0]], parts[i], step(shift), self.bench.tolerance) is not None
 
-        return [chain for chain in grouped(group, follows) if len(chain) > 2]
+        return [chain for chain in group_by_fit(group, follows) if len(chain) > 2]
 
     def _lattice(self, parts: list[Node], chain: list[int], lattice: Lattice) -> Iterator[RepeatCandidate]:
         members = tuple(chain[i] for i in lattice.members)
@@ -168,7 +168,7 @@ class _FoldSearch:
 
     def _merge(self, choices: list[RepeatCandidate]) -> list[RepeatCandidate]:
         """Repeats with the same motions as one."""
-        groups = grouped(choices, lambda group, choice: self.bench.same_motions(group[0].repeat, choice.repeat))
+        groups = group_by_fit(choices, lambda group, choice: self.bench.same_motions(group[0].repeat, choice.repeat))
         return [
             replace(group[0], members=tuple(m for c in group for m in c.members), orders=tuple(o for c in group for o in c.orders))
             for group in groups
@@ -191,9 +191,9 @@ def to_layers(node: Node, late: bool = False) -> Node:
         return node if node.leaf is not None else Node(node.op, [to_layers(part, late) for part in node.parts])
     base, steps = _spine(node)
     layers: dict[int, list[Node]] = {}
-    placed: dict[bool, list[tuple[int, list[Primitive]]]] = {False: [] if late else [(0, _filled(base))], True: []}
+    placed: dict[bool, list[tuple[int, list[Primitive]]]] = {False: [] if late else [(0, _fill(base))], True: []}
     for cuts, part in reversed(steps) if late else steps:
-        reach = _filled(part)
+        reach = _fill(part)
         # what is united is in layers 0, 2, 4 .., what is cut in 1, 3, 5 ..
         layer = 1 + max((n for n, others in placed[not cuts] if not _apart(reach, others)), default=0 if cuts else -1)
         placed[cuts].append((layer, reach))
@@ -215,15 +215,15 @@ def _spine(node: Node) -> tuple[Node, list[tuple[bool, Node]]]:
     return node, steps
 
 
-def _filled(node: Node) -> list[Primitive]:
+def _fill(node: Node) -> list[Primitive]:
     """Primitives that together hold the node."""
     if node.leaf is not None:
         return [node.leaf]
     if node.op == "difference":
-        return _filled(node.parts[0])
+        return _fill(node.parts[0])
     if node.op == "intersection":
-        return min((_filled(part) for part in node.parts), key=len)
-    return [leaf for part in node.parts for leaf in _filled(part)]
+        return min((_fill(part) for part in node.parts), key=len)
+    return [leaf for part in node.parts for leaf in _fill(part)]
 
 
 def _apart(a: list[Primitive], b: list[Primitive]) -> bool:

@@ -11,7 +11,7 @@ from imdim.program.constraints import RULES, WORLD, Constraint, Ref
 from imdim.program.repeats import Folded, Group, Repeat, rebuilt, size
 from imdim.program.rewrite.containment import dot
 from imdim.program.tree import Primitive, Program, Vec3, leaves
-from imdim.program.vectors import cross, minus, rounded
+from imdim.program.vectors import cross, minus, round_vector
 
 Key = tuple[object, ...]
 
@@ -28,8 +28,8 @@ def refit_repeats(folded: Folded, program: Program, decimals: int) -> Folded:
         strides = {"grid": (own * repeat.counts[-1], own)}.get(repeat.kind, (own,))
         at, others = parts[first].center, [parts[first + stride].center for stride in strides]
         if repeat.kind in ("linear", "grid"):
-            return replace(repeat, steps=tuple(rounded(minus(other, at), decimals) for other in others))
-        return replace(repeat, point=rounded(_center(repeat, at, others[0]), decimals))
+            return replace(repeat, steps=tuple(round_vector(minus(other, at), decimals) for other in others))
+        return replace(repeat, point=round_vector(_center(repeat, at, others[0]), decimals))
 
     return rebuilt(folded, lambda first, _: parts[first], refit)
 

@@ -13,7 +13,7 @@ import numpy as np
 from imdim.geometry.surface import signed_distance
 from imdim.program.paths import Path, leaf_paths, nodes, replace_at, without
 from imdim.program.tree import Combine, Op, Primitive, Program, leaves
-from imdim.search.bits import unpacked
+from imdim.search.bits import unpack_words
 from imdim.search.candidate_families import Candidate
 from imdim.search.cells import CUTS, HULLS, PIECES, TRUE
 from imdim.search.evolve.scene import Scene
@@ -84,10 +84,10 @@ def cells_of(program: Program, scene: Scene) -> dict[Primitive, np.ndarray]:
     columns = scene.cells
     assert columns is not None
     parts = list(leaves(program))
-    return dict(zip(parts, unpacked(columns.of(parts), columns.count), strict=True))
+    return dict(zip(parts, unpack_words(columns.of(parts), columns.count), strict=True))
 
 
-def drawn_gain(scene: Scene, rng: np.random.Generator) -> np.ndarray:
+def draw_gain(scene: Scene, rng: np.random.Generator) -> np.ndarray:
     """What filling each cell wins [m], under weights drawn by chance; nothing where there are no cells."""
     return scene.families.cells.gain_under(WEIGHTS[rng.integers(len(WEIGHTS))]) if scene.families else np.zeros(0)
 
@@ -135,7 +135,7 @@ def regrown(program: Program, scene: Scene, rng: np.random.Generator) -> Program
     if scene.families is None or taken is None:
         return None
     shorter, count = taken
-    gain, true = drawn_gain(scene, rng), scene.families.cells.gain
+    gain, true = draw_gain(scene, rng), scene.families.cells.gain
     for step in range(count + int(rng.integers(-1, 2))):
         longer = with_best_insertion(shorter, scene, gain if step == 0 else true, rng, bold=step == 0)
         if longer is None:

@@ -15,7 +15,7 @@ from imdim.geometry.finish.posed import PosedPrimitive
 from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
 from imdim.program.paths import Path, at, leaf_paths, nodes, polarity, replace_at, without
 from imdim.program.tree import OPS, Combine, Primitive, Program
-from imdim.search.evolve.insertion import drawn_gain, regrown, with_best_insertion, with_best_refit
+from imdim.search.evolve.insertion import draw_gain, regrown, with_best_insertion, with_best_refit
 from imdim.search.evolve.numbers import face_at, jitter, make_valid, share_number, snap_number
 from imdim.search.evolve.proposals import KINDS, propose
 from imdim.search.evolve.scene import TURNS, Scene
@@ -36,12 +36,12 @@ def add(program: Program, scene: Scene, rng: np.random.Generator) -> Program | N
 
 def add_best(program: Program, scene: Scene, rng: np.random.Generator) -> Program | None:
     """The best candidate of all at a promising place, under the true weights or discounted ones."""
-    return with_best_insertion(program, scene, drawn_gain(scene, rng), rng, bold=rng.random() < 0.5)
+    return with_best_insertion(program, scene, draw_gain(scene, rng), rng, bold=rng.random() < 0.5)
 
 
 def refit(program: Program, scene: Scene, rng: np.random.Generator) -> Program | None:
     """One primitive replaced by the best candidate for its place."""
-    return with_best_refit(program, scene, drawn_gain(scene, rng), rng)
+    return with_best_refit(program, scene, draw_gain(scene, rng), rng)
 
 
 def remove(program: Program, scene: Scene, rng: np.random.Generator) -> Program | None:

@@ -45,7 +45,7 @@ class EvolutionConfig:
 
 
 @dataclass(frozen=True)
-class TheoryGeneration:
+class Generation:
     """`front` from crude to exact; `diversity` is the share of the population with a solid of its own; `origins` counts
     who put how many on the archive; `evaluations` are trees folded since the start. `stop` says why the last one is the last.
     """
@@ -66,7 +66,7 @@ def evolve(
     deadline: Deadline,
     config: EvolutionConfig | None = None,
     refine: Refine | None = None,
-) -> Iterator[TheoryGeneration]:
+) -> Iterator[Generation]:
     """Yield generations, the seeds being number 0. The same seeds and generator give the same generations, but for the deadline's.
 
     `seeds` maps a source to its programs; where none is of use, random ones are drawn. At least one generation is yielded.
@@ -128,11 +128,11 @@ class _Evolution:
             self._revive()
         self.population = rank_population(self.population)[: self.config.population]
 
-    def generation(self, number: int, stop: Stop | None) -> TheoryGeneration:
+    def generation(self, number: int, stop: Stop | None) -> Generation:
         filled = self.scene.scorer.fill([i.program for i in self.population])
         diversity = len({row.tobytes() for row in filled}) / len(filled)
         front = tuple(self.archive.front())
-        return TheoryGeneration(number, self.best, front, self.scene.scorer.evaluations, diversity, dict(self.origins), stop)
+        return Generation(number, self.best, front, self.scene.scorer.evaluations, diversity, dict(self.origins), stop)
 
     def ending(self, number: int, idle: int, late: bool) -> Stop | None:
         config = self.config

@@ -11,7 +11,7 @@ from imdim.geometry import kernels
 from imdim.geometry.rotations import euler_from_matrix
 from imdim.geometry.sampling import bounding_radius, subsample
 from imdim.program.tree import Primitive, Program, Vec3, leaves
-from imdim.search.bits import unpacked
+from imdim.search.bits import unpack_words
 from imdim.search.candidate_families import Families
 from imdim.search.front.fitness import Scorer
 from imdim.search.front.leaf_cache import LeafCache
@@ -60,7 +60,7 @@ class Scene:
     def wrong_point(self, program: Program, rng: np.random.Generator) -> np.ndarray | None:
         """A sample [3] on the wrong side of `program`, drawn by volume; of the surface, by distance, where no sample is wrong."""
         scorer = self.scorer
-        wrong = unpacked(scorer.fill([program])[0] ^ scorer.label, scorer.bits.count)
+        wrong = unpack_words(scorer.fill([program])[0] ^ scorer.label, scorer.bits.count)
         weight = np.where(wrong, scorer.weight[: scorer.bits.count], 0.0)
         if weight.sum() > 0:
             return scorer.target.samples[rng.choice(len(weight), p=weight / weight.sum())]

@@ -15,7 +15,7 @@ import numpy as np
 from imdim.deadline import NEVER, Deadline
 from imdim.program.cost import count
 from imdim.program.tree import Program
-from imdim.search.bits import unpacked
+from imdim.search.bits import unpack_words
 from imdim.search.candidate_families import Candidate, Families
 from imdim.search.exact.columns import TooManyError, candidate_count, maximal_columns
 from imdim.search.exact.cover import CoverLimits, cover
@@ -165,7 +165,7 @@ class Prover:
         except TooManyError as error:
             self.too_large = f"too large, {error}"
             return self.too_large, chosen
-        separates = unpacked(columns.bits, len(self.inside))
+        separates = unpack_words(columns.bits, len(self.inside))
         place = {candidate: i for i, candidate in enumerate(columns.candidates)}
         # counterexamples that were added since may have other columns stand for those of a set without a tree
         places = [[place[c] for c in some] for some in barred if all(c in place for c in some)]

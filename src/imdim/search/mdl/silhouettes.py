@@ -16,7 +16,7 @@ from imdim.deadline import NEVER, Deadline
 from imdim.geometry.rotations import frame_from_axis
 from imdim.geometry.sampling import subsample
 from imdim.program.tree import Primitive
-from imdim.search.mdl.candidates.residual import placed
+from imdim.search.mdl.candidates.residual import place
 from imdim.search.mdl.curve_ransac import (
     BAND,
     FILLED,
@@ -58,7 +58,7 @@ class _View:
         return (self.k + 1) % 3, (self.k + 2) % 3
 
     def place(self, kind: str, size: Iterable[float], center: np.ndarray) -> Primitive:
-        return placed(kind, size, center, self.axes, self.axes if kind == "box" else frame_from_axis(self.axes[:, self.k]))
+        return place(kind, size, center, self.axes, self.axes if kind == "box" else frame_from_axis(self.axes[:, self.k]))
 
     def middle(self, center: np.ndarray, height: float) -> np.ndarray:
         out = np.zeros(3)

@@ -75,7 +75,7 @@ def hollows(primitive: Primitive, wall: float, cloud: Cloud) -> list[Primitive]:
             size[slots[k]] += thick + LOOK * cloud.diagonal
             middle += sign * (thick + LOOK * cloud.diagonal) / 2 * rotation[:, k]
         if size.min() > cloud.spacing:
-            out.append(placed(primitive.kind, size, middle, np.eye(3), rotation))
+            out.append(place(primitive.kind, size, middle, np.eye(3), rotation))
     return out
 
 
@@ -150,9 +150,9 @@ def _through(program: Program, cloud: Cloud, axes: np.ndarray) -> list[Primitive
             if (top <= bottom).any():
                 continue
             size, middle = top - bottom, (bottom + top) / 2
-            out.append(placed("box", size, middle, axes))
+            out.append(place("box", size, middle, axes))
             radius = float(np.delete(size, k).mean()) / 2
-            out.append(placed("cylinder", (radius, size[k]), middle, axes, frame_from_axis(axes[:, k])))
+            out.append(place("cylinder", (radius, size[k]), middle, axes, frame_from_axis(axes[:, k])))
     return out
 
 
@@ -160,7 +160,7 @@ def _guesses(points: np.ndarray, axes: np.ndarray, off: float, spacing: float) -
     local = points @ axes
     low, high = local.min(0), local.max(0)
     thin = 0.5 * spacing
-    found = [placed("box", np.maximum(high - low, thin), (low + high) / 2, axes)]
+    found = [place("box", np.maximum(high - low, thin), (low + high) / 2, axes)]
     for k in range(3):
         u, v = (k + 1) % 3, (k + 2) % 3
         circle = _round(np.ascontiguousarray(local[:, [u, v]]), off)
@@ -170,10 +170,10 @@ def _guesses(points: np.ndarray, axes: np.ndarray, off: float, spacing: float) -
         ends = local[on, k].min(), local[on, k].max()
         middle = np.zeros(3)
         middle[[u, v]], middle[k] = center, sum(ends) / 2
-        found.append(placed("cylinder", (radius, max(ends[1] - ends[0], thin)), middle, axes, frame_from_axis(axes[:, k])))
+        found.append(place("cylinder", (radius, max(ends[1] - ends[0], thin)), middle, axes, frame_from_axis(axes[:, k])))
     ball = _round(local, off)
     if ball is not None:
-        found.append(placed("sphere", (ball[1],), ball[0], axes))
+        found.append(place("sphere", (ball[1],), ball[0], axes))
     return found
 
 
@@ -241,15 +241,15 @@ def _reaching(guess: Primitive, program: Program, positive: bool, diagonal: floa
         if (value > 0) != positive:
             longer_size[slot] += 2 * LOOK * diagonal
             longer_center += LOOK * diagonal * way
-    longer = resized(guess, longer_size, longer_center)
+    longer = resize(guess, longer_size, longer_center)
     return [longer] if longer == guess else [longer, guess]
 
 
-def placed(kind: str, size: Iterable[float], local: np.ndarray, axes: np.ndarray, turn: np.ndarray | None = None) -> Primitive:
+def place(kind: str, size: Iterable[float], local: np.ndarray, axes: np.ndarray, turn: np.ndarray | None = None) -> Primitive:
     """A primitive centred at `local` in the frame `axes`, whose own axes are the columns of `turn` (default: of `axes`)."""
     return Primitive(kind, tuple(float(s) for s in size), vec(axes @ local), euler_from_matrix(axes if turn is None else turn))
 
 
-def resized(part: Primitive, size: np.ndarray, center: np.ndarray) -> Primitive:
+def resize(part: Primitive, size: np.ndarray, center: np.ndarray) -> Primitive:
     """A primitive that is turned like `part`."""
     return replace(part, size=tuple(size.tolist()), center=vec(center))

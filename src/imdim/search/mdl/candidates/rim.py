@@ -12,7 +12,7 @@ import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.program.tree import Combine, Primitive, Program
-from imdim.search.mdl.candidates.residual import ENDS, LEAST, resized
+from imdim.search.mdl.candidates.residual import ENDS, LEAST, resize
 
 ABOVE = 3.0  # deviations of the noise, from which a point is no longer the face's
 TOP = 0.8  # quantile of the heights above the face: the top of a rim has more points than its walls
@@ -42,12 +42,12 @@ def rims(part: Primitive, points: np.ndarray, sigma: float) -> Iterator[Program]
             high = float(np.quantile(height[above], TOP))
             size, middle = np.array(part.size, float), np.zeros(3)
             size[slot], middle[k] = size[slot] + high, sign * high / 2
-            taller = resized(part, size, part.center + rotation @ middle)
+            taller = resize(part, size, part.center + rotation @ middle)
             width, middle[across] = free
             size[[s for s in range(len(size)) if s != slot]] = width
             size[slot] = high + OUT * sigma
             middle[k] = sign * (half[k] + size[slot] / 2)
-            yield Combine("difference", taller, resized(part, size, part.center + rotation @ middle))
+            yield Combine("difference", taller, resize(part, size, part.center + rotation @ middle))
 
 
 def _free(kind: str, points: np.ndarray, half: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray] | None:

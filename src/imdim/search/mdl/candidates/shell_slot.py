@@ -13,7 +13,7 @@ import numpy as np
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler
 from imdim.geometry.surface import vec
 from imdim.program.tree import Combine, Primitive, Program, combine_all
-from imdim.search.mdl.candidates.residual import ENDS, bare_ends, resized
+from imdim.search.mdl.candidates.residual import ENDS, bare_ends, resize
 from imdim.search.mdl.primitive_selection import Cloud
 
 THIN = 3.0  # deviations of the noise, a wall to begin with
@@ -52,7 +52,7 @@ def _offset(part: Primitive, by: float, bare: Sequence[tuple[int, int]], beyond:
         elif part.kind != "cone":
             size[slot] += by
     least = size.min() if part.kind != "cone" else min(size[2], size[:2].max())
-    return resized(part, size, center) if least > 0 else None
+    return resize(part, size, center) if least > 0 else None
 
 
 def stadiums(box: Primitive, sigma: float) -> Iterator[Program]:
@@ -77,4 +77,4 @@ def _stadium(box: Primitive, rotation: np.ndarray, axes: tuple[int, int], radius
     middle = center - sum(ends) * radius / 2 * rotation[:, j]
     turn = euler_from_matrix(frame_from_axis(rotation[:, k]))
     rounds = [Primitive("cylinder", (radius, box.size[k]), vec(middle + e * left / 2 * rotation[:, j]), turn) for e in ends]
-    return combine_all("union", [resized(box, size, middle), *rounds])
+    return combine_all("union", [resize(box, size, middle), *rounds])
