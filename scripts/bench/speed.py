@@ -121,7 +121,7 @@ def table(figures: Sequence[Figure]) -> str:
             f"{1e3 * f.plain_s:.4g}",
             f"{f.times:.3g}",
             f"{100 * f.share:.3g} %",
-            f"{100 * f.error_limit:.3g} %",
+            f"{100 * f.allowed:.3g} %",
             f"{100 * f.of_memory:.3g} %",
             f"{f.differs:.1e}" + ("" if f.right else " WRONG"),
         )

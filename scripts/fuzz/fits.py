@@ -54,7 +54,7 @@ def fuzz(args: argparse.Namespace) -> int:
             outcome = f"FOUND: late, {outcome}"
         tally[outcome.split(":")[0]] += 1
         slowest = max(slowest, seconds / budget)
-        print(f"{i:>5}  {seconds:5.1f} of {budget:4.1f} s  {case.find_shortest}: {outcome}", flush=True)
+        print(f"{i:>5}  {seconds:5.1f} of {budget:4.1f} s  {case.told}: {outcome}", flush=True)
     told = ", ".join(f"{n} {word}" for word, n in sorted(tally.items()))
     print(f"{args.cases} cases, seed {args.seed}: {told}; {slowest:.2f} of a budget at most")
     return 1 if tally["FOUND"] else 0
@@ -64,7 +64,7 @@ def again(args: argparse.Namespace) -> int:
     from fit_cases import drawn, fitted, looked_at
 
     case = drawn(args.seed, args.case, args.longest)
-    print(case.find_shortest)
+    print(case.told)
     print(looked_at(case, fitted(case)))
     return 0
 

@@ -59,13 +59,14 @@ def read_front(path: Path) -> bool:
     return refused((ValueError,), lambda: front.loads(path.read_bytes()))
 
 
-def _command(main: Callable[[], int], out: Path) -> bool:
+def _command(arguments: list[str], out: Path) -> bool:
     """A command ends with status 0, or with 2, one line and nothing written: whether it was 2."""
+    from imdim.app.cli import main
     from imdim.export.folder import FILES
 
     said = io.StringIO()
     with contextlib.redirect_stderr(said), contextlib.redirect_stdout(io.StringIO()):
-        status = main()
+        status = main(arguments)
     text = said.getvalue()
     if status not in (0, 2) or (status == 2 and (text.count("\n") != 1 or len(text) > 2000 or out.exists())):
         raise Unclear(f"status {status}, says {text[:300]!r}, written: {out.exists()}")
@@ -75,9 +76,7 @@ def _command(main: Callable[[], int], out: Path) -> bool:
 
 
 def export(path: Path) -> bool:
-    from imdim.app import export
-
-    return _command(lambda: export.main(str(path), str(path.parent / "out"), None, 24), path.parent / "out")
+    return _command(["export", str(path), "-o", str(path.parent / "out"), "--segments", "24"], path.parent / "out")
 
 
 def delivered(folder: Path) -> list[bytes]:
@@ -96,16 +95,13 @@ def delivered(folder: Path) -> list[bytes]:
 
 
 def edit(path: Path) -> bool:
-    from imdim.app import edit
-
     given = json.loads(path.read_bytes())
     folder = path.parent / "given"
     folder.mkdir()
     for name, text in given["texts"].items():
         (folder / name).write_bytes(text.encode("utf-8", "surrogatepass"))
     settings = [part for text in given["set"] for part in ("--set", text.replace("\0", ""))]
-    arguments = [str(folder / "program.json"), *settings, "-o", str(path.parent / "out")]
-    return _command(lambda: edit.main(arguments), path.parent / "out")
+    return _command(["edit", str(folder / "program.json"), *settings, "-o", str(path.parent / "out")], path.parent / "out")
 
 
 def edit_mutated(data: bytes, rng: random.Random, mutate: Callable[[bytes, str], bytes]) -> bytes:

@@ -35,14 +35,14 @@ def test_a_wrong_answer_is_seen(monkeypatch):
     wrong = replace(right, run=lambda _: 1.001 * right.plain())
     for kernel, verdict in ((right, True), (wrong, False)):
         monkeypatch.setattr(bench_speed, "kernels", lambda _, kernel=kernel: [kernel])
-        (figure,) = bench_speed.measure(1, 1.0)[1]
+        (figure,) = bench_speed.measured(1, 1.0)[1]
         assert figure.right is verdict
 
 
 def test_what_a_mix_of_instructions_allows():
     work = speed_kernels.Work
     # products alone fill half of a fused instruction; with a sum each they fill it
-    assert bench_speed.error_limit(work(100.0, 100.0), 10.0, 1.0) == pytest.approx(0.5)
-    assert bench_speed.error_limit(work(100.0, 50.0), 10.0, 1.0) == pytest.approx(1.0)
+    assert bench_speed.allowed(work(100.0, 100.0), 10.0, 1.0) == pytest.approx(0.5)
+    assert bench_speed.allowed(work(100.0, 50.0), 10.0, 1.0) == pytest.approx(1.0)
     # a root in ten operations, at a tenth of the pace of all of them
-    assert bench_speed.error_limit(work(100.0, 50.0, 10.0), 10.0, 0.5) == pytest.approx(0.5)
+    assert bench_speed.allowed(work(100.0, 50.0, 10.0), 10.0, 0.5) == pytest.approx(0.5)

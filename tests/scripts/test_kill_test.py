@@ -67,7 +67,7 @@ def test_memory_is_that_of_the_process_itself():
 def test_files_of_a_size(tmp_path):
     from imdim.target.readers import read
 
-    assert len(read(bench_sizes.keep_files(tmp_path, "cloud", 1000, "pcd")).points) == 1000
-    faces = read(bench_sizes.keep_files(tmp_path, "mesh", 5000, "stl")).faces
+    assert len(read(bench_sizes.made(tmp_path, "cloud", 1000, "pcd")).points) == 1000
+    faces = read(bench_sizes.made(tmp_path, "mesh", 5000, "stl")).faces
     assert faces is not None
     assert 4000 < len(faces) < 6000

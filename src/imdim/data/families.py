@@ -224,5 +224,10 @@ def free(dice: Dice) -> Solids:
 
 
 FAMILIES: Mapping[str, Callable[[Dice], Solids]] = {
-    family.__name__: family for family in (plate, bracket, draw_turned_parts, pattern, shell, free)
+    "plate": plate,
+    "bracket": bracket,
+    "turned": draw_turned_parts,
+    "pattern": pattern,
+    "shell": shell,
+    "free": free,
 }

@@ -11,7 +11,7 @@ from dataclasses import asdict
 from numba.core.dispatcher import Dispatcher
 from imdim.app.lab import work
 from imdim.app.lab.resume import Rates
-from imdim.app.lab.edits import Theory
+from imdim.app.lab.edits import ConstrainedProgram
 from imdim.app.lab.examples import example
 from imdim.app.lab.requests import request
 from imdim.reconstruction.config import Settings
@@ -27,7 +27,7 @@ work.warm()
 first = ready()
 work.warm_rest()
 late = {"warm_rest": sorted(ready() - first)}
-target, theory, settings = example("Bracket"), Theory(*relations_of(PROGRAMS["Bracket"]())), Settings(budget_s=1.0)
+target, theory, settings = example("Bracket"), ConstrainedProgram(*relations_of(PROGRAMS["Bracket"]())), Settings(budget_s=1.0)
 asked = {
     "continue": request("continue", target, settings, theory, rates=asdict(Rates(population=8))),
     "solve": request("solve", target, settings, theory, locks=[]),
