@@ -67,7 +67,7 @@ def measured(repeat: int, size: float, only: Sequence[str] | None = None) -> tup
     for _ in range(repeat):
         # a reference that takes seconds is no worse known after three times
         often = len(rounds) < 3 or repeat < 3
-        rounds.append((micro.measure(), {k.name: (_timed(k), seconds(k.plain) if often else 0.0) for k in chosen}))
+        rounds.append((micro.measured(), {k.name: (_timed(k), seconds(k.plain) if often else 0.0) for k in chosen}))
     figures = [_figure(k, [(p, found[k.name]) for p, found in rounds], differences[k.name]) for k in chosen]
     peaks = Peaks(*(statistics.median(column) for column in zip(*(asdict(p).values() for p, _ in rounds), strict=True)))
     return peaks, figures

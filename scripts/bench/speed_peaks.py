@@ -40,7 +40,7 @@ class Micro:
         self.matrices = {dtype: rng.random((2, SIDE, SIDE)).astype(dtype) for dtype in (np.float32, np.float64)}
         self.lines = {dtype: rng.random((2, BLOCK)).astype(dtype) for dtype in (np.float32, np.float64)}
         self.arrays = np.ones((3, STREAM))
-        self.measure()
+        self.measured()
 
     def measured(self) -> Peaks:
         """Rates of this moment."""

@@ -171,7 +171,7 @@ class LabPage:
     def picture(self):
         """What is seen of the 3D view [h, w, 3], without the messages that lie over its top."""
         x, y, width, height = self.view()
-        top = min(160, height // 3)
+        top = min(210, height // 3)  # three or four lines, by the fonts that there are
         shot = self.page.screenshot(clip={"x": x, "y": y + top, "width": width, "height": height - top})
         return np.asarray(Image.open(io.BytesIO(shot)).convert("RGB"), np.int64)
 
