@@ -31,7 +31,7 @@ from imdim.program.tree import Program
 from imdim.relations.discover import discover
 
 ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "tests" / "solve"))
+sys.path.insert(0, str(ROOT / "tests" / "relations"))
 
 POINTS = (2048, 4096, 8192)
 BARS = {"precision": 0.95, "recall": 0.85, "error_ratio": 0.5}

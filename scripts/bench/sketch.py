@@ -19,7 +19,7 @@ from imdim.sketch.freedom import freedom
 from imdim.sketch.solver import solve
 
 ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT / "examples" / "phases"), str(ROOT / "tests" / "solve")]
+sys.path[:0] = [str(ROOT / "examples" / "phases"), str(ROOT / "tests" / "sketch")]
 CUBE_DISTANCES = np.sqrt(np.repeat([1, 2, 3], [12, 12, 4]))
 
 

@@ -1,4 +1,4 @@
-"""A primitive as choices among places: what `base` predicts instead of ten raw numbers.
+"""A primitive as choices among places: what `policy_net` predicts instead of ten raw numbers.
 
 The box of the target's cloud is the ruler. Along each of its three axes a place is one of `STEPS` + 1 marks from face to face, some marks
 further out, or "beyond". A primitive is its `turn` (the axis of a cylinder, or a free rotation) and the low and high ends of its own

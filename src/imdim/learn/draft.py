@@ -1,4 +1,4 @@
-"""What `base` sees of a state, and a primitive as far as it is written."""
+"""What `policy_net` sees of a state, and a primitive as far as it is written."""
 
 from __future__ import annotations
 

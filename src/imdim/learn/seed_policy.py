@@ -1,7 +1,7 @@
 """The first design, literally: one pooled vector per cloud, tokens as history, parameters by regression.
 
-Source: the project's design, sections 4.3, 5.2 to 5.5 and 7.1. It is the yardstick for `base`. Parameters are raw: Euler degrees beside
-lengths of at most 1, so the angles rule the squared error.
+Source: the project's design, sections 4.3, 5.2 to 5.5 and 7.1. It is the yardstick for `policy_net`. Parameters are raw: Euler degrees
+beside lengths of at most 1, so the angles rule the squared error.
 """
 
 from __future__ import annotations

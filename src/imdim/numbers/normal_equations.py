@@ -1,4 +1,4 @@
-"""Least squares with one [9, 9] block per leaf: each residual is decided by one leaf, in the face coordinates of `faces`."""
+"""Least squares with one [9, 9] block per leaf: each residual is decided by one leaf, in the face coordinates of `face_coordinates`."""
 
 from __future__ import annotations
 

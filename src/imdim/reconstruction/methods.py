@@ -245,7 +245,7 @@ def _grow_if_poor(run: Run, best: MethodStep | None) -> MethodStep | None:
 def _propose_if_poor(run: Run, best: MethodStep | None) -> MethodStep | None:
     """The best, or the policy's program for a cloud, where there is nothing or much is left and it fits far better.
 
-    The cells of a noisy cloud miss what detection missed: there it is always asked, and the points judge later (`noisy`).
+    The cells of a noisy cloud miss what detection missed: there it is always asked, and the points judge later (`mdl`).
     """
     seen = run.seen
     if seen.target.mesh is not None or (best is not None and not seen.noisy and seen.error(best.program) <= POOR):

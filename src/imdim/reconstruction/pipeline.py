@@ -1,7 +1,7 @@
 """From a target to a program: where detection, the methods of the search and the solver meet.
 
-Per body: carriers and sample cells labelled inside or outside (`body`), a program over them (`methods`), then its numbers (`fitting`).
-A generator of snapshots, so that progress, a time limit and tests work from outside. Work is bounded by counts; the clock only cuts a
+Per body: carriers and sample cells labelled inside or outside (`observation`), a program over them (`methods`), then its numbers
+(`fitting`). A generator of snapshots, so that progress, a time limit and tests work from outside. Work is bounded by counts; the clock only cuts a
 search that outruns its budget, and the last snapshot then says so.
 """
 

@@ -91,7 +91,8 @@ def proposals(
 
 
 def misfit(program: Program, cloud: Cloud, config: PoolConfig | None = None) -> float:
-    """The cost of `pool` for any program, by its exact surface: what it leaves of the cloud, what it has without the cloud, its price."""
+    """The cost of `primitive_selection` for any program, by its exact surface: what it leaves of the cloud, what it has without the cloud,
+    and its price."""
     config = config or PoolConfig()
     surface = to_trimesh(to_manifold(program))
     if not len(surface.faces):

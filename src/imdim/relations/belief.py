@@ -151,7 +151,7 @@ def covariance(numbers: Lowered, cloud: WeightedCloud, floor: float) -> np.ndarr
 
 @dataclass(frozen=True)
 class DeterminedFaces:
-    """Which face coordinates [k, 6] of `faces` enough points show, and the maps [k, 6, 6] from them to sizes and shifts."""
+    """Which face coordinates [k, 6] of `face_coordinates` enough points show, and the maps [k, 6, 6] from them to sizes and shifts."""
 
     faces: np.ndarray
     maps: np.ndarray

@@ -3,7 +3,7 @@
 Outside a part c, taking ``- c`` or ``| c`` out of a program changes nothing, wherever it stands. Inside it, cutting c last leaves nothing
 and adding it last leaves all. So what the finished solid holds nothing of may be cut last, and what it holds all of may be added last,
 whatever else the program does there. Both are decided by exact booleans. Such a part may then be any that lies between what it is needed
-for and what it may not touch (`spans`), so that equal features become equal parts.
+for and what it may not touch (`cutter_extent`), so that equal features become equal parts.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ cutter stick out, and let joined parts sink into each other. Here every planar f
 - the primitive matters right up to that face: just inside it, the program's solid changes when the primitive is taken away;
 - it does not matter beyond it: from a skin's thickness outward, the solid is the same with and without it.
 
-Both are decided in the thin region concerned (see `dependence`), so the solid stays the same up to skins and gaps thinner than `SKIN`.
+Both are decided in the thin region concerned (see `active_zone`), so the solid stays the same up to skins and gaps thinner than `SKIN`.
 Copies of one part stay alike: a face of all of them moves if one of them has to and all of them may, one beside the other.
 
 Ends of a solid may also lie beyond its target, where no sample of the search ever was. A search looks at a box around the part. A slanted

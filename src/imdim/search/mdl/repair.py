@@ -1,8 +1,8 @@
 """From a handful of imperfect signed sequences to the best one that their primitives, and what they lack, can make of a cloud.
 
 Numbers are fitted (`refine`), all primitives go into one pool, and a local search over the pool drops what does not pay, lends a sequence
-what another one has, turns signs and changes the order (`pool`). Points that stay unexplained offer further primitives (`missing`). The
-ranking looks at the cloud alone.
+what another one has, turns signs and changes the order (`primitive_selection`). Points that stay unexplained offer further primitives
+(`candidates.residual`). The ranking looks at the cloud alone.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class ProposalConfig:
 
 @dataclass(frozen=True)
 class Proposal:
-    """A sequence with its cost (see `pool`)."""
+    """A sequence with its cost (see `primitive_selection`)."""
 
     signed: Signed
     cost: float

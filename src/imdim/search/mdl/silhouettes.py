@@ -1,7 +1,7 @@
 """Primitives that show in a noisy cloud along the part's main directions: walls in its silhouettes, faces in its profiles about an axis.
 
 Seen along a direction of the part, the points of a wall fall onto its outline, and those of all other faces are strewn evenly: circles of
-the outline have contrast (`contrast`). So have flat faces among the distances along one direction, and cones in the half plane about an
+the outline have contrast (`curve_ransac`). So have flat faces among the distances along one direction, and cones in the half plane about an
 axis. Hypotheses come from random points (Fischler & Bolles 1981).
 """
 
