@@ -1,8 +1,8 @@
 """The better design: a policy that writes, executes and looks.
 
-Against `seed_policy`: it reads profiles of target and current cloud along the axes of the target's box instead of one vector each; the state
-is the executed one, so one step is one sample and undone steps leave no trace; and each primitive is a short sequence of choices, every one
-conditioned on those before, so that the distribution over primitives has as many modes as the shape has next steps. The places of its
+Against `seed_policy`: it reads profiles of target and current cloud along the axes of the target's box instead of one vector each; the
+state is the executed one, so one step is one sample and undone steps leave no trace; and each primitive is a short sequence of choices,
+every one conditioned on those before, so that the distribution over primitives has as many modes as the shape has next steps. The places of its
 ends are pointed at, and the profile along the next axis is taken anew over the points within the ends already chosen.
 """
 

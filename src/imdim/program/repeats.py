@@ -1,8 +1,8 @@
 """Programs with repeated parts written once: n-ary operations, and copies in a row, in a grid, on a circle or as a mirror image.
 
 A view beside the binary tree, which `expand` leads back to: what evaluates, searches and solves knows plain trees alone. `patterns.detect`
-finds repeats; JSON, OpenSCAD, the build123d script and µcad write them. Leaves are counted as in the expanded program, copy after copy, so that
-the first copy comes first.
+finds repeats; JSON, OpenSCAD, the build123d script and µcad write them. Leaves are counted as in the expanded program, copy after copy, so
+that the first copy comes first.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """From a target to a program: where detection, the methods of the search and the solver meet.
 
 Per body: carriers and sample cells labelled inside or outside (`observation`), a program over them (`methods`), then its numbers
-(`fitting`). A generator of snapshots, so that progress, a time limit and tests work from outside. Work is bounded by counts; the clock only cuts a
-search that outruns its budget, and the last snapshot then says so.
+(`fitting`). A generator of snapshots, so that progress, a time limit and tests work from outside. Work is bounded by counts; the clock only
+cuts a search that outruns its budget, and the last snapshot then says so.
 """
 
 from __future__ import annotations
