@@ -2,8 +2,8 @@
 
 Against `seed_policy`: it reads profiles of target and current cloud along the axes of the target's box instead of one vector each; the
 state is the executed one, so one step is one sample and undone steps leave no trace; and each primitive is a short sequence of choices,
-every one conditioned on those before, so that the distribution over primitives has as many modes as the shape has next steps. The places of its
-ends are pointed at, and the profile along the next axis is taken anew over the points within the ends already chosen.
+every one conditioned on those before, so that the distribution over primitives has as many modes as the shape has next steps. The places
+of its ends are pointed at, and the profile along the next axis is taken anew over the points within the ends already chosen.
 """
 
 from __future__ import annotations
