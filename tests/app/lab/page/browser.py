@@ -20,6 +20,7 @@ WAIT_MS = 120_000  # for what takes a second on a machine that has nothing else 
 COARSE = "?fixedDpr=0.5"  # a quarter of the pixels: without a graphics card they are what takes the time
 in_the_lab = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 # Chromium fills the address bar of each window with pages of its own, half a second of a core
+HAND_MS = 200  # a hand takes from one input to the next: the toolkit gathers messages for 50 ms and keeps the last of a kind
 BARE = ("--no-sandbox", "--disable-features=WebUIOmniboxPopup,WebUIOmniboxAimPopup,WebUIOmniboxFullPopup")
 EXACT = 80 * 50 * 8 + math.pi * 14**2 * 16 - 4 * math.pi * 9 * 8 - math.pi * 64 * 24  # the volume of the example "Bracket"
 NEAR = (0.998, 1.002)  # facets
@@ -134,7 +135,9 @@ class LabPage:
         """Add a constraint that has a value."""
         self.choose("Relation", kind)
         self.field("Of").fill(of)
+        self.page.wait_for_timeout(HAND_MS)
         self.field("Value").fill(value)
+        self.page.wait_for_timeout(HAND_MS)
         self.press("Add the constraint")
 
     def undo(self, steps=1):
