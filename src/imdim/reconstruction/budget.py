@@ -9,7 +9,9 @@ from typing import Literal, NamedTuple
 
 from imdim.deadline import Deadline
 
-Stage = Literal["detect", "label", "search", "noisy_search", "starts", "seeds", "prove", "choose", "propose", "fit", "relate", "front"]
+Stage = Literal[
+    "detect", "label", "search", "noisy_search", "starts", "seeds", "resume", "prove", "choose", "propose", "fit", "relate", "front"
+]
 
 
 class Share(NamedTuple):
@@ -26,6 +28,7 @@ SHARES: Mapping[Stage, Share] = {
     "noisy_search": Share(0.5, 0.15),  # what the cells of a noisy cloud say is not worth more
     "starts": Share(0.5, 0.4),  # the search's best starts get the rest
     "seeds": Share(0.5, 0.4),  # evolution needs the rest
+    "resume": Share(0.7),  # a person's program is evolved
     "prove": Share(0.6),  # a search that took all of its own leaves some for the last proof
     "choose": Share(0.7),  # a noisy cloud's program is chosen
     "propose": Share(0.82, 0.5),  # the policy's programs, until numbers must be fitted

@@ -16,6 +16,7 @@ from imdim.baselines import stump_net as stump_nets
 from imdim.baselines.stump import stumps
 from imdim.deadline import Deadline
 from imdim.program.cost import count
+from imdim.program.front import Choice
 from imdim.program.tree import Program
 from imdim.reconstruction.budget import Budget, Stage
 from imdim.reconstruction.config import Settings
@@ -67,8 +68,9 @@ class Run:
 class MethodStep:
     """A program. `error` is relative to the body's volume, None where the method does not know it.
 
-    `others` are cruder and finer programs that a user may choose instead. `proof` says whether it is proved minimal, empty if nobody asked.
-    `stop` of the last step says how the method ended: "finished", CUT, and after an evolution "exact" or "stagnation".
+    `others` are cruder and finer programs that a user may choose instead, the `front` what is known of them so far. `proof` says
+    whether it is proved minimal, empty if nobody asked. `stop` of the last step says how the method ended: "finished", CUT, and after an
+    evolution "exact" or "stagnation".
     """
 
     stage: str
@@ -77,6 +79,7 @@ class MethodStep:
     others: tuple[Program, ...] = ()
     proof: str = ""
     stop: str = "finished"
+    front: tuple[Choice, ...] = ()
 
     def cut_if(self, cut: bool) -> MethodStep:
         """The step; where time has `cut` what would have bettered it, one that says so."""
@@ -118,9 +121,20 @@ def evolve(run: Run) -> Iterator[MethodStep]:
     seen, written = run.seen, run.policy()
     beam = [] if written is None else [p.program for p in proposals(written, seen.target.points, seen.noise.sigma)]
     seeds = seeds_of(seen.evidence, run.rng, run.part_of("seeds"), beam)
-    for generation in _generations(run, seeds, run.part_of("search")):
-        others = tuple(i.program for i in (*generation.front, generation.best))
-        yield MethodStep("evolve", generation.best.program, generation.best.score.volume, others, stop=generation.stop or "finished")
+    yield from map(_step_of, _generations(run, seeds, run.part_of("search")))
+
+
+def evolve_from(start: Program, config: EvolutionConfig) -> Method:
+    """The method that evolves `start`, a program in the unit frame, alone."""
+    return lambda run: map(_step_of, _generations(run, {"edited": [start]}, run.part_of("resume"), config))
+
+
+def _step_of(generation: Generation) -> MethodStep:
+    """The fittest of a generation, which need not be on its front."""
+    best, others = generation.best, [i for i in generation.front if i.program != generation.best.program]
+    front = tuple(Choice(i.program, i.score.volume) for i in sorted([*others, best], key=lambda i: i.score.primitives))
+    programs = tuple(i.program for i in (*others, best))
+    return MethodStep("evolve", best.program, best.score.volume, programs, stop=generation.stop or "finished", front=front)
 
 
 def stump_net(run: Run) -> Iterator[MethodStep]:

@@ -8,7 +8,7 @@ cuts a search that outruns its budget, and the last snapshot then says so.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import islice
@@ -29,10 +29,11 @@ from imdim.reconstruction.choices import choices_beside, few, unite_fronts
 from imdim.reconstruction.config import ConfigError, Settings
 from imdim.reconstruction.fitting import find_relations, fit_numbers, snap_numbers
 from imdim.reconstruction.mdl import most_likely, reconstruct_unlabelled
-from imdim.reconstruction.methods import CUT, METHODS, MethodStep, PolicyOf, Run, time_to_propose
+from imdim.reconstruction.methods import CUT, METHODS, Method, MethodStep, PolicyOf, Run, evolve_from, time_to_propose
 from imdim.reconstruction.observation import Observation, UnitBody, UnseenError, observe
 from imdim.reconstruction.policy_beam import load, load_if_any
 from imdim.reconstruction.preserve import preserve
+from imdim.search.evolve.population import EvolutionConfig
 from imdim.target.target import Frame, InputError, Target, in_unit_frame, split_bodies, target_from
 
 MOST_JOINT = 8  # bodies
@@ -48,9 +49,9 @@ class Snapshot:
     """The state of a run: `program` in the target's units, `error` relative to the target's volume, `seconds` since the start.
 
     `stop` is None until the last snapshot, which says why the run ended: "finished" or "budget_spent", after an evolution also "exact" or
-    "stagnation". That one has the `front`, programs from crude to exact, of which `program` is one, and the `constraints` that hold for it.
-    `proof` says whether the program was proved minimal, and why not; it is empty where the method does not ask. The last one's `notes`
-    say, a sentence each, what was left out.
+    "stagnation". That one has the `front`, programs from crude to exact, of which `program` is one, and the `constraints` that hold for it;
+    an evolution shows its front as it goes. `proof` says whether the program was proved minimal, and why not; it is empty where the
+    method does not ask. The last one's `notes` say, a sentence each, what was left out.
     """
 
     stage: str
@@ -82,9 +83,11 @@ class _BodyState:
 
 @dataclass(frozen=True)
 class _Work:
-    """What all bodies of a run share."""
+    """What all bodies of a run share. `guesses` is whether a body that shows no inside may be answered from its points alone."""
 
     settings: Settings
+    method: Method
+    guesses: bool
     policy: PolicyOf
     budget: Budget
     rng: np.random.Generator
@@ -97,20 +100,41 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator, no
     """
     if settings.method not in METHODS:
         raise ConfigError(f"unknown method {settings.method!r}; known are {', '.join(METHODS)}")
-    policy, budget = _policy_of(settings), Budget(settings.budget_s, now or time.perf_counter)
-    last: _BodyState | None = None
     left_out: list[InputError] = []
-    for last in _by_body(target, _Work(settings, policy, budget, rng), left_out):
-        yield Snapshot(last.stage, last.program, last.error, budget.seconds(), front=last.front, proof=last.proof)
+    budget = Budget(settings.budget_s, now or time.perf_counter)
+    work = _Work(settings, METHODS[settings.method], settings.method in GUESSING, _policy_of(settings), budget, rng)
+    yield from _snapshots(_by_body(target, work, left_out), target, work, left_out)
+
+
+def resume(
+    target: Target,
+    program: Program,
+    settings: Settings,
+    config: EvolutionConfig,
+    rng: np.random.Generator,
+    now: Callable[[], float] | None = None,
+) -> Iterator[Snapshot]:
+    """Go on from `program`, in the target's units, by an evolution that starts from it alone; yields and raises as `reconstruct`."""
+    frame, budget = Frame.of(target), Budget(settings.budget_s, now or time.perf_counter)
+    work = _Work(settings, evolve_from(frame.apply(program), config), False, lambda: None, budget, rng)
+    yield from _snapshots(_body(target, work), target, work)
+
+
+def _snapshots(states: Iterable[_BodyState], target: Target, work: _Work, left_out: Sequence[InputError] = ()) -> Iterator[Snapshot]:
+    """The states as snapshots, and the last one again with its relations; `left_out` grows while the states pass."""
+    last: _BodyState | None = None
+    for last in states:
+        front = tuple(few(last.front, last.program)) if last.front else ()
+        yield Snapshot(last.stage, last.program, last.error, work.budget.seconds(), front=front, proof=last.proof)
     if last is None:
         raise next(iter(left_out), InputError(f"{target.name}: no program found"))
-    relate_by = budget.end_of("relate")
-    program, constraints = find_relations(last.program, target, last.found, relate_by) if settings.solver else (last.program, ())
+    relate_by, solver = work.budget.end_of("relate"), work.settings.solver
+    program, constraints = find_relations(last.program, target, last.found, relate_by) if solver else (last.program, ())
     error = last.error if program == last.program else last.measure(program)
     front = tuple(replace(c, program=program) if c.program == last.program else c for c in few(last.front, last.program))
     notes = tuple(f"{error}; left out" for error in left_out)
-    stop = CUT if settings.solver and relate_by.has_passed() else last.stop
-    yield Snapshot("finished", program, error, budget.seconds(), stop, front, constraints, last.proof, notes)
+    stop = CUT if solver and relate_by.has_passed() else last.stop
+    yield Snapshot("finished", program, error, work.budget.seconds(), stop, front, constraints, last.proof, notes)
 
 
 def _policy_of(settings: Settings) -> PolicyOf:
@@ -200,7 +224,7 @@ def _body(body: Target, work: _Work, share: float = 1.0) -> Iterator[_BodyState]
     try:
         seen = observe(observed, settings.size_weight, work.rng, budget.part_of("detect", share), budget.part_of("label", share))
     except UnseenError as error:
-        guess = _guess(observed, work, share, error.cut)
+        guess = _guess(observed, work, share, error.cut) if work.method in METHODS.values() else None  # a person's program is not dropped
         if guess is None:
             raise
         step, found = guess
@@ -211,7 +235,7 @@ def _body(body: Target, work: _Work, share: float = 1.0) -> Iterator[_BodyState]
         yield replace(state, front=(Choice(state.program, UNKNOWN),), found=scale_constraints(found, 1 / frame.scale))
         return
     step = None
-    for step in METHODS[settings.method](Run(seen, settings, work.policy, budget, work.rng, share)):
+    for step in work.method(Run(seen, settings, work.policy, budget, work.rng, share)):
         yield _state(step, seen, frame)
     if step is None:
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
@@ -237,7 +261,8 @@ def _state(step: MethodStep, seen: Observation, frame: Frame) -> _BodyState:
     def measure(program: Program) -> float:
         return seen.error(frame.apply(program))
 
-    return _BodyState(step.stage, frame.undo(step.program), error, volume, measure, proof=step.proof, stop=step.stop)
+    front = tuple(replace(c, program=frame.undo(c.program)) for c in step.front)
+    return _BodyState(step.stage, frame.undo(step.program), error, volume, measure, front, step.proof, step.stop)
 
 
 def _solve(step: MethodStep, seen: Observation, choose_by: Deadline, fit_by: Deadline) -> tuple[MethodStep, tuple[Constraint, ...] | None]:
@@ -260,10 +285,9 @@ def _finish_state(last: _BodyState, others: Sequence[Program], seen: Observation
 
 def _guess(body: UnitBody, work: _Work, share: float, cut: bool) -> tuple[MethodStep, tuple[Constraint, ...]] | None:
     """A program of a cloud from its points alone, and its relations; of a calm one only where time `cut` its detection short."""
-    method = work.settings.method
-    if not cut and method not in GUESSING:
+    if not (cut or work.guesses):
         return None
-    asked = method == "policy" or (method in GUESSING and time_to_propose(work.budget))
+    asked = work.guesses and (work.settings.method == "policy" or time_to_propose(work.budget))
     told = reconstruct_unlabelled(body, work.policy() if asked else None, *_times(work.budget, share), calm=cut)
     if told is None:
         return None

@@ -14,6 +14,7 @@ from imdim.app.lab.resume import Rates
 from imdim.geometry.kernels import program_sdf
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.program.tree import leaves
+from imdim.reconstruction import pipeline
 from imdim.reconstruction.config import Settings
 from imdim.target.target import sample_surface, target_from
 
@@ -67,7 +68,7 @@ def test_a_clouds_numbers_are_fitted_to_points_in_the_programs_own_frame(monkeyp
         apart.append(float(np.abs(program_sdf(program, seen.target.points)).mean()))
         return program
 
-    monkeypatch.setattr(resume, "fit_numbers", solved)
+    monkeypatch.setattr(pipeline, "fit_numbers", solved)
     points = sample_surface(mesh_of(truth).vertices, mesh_of(truth).faces, 3000, np.random.default_rng(0))[0]
     *_, last = resume.resume_evolution(target_from(points), truth, SETTINGS, RATES, lambda: 0.0)
     assert apart[0] < 1e-3

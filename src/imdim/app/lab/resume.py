@@ -7,20 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imdim.deadline import Deadline
-from imdim.program.front import Choice
-from imdim.program.rewrite.simplify import reduce_program
 from imdim.program.tree import Program
-from imdim.reconstruction.choices import choices_beside, few
 from imdim.reconstruction.config import Settings
-from imdim.reconstruction.evolution import evolve_observation
-from imdim.reconstruction.fitting import find_relations, fit_numbers, snap_numbers
-from imdim.reconstruction.observation import Observation, UnitBody, observe
-from imdim.reconstruction.pipeline import Snapshot
-from imdim.search.evolve.population import EvolutionConfig, Generation
-from imdim.target.target import Frame, Target, in_unit_frame
-
-SEARCH_SHARE = 0.8  # of the budget; the numbers need the rest
+from imdim.reconstruction.pipeline import Snapshot, resume
+from imdim.search.evolve.population import EvolutionConfig
+from imdim.target.target import Target
 
 
 @dataclass(frozen=True)
@@ -35,24 +26,5 @@ class Rates:
 
 def resume_evolution(target: Target, program: Program, settings: Settings, rates: Rates, now: Callable[[], float]) -> Iterator[Snapshot]:
     """Snapshots of an evolution that starts from `program`; the last one has rounded numbers, constraints and the front."""
-    start, rng = now(), np.random.default_rng(settings.seed)
-    unit, frame = in_unit_frame(target)
-    seen = observe(UnitBody.of(unit, rng), settings.size_weight, rng)
     config = EvolutionConfig(rates.population, rates.population, exact=rates.tolerance, crossover=1 - rates.mutation, elitism=rates.elitism)
-    deadline = Deadline(start + SEARCH_SHARE * settings.budget_s, now)
-    generation: Generation | None = None
-    for generation in evolve_observation(seen.evidence, {"edited": [frame.apply(program)]}, rng, deadline, config):
-        best = frame.undo(generation.best.program)
-        front = [Choice(frame.undo(i.program), i.score.volume) for i in generation.front]
-        yield Snapshot("evolve", best, generation.best.score.volume, now() - start, front=tuple(few(front, best)))
-    assert generation is not None  # at least one is yielded
-    yield _finish(generation, seen, frame, target, lambda: now() - start)
-
-
-def _finish(generation: Generation, seen: Observation, frame: Frame, target: Target, seconds: Callable[[], float]) -> Snapshot:
-    """What a person gets: reduced, fitted, rounded, with its relations and the front from crude to exact."""
-    fitted = fit_numbers(reduce_program(generation.best.program), seen)
-    final, constraints = find_relations(snap_numbers(frame.undo(fitted), seen, frame), target)
-    unit = frame.apply(final)
-    front = few(choices_beside(final, unit, [i.program for i in generation.front], seen.evidence, frame), final)
-    return Snapshot("finished", final, seen.error(unit), seconds(), generation.stop or "finished", tuple(front), constraints)
+    return resume(target, program, settings, config, np.random.default_rng(settings.seed), now)
