@@ -13,11 +13,21 @@ from typing import Any
 from imdim.program.codec import CONVENTION, FORMAT, MAX_CONSTRAINTS, UNITS, VERSIONS
 from imdim.program.constraints import RULES
 from imdim.program.node_codec import MAX_PRIMITIVES, REPEAT_FIELDS
+from imdim.program.outline import MOST_CURVES
 from imdim.program.repeats import JOINS, REPEATS
-from imdim.program.tree import KINDS, OPS, SIZE_NAMES
+from imdim.program.tree import KINDS, OPS, OUTLINED, SIZE_NAMES
 
 PUBLISHED = Path(__file__).parents[1] / "src" / "imdim" / "program" / "program.schema.json"
 _VECTOR = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
+
+_VERTEX = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 3}
+_OUTLINE = {
+    "description": "Closed loops of vertices [x, y] or [x, y, bulge]: a curve turns by 4 atan(bulge) up to the next vertex, 0 is a line.",
+    "type": "array",
+    "items": {"type": "array", "items": _VERTEX, "minItems": 2, "maxItems": MOST_CURVES},
+    "minItems": 1,
+    "maxItems": MOST_CURVES,
+}
 
 _COUNT = {"type": "integer", "minimum": 2, "maximum": MAX_PRIMITIVES}
 _REPEAT_FIELD: dict[str, dict[str, Any]] = {
@@ -95,7 +105,8 @@ def _repeat(kind: str) -> dict[str, Any]:
 def _primitive(kind: str) -> dict[str, Any]:
     about = "Centred in its local frame with its axis along z; world = R @ local + center."
     size = _record({name: _size(kind, name) for name in SIZE_NAMES[kind]})
-    return {"description": about, **_record({"kind": {"const": kind}, "size": size}, {"center": _VECTOR, "rotation": _VECTOR})}
+    needed = {"kind": {"const": kind}, "size": size, **({"outline": _OUTLINE} if kind in OUTLINED else {})}
+    return {"description": about, **_record(needed, {"center": _VECTOR, "rotation": _VECTOR})}
 
 
 def _size(kind: str, name: str) -> dict[str, Any]:

@@ -14,21 +14,22 @@ import math
 import numpy as np
 from numba import njit
 
-from imdim.geometry.lowering import Lowered, lower, split_params
-from imdim.program.tree import KINDS, Program
+from imdim.geometry.lowering import NO_OUTLINES, Lowered, Outlines, lower, split_params
+from imdim.program.tree import KINDS, SIMPLE, Program
 
-BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID = range(len(KINDS))
+BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID, EXTRUDE, REVOLVE = range(len(KINDS))
 
 
-def leaf_table(kinds: np.ndarray, params: np.ndarray, points: np.ndarray) -> np.ndarray:
+def leaf_table(kinds: np.ndarray, params: np.ndarray, points: np.ndarray, outlines: Outlines = NO_OUTLINES) -> np.ndarray:
     """Signed distances [k, n] of `points` [n, 3] to the leaves `kinds` [k], `params` [k, 9]."""
-    return _leaf_table(np.require(kinds, np.int64, ["C", "W"]), *split_params(params), _as_points(points))
+    lists = outlines.curves, outlines.spans
+    return _leaf_table(np.require(kinds, np.int64, ["C", "W"]), *split_params(params), *lists, _as_points(points))
 
 
 def program_sdf(program: Program | Lowered, points: np.ndarray) -> np.ndarray:
     """Values [n] at `points` [n, 3]."""
     p = _as_lowered(program)
-    return _program_values(p.code, p.kinds, p.sizes, p.centers, p.rotations, _as_points(points))[0]
+    return _program_values(*_arrays(p), _as_points(points))[0]
 
 
 def inside(program: Program | Lowered, points: np.ndarray) -> np.ndarray:
@@ -39,7 +40,11 @@ def inside(program: Program | Lowered, points: np.ndarray) -> np.ndarray:
 def program_tangent(program: Program | Lowered, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Deciding leaf int64 [n], value [n], local-frame derivative [n, 9] (sizes, shift, rotation vector), world normal [n, 3]."""
     p = _as_lowered(program)
-    return _program_tangent(p.code, p.kinds, p.sizes, p.centers, p.rotations, _as_points(points))
+    return _program_tangent(*_arrays(p), _as_points(points))
+
+
+def _arrays(p: Lowered) -> tuple[np.ndarray, ...]:
+    return p.code, p.kinds, p.sizes, p.centers, p.rotations, p.outlines.curves, p.outlines.spans
 
 
 def _as_lowered(program: Program | Lowered) -> Lowered:
@@ -161,7 +166,96 @@ def _ellipsoid(s, x, y, z, out):
 
 
 @njit(nogil=True, cache=True)
-def _local(kind, s, x, y, z, out):
+def _outline(curves, x, y):
+    """Signed distance of a point of the plane to the loops of `curves` [c, 8], and its derivatives.
+
+    The parity of crossings is that of the chords, turned for each arc that has the point between it and its chord.
+    """
+    nearest2, odd, fx, fy, nx, ny = np.inf, False, 0.0, 0.0, 0.0, 0.0
+    for i in range(len(curves)):
+        ax, ay, ex, ey, bulge, cx, cy, radius = curves[i]
+        ux, uy, wx, wy = ex - ax, ey - ay, x - ax, y - ay
+        if (ay > y) != (ey > y) and x < ax + wy * ux / uy:
+            odd = not odd
+        t = min(max((wx * ux + wy * uy) / (ux * ux + uy * uy), 0.0), 1.0)
+        px, py, mx, my = ax + t * ux, ay + t * uy, uy, -ux
+        if bulge != 0.0:
+            qx, qy = x - cx, y - cy
+            away = math.sqrt(qx * qx + qy * qy)
+            if away < radius and (ux * wy - uy * wx) * bulge < 0:
+                odd = not odd
+            if away == 0.0:
+                qx, qy, away = math.copysign(1.0, bulge) * uy, -math.copysign(1.0, bulge) * ux, math.sqrt(ux * ux + uy * uy)
+            gx, gy = cx + qx * radius / away, cy + qy * radius / away
+            if (ux * (gy - ay) - uy * (gx - ax)) * bulge <= 0:
+                px, py = gx, gy
+            else:
+                px, py = (ax, ay) if wx * wx + wy * wy < (x - ex) ** 2 + (y - ey) ** 2 else (ex, ey)
+            mx, my = math.copysign(px - cx, (px - cx) * bulge), math.copysign(py - cy, (py - cy) * bulge)
+        d2 = (x - px) ** 2 + (y - py) ** 2
+        if d2 < nearest2:
+            nearest2, fx, fy, nx, ny = d2, px, py, mx, my
+    d = math.sqrt(nearest2)
+    sign = -1.0 if odd else 1.0
+    length = math.sqrt(nx * nx + ny * ny)
+    if d > 1e-9 * length:
+        return sign * d, sign * (x - fx) / d, sign * (y - fy) / d
+    return sign * d, nx / length, ny / length
+
+
+@njit(nogil=True, cache=True)
+def _extrude(curves, s, x, y, z, out):
+    side, gx, gy = _outline(curves, x, y)
+    d, g, gz = _faces2(side, abs(z) - s[0] / 2)
+    out[0], out[1], out[2] = -gz / 2, 0.0, 0.0
+    out[3], out[4], out[5] = g * gx, g * gy, math.copysign(gz, z)
+    return d
+
+
+@njit(nogil=True, cache=True)
+def _revolve(curves, s, x, y, z, out):
+    rho = math.sqrt(x * x + y * y)
+    d, g_rho, g_z = _outline(curves, rho, z)
+    out[0], out[1], out[2] = 0.0, 0.0, 0.0
+    _turn(g_rho, g_z, rho, x, y, out)
+    if s[0] >= 360.0:
+        return d
+    at, angle = math.atan2(y, x), math.radians(s[0])
+    at += 2 * math.pi if at < 0 else 0.0
+    if at <= angle:
+        if d <= 0:
+            for end in range(2):
+                off = angle - at if end else at
+                depth = rho * math.sin(min(off, math.pi / 2))
+                if -depth > d:
+                    d = -depth
+                    _end_face(end, s[0], off, d, 0.0, 0.0, 1.0, rho, x, y, out)
+        return d
+    best = np.inf
+    for end in range(2):
+        off = at - angle if end else 2 * math.pi - at
+        flat, g_u, g_v = _outline(curves, rho * math.cos(off), z)
+        beside = rho * math.sin(off) if off < math.pi else 0.0
+        value, g_flat, g_beside = _faces2(flat, beside)
+        value = math.sqrt(max(flat, 0.0) ** 2 + beside**2)
+        if value < best:
+            best = value
+            _end_face(end, s[0], off, value, g_flat * g_u, g_flat * g_v, g_beside, rho, x, y, out)
+    return best
+
+
+@njit(nogil=True, cache=True)
+def _end_face(end, degrees, off, d, g_u, g_v, g_beside, rho, x, y, out):
+    """Write the derivatives where an end face of a turned outline decides: along it, in z, and away from it."""
+    turned = math.radians(degrees) if end else 0.0
+    cosine, sine = math.cos(turned), math.sin(turned)
+    ax, ay = (-sine, cosine) if end else (sine, -cosine)
+    out[3], out[4], out[5] = g_u * cosine + g_beside * ax, g_u * sine + g_beside * ay, g_v
+    out[0] = -math.radians(1.0) * (g_beside * rho * math.cos(off) - g_u * rho * math.sin(off)) if end else 0.0
+
+
+@njit(nogil=True, cache=True)
+def _local(kind, s, curves, x, y, z, out):
     """Value at the local point, and into `out` [>= 6] its derivatives with respect to the sizes and the point."""
     if kind == BOX:
         return _box(s, x, y, z, out)
@@ -173,7 +267,9 @@ def _local(kind, s, x, y, z, out):
         return _cone(s, x, y, z, out)
     if kind == TORUS:
         return _torus(s, x, y, z, out)
-    return _ellipsoid(s, x, y, z, out)
+    if kind == ELLIPSOID:
+        return _ellipsoid(s, x, y, z, out)
+    return _extrude(curves, s, x, y, z, out) if kind == EXTRUDE else _revolve(curves, s, x, y, z, out)
 
 
 @njit(nogil=True, cache=True)
@@ -230,11 +326,23 @@ def _row_of(kind):
     return njit(nogil=True)(row)
 
 
-_box_row, _sphere_row, _cylinder_row, _cone_row, _torus_row, _ellipsoid_row = (_row_of(kind) for kind in range(len(KINDS)))
+_box_row, _sphere_row, _cylinder_row, _cone_row, _torus_row, _ellipsoid_row = (_row_of(kind) for kind in range(len(SIMPLE)))
 
 
 @njit(nogil=True, cache=True)
-def _fill_row(kind, size, center, rotation, xs, ys, zs, out):
+def _outlined_row(kind, size, curves, center, rotation, xs, ys, zs, out):
+    point, slope = np.empty(3), np.empty(6)
+    for j in range(len(out)):
+        point[0], point[1], point[2] = xs[j], ys[j], zs[j]
+        x, y, z = _to_local(center, rotation, point)
+        out[j] = _local(kind, size, curves, x, y, z, slope)
+
+
+@njit(nogil=True, cache=True)
+def _fill_row(kind, size, curves, center, rotation, xs, ys, zs, out):
+    if kind >= EXTRUDE:
+        _outlined_row(kind, size, curves, center, rotation, xs, ys, zs, out)
+        return
     a, b, c = size
     cx, cy, cz = center
     xx, xy, xz = rotation[0]
@@ -255,11 +363,16 @@ def _fill_row(kind, size, center, rotation, xs, ys, zs, out):
 
 
 @njit(nogil=True, cache=True)
-def _leaf_table(kinds, sizes, centers, rotations, points):
+def _curves_of(i, kinds, curves, spans):
+    return curves[spans[i, 0] : spans[i, 1]] if kinds[i] >= EXTRUDE else curves[:0]
+
+
+@njit(nogil=True, cache=True)
+def _leaf_table(kinds, sizes, centers, rotations, curves, spans, points):
     table = np.empty((len(kinds), len(points)))
     xyz = np.ascontiguousarray(points.T)
     for i in range(len(kinds)):
-        _fill_row(kinds[i], sizes[i], centers[i], rotations[i], xyz[0], xyz[1], xyz[2], table[i])
+        _fill_row(kinds[i], sizes[i], _curves_of(i, kinds, curves, spans), centers[i], rotations[i], xyz[0], xyz[1], xyz[2], table[i])
     return table
 
 
@@ -307,18 +420,20 @@ def _fold(code, table):
 
 
 @njit(nogil=True, cache=True)
-def _program_values(code, kinds, sizes, centers, rotations, points):
+def _program_values(code, kinds, sizes, centers, rotations, curves, spans, points):
     n, block = len(points), 1024
     value, owner = np.empty(n), np.empty(n, np.int64)
     for start in range(0, n, block):
         part = points[start : start + block]
-        value[start : start + block], owner[start : start + block] = _fold(code, _leaf_table(kinds, sizes, centers, rotations, part))
+        value[start : start + block], owner[start : start + block] = _fold(
+            code, _leaf_table(kinds, sizes, centers, rotations, curves, spans, part)
+        )
     return value, owner
 
 
 @njit(nogil=True, cache=True)
-def _program_tangent(code, kinds, sizes, centers, rotations, points):
-    value, leaf = _program_values(code, kinds, sizes, centers, rotations, points)
+def _program_tangent(code, kinds, sizes, centers, rotations, curves, spans, points):
+    value, leaf = _program_values(code, kinds, sizes, centers, rotations, curves, spans, points)
     tangent, normal = np.empty((len(points), 9)), np.empty((len(points), 3))
     for j in range(len(points)):
         sign = 1.0
@@ -326,7 +441,7 @@ def _program_tangent(code, kinds, sizes, centers, rotations, points):
             leaf[j], sign = -1 - leaf[j], -1.0
         i, row = leaf[j], tangent[j]
         x, y, z = _to_local(centers[i], rotations[i], points[j])
-        _local(kinds[i], sizes[i], x, y, z, row)
+        _local(kinds[i], sizes[i], _curves_of(i, kinds, curves, spans), x, y, z, row)
         for a in range(6):
             row[a] *= sign
         gx, gy, gz = row[3], row[4], row[5]

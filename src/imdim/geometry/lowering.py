@@ -2,7 +2,7 @@
 
 `params` [k, 9] holds one row per leaf in the order of `tree.leaves`: the sizes padded with zeros to three, the centre, the Euler
 degrees. The structure is a postfix instruction list: a number >= 0 pushes that leaf, -1, -2, -3 take two values off the stack and
-push their union, intersection, difference.
+push their union, intersection, difference. Outlines are one list of curves, of which each leaf has a span.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
+from imdim.program.outline import arc_center, arc_radius
 from imdim.program.tree import KINDS, OPS, SIZE_NAMES, Op, Primitive, Program, fold, leaves, map_leaves
 
 OP_CODES: dict[Op, int] = {op: -1 - i for i, op in enumerate(OPS)}
@@ -30,13 +31,31 @@ def pack_all(parts: Sequence[Primitive]) -> tuple[np.ndarray, np.ndarray]:
     return kinds, np.array(rows, float)
 
 
+@dataclass(frozen=True)
+class Outlines:
+    """`curves` [c, 8] of all leaves: start x and y, end x and y, bulge, and an arc's centre and radius; leaf i has `spans` [k, 2]."""
+
+    curves: np.ndarray
+    spans: np.ndarray
+
+    @staticmethod
+    def of(parts: Sequence[Primitive]) -> Outlines:
+        lists = [[] if p.outline is None else p.outline.curves for p in parts]
+        ends = np.cumsum([0, *map(len, lists)])
+        rows = [(*c, *(arc_center(c) if c[4] else (0.0, 0.0)), arc_radius(c) if c[4] else 0.0) for curves in lists for c in curves]
+        return Outlines(np.array(rows, float).reshape(-1, 8), np.stack([ends[:-1], ends[1:]], axis=1).astype(np.int64))
+
+
+NO_OUTLINES = Outlines(np.empty((0, 8)), np.empty((0, 2), np.int64))
+
+
 def unpack(program: Program, params: np.ndarray) -> Program:
     """The same structure with the numbers of `params` [k, 9]; raises ValueError for sizes that `check_size` refuses."""
     rows = np.asarray(params, float).tolist()
 
     def read(i: int, p: Primitive) -> Primitive:
         row = rows[i]
-        return Primitive(p.kind, tuple(row[: len(SIZE_NAMES[p.kind])]), tuple(row[3:6]), tuple(row[6:9]))
+        return Primitive(p.kind, tuple(row[: len(SIZE_NAMES[p.kind])]), tuple(row[3:6]), tuple(row[6:9]), p.outline)
 
     return map_leaves(program, read)
 
@@ -53,19 +72,20 @@ def postfix(program: Program) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Lowered:
-    """`code` int64 [2k-1], `kinds` int64 [k], `sizes` [k, 3], `centers` [k, 3], `rotations` [k, 3, 3] (local to world)."""
+    """`code` int64 [2k-1], `kinds` int64 [k], `sizes` [k, 3], `centers` [k, 3], `rotations` [k, 3, 3] (local to world), `outlines`."""
 
     code: np.ndarray
     kinds: np.ndarray
     sizes: np.ndarray
     centers: np.ndarray
     rotations: np.ndarray
+    outlines: Outlines = NO_OUTLINES
 
 
 def lower(program: Program) -> Lowered:
     """All arrays that the compiled kernels need."""
     kinds, params = pack(program)
-    return Lowered(postfix(program), kinds, *split_params(params))
+    return Lowered(postfix(program), kinds, *split_params(params), Outlines.of([*leaves(program)]))
 
 
 def split_params(params: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

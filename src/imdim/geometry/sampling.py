@@ -10,7 +10,7 @@ from imdim.geometry import kernels
 from imdim.geometry.lowering import lower, pack
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.surface_map import SURFACE_MAPS, face_ends, surface_area
-from imdim.program.tree import Primitive, Program, leaves
+from imdim.program.tree import Primitive, Program, envelope, leaves
 
 # A program whose boundary is a smaller share of its leaves' surfaces than about one in this many is taken to have none.
 MAX_ROUNDS = 64
@@ -87,6 +87,7 @@ def leaf_surface(primitive: Primitive, n: int, rng: np.random.Generator) -> tupl
 
 def bounding_radius(primitive: Primitive) -> float:
     """Radius of a ball about the centre that holds the primitive."""
+    primitive = envelope(primitive)
     size = primitive.size
     if primitive.kind == "box":
         return float(np.linalg.norm(size)) / 2

@@ -10,10 +10,11 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import trimesh
-from manifold3d import CrossSection, Error, Manifold, Mesh64, OpType
+from manifold3d import CrossSection, Error, FillRule, Manifold, Mesh64, OpType
 
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.program.nary import fold_nary
+from imdim.program.outline import Outline, flatten_loop
 from imdim.program.tree import Op, Primitive, Program
 
 SEGMENTS = 96
@@ -37,7 +38,17 @@ _COMBINE: Mapping[Op, Callable[[list[Manifold]], Manifold]] = {
 def primitive_to_manifold(primitive: Primitive, segments: int = SEGMENTS) -> Manifold:
     """One placed primitive as an inscribed polyhedron."""
     placement = np.column_stack([exact_rotation(primitive), primitive.center])
-    return _LOCAL[primitive.kind](primitive.size, segments).transform(placement)
+    if primitive.outline is None:
+        return _LOCAL[primitive.kind](primitive.size, segments).transform(placement)
+    return _sweep(primitive, primitive.outline, segments).transform(placement)
+
+
+def _sweep(primitive: Primitive, outline: Outline, segments: int) -> Manifold:
+    """An extruded or turned outline about its own origin."""
+    section = CrossSection([flatten_loop(loop, segments) for loop in outline.loops], FillRule.EvenOdd)
+    if primitive.kind == "extrude":
+        return section.extrude(primitive.size[0]).translate((0.0, 0.0, -primitive.size[0] / 2))
+    return section.revolve(segments, primitive.size[0])
 
 
 def to_manifold(program: Program, segments: int = SEGMENTS) -> Manifold:

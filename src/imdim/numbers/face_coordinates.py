@@ -24,9 +24,9 @@ import numpy as np
 from imdim.geometry.lowering import Lowered
 from imdim.geometry.rotations import euler_from_matrix
 from imdim.geometry.sampling import bounding_radius
-from imdim.program.tree import KINDS, SIZE_NAMES, Primitive, Program, map_leaves
+from imdim.program.tree import KINDS, SIMPLE, SIZE_NAMES, Primitive, Program, map_leaves
 
-BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID = range(len(KINDS))
+BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID = range(len(SIMPLE))
 
 # One step may shrink a size to no less than this share and turn or shift a leaf by no more than this share of its bounding radius.
 MIN_SHRINK = 0.3

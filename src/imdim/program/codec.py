@@ -22,7 +22,7 @@ from imdim.program.repeats import Folded, expand, repeats
 from imdim.program.tree import Program, Vec3, leaves
 
 FORMAT = "imdim-csg"
-VERSIONS = VERSION, CONSTRAINED, REPEATED = 1, 2, 3  # plain, with constraints, with repeats
+VERSIONS = VERSION, CONSTRAINED, REPEATED, OUTLINES = 1, 2, 3, 4  # plain, with constraints, with repeats, with outlines
 MAX_CONSTRAINTS = 10_000
 MAX_CHARACTERS = 8 * 1024 * 1024
 MAX_BRACKETS = 500_000  # seven programs of 10,000 primitives have 350,000
@@ -62,6 +62,7 @@ def to_json(
         raise ValueError(f"a document holds {MAX_PRIMITIVES} primitives and {MAX_DEPTH} nested operations at most, got {count} and {depth}")
     frame = {**CONVENTION, "center": [float(v) for v in meta.center], "scale": float(meta.scale)}
     version = REPEATED if folded is not None and any(repeats(folded)) else CONSTRAINED if constraints else VERSION
+    version = OUTLINES if any(leaf.outline for leaf in leaves(program)) else version
     document = {"format": FORMAT, "version": version, "units": meta.units, "frame": frame, "program": node}
     if not constraints:
         return document
@@ -154,6 +155,8 @@ def _read_document(document: object) -> tuple[Program, Meta, tuple[Constraint, .
         program = expand(folded)
     except ValueError as error:
         raise ValueError(f"$.program: {error}") from None
+    if top["version"] < OUTLINES and any(leaf.outline for leaf in leaves(program)):
+        raise ValueError(f"$.program: version {top['version']} has no outlines, they came with version {OUTLINES}")
     return program, _read_meta(top), _read_constraints(top.get("constraints", []), program), folded
 
 

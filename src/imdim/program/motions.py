@@ -1,6 +1,6 @@
 """Rigid motions of primitives: steps, turns about a line, and mirror images.
 
-Every primitive is its own mirror image in its local x, so that a mirrored one is a turned one again.
+Every primitive but a drawn one is its own mirror image in its local x, so that a mirrored one is a turned one again.
 """
 
 from __future__ import annotations
@@ -9,12 +9,12 @@ import math
 from dataclasses import dataclass, replace
 
 from imdim.program.rewrite.containment import axes, dot
-from imdim.program.tree import Primitive, Program, Vec3, map_leaves
+from imdim.program.tree import FULL_TURN, Primitive, Program, Vec3, map_leaves
 
 Matrix = tuple[Vec3, Vec3, Vec3]  # rows
 
 IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-ROUND = ("cylinder", "cone", "torus")  # their turns about local z change nothing
+ROUND = ("cylinder", "cone", "torus")
 SAME_DIRECTION = 1e-12
 ANGLE_DIGITS = 10
 
@@ -76,12 +76,26 @@ def move_leaf(leaf: Primitive, motion: Motion) -> Primitive:
     if motion.linear == IDENTITY or leaf.kind == "sphere":
         return replace(leaf, center=center)
     frame = axes(leaf)
-    if leaf.kind in ROUND and math.dist(motion.direction(frame[2]), frame[2]) < SAME_DIRECTION:
+    if is_round(leaf) and math.dist(motion.direction(frame[2]), frame[2]) < SAME_DIRECTION:
         return replace(leaf, center=center)
     x, y, z = (motion.direction(axis) for axis in frame)
-    if motion.mirrors:
-        x = (-x[0], -x[1], -x[2])
-    return replace(leaf, center=center, rotation=_euler(x, y, z))
+    if not motion.mirrors:
+        return replace(leaf, center=center, rotation=_euler(x, y, z))
+    if leaf.kind == "revolve":  # its image turns the other way: it starts where that ends
+        cosine, sine = _cosine_sine(leaf.size[0])
+        start = _weigh(x, cosine, y, sine)
+        return replace(leaf, center=center, rotation=_euler(start, _weigh(x, sine, y, -cosine), z))
+    x = (-x[0], -x[1], -x[2])
+    return replace(leaf, center=center, rotation=_euler(x, y, z), outline=leaf.outline and leaf.outline.mirror())
+
+
+def is_round(leaf: Primitive) -> bool:
+    """Whether turns about local z change nothing."""
+    return leaf.kind in ROUND or (leaf.kind == "revolve" and leaf.size[0] == FULL_TURN)
+
+
+def _weigh(a: Vec3, s: float, b: Vec3, t: float) -> Vec3:
+    return (s * a[0] + t * b[0], s * a[1] + t * b[1], s * a[2] + t * b[2])
 
 
 def _about(point: Vec3, linear: Matrix, mirrors: bool) -> Motion:

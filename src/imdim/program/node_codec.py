@@ -10,8 +10,9 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any, cast
 
 from imdim.program import fields
+from imdim.program.outline import MOST_CURVES, Outline, Vertex, check_crossings
 from imdim.program.repeats import JOINS, REPEATS, Folded, Group, Repeat, size
-from imdim.program.tree import KINDS, OPS, SIZE_NAMES, Op, Primitive, Program, Vec3, fold
+from imdim.program.tree import KINDS, OPS, OUTLINED, SIZE_NAMES, Op, Primitive, Program, Vec3, fold
 
 MAX_DEPTH = 200  # operations and repeats inside each other
 MAX_PRIMITIVES = 10_000  # all copies counted
@@ -63,7 +64,13 @@ def text_lines(node: dict[str, Any], indent: str) -> Iterator[str]:
 
 def _leaf(p: Primitive) -> dict[str, Any]:
     sizes = {name: float(value) for name, value in zip(SIZE_NAMES[p.kind], p.size, strict=True)}
-    return {"kind": p.kind, "size": sizes, "center": [float(v) for v in p.center], "rotation": [float(v) for v in p.rotation]}
+    drawn = {} if p.outline is None else {"outline": [[_vertex(vertex) for vertex in loop] for loop in p.outline.loops]}
+    return {"kind": p.kind, "size": sizes, **drawn, "center": [float(v) for v in p.center], "rotation": [float(v) for v in p.rotation]}
+
+
+def _vertex(vertex: Vertex) -> list[float]:
+    """A vertex; one from which a line runs needs no bulge."""
+    return [float(v) for v in (vertex if vertex[2] else vertex[:2])]
 
 
 def _joiner(op: Op) -> Any:
@@ -176,13 +183,43 @@ _READ: Mapping[str, Callable[[object, str], Any]] = {
 
 def _read_primitive(node: object, path: str) -> Primitive:
     path = fields.shorten(path)
-    given = fields.record(node, path, ("kind", "size"), ("center", "rotation"))
-    kind = fields.choice(given["kind"], f"{path}.kind", KINDS)
+    kind = fields.choice(node.get("kind") if isinstance(node, dict) else node, f"{path}.kind", KINDS)
+    drawn = ("outline",) if kind in OUTLINED else ()
+    given = fields.record(node, path, ("kind", "size", *drawn), ("center", "rotation"))
     names = SIZE_NAMES[kind]
     sizes = fields.record(given["size"], f"{path}.size", names)
     numbers = tuple(fields.number(sizes[name], f"{path}.size.{name}") for name in names)
     center, rotation = (fields.vector(given.get(key, [0, 0, 0]), f"{path}.{key}") for key in ("center", "rotation"))
+    outline = _read_outline(given["outline"], f"{path}.outline") if drawn else None
     try:
-        return Primitive(kind, numbers, center, rotation)
+        return Primitive(kind, numbers, center, rotation, outline)
     except ValueError as error:
         raise ValueError(f"{path}.size: {error}") from None
+
+
+def _read_outline(value: object, path: str) -> Outline:
+    """Loops of vertices [x, y] or [x, y, bulge]; those that touch or cross themselves or each other are refused."""
+    loops = _read_list(value, path, "loops")
+    vertices = [_read_list(loop, f"{path}[{i}]", "vertices") for i, loop in enumerate(loops)]
+    if (total := sum(map(len, vertices))) > MOST_CURVES:
+        raise ValueError(f"{path}: at most {MOST_CURVES} curves, got {total}")
+    rings = [tuple(_read_vertex(v, f"{path}[{i}][{k}]") for k, v in enumerate(ring)) for i, ring in enumerate(vertices)]
+    try:
+        outline = Outline(tuple(rings))
+        check_crossings(outline)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    return outline
+
+
+def _read_list(value: object, path: str, what: str) -> list[object]:
+    if not isinstance(value, list):
+        raise ValueError(f"{path}: expected a list of {what}, got {fields.show(value)}")
+    return value
+
+
+def _read_vertex(value: object, path: str) -> Vertex:
+    if not isinstance(value, list) or len(value) not in (2, 3):
+        raise ValueError(f"{path}: expected [x, y] or [x, y, bulge], got {fields.show(value)}")
+    x, y, *bulge = (fields.number(v, f"{path}[{i}]") for i, v in enumerate(value))
+    return x, y, bulge[0] if bulge else 0.0

@@ -14,13 +14,15 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeVar
 
+from imdim.program.outline import Outline
+
 Op = Literal["union", "intersection", "difference"]
 Vec3 = tuple[float, float, float]
 T = TypeVar("T")
 
 OPS: tuple[Op, ...] = ("union", "intersection", "difference")
 
-# Full edge lengths for a box, semi-axes for an ellipsoid, full heights for cylinder and cone.
+# Full edge lengths for a box, semi-axes for an ellipsoid, full heights for cylinder, cone and extrusion, degrees for a turned outline.
 SIZE_NAMES: Mapping[str, tuple[str, ...]] = {
     "box": ("sx", "sy", "sz"),
     "sphere": ("r",),
@@ -28,8 +30,13 @@ SIZE_NAMES: Mapping[str, tuple[str, ...]] = {
     "cone": ("r_bottom", "r_top", "h"),
     "torus": ("r_major", "r_minor"),
     "ellipsoid": ("rx", "ry", "rz"),
+    "extrude": ("h",),
+    "revolve": ("angle",),
 }
 KINDS: tuple[str, ...] = tuple(SIZE_NAMES)
+OUTLINED = ("extrude", "revolve")  # drawn from an outline
+SIMPLE: tuple[str, ...] = tuple(kind for kind in KINDS if kind not in OUTLINED)  # the six that numbers alone describe
+FULL_TURN = 360.0
 
 
 def check_size(kind: str, size: tuple[float, ...]) -> None:
@@ -47,19 +54,31 @@ def check_size(kind: str, size: tuple[float, ...]) -> None:
         raise ValueError(f"cone needs one positive radius, got {size}")
     if kind == "torus" and size[1] > size[0]:
         raise ValueError(f"torus needs r_minor <= r_major, got {size}")
+    if kind == "revolve" and size[0] > FULL_TURN:
+        raise ValueError(f"revolve needs an angle of at most {FULL_TURN:g}, got {size[0]}")
 
 
 @dataclass(frozen=True, slots=True)
 class Primitive:
-    """One solid: `kind`, `size` in the order of SIZE_NAMES[kind], `center`, `rotation` in Euler degrees."""
+    """One solid: `kind`, `size` in the order of SIZE_NAMES[kind], `center`, `rotation` in Euler degrees.
+
+    The OUTLINED kinds have an `outline`. An extrusion's lies in the local xy plane and is swept from -h/2 to h/2 along local z; a turned
+    one's lies in the half plane (x >= 0, z) and is turned about local z, from the x axis counter-clockwise. The bounding box of an
+    outline is best kept about the origin (for a turned one about z = 0): it is then as small as the box that the solid is taken to fill.
+    """
 
     kind: str
     size: tuple[float, ...]
     center: Vec3 = (0.0, 0.0, 0.0)
     rotation: Vec3 = (0.0, 0.0, 0.0)
+    outline: Outline | None = None
 
     def __post_init__(self) -> None:
         check_size(self.kind, self.size)
+        if (self.outline is None) == (self.kind in OUTLINED):
+            raise ValueError(f"{self.kind} needs {'an' if self.outline is None else 'no'} outline")
+        if self.kind == "revolve" and self.outline is not None and self.outline.bounds[0][0] < 0:
+            raise ValueError(f"revolve needs an outline at x >= 0, got one that crosses its axis to x = {self.outline.bounds[0][0]:g}")
         for name, values in (("center", self.center), ("rotation", self.rotation)):
             if len(values) != 3 or not all(math.isfinite(v) for v in values):
                 raise ValueError(f"{self.kind} needs three finite numbers as {name}, got {values}")
@@ -136,6 +155,23 @@ def _same(one: Program, other: Program) -> bool:
         elif a != b:
             return False
     return True
+
+
+def map_lengths(leaf: Primitive, change: Callable[[float], float], center: Vec3) -> Primitive:
+    """A leaf at `center` with all its lengths changed by one factor."""
+    size = leaf.size if leaf.kind == "revolve" else tuple(map(change, leaf.size))
+    return Primitive(leaf.kind, size, center, leaf.rotation, leaf.outline and leaf.outline.map_lengths(change))
+
+
+def envelope(leaf: Primitive) -> Primitive:
+    """The leaf where numbers alone describe it; of an extrusion the box, of a turned outline the cylinder about its frame that holds it."""
+    if leaf.outline is None:
+        return leaf
+    (left, low), (right, high) = leaf.outline.bounds
+    across, reach = 2 * max(-left, right), 2 * max(-low, high)
+    if leaf.kind == "extrude":
+        return Primitive("box", (across, reach, leaf.size[0]), leaf.center, leaf.rotation)
+    return Primitive("cylinder", (across / 2, reach), leaf.center, leaf.rotation)
 
 
 def map_leaves(program: Program, change: Callable[[int, Primitive], Primitive]) -> Program:

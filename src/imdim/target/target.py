@@ -14,7 +14,7 @@ import numpy as np
 import trimesh
 
 from imdim.program.codec import Meta
-from imdim.program.tree import Primitive, Program, Vec3, map_leaves
+from imdim.program.tree import Primitive, Program, Vec3, map_leaves, map_lengths
 from imdim.target.bodies import compact, face_normals, split_faces
 from imdim.target.readers import InputError, Raw, read
 from imdim.target.repair import clean_mesh
@@ -82,11 +82,11 @@ class Frame:
 
     def _apply_leaf(self, leaf: Primitive) -> Primitive:
         x, y, z = ((c - origin) * self.scale for c, origin in zip(leaf.center, self.center, strict=True))
-        return replace(leaf, size=tuple(s * self.scale for s in leaf.size), center=(x, y, z))
+        return map_lengths(leaf, lambda s: s * self.scale, (x, y, z))
 
     def _undo_leaf(self, leaf: Primitive) -> Primitive:
         x, y, z = (c / self.scale + origin for c, origin in zip(leaf.center, self.center, strict=True))
-        return replace(leaf, size=tuple(s / self.scale for s in leaf.size), center=(x, y, z))
+        return map_lengths(leaf, lambda s: s / self.scale, (x, y, z))
 
 
 def in_unit_frame(target: Target) -> tuple[Target, Frame]:

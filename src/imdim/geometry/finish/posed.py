@@ -11,7 +11,7 @@ import numpy as np
 from manifold3d import Manifold
 
 from imdim.geometry.solid import exact_rotation, primitive_to_manifold
-from imdim.program.tree import Primitive
+from imdim.program.tree import Primitive, envelope
 
 CHECK_SEGMENTS = 64
 INSCRIBED = 1 - 3.3e-3  # of a radius: what polyhedra of CHECK_SEGMENTS hold in every direction; a sphere's lacks the most
@@ -31,7 +31,8 @@ class PosedPrimitive:
     @cached_property
     def half(self) -> np.ndarray:
         """Half extents [3] of the local box."""
-        return np.array(_HALF[self.leaf.kind](self.leaf.size))
+        held_by = envelope(self.leaf)
+        return np.array(_HALF[held_by.kind](held_by.size))
 
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:

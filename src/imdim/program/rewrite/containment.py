@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 
-from imdim.program.tree import Primitive, Vec3
+from imdim.program.tree import Primitive, Vec3, envelope
 from imdim.program.vectors import cross
 
 SLACK = 1e-9  # of the smaller primitive's bounding radius
@@ -22,11 +22,15 @@ _COORDINATE_NOISE = 1e-14  # of the largest coordinate: what rotating and adding
 
 def contains(outer: Primitive, inner: Primitive, slack: float = SLACK) -> bool:
     """Whether `inner` surely lies in `outer`, sticking out by at most `slack` of the smaller bounding radius."""
-    return outer == inner or _overshoot(outer, inner) <= _length(outer, inner, slack)
+    if outer == inner:
+        return True
+    # nothing is known of what an outline holds; what it is held by is its envelope
+    return outer.outline is None and _overshoot(outer, envelope(inner)) <= _length(outer, envelope(inner), slack)
 
 
 def disjoint(a: Primitive, b: Primitive, slack: float = SLACK) -> bool:
     """Whether the interiors of `a` and `b` surely do not meet, or by at most `slack` of the smaller bounding radius."""
+    a, b = envelope(a), envelope(b)
     return _gap(a, b) >= -_length(a, b, slack)
 
 
@@ -43,11 +47,13 @@ def axes(p: Primitive) -> tuple[Vec3, Vec3, Vec3]:
 def reach(p: Primitive, direction: Vec3) -> float:
     """Support: the largest (point - center) . direction over the solid, for a unit `direction`."""
     n = tuple(dot(direction, axis) for axis in axes(p))
+    p = envelope(p)
     return _REACH[p.kind](p.size, *n)
 
 
 def bounding_radius(p: Primitive) -> float:
     """Radius of the ball about the centre that holds the solid."""
+    p = envelope(p)
     return _RADIUS[p.kind](p.size)
 
 

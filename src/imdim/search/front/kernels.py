@@ -12,9 +12,9 @@ import math
 import numpy as np
 from numba import njit
 
-from imdim.program.tree import KINDS
+from imdim.program.tree import SIMPLE
 
-BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID = range(len(KINDS))
+BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID = range(len(SIMPLE))
 BLOCK = 512  # points folded at a time: the stack of a tree stays in the fastest cache
 F = np.float32
 ZERO, HALF, ONE, TINY = F(0), F(0.5), F(1), F(1e-20)

@@ -1,0 +1,274 @@
+"""Outlines: closed loops of lines and arcs in a plane, what extrusions and turned solids are drawn from.
+
+A loop is a ring of vertices ``(x, y, bulge)``. The curve from a vertex to the next is a line where the bulge is 0 and else the arc that
+turns by ``4 atan(bulge)``, counter-clockwise where it is positive: DXF's polyline, three numbers a curve, whose ends always meet. Two
+vertices of bulge 1 are a circle. A point belongs to the outline where an odd number of loops hold it: outer loops, holes, islands in holes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+Point = tuple[float, float]
+Vertex = tuple[float, float, float]
+Loop = tuple[Vertex, ...]
+Curve = tuple[float, float, float, float, float]  # x and y of the start and of the end, bulge
+
+MOST_CURVES = 2000  # of one outline
+TOUCHING = 1e-9  # of the outline's extent, within which two curves touch
+
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """`loops` of two or more vertices each; raises ValueError, a line that names loop and curve, for loops that bound nothing."""
+
+    loops: tuple[Loop, ...]
+
+    def __post_init__(self) -> None:
+        if not self.loops:
+            raise ValueError("an outline needs at least one loop")
+        if (total := sum(map(len, self.loops))) > MOST_CURVES:
+            raise ValueError(f"an outline of {total} curves; at most {MOST_CURVES} are read")
+        for i, loop in enumerate(self.loops):
+            _check_loop(i, loop)
+
+    @property
+    def curves(self) -> list[Curve]:
+        """The curves of all loops, loop after loop."""
+        return [curve for loop in self.loops for curve in loop_curves(loop)]
+
+    @property
+    def bounds(self) -> tuple[Point, Point]:
+        """Low and high corner."""
+        points = [p for curve in self.curves for p in _extremes(curve)]
+        xs, ys = zip(*points, strict=True)
+        return (min(xs), min(ys)), (max(xs), max(ys))
+
+    @property
+    def area(self) -> float:
+        """What the loops enclose, holes taken off."""
+        return abs(sum(loop_area(loop) * sign for loop, sign in zip(self.loops, _signs(self.loops), strict=True)))
+
+    def map_lengths(self, change: Callable[[float], float]) -> Outline:
+        """With all coordinates changed by one factor."""
+        return Outline(tuple(tuple((change(x), change(y), b) for x, y, b in loop) for loop in self.loops))
+
+    def shift(self, dx: float, dy: float) -> Outline:
+        """Moved in its plane."""
+        return Outline(tuple(tuple((x + dx, y + dy, b) for x, y, b in loop) for loop in self.loops))
+
+    def mirror(self) -> Outline:
+        """The image in the y axis, loops turned round so that they run as before."""
+        return Outline(tuple(reverse_loop(tuple((-x, y, -b) for x, y, b in loop)) for loop in self.loops))
+
+
+def rectangle(width: float, height: float) -> Outline:
+    """A rectangle about the origin."""
+    x, y = width / 2, height / 2
+    return Outline((((-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)),))
+
+
+def circle(radius: float, x: float = 0.0, y: float = 0.0) -> Loop:
+    """A circle as a loop of two half arcs, counter-clockwise."""
+    return ((x - radius, y, 1.0), (x + radius, y, 1.0))
+
+
+def circle_of(loop: Loop) -> tuple[float, float, float] | None:
+    """Centre and radius of a loop that is one circle, else None."""
+    if len(loop) != 2 or loop[0][2] != loop[1][2] or abs(loop[0][2]) != 1:
+        return None
+    (ax, ay, _), (bx, by, _) = loop
+    return (ax + bx) / 2, (ay + by) / 2, math.hypot(bx - ax, by - ay) / 2
+
+
+def loop_curves(loop: Loop) -> list[Curve]:
+    """The curves of one loop, in order."""
+    return [(x, y, u, v, b) for (x, y, b), (u, v, _) in zip(loop, (*loop[1:], loop[0]), strict=True)]
+
+
+def reverse_loop(loop: Loop) -> Loop:
+    """The same loop run the other way, from the same vertex."""
+    bulges = [-b for _, _, b in reversed(loop)]
+    corners = [loop[0], *reversed(loop[1:])]
+    return tuple((x, y, b) for (x, y, _), b in zip(corners, bulges, strict=True))
+
+
+def loop_area(loop: Loop) -> float:
+    """Signed area, positive for a loop that runs counter-clockwise."""
+    out = 0.0
+    for x, y, u, v, b in loop_curves(loop):
+        out += (x * v - u * y) / 2
+        if b:
+            radius, turn = arc_radius((x, y, u, v, b)), 4 * math.atan(b)
+            out += radius * radius * (turn - math.sin(turn)) / 2
+    return out
+
+
+def arc_radius(curve: Curve) -> float:
+    """Radius of an arc."""
+    x, y, u, v, b = curve
+    return math.hypot(u - x, v - y) * (1 + b * b) / (4 * abs(b))
+
+
+def arc_center(curve: Curve) -> Point:
+    """Centre of an arc."""
+    x, y, u, v, b = curve
+    along = (1 - b * b) / (4 * b)  # of the chord, from its middle along its left normal
+    return (x + u) / 2 - (v - y) * along, (y + v) / 2 + (u - x) * along
+
+
+def is_in_loop(loop: Loop, x: float, y: float) -> bool:
+    """Whether a loop winds round a point: by the parity of its chords, turned where the point lies between an arc and its chord."""
+    odd = False
+    for ax, ay, bx, by, bulge in loop_curves(loop):
+        if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
+            odd = not odd
+        if bulge:
+            curve = (ax, ay, bx, by, bulge)
+            cx, cy = arc_center(curve)
+            beyond = ((bx - ax) * (y - ay) - (by - ay) * (x - ax)) * bulge < 0
+            if beyond and math.hypot(x - cx, y - cy) < arc_radius(curve):
+                odd = not odd
+    return odd
+
+
+def orient_loops(loops: Sequence[Loop]) -> tuple[Loop, ...]:
+    """Outer loops counter-clockwise, holes clockwise: what is inside lies on the left of every curve."""
+    return tuple(
+        loop if (loop_area(loop) > 0) == (sign > 0) else reverse_loop(loop) for loop, sign in zip(loops, _nesting(loops), strict=True)
+    )
+
+
+def _nesting(loops: Sequence[Loop]) -> list[int]:
+    """1 for outer loops and islands, -1 for holes: by how many other loops hold a vertex."""
+    depth = [sum(is_in_loop(other, *loop[0][:2]) for other in loops if other is not loop) for loop in loops]
+    return [1 if d % 2 == 0 else -1 for d in depth]
+
+
+def _signs(loops: Sequence[Loop]) -> list[int]:
+    """What each loop's signed area counts with."""
+    return [sign if loop_area(loop) > 0 else -sign for loop, sign in zip(loops, _nesting(loops), strict=True)]
+
+
+def flatten_loop(loop: Loop, segments: int) -> list[Point]:
+    """The corners of a polygon whose vertices lie on the loop, arcs with as many edges as `segments` a circle give them, one at least."""
+    out: list[Point] = []
+    for curve in loop_curves(loop):
+        x, y, _, _, b = curve
+        out.append((x, y))
+        if not b:
+            continue
+        (cx, cy), turn = arc_center(curve), 4 * math.atan(b)
+        n = max(1, math.ceil(segments * abs(turn) / (2 * math.pi) - 1e-9))
+        for k in range(1, n):
+            sine, cosine = math.sin(turn * k / n), math.cos(turn * k / n)
+            out.append((cx + cosine * (x - cx) - sine * (y - cy), cy + sine * (x - cx) + cosine * (y - cy)))
+    return out
+
+
+def check_crossings(outline: Outline) -> None:
+    """Raise ValueError, a line that names both curves, where two curves cross or touch other than in a common vertex."""
+    extent = max(abs(b - a) for a, b in zip(*outline.bounds, strict=True))
+    named = [(i, k, c) for i, loop in enumerate(outline.loops) for k, c in enumerate(loop_curves(loop))]
+    boxes = [_box(curve, TOUCHING * extent) for _, _, curve in named]
+    for (m, (i, k, a)), (n, (j, other, b)) in combinations(enumerate(named), 2):
+        if boxes[m][0] > boxes[n][1] or boxes[n][0] > boxes[m][1] or boxes[m][2] > boxes[n][3] or boxes[n][2] > boxes[m][3]:
+            continue
+        shared = {c for c in ((a[0], a[1]), (a[2], a[3])) if c in ((b[0], b[1]), (b[2], b[3]))} if i == j else set()
+        if any(_nearest(p, shared) > TOUCHING * extent for p in meeting_points(a, b, TOUCHING * extent)):
+            raise ValueError(f"loop {i} curve {k} crosses or touches loop {j} curve {other}")
+
+
+def _nearest(point: Point, others: set[Point]) -> float:
+    return min((math.dist(point, q) for q in others), default=math.inf)
+
+
+def meeting_points(a: Curve, b: Curve, tolerance: float) -> list[Point]:
+    """Where two curves cross or touch; where they run along each other, ends of one that lie on the other."""
+    points = [p for p in (a[:2], a[2:4]) if _distance(b, p) <= tolerance] + [p for p in (b[:2], b[2:4]) if _distance(a, p) <= tolerance]
+    return points + [p for p in _carrier_crossings(a, b) if _distance(a, p) <= tolerance and _distance(b, p) <= tolerance]
+
+
+def _carrier_crossings(a: Curve, b: Curve) -> Iterator[Point]:
+    """Where the whole lines or circles of two curves meet."""
+    if not a[4] and not b[4]:
+        dx, dy, ex, ey = a[2] - a[0], a[3] - a[1], b[2] - b[0], b[3] - b[1]
+        cross = dx * ey - dy * ex
+        if abs(cross) > 1e-12 * math.hypot(dx, dy) * math.hypot(ex, ey):
+            t = ((b[0] - a[0]) * ey - (b[1] - a[1]) * ex) / cross
+            yield a[0] + t * dx, a[1] + t * dy
+    elif not a[4] or not b[4]:
+        line, arc = (a, b) if b[4] else (b, a)
+        yield from _line_circle(line, arc_center(arc), arc_radius(arc))
+    else:
+        yield from _circle_circle(arc_center(a), arc_radius(a), arc_center(b), arc_radius(b))
+
+
+def _line_circle(line: Curve, center: Point, radius: float) -> Iterator[Point]:
+    dx, dy = line[2] - line[0], line[3] - line[1]
+    length = math.hypot(dx, dy)
+    dx, dy = dx / length, dy / length
+    along = (center[0] - line[0]) * dx + (center[1] - line[1]) * dy
+    foot = (line[0] + along * dx, line[1] + along * dy)
+    half = math.sqrt(max(radius * radius - math.dist(foot, center) ** 2, 0.0))
+    yield foot[0] + half * dx, foot[1] + half * dy
+    yield foot[0] - half * dx, foot[1] - half * dy
+
+
+def _circle_circle(p: Point, r: float, q: Point, s: float) -> Iterator[Point]:
+    d = math.dist(p, q)
+    if d < 1e-12 * (r + s):
+        return
+    ux, uy = (q[0] - p[0]) / d, (q[1] - p[1]) / d
+    along = (d * d + r * r - s * s) / (2 * d)
+    half = math.sqrt(max(r * r - along * along, 0.0))
+    yield p[0] + along * ux - half * uy, p[1] + along * uy + half * ux
+    yield p[0] + along * ux + half * uy, p[1] + along * uy - half * ux
+
+
+def _distance(curve: Curve, point: Point) -> float:
+    """Distance of a point to a curve."""
+    x, y, u, v, b = curve
+    ends = min(math.dist((x, y), point), math.dist((u, v), point))
+    if not b:
+        length2 = (u - x) ** 2 + (v - y) ** 2
+        t = ((point[0] - x) * (u - x) + (point[1] - y) * (v - y)) / length2
+        return math.dist((x + t * (u - x), y + t * (v - y)), point) if 0 < t < 1 else ends
+    (cx, cy), radius = arc_center(curve), arc_radius(curve)
+    away = math.dist((cx, cy), point)
+    if away == 0:
+        return radius
+    px, py = cx + (point[0] - cx) * radius / away, cy + (point[1] - cy) * radius / away
+    return min(ends, abs(away - radius)) if ((u - x) * (py - y) - (v - y) * (px - x)) * b <= 0 else ends
+
+
+def _extremes(curve: Curve) -> Iterator[Point]:
+    """The ends of a curve, and the points of an arc that are farthest along the axes."""
+    x, y, u, v, b = curve
+    yield x, y
+    yield u, v
+    if b:
+        (cx, cy), radius = arc_center(curve), arc_radius(curve)
+        for px, py in ((cx + radius, cy), (cx - radius, cy), (cx, cy + radius), (cx, cy - radius)):
+            if ((u - x) * (py - y) - (v - y) * (px - x)) * b < 0:
+                yield px, py
+
+
+def _box(curve: Curve, margin: float) -> tuple[float, float, float, float]:
+    xs, ys = zip(*_extremes(curve), strict=True)
+    return min(xs) - margin, max(xs) + margin, min(ys) - margin, max(ys) + margin
+
+
+def _check_loop(i: int, loop: Loop) -> None:
+    if len(loop) < 2:
+        raise ValueError(f"loop {i} has {len(loop)} vertices; it needs 2 or more")
+    for k, (x, y, u, v, b) in enumerate(loop_curves(loop)):
+        if not all(map(math.isfinite, (x, y, b))):
+            raise ValueError(f"loop {i} curve {k} needs finite numbers, got {(x, y, b)}")
+        if (x, y) == (u, v):
+            raise ValueError(f"loop {i} curve {k} has no length: it starts and ends at {(x, y)}")
+    if len(loop) == 2 and loop[0][2] + loop[1][2] == 0:
+        raise ValueError(f"loop {i} encloses nothing: its two curves are one")
