@@ -6,7 +6,8 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from imdim.program.tree import KINDS, OPS, Op, Program, fold
+from imdim.program.outline import circle_of
+from imdim.program.tree import KINDS, OPS, Op, Primitive, Program, fold, leaves
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,19 @@ class Counts:
     @property
     def operations(self) -> int:
         return sum(self.ops.values())
+
+
+FREE_CURVES, CURVE = 4, 0.2  # curves that an outline has for nothing, as many as a box; what each further one costs, in primitives
+
+
+def curves_of(leaf: Primitive) -> int:
+    """The number of curves of a leaf's outline, a full circle counted as one; 0 for one of the six kinds."""
+    return 0 if leaf.outline is None else sum(1 if circle_of(loop) else len(loop) for loop in leaf.outline.loops)
+
+
+def weigh(program: Program) -> float:
+    """Primitives, an outline of many curves counted for more: what the search brings down beside the error."""
+    return sum(1 + CURVE * max(curves_of(leaf) - FREE_CURVES, 0) for leaf in leaves(program))
 
 
 def count(program: Program) -> Counts:

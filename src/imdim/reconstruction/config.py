@@ -16,6 +16,7 @@ from typing import Any, TypeVar, get_type_hints
 from imdim.export.numbers import MAX_SEGMENTS
 
 T = TypeVar("T")
+LANGUAGES = ("csg", "cad")
 NONE = "none"  # as a checkpoint: no network at all
 _HOMES = (Path(__file__).parents[3], Path(sys.prefix, "share/imdim"))  # a source tree, and where an installed wheel puts its data
 _MODELS = [home / "models" / "imdim-base.safetensors" for home in _HOMES]
@@ -30,6 +31,7 @@ class ConfigError(ValueError):
 class Settings:
     """What one reconstruction needs to know.
 
+    `language` is what programs are made of: csg of the six primitives alone, cad of extruded and turned outlines too.
     `budget_s` bounds the run in seconds of wall clock; `size_weight` is the price of a primitive: the share of the target's volume that
     one more must set right (larger gives shorter and cruder programs); `segments` is the number of facets per circle in delivered meshes;
     `logdir` is where an evolution writes tensorboard's event files (empty: nowhere); `checkpoint` is the policy of method=policy, which
@@ -45,6 +47,7 @@ class Settings:
     seed: int = 0
     budget_s: float = 60.0
     method: str = "auto"
+    language: str = "csg"
     size_weight: float = 2.5e-4
     segments: int = 96
     logdir: str = ""
@@ -144,6 +147,8 @@ def check(settings: Settings) -> Settings:
             raise ConfigError(f"setting {key} must be a finite number of at least {low:g}, got {value}")
     if settings.segments > MAX_SEGMENTS:
         raise ConfigError(f"setting segments must be at most {MAX_SEGMENTS}, got {settings.segments}")
+    if settings.language not in LANGUAGES:
+        raise ConfigError(f"unknown language {settings.language!r}; known are {', '.join(LANGUAGES)}")
     if not 0 < settings.size_weight < 1:
         raise ConfigError(f"setting size_weight must lie in 0..1, got {settings.size_weight}")
     return settings

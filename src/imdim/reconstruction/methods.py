@@ -17,7 +17,7 @@ from imdim.baselines.stump import stumps
 from imdim.deadline import Deadline
 from imdim.program.cost import count
 from imdim.program.front import Choice
-from imdim.program.tree import Program
+from imdim.program.tree import Program, leaves
 from imdim.reconstruction.budget import Budget, Stage
 from imdim.reconstruction.config import Settings
 from imdim.reconstruction.evolution import evolve_observation, log_generations, seeds_of
@@ -99,7 +99,7 @@ def auto(run: Run) -> Iterator[MethodStep]:
         before, best = best, source(run, best)
         if best is not None and best != before:
             yield best
-    if best is not None and run.settings.synthesis and not run.seen.noisy:
+    if best is not None and run.settings.synthesis and not run.seen.noisy and not has_outlines(best.program):
         yield _prove(best, proofs)
 
 
@@ -189,7 +189,7 @@ def _search_structure(run: Run, proofs: Proofs) -> Iterator[MethodStep]:
         program = to_program(found.sequence, found.families)
         yield MethodStep("search", program)
         # what the labels of a noisy cloud prove is not worth the time
-        program, proof = (None if seen.noisy else proofs.early(program)) or (program, None)
+        program, proof = (None if seen.noisy or has_outlines(program) else proofs.early(program)) or (program, None)
         if proof and proof.program and (shortest is None or seen.price(program) < seen.price(shortest)):
             shortest = program
         enough = bool(proof and proof.minimal and proof.extra < WORTH_MORE)
@@ -214,7 +214,7 @@ def _touch_up(run: Run, last: MethodStep) -> Iterator[MethodStep]:
     For a mesh, where the search left something or its program is long; in a cloud the doubts about what is inside outweigh it.
     """
     seen, deadline = run.seen, run.budget.end_of("search")
-    if not (run.settings.evolution and seen.evidence.exact):
+    if not (run.settings.evolution and seen.evidence.exact) or has_outlines(last.program):
         return
     if seen.error(last.program) < TOUCHED and count(last.program).primitives < LONG:
         return
@@ -287,6 +287,11 @@ def _propose(run: Run, starts: list[Program]) -> MethodStep:
     written = run.policy() if asked else None
     best, *_ = proposals(written, run.seen.target.points, run.seen.noise.sigma, starts, deadline=deadline)
     return MethodStep("policy", best.program).cut_if(deadline.has_passed() or not asked)
+
+
+def has_outlines(program: Program) -> bool:
+    """Whether there are outlines among the leaves: of those, proofs and evolution know nothing."""
+    return any(leaf.outline for leaf in leaves(program))
 
 
 def time_to_propose(budget: Budget) -> bool:

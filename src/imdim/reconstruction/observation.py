@@ -18,12 +18,13 @@ from imdim.geometry import kernels
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.geometry.surface import Patch, Surface
 from imdim.geometry.winding import inside_mesh
-from imdim.program.cost import count
+from imdim.program.cost import CURVE, weigh
 from imdim.program.tree import Program
 from imdim.reconstruction.evidence import ScoringSamples
 from imdim.search.arrangement import ArrangementConfig, arrange
 from imdim.search.candidate_families import Families
 from imdim.search.cells import Cells, VolumeSamples, compress_samples, label_samples
+from imdim.search.outline_families import NO_OUTLINES, Outlines, find_planes
 from imdim.target.target import InputError, Target
 
 SAMPLES = 150_000  # labelled, spread over the cells
@@ -98,7 +99,7 @@ class Observation:
 
     def price(self, program: Program) -> float:
         """The search's objective, relative to the body's volume."""
-        return self.error(program) + self.size_weight * count(program).primitives
+        return self.error(program) + self.size_weight * weigh(program)
 
     @cached_property
     def solid(self) -> Manifold | None:
@@ -115,7 +116,7 @@ class Observation:
     def exact_price(self, program: Program) -> float:
         """As `price`, with the exact volumes where there is a solid: samples may all have missed what a program gets wrong."""
         iou = self.iou(program)
-        return self.price(program) if iou is None else 1 - iou + self.size_weight * count(program).primitives
+        return self.price(program) if iou is None else 1 - iou + self.size_weight * weigh(program)
 
 
 def observe(
@@ -124,8 +125,9 @@ def observe(
     rng: np.random.Generator,
     detect_by: Deadline = NEVER,
     label_by: Deadline = NEVER,
+    outlines: bool = False,
 ) -> Observation:
-    """Surfaces, cells and candidate families of a body.
+    """Surfaces, cells and candidate families of a body, with `outlines` those too.
 
     Of a cloud, no more surfaces are looked for past `detect_by`, and no more samples are asked for their side past `label_by` (by default
     all are). Raises UnseenError.
@@ -146,7 +148,8 @@ def observe(
     cells = compress_samples(arrangement, samples)
     if not (cells.gain > 0).any():
         raise UnseenError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells", cut)
-    return Observation(unit, noise, patches, samples, Families(arrangement, cells), size_weight, label, cut)
+    drawn = Outlines(find_planes(arrangement), CURVE * size_weight * cells.volume) if outlines and not noise.blurs else NO_OUTLINES
+    return Observation(unit, noise, patches, samples, Families(arrangement, cells, drawn), size_weight, label, cut)
 
 
 def _corners(unit: Target, patches: list[Patch], noise: NoiseModel) -> np.ndarray:

@@ -222,7 +222,8 @@ def _body(body: Target, work: _Work, share: float = 1.0) -> Iterator[_BodyState]
     unit, frame = in_unit_frame(body)
     budget, settings, observed = work.budget, work.settings, UnitBody.of(unit, work.rng)
     try:
-        seen = observe(observed, settings.size_weight, work.rng, budget.part_of("detect", share), budget.part_of("label", share))
+        detect_by, label_by = budget.part_of("detect", share), budget.part_of("label", share)
+        seen = observe(observed, settings.size_weight, work.rng, detect_by, label_by, settings.language == "cad")
     except UnseenError as error:
         guess = _guess(observed, work, share, error.cut) if work.method in METHODS.values() else None  # a person's program is not dropped
         if guess is None:

@@ -9,7 +9,7 @@ where a cutter may overshoot.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations, islice
 
 import numpy as np
@@ -22,10 +22,14 @@ ORTHOGONAL = 1.5e-3  # largest cosine of a right angle
 
 @dataclass(frozen=True)
 class Direction:
-    """A unit vector and the sorted plane offsets [n >= 2] along it; the first and last are sentinels outside the part."""
+    """A unit vector and the sorted plane offsets [n >= 2] along it; the first and last are sentinels outside the part.
+
+    `detected` [n] tells the offsets of planes from those of centres, tangents and sentinels.
+    """
 
     vector: np.ndarray
     offsets: np.ndarray
+    detected: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
 
     def bins(self, points: np.ndarray) -> np.ndarray:
         """Index [n] of the slab between consecutive offsets that holds each of `points` [n, 3]."""
@@ -79,7 +83,7 @@ def arrange(surfaces: Sequence[Surface], areas: Sequence[float], bounds: np.ndar
     frames = _frames(vectors, config)
     outer = _outer([s for s, _ in curved], box, config.reach * diagonal)
     tol = config.merge * diagonal
-    directions = tuple(Direction(v, _offsets(v, surfaces, areas, box, outer, tol, config)) for v in vectors)
+    directions = tuple(_direction(v, surfaces, areas, box, outer, tol, config) for v in vectors)
     axis_of = tuple(_axis_index(s, vectors) for s, _ in curved)
     return Arrangement(directions, tuple(s for s, _ in curved), axis_of, frames, box, outer)
 
@@ -152,6 +156,20 @@ def _frames(vectors: list[np.ndarray], config: ArrangementConfig) -> tuple[tuple
     right = {pair for pair in combinations(range(len(vectors)), 2) if abs(vectors[pair[0]] @ vectors[pair[1]]) < ORTHOGONAL}
     triples = (t for t in combinations(range(len(vectors)), 3) if right.issuperset(combinations(t, 2)))
     return tuple(islice(triples, config.max_frames))
+
+
+def _direction(
+    v: np.ndarray,
+    surfaces: Sequence[Surface],
+    areas: Sequence[float],
+    box: np.ndarray,
+    outer: np.ndarray,
+    tol: float,
+    config: ArrangementConfig,
+) -> Direction:
+    offsets = _offsets(v, surfaces, areas, box, outer, tol, config)
+    planes = np.array([offset for s in surfaces if s.kind == "plane" for _, offset in _propose_offsets(s, v)])
+    return Direction(v, offsets, (np.abs(offsets[:, None] - planes) <= tol).any(1))
 
 
 def _offsets(

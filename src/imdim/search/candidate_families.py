@@ -1,6 +1,7 @@
-"""Candidate families: all the boxes, cylinders, cones, spheres and tori that an arrangement allows, never listed one by one.
+"""Candidate families: all the boxes, cylinders, cones, spheres, tori and outlines that an arrangement allows, never listed one by one.
 
-A family is a frame of three directions (boxes), a cylinder or cone with two caps along its axis, or a single sphere or torus.
+A family is a frame of three directions (boxes), a cylinder or cone with two caps along its axis, a single sphere or torus, or a plane
+arrangement (`outline_families`).
 `Families.best` finds each family's candidate with the largest sum of a per-cell field; `mask` and `primitive` spell a candidate out.
 """
 
@@ -17,21 +18,25 @@ from imdim.program.tree import Primitive
 from imdim.search.arrangement import Arrangement
 from imdim.search.cells import Cells
 from imdim.search.kernels import add_field, axial_best, box_best, merge_slabs
+from imdim.search.outline_families import NO_OUTLINES, OutlineCells, Outlines
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A member of a family: `source` is ("box", frame index) or ("curved", surface index), `ranges` offset indices (lo, hi) per axis."""
+    """A member of a family: `source` is ("box", frame index), ("curved", surface index) or ("outline", plane index), `ranges` offset
+    indices (lo, hi) per axis, `faces` those within an outline, as bits."""
 
     source: tuple[str, int]
     ranges: tuple[tuple[int, int], ...]
+    faces: bytes = b""
 
 
 class Families:
-    """The families of an arrangement over one set of cells."""
+    """The families of an arrangement over one set of cells, with `outlines` those of its plane arrangements too."""
 
-    def __init__(self, arrangement: Arrangement, cells: Cells) -> None:
+    def __init__(self, arrangement: Arrangement, cells: Cells, outlines: Outlines = NO_OUTLINES) -> None:
         self.arrangement = arrangement
+        self.outlines = OutlineCells(arrangement, cells, outlines)
         self.cells = cells
         self.work = 0.0  # cells summed so far: a measure of time that repeats
         # column by column, as they are asked for
@@ -57,12 +62,14 @@ class Families:
 
     @property
     def groups(self) -> int:
-        """Number of groups for `best_of`: the curved families together, and each box frame."""
-        return 1 + len(self._frames)
+        """Number of groups for `best_of`: the curved families together, each box frame, and each plane of outlines."""
+        return 1 + len(self._frames) + len(self.outlines.planes)
 
     def best_of(self, group: int, field: np.ndarray, cells: np.ndarray, floor: float = 0.0) -> tuple[float, Candidate] | None:
         """The candidate of one group with the largest sum of `field` [m], which is nought outside `cells`, if that is above `floor`."""
         self.work += len(field)
+        if group > len(self._frames):
+            return self._best_outline(field, cells, group - 1 - len(self._frames), floor)
         found = self._best_boxes(field, cells, group - 1, 1, floor) if group else self._best_curved(field, cells, floor, 1)
         return found[0] if found else None
 
@@ -75,7 +82,20 @@ class Families:
             if per_frame == 1:
                 floor = max([floor, *(v for v, _ in out)])
             out += self._best_boxes(field, cells, frame, per_frame, floor)
+        for plane in range(len(self.outlines.planes) if per_frame else 0):
+            found = self._best_outline(field, cells, plane, floor)
+            out += [found] if found else []
         return out
+
+    def _best_outline(self, field: np.ndarray, cells: np.ndarray, plane: int, floor: float) -> tuple[float, Candidate] | None:
+        """The best outline of a plane; what it wins is less what its curves cost."""
+        found = self.outlines.best(plane, field, cells, floor)
+        return found and (found[0], Candidate(("outline", plane), *found[1:]))
+
+    def curve_cost(self, candidate: Candidate) -> float:
+        """What the curves of an outline cost beyond the price of a primitive, in volume; nothing for the others."""
+        kind, index = candidate.source
+        return self.outlines.curve_cost(index, candidate.faces) if kind == "outline" else 0.0
 
     def _best_curved(self, field: np.ndarray, cells: np.ndarray, floor: float, count: int | None = None) -> list[tuple[float, Candidate]]:
         table = np.empty((len(self._ends) - 1, 3))
@@ -106,6 +126,8 @@ class Families:
     def mask(self, candidate: Candidate) -> np.ndarray:
         """The cells [m] that a candidate covers."""
         kind, index = candidate.source
+        if kind == "outline":
+            return self.outlines.mask(index, candidate.ranges, candidate.faces)
         slabs = self._slabs
         if kind == "curved":
             axis = self.arrangement.axis_of[index]
@@ -117,6 +139,8 @@ class Families:
     def primitive(self, candidate: Candidate) -> Primitive:
         """The solid that a candidate stands for."""
         kind, index = candidate.source
+        if kind == "outline":
+            return self.outlines.primitive(index, candidate.ranges, candidate.faces)
         if kind == "box":
             return self._box(index, candidate.ranges)
         surface = self.arrangement.curved[index]

@@ -33,7 +33,7 @@ class Sharpener:
         self, families: Families, label: Callable[[np.ndarray], np.ndarray], count: int, price: float, rng: np.random.Generator
     ) -> None:
         self._arrangement, self._label, self._count, self._price, self._rng = families.arrangement, label, count, price, rng
-        self._cells = families.cells
+        self._cells, self._outlines = families.cells, families.outlines.outlines
         self._first = families.cells
         self._doubted = np.zeros(len(families.cells.points), bool)
         self._known = np.ones(len(families.cells.points), bool)
@@ -48,12 +48,12 @@ class Sharpener:
         if max(float(w[~self._known].sum()) for w in wrong) < WORTH * self._price:
             return None
         self._known |= self._doubted
-        return Families(self._arrangement, self._judge_cells().choose(self._known))
+        return Families(self._arrangement, self._judge_cells().choose(self._known), self._outlines)
 
     @property
     def every(self) -> Families:
         """Families over all cells that any look has seen."""
-        return Families(self._arrangement, self._cells)
+        return Families(self._arrangement, self._cells, self._outlines)
 
     def _look(self) -> None:
         """Pool what is known with fresh samples; new cells are neither known nor doubted yet."""

@@ -15,7 +15,7 @@ from imdim.deadline import Deadline
 from imdim.search.candidate_families import Families
 from imdim.search.cells import CUTS, HULLS, PIECES, TRUE, Weights
 from imdim.search.lazy_bounds import GainBounds, apart, best_insertions, insert_all
-from imdim.search.sequence import Insertion, Price, Sequence, cost, error, error_of, insert, pair_insertions, run, without_one
+from imdim.search.sequence import Insertion, Price, Sequence, cost, error, error_of, expense, insert, pair_insertions, run, without_one
 
 WEIGHTS = (TRUE, CUTS, PIECES, HULLS)  # under which holes are refilled
 
@@ -46,7 +46,7 @@ class RatedSequence:
 
 def rate_sequence(sequence: Sequence, families: Families, price: Price) -> RatedSequence:
     """The sequence with its objective under `price`."""
-    return RatedSequence(sequence, error(sequence, families, price.weights) + price.step * cost(sequence), families)
+    return RatedSequence(sequence, error(sequence, families, price.weights) + expense(sequence, families, price), families)
 
 
 def grow(found: RatedSequence, insertion: Insertion, price: Price) -> RatedSequence:
@@ -91,9 +91,10 @@ def prune(found: RatedSequence, price: Price) -> RatedSequence:
 
 def _without_idle(found: RatedSequence, price: Price) -> RatedSequence | None:
     """Without the last step that does not earn its price, None where all do."""
-    steps, families, primitives = found.sequence, found.families, cost(found.sequence)
+    steps, families = found.sequence, found.families
+    whole = expense(steps, families, price)
     for i, filled in without_one(steps, len(families.cells.points)):
-        objective = error_of(filled, families, price.weights) + price.step * (primitives - len(steps[i].term.halves))
+        objective = error_of(filled, families, price.weights) + whole - expense(steps[i : i + 1], families, price)
         if objective <= found.objective:
             return RatedSequence(steps[:i] + steps[i + 1 :], objective, families)
     return None

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from imdim.program.sequence import Step
-from imdim.search.arrangement import Arrangement, span_along
+from imdim.search.arrangement import span_along
 from imdim.search.candidate_families import Candidate, Families
 from imdim.search.cells import Cells
 from imdim.search.sequence import Covered, Pair, Sequence, run
@@ -30,7 +30,7 @@ def _tidy_step(sequence: Sequence, i: int, families: Families) -> Sequence:
         for axis in range(len(halves[h].ranges)):
             for end in (0, 1):
                 while True:
-                    shorter = shorten_range(halves[h], axis, end, families.arrangement, added=sequence[i].op == "union" and h == 0)
+                    shorter = shorten_range(halves[h], axis, end, families, added=sequence[i].op == "union" and h == 0)
                     if shorter is None:
                         break
                     trial = _with(sequence, i, [shorter if k == h else c for k, c in enumerate(halves)], families)
@@ -47,12 +47,12 @@ def _worse(tried: np.ndarray, state: np.ndarray, cells: Cells) -> bool:
     return float(np.where(tried, -cells.gain, cells.gain)[changed].sum()) > 0
 
 
-def shorten_range(candidate: Candidate, axis: int, end: int, arrangement: Arrangement, added: bool) -> Candidate | None:
+def shorten_range(candidate: Candidate, axis: int, end: int, families: Families, added: bool) -> Candidate | None:
     """One slab less at one end; a cutter is only taken back from the far sentinel to the near one."""
     lo, hi = candidate.ranges[axis]
     if hi - lo <= 1:
         return None
-    direction = _direction(candidate, axis, arrangement)
+    direction, arrangement = _direction(candidate, axis, families), families.arrangement
     if direction < 0:
         return None
     offsets = arrangement.directions[direction].offsets
@@ -64,9 +64,11 @@ def shorten_range(candidate: Candidate, axis: int, end: int, arrangement: Arrang
     return replace(candidate, ranges=tuple(moved if a == axis else r for a, r in enumerate(candidate.ranges)))
 
 
-def _direction(candidate: Candidate, axis: int, arrangement: Arrangement) -> int:
+def _direction(candidate: Candidate, axis: int, families: Families) -> int:
     kind, index = candidate.source
-    return arrangement.axis_of[index] if kind == "curved" else arrangement.frames[index][axis]
+    if kind == "outline":
+        return families.outlines.planes[index].direction
+    return families.arrangement.axis_of[index] if kind == "curved" else families.arrangement.frames[index][axis]
 
 
 def _with(sequence: Sequence, i: int, halves: list[Candidate], families: Families) -> Sequence:

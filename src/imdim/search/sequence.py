@@ -119,6 +119,12 @@ def cost(sequence: Sequence) -> int:
     return sum(len(step.term.halves) for step in sequence)
 
 
+def expense(sequence: Sequence, families: Families, price: Price) -> float:
+    """What the primitives and the curves of outlines cost, in volume."""
+    curves = sum(families.curve_cost(candidate) for step in sequence for candidate in step.term.halves)
+    return price.step * cost(sequence) + curves
+
+
 def to_program(sequence: Sequence, families: Families) -> Program:
     """The program tree of the shapes; ValueError for an empty sequence."""
     return signed.to_program(map_terms(sequence, lambda covered: _drawn(covered.shape, families)))

@@ -49,7 +49,7 @@ def _tidy(formula: Formula, chosen: list[Candidate], families: Families) -> tupl
     for index, added in _literals(formula):
         for axis in range(len(chosen[index].ranges)):
             for end in (0, 1):
-                while (shorter := shorten_range(chosen[index], axis, end, families.arrangement, added)) is not None:
+                while (shorter := shorten_range(chosen[index], axis, end, families, added)) is not None:
                     trial = [bits(families.mask(shorter)) if i == index else mask for i, mask in enumerate(masks)]
                     if holds(formula, trial, everything) != goal:
                         break

@@ -1,0 +1,286 @@
+"""The plane arrangement behind outlines: lines and circles cut a plane into faces, and an outline is a union of them.
+
+Along a direction, planes parallel to it and cylinders about it are lines and circles of the plane across (`extrude`). About an axis, the
+surfaces of revolution about it and the planes across are lines and circles of the half plane (radius, height) (`revolve`). The faces are
+named as cells are, by the side of every wall that a point lies on, so that each cell knows its face.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from imdim.search.cells import Cells
+
+TANGENT = 3e-4  # of the unit frame, by which a line or circle that is meant to touch a circle may miss it
+SAME_NODE = 4e-4  # of the unit frame, within which crossings are one
+SAME_WAY = 1e-2  # radians, within which two pieces leave a node in one direction
+ASIDE = 1.5e-4  # of the unit frame, from a segment to the points that tell its faces
+WINDOW = -1  # the wall of segments on the edge of what is searched
+OUTSIDE = -1  # the face there
+
+
+@dataclass(frozen=True)
+class Walls:
+    """Lines ``normal . p = offset`` [l, 2], [l] and circles [c, 2], [c] of a plane, and the window [2, 2] that is looked at.
+
+    `columns` says by which codes of cells the sides are known: (True, direction, offset index) for a line between slabs, else
+    (False, curved surface, flipped).
+    """
+
+    normals: np.ndarray
+    offsets: np.ndarray
+    centers: np.ndarray
+    radii: np.ndarray
+    window: np.ndarray
+    columns: tuple[tuple[bool, int, int], ...]
+
+    def sides(self, points: np.ndarray) -> np.ndarray:
+        """Flags [n, l + c] of points [n, 2]: in front of a line, within a circle."""
+        front = points @ self.normals.T > self.offsets
+        within = np.linalg.norm(points[:, None] - self.centers, axis=2) < self.radii
+        return np.concatenate([front, within], axis=1)
+
+    def sides_of(self, cells: Cells) -> np.ndarray:
+        """The same flags [m, l + c] of cells, by their codes."""
+        out = np.empty((len(cells.points), len(self.columns)), bool)
+        for i, (is_slab, column, at) in enumerate(self.columns):
+            out[:, i] = cells.slabs[:, column] >= at if is_slab else cells.inside[:, column] != bool(at)
+        return out
+
+
+@dataclass(frozen=True)
+class Segments:
+    """Pieces of walls between crossings, those of a wall in order: the `wall` [s], the nodes at both ends [s, 2], the faces to the left
+    and right [s, 2], and the `length` [s]. A line has the side in front of it on its left, a circle runs counter-clockwise."""
+
+    wall: np.ndarray
+    nodes: np.ndarray
+    faces: np.ndarray
+    length: np.ndarray
+
+
+@dataclass(frozen=True)
+class OutlinePlane:
+    """A plane arrangement: `frame` [3, 3] has the columns (u, v, normal), `origin` [3] is where (0, 0) lies.
+
+    An extrusion's normal is along `direction`; of a turned outline u is the radius, v the height along it.
+    """
+
+    kind: str
+    direction: int
+    origin: np.ndarray
+    frame: np.ndarray
+    walls: Walls
+    nodes: np.ndarray
+    segments: Segments
+    codes: np.ndarray  # packed sides of each face, sorted
+
+    @property
+    def faces(self) -> int:
+        return len(self.codes)
+
+    def faces_of(self, cells: Cells) -> np.ndarray:
+        """The face [m] of each cell, OUTSIDE for one that none has."""
+        packed = _pack(self.walls.sides_of(cells))
+        at = np.minimum(np.searchsorted(self.codes, packed), len(self.codes) - 1)
+        return np.where(self.codes[at] == packed, at, OUTSIDE)
+
+
+def make_plane(kind: str, direction: int, origin: np.ndarray, frame: np.ndarray, walls: Walls) -> OutlinePlane | None:
+    """The arrangement of walls; None where they bound no face."""
+    nodes, pieces = _cut(walls)
+    if not pieces:
+        return None
+    wall = np.array([w for w, _, _ in pieces])
+    ends = np.array([pair for _, pair, _ in pieces])
+    length, sides, kept = _look_beside(walls, nodes, pieces)
+    # a ring of pieces has one face on its left: the longest piece tells which, short ones may lie where walls all but coincide
+    teller = _longest(_rings(walls, pieces), np.repeat(length, 2))
+    codes, face = np.unique(_pack(sides[teller]), return_inverse=True)
+    faces = np.where(kept.reshape(-1)[teller], face.reshape(-1), OUTSIDE).reshape(-1, 2)
+    used = np.unique(faces[faces >= 0])
+    renumbered = np.where(faces >= 0, np.searchsorted(used, faces), OUTSIDE)
+    real = (renumbered[:, 0] != renumbered[:, 1]) & (ends[:, 0] != ends[:, 1])
+    segments = Segments(wall[real], ends[real], renumbered[real], length[real])
+    return OutlinePlane(kind, direction, origin, frame, walls, nodes, segments, codes[used]) if real.any() else None
+
+
+_Piece = tuple[int, tuple[int, int], tuple[float, float]]  # wall, nodes, parameters: lengths along a line, angles of a circle
+
+
+def _cut(walls: Walls) -> tuple[np.ndarray, list[_Piece]]:
+    """The nodes [n, 2] where walls cross, and the pieces between them; the window's four edges are walls too."""
+    crossings = list(_crossings(walls))
+    # a circle that nothing crosses, or once, still needs two nodes
+    for c, (center, radius) in enumerate(zip(walls.centers, walls.radii, strict=True)):
+        crossings += [(_circle(walls, c), _circle(walls, c), center + side * radius * np.eye(2)[0]) for side in (-1.0, 1.0)]
+    points = np.array([p for _, _, p in crossings])
+    low, high = walls.window[0] - SAME_NODE, walls.window[1] + SAME_NODE
+    inside = ((points >= low) & (points <= high)).all(1)
+    label, nodes = _merge(points[inside])
+    members: dict[int, set[int]] = {}
+    artificial: dict[int, set[int]] = {}
+    for (a, b, _), node in zip((c for c, keep in zip(crossings, inside, strict=True) if keep), label.tolist(), strict=True):
+        for wall in {a, b}:
+            (artificial if a == b else members).setdefault(wall, set()).add(node)
+    for wall, extra in artificial.items():
+        if len(members.get(wall, ())) < 2:
+            members.setdefault(wall, set()).update(extra)
+    pieces: list[_Piece] = []
+    for wall in sorted(members):
+        pieces += _pieces_of(walls, wall, np.array(sorted(members[wall])), nodes)
+    return nodes, pieces
+
+
+def _circle(walls: Walls, index: int) -> int:
+    return len(walls.offsets) + 4 + index
+
+
+def _lines(walls: Walls) -> tuple[np.ndarray, np.ndarray]:
+    """Normals [l + 4, 2] and offsets [l + 4] of the lines, the window's edges last."""
+    (left, low), (right, high) = walls.window
+    normals = np.concatenate([walls.normals.reshape(-1, 2), [[1.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 1.0]]])
+    return normals, np.concatenate([walls.offsets, [left, right, low, high]])
+
+
+def _crossings(walls: Walls) -> Iterator[tuple[int, int, np.ndarray]]:
+    """(wall, wall, point [2]) of all crossings and touches."""
+    normals, offsets = _lines(walls)
+    count = len(offsets)
+    for i in range(count):
+        for j in range(i + 1, count):
+            det = normals[i, 0] * normals[j, 1] - normals[i, 1] * normals[j, 0]
+            if abs(det) > 1e-4:
+                x = (offsets[i] * normals[j, 1] - offsets[j] * normals[i, 1]) / det
+                yield i, j, np.array([x, (normals[i, 0] * offsets[j] - normals[j, 0] * offsets[i]) / det])
+    for c, (center, radius) in enumerate(zip(walls.centers, walls.radii, strict=True)):
+        for i in range(count):
+            gap = offsets[i] - normals[i] @ center
+            along = np.array([normals[i, 1], -normals[i, 0]])
+            for half in _halves(radius, abs(gap)):
+                yield i, _circle(walls, c), center + gap * normals[i] + half * along
+        for d in range(c):
+            yield from ((_circle(walls, c), _circle(walls, d), p) for p in _circle_crossings(walls, c, d))
+
+
+def _halves(radius: float, gap: float) -> tuple[float, ...]:
+    """Half chords with their signs; one of no length where the circle is touched."""
+    if abs(gap - radius) <= TANGENT:
+        return (0.0,)
+    half = float(np.sqrt(max(radius * radius - gap * gap, 0.0)))
+    return (-half, half) if gap < radius else ()
+
+
+def _circle_crossings(walls: Walls, c: int, d: int) -> list[np.ndarray]:
+    (p, r), (q, s) = (walls.centers[c], walls.radii[c]), (walls.centers[d], walls.radii[d])
+    apart = float(np.linalg.norm(q - p))
+    if apart < 1e-9 or apart > r + s + TANGENT or apart < abs(r - s) - TANGENT:
+        return []
+    along = (q - p) / apart
+    if min(abs(apart - r - s), abs(apart - abs(r - s))) <= TANGENT:
+        return [p + (r if apart > abs(r - s) + TANGENT or r > s else -r) * along]
+    reach = (apart * apart + r * r - s * s) / (2 * apart)
+    half = np.sqrt(max(r * r - reach * reach, 0.0)) * np.array([-along[1], along[0]])
+    return [p + reach * along + half, p + reach * along - half]
+
+
+def _merge(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The group [n] of each point, and the groups' middles [g, 2]."""
+    pairs = cKDTree(points).query_pairs(SAME_NODE, output_type="ndarray")
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
+    count, label = connected_components(graph, directed=False)
+    sums = np.stack([np.bincount(label, points[:, k], count) for k in (0, 1)], axis=1)
+    return label, sums / np.bincount(label, minlength=count)[:, None]
+
+
+def _pieces_of(walls: Walls, wall: int, members: np.ndarray, nodes: np.ndarray) -> list[_Piece]:
+    lines = len(walls.offsets) + 4
+    if wall < lines:
+        normal = _lines(walls)[0][wall]
+        at = nodes[members] @ np.array([normal[1], -normal[0]])
+        order = np.argsort(at)
+        name = wall if wall < lines - 4 else WINDOW - (wall - lines + 4)
+        ordered, at = members[order].tolist(), at[order].tolist()
+        return [(name, (a, b), (s, t)) for a, b, s, t in zip(ordered, ordered[1:], at, at[1:], strict=False)]
+    away = nodes[members] - walls.centers[wall - lines]
+    at = np.arctan2(away[:, 1], away[:, 0])
+    order = np.argsort(at)
+    ordered, at = members[order].tolist(), at[order].tolist()
+    ends = [*at[1:], at[0] + 2 * np.pi]
+    return [(wall - 4, (a, b), (s, t)) for a, b, s, t in zip(ordered, [*ordered[1:], ordered[0]], at, ends, strict=True)]
+
+
+def _look_beside(walls: Walls, nodes: np.ndarray, pieces: Sequence[_Piece]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Lengths [s], sides [2 s, w] left and right of each piece, and whether these lie in the window [s, 2]."""
+    wall, lines = np.array([w for w, _, _ in pieces]), len(walls.offsets)
+    ends, at = np.array([pair for _, pair, _ in pieces]), np.array([pair for _, _, pair in pieces])
+    round_ = wall >= lines
+    circle = np.where(round_, wall - lines, 0)
+    radius = walls.radii[circle] if len(walls.radii) else np.zeros(len(wall))
+    normals = _lines(walls)[0][np.where(wall < 0, lines + WINDOW - wall, np.where(round_, 0, wall))]
+    turn = at.mean(1)
+    outward = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    left = np.where(round_[:, None], -outward, normals)
+    middle = nodes[ends].mean(1)
+    if len(walls.radii):
+        middle = np.where(round_[:, None], walls.centers[circle] + radius[:, None] * outward, middle)
+    length = np.where(round_, radius, 1.0) * (at[:, 1] - at[:, 0])
+    aside = np.minimum(ASIDE, 0.25 * length)[:, None] * left
+    points = np.stack([middle + aside, middle - aside], axis=1).reshape(-1, 2)
+    sides = walls.sides(points)
+    own = np.flatnonzero(wall >= 0)
+    sides[2 * own, wall[own]], sides[2 * own + 1, wall[own]] = True, False
+    inside = ((points > walls.window[0]) & (points < walls.window[1])).all(1)
+    return length, sides, inside.reshape(-1, 2)
+
+
+def _rings(walls: Walls, pieces: Sequence[_Piece]) -> np.ndarray:
+    """The ring [2 s] to which each piece belongs, passed forwards (2 i) and backwards (2 i + 1), with what it bounds on the left.
+
+    At its end a ring goes on along the piece that comes next clockwise. Pieces that touch are told apart by how they bend.
+    """
+    leaving = [_leave(walls, piece, forwards) for piece in pieces for forwards in (True, False)]
+    starts = [piece[1][0 if forwards else 1] for piece in pieces for forwards in (True, False)]
+    order = sorted(range(len(leaving)), key=lambda h: (starts[h], *leaving[h]))
+    after = np.empty(len(order), np.int64)
+    first = 0
+    for i in range(1, len(order) + 1):
+        if i == len(order) or starts[order[i]] != starts[order[first]]:
+            for k in range(first, i):
+                after[order[k] ^ 1] = order[k - 1 if k > first else i - 1]
+            first = i
+    ones = np.ones(len(order))
+    return connected_components(coo_array((ones, (np.arange(len(order)), after)), shape=(len(order), len(order))), directed=False)[1]
+
+
+def _leave(walls: Walls, piece: _Piece, forwards: bool) -> tuple[float, float]:
+    """The direction in which a piece leaves its start, and how it bends, to the left where positive."""
+    wall, _, (start, end) = piece
+    if wall < len(walls.offsets):
+        x, y = _lines(walls)[0][wall if wall >= 0 else len(walls.offsets) + WINDOW - wall]
+        angle, bend = math.atan2(-x, y), 0.0
+    else:
+        angle, bend = (start if forwards else end) + math.pi / 2, 1 / float(walls.radii[wall - len(walls.offsets)])
+    if not forwards:
+        angle, bend = angle + math.pi, -bend
+    return round(angle % (2 * math.pi) / SAME_WAY) % round(2 * math.pi / SAME_WAY), bend
+
+
+def _longest(group: np.ndarray, length: np.ndarray) -> np.ndarray:
+    """For each member [n] of a group the index of the group's longest member."""
+    order = np.lexsort((length, group))
+    last = np.flatnonzero(np.append(np.diff(group[order]) != 0, True))
+    return order[last][group]
+
+
+def _pack(sides: np.ndarray) -> np.ndarray:
+    """Rows of flags as one sortable value each."""
+    packed = np.ascontiguousarray(np.packbits(sides, axis=1))
+    return packed.view([("", np.void, packed.shape[1])]).reshape(-1) if packed.shape[1] else np.zeros(len(sides), "V1")

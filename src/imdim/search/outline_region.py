@@ -1,0 +1,211 @@
+"""The best region of a plane arrangement: faces with the largest sum of gains, less a price for every curve of their boundary.
+
+With a price for each segment the best region is a minimum cut (Greig, Porteous & Seheult 1989). A curve costs once however many segments
+it has, which makes it a cooperative cut (Jegelka & Bilmes 2011): it is minimised by repeated cuts, in which each segment bears the share
+of its curve's price that it has under the region before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order, maximum_flow
+
+from imdim.program.outline import Loop, circle, orient_loops
+from imdim.search.outline_plane import OUTSIDE, WINDOW, OutlinePlane, Segments
+
+CUTS = 4  # minimum cuts for one region, at most
+UNITS = 10**6  # of the gains' sum: flows are whole numbers
+AXIS = WINDOW  # the window's left edge, which is the axis of what is turned: no curve is drawn there
+
+
+@dataclass(frozen=True)
+class Region:
+    """Faces [f] that are `inside`, the sum of their gains, and the number of curves that bound them."""
+
+    inside: np.ndarray
+    gain: float
+    curves: int
+
+
+def best_region(plane: OutlinePlane, gains: np.ndarray, price: float) -> Region | None:
+    """The region that wins most, by gains [f] and a `price` for a curve; None where none wins anything.
+
+    A region that touches itself in a point is mended by its cheapest face.
+    """
+    inside, best, value = gains > 0, None, 0.0
+    for _ in range(CUTS):
+        if not inside.any():
+            break
+        curves, share = _share_curves(plane, inside)
+        won = float(gains[inside].sum())
+        if won - price * curves > value:
+            best, value = inside, won - price * curves
+        tried, inside = inside, _cut(plane.segments, gains, price * share)
+        if np.array_equal(inside, tried):
+            break
+    if best is None:
+        return None
+    whole = mend(plane, best, gains)
+    return Region(whole, float(gains[whole].sum()), count_curves(plane, whole))
+
+
+def count_curves(plane: OutlinePlane, inside: np.ndarray) -> int:
+    """The number of lines and arcs that bound a region [f], a full circle counted as one."""
+    return _share_curves(plane, inside)[0]
+
+
+def _cut(segments: Segments, gains: np.ndarray, prices: np.ndarray) -> np.ndarray:
+    """The faces [f] on the source's side of the minimum cut; what lies outside of the window is on the sink's."""
+    n = len(gains)
+    scale = UNITS / max(float(np.abs(gains).sum()), 1e-300)
+    left, right = np.where(segments.faces == OUTSIDE, n + 1, segments.faces).T
+    won, lost = np.flatnonzero(gains > 0), np.flatnonzero(gains < 0)
+    rows = np.concatenate([left, right, np.full(len(won), n), lost])
+    columns = np.concatenate([right, left, won, np.full(len(lost), n + 1)])
+    amounts = np.concatenate([prices, prices, gains[won], -gains[lost]]) * scale
+    capacity = csr_array((np.minimum(np.rint(amounts), 2**30).astype(np.int32), (rows, columns)), shape=(n + 2, n + 2))
+    flow = maximum_flow(capacity, n, n + 1).flow
+    rest = capacity - flow
+    rest.data = np.maximum(rest.data, 0)
+    rest.eliminate_zeros()
+    reached = breadth_first_order(rest, n, return_predecessors=False)
+    inside = np.zeros(n + 2, bool)
+    inside[reached] = True
+    return inside[:n]
+
+
+def _share_curves(plane: OutlinePlane, inside: np.ndarray) -> tuple[int, np.ndarray]:
+    """The number of curves that bound a region, and the share [s] of a curve's price that each segment bears.
+
+    A segment off the boundary would be a new curve, or prolong one: it bears what its length is of both.
+    """
+    filled = np.append(inside, False)  # OUTSIDE is the last
+    sides, segments = filled[plane.segments.faces].astype(np.int8), plane.segments
+    return _runs(segments.wall, segments.nodes, sides[:, 0] - sides[:, 1], segments.length, plane.kind == "revolve")
+
+
+@njit(nogil=True, cache=True)
+def _runs(wall, nodes, side, length, turned):
+    n, curves = len(wall), 0
+    share = np.ones(n)
+    first_of_wall = 0
+    first_run_start, i = -1, 0
+    while i < n:
+        if i == 0 or wall[i] != wall[i - 1]:
+            first_of_wall = i
+            first_run_start = -1
+        if side[i] == 0:
+            i += 1
+            continue
+        j, total = i + 1, length[i]
+        while j < n and wall[j] == wall[i] and side[j] == side[i] and nodes[j, 0] == nodes[j - 1, 1]:
+            total += length[j]
+            j += 1
+        if i == first_of_wall:
+            first_run_start = i
+        closes = (
+            (j == n or wall[j] != wall[i])
+            and first_run_start >= 0
+            and i > first_run_start
+            and nodes[j - 1, 1] == nodes[first_of_wall, 0]
+            and side[first_of_wall] == side[i]
+        )
+        free = turned and wall[i] == -1
+        if not free and not closes:
+            curves += 1
+        for k in range(i, j):
+            share[k] = 0.0 if free else length[k] / total
+        # what continues the run costs what it adds to it, no new curve
+        if j < n and wall[j] == wall[i] and side[j] == 0 and nodes[j, 0] == nodes[j - 1, 1]:
+            share[j] = length[j] / (total + length[j])
+        if i > 0 and wall[i - 1] == wall[i] and side[i - 1] == 0 and nodes[i, 0] == nodes[i - 1, 1]:
+            share[i - 1] = min(share[i - 1], length[i - 1] / (total + length[i - 1]))
+        i = j
+    return curves, share
+
+
+def mend(plane: OutlinePlane, inside: np.ndarray, gains: np.ndarray) -> np.ndarray:
+    """The region changed by its cheapest faces until its boundary passes no node twice."""
+    for _ in range(64):
+        node = _pinched(plane, inside)
+        if node is None:
+            break
+        around = np.unique(plane.segments.faces[(plane.segments.nodes == node).any(1)])
+        around = around[around >= 0]
+        loss = np.where(inside[around], gains[around], -gains[around])
+        face = around[np.argmin(loss)]
+        inside = inside.copy()
+        inside[face] = not inside[face]
+    return inside
+
+
+def _boundary(plane: OutlinePlane, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Indices [b] of the segments that bound a region, and their nodes [b, 2] in the order that has the region on the left."""
+    sides = np.append(inside, False)[plane.segments.faces]
+    at = np.flatnonzero(sides[:, 0] != sides[:, 1])
+    nodes = plane.segments.nodes[at]
+    return at, np.where(sides[at, :1], nodes, nodes[:, ::-1])
+
+
+def _pinched(plane: OutlinePlane, inside: np.ndarray) -> int | None:
+    """A node that the boundary passes more than once."""
+    _, nodes = _boundary(plane, inside)
+    times = np.bincount(nodes[:, 0], minlength=len(plane.nodes))
+    return int(np.argmax(times)) if (times > 1).any() else None
+
+
+def trace_loops(plane: OutlinePlane, inside: np.ndarray) -> tuple[Loop, ...]:
+    """The boundary of a region as loops of lines and arcs, outer ones counter-clockwise; raises ValueError where it does not close."""
+    at, nodes = _boundary(plane, inside)
+    follows = {int(a): k for k, (a, _) in enumerate(nodes)}
+    left, loops = set(range(len(at))), []
+    while left:
+        k = next(iter(sorted(left)))
+        ring: list[int] = []
+        while k in left:
+            left.discard(k)
+            ring.append(k)
+            k = follows.get(int(nodes[k, 1]), -1)
+        if k != ring[0]:
+            raise ValueError(f"the boundary of {int(inside.sum())} faces does not close")
+        loop = _loop(plane, [(int(at[i]), int(nodes[i, 0]) == int(plane.segments.nodes[at[i], 0])) for i in ring])
+        if loop is not None:
+            loops.append(loop)
+    return orient_loops(loops)
+
+
+def _loop(plane: OutlinePlane, ring: list[tuple[int, bool]]) -> Loop | None:
+    """One loop of (segment, whether it is passed forwards), its pieces of one wall joined; None for what has no area."""
+    wall = plane.segments.wall[[s for s, _ in ring]].tolist()
+    # start where the wall changes, so that no curve is cut in two
+    start = next((i for i in range(len(ring)) if wall[i] != wall[i - 1]), None)
+    lines = len(plane.walls.offsets)
+    if start is None:
+        center, radius = plane.walls.centers[wall[0] - lines], plane.walls.radii[wall[0] - lines]
+        return circle(float(radius), float(center[0]), float(center[1]))
+    vertices = [_vertex(plane, run) for run in _same_wall(ring[start:] + ring[:start], wall[start:] + wall[:start])]
+    return tuple(vertices) if len(vertices) > 2 or any(b for _, _, b in vertices) else None
+
+
+def _same_wall(ring: list[tuple[int, bool]], wall: list[int]) -> Iterator[list[tuple[int, bool]]]:
+    first = 0
+    for i in range(1, len(ring) + 1):
+        if i == len(ring) or wall[i] != wall[first]:
+            yield ring[first:i]
+            first = i
+
+
+def _vertex(plane: OutlinePlane, run: list[tuple[int, bool]]) -> tuple[float, float, float]:
+    """Where a curve starts, and its bulge."""
+    segments, (first, forwards) = plane.segments, run[0]
+    x, y = plane.nodes[segments.nodes[first, 0 if forwards else 1]].tolist()
+    wall, lines = int(segments.wall[first]), len(plane.walls.offsets)
+    if wall < lines:
+        return x, y, 0.0
+    turn = sum(float(segments.length[s]) for s, _ in run) / float(plane.walls.radii[wall - lines])
+    return x, y, float(np.tan(turn / 4)) * (1 if forwards else -1)
