@@ -73,8 +73,9 @@ class Families:
         found = self._best_boxes(field, cells, group - 1, 1, floor) if group else self._best_curved(field, cells, floor, 1)
         return found[0] if found else None
 
-    def best(self, field: np.ndarray, per_frame: int, floor: float = 0.0) -> list[tuple[float, Candidate]]:
-        """Candidates whose sums of `field` [m] are above `floor`: one per curved family, up to `per_frame` (or none) per box frame."""
+    def best(self, field: np.ndarray, per_frame: int, floor: float = 0.0, outlines: bool = False) -> list[tuple[float, Candidate]]:
+        """Candidates whose sums of `field` [m] are above `floor`: one per curved family, up to `per_frame` (or none) per box frame, with
+        `outlines` one per plane of them."""
         self.work += len(field) * (self.groups if per_frame else 1)
         cells = np.flatnonzero(field)
         out = self._best_curved(field, cells, floor)
@@ -82,7 +83,7 @@ class Families:
             if per_frame == 1:
                 floor = max([floor, *(v for v, _ in out)])
             out += self._best_boxes(field, cells, frame, per_frame, floor)
-        for plane in range(len(self.outlines.planes) if per_frame else 0):
+        for plane in range(len(self.outlines.planes) if outlines else 0):
             found = self._best_outline(field, cells, plane, floor)
             out += [found] if found else []
         return out

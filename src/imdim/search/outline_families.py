@@ -19,6 +19,7 @@ from imdim.program.outline import Outline, circle_of, loop_curves
 from imdim.program.tree import FULL_TURN, Primitive
 from imdim.search.arrangement import ORTHOGONAL, Arrangement
 from imdim.search.cells import Cells
+from imdim.search.kernels import add_field
 from imdim.search.outline_plane import OutlinePlane, Walls, make_plane
 from imdim.search.outline_region import best_region, count_curves, trace_loops
 
@@ -152,10 +153,10 @@ class OutlineCells:
         self.arrangement, self.outlines, self.planes = arrangement, outlines, outlines.planes
         self._costs: dict[tuple[int, bytes], float] = {}
         self._faces = [plane.faces_of(cells) for plane in outlines.planes]
-        self._slabs = [
-            cells.slabs[:, p.direction].astype(np.int64) if p.kind == "extrude" else np.zeros(len(cells.points), np.int64)
-            for p in outlines.planes
-        ]
+        self._slabs = [cells.slabs[:, p.direction] if p.kind == "extrude" else np.zeros(len(cells.points), np.int16) for p in self.planes]
+        # the slot of each cell in a table of faces and levels, which has one row more for cells that no face has
+        places = zip(self.planes, self._faces, self._slabs, strict=True)
+        self._slots = [np.where(face < 0, p.faces, face) * self._levels(p) + slab + 1 for p, face, slab in places]
 
     def best(self, index: int, field: np.ndarray, cells: np.ndarray, floor: float) -> Drawn | None:
         """What the best outline of a plane wins, less its curves' price, its levels and its faces; None below `floor`."""
@@ -178,12 +179,14 @@ class OutlineCells:
 
     def _sums(self, index: int, field: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Sums of a field over each face below each level [f, levels]."""
-        plane = self.outlines.planes[index]
-        levels = len(self.arrangement.directions[plane.direction].offsets) if plane.kind == "extrude" else 2
-        face, slab = self._faces[index][cells], self._slabs[index][cells]
-        kept = face >= 0
-        flat = np.bincount(face[kept] * levels + slab[kept] + 1, field[cells][kept], plane.faces * levels)
-        return np.cumsum(flat.reshape(plane.faces, levels), axis=1)
+        plane = self.planes[index]
+        levels = self._levels(plane)
+        sums = np.zeros((plane.faces + 1) * levels)
+        add_field(field, cells, self._slots[index], sums)
+        return np.cumsum(sums.reshape(-1, levels)[:-1], axis=1)
+
+    def _levels(self, plane: OutlinePlane) -> int:
+        return len(self.arrangement.directions[plane.direction].offsets) if plane.kind == "extrude" else 2
 
     def mask(self, index: int, ranges: Sequence[tuple[int, int]], faces: bytes) -> np.ndarray:
         """The cells [m] of an outline between two levels."""

@@ -182,7 +182,7 @@ def insertions(sequence: Sequence, families: Families, per_frame: int, least: fl
             if potential <= best * enough or (op in before and np.array_equal(before[op], field)):
                 continue
             before[op] = field
-            found = [(total + v, c) for v, c in families.best(field, per_frame, max(best * enough - total, 0.0))]
+            found = [(total + v, c) for v, c in families.best(field, per_frame, max(best * enough - total, 0.0), per_frame > 0)]
             out += [Insertion(v, gap.position, op, c) for v, c in found if v > least]
             best = max([best, *(v for v, _ in found)])
     return sorted(out, key=lambda i: -i.gain)
