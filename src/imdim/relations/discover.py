@@ -146,6 +146,8 @@ def hold_constraints(program: Program, constraints: Sequence[Constraint]) -> tup
 
 def _length(numbers: Lowered) -> float:
     return float(np.linalg.norm(np.ptp(numbers.centers, axis=0)) + 2 * radii(numbers).max())
+
+
 # --- what was chosen, as one would say it: nothing twice, and pairs that say one thing of several features as one constraint ---------
 
 
