@@ -109,12 +109,9 @@ def _cone_by_apex(points: np.ndarray, normals: np.ndarray) -> list[Surface]:
     apex = np.linalg.lstsq(normals, (normals * points).sum(1), rcond=None)[0]
     rays = points - apex
     length = np.linalg.norm(rays, axis=1)
-    if length.min(initial=1.0) < 1e-9:
-        keep = length > 1e-9
-        rays, length = rays[keep], length[keep]
+    rays = rays[length > 1e-9] / length[length > 1e-9, None]
     if len(rays) < 3:
         return []
-    rays = rays / length[:, None]
     mean = rays.mean(0)
     axis = np.linalg.eigh((rays - mean).T @ (rays - mean))[1][:, 0]
     axis = axis if axis @ mean >= 0 else -axis
@@ -160,7 +157,5 @@ def _sweep_axes(kind: str, points: np.ndarray) -> list[Surface]:
     scored.sort(key=lambda item: item[0])
     # a quadric says little about a torus: there every direction is tried
     best = scored[: len(scored) if kind == "torus" else 6]
-    if kind == "cylinder":
-        return [_cylinder(points, axis) for _, _, axis in best]
-    build = {"cone": _cone, "torus": _torus}[kind]
+    build = {"cylinder": lambda p, _, axis: _cylinder(p, axis), "cone": _cone, "torus": _torus}[kind]
     return [build(points, foot, axis) for _, foot, axis in best]

@@ -64,7 +64,7 @@ def _measure_spacing_and_sigma(points: np.ndarray, rng: np.random.Generator) -> 
     distance, near = tree.query(points[seeds], k=count + 1)
     spacing = surface_spacing(distance[:, min(EIGHTH, count)])
     triples = np.array([rng.choice(count + 1, 3, replace=False) for _ in range(_TRIPLES)])
-    least = _least_quantiles(points, near, triples, min(_QUANTILE, count))
+    least = _least_quantiles(points, np.asarray(near), triples, min(_QUANTILE, count))
     return spacing, float(np.quantile(least, 0.1)) / _CALIBRATION
 
 

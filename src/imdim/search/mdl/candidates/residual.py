@@ -122,7 +122,8 @@ def _group_connected(points: np.ndarray, reach: float) -> list[np.ndarray]:
     """Indices of the largest connected groups of `points` [n, 3]."""
     if len(points) < LEAST:
         return []
-    label = components(*KDTree(points).query_pairs(reach, output_type="ndarray").T, len(points))[1]
+    a, b = KDTree(points).query_pairs(reach, output_type="ndarray").T
+    label = components(a, b, len(points))[1]
     sizes = np.bincount(label)
     return [np.flatnonzero(label == i) for i in np.argsort(-sizes, kind="stable")[:MOST_GROUPS] if sizes[i] >= LEAST]
 
