@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from imdim.geometry.axes import SYMMETRIES
-from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
+from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler, skew
 from imdim.program.tree import Primitive, Vec3
 
 AXIAL = ("cylinder", "cone", "torus")
@@ -146,8 +146,7 @@ def _shortest_turn(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _about(axis: np.ndarray, angle: float) -> np.ndarray:
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    cross = skew(axis)
     return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
 
 

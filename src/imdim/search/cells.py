@@ -138,7 +138,7 @@ class _Slabs:
 @dataclass(frozen=True)
 class _BoxDensity:
     axes: np.ndarray  # [3, 3], rows are unit and orthogonal
-    slabs: tuple[_Slabs, _Slabs, _Slabs]
+    slabs: list[_Slabs]
 
     def draw(self, n: int, rng: np.random.Generator) -> np.ndarray:
         return np.stack([s.draw(n, rng) for s in self.slabs], axis=1) @ self.axes
@@ -169,12 +169,8 @@ class _AxialDensity:
 
 
 def _frame_densities(arrangement: Arrangement) -> list[_BoxDensity]:
-    out = []
-    for frame in arrangement.frames[:6]:
-        chosen = [arrangement.directions[i] for i in frame]
-        a, b, c = (_Slabs(d.offsets) for d in chosen)
-        out.append(_BoxDensity(np.stack([d.vector for d in chosen]), (a, b, c)))
-    return out
+    chosen = ([arrangement.directions[i] for i in frame] for frame in arrangement.frames[:6])
+    return [_BoxDensity(np.stack([d.vector for d in three]), [_Slabs(d.offsets) for d in three]) for three in chosen]
 
 
 def _axial_densities(arrangement: Arrangement) -> list[_AxialDensity]:

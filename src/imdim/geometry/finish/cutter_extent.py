@@ -65,7 +65,7 @@ def even_lengths(parts: Sequence[LastOperand], rest: Rest) -> list[LastOperand]:
     out, slack = list(parts), SAME * rest.diagonal
     for axis in range(3):
         for group in _alike(out, axis, slack):
-            if _are_even(out, group, axis, slack):
+            if (np.ptp([ends_of(out[i].node, axis) for i in group], axis=0) <= slack).all():  # type: ignore[arg-type]
                 continue
             spans = [_span(i, out[i], axis, rest) for i in group]
             for span, ends in _common(spans, slack):
@@ -135,11 +135,6 @@ def _alike(parts: Sequence[LastOperand], axis: int, slack: float) -> list[list[i
     prisms = [i for i, part in enumerate(parts) if _is_prism(part, axis)]
     groups = group_by_fit(prisms, lambda group, i: _same_section(parts[group[0]], parts[i], axis, slack))
     return [group for group in groups if len(group) > 1]
-
-
-def _are_even(parts: Sequence[LastOperand], group: list[int], axis: int, slack: float) -> bool:
-    ends = np.array([ends_of(parts[i].node, axis) for i in group])  # type: ignore[arg-type]
-    return bool((np.ptp(ends, axis=0) <= slack).all())
 
 
 def _same_section(a: LastOperand, b: LastOperand, axis: int, slack: float) -> bool:
