@@ -123,10 +123,6 @@ def _parallel(c: Constraint, pose: Pose) -> list[Row]:
     return [side.dot(pose.axis(other)) for other in others for side in (u, v)]
 
 
-def _perpendicular(c: Constraint, pose: Pose) -> list[Row]:
-    return [pose.axis(c.of[0]).dot(pose.axis(c.of[1]))]
-
-
 def _coplanar(c: Constraint, pose: Pose) -> list[Row]:
     first, second = c.of
     value, slope = (pose.position(second) - pose.position(first)).dot(pose.axis(first))
@@ -217,7 +213,7 @@ _ROWS: Mapping[str, Callable[[Constraint, Pose], list[Row]]] = {
     "equal": _equal,
     "value": _value,
     "parallel": _parallel,
-    "perpendicular": _perpendicular,
+    "perpendicular": lambda c, pose: [pose.axis(c.of[0]).dot(pose.axis(c.of[1]))],
     "coplanar": _coplanar,
     "aligned": _rows_of_aligned,
     "coaxial": _coaxial,

@@ -47,7 +47,8 @@ def shorten_range(candidate: Candidate, axis: int, end: int, arrangement: Arrang
     lo, hi = candidate.ranges[axis]
     if hi - lo <= 1:
         return None
-    direction = _direction(candidate, axis, arrangement)
+    kind, index = candidate.source
+    direction = arrangement.axis_of[index] if kind == "curved" else arrangement.frames[index][axis]
     if direction < 0:
         return None
     offsets = arrangement.directions[direction].offsets
@@ -57,11 +58,6 @@ def shorten_range(candidate: Candidate, axis: int, end: int, arrangement: Arrang
         return None
     moved = (lo + 1, hi) if end == 0 else (lo, hi - 1)
     return replace(candidate, ranges=tuple(moved if a == axis else r for a, r in enumerate(candidate.ranges)))
-
-
-def _direction(candidate: Candidate, axis: int, arrangement: Arrangement) -> int:
-    kind, index = candidate.source
-    return arrangement.axis_of[index] if kind == "curved" else arrangement.frames[index][axis]
 
 
 def _with(sequence: Sequence, i: int, halves: list[Candidate], families: Families) -> Sequence:

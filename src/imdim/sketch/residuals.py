@@ -190,10 +190,6 @@ def _triangle(x: np.ndarray) -> np.ndarray:
     return np.sqrt(norm(cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])))
 
 
-def _two_triangles(x: np.ndarray) -> np.ndarray:
-    return np.minimum(_triangle(x[:, :3]), _triangle(x[:, 1:]))
-
-
 _line = partial(_shortest, pairs=((0, 1),))
 _two_legs = partial(_shortest, pairs=((0, 1), (2, 1)))
 _two_lengths = partial(_shortest, pairs=((0, 1), (2, 3)))
@@ -207,7 +203,7 @@ FORMS = {
     "line_distance": Form(1, line_distance, _line),
     "collinear": Form(3, collinear, _line),
     "equal_length": Form(1, equal_length, _two_lengths),
-    "torsion": Form(1, torsion, _two_triangles),
+    "torsion": Form(1, torsion, lambda x: np.minimum(_triangle(x[:, :3]), _triangle(x[:, 1:]))),
     "plane_distance": Form(1, plane_distance, _triangle),
     "coplanar": Form(1, coplanar, _triangle),
 }

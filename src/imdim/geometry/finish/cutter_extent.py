@@ -101,10 +101,6 @@ def narrow(leaf: Primitive, axis: int) -> Primitive:
     return replace(leaf, size=tuple(s if i == along else s * (1 - NARROWER) for i, s in enumerate(leaf.size)))
 
 
-def _is_prism(part: LastOperand, axis: int) -> bool:
-    return isinstance(part.node, Primitive) and (part.node.kind == "box" or (part.node.kind == "cylinder" and axis == 2))
-
-
 def _direction(leaf: Primitive, axis: int) -> np.ndarray:
     """The local axis [3] or its opposite, whichever points forward."""
     return exact_rotation(leaf)[:, axis] * _forward(leaf, axis)
@@ -132,7 +128,8 @@ def _span(number: int, part: LastOperand, axis: int, rest: Rest) -> _Span:
 
 def _alike(parts: Sequence[LastOperand], axis: int, slack: float) -> list[list[int]]:
     """Numbers of parts with the same cross-section along the same direction, two or more."""
-    prisms = [i for i, part in enumerate(parts) if _is_prism(part, axis)]
+    kinds = ("box", "cylinder") if axis == 2 else ("box",)
+    prisms = [i for i, part in enumerate(parts) if isinstance(part.node, Primitive) and part.node.kind in kinds]
     groups = group_by_fit(prisms, lambda group, i: _same_section(parts[group[0]], parts[i], axis, slack))
     return [group for group in groups if len(group) > 1]
 
