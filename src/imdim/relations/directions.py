@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from imdim.program.constraints import AXES, AXES_OF, WORLD, Constraint, Ref
-from imdim.program.tree import KINDS
 from imdim.relations.select import RelationCandidate, RelationSelection
 
 NEAR = math.sin(math.radians(20))  # what is further off is no candidate
@@ -34,10 +33,9 @@ class Directions:
 def relate_directions(choice: RelationSelection) -> tuple[Directions, list[Constraint]]:
     """Accept what holds among the directions of all leaves."""
     found, accepted = Directions(), []
-    kinds = [KINDS[k] for k in choice.numbers.kinds]
     turns = np.diagonal(choice.covariance).reshape(-1, 9)[:, 6:]
     for leaf in np.argsort(turns.sum(1), kind="stable").tolist():
-        axes = [Ref(leaf, axis) for axis in AXES_OF[kinds[leaf]]]
+        axes = [Ref(leaf, axis) for axis in AXES_OF[choice.pose.kind(leaf)]]
         # an axis is known as well as the turns about the other two are
         axes.sort(key=lambda ref: turns[leaf].sum() - turns[leaf, ref.axis])
         for ref in axes:

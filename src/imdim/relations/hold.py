@@ -64,8 +64,6 @@ def onto(numbers: Lowered, constraints: Sequence[Constraint], length: float, met
 def _step(now: Normal, rows: ResidualRows, damping: float) -> np.ndarray:
     inverse = _inverse(now, damping)
     free = -np.einsum("kij,kj->ki", inverse, now.gradient).ravel()
-    if not len(rows.residual):
-        return free
     spread = _spread(rows.jacobian, inverse)
     return free - spread @ _multipliers(rows.jacobian @ spread, rows.residual + rows.jacobian @ free)
 

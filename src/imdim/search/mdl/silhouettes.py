@@ -196,7 +196,9 @@ def _revolve_segment(view: _View, center: np.ndarray, corners: np.ndarray) -> Pr
 def _boxes(view: _View) -> list[Primitive]:
     """Boxes between two flat faces across the direction that lie over one another."""
     height = view.local[:, view.k]
-    faces = [(t, _extent(view, t)) for t in _levels(height, view.sigma)]
+    # with the low and high corners [2, 2] of their points
+    on = {t: view.local[np.abs(height - t) < BAND * view.sigma][:, view.across] for t in _levels(height, view.sigma)}
+    faces = [(t, np.quantile(points, (0.01, 0.99), axis=0)) for t, points in on.items()]
     out = []
     for i, (bottom, a) in enumerate(faces):
         for top, b in faces[i + 1 :]:
@@ -229,9 +231,3 @@ def _levels(height: np.ndarray, sigma: float) -> list[float]:
         if all(abs(grid[i] - t) > 2.5 * sigma for t in chosen):
             chosen.append(float(grid[i]))
     return sorted(chosen)
-
-
-def _extent(view: _View, level: float) -> tuple[np.ndarray, np.ndarray]:
-    """Low and high corners [2] of the points at a level."""
-    on = view.local[np.abs(view.local[:, view.k] - level) < BAND * view.sigma][:, view.across]
-    return np.quantile(on, 0.01, axis=0), np.quantile(on, 0.99, axis=0)
