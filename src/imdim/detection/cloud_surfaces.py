@@ -45,7 +45,9 @@ def detect_cloud(
     points = np.asarray(points, float)
     cloud = _begin(points, normals, noise, CloudConfig(), rng)
     _extract(cloud, rng, 1, deadline)
-    calmer = _deviation(cloud)
+    # by the medians of the points' distances from the surfaces found
+    spread = [np.median(np.abs(signed_distance(s, cloud.points[cloud.owner == i]))) for i, s in enumerate(cloud.found)]
+    calmer = 1.4826 * float(min(spread, default=math.inf))
     if calmer < 0.5 * noise.sigma:  # curvature or thin walls were taken for noise
         noise = replace(noise, sigma=calmer)
         cloud = _begin(points, normals, noise, cloud.config, rng)
@@ -79,12 +81,6 @@ def _begin(
     else:
         directed, trust = np.array(normals, dtype=float), np.ones(len(points))
     return DetectionState(points, directed, trust, noise, config, np.full(len(points), -1), len(points) if normals is None else 0)
-
-
-def _deviation(cloud: DetectionState) -> float:
-    """Deviation of the points from the surfaces found, by their medians."""
-    spread = [np.median(np.abs(signed_distance(s, cloud.points[cloud.owner == i]))) for i, s in enumerate(cloud.found)]
-    return 1.4826 * float(min(spread)) if spread else math.inf
 
 
 def _extract(cloud: DetectionState, rng: np.random.Generator, rounds: int, deadline: Deadline) -> None:

@@ -113,13 +113,8 @@ def _snap_rotations(parts: list[Primitive], judge: _SnapJudge, config: SnapConfi
     current = tuple(parts)
     for rank in range(max(map(len, offers), default=0)):
         changes = [(i, o[rank]) for i, o in enumerate(offers) if rank < len(o) and current[i] == parts[i]]
-        current = accept_changes(current, changes, _replace, judge.bears_parts, config.tries)
+        current = accept_changes(current, changes, lambda now, c: (*now[: c[0]], c[1], *now[c[0] + 1 :]), judge.bears_parts, config.tries)
     return list(current)
-
-
-def _replace(parts: tuple[Primitive, ...], change: tuple[int, Primitive]) -> tuple[Primitive, ...]:
-    i, new = change
-    return (*parts[:i], new, *parts[i + 1 :])
 
 
 def _round(values: Values, judge: _SnapJudge, config: SnapConfig, largest: float) -> Values:

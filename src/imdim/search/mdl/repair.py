@@ -88,8 +88,6 @@ class _Repairs:
         cloud, config = self.cloud, self.config
         level = [map_terms(sequence, self._level) for sequence in given]
         starts = dict.fromkeys([*level, *given, *((Step("union", p),) for p in whole(cloud, self.axes))])
-        if not starts:
-            return []
         ranked = self._rank([self._fit(s, config.first, config.seen) for s in starts])
         extra = distinct([p for r in ranked for _, p in r.signed], cloud)[: config.pool_limit]
         return sorted((self._repair(r, extra) for r in ranked[: config.finalists]), key=lambda r: r.cost)
