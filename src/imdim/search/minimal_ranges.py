@@ -9,7 +9,6 @@ import numpy as np
 from imdim.program.sequence import Step
 from imdim.search.arrangement import Arrangement, span_along
 from imdim.search.candidate_families import Candidate, Families
-from imdim.search.cells import Cells
 from imdim.search.sequence import Covered, Pair, Sequence, run
 
 
@@ -25,7 +24,8 @@ def tidy(sequence: Sequence, families: Families) -> Sequence:
 
 
 def _tidy_step(sequence: Sequence, i: int, families: Families) -> Sequence:
-    halves, state = list(sequence[i].term.halves), run(sequence, len(families.cells.points))
+    halves, gain = list(sequence[i].term.halves), families.cells.gain
+    state = run(sequence, len(gain))
     for h in range(len(halves)):
         for axis in range(len(halves[h].ranges)):
             for end in (0, 1):
@@ -35,16 +35,11 @@ def _tidy_step(sequence: Sequence, i: int, families: Families) -> Sequence:
                         break
                     trial = _with(sequence, i, [shorter if k == h else c for k, c in enumerate(halves)], families)
                     tried = run(trial, len(state))
-                    if _worse(tried, state, families.cells):
+                    # other filled cells that leave more volume wrong
+                    if float(np.where(tried, -gain, gain)[tried != state].sum()) > 0:
                         break
                     sequence, halves[h], state = trial, shorter, tried
     return sequence
-
-
-def _worse(tried: np.ndarray, state: np.ndarray, cells: Cells) -> bool:
-    """Whether other filled cells [m] leave more volume wrong."""
-    changed = tried != state
-    return float(np.where(tried, -cells.gain, cells.gain)[changed].sum()) > 0
 
 
 def shorten_range(candidate: Candidate, axis: int, end: int, arrangement: Arrangement, added: bool) -> Candidate | None:
@@ -52,7 +47,8 @@ def shorten_range(candidate: Candidate, axis: int, end: int, arrangement: Arrang
     lo, hi = candidate.ranges[axis]
     if hi - lo <= 1:
         return None
-    direction = _direction(candidate, axis, arrangement)
+    kind, index = candidate.source
+    direction = arrangement.axis_of[index] if kind == "curved" else arrangement.frames[index][axis]
     if direction < 0:
         return None
     offsets = arrangement.directions[direction].offsets
@@ -62,11 +58,6 @@ def shorten_range(candidate: Candidate, axis: int, end: int, arrangement: Arrang
         return None
     moved = (lo + 1, hi) if end == 0 else (lo, hi - 1)
     return replace(candidate, ranges=tuple(moved if a == axis else r for a, r in enumerate(candidate.ranges)))
-
-
-def _direction(candidate: Candidate, axis: int, arrangement: Arrangement) -> int:
-    kind, index = candidate.source
-    return arrangement.axis_of[index] if kind == "curved" else arrangement.frames[index][axis]
 
 
 def _with(sequence: Sequence, i: int, halves: list[Candidate], families: Families) -> Sequence:
