@@ -266,7 +266,7 @@ def decoding(rows: int) -> Kernel:
     states = list(steps(policy, targets, DecodeConfig(max_primitives=4), torch.Generator().manual_seed(6)))
 
     def run(_: Any) -> list[Any]:
-        return [policy.propose(targets[s.rows], s.current, s.written, None, s.may_undo) for s in states]
+        return [policy.propose(s.seen) for s in states]
 
     with torch.no_grad(), FlopCounterMode(display=False) as counter:
         run(None)
@@ -278,7 +278,7 @@ def decoding(rows: int) -> Kernel:
         Work(float(counter.get_total_flops()), bytes=float(weights * len(states))),
         lambda: None,
         torch.no_grad()(run),
-        torch.no_grad()(lambda: speed_plain.proposals(policy, targets, states)),
+        torch.no_grad()(lambda: speed_plain.proposals(policy, states)),
         _other_moves,
         0.05,
     )

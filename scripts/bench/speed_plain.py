@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from imdim.data.solids import BOX, SPHERE, Solids
 from imdim.data.surfaces import STEP, bounds, surface_areas
@@ -74,13 +73,9 @@ def _differentiated(program: Program, points: np.ndarray) -> tuple[np.ndarray, n
     return value.detach().numpy(), free.grad.numpy()
 
 
-def proposals(policy: Policy, clouds: Tensor, states: Sequence[DecodeStep]) -> list[Move]:
+def proposals(policy: Policy, states: Sequence[DecodeStep]) -> list[Move]:
     """The moves of each state of each target, one after another."""
-    return [
-        policy.propose(clouds[row : row + 1], step.current[i : i + 1], step.written[i : i + 1], None, step.may_undo[i : i + 1])
-        for step in states
-        for i, row in enumerate(step.rows.tolist())
-    ]
+    return [policy.propose(step.seen.of(torch.tensor([i]))) for step in states for i in range(len(step.rows))]
 
 
 def surface_cloud(solids: Solids, n: int, generator: torch.Generator) -> list[np.ndarray]:

@@ -18,7 +18,7 @@ from imdim.learn.codes import ENDS, FIRST, FREE, NUMBERS, PLACES, STEPS, Choices
 from imdim.learn.decode import DecodeConfig, apply_move
 from imdim.learn.decode import decode as write
 from imdim.learn.draft import Draft
-from imdim.learn.policy import VOCAB, Move, draw_index, legal, mask_supervised
+from imdim.learn.policy import VOCAB, Move, Sight, draw_index, legal, mask_supervised
 from imdim.learn.policy_net import BaseConfig, BasePolicy
 from imdim.learn.profile import fold_levels, histograms, look, voxel_moments, voxel_of
 from imdim.learn.rotations import ROTATION_CODES
@@ -114,6 +114,10 @@ def test_base_ignores_what_comes_after_the_prefix(batch):
         assert torch.allclose(value, policy.losses(changed)[name])
 
 
+def sight(batch):
+    return Sight(batch.gt_points, batch.cur_points, written(batch), torch.ones(len(batch.steps), dtype=torch.bool))
+
+
 def written(batch, rows=slice(None)):
     """The solids that the prefixes of a batch show."""
     column = torch.arange(batch.gt_tokens.shape[1])
@@ -148,14 +152,14 @@ def test_log_p_of_a_draw_is_that_of_teacher_forcing(batch):
         return inner(view, draft, end, chance)
 
     policy._draw_end = spy
-    move = policy.propose(batch.gt_points, batch.cur_points, written(batch), generator(3))
+    move = policy.propose(sight(batch), generator(3))
     view, draft = drafts[-1]
     log_p, _, _ = policy._log_p(view, Draft(draft.tokens, draft.sign, draft.choices, []))
     free_to_choose = (batch.steps > 0) & (move.tokens <= 2)  # else masks take part
     total = sum(log_p.values())
     assert free_to_choose.any()
     assert torch.allclose(total[free_to_choose], move.log_p[free_to_choose], atol=1e-3)
-    again = policy.log_prob(batch.gt_points, batch.cur_points, written(batch), move)
+    again = policy.log_prob(sight(batch), move)
     assert torch.allclose(again, move.log_p, atol=1e-3)
     again.sum().backward()
     assert policy.to_token.weight.grad is not None
@@ -252,8 +256,8 @@ def test_design_changes_can_be_taken_back(batch, changes):
     assert losses[-1] < 0.9 * losses[0]
     policy.eval()
     with torch.no_grad():
-        move = policy.propose(batch.gt_points, batch.cur_points, written(batch), generator(3))
-        again = policy.log_prob(batch.gt_points, batch.cur_points, written(batch), move)
+        move = policy.propose(sight(batch), generator(3))
+        again = policy.log_prob(sight(batch), move)
     assert torch.allclose(again, move.log_p, atol=1e-3)
     assert all(torch.isfinite(v).all() for v in (move.part.centers, move.part.sizes, move.part.rotations))
 
@@ -359,7 +363,7 @@ def test_decoded_programs_are_legal(batch, index):
 @pytest.mark.parametrize("index", [0, 1])
 def test_several_ways_are_the_same_moves(batch, index):
     policy = policies()[index].eval()
-    one, three = (policy.propose(batch.gt_points, batch.cur_points, written(batch), ways=w) for w in (1, 3))
+    one, three = (policy.propose(sight(batch), ways=w) for w in (1, 3))
     for value, wide in ((one.tokens, three.tokens), (one.part.sizes, three.part.sizes), (one.log_p, three.log_p)):
         assert torch.allclose(value.repeat_interleave(3, 0), wide, atol=1e-4)
 

@@ -56,7 +56,7 @@ def test_log_p_is_that_of_the_draw(policy):
     made = list(steps(policy, batch.gt_points, config, chance, chance))
     assert len(made) > 3
     for step in made:
-        log_p = policy.log_prob(batch.gt_points[step.rows], step.current, step.written, step.move, step.may_undo)
+        log_p = policy.log_prob(step.seen, step.move)
         assert torch.allclose(log_p, step.move.log_p, atol=1e-4)
         assert log_p.requires_grad
 
@@ -107,17 +107,17 @@ def test_moves_from_one_state_are_worth_the_solids_they_lead_to(make):
     )
     assert made.ways == 4
     assert made.advantage.view(-1, 4).sum(1).abs().max() < 1e-3
-    log_p = policy.log_prob(made.gt_points, made.current, made.written, made.move, made.may_undo)
+    log_p = policy.log_prob(made.seen, made.move)
     assert torch.allclose(log_p, made.move.log_p, atol=1e-4)
-    some = made.of(torch.tensor([len(made.may_undo) - 1]))
+    some = made.of(torch.tensor([made.states - 1]))
     assert torch.equal(some.move.log_p, made.move.log_p[-4:])
     truth = from_sequences(targets.gt_tokens, targets.gt_params)
-    for state in range(len(made.may_undo)):
+    for state in range(made.states):
         here = made.of(torch.tensor([state]))
-        row = int((targets.gt_points[:, 0] == here.gt_points[:, 0]).all(1).nonzero()[0])
+        row = int((targets.gt_points[:, 0] == here.seen.gt_points[:, 0]).all(1).nonzero()[0])
         worth = []
         for way in range(4):
-            after = apply_move(here.written, here.move.of(torch.tensor([way])))
+            after = apply_move(here.seen.written, here.move.of(torch.tensor([way])))
             worth.append(float(estimate_iou(after, truth[row : row + 1], 40_000, torch.Generator().manual_seed(way))))
         best = worth[int(here.advantage.argmax())]
         assert best == pytest.approx(max(worth), abs=0.05)

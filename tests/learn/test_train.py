@@ -251,9 +251,9 @@ class Oracle(Policy):
     def losses(self, batch):
         raise NotImplementedError
 
-    def propose(self, gt_points, cur_points, solids, generator=None, may_undo=None):
-        known = (gt_points[:, None, 0] == self.batch.gt_points[None, :, 0]).all(-1).int().argmax(1)
-        at = known, solids.lengths
+    def propose(self, seen, generator=None, ways=1):
+        known = (seen.gt_points[:, None, 0] == self.batch.gt_points[None, :, 0]).all(-1).int().argmax(1)
+        at = known, seen.written.lengths
         tokens = self.batch.gt_tokens[at].clamp_min(0)
         part = from_sequences(tokens[:, None].clamp_max(2), self.batch.gt_params[at][:, None])
         return Move(tokens, part, torch.zeros(len(tokens)))

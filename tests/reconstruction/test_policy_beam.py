@@ -42,8 +42,8 @@ class Script(Policy):
     def losses(self, batch):
         raise NotImplementedError
 
-    def propose(self, gt_points, cur_points, solids, generator=None, may_undo=None, ways=1):
-        gt_points, lengths = gt_points.repeat_interleave(ways, 0), solids.lengths.repeat_interleave(ways)
+    def propose(self, seen, generator=None, ways=1):
+        gt_points, lengths = seen.gt_points.repeat_interleave(ways, 0), seen.written.lengths.repeat_interleave(ways)
         low, high = gt_points.amin(1), gt_points.amax(1)
         first, more = lengths == 0, (lengths == 1) & (self.bore > 0)
         tokens = torch.where(first, BOX, torch.where(more, CYLINDER, int(END)))

@@ -5,6 +5,9 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from importlib import import_module
+from importlib.metadata import version
 from pathlib import Path
 
 ABOUT = "A mesh or a point cloud becomes a short, editable CSG program."
@@ -13,7 +16,7 @@ ABOUT = "A mesh or a point cloud becomes a short, editable CSG program."
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; the exit status is 0, or 2 for input or arguments that cannot be used (one line on stderr)."""
     parser = argparse.ArgumentParser(prog="imdim", description=ABOUT, epilog="`imdim fit --help` tells more.")
-    parser.add_argument("--version", action="version", version=f"imdim {_version()}")
+    parser.add_argument("--version", action="version", version=f"imdim {version('imdim')}")
     about = "fit: reconstruct one part; batch: every part of a folder; export: write one program of a front.json; "
     about += "edit: change named numbers of a program; lab: watch, correct and download in a browser page"
     parser.add_argument("command", choices=list(COMMANDS), help=about)
@@ -67,12 +70,6 @@ def _export(argv: Sequence[str]) -> int:
     return 0
 
 
-def _edit(argv: Sequence[str]) -> int:
-    from imdim.app.edit import main as run
-
-    return run(argv)
-
-
 def _lab(argv: Sequence[str]) -> int:
     from importlib.util import find_spec
 
@@ -80,23 +77,15 @@ def _lab(argv: Sequence[str]) -> int:
 
     if find_spec("viser") is None:
         raise ConfigError('the lab needs an extra: pip install "imdim[lab]"')
-    from imdim.app.lab.server import main as run
-
-    return run(argv)
+    return _run("imdim.app.lab.server", argv)
 
 
-def _batch(argv: Sequence[str]) -> int:
-    from imdim.app.batch.run import main as run
-
-    return run(argv)
-
-
-def _version() -> str:
-    from importlib.metadata import version
-
-    return version("imdim")
+def _run(module: str, argv: Sequence[str]) -> int:
+    """The `main` of a module that reads its own arguments."""
+    return import_module(module).main(argv)
 
 
+_edit, _batch = (partial(_run, f"imdim.app.{module}") for module in ("edit", "batch.run"))
 COMMANDS: Mapping[str, Callable[[Sequence[str]], int]] = {"fit": _fit, "batch": _batch, "export": _export, "edit": _edit, "lab": _lab}
 
 if __name__ == "__main__":

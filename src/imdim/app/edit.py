@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from imdim.app.export import list_files, refusing
 from imdim.reconstruction.config import ConfigError, one_line
 
 if TYPE_CHECKING:
     from imdim.export.delivered import Delivered
 
 STEP_LIMIT_S = 60.0
-MESSAGE = 1000  # characters, of texts that were changed by hand
 
 
 def parser() -> argparse.ArgumentParser:
@@ -56,17 +56,12 @@ def list_names(source: Path) -> str:
 def edit_program(source: Path, values: dict[str, float], folder: Path, step: bool = False) -> str:
     """Write the edited files, and say what was written. Raises ConfigError, and then nothing was written."""
     from imdim.export.edit import change_values, write
-    from imdim.export.folder import OutputError
 
     if folder.resolve() == source.resolve().parent:
         raise ConfigError(f"output folder {folder} is that of {source.name}, whose report would be lost: give another")
-    try:
+    with refusing(source):
         files = write(change_values(_open(source), values), folder, STEP_LIMIT_S if step else 0.0)
-    except OutputError as error:
-        raise ConfigError(str(error)) from error
-    except ValueError as error:
-        raise error if isinstance(error, ConfigError) else ConfigError(f"{source}: {one_line(str(error), MESSAGE)}") from error
-    return "".join(f"  {folder / name}{'' if state == 'written' else '  ' + state}\n" for name, state in files.items())
+    return list_files(folder, files)
 
 
 def _open(source: Path) -> Delivered:
@@ -74,14 +69,10 @@ def _open(source: Path) -> Delivered:
     from imdim.export.edit import open_delivered
     from imdim.program import codec
 
-    try:
+    with refusing(source):
         document = codec.parse(source.read_bytes())
         texts = {name: (source.parent / name).read_text(encoding="utf-8") for name in TEXTS if (source.parent / name).is_file()}
         return open_delivered(document, texts)
-    except OSError as error:
-        raise ConfigError(f"{source}: {error.strerror}") from error
-    except ValueError as error:
-        raise ConfigError(f"{source}: {one_line(str(error), MESSAGE)}") from error
 
 
 def _assignments(given: Sequence[str]) -> dict[str, float]:

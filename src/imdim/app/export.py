@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 from imdim.export.numbers import MAX_SEGMENTS
 from imdim.reconstruction.config import ConfigError, one_line
 
-MESSAGE = 1000  # characters, of what is in a document
+MESSAGE = 1000  # characters, of what is in a document or a text that was changed by hand
 
 
 def export_program(source: Path, folder: Path, pick: int | None, segments: int) -> str:
     """Write the files, and say what was written. Raises ConfigError for a file, a pick or a folder that cannot be used."""
-    from imdim.delivery.deliver import OutputError, export
+    from imdim.delivery.deliver import export
     from imdim.program import codec, front
     from imdim.program.tree import leaves
     from imdim.target.target import LARGEST
@@ -21,7 +23,7 @@ def export_program(source: Path, folder: Path, pick: int | None, segments: int) 
         raise ConfigError(f"segments must be at least 3, got {segments}")
     if segments > MAX_SEGMENTS:
         raise ConfigError(f"segments must be at most {MAX_SEGMENTS}, got {segments}")
-    try:
+    with refusing(source):
         document = codec.parse(source.read_bytes())
         if isinstance(document, dict) and document.get("format") == front.FORMAT:
             choices, meta = front.from_json(document)
@@ -37,10 +39,24 @@ def export_program(source: Path, folder: Path, pick: int | None, segments: int) 
         if largest > LARGEST:
             raise ConfigError(f"{source}: a length or a place of {largest:.3g} is beyond {LARGEST:g}")
         files = export(program, folder, meta, segments)
-    except OutputError as error:
+    return list_files(folder, files)
+
+
+@contextmanager
+def refusing(source: Path) -> Iterator[None]:
+    """Whatever in the block cannot be used or written is a ConfigError of one line, that names `source` where the fault is in there."""
+    from imdim.export.folder import OutputError
+
+    try:
+        yield
+    except (ConfigError, OutputError) as error:
         raise ConfigError(str(error)) from error
     except OSError as error:
         raise ConfigError(f"{source}: {error.strerror}") from error
     except ValueError as error:
-        raise error if isinstance(error, ConfigError) else ConfigError(f"{source}: {one_line(str(error), MESSAGE)}") from error
+        raise ConfigError(f"{source}: {one_line(str(error), MESSAGE)}") from error
+
+
+def list_files(folder: Path, files: Mapping[str, str]) -> str:
+    """A line for each file, with what became of it where it was not written."""
     return "".join(f"  {folder / name}{'' if state == 'written' else '  ' + state}\n" for name, state in files.items())

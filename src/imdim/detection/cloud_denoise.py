@@ -37,7 +37,7 @@ def denoise(points: np.ndarray, normals: np.ndarray | None, noise: NoiseModel, r
     signed = normals is not None
     if normals is None:
         found, trust = consensus_normals(points, near, noise, rng)
-        directed = _adopt(points, found, trust, near, noise.sigma, noise.spacing)
+        directed = _adopt(points, found, trust, near, noise)
     else:
         directed = np.array(normals, dtype=float)
     reach = 0.5 * math.sqrt(k / math.pi) * noise.spacing
@@ -54,24 +54,12 @@ def denoise(points: np.ndarray, normals: np.ndarray | None, noise: NoiseModel, r
     return calm, directed
 
 
-@njit(cache=True)
-def _adopt(points, normals, trust, near, sigma, spacing):  # pragma: no cover - compiled
+def _adopt(points: np.ndarray, normals: np.ndarray, trust: np.ndarray, near: np.ndarray, noise: NoiseModel) -> np.ndarray:
     """Per point the normal of the neighbour whose plane is best supported among those that pass through the point."""
-    out = np.empty_like(normals)
-    for i in range(len(points)):
-        best, index = -1.0, i
-        for j in near[i]:
-            d = normals[j, 0] * (points[i, 0] - points[j, 0])
-            d += normals[j, 1] * (points[i, 1] - points[j, 1])
-            d += normals[j, 2] * (points[i, 2] - points[j, 2])
-            far = 0.0
-            for c in range(3):
-                far += (points[i, c] - points[j, c]) ** 2
-            score = trust[j] * math.exp(-0.5 * (d / (1.5 * sigma)) ** 2 - far / (8.0 * spacing * spacing))
-            if score > best:
-                best, index = score, j
-        out[i] = normals[index]
-    return out
+    away, facing = points[:, None] - points[near], normals[near]
+    off = sum(facing[..., i] * away[..., i] for i in range(3))
+    score = trust[near] * np.exp(-0.5 * (off / (1.5 * noise.sigma)) ** 2 - (away**2).sum(-1) / (8.0 * noise.spacing * noise.spacing))
+    return facing[np.arange(len(points)), score.argmax(1)]
 
 
 @njit(cache=True, inline="always")

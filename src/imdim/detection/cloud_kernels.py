@@ -95,21 +95,11 @@ def sharp_gains(kind, row, tolerance, points, normals, trust, least_cosine):  # 
     return 0.5 * (wide + gains(kind, row, 0.25 * tolerance, points, normals, trust, least_cosine))
 
 
-@njit(cache=True)
-def largest_plane(points, triples, tolerance):  # pragma: no cover - compiled
+def largest_plane(points: np.ndarray, triples: np.ndarray, tolerance: float) -> int:
     """The most points [n, 3] that one plane through a triple of them [t, 3] holds."""
-    best = 0
-    for t in range(len(triples)):
-        a, b, c = points[triples[t, 0]], points[triples[t, 1]], points[triples[t, 2]]
-        ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-        vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        length = math.sqrt(nx * nx + ny * ny + nz * nz)
-        if length < 0.02 * (ux * ux + uy * uy + uz * uz + vx * vx + vy * vy + vz * vz) or length == 0.0:
-            continue
-        count = 0
-        for j in range(len(points)):
-            if abs((points[j, 0] - a[0]) * nx + (points[j, 1] - a[1]) * ny + (points[j, 2] - a[2]) * nz) < tolerance * length:
-                count += 1
-        best = max(best, count)
-    return best
+    a, b, c = points[triples].transpose(1, 0, 2)
+    sides, normal = np.hstack([b - a, c - a]), np.cross(b - a, c - a)
+    length = np.sqrt((normal**2).sum(1))
+    proper = (length >= 0.02 * (sides**2).sum(1)) & (length > 0)
+    away = sum((points[:, i] - a[proper, i, None]) * normal[proper, i, None] for i in range(3))
+    return int((np.abs(away) < tolerance * length[proper, None]).sum(1).max(initial=0))

@@ -53,12 +53,14 @@ def inside_probability(
     scene = _Scene.of(patches, np.asarray(points, float), config)
     votes = _ask_queries(scene, queries, config, deadline)
     single = _probability(votes)
-    mean = _pool_votes(scene, queries, single, votes[:, 1])
+    # the mean over the queries with the same sides of all carriers, weighted by the lines that agreed
+    cell, weight = _cells(scene, queries), votes[:, 1] + 1e-6
+    mean = (np.bincount(cell, weight * single) / np.bincount(cell, weight))[cell]
     follow = np.interp(np.maximum(mean, 1 - mean), config.pure, (0.0, 1.0))
     found = single + follow * (mean - single)
     known = votes[:, 3] > 0
     if not known.all():
-        found[~known] = _follow_nearest(scene, queries, found, known)
+        found[~known] = _follow_nearest(queries, cell, found, known)
     return found
 
 
@@ -73,9 +75,8 @@ def _ask_queries(scene: _Scene, queries: np.ndarray, config: OccupancyConfig, de
     return votes
 
 
-def _follow_nearest(scene: _Scene, queries: np.ndarray, found: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """For each query that was not asked the probability of the nearest that was, among those of the same cell if there are any."""
-    cell = _cells(scene, queries)
+def _follow_nearest(queries: np.ndarray, cell: np.ndarray, found: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """For each query that was not asked the probability of the nearest that was, among those of the same `cell` [m] if there are any."""
     total, sums = np.bincount(cell[known], minlength=cell.max() + 1), np.bincount(cell[known], found[known], minlength=cell.max() + 1)
     asked = total[cell[~known]] > 0
     nearest = np.asarray(KDTree(queries[known]).query(queries[~known][~asked])[1])
@@ -95,13 +96,6 @@ def _cells(scene: _Scene, queries: np.ndarray) -> np.ndarray:
     """Numbers [m] that are equal where queries are on the same side of every carrier."""
     sides = np.packbits(sides_of(queries, scene.cloud[0], scene.cloud[1], 0.0) > 0, axis=1)
     return np.unique(sides, axis=0, return_inverse=True)[1].ravel()
-
-
-def _pool_votes(scene: _Scene, queries: np.ndarray, single: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Mean over the queries with the same sides of all carriers, weighted by the lines that agreed."""
-    cell = _cells(scene, queries)
-    total = np.bincount(cell, weight + 1e-6)
-    return (np.bincount(cell, (weight + 1e-6) * single) / total)[cell]
 
 
 def orient(patches: list[Patch], points: np.ndarray, deadline: Deadline = NEVER) -> list[Patch]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 
 import numpy as np
 from numba import njit
@@ -88,8 +89,7 @@ def _torus_value(row, qd, qq, qa, da, t):  # pragma: no cover - compiled
 
 def build_grid(points: np.ndarray, low: np.ndarray, cell: float, shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The points sorted by cell: starts [cells + 1] and point indices in cell order."""
-    at = np.clip(((points - low) / cell).astype(np.int64), 0, shape - 1)
-    cells = np.ravel_multi_index(tuple(at.T), tuple(shape))
+    cells = np.ravel_multi_index(tuple(_cells_of(points, low, cell, shape).T), tuple(shape))
     starts = np.concatenate([[0], np.cumsum(np.bincount(cells, minlength=int(np.prod(shape))))])
     return starts, np.argsort(cells, kind="stable")
 
@@ -105,22 +105,19 @@ def sides_of(points, kinds, rows, band):  # pragma: no cover - compiled
     return out
 
 
-@njit(cache=True)
-def presence(points, owner, low, cell, shape, count, dilate):  # pragma: no cover - compiled
+def presence(points: np.ndarray, owner: np.ndarray, low: np.ndarray, cell: float, shape: np.ndarray, count: int, dilate: int) -> np.ndarray:
     """Which of `count` carriers have a point within `dilate` cells: 0 or 1 in [x, y, z, count]."""
-    marks = np.zeros((shape[0], shape[1], shape[2], count), np.uint8)
-    at = np.empty(3, np.int64)
-    for p in range(len(points)):
-        for a in range(3):
-            at[a] = min(max(int((points[p, a] - low[a]) / cell), 0), shape[a] - 1)
-        if marks[at[0], at[1], at[2], owner[p]] >= 2:
-            continue
-        for i in range(max(at[0] - dilate, 0), min(at[0] + dilate + 1, shape[0])):
-            for j in range(max(at[1] - dilate, 0), min(at[1] + dilate + 1, shape[1])):
-                for k in range(max(at[2] - dilate, 0), min(at[2] + dilate + 1, shape[2])):
-                    marks[i, j, k, owner[p]] |= 1
-        marks[at[0], at[1], at[2], owner[p]] = 2
+    marks = np.zeros((*shape, count), np.uint8)
+    *at, owned = np.unique(np.column_stack([_cells_of(points, low, cell, shape), owner]), axis=0).T
+    for step in product(range(-dilate, dilate + 1), repeat=3):
+        # what would lie outside of the grid marks a cell on the way there
+        marks[(*(np.clip(a + s, 0, n - 1) for a, s, n in zip(at, step, shape, strict=True)), owned)] = 1
     return marks
+
+
+def _cells_of(points: np.ndarray, low: np.ndarray, cell: float, shape: np.ndarray) -> np.ndarray:
+    """The cell [n, 3] of each point."""
+    return np.clip(((points - low) / cell).astype(np.int64), 0, shape - 1)
 
 
 @njit(cache=True)

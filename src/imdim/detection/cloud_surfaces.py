@@ -45,31 +45,32 @@ def detect_cloud(
     points = np.asarray(points, float)
     cloud = _begin(points, normals, noise, CloudConfig(), rng)
     _extract(cloud, rng, 1, deadline)
-    calmer = _deviation(cloud)
+    # by the medians of the points' distances from the surfaces found
+    spread = [np.median(np.abs(signed_distance(s, cloud.points[cloud.owner == i]))) for i, s in enumerate(cloud.found)]
+    calmer = 1.4826 * float(min(spread, default=math.inf))
     if calmer < 0.5 * noise.sigma:  # curvature or thin walls were taken for noise
         noise = replace(noise, sigma=calmer)
         cloud = _begin(points, normals, noise, cloud.config, rng)
     if noise.blurs:
-        return _detect_noisy(cloud, rng, deadline), noise
+        cloud = _calm(cloud, rng)
     _extract(cloud, rng, cloud.config.rounds, deadline)
     settle(cloud, deadline)
-    patches = regularise(patches_of(cloud), max(cloud.config.exact * noise.diagonal, 0.3 * noise.sigma))
-    return orient(patches, points, deadline=deadline), noise
+    if noise.blurs:
+        prune(cloud, deadline)
+    patches = regularise(patches_of(cloud), max(cloud.config.exact * cloud.noise.diagonal, 0.3 * noise.sigma))
+    if cloud.raw is None:
+        return orient(patches, points, deadline=deadline), noise
+    return orient([gather_points(p) for p in patches], cloud.raw, deadline=deadline), noise
 
 
-def _detect_noisy(begun: DetectionState, rng: np.random.Generator, deadline: Deadline) -> list[Patch]:
-    """Surfaces are found in a calmed cloud and fitted to the points as measured; patches hold points on their carriers."""
-    kept, config, given = inliers(begun.points), begun.config, begun.viewed == 0
+def _calm(begun: DetectionState, rng: np.random.Generator) -> DetectionState:
+    """Surfaces of a noisy cloud are found in a calmed one and fitted to the points as measured; patches hold points on their carriers."""
+    kept, given = inliers(begun.points), begun.viewed == 0
     points, normals = begun.points[kept], begun.normals[kept] if given else None
     noise = replace(begun.noise, diagonal=float(np.linalg.norm(np.ptp(points, axis=0))))  # strays widened the box
     calm, directed = denoise(points, normals, noise, rng)
     trust = np.full(len(points), 0.9)
-    cloud = DetectionState(calm, directed, trust, noise, config, np.full(len(points), -1), 0 if given else len(points), raw=points)
-    _extract(cloud, rng, config.rounds, deadline)
-    settle(cloud, deadline)
-    prune(cloud, deadline)
-    patches = regularise(patches_of(cloud), max(config.exact * noise.diagonal, 0.3 * noise.sigma))
-    return orient([gather_points(p) for p in patches], points, deadline=deadline)
+    return DetectionState(calm, directed, trust, noise, begun.config, np.full(len(points), -1), 0 if given else len(points), raw=points)
 
 
 def _begin(
@@ -80,12 +81,6 @@ def _begin(
     else:
         directed, trust = np.array(normals, dtype=float), np.ones(len(points))
     return DetectionState(points, directed, trust, noise, config, np.full(len(points), -1), len(points) if normals is None else 0)
-
-
-def _deviation(cloud: DetectionState) -> float:
-    """Deviation of the points from the surfaces found, by their medians."""
-    spread = [np.median(np.abs(signed_distance(s, cloud.points[cloud.owner == i]))) for i, s in enumerate(cloud.found)]
-    return 1.4826 * float(min(spread)) if spread else math.inf
 
 
 def _extract(cloud: DetectionState, rng: np.random.Generator, rounds: int, deadline: Deadline) -> None:

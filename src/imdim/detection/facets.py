@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 from numba import njit
+from scipy.sparse import csr_array
 
 
 @dataclass(frozen=True)
@@ -72,9 +73,10 @@ def facets_of(mesh: trimesh.Trimesh, flat: float = 5e-6, angle_deg: float = 1.0)
     double = np.linalg.norm(cross, axis=1)
     normals = cross / np.maximum(double, 1e-300)[:, None]
     pairs = np.asarray(mesh.face_adjacency, np.int64).reshape(-1, 2)
-    starts, neighbours = _adjacency(pairs, len(corners))
+    ways = np.concatenate([pairs, pairs[:, ::-1]]).T
+    links = csr_array((np.ones(ways.shape[1], bool), (ways[0], ways[1])), shape=(len(corners), len(corners)))
     order = np.argsort(-double, kind="stable")
-    member = _grow(order, starts, neighbours, corners, normals, flat * diagonal, np.cos(np.radians(angle_deg)))
+    member = _grow(order, links.indptr, links.indices, corners, normals, flat * diagonal, np.cos(np.radians(angle_deg)))
     areas = np.bincount(member, double / 2)
     mean_normal = np.stack([np.bincount(member, normals[:, i] * double) for i in range(3)], axis=1)
     mean_normal /= np.maximum(np.linalg.norm(mean_normal, axis=1, keepdims=True), 1e-300)
@@ -84,14 +86,6 @@ def facets_of(mesh: trimesh.Trimesh, flat: float = 5e-6, angle_deg: float = 1.0)
     edges = edges[edges[:, 0] != edges[:, 1]]
     angles = np.arccos(np.clip((mean_normal[edges[:, 0]] * mean_normal[edges[:, 1]]).sum(1), -1, 1))
     return Facets(corners, member, mean_normal, centers, areas, edges, angles, diagonal)
-
-
-def _adjacency(pairs: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Compressed neighbour lists of an undirected graph given by its edges [e, 2]."""
-    both = np.concatenate([pairs, pairs[:, ::-1]])
-    both = both[np.argsort(both[:, 0], kind="stable")]
-    starts = np.concatenate([[0], np.cumsum(np.bincount(both[:, 0], minlength=count))]).astype(np.int64)
-    return starts, np.ascontiguousarray(both[:, 1])
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,14 @@ def starts(kind: str, points: np.ndarray, normals: np.ndarray | None) -> list[Su
         return [_sphere(points)]
     if normals is None:
         return _sweep_axes(kind, points) + (_by_own_normals(points) if kind == "torus" and len(points) >= 16 else [])
-    axes = revolution_axes(points, np.asarray(normals, float))
+    normals = np.asarray(normals, float)
+    axes = revolution_axes(points, normals)
     if kind == "cylinder":
-        found = [_cylinder(points, _gauss_axis(np.asarray(normals, float)))] + [_cylinder(points, a) for _, a in axes]
+        # its normals lie on a great circle, whose pole is the axis
+        pole = np.linalg.eigh(normals.T @ normals)[1][:, 0]
+        found = [_cylinder(points, a) for a in (pole, *(a for _, a in axes))]
     elif kind == "cone":
-        found = [_cone(points, p, a) for p, a in axes] + _cone_by_apex(points, np.asarray(normals, float))
+        found = [_cone(points, p, a) for p, a in axes] + _cone_by_apex(points, normals)
     else:
         found = [_torus(points, p, a) for p, a in axes]
     return [s for s in found if np.isfinite(s.sizes).all() and np.isfinite(s.point).all()] or _sweep_axes(kind, points)
@@ -46,11 +49,6 @@ def revolution_axes(points: np.ndarray, normals: np.ndarray) -> list[tuple[np.nd
         arm = -inverse @ b.T @ direction
         found.append((np.cross(direction, arm), direction))
     return found
-
-
-def _gauss_axis(normals: np.ndarray) -> np.ndarray:
-    """Normals of a cylinder lie on a great circle; its pole is the axis."""
-    return np.linalg.eigh(normals.T @ normals)[1][:, 0]
 
 
 def _sphere(points: np.ndarray) -> Surface:
@@ -109,12 +107,9 @@ def _cone_by_apex(points: np.ndarray, normals: np.ndarray) -> list[Surface]:
     apex = np.linalg.lstsq(normals, (normals * points).sum(1), rcond=None)[0]
     rays = points - apex
     length = np.linalg.norm(rays, axis=1)
-    if length.min(initial=1.0) < 1e-9:
-        keep = length > 1e-9
-        rays, length = rays[keep], length[keep]
+    rays = rays[length > 1e-9] / length[length > 1e-9, None]
     if len(rays) < 3:
         return []
-    rays = rays / length[:, None]
     mean = rays.mean(0)
     axis = np.linalg.eigh((rays - mean).T @ (rays - mean))[1][:, 0]
     axis = axis if axis @ mean >= 0 else -axis
@@ -160,7 +155,5 @@ def _sweep_axes(kind: str, points: np.ndarray) -> list[Surface]:
     scored.sort(key=lambda item: item[0])
     # a quadric says little about a torus: there every direction is tried
     best = scored[: len(scored) if kind == "torus" else 6]
-    if kind == "cylinder":
-        return [_cylinder(points, axis) for _, _, axis in best]
-    build = {"cone": _cone, "torus": _torus}[kind]
+    build = {"cylinder": lambda p, _, axis: _cylinder(p, axis), "cone": _cone, "torus": _torus}[kind]
     return [build(points, foot, axis) for _, foot, axis in best]

@@ -89,9 +89,7 @@ def _rms(distance: np.ndarray, weight: np.ndarray) -> float:
 def _fit_plane(local: np.ndarray, start: Surface | None, scale: float | None, hold: str) -> tuple[Surface, float]:
     """Principal components; repeated with new weights when robust."""
     axis = np.asarray(start.axis) if start is not None and hold else None
-    weight = np.ones(len(local))
-    if start is not None and scale is not None:
-        weight = _tukey(signed_distance(start, local), scale)
+    weight = np.ones(len(local)) if start is None else _tukey(signed_distance(start, local), scale)
     surface = _fit_weighted_plane(local, weight, axis)
     for _ in range(10 if scale is not None else 0):
         weight = _tukey(signed_distance(surface, local), scale)

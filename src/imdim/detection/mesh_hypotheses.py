@@ -20,7 +20,9 @@ def hypotheses(seed: int, state: Growing) -> list[tuple[float, Surface]]:
         out.append((1.02, _cylinder_through(facets, np.array([seed, other]))))
     ring = ring_of(seed, alike, state, 30)
     if len(ring) >= 3:
-        trios = [np.array([seed, a, b]) for a, b in itertools.combinations(_gentlest(seed, alike, state), 2)]
+        # along a cone the three neighbours under the smallest angles are its own strips, across it something else may follow
+        gentlest = [alike[i] for i in np.argsort(-(facets.normals[alike] @ facets.normals[seed]), kind="stable")[:3]]
+        trios = [np.array([seed, a, b]) for a, b in itertools.combinations(gentlest, 2)]
         out += [(1.01, s) for s in (_cone_through(facets, trio) for trio in [*trios, ring]) if s]
     if len(ring) >= 4:
         points, point_normals = _corner_normals(facets, ring)
@@ -32,12 +34,6 @@ def hypotheses(seed: int, state: Growing) -> list[tuple[float, Surface]]:
         if len(ring) >= 8:
             out.append((0.95, fit_surface("torus", points, point_normals, iterations=15)[0]))
     return out
-
-
-def _gentlest(seed: int, near: list[int], state: Growing) -> list[int]:
-    """The three neighbours under the smallest angles: along a cone they are its own strips, across it something else may follow."""
-    cosines = state.facets.normals[near] @ state.facets.normals[seed] if near else np.zeros(0)
-    return [near[i] for i in np.argsort(-cosines, kind="stable")[:3]]
 
 
 def ring_of(seed: int, near: list[int], state: Growing, most: int) -> np.ndarray:
@@ -78,8 +74,6 @@ def _cylinder_through(facets: Facets, pair: np.ndarray) -> Surface:
 
 def _cone_through(facets: Facets, chosen: np.ndarray) -> Surface | None:
     """The planes of a cone's facets meet in the apex, and their normals lie on a circle about the axis."""
-    if len(chosen) < 3:
-        return None
     n, c = facets.normals[chosen], facets.centers[chosen]
     middle = c.mean(0)
     apex = middle + np.linalg.lstsq(n, (n * (c - middle)).sum(1), rcond=1e-6)[0]

@@ -155,13 +155,11 @@ def _least_steps(surface: Surface, members: np.ndarray, facets: Facets) -> float
     """
     corners = facets.corners[facets.triangles(members)]
     direction = normals(surface, corners.reshape(-1, 3)).reshape(-1, 3, 3)
-    axis = np.asarray(surface.axis)
     if surface.kind == "sphere":
-        flat = direction.reshape(-1, 3)
         # the axis of a band, the pole of a cap
-        axis = np.linalg.eigh(np.cov(flat.T))[1][:, 0]
+        axis = np.linalg.eigh(np.cov(direction.reshape(-1, 3).T))[1][:, 0]
         return _turns(np.arcsin(np.clip(direction @ axis, -1, 1)))
-    frame = frame_from_axis(axis)
+    frame = frame_from_axis(np.asarray(surface.axis))
     local = (corners - surface.point) @ frame
     around = np.arctan2(local[..., 1], local[..., 0])
     radial = np.cos(around)[..., None] * frame[:, 0] + np.sin(around)[..., None] * frame[:, 1]

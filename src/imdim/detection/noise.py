@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from scipy.spatial import KDTree
 
 from imdim.geometry.sampling import EIGHTH, surface_spacing
@@ -65,27 +64,16 @@ def _measure_spacing_and_sigma(points: np.ndarray, rng: np.random.Generator) -> 
     distance, near = tree.query(points[seeds], k=count + 1)
     spacing = surface_spacing(distance[:, min(EIGHTH, count)])
     triples = np.array([rng.choice(count + 1, 3, replace=False) for _ in range(_TRIPLES)])
-    least = _least_quantiles(points, near, triples, min(_QUANTILE, count))
+    least = _least_quantiles(points, np.asarray(near), triples, min(_QUANTILE, count))
     return spacing, float(np.quantile(least, 0.1)) / _CALIBRATION
 
 
-@njit(cache=True)
-def _least_quantiles(points, near, triples, rank):  # pragma: no cover - compiled
-    out = np.empty(near.shape[0])
-    k = near.shape[1]
-    residual = np.empty(k)
-    for i in range(near.shape[0]):
-        best = np.inf
-        for t in range(triples.shape[0]):
-            a, b, c = points[near[i, triples[t, 0]]], points[near[i, triples[t, 1]]], points[near[i, triples[t, 2]]]
-            n = np.cross(b - a, c - a)
-            length = math.sqrt(n[0] ** 2 + n[1] ** 2 + n[2] ** 2)
-            reach = max(((b - a) ** 2).sum(), ((c - a) ** 2).sum())
-            if length < 0.2 * reach or length == 0.0:
-                continue
-            for j in range(k):
-                q = points[near[i, j]]
-                residual[j] = abs((q[0] - a[0]) * n[0] + (q[1] - a[1]) * n[1] + (q[2] - a[2]) * n[2]) / length
-            best = min(best, np.sort(residual)[rank + 2])
-        out[i] = best
-    return out
+def _least_quantiles(points: np.ndarray, near: np.ndarray, triples: np.ndarray, rank: int) -> np.ndarray:
+    """Of each place [m] the least distance of its neighbour of this rank from a plane through three of its neighbours `near` [m, k]."""
+    a, b, c = points[near[:, triples]].transpose(2, 0, 1, 3)
+    normal = np.cross(b - a, c - a)
+    length = np.sqrt((normal**2).sum(-1))
+    reach = np.maximum(((b - a) ** 2).sum(-1), ((c - a) ** 2).sum(-1))
+    away = sum((points[near, i][:, None] - a[..., i, None]) * normal[..., i, None] for i in range(3))
+    least = np.sort(np.abs(away) / np.maximum(length, 1e-300)[..., None])[..., rank + 2]
+    return np.where((length < 0.2 * reach) | (length == 0), np.inf, least).min(1)

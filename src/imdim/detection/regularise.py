@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -96,13 +97,8 @@ def _align(firm: list[_Item]) -> None:
 def _candidates(axis: np.ndarray, known: list[np.ndarray]) -> Iterable[np.ndarray]:
     """Directions near `axis`: known ones, those across two known ones, and its own part across one known."""
     least = math.cos(math.radians(_MAX_ANGLE_DEG))
-    for d in known:
-        if abs(axis @ d) > least:
-            yield d
-    across = [np.cross(a, b) for i, a in enumerate(known) for b in known[:i] if i > 2 and abs(a @ b) < 1e-9]
-    for d in across:
-        if abs(axis @ d) > least:
-            yield d
+    across = (np.cross(a, b) for i, a in enumerate(known) for b in known[:i] if i > 2 and abs(a @ b) < 1e-9)
+    yield from (d for d in chain(known, across) if abs(axis @ d) > least)
     for d in known:
         if abs(axis @ d) < math.sin(math.radians(_MAX_ANGLE_DEG)):
             flat = axis - (axis @ d) * d

@@ -5,7 +5,7 @@ Leaves are counted from 0, copies included, as constraints and program.json coun
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from imdim.export.numbers import Expression, plain, write_expression
@@ -13,7 +13,7 @@ from imdim.export.parameters import Parameters
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.program.constraints import RULES, WORLD, Constraint, Ref
 from imdim.program.repeats import Folded, Repeat, repeats, size, starts
-from imdim.program.tree import SIZE_NAMES, Primitive, Program, fold, leaves
+from imdim.program.tree import SIZE_NAMES, Op, Primitive, Program, fold, leaves
 
 
 def tree_values(folded: Folded, first: int = 0) -> dict[str, Any]:
@@ -46,15 +46,12 @@ def leaf_values(program: Program, labels: Sequence[str], named: Parameters) -> l
 
 def roles(program: Program) -> list[str]:
     """What each leaf does to the solid: "adds", "cuts", or "bounds" where it is intersected with something."""
-    return fold(program, lambda _, __: ["adds"], {"union": list.__add__, "intersection": _bounding, "difference": _cutting})
-
-
-def _bounding(left: list[str], right: list[str]) -> list[str]:
-    return ["cuts" if role == "cuts" else "bounds" for role in left + right]
-
-
-def _cutting(keep: list[str], cut: list[str]) -> list[str]:
-    return keep + ["adds" if role == "cuts" else "cuts" for role in cut]
+    combine: Mapping[Op, Callable[[list[str], list[str]], list[str]]] = {
+        "union": list.__add__,
+        "intersection": lambda a, b: ["cuts" if role == "cuts" else "bounds" for role in a + b],
+        "difference": lambda keep, cut: keep + ["adds" if role == "cuts" else "cuts" for role in cut],
+    }
+    return fold(program, lambda _, __: ["adds"], combine)
 
 
 def constraint_values(constraints: Sequence[Constraint], labels: Sequence[str]) -> list[dict[str, Any]]:

@@ -8,16 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from itertools import product
 
-from imdim.export.numbers import Expression, Term
+from imdim.export.numbers import Expression, Term, simple_fraction
 from imdim.export.repeat_rows import world_axis
 from imdim.program.motions import Motion
 from imdim.program.repeats import Repeat, size
 
 AGREE = 1e-7  # of the largest size, and of coefficients
-LARGEST_PART = 12
 
 Affine = dict[str, float]  # coefficients by name, the constant under ""
 Vector = list[Affine]
@@ -48,7 +46,7 @@ def loop_of(
     for k, motion in enumerate(motions):
         for j in range(own):
             mine, its = sizes[first + k * own + j], sizes[first + j]
-            moved = _plus(_turn(motion, at[j]), shifts[k])
+            moved = _sum((_turn(motion, at[j]), shifts[k]))
             if not _same(map(_affine, mine), map(_affine, its), slack) or not _same(moved, at[k * own + j], slack):
                 return None
     built, expected = _BUILD[repeat.kind](repeat, shifts)
@@ -80,15 +78,11 @@ def _circle(repeat: Repeat, shifts: list[Vector]) -> tuple[Loop, list[Vector]]:
     return Loop((), center=tuple(map(_expression, center))), expected
 
 
-def _mirror(repeat: Repeat, shifts: list[Vector]) -> tuple[Loop, list[Vector]]:
-    return Loop((), shift=tuple(map(_expression, shifts[1]))), shifts
-
-
 _BUILD: dict[str, Callable[[Repeat, list[Vector]], tuple[Loop, list[Vector]]]] = {
     "linear": _steps,
     "grid": _steps,
     "circular": _circle,
-    "mirror": _mirror,
+    "mirror": lambda _, shifts: (Loop((), shift=tuple(map(_expression, shifts[1]))), shifts),
 }
 
 
@@ -106,12 +100,7 @@ def _affine(e: Expression) -> Affine:
 
 def _expression(a: Affine) -> Expression:
     terms = [(name, value) for name, value in a.items() if name and abs(value) > AGREE]
-    return Expression(tuple(Term(name, _simple(value)) for name, value in terms), a.get("", 0.0))
-
-
-def _simple(value: float) -> Fraction | float:
-    fraction = Fraction(value).limit_denominator(LARGEST_PART)
-    return fraction if abs(float(fraction) - value) < 1e-9 else value
+    return Expression(tuple(Term(name, simple_fraction(value)) for name, value in terms), a.get("", 0.0))
 
 
 def _turn(motion: Motion, v: Vector) -> Vector:
@@ -130,10 +119,6 @@ def _sum(vectors: Iterable[Vector]) -> Vector:
             for name, value in a.items():
                 total[name] = total.get(name, 0.0) + value
     return out
-
-
-def _plus(a: Vector, b: Vector) -> Vector:
-    return _sum((a, b))
 
 
 def _minus(a: Vector, b: Vector) -> Vector:

@@ -14,6 +14,7 @@ from fractions import Fraction
 from imdim.program.tree import Primitive, Program, leaves, map_leaves
 
 SIGNIFICANT_DIGITS = 9
+LARGEST_PART = 12  # a fraction with a larger denominator is none that a person would write
 MAX_SEGMENTS = 4096  # facets of a circle in meshes and texts; a sphere has their square
 
 
@@ -82,6 +83,12 @@ class Expression:
     constant: float
 
 
+def simple_fraction(value: float) -> Fraction | float:
+    """The fraction that a person would write for a coefficient, or the number itself."""
+    fraction = Fraction(value).limit_denominator(LARGEST_PART)
+    return fraction if abs(float(fraction) - value) < 1e-9 else value
+
+
 def constants(values: Sequence[float]) -> tuple[Expression, ...]:
     """Numbers that follow no name."""
     return tuple(Expression((), v) for v in values)
@@ -94,6 +101,15 @@ def write_expression(expression: Expression, number: Callable[[float], str], uni
         return constant + unit
     parts = [_term(t) for t in expression.terms] + ([constant + unit] if float(constant) else [])
     return " + ".join(parts).replace("+ -", "- ")
+
+
+def write_moves(moves: Sequence[tuple[str, Sequence[Expression]]], number: Callable[[float], str], times: str) -> str:
+    """Three lengths, each the sum of the steps along it, `times` the loop variable in front of each step."""
+    texts = []
+    for axis in range(3):
+        steps = [(i, write_expression(step[axis], number)) for i, step in moves]
+        texts.append(" + ".join(f"({t}){times}{i}" if " " in t else f"{t}{times}{i}" for i, t in steps if t != "0") or "0")
+    return ", ".join(texts)
 
 
 def _term(term: Term) -> str:

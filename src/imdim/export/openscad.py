@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from imdim.export.loops import Loop, less
-from imdim.export.numbers import Expression, Rounding, plain, write_expression
+from imdim.export.numbers import Expression, Rounding, plain, write_expression, write_moves
 from imdim.export.parameters import Parameters
 from imdim.geometry.solid import SEGMENTS
 from imdim.program.nary import fold_nary
@@ -123,12 +123,7 @@ class _Writer:
 
     def _sums(self, moves: list[tuple[str, tuple[Expression, ...]]]) -> str:
         """A vector of what is moved for each loop variable."""
-        texts = []
-        for axis in range(3):
-            terms = [(i, write_expression(step[axis], self._rounding.length)) for i, step in moves]
-            products = [f"({t})*{i}" if " " in t else f"{t}*{i}" for i, t in terms if t != "0"]
-            texts.append(" + ".join(products) or "0")
-        return f"[{', '.join(texts)}]"
+        return f"[{write_moves(moves, self._rounding.length, '*')}]"
 
     def _vector(self, v: Sequence[Expression]) -> str:
         return f"[{', '.join(write_expression(e, self._rounding.length) for e in v)}]"

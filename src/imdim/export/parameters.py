@@ -12,13 +12,12 @@ from fractions import Fraction
 
 from imdim.export.elimination import LinearSystem, vector
 from imdim.export.loops import Loop, loop_of
-from imdim.export.numbers import Expression, Term, constants
+from imdim.export.numbers import Expression, Term, constants, simple_fraction
 from imdim.program.constraints import Constraint
 from imdim.program.repeats import Folded, Repeat, repeats
 from imdim.program.roles import labels, signs, size_word, unique
 from imdim.program.tree import Primitive, Program, leaves
 
-LARGEST_PART = 12  # a fraction with a larger denominator is none that a person would write
 ZERO = 1e-9
 FAINT = 1e-7  # a coefficient whose term files do not keep
 
@@ -138,18 +137,9 @@ _Solved = dict[int, list[tuple[int, Fraction | float]]]
 
 def _terms(row: dict[int, float], system: LinearSystem) -> list[tuple[int, Fraction | float]]:
     """The coefficients, as fractions where a person would write these; a place that is 0 is left out."""
-    out: list[tuple[int, Fraction | float]] = []
-    for v, coefficient in sorted(row.items(), key=lambda item: _rank(item[0], system)):
-        if system.is_origin(v) or abs(coefficient) < FAINT:
-            continue
-        fraction = Fraction(coefficient).limit_denominator(LARGEST_PART)
-        out.append((v, fraction if abs(float(fraction) - coefficient) < ZERO else coefficient))
-    return out
-
-
-def _rank(v: int, system: LinearSystem) -> tuple[bool, bool, int]:
-    """Places first, sizes after them, spacings and diameters last."""
-    return v >= system.extra, v % 6 < 3, v
+    # places first, sizes after them, spacings and diameters last
+    kept = sorted((v for v in row if not system.is_origin(v) and abs(row[v]) >= FAINT), key=lambda v: (v >= system.extra, v % 6 < 3, v))
+    return [(v, simple_fraction(row[v])) for v in kept]
 
 
 def _expression(v: int, value: float, system: LinearSystem, solved: _Solved, names: dict[int, str]) -> Expression:

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 from imdim.export.chains import Chains
 from imdim.export.loops import Loop
-from imdim.export.numbers import Expression, Rounding, plain, write_expression
+from imdim.export.numbers import Expression, Rounding, plain, write_expression, write_moves
 from imdim.export.parameters import Parameters
 from imdim.program.motions import Motion, move_leaf
 from imdim.program.repeats import Folded, Group, Repeat, starts
@@ -99,7 +99,7 @@ class _Script(Chains):
         return _COPIES[repeat.kind](self, repeat, loop)
 
     def _row(self, _: Repeat, loop: Loop) -> str:
-        place = self._sum(list(zip("ij", loop.steps, strict=False)))
+        place = write_moves(list(zip("ij", loop.steps, strict=False)), self._rounding.length, " * ")
         ranges = " ".join(f"for {i} in range({name})" for i, name in zip("ij", loop.counts, strict=False))
         return f"[Pos({place}) * {loop.part} {ranges}]"
 
@@ -123,13 +123,6 @@ class _Script(Chains):
         leaf = move_leaf(_FRAME, motion)
         turns = [f"Rot({', '.join(self._rounding.angle(leaf.rotation[a]) if b == a else '0' for b in range(3))})" for a in (2, 1, 0)]
         return " * ".join([f"Pos({', '.join(self._rounding.length(c) for c in leaf.center)})", *turns])
-
-    def _sum(self, moves: Sequence[tuple[str, tuple[Expression, ...]]]) -> str:
-        texts = []
-        for axis in range(3):
-            terms = [(i, write_expression(step[axis], self._rounding.length)) for i, step in moves]
-            texts.append(" + ".join(f"({t}) * {i}" if " " in t else f"{t} * {i}" for i, t in terms if t != "0") or "0")
-        return ", ".join(texts)
 
     def _vector(self, v: Sequence[Expression], sign: int = 1) -> str:
         return ", ".join(t if sign > 0 or t == "0" else f"-({t})" for t in (write_expression(e, self._rounding.length) for e in v))

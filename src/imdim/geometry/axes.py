@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 from scipy.spatial import KDTree
 
+from imdim.geometry.rotations import skew
 from imdim.geometry.sampling import subsample
 
 MOST = 768  # points whose normals are taken
@@ -229,8 +230,7 @@ def _exponential(turn: np.ndarray) -> np.ndarray:
     angle = float(np.linalg.norm(turn))
     if angle == 0:
         return np.eye(3)
-    x, y, z = turn / angle
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    cross = skew(turn / angle)
     return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
 
 

@@ -377,24 +377,16 @@ def _leaf_table(kinds, sizes, centers, rotations, curves, spans, points):
 
 
 @njit(nogil=True)
-def _keep_least(left, right, owner, by):
+def _join(op, left, right, owner, by):
+    if op == -1:
+        for j in range(len(left)):
+            less = right[j] < left[j]
+            left[j], owner[j] = right[j] if less else left[j], by[j] if less else owner[j]
+        return
     for j in range(len(left)):
-        less = right[j] < left[j]
-        left[j], owner[j] = right[j] if less else left[j], by[j] if less else owner[j]
-
-
-@njit(nogil=True)
-def _keep_most(left, right, owner, by):
-    for j in range(len(left)):
-        more = right[j] > left[j]
-        left[j], owner[j] = right[j] if more else left[j], by[j] if more else owner[j]
-
-
-@njit(nogil=True)
-def _cut(left, right, owner, by):
-    for j in range(len(left)):
-        more = -right[j] > left[j]
-        left[j], owner[j] = -right[j] if more else left[j], -1 - by[j] if more else owner[j]
+        other, its = (right[j], by[j]) if op == -2 else (-right[j], -1 - by[j])
+        more = other > left[j]
+        left[j], owner[j] = other if more else left[j], its if more else owner[j]
 
 
 @njit(nogil=True, cache=True)
@@ -409,13 +401,7 @@ def _fold(code, table):
             values[top], owners[top] = table[op], op
             continue
         top -= 1
-        left, right, owner, by = values[top], values[top + 1], owners[top], owners[top + 1]
-        if op == -1:
-            _keep_least(left, right, owner, by)
-        elif op == -2:
-            _keep_most(left, right, owner, by)
-        else:
-            _cut(left, right, owner, by)
+        _join(op, values[top], values[top + 1], owners[top], owners[top + 1])
     return values[0], owners[0]
 
 

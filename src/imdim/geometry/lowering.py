@@ -7,7 +7,7 @@ push their union, intersection, difference. Outlines are one list of curves, of 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,12 +62,10 @@ def unpack(program: Program, params: np.ndarray) -> Program:
 
 def postfix(program: Program) -> np.ndarray:
     """The instruction list int64 [2k - 1]."""
-
-    def join(code: int) -> Callable[[list[int], list[int]], list[int]]:
-        return lambda left, right: [*left, *right, code]
-
     # flat lists are joined at every node: quadratic for a chain, yet cheap at the few hundred leaves that a program has
-    return np.array(fold(program, lambda i, _: [i], {op: join(code) for op, code in OP_CODES.items()}), np.int64)
+    return np.array(
+        fold(program, lambda i, _: [i], {op: lambda a, b, code=code: [*a, *b, code] for op, code in OP_CODES.items()}), np.int64
+    )
 
 
 @dataclass(frozen=True)

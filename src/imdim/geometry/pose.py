@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imdim.geometry.lowering import Lowered
+from imdim.geometry.rotations import skew
 from imdim.program.constraints import WORLD, Ref
 from imdim.program.tree import KINDS, SIZE_NAMES
 
@@ -55,7 +56,7 @@ class Pose:
             return Vector(np.eye(3)[axis], slope)
         rotation = self.numbers.rotations[leaf]
         # a small turn w in the local frame moves R e by R (w x e)
-        slope[:, 9 * leaf + 6 : 9 * leaf + 9] = -rotation @ _skew(np.eye(3)[axis]) / self.radii[leaf]
+        slope[:, 9 * leaf + 6 : 9 * leaf + 9] = -rotation @ skew(np.eye(3)[axis]) / self.radii[leaf]
         return Vector(rotation[:, axis], slope)
 
     def axis(self, ref: Ref) -> Vector:
@@ -108,8 +109,3 @@ def radii(numbers: Lowered) -> np.ndarray:
         "ellipsoid": np.maximum(np.maximum(a, b), c),
     }
     return np.choose(numbers.kinds, [of_kind[kind] for kind in KINDS])
-
-
-def _skew(a: np.ndarray) -> np.ndarray:
-    x, y, z = a
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

@@ -47,6 +47,13 @@ def frame_from_axis(axis: np.ndarray) -> np.ndarray:
     return np.stack([x, np.cross(z, x), z], axis=1)
 
 
+def skew(vectors: np.ndarray) -> np.ndarray:
+    """The matrices [..., 3, 3] that multiply a vector b to a x b, of each of `vectors` a [..., 3]."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    zero = np.zeros_like(x)
+    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(*vectors.shape, 3)
+
+
 def matrices_from_euler(euler_deg: np.ndarray) -> np.ndarray:
     """The rotations [k, 3, 3] of Euler degrees [k, 3]."""
     return np.array(rotation_rows(*(f(np.radians(np.asarray(euler_deg, float))).T for f in (np.cos, np.sin)))).transpose(2, 0, 1)

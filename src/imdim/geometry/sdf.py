@@ -72,14 +72,6 @@ def _from_faces(distances: Tensor) -> Tensor:
     return torch.where(deepest > 0, vector_norm(distances.clamp_min(0), dim=-1), deepest)
 
 
-def _box(q: Tensor, size: Tensor) -> Tensor:
-    return _from_faces(q.abs() - size / 2)
-
-
-def _sphere(q: Tensor, size: Tensor) -> Tensor:
-    return vector_norm(q, dim=-1) - size[..., 0]
-
-
 def _cylinder(q: Tensor, size: Tensor) -> Tensor:
     rho = vector_norm(q[..., :2], dim=-1)
     return _from_faces(torch.stack([rho - size[..., 0], q[..., 2].abs() - size[..., 1] / 2], -1))
@@ -116,8 +108,8 @@ def _ellipsoid(q: Tensor, size: Tensor) -> Tensor:
 
 # Local points [..., n, 3] and sizes [..., 1, 3] to signed distances [..., n].
 LOCAL_SDF: Mapping[str, Callable[[Tensor, Tensor], Tensor]] = {
-    "box": _box,
-    "sphere": _sphere,
+    "box": lambda q, size: _from_faces(q.abs() - size / 2),
+    "sphere": lambda q, size: vector_norm(q, dim=-1) - size[..., 0],
     "cylinder": _cylinder,
     "cone": _cone,
     "torus": _torus,

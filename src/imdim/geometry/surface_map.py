@@ -104,10 +104,6 @@ def _ellipsoid(xp: Any, size: tuple[float, ...], u: Array) -> Mapped:
     return _scale(xp, direction, size), gradient / length[:, None], length * min(size)
 
 
-def _cylinder(xp: Any, size: tuple[float, ...], u: Array) -> Mapped:
-    return _cone(xp, (size[0], size[0], size[1]), u)
-
-
 def _cone(xp: Any, size: tuple[float, ...], u: Array) -> Mapped:
     bottom, top, h = size
     slant = math.hypot(bottom - top, h)
@@ -137,7 +133,7 @@ def _torus(xp: Any, size: tuple[float, ...], u: Array) -> Mapped:
 SURFACE_MAPS: Mapping[str, Callable[[Any, tuple[float, ...], Array], Mapped]] = {
     "box": _box,
     "sphere": _sphere,
-    "cylinder": _cylinder,
+    "cylinder": lambda xp, size, u: _cone(xp, (size[0], size[0], size[1]), u),
     "cone": _cone,
     "torus": _torus,
     "ellipsoid": _ellipsoid,

@@ -10,7 +10,7 @@ from torch import Tensor
 from imdim.data.solids import Solids, empty
 from imdim.data.surfaces import surface_clouds
 from imdim.learn.decode import DecodeConfig, apply_move
-from imdim.learn.policy import Policy
+from imdim.learn.policy import Policy, Sight
 from imdim.learn.profile import fold_levels
 from imdim.program.state import END, UNDO_LAST
 
@@ -82,7 +82,7 @@ def _expand(
     if not len(alive):
         return None
     target, before = gt_points[alive // beam], states.solids[alive]
-    move = policy.propose(target, states.shown[alive], before, chance, states.undone[alive] < config.undo_limit, ways)
+    move = policy.propose(Sight(target, states.shown[alive], before, states.undone[alive] < config.undo_limit), chance, ways)
     each = torch.arange(len(alive), device=alive.device).repeat_interleave(ways)
     ended = move.tokens == int(END)
     after = apply_move(before[each], move)

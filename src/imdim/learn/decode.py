@@ -11,7 +11,7 @@ from torch import Tensor
 
 from imdim.data.solids import ABSENT, CYLINDER, Solids, empty
 from imdim.data.surfaces import surface_clouds
-from imdim.learn.policy import Move, Policy
+from imdim.learn.policy import Move, Policy, Sight
 from imdim.program.state import END, UNDO_LAST
 
 
@@ -30,13 +30,11 @@ class DecodeConfig:
 
 
 class DecodeStep(NamedTuple):
-    """A move of the `rows` int64 [r] that have not ended: what the policy saw there, the cloud `current` [r, m, 3] of the `written`
-    programs, whether it `may_undo` [r] (else UNDO_LAST was barred), its `move`, and the programs [b] of all rows `after` it."""
+    """A move of the `rows` int64 [r] that have not ended: what was `seen` there, the `move`, and the programs [b] of all
+    rows `after` it."""
 
     rows: Tensor
-    current: Tensor
-    written: Solids
-    may_undo: Tensor
+    seen: Sight
     move: Move
     after: Solids
 
@@ -55,12 +53,13 @@ def steps(
     for _ in range(most + 2 * config.undo_limit + 1):
         if not len(rows):
             break
-        written, may_undo = solids[rows], undone[rows] < config.undo_limit
+        written = solids[rows]
         current = surface_clouds(written, config.cur_points, render)[0]
-        move = policy.propose(gt_points[rows], current, written, chance, may_undo)
+        seen = Sight(gt_points[rows], current, written, undone[rows] < config.undo_limit)
+        move = policy.propose(seen, chance)
         after = apply_move(written, move)
         solids = Solids(*(getattr(solids, f.name).index_copy(0, rows, getattr(after, f.name)) for f in fields(Solids)))
-        yield DecodeStep(rows, current, written, may_undo, move, solids)
+        yield DecodeStep(rows, seen, move, solids)
         undone[rows] += move.tokens == int(UNDO_LAST)
         rows = rows[move.tokens != int(END)]
 

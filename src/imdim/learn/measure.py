@@ -15,7 +15,7 @@ from imdim.data.canonical import box_symmetries, canonical_primitives
 from imdim.data.solids import BOX, CYLINDER, SPHERE, Solids, to_sequences
 from imdim.data.synthesize import TrainingSamples
 from imdim.learn.codes import FREE, encode, ruler
-from imdim.learn.policy import Move, Policy
+from imdim.learn.policy import Move, Policy, Sight
 from imdim.program.state import TOKEN_OF
 
 
@@ -33,7 +33,7 @@ class KindError:
 @torch.no_grad()
 def moves(policy: Policy, batch: TrainingSamples) -> tuple[Move, Tensor]:
     """The greedy moves from the true prefixes of `batch`, and which tokens [b] are the true next ones."""
-    move = policy.propose(batch.gt_points, batch.cur_points, batch.written)
+    move = policy.propose(Sight(batch.gt_points, batch.cur_points, batch.written, batch.steps >= 0))
     return move, move.tokens == batch.following[0]
 
 

@@ -31,6 +31,21 @@ class Move(NamedTuple):
         return Move(self.tokens[rows], self.part[rows], self.log_p[rows], None if self.draws is None else self.draws[rows])
 
 
+class Sight(NamedTuple):
+    """States as a policy sees them: targets `gt_points` [b, n, 3], the cloud `current` [b, m, 3] (zeros: empty) of the `written` programs,
+    and whether each `may_undo` [b]. Else UNDO_LAST is barred: a policy that adds and takes back without end would not halt.
+    """
+
+    gt_points: Tensor
+    current: Tensor
+    written: Solids
+    may_undo: Tensor
+
+    def of(self, rows: Tensor) -> Sight:
+        """Some rows."""
+        return Sight(self.gt_points[rows], self.current[rows], self.written[rows], self.may_undo[rows])
+
+
 class Policy(nn.Module):
     """`max_seq_len` is the longest sequence it writes, END included."""
 
@@ -41,24 +56,14 @@ class Policy(nn.Module):
         """Scalars; `loss` is what training minimises, `token_accuracy` is 0 to 1."""
 
     @abstractmethod
-    def propose(
-        self,
-        gt_points: Tensor,
-        cur_points: Tensor,
-        solids: Solids,
-        generator: torch.Generator | None = None,
-        may_undo: Tensor | None = None,
-        ways: int = 1,
-    ) -> Move:
-        """`ways` legal moves for each row, side by side: for targets [b, n, 3] with `solids` written so far, whose cloud is `cur_points`
-        [b, m, 3] (zeros: empty).
+    def propose(self, seen: Sight, generator: torch.Generator | None = None, ways: int = 1) -> Move:
+        """`ways` legal moves for each row, side by side.
 
-        The most likely one without `generator`, else samples. The first primitive is positive. UNDO_LAST is barred
-        where `may_undo` [b] is false: a policy that adds and takes back without end would not halt.
+        The most likely one without `generator`, else samples. The first primitive is positive.
         """
 
     @abstractmethod
-    def log_prob(self, gt_points: Tensor, cur_points: Tensor, solids: Solids, move: Move, may_undo: Tensor | None = None) -> Tensor:
+    def log_prob(self, seen: Sight, move: Move) -> Tensor:
         """Log p [b * ways], with gradients, with which `propose` draws the token, the sign and the numbers of `move` in this state.
 
         Numbers that the policy does not draw do not count. What `propose` bars has no probability.

@@ -21,7 +21,7 @@ from imdim.learn.attention import Layer, causal
 from imdim.learn.codes import BINS, ENDS, FIRST, NUMBERS, PLACES, STEPS, TURNS, Choices, decode, encode, numbers_of, ruler, to_bins
 from imdim.learn.draft import Draft, StateView
 from imdim.learn.pointer import Pointer
-from imdim.learn.policy import VOCAB, Move, Policy, choose_tokens, draw_index, token_log_p
+from imdim.learn.policy import VOCAB, Move, Policy, Sight, choose_tokens, draw_index, token_log_p
 from imdim.learn.profile import COUNTS, SlabTokens, histograms, look
 from imdim.learn.regression import Regression
 from imdim.learn.rotations import ROTATION_CODES
@@ -96,24 +96,14 @@ class BasePolicy(Policy):
         accuracy = (logits.argmax(-1) == tokens).float().mean()
         return {"loss": torch.as_tensor(loss), **parts, "token_accuracy": accuracy}
 
-    def propose(
-        self,
-        gt_points: Tensor,
-        cur_points: Tensor,
-        solids: Solids,
-        generator: torch.Generator | None = None,
-        may_undo: Tensor | None = None,
-        ways: int = 1,
-    ) -> Move:
-        view = self._view(gt_points, cur_points, solids).repeat(ways)
-        b, device = len(gt_points) * ways, gt_points.device
-        lengths = solids.lengths.repeat_interleave(ways)
-        may_undo = None if may_undo is None else may_undo.repeat_interleave(ways)
+    def propose(self, seen: Sight, generator: torch.Generator | None = None, ways: int = 1) -> Move:
+        view, lengths = self._view(*seen[:3]).repeat(ways), seen.written.lengths.repeat_interleave(ways)
+        b, device = len(lengths), lengths.device
         zeros = torch.zeros(b, SLOTS, dtype=torch.long, device=device)
         choices = Choices(zeros[:, 0], zeros[:, :ENDS].clone(), zeros[:, :NUMBERS].clone(), torch.zeros(b, ENDS + NUMBERS, device=device))
         draft = Draft(zeros[:, 0], zeros[:, 0], choices, [])
         token = self.to_token(self._encode_slots(view, draft, 1)[:, 0])
-        draft.tokens, log_p = choose_tokens(token, lengths, self.max_seq_len - 1, generator, may_undo)
+        draft.tokens, log_p = choose_tokens(token, lengths, self.max_seq_len - 1, generator, seen.may_undo.repeat_interleave(ways))
         adds = (draft.tokens <= CYLINDER).float()
         first = torch.tensor([-torch.inf, 0.0], device=device)
         sign = torch.where((lengths == 0)[:, None], first, self.to_sign(self._encode_slots(view, draft, 2)[:, 1]))
@@ -130,15 +120,13 @@ class BasePolicy(Policy):
         part = decode(draft.tokens.clamp_max(CYLINDER), draft.sign.bool(), draft.choices, view.low, view.edges, self.config.rotation)
         return Move(draft.tokens, canonical_primitives(part) if self.config.canonical else part, log_p, draft.draws())
 
-    def log_prob(self, gt_points: Tensor, cur_points: Tensor, solids: Solids, move: Move, may_undo: Tensor | None = None) -> Tensor:
+    def log_prob(self, seen: Sight, move: Move) -> Tensor:
         """Of a move that `propose` drew: several draws make one primitive, so it is asked for the draws."""
         if move.draws is None:
             raise ValueError("a move of this policy's own is needed: the primitive does not tell what was drawn")
-        ways = len(move.tokens) // len(gt_points)
-        view, draft = self._view(gt_points, cur_points, solids).repeat(ways), Draft.of(move.tokens, move.draws)
-        log_p, _, logits = self._log_p(view, draft)
-        lengths = solids.lengths.repeat_interleave(ways)
-        may_undo = None if may_undo is None else may_undo.repeat_interleave(ways)
+        ways = len(move.tokens) // len(seen.may_undo)
+        log_p, _, logits = self._log_p(self._view(*seen[:3]).repeat(ways), Draft.of(move.tokens, move.draws))
+        lengths, may_undo = (rows.repeat_interleave(ways) for rows in (seen.written.lengths, seen.may_undo))
         token = token_log_p(logits, move.tokens, lengths, self.max_seq_len - 1, may_undo)
         # the first primitive is positive without a choice
         primitive = log_p["sign"] * (lengths > 0) + log_p["turn"] + log_p["ends"] + log_p["numbers"]

@@ -130,7 +130,7 @@ class _ReinforceRun:
         targets = self._targets(config.targets, chance)
         made, facts = CREDIT[config.credit](self.optimiser.policy, targets, self.rewards, self.decoding, chance)
         anchor = synthesize(config.anchor_batch, config.synthesis, chance)
-        chunks = torch.arange(len(made.may_undo), device=config.device).split(max(1, config.rows // made.ways))
+        chunks = torch.arange(made.states, device=config.device).split(max(1, config.rows // made.ways))
         old: list[Tensor | None] = [None] * len(chunks)
         for _ in range(config.reuse):
             parts = [partial(self._gain, made, rows, old, i) for i, rows in enumerate(chunks)]
@@ -143,12 +143,12 @@ class _ReinforceRun:
     def _gain(self, made: Written, rows: Tensor, old: list[Tensor | None], chunk: int) -> dict[str, Tensor]:
         """The clipped objective of the moves from some states, as their share of the mean over all; fills `old` where there is none yet."""
         some = made.of(rows)
-        log_p = self.optimiser.policy.log_prob(some.gt_points, some.current, some.written, some.move, some.may_undo)
+        log_p = self.optimiser.policy.log_prob(some.seen, some.move)
         before = old[chunk]
         if before is None:
             before = old[chunk] = log_p.detach()
         loss = clip_objective(log_p - before, some.advantage, self.config.clip_ratio)
-        share = len(rows) / len(made.may_undo)
+        share = len(rows) / made.states
         moved = ((log_p - before).exp() - 1).abs() > self.config.clip_ratio
         return {"loss": loss.mean() * share, "clipped": moved.float().mean() * share}
 

@@ -18,7 +18,7 @@ from imdim.data.solids import Solids, concatenate, empty, from_sequences
 from imdim.data.surfaces import surface_clouds
 from imdim.data.synthesize import TrainingSamples, estimate_iou
 from imdim.learn.decode import DecodeConfig, DecodeStep, apply_move, steps
-from imdim.learn.policy import Move, Policy
+from imdim.learn.policy import Move, Policy, Sight
 from imdim.program.state import END, UNDO_LAST
 
 ALIKE = 0.03  # standard deviations of rewards below this are counted as this: sampled IoUs of equal solids differ by a third of it
@@ -37,23 +37,23 @@ class RewardConfig:
 class Written(NamedTuple):
     """States, one after another: what was seen [s], the moves [s * ways] made from them and the `advantage` [s * ways] of each."""
 
-    gt_points: Tensor
-    current: Tensor
-    written: Solids
-    may_undo: Tensor
+    seen: Sight
     move: Move
     advantage: Tensor
 
     @property
+    def states(self) -> int:
+        return len(self.seen.may_undo)
+
+    @property
     def ways(self) -> int:
-        return len(self.advantage) // len(self.may_undo)
+        return len(self.advantage) // self.states
 
     def of(self, rows: Tensor) -> Written:
         """Some states with their moves."""
         ways = self.ways
         moves = (rows[:, None] * ways + torch.arange(ways, device=rows.device)).flatten()
-        seen = self.gt_points[rows], self.current[rows], self.written[rows], self.may_undo[rows]
-        return Written(*seen, self.move.of(moves), self.advantage[moves])
+        return Written(self.seen.of(rows), self.move.of(moves), self.advantage[moves])
 
 
 @torch.no_grad()
@@ -69,7 +69,7 @@ def whole_programs(
     iou = estimate_iou(made[-1].after, truth[origin], config.iou_samples, chance, config.group)
     reward = iou - config.price * count
     facts = _facts(reward, iou, count, config.group)
-    return _flat(made, clouds, advantages(reward, config.group)), facts
+    return _flat(made, advantages(reward, config.group)), facts
 
 
 @torch.no_grad()
@@ -87,14 +87,15 @@ def branches(
     for _ in range(most + 2 * decoding.undo_limit + 1):
         if not len(rows):
             break
-        written, may_undo = solids[rows], undone[rows] < decoding.undo_limit
+        written = solids[rows]
         current = surface_clouds(written, decoding.cur_points, chance)[0]
-        move = policy.propose(targets.gt_points[rows], current, written, chance, may_undo, group)
+        sight = Sight(targets.gt_points[rows], current, written, undone[rows] < decoding.undo_limit)
+        move = policy.propose(sight, chance, group)
         each = torch.arange(len(rows), device=rows.device).repeat_interleave(group)
         after = apply_move(written[each], move)
         worth = estimate_iou(after, truth[rows][each], config.iou_samples, chance, group)
         rewards.append(worth - config.price * (move.tokens != int(END)))
-        seen.append(Written(targets.gt_points[rows], current, written, may_undo, move, advantages(rewards[-1], group)))
+        seen.append(Written(sight, move, advantages(rewards[-1], group)))
         chosen = torch.randint(group, (len(rows),), generator=chance, device=rows.device) + group * each[::group]
         solids = Solids(*(getattr(solids, f.name).index_copy(0, rows, getattr(after, f.name)[chosen]) for f in fields(Solids)))
         iou[rows], token = worth[chosen], move.tokens[chosen]
@@ -129,10 +130,10 @@ def _facts(reward: Tensor, iou: Tensor, count: Tensor, group: int) -> Facts:
     return {"reward": reward.mean().item(), "iou": iou.mean().item(), "moves": count.mean().item(), "spread": spread}
 
 
-def _flat(made: list[DecodeStep], clouds: Tensor, advantage: Tensor) -> Written:
+def _flat(made: list[DecodeStep], advantage: Tensor) -> Written:
     """One move from each state, with the advantage [b] of its row."""
-    parts = [Written(clouds[s.rows], s.current, s.written, s.may_undo, s.move, advantage[s.rows]) for s in made]
-    return _join(parts, made[0].written.kinds.shape[1])
+    parts = [Written(s.seen, s.move, advantage[s.rows]) for s in made]
+    return _join(parts, made[0].seen.written.kinds.shape[1])
 
 
 def _join(parts: list[Written], width: int) -> Written:
@@ -143,7 +144,6 @@ def _join(parts: list[Written], width: int) -> Written:
         torch.cat([p.move.log_p for p in parts]),
         torch.cat(draws) if draws else None,
     )
-    clouds, current, may_undo, advantage = (
-        torch.cat([getattr(p, n) for p in parts]) for n in ("gt_points", "current", "may_undo", "advantage")
-    )
-    return Written(clouds, current, concatenate([p.written for p in parts], width), may_undo, move, advantage)
+    clouds, current, written, may_undo = zip(*(p.seen for p in parts), strict=True)
+    seen = Sight(torch.cat(clouds), torch.cat(current), concatenate(list(written), width), torch.cat(may_undo))
+    return Written(seen, move, torch.cat([p.advantage for p in parts]))

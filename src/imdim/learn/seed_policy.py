@@ -18,7 +18,7 @@ from imdim.data.solids import CYLINDER, Solids, from_sequences
 from imdim.data.synthesize import TrainingSamples
 from imdim.geometry.points import compute_error_embedding
 from imdim.learn.pointnet import PointNet
-from imdim.learn.policy import VOCAB, Move, Policy, choose_tokens, mask_supervised, token_log_p
+from imdim.learn.policy import VOCAB, Move, Policy, Sight, choose_tokens, mask_supervised, token_log_p
 from imdim.program.state import PARAM_COUNT
 
 ERROR_POINTS = 512  # the Chamfer distance of the error embedding needs no more
@@ -116,35 +116,24 @@ class SeedPolicy(Policy):
         params, _, logits = forward_params_only(self.components, batch.gt_points, batch.cur_points, batch.gt_tokens)
         return seed_losses(params, logits, batch.gt_tokens, batch.gt_params, self.config.sign_weight)
 
-    def propose(
-        self,
-        gt_points: Tensor,
-        cur_points: Tensor,
-        solids: Solids,
-        generator: torch.Generator | None = None,
-        may_undo: Tensor | None = None,
-        ways: int = 1,
-    ) -> Move:
-        if ways > 1:
-            each = torch.arange(len(gt_points), device=gt_points.device).repeat_interleave(ways)
-            may = None if may_undo is None else may_undo[each]
-            return self.propose(gt_points[each], cur_points[each], solids[each], generator, may)
-        tokens, at = self._history(solids)
-        logits = forward_params_only(self.components, gt_points, cur_points, tokens)[2][at]
-        token, log_p = choose_tokens(logits, solids.lengths, self.max_seq_len - 1, generator, may_undo)
+    def propose(self, seen: Sight, generator: torch.Generator | None = None, ways: int = 1) -> Move:
+        seen = seen.of(torch.arange(len(seen.may_undo), device=seen.may_undo.device).repeat_interleave(ways))
+        tokens, at = self._history(seen.written)
+        lengths = seen.written.lengths
+        logits = forward_params_only(self.components, seen.gt_points, seen.current, tokens)[2][at]
+        token, log_p = choose_tokens(logits, lengths, self.max_seq_len - 1, generator, seen.may_undo)
         tokens = tokens.index_put(at, token)
-        numbers = forward_params_only(self.components, gt_points, cur_points, tokens)[0][at]
+        numbers = forward_params_only(self.components, seen.gt_points, seen.current, tokens)[0][at]
         part = from_sequences(token[:, None].clamp_max(CYLINDER), numbers[:, None])
-        part = replace(part, positive=part.positive | (solids.lengths == 0)[:, None], sizes=part.sizes.clamp_min(1e-3))
+        part = replace(part, positive=part.positive | (lengths == 0)[:, None], sizes=part.sizes.clamp_min(1e-3))
         return Move(token, canonical_primitives(part), log_p)
 
-    def log_prob(self, gt_points: Tensor, cur_points: Tensor, solids: Solids, move: Move, may_undo: Tensor | None = None) -> Tensor:
+    def log_prob(self, seen: Sight, move: Move) -> Tensor:
         """Of the token alone: signs and numbers are regressed, not drawn."""
-        tokens, at = self._history(solids)
-        logits = forward_params_only(self.components, gt_points, cur_points, tokens)[2][at]
-        each = torch.arange(len(gt_points), device=gt_points.device).repeat_interleave(len(move.tokens) // len(gt_points))
-        may = None if may_undo is None else may_undo[each]
-        return token_log_p(logits[each], move.tokens, solids.lengths[each], self.max_seq_len - 1, may)
+        tokens, at = self._history(seen.written)
+        logits = forward_params_only(self.components, seen.gt_points, seen.current, tokens)[2][at]
+        each = torch.arange(len(logits), device=logits.device).repeat_interleave(len(move.tokens) // len(logits))
+        return token_log_p(logits[each], move.tokens, seen.written.lengths[each], self.max_seq_len - 1, seen.may_undo[each])
 
     def _history(self, solids: Solids) -> tuple[Tensor, tuple[Tensor, Tensor]]:
         """The tokens [b, t] written, padded, and the indices of the next one of each row."""

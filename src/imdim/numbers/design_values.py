@@ -56,9 +56,10 @@ class Values:
         row = [decimal(v) for v in (reading.inverse @ numbers).tolist()]
         return replace(p, size=tuple(row[: len(p.size)]), center=(row[3], row[4], row[5]))
 
-    def with_numbers(self, index: np.ndarray, number: float) -> Values:
+    def with_numbers(self, change: tuple[np.ndarray, float]) -> Values:
+        """One number in the place of those with some indices."""
         numbers = self.numbers.copy()
-        numbers[index] = number
+        numbers[change[0]] = change[1]
         return replace(self, numbers=numbers)
 
 
@@ -127,9 +128,8 @@ def clusters(values: Values, width: float) -> list[tuple[np.ndarray, float]]:
 
 def equal_groups(values: Values) -> list[np.ndarray]:
     """The indices of all values, those that are equal and of one class together."""
-    keys = [(kind, number) for kind, number in zip(values.classes.tolist(), values.numbers.tolist(), strict=True)]
     groups: dict[tuple[int, float], list[int]] = {}
-    for i, key in enumerate(keys):
+    for i, key in enumerate(zip(values.classes.tolist(), values.numbers.tolist(), strict=True)):
         if key[0] != UNUSED:
             groups.setdefault(key, []).append(i)
     return [np.array(g) for g in groups.values()]

@@ -138,14 +138,10 @@ def _maximisation_step(
             at = TURNS * k + 3 * member[i]
             basis[i, :, at : at + 3] = turns[i] / size
     whole = np.einsum("kai,kab,kbj->ij", basis, matrix, basis, optimize=True)
-    step = _step_along_determined(whole, np.einsum("kai,ka->i", basis, gradient), config.support)
+    # along those eigenvectors that enough points show, longer than asked: where walls blur, each round goes a part of the way
+    values, vectors = np.linalg.eigh(whole)
+    vectors, values = vectors[:, values >= config.support], values[values >= config.support]
+    step = -RELAXED * vectors @ ((vectors.T @ np.einsum("kai,ka->i", basis, gradient)) / values)
     longest = float(np.abs(step).max(initial=0.0))
     step *= min(1.0, config.far * share.noise.sigma / max(longest, 1e-300))
     return shift_leaves(numbers, np.einsum("kaj,j->ka", basis, step)), longest
-
-
-def _step_along_determined(matrix: np.ndarray, gradient: np.ndarray, support: float) -> np.ndarray:
-    """The step along those eigenvectors that enough points show, longer than asked: where walls blur, each round goes a part of the way."""
-    values, vectors = np.linalg.eigh(matrix)
-    shown = values >= support
-    return -RELAXED * vectors[:, shown] @ ((vectors[:, shown].T @ gradient) / values[shown])

@@ -22,8 +22,8 @@ from dataclasses import replace
 import numpy as np
 
 from imdim.geometry.lowering import Lowered
-from imdim.geometry.rotations import euler_from_matrix
-from imdim.geometry.sampling import bounding_radius
+from imdim.geometry.pose import radii
+from imdim.geometry.rotations import euler_from_matrix, skew
 from imdim.program.tree import KINDS, SIMPLE, SIZE_NAMES, Primitive, Program, map_leaves
 
 BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID = range(len(SIMPLE))
@@ -35,11 +35,11 @@ MAX_STEP = 0.25
 
 def step_maps(numbers: Lowered) -> np.ndarray:
     """Matrices [k, 9, 9] from steps in face coordinates to the kernels' (sizes, shift, rotation vector) of each leaf."""
-    return np.stack([_step_map(kind, size) for kind, size in zip(numbers.kinds, numbers.sizes, strict=True)])
+    return np.stack([_step_map(*leaf) for leaf in zip(numbers.kinds, numbers.sizes, radii(numbers), strict=True)])
 
 
-def _step_map(kind: int, size: np.ndarray) -> np.ndarray:
-    out = np.diag([1.0] * 6 + [1 / radius(kind, size)] * 3)
+def _step_map(kind: int, size: np.ndarray, radius: float) -> np.ndarray:
+    out = np.diag([1.0] * 6 + [1 / radius] * 3)
     used = len(SIZE_NAMES[KINDS[kind]])
     out[used:3] = 0
     if kind == BOX:
@@ -68,17 +68,10 @@ def _opposite_faces(out: np.ndarray, size: int, column: int, axis: int) -> None:
         out[3 + axis, position] = 0.5
 
 
-def radius(kind: int, size: np.ndarray) -> float:
-    """The bounding radius of a leaf."""
-    name = KINDS[kind]
-    return bounding_radius(Primitive(name, tuple(size[: len(SIZE_NAMES[name])].tolist())))
-
-
 def move_limited(numbers: Lowered, maps: np.ndarray, steps: np.ndarray) -> Lowered:
     """The leaves after `steps` [k, 9] in face coordinates, cut short where they are too long; sizes stay positive."""
-    limits = MAX_STEP * np.array([radius(k, s) for k, s in zip(numbers.kinds, numbers.sizes, strict=True)])
-    longest = np.abs(steps).max(1)
-    return shift_leaves(numbers, np.einsum("kij,kj->ki", maps, steps * np.minimum(1.0, limits / np.maximum(longest, 1e-300))[:, None]))
+    shares = np.minimum(1.0, MAX_STEP * radii(numbers) / np.maximum(np.abs(steps).max(1), 1e-300))
+    return shift_leaves(numbers, np.einsum("kij,kj->ki", maps, steps * shares[:, None]))
 
 
 def shift_leaves(numbers: Lowered, raw: np.ndarray) -> Lowered:
@@ -93,9 +86,7 @@ def shift_leaves(numbers: Lowered, raw: np.ndarray) -> Lowered:
 def _exponentials(vectors: np.ndarray) -> np.ndarray:
     """Rotation matrices [k, 3, 3] of rotation vectors [k, 3] (Rodrigues)."""
     angle = np.linalg.norm(vectors, axis=1)[:, None, None]
-    x, y, z = (vectors / np.maximum(angle[:, :, 0], 1e-300)).T
-    zero = np.zeros_like(x)
-    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], 1).reshape(-1, 3, 3)
+    cross = skew(vectors / np.maximum(angle[:, :, 0], 1e-300))
     return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
 
 

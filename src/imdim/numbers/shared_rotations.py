@@ -6,7 +6,7 @@ import numpy as np
 
 from imdim.geometry.axes import SYMMETRIES
 from imdim.geometry.lowering import Lowered
-from imdim.geometry.rotations import frame_from_axis
+from imdim.geometry.rotations import frame_from_axis, skew
 from imdim.program.tree import KINDS
 
 BOX, SPHERE, ELLIPSOID = KINDS.index("box"), KINDS.index("sphere"), KINDS.index("ellipsoid")
@@ -48,10 +48,7 @@ def map_shared_turns(numbers: Lowered, member: np.ndarray) -> np.ndarray:
     out = np.zeros((len(member), 9, 3))
     for g in range(int(member.max(initial=-1)) + 1):
         own = np.flatnonzero(member == g)
-        arms = numbers.centers[own] - numbers.centers[own].mean(0)
-        x, y, z = arms.T
-        zero = np.zeros_like(x)
-        across = np.stack([zero, z, -y, -z, zero, x, y, -x, zero], 1).reshape(-1, 3, 3)  # w -> w x arm
+        across = skew(numbers.centers[own].mean(0) - numbers.centers[own])  # w -> w x arm
         back = numbers.rotations[own].transpose(0, 2, 1)
         out[own, 3:6], out[own, 6:9] = back @ across, back
     return out

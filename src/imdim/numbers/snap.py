@@ -54,7 +54,7 @@ def snap(
     largest = span(parts)
     for share in (0.1, 0.3, 1.0):
         changes = clusters(values, share * config.max_move * largest)
-        values = accept_changes(values, changes, _assign, judge.bears, config.tries)
+        values = accept_changes(values, changes, Values.with_numbers, judge.bears, config.tries)
     values = _round(values, judge, config, largest)
     return _rebuilt(program, values.primitives())
 
@@ -113,17 +113,8 @@ def _snap_rotations(parts: list[Primitive], judge: _SnapJudge, config: SnapConfi
     current = tuple(parts)
     for rank in range(max(map(len, offers), default=0)):
         changes = [(i, o[rank]) for i, o in enumerate(offers) if rank < len(o) and current[i] == parts[i]]
-        current = accept_changes(current, changes, _replace, judge.bears_parts, config.tries)
+        current = accept_changes(current, changes, lambda now, c: (*now[: c[0]], c[1], *now[c[0] + 1 :]), judge.bears_parts, config.tries)
     return list(current)
-
-
-def _replace(parts: tuple[Primitive, ...], change: tuple[int, Primitive]) -> tuple[Primitive, ...]:
-    i, new = change
-    return (*parts[:i], new, *parts[i + 1 :])
-
-
-def _assign(values: Values, change: tuple[np.ndarray, float]) -> Values:
-    return values.with_numbers(*change)
 
 
 def _round(values: Values, judge: _SnapJudge, config: SnapConfig, largest: float) -> Values:
@@ -134,7 +125,7 @@ def _round(values: Values, judge: _SnapJudge, config: SnapConfig, largest: float
         close = [m for m in moves if _move(values, m) <= config.max_move * largest]
         # the smallest moves stand first, so that halving parts them from the bold ones
         close.sort(key=lambda m: _move(values, m))
-        values = accept_changes(values, close, _assign, judge.bears, config.tries)
+        values = accept_changes(values, close, Values.with_numbers, judge.bears, config.tries)
         taken = [m for m in close if values.numbers[m[0][0]] == m[1]]
         values, returned = _review_moves(values, start, taken, judge, config)
         done = {int(group[0]) for group, _ in taken} - returned
@@ -150,7 +141,7 @@ def _review_moves(
     if len(taken) < 2:
         return values, returned
     for group, _ in sorted(taken, key=lambda m: -_move(start, m))[: config.reviews]:
-        undone = values.with_numbers(group, float(start.numbers[group[0]]))
+        undone = values.with_numbers((group, float(start.numbers[group[0]])))
         parts = undone.primitives_or_none()
         error = judge.error_of(parts) if parts is not None else float("inf")
         if error * (1 + config.rel_tolerance) + config.abs_tolerance < judge.current:

@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from imdim.geometry.axes import SYMMETRIES
-from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
+from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler, skew
 from imdim.program.tree import Primitive, Vec3
 
 AXIAL = ("cylinder", "cone", "torus")
@@ -62,11 +62,8 @@ def in_frame(primitive: Primitive, frame: np.ndarray) -> Primitive:
 @lru_cache(4096)
 def _simplest(frame: bytes) -> Vec3:
     """The simplest of the equal frames of a box; most boxes of a part share theirs."""
-    return min((_turn(np.frombuffer(frame).reshape(3, 3) @ turn) for turn in SYMMETRIES), key=_simplicity)
-
-
-def _turn(frame: np.ndarray) -> Vec3:
-    return _tidy(euler_from_matrix(np.where(np.abs(frame) < EXACT, 0.0, frame)))
+    equal = (np.frombuffer(frame).reshape(3, 3) @ turn for turn in SYMMETRIES)
+    return min((_tidy(euler_from_matrix(np.where(np.abs(e) < EXACT, 0.0, e))) for e in equal), key=_simplicity)
 
 
 def _simplicity(rotation: Vec3) -> tuple[float, int, tuple[float, ...]]:
@@ -92,9 +89,12 @@ def round_turns(primitive: Primitive, max_deg: float) -> Iterator[Primitive]:
     axial = primitive.kind in AXIAL
     seen = {canonical(primitive)}
     for frame in _round_axes(before[:, 2]) if axial else _round_frames(before):
-        near = along_axis(primitive, frame) if axial else in_frame(primitive, frame)
-        angle = line_angle(before[:, 2], frame) if axial else frame_angle(before, frame)
-        if angle <= max_deg and near not in seen:
+        if axial:
+            near, axis = along_axis(primitive, frame), before[:, 2]
+            angle = math.atan2(float(np.linalg.norm(np.cross(axis, frame))), abs(float(axis @ frame)))
+        else:
+            near, angle = in_frame(primitive, frame), math.acos(np.clip((float((before * frame).sum()) - 1) / 2, -1, 1))
+        if math.degrees(angle) <= max_deg and near not in seen:
             seen.add(near)
             yield near
 
@@ -146,16 +146,5 @@ def _shortest_turn(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _about(axis: np.ndarray, angle: float) -> np.ndarray:
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    cross = skew(axis)
     return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
-
-
-def line_angle(a: np.ndarray, b: np.ndarray) -> float:
-    """Degrees between the lines along unit vectors."""
-    return math.degrees(math.atan2(float(np.linalg.norm(np.cross(a, b))), abs(float(a @ b))))
-
-
-def frame_angle(a: np.ndarray, b: np.ndarray) -> float:
-    """Degrees of the turn between two rotations."""
-    return math.degrees(math.acos(np.clip((float((a * b).sum()) - 1) / 2, -1, 1)))

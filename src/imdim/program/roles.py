@@ -35,11 +35,8 @@ _SIZES: Mapping[str, tuple[str, ...]] = {
 
 def signs(program: Program) -> list[int]:
     """+1 for each leaf that adds, -1 for each that cuts, in order."""
-    return fold(program, lambda _, __: [1], {"union": list.__add__, "intersection": list.__add__, "difference": _negate})
-
-
-def _negate(keep: list[int], cut: list[int]) -> list[int]:
-    return keep + [-sign for sign in cut]
+    keep = list.__add__
+    return fold(program, lambda _, __: [1], {"union": keep, "intersection": keep, "difference": lambda a, b: a + [-sign for sign in b]})
 
 
 def labels(program: Program, constraints: Iterable[Constraint] = ()) -> list[str]:

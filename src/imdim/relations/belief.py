@@ -90,25 +90,14 @@ def away_from_edges(cloud: WeightedCloud, numbers: Lowered, noise: float) -> Wei
     for side in (u, -u, v, -v):
         beside, _, _, there = kernels.program_tangent(numbers, foot + EDGE * noise * side)
         clear &= (beside == leaf) & ((there * normal).sum(1) > SMOOTH)
-    by_face = _face_weights(numbers, leaf, tangent)
-    kept, all_ = by_face[clear], by_face
-    support, before = _by_leaf(leaf[clear], kept, len(numbers.kinds)), _by_leaf(leaf, all_, len(numbers.kinds))
+    # how much each point feels each face of its leaf move: squares of the derivatives [n, 6]
+    by_face = np.einsum("ni,nij->nj", tangent[:, :6], step_maps(numbers)[leaf, :6, :6]) ** 2
+    support, before = np.zeros((2, len(numbers.kinds), 6))
+    np.add.at(support, leaf[clear], by_face[clear])
+    np.add.at(before, leaf, by_face)
     poor = (support < MOST * before) | (support < FEW)
     needed = (by_face > 1e-3) & poor[leaf]
     return replace(cloud, weights=np.where(clear | needed.any(1), cloud.weights, 0.1 * cloud.weights))
-
-
-def _face_weights(numbers: Lowered, leaf: np.ndarray, tangent: np.ndarray) -> np.ndarray:
-    """How much each point [n, 6] feels each face of its leaf move: squares of the derivatives."""
-    maps = step_maps(numbers)[:, :6, :6]
-    return np.einsum("ni,nij->nj", tangent[:, :6], maps[leaf]) ** 2
-
-
-def _by_leaf(leaf: np.ndarray, values: np.ndarray, k: int) -> np.ndarray:
-    """Sums [k, 6] of `values` [n, 6]."""
-    out = np.zeros((k, values.shape[1]))
-    np.add.at(out, leaf, values)
-    return out
 
 
 def uniform(k: int) -> Normal:
@@ -124,8 +113,7 @@ def noise_of(numbers: Lowered, cloud: WeightedCloud) -> float:
 def apply_step(numbers: Lowered, step: np.ndarray) -> Lowered:
     """The leaves after a step [9 k]; too long ones are cut short, sizes stay positive."""
     k = len(numbers.kinds)
-    maps = np.zeros((k, 9, 9))
-    maps[:, range(9), range(9)] = np.repeat([1.0, 1.0], [6, 3])
+    maps = np.tile(np.eye(9), (k, 1, 1))
     maps[:, range(6, 9), range(6, 9)] /= radii(numbers)[:, None]
     return move_limited(numbers, maps, step.reshape(k, 9))
 

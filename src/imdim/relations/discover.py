@@ -17,7 +17,7 @@ from imdim.deadline import NEVER, Deadline
 from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.pose import Pose, radii
 from imdim.numbers.face_coordinates import lift_numbers
-from imdim.program.constraints import WORLD, Constraint, Ref
+from imdim.program.constraints import WORLD, Constraint
 from imdim.program.roles import name_constraints
 from imdim.program.tree import Program
 from imdim.relations.belief import (
@@ -180,10 +180,7 @@ def merge_transitive(constraints: Iterable[Constraint]) -> tuple[Constraint, ...
         for other in touching:
             out.remove(other)
         together = {ref: None for c in [*touching, constraint] for ref in c.of}
-        out.append(replace(constraint, of=_order_refs(list(together))))
+        # by leaf, those of the frame first; the line of a coaxial group needs an axis in front
+        of = sorted(together, key=lambda r: (r.leaf != WORLD, not r.feature, r.leaf, r.feature))
+        out.append(replace(constraint, of=tuple(of)))
     return tuple(sorted(out, key=lambda c: ORDER.index(c.kind) if c.kind in ORDER else len(ORDER)))
-
-
-def _order_refs(refs: list[Ref]) -> tuple[Ref, ...]:
-    """By leaf, those of the frame first; the line of a coaxial group needs an axis in front."""
-    return tuple(sorted(refs, key=lambda r: (r.leaf != WORLD, not r.feature, r.leaf, r.feature)))

@@ -64,8 +64,6 @@ def onto(numbers: Lowered, constraints: Sequence[Constraint], length: float, met
 def _step(now: Normal, rows: ResidualRows, damping: float) -> np.ndarray:
     inverse = _inverse(now, damping)
     free = -np.einsum("kij,kj->ki", inverse, now.gradient).ravel()
-    if not len(rows.residual):
-        return free
     spread = _spread(rows.jacobian, inverse)
     return free - spread @ _multipliers(rows.jacobian @ spread, rows.residual + rows.jacobian @ free)
 
@@ -100,10 +98,7 @@ def strains(numbers: Lowered, rows: ResidualRows, cloud: WeightedCloud, noise: f
     scale = 1 / np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
     precision = scale[:, None] * np.linalg.pinv(scale[:, None] * gram * scale, rcond=DEPENDENT, hermitian=True) * scale
     pull = precision @ (rows.jacobian @ free)
-    out = np.zeros(count)
-    for number in range(count):
-        mine = rows.owner == number
-        # the multipliers' own covariance is the precision times the squared noise
-        block = precision[np.ix_(mine, mine)]
-        out[number] = pull[mine] @ np.linalg.pinv(block, rcond=1e-9, hermitian=True) @ pull[mine] / noise**2
-    return out
+    owned = [rows.owner == number for number in range(count)]
+    # the multipliers' own covariance is the precision times the squared noise
+    known = [np.linalg.pinv(precision[np.ix_(mine, mine)], rcond=1e-9, hermitian=True) for mine in owned]
+    return np.array([pull[mine] @ inverse @ pull[mine] / noise**2 for mine, inverse in zip(owned, known, strict=True)])

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import product
 
 import numpy as np
 
@@ -59,11 +60,9 @@ def _alike(places: Places, sizes: list[KnownFeatures]) -> list[list[int]]:
     apart: set[tuple[int, int]] = set()
     for known in sizes:
         deviation = np.sqrt(known.variances)
-        for i, a in enumerate(known.refs):
-            for j, b in enumerate(known.refs):
-                differ = a.feature == b.feature and abs(known.values[i] - known.values[j]) > LOOK * math.hypot(deviation[i], deviation[j])
-                if differ:
-                    apart.add((a.leaf, b.leaf))
+        for (i, a), (j, b) in product(enumerate(known.refs), repeat=2):
+            if a.feature == b.feature and abs(known.values[i] - known.values[j]) > LOOK * math.hypot(deviation[i], deviation[j]):
+                apart.add((a.leaf, b.leaf))
 
     def fits(group: list[int], leaf: int) -> bool:
         return places.pose.kind(group[0]) == places.pose.kind(leaf) and not any((leaf, m) in apart for m in group)
@@ -195,23 +194,16 @@ def _rings(
         if len(near) < least or radius[near[0]] <= slack:
             continue
         near.sort(key=lambda i: angle[i])
-        for count in _divisors(len(near), least):
-            for start in range(len(near) // count):
-                chosen = near[start :: len(near) // count]
-                gaps = np.diff([*angle[chosen], angle[chosen[0]] + 2 * math.pi]) - 2 * math.pi / count
-                if np.abs(gaps).max() * radius[near[0]] <= slack:
-                    refs = _turning(places, [int(ring.leaves[i]) for i in chosen], about, 2 * math.pi / count)
-                    bits = KIND_BITS + math.log2(max(hubs, 1)) + len(near)
-                    # the sense of the angle is that of the frame `across` the axis that stands for the direction
-                    yield RelationCandidate(Constraint("circular", refs, about), bits)
-                    break
-            else:
-                continue
-            break
-
-
-def _divisors(n: int, least: int) -> list[int]:
-    return [d for d in range(n, least - 1, -1) if n % d == 0]
+        counts = [n for n in range(len(near), least - 1, -1) if len(near) % n == 0]
+        for chosen in (near[start :: len(near) // n] for n in counts for start in range(len(near) // n)):
+            step = 2 * math.pi / len(chosen)
+            gaps = np.diff([*angle[chosen], angle[chosen[0]] + 2 * math.pi]) - step
+            if np.abs(gaps).max() * radius[near[0]] <= slack:
+                refs = _turning(places, [int(ring.leaves[i]) for i in chosen], about, step)
+                bits = KIND_BITS + math.log2(max(hubs, 1)) + len(near)
+                # the sense of the angle is that of the frame `across` the axis that stands for the direction
+                yield RelationCandidate(Constraint("circular", refs, about), bits)
+                break
 
 
 def _turning(places: Places, leaves: list[int], about: Ref, angle: float) -> tuple[Ref, ...]:

@@ -123,10 +123,6 @@ def _parallel(c: Constraint, pose: Pose) -> list[Row]:
     return [side.dot(pose.axis(other)) for other in others for side in (u, v)]
 
 
-def _perpendicular(c: Constraint, pose: Pose) -> list[Row]:
-    return [pose.axis(c.of[0]).dot(pose.axis(c.of[1]))]
-
-
 def _coplanar(c: Constraint, pose: Pose) -> list[Row]:
     first, second = c.of
     value, slope = (pose.position(second) - pose.position(first)).dot(pose.axis(first))
@@ -178,8 +174,9 @@ def _circular(c: Constraint, pose: Pose) -> list[Row]:
         rows += [_minus(q, p) for p, q in zip(_turn(back, angle), ahead, strict=True)]
     if c.about.leaf not in members:
         for i, side in enumerate(sides):
-            mean, hub = _mean([p[i] for p in points]), side.dot(pose.center(c.about.leaf))
-            rows.append(_minus(mean, hub))
+            values, slopes = zip(*(p[i] for p in points), strict=True)
+            mean = sum(values) / len(values), np.mean(slopes, axis=0)
+            rows.append(_minus(mean, side.dot(pose.center(c.about.leaf))))
     turning = [ref for ref in c.of if ref.feature and len(AXES_OF[pose.kind(ref.leaf)]) == 3]
     axes = [[side.dot(pose.axis(ref)) for side in sides] for ref in turning]
     rows += [_cross(_turn(a, angle), b) for a, b in pairwise(axes)]
@@ -195,10 +192,6 @@ def _turn(point: list[Row], angle: float) -> list[Row]:
 def _cross(a: list[Row], b: list[Row]) -> Row:
     (ax, dax), (ay, day), (bx, dbx), (by, dby) = *a, *b
     return ax * by - ay * bx, ax * dby + by * dax - ay * dbx - bx * day
-
-
-def _mean(rows: list[Row]) -> Row:
-    return sum(r[0] for r in rows) / len(rows), np.mean([r[1] for r in rows], axis=0)
 
 
 def _rows_of_fixed(c: Constraint, pose: Pose) -> list[Row]:
@@ -220,7 +213,7 @@ _ROWS: Mapping[str, Callable[[Constraint, Pose], list[Row]]] = {
     "equal": _equal,
     "value": _value,
     "parallel": _parallel,
-    "perpendicular": _perpendicular,
+    "perpendicular": lambda c, pose: [pose.axis(c.of[0]).dot(pose.axis(c.of[1]))],
     "coplanar": _coplanar,
     "aligned": _rows_of_aligned,
     "coaxial": _coaxial,

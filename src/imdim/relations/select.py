@@ -80,7 +80,6 @@ class RelationSelection:
     def judge(self, candidate: RelationCandidate) -> Judgement:
         """What accepting the candidate now would save."""
         residual, jacobian, columns = self._rows(candidate.constraint)
-        residual = residual + jacobian @ self.mean[columns]
         if len(residual) == 1:
             return self._judge_row(float(residual[0]), jacobian[0], columns, candidate.bits)
         combine = self._new(jacobian, columns)
@@ -106,7 +105,6 @@ class RelationSelection:
     def accept(self, constraint: Constraint) -> None:
         """Let the relation hold from now on."""
         residual, jacobian, columns = self._rows(constraint)
-        residual = residual + jacobian @ self.mean[columns]
         combine = self._new(jacobian, columns)
         self.taken.append(constraint)
         if not combine.shape[1]:
@@ -142,12 +140,13 @@ class RelationSelection:
         return accepted
 
     def _rows(self, constraint: Constraint) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Residuals [m], Jacobian [m, c] and its columns [c], those of the leaves that it moves."""
+        """Residuals [m] at the mean, Jacobian [m, c] and its columns [c], those of the leaves that it moves."""
         if constraint not in self.rows:
             rows = rows_of([constraint], self.pose)
             columns = np.flatnonzero(np.abs(rows.jacobian).max(0, initial=0.0) > 0)
             self.rows[constraint] = rows.residual, rows.jacobian[:, columns], columns
-        return self.rows[constraint]
+        residual, jacobian, columns = self.rows[constraint]
+        return residual + jacobian @ self.mean[columns], jacobian, columns
 
     def _new(self, jacobian: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Combinations [m, n] of rows that are independent of each other and of what was accepted."""

@@ -232,7 +232,5 @@ def _axis_index(surface: Surface, vectors: list[np.ndarray]) -> int:
 def codes(arrangement: Arrangement, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Slab indices [n, directions] int16 and inside flags [n, curved] bool of `points` [n, 3]."""
     slabs = np.stack([d.bins(points) for d in arrangement.directions], axis=1).astype(np.int16)
-    inside = np.empty((len(points), len(arrangement.curved)), bool)
-    for i, surface in enumerate(arrangement.curved):
-        inside[:, i] = signed_distance(surface, points) < 0
-    return slabs, inside
+    inside = [signed_distance(surface, points) < 0 for surface in arrangement.curved]
+    return slabs, np.array(inside, bool).reshape(-1, len(points)).T.copy()

@@ -17,7 +17,7 @@ from imdim.geometry.surface import Surface, vec
 from imdim.program.tree import Primitive
 from imdim.search.arrangement import Arrangement
 from imdim.search.cells import Cells
-from imdim.search.kernels import add_field, axial_best, box_best, merge_slabs
+from imdim.search.kernels import axial_best, box_best, merge_slabs
 from imdim.search.outline_families import NO_OUTLINES, OutlineCells, Outlines
 
 
@@ -108,8 +108,7 @@ class Families:
 
     def _best_boxes(self, field: np.ndarray, cells: np.ndarray, frame: int, count: int, floor: float) -> list[tuple[float, Candidate]]:
         shape, places = self._frames[frame]
-        sums = np.zeros(math.prod(shape))
-        add_field(field, cells, places, sums)
+        sums = np.bincount(places[cells], field[cells], math.prod(shape)).astype(float)  # of no cells they would be whole numbers
         grid, *first = merge_slabs(sums.reshape(shape))
         order = sorted(range(3), key=lambda a: grid.shape[a])  # fewest slabs first is cheapest for the compiled loop
         grid = np.ascontiguousarray(grid.transpose(order))
@@ -164,9 +163,6 @@ class Families:
 
 def _top(sums: np.ndarray, count: int, floor: float) -> np.ndarray:
     """Indices of the `count` largest sums above `floor`, the first of equal ones first."""
-    if count == 1:
-        best = sums.argmax() if len(sums) else 0
-        return np.array([best] if len(sums) and sums[best] > floor else [], np.int64)
     top = np.argsort(-sums, kind="stable")[:count]
     return top[sums[top] > floor]
 
@@ -179,15 +175,10 @@ def _cap(surface: Surface, direction: np.ndarray, lo: float, hi: float) -> Primi
     """The cylinder or cone between two planes perpendicular to its axis; a cone starts at its apex at the earliest."""
     point = np.asarray(surface.point)
     at = float(point @ direction)
-    foot = point - at * direction
-    if surface.kind == "cylinder":
-        return _place("cylinder", (surface.sizes[0], hi - lo), foot + (lo + hi) / 2 * direction, direction)
-    opens_up = float(np.asarray(surface.axis) @ direction) > 0
-    lo, hi = (max(lo, at), hi) if opens_up else (lo, min(hi, at))
-    slope = math.tan(surface.sizes[0])
-    bottom, top = abs(lo - at) * slope, abs(hi - at) * slope
-    return _place("cone", (bottom, top, hi - lo), foot + (lo + hi) / 2 * direction, direction)
-
-
-def _place(kind: str, size: tuple[float, ...], center: np.ndarray, axis: np.ndarray) -> Primitive:
-    return Primitive(kind, size, vec(center), euler_from_matrix(frame_from_axis(axis)))
+    radii = surface.sizes
+    if surface.kind == "cone":
+        opens_up = float(np.asarray(surface.axis) @ direction) > 0
+        lo, hi = (max(lo, at), hi) if opens_up else (lo, min(hi, at))
+        radii = tuple(abs(end - at) * math.tan(surface.sizes[0]) for end in (lo, hi))
+    center = point - at * direction + (lo + hi) / 2 * direction
+    return Primitive(surface.kind, (*radii, hi - lo), vec(center), euler_from_matrix(frame_from_axis(direction)))

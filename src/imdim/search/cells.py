@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
 from imdim.geometry.rotations import frame_from_axis
-from imdim.search.arrangement import Arrangement, Direction, codes
+from imdim.search.arrangement import Arrangement, codes
 
 # Weights of (excess, lack). Cheap excess proposes hulls to cut from, dear lack pure cuts, dear excess pure pieces.
 Weights = tuple[float, float]
@@ -138,7 +139,7 @@ class _Slabs:
 @dataclass(frozen=True)
 class _BoxDensity:
     axes: np.ndarray  # [3, 3], rows are unit and orthogonal
-    slabs: tuple[_Slabs, _Slabs, _Slabs]
+    slabs: list[_Slabs]
 
     def draw(self, n: int, rng: np.random.Generator) -> np.ndarray:
         return np.stack([s.draw(n, rng) for s in self.slabs], axis=1) @ self.axes
@@ -169,12 +170,8 @@ class _AxialDensity:
 
 
 def _frame_densities(arrangement: Arrangement) -> list[_BoxDensity]:
-    out = []
-    for frame in arrangement.frames[:6]:
-        chosen = [arrangement.directions[i] for i in frame]
-        a, b, c = (_Slabs(d.offsets) for d in chosen)
-        out.append(_BoxDensity(np.stack([d.vector for d in chosen]), (a, b, c)))
-    return out
+    chosen = ([arrangement.directions[i] for i in frame] for frame in arrangement.frames[:6])
+    return [_BoxDensity(np.stack([d.vector for d in three]), [_Slabs(d.offsets) for d in three]) for three in chosen]
 
 
 def _axial_densities(arrangement: Arrangement) -> list[_AxialDensity]:
@@ -189,9 +186,9 @@ def _axial_densities(arrangement: Arrangement) -> list[_AxialDensity]:
         foot = point - (point @ direction) * direction
         key = (max(axis, 0), tuple(float(x) for x in np.round(foot / size, 4) + 0.0))
         groups.setdefault(key, []).append(surface.sizes[0])
-    return [_axial_density(arrangement.directions[k], np.array(f) * size, r, size) for (k, f), r in groups.items()][:40]
-
-
-def _axial_density(direction: Direction, foot: np.ndarray, radii: list[float], size: float) -> _AxialDensity:
-    edges = np.unique(np.round(np.array([0.0, *radii, max(radii) + 0.01 * size]) / size, 7)) * size
-    return _AxialDensity(foot, frame_from_axis(direction.vector).T, _Slabs(edges), _Slabs(direction.offsets))
+    out = []
+    for (axis, foot), radii in islice(groups.items(), 40):
+        direction = arrangement.directions[axis]
+        edges = np.unique(np.round(np.array([0.0, *radii, max(radii) + 0.01 * size]) / size, 7)) * size
+        out.append(_AxialDensity(np.array(foot) * size, frame_from_axis(direction.vector).T, _Slabs(edges), _Slabs(direction.offsets)))
+    return out

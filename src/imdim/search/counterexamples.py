@@ -14,7 +14,7 @@ import numpy as np
 
 from imdim.program.sequence import map_terms
 from imdim.search.candidate_families import Families
-from imdim.search.cells import Cells, compress_samples, label_samples, pool_cells
+from imdim.search.cells import compress_samples, label_samples, pool_cells
 from imdim.search.lns import RatedSequence
 from imdim.search.sequence import Covered, Sequence, run
 
@@ -48,7 +48,9 @@ class Sharpener:
         if max(float(w[~self._known].sum()) for w in wrong) < WORTH * self._price:
             return None
         self._known |= self._doubted
-        return Families(self._arrangement, self._judge_cells().choose(self._known), self._outlines)
+        # all cells with the volumes that count
+        w_in, w_out = (np.where(self._doubted, *w) for w in ((self._cells.w_in, self._first.w_in), (self._cells.w_out, self._first.w_out)))
+        return Families(self._arrangement, replace(self._cells, w_in=w_in, w_out=w_out).choose(self._known), self._outlines)
 
     @property
     def every(self) -> Families:
@@ -65,11 +67,6 @@ class Sharpener:
         count = len(self._cells.points)
         self._doubted, self._known = (np.bincount(place[: len(flags)], flags, count) > 0 for flags in (self._doubted, self._known))
         self._looks += 1
-
-    def _judge_cells(self) -> Cells:
-        """All cells with the volumes that count."""
-        w_in, w_out = (np.where(self._doubted, *w) for w in ((self._cells.w_in, self._first.w_in), (self._cells.w_out, self._first.w_out)))
-        return replace(self._cells, w_in=w_in, w_out=w_out)
 
 
 def transfer(sequence: Sequence, families: Families) -> Sequence:

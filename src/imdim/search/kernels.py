@@ -42,13 +42,6 @@ def axial_best(field: np.ndarray, cells: np.ndarray, starts: np.ndarray, slots: 
 
 
 @njit(nogil=True, cache=True)
-def add_field(field: np.ndarray, cells: np.ndarray, places: np.ndarray, out: np.ndarray) -> None:
-    """Add `field` [m] of some cells to `out`, cell c at places[c]."""
-    for c in cells:
-        out[places[c]] += field[c]
-
-
-@njit(nogil=True, cache=True)
 def merge_slabs(grid: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """`grid` [a, b, c] with adjoining slabs that win nothing anywhere summed into one, along each axis, and where the new slabs begin.
 

@@ -175,16 +175,16 @@ def _places(sequence: Sequence, gain: np.ndarray, groups: int, known: GainBounds
     """Each place and operation with the bounds of its groups; a place where nothing differs from the one behind it is left out."""
     behind: dict[Op, _GroupBound | None] = {}
     before: dict[Op, np.ndarray] = {}
-    for gap in gaps(sequence, len(gain)):
-        step = sequence[gap.position] if gap.position < len(sequence) else None
-        for op, changeable, sign in _kinds(gap.free, gap.state, gap.position > 0):
+    for position, state, free in gaps(sequence, len(gain)):
+        step = sequence[position] if position < len(sequence) else None
+        for op, changeable, sign in _kinds(free, state, position > 0):
             key = (id(step), op)
             look = behind[op] = known.get(key) or behind.get(op)
             if op in before and not (before[op] != changeable).any():
                 continue
             before[op] = changeable
             total = -sign * float(gain[changeable].sum()) if op == "intersection" else 0.0
-            yield _Place(gap.position, op, changeable, sign, total, _caps(look, changeable, sign, gain, groups), key, step)
+            yield _Place(position, op, changeable, sign, total, _caps(look, changeable, sign, gain, groups), key, step)
 
 
 def _kinds(free: np.ndarray, state: np.ndarray, filled: bool) -> Iterator[tuple[Op, np.ndarray, float]]:

@@ -9,7 +9,6 @@ import numpy as np
 from imdim.program.sequence import Step
 from imdim.search.arrangement import span_along
 from imdim.search.candidate_families import Candidate, Families
-from imdim.search.cells import Cells
 from imdim.search.sequence import Covered, Pair, Sequence, run
 
 
@@ -25,7 +24,8 @@ def tidy(sequence: Sequence, families: Families) -> Sequence:
 
 
 def _tidy_step(sequence: Sequence, i: int, families: Families) -> Sequence:
-    halves, state = list(sequence[i].term.halves), run(sequence, len(families.cells.points))
+    halves, gain = list(sequence[i].term.halves), families.cells.gain
+    state = run(sequence, len(gain))
     for h in range(len(halves)):
         for axis in range(len(halves[h].ranges)):
             for end in (0, 1):
@@ -35,16 +35,11 @@ def _tidy_step(sequence: Sequence, i: int, families: Families) -> Sequence:
                         break
                     trial = _with(sequence, i, [shorter if k == h else c for k, c in enumerate(halves)], families)
                     tried = run(trial, len(state))
-                    if _worse(tried, state, families.cells):
+                    # other filled cells that leave more volume wrong
+                    if float(np.where(tried, -gain, gain)[tried != state].sum()) > 0:
                         break
                     sequence, halves[h], state = trial, shorter, tried
     return sequence
-
-
-def _worse(tried: np.ndarray, state: np.ndarray, cells: Cells) -> bool:
-    """Whether other filled cells [m] leave more volume wrong."""
-    changed = tried != state
-    return float(np.where(tried, -cells.gain, cells.gain)[changed].sum()) > 0
 
 
 def shorten_range(candidate: Candidate, axis: int, end: int, families: Families, added: bool) -> Candidate | None:

@@ -19,7 +19,6 @@ from imdim.program.outline import Outline, circle_of, loop_curves
 from imdim.program.tree import FULL_TURN, Primitive
 from imdim.search.arrangement import ORTHOGONAL, Arrangement
 from imdim.search.cells import Cells
-from imdim.search.kernels import add_field
 from imdim.search.outline_plane import OutlinePlane, Walls, make_plane
 from imdim.search.outline_region import best_region, count_curves, trace_loops
 
@@ -181,8 +180,8 @@ class OutlineCells:
         """Sums of a field over each face below each level [f, levels]."""
         plane = self.planes[index]
         levels = self._levels(plane)
-        sums = np.zeros((plane.faces + 1) * levels)
-        add_field(field, cells, self._slots[index], sums)
+        slots = self._slots[index][cells]
+        sums = np.bincount(slots, field[cells], (plane.faces + 1) * levels)
         return np.cumsum(sums.reshape(-1, levels)[:-1], axis=1)
 
     def _levels(self, plane: OutlinePlane) -> int:

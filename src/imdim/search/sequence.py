@@ -149,21 +149,12 @@ def insert(sequence: Sequence, insertion: Insertion, families: Families) -> Sequ
     return (*sequence[: insertion.position], step, *sequence[insertion.position :])
 
 
-@dataclass(frozen=True)
-class Gap:
-    """A place in a sequence: the cells filled before it, and those on which every later step is silent."""
-
-    position: int
-    state: np.ndarray
-    free: np.ndarray
-
-
-def gaps(sequence: Sequence, m: int) -> Iterator[Gap]:
-    """All places where a step can go, the end first."""
+def gaps(sequence: Sequence, m: int) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+    """All places where a step can go, the end first: the cells [m] filled before it, and those on which every later step is silent."""
     states = list(accumulate(sequence, apply, initial=np.zeros(m, bool)))
     free = np.ones(m, bool)
     for position in range(len(sequence), -1, -1):
-        yield Gap(position, states[position], free)
+        yield position, states[position], free
         if position:
             step = sequence[position - 1]
             free = free & (step.term.mask if step.op == "intersection" else ~step.term.mask)
@@ -176,22 +167,22 @@ def insertions(sequence: Sequence, families: Families, per_frame: int, least: fl
     best = least
     enough = 0.5 if per_frame > 1 else 1.0  # a place whose whole potential is below this share of the best is skipped
     before: dict[Op, np.ndarray] = {}
-    for gap in gaps(sequence, len(gain)):
-        for op, field, total, potential in _fields(gap, gain):
+    for position, state, free in gaps(sequence, len(gain)):
+        for op, field, total, potential in _fields(position, state, free, gain):
             # a step that has nothing to do with what is left leaves the field as it is: nothing new is found before it
             if potential <= best * enough or (op in before and np.array_equal(before[op], field)):
                 continue
             before[op] = field
             found = [(total + v, c) for v, c in families.best(field, per_frame, max(best * enough - total, 0.0), per_frame > 0)]
-            out += [Insertion(v, gap.position, op, c) for v, c in found if v > least]
+            out += [Insertion(v, position, op, c) for v, c in found if v > least]
             best = max([best, *(v for v, _ in found)])
     return sorted(out, key=lambda i: -i.gain)
 
 
-def _fields(gap: Gap, gain: np.ndarray) -> Iterator[tuple[Op, np.ndarray, float, float]]:
-    """(op, field to maximise, constant, upper bound of the sum) for the three operations at one place."""
-    for op in ("union", "difference", "intersection") if gap.position else ("union",):
-        field, constant = field_of(op, gap.free, gap.state, gain)
+def _fields(position: int, state: np.ndarray, free: np.ndarray, gain: np.ndarray) -> Iterator[tuple[Op, np.ndarray, float, float]]:
+    """(op, field to maximise, constant, upper bound of the sum) for the three operations at one of the `gaps`."""
+    for op in ("union", "difference", "intersection") if position else ("union",):
+        field, constant = field_of(op, free, state, gain)
         yield op, field, constant, float(np.maximum(field if op != "intersection" else -field, 0).sum())
 
 
@@ -213,15 +204,15 @@ def pair_insertions(sequence: Sequence, families: Families, least: float, limit:
     `limit` bounds how many candidates are tried as one half; the other half is the best of all for it.
     """
     gain = families.cells.gain
-    gap = next(gaps(sequence, len(gain)))
+    position, state, free = next(gaps(sequence, len(gain)))
     out: list[Insertion] = []
-    for op, field, _, _ in islice(_fields(gap, gain), 2):
+    for op, field, _, _ in islice(_fields(position, state, free, gain), 2):
         for half in _promising(field, families, limit):
-            out += [Insertion(v, gap.position, op, pair) for v, pair in _best_pairs(half, field, families, least)]
+            out += [Insertion(v, position, op, pair) for v, pair in _best_pairs(half, field, families, least)]
         # what holds the most of what must not be covered: something larger less one of them may pay
         for half in _promising(-field, families, limit):
             rest = np.where(families.mask(half), 0.0, field)
-            out += [Insertion(v, gap.position, op, Pair("difference", c, half)) for v, c in families.best(rest, 1, least)]
+            out += [Insertion(v, position, op, Pair("difference", c, half)) for v, c in families.best(rest, 1, least)]
     return sorted(out, key=lambda i: -i.gain)
 
 

@@ -16,6 +16,7 @@ from functools import partial
 
 import numpy as np
 
+from imdim.geometry.rotations import skew
 from imdim.sketch.theory import SketchConstraint
 
 TINY = 1e-12  # lengths below it, in units of the theory's length, are treated as this long
@@ -62,14 +63,6 @@ def _outer(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return a[:, :, None] * b[:, None, :]
 
 
-def _skew(a: np.ndarray) -> np.ndarray:
-    """[r, 3, 3] that multiply a vector b to a x b."""
-    out = np.zeros((len(a), 3, 3))
-    out[:, [2, 0, 1], [1, 2, 0]] = a
-    out[:, [1, 2, 0], [2, 0, 1]] = -a
-    return out
-
-
 def _scalar(residual: np.ndarray, *slopes: np.ndarray) -> Rows:
     return residual[:, None], np.stack(slopes, axis=1)[:, None]
 
@@ -114,8 +107,8 @@ def _parallel(x: np.ndarray, _: np.ndarray, sign: float) -> Rows:
     per_normal = np.where(value < 1e-6, 1.0, value / sine) / size  # residual = per_normal * (u x v)
     across = np.eye(3) - _outer(axis, axis)
     along_u, along_v = -cross(axis, u) / (norm(u) ** 2)[:, None], cross(axis, v) / (norm(v) ** 2)[:, None]
-    by_u = _outer(axis, along_u) - (across @ _skew(v)) * per_normal[:, None, None]
-    by_v = _outer(axis, along_v) + (across @ _skew(u)) * per_normal[:, None, None]
+    by_u = _outer(axis, along_u) - (across @ skew(v)) * per_normal[:, None, None]
+    by_v = _outer(axis, along_v) + (across @ skew(u)) * per_normal[:, None, None]
     return value[:, None] * axis, np.stack([by_u, -by_u - sign * by_v, sign * by_v], axis=2)
 
 
@@ -197,10 +190,6 @@ def _triangle(x: np.ndarray) -> np.ndarray:
     return np.sqrt(norm(cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])))
 
 
-def _two_triangles(x: np.ndarray) -> np.ndarray:
-    return np.minimum(_triangle(x[:, :3]), _triangle(x[:, 1:]))
-
-
 _line = partial(_shortest, pairs=((0, 1),))
 _two_legs = partial(_shortest, pairs=((0, 1), (2, 1)))
 _two_lengths = partial(_shortest, pairs=((0, 1), (2, 3)))
@@ -214,7 +203,7 @@ FORMS = {
     "line_distance": Form(1, line_distance, _line),
     "collinear": Form(3, collinear, _line),
     "equal_length": Form(1, equal_length, _two_lengths),
-    "torsion": Form(1, torsion, _two_triangles),
+    "torsion": Form(1, torsion, lambda x: np.minimum(_triangle(x[:, :3]), _triangle(x[:, 1:]))),
     "plane_distance": Form(1, plane_distance, _triangle),
     "coplanar": Form(1, coplanar, _triangle),
 }

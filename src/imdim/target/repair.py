@@ -66,8 +66,7 @@ def merge_equal(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np
 
 def drop_copies(faces: np.ndarray, count: int) -> np.ndarray:
     """One of each connected piece of a mesh of `count` vertices that lies several times in exactly the same place."""
-    turn = np.argmin(faces, axis=1)[:, None]
-    single, times = np.unique(np.take_along_axis(faces, (turn + np.arange(3)) % 3, axis=1), axis=0, return_counts=True)
+    single, times = np.unique(_lowest_first(faces), axis=0, return_counts=True)
     piece = components(single.ravel(), np.roll(single, 1, axis=1).ravel(), count)[1][single[:, 0]]
     least, most = np.full(piece.max() + 1, len(faces)), np.zeros(piece.max() + 1, np.int64)
     np.minimum.at(least, piece, times)
@@ -92,9 +91,13 @@ def close_seams(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     target = np.arange(len(vertices))
     target[rim] = leader[label]
     merged = drop_collapsed(target[faces])
-    turn = np.argmin(merged, axis=1)[:, None]
-    canonical = np.take_along_axis(merged, (turn + np.arange(3)) % 3, axis=1)
-    return merged[np.sort(np.unique(canonical, axis=0, return_index=True)[1])]
+    return merged[np.sort(np.unique(_lowest_first(merged), axis=0, return_index=True)[1])]
+
+
+def _lowest_first(faces: np.ndarray) -> np.ndarray:
+    """Faces [m, 3] that begin with their lowest vertex, still the same way round."""
+    turn = np.argmin(faces, axis=1)[:, None]
+    return np.take_along_axis(faces, (turn + np.arange(3)) % 3, axis=1)
 
 
 def orient_alike(faces: np.ndarray) -> tuple[np.ndarray, int]:

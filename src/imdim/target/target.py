@@ -131,11 +131,8 @@ def split_bodies(target: Target) -> list[Target]:
     groups = split_faces(target.mesh.vertices, target.mesh.faces)
     if len(groups) == 1:
         return [target]
-    bodies = (_submesh(target.mesh, faces) for faces in groups)
-    return [
-        _mesh_target(f"{target.name} body {i}", mesh.vertices, mesh.faces, target.is_solid, target.notes)
-        for i, mesh in enumerate(bodies, 1)
-    ]
+    bodies = (compact(target.mesh.vertices, target.mesh.faces[faces]) for faces in groups)
+    return [_mesh_target(f"{target.name} body {i}", *body, target.is_solid, target.notes) for i, body in enumerate(bodies, 1)]
 
 
 def _target(raw: Raw, name: str, max_points: int) -> Target:
@@ -224,7 +221,3 @@ def _distinct(keys: np.ndarray) -> int:
     # sorting alone is several times faster than sorting with the places kept, which only the last grid needs
     keys.sort()
     return 1 + int(np.count_nonzero(keys[1:] != keys[:-1]))
-
-
-def _submesh(mesh: trimesh.Trimesh, faces: np.ndarray) -> trimesh.Trimesh:
-    return trimesh.Trimesh(*compact(mesh.vertices, mesh.faces[faces]), process=False)

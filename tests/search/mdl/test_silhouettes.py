@@ -7,7 +7,7 @@ from tests.planted import box, cone, cut, cylinder, union
 
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sampling import surface_points
-from imdim.search.mdl.curve_ransac import best_circle, crowding, find_filled_stretch, fit_circle, fit_line
+from imdim.search.mdl.curve_ransac import best_curve, circles, crowding, find_filled_stretch, fit_circle, fit_line
 from imdim.search.mdl.silhouettes import outlines
 
 SIGMA = 0.3
@@ -60,7 +60,7 @@ def test_a_circle_in_a_crowd_is_found_and_fitted():
     points = np.concatenate([ring, rng.uniform(-12, 12, (2000, 2))])
     assert np.median(crowding(points, 0.1)[:400]) > 0 == np.median(crowding(points, 0.1)[400:])
     wall = np.flatnonzero(crowding(points, 0.1) > 0)
-    x, y, r, contrast = best_circle(points, rng.choice(wall, (4000, 3)), points, 0.15, 15.0)
+    x, y, r, contrast = best_curve(circles, points, rng.choice(wall, (4000, 3)), points, 0.15, 15.0)
     center, radius = fit_circle(points, (x, y), r, 0.1)
     assert contrast > 8
     assert (*center, radius) == pytest.approx((3, -2, 5), abs=0.05)

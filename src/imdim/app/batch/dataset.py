@@ -6,8 +6,6 @@ running, a share that crashes, hangs or takes the memory is missing, noted in ``
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import signal
 import sys
@@ -23,6 +21,7 @@ from imdim.app.batch import folder
 from imdim.app.batch.engine import Job, run_jobs
 from imdim.app.batch.folder import PARTS, Part, write_whole
 from imdim.app.batch.process import Ended, ProcessLimits
+from imdim.app.batch.table import csv_text
 from imdim.data.folder import CHUNK, Chunk, FolderConfig, chunks, claim, is_there
 from imdim.reconstruction.config import ConfigError
 
@@ -96,7 +95,9 @@ def _record(out: Path, shares: Mapping[str, _Share], total: int, ended: Iterator
         why = _keep(share, job, how, out)
         if why:
             failures[share.name] = why
-            write_whole(out / FAILURES, _table(failures, shares))
+            files = ((name, shares[name].files) for name in failures)
+            rows = ((name, some[0], some[-1], len(some), failures[name]) for name, some in files)
+            write_whole(out / FAILURES, csv_text(("share", "first", "last", "samples", "failure"), rows))
             sys.stderr.write(f"make_dataset: {share.name}: FAILED, {why}\n")
             continue
         done += len(share.files)
@@ -130,13 +131,3 @@ def _keep(share: _Share, job: Job, how: Ended, out: Path) -> str:
     for name in share.files:
         (made / name).replace(out / share.chunks[0].split / name)
     return ""
-
-
-def _table(failures: Mapping[str, str], shares: Mapping[str, _Share]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text)
-    writer.writerow(("share", "first", "last", "samples", "failure"))
-    for name, why in failures.items():
-        files = shares[name].files
-        writer.writerow((name, files[0], files[-1], len(files), why))
-    return text.getvalue()

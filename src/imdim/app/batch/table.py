@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from html import escape
 from pathlib import Path
@@ -24,17 +24,16 @@ STYLE = (
 
 def write_tables(out: Path, parts: Sequence[Part], outcomes: Mapping[str, Outcome], status: str, running: bool) -> None:
     """Both tables, whole; the page reloads itself while `running`."""
-    write_whole(out / "results.csv", csv_text([outcomes[p.name] for p in parts if p.name in outcomes]))
+    names = [f.name for f in fields(Outcome)]
+    rows = ([getattr(outcomes[p.name], name) for name in names] for p in parts if p.name in outcomes)
+    write_whole(out / "results.csv", csv_text(names, rows))
     write_whole(out / "results.html", html_text(out, parts, outcomes, status, running))
 
 
-def csv_text(outcomes: Sequence[Outcome]) -> str:
-    """One row per part that is done, in the order of names."""
+def csv_text(names: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A table with a head of `names`."""
     text = io.StringIO()
-    names = [f.name for f in fields(Outcome)]
-    writer = csv.writer(text)
-    writer.writerow(names)
-    writer.writerows([getattr(outcome, name) for name in names] for outcome in outcomes)
+    csv.writer(text).writerows((names, *rows))
     return text.getvalue()
 
 

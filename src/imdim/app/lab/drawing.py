@@ -75,12 +75,9 @@ def place(frame: Frame, points: np.ndarray) -> np.ndarray:
 
 def roles(program: Program) -> list[str]:
     """What each leaf does: "union", "difference" or "intersection"."""
-    clips = fold(program, lambda _, __: [False], {"union": list.__add__, "intersection": _mark_clips, "difference": list.__add__})
+    keep = list.__add__
+    clips = fold(program, lambda _, __: [False], {"union": keep, "intersection": lambda a, b: a + [True] * len(b), "difference": keep})
     return ["intersection" if clip else "union" if sign > 0 else "difference" for clip, sign in zip(clips, signs(program), strict=True)]
-
-
-def _mark_clips(left: list[bool], right: list[bool]) -> list[bool]:
-    return left + [True] * len(right)
 
 
 def colours(program: Program) -> list[Colour]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -56,7 +55,9 @@ def with_number(theory: ConstrainedProgram, leaf: int, name: str, value: float, 
     program = map_leaves(theory.program, lambda i, p: changed if i == leaf else p)
     if follow:
         held = Lock(leaf, TURN if name in TURNS else name)
-        constraints = _update_value(theory.constraints, Ref(leaf, name), float(value))
+        # a size that a constraint gives a value has the new one from now on
+        of = (Ref(leaf, name),)
+        constraints = tuple(replace(c, value=float(value)) if c.kind == "value" and c.of == of else c for c in theory.constraints)
         program = follow_constraints(program, constraints, sorted(theory.locks | {held}))
         return replace(theory, program=program, constraints=constraints)
     return replace(theory, program=program)
@@ -70,11 +71,6 @@ def _change_number(part: Primitive, name: str, value: float) -> Primitive:
         rx, ry, rz = (value if turn == name else v for turn, v in zip(TURNS, part.rotation, strict=True))
         return replace(part, rotation=(rx, ry, rz))
     return replace(part, size=tuple(value if n == name else v for n, v in zip(SIZE_NAMES[part.kind], part.size, strict=True)))
-
-
-def _update_value(constraints: Sequence[Constraint], ref: Ref, value: float) -> tuple[Constraint, ...]:
-    """A size that a constraint gives a value has the new one from now on."""
-    return tuple(replace(c, value=value) if c.kind == "value" and c.of == (ref,) else c for c in constraints)
 
 
 def operation(program: Program, leaf: int) -> Op | None:

@@ -43,7 +43,7 @@ class Page:
         self._drawing = Refresher(self._draw_at_once, "draw")
         self._scoring = Refresher(self._score, "score", lambda: SCORE_AFTER_S[self.session.state.live is not None], SCORE_NICE)
         self.session = Session(pool, self._drawing.poke, limits)
-        self.view = SceneView(client, ear, self._on_click)
+        self.view = SceneView(client, ear, lambda leaf: self.session.select(None if self.session.state.selected == leaf else leaf))
         self._scene: drawing.Drawing | None = None
         self._scored: ConstrainedProgram | None = None
         self._scores: Scores | None = None
@@ -116,9 +116,6 @@ class Page:
         if theory is not None:
             size = sum(1 for _ in leaves(theory.program))
             self.session.select((now + step) % size if now is not None else (0 if step > 0 else size - 1))
-
-    def _on_click(self, leaf: int) -> None:
-        self.session.select(None if self.session.state.selected == leaf else leaf)
 
     def _draw_again(self) -> None:
         self._drawing.poke("program")

@@ -19,7 +19,7 @@ class Points:
     """The points of one client's view. Any thread may call its methods."""
 
     def __init__(self, client: viser.ClientHandle) -> None:
-        self._client, self._lock = client, threading.Lock()
+        self._client, self._lock = client, threading.RLock()
         self._few: viser.PointCloudHandle | None = None
         self._rest: viser.PointCloudHandle | None = None
         self._share, self._beside = 1.0, False
@@ -29,7 +29,7 @@ class Points:
     def draw(self, points: np.ndarray) -> None:
         """Points [n, 3] in place of those before."""
         with self._lock:
-            self._forget()
+            self.forget()
             self._share = max(len(points) / MOVING, 1.0)
             few = np.zeros(len(points), bool)
             few[np.linspace(0, len(points) - 1, min(len(points), MOVING)).astype(int)] = True
@@ -41,7 +41,10 @@ class Points:
     def forget(self) -> None:
         """No points."""
         with self._lock:
-            self._forget()
+            for node in (self._few, self._rest):
+                if node is not None:
+                    node.remove()
+            self._few = self._rest = None
 
     def close(self) -> None:
         """The client has gone: nothing is sent any more."""
@@ -87,9 +90,3 @@ class Points:
 
     def _add(self, name: str, points: np.ndarray) -> viser.PointCloudHandle:
         return self._client.scene.add_point_cloud(name, points, COLOUR, point_size=SIZES[0], point_shape="circle", precision="float32")
-
-    def _forget(self) -> None:
-        for node in (self._few, self._rest):
-            if node is not None:
-                node.remove()
-        self._few = self._rest = None

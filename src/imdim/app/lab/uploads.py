@@ -27,14 +27,11 @@ def limit_uploads(client: viser.ClientHandle, most: int, began: Callable[[str], 
             began(message.filename)
             accept(client_id, message)  # type: ignore[arg-type]
             return
-        link.queue_message(_end_message(message))
+        # what ends an upload for the browser, which would take no other file before: neither all came nor too few
+        ids = message.source_component_uuid, message.transfer_uuid
+        link.queue_message(messages.FileTransferPartAck(*ids, transferred_bytes=0, total_bytes=-1))
         link.queue_message(messages.RemoveNotificationMessage(f"upload-{message.transfer_uuid}"))
         refuse(message.filename, message.size_bytes)
 
     link.unregister_handler(messages.FileTransferStartUpload, accept)
     link.register_handler(messages.FileTransferStartUpload, start)  # type: ignore[arg-type]
-
-
-def _end_message(message: messages.FileTransferStartUpload) -> messages.FileTransferPartAck:
-    """What ends an upload for the browser, which would take no other file before: neither all came nor too few."""
-    return messages.FileTransferPartAck(message.source_component_uuid, message.transfer_uuid, transferred_bytes=0, total_bytes=-1)

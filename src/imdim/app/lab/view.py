@@ -131,7 +131,7 @@ class SceneView:
         overlay = self._over
         if overlay is None or not self.shown["Constraints"]:
             return
-        self._others["/points/controls"] = self._points("/points/controls", overlay.points, POINT_COLOUR, 0.045, "circle")
+        self._others["/points/controls"] = self._points("/points/controls", overlay.points, POINT_COLOUR, 0.045)
         if len(overlay.segments):
             self._others["/constraints/links"] = self._scene.add_line_segments(
                 "/constraints/links", overlay.segments, overlay.colours, thickness=2.0, thickness_units="screen"
@@ -144,7 +144,7 @@ class SceneView:
     def draw_map(self, points: np.ndarray, colours: np.ndarray) -> None:
         """The distances at the target's points."""
         with self._lock:
-            self._others["/map/points"] = self._points("/map/points", points, colours, MAP_SIZE, "circle")
+            self._others["/map/points"] = self._points("/map/points", points, colours, MAP_SIZE)
 
     def name(self, at: np.ndarray | None, text: str) -> None:
         """What the selected primitive is called, where it is."""
@@ -157,17 +157,16 @@ class SceneView:
             if at is not None:
                 self._others["/label/selected"] = self._scene.add_label("/label/selected", text, position=at, anchor="bottom-center")
 
-    def _points(self, name: str, points: np.ndarray, colours: object, size: float, shape: str) -> viser.PointCloudHandle:
-        layer = _LAYER_OF[name.split("/")[1]]
+    def _points(self, name: str, points: np.ndarray, colours: object, size: float) -> viser.PointCloudHandle:
         return self._scene.add_point_cloud(
             name,
             points,
             np.asarray(colours, np.uint8),
             point_size=size,
-            point_shape=shape,  # type: ignore[arg-type]
+            point_shape="circle",
             precision="float32",
             point_shading="flat",
-            visible=self.shown[layer],
+            visible=self.shown[_LAYER_OF[name.split("/")[1]]],
         )
 
     def _remove(self, *names: str) -> None:

@@ -62,7 +62,8 @@ class Commutation:
             wanted = only is None or all(n in only for n in unit.numbers)
             if wanted and not any(unit.path[: len(path)] == path for path in taken) and (part := self._part(unit)) is not None:
                 taken[unit.path] = unit, part
-        core = _without(self._program, [unit.numbers for unit, _ in taken.values()])
+        lost = {n for unit, _ in taken.values() for n in unit.numbers}
+        core = fold(self._program, lambda i, leaf: None if i in lost else leaf, {op: partial(_join, op) for op in OPS})
         if not taken or core is None or self._solid.is_empty():
             return None
         found = even_lengths([part for _, part in taken.values()], Rest(self._solid, to_manifold(core, CHECK_SEGMENTS)))
@@ -97,13 +98,8 @@ class Commutation:
         return None
 
 
-def _without(program: Program, gone: Collection[range]) -> Program | None:
-    """The program with nothing in the place of some leaves; None if that is nothing."""
-    lost = {n for numbers in gone for n in numbers}
-    return fold(program, lambda i, leaf: None if i in lost else leaf, {op: partial(_join, op) for op in OPS})
-
-
 def _join(op: Op, a: Program | None, b: Program | None) -> Program | None:
+    """A node of the program with nothing in the place of some leaves; None if that is nothing."""
     if a is not None and b is not None:
         return Combine(op, a, b)
     return {"union": a or b, "difference": a, "intersection": None}[op]

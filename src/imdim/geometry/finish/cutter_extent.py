@@ -65,7 +65,7 @@ def even_lengths(parts: Sequence[LastOperand], rest: Rest) -> list[LastOperand]:
     out, slack = list(parts), SAME * rest.diagonal
     for axis in range(3):
         for group in _alike(out, axis, slack):
-            if _are_even(out, group, axis, slack):
+            if (np.ptp([ends_of(out[i].node, axis) for i in group], axis=0) <= slack).all():  # type: ignore[arg-type]
                 continue
             spans = [_span(i, out[i], axis, rest) for i in group]
             for span, ends in _common(spans, slack):
@@ -101,10 +101,6 @@ def narrow(leaf: Primitive, axis: int) -> Primitive:
     return replace(leaf, size=tuple(s if i == along else s * (1 - NARROWER) for i, s in enumerate(leaf.size)))
 
 
-def _is_prism(part: LastOperand, axis: int) -> bool:
-    return isinstance(part.node, Primitive) and (part.node.kind == "box" or (part.node.kind == "cylinder" and axis == 2))
-
-
 def _direction(leaf: Primitive, axis: int) -> np.ndarray:
     """The local axis [3] or its opposite, whichever points forward."""
     return exact_rotation(leaf)[:, axis] * _forward(leaf, axis)
@@ -132,14 +128,10 @@ def _span(number: int, part: LastOperand, axis: int, rest: Rest) -> _Span:
 
 def _alike(parts: Sequence[LastOperand], axis: int, slack: float) -> list[list[int]]:
     """Numbers of parts with the same cross-section along the same direction, two or more."""
-    prisms = [i for i, part in enumerate(parts) if _is_prism(part, axis)]
+    kinds = ("box", "cylinder") if axis == 2 else ("box",)
+    prisms = [i for i, part in enumerate(parts) if isinstance(part.node, Primitive) and part.node.kind in kinds]
     groups = group_by_fit(prisms, lambda group, i: _same_section(parts[group[0]], parts[i], axis, slack))
     return [group for group in groups if len(group) > 1]
-
-
-def _are_even(parts: Sequence[LastOperand], group: list[int], axis: int, slack: float) -> bool:
-    ends = np.array([ends_of(parts[i].node, axis) for i in group])  # type: ignore[arg-type]
-    return bool((np.ptp(ends, axis=0) <= slack).all())
 
 
 def _same_section(a: LastOperand, b: LastOperand, axis: int, slack: float) -> bool:

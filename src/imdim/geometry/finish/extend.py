@@ -60,7 +60,8 @@ def within(leaf: Primitive, face: Face, skin: float) -> Primitive:
 
     As narrow as the face itself, although a cone is wider there: another cutter that meets the rim covers it.
     """
-    return _narrow(between(leaf, face, -2 * skin, -skin), face, skin * (1 + 2 * _widening(leaf, face)))
+    widening = max(-_slope(leaf, face), 0.0) if leaf.kind == "cone" else 0.0  # of the radius, per unit of depth
+    return _narrow(between(leaf, face, -2 * skin, -skin), face, skin * (1 + 2 * widening))
 
 
 def _end_radii(cone: Primitive, side: int) -> tuple[float, float]:
@@ -72,11 +73,6 @@ def _end_radii(cone: Primitive, side: int) -> tuple[float, float]:
 def _slope(cone: Primitive, face: Face) -> float:
     here, other = _end_radii(cone, face[1])
     return (here - other) / cone.size[2]
-
-
-def _widening(leaf: Primitive, face: Face) -> float:
-    """Growth of the radius per unit of depth behind `face`."""
-    return max(-_slope(leaf, face), 0.0) if leaf.kind == "cone" else 0.0
 
 
 def _size_between(leaf: Primitive, face: Face, low: float, high: float) -> tuple[float, ...]:

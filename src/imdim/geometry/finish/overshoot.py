@@ -105,14 +105,12 @@ def without_strays(program: Program, solid: Manifold, deadline: Deadline = NEVER
             left = [stray(trial).volume() for trial in trials]
             # the shortest of those that leave least
             best = next(k for k, volume in enumerate(left) if volume <= min(left) + NOTHING * solid.volume())
-            if left[best] < out.volume() - NOTHING * solid.volume() and _iou(trials[best], solid) >= _iou(program, solid):
+            if left[best] >= out.volume() - NOTHING * solid.volume():
+                continue
+            if volume_iou(to_manifold(trials[best]), solid) >= volume_iou(to_manifold(program), solid):
                 program, out = trials[best], stray(trials[best])
     return program
 
 
 def _extend_past(program: Program, index: int, face: Face, reach: float) -> Program:
     return map_leaves(program, lambda i, leaf: between(leaf, face, -length(leaf, face), reach) if i == index else leaf)
-
-
-def _iou(program: Program, solid: Manifold) -> float:
-    return volume_iou(to_manifold(program), solid)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TypeVar
 
 from imdim.program.motions import Motion
@@ -55,21 +55,13 @@ class Node:
 
 def node_of(program: Program) -> Node:
     """The program in n-ary operations."""
-    return fold_nary(program, lambda number, leaf: Node(None, [], leaf, number), {op: _join(op) for op in OPS})
-
-
-def _join(op: Op) -> Callable[[list[Node]], Node]:
-    return lambda parts: Node(op, parts)
-
-
-def _sort_sizes(size: tuple[float, ...]) -> tuple[float, ...]:
-    return tuple(sorted(size))
+    return fold_nary(program, lambda number, leaf: Node(None, [], leaf, number), {op: partial(Node, op) for op in OPS})
 
 
 # what does not tell one way of writing a primitive from another
 _SHAPES: Mapping[str, Callable[[tuple[float, ...]], tuple[float, ...]]] = {
-    "box": _sort_sizes,
-    "ellipsoid": _sort_sizes,
+    "box": lambda s: tuple(sorted(s)),
+    "ellipsoid": lambda s: tuple(sorted(s)),
     "cone": lambda s: (min(s[:2]), max(s[:2]), s[2]),
 }
 

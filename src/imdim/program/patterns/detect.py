@@ -195,7 +195,8 @@ def to_layers(node: Node, late: bool = False) -> Node:
     for cuts, part in reversed(steps) if late else steps:
         reach = _fill(part)
         # what is united is in layers 0, 2, 4 .., what is cut in 1, 3, 5 ..
-        layer = 1 + max((n for n, others in placed[not cuts] if not _apart(reach, others)), default=0 if cuts else -1)
+        behind = (n for n, others in placed[not cuts] if not all(disjoint(p, q) for p in reach for q in others))
+        layer = 1 + max(behind, default=0 if cuts else -1)
         placed[cuts].append((layer, reach))
         layers.setdefault(layer, []).append(to_layers(part, late))
     out = to_layers(base, late)
@@ -224,7 +225,3 @@ def _fill(node: Node) -> list[Primitive]:
     if node.op == "intersection":
         return min((_fill(part) for part in node.parts), key=len)
     return [leaf for part in node.parts for leaf in _fill(part)]
-
-
-def _apart(a: list[Primitive], b: list[Primitive]) -> bool:
-    return all(disjoint(p, q) for p in a for q in b)

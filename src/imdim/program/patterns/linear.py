@@ -52,7 +52,7 @@ def _main_axis(v: Vec3) -> int:
 
 def _grids(grid: _Lookup, u: Vec3, row: list[int], v: Vec3, column: list[int]) -> Iterator[Lattice]:
     """Grids from one corner: for every width the greatest height."""
-    if len(row) < 2 or len(column) < 2 or _is_parallel(u, v):
+    if len(row) < 2 or len(column) < 2 or abs(dot(u, v)) > (1 - 1e-6) * math.hypot(*u) * math.hypot(*v):  # or one row
         return
     rows = [row]
     for start in column[1:]:
@@ -172,7 +172,3 @@ def _at(angles: Sequence[float], angle: float, slack: float) -> int | None:
     near = [(abs((a - angle + 180) % 360 - 180), i) for i, a in enumerate(angles)]
     off, found = min(near)
     return found if off <= slack else None
-
-
-def _is_parallel(u: Vec3, v: Vec3) -> bool:
-    return abs(dot(u, v)) > (1 - 1e-6) * math.hypot(*u) * math.hypot(*v)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from itertools import chain
 
 from imdim.program.rewrite import containment
 from imdim.program.tree import OPS, Combine, Op, Primitive, Program, fold
@@ -10,6 +11,8 @@ from imdim.program.tree import OPS, Combine, Op, Primitive, Program, fold
 # Larger questions are not asked: leaves of one program times leaves of the other, and operations inside each other of both.
 MAX_PAIRS = 4096
 MAX_NESTING = 40
+
+_Rule = Callable[[Iterable[bool]], bool]  # any or all
 
 
 class ContainmentProver:
@@ -32,44 +35,16 @@ class ContainmentProver:
     def _contains(self, outer: Program, inner: Program) -> bool:
         if isinstance(outer, Primitive) and isinstance(inner, Primitive):
             return containment.contains(outer, inner, self.slack)
-        return self._holds(outer, inner) or self._is_held(inner, outer)
-
-    def _holds(self, outer: Program, inner: Program) -> bool:
-        """By the structure of `outer`."""
-        if isinstance(outer, Primitive):
-            return False
-        if outer.op == "union":
-            return any(self.contains(part, inner) for part in parts(outer, "union"))
-        if outer.op == "intersection":
-            return all(self.contains(part, inner) for part in parts(outer, "intersection"))
-        base, cuts = spine(outer)
-        return self.contains(base, inner) and all(self.disjoint(cut, inner) for cut in cuts)
-
-    def _is_held(self, inner: Program, outer: Program) -> bool:
-        """By the structure of `inner`."""
-        if isinstance(inner, Primitive):
-            return False
-        if inner.op == "union":
-            return all(self.contains(outer, part) for part in parts(inner, "union"))
-        if inner.op == "intersection":
-            return any(self.contains(outer, part) for part in parts(inner, "intersection"))
-        return self.contains(outer, spine(inner)[0])
+        of_outer = _by_structure(outer, any, all, lambda part: self.contains(part, inner), lambda cut: self.disjoint(cut, inner))
+        return of_outer or _by_structure(inner, all, any, lambda part: self.contains(outer, part), lambda cut: False)
 
     def _disjoint(self, a: Program, b: Program) -> bool:
         if isinstance(a, Primitive) and isinstance(b, Primitive):
             return containment.disjoint(a, b, self.slack)
-        return self._apart(a, b) or self._apart(b, a)
-
-    def _apart(self, a: Program, b: Program) -> bool:
-        """By the structure of `a`."""
-        if isinstance(a, Primitive):
-            return False
-        if a.op == "union":
-            return all(self.disjoint(part, b) for part in parts(a, "union"))
-        if a.op == "intersection":
-            return any(self.disjoint(part, b) for part in parts(a, "intersection"))
-        base, cuts = spine(a)
-        return self.disjoint(base, b) or any(self.contains(cut, b) for cut in cuts)
+        return any(
+            _by_structure(one, all, any, lambda part, b=other: self.disjoint(part, b), lambda cut, b=other: self.contains(cut, b))
+            for one, other in ((a, b), (b, a))
+        )
 
     def _remember(self, question: str, a: Program, b: Program, ask: Callable[[Program, Program], bool]) -> bool:
         key = (question, id(a), id(b))
@@ -83,6 +58,18 @@ class ContainmentProver:
         if id(program) not in self._sizes:
             self._sizes[id(program)] = (_measure(program), program)
         return self._sizes[id(program)][0]
+
+
+def _by_structure(
+    program: Program, united: _Rule, met: _Rule, of_part: Callable[[Program], bool], of_cut: Callable[[Program], bool]
+) -> bool:
+    """Whether something holds for a program because it holds for what it unites or intersects; what is cut is intersected outside."""
+    if isinstance(program, Primitive):
+        return False
+    if program.op != "difference":
+        return (united if program.op == "union" else met)(map(of_part, parts(program, program.op)))
+    base, cuts = spine(program)
+    return met(chain(map(of_part, (base,)), map(of_cut, cuts)))
 
 
 def parts(program: Program, op: Op) -> list[Program]:

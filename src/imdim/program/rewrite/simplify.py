@@ -20,31 +20,25 @@ from imdim.program.rewrite.fusion import fuse
 from imdim.program.tree import Op, Primitive, Program, combine_all, leaves, map_leaves
 
 SameSolid = Callable[[Program, Program], bool]
+NEAR = 1e-2  # of the smaller primitive: what may be made equal
 
 
-def simplify(
-    program: Program,
-    same_solid: SameSolid | None = None,
-    slack: float = containment.SLACK,
-    near: float = 1e-2,
-    max_checks: int = 1000,
-) -> Program:
+def simplify(program: Program, same_solid: SameSolid | None = None, max_checks: int = 1000) -> Program:
     """A program of at most the same cost and the same solid.
 
-    Without `same_solid` only what is proven changes, lengths being equal within `slack` of the smaller primitive.
-    With it, parts are also dropped, and primitives equal within `near` made equal, wherever ``same_solid(program, candidate)``
+    Without `same_solid` only what is proven changes, lengths being equal within SLACK of the smaller primitive.
+    With it, parts are also dropped, and primitives equal within NEAR made equal, wherever ``same_solid(program, candidate)``
     is true. It always compares with the given program, so errors do not add up, and is asked at most `max_checks` times.
     """
-    best = reduce_program(program, slack)
+    best = reduce_program(program)
     if same_solid is None:
         return best
     referee = _Referee(program, same_solid, max_checks)
-    best = _merge_near(best, referee, slack, near)
-    best = reduce_program(_drop_parts(best, referee), slack)
-    return best
+    best = _merge_near(best, referee)
+    return reduce_program(_drop_parts(best, referee))
 
 
-def reduce_program(program: Program, slack: float = containment.SLACK, deadline: Deadline = NEVER) -> Program:
+def reduce_program(program: Program, deadline: Deadline = NEVER) -> Program:
     """The proven rules until none shortens the program further, or time is out (by default never).
 
     Of equally long forms the last is taken, in which cuts stand outside: (A - X) & B is (A & B) - X, so that equal parts meet in one
@@ -52,7 +46,7 @@ def reduce_program(program: Program, slack: float = containment.SLACK, deadline:
     """
     best = program
     while not deadline.has_passed():
-        shorter = _rewrite(best, ContainmentProver(slack), slack)
+        shorter = _rewrite(best, ContainmentProver())
         if shorter is None:
             return program
         if cost(shorter) >= cost(best):
@@ -64,40 +58,40 @@ def reduce_program(program: Program, slack: float = containment.SLACK, deadline:
 # --- proven rules ----------------------------------------------------------------------------------------------------
 
 
-def _rewrite(program: Program, prover: ContainmentProver, slack: float) -> Program | None:
+def _rewrite(program: Program, prover: ContainmentProver) -> Program | None:
     """One pass from the leaves up; None stands for the empty solid."""
 
     def union(terms: list[Program | None]) -> Program | None:
-        return _union([t for term in terms if term for t in parts(term, "union")], prover, slack)
+        return _union([t for term in terms if term for t in parts(term, "union")], prover)
 
     def intersection(factors: list[Program | None]) -> Program | None:
         filled = [f for f in factors if f]
-        return _product(filled, [], prover, slack) if len(filled) == len(factors) else None
+        return _product(filled, [], prover) if len(filled) == len(factors) else None
 
     def difference(terms: list[Program | None]) -> Program | None:
         base, *cuts = terms
-        return _product([base], [c for cut in cuts if cut for c in parts(cut, "union")], prover, slack) if base else None
+        return _product([base], [c for cut in cuts if cut for c in parts(cut, "union")], prover) if base else None
 
     rules = {"union": union, "intersection": intersection, "difference": difference}
     return fold_nary(program, lambda _, p: p, rules)  # type: ignore[arg-type]
 
 
-def _union(terms: list[Program], prover: ContainmentProver, slack: float) -> Program | None:
+def _union(terms: list[Program], prover: ContainmentProver) -> Program | None:
     terms = _uncovered(terms, prover.contains)
-    terms = [_without_filled_cuts(t, [*terms[:i], *terms[i + 1 :]], prover, slack) for i, t in enumerate(terms)]
-    terms = _fuse_all("union", terms, slack)
+    terms = [_without_filled_cuts(t, [*terms[:i], *terms[i + 1 :]], prover) for i, t in enumerate(terms)]
+    terms = _fuse_all("union", terms)
     return combine_all("union", terms) if terms else None
 
 
-def _without_filled_cuts(term: Program, others: list[Program], prover: ContainmentProver, slack: float) -> Program:
+def _without_filled_cuts(term: Program, others: list[Program], prover: ContainmentProver) -> Program:
     """(X - C) | Y is X | Y where Y holds C, or what C takes from X."""
     base, cuts = spine(term)
-    taken = [[c, _fuse_pair("intersection", c, base, slack)] for c in cuts]
+    taken = [[c, _fuse_pair("intersection", c, base)] for c in cuts]
     filled = [any(t and prover.contains(other, t) for t in both for other in others) for both in taken]
     return combine_all("difference", [base, *(c for c, gone in zip(cuts, filled, strict=True) if not gone)])
 
 
-def _product(factors: list[Program], cuts: list[Program], prover: ContainmentProver, slack: float) -> Program | None:
+def _product(factors: list[Program], cuts: list[Program], prover: ContainmentProver) -> Program | None:
     """The intersection of `factors` minus the union of `cuts`."""
     bases: list[Program] = []
     for factor in (f for given in factors for f in parts(given, "intersection")):
@@ -107,11 +101,11 @@ def _product(factors: list[Program], cuts: list[Program], prover: ContainmentPro
     bases, cuts = _ease_cuts(bases, cuts, prover)
     # a factor that holds another one says nothing
     bases = _uncovered([_without_dead_parts(b, bases, cuts, prover) for b in bases], lambda a, b: prover.contains(b, a))
-    bases = _fuse_all("intersection", bases, slack)
+    bases = _fuse_all("intersection", bases)
     if any(prover.disjoint(a, b) for a, b in combinations(bases, 2)) or any(prover.contains(c, b) for c in cuts for b in bases):
         return None
     cuts = _uncovered([c for c in cuts if not any(prover.disjoint(c, b) for b in bases)], prover.contains)
-    return _trim(bases, _fuse_all("union", cuts, slack), slack)
+    return _trim(bases, _fuse_all("union", cuts))
 
 
 def _ease_cuts(bases: list[Program], cuts: list[Program], prover: ContainmentProver) -> tuple[list[Program], list[Program]]:
@@ -139,13 +133,13 @@ def _without_dead_parts(base: Program, bases: list[Program], cuts: list[Program]
     return combine_all("union", alive) if 0 < len(alive) < len(terms) else base
 
 
-def _trim(bases: list[Program], cuts: list[Program], slack: float) -> Program:
+def _trim(bases: list[Program], cuts: list[Program]) -> Program:
     """A cut that shortens a single primitive is done in its numbers."""
     base = combine_all("intersection", bases)
     left = []
     for cut in cuts:
         both = isinstance(base, Primitive) and isinstance(cut, Primitive)
-        shorter = fuse("difference", base, cut, slack) if both else None  # type: ignore[arg-type]
+        shorter = fuse("difference", base, cut) if both else None  # type: ignore[arg-type]
         if shorter is None:
             left.append(cut)
         else:
@@ -162,12 +156,12 @@ def _uncovered(terms: list[Program], covers: Callable[[Program, Program], bool])
     return kept
 
 
-def _fuse_all(op: Op, terms: list[Program], slack: float) -> list[Program]:
+def _fuse_all(op: Op, terms: list[Program]) -> list[Program]:
     """Pairs of primitives that are one, fused until none is left."""
     terms = list(terms)
     i = 0
     while i < len(terms):
-        merged = next(((j, f) for j in range(len(terms)) if j != i and (f := _fuse_pair(op, terms[i], terms[j], slack))), None)
+        merged = next(((j, f) for j in range(len(terms)) if j != i and (f := _fuse_pair(op, terms[i], terms[j]))), None)
         if merged is None:
             i += 1
         else:
@@ -177,8 +171,8 @@ def _fuse_all(op: Op, terms: list[Program], slack: float) -> list[Program]:
     return terms
 
 
-def _fuse_pair(op: Op, a: Program, b: Program, slack: float) -> Primitive | None:
-    return fuse(op, a, b, slack) if isinstance(a, Primitive) and isinstance(b, Primitive) else None
+def _fuse_pair(op: Op, a: Program, b: Program) -> Primitive | None:
+    return fuse(op, a, b) if isinstance(a, Primitive) and isinstance(b, Primitive) else None
 
 
 # --- refereed steps --------------------------------------------------------------------------------------------------
@@ -197,11 +191,11 @@ class _Referee:
         return self._same_solid(self._program, candidate)
 
 
-def _merge_near(program: Program, referee: _Referee, slack: float, near: float) -> Program:
+def _merge_near(program: Program, referee: _Referee) -> Program:
     """Make near-equal primitives equal where the rules then shorten the program."""
     for a, b in combinations(dict.fromkeys(leaves(program)), 2):
-        if a.kind == b.kind and containment.same(a, b, near):
-            merged = reduce_program(map_leaves(program, lambda _, p, a=a, b=b: a if p == b else p), slack)
+        if a.kind == b.kind and containment.same(a, b, NEAR):
+            merged = reduce_program(map_leaves(program, lambda _, p, a=a, b=b: a if p == b else p))
             if cost(merged) < cost(program) and referee.accepts(merged):
                 program = merged
     return program

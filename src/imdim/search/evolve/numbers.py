@@ -40,7 +40,7 @@ def share_number(program: Program, scene: Scene, rng: np.random.Generator) -> Pr
         return None
     i, j = rng.choice(len(every), 2, replace=False)
     path, leaf = every[i]
-    give = (_same_size, _same_rotation, _same_coordinate)[rng.integers(3)]
+    give = (_same_size, lambda leaf, other, _: replace(leaf, rotation=other.rotation), _same_coordinate)[rng.integers(3)]
     return _with(program, path, give(leaf, every[j][1], rng), scene)
 
 
@@ -99,10 +99,6 @@ def _scale(leaf: Primitive, sigma: float, rng: np.random.Generator) -> Primitive
 def _same_size(leaf: Primitive, other: Primitive, rng: np.random.Generator) -> Primitive | None:
     i, value = int(rng.integers(len(leaf.size))), other.size[rng.integers(len(other.size))]
     return make_valid(lambda: replace(leaf, size=tuple(value if k == i else s for k, s in enumerate(leaf.size))))
-
-
-def _same_rotation(leaf: Primitive, other: Primitive, rng: np.random.Generator) -> Primitive:
-    return replace(leaf, rotation=other.rotation)
 
 
 def _same_coordinate(leaf: Primitive, other: Primitive, rng: np.random.Generator) -> Primitive:

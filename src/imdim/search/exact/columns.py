@@ -93,6 +93,15 @@ def _find_curved_columns(
 
 
 @njit(nogil=True, cache=True)
+def _holds(row: np.ndarray, other: np.ndarray) -> bool:
+    """Whether a row has all bits of another."""
+    lacking = np.uint64(0)
+    for w in range(len(row)):
+        lacking |= other[w] & ~row[w]
+    return lacking == 0
+
+
+@njit(nogil=True, cache=True)
 def _boxes(
     al: np.ndarray, ar: np.ndarray, bl: np.ndarray, br: np.ndarray, cl: np.ndarray, cr: np.ndarray, most: int
 ) -> tuple[np.ndarray, np.ndarray, bool]:
@@ -125,17 +134,7 @@ def _boxes(
                 if some == 0:
                     continue
                 at = np.int64(key % np.uint64(size))
-                while True:
-                    held = table[at]
-                    if held < 0:
-                        break
-                    same = True
-                    for w in range(words):
-                        if rows[held, w] != row[w]:
-                            same = False
-                            break
-                    if same:
-                        break
+                while table[at] >= 0 and not (_holds(rows[table[at]], row) and _holds(row, rows[table[at]])):
                     at = (at + 1) % size
                 if table[at] < 0:
                     if n == most:
@@ -174,15 +173,7 @@ def _drop_dominated(rows: np.ndarray) -> np.ndarray:
             continue
         held = False
         for o in range(few):
-            other = owners[rarest, o]
-            inside = True
-            for w in range(words):
-                if rows[r, w] & ~kept[other, w]:
-                    inside = False
-                    break
-            if inside:
-                held = True
-                break
+            held = held or _holds(kept[owners[rarest, o]], rows[r])
         if held:
             continue
         keep[r] = True

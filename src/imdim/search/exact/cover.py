@@ -140,8 +140,11 @@ class _Problem:
             return None, np.nan
         rows = csr_array(hstack([csr_array(self.separates[some].T.astype(float)), csr_array(self.given_up)]))
         cost = np.concatenate([np.ones(n), self.weight])
-        size = np.concatenate([np.ones(n), np.zeros(len(self.weight))])
-        bounds = [LinearConstraint(rows, lb=1.0), *self._bars(some, limits)]
+        none = np.zeros(len(self.weight))
+        size = np.concatenate([np.ones(n), none])
+        # not all of any barred set at once
+        bars = [LinearConstraint(np.append(np.isin(some, barred), none)[None], ub=len(barred) - 1.0) for barred in limits.barred]
+        bounds = [LinearConstraint(rows, lb=1.0), *bars]
         if bounded:
             bounds += [LinearConstraint(size[None], ub=float(limits.most)), LinearConstraint(cost[None], ub=limits.price)]
         gap = ENOUGH if bounded else min(ENOUGH, NEAR / max(self.bound, 1.0))
@@ -152,8 +155,3 @@ class _Problem:
         chosen = np.round(found.x)
         fits = chosen @ size <= limits.most and chosen @ cost <= limits.price
         return (some[chosen[:n] > 0].tolist(), float(chosen @ cost)) if fits else (None, np.nan)
-
-    def _bars(self, some: np.ndarray, limits: CoverLimits) -> list[LinearConstraint]:
-        """Not all of any barred set at once."""
-        none = np.zeros(len(self.weight))
-        return [LinearConstraint(np.append(np.isin(some, barred), none)[None], ub=len(barred) - 1.0) for barred in limits.barred]

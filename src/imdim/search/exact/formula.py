@@ -96,20 +96,16 @@ class _Solver:
 
     def _split(self, a: frozenset[int], b: frozenset[int], required: int, forbidden: int) -> Iterator[Formula]:
         """Formulas whose root joins one over `a` with one over `b`."""
-        by_a, by_b = (self._apart(half, required, forbidden) for half in (a, b))
-        if not required & ~(by_a | by_b):
-            for goal in (required & ~by_b, by_a):
-                left = self.solve(a, goal, forbidden) if goal else None
-                right = self.solve(b, required & ~holds(left, self.sets, self.everything), forbidden) if left else None
-                if left and right:
-                    yield Gate("or", left, right)
-        by_a, by_b = (self._apart(half, forbidden, required) for half in (a, b))
-        if not forbidden & ~(by_a | by_b):
-            for goal in (forbidden & ~by_b, by_a):
-                left = self.solve(a, required, goal) if goal else None
-                right = self.solve(b, required, forbidden & holds(left, self.sets, self.everything)) if left else None
-                if left and right:
-                    yield Gate("and", left, right)
+        for op, shared, whole in (("or", required, forbidden), ("and", forbidden, required)):
+            by_a, by_b = (self._apart(half, shared, whole) for half in (a, b))
+            for goal in () if shared & ~(by_a | by_b) else (shared & ~by_b, by_a):
+                left = self.solve(a, *((goal, forbidden) if op == "or" else (required, goal))) if goal else None
+                if left is None:
+                    continue
+                held = holds(left, self.sets, self.everything)
+                right = self.solve(b, *((required & ~held, forbidden) if op == "or" else (required, forbidden & held)))
+                if right:
+                    yield Gate(op, left, right)
 
     def _apart(self, half: frozenset[int], groups: int, others: int) -> int:
         """The part of `groups` that the sets of `half` tell apart from all of `others`."""

@@ -143,8 +143,7 @@ class Prover:
         return best
 
     def _masks(self, chosen: list[Candidate]) -> np.ndarray:
-        m = len(self.labels.weight)
-        return np.stack([self.families.mask(c) for c in chosen]) if chosen else np.zeros((0, m), bool)
+        return np.array([self.families.mask(c) for c in chosen], bool).reshape(len(chosen), len(self.labels.weight))
 
     def _round(self, chosen: list[Candidate], best: _Best, deadline: Deadline) -> tuple[str | None, list[Candidate]]:
         """More counterexamples and the cheapest candidates that satisfy them; "" for none, which is the proof, or why it must end."""

@@ -52,7 +52,8 @@ def connections(masks: np.ndarray, w_in: np.ndarray, w_out: np.ndarray, literal:
 
     `literal` is the price of a literal in volume. Every intersection has a plain literal, without which it would be unbounded.
     """
-    groups = _group_cells(masks, w_in, w_out)
+    _, first, member = np.unique(np.packbits(masks, axis=0), axis=1, return_index=True, return_inverse=True)
+    groups = _Groups(masks[:, first], *(np.bincount(member.reshape(-1), w, len(first)) for w in (w_in, w_out)))
     exact = len(masks) <= EXACT
     terms = _all_terms(len(masks)) if exact else list(dict.fromkeys(_grow_terms(groups, literal)))
     covers = np.stack([_cover(groups.signs, term) for term in terms])
@@ -77,12 +78,6 @@ def matrices(terms: Sequence[Term], primitives: Sequence[Primitive]) -> CsgStump
         tuple(tuple(int(literal in term) for term in terms) for literal in literals),
         (1,) * len(terms),
     )
-
-
-def _group_cells(masks: np.ndarray, w_in: np.ndarray, w_out: np.ndarray) -> _Groups:
-    _, first, member = np.unique(np.packbits(masks, axis=0), axis=1, return_index=True, return_inverse=True)
-    member = member.reshape(-1)
-    return _Groups(masks[:, first], *(np.bincount(member, w, len(first)) for w in (w_in, w_out)))
 
 
 def _all_terms(k: int) -> list[Term]:

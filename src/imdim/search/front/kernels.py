@@ -21,53 +21,36 @@ ZERO, HALF, ONE, TINY = F(0), F(0.5), F(1), F(1e-20)
 
 
 @njit(nogil=True, fastmath=True)
-def _box(a, b, c, x, y, z):
-    ax, ay, az = abs(x) - a * HALF, abs(y) - b * HALF, abs(z) - c * HALF
-    ox, oy, oz = max(ax, ZERO), max(ay, ZERO), max(az, ZERO)
-    return math.sqrt(ox * ox + oy * oy + oz * oz) + min(max(ax, max(ay, az)), ZERO)
-
-
-@njit(nogil=True, fastmath=True)
-def _sphere(a, b, c, x, y, z):
-    return math.sqrt(x * x + y * y + z * z) - a
-
-
-@njit(nogil=True, fastmath=True)
-def _cylinder(a, b, c, x, y, z):
-    side, cap = math.sqrt(x * x + y * y) - a, abs(z) - b * HALF
-    outer, upper = max(side, ZERO), max(cap, ZERO)
-    return math.sqrt(outer * outer + upper * upper) + min(max(side, cap), ZERO)
-
-
-@njit(nogil=True, fastmath=True)
-def _cone(a, b, c, x, y, z):
+def _value(kind, a, b, c, x, y, z):
+    if kind == BOX:
+        ax, ay, az = abs(x) - a * HALF, abs(y) - b * HALF, abs(z) - c * HALF
+        ox, oy, oz = max(ax, ZERO), max(ay, ZERO), max(az, ZERO)
+        return math.sqrt(ox * ox + oy * oy + oz * oz) + min(max(ax, max(ay, az)), ZERO)
+    if kind == SPHERE:
+        return math.sqrt(x * x + y * y + z * z) - a
+    if kind == ELLIPSOID:
+        u, v, w = x / a, y / b, z / c
+        k0 = math.sqrt(u * u + v * v + w * w)
+        u, v, w = u / a, v / b, w / c
+        k1 = math.sqrt(u * u + v * v + w * w)
+        return max(k0 * (k0 - ONE) / max(k1, TINY), -min(a, min(b, c)))
     rho = math.sqrt(x * x + y * y)
+    if kind == CYLINDER:
+        side, cap = rho - a, abs(z) - b * HALF
+        outer, upper = max(side, ZERO), max(cap, ZERO)
+        return math.sqrt(outer * outer + upper * upper) + min(max(side, cap), ZERO)
+    if kind == TORUS:
+        return math.sqrt((rho - a) * (rho - a) + z * z) - b
     er, wr, wz, cap = b - a, rho - a, z + c * HALF, abs(z) - c * HALF
     length2 = er * er + c * c
     within = max((wr * c - wz * er) / math.sqrt(length2), cap)
     t = min(max((wr * er + wz * c) / length2, ZERO), ONE)
-    rim = a if z < ZERO else b
-    vr, vz, beside = wr - t * er, wz - t * c, max(rho - rim, ZERO)
+    vr, vz, beside = wr - t * er, wz - t * c, max(rho - (a if z < ZERO else b), ZERO)
     outer = math.sqrt(min(beside * beside + cap * cap, vr * vr + vz * vz))
     return outer if within > ZERO else within
 
 
-@njit(nogil=True, fastmath=True)
-def _torus(a, b, c, x, y, z):
-    rho = math.sqrt(x * x + y * y) - a
-    return math.sqrt(rho * rho + z * z) - b
-
-
-@njit(nogil=True, fastmath=True)
-def _ellipsoid(a, b, c, x, y, z):
-    u, v, w = x / a, y / b, z / c
-    k0 = math.sqrt(u * u + v * v + w * w)
-    u, v, w = u / a, v / b, w / c
-    k1 = math.sqrt(u * u + v * v + w * w)
-    return max(k0 * (k0 - ONE) / max(k1, TINY), -min(a, min(b, c)))
-
-
-def _row_of(distance):
+def _row_of(kind):
     """The loop over points for one kind: a loop that branches on the kind is not vectorised.
 
     Each has a name of its own: what one process has compiled and another one loads from the cache is joined by names and running numbers,
@@ -78,14 +61,13 @@ def _row_of(distance):
         for j in range(len(out)):
             x, y, z = xs[j] - cx, ys[j] - cy, zs[j] - cz
             u, v, w = r00 * x + r10 * y + r20 * z, r01 * x + r11 * y + r21 * z, r02 * x + r12 * y + r22 * z
-            out[j] = distance(a, b, c, u, v, w)
+            out[j] = _value(kind, a, b, c, u, v, w)
 
-    row.__qualname__ = f"row_of{distance.py_func.__name__}"
+    row.__qualname__ = f"row_of_{SIMPLE[kind]}"
     return njit(nogil=True, fastmath=True)(row)
 
 
-_box_row, _sphere_row, _cylinder_row = _row_of(_box), _row_of(_sphere), _row_of(_cylinder)
-_cone_row, _torus_row, _ellipsoid_row = _row_of(_cone), _row_of(_torus), _row_of(_ellipsoid)
+_box_row, _sphere_row, _cylinder_row, _cone_row, _torus_row, _ellipsoid_row = (_row_of(kind) for kind in range(len(SIMPLE)))
 
 
 @njit(nogil=True)
@@ -187,15 +169,8 @@ def mean_distances(code, starts, depth, table, cap):
 
 @njit(nogil=True, cache=True)
 def _join_words(op, left, right):
-    if op == -1:
-        for j in range(len(left)):
-            left[j] |= right[j]
-    elif op == -2:
-        for j in range(len(left)):
-            left[j] &= right[j]
-    else:
-        for j in range(len(left)):
-            left[j] &= ~right[j]
+    for j in range(len(left)):
+        left[j] = left[j] | right[j] if op == -1 else left[j] & (right[j] if op == -2 else ~right[j])
 
 
 @njit(nogil=True, cache=True)

@@ -170,10 +170,7 @@ class BatchedLikelihood:
 
 def _sides(parts: Sequence[Program], probes: np.ndarray) -> np.ndarray:
     """Which of the parts [p] hold which of the probes, four of each sample: [p, s, 4]."""
-    out = np.zeros((len(parts), len(probes) // 4, 4), bool)
-    for held, part in zip(out, parts, strict=True):
-        held[:] = kernels.inside(part, probes).reshape(-1, 4)
-    return out
+    return np.array([kernels.inside(part, probes) for part in parts], bool).reshape(len(parts), len(probes) // 4, 4)
 
 
 def _samples(part: Program, spacing: float, step: float) -> tuple[np.ndarray, np.ndarray]:

@@ -6,6 +6,8 @@ nought on average for whatever is strewn evenly, needs no normals, and does not 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numba import njit
 from scipy.spatial import KDTree
@@ -48,27 +50,18 @@ def draw_triples(points: np.ndarray, weight: np.ndarray, count: int, rng: np.ran
     return picks
 
 
-def best_circle(points: np.ndarray, picks: np.ndarray, scored: np.ndarray, band: float, largest: float) -> tuple[float, ...]:
-    """Centre and radius of the clearest circle through three of the points, `picks` [t, 3], and its contrast in standard errors."""
-    few = _circles(points, picks, scored[::GLANCE], band, largest)
-    found = _circles(points, picks[_clearest(few)], scored, band, largest)
+def best_curve(
+    judge: Callable[..., np.ndarray], points: np.ndarray, picks: np.ndarray, scored: np.ndarray, *limits: float
+) -> tuple[float, ...]:
+    """What `judge`, `circles` or `lines`, finds clearest through some of the points, `picks` [t, 2 or 3], and its contrast."""
+    few = judge(points, picks, scored[::GLANCE], *limits)
+    found = judge(points, picks[np.argsort(-few[:, -1], kind="stable")[:KEPT]], scored, *limits)
     return tuple(found[found[:, -1].argmax()].tolist())
-
-
-def best_line(points: np.ndarray, picks: np.ndarray, scored: np.ndarray, band: float) -> tuple[float, ...]:
-    """The ends of the clearest stretch about two of the points, `picks` [t, 2], thrice as long as they are apart, and its contrast in
-    standard errors."""
-    few = _lines(points, picks, scored[::GLANCE], band)
-    found = _lines(points, picks[_clearest(few)], scored, band)
-    return tuple(found[found[:, -1].argmax()].tolist())
-
-
-def _clearest(found: np.ndarray) -> np.ndarray:
-    return np.argsort(-found[:, -1], kind="stable")[:KEPT]
 
 
 @njit(nogil=True, cache=True)
-def _circles(points, picks, scored, band, largest):  # pragma: no cover - compiled
+def circles(points, picks, scored, band, largest):  # pragma: no cover - compiled
+    """Centres and radii of the circles through three of the points, `picks` [t, 3], and their contrasts in standard errors."""
     found = np.zeros((len(picks), 4))
     for t in range(len(picks)):
         found[t, 3] = -1.0
@@ -93,7 +86,8 @@ def _circles(points, picks, scored, band, largest):  # pragma: no cover - compil
 
 
 @njit(nogil=True, cache=True)
-def _lines(points, picks, scored, band):  # pragma: no cover - compiled
+def lines(points, picks, scored, band):  # pragma: no cover - compiled
+    """The ends of stretches about two of the points, `picks` [t, 2], thrice as long as they are apart, and their contrasts as well."""
     found = np.zeros((len(picks), 5))
     for t in range(len(picks)):
         found[t, 4] = -1.0

@@ -88,8 +88,6 @@ class _Repairs:
         cloud, config = self.cloud, self.config
         level = [map_terms(sequence, self._level) for sequence in given]
         starts = dict.fromkeys([*level, *given, *((Step("union", p),) for p in whole(cloud, self.axes))])
-        if not starts:
-            return []
         ranked = self._rank([self._fit(s, config.first, config.seen) for s in starts])
         extra = distinct([p for r in ranked for _, p in r.signed], cloud)[: config.pool_limit]
         return sorted((self._repair(r, extra) for r in ranked[: config.finalists]), key=lambda r: r.cost)
@@ -127,7 +125,9 @@ class _Repairs:
     def _choose(self, signed: Signed, extra: Sequence[Primitive]) -> Signed:
         """The cheapest that single changes lead to, over its primitives, variants of them, `extra` ones and guesses of what is missing."""
         program, cloud, config = to_program(signed), self.cloud, self.config
-        off = _off(program, cloud)
+        # beyond this a point is not explained: several times the noise of those that are
+        middle = np.median(np.abs(kernels.program_sdf(program, cloud.points)))
+        off = float(np.clip(4 * middle, 0.01 * cloud.diagonal, 0.04 * cloud.diagonal))
         guesses = missing(program, cloud, self.axes, off)
         own, others = [p for _, p in signed], [*self._vary(signed, off), *extra, *guesses]
         primitives = [*own, *(p for p in distinct([*own, *others], cloud) if p not in set(own))]
@@ -160,9 +160,3 @@ class _Repairs:
             near, cosine = frame_from_axis(axes[:, k]), abs(float(along[k]))
         level = cosine > np.cos(np.radians(self.config.level_deg))
         return replace(primitive, rotation=euler_from_matrix(near)) if level else primitive
-
-
-def _off(program: Program, cloud: Cloud) -> float:
-    """Beyond this a point is not explained: several times the noise of those that are."""
-    distance = np.abs(kernels.program_sdf(program, cloud.points))
-    return float(np.clip(4 * np.median(distance), 0.01 * cloud.diagonal, 0.04 * cloud.diagonal))

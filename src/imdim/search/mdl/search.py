@@ -114,7 +114,9 @@ class _Changes:
         mixture = BatchedLikelihood.of(self.scene, [part for _, part in steps], others)
         start: Choice = tuple(Step(op, i) for i, (op, _) in enumerate(steps))
         new = (c for i in range(len(steps), len(mixture.parts)) for c in uses(i, start))
-        moves = [*own_moves(start), *(c for c in new if all(s.positive or not _is_wall(mixture.parts[s.term]) for s in c))]
+        # a wall is no cut: what is left of it in its middle would stand alone
+        walls = {i for i, part in enumerate(mixture.parts) if isinstance(part, Combine) and part.op == "difference"}
+        moves = [*own_moves(start), *(c for c in new if all(s.positive or s.term not in walls for s in c))]
         glance = [start, *(moves[i - 1] for i in _shortest(mixture.lengths([start, *moves], GLANCE), LOOKED))]
         lengths = mixture.lengths(glance)
         kept = [glance[i] for i in _shortest(lengths, TRIED) if lengths[i] < lengths[0] + SLACK]
@@ -154,11 +156,6 @@ def _shortest(lengths: np.ndarray, most: int) -> np.ndarray:
     in another order the same solid comes about."""
     first = np.unique(np.round(lengths, 9), return_index=True)[1]
     return first[first > 0][:most]
-
-
-def _is_wall(part: Program) -> bool:
-    """Whether a part is no cut: what is left of a cut in its middle would stand alone."""
-    return isinstance(part, Combine) and part.op == "difference"
 
 
 def _taper(part: Primitive) -> Iterator[Primitive]:

@@ -22,13 +22,14 @@ from imdim.search.mdl.curve_ransac import (
     FILLED,
     LEAST,
     SURE,
-    best_circle,
-    best_line,
+    best_curve,
+    circles,
     crowding,
     draw_triples,
     find_filled_stretch,
     fit_circle,
     fit_line,
+    lines,
     sure,
 )
 
@@ -79,22 +80,22 @@ def outlines(points: np.ndarray, axes: np.ndarray, sigma: float, seed: int = 0, 
             break
         view = _View(local, axes, k, sigma)
         out += _boxes(view)
-        lines: list[np.ndarray] = []
+        found: list[np.ndarray] = []
         for center, radius in _circles(view, rng, deadline):
             ends = _ends(view, center, radius)
             if ends is not None:
                 out.append(view.place("cylinder", (radius, ends[1] - ends[0]), view.middle(center, sum(ends) / 2)))
-                lines.append(center)
+                found.append(center)
         # a cone casts no circle
         middle = np.quantile(local[:, view.across], OUTERMOST, axis=0).mean(0)
-        for center in _apart([*_apart(lines, 2 * sigma)[:MOST_LINES], middle], 2 * sigma):
+        for center in _apart([*_apart(found, 2 * sigma)[:MOST_LINES], middle], 2 * sigma):
             out += [] if deadline.has_passed() else _profile(view, center, rng)
     return out
 
 
-def _apart(lines: list[np.ndarray], least: float) -> list[np.ndarray]:
+def _apart(centers: list[np.ndarray], least: float) -> list[np.ndarray]:
     out: list[np.ndarray] = []
-    for center in lines:
+    for center in centers:
         if all(np.linalg.norm(center - o) > least for o in out):
             out.append(center)
     return out
@@ -111,8 +112,8 @@ def _circles(view: _View, rng: np.random.Generator, deadline: Deadline) -> list[
         if (weight * free > 0).sum() < LEAST or len(out) == MOST or deadline.has_passed():
             break
         picks, scored = draw_triples(shadow, weight * free, TRIALS, rng), subsample(shadow[free], SCORED)
-        x, y, r, round_contrast = best_circle(shadow, picks, scored, width, largest)
-        *ends, straight_contrast = best_line(shadow, picks[: TRIALS // 2, :2].copy(), scored, width)
+        x, y, r, round_contrast = best_curve(circles, shadow, picks, scored, width, largest)
+        *ends, straight_contrast = best_curve(lines, shadow, picks[: TRIALS // 2, :2].copy(), scored, width)
         if max(round_contrast, straight_contrast) < GLIMPSE:
             break
         circle = fit_circle(shadow, (x, y), r, view.sigma) if round_contrast > straight_contrast else None
@@ -162,7 +163,7 @@ def _profile(view: _View, center: np.ndarray, rng: np.random.Generator) -> list[
         if (weight * free > 0).sum() < LEAST:
             break
         picks = draw_triples(profile, weight * free, TRIALS // 2, rng)
-        *ends, contrast = best_line(profile, picks[:, :2].copy(), subsample(profile[free], SCORED), BAND * view.sigma)
+        *ends, contrast = best_curve(lines, profile, picks[:, :2].copy(), subsample(profile[free], SCORED), BAND * view.sigma)
         if contrast < GLIMPSE:
             break
         origin, normal = fit_line(profile, np.reshape(ends, (2, 2)), view.sigma)
@@ -195,7 +196,9 @@ def _revolve_segment(view: _View, center: np.ndarray, corners: np.ndarray) -> Pr
 def _boxes(view: _View) -> list[Primitive]:
     """Boxes between two flat faces across the direction that lie over one another."""
     height = view.local[:, view.k]
-    faces = [(t, _extent(view, t)) for t in _levels(height, view.sigma)]
+    # with the low and high corners [2, 2] of their points
+    on = {t: view.local[np.abs(height - t) < BAND * view.sigma][:, view.across] for t in _levels(height, view.sigma)}
+    faces = [(t, np.quantile(points, (0.01, 0.99), axis=0)) for t, points in on.items()]
     out = []
     for i, (bottom, a) in enumerate(faces):
         for top, b in faces[i + 1 :]:
@@ -228,9 +231,3 @@ def _levels(height: np.ndarray, sigma: float) -> list[float]:
         if all(abs(grid[i] - t) > 2.5 * sigma for t in chosen):
             chosen.append(float(grid[i]))
     return sorted(chosen)
-
-
-def _extent(view: _View, level: float) -> tuple[np.ndarray, np.ndarray]:
-    """Low and high corners [2] of the points at a level."""
-    on = view.local[np.abs(view.local[:, view.k] - level) < BAND * view.sigma][:, view.across]
-    return np.quantile(on, 0.01, axis=0), np.quantile(on, 0.99, axis=0)

@@ -11,9 +11,6 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from imdim.geometry import kernels
@@ -22,6 +19,7 @@ from imdim.geometry.sampling import surface_points
 from imdim.geometry.surface import vec
 from imdim.program.tree import Primitive, Program
 from imdim.search.mdl.primitive_selection import Cloud
+from imdim.target.bodies import components
 
 LEAST = 8  # points of a group
 MOST_GROUPS = 6
@@ -125,8 +123,7 @@ def _group_connected(points: np.ndarray, reach: float) -> list[np.ndarray]:
     if len(points) < LEAST:
         return []
     a, b = KDTree(points).query_pairs(reach, output_type="ndarray").T
-    links = coo_matrix((np.ones(len(a)), (a, b)), shape=(len(points), len(points)))
-    label = connected_components(links, directed=False)[1]
+    label = components(a, b, len(points))[1]
     sizes = np.bincount(label)
     return [np.flatnonzero(label == i) for i in np.argsort(-sizes, kind="stable")[:MOST_GROUPS] if sizes[i] >= LEAST]
 
@@ -194,10 +191,13 @@ def _round(points: np.ndarray, off: float) -> tuple[np.ndarray, float, np.ndarra
     small = radii < largest
     if not small.any():
         return None
-    best = _most_borne(points, centers[small], radii[small], 0.5 * off)
-    center, radius = centers[small][best], radii[small][best]
+
+    def borne(center: np.ndarray, radius: float) -> np.ndarray:
+        return np.abs(np.linalg.norm(points - center, axis=1) - radius) < 0.5 * off
+
+    center, radius = max(zip(centers[small], radii[small], strict=True), key=lambda found: np.count_nonzero(borne(*found)))
     for _ in range(2):
-        on = np.abs(np.linalg.norm(points - center, axis=1) - radius) < 0.5 * off
+        on = borne(center, radius)
         if on.sum() <= d + 1:
             return None
         # Kasa (1976): |p|^2 = 2 p.c + (r^2 - |c|^2) is linear
@@ -207,22 +207,6 @@ def _round(points: np.ndarray, off: float) -> tuple[np.ndarray, float, np.ndarra
             return None
         center, radius = solution[:d], float(np.sqrt(squared))
     return center, radius, on
-
-
-@njit(cache=True)
-def _most_borne(points, centers, radii, band):  # pragma: no cover - compiled
-    best, most = 0, -1
-    for i in range(len(centers)):
-        count = 0
-        for j in range(len(points)):
-            square = 0.0
-            for c in range(points.shape[1]):
-                square += (points[j, c] - centers[i, c]) ** 2
-            if abs(np.sqrt(square) - radii[i]) < band:
-                count += 1
-        if count > most:
-            best, most = i, count
-    return best
 
 
 def _reaching(guess: Primitive, program: Program, positive: bool, diagonal: float) -> list[Primitive]:
