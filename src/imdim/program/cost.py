@@ -29,7 +29,7 @@ class Counts:
         return sum(self.ops.values())
 
 
-FREE_CURVES, CURVE = 4, 0.2  # curves that an outline has for nothing, as many as a box; what each further one costs, in primitives
+FREE_CURVES, CURVE = 4, 0.1  # curves that an outline has for nothing, as many as a box; what each further one costs, in primitives
 
 
 def curves_of(leaf: Primitive) -> int:

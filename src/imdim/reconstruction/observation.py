@@ -28,6 +28,7 @@ from imdim.search.outline_families import NO_OUTLINES, Outlines, find_planes
 from imdim.target.target import InputError, Target
 
 SAMPLES = 150_000  # labelled, spread over the cells
+LEAST_WALL = 3e-4  # of a body's surface, that a wall of an outline shows
 CLOSING_AREA = 1e-7  # of the squared diagonal; implied planes rank behind detected ones
 
 
@@ -141,15 +142,18 @@ def observe(
     bounds = np.stack([np.min(corners, axis=0), np.max(corners, axis=0)])
     surfaces = [p.surface for p in patches] + closing
     areas = [p.area for p in patches] + [CLOSING_AREA] * len(closing)
-    arrangement = arrange(surfaces, areas, bounds, ArrangementConfig())
+    drawn = outlines and not noise.blurs
+    arrangement = arrange(surfaces, areas, bounds, ArrangementConfig(least_wall=LEAST_WALL) if drawn else ArrangementConfig())
     label = _labeller(unit, patches, label_by)
     samples = label_samples(arrangement, label, SAMPLES, rng)
     cut = cut or (unit.mesh is None and label_by.has_passed())
     cells = compress_samples(arrangement, samples)
     if not (cells.gain > 0).any():
         raise UnseenError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells", cut)
-    drawn = Outlines(find_planes(arrangement), CURVE * size_weight * cells.volume) if outlines and not noise.blurs else NO_OUTLINES
-    return Observation(unit, noise, patches, samples, Families(arrangement, cells, drawn), size_weight, label, cut)
+    families = Families(
+        arrangement, cells, Outlines(find_planes(arrangement), CURVE * size_weight * cells.volume) if drawn else NO_OUTLINES
+    )
+    return Observation(unit, noise, patches, samples, families, size_weight, label, cut)
 
 
 def _corners(unit: Target, patches: list[Patch], noise: NoiseModel) -> np.ndarray:

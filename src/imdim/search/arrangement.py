@@ -69,6 +69,7 @@ class ArrangementConfig:
     max_offsets: int = 48  # along one direction; the planes with least area go first
     least_direction: float = 2e-3  # of the visible area; directions with less are not searched
     max_directions: int = 40
+    least_wall: float = 1.0  # of the visible area; directions with more are walls of outlines, though boxes are not searched along them
     max_curved: int = 80
     max_frames: int = 12
 
@@ -81,6 +82,7 @@ def arrange(surfaces: Sequence[Surface], areas: Sequence[float], bounds: np.ndar
     vectors = _direction_vectors(surfaces, areas, config)
     curved = [(s, a) for s, a in curved if s.kind in ("sphere", "torus") or _axis_index(s, vectors) >= 0]
     frames = _frames(vectors, config)
+    vectors += _wall_vectors(surfaces, areas, vectors, config)
     outer = _outer([s for s, _ in curved], box, config.reach * diagonal)
     tol = config.merge * diagonal
     directions = tuple(_direction(v, surfaces, areas, box, outer, tol, config) for v in vectors)
@@ -106,6 +108,15 @@ def _outer(curved: Sequence[Surface], box: np.ndarray, reach: float) -> np.ndarr
 
 def _direction_vectors(surfaces: Sequence[Surface], areas: Sequence[float], config: ArrangementConfig) -> list[np.ndarray]:
     """Distinct plane normals and axes by falling weight, completed so that each has two orthogonal partners."""
+    vectors, weights = _weigh_vectors(surfaces, areas)
+    least = config.least_direction * sum(areas)
+    order = [i for i in sorted(range(len(vectors)), key=lambda i: -weights[i]) if weights[i] >= least][: config.max_directions]
+    kept = [vectors[i] for i in order] or [np.array([0.0, 0.0, 1.0])]
+    return _complete(kept)
+
+
+def _weigh_vectors(surfaces: Sequence[Surface], areas: Sequence[float]) -> tuple[list[np.ndarray], list[float]]:
+    """Distinct plane normals and axes in order of appearance, with the area that each shows."""
     vectors: list[np.ndarray] = []
     weights: list[float] = []
     for surface, area in zip(surfaces, areas, strict=True):
@@ -118,10 +129,18 @@ def _direction_vectors(surfaces: Sequence[Surface], areas: Sequence[float], conf
             weights.append(area)
         else:
             weights[match] += area
-    least = config.least_direction * sum(areas)
-    order = [i for i in sorted(range(len(vectors)), key=lambda i: -weights[i]) if weights[i] >= least][: config.max_directions]
-    kept = [vectors[i] for i in order] or [np.array([0.0, 0.0, 1.0])]
-    return _complete(kept)
+    return vectors, weights
+
+
+def _wall_vectors(
+    surfaces: Sequence[Surface], areas: Sequence[float], known: Sequence[np.ndarray], config: ArrangementConfig
+) -> list[np.ndarray]:
+    """Normals of planes and axes of cylinders that are not `known`, of those that show enough for a wall."""
+    vectors, weights = _weigh_vectors(surfaces, areas)
+    least = config.least_wall * sum(areas)
+    order = [i for i in sorted(range(len(vectors)), key=lambda i: -weights[i]) if weights[i] >= least]
+    new = [vectors[i] for i in order if not any(abs(vectors[i] @ v) > PARALLEL for v in known)]
+    return new[: max(config.max_directions - len(known), 0)]
 
 
 def _snap_axis(axis: np.ndarray) -> np.ndarray:

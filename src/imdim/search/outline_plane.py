@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -18,9 +19,10 @@ from scipy.spatial import cKDTree
 
 from imdim.search.cells import Cells
 
-TANGENT = 3e-4  # of the unit frame, by which a line or circle that is meant to touch a circle may miss it
+TANGENT, MOST = 3e-4, 8e-4  # of the unit frame: by how much a wall that is meant to touch a circle may miss it, at least and at most
+SAGITTA = 0.012  # of the radius, between these: the circle is drawn through the corners of facets
 SAME_NODE = 4e-4  # of the unit frame, within which crossings are one
-SAME_WAY = 1e-2  # radians, within which two pieces leave a node in one direction
+ARC_CORNERS = 9  # of an arc where it stands for a polygon
 ASIDE = 1.5e-4  # of the unit frame, from a segment to the points that tell its faces
 WINDOW = -1  # the wall of segments on the edge of what is searched
 OUTSIDE = -1  # the face there
@@ -80,17 +82,38 @@ class OutlinePlane:
     walls: Walls
     nodes: np.ndarray
     segments: Segments
-    codes: np.ndarray  # packed sides of each face, sorted
+    codes: np.ndarray  # packed sides of each face, sorted; faces apart may have the same
+    polygons: list[np.ndarray]  # edges [e, 2, 2] of the outer ring of each face
 
     @property
     def faces(self) -> int:
         return len(self.codes)
 
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """Points [n, 3] in the plane [n, 2], turned into the half plane about an axis."""
+        away = points - self.origin
+        if self.kind == "extrude":
+            return away @ self.frame[:, :2]
+        height = away @ self.frame[:, 1]
+        return np.stack([np.linalg.norm(away - height[:, None] * self.frame[:, 1], axis=1), height], axis=1)
+
     def faces_of(self, cells: Cells) -> np.ndarray:
-        """The face [m] of each cell, OUTSIDE for one that none has."""
-        packed = _pack(self.walls.sides_of(cells))
-        at = np.minimum(np.searchsorted(self.codes, packed), len(self.codes) - 1)
-        return np.where(self.codes[at] == packed, at, OUTSIDE)
+        """The face [m] of each cell: of a sliver that tangents and merged crossings leave no room for, the face that fewest walls part it
+        from, OUTSIDE where these are more than one; of a cell whose code several faces have, the face that holds its point."""
+        codes, member = np.unique(_pack(self.walls.sides_of(cells)), return_inverse=True)
+        member = member.reshape(-1)
+        first, last = (np.searchsorted(self.codes, codes, side) for side in ("left", "right"))
+        face = np.where(last > first, np.minimum(first, self.faces - 1), OUTSIDE)
+        own, others = (_unpack(c, len(self.walls.columns)) for c in (self.codes, codes[face == OUTSIDE]))
+        parted = others @ (1 - own).T + (1 - others) @ own.T
+        face[face == OUTSIDE] = np.where(parted.min(1, initial=len(own)) <= 1, parted.argmin(1), OUTSIDE)
+        out = face[member]
+        for code in np.flatnonzero(last - first > 1).tolist():
+            which = np.flatnonzero(member == code)
+            points = self.project(cells.points[which])
+            for f in range(first[code], last[code]):
+                out[which[_holds(self.polygons[f], points)]] = f
+        return out
 
 
 def make_plane(kind: str, direction: int, origin: np.ndarray, frame: np.ndarray, walls: Walls) -> OutlinePlane | None:
@@ -101,15 +124,14 @@ def make_plane(kind: str, direction: int, origin: np.ndarray, frame: np.ndarray,
     wall = np.array([w for w, _, _ in pieces])
     ends = np.array([pair for _, pair, _ in pieces])
     length, sides, kept = _look_beside(walls, nodes, pieces)
-    # a ring of pieces has one face on its left: the longest piece tells which, short ones may lie where walls all but coincide
-    teller = _longest(_rings(walls, pieces), np.repeat(length, 2))
-    codes, face = np.unique(_pack(sides[teller]), return_inverse=True)
-    faces = np.where(kept.reshape(-1)[teller], face.reshape(-1), OUTSIDE).reshape(-1, 2)
-    used = np.unique(faces[faces >= 0])
-    renumbered = np.where(faces >= 0, np.searchsorted(used, faces), OUTSIDE)
-    real = (renumbered[:, 0] != renumbered[:, 1]) & (ends[:, 0] != ends[:, 1])
-    segments = Segments(wall[real], ends[real], renumbered[real], length[real])
-    return OutlinePlane(kind, direction, origin, frame, walls, nodes, segments, codes[used]) if real.any() else None
+    ring = _rings(walls, nodes, pieces, length)
+    # what lies on the left of a ring: its longest piece tells, short ones may lie where walls all but coincide
+    teller = _longest(ring, np.repeat(length, 2))
+    codes, polygons, face_of = _faces(ring, _pack(sides[teller]), kept.reshape(-1)[teller], _Polygons(walls, nodes, pieces))
+    faces = face_of[ring].reshape(-1, 2)
+    real = (faces[:, 0] != faces[:, 1]) & (ends[:, 0] != ends[:, 1])
+    segments = Segments(wall[real], ends[real], faces[real], length[real])
+    return OutlinePlane(kind, direction, origin, frame, walls, nodes, segments, codes, polygons) if real.any() else None
 
 
 _Piece = tuple[int, tuple[int, int], tuple[float, float]]  # wall, nodes, parameters: lengths along a line, angles of a circle
@@ -172,20 +194,26 @@ def _crossings(walls: Walls) -> Iterator[tuple[int, int, np.ndarray]]:
 
 def _halves(radius: float, gap: float) -> tuple[float, ...]:
     """Half chords with their signs; one of no length where the circle is touched."""
-    if abs(gap - radius) <= TANGENT:
+    if abs(gap - radius) <= _slack(radius):
         return (0.0,)
     half = float(np.sqrt(max(radius * radius - gap * gap, 0.0)))
     return (-half, half) if gap < radius else ()
 
 
+def _slack(radius: float) -> float:
+    """By how much a wall may miss a circle that it is taken to touch."""
+    return float(np.clip(SAGITTA * radius, TANGENT, MOST))
+
+
 def _circle_crossings(walls: Walls, c: int, d: int) -> list[np.ndarray]:
     (p, r), (q, s) = (walls.centers[c], walls.radii[c]), (walls.centers[d], walls.radii[d])
     apart = float(np.linalg.norm(q - p))
-    if apart < 1e-9 or apart > r + s + TANGENT or apart < abs(r - s) - TANGENT:
+    slack = _slack(min(r, s))
+    if apart < 1e-9 or apart > r + s + slack or apart < abs(r - s) - slack:
         return []
     along = (q - p) / apart
-    if min(abs(apart - r - s), abs(apart - abs(r - s))) <= TANGENT:
-        return [p + (r if apart > abs(r - s) + TANGENT or r > s else -r) * along]
+    if min(abs(apart - r - s), abs(apart - abs(r - s))) <= slack:
+        return [p + (r if apart > abs(r - s) + slack or r > s else -r) * along]
     reach = (apart * apart + r * r - s * s) / (2 * apart)
     half = np.sqrt(max(r * r - reach * reach, 0.0)) * np.array([-along[1], along[0]])
     return [p + reach * along + half, p + reach * along - half]
@@ -241,36 +269,99 @@ def _look_beside(walls: Walls, nodes: np.ndarray, pieces: Sequence[_Piece]) -> t
     return length, sides, inside.reshape(-1, 2)
 
 
-def _rings(walls: Walls, pieces: Sequence[_Piece]) -> np.ndarray:
+def _rings(walls: Walls, nodes: np.ndarray, pieces: Sequence[_Piece], length: np.ndarray) -> np.ndarray:
     """The ring [2 s] to which each piece belongs, passed forwards (2 i) and backwards (2 i + 1), with what it bounds on the left.
 
-    At its end a ring goes on along the piece that comes next clockwise. Pieces that touch are told apart by how they bend.
+    At its end a ring goes on along the piece that comes next clockwise. Which way a piece leaves a node is looked at as far from it as all
+    pieces there reach: near merged crossings tangents would be in the wrong order.
     """
-    leaving = [_leave(walls, piece, forwards) for piece in pieces for forwards in (True, False)]
-    starts = [piece[1][0 if forwards else 1] for piece in pieces for forwards in (True, False)]
-    order = sorted(range(len(leaving)), key=lambda h: (starts[h], *leaving[h]))
+    starts = np.array([piece[1][0 if forwards else 1] for piece in pieces for forwards in (True, False)])
+    reach = np.full(len(nodes), np.inf)
+    np.minimum.at(reach, starts, np.repeat(length / 2, 2))
+    ahead = np.array([_walk(walls, piece, float(reach[piece[1][i]]), not i) for piece in pieces for i in (0, 1)]) - nodes[starts]
+    order = np.lexsort((np.arctan2(ahead[:, 1], ahead[:, 0]), starts))
+    new = np.append(True, np.diff(starts[order]) != 0)
+    before = np.arange(len(order)) - 1
+    before[new] = np.append(np.flatnonzero(new)[1:], len(order)) - 1
     after = np.empty(len(order), np.int64)
-    first = 0
-    for i in range(1, len(order) + 1):
-        if i == len(order) or starts[order[i]] != starts[order[first]]:
-            for k in range(first, i):
-                after[order[k] ^ 1] = order[k - 1 if k > first else i - 1]
-            first = i
-    ones = np.ones(len(order))
-    return connected_components(coo_array((ones, (np.arange(len(order)), after)), shape=(len(order), len(order))), directed=False)[1]
+    after[order ^ 1] = order[before]
+    links = coo_array((np.ones(len(order)), (np.arange(len(order)), after)), shape=(len(order), len(order)))
+    return connected_components(links, directed=False)[1]
 
 
-def _leave(walls: Walls, piece: _Piece, forwards: bool) -> tuple[float, float]:
-    """The direction in which a piece leaves its start, and how it bends, to the left where positive."""
+def _walk(walls: Walls, piece: _Piece, reach: float, forwards: bool) -> np.ndarray:
+    """The point [2] so far along a piece from its start, or back from its end."""
     wall, _, (start, end) = piece
     if wall < len(walls.offsets):
-        x, y = _lines(walls)[0][wall if wall >= 0 else len(walls.offsets) + WINDOW - wall]
-        angle, bend = math.atan2(-x, y), 0.0
-    else:
-        angle, bend = (start if forwards else end) + math.pi / 2, 1 / float(walls.radii[wall - len(walls.offsets)])
-    if not forwards:
-        angle, bend = angle + math.pi, -bend
-    return round(angle % (2 * math.pi) / SAME_WAY) % round(2 * math.pi / SAME_WAY), bend
+        normals, offsets = _lines(walls)
+        at = wall if wall >= 0 else len(walls.offsets) + WINDOW - wall
+        x, y = normals[at]
+        return offsets[at] * normals[at] + (start + reach if forwards else end - reach) * np.array([y, -x])
+    radius = walls.radii[wall - len(walls.offsets)]
+    turn = start + reach / radius if forwards else end - reach / radius
+    return walls.centers[wall - len(walls.offsets)] + radius * np.array([math.cos(turn), math.sin(turn)])
+
+
+@dataclass(frozen=True)
+class _Polygons:
+    """Rings of pieces as polygons; an arc has its middle as one more corner."""
+
+    walls: Walls
+    nodes: np.ndarray
+    pieces: Sequence[_Piece]
+
+    def of(self, members: np.ndarray) -> np.ndarray:
+        """Edges [e, 2, 2] of the ring of pieces `members`, 2 i forwards and 2 i + 1 backwards, in any order."""
+        edges: list[tuple[np.ndarray, np.ndarray]] = []
+        for member in members.tolist():
+            wall, (a, b), (start, end) = self.pieces[member // 2]
+            corners = [self.nodes[a], self.nodes[b]]
+            if wall >= len(self.walls.offsets):
+                at = wall - len(self.walls.offsets)
+                turns = np.linspace(start, end, ARC_CORNERS + 2)[1:-1]
+                arc = self.walls.centers[at] + self.walls.radii[at] * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+                corners[1:1] = list(arc)
+            if member % 2:
+                corners.reverse()
+            edges += pairwise(corners)
+        return np.array(edges)
+
+
+def _faces(ring: np.ndarray, codes: np.ndarray, kept: np.ndarray, polygons: _Polygons) -> tuple[np.ndarray, list[np.ndarray], np.ndarray]:
+    """Codes [f] of the faces, sorted, their outer rings as polygons, and the face [r] of each ring, OUTSIDE for one out of the window.
+
+    A ring that runs counter-clockwise bounds a face; one that runs clockwise is a hole in that face of its code that holds it.
+    """
+    order = np.argsort(ring, kind="stable")
+    starts = np.flatnonzero(np.append(True, np.diff(ring[order]) != 0))
+    members = np.split(order, starts[1:])
+    edges = [polygons.of(m) for m in members]
+    outer = [r for r, m in enumerate(members) if kept[m[0]] and _signed_area(edges[r]) > 0]
+    outer.sort(key=lambda r: codes[members[r][0]].tobytes())
+    own = np.array([codes[members[r][0]] for r in outer], codes.dtype)
+    face_of = np.full(len(members), OUTSIDE)
+    face_of[outer] = np.arange(len(outer))
+    for r, m in enumerate(members):
+        if kept[m[0]] and face_of[r] == OUTSIDE:
+            alike = np.flatnonzero(own == codes[m[0]])
+            holding = [f for f in alike if _holds(edges[outer[f]], edges[r][:1, 0])[0]]
+            face_of[r] = next(iter(holding), OUTSIDE)
+    return own, [edges[r] for r in outer], face_of
+
+
+def _signed_area(edges: np.ndarray) -> float:
+    """Area of a polygon of edges [e, 2, 2], positive where it runs counter-clockwise."""
+    (ax, ay), (bx, by) = edges[:, 0].T, edges[:, 1].T
+    return float((ax * by - bx * ay).sum()) / 2
+
+
+def _holds(edges: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Whether a polygon of edges [e, 2, 2] holds points [n, 2]."""
+    (ax, ay), (bx, by) = edges[:, 0].T, edges[:, 1].T
+    x, y = points[:, :1], points[:, 1:]
+    crosses = (ay > y) != (by > y)
+    rise = np.where(by == ay, 1.0, by - ay)
+    return (crosses & (x < ax + (y - ay) * (bx - ax) / rise)).sum(1) % 2 == 1
 
 
 def _longest(group: np.ndarray, length: np.ndarray) -> np.ndarray:
@@ -284,3 +375,10 @@ def _pack(sides: np.ndarray) -> np.ndarray:
     """Rows of flags as one sortable value each."""
     packed = np.ascontiguousarray(np.packbits(sides, axis=1))
     return packed.view([("", np.void, packed.shape[1])]).reshape(-1) if packed.shape[1] else np.zeros(len(sides), "V1")
+
+
+def _unpack(codes: np.ndarray, walls: int) -> np.ndarray:
+    """The flags [n, walls] of packed rows, as numbers."""
+    if not walls or not len(codes):
+        return np.zeros((len(codes), walls), np.float32)
+    return np.unpackbits(codes.view(np.uint8).reshape(len(codes), -1), axis=1, count=walls).astype(np.float32)

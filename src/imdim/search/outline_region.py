@@ -7,6 +7,7 @@ of its curve's price that it has under the region before.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -15,10 +16,12 @@ from numba import njit
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
-from imdim.program.outline import Loop, circle, orient_loops
+from imdim.program.outline import Loop, Vertex, circle, orient_loops
 from imdim.search.outline_plane import OUTSIDE, WINDOW, OutlinePlane, Segments
 
 CUTS = 4  # minimum cuts for one region, at most
+WIDE = 1.5 * math.pi  # radians, from which an arc is drawn as two
+MENDS = 32  # faces, by which a region that touches itself is changed at most
 UNITS = 10**6  # of the gains' sum: flows are whole numbers
 AXIS = WINDOW  # the window's left edge, which is the axis of what is turned: no curve is drawn there
 
@@ -51,6 +54,8 @@ def best_region(plane: OutlinePlane, gains: np.ndarray, price: float) -> Region 
     if best is None:
         return None
     whole = mend(plane, best, gains)
+    if whole is None:
+        return None
     return Region(whole, float(gains[whole].sum()), count_curves(plane, whole))
 
 
@@ -129,19 +134,19 @@ def _runs(wall, nodes, side, length, turned):
     return curves, share
 
 
-def mend(plane: OutlinePlane, inside: np.ndarray, gains: np.ndarray) -> np.ndarray:
-    """The region changed by its cheapest faces until its boundary passes no node twice."""
-    for _ in range(64):
+def mend(plane: OutlinePlane, inside: np.ndarray, gains: np.ndarray) -> np.ndarray | None:
+    """The region changed by its cheapest faces until its boundary passes no node twice; None where that does not end."""
+    for _ in range(MENDS):
         node = _pinched(plane, inside)
         if node is None:
-            break
+            return inside if inside.any() else None
         around = np.unique(plane.segments.faces[(plane.segments.nodes == node).any(1)])
         around = around[around >= 0]
         loss = np.where(inside[around], gains[around], -gains[around])
         face = around[np.argmin(loss)]
         inside = inside.copy()
         inside[face] = not inside[face]
-    return inside
+    return None
 
 
 def _boundary(plane: OutlinePlane, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -188,7 +193,7 @@ def _loop(plane: OutlinePlane, ring: list[tuple[int, bool]]) -> Loop | None:
     if start is None:
         center, radius = plane.walls.centers[wall[0] - lines], plane.walls.radii[wall[0] - lines]
         return circle(float(radius), float(center[0]), float(center[1]))
-    vertices = [_vertex(plane, run) for run in _same_wall(ring[start:] + ring[:start], wall[start:] + wall[:start])]
+    vertices = [vertex for run in _same_wall(ring[start:] + ring[:start], wall[start:] + wall[:start]) for vertex in _vertices(plane, run)]
     return tuple(vertices) if len(vertices) > 2 or any(b for _, _, b in vertices) else None
 
 
@@ -200,12 +205,17 @@ def _same_wall(ring: list[tuple[int, bool]], wall: list[int]) -> Iterator[list[t
             first = i
 
 
-def _vertex(plane: OutlinePlane, run: list[tuple[int, bool]]) -> tuple[float, float, float]:
-    """Where a curve starts, and its bulge."""
+def _vertices(plane: OutlinePlane, run: list[tuple[int, bool]]) -> list[Vertex]:
+    """Where a curve starts, and its bulge; an arc that is nearly a circle is two, since its ends say little of its centre."""
     segments, (first, forwards) = plane.segments, run[0]
     x, y = plane.nodes[segments.nodes[first, 0 if forwards else 1]].tolist()
-    wall, lines = int(segments.wall[first]), len(plane.walls.offsets)
-    if wall < lines:
-        return x, y, 0.0
-    turn = sum(float(segments.length[s]) for s, _ in run) / float(plane.walls.radii[wall - lines])
-    return x, y, float(np.tan(turn / 4)) * (1 if forwards else -1)
+    at = int(segments.wall[first]) - len(plane.walls.offsets)
+    if at < 0:
+        return [(x, y, 0.0)]
+    turn = sum(float(segments.length[s]) for s, _ in run) / float(plane.walls.radii[at]) * (1 if forwards else -1)
+    if abs(turn) < WIDE:
+        return [(x, y, math.tan(turn / 4))]
+    center = plane.walls.centers[at]
+    dx, dy = x - center[0], y - center[1]
+    cosine, sine, bulge = math.cos(turn / 2), math.sin(turn / 2), math.tan(turn / 8)
+    return [(x, y, bulge), (float(center[0] + cosine * dx - sine * dy), float(center[1] + sine * dx + cosine * dy), bulge)]
