@@ -167,14 +167,22 @@ class OutlineCells:
             lo, hi = divmod(flat, bounds.shape[1])
             if bounds[lo, hi] <= floor:
                 break
-            region = best_region(plane, sums[:, hi] - sums[:, lo], self.outlines.curve_price)
-            if region is None:
-                continue
-            won = region.gain - self.outlines.curve_price * max(region.curves - FREE_CURVES, 0)
-            if won > floor:
-                floor = won
-                best = won, ((lo, hi),) if plane.kind == "extrude" else (), np.packbits(region.inside).tobytes()
-        return best
+            found = self._drawn(plane, sums, lo, hi, flips=False)
+            if found is not None and found[0] > floor:
+                floor, best = found[0], found
+        if best is None:
+            return None
+        lo, hi = best[1][0] if best[1] else (0, 1)
+        better = self._drawn(plane, sums, lo, hi, flips=True)
+        return better if better is not None and better[0] > best[0] else best
+
+    def _drawn(self, plane: OutlinePlane, sums: np.ndarray, lo: int, hi: int, flips: bool) -> Drawn | None:
+        """What is found between two levels."""
+        region = best_region(plane, sums[:, hi] - sums[:, lo], self.outlines.curve_price, flips)
+        if region is None:
+            return None
+        won = region.gain - self.outlines.curve_price * max(region.curves - FREE_CURVES, 0)
+        return won, ((lo, hi),) if plane.kind == "extrude" else (), np.packbits(region.inside).tobytes()
 
     def _sums(self, index: int, field: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Sums of a field over each face below each level [f, levels]."""

@@ -21,6 +21,7 @@ from imdim.search.outline_plane import OUTSIDE, WINDOW, OutlinePlane, Segments
 
 CUTS = 4  # minimum cuts for one region, at most
 WIDE = 1.5 * math.pi  # radians, from which an arc is drawn as two
+FLIPS = 3  # rounds over all faces
 MENDS = 32  # faces, by which a region that touches itself is changed at most
 UNITS = 10**6  # of the gains' sum: flows are whole numbers
 AXIS = WINDOW  # the window's left edge, which is the axis of what is turned: no curve is drawn there
@@ -35,28 +36,44 @@ class Region:
     curves: int
 
 
-def best_region(plane: OutlinePlane, gains: np.ndarray, price: float) -> Region | None:
+def best_region(plane: OutlinePlane, gains: np.ndarray, price: float, flips: bool = True) -> Region | None:
     """The region that wins most, by gains [f] and a `price` for a curve; None where none wins anything.
 
-    A region that touches itself in a point is mended by its cheapest face.
+    A region that touches itself in a point is mended by its cheapest face. Without `flips` it takes a tenth of the time, and is worse.
     """
-    inside, best, value = gains > 0, None, 0.0
-    for _ in range(CUTS):
-        if not inside.any():
-            break
-        curves, share = _share_curves(plane, inside)
-        won = float(gains[inside].sum())
-        if won - price * curves > value:
-            best, value = inside, won - price * curves
-        tried, inside = inside, _cut(plane.segments, gains, price * share)
-        if np.array_equal(inside, tried):
-            break
+    best, value = None, 0.0
+    for inside in _tries(plane, gains, price, flips):
+        won = float(gains[inside].sum()) - price * count_curves(plane, inside)
+        if won > value:
+            best, value = inside, won
     if best is None:
         return None
     whole = mend(plane, best, gains)
     if whole is None:
         return None
     return Region(whole, float(gains[whole].sum()), count_curves(plane, whole))
+
+
+def _tries(plane: OutlinePlane, gains: np.ndarray, price: float, flips: bool) -> Iterator[np.ndarray]:
+    """Regions [f] that may be the best: what wins, and cuts under its curves' prices, again and again; with `flips` what flipping single
+    faces makes of each, and of the best face alone."""
+    starts = [gains > 0, np.arange(len(gains)) == gains.argmax()] if flips else [gains > 0]
+    for inside in starts:
+        for _ in range(CUTS):
+            if not inside.any():
+                break
+            inside = _flip(plane, inside, gains, price) if flips else inside
+            yield inside
+            before, inside = inside, _cut(plane.segments, gains, price * _share_curves(plane, inside)[1])
+            if np.array_equal(inside, before):
+                break
+
+
+def _flip(plane: OutlinePlane, inside: np.ndarray, gains: np.ndarray, price: float) -> np.ndarray:
+    """The region with faces put in and left out, one at a time, as long as that wins."""
+    segments, out = plane.segments, np.append(inside, False)
+    _flip_faces(segments.wall, segments.nodes, segments.faces, plane.kind == "revolve", out, gains, price)
+    return out[:-1]
 
 
 def count_curves(plane: OutlinePlane, inside: np.ndarray) -> int:
@@ -91,19 +108,46 @@ def _share_curves(plane: OutlinePlane, inside: np.ndarray) -> tuple[int, np.ndar
     """
     filled = np.append(inside, False)  # OUTSIDE is the last
     sides, segments = filled[plane.segments.faces].astype(np.int8), plane.segments
-    return _runs(segments.wall, segments.nodes, sides[:, 0] - sides[:, 1], segments.length, plane.kind == "revolve")
+    share = np.empty(len(sides))
+    side = sides[:, 0] - sides[:, 1]
+    return _share_runs(segments.wall, segments.nodes, side, segments.length, plane.kind == "revolve", share), share
 
 
 @njit(nogil=True, cache=True)
-def _runs(wall, nodes, side, length, turned):
-    n, curves = len(wall), 0
-    share = np.ones(n)
-    first_of_wall = 0
-    first_run_start, i = -1, 0
+def _flip_faces(wall, nodes, faces, turned, inside, gains, price):
+    """Flip entries of `inside` [f + 1], whose last stands for what is outside of the window."""
+    side = np.empty(len(wall), np.int8)
+    length, share = np.ones(len(wall)), np.empty(len(wall))
+    for s in range(len(wall)):
+        side[s] = np.int8(inside[faces[s, 0]]) - np.int8(inside[faces[s, 1]])
+    curves = _share_runs(wall, nodes, side, length, turned, share)
+    changed, rounds = True, 0
+    while changed and rounds < FLIPS:
+        changed = False
+        rounds += 1
+        for f in range(len(gains)):
+            change = -gains[f] if inside[f] else gains[f]
+            if change <= -4 * price:
+                continue
+            inside[f] = not inside[f]
+            for s in range(len(wall)):
+                side[s] = np.int8(inside[faces[s, 0]]) - np.int8(inside[faces[s, 1]])
+            tried = _share_runs(wall, nodes, side, length, turned, share)
+            if change - price * (tried - curves) > 1e-12:
+                curves, changed = tried, True
+            else:
+                inside[f] = not inside[f]
+
+
+@njit(nogil=True, cache=True)
+def _share_runs(wall, nodes, side, length, turned, share):
+    """The number of runs of segments with one `side` [s] that is not 0, and into `share` [s] each one's part of its run."""
+    n, curves, first_of_wall, begins = len(wall), 0, 0, False
+    share[:] = 1.0
+    i = 0
     while i < n:
         if i == 0 or wall[i] != wall[i - 1]:
-            first_of_wall = i
-            first_run_start = -1
+            first_of_wall, begins = i, False
         if side[i] == 0:
             i += 1
             continue
@@ -111,18 +155,12 @@ def _runs(wall, nodes, side, length, turned):
         while j < n and wall[j] == wall[i] and side[j] == side[i] and nodes[j, 0] == nodes[j - 1, 1]:
             total += length[j]
             j += 1
-        if i == first_of_wall:
-            first_run_start = i
-        closes = (
-            (j == n or wall[j] != wall[i])
-            and first_run_start >= 0
-            and i > first_run_start
-            and nodes[j - 1, 1] == nodes[first_of_wall, 0]
-            and side[first_of_wall] == side[i]
-        )
-        free = turned and wall[i] == -1
-        if not free and not closes:
-            curves += 1
+        begins = begins or i == first_of_wall
+        # the last run of a circle may go on in its first
+        closes = begins and i > first_of_wall and (j == n or wall[j] != wall[i])
+        closes = closes and nodes[j - 1, 1] == nodes[first_of_wall, 0] and side[first_of_wall] == side[i]
+        free = turned and wall[i] == AXIS
+        curves += 0 if free or closes else 1
         for k in range(i, j):
             share[k] = 0.0 if free else length[k] / total
         # what continues the run costs what it adds to it, no new curve
@@ -131,7 +169,7 @@ def _runs(wall, nodes, side, length, turned):
         if i > 0 and wall[i - 1] == wall[i] and side[i - 1] == 0 and nodes[i, 0] == nodes[i - 1, 1]:
             share[i - 1] = min(share[i - 1], length[i - 1] / (total + length[i - 1]))
         i = j
-    return curves, share
+    return curves
 
 
 def mend(plane: OutlinePlane, inside: np.ndarray, gains: np.ndarray) -> np.ndarray | None:
