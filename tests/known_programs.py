@@ -1,10 +1,12 @@
 """Programs whose exact volume is known in closed form: the truth that every backend is held against.
 
-Import `KNOWN` (name -> program, volume). Rotations and centres are deliberately odd: a closed form does not depend on them.
+Import `KNOWN` (name -> program, volume), `DRAWN` with those that have outlines, or `EVERY` with both.
+Rotations and centres are deliberately odd: a closed form does not depend on them.
 """
 
 import math
 
+from imdim.program.outline import Loop, Outline, circle, rectangle
 from imdim.program.tree import Combine, Primitive, Program, combine_all
 
 TILT = (20.0, -35.0, 50.0)
@@ -78,3 +80,52 @@ KNOWN: dict[str, tuple[Program, float]] = {
     ),
     "nothing": (Combine("difference", along_z("sphere", (0.3,)), along_z("box", (1.0, 1.0, 1.0))), 0.0),
 }
+
+
+def extrude(h: float, *loops: Loop) -> Primitive:
+    return Primitive("extrude", (h,), AWAY, TILT, Outline(loops))
+
+
+def turn(degrees: float, *loops: Loop) -> Primitive:
+    return Primitive("revolve", (degrees,), AWAY, TILT, Outline(loops))
+
+
+(SQUARE,), (OBLONG,) = rectangle(1.0, 1.0).loops, rectangle(1.0, 0.6).loops
+STADIUM: Loop = ((-0.3, -0.2, 0.0), (0.3, -0.2, 1.0), (0.3, 0.2, 0.0), (-0.3, 0.2, 1.0))
+NICHE: Loop = (*SQUARE[:2], (0.5, 0.5, -0.5), SQUARE[3])  # its upper side is an arc that bends inward
+HALF_DISC: Loop = ((0.0, -0.5, 1.0), (0.0, 0.5, 0.0))
+(RIM,) = rectangle(0.2, 0.3).shift(0.5, 0.0).loops
+_NICHE = 0.625**2 * (4 * math.atan(0.5) - math.sin(4 * math.atan(0.5))) / 2
+# of a quarter of a disc of radius 0.6 what lies in a quarter of the square
+_QUARTER_DISC = 0.5 * math.sqrt(0.11) + 0.18 * (math.asin(0.5 / 0.6) - math.asin(math.sqrt(0.11) / 0.6))
+_RIM = 0.5 * 0.06  # area times the middle's distance from the axis
+
+DRAWN: dict[str, tuple[Program, float]] = {
+    "plate with a hole": (extrude(0.4, OBLONG, circle(0.2, 0.1, 0.05)), 0.4 * (0.6 - math.pi * 0.04)),
+    "stadium": (extrude(0.7, STADIUM), 0.7 * (0.24 + math.pi * 0.04)),
+    "niche": (extrude(0.3, NICHE), 0.3 * (1 - _NICHE)),
+    "island": (extrude(0.5, circle(0.5), circle(0.35), circle(0.15)), 0.5 * math.pi * (0.25 - 0.1225 + 0.0225)),
+    "turned rim": (turn(360.0, RIM), 2 * math.pi * _RIM),
+    "quarter of a rim": (turn(90.0, RIM), math.pi / 2 * _RIM),
+    "sliver of a rim": (turn(20.0, RIM), math.pi / 9 * _RIM),
+    "most of a rim": (turn(330.0, RIM), 11 / 6 * math.pi * _RIM),
+    "turned ball": (turn(360.0, HALF_DISC), math.pi / 6),
+    "three quarters of a ball": (turn(270.0, HALF_DISC), math.pi / 8),
+    "half a ball": (turn(180.0, HALF_DISC), math.pi / 12),
+    "part of a torus with a core": (
+        turn(200.0, circle(0.2, 0.5), circle(0.1, 0.5)),
+        math.radians(200) * 0.5 * math.pi * (0.04 - 0.01),
+    ),
+    "drilled extrusion": (
+        Combine("difference", Primitive("extrude", (0.4,), outline=Outline((SQUARE,))), BORE),
+        0.4 * (1 - math.pi / 16),
+    ),
+    "extrusion with a groove": (
+        Combine(
+            "difference", Primitive("extrude", (0.4,), outline=Outline((SQUARE,))), Primitive("revolve", (90.0,), outline=Outline((RIM,)))
+        ),
+        0.4 - 0.3 * (_QUARTER_DISC - math.pi / 4 * 0.4**2),
+    ),
+}
+DRAWN_LEAVES = [program for program, _ in DRAWN.values() if isinstance(program, Primitive)]
+EVERY = KNOWN | DRAWN

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import torch
 from scripts.bench.speed_plain import tangent_from_params
-from tests.known_programs import KNOWN
+from tests.known_programs import EVERY
 
 from imdim.geometry import kernels, sdf, solid
-from imdim.geometry.lowering import pack
+from imdim.geometry.lowering import Outlines, pack
 from imdim.geometry.points import is_inside
 from imdim.geometry.sampling import bounding_radius
 from imdim.program.tree import KINDS, Program, fold, leaves
@@ -31,9 +31,9 @@ MEMBERSHIP = {"torch": by_torch, "numba": kernels.inside, "points": by_points}
 
 
 @pytest.mark.parametrize("backend", MEMBERSHIP)
-@pytest.mark.parametrize("name", KNOWN)
+@pytest.mark.parametrize("name", EVERY)
 def test_volume_by_random_points(name, backend):
-    program, volume = KNOWN[name]
+    program, volume = EVERY[name]
     rng = np.random.default_rng(11)
     reach = np.array([np.add(p.center, side * bounding_radius(p)) for p in leaves(program) for side in (-1, 1)])
     low, high = reach.min(axis=0), reach.max(axis=0)
@@ -43,9 +43,9 @@ def test_volume_by_random_points(name, backend):
     assert inside.mean() == pytest.approx(share, abs=4 * math.sqrt(share * (1 - share) / SAMPLES))
 
 
-@pytest.mark.parametrize("name", KNOWN)
+@pytest.mark.parametrize("name", EVERY)
 def test_volume_of_the_exact_solid(name):
-    program, volume = KNOWN[name]
+    program, volume = EVERY[name]
     measured = solid.to_manifold(program, segments=256).volume()
     # inscribed facets take away from solids and leave standing in holes, at most 0.1 % of the curved parts at 256 segments
     curved = sum(solid.to_manifold(p, segments=256).volume() for p in leaves(program))
@@ -60,16 +60,17 @@ def program_gradient(program: Program, points: np.ndarray) -> tuple[np.ndarray, 
 
 
 def random_program_points(name: str, n: int = 200) -> tuple[Program, np.ndarray]:
-    return KNOWN[name][0], np.random.default_rng(5).uniform(-1, 1, (n, 3))
+    return EVERY[name][0], np.random.default_rng(5).uniform(-1, 1, (n, 3))
 
 
-@pytest.mark.parametrize("name", KNOWN)
+@pytest.mark.parametrize("name", EVERY)
 def test_kernels_agree_with_torch(name):
     program, points = random_program_points(name)
     kinds, params = pack(program)
     numbers, places = torch.tensor(params, requires_grad=True), torch.from_numpy(points)
-    table = sdf.leaf_table(kinds, numbers, places)
-    np.testing.assert_allclose(kernels.leaf_table(kinds, params, points), table.detach(), atol=1e-12)
+    outlines = Outlines.of([*leaves(program)])
+    table = sdf.leaf_table(kinds, numbers, places, outlines)
+    np.testing.assert_allclose(kernels.leaf_table(kinds, params, points, outlines), table.detach(), atol=1e-12)
     value = sdf.program_sdf(program, numbers, places)
     leaf, measured, gradient = program_gradient(program, points)
     np.testing.assert_allclose(measured, value.detach(), atol=1e-12)
@@ -80,7 +81,7 @@ def test_kernels_agree_with_torch(name):
         np.testing.assert_allclose(dense, expected, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", KNOWN)
+@pytest.mark.parametrize("name", EVERY)
 def test_gradient_is_the_central_difference(name):
     program, points = random_program_points(name)
     kinds, params = pack(program)
@@ -91,7 +92,7 @@ def test_gradient_is_the_central_difference(name):
         shifted = params.copy(), params.copy()
         shifted[0][:, column] -= step
         shifted[1][:, column] += step
-        low, high = (kernels.leaf_table(kinds, p, points)[leaf, rows] for p in shifted)
+        low, high = (kernels.leaf_table(kinds, p, points, Outlines.of([*leaves(program)]))[leaf, rows] for p in shifted)
         # the deciding leaf may be cut away: then its value enters with the opposite sign
         slope = np.abs(high - low) / (2 * step)
         smooth = np.abs(slope - np.abs(gradient[:, column])) < 1e-5
@@ -101,5 +102,5 @@ def test_gradient_is_the_central_difference(name):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_table_covers_every_kind(kind):
-    assert kind in sdf.LOCAL_SDF
-    assert any(p.kind == kind for program, _ in KNOWN.values() for p in leaves(program))
+    assert (kind in sdf.LOCAL_SDF) != (kind in sdf.OUTLINED_SDF)
+    assert any(p.kind == kind for program, _ in EVERY.values() for p in leaves(program))

@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 import torch
 from scipy.spatial import KDTree
-from tests.known_programs import BOX, DRILLED, KNOWN, LEAVES, TORUS
+from tests.known_programs import BOX, DRAWN_LEAVES, DRILLED, EVERY, LEAVES, TORUS
 
 from imdim.geometry import kernels
 from imdim.geometry.points import compute_error_embedding, is_inside, resample_to_fixed_size, sample_points, state_to_point_cloud
 from imdim.geometry.sampling import even_surface, leaf_surface, surface_points
 from imdim.geometry.surface_map import surface_area
 from imdim.program.state import ADD_BOX, ADD_SPHERE, ShapeState
-from imdim.program.tree import Primitive
+from imdim.program.tree import OUTLINED, Primitive
 
 
 def share_close(measured: np.ndarray, share: float) -> bool:
     return abs(measured.mean() - share) < 4 * math.sqrt(share * (1 - share) / len(measured))
 
 
-@pytest.mark.parametrize("primitive", LEAVES, ids=lambda p: f"{p.kind}{p.size}")
+@pytest.mark.parametrize("primitive", [*LEAVES, *DRAWN_LEAVES], ids=lambda p: f"{p.kind}{p.size}")
 def test_leaf_samples_lie_on_the_surface_with_its_normals(primitive):
     points, normals = leaf_surface(primitive, 3000, np.random.default_rng(1))
     np.testing.assert_allclose(kernels.program_sdf(primitive, points), 0, atol=1e-12)
@@ -28,25 +28,25 @@ def test_leaf_samples_lie_on_the_surface_with_its_normals(primitive):
     np.testing.assert_allclose(ahead, 1e-6, rtol=1e-3)
 
 
-@pytest.mark.parametrize("primitive", LEAVES, ids=lambda p: f"{p.kind}{p.size}")
+@pytest.mark.parametrize("primitive", [*LEAVES, *DRAWN_LEAVES], ids=lambda p: f"{p.kind}{p.size}")
 def test_leaf_samples_are_even_by_the_divergence_theorem(primitive):
     # of an even sample of a closed surface, mean(n) = 0 and area / 3 * mean((p - c) . n) = volume
     n = 20_000
     points, normals = leaf_surface(primitive, n, np.random.default_rng(4))
-    flux = ((points - primitive.center) * normals).sum(1) * surface_area(primitive.kind, primitive.size) / 3
-    volume = next(v for p, v in KNOWN.values() if p == primitive)
+    flux = ((points - primitive.center) * normals).sum(1) * surface_area(primitive.kind, primitive.size, primitive.outline) / 3
+    volume = next(v for p, v in EVERY.values() if p == primitive)
     assert flux.mean() == pytest.approx(volume, abs=4 * flux.std() / math.sqrt(n) + 1e-12)
     assert np.abs(normals.mean(0)).max() < 4 / math.sqrt(n)
 
 
-@pytest.mark.parametrize("primitive", LEAVES, ids=lambda p: f"{p.kind}{p.size}")
+@pytest.mark.parametrize("primitive", [*LEAVES, *DRAWN_LEAVES], ids=lambda p: f"{p.kind}{p.size}")
 def test_even_samples_lie_on_the_surface_and_chance_has_no_part_in_their_sums(primitive):
     n = 20_000
     points, normals = even_surface(primitive, n)
-    assert len(points) == n or primitive.kind in ("torus", "ellipsoid")
+    assert len(points) == n or primitive.kind in ("torus", "ellipsoid", *OUTLINED)
     np.testing.assert_allclose(kernels.program_sdf(primitive, points), 0, atol=1e-12)
-    flux = ((points - primitive.center) * normals).sum(1) * surface_area(primitive.kind, primitive.size) / 3
-    volume = next(v for p, v in KNOWN.values() if p == primitive)
+    flux = ((points - primitive.center) * normals).sum(1) * surface_area(primitive.kind, primitive.size, primitive.outline) / 3
+    volume = next(v for p, v in EVERY.values() if p == primitive)
     # a tenth of the standard error of as many random points; rejection leaves some of theirs
     share = 0.1 if len(points) == n else 1.0
     assert flux.mean() == pytest.approx(volume, abs=share * flux.std() / math.sqrt(n) + 1e-5 * volume)
@@ -70,9 +70,9 @@ def test_a_sphere_as_an_ellipsoid_has_the_area_of_a_sphere():
     assert surface_area("ellipsoid", (a, a, c)) == pytest.approx(2 * math.pi * (1 + c * c / e * math.atanh(e)), rel=1e-6)
 
 
-@pytest.mark.parametrize("name", [n for n in KNOWN if n != "nothing"])
+@pytest.mark.parametrize("name", [n for n in EVERY if n != "nothing"])
 def test_boundary_samples_of_programs_are_closed_and_even(name):
-    program, _ = KNOWN[name]
+    program, _ = EVERY[name]
     n = 6000
     points, normals = surface_points(program, n, np.random.default_rng(8))
     assert points.shape == normals.shape == (n, 3)
@@ -94,16 +94,16 @@ def test_boundary_shares_are_those_of_the_areas():
 
 
 def test_faces_shared_by_leaves_are_sampled_once():
-    points, normals = surface_points(KNOWN["ring"][0], 8000, np.random.default_rng(3))
+    points, normals = surface_points(EVERY["ring"][0], 8000, np.random.default_rng(3))
     cap = math.pi * (0.25 - 0.09)
     assert share_close(np.abs(normals[:, 2]) > 0.5, 2 * cap / (2 * cap + 2 * math.pi * 0.8 * 0.3))
-    points, _ = surface_points(KNOWN["touching boxes"][0], 8000, np.random.default_rng(3))
+    points, _ = surface_points(EVERY["touching boxes"][0], 8000, np.random.default_rng(3))
     sheet = (np.abs(points[:, 2]) < 1e-9) & (np.abs(points[:, 0]) < 0.25)
     assert not sheet.any()
 
 
 def test_a_program_without_boundary_gives_no_points():
-    points, normals = surface_points(KNOWN["nothing"][0], 100, np.random.default_rng(0))
+    points, normals = surface_points(EVERY["nothing"][0], 100, np.random.default_rng(0))
     assert points.shape == normals.shape == (0, 3)
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tests.known_programs import KNOWN
+from tests.known_programs import EVERY
 
 from imdim.geometry.lowering import lower
 from imdim.geometry.pose import Pose, radii
@@ -15,9 +15,9 @@ TILTED = Primitive("box", (4.0, 3.0, 1.0), (1.0, 2.0, 3.0), (20.0, -35.0, 50.0))
 
 
 def test_radii_are_those_of_bounding_balls():
-    parts = [p for program, _ in KNOWN.values() for p in leaves(program)]
+    parts = [p for program, _ in EVERY.values() for p in leaves(program)]
     assert {p.kind for p in parts} == set(KINDS)
-    for program, _ in KNOWN.values():
+    for program, _ in EVERY.values():
         np.testing.assert_allclose(radii(lower(program)), [bounding_radius(p) for p in leaves(program)])
 
 

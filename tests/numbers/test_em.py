@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.deadlines import PASSED
+from tests.drawn import BRACKET, centred
 from tests.planted import box, cut, cylinder, sphere, union
 
 from imdim.geometry import kernels
@@ -132,3 +133,15 @@ def test_without_time_one_surface_is_not_taken_for_two_sheets():
     one, two = (maximise_likelihood(p, points, Noise(SIGMA / 2), deadline=PASSED) for p in (block, sheets))
     assert one.nll < two.nll
     assert one.noise.sigma == pytest.approx(SIGMA, rel=0.1)
+
+
+def test_the_ends_of_an_extrusion_are_found_and_its_outline_stays():
+    plate = centred(BRACKET, 8.0)
+    start = replace(plate, size=(7.4,), center=(plate.center[0], plate.center[1], 0.3))
+    found = maximise_likelihood(start, cloud(plate, sigma=0.5), Noise(0.6))
+    [leaf] = leaves(found.program)
+    assert leaf.outline == plate.outline
+    assert leaf.size[0] == pytest.approx(8.0, abs=0.1)
+    assert leaf.center == pytest.approx(plate.center, abs=0.1)
+    reaching = clip_program(replace(plate, size=(80.0,)), cloud(plate, sigma=0.0), 1.0)
+    assert next(leaves(reaching)).size[0] == pytest.approx(10.0, abs=0.01)

@@ -3,23 +3,26 @@
 from collections.abc import Sequence
 
 import numpy as np
+from outlined_samples import random_drawn, wraps
 
 from imdim.geometry.rotations import matrix_from_euler
-from imdim.program.tree import KINDS, OPS, SIZE_NAMES, Combine, Op, Primitive, Program, fold
+from imdim.program.tree import OPS, OUTLINED, SIMPLE, SIZE_NAMES, Combine, Op, Primitive, Program, fold
 
 SIGNED: tuple[Op, ...] = ("union", "difference")
 
 
-def random_primitive(rng: np.random.Generator, kinds: Sequence[str] = KINDS) -> Primitive:
+def random_primitive(rng: np.random.Generator, kinds: Sequence[str] = SIMPLE) -> Primitive:
     kind = str(rng.choice(kinds))
     size = tuple(float(v) for v in rng.uniform(0.2, 0.8, len(SIZE_NAMES[kind])))
     if kind == "torus":
         size = (max(size), 0.5 * min(size))
     x, y, z, rx, ry, rz = (float(v) for v in (*rng.uniform(-0.5, 0.5, 3), *rng.uniform(-180, 180, 3)))
+    if kind in OUTLINED:
+        return random_drawn(rng, kind, *size, (x, y, z), (rx, ry, rz))
     return Primitive(kind, size, (x, y, z), (rx, ry, rz))
 
 
-def random_program(rng: np.random.Generator, k: int, ops: Sequence[Op] = OPS, kinds: Sequence[str] = KINDS, reuse: float = 0.0) -> Program:
+def random_program(rng: np.random.Generator, k: int, ops: Sequence[Op] = OPS, kinds: Sequence[str] = SIMPLE, reuse: float = 0.0) -> Program:
     """A random tree of k primitives; each one repeats an earlier one with chance `reuse`."""
     pool: list[Primitive] = []
     for _ in range(k):
@@ -32,10 +35,10 @@ def random_program(rng: np.random.Generator, k: int, ops: Sequence[Op] = OPS, ki
     return parts[0]
 
 
-def left_fold(rng: np.random.Generator, k: int) -> Program:
-    program: Program = random_primitive(rng)
+def left_fold(rng: np.random.Generator, k: int, kinds: Sequence[str] = SIMPLE) -> Program:
+    program: Program = random_primitive(rng, kinds)
     for _ in range(k - 1):
-        program = Combine(SIGNED[rng.integers(2)], program, random_primitive(rng))
+        program = Combine(SIGNED[rng.integers(2)], program, random_primitive(rng, kinds))
     return program
 
 
@@ -53,6 +56,10 @@ def inside_primitive(p: Primitive, points: np.ndarray) -> np.ndarray:
         return (abs(z) < p.size[2] / 2) & (rho < np.interp(z, (-p.size[2] / 2, p.size[2] / 2), p.size[:2]))
     if p.kind == "torus":
         return (rho - p.size[0]) ** 2 + z * z < p.size[1] ** 2
+    if p.outline is not None and p.kind == "extrude":
+        return wraps(p.outline, np.column_stack([x, y])) & (abs(z) < p.size[0] / 2)
+    if p.outline is not None:
+        return wraps(p.outline, np.column_stack([rho, z])) & (np.degrees(np.arctan2(y, x)) % 360 <= p.size[0])
     return (x / p.size[0]) ** 2 + (y / p.size[1]) ** 2 + (z / p.size[2]) ** 2 < 1
 
 

@@ -9,14 +9,14 @@ from program_samples import random_program
 from imdim.program.codec import Meta
 from imdim.program.codec import from_json as program_from
 from imdim.program.front import Choice, dumps, loads
-from imdim.program.tree import leaves
+from imdim.program.tree import KINDS, leaves
 
 META = Meta(center=(1.0, 2.0, 3.0), scale=0.5)
 
 
 def choices() -> list[Choice]:
     rng = np.random.default_rng(0)
-    return [Choice(program_from_text(random_program(rng, k)), 0.5**k) for k in (1, 3, 6)] + [Choice(random_program(rng, 1))]
+    return [Choice(program_from_text(random_program(rng, k, kinds=KINDS)), 0.5**k) for k in (1, 3, 6)] + [Choice(random_program(rng, 1))]
 
 
 def program_from_text(program):

@@ -5,14 +5,14 @@ import pytest
 from program_samples import cloud, inside, random_primitive, random_program
 
 from imdim.program.paths import at, leaf_paths, nodes, polarity, replace_at, without
-from imdim.program.tree import Combine, Program, leaves
+from imdim.program.tree import KINDS, Combine, Program, leaves
 
 POINTS = cloud(np.random.default_rng(9), 800)
 
 
 def programs() -> list[Program]:
     rng = np.random.default_rng(0)
-    return [random_program(rng, int(rng.integers(1, 9))) for _ in range(30)]
+    return [random_program(rng, int(rng.integers(1, 9)), kinds=KINDS) for _ in range(30)]
 
 
 def test_nodes_are_where_their_paths_lead():

@@ -17,7 +17,7 @@ from imdim.program.motions import mirror, move_program, step, turn
 from imdim.program.patterns.congruence import node_of
 from imdim.program.patterns.detect import extent, fold_repeats, to_layers
 from imdim.program.repeats import Group, Repeat, expand, instances, repeats, size, with_leaves
-from imdim.program.tree import Combine, Primitive, leaves
+from imdim.program.tree import KINDS, Combine, Primitive, leaves
 
 VALIDATOR = jsonschema.Draft202012Validator(schema())
 HOLE = cylinder(2, 20)
@@ -141,7 +141,7 @@ def test_patterns_come_out_whatever_the_order_and_the_pose(name: str, pose: int)
 def test_random_patterns_in_random_places(seed: int):
     """Planted: a random part copied by a random motion, among others of random sizes. Found: no more is written than was planted."""
     rng = np.random.default_rng(seed)
-    part = random_program(rng, int(rng.integers(1, 4)), ops=("union",))
+    part = random_program(rng, int(rng.integers(1, 4)), ops=("union",), kinds=KINDS)
     kind, n = ("linear", "grid", "circular")[seed % 3], int(rng.integers(3, 7))
     axis = rng.normal(size=3)
     steps = tuple(tuple((rng.normal(size=3) * 6).tolist()) for _ in range(2))

@@ -19,7 +19,7 @@ from imdim.program.state import (
     ShapeState,
     Token,
 )
-from imdim.program.tree import KINDS, Combine, Primitive, combine_all, leaves
+from imdim.program.tree import SIMPLE, Combine, Primitive, combine_all, leaves
 
 BOX_AT = (1.0, 2.0, 3.0, 0.5, 0.6, 0.7, 10.0, 20.0, 30.0)
 CUBE, BALL, ROD = Primitive("box", (1.0, 1.0, 1.0)), Primitive("sphere", (0.6,)), Primitive("cylinder", (0.2, 3.0))
@@ -36,7 +36,7 @@ def test_the_ids_of_the_tokens_never_change():
         ("ADD_TORUS", 6),
     ]
     # the ellipsoid is the optional reading of a sphere's p1, p2
-    assert set(KIND_OF.values()) == set(KINDS) - {"ellipsoid"}
+    assert set(KIND_OF.values()) == set(SIMPLE) - {"ellipsoid"}
     assert all(KIND_OF[TOKEN_OF[kind]] == kind for kind in TOKEN_OF)
 
 

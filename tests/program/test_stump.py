@@ -4,7 +4,7 @@ from program_samples import cloud, inside, inside_primitive, random_primitive, r
 from stump_forms import evaluate, to_stump
 
 from imdim.program.stump import CsgStump, to_program
-from imdim.program.tree import Combine, Primitive, combine_all
+from imdim.program.tree import KINDS, Combine, Primitive, combine_all
 
 CUBE, BALL, ROD = Primitive("box", (1.0, 1.0, 1.0)), Primitive("sphere", (0.6,)), Primitive("cylinder", (0.2, 3.0))
 
@@ -27,7 +27,7 @@ def test_a_primitive_needed_both_ways_appears_twice():
 @pytest.mark.parametrize("seed", range(40))
 def test_tree_and_stump_are_the_same_solid(seed: int):
     rng = np.random.default_rng(seed)
-    program = random_program(rng, int(rng.integers(1, 10)), reuse=0.3)
+    program = random_program(rng, int(rng.integers(1, 10)), kinds=KINDS, reuse=0.3)
     points = cloud(rng)
     truth = inside(program, points)
     stump = to_stump(program)
@@ -44,7 +44,7 @@ def test_random_matrices_and_their_tree_are_the_same_solid(seed: int):
     k, c = rng.integers(2, 6, 2)
     w_c = (0, *(int(v) for v in rng.integers(0, 2, k - 1)))
     w_i = ((1,) * int(c), *(tuple(int(v) for v in row) for row in rng.integers(0, 2, (k - 1, c))))
-    stump = CsgStump(tuple(random_primitive(rng) for _ in range(k)), w_c, w_i, (1, *(int(v) for v in rng.integers(0, 2, c - 1))))
+    stump = CsgStump(tuple(random_primitive(rng, KINDS) for _ in range(k)), w_c, w_i, (1, *(int(v) for v in rng.integers(0, 2, c - 1))))
     points = cloud(rng)
     o = np.array(columns(stump, points), float)
     # the formulas of the paper, in numbers

@@ -22,8 +22,13 @@ BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID, EXTRUDE, REVOLVE = range(len(KIND
 
 def leaf_table(kinds: np.ndarray, params: np.ndarray, points: np.ndarray, outlines: Outlines = NO_OUTLINES) -> np.ndarray:
     """Signed distances [k, n] of `points` [n, 3] to the leaves `kinds` [k], `params` [k, 9]."""
-    lists = outlines.curves, outlines.spans
+    lists = _checked(kinds, outlines)
     return _leaf_table(np.require(kinds, np.int64, ["C", "W"]), *split_params(params), *lists, _as_points(points))
+
+
+def outline_sdf(curves: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Signed distances [n] of `points` [n, 2] of the plane to the loops of `curves` [c, 8], as `Outlines` has them."""
+    return _outline_values(curves, np.require(points, np.float64, ["C", "W"]).reshape(-1, 2))
 
 
 def program_sdf(program: Program | Lowered, points: np.ndarray) -> np.ndarray:
@@ -44,7 +49,14 @@ def program_tangent(program: Program | Lowered, points: np.ndarray) -> tuple[np.
 
 
 def _arrays(p: Lowered) -> tuple[np.ndarray, ...]:
-    return p.code, p.kinds, p.sizes, p.centers, p.rotations, p.outlines.curves, p.outlines.spans
+    return p.code, p.kinds, p.sizes, p.centers, p.rotations, *_checked(p.kinds, p.outlines)
+
+
+def _checked(kinds: np.ndarray, outlines: Outlines) -> tuple[np.ndarray, np.ndarray]:
+    """Curves and spans; the compiled loops would read past the end of lists that lack an outline."""
+    if len(outlines.spans) != len(kinds) and (np.asarray(kinds) >= EXTRUDE).any():
+        raise ValueError(f"{len(kinds)} leaves, some of them drawn, with the outlines of {len(outlines.spans)}")
+    return outlines.curves, outlines.spans
 
 
 def _as_lowered(program: Program | Lowered) -> Lowered:
@@ -166,23 +178,29 @@ def _ellipsoid(s, x, y, z, out):
 
 
 @njit(nogil=True, cache=True)
-def _outline(curves, x, y):
+def _outline(curves, x, y, turned):
     """Signed distance of a point of the plane to the loops of `curves` [c, 8], and its derivatives.
 
-    The parity of crossings is that of the chords, turned for each arc that has the point between it and its chord.
+    The parity of crossings is that of the chords, turned for each arc that has the point between it and its chord (see
+    `outline.is_in_loop`). Lines along the axis of what is `turned` bound nothing.
     """
     nearest2, odd, fx, fy, nx, ny = np.inf, False, 0.0, 0.0, 0.0, 0.0
     for i in range(len(curves)):
         ax, ay, ex, ey, bulge, cx, cy, radius = curves[i]
+        if turned and ax == 0.0 and ex == 0.0 and bulge == 0.0:
+            continue
         ux, uy, wx, wy = ex - ax, ey - ay, x - ax, y - ay
-        if (ay > y) != (ey > y) and x < ax + wy * ux / uy:
+        falls = ey < ay or (ey == ay and ex < ax)
+        side = uy * (x - ex) - ux * (y - ey) if falls else ux * wy - uy * wx
+        left = side > 0 or (side == 0 and uy == 0)
+        if (ay > y) != (ey > y) and left:
             odd = not odd
         t = min(max((wx * ux + wy * uy) / (ux * ux + uy * uy), 0.0), 1.0)
         px, py, mx, my = ax + t * ux, ay + t * uy, uy, -ux
         if bulge != 0.0:
             qx, qy = x - cx, y - cy
             away = math.sqrt(qx * qx + qy * qy)
-            if away < radius and (ux * wy - uy * wx) * bulge < 0:
+            if away < radius and left == ((bulge > 0) == falls):
                 odd = not odd
             if away == 0.0:
                 qx, qy, away = math.copysign(1.0, bulge) * uy, -math.copysign(1.0, bulge) * ux, math.sqrt(ux * ux + uy * uy)
@@ -204,8 +222,16 @@ def _outline(curves, x, y):
 
 
 @njit(nogil=True, cache=True)
+def _outline_values(curves, points):
+    out = np.empty(len(points))
+    for j in range(len(points)):
+        out[j] = _outline(curves, points[j, 0], points[j, 1], False)[0]
+    return out
+
+
+@njit(nogil=True, cache=True)
 def _extrude(curves, s, x, y, z, out):
-    side, gx, gy = _outline(curves, x, y)
+    side, gx, gy = _outline(curves, x, y, False)
     d, g, gz = _faces2(side, abs(z) - s[0] / 2)
     out[0], out[1], out[2] = -gz / 2, 0.0, 0.0
     out[3], out[4], out[5] = g * gx, g * gy, math.copysign(gz, z)
@@ -215,37 +241,37 @@ def _extrude(curves, s, x, y, z, out):
 @njit(nogil=True, cache=True)
 def _revolve(curves, s, x, y, z, out):
     rho = math.sqrt(x * x + y * y)
-    d, g_rho, g_z = _outline(curves, rho, z)
+    d, g_rho, g_z = _outline(curves, rho, z, True)
     out[0], out[1], out[2] = 0.0, 0.0, 0.0
     _turn(g_rho, g_z, rho, x, y, out)
     if s[0] >= 360.0:
         return d
     at, angle = math.atan2(y, x), math.radians(s[0])
     at += 2 * math.pi if at < 0 else 0.0
-    if at <= angle:
-        if d <= 0:
-            for end in range(2):
-                off = angle - at if end else at
-                depth = rho * math.sin(min(off, math.pi / 2))
-                if -depth > d:
-                    d = -depth
-                    _end_face(end, s[0], off, d, 0.0, 0.0, 1.0, rho, x, y, out)
-        return d
-    best = np.inf
-    for end in range(2):
+    if at > angle:
+        # of two faces through the axis the nearer one is that which is turned away less
+        end = at - angle < 2 * math.pi - at
         off = at - angle if end else 2 * math.pi - at
-        flat, g_u, g_v = _outline(curves, rho * math.cos(off), z)
-        beside = rho * math.sin(off) if off < math.pi else 0.0
-        value, g_flat, g_beside = _faces2(flat, beside)
-        value = math.sqrt(max(flat, 0.0) ** 2 + beside**2)
-        if value < best:
-            best = value
-            _end_face(end, s[0], off, value, g_flat * g_u, g_flat * g_v, g_beside, rho, x, y, out)
-    return best
+        flat, g_u, g_v = _outline(curves, rho * math.cos(off), z, False)
+        d, g_flat, g_beside = _faces2(max(flat, 0.0), rho * math.sin(off))
+        _end_face(end, off, g_flat * g_u, g_flat * g_v, g_beside, s[0], rho, out)
+        return d
+    for end in range(2):
+        off = angle - at if end else at
+        # what lies farther round than a right angle has the axis as the nearest of the face, if that is in the outline
+        depth = rho * math.sin(min(off, math.pi / 2))
+        if -depth > d:
+            d = -depth
+            if off < math.pi / 2:
+                _end_face(end, off, 0.0, 0.0, 1.0, s[0], rho, out)
+            else:
+                _turn(-1.0, 0.0, rho, x, y, out)
+                out[0] = 0.0
+    return d
 
 
 @njit(nogil=True, cache=True)
-def _end_face(end, degrees, off, d, g_u, g_v, g_beside, rho, x, y, out):
+def _end_face(end, off, g_u, g_v, g_beside, degrees, rho, out):
     """Write the derivatives where an end face of a turned outline decides: along it, in z, and away from it."""
     turned = math.radians(degrees) if end else 0.0
     cosine, sine = math.cos(turned), math.sin(turned)

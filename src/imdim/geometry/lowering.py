@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
-from imdim.program.outline import arc_center, arc_radius
+from imdim.program.outline import Outline, arc_center, arc_radius
 from imdim.program.tree import KINDS, OPS, SIZE_NAMES, Op, Primitive, Program, fold, leaves, map_leaves
 
 OP_CODES: dict[Op, int] = {op: -1 - i for i, op in enumerate(OPS)}
@@ -40,7 +40,12 @@ class Outlines:
 
     @staticmethod
     def of(parts: Sequence[Primitive]) -> Outlines:
-        lists = [[] if p.outline is None else p.outline.curves for p in parts]
+        return Outlines.listed([p.outline for p in parts])
+
+    @staticmethod
+    def listed(outlines: Sequence[Outline | None]) -> Outlines:
+        """One entry a leaf, None for one that is not drawn."""
+        lists = [[] if outline is None else outline.curves for outline in outlines]
         ends = np.cumsum([0, *map(len, lists)])
         rows = [(*c, *(arc_center(c) if c[4] else (0.0, 0.0)), arc_radius(c) if c[4] else 0.0) for curves in lists for c in curves]
         return Outlines(np.array(rows, float).reshape(-1, 8), np.stack([ends[:-1], ends[1:]], axis=1).astype(np.int64))

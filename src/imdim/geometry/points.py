@@ -9,9 +9,9 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from imdim.geometry.lowering import pack
+from imdim.geometry.lowering import Outlines, pack
 from imdim.geometry.sdf import leaf_table, rotation_matrices
-from imdim.geometry.surface_map import SURFACE_MAPS
+from imdim.geometry.surface_map import SURFACE_MAPS, map_surface
 from imdim.program.state import ShapeState, SignedPrimitive
 from imdim.program.tree import Primitive
 
@@ -28,7 +28,7 @@ def sample_points(
     missing = n_points
     while missing > 0:
         u = torch.rand(missing, 4, generator=generator, device=device, dtype=torch.float64)
-        local, _, share = SURFACE_MAPS[solid.kind](torch, solid.size, u[:, :3])
+        local, share = _map_surface(solid, u[:, :3])
         kept.append(local[u[:, 3] < share])
         missing -= len(kept[-1])
     if not kept:
@@ -37,10 +37,20 @@ def sample_points(
     return (torch.cat(kept) @ rotation_matrices(row[6:9]).mT + row[3:6]).float()
 
 
+def _map_surface(solid: Primitive, u: Tensor) -> tuple[Tensor, Tensor]:
+    """Local points and shares; of a drawn primitive by way of numpy."""
+    if solid.outline is None:
+        local, _, share = SURFACE_MAPS[solid.kind](torch, solid.size, u)
+        return local, share
+    local, _, share = map_surface(solid, u.cpu().numpy())
+    return torch.from_numpy(local).to(u), torch.from_numpy(share).to(u)
+
+
 def is_inside(primitive: Primitive | SignedPrimitive, points: Tensor) -> Tensor:
     """Whether each of `points` [n, 3] lies inside the primitive or on it, bool [n]."""
-    kinds, params = pack(_solid(primitive))
-    return leaf_table(kinds, torch.from_numpy(params).to(points), points)[0] <= 0
+    solid = _solid(primitive)
+    kinds, params = pack(solid)
+    return leaf_table(kinds, torch.from_numpy(params).to(points), points, Outlines.of([solid]))[0] <= 0
 
 
 def state_to_point_cloud(

@@ -6,6 +6,7 @@ bounding radius.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,8 @@ import numpy as np
 from imdim.geometry.lowering import Lowered
 from imdim.geometry.rotations import skew
 from imdim.program.constraints import WORLD, Ref
-from imdim.program.tree import KINDS, SIZE_NAMES
+from imdim.program.outline import curve_bounds
+from imdim.program.tree import KINDS, OUTLINED, SIZE_NAMES
 
 Row = tuple[float, np.ndarray]
 
@@ -108,4 +110,17 @@ def radii(numbers: Lowered) -> np.ndarray:
         "torus": a + b,
         "ellipsoid": np.maximum(np.maximum(a, b), c),
     }
-    return np.choose(numbers.kinds, [of_kind[kind] for kind in KINDS])
+    rows = np.stack([of_kind.get(kind, np.zeros(len(a))) for kind in KINDS])
+    out = rows[numbers.kinds, np.arange(len(a))]
+    for leaf in np.flatnonzero(np.isin(numbers.kinds, [KINDS.index(kind) for kind in OUTLINED])):
+        out[leaf] = _drawn_radius(numbers, int(leaf))
+    return out
+
+
+def _drawn_radius(numbers: Lowered, leaf: int) -> float:
+    """Bounding radius of an extruded or turned outline: that of the box or cylinder about its frame which holds it."""
+    rows = numbers.outlines.curves[slice(*numbers.outlines.spans[leaf]), :5].tolist()
+    (left, low), (right, high) = curve_bounds([tuple(row) for row in rows])
+    beside, reach = max(-left, right), max(-low, high)
+    along = numbers.sizes[leaf, 0] / 2 if KINDS[numbers.kinds[leaf]] == "extrude" else 0.0
+    return math.hypot(beside, reach, along)

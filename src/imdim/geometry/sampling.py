@@ -9,7 +9,8 @@ import numpy as np
 from imdim.geometry import kernels
 from imdim.geometry.lowering import lower, pack
 from imdim.geometry.rotations import matrix_from_euler
-from imdim.geometry.surface_map import SURFACE_MAPS, face_ends, surface_area
+from imdim.geometry.surface_map import face_ends, map_surface, surface_area
+from imdim.geometry.swept_surface import drawn_areas
 from imdim.program.tree import Primitive, Program, envelope, leaves
 
 # A program whose boundary is a smaller share of its leaves' surfaces than about one in this many is taken to have none.
@@ -27,7 +28,7 @@ def surface_points(program: Program, n: int, rng: np.random.Generator) -> tuple[
     """
     parts, lowered = list(leaves(program)), lower(program)
     kinds, params = pack(program)
-    areas = np.array([surface_area(p.kind, p.size) for p in parts])
+    areas = np.array([surface_area(p.kind, p.size, p.outline) for p in parts])
     reach = np.array([np.add(p.center, side * bounding_radius(p)) for p in parts for side in (-1, 1)])
     step = 1e-7 * float(np.ptp(reach, axis=0).max())
     kept: list[tuple[np.ndarray, np.ndarray]] = [(np.empty((0, 3)), np.empty((0, 3)))]
@@ -37,7 +38,7 @@ def surface_points(program: Program, n: int, rng: np.random.Generator) -> tuple[
         samples = [leaf_surface(p, int(m), rng) for p, m in zip(parts, counts, strict=True)]
         points, normals = (np.concatenate(column) for column in zip(*samples, strict=True))
         behind, ahead = (kernels.inside(lowered, points + side * normals) for side in (-step, step))
-        first = np.argmax(np.abs(kernels.leaf_table(kinds, params, points)) < step, axis=0)
+        first = np.argmax(np.abs(kernels.leaf_table(kinds, params, points, lowered.outlines)) < step, axis=0)
         keep = (behind != ahead) & (first == np.repeat(np.arange(len(parts)), counts))
         kept.append((points[keep], np.where(behind, 1.0, -1.0)[keep, None] * normals[keep]))
         found += int(keep.sum())
@@ -55,16 +56,19 @@ def even_surface(primitive: Primitive, n: int) -> tuple[np.ndarray, np.ndarray]:
     Multiples of the golden ratio are so far from all fractions that a lattice made of them stays even however it is stretched along its
     axes (Swinbank & Purser 2006 for the sphere), and each map stretches it so. Of a torus and an ellipsoid fewer than `n` are kept.
     """
+    if primitive.outline is not None:  # of which so many points are dropped that it would show
+        drawn = (primitive.kind, primitive.size, primitive.outline)
+        n = round(n * drawn_areas(*drawn).sum() / surface_area(*drawn))
     i = np.arange(n)
     first, golden = (i + 0.5) / max(n, 1), (i * GOLDEN) % 1.0
-    ends = face_ends(primitive.kind, primitive.size)
+    ends = face_ends(primitive.kind, primitive.size, primitive.outline)
     if ends is None:
         u = np.column_stack([first, golden, golden])
     else:
         bounds = np.array([0.0, *ends])
         face = np.clip(np.searchsorted(bounds, first, side="right") - 1, 0, len(ends) - 1)
         u = np.column_stack([first, (first - bounds[face]) / np.maximum(np.diff(bounds)[face], 1e-300), golden])
-    local, direction, share = SURFACE_MAPS[primitive.kind](np, primitive.size, u)
+    local, direction, share = map_surface(primitive, u)
     keep = (i * PLASTIC) % 1.0 < share
     rotation = matrix_from_euler(primitive.rotation)
     return local[keep] @ rotation.T + primitive.center, direction[keep] @ rotation.T
@@ -76,7 +80,7 @@ def leaf_surface(primitive: Primitive, n: int, rng: np.random.Generator) -> tupl
     done = 0
     while done < n:
         u = rng.random((n - done, 3))
-        local, direction, share = SURFACE_MAPS[primitive.kind](np, primitive.size, u)
+        local, direction, share = map_surface(primitive, u)
         keep = rng.random(n - done) < share
         stop = done + int(keep.sum())
         points[done:stop], normals[done:stop] = local[keep], direction[keep]

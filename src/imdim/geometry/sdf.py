@@ -1,6 +1,6 @@
 """The leaf table and its folds in torch: differentiable, batched, on any device. It is the reference of the other backends.
 
-Distances are negative inside. Box, sphere, cylinder, cone and torus have their exact Euclidean distance. The ellipsoid has the
+Distances are negative inside. All kinds but the ellipsoid have their exact Euclidean distance. The ellipsoid has the
 first-order distance ``k0 (k0 - 1) / k1`` with ``k0 = |q / s|``, ``k1 = |q / s^2|``, not below ``-min(s)``: its sign and zero set
 are exact, its gradient has length one on the surface, and away from it the value is an estimate that does not exceed
 ``|q| - min(s)``. A program's value, the minimum and maximum of those, has the exact sign and is a lower bound of the distance
@@ -17,11 +17,22 @@ import torch
 from torch import Tensor
 from torch.linalg import vector_norm
 
-from imdim.geometry.lowering import pack, unpack
+from imdim.geometry.lowering import NO_OUTLINES, Outlines, pack, unpack
 from imdim.geometry.rotations import rotation_rows
-from imdim.program.tree import KINDS, Op, Program, fold
+from imdim.program.tree import FULL_TURN, KINDS, Op, Program, fold, leaves
 
-__all__ = ["LOCAL_SDF", "SDF_OPS", "fold_table", "leaf_table", "pack", "program_sdf", "rotation_matrices", "to_local", "unpack"]
+__all__ = [
+    "LOCAL_SDF",
+    "OUTLINED_SDF",
+    "SDF_OPS",
+    "fold_table",
+    "leaf_table",
+    "pack",
+    "program_sdf",
+    "rotation_matrices",
+    "to_local",
+    "unpack",
+]
 
 SDF_OPS: Mapping[Op, Callable[[Tensor, Tensor], Tensor]] = {
     "union": torch.minimum,
@@ -30,15 +41,24 @@ SDF_OPS: Mapping[Op, Callable[[Tensor, Tensor], Tensor]] = {
 }
 
 
-def leaf_table(kinds: np.ndarray, params: Tensor, points: Tensor) -> Tensor:
-    """Signed distances [..., k, n] of `points` [..., n, 3] to the leaves `kinds` [k], `params` [..., k, 9]; leading axes broadcast."""
+def leaf_table(kinds: np.ndarray, params: Tensor, points: Tensor, outlines: Outlines = NO_OUTLINES, curves: Tensor | None = None) -> Tensor:
+    """Signed distances [..., k, n] of `points` [..., n, 3] to the leaves `kinds` [k], `params` [..., k, 9]; leading axes broadcast.
+
+    `curves` [c, 5] (both ends and bulge) stand in for those of the `outlines`, where a derivative by them is wanted.
+    """
     local = to_local(params, points)
+    drawn = params.new_tensor(outlines.curves[:, :5]) if curves is None else curves
     rows: list[Tensor] = [params.new_empty(0)] * len(kinds)
     for kind in np.unique(kinds):
         members = np.flatnonzero(kinds == kind)
         index = torch.as_tensor(members, device=params.device)
         sizes = params[..., :3].index_select(-2, index)[..., None, :]
-        values = LOCAL_SDF[KINDS[kind]](local.index_select(-3, index), sizes)
+        places = local.index_select(-3, index)
+        if (name := KINDS[kind]) in LOCAL_SDF:
+            values = LOCAL_SDF[name](places, sizes)
+        else:
+            own = [drawn[slice(*outlines.spans[leaf])] for leaf in members]
+            values = torch.stack([OUTLINED_SDF[name](places[..., i, :, :], sizes[..., i, :, :], c) for i, c in enumerate(own)], -2)
         for row, leaf in enumerate(members):
             rows[leaf] = values[..., row, :]
     return torch.stack(rows, -2)
@@ -49,9 +69,13 @@ def fold_table(program: Program, table: Tensor) -> Tensor:
     return fold(program, lambda i, _: table[..., i, :], SDF_OPS)
 
 
-def program_sdf(program: Program, params: Tensor, points: Tensor) -> Tensor:
-    """Values [..., n] at `points` [..., n, 3] of the structure of `program` with the numbers `params` [..., k, 9]."""
-    return fold_table(program, leaf_table(pack(program)[0], params, points))
+def program_sdf(program: Program, params: Tensor, points: Tensor, curves: Tensor | None = None) -> Tensor:
+    """Values [..., n] at `points` [..., n, 3] of the structure of `program` with the numbers `params` [..., k, 9].
+
+    `curves` [c, 5], of all leaves in order, are those of the program's outlines where none are given.
+    """
+    parts = [*leaves(program)]
+    return fold_table(program, leaf_table(pack(program)[0], params, points, Outlines.of(parts), curves))
 
 
 def to_local(params: Tensor, points: Tensor) -> Tensor:
@@ -106,6 +130,59 @@ def _ellipsoid(q: Tensor, size: Tensor) -> Tensor:
     return torch.where(central, deepest, torch.maximum(k0 * (k0 - 1) / torch.where(central, 1.0, k1), deepest))
 
 
+def _outline(x: Tensor, y: Tensor, curves: Tensor, turned: bool = False) -> Tensor:
+    """Signed distances [..., n] of points of the plane to the loops of `curves` [c, 5].
+
+    The parity of crossings is that of the chords, turned for each arc that has the point between it and its chord (see
+    `outline.is_in_loop`). Lines along the axis of what is `turned` bound nothing.
+    """
+    if turned:
+        curves = curves[(curves[:, [0, 2, 4]] != 0).any(1)]
+    start, end, bulge = curves[:, :2], curves[:, 2:4], curves[:, 4]
+    p, chord = torch.stack([x, y], -1)[..., None, :], end - start  # [..., n, 1, 2] and [c, 2]
+    arc, signed = bulge != 0, torch.where(bulge != 0, bulge, 1.0)
+    t = (((p - start) * chord).sum(-1) / (chord * chord).sum(-1)).clamp(0, 1)
+    to_line = vector_norm(p - start - t[..., None] * chord, dim=-1)
+    normal = torch.stack([-chord[:, 1], chord[:, 0]], -1)
+    center = (start + end) / 2 + normal * ((1 - signed**2) / (4 * signed))[:, None]
+    radius = vector_norm(chord, dim=-1) * (1 + signed**2) / (4 * signed.abs())
+    away = vector_norm(p - center, dim=-1)
+    foot = center + (p - center) * (radius / torch.where(away > 0, away, 1.0))[..., None]
+    to_ends = torch.minimum(vector_norm(p - start, dim=-1), vector_norm(p - end, dim=-1))
+    # at its centre an arc is as near as its radius, wherever the foot falls
+    to_arc = torch.where((_left_of(foot, start, chord) * signed <= 0) | (away == 0), (away - radius).abs(), to_ends)
+    level = chord[:, 1] == 0
+    falls = (chord[:, 1] < 0) | (level & (chord[:, 0] < 0))
+    side = torch.where(falls, -_left_of(p, end, chord), _left_of(p, start, chord))
+    left = (side > 0) | ((side == 0) & level)
+    crossed = ((start[:, 1] > p[..., 1]) != (end[:, 1] > p[..., 1])) & left
+    between = arc & (away < radius) & (left == ((bulge > 0) == falls))
+    odd = (crossed.sum(-1) + between.sum(-1)) % 2 == 1
+    return torch.where(arc, to_arc, to_line).amin(-1) * torch.where(odd, -1.0, 1.0)
+
+
+def _left_of(p: Tensor, start: Tensor, chord: Tensor) -> Tensor:
+    """Positive where points lie left of chords."""
+    return chord[:, 0] * (p[..., 1] - start[:, 1]) - chord[:, 1] * (p[..., 0] - start[:, 0])
+
+
+def _extrude(q: Tensor, size: Tensor, curves: Tensor) -> Tensor:
+    return _from_faces(torch.stack([_outline(q[..., 0], q[..., 1], curves), q[..., 2].abs() - size[..., 0] / 2], -1))
+
+
+def _revolve(q: Tensor, size: Tensor, curves: Tensor) -> Tensor:
+    """In its own half plane a point has the outline, where that is turned; else the nearer of the two end faces."""
+    rho, z, angle = vector_norm(q[..., :2], dim=-1), q[..., 2], torch.deg2rad(size[..., 0])
+    whole = _outline(rho, z, curves, turned=True)
+    at = torch.atan2(q[..., 1], q[..., 0]) % (2 * math.pi)
+    # what lies farther round than a right angle has the axis as the nearest of an end face, if that is in the outline
+    depth = rho * torch.sin(torch.minimum(at, angle - at).clamp(0, math.pi / 2))
+    off = torch.minimum(at - angle, 2 * math.pi - at).clamp_min(0)
+    beyond = vector_norm(torch.stack([_outline(rho * torch.cos(off), z, curves).clamp_min(0), rho * torch.sin(off)], -1), dim=-1)
+    part = torch.where(at <= angle, torch.maximum(whole, -depth), beyond)
+    return torch.where(size[..., 0] >= FULL_TURN, whole, part)
+
+
 # Local points [..., n, 3] and sizes [..., 1, 3] to signed distances [..., n].
 LOCAL_SDF: Mapping[str, Callable[[Tensor, Tensor], Tensor]] = {
     "box": lambda q, size: _from_faces(q.abs() - size / 2),
@@ -115,3 +192,6 @@ LOCAL_SDF: Mapping[str, Callable[[Tensor, Tensor], Tensor]] = {
     "torus": _torus,
     "ellipsoid": _ellipsoid,
 }
+
+# As above for the kinds that are drawn, one leaf: local points [..., n, 3], sizes [..., 1, 3] and curves [c, 5].
+OUTLINED_SDF: Mapping[str, Callable[[Tensor, Tensor, Tensor], Tensor]] = {"extrude": _extrude, "revolve": _revolve}

@@ -1,5 +1,7 @@
 """Area-weighted points on one primitive's surface, from uniform numbers: one set of formulas for numpy and torch.
 
+`swept_surface` has those of drawn primitives, in numpy alone.
+
 Each map takes the array namespace `xp` (numpy or torch; only functions that both share), the sizes as floats and uniforms `u` [n, 3].
 It returns local points [n, 3], outward unit normals [n, 3] and the probability [n] with which the caller must keep each point for
 the density to be even. Box, sphere, cylinder and cone are even already and return 1.
@@ -13,12 +15,18 @@ from typing import Any
 
 import numpy as np
 
+from imdim.geometry.swept_surface import drawn_areas, map_swept, swept_areas
+from imdim.program.outline import Outline
+from imdim.program.tree import Primitive
+
 Array = Any  # numpy.ndarray or torch.Tensor
 Mapped = tuple[Array, Array, Array]
 
 
-def surface_area(kind: str, size: tuple[float, ...]) -> float:
+def surface_area(kind: str, size: tuple[float, ...], outline: Outline | None = None) -> float:
     """Area of the primitive's surface in squared units; the ellipsoid's by Gauss quadrature."""
+    if outline is not None:
+        return float(swept_areas(kind, size, outline).sum())
     if kind == "box":
         a, b, c = size
         return 2 * (a * b + b * c + c * a)
@@ -43,13 +51,22 @@ def _ellipsoid_area(size: tuple[float, ...]) -> float:
     return float(2 * math.pi * (stretch.mean(1) * weight).sum())
 
 
-def face_ends(kind: str, size: tuple[float, ...]) -> np.ndarray | None:
+def face_ends(kind: str, size: tuple[float, ...], outline: Outline | None = None) -> np.ndarray | None:
     """Where the first of the uniform numbers passes on to the next face, the last end (1) included; None for kinds of one face."""
+    if outline is not None:
+        return np.cumsum(areas := drawn_areas(kind, size, outline)) / areas.sum()
     if kind == "box":
         return np.concatenate([_box_ends(size), 1 + _box_ends(size)]) / 2
     if kind == "cylinder":
         return _cone_ends((size[0], size[0], size[1]))
     return _cone_ends(size) if kind == "cone" else None
+
+
+def map_surface(primitive: Primitive, u: np.ndarray) -> Mapped:
+    """Local points, normals and shares of any primitive, in numpy."""
+    if primitive.outline is not None:
+        return map_swept(primitive.kind, primitive.size, primitive.outline, u)
+    return SURFACE_MAPS[primitive.kind](np, primitive.size, u)
 
 
 def _box_ends(size: tuple[float, ...]) -> np.ndarray:

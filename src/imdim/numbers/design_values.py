@@ -1,7 +1,8 @@
 """The lengths and positions that a person would have typed: what snapping makes equal and round.
 
-An aligned box is known by the positions of its six faces, an aligned cylinder or cone by those of its two ends and by its axis; other
-leaves by sizes and centre. Values of one class (positions along x, y, z; lengths) may be made equal to each other.
+An aligned box is known by the positions of its six faces, an aligned cylinder, cone or extrusion by those of its two ends and by its axis;
+other leaves by sizes and centre. Values of one class (positions along x, y, z; lengths) may be made equal to each other. Outlines are left
+to `outline_values`, and so is the angle of a turned one, which is no length.
 """
 
 from __future__ import annotations
@@ -12,8 +13,9 @@ from functools import cache
 
 import numpy as np
 
-from imdim.numbers.symmetry_normal_form import AXIAL
-from imdim.program.tree import Primitive
+from imdim.geometry.rotations import matrix_from_euler
+from imdim.numbers.symmetry_normal_form import AXIAL, EXACT
+from imdim.program.tree import Primitive, envelope
 
 LENGTH = 3  # classes 0, 1, 2 are positions along x, y, z
 UNUSED = -1
@@ -82,7 +84,27 @@ def _reading(p: Primitive) -> _Reading:
         return _reading_of(len(p.size), tuple((axis, axis) for axis in range(3)))
     if p.kind in AXIAL and p.kind != "torus" and p.rotation in ALIGNED:
         return _reading_of(len(p.size), ((len(p.size) - 1, ALIGNED[p.rotation]),))
+    if p.outline is not None:
+        return _outlined_reading(p)
     return _reading_of(len(p.size), ())
+
+
+def _outlined_reading(p: Primitive) -> _Reading:
+    """The ends of an aligned extrusion; where a leaf lies in the plane of its outline goes with that."""
+    frame = np.abs(matrix_from_euler(p.rotation))
+    sizes, axis = (1 if p.kind == "extrude" else 0), int(frame[:, 2].argmax())
+    if not is_level(p):
+        return _reading_of(sizes, ())
+    reading = _reading_of(sizes, ((0, axis),) if sizes else ())
+    classes = reading.classes.copy()
+    classes[[3 + a for a in range(3) if (a != axis) == (sizes == 1)]] = UNUSED
+    return replace(reading, classes=classes)
+
+
+def is_level(p: Primitive) -> bool:
+    """Whether a leaf's own axes are along the world's."""
+    frame = matrix_from_euler(p.rotation)
+    return bool(np.abs(frame - np.round(frame)).max() < EXACT)
 
 
 @cache
@@ -107,8 +129,9 @@ def decimal(value: float) -> float:
 def span(leaves: list[Primitive]) -> float:
     """The largest value that occurs, or difference of positions: what a decimal grid has to be compared with."""
     values = Values.of(leaves)
-    widths = [np.ptp(values.numbers[values.classes == axis]) for axis in range(3)]
-    return float(max(*widths, values.numbers[values.classes == LENGTH].max(initial=0.0)))
+    widths = [np.ptp(places) for axis in range(3) if len(places := values.numbers[values.classes == axis])]
+    drawn = [max(envelope(p).size) for p in leaves if p.outline is not None]
+    return float(max(0.0, *widths, *drawn, values.numbers[values.classes == LENGTH].max(initial=0.0)))
 
 
 def clusters(values: Values, width: float) -> list[tuple[np.ndarray, float]]:

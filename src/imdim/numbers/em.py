@@ -25,7 +25,7 @@ from imdim.program.tree import Primitive, Program, leaves, map_leaves
 
 MOST_LET_THROUGH = 40  # leaves; the booleans that ask which ends only just meet grow with the square
 NOISE_ROUNDS = 4
-SPANS = {"box": {0: 0, 1: 1, 2: 2}, "cylinder": {2: 1}}  # kind: local axis -> the size along it
+SPANS = {"box": {0: 0, 1: 1, 2: 2}, "cylinder": {2: 1}, "extrude": {2: 0}}  # kind: local axis -> the size along it
 RELAXED = 1.6  # any factor below 2 converges where 1 does (Salakhutdinov & Roweis 2003)
 
 

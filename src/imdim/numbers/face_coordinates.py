@@ -8,6 +8,8 @@ box        0-2 the faces at +x +y +z, 3-5 those at -x -y -z
 cylinder   0 radius, 1 top, 5 bottom, 3-4 axis sideways
 cone       0-1 radius in the bottom and top plane of before, 2 top, 5 bottom, both sliding on the slant of before,
            3-4 axis sideways; a pointed end stays pointed
+extrude    0 the end at +z, 5 that at -z, 3-4 the section sideways
+revolve    0 the angle at its bounding radius, where it is less than a full turn, 3-5 centre
 others     0-2 sizes, 3-5 centre
 all        6-8 rotation vector times the bounding radius
 =========  ================================================================================================
@@ -24,9 +26,9 @@ import numpy as np
 from imdim.geometry.lowering import Lowered
 from imdim.geometry.pose import radii
 from imdim.geometry.rotations import euler_from_matrix, skew
-from imdim.program.tree import KINDS, SIMPLE, SIZE_NAMES, Primitive, Program, map_leaves
+from imdim.program.tree import FULL_TURN, KINDS, SIZE_NAMES, Primitive, Program, map_leaves
 
-BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID = range(len(SIMPLE))
+BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID, EXTRUDE, REVOLVE = range(len(KINDS))
 
 # One step may shrink a size to no less than this share and turn or shift a leaf by no more than this share of its bounding radius.
 MIN_SHRINK = 0.3
@@ -54,7 +56,12 @@ def _step_map(kind: int, size: np.ndarray, radius: float) -> np.ndarray:
             pointed = size[end] == 0
             out[end, column] = 0 if pointed else slope
             out[end, end] = not pointed
-    if kind in (CYLINDER, CONE, TORUS):
+    elif kind == EXTRUDE:
+        _opposite_faces(out, 0, 0, 2)
+    full = kind == REVOLVE and size[0] == FULL_TURN
+    if kind == REVOLVE:
+        out[0, 0] = 0 if full else np.degrees(1 / radius)
+    if kind in (CYLINDER, CONE, TORUS) or full:
         out[8, 8] = 0
     if kind == SPHERE:
         out[6:, 6:] = 0
@@ -79,6 +86,8 @@ def shift_leaves(numbers: Lowered, raw: np.ndarray) -> Lowered:
     sizes = np.maximum(numbers.sizes + raw[:, :3], MIN_SHRINK * numbers.sizes)
     tori = numbers.kinds == TORUS
     sizes[tori, 1] = np.minimum(sizes[tori, 1], sizes[tori, 0])
+    turned = numbers.kinds == REVOLVE
+    sizes[turned, 0] = np.minimum(sizes[turned, 0], FULL_TURN)
     centers = numbers.centers + np.einsum("kij,kj->ki", numbers.rotations, raw[:, 3:6])
     return replace(numbers, sizes=sizes, centers=centers, rotations=numbers.rotations @ _exponentials(raw[:, 6:9]))
 
@@ -97,6 +106,6 @@ def lift_numbers(program: Program, before: Lowered, after: Lowered) -> Program:
         turned = not np.array_equal(before.rotations[i], after.rotations[i])
         rx, ry, rz = euler_from_matrix(after.rotations[i]) if turned else p.rotation
         size = tuple(after.sizes[i, : len(p.size)].tolist())
-        return Primitive(p.kind, size, tuple(after.centers[i].tolist()), (rx + 0.0, ry + 0.0, rz + 0.0))  # no negative zeros
+        return Primitive(p.kind, size, tuple(after.centers[i].tolist()), (rx + 0.0, ry + 0.0, rz + 0.0), p.outline)  # no negative zeros
 
     return map_leaves(program, read)

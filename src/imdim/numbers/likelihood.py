@@ -51,7 +51,7 @@ class SurfaceSamples:
         """About one sample per square of APART * `sigma`, within limits, spread evenly: chance would make a density of lumps, which is
         less likely than an even one, and less so where two sheets lie in one, so that thin walls would vanish."""
         parts = list(leaves(program))
-        areas = np.array([surface_area(p.kind, p.size) for p in parts])
+        areas = np.array([surface_area(p.kind, p.size, p.outline) for p in parts])
         glance = len(_visible(program, parts, _counts(areas, LEAST_DRAWN), GAP * sigma)[0]) / LEAST_DRAWN
         # every other sample of an even set is not even: their number has to be right at once
         wanted = np.clip(areas.sum() / (APART * sigma) ** 2, LEAST_DRAWN, min(MOST_SAMPLES / max(glance, 1e-3), MOST_DRAWN))

@@ -9,8 +9,8 @@ from imdim.geometry.lowering import Lowered
 from imdim.geometry.rotations import frame_from_axis, skew
 from imdim.program.tree import KINDS
 
-BOX, SPHERE, ELLIPSOID = KINDS.index("box"), KINDS.index("sphere"), KINDS.index("ellipsoid")
-FULL = (BOX, ELLIPSOID)  # kinds with three directions; a sphere has none, the others have their axis
+BOX, SPHERE, ELLIPSOID, EXTRUDE = (KINDS.index(kind) for kind in ("box", "sphere", "ellipsoid", "extrude"))
+FULL = (BOX, ELLIPSOID, EXTRUDE)  # kinds with three directions; a sphere has none, the others have their axis
 TURNS = 6  # first of the rotation's coordinates of a leaf
 
 

@@ -1,24 +1,29 @@
 """Snap a program's numbers to what a person would have typed, wherever the error does not grow.
 
-Rotations become canonical and round, values that nearly agree become equal, and each takes the coarsest decimal grid that it bears.
+Rotations become canonical and round, values that nearly agree become equal, and each takes the coarsest decimal grid that it bears;
+outlines come last, each as a whole.
 Proposals are tried all at once and halved where they fail, so that a program whose numbers are nearly round costs few evaluations.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
 from imdim.deadline import NEVER, Deadline
-from imdim.numbers.design_values import Values, clusters, equal_groups, grids, round_to_grid, span
+from imdim.numbers.design_values import Values, clusters, decimal, equal_groups, grids, round_to_grid, span
+from imdim.numbers.outline_values import snap_leaf
 from imdim.numbers.symmetry_normal_form import canonical, round_turns
-from imdim.program.tree import Primitive, Program, leaves, map_leaves
+from imdim.program.tree import FULL_TURN, Primitive, Program, leaves, map_leaves
 
 S = TypeVar("S")
 C = TypeVar("C")
+
+OUTLINE_SHARES = (1.0, 0.3, 0.1, 0.03, 0.01)  # of the largest move, by which an outline is rounded
+ANGLE_STEPS = (15.0, 5.0, 1.0, 0.1)  # degrees
 
 
 @dataclass
@@ -56,7 +61,7 @@ def snap(
         changes = clusters(values, share * config.max_move * largest)
         values = accept_changes(values, changes, Values.with_numbers, judge.bears, config.tries)
     values = _round(values, judge, config, largest)
-    return _rebuilt(program, values.primitives())
+    return _rebuilt(program, _snap_outlines(tuple(values.primitives()), judge, config, largest))
 
 
 class _SnapJudge:
@@ -113,8 +118,28 @@ def _snap_rotations(parts: list[Primitive], judge: _SnapJudge, config: SnapConfi
     current = tuple(parts)
     for rank in range(max(map(len, offers), default=0)):
         changes = [(i, o[rank]) for i, o in enumerate(offers) if rank < len(o) and current[i] == parts[i]]
-        current = accept_changes(current, changes, lambda now, c: (*now[: c[0]], c[1], *now[c[0] + 1 :]), judge.bears_parts, config.tries)
+        current = accept_changes(current, changes, _put, judge.bears_parts, config.tries)
     return list(current)
+
+
+def _snap_outlines(parts: tuple[Primitive, ...], judge: _SnapJudge, config: SnapConfig, largest: float) -> tuple[Primitive, ...]:
+    """Outlines rounded as boldly as they bear, and the angles that they turn by."""
+    start = parts
+    for share in OUTLINE_SHARES:
+        offers = [(i, snap_leaf(p, share * config.max_move * largest)) for i, p in enumerate(parts) if p is start[i] and p.outline]
+        offers = [(i, leaf) for i, leaf in offers if leaf != parts[i]]
+        parts = accept_changes(parts, offers, _put, judge.bears_parts, config.tries)
+    for step in ANGLE_STEPS:
+        turned = [(i, round(p.size[0] / step) * step) for i, p in enumerate(parts) if p.kind == "revolve" and p.size == start[i].size]
+        close = [(i, angle) for i, angle in turned if 0 < abs(angle - parts[i].size[0]) <= config.max_deg and 0 < angle <= FULL_TURN]
+        offers = [(i, replace(parts[i], size=(decimal(angle),))) for i, angle in close]
+        parts = accept_changes(parts, offers, _put, judge.bears_parts, config.tries)
+    return parts
+
+
+def _put(parts: tuple[Primitive, ...], change: tuple[int, Primitive]) -> tuple[Primitive, ...]:
+    i, new = change
+    return (*parts[:i], new, *parts[i + 1 :])
 
 
 def _round(values: Values, judge: _SnapJudge, config: SnapConfig, largest: float) -> Values:

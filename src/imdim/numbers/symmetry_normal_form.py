@@ -1,7 +1,8 @@
 """One rotation of the many that describe the same solid, and the round rotations near a given one.
 
 A box or ellipsoid looks the same in 24 frames with its sizes permuted, a cylinder, cone (with its radii swapped) or torus may point
-either way along its axis and spin about it, a sphere has no rotation at all.
+either way along its axis and spin about it, a sphere has no rotation at all. An outline keeps the frame that it is drawn in, but a fully
+turned one points up its axis, as a cone does.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ import numpy as np
 
 from imdim.geometry.axes import SYMMETRIES
 from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler, skew
+from imdim.program.motions import is_round
+from imdim.program.outline import Outline, reverse_loop
 from imdim.program.tree import Primitive, Vec3
 
 AXIAL = ("cylinder", "cone", "torus")
@@ -28,13 +31,13 @@ def canonical(primitive: Primitive) -> Primitive:
     """The same solid with its simplest rotation: aligned boxes have none, aligned axes turn by one right angle at most."""
     if primitive.kind == "sphere" or (primitive.kind == "ellipsoid" and len(set(primitive.size)) == 1):
         return replace(primitive, rotation=(0.0, 0.0, 0.0))
-    if primitive.kind in AXIAL:
+    if is_round(primitive):
         return along_axis(primitive, matrix_from_euler(primitive.rotation)[:, 2])
     return in_frame(primitive, matrix_from_euler(primitive.rotation))
 
 
 def along_axis(primitive: Primitive, axis: np.ndarray) -> Primitive:
-    """`primitive` turned so that its axis is along `axis` (unit); a cone may come back upside down with its radii swapped."""
+    """`primitive` turned so that its axis is along `axis` (unit); a cone or an outline may come back upside down."""
     x, y, z = np.where(np.abs(axis) < EXACT, 0.0, axis)
     # the half space z > 0, of its rim the half plane x > 0, of that one's rim the direction that rotate([90, 0, 0]) gives
     flip = (z, x, -y) < (0.0, 0.0, 0.0)
@@ -48,11 +51,18 @@ def along_axis(primitive: Primitive, axis: np.ndarray) -> Primitive:
     size = primitive.size
     if primitive.kind == "cone" and flip:
         size = (size[1], size[0], size[2])
-    return replace(primitive, size=size, rotation=_tidy(rotation))
+    outline = _upside_down(primitive.outline) if primitive.outline is not None and flip else primitive.outline
+    return replace(primitive, size=size, rotation=_tidy(rotation), outline=outline)
+
+
+def _upside_down(outline: Outline) -> Outline:
+    return Outline(tuple(reverse_loop(tuple((x, -y + 0.0, -b + 0.0) for x, y, b in loop)) for loop in outline.loops))
 
 
 def in_frame(primitive: Primitive, frame: np.ndarray) -> Primitive:
-    """`primitive` (box, ellipsoid) turned into `frame` [3, 3] and written in the equal frame that turns least."""
+    """`primitive` turned into `frame` [3, 3]; a box or ellipsoid is written in the equal frame that turns least."""
+    if primitive.outline is not None:
+        return replace(primitive, rotation=_turn(frame))
     best = _simplest(np.ascontiguousarray(frame, float).tobytes())
     turn = np.rint(frame.T @ matrix_from_euler(best)).astype(int)
     size = tuple(float(v) for v in np.abs(turn).T @ np.array(primitive.size))
@@ -62,8 +72,11 @@ def in_frame(primitive: Primitive, frame: np.ndarray) -> Primitive:
 @lru_cache(4096)
 def _simplest(frame: bytes) -> Vec3:
     """The simplest of the equal frames of a box; most boxes of a part share theirs."""
-    equal = (np.frombuffer(frame).reshape(3, 3) @ turn for turn in SYMMETRIES)
-    return min((_tidy(euler_from_matrix(np.where(np.abs(e) < EXACT, 0.0, e))) for e in equal), key=_simplicity)
+    return min((_turn(np.frombuffer(frame).reshape(3, 3) @ turn) for turn in SYMMETRIES), key=_simplicity)
+
+
+def _turn(frame: np.ndarray) -> Vec3:
+    return _tidy(euler_from_matrix(np.where(np.abs(frame) < EXACT, 0.0, frame)))
 
 
 def _simplicity(rotation: Vec3) -> tuple[float, int, tuple[float, ...]]:
@@ -86,7 +99,7 @@ def round_turns(primitive: Primitive, max_deg: float) -> Iterator[Primitive]:
     if primitive.kind == "sphere":
         return
     before = matrix_from_euler(primitive.rotation)
-    axial = primitive.kind in AXIAL
+    axial = is_round(primitive)
     seen = {canonical(primitive)}
     for frame in _round_axes(before[:, 2]) if axial else _round_frames(before):
         if axial:

@@ -32,13 +32,19 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from imdim.program.fields import shorten
-from imdim.program.tree import SIZE_NAMES, Primitive
+from imdim.program.tree import OUTLINED, SIZE_NAMES, Primitive
 
 WORLD = -1
 AXES = ("x", "y", "z")
 # Kinds of leaves with a local axis, and with plane faces across it.
-AXES_OF: Mapping[str, tuple[str, ...]] = {"box": AXES, "ellipsoid": AXES, "cylinder": ("z",), "cone": ("z",), "torus": ("z",), "sphere": ()}
-FACES_OF: Mapping[str, tuple[str, ...]] = {"box": AXES, "cylinder": ("z",), "cone": ("z",)}
+AXES_OF: Mapping[str, tuple[str, ...]] = {
+    **dict.fromkeys(("cylinder", "cone", "torus", *OUTLINED), ("z",)),
+    **dict.fromkeys(("box", "ellipsoid"), AXES),
+    "sphere": (),
+}
+FACES_OF: Mapping[str, tuple[str, ...]] = {"box": AXES, "cylinder": ("z",), "cone": ("z",), "extrude": ("z",)}
+# Sizes that constraints can speak of: lengths, so that the angle of a turned outline is none.
+LENGTHS_OF: Mapping[str, tuple[str, ...]] = {**SIZE_NAMES, "revolve": ()}
 _REF = re.compile(r"(world|\d{1,9})(?:\.([a-z+-][a-z_]*))?")
 
 
@@ -194,7 +200,7 @@ def _is_axis(p: Primitive, feature: str) -> bool:
 
 
 _FITS: Mapping[str, Callable[[Primitive, str], bool]] = {
-    "size": lambda p, f: f in SIZE_NAMES[p.kind],
+    "size": lambda p, f: f in LENGTHS_OF[p.kind],
     "axis": _is_axis,
     "leaf axis": _is_axis,
     "face": _is_face,

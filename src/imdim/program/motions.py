@@ -80,13 +80,13 @@ def move_leaf(leaf: Primitive, motion: Motion) -> Primitive:
         return replace(leaf, center=center)
     x, y, z = (motion.direction(axis) for axis in frame)
     if not motion.mirrors:
-        return replace(leaf, center=center, rotation=_euler(x, y, z))
+        return replace(leaf, center=center, rotation=euler(x, y, z))
     if leaf.kind == "revolve":  # its image turns the other way: it starts where that ends
         cosine, sine = _cosine_sine(leaf.size[0])
         start = _weigh(x, cosine, y, sine)
-        return replace(leaf, center=center, rotation=_euler(start, _weigh(x, sine, y, -cosine), z))
+        return replace(leaf, center=center, rotation=euler(start, _weigh(x, sine, y, -cosine), z))
     x = (-x[0], -x[1], -x[2])
-    return replace(leaf, center=center, rotation=_euler(x, y, z), outline=leaf.outline and leaf.outline.mirror())
+    return replace(leaf, center=center, rotation=euler(x, y, z), outline=leaf.outline and leaf.outline.mirror())
 
 
 def is_round(leaf: Primitive) -> bool:
@@ -110,7 +110,7 @@ def _cosine_sine(degrees: float) -> tuple[float, float]:
     return ((cosine, sine), (-sine, cosine), (-cosine, -sine), (sine, -cosine))[int(quarter) % 4]
 
 
-def _euler(x: Vec3, y: Vec3, z: Vec3) -> Vec3:
+def euler(x: Vec3, y: Vec3, z: Vec3) -> Vec3:
     """Degrees (rx, ry, rz) of the rotation with these columns, R = Rz Ry Rx."""
     flat = math.hypot(x[0], x[1])
     ry = math.atan2(-x[2], flat)

@@ -183,9 +183,10 @@ _READ: Mapping[str, Callable[[object, str], Any]] = {
 
 def _read_primitive(node: object, path: str) -> Primitive:
     path = fields.shorten(path)
-    kind = fields.choice(node.get("kind") if isinstance(node, dict) else node, f"{path}.kind", KINDS)
+    placed = ("center", "rotation")
+    kind = fields.choice(fields.record(node, path, ("kind", "size"), (*placed, "outline"))["kind"], f"{path}.kind", KINDS)
     drawn = ("outline",) if kind in OUTLINED else ()
-    given = fields.record(node, path, ("kind", "size", *drawn), ("center", "rotation"))
+    given = fields.record(node, path, ("kind", "size", *drawn), placed)
     names = SIZE_NAMES[kind]
     sizes = fields.record(given["size"], f"{path}.size", names)
     numbers = tuple(fields.number(sizes[name], f"{path}.size.{name}") for name in names)

@@ -43,9 +43,7 @@ class Outline:
     @property
     def bounds(self) -> tuple[Point, Point]:
         """Low and high corner."""
-        points = [p for curve in self.curves for p in _extremes(curve)]
-        xs, ys = zip(*points, strict=True)
-        return (min(xs), min(ys)), (max(xs), max(ys))
+        return curve_bounds(self.curves)
 
     @property
     def area(self) -> float:
@@ -84,6 +82,19 @@ def circle_of(loop: Loop) -> tuple[float, float, float] | None:
     return (ax + bx) / 2, (ay + by) / 2, math.hypot(bx - ax, by - ay) / 2
 
 
+def are_near(a: Outline | None, b: Outline | None, tolerance: float) -> bool:
+    """Whether two outlines have the same curves in the same order, all within `tolerance`; or both are None."""
+    if a is None or b is None:
+        return a is b
+    if [len(loop) for loop in a.loops] != [len(loop) for loop in b.loops]:
+        return False
+    # an arc's height is half its chord times its bulge
+    return all(
+        math.dist(c[:4], d[:4]) <= tolerance and abs(c[4] - d[4]) * math.dist(c[:2], c[2:4]) / 2 <= tolerance
+        for c, d in zip(a.curves, b.curves, strict=True)
+    )
+
+
 def loop_curves(loop: Loop) -> list[Curve]:
     """The curves of one loop, in order."""
     return [(x, y, u, v, b) for (x, y, b), (u, v, _) in zip(loop, (*loop[1:], loop[0]), strict=True)]
@@ -107,6 +118,12 @@ def loop_area(loop: Loop) -> float:
     return out
 
 
+def curve_bounds(curves: Sequence[Curve]) -> tuple[Point, Point]:
+    """Low and high corner of one or more curves."""
+    xs, ys = zip(*(p for curve in curves for p in _extremes(curve)), strict=True)
+    return (min(xs), min(ys)), (max(xs), max(ys))
+
+
 def arc_radius(curve: Curve) -> float:
     """Radius of an arc."""
     x, y, u, v, b = curve
@@ -121,16 +138,22 @@ def arc_center(curve: Curve) -> Point:
 
 
 def is_in_loop(loop: Loop, x: float, y: float) -> bool:
-    """Whether a loop winds round a point: by the parity of its chords, turned where the point lies between an arc and its chord."""
+    """Whether a loop winds round a point: by the parity of its chords, turned where the point lies between an arc and its chord.
+
+    A point on a chord counts as a little right of it, or above a level one. The side is reckoned along the chord upward whichever way the
+    curve runs, so that both halves of a circle agree on it.
+    """
     odd = False
     for ax, ay, bx, by, bulge in loop_curves(loop):
-        if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
+        falls = (by, bx) < (ay, ax)
+        px, py, qx, qy = (bx, by, ax, ay) if falls else (ax, ay, bx, by)
+        side = (qx - px) * (y - py) - (qy - py) * (x - px)
+        left = side > 0 or (side == 0 and qy == py)
+        if (ay > y) != (by > y) and left:
             odd = not odd
-        if bulge:
+        if bulge and left == ((bulge > 0) == falls):
             curve = (ax, ay, bx, by, bulge)
-            cx, cy = arc_center(curve)
-            beyond = ((bx - ax) * (y - ay) - (by - ay) * (x - ax)) * bulge < 0
-            if beyond and math.hypot(x - cx, y - cy) < arc_radius(curve):
+            if math.dist(arc_center(curve), (x, y)) < arc_radius(curve):
                 odd = not odd
     return odd
 

@@ -10,11 +10,20 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from imdim.program.constraints import WORLD, Constraint, Ref
-from imdim.program.tree import SIZE_NAMES, Primitive, Program, fold, leaves
+from imdim.program.tree import SIZE_NAMES, Primitive, Program, envelope, fold, leaves
 
 FLAT = 0.35  # a first box thinner than this share of its next edge is a plate
 
-_ADDS: Mapping[str, str] = {"box": "block", "cylinder": "boss", "cone": "cone", "sphere": "ball", "torus": "ring", "ellipsoid": "dome"}
+_ADDS: Mapping[str, str] = {
+    "box": "block",
+    "cylinder": "boss",
+    "cone": "cone",
+    "sphere": "ball",
+    "torus": "ring",
+    "ellipsoid": "dome",
+    "extrude": "profile",
+    "revolve": "turned_part",
+}
 _CUTS: Mapping[str, str] = {
     "box": "pocket",
     "cylinder": "hole",
@@ -22,6 +31,8 @@ _CUTS: Mapping[str, str] = {
     "sphere": "dimple",
     "torus": "groove",
     "ellipsoid": "hollow",
+    "extrude": "cutout",
+    "revolve": "recess",
 }
 _SIZES: Mapping[str, tuple[str, ...]] = {
     "box": ("length", "width", "height"),
@@ -30,6 +41,8 @@ _SIZES: Mapping[str, tuple[str, ...]] = {
     "cone": ("bottom_radius", "top_radius", "height"),
     "torus": ("ring_radius", "tube_radius"),
     "ellipsoid": ("x_radius", "y_radius", "z_radius"),
+    "extrude": ("height",),
+    "revolve": ("angle",),
 }
 
 
@@ -58,8 +71,9 @@ def labels(program: Program, constraints: Iterable[Constraint] = ()) -> list[str
 
 
 def _role(number: int, p: Primitive, sign: int) -> str:
-    if number == 0 and p.kind == "box":
-        return "plate" if min(p.size) < FLAT * sorted(p.size)[1] else "body"
+    if number == 0 and p.kind in ("box", "extrude"):
+        thinnest, across, _ = sorted(envelope(p).size)
+        return "plate" if thinnest < FLAT * across and (p.kind == "box" or p.size[0] == thinnest) else "body"
     if number == 0 and p.kind == "cylinder":
         return "disc" if p.size[1] < p.size[0] else "shaft"
     return (_ADDS if sign > 0 else _CUTS)[p.kind]

@@ -23,6 +23,7 @@ from enum import IntEnum
 from itertools import dropwhile
 from typing import cast
 
+from imdim.program.plain_outlines import to_simple
 from imdim.program.sequence import SignedSequence, Step, flatten, to_program
 from imdim.program.tree import SIZE_NAMES, Primitive, Program, Vec3
 
@@ -155,7 +156,7 @@ class ShapeState:
 
     @classmethod
     def from_sequence(cls, sequence: SignedSequence[Primitive]) -> ShapeState:
-        """The state that writes unions and differences of primitives; it is done. KeyError for an intersection."""
+        """The state that writes unions and differences of primitives, done. KeyError for an intersection, ValueError for an outline."""
         ellipsoids = any(p.kind == "ellipsoid" for _, p in sequence)
         return cls([_emit(p, _SIGNS[op]) for op, p in sequence], True, ellipsoids)
 
@@ -169,6 +170,10 @@ class ShapeState:
 
 
 def _emit(primitive: Primitive, sign: int) -> SignedPrimitive:
+    simple = to_simple(primitive)
+    if simple is None:
+        raise ValueError(f"a state knows no outlines: {primitive.kind} is lowered only where it is a box, a cylinder or a torus")
+    primitive = simple
     kind = "sphere" if primitive.kind == "ellipsoid" else primitive.kind
     size = primitive.size + (0.0,) * (3 - len(primitive.size))
     return SignedPrimitive(kind, _check_params((*primitive.center, *size, *primitive.rotation, float(sign))))

@@ -12,14 +12,14 @@ from itertools import product
 
 import numpy as np
 
-from imdim.program.constraints import FACES_OF, WORLD, Constraint, Ref
+from imdim.program.constraints import AXES_OF, FACES_OF, LENGTHS_OF, WORLD, Constraint, Ref
 from imdim.program.patterns.congruence import group_by_fit
-from imdim.program.tree import SIZE_NAMES
 from imdim.relations.directions import KIND_BITS
 from imdim.relations.features import LOOK, NEIGHBOURS, Centers, KnownFeatures, Places, centers_of, near_pairs, without_slope
 from imdim.relations.select import RelationCandidate
 
 MOST_ALIKE = 200  # leaves of one group that are compared in triples
+ALIKE = 1e-3  # of an outline's longest chord, by which those of alike outlines differ
 RADIUS_NAMES = {"r", "r_bottom", "r_top", "r_major", "r_minor", "rx", "ry", "rz"}
 
 
@@ -43,7 +43,7 @@ def proposals(places: Places) -> Iterator[RelationCandidate]:
 
 def _sizes(places: Places) -> list[KnownFeatures]:
     """The shown radii, and the shown lengths."""
-    refs = [Ref(leaf, name) for leaf in places.leaves() for name in SIZE_NAMES[places.pose.kind(leaf)]]
+    refs = [Ref(leaf, name) for leaf in places.leaves() for name in LENGTHS_OF[places.pose.kind(leaf)]]
     groups = [[r for r in refs if (r.feature in RADIUS_NAMES) == radius] for radius in (True, False)]
     return [places.collect_known(group, [places.pose.size(ref) for ref in group]) for group in groups]
 
@@ -65,9 +65,25 @@ def _alike(places: Places, sizes: list[KnownFeatures]) -> list[list[int]]:
                 apart.add((a.leaf, b.leaf))
 
     def fits(group: list[int], leaf: int) -> bool:
-        return places.pose.kind(group[0]) == places.pose.kind(leaf) and not any((leaf, m) in apart for m in group)
+        same_kind = places.pose.kind(group[0]) == places.pose.kind(leaf)
+        return same_kind and not any((leaf, m) in apart for m in group) and drawn_alike(places, group[0], leaf)
 
     return [g[:MOST_ALIKE] for g in group_by_fit(places.leaves(), fits) if len(g) > 1]
+
+
+def drawn_alike(places: Places, a: int, b: int) -> bool:
+    """Whether two leaves of one kind may have congruent outlines: chords and bulges that are the same but for their order."""
+    first, second = (_chords(places, leaf) for leaf in (a, b))
+    return first.shape == second.shape and bool(np.allclose(first, second, rtol=ALIKE, atol=ALIKE * float(np.max(first, initial=0.0))))
+
+
+def _chords(places: Places, leaf: int) -> np.ndarray:
+    """Sorted lengths of the chords and of the heights of the arcs above them [2, c]; nothing for a leaf without an outline."""
+    outlines = places.pose.numbers.outlines
+    start, end = outlines.spans[leaf] if len(outlines.spans) else (0, 0)
+    curves = outlines.curves[start:end]
+    chords = np.hypot(curves[:, 2] - curves[:, 0], curves[:, 3] - curves[:, 1])
+    return np.sort(np.stack([chords, np.abs(curves[:, 4]) * chords / 2]), axis=1)
 
 
 def _along(places: Places, members: list[Ref], alike: list[list[int]], naming: float) -> Iterator[RelationCandidate]:
@@ -111,7 +127,7 @@ def _symmetric(known: KnownFeatures, about: Ref, alike: list[list[int]], naming:
 
 def _coaxial(places: Places, members: list[Ref]) -> Iterator[RelationCandidate]:
     """Leaves of revolution about one line, and balls on it."""
-    axial = [m.leaf for m in members if m.leaf >= 0 and places.pose.kind(m.leaf) in ("cylinder", "cone", "torus")]
+    axial = [m.leaf for m in members if m.leaf >= 0 and AXES_OF[places.pose.kind(m.leaf)] == ("z",)]
     balls = [leaf for leaf in places.leaves() if places.pose.kind(leaf) == "sphere"]
     if not axial:
         return
@@ -136,7 +152,7 @@ def _concentric(places: Places) -> Iterator[RelationCandidate]:
 def _rows(places: Places, group: list[int]) -> Iterator[RelationCandidate]:
     """Longest runs of equal steps among alike leaves."""
     first = group[0]
-    axes = range(2) if places.pose.kind(first) in ("cylinder", "cone", "torus") else range(3)
+    axes = range(2) if AXES_OF[places.pose.kind(first)] == ("z",) else range(3)
     centers = centers_of(places, group, [places.pose.direction(first, axis) for axis in axes])
     n = len(centers.leaves)
     reach = 3 * LOOK * float(centers.deviation.max(initial=0.0))

@@ -15,7 +15,7 @@ import numpy as np
 from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.pose import Pose, Row
 from imdim.program.constraints import AXES, AXES_OF, WORLD, Constraint, ConstraintError, check, describe
-from imdim.program.tree import Program, leaves
+from imdim.program.tree import Program, envelope, leaves
 
 HOLDS = 1e-7  # of the largest size: what a residual may be off, where files keep nine digits of each number
 DEPENDENT = 1e-7  # a row shorter than this share of what it was is a combination of the others
@@ -54,7 +54,7 @@ def verify(program: Program, constraints: Sequence[Constraint], tolerance: float
     for number, constraint in enumerate(constraints):
         check(number, constraint, parts)
     found = rows_of(constraints, lower(program))
-    off = np.abs(found.residual) / max(max(p.size) for p in parts)
+    off = np.abs(found.residual) / max(max(envelope(p).size) for p in parts)
     wrong = np.flatnonzero(~(off <= tolerance))
     if len(wrong):
         row = int(wrong[np.argmax(off[wrong])])
@@ -87,7 +87,7 @@ def rebase_constraints(program: Program, constraints: Sequence[Constraint]) -> t
 def _offsets(program: Program, constraints: Sequence[Constraint]) -> Iterator[np.ndarray | None]:
     """The residuals of each constraint, None where it holds as well as the nine digits of a file let it."""
     numbers = lower(program)
-    largest = max(max(p.size) for p in leaves(program))
+    largest = max(max(envelope(p).size) for p in leaves(program))
     for constraint in constraints:
         off = rows_of([constraint], numbers).residual
         yield None if np.abs(off).max(initial=0.0) <= HOLDS * largest / 2 else off

@@ -3,13 +3,18 @@
 from types import SimpleNamespace
 
 import pytest
+from tests.drawn import BORED
 
+from imdim.app.lab.edits import ConstrainedProgram
 from imdim.app.lab.resume import Rates
+from imdim.program.tree import SIMPLE
 from imdim.reconstruction.config import Settings
 
 viser = pytest.importorskip("viser")
 run = pytest.importorskip("imdim.app.lab.panels.run")
+edit = pytest.importorskip("imdim.app.lab.panels.edit")
 Ear = pytest.importorskip("imdim.app.lab.input_queue").InputQueue
+GUI = ("add_html", "add_folder", "add_dropdown", "add_number", "add_button_group")
 
 
 @pytest.fixture(scope="module")
@@ -37,3 +42,20 @@ def test_settings_and_rates_are_those_of_the_page(panel):
     panel.mutation.value, panel.elitism.value, panel.population.value, panel.tolerance.value = 0.3, 0.9, 128, 0.002
     assert panel.settings() == {"method": "evolve", "budget_s": 12.0, "size_weight": 0.01, "seed": 7}
     assert panel.rates() == Rates(mutation=0.3, elitism=0.9, population=128, tolerance=0.002)
+
+
+def test_a_selected_extrusion_shows_its_numbers_and_its_outline(server):
+    ear = Ear(server.get_event_loop())
+    with server.gui.add_tab_group().add_tab("Edit") as tab:
+        panel = edit.EditPanel(server.gui, tab, SimpleNamespace(), ear, lambda: None)
+    shown: list[str] = []
+    build, panel._gui = panel._gui.add_html, SimpleNamespace(**{name: getattr(server.gui, name) for name in GUI})
+    panel._gui.add_html = lambda html: shown.append(html) or build(html)
+    panel.draw(ConstrainedProgram(BORED), 0)
+    assert [*panel._inputs] == ["h", "x", "y", "z", "rx", "ry", "rz"]
+    assert sum("<svg" in html for html in shown) == 1
+    panel.draw(ConstrainedProgram(BORED), 1)
+    assert [*panel._inputs][:2] == ["r", "h"]
+    assert sum("<svg" in html for html in shown) == 1
+    assert panel.kind.options == SIMPLE
+    ear.close()

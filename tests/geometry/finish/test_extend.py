@@ -6,7 +6,8 @@ import pytest
 
 from imdim.geometry.finish.extend import apex, between, beyond, flip_face, plane_faces, within
 from imdim.geometry.solid import to_manifold
-from imdim.program.tree import KINDS, Primitive
+from imdim.program.outline import Outline, circle
+from imdim.program.tree import KINDS, OUTLINED, Primitive
 
 TILT = (30.0, 20.0, 10.0)
 CONE = Primitive("cone", (4.0, 1.0, 3.0))
@@ -17,13 +18,22 @@ SIZES = {
     "cone": (4.0, 1.0, 3.0),
     "torus": (2.0, 0.5),
     "ellipsoid": (1.0, 2.0, 3.0),
+    "extrude": (2.0,),
+    "revolve": (360.0,),
 }
-FACED = [Primitive(kind, SIZES[kind], (1.0, 2.0, 3.0), TILT) for kind in ("box", "cylinder", "cone")]
+OUTLINE = Outline((((0.2, -1.0, 0.0), (1.0, -1.0, 0.4), (0.8, 1.0, 0.0), (0.2, 1.0, -0.3)), circle(0.1, 0.8)))
+
+
+def sized(kind, center=(0.0, 0.0, 0.0), rotation=(0.0, 0.0, 0.0)):
+    return Primitive(kind, SIZES[kind], center, rotation, OUTLINE if kind in OUTLINED else None)
+
+
+FACED = [sized(kind, (1.0, 2.0, 3.0), TILT) for kind in ("box", "cylinder", "cone", "extrude")]
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_plane_faces_are_counted(kind):
-    assert len(list(plane_faces(Primitive(kind, SIZES[kind])))) == {"box": 6, "cylinder": 2, "cone": 2}.get(kind, 0)
+    assert len(list(plane_faces(sized(kind)))) == {"box": 6, "cylinder": 2, "cone": 2, "extrude": 2}.get(kind, 0)
 
 
 def test_an_apex_is_no_face():

@@ -6,7 +6,7 @@ import pytest
 from manifold3d import Manifold
 from tests.deadlines import PASSED
 from tests.export.coincident import HOLE, MEANT, PLATE, POCKET, cut
-from tests.known_programs import KNOWN
+from tests.known_programs import EVERY
 
 from imdim.geometry.finish.overshoot import overshoot
 from imdim.geometry.solid import to_manifold, volume
@@ -26,9 +26,9 @@ def test_the_solid_stays_and_the_skin_goes(name):
     assert after.genus() + len(after.decompose()) - 1 == holes
 
 
-@pytest.mark.parametrize("name", sorted(set(KNOWN) - {"nothing"}))
+@pytest.mark.parametrize("name", sorted(set(EVERY) - {"nothing"}))
 def test_known_solids_stay(name):
-    program, exact = KNOWN[name]
+    program, exact = EVERY[name]
     assert difference(to_manifold(program), to_manifold(overshoot(program))) < 1e-6 * exact
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from program_samples import random_program
+from tests.drawn import BRACKET, PULLEY, centred
 from tests.planted import PARTS, box, cut, cylinder, sphere, union
 from tests.search.evolve.scenes import planted_scene, scene_of
 
@@ -196,3 +197,27 @@ def test_shared_values_become_equal():
             seen["radius"] |= cuts[0].size[0] == cuts[1].size[0]
             seen["axis"] |= cuts[0].center[:2] == pytest.approx(cuts[1].center[:2])
     assert all(seen.values())
+
+
+@pytest.mark.parametrize("name", MUTATIONS)
+def test_leaves_with_outlines_keep_them(name):
+    """An operator may take such a leaf out, and move or scale it; the shape that it is drawn from stays."""
+    plate, pulley = centred(BRACKET, 8.0), PULLEY
+    parent = cut(union(plate, box(50, 30, 4), box(20, 20, 9)), pulley)
+    shapes = {shape(plate), shape(pulley)}
+    drawn = 0
+    for seed in range(30):
+        child = MUTATIONS[name][1](parent, planted_scene(NAME), np.random.default_rng(seed))
+        found = [leaf for leaf in leaves(child) if leaf.outline is not None] if child is not None else []
+        assert {shape(leaf) for leaf in found} <= shapes
+        drawn += len(found)
+    assert drawn > 0
+
+
+def shape(leaf: Primitive) -> tuple[float, ...]:
+    """What is left of an outline whatever its scale."""
+    assert leaf.outline is not None
+    (left, low), (right, _) = leaf.outline.bounds
+    return tuple(
+        round(x / (right - left), 9) for curve in leaf.outline.curves for x in (curve[0] - left, curve[1] - low, curve[4] * (right - left))
+    )

@@ -3,17 +3,18 @@
 import numpy as np
 import pytest
 from program_samples import cloud, inside_primitive, random_primitive
+from tests.drawn import BRACKET, PULLEY, centred
 
 from imdim.geometry.kernels import leaf_table
-from imdim.geometry.lowering import pack
-from imdim.program.tree import KINDS, Primitive
+from imdim.geometry.lowering import Outlines, pack
+from imdim.program.tree import OUTLINED, SIMPLE, Primitive, map_lengths
 from imdim.search.bits import pack_words, unpack_words
 from imdim.search.front.leaf_cache import LeafCache, Registry
 
 
 def truth(primitives: list[Primitive], points: np.ndarray) -> np.ndarray:
     kinds, params = zip(*(pack(p) for p in primitives), strict=True)
-    return leaf_table(np.concatenate(kinds), np.concatenate(params), points)
+    return leaf_table(np.concatenate(kinds), np.concatenate(params), points, Outlines.of(primitives))
 
 
 def some(count: int, seed: int = 0) -> list[Primitive]:
@@ -23,7 +24,7 @@ def some(count: int, seed: int = 0) -> list[Primitive]:
 
 def test_every_kind_agrees_with_the_leaf_table():
     parts, points = some(120), cloud(np.random.default_rng(1), 1000)
-    assert {p.kind for p in parts} == set(KINDS)
+    assert {p.kind for p in parts} == set(SIMPLE)
     columns = LeafCache(points, "distances", Registry(), 200)
     assert np.abs(columns.of(parts) - truth(parts, points)).max() < 3e-6
 
@@ -77,3 +78,18 @@ def test_equal_primitives_share_a_row():
 def test_packing_is_undone_by_unpacking():
     flags = np.random.default_rng(0).random(150) < 0.5
     assert np.array_equal(unpack_words(pack_words(flags), 150), flags)
+
+
+@pytest.mark.parametrize("content", ["distances", "bits"])
+def test_outlines_share_the_table_with_the_others(content):
+    points = cloud(np.random.default_rng(6), 1000)
+    drawn = [map_lengths(leaf, lambda length: length / 60, (0.1, 0.2, -0.1)) for leaf in (centred(BRACKET, 30.0), PULLEY)]
+    parts = [*some(3), drawn[0], *some(2, seed=1), drawn[1]]
+    assert {p.kind for p in drawn} == set(OUTLINED)
+    columns = LeafCache(points, content, Registry(), 16)
+    if content == "distances":
+        assert np.abs(columns.of(parts) - truth(parts, points)).max() < 3e-6
+        return
+    flags, expected = unpack_words(columns.of(parts), columns.count), truth(parts, points)
+    assert flags[3].sum() > 5
+    assert ((flags == (expected < 0)) | (np.abs(expected) < 1e-5)).all()

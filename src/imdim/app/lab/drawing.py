@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -18,7 +18,7 @@ from imdim.geometry.sampling import subsample
 from imdim.geometry.solid import primitive_to_manifold, surface_with_owners, to_trimesh
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.roles import labels, signs
-from imdim.program.tree import Primitive, Program, fold, leaves, map_leaves
+from imdim.program.tree import Primitive, Program, fold, leaves, map_leaves, map_lengths
 from imdim.relations.residuals import HOLDS
 from imdim.target.target import Frame, Target
 
@@ -105,7 +105,7 @@ def scene(theory: ConstrainedProgram, frame: Frame, selected: int | None) -> Dra
 def enlarge_cutters(program: Program) -> Program:
     """The program with cutters larger by SKIN, whose solid differs in nothing that could be seen."""
     sign = signs(program)
-    return map_leaves(program, lambda i, p: p if sign[i] > 0 else replace(p, size=tuple(s * (1 + SKIN) for s in p.size)))
+    return map_leaves(program, lambda i, p: p if sign[i] > 0 else map_lengths(p, lambda length: length * (1 + SKIN), p.center))
 
 
 def _piece(leaf: int, vertices: np.ndarray, faces: np.ndarray, tint: Colour, selected: bool) -> Piece:

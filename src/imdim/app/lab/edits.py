@@ -28,7 +28,9 @@ class ConstrainedProgram:
 
 @dataclass(frozen=True)
 class Number:
-    """One number of a primitive: `name` as in a lock (or "rx", "ry", "rz"), its `value`, a length or an angle in degrees."""
+    """One number of a primitive: `name` as in a lock (or "rx", "ry", "rz"), its `value`, a length or an angle in degrees.
+
+    The angle of a turned outline is a size, in degrees."""
 
     name: str
     value: float
@@ -36,13 +38,14 @@ class Number:
 
     @property
     def lock(self) -> str:
-        return TURN if self.unit == "degrees" else self.name
+        return TURN if self.name in TURNS else self.name
 
 
 def numbers(part: Primitive) -> list[Number]:
     """All numbers of a primitive: sizes, place, orientation."""
-    lengths = [*zip(SIZE_NAMES[part.kind], part.size, strict=True), *zip(AXES, part.center, strict=True)]
-    return [Number(n, v, "length") for n, v in lengths] + [Number(n, v, "degrees") for n, v in zip(TURNS, part.rotation, strict=True)]
+    sizes = [Number(n, v, "degrees" if n == "angle" else "length") for n, v in zip(SIZE_NAMES[part.kind], part.size, strict=True)]
+    place = [Number(n, v, "length") for n, v in zip(AXES, part.center, strict=True)]
+    return sizes + place + [Number(n, v, "degrees") for n, v in zip(TURNS, part.rotation, strict=True)]
 
 
 def with_number(theory: ConstrainedProgram, leaf: int, name: str, value: float, follow: bool = False) -> ConstrainedProgram:

@@ -31,7 +31,7 @@ from imdim.program.tree import OPS, Op, Primitive, Program
 
 PICTURE = 60  # pixels
 PICTURE_SEGMENTS = 24
-_SHAPE = re.compile(r"\b(cube|sphere|cylinder|rotate_extrude)\(")
+_SHAPE = re.compile(r"\b(cube|sphere|cylinder|rotate_extrude|linear_extrude)\(")
 
 CLICKS = 10_000  # numbers that can be clicked on; how often that was done is counted in front of them
 # passes the number of what was clicked on to the input with that label, as if it had been typed

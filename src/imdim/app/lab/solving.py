@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -110,7 +110,7 @@ def _plain(program: Program, length: float) -> Program:
 
     def leaf(_: int, p: Primitive) -> Primitive:
         (x, y, z), (rx, ry, rz) = plain(p.center, digits), plain(p.rotation, DIGITS)
-        return Primitive(p.kind, plain(p.size, digits), (x, y, z), (rx, ry, rz))
+        return replace(p, size=plain(p.size, digits), center=(x, y, z), rotation=(rx, ry, rz))
 
     return map_leaves(program, leaf)
 

@@ -16,7 +16,8 @@ from manifold3d import Manifold
 
 from imdim.geometry import kernels
 from imdim.geometry.finish.posed import INSCRIBED, PosedPrimitive, apart, diagonal, holds
-from imdim.geometry.lowering import Lowered, postfix
+from imdim.geometry.finish.section import extent
+from imdim.geometry.lowering import Lowered, Outlines, postfix
 from imdim.geometry.solid import exact_rotation
 from imdim.program.tree import KINDS, Op, Primitive, Program, fold
 
@@ -37,21 +38,27 @@ def _shows_at_probes(program: Program, placed: list[PosedPrimitive], index: int,
     centers = np.array([part.leaf.center for part in placed])
     rotations = np.stack([part.rotation for part in placed])
     shows = np.ones(len(points), bool)
-    for sizes in (np.stack([part.sizes[k] for part in placed]) for k in (0, 1)):
+    for k in (0, 1) if len(points) else ():
+        sizes, outlines = np.stack([part.sizes[k] for part in placed]), Outlines.listed([part.outlines[k] for part in placed])
         # a ball that holds everything in the primitive's place, and one that holds nothing
         both = []
         for radius in (4 * size, 1e-9 * size):
             sizes[index], centers[index] = radius, points[0] + (0.0 if radius > size else 2 * size)
-            both.append(kernels.inside(Lowered(code, kinds, sizes, centers, rotations), points))
+            both.append(kernels.inside(Lowered(code, kinds, sizes, centers, rotations, outlines), points))
         shows &= both[0] != both[1]
     return bool(shows.any())
 
 
 def _probes(region: Primitive) -> np.ndarray:
-    """Points [PROBES, 3] strewn evenly over a box, cylinder or cone, away from its rim (after Roberts 2018)."""
+    """At most PROBES points [n, 3] strewn evenly over a box, cylinder, cone or extrusion, away from its rim (after Roberts 2018)."""
     u = (np.arange(1, PROBES + 1)[:, None] * np.array([0.8191725134, 0.6710436067, 0.5497004779])) % 1.0
     if region.kind == "box":
         local = (u - 0.5) * region.size
+    elif region.outline is not None:
+        low, high = np.array(region.outline.bounds)
+        flat = low + (high - low) * u[:, :2]
+        inner = kernels.outline_sdf(Outlines.of([region]).curves, flat) < -(1 - INSCRIBED) * extent(region.outline)
+        local = np.column_stack([flat, (u[:, 2] - 0.5) * region.size[-1]])[inner]
     else:
         bottom, top = region.size[0], region.size[-2]
         rho = INSCRIBED * np.sqrt(u[:, 0]) * (bottom + (top - bottom) * u[:, 2])

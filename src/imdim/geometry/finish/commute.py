@@ -118,7 +118,7 @@ def _units(program: Program, largest: int) -> Iterator[_Unit]:
 
 def _ends(leaf: Primitive, solid: Manifold, cuts: bool) -> Iterator[tuple[Primitive, Primitive]]:
     """Ends without which a cutter holds nothing of the solid, an added primitive nothing else; and what is left of the primitive."""
-    for axis in {"box": (0, 1, 2), "cylinder": (2,), "cone": (2,)}.get(leaf.kind, ()):
+    for axis in {"box": (0, 1, 2), "cylinder": (2,), "cone": (2,), "extrude": (2,)}.get(leaf.kind, ()):
         low, high = ends_of(leaf, axis)
         core = primitive_to_manifold(narrow(leaf, axis), CHECK_SEGMENTS)
         wrong = reach(core ^ solid if cuts else core - solid, leaf, axis, core.volume())

@@ -15,7 +15,9 @@ import numpy as np
 from manifold3d import Manifold
 
 from imdim.geometry.finish.extend import between
+from imdim.geometry.finish.section import extent, inset
 from imdim.geometry.solid import exact_rotation, primitive_to_manifold
+from imdim.program.outline import are_near
 from imdim.program.patterns.congruence import group_by_fit
 from imdim.program.tree import Primitive, Program
 
@@ -97,6 +99,8 @@ def reach(solid: Manifold, leaf: Primitive, axis: int, of: float) -> tuple[float
 
 def narrow(leaf: Primitive, axis: int) -> Primitive:
     """A little less across an axis, where what lies against it leaves slivers."""
+    if leaf.outline is not None:
+        return inset(leaf, NARROWER / 2 * extent(leaf.outline))
     along = {"box": axis, "cylinder": 1, "cone": 2}[leaf.kind]
     return replace(leaf, size=tuple(s if i == along else s * (1 - NARROWER) for i, s in enumerate(leaf.size)))
 
@@ -128,7 +132,7 @@ def _span(number: int, part: LastOperand, axis: int, rest: Rest) -> _Span:
 
 def _alike(parts: Sequence[LastOperand], axis: int, slack: float) -> list[list[int]]:
     """Numbers of parts with the same cross-section along the same direction, two or more."""
-    kinds = ("box", "cylinder") if axis == 2 else ("box",)
+    kinds = ("box", "cylinder", "extrude") if axis == 2 else ("box",)
     prisms = [i for i, part in enumerate(parts) if isinstance(part.node, Primitive) and part.node.kind in kinds]
     groups = group_by_fit(prisms, lambda group, i: _same_section(parts[group[0]], parts[i], axis, slack))
     return [group for group in groups if len(group) > 1]
@@ -140,6 +144,8 @@ def _same_section(a: LastOperand, b: LastOperand, axis: int, slack: float) -> bo
     assert isinstance(q, Primitive)
     if (a.cuts, p.kind) != (b.cuts, q.kind):
         return False
+    if p.outline is not None:  # drawn sections have no symmetry that is known
+        return are_near(p.outline, q.outline, slack) and bool((exact_rotation(p) * exact_rotation(q)).sum(axis=0).min() > 1 - 1e-9)
     along = axis if p.kind == "box" else 1
     same = all(abs(s - t) <= slack for i, (s, t) in enumerate(zip(p.size, q.size, strict=True)) if i != along)
     turned = np.abs((exact_rotation(p) * exact_rotation(q)).sum(axis=0))

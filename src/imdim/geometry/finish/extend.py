@@ -1,4 +1,5 @@
-"""The plane faces of a primitive, and how it is extended past them: a box keeps its section, a cylinder its radius, a cone its slope."""
+"""The plane faces of a primitive, and how it is extended past them: a box or extrusion keeps its section, a cylinder its
+radius, a cone its slope."""
 
 from __future__ import annotations
 
@@ -6,6 +7,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
+from imdim.geometry.finish.section import extent, inset
 from imdim.geometry.solid import exact_rotation
 from imdim.program.tree import Primitive
 
@@ -15,11 +17,11 @@ Face = tuple[int, int]  # local axis, and +1 or -1 for the end on it
 
 
 def plane_faces(leaf: Primitive) -> Iterator[Face]:
-    """The plane faces that have an area: six of a box, the ends of a cylinder or cone."""
+    """The plane faces that have an area: six of a box, the ends of a cylinder, cone or extrusion."""
     if leaf.kind == "box":
         yield from ((axis, side) for axis in range(3) for side in (-1, 1))
-    elif leaf.kind in ("cylinder", "cone"):
-        yield from ((2, side) for side in (-1, 1) if leaf.kind == "cylinder" or _end_radii(leaf, side)[0] > 0)
+    elif leaf.kind in ("cylinder", "cone", "extrude"):
+        yield from ((2, side) for side in (-1, 1) if leaf.kind != "cone" or _end_radii(leaf, side)[0] > 0)
 
 
 def flip_face(face: Face) -> Face:
@@ -81,6 +83,8 @@ def _size_between(leaf: Primitive, face: Face, low: float, high: float) -> tuple
         return (*leaf.size[:axis], high - low, *leaf.size[axis + 1 :])
     if leaf.kind == "cylinder":
         return (leaf.size[0], high - low)
+    if leaf.kind == "extrude":
+        return (high - low,)
     here, slope = _end_radii(leaf, side)[0], _slope(leaf, face)
     inner, outer = max(here + slope * low, 0.0), max(here + slope * high, 0.0)
     return (inner, outer, high - low) if side > 0 else (outer, inner, high - low)
@@ -90,5 +94,7 @@ def _narrow(region: Primitive, face: Face, rim: float) -> Primitive:
     """The region without its rim, where coarser circles and lateral skins would decide."""
     if region.kind == "box":
         return replace(region, size=tuple(s if axis == face[0] else max(s - 2 * rim, s / 2) for axis, s in enumerate(region.size)))
+    if region.outline is not None:
+        return inset(region, SHRINK * extent(region.outline) + rim)
     radii = tuple(max(r * (1 - SHRINK) - rim, r / 2) for r in region.size[:-1])
     return replace(region, size=(*radii, region.size[-1]))

@@ -17,10 +17,11 @@ from manifold3d import Manifold
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.posed import PosedPrimitive
 from imdim.geometry.solid import primitive_to_manifold, to_manifold
+from imdim.program.outline import are_near
 from imdim.program.patterns.congruence import group_by_fit, node_of, same_shape
 from imdim.program.rewrite.containment import dot
 from imdim.program.roles import signs
-from imdim.program.tree import Primitive, Program, Vec3, leaves, map_leaves
+from imdim.program.tree import Primitive, Program, Vec3, envelope, leaves, map_leaves
 from imdim.program.vectors import minus, plus, times
 
 NEAR = 0.15  # of a primitive's own extent, by which its substitute may differ from it
@@ -54,9 +55,8 @@ def _groups(parts: list[Primitive], sign: list[int], tolerance: float) -> list[l
 
 def _are_equal(a: Primitive, b: Primitive, tolerance: float) -> bool:
     there = replace(b, center=a.center)
-    return same_shape(node_of(a), node_of(b), tolerance) and bool(
-        np.abs(PosedPrimitive(a).corners - PosedPrimitive(there).corners).max() <= 2 * tolerance
-    )
+    alike = same_shape(node_of(a), node_of(b), tolerance) and are_near(a.outline, b.outline, tolerance)
+    return alike and bool(np.abs(PosedPrimitive(a).corners - PosedPrimitive(there).corners).max() <= 2 * tolerance)
 
 
 def _next_places(at: list[Vec3], tolerance: float) -> Iterator[Vec3]:
@@ -79,7 +79,7 @@ def _next_places(at: list[Vec3], tolerance: float) -> Iterator[Vec3]:
 
 def _is_nearly(p: Primitive, like: Primitive, solid: np.ndarray) -> bool:
     """Whether two primitives fill nearly the same box along the axes of the first, as far as the solid's corners [n, 3] reach there."""
-    turn, far = PosedPrimitive(p).rotation, max(p.size) + max(like.size)
+    turn, far = PosedPrimitive(p).rotation, max(envelope(p).size) + max(envelope(like).size)
     if math.dist(p.center, like.center) > far:
         return False
     room = _reach(solid @ turn)

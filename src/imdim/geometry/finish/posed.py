@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from manifold3d import Manifold
 
+from imdim.geometry.finish.section import CHECK_SEGMENTS, flatten
 from imdim.geometry.solid import exact_rotation, primitive_to_manifold
-from imdim.program.tree import Primitive, envelope
+from imdim.program.outline import Outline
+from imdim.program.tree import OUTLINED, Primitive, envelope
 
-CHECK_SEGMENTS = 64
 INSCRIBED = 1 - 3.3e-3  # of a radius: what polyhedra of CHECK_SEGMENTS hold in every direction; a sphere's lacks the most
 
 
@@ -44,12 +45,18 @@ class PosedPrimitive:
     def sizes(self) -> np.ndarray:
         """Sizes [2, 3], padded with zeros: the primitive's, and those of a like one that its polyhedron holds."""
         size = self.leaf.size
-        held = size if self.leaf.kind == "box" else tuple(INSCRIBED * s for s in size)
+        held = size if self.leaf.kind in ("box", *OUTLINED) else tuple(INSCRIBED * s for s in size)
         if self.leaf.kind in ("cylinder", "cone"):
             held = (*held[:-1], size[-1])
         elif self.leaf.kind == "torus":
             held = (size[0], max(size[1] - (1 - INSCRIBED) * sum(size), 1e-9 * size[1]))
         return np.array([(*s, 0.0, 0.0)[:3] for s in (size, held)])
+
+    @cached_property
+    def outlines(self) -> tuple[Outline | None, Outline | None]:
+        """As `sizes`, of what is drawn: where both agree about a point, so does the polyhedron."""
+        outline = self.leaf.outline
+        return outline, outline and flatten(outline, INSCRIBED if self.leaf.kind == "revolve" else 1.0)
 
     @cached_property
     def corners(self) -> np.ndarray:

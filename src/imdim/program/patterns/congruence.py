@@ -10,6 +10,7 @@ from typing import TypeVar
 
 from imdim.program.motions import Motion
 from imdim.program.nary import fold_nary
+from imdim.program.patterns.outlined import anchor_of, is_outlined_moved, outlined_shape
 from imdim.program.rewrite.containment import axes
 from imdim.program.tree import OPS, Op, Primitive, Program, Vec3
 from imdim.program.vectors import times
@@ -43,19 +44,29 @@ class Node:
 
     @cached_property
     def anchor(self) -> Vec3:
-        """The mean of the leaves' centres, which moves along."""
-        x, y, z = (math.fsum(p.center[a] for _, p in self.leaves) / self.size for a in range(3))
+        """The mean of the leaves' centres, of outlined ones that of their vertices, which moves along."""
+        at = [p.center if p.outline is None else anchor_of(p, p.outline) for _, p in self.leaves]
+        x, y, z = (math.fsum(center[a] for center in at) / self.size for a in range(3))
         return x, y, z
 
     @cached_property
     def shape(self) -> list[tuple[str, tuple[float, ...]]]:
         """Kinds and sizes, wherever they are."""
-        return sorted((f"{self.op} {len(self.parts)} {p.kind}", _SHAPES.get(p.kind, tuple)(p.size)) for _, p in self.leaves)
+        return sorted((f"{self.op} {len(self.parts)} {p.kind}{_curves(p)}", _shape(p)) for _, p in self.leaves)
 
 
 def node_of(program: Program) -> Node:
     """The program in n-ary operations."""
     return fold_nary(program, lambda number, leaf: Node(None, [], leaf, number), {op: partial(Node, op) for op in OPS})
+
+
+def _shape(p: Primitive) -> tuple[float, ...]:
+    return _SHAPES.get(p.kind, tuple)(p.size) if p.outline is None else outlined_shape(p, p.outline)
+
+
+def _curves(p: Primitive) -> str:
+    """How many curves the loops have; lengths are compared leaf by leaf, so that there have to be as many."""
+    return "" if p.outline is None else f" {sorted(map(len, p.outline.loops))}"
 
 
 # what does not tell one way of writing a primitive from another
@@ -105,7 +116,11 @@ def match(a: Node, b: Node, motion: Motion, tolerance: float) -> list[int] | Non
 
 
 def _is_moved(a: Primitive, b: Primitive, motion: Motion, tolerance: float) -> bool:
-    if a.kind != b.kind or math.dist(motion.point(a.center), b.center) > tolerance:
+    if a.kind != b.kind:
+        return False
+    if a.outline is not None:
+        return is_outlined_moved(a, b, motion, tolerance)
+    if math.dist(motion.point(a.center), b.center) > tolerance:
         return False
     arms, others = [motion.direction(v) for v in _arms(a)], _arms(b)
     if a.kind == "cone":

@@ -11,13 +11,13 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
-from imdim.program.motions import step
+from imdim.program.motions import is_round, step
 from imdim.program.patterns.candidate import Bench, Circling, RepeatCandidate, classes, first_leaf, pairs
 from imdim.program.patterns.congruence import Node, group_by_fit, match, node_of
 from imdim.program.patterns.linear import Lattice, lattices
 from imdim.program.repeats import Folded, Group, Repeat, expand, repeats, size
 from imdim.program.rewrite.containment import axes, disjoint, dot
-from imdim.program.tree import Op, Primitive, Program, Vec3, leaves
+from imdim.program.tree import Op, Primitive, Program, Vec3, envelope, leaves
 from imdim.program.vectors import minus
 
 TOLERANCE = 1e-6  # of the part's size
@@ -68,12 +68,12 @@ def extent(program: Program) -> float:
     """The part's size, roughly: how far apart its primitives are, and how large."""
     parts = list(leaves(program))
     low, high = ([f(p.center[a] for p in parts) for a in range(3)] for f in (min, max))
-    return math.dist(low, high) + 2 * max(max(p.size) for p in parts)
+    return math.dist(low, high) + 2 * max(max(envelope(p).size) for p in parts)
 
 
 def _body_axis(first: Primitive) -> tuple[Vec3, Vec3] | None:
     """Centre and axis of a body that is round."""
-    return (first.center, axes(first)[2]) if first.kind in ("cylinder", "cone", "torus") else None
+    return (first.center, axes(first)[2]) if is_round(first) else None
 
 
 @dataclass

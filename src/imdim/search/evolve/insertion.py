@@ -116,11 +116,13 @@ def with_best_insertion(program: Program, scene: Scene, gain: np.ndarray, rng: n
 
 
 def with_best_refit(program: Program, scene: Scene, gain: np.ndarray, rng: np.random.Generator) -> Program | None:
-    """One leaf replaced by the candidate that serves best in its place."""
+    """One leaf replaced by the candidate that serves best in its place; outlines, which no family has, stay."""
     families = scene.families
     if families is None:
         return None
-    seen = [v for v in views(program, cells_of(program, scene)) if isinstance(v.node, Primitive)]
+    seen = [v for v in views(program, cells_of(program, scene)) if isinstance(v.node, Primitive) and v.node.outline is None]
+    if not seen:
+        return None
     view = seen[rng.integers(len(seen))]
     found = families.best(np.where(view.heard, view.sign * gain, 0.0), 1)
     if not found:

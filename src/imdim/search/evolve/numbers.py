@@ -10,13 +10,13 @@ import numpy as np
 from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
 from imdim.geometry.surface import vec
 from imdim.program.paths import leaf_paths, replace_at
-from imdim.program.tree import Primitive, Program
+from imdim.program.tree import Primitive, Program, envelope, map_lengths
 from imdim.search.arrangement import PARALLEL
 from imdim.search.evolve.scene import Scene
 
 LEAST_STEP = 1e-4  # of the diagonal; what fits already still tries this
-# which local axis each size spans from face to face; sizes that are not listed are radii
-_SPANS = {"box": {0: 0, 1: 1, 2: 2}, "cylinder": {1: 2}, "cone": {2: 2}}
+# which local axis each size spans from face to face; sizes that are not listed are radii, or the angle of a turned outline
+_SPANS = {"box": {0: 0, 1: 1, 2: 2}, "cylinder": {1: 2}, "cone": {2: 2}, "extrude": {0: 2}}
 _RADII = {"sphere": (0,), "cylinder": (0,), "cone": (0, 1), "torus": (0, 1), "ellipsoid": (0, 1, 2)}
 
 
@@ -87,16 +87,18 @@ def _shift(leaf: Primitive, sigma: float, rng: np.random.Generator) -> Primitive
 
 def _turn(leaf: Primitive, sigma: float, rng: np.random.Generator) -> Primitive:
     """Turned so that its far ends move by about `sigma`."""
-    angle = np.degrees(min(sigma / max(leaf.size), 1.0)) * rng.normal(0, 1, 3)
+    angle = np.degrees(min(sigma / max(envelope(leaf).size), 1.0)) * rng.normal(0, 1, 3)
     return replace(leaf, rotation=euler_from_matrix(matrix_from_euler(leaf.rotation) @ matrix_from_euler(vec(angle))))
 
 
 def _scale(leaf: Primitive, sigma: float, rng: np.random.Generator) -> Primitive | None:
-    factor = float(np.exp(rng.normal(0, min(sigma / max(leaf.size), 0.5))))
-    return make_valid(lambda: replace(leaf, size=tuple(s * factor for s in leaf.size)))
+    factor = float(np.exp(rng.normal(0, min(sigma / max(envelope(leaf).size), 0.5))))
+    return make_valid(lambda: map_lengths(leaf, lambda length: length * factor, leaf.center))
 
 
 def _same_size(leaf: Primitive, other: Primitive, rng: np.random.Generator) -> Primitive | None:
+    if (leaf.kind == "revolve") != (other.kind == "revolve"):
+        return None  # one is an angle, the other a length
     i, value = int(rng.integers(len(leaf.size))), other.size[rng.integers(len(other.size))]
     return make_valid(lambda: replace(leaf, size=tuple(value if k == i else s for k, s in enumerate(leaf.size))))
 

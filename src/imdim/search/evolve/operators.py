@@ -83,12 +83,13 @@ def _radially(leaf: Primitive, rng: np.random.Generator) -> Primitive | None:
 
 
 def merge(program: Program, scene: Scene, rng: np.random.Generator) -> Program | None:
-    """Two leaves of one polarity become one: the first, grown to hold both."""
+    """Two leaves of one polarity become one: the first, grown to hold both; those with outlines stay."""
     every = leaf_paths(program)
     if len(every) < 2:
         return None
     i = int(rng.integers(len(every)))
     mates = [k for k in range(len(every)) if k != i and polarity(program, every[k][0]) == polarity(program, every[i][0])]
+    mates = [k for k in mates if every[k][1].outline is None]
     if not mates:
         return None
     j = mates[rng.integers(len(mates))]
@@ -99,8 +100,8 @@ def merge(program: Program, scene: Scene, rng: np.random.Generator) -> Program |
 
 
 def hull(a: Primitive, b: Primitive) -> Primitive | None:
-    """A primitive of `a`'s kind and orientation around both; a torus, which has no inside to grow, is refused."""
-    if a.kind == "torus":
+    """A primitive of `a`'s kind and orientation around both; a torus, which has no inside to grow, and an outline are refused."""
+    if a.kind == "torus" or a.outline is not None:
         return None
     axes = matrix_from_euler(a.rotation)
     spans = np.array([_span(p, axes) for p in (a, b)])  # [2, 3 axes, 2 ends]
@@ -125,9 +126,11 @@ def _span(leaf: Primitive, axes: np.ndarray) -> np.ndarray:
 
 
 def substitute(program: Program, scene: Scene, rng: np.random.Generator) -> Program | None:
-    """A primitive replaced by another kind of the same extents, or by a proposed one."""
+    """A primitive replaced by another kind of the same extents, or by a proposed one; outlines stay."""
     every = leaf_paths(program)
     path, leaf = every[rng.integers(len(every))]
+    if leaf.outline is not None:
+        return None
     new = propose(program, scene, rng) if rng.random() < 0.4 else _other_kind(leaf, rng)
     return replace_at(program, path, new) if new and scene.holds(new) else None
 

@@ -10,7 +10,7 @@ import numpy as np
 from imdim.geometry import kernels
 from imdim.geometry.rotations import euler_from_matrix
 from imdim.geometry.sampling import bounding_radius, subsample
-from imdim.program.tree import Primitive, Program, Vec3, leaves
+from imdim.program.tree import Primitive, Program, Vec3, envelope, leaves
 from imdim.search.bits import unpack_words
 from imdim.search.candidate_families import Families
 from imdim.search.front.fitness import Scorer
@@ -54,7 +54,8 @@ class Scene:
         center = np.asarray(primitive.center)
         outside = np.maximum(np.maximum(self.bounds[0] - center, center - self.bounds[1]), 0.0)
         least = 1e-5 * self.diagonal
-        thin = min(primitive.size) < least if primitive.kind != "cone" else max(primitive.size[:2]) < least or primitive.size[2] < least
+        size = envelope(primitive).size
+        thin = min(size) < least if primitive.kind != "cone" else max(size[:2]) < least or size[2] < least
         return not thin and float(np.linalg.norm(outside)) <= bounding_radius(primitive)
 
     def wrong_point(self, program: Program, rng: np.random.Generator) -> np.ndarray | None:

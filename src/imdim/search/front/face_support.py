@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
+from imdim.program.outline import Curve, arc_center, arc_radius
 from imdim.program.tree import Primitive
 from imdim.search.arrangement import Arrangement, span_along
 
@@ -38,7 +39,7 @@ class Carriers:
         self._known: dict[Primitive, int] = {}
 
     def free_faces(self, primitive: Primitive) -> int:
-        """How many of the faces (six of a box, one or three of the others) lie on nothing that was detected.
+        """How many faces lie on nothing that was detected: of six of a box, one for each curve of an outline, one or three of the others.
 
         A curved wall close beside a detected one counts as many: the true surface is known there, and what is gained is the facets'.
         """
@@ -48,10 +49,31 @@ class Carriers:
 
     def _count(self, leaf: Primitive) -> int:
         axes, center = matrix_from_euler(leaf.rotation), np.asarray(leaf.center)
+        if leaf.outline is not None:
+            ends = self._free_ends(center, axes[:, 2], leaf.size[0]) if leaf.kind == "extrude" else 0
+            return ends + sum(self._free_side(leaf, axes, curve) for curve in leaf.outline.curves)
         if leaf.kind == "box":
             return sum(self._free_ends(center, axes[:, i], leaf.size[i]) for i in range(3))
         ends = self._free_ends(center, axes[:, 2], leaf.size[-1]) if leaf.kind in ("cylinder", "cone") else 0
         return ends + self._free_wall(leaf, center, axes[:, 2])
+
+    def _free_side(self, leaf: Primitive, axes: np.ndarray, curve: Curve) -> int:
+        """Whether the face that one curve of an outline draws lies on nothing; of turned ones only planes and cylinders are known."""
+        x, y, u, v, bulge = curve
+        across = leaf.kind == "extrude"
+        side = axes[:, 1] if across else axes[:, 2]
+        middle = leaf.center + (x + u) / 2 * axes[:, 0] + (y + v) / 2 * side
+        if across and bulge:
+            cx, cy = arc_center(curve)
+            wall = Primitive("cylinder", (arc_radius(curve), leaf.size[0]), leaf.center, leaf.rotation)
+            return self._free_wall(wall, leaf.center + cx * axes[:, 0] + cy * side, axes[:, 2])
+        if not across and not bulge and x == u:
+            wall = Primitive("cylinder", (x, abs(v - y)), leaf.center, leaf.rotation) if x else None
+            return self._free_wall(wall, np.asarray(leaf.center), side) if wall else 0
+        if bulge or (not across and y != v):
+            return 1
+        normal = (v - y) * axes[:, 0] - (u - x) * side
+        return self._free_ends(middle, normal / np.linalg.norm(normal), 0.0) // 2
 
     def _free_wall(self, leaf: Primitive, center: np.ndarray, axis: np.ndarray) -> int:
         alike = [i for i, s in enumerate(self._arrangement.curved) if s.kind == leaf.kind]

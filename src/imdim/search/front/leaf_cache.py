@@ -7,9 +7,11 @@ from typing import Literal
 
 import numpy as np
 
-from imdim.geometry.lowering import pack_all
+from imdim.geometry import kernels
+from imdim.geometry.lowering import Outlines, pack_all
 from imdim.geometry.rotations import matrices_from_euler
-from imdim.program.tree import Primitive
+from imdim.program.tree import SIMPLE, Primitive
+from imdim.search.bits import pack_words
 from imdim.search.front.kernels import fill_bits, fill_distances
 
 
@@ -101,4 +103,13 @@ class LeafCache:
         self._row[ids], self._id[rows], self._used[rows] = rows, ids, self._time
         kinds, leaves = self.registry.lower_rows(ids)
         fill = fill_bits if self.content == "bits" else fill_distances
-        fill(kinds, leaves, self._xyz, rows, self.table)
+        simple = kinds < len(SIMPLE)
+        fill(kinds[simple], leaves[simple], self._xyz, rows[simple], self.table)
+        if not simple.all():
+            self._fill_outlined(ids[~simple], rows[~simple])
+
+    def _fill_outlined(self, ids: np.ndarray, rows: np.ndarray) -> None:
+        """Outlines have no loop in single precision: theirs is the leaf table of `geometry`."""
+        parts = [self.registry.primitives[i] for i in ids]
+        values = kernels.leaf_table(*pack_all(parts), self._xyz.T.astype(float), Outlines.of(parts))
+        self.table[rows] = pack_words(values < 0) if self.content == "bits" else values

@@ -177,7 +177,7 @@ def _samples(part: Program, spacing: float, step: float) -> tuple[np.ndarray, np
     """Points and outward normals [s, 3] of a part's own surface, one per square of the spacing, within limits."""
     drawn = []
     for leaf in leaves(part):
-        count = int(np.clip(math.ceil(surface_area(leaf.kind, leaf.size) / spacing**2), 16, MOST))
+        count = int(np.clip(math.ceil(surface_area(leaf.kind, leaf.size, leaf.outline) / spacing**2), 16, MOST))
         drawn.append(even_surface(leaf, count))
     points, normals = (np.concatenate(c) for c in zip(*drawn, strict=True))
     if not isinstance(part, Combine):

@@ -11,9 +11,11 @@ import math
 import numpy as np
 
 from imdim.numbers.likelihood import Noise, SurfaceSamples, shares
+from imdim.program.outline import Outline
 from imdim.program.tree import SIZE_NAMES, Program, leaves
 
-PLACE = {"box": 6, "ellipsoid": 6, "sphere": 3, "cylinder": 5, "cone": 5, "torus": 5}  # numbers that say where a kind lies
+# numbers that say where a kind lies; of an outline its own say the rest
+PLACE = {"box": 6, "ellipsoid": 6, "sphere": 3, "cylinder": 5, "cone": 5, "torus": 5, "extrude": 3, "revolve": 4}
 SKIN = 0.1  # nats that a point on a skin thinner than the noise costs
 
 
@@ -26,4 +28,9 @@ def description_length(program: Program, points: np.ndarray, noise: Noise, fitte
 
 def numbers(program: Program) -> int:
     """How many numbers say where the primitives lie and how large they are."""
-    return sum(PLACE[p.kind] + len(SIZE_NAMES[p.kind]) for p in leaves(program))
+    return sum(PLACE[p.kind] + len(SIZE_NAMES[p.kind]) + _drawn_numbers(p.outline) for p in leaves(program))
+
+
+def _drawn_numbers(outline: Outline | None) -> int:
+    """Two for each vertex, and one for each arc."""
+    return 0 if outline is None else sum(2 + (bulge != 0) for loop in outline.loops for _, _, bulge in loop)

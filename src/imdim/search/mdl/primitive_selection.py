@@ -15,7 +15,7 @@ from numba import njit
 from scipy.spatial import KDTree
 
 from imdim.geometry import kernels
-from imdim.geometry.lowering import pack_all
+from imdim.geometry.lowering import Outlines, pack_all
 from imdim.geometry.sampling import EIGHTH, leaf_surface, subsample, surface_spacing
 from imdim.geometry.surface_map import surface_area
 from imdim.program.tree import Primitive
@@ -78,14 +78,14 @@ class PrimitivePool:
     @staticmethod
     def of(primitives: Sequence[Primitive], cloud: Cloud, config: PoolConfig, count: int = 768) -> PrimitivePool:
         """The pool over `count` points of the cloud."""
-        kinds, params = pack_all(primitives)
+        leaf_arrays, outlines = pack_all(primitives), Outlines.of(primitives)
         seen, step = subsample(cloud.points, count), 1e-5 * cloud.diagonal
-        table = kernels.leaf_table(kinds, params, seen)
-        ahead_of = [kernels.leaf_table(kinds, params, seen + step * axis) for axis in np.eye(3)]
+        table = kernels.leaf_table(*leaf_arrays, seen, outlines)
+        ahead_of = [kernels.leaf_table(*leaf_arrays, seen + step * axis, outlines) for axis in np.eye(3)]
         gradients = (np.stack(ahead_of, -1) - table[..., None]) / step
         points, normals, weight, starts = _unborne(primitives, cloud, config)
         gap = config.gap * cloud.diagonal
-        behind, ahead = (kernels.leaf_table(kinds, params, points + side * normals) < 0 for side in (-gap, gap))
+        behind, ahead = (kernels.leaf_table(*leaf_arrays, points + side * normals, outlines) < 0 for side in (-gap, gap))
         weight = weight * config.surface_weight
         explained = config.explained * cloud.diagonal
         arrays = table.astype(np.float32), gradients.astype(np.float32), starts, weight, behind, ahead
@@ -106,7 +106,7 @@ def _unborne(primitives: Sequence[Primitive], cloud: Cloud, config: PoolConfig) 
     rng = np.random.default_rng(SURFACE_SEED)
     drawn = [leaf_surface(p, config.samples, rng) for p in primitives]
     points, normals = (np.concatenate(c) for c in zip(*drawn, strict=True))
-    area = np.repeat([surface_area(p.kind, p.size) / config.samples for p in primitives], config.samples)
+    area = np.repeat([surface_area(p.kind, p.size, p.outline) / config.samples for p in primitives], config.samples)
     away = cloud.tree.query(points, distance_upper_bound=2.5 * cloud.spacing + config.calm * cloud.noise)[0]
     # of a Poisson process 3 % of the surface lie further than one spacing from every point, and nothing beyond two
     doubt = np.clip((away - config.calm * cloud.noise) / cloud.spacing - 1.0, 0.0, 1.0)
@@ -203,7 +203,8 @@ def best_choice(pool: PrimitivePool, start: Choice, config: PoolConfig) -> tuple
 
 def distinct(primitives: Sequence[Primitive], cloud: Cloud, tolerance: float = 5e-4, count: int = 200) -> list[Primitive]:
     """Without those whose distances to the cloud are, on average, within `tolerance` of the diagonal of an earlier one's."""
-    table = kernels.leaf_table(*pack_all(primitives), subsample(cloud.points, count)).astype(np.float32)
+    some = subsample(cloud.points, count)
+    table = kernels.leaf_table(*pack_all(primitives), some, Outlines.of(primitives)).astype(np.float32)
     kept: list[int] = []
     for i in range(len(primitives)):
         if not kept or float(np.abs(table[kept] - table[i]).mean(1).min()) > tolerance * cloud.diagonal:

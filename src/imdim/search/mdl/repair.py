@@ -149,7 +149,9 @@ class _Repairs:
         return out
 
     def _level(self, primitive: Primitive) -> Primitive:
-        """Turned into the nearest directions of the part, where these are near."""
+        """Turned into the nearest directions of the part, where these are near; an outline keeps its turn about its axis, and stays."""
+        if primitive.outline is not None:
+            return primitive
         rotation, axes = matrix_from_euler(primitive.rotation), self.axes
         if primitive.kind == "box":
             near = max((axes @ s for s in SYMMETRIES), key=lambda f: float((f * rotation).sum()))

@@ -11,10 +11,11 @@ from imdim.app.lab import edits, renderers
 from imdim.app.lab.drawing import names
 from imdim.app.lab.edits import ConstrainedProgram, Number
 from imdim.app.lab.input_queue import InputQueue
+from imdim.app.lab.outline_picture import draw_outline
 from imdim.app.lab.session import Session
 from imdim.app.lab.solving import Lock
 from imdim.app.lab.style import BLUE, GREY, RED
-from imdim.program.tree import KINDS, OPS, SIZE_NAMES, Op, Primitive, leaves
+from imdim.program.tree import OPS, SIMPLE, SIZE_NAMES, Op, Primitive, envelope, leaves
 from imdim.target.target import Frame
 
 NOTHING = "Select a primitive in the picture, the tree or the code."
@@ -50,7 +51,7 @@ class EditPanel:
         solve = gui.add_button("Let the solver finish", color=BLUE, hint="Fits the numbers; constraints and locks hold")
         ear.press(solve, lambda _: session.solve())
         with gui.add_folder("Add or remove"):
-            self.kind = gui.add_dropdown("Kind", KINDS, initial_value="cylinder")
+            self.kind = gui.add_dropdown("Kind", SIMPLE, initial_value="cylinder")
             self.op = gui.add_dropdown("Joined by", OPS)
             ear.press(gui.add_button("Add", color=GREY), lambda _: self._add())
             ear.press(gui.add_button("Remove the selected", color=RED), lambda _: self.remove())
@@ -83,7 +84,9 @@ class EditPanel:
                 self._clear(NOTHING)
             self._shown = None
             return
-        key = (selected, f"{parts[selected].kind} {names(theory)[selected]} {self.unit} {edits.operation(theory.program, selected)}")
+        part = parts[selected]
+        drawn = "" if part.outline is None else hash(part.outline)
+        key = (selected, f"{part.kind} {names(theory)[selected]} {self.unit} {edits.operation(theory.program, selected)} {drawn}")
         if key != self._shown:
             self._build(theory, selected, parts[selected])
             self._shown = key
@@ -106,13 +109,15 @@ class EditPanel:
                 self._heard.append(chosen)
             for number in edits.numbers(part):
                 self._inputs[number.name] = self._input(leaf, part, number)
+            if part.outline is not None:
+                self._gui.add_html(draw_outline(part, self.unit))
             self._locks = self._gui.add_button_group("Lock", tuple(_lockable(part)), hint="A locked number is not moved by the solver")
             self._ear.press(self._locks, lambda value: self._lock(leaf, value.removeprefix(LOCKED)))
             self._heard += [*self._inputs.values(), self._locks]
 
     def _input(self, leaf: int, part: Primitive, number: Number) -> viser.GuiNumberHandle[float]:
         sign = "°" if number.unit == "degrees" else self.unit
-        digits = 3 if number.unit == "degrees" else max(0, DIGITS - 1 - math.floor(math.log10(max(*part.size, 1e-12))))
+        digits = 3 if number.unit == "degrees" else max(0, DIGITS - 1 - math.floor(math.log10(max(*envelope(part).size, 1e-12))))
         least = 0.0 if number.name in SIZE_NAMES[part.kind] else None
         label = f"{number.name} {sign}".strip()
         step, shown = 10.0**-digits, round(number.value, digits) + 0.0

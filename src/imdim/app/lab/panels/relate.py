@@ -13,8 +13,8 @@ from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.session import Session
 from imdim.app.lab.solving import violations
 from imdim.app.lab.style import GREY, RED
-from imdim.program.constraints import AXES_OF, FACES_OF, RULES
-from imdim.program.tree import SIZE_NAMES, Primitive, leaves
+from imdim.program.constraints import AXES_OF, FACES_OF, LENGTHS_OF, RULES
+from imdim.program.tree import Primitive, leaves
 
 
 class RelatePanel:
@@ -67,7 +67,7 @@ class RelatePanel:
 
 def features(leaf: int, part: Primitive) -> str:
     """What constraints can say of a primitive: sizes, axes, faces, its centre."""
-    sizes = [f"{leaf}.{name}" for name in SIZE_NAMES[part.kind]]
+    sizes = [f"{leaf}.{name}" for name in LENGTHS_OF[part.kind]]
     axes = [f"{leaf}.{axis}" for axis in AXES_OF[part.kind]]
     faces = [f"{leaf}.{side}{axis}" for axis in FACES_OF.get(part.kind, ()) for side in "+-"]
     return "; ".join(f"{what} {', '.join(n)}" for what, n in (("sizes", sizes), ("axes", axes), ("faces", faces)) if n) + f"; centre {leaf}"

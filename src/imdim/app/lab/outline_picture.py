@@ -1,0 +1,56 @@
+"""An outline as a picture with what one would measure on a drawing: overall size, number of curves, radii of arcs."""
+
+from __future__ import annotations
+
+from imdim.program.outline import Loop, Outline, arc_radius, loop_curves
+from imdim.program.tree import Primitive
+
+SIDE = 180.0  # of the picture, in pixels
+MARGIN = 6.0
+MOST_RADII = 8  # that are written out
+SAME = 1e-6  # of the overall size, by which equal radii differ
+_TEXT = 'style="padding:0 12px 8px;font-size:12px;line-height:1.35;color:#343a40"'
+
+
+def draw_outline(part: Primitive, unit: str) -> str:
+    """HTML of the outline of an extruded or turned primitive; nothing for others."""
+    if part.outline is None:
+        return ""
+    (left, low), (right, high) = part.outline.bounds
+    width, height = right - left, high - low
+    scale = SIDE / max(width, height)
+    w, h = width * scale + 2 * MARGIN, height * scale + 2 * MARGIN
+    path = " ".join(_path(loop, scale, MARGIN - left * scale, MARGIN + high * scale) for loop in part.outline.loops)
+    picture = (
+        f'<svg role="img" aria-label="outline" width="{w:.0f}" height="{h:.0f}" viewBox="0 0 {w:.2f} {h:.2f}" style="display:block">'
+        f'<path d="{path}" fill="#d0ebff" fill-rule="evenodd" stroke="#1864ab" stroke-width="1.2"/></svg>'
+    )
+    return f"<div {_TEXT}>{picture}{_describe(part.outline, width, height, unit)}</div>"
+
+
+def _path(loop: Loop, scale: float, dx: float, dy: float) -> str:
+    """One loop as an SVG path, whose y runs downwards."""
+    steps = [f"M{loop[0][0] * scale + dx:.3f} {dy - loop[0][1] * scale:.3f}"]
+    for curve in loop_curves(loop):
+        _, _, x, y, bulge = curve
+        end = f"{x * scale + dx:.3f} {dy - y * scale:.3f}"
+        radius = arc_radius(curve) * scale if bulge else 0.0
+        steps.append(f"A{radius:.3f} {radius:.3f} 0 {int(abs(bulge) > 1)} {int(bulge < 0)} {end}" if bulge else f"L{end}")
+    return " ".join([*steps, "Z"])
+
+
+def _describe(outline: Outline, width: float, height: float, unit: str) -> str:
+    curves = outline.curves
+    lines = [f"{_length(width, unit)} × {_length(height, unit)}, {len(curves)} curves"]
+    radii: list[float] = []
+    for radius in sorted(arc_radius(curve) for curve in curves if curve[4]):
+        if not radii or radius - radii[-1] > SAME * max(width, height):
+            radii.append(radius)
+    if radii:
+        more = f" and {len(radii) - MOST_RADII} more" if len(radii) > MOST_RADII else ""
+        lines.append(f"radii {', '.join(_length(r, unit) for r in radii[:MOST_RADII])}{more}")
+    return "<br>".join(lines)
+
+
+def _length(value: float, unit: str) -> str:
+    return f"{value:.5g}" + (f"&nbsp;{unit}" if unit else "")

@@ -1,0 +1,98 @@
+"""Area-weighted points on extruded and turned outlines, from uniform numbers; `surface_map` has those of the other kinds.
+
+Each curve of the outline makes one face; the two ends are two more, of no area where a turned outline comes back to its start. Points of
+an end are drawn from the outline's bounding box, those of a face that is turned from its widest ring, so that some must be dropped.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+
+from imdim.geometry.kernels import outline_sdf
+from imdim.geometry.lowering import Outlines
+from imdim.program.outline import Outline, curve_bounds, orient_loops
+from imdim.program.tree import FULL_TURN
+
+
+def swept_areas(kind: str, size: tuple[float, ...], outline: Outline) -> np.ndarray:
+    """Areas [c + 2] of the faces: one for each curve, and the two ends."""
+    curves, lengths, ends = _curves(outline), _lengths(outline), _ends(kind, size, outline.area)
+    if kind == "extrude":
+        return np.append(size[0] * lengths, ends)
+    # Pappus' first theorem: an arc's middle is r (sin b - sin a) / turn beside its centre
+    turn, start = 4 * np.arctan(curves[:, 4]), _start_angles(curves)
+    is_arc = turn != 0
+    beside = curves[:, 7] * (np.sin(start + turn) - np.sin(start)) / np.where(is_arc, turn, 1.0)
+    middle = np.where(is_arc, curves[:, 5] + beside, (curves[:, 0] + curves[:, 2]) / 2)
+    return np.append(math.radians(size[0]) * middle * lengths, ends)
+
+
+def drawn_areas(kind: str, size: tuple[float, ...], outline: Outline) -> np.ndarray:
+    """Areas [c + 2] of what the points of each face are drawn from."""
+    width, height = np.ptp(np.array(outline.bounds), axis=0)
+    ends = _ends(kind, size, float(width * height))
+    if kind == "extrude":
+        return np.append(size[0] * _lengths(outline), ends)
+    return np.append(math.radians(size[0]) * _widest(outline) * _lengths(outline), ends)
+
+
+def map_swept(kind: str, size: tuple[float, ...], outline: Outline, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Local points [n, 3], outward unit normals [n, 3] and the share [n] of them to keep, for uniforms `u` [n, 3]."""
+    areas, count = drawn_areas(kind, size, outline), len(_curves(outline))
+    face = np.minimum(np.searchsorted(np.cumsum(areas) / areas.sum(), u[:, 0], side="right"), count + 1)
+    flat, normal = _on_curves(outline, np.minimum(face, count - 1), u[:, 1])
+    share = np.ones(len(u)) if kind == "extrude" else flat[:, 0] / np.maximum(_widest(outline), 1e-300)[np.minimum(face, count - 1)]
+    on_end = face >= count
+    low, high = np.array(outline.bounds)
+    flat[on_end] = low + (high - low) * u[on_end, 1:]
+    normal[on_end] = 0.0
+    share[on_end] = outline_sdf(_curves(outline), flat[on_end]) < 0
+    upper, side = face > count, np.where(on_end, np.where(face > count, 1.0, -1.0), 0.0)
+    if kind == "extrude":
+        z = np.where(on_end, side / 2, u[:, 2] - 0.5) * size[0]
+        return np.column_stack([flat, z]), np.column_stack([normal, side]), share
+    angle = math.radians(size[0]) * np.where(on_end, upper, u[:, 2])
+    cosine, sine = np.cos(angle), np.sin(angle)
+    points = np.column_stack([flat[:, 0] * cosine, flat[:, 0] * sine, flat[:, 1]])
+    return points, np.column_stack([normal[:, 0] * cosine - side * sine, normal[:, 0] * sine + side * cosine, normal[:, 1]]), share
+
+
+@lru_cache(256)
+def _curves(outline: Outline) -> np.ndarray:
+    """The curves [c, 8], with what is inside on their left."""
+    return Outlines.listed([Outline(orient_loops(outline.loops))]).curves
+
+
+@lru_cache(256)
+def _widest(outline: Outline) -> np.ndarray:
+    """The largest x [c] of each curve."""
+    return np.array([curve_bounds([tuple(row[:5])])[1][0] for row in _curves(outline).tolist()])
+
+
+def _lengths(outline: Outline) -> np.ndarray:
+    x, y, u, v, bulge, _, _, radius = _curves(outline).T
+    return np.where(bulge != 0, radius * np.abs(4 * np.arctan(bulge)), np.hypot(u - x, v - y))
+
+
+def _start_angles(curves: np.ndarray) -> np.ndarray:
+    return np.arctan2(curves[:, 1] - curves[:, 6], curves[:, 0] - curves[:, 5])
+
+
+def _ends(kind: str, size: tuple[float, ...], area: float) -> list[float]:
+    return [0.0, 0.0] if kind == "revolve" and size[0] == FULL_TURN else [area, area]
+
+
+def _on_curves(outline: Outline, which: np.ndarray, along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points [n, 2] at shares `along` [n] of the curves `which` [n], and the unit normals [n, 2] to their right."""
+    curves = _curves(outline)[which]
+    x, y, u, v, bulge, cx, cy, radius = curves.T
+    angle = _start_angles(curves) + 4 * np.arctan(bulge) * along
+    ray = np.column_stack([np.cos(angle), np.sin(angle)])
+    chord = np.column_stack([u - x, v - y])
+    is_arc = (bulge != 0)[:, None]
+    points = np.where(is_arc, np.column_stack([cx, cy]) + radius[:, None] * ray, np.column_stack([x, y]) + along[:, None] * chord)
+    right = np.column_stack([chord[:, 1], -chord[:, 0]]) / np.linalg.norm(chord, axis=1)[:, None]
+    return points, np.where(is_arc, np.sign(bulge)[:, None] * ray, right)

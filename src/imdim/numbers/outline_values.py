@@ -1,0 +1,437 @@
+"""The numbers that a person would have typed for an outline: snapping it makes carriers equal, parallel, tangent and round.
+
+An outline is described by its carriers: the line of each edge by its direction and its offset, the circle of each arc by its centre and
+radius. These are rounded as `design_values` rounds sizes, to the coarsest decimal grid that moves nothing by more than a tolerance; arcs
+that touched their neighbours touch them exactly. The vertices then are where consecutive carriers meet.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from imdim.geometry.rotations import matrix_from_euler
+from imdim.numbers.design_values import decimal, grids, is_level, round_to_grid
+from imdim.program.outline import Curve, Loop, Outline, Point, arc_center, arc_radius, check_crossings, circle, loop_area, loop_curves
+from imdim.program.tree import Primitive
+
+STEPS_DEG = (15.0, 1.0, 0.1)
+FLATTEST = 0.05  # sine of the angle to an axis below which a line's crossing with the axis is no number of its own
+FARTHEST = 20.0  # tolerances that a vertex may move: where curves meet at small angles it moves further than they do
+MOST_HUBS = 8
+EXACT = 1e-9  # degrees by which equal directions differ
+RESIDUE = 4e-15  # of a coordinate: what binary fractions add to decimal ones
+
+
+@dataclass(frozen=True)
+class Line:
+    """All points p with ``normal . p = offset``, along `degrees` (0 to 180); `middle` and `length` are the curve's."""
+
+    degrees: float
+    offset: float
+    middle: Point
+    length: float
+
+    @property
+    def direction(self) -> Point:
+        return unit(self.degrees)
+
+    @property
+    def normal(self) -> Point:
+        x, y = self.direction
+        return -y + 0.0, x
+
+
+@dataclass(frozen=True)
+class Arc:
+    """A circle, +1 where the curve runs counter-clockwise, else -1, and the curve's start, middle and end as they were given."""
+
+    center: Point
+    radius: float
+    sense: int
+    points: tuple[Point, Point, Point]
+
+    def spread(self, center: Point) -> list[float]:
+        """Distances of the points from another centre."""
+        return [math.dist(center, p) for p in self.points]
+
+
+Carrier = Line | Arc
+Condition = Callable[[Point], tuple[float, Point]]  # of a centre: how far it is from holding, and the derivative
+
+
+def snap_outline(outline: Outline, tolerance: float, offset: Point = (0.0, 0.0)) -> Outline:
+    """The outline with round numbers in coordinates whose origin is at minus `offset`; the same one where a loop would degenerate.
+
+    No carrier moves by more than about `tolerance`, along the curve that lies on it.
+    """
+    placed = outline.shift(*offset)
+    try:
+        loops = _Snapping(placed.loops, tolerance).loops()
+        snapped = Outline(tuple(tuple((_tidy(x - offset[0]), _tidy(y - offset[1]), b) for x, y, b in loop) for loop in loops))
+        check_crossings(snapped)
+    except (ValueError, ZeroDivisionError):
+        return outline
+    same_way = all(loop_area(a) * loop_area(b) > 0 for a, b in zip(outline.loops, snapped.loops, strict=True))
+    return snapped if same_way else outline
+
+
+def snap_leaf(leaf: Primitive, tolerance: float) -> Primitive:
+    """The leaf with a round outline, whose middle is its centre; of one along the world's axes, the places in the world are round."""
+    if leaf.outline is None:
+        return leaf
+    rotation = matrix_from_euler(leaf.rotation)
+    rotation = np.round(rotation) if is_level(leaf) else rotation
+    x, y, z = (rotation.T @ leaf.center).tolist() if is_level(leaf) else (0.0, 0.0, 0.0)
+    across = leaf.kind == "extrude"
+    offset = (x, y) if across else (0.0, z)
+    snapped = snap_outline(leaf.outline, tolerance, offset)
+    if snapped is leaf.outline:
+        return leaf
+    (left, low), (right, high) = snapped.bounds
+    middle = (decimal((left + right) / 2) if across else 0.0, decimal((low + high) / 2))
+    a, b, c = (_tidy(float(v)) for v in leaf.center + rotation @ ((*middle, 0.0) if across else (0.0, 0.0, middle[1])))
+    loops = tuple(tuple((_tidy(x - middle[0]), _tidy(y - middle[1]), bulge) for x, y, bulge in loop) for loop in snapped.loops)
+    return replace(leaf, center=(a, b, c), outline=Outline(loops))
+
+
+def unit(degrees: float) -> Point:
+    """Cosine and sine, exact for quarter turns."""
+    quarter, rest = divmod(degrees, 90.0)
+    c, s = math.cos(math.radians(rest)), math.sin(math.radians(rest))
+    return ((c, s), (-s, c), (-c, -s), (s, -c))[int(quarter) % 4]
+
+
+@dataclass
+class _Snapping:
+    """The carriers of `given` loops, changed step by step; `carriers[i][k]` is that of curve k of loop i."""
+
+    given: tuple[Loop, ...]
+    tolerance: float
+    carriers: list[list[Carrier]] = field(init=False)
+    widths: list[float] = field(init=False)
+
+    def __post_init__(self) -> None:
+        (left, low), (right, high) = Outline(self.given).bounds
+        largest = max(abs(v) for v in (left, low, right, high))
+        self.widths = grids(max(largest, 4 * self.tolerance), 0.1 * self.tolerance)
+        self.carriers = [[_carrier(curve) for curve in loop_curves(loop)] for loop in self.given]
+
+    def loops(self) -> list[Loop]:
+        """The loops with all numbers round; raises ValueError where curves no longer meet."""
+        touching = [self._touching(row) for row in self.carriers]
+        self._turn_lines()
+        self._settle_arcs()
+        self._settle_lines()
+        for row, touches in zip(self.carriers, touching, strict=True):
+            self._make_tangent(row, touches)
+        found = zip(self.given, self.carriers, touching, strict=True)
+        return [self._circle(row) if self._is_circle(loop, row) else self._meet(loop, row, touches) for loop, row, touches in found]
+
+    # --- which curves touch -------------------------------------------------------------------------------------------
+
+    def _touching(self, row: Sequence[Carrier]) -> list[bool]:
+        """Whether curve k touches the next one, without a corner."""
+        return [self._touches(a, b) for a, b in zip(row, [*row[1:], row[0]], strict=True)]
+
+    def _touches(self, a: Carrier, b: Carrier) -> bool:
+        if isinstance(a, Line) and isinstance(b, Line):
+            return False
+        if isinstance(a, Line) or isinstance(b, Line):
+            line, arc = (a, b) if isinstance(a, Line) else (b, a)
+            assert isinstance(line, Line)
+            assert isinstance(arc, Arc)
+            return abs(abs(_off(line, arc.center)) - arc.radius) <= self.tolerance
+        apart = math.dist(a.center, b.center)
+        return apart > self.tolerance and abs(apart - _tangent_distance(a, b)) <= self.tolerance
+
+    def _is_circle(self, loop: Loop, row: Sequence[Carrier]) -> bool:
+        a, b = row[0], row[-1]
+        return len(loop) == 2 and isinstance(a, Arc) and isinstance(b, Arc) and a.sense == b.sense and self._one_circle(a, b)
+
+    def _one_circle(self, a: Arc, b: Arc) -> bool:
+        return math.dist(a.center, b.center) <= self.tolerance and abs(a.radius - b.radius) <= self.tolerance
+
+    # --- directions ---------------------------------------------------------------------------------------------------
+
+    def _turn_lines(self) -> None:
+        """Round directions, the longest edge first; those that are nearly parallel or square to it take its own."""
+        known: list[float] = []
+        for i, k, line in sorted(self._lines(), key=lambda found: -found[2].length):
+            turned = self._direction(line, known)
+            if all(abs(_fold(turned - degrees, 90.0)) > EXACT for degrees in known):
+                known.append(turned)
+            nx, ny = (-unit(turned)[1], unit(turned)[0])
+            self.carriers[i][k] = replace(line, degrees=turned, offset=nx * line.middle[0] + ny * line.middle[1])
+
+    def _direction(self, line: Line, known: Sequence[float]) -> float:
+        offers = [round(line.degrees / STEPS_DEG[0]) * STEPS_DEG[0]]
+        offers += [line.degrees - _fold(line.degrees - degrees, 90.0) for degrees in known]
+        offers += [round(decimal(line.degrees / step)) * step for step in STEPS_DEG[1:]]
+        for degrees in offers:
+            if line.length / 2 * abs(math.sin(math.radians(degrees - line.degrees))) <= self.tolerance:
+                return decimal(degrees % 180.0)
+        return line.degrees
+
+    # --- numbers ------------------------------------------------------------------------------------------------------
+
+    def _settle_arcs(self) -> None:
+        """Round centres and radii, the arc that turns furthest first; others take its centre and radius if their points allow it.
+
+        The centre of a short arc is poorly known, so that it is the points that must not move.
+        """
+        centers: list[Point] = []
+        radii: list[float] = []
+        for i, k, arc in sorted(self._arcs(), key=lambda found: -math.dist(*found[2].points[:2]) / found[2].radius):
+            center = next((c for c in centers if self._radius(arc, c, radii) is not None), None) or self._center(arc, radii)
+            radius = self._radius(arc, center, radii) or arc.radius
+            centers += [center] if center not in centers else []
+            radii += [radius] if radius not in radii else []
+            self.carriers[i][k] = replace(arc, center=center, radius=radius)
+
+    def _center(self, arc: Arc, radii: Sequence[float]) -> Point:
+        """The arc's own centre on the coarsest grid, which is not far away even where the points would allow it."""
+        for width in self.widths:
+            center = (round_to_grid(arc.center[0], width), round_to_grid(arc.center[1], width))
+            if math.dist(center, arc.center) <= FARTHEST * self.tolerance and self._radius(arc, center, radii) is not None:
+                return center
+        return arc.center
+
+    def _radius(self, arc: Arc, center: Point, known: Sequence[float]) -> float | None:
+        """One that is known or round and passes by all points of the arc; None where the centre has none."""
+        spread = arc.spread(center)
+        low, high = max(spread) - self.tolerance, min(spread) + self.tolerance
+        if low > high:
+            return None
+        rounded, _ = self._round((low + high) / 2, (high - low) / 2)
+        return next((radius for radius in known if low <= radius <= high), rounded)
+
+    def _settle_lines(self) -> None:
+        """Equal and round offsets, line by line of one direction."""
+        hubs = self._hubs()
+        lines = list(self._lines())
+        for degrees in dict.fromkeys(line.degrees for _, _, line in lines):
+            alike = [found for found in lines if found[2].degrees == degrees]
+            offsets = self._merged([line.offset for _, _, line in alike])
+            for (i, k, line), offset in zip(alike, offsets, strict=True):
+                self.carriers[i][k] = replace(line, offset=self._round_offset(line.normal, offset, hubs))
+
+    def _round_offset(self, normal: Point, offset: float, hubs: Sequence[Point]) -> float:
+        """Of a line along an axis its place; of others the distance from a hub, or where they cross a line along an axis through it,
+        whichever is rounder."""
+        if 0.0 in normal:
+            sign = normal[0] + normal[1]
+            return sign * self._round(sign * offset)[0]
+        best, width = offset, 0.0
+        for hub in hubs:
+            start = normal[0] * hub[0] + normal[1] * hub[1]
+            for scale in (1.0, *(c for c in normal if abs(c) > FLATTEST)):
+                number, grid = self._round((offset - start) / scale, self.tolerance / abs(scale))
+                if grid > width:
+                    best, width = start + scale * number, grid
+        return best
+
+    def _hubs(self) -> list[Point]:
+        """What offsets may be measured from: the origin, centres of arcs, and the middles of polygons."""
+        means = [(math.fsum(v[0] for v in loop) / len(loop), math.fsum(v[1] for v in loop) / len(loop)) for loop in self.given]
+        middles = [(self._round(x)[0], self._round(y)[0]) for x, y in means]
+        return list(dict.fromkeys([(0.0, 0.0), *(arc.center for _, _, arc in self._arcs()), *middles]))[:MOST_HUBS]
+
+    def _round(self, number: float, slack: float | None = None) -> tuple[float, float]:
+        """The number on the coarsest grid that moves it by no more than the `slack`, and the grid's width."""
+        slack = self.tolerance if slack is None else slack
+        for width in self.widths:
+            rounded = round_to_grid(number, width)
+            if abs(rounded - number) <= slack:
+                return rounded, width
+        return number, 0.0
+
+    def _merged(self, numbers: Sequence[float]) -> list[float]:
+        """Numbers that span no more than the tolerance become their median."""
+        out, order = list(numbers), sorted(range(len(numbers)), key=numbers.__getitem__)
+        while order:
+            close = [i for i in order if numbers[i] <= numbers[order[0]] + self.tolerance]
+            middle = float(np.median([numbers[i] for i in close]))
+            for i in close:
+                out[i] = middle
+            order = order[len(close) :]
+        return out
+
+    def _lines(self) -> Iterator[tuple[int, int, Line]]:
+        yield from ((i, k, c) for i, row in enumerate(self.carriers) for k, c in enumerate(row) if isinstance(c, Line))
+
+    def _arcs(self) -> Iterator[tuple[int, int, Arc]]:
+        yield from ((i, k, c) for i, row in enumerate(self.carriers) for k, c in enumerate(row) if isinstance(c, Arc))
+
+    # --- tangency -----------------------------------------------------------------------------------------------------
+
+    def _make_tangent(self, row: list[Carrier], touches: Sequence[bool]) -> None:
+        """Move the centres of arcs so that they touch what they touched: lines, and arcs that were moved before."""
+        n = len(row)
+        arcs = [k for k, carrier in enumerate(row) if isinstance(carrier, Arc)]
+        beside = {k: [m for m, touch in (((k - 1) % n, touches[k - 1]), ((k + 1) % n, touches[k])) if touch] for k in arcs}
+        settled = {k for k in arcs if not beside[k]}
+        # arcs between lines first: the others have to follow them
+        for k in sorted(arcs, key=lambda k: -sum(isinstance(row[m], Line) for m in beside[k])):
+            arc = row[k]
+            assert isinstance(arc, Arc)
+            others = [row[m] for m in beside[k] if isinstance(row[m], Line) or m in settled]
+            arc = _between_parallels(arc, others)
+            row[k] = replace(arc, center=_onto(arc.center, [_tangency(arc, other) for other in others]))
+            settled.add(k)
+
+    # --- vertices -----------------------------------------------------------------------------------------------------
+
+    def _circle(self, row: Sequence[Carrier]) -> Loop:
+        arc = row[0]
+        assert isinstance(arc, Arc)
+        return tuple((x, y, arc.sense * bulge) for x, y, bulge in circle(arc.radius, *arc.center))
+
+    def _meet(self, loop: Loop, row: Sequence[Carrier], touches: Sequence[bool]) -> Loop:
+        """The loop with its vertices where carriers meet; a vertex between two edges on one line goes."""
+        kept = [k for k, carrier in enumerate(row) if not _goes_on(row[k - 1], carrier)]
+        if len(kept) < 2:
+            raise ValueError("a loop of one line")
+        at = {k: self._meeting(row[k - 1], row[k], touches[k - 1], loop[k][:2]) for k in kept}
+        out = []
+        for k, following in zip(kept, [*kept[1:], kept[0]], strict=True):
+            carrier = row[k]
+            out.append((*at[k], _bulge(carrier, at[k], at[following]) if isinstance(carrier, Arc) else 0.0))
+        return tuple(out)
+
+    def _meeting(self, a: Carrier, b: Carrier, touch: bool, near: Point) -> Point:
+        found = _tangent_point(a, b, near) if touch else min(_crossings(a, b, near), key=lambda p: math.dist(p, near), default=None)
+        if found is None or math.dist(found, near) > FARTHEST * self.tolerance:
+            raise ValueError(f"curves no longer meet near {near}")
+        return found
+
+
+def _carrier(curve: Curve) -> Carrier:
+    x, y, u, v, bulge = curve
+    if bulge:
+        middle = ((x + u + bulge * (v - y)) / 2, (y + v - bulge * (u - x)) / 2)
+        return Arc(arc_center(curve), arc_radius(curve), 1 if bulge > 0 else -1, ((x, y), middle, (u, v)))
+    degrees, middle = math.degrees(math.atan2(v - y, u - x)) % 180.0, ((x + u) / 2, (y + v) / 2)
+    c, s = unit(degrees)
+    return Line(degrees, -s * middle[0] + c * middle[1], middle, math.hypot(u - x, v - y))
+
+
+def _off(line: Line, point: Point) -> float:
+    """Signed distance of a point."""
+    nx, ny = line.normal
+    return nx * point[0] + ny * point[1] - line.offset
+
+
+def _tangent_distance(a: Arc, b: Arc) -> float:
+    """How far apart the centres are where one circle touches the other, from without or from within, whichever is nearer to what is."""
+    apart = math.dist(a.center, b.center)
+    return min((a.radius + b.radius, abs(a.radius - b.radius)), key=lambda d: abs(d - apart))
+
+
+def _fold(degrees: float, period: float) -> float:
+    """The same modulo `period`, around 0."""
+    return (degrees + period / 2) % period - period / 2
+
+
+def _between_parallels(arc: Arc, others: Sequence[Carrier]) -> Arc:
+    """An arc that joins two parallel lines has their distance as its diameter."""
+    lines = [other for other in others if isinstance(other, Line)]
+    if len(lines) == 2 and lines[0].degrees == lines[1].degrees and lines[0].offset != lines[1].offset:
+        return replace(arc, radius=decimal(abs(lines[0].offset - lines[1].offset) / 2))
+    return arc
+
+
+def _tangency(arc: Arc, other: Carrier) -> Condition:
+    """That an arc's centre is a radius away from a line, or as far as it takes from another centre."""
+    if isinstance(other, Line):
+        side = math.copysign(arc.radius, _off(other, arc.center))
+        return lambda center: (_off(other, center) - side, other.normal)
+    wanted, (x, y) = _tangent_distance(arc, other), other.center
+
+    def from_center(center: Point) -> tuple[float, Point]:
+        apart = math.dist(center, other.center)
+        return apart - wanted, ((center[0] - x) / apart, (center[1] - y) / apart)
+
+    return from_center
+
+
+def _onto(center: Point, conditions: Sequence[Condition]) -> Point:
+    """The nearest centre that meets all conditions, by Newton's method."""
+    for _ in range(30 if conditions else 0):
+        rows = [condition(center) for condition in conditions]
+        step = np.linalg.lstsq(np.array([slope for _, slope in rows]), -np.array([off for off, _ in rows]), rcond=1e-9)[0]
+        center = (center[0] + float(step[0]), center[1] + float(step[1]))
+        if np.abs(step).max() <= RESIDUE * max(map(abs, center)):
+            break
+    return _tidy(center[0]), _tidy(center[1])
+
+
+def _goes_on(a: Carrier, b: Carrier) -> bool:
+    """Whether two edges are on one line."""
+    return isinstance(a, Line) and isinstance(b, Line) and (a.degrees, a.offset) == (b.degrees, b.offset)
+
+
+def _tangent_point(a: Carrier, b: Carrier, near: Point) -> Point:
+    if isinstance(a, Arc) and isinstance(b, Arc):
+        apart = math.dist(a.center, b.center)
+        way = ((b.center[0] - a.center[0]) / apart, (b.center[1] - a.center[1]) / apart)
+        ends = [(a.center[0] + s * a.radius * way[0], a.center[1] + s * a.radius * way[1]) for s in (1, -1)]
+        return min(ends, key=lambda p: math.dist(p, near))
+    line, arc = (a, b) if isinstance(a, Line) else (b, a)
+    assert isinstance(line, Line)
+    assert isinstance(arc, Arc)
+    off, (nx, ny) = _off(line, arc.center), line.normal
+    return arc.center[0] - off * nx, arc.center[1] - off * ny
+
+
+def _crossings(a: Carrier, b: Carrier, near: Point) -> Iterator[Point]:
+    if isinstance(a, Line) and isinstance(b, Line):
+        (ax, ay), (bx, by) = a.normal, b.normal
+        cross = ax * by - ay * bx
+        if abs(cross) > 1e-9:
+            yield (a.offset * by - b.offset * ay) / cross, (ax * b.offset - bx * a.offset) / cross
+    elif isinstance(a, Arc) and isinstance(b, Arc):
+        yield from _circle_crossings(a, b, near)
+    else:
+        line, arc = (a, b) if isinstance(a, Line) else (b, a)
+        assert isinstance(line, Line)
+        assert isinstance(arc, Arc)
+        yield from _line_crossings(line, arc)
+
+
+def _line_crossings(line: Line, arc: Arc) -> Iterator[Point]:
+    off, (nx, ny), (ux, uy) = _off(line, arc.center), line.normal, line.direction
+    if abs(off) <= arc.radius:
+        half = math.sqrt(arc.radius**2 - off**2)
+        for t in (half, -half):
+            yield arc.center[0] - off * nx + t * ux, arc.center[1] - off * ny + t * uy
+
+
+def _circle_crossings(a: Arc, b: Arc, near: Point) -> Iterator[Point]:
+    dx, dy = b.center[0] - a.center[0], b.center[1] - a.center[1]
+    apart = math.hypot(dx, dy)
+    if apart == 0:
+        if a.radius == b.radius:  # one circle: the vertex stays at its angle
+            far = math.dist(near, a.center)
+            yield tuple(c + a.radius * (p - c) / far for c, p in zip(a.center, near, strict=True))  # type: ignore[misc]
+        return
+    along = (apart**2 + a.radius**2 - b.radius**2) / (2 * apart)
+    if abs(along) <= a.radius:
+        half = math.sqrt(a.radius**2 - along**2)
+        for t in (half, -half):
+            yield a.center[0] + (along * dx - t * dy) / apart, a.center[1] + (along * dy + t * dx) / apart
+
+
+def _bulge(arc: Arc, start: Point, end: Point) -> float:
+    (ax, ay), (bx, by) = ((x - arc.center[0], y - arc.center[1]) for x, y in (start, end))
+    sweep = math.atan2(ax * by - ay * bx, ax * bx + ay * by) * arc.sense % (2 * math.pi)
+    return arc.sense * _tidy(math.tan(sweep / 4))
+
+
+def _tidy(number: float) -> float:
+    """Without what binary fractions add to a decimal number; other numbers keep all their digits."""
+    rounded = decimal(number)
+    return rounded if abs(rounded - number) <= RESIDUE * max(abs(number), 1.0) else number + 0.0

@@ -1,0 +1,123 @@
+"""Whether a rigid motion takes one extruded or turned outline to another, whatever the frames that they are drawn in.
+
+The frame of an outline is arbitrary: the same solid may be drawn about another origin, turned in its plane, from another first vertex, or,
+extruded, upside down. What is compared are the curves in space.
+"""
+
+from __future__ import annotations
+
+import math
+
+from imdim.program.motions import Motion, is_round, move_leaf
+from imdim.program.outline import Loop, Outline, Point, loop_curves
+from imdim.program.rewrite.containment import along, axes, dot
+from imdim.program.tree import Primitive, Vec3
+from imdim.program.vectors import minus
+
+
+def anchor_of(p: Primitive, outline: Outline) -> Vec3:
+    """A point that moves along with the solid: the mean of an extrusion's vertices; of turned ones on the axis, or in the middle between
+    the ends."""
+    x, y = _mean(outline)
+    u, v, w = axes(p)
+    if p.kind == "extrude":
+        return along(along(p.center, u, x), v, y)
+    at = along(p.center, w, y)
+    if is_round(p):
+        return at
+    middle = math.radians(p.size[0]) / 2
+    return along(along(at, u, x * math.cos(middle)), v, x * math.sin(middle))
+
+
+def _mean(outline: Outline) -> Point:
+    vertices = [vertex for loop in outline.loops for vertex in loop]
+    return math.fsum(v[0] for v in vertices) / len(vertices), math.fsum(v[1] for v in vertices) / len(vertices)
+
+
+def outlined_shape(p: Primitive, outline: Outline) -> tuple[float, ...]:
+    """Lengths that no motion changes: the height or how far the outermost vertex turns, and the chords by their length."""
+    turned = math.radians(p.size[0]) * max(x for loop in outline.loops for x, _, _ in loop) if p.kind == "revolve" else p.size[0]
+    return (turned, *sorted(math.hypot(u - x, v - y) for x, y, u, v, _ in outline.curves))
+
+
+def is_outlined_moved(a: Primitive, b: Primitive, motion: Motion, tolerance: float) -> bool:
+    """Whether the motion takes `a` to `b`, no vertex and no middle of an arc being off by more than the tolerance."""
+    moved = move_leaf(a, motion)
+    assert moved.outline is not None
+    assert b.outline is not None
+    if not _agrees(outlined_shape(moved, moved.outline)[0], outlined_shape(b, b.outline)[0], tolerance):
+        return False
+    loops = _turned_loops(moved, b, tolerance) if b.kind == "revolve" else _extruded_loops(moved, b, tolerance)
+    return loops is not None and _same_loops(loops, b.outline.loops, tolerance)
+
+
+def _agrees(a: float, b: float, tolerance: float) -> bool:
+    return abs(a - b) <= tolerance
+
+
+def _extruded_loops(a: Primitive, b: Primitive, tolerance: float) -> list[Loop] | None:
+    """The loops of `a` in the plane of `b`; None where that is another plane."""
+    assert a.outline is not None
+    (u, v, w), (x, y, z) = axes(a), axes(b)
+    facing = math.copysign(1.0, dot(w, z))
+    off = minus(a.center, b.center)
+
+    def place(p: float, q: float) -> Vec3:
+        at = along(along(off, u, p), v, q)
+        return dot(at, x), dot(at, y), dot(at, z)
+
+    placed = [[(*place(p, q), facing * bulge) for p, q, bulge in loop] for loop in a.outline.loops]
+    far = max(abs(point[2]) for loop in placed for point in loop)
+    return None if far > tolerance else [tuple((p, q, bulge) for p, q, _, bulge in loop) for loop in placed]
+
+
+def _turned_loops(a: Primitive, b: Primitive, tolerance: float) -> list[Loop] | None:
+    """The loops of `a` in the half plane of `b`; None where they turn about another axis, or, less than all around, from elsewhere."""
+    assert a.outline is not None
+    (u, _, w), (x, y, z) = axes(a), axes(b)
+    off, facing = minus(a.center, b.center), math.copysign(1.0, dot(w, z))
+    radius = max(p for loop in a.outline.loops for p, _, _ in loop)
+    beside = math.hypot(dot(off, x), dot(off, y)) + radius * math.dist(w, (facing * z[0], facing * z[1], facing * z[2]))
+    if beside > tolerance:
+        return None
+    if not is_round(b):
+        # upside down it would turn the other way: it starts where the other one ends
+        start = math.radians(b.size[0]) if facing < 0 else 0.0
+        first = along(along((0.0, 0.0, 0.0), x, math.cos(start)), y, math.sin(start))
+        if radius * math.dist(u, first) > tolerance:
+            return None
+    height = dot(off, z)
+    return [tuple((p, height + facing * q, facing * bulge) for p, q, bulge in loop) for loop in a.outline.loops]
+
+
+def _same_loops(a: list[Loop], b: tuple[Loop, ...], tolerance: float) -> bool:
+    left = list(b)
+    for loop in a:
+        found = next((other for other in left if _same_loop(loop, other, tolerance)), None)
+        if found is None:
+            return False
+        left.remove(found)
+    return not left
+
+
+def _same_loop(a: Loop, b: Loop, tolerance: float) -> bool:
+    """Whether two loops run through the same places, from whichever vertex and either way."""
+    if len(a) != len(b):
+        return False
+    nodes, others = _nodes(a), _nodes(b)
+    n = len(others)
+    for start in range(0, n, 2):
+        if math.dist(nodes[0], others[start]) > tolerance:
+            continue
+        for way in (1, -1):
+            if all(math.dist(p, others[(start + way * i) % n]) <= tolerance for i, p in enumerate(nodes)):
+                return True
+    return False
+
+
+def _nodes(loop: Loop) -> list[Point]:
+    """The vertices, and after each the middle of its curve."""
+    out: list[Point] = []
+    for x, y, u, v, bulge in loop_curves(loop):
+        out += [(x, y), ((x + u + bulge * (v - y)) / 2, (y + v - bulge * (u - x)) / 2)]
+    return out

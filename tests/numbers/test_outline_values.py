@@ -1,0 +1,115 @@
+"""Outlines that were typed and then disturbed: every number is demanded back, and arcs touch exactly what they touched."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.drawn import BORED, DRAWN, PULLEY, SLOTTED, centred, noisy, slot
+
+from imdim.geometry import kernels
+from imdim.geometry.sampling import surface_points
+from imdim.numbers.outline_values import snap_leaf, snap_outline
+from imdim.numbers.snap import SnapConfig, snap
+from imdim.program.outline import Outline, arc_center, arc_radius, loop_curves, rectangle
+from imdim.program.tree import Combine, Primitive, Program, leaves
+
+
+def extent(outline: Outline) -> float:
+    (left, low), (right, high) = outline.bounds
+    return max(right - left, high - low)
+
+
+def largest_difference(a: Outline, b: Outline) -> float:
+    assert [len(loop) for loop in a.loops] == [len(loop) for loop in b.loops]
+    return float(np.abs(np.concatenate(a.loops) - np.concatenate(b.loops)).max())
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", DRAWN)
+def test_typed_numbers_come_back(name, seed):
+    typed = DRAWN[name]
+    given = noisy(typed, 1e-5, np.random.default_rng(seed))
+    assert largest_difference(typed, given) > 1e-6 * extent(typed)
+    assert largest_difference(typed, snap_outline(given, 5e-5 * extent(typed))) < 1e-13 * extent(typed)
+
+
+def test_numbers_are_round_where_the_origin_of_the_part_is():
+    given = noisy(SLOTTED, 1e-5, np.random.default_rng(0)).shift(-33.3337, 17.1713)
+    snapped = snap_outline(given, 5e-3, (33.3337, -17.1713))
+    assert largest_difference(SLOTTED.shift(-33.3337, 17.1713), snapped) < 1e-12
+    # about its own origin the numbers would be others
+    assert largest_difference(snap_outline(given, 5e-3), snapped) > 1e-4
+
+
+def test_fillets_touch_their_lines_exactly():
+    for name in ("bracket", "slots"):
+        snapped = snap_outline(noisy(DRAWN[name], 1e-5, np.random.default_rng(1)), 5e-5 * extent(DRAWN[name]))
+        touched = 0
+        for loop in snapped.loops:
+            curves = loop_curves(loop)
+            for line, arc in [*zip(curves, [*curves[1:], curves[0]], strict=True), *zip([*curves[1:], curves[0]], curves, strict=True)]:
+                if line[4] == 0 and arc[4] != 0:
+                    (x, y), (a, b, u, v, _) = arc_center(arc), line
+                    away = abs((u - a) * (y - b) - (v - b) * (x - a)) / math.hypot(u - a, v - b)
+                    assert abs(away - arc_radius(arc)) < 1e-12 * extent(snapped)
+                    touched += 1
+        assert touched == (4 if name == "bracket" else 8)
+
+
+def test_nothing_moves_by_more_than_the_tolerance_allows():
+    rng = np.random.default_rng(5)
+    odd = Outline((tuple((30 * math.cos(a) + rng.normal(), 20 * math.sin(a) + rng.normal(), 0.0) for a in np.arange(7) * 2 * math.pi / 7),))
+    for tolerance in (1e-1, 1e-3):
+        assert 0 < largest_difference(odd, snap_outline(odd, tolerance)) < 5 * tolerance
+
+
+def test_an_outline_that_would_cross_itself_stays():
+    thin = Outline((rectangle(10.0, 8.0).loops[0], slot(0.0, 3.6, 4.0, 0.399)))
+    assert snap_outline(thin, 0.9) is thin
+
+
+def test_edges_on_one_line_become_one():
+    split = Outline((((0, 0, 0), (5, 1e-4, 0), (10, 0, 0), (10, 5, 0), (0, 5, 0)),))
+    assert snap_outline(split, 1e-3) == Outline((((0, 0, 0), (10, 0, 0), (10, 5, 0), (0, 5, 0)),))
+
+
+def test_a_lying_extrusion_has_round_places_in_the_world():
+    """Its own x and y are the world's y and z, and its middle is nowhere round before."""
+    leaf = replace(centred(SLOTTED, 8.0), rotation=(90.0, 0.0, 90.0), center=(2.0, 50.0, 30.0))
+    given = replace(leaf, center=(2.0, 51.234, 28.766), outline=noisy(leaf.outline.shift(-1.234, 1.234), 1e-5, np.random.default_rng(2)))
+    snapped = snap_leaf(given, 5e-3)
+    assert snapped.center == leaf.center
+    assert largest_difference(leaf.outline, snapped.outline) < 1e-12
+
+
+class Distance:
+    """Mean distance of a target's surface points to a candidate; counts its calls."""
+
+    def __init__(self, target: Program) -> None:
+        self.points, _ = surface_points(target, 2000, np.random.default_rng(0))
+        self.calls = 0
+
+    def __call__(self, program: Program) -> float:
+        self.calls += 1
+        return float(np.abs(kernels.program_sdf(program, self.points)).mean())
+
+
+def test_snapping_a_program_rounds_its_outlines():
+    plate, bore = leaves(BORED)
+    rough = replace(plate, size=(8.0006,), center=(30.0007, 19.9995, 4.0003), outline=noisy(plate.outline, 1e-5, np.random.default_rng(3)))
+    error = Distance(BORED)
+    got = snap(Combine("difference", rough, replace(bore, size=(3.0004, 20.0))), error, config=SnapConfig(max_move=1e-3))
+    (snapped, hole), calls = leaves(got), error.calls
+    assert (snapped.size, snapped.center, hole) == (plate.size, plate.center, bore)
+    assert largest_difference(plate.outline, snapped.outline) < 1e-12
+    assert calls < 60
+
+
+def test_a_turned_outline_becomes_round_and_its_angle_too():
+    part = replace(PULLEY, size=(90.0,))
+    rough = replace(part, size=(90.004,), center=(0.0002, -0.0001, 5.0003), outline=noisy(part.outline, 1e-5, np.random.default_rng(4)))
+    got = snap(rough, Distance(part), config=SnapConfig(max_move=1e-3, rel_tolerance=0.1))
+    assert isinstance(got, Primitive)
+    assert (got.size, got.center) == (part.size, part.center)
+    assert largest_difference(part.outline, got.outline) < 1e-12
