@@ -31,6 +31,7 @@ def test_the_edited_folder(source, tmp_path, capsys):
         "program.json",
         "program.scad",
         "program.py",
+        "program.cq.py",
         "program.ucad",
         "mesh.stl",
         "mesh.glb",

@@ -24,7 +24,9 @@ def plane(rng, lines, circles):
     normals = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     offsets = (rng.uniform(0.2, 0.8, (lines, 2)) * normals).sum(1)
     columns = tuple((True, 0, i) for i in range(lines + circles))
-    walls = Walls(normals, offsets, rng.uniform(0.2, 0.8, (circles, 2)), rng.uniform(0.05, 0.4, circles), np.array([[0.0, 0], [1, 1]]), columns)
+    walls = Walls(
+        normals, offsets, rng.uniform(0.2, 0.8, (circles, 2)), rng.uniform(0.05, 0.4, circles), np.array([[0.0, 0], [1, 1]]), columns
+    )
     return make_plane("extrude", 0, np.zeros(3), np.eye(3), walls)
 
 

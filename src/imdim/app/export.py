@@ -16,7 +16,7 @@ def export_program(source: Path, folder: Path, pick: int | None, segments: int) 
     """Write the files, and say what was written. Raises ConfigError for a file, a pick or a folder that cannot be used."""
     from imdim.delivery.deliver import export
     from imdim.program import codec, front
-    from imdim.program.tree import leaves
+    from imdim.program.tree import leaves, longest
     from imdim.target.target import LARGEST
 
     if segments < 3:
@@ -35,7 +35,7 @@ def export_program(source: Path, folder: Path, pick: int | None, segments: int) 
             raise ConfigError(f"{source}: holds one program, there is nothing to pick")
         else:
             program, meta = codec.from_json(document), codec.meta_of(document)
-        largest = max(max(map(abs, (*leaf.size, *leaf.center))) for leaf in leaves(program))
+        largest = max(longest(leaves(program)), *(abs(c) for leaf in leaves(program) for c in leaf.center))
         if largest > LARGEST:
             raise ConfigError(f"{source}: a length or a place of {largest:.3g} is beyond {LARGEST:g}")
         files = export(program, folder, meta, segments)

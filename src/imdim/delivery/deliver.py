@@ -20,7 +20,7 @@ from imdim.delivery.evaluate import DeliveryLoss, evaluate_file
 from imdim.delivery.finish import FinishedProgram, finish, finish_flat
 from imdim.delivery.report import RunRecord, dumps, report_of
 from imdim.export import html
-from imdim.export.delivered import texts_of
+from imdim.export.delivered import texts_of, unwritten
 from imdim.export.folder import FILES, OutputError, check_writable, replacing
 from imdim.export.meshes import write_meshes
 from imdim.export.numbers import round_program
@@ -83,6 +83,7 @@ def deliver(
             with _time(seconds, "step"):
                 volumes = _volumes(partial, target, delivered)
                 skipped = finish_or_skip_step(job, step_limit_s, volumes)
+        skipped |= unwritten(program)
         if found.folded is None:
             skipped["program.loops.scad"] = "skipped: no part repeats"
         files = {name: skipped.get(name, "written") for name in FILES}
@@ -106,7 +107,7 @@ def export(program: Program, folder: Path, meta: Meta, segments: int = SEGMENTS,
             write_meshes(to_manifold(program, segments), partial)
             shown = html.content(_read(partial / "program.json"), named=found.parameters, segments=segments)
             (partial / "report.html").write_text(html.page(shown), encoding="utf-8")
-            skipped = finish_or_skip_step(job, step_limit_s, {})
+            skipped = finish_or_skip_step(job, step_limit_s, {}) | unwritten(program)
         files = {path.name: "written" for path in sorted(partial.iterdir())}
     return {**files, **skipped}
 

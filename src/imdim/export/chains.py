@@ -6,12 +6,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from typing import ClassVar
 
+from imdim.export.drawing import write_regions
 from imdim.export.loops import Loop
-from imdim.export.numbers import Rounding
+from imdim.export.numbers import Rounding, write_expression, write_sizes
 from imdim.export.parameters import Parameters
 from imdim.program.nary import fold_nary
 from imdim.program.repeats import Folded, Group, Repeat, starts
-from imdim.program.tree import Op, Primitive, Program
+from imdim.program.tree import Op, Primitive, Program, Vec3
 
 
 class Chains(ABC):
@@ -43,6 +44,18 @@ class Chains(ABC):
 
     def _operands(self, group: Group, first: int) -> list[list[str]]:
         return [self.lines(part, start) for part, start in starts(group, first)]
+
+    def _center(self, number: int) -> list[str]:
+        return [write_expression(c, self._rounding.length) for c in self._named.centers[number]]
+
+    def _arguments(self, leaf: Primitive, number: int) -> list[str]:
+        """The sizes, and what an outlined leaf is drawn from."""
+        return [*write_sizes(leaf, self._named.sizes[number], self._rounding), *write_regions(leaf, self._rounding)]
+
+    def _turns(self, rotation: Vec3) -> Iterator[tuple[int, str]]:
+        """Axis and degrees of the turns about the fixed axes, first x: those that turn."""
+        angles = enumerate(map(self._rounding.angle, rotation))
+        return ((axis, angle) for axis, angle in angles if angle != "0")
 
     def _assign(self, repeat: Repeat, first: int, name: str) -> None:
         body = self.lines(repeat.part, first)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from imdim.export.cadquery import to_cadquery
 from imdim.export.numbers import plain
 from imdim.export.openscad import to_openscad, to_openscad_loops
 from imdim.export.openscad_reader import read_openscad
@@ -14,9 +15,9 @@ from imdim.export.ucad import to_ucad
 from imdim.program.codec import Meta
 from imdim.program.constraints import Constraint
 from imdim.program.repeats import Folded
-from imdim.program.tree import SIZE_NAMES, Program, leaves
+from imdim.program.tree import SIZE_NAMES, Program, leaves, longest
 
-TEXTS = ("program.scad", "program.loops.scad", "program.py", "program.ucad")
+TEXTS = ("program.scad", "program.loops.scad", "program.py", "program.cq.py", "program.ucad")
 LOOPS = TEXTS[1:]
 AGREE = 1e-6  # of the largest size: the nine digits of each number of a text, summed up along its expressions
 
@@ -28,6 +29,7 @@ _MEANING: Mapping[str, str] = {
     "sz": "length along z",
     "r": "radius",
     "h": "height",
+    "angle": "degrees of the turn",
     "r_bottom": "radius at the bottom",
     "r_top": "radius at the top",
     "r_major": "radius of the ring",
@@ -66,13 +68,23 @@ class Delivered:
 
 
 def texts_of(program: Program, named: Parameters, folded: Folded | None, segments: int) -> dict[str, str]:
-    """The texts by their names in TEXTS; with loops where `folded`, which `program` is the expansion of, has repeats."""
+    """The texts by their names in TEXTS; with loops where `folded`, which `program` is the expansion of, has repeats.
+
+    Those that `unwritten` names are left out.
+    """
     texts = {
         "program.scad": to_openscad(program, segments, named),
         "program.py": to_script(program, named, folded),
-        "program.ucad": to_ucad(program, named, folded),
+        "program.cq.py": to_cadquery(program, named, folded),
     }
+    if "program.ucad" not in unwritten(program):
+        texts["program.ucad"] = to_ucad(program, named, folded)
     return texts if folded is None else {**texts, "program.loops.scad": to_openscad_loops(folded, segments, named)}
+
+
+def unwritten(program: Program) -> dict[str, str]:
+    """The texts that cannot say `program`, with the reason."""
+    return {"program.ucad": "skipped: µcad has no polygons"} if any(leaf.outline for leaf in leaves(program)) else {}
 
 
 def read(delivered: Delivered, values: Mapping[str, float]) -> Program:
@@ -106,11 +118,21 @@ def is_size(delivered: Delivered, name: str) -> bool:
 def _followers(delivered: Delivered, name: str) -> tuple[list[Feature], list[Feature]]:
     """The numbers that are the named value, and the others that move with it."""
     value = delivered.values[name]
-    step = PROBE * (abs(value) or max(max(p.size) for p in leaves(delivered.program)))
-    before, after = (dict(_numbers(read(delivered, {name: v}))) for v in (value, value + step))
-    moved = {feature: after[feature] - before[feature] for feature in before if abs(after[feature] - before[feature]) > AGREE * step}
-    equal = [f for f, way in moved.items() if max(abs(way - step), abs(before[f] - value)) <= AGREE * step]
+    before = dict(_numbers(read(delivered, {name: value})))
+    after, step = _probe(delivered, name, PROBE * (abs(value) or longest(leaves(delivered.program))))
+    slack = AGREE * abs(step)
+    moved = {feature: after[feature] - before[feature] for feature in before if abs(after[feature] - before[feature]) > slack}
+    equal = [f for f, way in moved.items() if max(abs(way - step), abs(before[f] - value)) <= slack]
     return equal, [f for f in moved if f not in equal]
+
+
+def _probe(delivered: Delivered, name: str, step: float) -> tuple[dict[Feature, float], float]:
+    """The numbers with one name moved by `step`, or the other way where there is no room: a full turn has none. Which way it was."""
+    value = delivered.values[name]
+    try:
+        return dict(_numbers(read(delivered, {name: value + step}))), step
+    except ValueError:
+        return dict(_numbers(read(delivered, {name: value - step}))), -step
 
 
 def _numbers(program: Program) -> Iterator[tuple[Feature, float]]:

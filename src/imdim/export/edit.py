@@ -26,9 +26,10 @@ from imdim.geometry.solid import SEGMENTS, to_manifold
 from imdim.program.codec import constraints_of, dumps, from_json, meta_of, read_folded
 from imdim.program.constraints import Constraint, ConstraintError
 from imdim.program.node_codec import MAX_PRIMITIVES
+from imdim.program.outline import Outline
 from imdim.program.patterns.edit import recount_constraints, recount_repeats, refit_repeats
 from imdim.program.repeats import Folded, expand, repeats, size, with_leaves
-from imdim.program.tree import Program, leaves
+from imdim.program.tree import Primitive, Program, leaves, longest
 from imdim.relations.residuals import verify
 
 LARGEST_VOLUME = 1e30  # mesh files hold single precision
@@ -173,11 +174,24 @@ def _check_same(delivered: Delivered) -> None:
 def _agree(a: Program, b: Program) -> bool:
     """Whether both have the same primitives at the same places, to what texts keep of numbers."""
     ours, theirs = list(leaves(a)), list(leaves(b))
-    slack = AGREE * max(max(p.size) for p in ours)
+    slack = AGREE * longest(ours)
     return len(ours) == len(theirs) and all(
-        p.kind == q.kind and max(abs(u - v) for u, v in zip((*p.size, *p.center), (*q.size, *q.center), strict=True)) <= slack
+        p.kind == q.kind
+        and _shape(p.outline) == _shape(q.outline)
+        and max(abs(u - v) for u, v in zip(_numbers(p), _numbers(q), strict=True)) <= slack
         for p, q in zip(ours, theirs, strict=True)
     )
+
+
+def _numbers(p: Primitive) -> list[float]:
+    """All but the rotation; a bulge as if it were a length, which its chord makes it."""
+    drawn = [] if p.outline is None else [v for loop in p.outline.loops for vertex in loop for v in vertex]
+    return [*p.size, *p.center, *drawn]
+
+
+def _shape(outline: Outline | None) -> list[int]:
+    """How many curves each loop has."""
+    return [] if outline is None else list(map(len, outline.loops))
 
 
 def _check_values(delivered: Delivered, values: Mapping[str, float]) -> None:

@@ -1,9 +1,9 @@
 """Which numbers of a program follow from which others, by Gaussian elimination over its constraints, linear while directions stay.
 
-Variables are, per leaf, three sizes and the three coordinates of its centre; rows and circles of equal steps add spacings, diameters and
-middles. Centres are eliminated before sizes and later leaves before earlier ones, so that what stays free are the sizes that a person
-would name. Equations along directions that are none of the world's axes come after the others, so that expressions stay as simple as
-they can. Cutters keep sticking out of what they cut by as much as they do (`through`).
+Variables are, per leaf, three sizes (that of a turned outline is in degrees) and the three coordinates of its centre; rows and circles of
+equal steps add spacings, diameters and middles. Centres are eliminated before sizes and later leaves before earlier ones, so that what
+stays free are the sizes that a person would name. Equations along directions that are none of the world's axes come after the others, so
+that expressions stay as simple as they can. Cutters keep sticking out of what they cut by as much as they do (`through`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from imdim.export.through import End, ends_of, overhangs, world_axis
 from imdim.geometry.lowering import Lowered, lower
 from imdim.program.constraints import AXES_OF, Constraint, Ref
 from imdim.program.repeats import Folded
-from imdim.program.tree import KINDS, Primitive, Program, leaves
+from imdim.program.tree import KINDS, Primitive, Program, leaves, longest
 from imdim.relations.residuals import rows_of
 
 ZERO = 1e-9  # coefficients
@@ -51,7 +51,7 @@ class LinearSystem:
         """
         parts, numbers = list(leaves(program)), lower(program)
         start = vector(parts).tolist()
-        system = LinearSystem(start, len(start), max(max(p.size) for p in parts))
+        system = LinearSystem(start, len(start), longest(parts))
         if folded is not None:
             add_repeats(system, folded, parts, fixed)
         others = [c for c in constraints if c.kind not in PATTERNS or _is_slanted(c, numbers)]

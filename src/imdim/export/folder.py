@@ -23,6 +23,7 @@ FILES = (
     "program.loops.scad",
     "program.step",
     "program.py",
+    "program.cq.py",
     "program.ucad",
     "mesh.stl",
     "mesh.glb",

@@ -6,14 +6,19 @@ Leaves are counted from 0, copies included, as constraints and program.json coun
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from imdim.export.numbers import Expression, plain, write_expression
 from imdim.export.parameters import Parameters
 from imdim.geometry.rotations import matrix_from_euler
+from imdim.geometry.solid import primitive_to_manifold, to_trimesh
 from imdim.program.constraints import RULES, WORLD, Constraint, Ref
+from imdim.program.outline import Curve, Loop, Outline, arc_radius, loop_curves
 from imdim.program.repeats import Folded, Repeat, repeats, size, starts
 from imdim.program.tree import SIZE_NAMES, Op, Primitive, Program, fold, leaves
+
+SURFACE_SEGMENTS = 48  # of an outlined leaf that is shown by itself
 
 
 def tree_values(folded: Folded, first: int = 0) -> dict[str, Any]:
@@ -28,7 +33,10 @@ def tree_values(folded: Folded, first: int = 0) -> dict[str, Any]:
 
 
 def leaf_values(program: Program, labels: Sequence[str], named: Parameters) -> list[dict[str, Any]]:
-    """Of each leaf its kind, label, role, sizes, place and rotation matrix; numbers that follow names come with the expression."""
+    """Of each leaf its kind, label, role, sizes, place and rotation matrix; numbers that follow names come with the expression.
+
+    A leaf with an outline has that as a drawing, and its own surface, about its frame.
+    """
     rows = zip(leaves(program), labels, roles(program), named.sizes, named.centers, strict=True)
     return [
         {
@@ -39,9 +47,41 @@ def leaf_values(program: Program, labels: Sequence[str], named: Parameters) -> l
             "center": [_number(*column) for column in zip("xyz", p.center, center, strict=True)],
             "rotation": list(p.rotation),
             "matrix": matrix_from_euler(p.rotation).ravel().tolist(),
+            **({} if p.outline is None else {"outline": outline_values(p.outline), "surface": _surface(p)}),
         }
         for p, label, role, sizes, center in rows
     ]
+
+
+def outline_values(outline: Outline) -> dict[str, Any]:
+    """The number of curves, the corners of the box, the radii of arcs, largest first, and an SVG path whose y points up."""
+    low, high = outline.bounds
+    radii = sorted({_digits(arc_radius(curve)) for curve in outline.curves if curve[4]}, reverse=True)
+    path = " ".join(_path(loop) for loop in outline.loops)
+    return {"curves": len(outline.curves), "low": list(map(_digits, low)), "high": list(map(_digits, high)), "radii": radii, "path": path}
+
+
+def _path(loop: Loop) -> str:
+    x, y, _ = loop[0]
+    return " ".join([f"M {_digits(x)} {_digits(y)}", *map(_step, loop_curves(loop)), "Z"])
+
+
+def _step(curve: Curve) -> str:
+    """An arc's flags say whether it is more than half a circle, and whether it turns from x to y."""
+    *_, u, v, bulge = curve
+    if not bulge:
+        return f"L {_digits(u)} {_digits(v)}"
+    radius = _digits(arc_radius(curve))
+    return f"A {radius} {radius} 0 {int(abs(bulge) > 1)} {int(bulge > 0)} {_digits(u)} {_digits(v)}"
+
+
+def _surface(p: Primitive) -> dict[str, Any]:
+    mesh = to_trimesh(primitive_to_manifold(replace(p, center=(0.0, 0.0, 0.0), rotation=(0.0, 0.0, 0.0)), SURFACE_SEGMENTS))
+    return {"points": [[_digits(c) for c in point] for point in mesh.vertices.tolist()], "faces": mesh.faces.ravel().tolist()}
+
+
+def _digits(value: float) -> float:
+    return float(f"{value:.9g}")
 
 
 def roles(program: Program) -> list[str]:
@@ -85,8 +125,8 @@ def _followers(name: str, named: Parameters) -> list[int]:
 
 
 def _number(name: str, value: float, expression: Expression) -> dict[str, Any]:
-    out = {"name": name, "value": float(f"{value:.9g}")}
-    return {**out, "says": write_expression(expression, lambda v: plain(float(f"{v:.9g}")))} if expression.terms else out
+    out = {"name": name, "value": _digits(value)}
+    return {**out, "says": write_expression(expression, lambda v: plain(_digits(v)))} if expression.terms else out
 
 
 def _feature(ref: Ref, labels: Sequence[str]) -> str:

@@ -10,8 +10,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
+from functools import partial
 
-from imdim.program.tree import Primitive, Program, leaves, map_leaves
+from imdim.program.outline import Loop, Outline
+from imdim.program.tree import Primitive, Program, leaves, longest, map_leaves
 
 SIGNIFICANT_DIGITS = 9
 LARGEST_PART = 12  # a fraction with a larger denominator is none that a person would write
@@ -27,8 +29,7 @@ class Rounding:
     @staticmethod
     def of(program: Program) -> Rounding:
         """Nine significant digits of the largest size in the program, wherever it lies."""
-        largest = max(max(leaf.size) for leaf in leaves(program))
-        return Rounding(SIGNIFICANT_DIGITS - 1 - math.floor(math.log10(largest)))
+        return Rounding(SIGNIFICANT_DIGITS - 1 - math.floor(math.log10(longest(leaves(program)))))
 
     def length(self, value: float) -> str:
         """A coordinate, rounded."""
@@ -38,15 +39,41 @@ class Rounding:
         """A size, rounded, but never to zero unless it is zero: that would be no primitive."""
         return plain(round(value, self.decimals) or value)
 
-    def angle(self, degrees: float) -> str:
+    @staticmethod
+    def angle(degrees: float) -> str:
         """Degrees, rounded."""
         return plain(round(degrees, SIGNIFICANT_DIGITS))
 
+    def size_of(self, kind: str, value: float) -> str:
+        """A size of a primitive: degrees for a turned outline, else a length."""
+        return plain(round(value, SIGNIFICANT_DIGITS) or value) if kind == "revolve" else self.size(value)
+
+    def constant_of(self, kind: str, value: float) -> str:
+        """The constant of a sum that is a size of a primitive."""
+        return self.angle(value) if kind == "revolve" else self.length(value)
+
+    def outline(self, outline: Outline) -> Outline:
+        """The outline with rounded vertices, without the curves that are too short for that; as it is where none would be left.
+
+        Bulges, which are ratios, keep nine decimals.
+        """
+        loops = [self._loop(loop) for loop in outline.loops]
+        kept = tuple(loop for loop in loops if len(loop) > 2 or (len(loop) == 2 and loop[0][2] + loop[1][2] != 0))
+        return Outline(kept) if kept else outline
+
+    def _loop(self, loop: Loop) -> Loop:
+        rounded = [(float(self.length(x)), float(self.length(y)), round(b, SIGNIFICANT_DIGITS) + 0.0) for x, y, b in loop]
+        following = [*rounded[1:], rounded[0]]
+        return tuple(vertex for vertex, after in zip(rounded, following, strict=True) if vertex[:2] != after[:2])
+
     def primitive(self, leaf: Primitive) -> Primitive:
         """The primitive that the rounded texts describe."""
-        size = tuple(float(self.size(s)) for s in leaf.size)
+        size = tuple(float(self.size_of(leaf.kind, s)) for s in leaf.size)
         (cx, cy, cz), (rx, ry, rz) = map(self.length, leaf.center), map(self.angle, leaf.rotation)
-        return Primitive(leaf.kind, size, (float(cx), float(cy), float(cz)), (float(rx), float(ry), float(rz)))
+        outline = leaf.outline and self.outline(leaf.outline)
+        if outline and leaf.kind == "revolve" and outline.bounds[0][0] < 0:
+            outline = leaf.outline  # an arc that touches the axis would cross it
+        return Primitive(leaf.kind, size, (float(cx), float(cy), float(cz)), (float(rx), float(ry), float(rz)), outline)
 
 
 def round_program(program: Program) -> Program:
@@ -110,6 +137,11 @@ def write_moves(moves: Sequence[tuple[str, Sequence[Expression]]], number: Calla
         steps = [(i, write_expression(step[axis], number)) for i, step in moves]
         texts.append(" + ".join(f"({t}){times}{i}" if " " in t else f"{t}{times}{i}" for i, t in steps if t != "0") or "0")
     return ", ".join(texts)
+
+
+def write_sizes(leaf: Primitive, sizes: Sequence[Expression], rounding: Rounding) -> list[str]:
+    """The sizes of a leaf. A bare number is a size, which never vanishes; the constant of a sum may."""
+    return [write_expression(s, partial(rounding.constant_of if s.terms else rounding.size_of, leaf.kind)) for s in sizes]
 
 
 def _term(term: Term) -> str:

@@ -1,19 +1,36 @@
 """OpenSCAD text: parameters, then one line per primitive, n-ary operations, numbers as a person would write them.
 
-It is flat, or has repeated parts as modules in ``for`` loops: how often and how far apart are named parameters then.
+It is flat, or has repeated parts as modules in ``for`` loops: how often and how far apart are named parameters then. Where there are
+outlines, the text begins with a module that divides their arcs by `$fn`, as `geometry.solid` does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
+from imdim.export.drawing import write_loops
 from imdim.export.loops import Loop, less
-from imdim.export.numbers import Expression, Rounding, plain, write_expression, write_moves
+from imdim.export.numbers import Expression, Rounding, plain, write_expression, write_moves, write_sizes
 from imdim.export.parameters import Parameters
 from imdim.geometry.solid import SEGMENTS
 from imdim.program.nary import fold_nary
 from imdim.program.repeats import Folded, Group, Repeat, expand, starts
-from imdim.program.tree import OPS, Primitive, Program
+from imdim.program.tree import OPS, Primitive, Program, leaves
+
+OUTLINE = """\
+// Closed loops of lines and arcs: vertices [x, y, bulge], bulge = tan(turn / 4) of the arc to the next vertex, none for a line.
+// What an odd number of loops holds is inside.
+module outline(loops) {
+  rings = [for (loop = loops) outline_points(loop)];
+  starts = [for (i = 0, n = 0; i < len(rings); n = n + len(rings[i]), i = i + 1) n];
+  polygon([for (ring = rings) each ring], [for (i = [0 : len(rings) - 1]) [for (k = [0 : len(rings[i]) - 1]) starts[i] + k]]);
+}
+function outline_points(loop) = [for (i = [0 : len(loop) - 1]) each curve_points(loop[i], loop[(i + 1) % len(loop)])];
+function curve_points(a, b) = len(a) < 3 ? [a] : let(
+  turn = 4 * atan(a[2]), n = max(1, ceil($fn * abs(turn) / 360 - 1e-9)), along = (1 - a[2] * a[2]) / (4 * a[2]),
+  x = (a[0] + b[0]) / 2 - (b[1] - a[1]) * along, y = (a[1] + b[1]) / 2 + (b[0] - a[0]) * along, u = a[0] - x, v = a[1] - y
+) [for (k = [0 : n - 1]) let(c = cos(turn * k / n), s = sin(turn * k / n)) k == 0 ? [a[0], a[1]] : [x + c * u - s * v, y + s * u + c * v]];
+"""
 
 _SHAPE: Mapping[str, Callable[..., str]] = {
     "box": lambda x, y, z: f"cube([{x}, {y}, {z}], center = true)",
@@ -22,6 +39,8 @@ _SHAPE: Mapping[str, Callable[..., str]] = {
     "cone": lambda bottom, top, h: f"cylinder(h = {h}, r1 = {bottom}, r2 = {top}, center = true)",
     "torus": lambda major, minor: f"rotate_extrude() translate([{major}, 0, 0]) circle(r = {minor})",
     "ellipsoid": lambda x, y, z: f"scale([{x}, {y}, {z}]) sphere(r = 1)",
+    "extrude": lambda h, loops: f"linear_extrude(height = {h}, center = true) outline({loops})",
+    "revolve": lambda angle, loops: f"rotate_extrude(angle = {angle}) outline({loops})",
 }
 
 
@@ -36,24 +55,30 @@ def to_openscad(program: Program, segments: int = SEGMENTS, parameters: Paramete
         return [_primitive(leaf, rounding, named.sizes[number], named.centers[number])]
 
     lines = fold_nary(program, line, {op: _block(op) for op in OPS})
-    return "\n".join([f"$fn = {segments};", "", *named.head(rounding.size, end=";", counted=False), *lines, ""])
+    head = named.head(rounding.size, end=";", counted=False)
+    return "\n".join([f"$fn = {segments};", "", *head, *_definitions(program), *lines, ""])
 
 
 def to_openscad_loops(folded: Folded, segments: int, named: Parameters) -> str:
     """OpenSCAD text of a program with repeats in its own units, with `$fn` at `segments`, and numbers that follow `named`."""
-    rounding = Rounding.of(expand(folded))
+    program = expand(folded)
+    rounding = Rounding.of(program)
     writer = _Writer(rounding, named)
     body = writer.lines(folded, 0)
-    return "\n".join([f"$fn = {segments};", "", *named.head(rounding.size, end=";"), *writer.modules, *body, ""])
+    head = named.head(rounding.size, end=";")
+    return "\n".join([f"$fn = {segments};", "", *head, *_definitions(program), *writer.modules, *body, ""])
+
+
+def _definitions(program: Program) -> list[str]:
+    """What the text needs before its first statement."""
+    return [OUTLINE] if any(leaf.outline for leaf in leaves(program)) else []
 
 
 def _primitive(leaf: Primitive, rounding: Rounding, sizes: Sequence[Expression], center: Sequence[Expression]) -> str:
     """``translate(..) rotate(..) shape(..);``, the identity parts left out."""
     place = _step("translate", [write_expression(c, rounding.length) for c in center])
     place += _step("rotate", [rounding.angle(a) for a in leaf.rotation])
-    # a bare number is a size, which never vanishes; the constant of a sum may
-    texts = [write_expression(s, rounding.length if s.terms else rounding.size) for s in sizes]
-    return place + _SHAPE[leaf.kind](*texts) + ";"
+    return place + _SHAPE[leaf.kind](*write_sizes(leaf, sizes, rounding), *write_loops(leaf, rounding)) + ";"
 
 
 def _step(name: str, numbers: list[str]) -> str:

@@ -1,7 +1,8 @@
 """Read back the flat OpenSCAD that `openscad.py` writes, so that the delivered file itself can be measured.
 
 Parameters, ``name = sum;``, then one statement per primitive: ``translate([..]) rotate([..]) SHAPE``, any of the two optional, inside
-nested union, difference and intersection blocks. Numbers may be sums and products of parameters.
+nested union, difference and intersection blocks. Numbers may be sums and products of parameters, but for those of outlines, whose
+definition is skipped where it is ours.
 Anything else raises ValueError: this is a check of our own files, not an OpenSCAD interpreter.
 """
 
@@ -10,15 +11,19 @@ from __future__ import annotations
 import ast
 import operator
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from typing import Any
 
+from imdim.export.openscad import OUTLINE
+from imdim.program import fields
+from imdim.program.outline import MOST_CURVES, Loop, Outline, Vertex
 from imdim.program.tree import OPS, Op, Primitive, Program, Vec3, combine_all
 
 _ASSIGNMENT = re.compile(r"([A-Za-z_]\w*) = (.+);")
 _CALLS = re.compile(r"(?:(translate)(\(\[[^\]]*\]\)) )?(?:(rotate)(\(\[[^\]]*\]\)) )?(.+);")
 _TORUS = re.compile(r"rotate_extrude\(\) translate(\(\[[^\]]*\]\)) circle(\(.*\))")
 _ELLIPSOID = re.compile(r"scale(\(\[[^\]]*\]\)) sphere(\(.*\))")
+_SWEPT = re.compile(r"(linear_extrude|rotate_extrude)(\([^()]*\)) outline\((\[[^()]*\])\)")
 
 _OPERATORS: Mapping[type, Callable[[float, float], float]] = {
     ast.Add: operator.add,
@@ -37,6 +42,8 @@ def read_openscad(text: str, **given: float) -> Program:
     """
     open_blocks: list[tuple[Op, list[Program]]] = [("union", [])]
     values: Values = {}
+    # as many lines as before, so that messages count them as the file does
+    text = text.replace(OUTLINE, "\n" * OUTLINE.count("\n"), 1)
     for number, raw in enumerate(text.splitlines(), start=1):
         line = raw.partition("//")[0].strip()
         assigned = _ASSIGNMENT.fullmatch(line)
@@ -66,15 +73,19 @@ def _primitive(line: str, values: Values, number: int) -> Primitive:
         raise ValueError(f"line {number} is not flat OpenSCAD of ours: {line!r}")
     center, rotation = (_vector(placed[2], values, number), _vector(placed[4], values, number))
     kind, size = _shape(placed[5], values, number)
+    loops = _loops(placed[5], number)
     try:
-        return Primitive(kind, size, center, rotation)
+        return Primitive(kind, size, center, rotation, Outline(loops) if loops else None)
     except ValueError as error:
         raise ValueError(f"line {number}: {error}") from None
 
 
 def _shape(text: str, values: Values, number: int) -> tuple[str, tuple[float, ...]]:
     """Kind and size of the last part of a statement."""
-    torus, ellipsoid = _TORUS.fullmatch(text), _ELLIPSOID.fullmatch(text)
+    torus, ellipsoid, swept = _TORUS.fullmatch(text), _ELLIPSOID.fullmatch(text), _SWEPT.fullmatch(text)
+    if swept is not None:
+        kind, names = _SWEEPS[swept[1]]
+        return kind, _arguments(swept[1] + swept[2], names, values, number)[:1]
     if torus is not None:
         return "torus", (_vector(torus[1], values, number)[0], *_arguments(f"f{torus[2]}", ("r",), values, number))
     if ellipsoid is not None and _arguments(f"f{ellipsoid[2]}", ("r",), values, number) == (1.0,):
@@ -94,6 +105,32 @@ _PLAIN: tuple[tuple[str, str, tuple[str, ...], tuple[int, ...]], ...] = (
     ("cylinder", "cylinder(", ("h", "r", "center"), (1, 0)),
     ("cone", "cylinder(", ("h", "r1", "r2", "center"), (1, 2, 0)),
 )
+
+
+_SWEEPS: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "linear_extrude": ("extrude", ("height", "center")),
+    "rotate_extrude": ("revolve", ("angle",)),
+}
+
+
+def _loops(text: str, number: int) -> tuple[Loop, ...]:
+    """What the last part of a statement is drawn from, nothing for a simple kind."""
+    swept = _SWEPT.fullmatch(text)
+    if swept is None:
+        return ()
+    loops = _elements(_parse(swept[3], number), number, range(1, MOST_CURVES + 1))
+    return tuple(tuple(_vertex(v, number) for v in _elements(loop, number)) for loop in loops)
+
+
+def _vertex(node: ast.AST, number: int) -> Vertex:
+    x, y, *bulge = (_value(entry, {}, number) for entry in _elements(node, number, (2, 3)))
+    return x, y, bulge[0] if bulge else 0.0
+
+
+def _elements(node: ast.AST, number: int, counts: Container[int] = range(2, MOST_CURVES + 1)) -> list[ast.expr]:
+    if not isinstance(node, ast.List) or len(node.elts) not in counts:
+        raise ValueError(f"line {number}: {fields.shorten(ast.unparse(node))!r} is no loop or vertex of ours")
+    return node.elts
 
 
 def _arguments(text: str, names: tuple[str, ...], values: Values, number: int, optional: bool = False) -> Any:

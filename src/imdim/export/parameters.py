@@ -12,11 +12,11 @@ from fractions import Fraction
 
 from imdim.export.elimination import LinearSystem, vector
 from imdim.export.loops import Loop, loop_of
-from imdim.export.numbers import Expression, Term, constants, simple_fraction
+from imdim.export.numbers import Expression, Rounding, Term, constants, simple_fraction
 from imdim.program.constraints import Constraint
 from imdim.program.repeats import Folded, Repeat, repeats
 from imdim.program.roles import labels, signs, size_word, unique
-from imdim.program.tree import Primitive, Program, leaves
+from imdim.program.tree import Primitive, Program, leaves, longest
 
 ZERO = 1e-9
 FAINT = 1e-7  # a coefficient whose term files do not keep
@@ -26,7 +26,8 @@ FAINT = 1e-7  # a coefficient whose term files do not keep
 class Parameters:
     """`values` of the names in the order of the text; for each leaf the expressions of its sizes and of its centre.
 
-    `counts` are the names that say how often parts repeat, `loops` the repeats in the order of `repeats`.
+    `counts` are the names that say how often parts repeat, `loops` the repeats in the order of `repeats`. The names in `angles` are
+    degrees, all others lengths.
     """
 
     values: dict[str, float] = field(default_factory=dict)
@@ -34,6 +35,7 @@ class Parameters:
     centers: tuple[tuple[Expression, ...], ...] = ()
     counts: dict[str, int] = field(default_factory=dict)
     loops: tuple[Loop, ...] = ()
+    angles: frozenset[str] = frozenset()
 
     @staticmethod
     def none(program: Program, folded: Folded | None = None) -> Parameters:
@@ -41,11 +43,12 @@ class Parameters:
         parts = list(leaves(program))
         sizes, centers = tuple(constants(p.size) for p in parts), tuple(constants(p.center) for p in parts)
         bare = Parameters({}, sizes, centers)
-        return bare if folded is None else _add_loops(bare, folded, labels(program), max(max(p.size) for p in parts))[0]
+        return bare if folded is None else _add_loops(bare, folded, labels(program), longest(parts))[0]
 
     def head(self, number: Callable[[float], str], unit: str = "", end: str = "", counted: bool = True) -> list[str]:
-        """``name = value`` for each name, those of counts only where these are `counted`; an empty line below them if there are any."""
-        lines = [f"{name} = {number(value)}{unit}{end}" for name, value in self.values.items()]
+        """``name = value`` for each name, `number` writing lengths, those of counts only where these are `counted`; an empty line below."""
+        texts = {name: Rounding.angle(value) if name in self.angles else number(value) + unit for name, value in self.values.items()}
+        lines = [f"{name} = {text}{end}" for name, text in texts.items()]
         lines += [f"{name} = {count}{end}" for name, count in self.counts.items()] if counted else []
         return [*lines, ""] if lines else []
 
@@ -69,7 +72,7 @@ def parametrise(
         )
         if folded is None:
             return named
-        looped, broken = _add_loops(named, folded, labels(program, constraints), max(max(p.size) for p in leaves(delivered)))
+        looped, broken = _add_loops(named, folded, labels(program, constraints), longest(leaves(delivered)))
         if not broken:
             return looped
         if broken <= fixed:
@@ -129,6 +132,7 @@ def _express_numbers(system: LinearSystem, program: Program, constraints: Sequen
         {name: float(system.start[v]) for v, name in names.items()},
         tuple(tuple(built[6 * i + c] for c in range(len(p.size))) for i, p in enumerate(parts)),
         tuple(tuple(built[6 * i + 3 + c] for c in range(3)) for i in range(len(parts))),
+        angles=frozenset(name for v, name in names.items() if v < system.extra and v % 6 == 0 and parts[v // 6].kind == "revolve"),
     )
 
 

@@ -82,7 +82,9 @@ def _add_circle(system: LinearSystem, repeat: Repeat, first: int, own: int, part
 
 def _hubs(parts: Sequence[Primitive], first: int, count: int) -> Iterator[int]:
     """Leaves that a circle may be centred on: the body, and round ones."""
-    yield from (i for i, p in enumerate(parts) if not first <= i < first + count and (i == 0 or p.kind in ("cylinder", "cone", "torus")))
+    yield from (
+        i for i, p in enumerate(parts) if not first <= i < first + count and (i == 0 or p.kind in ("cylinder", "cone", "torus", "revolve"))
+    )
 
 
 def _is_at(p: Primitive, repeat: Repeat, plane: Sequence[int], length: float) -> bool:

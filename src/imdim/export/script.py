@@ -1,7 +1,7 @@
 """A build123d script: the program as Python that a modeller can edit, parameters first, then one line per primitive.
 
 build123d's primitives are centred with their axis along z, as ours are. Rotations are written one axis at a time, since its
-three-angle `Rot` turns about the moved axes and OpenSCAD's about the fixed ones.
+three-angle `Rot` turns about the moved axes and OpenSCAD's about the fixed ones. Outlines are faces of true lines and arcs.
 What repeats has a name, and its copies are a list.
 """
 
@@ -16,7 +16,7 @@ from imdim.export.numbers import Expression, Rounding, plain, write_expression, 
 from imdim.export.parameters import Parameters
 from imdim.program.motions import Motion, move_leaf
 from imdim.program.repeats import Folded, Group, Repeat, starts
-from imdim.program.tree import Op, Primitive, Program
+from imdim.program.tree import Op, Primitive, Program, leaves
 
 _SHAPE: Mapping[str, Callable[..., str]] = {
     "box": lambda x, y, z: f"Box({x}, {y}, {z})",
@@ -25,6 +25,8 @@ _SHAPE: Mapping[str, Callable[..., str]] = {
     "cone": lambda bottom, top, h: f"Cone({bottom}, {top}, {h})" if bottom != top else f"Cylinder({bottom}, {h})",
     "torus": lambda major, minor: f"Torus({major}, {minor})",
     "ellipsoid": lambda x, y, z: f"scale(Sphere(1), by=({x}, {y}, {z}))",
+    "extrude": lambda h, *regions: f"extruded({', '.join([h, *regions])})",
+    "revolve": lambda angle, *regions: f"turned({', '.join([angle, *regions])})",
 }
 
 _HEAD = '''"""CSG program as a build123d script: pip install build123d, then run this file to write part.step."""
@@ -38,8 +40,48 @@ from operator import and_
 
 """
 
-_NAMES = ("Box", "Cone", "Cylinder", "Part", "Plane", "Pos", "Rot", "Sphere", "Torus", "export_step", "mirror", "scale")
-_LOOPS = ("Part", "Plane", "mirror")  # what plain scripts do without
+CURVES = '''def curves(loop):
+    """Start, middle and end of each curve of a closed loop; a line, from a vertex [x, y], has no middle.
+
+    From a vertex [x, y, bulge] runs an arc that turns by 4 atan(bulge), counter-clockwise where that is positive.
+    """
+    for (x, y, *bulge), (u, v, *_) in zip(loop, [*loop[1:], loop[0]]):
+        middle = [((x + u + b * (v - y)) / 2, (y + v - b * (u - x)) / 2) for b in bulge]
+        yield (x, y), *middle, (u, v)
+
+
+'''
+
+_FACE = (
+    CURVES
+    + '''def face(outer, *holes):
+    """The area in a loop, without its holes."""
+    area = make_face([Line(*curve) if len(curve) == 2 else ThreePointArc(*curve) for curve in curves(outer)])
+    for hole in holes:
+        area -= face(hole)
+    return area
+
+
+'''
+)
+
+_EXTRUDED = '''def extruded(height, *areas):
+    """Areas, each an outer loop and its holes, from -height / 2 to height / 2 along z."""
+    return Part() + [Pos(0, 0, -height / 2) * extrude(face(*area), height, dir=(0, 0, 1)) for area in areas]
+
+
+'''
+
+_TURNED = '''def turned(angle, *areas):
+    """Areas, each an outer loop and its holes, in the plane of x and z, turned about z."""
+    return Part() + [revolve(Plane.XZ * face(*area), Axis.Z, angle) for area in areas]
+
+
+'''
+
+_HELPERS = {"": _FACE, "extrude": _EXTRUDED, "revolve": _TURNED}
+_RARE = ("Axis", "Line", "Part", "Plane", "ThreePointArc", "extrude", "make_face", "mirror", "revolve")  # what plain scripts do without
+_NAMES = sorted((*_RARE, "Box", "Cone", "Cylinder", "Pos", "Rot", "Sphere", "Torus", "export_step", "scale"))
 _FRAME = Primitive("box", (1.0, 1.0, 1.0))  # turned and moved, it shows a placement
 
 _TAIL = """)
@@ -57,10 +99,16 @@ def to_script(program: Program, parameters: Parameters | None = None, folded: Fo
     rounding, named = Rounding.of(program), parameters or Parameters.none(program, folded)
     writer = _Script(rounding, named)
     lines = writer.flat(program) if folded is None else writer.lines(folded)
-    body = [*named.head(rounding.size), *writer.parts, "part = (", *("    " + text for text in lines)]
-    used = [n for n in _NAMES if n not in _LOOPS or any(f"{n}(" in text for text in body)]
+    body = [*named.head(rounding.size), *helpers(program, _HELPERS), *writer.parts, "part = (", *("    " + text for text in lines)]
+    used = [n for n in _NAMES if n not in _RARE or any(f"{n}(" in text or f"{n}." in text for text in body)]
     reduces = any("reduce(" in text for text in body)
     return _HEAD.format(standard=_REDUCE if reduces else "", names=", ".join(used)) + "\n".join(body) + "\n" + _TAIL
+
+
+def helpers(program: Program, texts: Mapping[str, str]) -> list[str]:
+    """The definitions that the outlines of a program need: those that all do, and those of their kinds."""
+    kinds = {leaf.kind for leaf in leaves(program) if leaf.outline is not None}
+    return [text.rstrip("\n") + "\n\n" for kind, text in texts.items() if kinds and (not kind or kind in kinds)]
 
 
 class _Script(Chains):
@@ -69,15 +117,11 @@ class _Script(Chains):
     signs: ClassVar[Mapping[Op, str]] = {"union": "+", "difference": "-", "intersection": "&"}
 
     def _primitive(self, leaf: Primitive, number: int) -> str:
-        rounding = self._rounding
-        place = [write_expression(c, rounding.length) for c in self._named.centers[number]]
+        place = self._center(number)
         steps = [f"Pos({', '.join(place)})"] if any(c != "0" for c in place) else []
-        for axis in (2, 1, 0):
-            angle = rounding.angle(leaf.rotation[axis])
-            if angle != "0":
-                steps.append(f"Rot({', '.join(angle if a == axis else '0' for a in range(3))})")
-        texts = [write_expression(s, rounding.length if s.terms else rounding.size) for s in self._named.sizes[number]]
-        return " * ".join([*steps, _SHAPE[leaf.kind](*texts)])
+        for axis, angle in reversed(list(self._turns(leaf.rotation))):
+            steps.append(f"Rot({', '.join(angle if a == axis else '0' for a in range(3))})")
+        return " * ".join([*steps, _SHAPE[leaf.kind](*self._arguments(leaf, number))])
 
     def _repeat(self, repeat: Repeat, first: int) -> list[str]:
         # a list alone is no part

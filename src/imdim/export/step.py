@@ -1,11 +1,13 @@
 """STEP with analytic faces through OpenCASCADE, the optional extra `step`.
 
-Planes, cylinders, cones, spheres and tori stay what they are; only an ellipsoid becomes a NURBS surface. Lengths are written as mm.
+Planes, cylinders, cones, spheres and tori stay what they are, the walls of outlines among them; only an ellipsoid becomes a NURBS surface.
+Lengths are written as mm.
 """
 
 from __future__ import annotations
 
 import importlib
+import math
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -15,7 +17,8 @@ import numpy as np
 
 from imdim.geometry.solid import exact_rotation, volume
 from imdim.program.nary import fold_nary
-from imdim.program.tree import Op, Primitive, Program, leaves
+from imdim.program.outline import Curve, Loop, arc_center, arc_radius, circle_of, loop_curves, regions
+from imdim.program.tree import FULL_TURN, Op, Primitive, Program, Vec3, leaves, longest
 
 # OpenCASCADE takes points closer than 1e-7 for one, so a part needs to be a good deal larger
 SMALLEST_SIZE = 1e-4
@@ -76,7 +79,7 @@ def shape_volume(shape: Any, error: float = INTEGRATION_ERROR) -> float:
 def to_shape(program: Program) -> Any:
     """The program as a valid TopoDS_Shape; raises StepError when OpenCASCADE is not installed or fails."""
     _check_installed()
-    largest = max(max(leaf.size) for leaf in leaves(program))
+    largest = longest(leaves(program))
     if largest < SMALLEST_SIZE:
         raise StepError(f"STEP needs a part larger than {SMALLEST_SIZE:g}, its largest size is {largest:g}")
     combine: Mapping[Op, Callable[[list[Any]], Any]] = {
@@ -156,7 +159,65 @@ def _place(leaf: Primitive) -> Any:
     placement = _ocp("gp").gp_Trsf()
     matrix = np.column_stack([exact_rotation(leaf), leaf.center])
     placement.SetValues(*(float(v) for v in matrix.ravel()))
-    return _ocp("BRepBuilderAPI").BRepBuilderAPI_Transform(_local(leaf.kind, leaf.size), placement, True).Shape()
+    return _ocp("BRepBuilderAPI").BRepBuilderAPI_Transform(_unplaced(leaf), placement, True).Shape()
+
+
+def _unplaced(leaf: Primitive) -> Any:
+    if leaf.outline is None:
+        return _local(leaf.kind, leaf.size)
+    sweep = _extruded if leaf.kind == "extrude" else _turned
+    swept = [sweep(region, leaf.size[0]) for region in regions(leaf.outline)]
+    return _boolean("Fuse", swept[:1], swept[1:]) if len(swept) > 1 else swept[0]
+
+
+def _extruded(region: tuple[Loop, ...], height: float) -> Any:
+    face = _face(region, lambda x, y: (x, y, -height / 2), (0.0, 0.0, 1.0))
+    return _ocp("BRepPrimAPI").BRepPrimAPI_MakePrism(face, _ocp("gp").gp_Vec(0.0, 0.0, height)).Shape()
+
+
+def _turned(region: tuple[Loop, ...], angle: float) -> Any:
+    make, gp = _ocp("BRepPrimAPI").BRepPrimAPI_MakeRevol, _ocp("gp")
+    face = _face(region, lambda x, z: (x, 0.0, z), (0.0, -1.0, 0.0))
+    axis = gp.gp_Ax1(gp.gp_Pnt(0.0, 0.0, 0.0), gp.gp_Dir(0.0, 0.0, 1.0))
+    return (make(face, axis) if angle == FULL_TURN else make(face, axis, math.radians(angle))).Shape()
+
+
+def _face(region: tuple[Loop, ...], place: Callable[[float, float], Vec3], normal: Vec3) -> Any:
+    """The plane face in an outer loop, without its holes; `place` puts a point of the outline into the plane across `normal`."""
+    api, gp = _ocp("BRepBuilderAPI"), _ocp("gp")
+    plane = gp.gp_Pln(gp.gp_Pnt(*place(0.0, 0.0)), gp.gp_Dir(*normal))
+    wires = [_wire(loop, place, normal) for loop in region]
+    made = api.BRepBuilderAPI_MakeFace(plane, wires[0], True)
+    for hole in wires[1:]:
+        made.Add(hole)
+    return made.Face()
+
+
+def _wire(loop: Loop, place: Callable[[float, float], Vec3], normal: Vec3) -> Any:
+    api, gp = _ocp("BRepBuilderAPI"), _ocp("gp")
+    round_one = circle_of(loop)
+    if round_one is not None:
+        x, y, radius = round_one
+        turn = 1.0 if loop[0][2] > 0 else -1.0
+        circle = gp.gp_Circ(gp.gp_Ax2(gp.gp_Pnt(*place(x, y)), gp.gp_Dir(*(turn * n for n in normal))), radius)
+        return api.BRepBuilderAPI_MakeWire(api.BRepBuilderAPI_MakeEdge(circle).Edge()).Wire()
+    corners = [api.BRepBuilderAPI_MakeVertex(gp.gp_Pnt(*place(x, y))).Vertex() for x, y, _ in loop]
+    wire = api.BRepBuilderAPI_MakeWire()
+    for curve, start, end in zip(loop_curves(loop), corners, [*corners[1:], corners[0]], strict=True):
+        wire.Add(api.BRepBuilderAPI_MakeEdge(_carrier(curve, place, normal), start, end).Edge())
+    return wire.Wire()
+
+
+def _carrier(curve: Curve, place: Callable[[float, float], Vec3], normal: Vec3) -> Any:
+    """The line or circle that a curve is a piece of, which runs as the curve does."""
+    gp = _ocp("gp")
+    x, y, u, v, bulge = curve
+    start, end = np.array(place(x, y)), np.array(place(u, v))
+    if not bulge:
+        return gp.gp_Lin(gp.gp_Pnt(*map(float, start)), gp.gp_Dir(*map(float, end - start)))
+    turn = 1.0 if bulge > 0 else -1.0
+    frame = gp.gp_Ax2(gp.gp_Pnt(*place(*arc_center(curve))), gp.gp_Dir(*(turn * n for n in normal)))
+    return gp.gp_Circ(frame, arc_radius(curve))
 
 
 def _local(kind: str, size: tuple[float, ...]) -> Any:

@@ -13,7 +13,7 @@ import numpy as np
 
 from imdim.geometry.lowering import Lowered, lower
 from imdim.program.roles import signs
-from imdim.program.tree import Primitive, Program, leaves
+from imdim.program.tree import Primitive, Program, envelope, leaves, longest
 
 ALIGNED = 1e-7  # how far a direction may be off the world's axes
 TOUCH = 1e-9  # of the largest size
@@ -34,7 +34,7 @@ def overhangs(program: Program) -> Iterator[tuple[End, End]]:
     parts, numbers, sign = list(leaves(program)), lower(program), signs(program)
     ends = [e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers)]
     boxes = [_reach(p, numbers.rotations[i]) for i, p in enumerate(parts)]
-    slack = TOUCH * max(max(p.size) for p in parts)
+    slack = TOUCH * longest(parts)
     for cutter in (e for e in ends if sign[e.leaf] < 0):
         place = cutter.side * _place(cutter, parts)
         passed = [
@@ -49,7 +49,7 @@ def overhangs(program: Program) -> Iterator[tuple[End, End]]:
 
 def ends_of(leaf: int, p: Primitive, numbers: Lowered) -> Iterator[End]:
     """The plane faces of a leaf that look along the world's axes."""
-    for axis in {"box": (0, 1, 2), "cylinder": (2,), "cone": (2,)}.get(p.kind, ()):
+    for axis in {"box": (0, 1, 2), "cylinder": (2,), "cone": (2,), "extrude": (2,)}.get(p.kind, ()):
         direction = numbers.rotations[leaf][:, axis]
         along = world_axis(direction)
         if along is not None:
@@ -70,6 +70,7 @@ def _place(end: End, parts: list[Primitive]) -> float:
 
 def _reach(p: Primitive, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Low and high corner [3] of a box around a leaf."""
+    p = envelope(p)
     radius = sum(p.size) if p.kind == "torus" else max(p.size)
     half = [radius] * 3
     if p.kind == "box":

@@ -7,7 +7,7 @@ one axis at a time, since the order of its three-angle form is not documented, `
 Copies are written by argument multiplicity: an argument that is an array makes a copy for each value (language book, "Multiplicity",
 "Range Arrays", both ends of which belong to the range, and "Array Operators"); several arrays make every combination, and together make
 their union. Mirror images, steps or turns that are not along one axis each, and copies that are intersected have no such form and are
-written copy by copy.
+written copy by copy. Outlines cannot be said: of areas the library has circles, rectangles, regular polygons and sectors alone.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from imdim.export.loops import Loop
 from imdim.export.numbers import Expression, Rounding, to_fixed_point, write_expression
 from imdim.export.parameters import Parameters
 from imdim.program.repeats import Folded, Repeat, expand, repeats
-from imdim.program.tree import Op, Primitive, Program
+from imdim.program.tree import Op, Primitive, Program, leaves
 
 _HEAD = """// µcad 0.5
 // A CSG program; `microcad export program.ucad` writes a mesh of it.
@@ -35,8 +35,10 @@ use std::ops::*;
 def to_ucad(program: Program, parameters: Parameters | None = None, folded: Folded | None = None) -> str:
     """µcad text of `program`, whose units are taken for mm; numbers follow `parameters` if given.
 
-    `folded`, which `program` is the expansion of, gives it repeats.
+    `folded`, which `program` is the expansion of, gives it repeats. Raises ValueError for a program with outlines.
     """
+    if any(leaf.outline for leaf in leaves(program)):
+        raise ValueError("µcad has no polygons, so that outlines cannot be written")
     rounding, named = Rounding.of(program), parameters or Parameters.none(program, folded)
     writer = _Ucad(rounding, named)
     lines = writer.flat(program) if folded is None else writer.lines(folded)

@@ -6,6 +6,7 @@ volume and a sphere 0.3 %.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -15,7 +16,7 @@ from manifold3d import CrossSection, Error, FillRule, Manifold, Mesh64, OpType
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.program.nary import fold_nary
 from imdim.program.outline import Outline, flatten_loop
-from imdim.program.tree import Op, Primitive, Program
+from imdim.program.tree import FULL_TURN, Op, Primitive, Program
 
 SEGMENTS = 96
 
@@ -48,7 +49,9 @@ def _sweep(primitive: Primitive, outline: Outline, segments: int) -> Manifold:
     section = CrossSection([flatten_loop(loop, segments) for loop in outline.loops], FillRule.EvenOdd)
     if primitive.kind == "extrude":
         return section.extrude(primitive.size[0]).translate((0.0, 0.0, -primitive.size[0] / 2))
-    return section.revolve(segments, primitive.size[0])
+    # manifold3d takes all of these for the part of the turn, OpenSCAD its share of them
+    divisions = max(3, math.floor(segments * primitive.size[0] / FULL_TURN + 1e-9))
+    return section.revolve(divisions, primitive.size[0])
 
 
 def to_manifold(program: Program, segments: int = SEGMENTS) -> Manifold:

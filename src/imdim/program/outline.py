@@ -165,6 +165,16 @@ def orient_loops(loops: Sequence[Loop]) -> tuple[Loop, ...]:
     )
 
 
+def regions(outline: Outline) -> list[tuple[Loop, ...]]:
+    """The separate areas of an outline: each its outer loop, counter-clockwise, and behind it its holes, clockwise."""
+    oriented = sorted(orient_loops(outline.loops), key=lambda loop: abs(loop_area(loop)))
+    outer = [[loop] for loop in oriented if loop_area(loop) > 0]
+    for hole in (loop for loop in oriented if loop_area(loop) < 0):
+        # the smallest outer loop that holds a hole is the one around it
+        next((area for area in outer if is_in_loop(area[0], *hole[0][:2])), outer[-1]).append(hole)
+    return [tuple(area) for area in reversed(outer)]
+
+
 def _nesting(loops: Sequence[Loop]) -> list[int]:
     """1 for outer loops and islands, -1 for holes: by how many other loops hold a vertex."""
     depth = [sum(is_in_loop(other, *loop[0][:2]) for other in loops if other is not loop) for loop in loops]

@@ -10,7 +10,7 @@ A primitive sits in its local frame, centred at the origin with its axis along l
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeVar
 
@@ -172,6 +172,11 @@ def envelope(leaf: Primitive) -> Primitive:
     if leaf.kind == "extrude":
         return Primitive("box", (across, reach, leaf.size[0]), leaf.center, leaf.rotation)
     return Primitive("cylinder", (across / 2, reach), leaf.center, leaf.rotation)
+
+
+def longest(parts: Iterable[Primitive]) -> float:
+    """The largest length of some leaves: a size, or what an outlined leaf measures along or across its frame."""
+    return max(max(envelope(leaf).size) for leaf in parts)
 
 
 def map_leaves(program: Program, change: Callable[[int, Primitive], Primitive]) -> Program:

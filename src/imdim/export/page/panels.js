@@ -73,10 +73,33 @@ function primitiveFacts(leaf, node) {
   const turned = leaf.rotation.some((angle) => angle !== 0);
   const copies = node.all.length > 1 ? `, one of ${node.all.length} copies` : "";
   return [
-    element("p", {}, `${leaf.kind} #${node.first}, ${ROLE_WORDS[leaf.role]}${copies}`),
+    element("p", {}, `${leaf.kind}${drawnText(leaf)} #${node.first}, ${ROLE_WORDS[leaf.role]}${copies}`),
+    leaf.outline ? outlineSketch(leaf.outline) : null,
     table([...leaf.sizes.map(row), ...leaf.center.map(row)], ["number", "value", "follows"]),
     turned ? element("p", {}, `turned by ${leaf.rotation.map(shortNumber).join(", ")} degrees about x, y, z`) : null,
   ].filter(Boolean);
+}
+
+const drawnText = (leaf) => (leaf.outline ? ` of ${leaf.outline.curves} curves` : "");
+
+/** An outline with its length and height, and the radii of its arcs below. */
+function outlineSketch({ low, high, radii, path }) {
+  const [width, height] = [high[0] - low[0], high[1] - low[1]];
+  const size = Math.max(width, height);
+  const [room, unit] = [0.16 * size, size / 26];
+  const box = [low[0] - room, -high[1] - room / 2, width + 1.5 * room, height + 1.5 * room];
+  const text = (x, y, value, turn) =>
+    svg("text", { x, y, "font-size": unit, "text-anchor": "middle", ...(turn ? { transform: `rotate(-90 ${x} ${y})` } : {}) }, shortNumber(value));
+  const [right, below] = [(low[0] + high[0]) / 2, -(low[1] + high[1]) / 2];
+  const drawing = svg(
+    "svg",
+    { viewBox: box.join(" "), class: "outline", role: "img", "aria-label": `outline, ${shortNumber(width)} by ${shortNumber(height)}` },
+    svg("path", { d: path, transform: "scale(1 -1)", "fill-rule": "evenodd", "stroke-width": size / 150 }),
+    text(right, -low[1] + room / 2, width),
+    text(low[0] - room / 2, below, height, true),
+  );
+  const shown = radii.slice(0, 8).map(shortNumber).join(", ") + (radii.length > 8 ? ` and ${radii.length - 8} more` : "");
+  return element("figure", {}, drawing, radii.length ? element("figcaption", {}, `radii of arcs: ${shown}`) : null);
 }
 
 function constraintText(c) {

@@ -1,4 +1,4 @@
-// The six primitives as meshes: each is a grid of points that is placed by its matrix and centre.
+// Primitives as meshes: each is a grid of points that is placed by its matrix and centre; outlined ones bring their own surface.
 
 const CLOSED_BOX = [0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4, 2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5];
 
@@ -66,7 +66,7 @@ function stretched(shape, by) {
 
 /** A leaf of the data as a drawable mesh in the frame of the page. */
 function leafMesh(leaf, box, n) {
-  const local = shapeOf(leaf.kind, leaf.sizes.map((size) => size.value), n);
+  const local = leaf.surface || shapeOf(leaf.kind, leaf.sizes.map((size) => size.value), n);
   const middle = scale(add(box.low, box.high), 0.5);
   const offset = sub(leaf.center.map((c) => c.value), middle);
   const m = leaf.matrix;

@@ -19,6 +19,7 @@ FORMATS: Mapping[str, str] = {
     "OpenSCAD": "program.scad",
     "STEP": "program.step",
     "build123d": "program.py",
+    "CadQuery": "program.cq.py",
     "STL": "mesh.stl",
     "GLB": "mesh.glb",
     "3MF": "mesh.3mf",
