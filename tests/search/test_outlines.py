@@ -67,23 +67,28 @@ def _is_in(outline, point):
     return sum(is_in_loop(loop, *point) for loop in outline.loops) % 2 == 1
 
 
-@pytest.mark.parametrize("seed", range(10))
-def test_the_best_region_is_as_good_as_the_best_of_all(seed):
+def test_the_best_region_is_nearly_as_good_as_the_best_of_all():
+    """Repeated cuts are no exact minimum of a cooperative cut: they reach it in most cases."""
+    shares = [_share_of_best(seed, 0.05) for seed in range(24)]
+    assert np.mean(shares) > 0.95
+    assert np.mean([share > 1 - 1e-9 for share in shares]) > 0.7
+
+
+def _share_of_best(seed, price):
+    """What the region that is found wins, of what the best of all regions of a small plane wins."""
     rng = np.random.default_rng(seed)
     found = plane(rng, 3, 1)
     assert found.faces <= 14
-    gains, price = rng.normal(0, 1, found.faces), 0.3
+    gains = rng.normal(0, 1, found.faces)
 
     def value(inside):
         return gains[inside].sum() - price * count_curves(found, inside)
 
-    best = max(value(np.array(bits, bool)) for bits in product((False, True), repeat=found.faces))
     region = best_region(found, gains, price)
-    assert region is not None
     assert region.gain == pytest.approx(gains[region.inside].sum())
-    # repeated cuts are no exact minimum of a cooperative cut: they reach it in most cases and come near in all
-    assert value(region.inside) >= 0.8 * best
+    assert region.curves == count_curves(found, region.inside)
     check_crossings(Outline(trace_loops(found, region.inside)))
+    return value(region.inside) / max(value(np.array(bits, bool)) for bits in product((False, True), repeat=found.faces))
 
 
 def test_what_wins_nothing_has_no_region():
