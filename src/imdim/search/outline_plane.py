@@ -21,7 +21,7 @@ from imdim.search.cells import Cells
 
 TANGENT, MOST = 3e-4, 8e-4  # of the unit frame: by how much a wall that is meant to touch a circle may miss it, at least and at most
 SAGITTA = 0.012  # of the radius, between these: the circle is drawn through the corners of facets
-SAME_NODE = 4e-4  # of the unit frame, within which crossings are one
+SAME_NODE, BEYOND = 6e-4, 1e-3  # of the unit frame: within which crossings are one, and where pieces are told apart that leave one
 ARC_CORNERS = 9  # of an arc where it stands for a polygon
 ASIDE = 1.5e-4  # of the unit frame, from a segment to the points that tell its faces
 WINDOW = -1  # the wall of segments on the edge of what is searched
@@ -173,31 +173,43 @@ def _lines(walls: Walls) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _crossings(walls: Walls) -> Iterator[tuple[int, int, np.ndarray]]:
-    """(wall, wall, point [2]) of all crossings and touches."""
-    normals, offsets = _lines(walls)
-    count = len(offsets)
+    """(wall, wall, point [2]) of all crossings and touches; the window's edges stand between the lines and the circles."""
+    count = len(walls.offsets) + 4 + len(walls.radii)
     for i in range(count):
         for j in range(i + 1, count):
-            det = normals[i, 0] * normals[j, 1] - normals[i, 1] * normals[j, 0]
-            if abs(det) > 1e-4:
-                x = (offsets[i] * normals[j, 1] - offsets[j] * normals[i, 1]) / det
-                yield i, j, np.array([x, (normals[i, 0] * offsets[j] - normals[j, 0] * offsets[i]) / det])
-    for c, (center, radius) in enumerate(zip(walls.centers, walls.radii, strict=True)):
-        for i in range(count):
-            gap = offsets[i] - normals[i] @ center
-            along = np.array([normals[i, 1], -normals[i, 0]])
-            for half in _halves(radius, abs(gap)):
-                yield i, _circle(walls, c), center + gap * normals[i] + half * along
-        for d in range(c):
-            yield from ((_circle(walls, c), _circle(walls, d), p) for p in _circle_crossings(walls, c, d))
+            yield from ((i, j, point) for point in _cross(walls, i, j))
+
+
+def cross_walls(walls: Walls, a: int, b: int) -> list[np.ndarray]:
+    """Where two walls of segments cross or touch, points [2]."""
+    lines = len(walls.offsets)
+    places = [wall + 4 if wall >= lines else wall if wall >= 0 else lines + WINDOW - wall for wall in (a, b)]
+    return _cross(walls, min(places), max(places))
+
+
+def _cross(walls: Walls, i: int, j: int) -> list[np.ndarray]:
+    normals, offsets = _lines(walls)
+    lines = len(offsets)
+    if i >= lines:
+        return _circle_crossings(walls, i - lines, j - lines)
+    if j < lines:
+        det = normals[i, 0] * normals[j, 1] - normals[i, 1] * normals[j, 0]
+        if abs(det) <= 1e-4:
+            return []
+        x = (offsets[i] * normals[j, 1] - offsets[j] * normals[i, 1]) / det
+        return [np.array([x, (normals[i, 0] * offsets[j] - normals[j, 0] * offsets[i]) / det])]
+    center, radius = walls.centers[j - lines], walls.radii[j - lines]
+    gap = offsets[i] - normals[i] @ center
+    along = np.array([normals[i, 1], -normals[i, 0]])
+    return [center + gap * normals[i] + half * along for half in _halves(radius, abs(gap))]
 
 
 def _halves(radius: float, gap: float) -> tuple[float, ...]:
     """Half chords with their signs; one of no length where the circle is touched."""
-    if abs(gap - radius) <= _slack(radius):
-        return (0.0,)
-    half = float(np.sqrt(max(radius * radius - gap * gap, 0.0)))
-    return (-half, half) if gap < radius else ()
+    if gap >= radius:
+        return (0.0,) if gap - radius <= _slack(radius) else ()
+    half = float(np.sqrt(radius * radius - gap * gap))
+    return (-half, half)
 
 
 def _slack(radius: float) -> float:
@@ -212,8 +224,8 @@ def _circle_crossings(walls: Walls, c: int, d: int) -> list[np.ndarray]:
     if apart < 1e-9 or apart > r + s + slack or apart < abs(r - s) - slack:
         return []
     along = (q - p) / apart
-    if min(abs(apart - r - s), abs(apart - abs(r - s))) <= slack:
-        return [p + (r if apart > abs(r - s) + slack or r > s else -r) * along]
+    if apart >= r + s or apart <= abs(r - s):
+        return [p + (r if apart >= r + s or r > s else -r) * along]
     reach = (apart * apart + r * r - s * s) / (2 * apart)
     half = np.sqrt(max(r * r - reach * reach, 0.0)) * np.array([-along[1], along[0]])
     return [p + reach * along + half, p + reach * along - half]
@@ -272,13 +284,12 @@ def _look_beside(walls: Walls, nodes: np.ndarray, pieces: Sequence[_Piece]) -> t
 def _rings(walls: Walls, nodes: np.ndarray, pieces: Sequence[_Piece], length: np.ndarray) -> np.ndarray:
     """The ring [2 s] to which each piece belongs, passed forwards (2 i) and backwards (2 i + 1), with what it bounds on the left.
 
-    At its end a ring goes on along the piece that comes next clockwise. Which way a piece leaves a node is looked at as far from it as all
-    pieces there reach: near merged crossings tangents would be in the wrong order.
+    At its end a ring goes on along the piece that comes next clockwise. Which way a piece leaves a node is looked at a little away from
+    it: tangents are in the wrong order where several crossings are one node.
     """
     starts = np.array([piece[1][0 if forwards else 1] for piece in pieces for forwards in (True, False)])
-    reach = np.full(len(nodes), np.inf)
-    np.minimum.at(reach, starts, np.repeat(length / 2, 2))
-    ahead = np.array([_walk(walls, piece, float(reach[piece[1][i]]), not i) for piece in pieces for i in (0, 1)]) - nodes[starts]
+    reach = np.minimum(BEYOND, length / 2).tolist()
+    ahead = np.array([_walk(walls, piece, r, not i) for piece, r in zip(pieces, reach, strict=True) for i in (0, 1)]) - nodes[starts]
     order = np.lexsort((np.arctan2(ahead[:, 1], ahead[:, 0]), starts))
     new = np.append(True, np.diff(starts[order]) != 0)
     before = np.arange(len(order)) - 1
@@ -345,7 +356,8 @@ def _faces(ring: np.ndarray, codes: np.ndarray, kept: np.ndarray, polygons: _Pol
         if kept[m[0]] and face_of[r] == OUTSIDE:
             alike = np.flatnonzero(own == codes[m[0]])
             holding = [f for f in alike if _holds(edges[outer[f]], edges[r][:1, 0])[0]]
-            face_of[r] = next(iter(holding), OUTSIDE)
+            # a sliver whose sides lie in the wrong order is part of what is beside it
+            face_of[r] = next(iter(holding), face_of[ring[m[0] ^ 1]])
     return own, [edges[r] for r in outer], face_of
 
 

@@ -17,10 +17,12 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
 from imdim.program.outline import Loop, Vertex, circle, orient_loops
-from imdim.search.outline_plane import OUTSIDE, WINDOW, OutlinePlane, Segments
+from imdim.search.outline_plane import OUTSIDE, SAME_NODE, WINDOW, OutlinePlane, Segments, cross_walls
 
 CUTS = 4  # minimum cuts for one region, at most
+NEAR_NODE = 3 * SAME_NODE
 WIDE = 1.5 * math.pi  # radians, from which an arc is drawn as two
+MOVES = 24  # of whole curves
 FLIPS = 3  # rounds over all faces
 MENDS = 32  # faces, by which a region that touches itself is changed at most
 UNITS = 10**6  # of the gains' sum: flows are whole numbers
@@ -62,7 +64,7 @@ def _tries(plane: OutlinePlane, gains: np.ndarray, price: float, flips: bool) ->
         for _ in range(CUTS):
             if not inside.any():
                 break
-            inside = _flip(plane, inside, gains, price) if flips else inside
+            inside = _move_curves(plane, _flip(plane, inside, gains, price), gains, price) if flips else inside
             yield inside
             before, inside = inside, _cut(plane.segments, gains, price * _share_curves(plane, inside)[1])
             if np.array_equal(inside, before):
@@ -74,6 +76,39 @@ def _flip(plane: OutlinePlane, inside: np.ndarray, gains: np.ndarray, price: flo
     segments, out = plane.segments, np.append(inside, False)
     _flip_faces(segments.wall, segments.nodes, segments.faces, plane.kind == "revolve", out, gains, price)
     return out[:-1]
+
+
+def _move_curves(plane: OutlinePlane, inside: np.ndarray, gains: np.ndarray, price: float) -> np.ndarray:
+    """The region with whole curves moved in or out by the faces beside them, as long as that wins."""
+    segments = plane.segments
+
+    def value(region: np.ndarray) -> float:
+        return float(gains[region].sum()) - price * count_curves(plane, region)
+
+    best = value(inside)
+    for _ in range(MOVES):
+        sides = np.append(inside, False)[segments.faces]
+        bounding = sides[:, 0] != sides[:, 1]
+        # a run goes on where wall, side and node do
+        goes_on = (segments.wall[1:] == segments.wall[:-1]) & (segments.nodes[1:, 0] == segments.nodes[:-1, 1])
+        goes_on &= bounding[1:] & bounding[:-1] & (sides[1:, 0] == sides[:-1, 0])
+        run = np.cumsum(np.append(True, ~goes_on))
+        changed = False
+        runs = np.split(np.flatnonzero(bounding), np.flatnonzero(np.diff(run[bounding])) + 1) if bounding.any() else []
+        for members in runs:
+            for column in (0, 1):
+                beside = segments.faces[members, column]
+                tried = inside.copy()
+                tried[beside[beside >= 0]] = not sides[members[0], column]
+                won = value(tried)
+                if won > best + 1e-12:
+                    inside, best, changed = tried, won, True
+                    break
+            if changed:
+                break
+        if not changed:
+            break
+    return inside
 
 
 def count_curves(plane: OutlinePlane, inside: np.ndarray) -> int:
@@ -231,7 +266,10 @@ def _loop(plane: OutlinePlane, ring: list[tuple[int, bool]]) -> Loop | None:
     if start is None:
         center, radius = plane.walls.centers[wall[0] - lines], plane.walls.radii[wall[0] - lines]
         return circle(float(radius), float(center[0]), float(center[1]))
-    vertices = [vertex for run in _same_wall(ring[start:] + ring[:start], wall[start:] + wall[:start]) for vertex in _vertices(plane, run)]
+    runs = list(_same_wall(ring[start:] + ring[:start], wall[start:] + wall[:start]))
+    corners = [_corner(plane, runs[i - 1], runs[i]) for i in range(len(runs))]
+    ends = [*corners[1:], corners[0]]
+    vertices = [v for run, begin, end in zip(runs, corners, ends, strict=True) for v in _vertices(plane, run, begin, end)]
     return tuple(vertices) if len(vertices) > 2 or any(b for _, _, b in vertices) else None
 
 
@@ -243,17 +281,27 @@ def _same_wall(ring: list[tuple[int, bool]], wall: list[int]) -> Iterator[list[t
             first = i
 
 
-def _vertices(plane: OutlinePlane, run: list[tuple[int, bool]]) -> list[Vertex]:
-    """Where a curve starts, and its bulge; an arc that is nearly a circle is two, since its ends say little of its centre."""
-    segments, (first, forwards) = plane.segments, run[0]
-    x, y = plane.nodes[segments.nodes[first, 0 if forwards else 1]].tolist()
-    at = int(segments.wall[first]) - len(plane.walls.offsets)
+def _corner(plane: OutlinePlane, before: list[tuple[int, bool]], after: list[tuple[int, bool]]) -> np.ndarray:
+    """Where a curve starts [2]: its wall's own crossing with the wall before, which a node shares with others nearby."""
+    segments, (first, forwards) = plane.segments, after[0]
+    node = plane.nodes[segments.nodes[first, 0 if forwards else 1]]
+    exact = cross_walls(plane.walls, int(segments.wall[before[0][0]]), int(segments.wall[first]))
+    near = min(exact, key=lambda p: float(np.linalg.norm(p - node)), default=node)
+    return near if np.linalg.norm(near - node) <= NEAR_NODE else node
+
+
+def _vertices(plane: OutlinePlane, run: list[tuple[int, bool]], begin: np.ndarray, end: np.ndarray) -> list[Vertex]:
+    """A curve from its begin to its end [2], with its bulge; an arc that is nearly a circle is two, since its ends say little of its
+    centre."""
+    (x, y), at = begin.tolist(), int(plane.segments.wall[run[0][0]]) - len(plane.walls.offsets)
     if at < 0:
         return [(x, y, 0.0)]
-    turn = sum(float(segments.length[s]) for s, _ in run) / float(plane.walls.radii[at]) * (1 if forwards else -1)
+    center, radius = plane.walls.centers[at], float(plane.walls.radii[at])
+    about = sum(float(plane.segments.length[s]) for s, _ in run) / radius * (1 if run[0][1] else -1)
+    (ax, ay), (bx, by) = begin - center, end - center
+    turn = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
+    turn += 2 * math.pi * round((about - turn) / (2 * math.pi))
     if abs(turn) < WIDE:
         return [(x, y, math.tan(turn / 4))]
-    center = plane.walls.centers[at]
-    dx, dy = x - center[0], y - center[1]
     cosine, sine, bulge = math.cos(turn / 2), math.sin(turn / 2), math.tan(turn / 8)
-    return [(x, y, bulge), (float(center[0] + cosine * dx - sine * dy), float(center[1] + sine * dx + cosine * dy), bulge)]
+    return [(x, y, bulge), (float(center[0] + cosine * ax - sine * ay), float(center[1] + sine * ax + cosine * ay), bulge)]
