@@ -19,6 +19,7 @@ Curve = tuple[float, float, float, float, float]  # x and y of the start and of 
 
 MOST_CURVES = 2000  # of one outline
 TOUCHING = 1e-9  # of the outline's extent, within which two curves touch
+PARTING = 5e-5  # of it, by which neighbours that are all but tangent may part before they meet again
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,7 +204,10 @@ def flatten_loop(loop: Loop, segments: int) -> list[Point]:
 
 
 def check_crossings(outline: Outline) -> None:
-    """Raise ValueError, a line that names both curves, where two curves cross or touch other than in a common vertex."""
+    """Raise ValueError, a line that names both curves, where two curves cross or touch other than in a common vertex.
+
+    An arc that is all but tangent to its neighbour may cross it again beside their vertex, as long as neither leaves the other by then.
+    """
     extent = max(abs(b - a) for a, b in zip(*outline.bounds, strict=True))
     named = [(i, k, c) for i, loop in enumerate(outline.loops) for k, c in enumerate(loop_curves(loop))]
     boxes = [_box(curve, TOUCHING * extent) for _, _, curve in named]
@@ -211,8 +215,15 @@ def check_crossings(outline: Outline) -> None:
         if boxes[m][0] > boxes[n][1] or boxes[n][0] > boxes[m][1] or boxes[m][2] > boxes[n][3] or boxes[n][2] > boxes[m][3]:
             continue
         shared = {c for c in ((a[0], a[1]), (a[2], a[3])) if c in ((b[0], b[1]), (b[2], b[3]))} if i == j else set()
-        if any(_nearest(p, shared) > TOUCHING * extent for p in meeting_points(a, b, TOUCHING * extent)):
+        if any(_apart(a, b, _nearest(p, shared)) > TOUCHING * extent for p in meeting_points(a, b, TOUCHING * extent)):
             raise ValueError(f"loop {i} curve {k} crosses or touches loop {j} curve {other}")
+
+
+def _apart(a: Curve, b: Curve, away: float) -> float:
+    """How far two curves that leave one vertex and meet again so far `away` part in between, at most."""
+    if away > min(math.dist(c[:2], c[2:4]) for c in (a, b)) / 2:
+        return away
+    return away * away / 8 * sum(1 / arc_radius(c) for c in (a, b) if c[4]) * TOUCHING / PARTING
 
 
 def _nearest(point: Point, others: set[Point]) -> float:

@@ -37,6 +37,7 @@ KINDS: tuple[str, ...] = tuple(SIZE_NAMES)
 OUTLINED = ("extrude", "revolve")  # drawn from an outline
 SIMPLE: tuple[str, ...] = tuple(kind for kind in KINDS if kind not in OUTLINED)  # the six that numbers alone describe
 FULL_TURN = 360.0
+ROUNDING = 1e-12  # of the radius, by which an arc that ends on the axis may seem to cross it
 
 
 def check_size(kind: str, size: tuple[float, ...]) -> None:
@@ -77,8 +78,10 @@ class Primitive:
         check_size(self.kind, self.size)
         if (self.outline is None) == (self.kind in OUTLINED):
             raise ValueError(f"{self.kind} needs {'an' if self.outline is None else 'no'} outline")
-        if self.kind == "revolve" and self.outline is not None and self.outline.bounds[0][0] < 0:
-            raise ValueError(f"revolve needs an outline at x >= 0, got one that crosses its axis to x = {self.outline.bounds[0][0]:g}")
+        if self.kind == "revolve" and self.outline is not None:
+            low, high = self.outline.bounds
+            if low[0] < -ROUNDING * high[0]:
+                raise ValueError(f"revolve needs an outline at x >= 0, got one that crosses its axis to x = {low[0]:g}")
         for name, values in (("center", self.center), ("rotation", self.rotation)):
             if len(values) != 3 or not all(math.isfinite(v) for v in values):
                 raise ValueError(f"{self.kind} needs three finite numbers as {name}, got {values}")

@@ -214,7 +214,7 @@ def _touch_up(run: Run, last: MethodStep) -> Iterator[MethodStep]:
     For a mesh, where the search left something or its program is long; in a cloud the doubts about what is inside outweigh it.
     """
     seen, deadline = run.seen, run.budget.end_of("search")
-    if not (run.settings.evolution and seen.evidence.exact) or has_outlines(last.program):
+    if not (run.settings.evolution and seen.evidence.exact):
         return
     if seen.error(last.program) < TOUCHED and count(last.program).primitives < LONG:
         return
@@ -290,7 +290,7 @@ def _propose(run: Run, starts: list[Program]) -> MethodStep:
 
 
 def has_outlines(program: Program) -> bool:
-    """Whether there are outlines among the leaves: of those, proofs and evolution know nothing."""
+    """Whether there are outlines among the leaves, of which proofs know nothing."""
     return any(leaf.outline for leaf in leaves(program))
 
 

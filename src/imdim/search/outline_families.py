@@ -20,7 +20,7 @@ from imdim.program.tree import FULL_TURN, Primitive
 from imdim.search.arrangement import ORTHOGONAL, Arrangement
 from imdim.search.cells import Cells
 from imdim.search.outline_plane import OutlinePlane, Walls, make_plane
-from imdim.search.outline_region import best_region, count_curves, trace_loops
+from imdim.search.outline_region import best_region, count_curves, draw_outline
 
 PAIRS = 3  # of levels between which the region is looked for, after the most promising
 SAME_AXIS = 4e-4  # of the unit frame, within which two axes are one
@@ -68,8 +68,8 @@ def _turned(arrangement: Arrangement) -> Iterator[OutlinePlane | None]:
     for a, foot, members in _axes(arrangement):
         direction = arrangement.directions[a]
         along = direction.vector
-        frame = _frame_across(along, next(d.vector for d in arrangement.directions if abs(d.vector @ along) < ORTHOGONAL))
-        half = np.stack([frame[:, 0], along, np.cross(frame[:, 0], along)], axis=1)
+        u = _frame_across(along, np.eye(3)[np.argmin(np.abs(along))])[:, 0]
+        half = np.stack([u, along, np.cross(u, along)], axis=1)
         levels = np.flatnonzero(direction.detected).tolist()
         normals, offsets, centers, radii = [(0.0, 1.0)] * len(levels), [float(direction.offsets[k]) for k in levels], [], []
         columns, rounds = [(True, a, k) for k in levels], []
@@ -150,6 +150,7 @@ class OutlineCells:
 
     def __init__(self, arrangement: Arrangement, cells: Cells, outlines: Outlines) -> None:
         self.arrangement, self.outlines, self.planes = arrangement, outlines, outlines.planes
+        self._outlines: dict[tuple[int, bytes], Outline] = {}
         self._costs: dict[tuple[int, bytes], float] = {}
         self._faces = [plane.faces_of(cells) for plane in outlines.planes]
         self._slabs = [cells.slabs[:, p.direction] if p.kind == "extrude" else np.zeros(len(cells.points), np.int16) for p in self.planes]
@@ -209,13 +210,18 @@ class OutlineCells:
             known = self._costs[index, faces] = self.outlines.curve_price * max(curves - FREE_CURVES, 0)
         return known
 
+    def _outline(self, index: int, faces: bytes) -> Outline:
+        if (index, faces) not in self._outlines:
+            self._outlines[index, faces] = draw_outline(self.planes[index], self._unpack(index, faces))
+        return self._outlines[index, faces]
+
     def _unpack(self, index: int, faces: bytes) -> np.ndarray:
         return np.unpackbits(np.frombuffer(faces, np.uint8), count=self.outlines.planes[index].faces).astype(bool)
 
     def primitive(self, index: int, ranges: Sequence[tuple[int, int]], faces: bytes) -> Primitive:
         """The solid of an outline; a box or cylinder where it is one."""
         plane = self.outlines.planes[index]
-        outline = Outline(trace_loops(plane, self._unpack(index, faces)))
+        outline = self._outline(index, faces)
         (left, low), (right, high) = outline.bounds
         x, y = (left + right) / 2, (low + high) / 2
         if plane.kind == "revolve":

@@ -181,10 +181,15 @@ def _crossings(walls: Walls) -> Iterator[tuple[int, int, np.ndarray]]:
 
 
 def cross_walls(walls: Walls, a: int, b: int) -> list[np.ndarray]:
-    """Where two walls of segments cross or touch, points [2]."""
+    """Where two walls of segments cross or touch, points [2]; walls that are all but tangent touch between their crossings."""
     lines = len(walls.offsets)
     places = [wall + 4 if wall >= lines else wall if wall >= 0 else lines + WINDOW - wall for wall in (a, b)]
-    return _cross(walls, min(places), max(places))
+    points = _cross(walls, min(places), max(places))
+    if len(points) < 2:
+        return points
+    radius = min(float(walls.radii[wall - lines]) for wall in (a, b) if wall >= lines)
+    chord = float(np.linalg.norm(points[0] - points[1]))
+    return [(points[0] + points[1]) / 2] if chord * chord <= 8 * radius * _slack(radius) else points
 
 
 def _cross(walls: Walls, i: int, j: int) -> list[np.ndarray]:

@@ -16,11 +16,12 @@ from numba import njit
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
-from imdim.program.outline import Loop, Vertex, circle, orient_loops
-from imdim.search.outline_plane import OUTSIDE, SAME_NODE, WINDOW, OutlinePlane, Segments, cross_walls
+from imdim.program.outline import Loop, Outline, Vertex, check_crossings, circle, orient_loops
+from imdim.search.outline_plane import OUTSIDE, WINDOW, OutlinePlane, Segments, cross_walls
 
 CUTS = 4  # minimum cuts for one region, at most
-NEAR_NODE = 3 * SAME_NODE
+NO_LENGTH = 1e-6  # of the unit frame: a curve no longer is none
+NEAR_NODE = 0.03  # of the unit frame, within which a tangent point is that of a node
 WIDE = 1.5 * math.pi  # radians, from which an arc is drawn as two
 MOVES = 24  # of whole curves
 FLIPS = 3  # rounds over all faces
@@ -237,8 +238,25 @@ def _pinched(plane: OutlinePlane, inside: np.ndarray) -> int | None:
     return int(np.argmax(times)) if (times > 1).any() else None
 
 
-def trace_loops(plane: OutlinePlane, inside: np.ndarray) -> tuple[Loop, ...]:
-    """The boundary of a region as loops of lines and arcs, outer ones counter-clockwise; raises ValueError where it does not close."""
+def draw_outline(plane: OutlinePlane, inside: np.ndarray) -> Outline:
+    """The outline of a region. Where walls nearly coincide, vertices at their own crossings may make it cross itself: those are then
+    where the nodes are."""
+    for exact in (True, False):
+        try:
+            outline = Outline(trace_loops(plane, inside, exact))
+            check_crossings(outline)
+            return outline
+        except ValueError:
+            if not exact:
+                raise
+    raise AssertionError("one of both has returned or raised")
+
+
+def trace_loops(plane: OutlinePlane, inside: np.ndarray, exact: bool = True) -> tuple[Loop, ...]:
+    """The boundary of a region as loops of lines and arcs, outer ones counter-clockwise; raises ValueError where it does not close.
+
+    Vertices are crossings of their two walls, or without `exact` the nodes that several crossings share.
+    """
     at, nodes = _boundary(plane, inside)
     follows = {int(a): k for k, (a, _) in enumerate(nodes)}
     left, loops = set(range(len(at))), []
@@ -251,13 +269,13 @@ def trace_loops(plane: OutlinePlane, inside: np.ndarray) -> tuple[Loop, ...]:
             k = follows.get(int(nodes[k, 1]), -1)
         if k != ring[0]:
             raise ValueError(f"the boundary of {int(inside.sum())} faces does not close")
-        loop = _loop(plane, [(int(at[i]), int(nodes[i, 0]) == int(plane.segments.nodes[at[i], 0])) for i in ring])
+        loop = _loop(plane, [(int(at[i]), int(nodes[i, 0]) == int(plane.segments.nodes[at[i], 0])) for i in ring], exact)
         if loop is not None:
             loops.append(loop)
     return orient_loops(loops)
 
 
-def _loop(plane: OutlinePlane, ring: list[tuple[int, bool]]) -> Loop | None:
+def _loop(plane: OutlinePlane, ring: list[tuple[int, bool]], exact: bool) -> Loop | None:
     """One loop of (segment, whether it is passed forwards), its pieces of one wall joined; None for what has no area."""
     wall = plane.segments.wall[[s for s, _ in ring]].tolist()
     # start where the wall changes, so that no curve is cut in two
@@ -267,9 +285,11 @@ def _loop(plane: OutlinePlane, ring: list[tuple[int, bool]]) -> Loop | None:
         center, radius = plane.walls.centers[wall[0] - lines], plane.walls.radii[wall[0] - lines]
         return circle(float(radius), float(center[0]), float(center[1]))
     runs = list(_same_wall(ring[start:] + ring[:start], wall[start:] + wall[:start]))
-    corners = [_corner(plane, runs[i - 1], runs[i]) for i in range(len(runs))]
-    ends = [*corners[1:], corners[0]]
-    vertices = [v for run, begin, end in zip(runs, corners, ends, strict=True) for v in _vertices(plane, run, begin, end)]
+    corners = [_corner(plane, runs[i - 1], runs[i], exact) for i in range(len(runs))]
+    passed = [
+        (run, a, b) for run, a, b in zip(runs, corners, [*corners[1:], corners[0]], strict=True) if not np.allclose(a, b, 0, NO_LENGTH)
+    ]
+    vertices = [v for run, begin, end in passed for v in _vertices(plane, run, begin, end)]
     return tuple(vertices) if len(vertices) > 2 or any(b for _, _, b in vertices) else None
 
 
@@ -281,13 +301,16 @@ def _same_wall(ring: list[tuple[int, bool]], wall: list[int]) -> Iterator[list[t
             first = i
 
 
-def _corner(plane: OutlinePlane, before: list[tuple[int, bool]], after: list[tuple[int, bool]]) -> np.ndarray:
+def _corner(plane: OutlinePlane, before: list[tuple[int, bool]], after: list[tuple[int, bool]], exact: bool) -> np.ndarray:
     """Where a curve starts [2]: its wall's own crossing with the wall before, which a node shares with others nearby."""
     segments, (first, forwards) = plane.segments, after[0]
     node = plane.nodes[segments.nodes[first, 0 if forwards else 1]]
-    exact = cross_walls(plane.walls, int(segments.wall[before[0][0]]), int(segments.wall[first]))
-    near = min(exact, key=lambda p: float(np.linalg.norm(p - node)), default=node)
-    return near if np.linalg.norm(near - node) <= NEAR_NODE else node
+    if not exact:
+        return node
+    crossings = cross_walls(plane.walls, int(segments.wall[before[0][0]]), int(segments.wall[first]))
+    near = min(crossings, key=lambda p: float(np.linalg.norm(p - node)), default=node)
+    near = near if np.linalg.norm(near - node) <= NEAR_NODE else node
+    return np.maximum(near, (0.0, -np.inf)) if plane.kind == "revolve" else near
 
 
 def _vertices(plane: OutlinePlane, run: list[tuple[int, bool]], begin: np.ndarray, end: np.ndarray) -> list[Vertex]:
