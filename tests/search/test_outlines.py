@@ -11,7 +11,7 @@ from imdim.program.outline import Outline, check_crossings, circle
 from imdim.program.tree import Combine, Primitive, leaves
 from imdim.reconstruction.config import Settings
 from imdim.reconstruction.pipeline import reconstruct
-from imdim.search.outline_plane import OUTSIDE, Walls, make_plane
+from imdim.search.outline_plane import OUTSIDE, Walls, _unpack, make_plane
 from imdim.search.outline_region import best_region, count_curves, trace_loops
 from imdim.target.target import target_from
 
@@ -55,8 +55,9 @@ def test_a_face_lies_where_its_walls_say(seed):
     sides = found.walls.sides(points)
     clear = (np.abs(points @ found.walls.normals.T - found.walls.offsets) > 2e-3).all(1)
     clear &= (np.abs(np.linalg.norm(points[:, None] - found.walls.centers, axis=2) - found.walls.radii) > 2e-3).all(1)
-    for point, code in zip(points[clear], np.packbits(sides[clear], axis=1), strict=True):
-        faces = np.flatnonzero([bytes(c) == bytes(code) for c in found.codes])
+    own = _unpack(found.codes, sides.shape[1])
+    for point, code in zip(points[clear], sides[clear], strict=True):
+        faces = np.flatnonzero((own == code).all(1))
         held = [f for f in faces if _is_in(Outline(trace_loops(found, np.arange(found.faces) == f)), point)]
         assert len(held) == 1
 

@@ -353,8 +353,9 @@ def _faces(ring: np.ndarray, codes: np.ndarray, kept: np.ndarray, polygons: _Pol
     members = np.split(order, starts[1:])
     edges = [polygons.of(m) for m in members]
     outer = [r for r, m in enumerate(members) if kept[m[0]] and _signed_area(edges[r]) > 0]
-    outer.sort(key=lambda r: codes[members[r][0]].tobytes())
-    own = np.array([codes[members[r][0]] for r in outer], codes.dtype)
+    first = codes[[m[0] for m in members]]
+    outer = [outer[k] for k in np.argsort(first[outer], kind="stable")]
+    own = first[outer]
     face_of = np.full(len(members), OUTSIDE)
     face_of[outer] = np.arange(len(outer))
     for r, m in enumerate(members):
@@ -389,13 +390,14 @@ def _longest(group: np.ndarray, length: np.ndarray) -> np.ndarray:
 
 
 def _pack(sides: np.ndarray) -> np.ndarray:
-    """Rows of flags as one sortable value each."""
-    packed = np.ascontiguousarray(np.packbits(sides, axis=1))
-    return packed.view([("", np.void, packed.shape[1])]).reshape(-1) if packed.shape[1] else np.zeros(len(sides), "V1")
+    """Rows of flags as one sortable value each: a whole number where 64 bits suffice."""
+    packed = np.zeros((len(sides), 8 if sides.shape[1] <= 64 else 16), np.uint8)
+    bits = np.packbits(sides, axis=1)
+    packed[:, : bits.shape[1]] = bits
+    return packed.view(">u8").reshape(-1).astype(np.uint64) if packed.shape[1] == 8 else packed.view([("", np.void, 16)]).reshape(-1)
 
 
 def _unpack(codes: np.ndarray, walls: int) -> np.ndarray:
     """The flags [n, walls] of packed rows, as numbers."""
-    if not walls or not len(codes):
-        return np.zeros((len(codes), walls), np.float32)
-    return np.unpackbits(codes.view(np.uint8).reshape(len(codes), -1), axis=1, count=walls).astype(np.float32)
+    packed = codes.astype(">u8") if codes.dtype == np.uint64 else codes
+    return np.unpackbits(packed.view(np.uint8).reshape(len(codes), codes.itemsize), axis=1, count=walls).astype(np.float32)
