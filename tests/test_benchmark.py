@@ -14,10 +14,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from tests.drawn import BORED
 from tests.stand_ins import log, stand_in_for, wait_for
 
 from imdim.app.batch.engine import run_shipped
 from imdim.app.batch.process import ProcessLimits
+from imdim.export.openscad import to_openscad
+from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.reconstruction.config import Settings
 from imdim.target.scan import Condition, parse_condition, scan
 from imdim.target.target import target_from
@@ -27,7 +30,7 @@ sys.path.insert(0, str(SCRIPTS))  # the scripts import each other by name
 
 import benchmark  # noqa: E402
 from benchmark_part import Row, Task, sample, score  # noqa: E402
-from benchmark_table import summary  # noqa: E402
+from benchmark_table import markdown, summary  # noqa: E402
 
 # stands in for `imdim fit`: delivers a unit cube whatever the part is; what else it does is decided by the part's name
 STAND_IN = """
@@ -254,7 +257,35 @@ def test_what_has_changed_is_done_again_or_refused(make, tmp_path, stand_in, sco
 
 def test_an_independent_scorer_is_asked(tmp_path, scorer):
     (tmp_path / "x.scad").write_text("cube();")
-    assert score(tmp_path / "cube.stl", tmp_path / "x.scad", scorer) == (0.75, 0.02, 3)
+    assert score(tmp_path / "cube.stl", tmp_path / "x.scad", scorer) == (0.75, 0.02, 3, None)
+
+
+def test_features_and_curves_are_shown_where_the_scorer_counts_them(make, tmp_path, stand_in, scorer, capsys):
+    scorer.write_text(scorer.read_text().replace('"iou": 0.75', '"iou": 0.995, "curves": 45'))
+    out = tmp_path / "out"
+    assert benchmark.main([str(make(bad=1, cube=1)), "--out", str(out), "--scorer", str(scorer)], stand_in()) == 0
+    said = capsys.readouterr().out
+    assert "  3 features, 45 curves  " in said
+    assert "| part | IoU | Hausdorff / diagonal | features | curves | reference |" in said
+    assert "| cube | 0.9950 | 0.0200 | 3 | 45 |  |" in said
+    assert "| bad | 0.0000 | inf |  |  |  |" in said
+    assert "- IoU >= 0.99 with at most 12 features: 1 of 2 (50 %)" in said
+    assert table(out)["cube"]["curves"] == "45"
+
+
+def test_few_features_are_twelve_and_only_counted_beside_curves():
+    rows = [Row(str(n), iou=0.995, primitives=n, curves=n) for n in (11, 12, 13)] + [Row("poor", iou=0.98, primitives=1, curves=4)]
+    assert "IoU >= 0.99 with at most 12 features: 2 of 4 (50 %)" in summary(rows, 60.0)
+    assert not [line for line in summary([replace(row, curves=None) for row in rows], 60.0) if "features" in line]
+    assert "features" not in markdown([Row("plain", primitives=3)])
+
+
+def test_this_projects_own_scorer_counts_the_curves_of_outlines(tmp_path):
+    to_trimesh(to_manifold(BORED, 96)).export(tmp_path / "part.stl")
+    (tmp_path / "program.scad").write_text(to_openscad(BORED))
+    judged = score(tmp_path / "part.stl", tmp_path / "program.scad", None)
+    assert judged.iou == pytest.approx(1, abs=1e-3)
+    assert (judged.primitives, judged.curves) == (2, 10)
 
 
 @pytest.mark.parametrize(

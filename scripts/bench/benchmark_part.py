@@ -11,6 +11,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from processor import children_s
@@ -38,7 +39,10 @@ class Task:
 
 @dataclass
 class Row:
-    """One part; `hausdorff` is relative to the target's diagonal, `seconds` are of the fit's whole command."""
+    """One part; `hausdorff` is relative to the target's diagonal, `seconds` are of the fit's whole command.
+
+    `curves` are those of outlines, None where nobody counts them; what they bound is a feature, counted among the `primitives`.
+    """
 
     part: str
     iou: float = 0.0
@@ -50,6 +54,16 @@ class Row:
     search_s: float | None = None
     peak_mib: float = 0.0
     stop: str = ""
+    curves: int | None = None
+
+
+class Judgement(NamedTuple):
+    """What a scorer says of a program: `hausdorff` is relative to the target's diagonal, the counts are None for a mesh."""
+
+    iou: float
+    hausdorff: float
+    primitives: int | None = None
+    curves: int | None = None
 
 
 def main(task: str, source: str, _: str, out: str, *settings: str) -> int:
@@ -80,7 +94,8 @@ def benchmarked(task: Task, part: Path, folder: Path, settings: Sequence[str]) -
     try:
         report = json.loads((folder / "report.json").read_text())
         row.stop, row.search_s = report["stop"], sum(report["timing"]["stages_s"].values())
-        row.iou, row.hausdorff, row.primitives = score(part, folder / "program.scad", Path(task.scorer) if task.scorer else None)
+        judged = score(part, folder / "program.scad", Path(task.scorer) if task.scorer else None)
+        row.iou, row.hausdorff, row.primitives, row.curves = judged
     except (ValueError, KeyError, IndexError, OSError, subprocess.SubprocessError) as problem:
         row.stop = f"FAILED, not scored: {' '.join(str(problem).split())[:200]}"
     return row
@@ -102,22 +117,30 @@ def sample(part: Path, condition: str, out: Path) -> Path:
     return out
 
 
-def score(part: Path, answer: Path, scorer: Path | None) -> tuple[float, float, int | None]:
-    """IoU, Hausdorff distance relative to the target's diagonal, and primitives, None for a mesh. Raises ValueError for no solid."""
+def score(part: Path, answer: Path, scorer: Path | None) -> Judgement:
+    """What the scorer says, where there is none this project's own evaluation. Raises ValueError for no solid."""
     if scorer is None:
-        from imdim.delivery.evaluate import evaluate_file
-        from imdim.target.target import load_target
-
-        scores = evaluate_file(answer, load_target(part))
-        if scores.volume_iou is None:
-            raise ValueError(scores.iou_missing)
-        return scores.volume_iou, max(scores.relative(d).max for d in (scores.to_result, scores.to_target)), scores.primitives
+        return _evaluate(part, answer)
     command = [sys.executable, str(scorer), str(part), str(answer)]
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=SCORING_S)
     found = json.loads(done.stdout.strip().splitlines()[-1])
     if (state := found.get("pred_ok", "NoError")) != "NoError":
         raise ValueError(f"the scorer takes it for no solid ({state})")
-    return found["iou"], found.get("hausdorff", float("inf")) / 1000, found.get("leaves")
+    return Judgement(found["iou"], found.get("hausdorff", float("inf")) / 1000, found.get("leaves"), found.get("curves"))
+
+
+def _evaluate(part: Path, answer: Path) -> Judgement:
+    from imdim.delivery.evaluate import evaluate_file
+    from imdim.export.openscad_reader import read_openscad
+    from imdim.program.cost import count
+    from imdim.target.target import load_target
+
+    scores = evaluate_file(answer, load_target(part))
+    if scores.volume_iou is None:
+        raise ValueError(scores.iou_missing)
+    curves = count(read_openscad(answer.read_text(encoding="utf-8"))).curves if answer.suffix == ".scad" else 0
+    hausdorff = max(scores.relative(d).max for d in (scores.to_result, scores.to_target))
+    return Judgement(scores.volume_iou, hausdorff, scores.primitives, curves or None)
 
 
 if __name__ == "__main__":

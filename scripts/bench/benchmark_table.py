@@ -9,12 +9,17 @@ import statistics
 from collections.abc import Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from benchmark_part import Row
 
 from imdim.app.batch.folder import write_whole
 
+if TYPE_CHECKING:
+    from PIL import Image
+
 FAILED = "FAILED"
+FEW = 12  # features, with which a part is still read at a glance
 
 
 def write_tables(rows: list[Row], title: str, budget: float, out: Path) -> str:
@@ -27,20 +32,22 @@ def write_tables(rows: list[Row], title: str, budget: float, out: Path) -> str:
 
 def line(row: Row) -> str:
     against = "" if row.reference is None else f" (reference {row.reference})"
-    return (
-        f"{row.part:<28} IoU {row.iou:.4f}  {row.primitives} primitives{against}  {row.seconds:.1f} s  {row.peak_mib:.0f} MiB  {row.stop}"
-    )
+    size = f"{row.primitives} primitives{against}" if row.curves is None else f"{row.primitives} features{against}, {row.curves} curves"
+    return f"{row.part:<28} IoU {row.iou:.4f}  {size}  {row.seconds:.1f} s  {row.peak_mib:.0f} MiB  {row.stop}"
 
 
 def markdown(rows: list[Row]) -> str:
-    """The table, one row per part."""
-    head = "| part | IoU | Hausdorff / diagonal | primitives | reference | reference IoU | seconds | peak MiB | stop |"
+    """The table, one row per part; features and curves where curves are counted."""
+    sizes = ("features", "curves") if _are_counted(rows) else ("primitives",)
+    names = ("part", "IoU", "Hausdorff / diagonal", *sizes, "reference", "reference IoU", "seconds", "peak MiB", "stop")
     body = [
-        f"| {r.part} | {r.iou:.4f} | {r.hausdorff:.4f} | {_or(r.primitives)} | {_or(r.reference)} | {_or(r.reference_iou)} "
-        f"| {r.seconds:.1f} | {r.peak_mib:.0f} | {r.stop} |"
+        (
+            *(r.part, f"{r.iou:.4f}", f"{r.hausdorff:.4f}", *map(_or, (r.primitives, r.curves)[: len(sizes)]), _or(r.reference)),
+            *(_or(r.reference_iou), f"{r.seconds:.1f}", f"{r.peak_mib:.0f}", r.stop),
+        )
         for r in rows
     ]
-    return "\n".join([head, "| --- " * 9 + "|", *body])
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in (names, ["---"] * len(names), *body))
 
 
 def summary(rows: list[Row], budget: float) -> list[str]:
@@ -50,6 +57,10 @@ def summary(rows: list[Row], budget: float) -> list[str]:
     short = [r for r in known if _primitives(r) <= (r.reference or 0)]
     lines = [f"{count} parts, {sum(r.stop.startswith('FAILED') for r in rows)} failed"]
     lines += [f"IoU >= {bar}: {_share(sum(r.iou >= bar for r in rows), count)}" for bar in (0.99, 0.98, 0.97)]
+    if _are_counted(rows):
+        lines.append(
+            f"IoU >= 0.99 with at most {FEW} features: {_share(sum(r.iou >= 0.99 and _primitives(r) <= FEW for r in rows), count)}"
+        )
     lines.append(f"mean IoU {statistics.fmean(r.iou for r in rows):.4f}")
     if known:
         lines.append(f"no more primitives than the reference: {_share(len(short), len(known))}")
@@ -66,6 +77,11 @@ def summary(rows: list[Row], budget: float) -> list[str]:
     )
     lines.append(f"peak memory: {max(r.peak_mib for r in rows):.0f} MiB")
     return lines
+
+
+def _are_counted(rows: Sequence[Row]) -> bool:
+    """Whether anybody has counted the curves of outlines."""
+    return any(row.curves is not None for row in rows)
 
 
 def _primitives(row: Row) -> float:
@@ -91,18 +107,24 @@ def csv_text(rows: list[Row]) -> str:
 
 def contact_sheet(pictures: Sequence[Path], out: Path, width: int = 480, columns: int = 3) -> None:
     """All pictures that exist, scaled to `width`, row by row, each under its part's name."""
-    from PIL import Image, ImageDraw
+    from PIL import Image
 
     tiles = []
     for path in filter(Path.is_file, pictures):
         with Image.open(path) as picture:
             tiles.append((path.parent.name, picture.convert("RGB").resize((width, round(width * picture.height / picture.width)))))
-    if not tiles:
-        return
+    if tiles:
+        lay_out(tiles, width, columns).save(out)
+
+
+def lay_out(tiles: Sequence[tuple[str, Image.Image]], width: int, columns: int) -> Image.Image:
+    """One picture of all `tiles`, one at least, each `width` wide and under its name, row by row."""
+    from PIL import Image, ImageDraw
+
     height = max(tile.height for _, tile in tiles) + 16
     sheet = Image.new("RGB", (width * columns, height * -(-len(tiles) // columns)), "white")
     for i, (name, tile) in enumerate(tiles):
         corner = (i % columns * width, i // columns * height)
         ImageDraw.Draw(sheet).text((corner[0] + 4, corner[1] + 2), name, fill="black")
         sheet.paste(tile, (corner[0], corner[1] + 16))
-    sheet.save(out)
+    return sheet

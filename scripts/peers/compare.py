@@ -117,7 +117,7 @@ def compete(entrant: Entrant, part: Path, source: Path, folder: Path, scorer: Pa
     told = json.loads((result / "peer.json").read_text()) if (result / "peer.json").is_file() else {}
     row.note = told.get("note", "")
     try:
-        row.iou, row.hausdorff, leaves = score(part, answer, scorer)
+        row.iou, row.hausdorff, leaves, _ = score(part, answer, scorer)
     except (ValueError, KeyError, IndexError, subprocess.SubprocessError) as error:
         row.failure = f"not scored: {' '.join(str(error).split())[:200]}"
     else:

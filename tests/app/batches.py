@@ -25,7 +25,8 @@ if source.stem == "refused":
     sys.exit("imdim: refused.stl: 0 points")
 time.sleep(PAUSE)
 out.mkdir(parents=True)
-report = {"result": {"primitives": 7}, "stop": "finished", "scores": {"volume_iou": 0.5,
+result = {"primitives": 4, "features": 4, "curves": 45} if source.stem == "drawn" else {"primitives": 7}
+report = {"result": result, "stop": "finished", "scores": {"volume_iou": 0.5,
     "distance_relative_to_diagonal": {"target_to_result": {"mean": 0.25}}}}
 (out / "report.json").write_text(json.dumps(report))
 (out / "preview.png").write_bytes(b"png")

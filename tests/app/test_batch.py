@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -261,3 +262,27 @@ def test_a_real_part_comes_out_of_a_batch(parts, tmp_path):
     assert (row["primitives"], float(row["volume_iou"])) == ("1", pytest.approx(1.0))
     report = json.loads((tmp_path / "out" / "parts" / "box" / "report.json").read_text())
     assert report["settings"]["output"] == "parts/box"
+
+
+def test_curves_have_a_column_where_a_part_has_outlines(parts, tmp_path, stand_in, capsys):
+    make(parts, "a.stl")
+    out = tmp_path / "out"
+    main([str(parts), "-o", str(out)], stand_in())
+    assert "<th>primitives</th><th>volume IoU</th>" in (out / "results.html").read_text()
+    make(parts, "drawn.stl")
+    main([str(parts), "-o", str(out)], stand_in())
+    page = (out / "results.html").read_text()
+    assert "<th>features</th><th>curves</th><th>volume IoU</th>" in page
+    assert re.findall(r'<td class="n">(.*?)</td><td class="n">(.*?)</td><td class="n">0.5000', page) == [("7", ""), ("4", "45")]
+    assert {name: row["curves"] for name, row in rows(out).items()} == {"a.stl": "", "drawn.stl": "45"}
+    said = capsys.readouterr().err
+    assert "a.stl: 7 primitives, IoU 0.5000" in said
+    assert "drawn.stl: 4 features, 45 curves in outlines, IoU 0.5000" in said
+
+
+def test_a_language_that_nobody_speaks_is_one_line(parts, tmp_path, stand_in, capsys):
+    make(parts, "a.stl")
+    assert main([str(parts), "-o", str(tmp_path / "out"), "language=step"], stand_in()) == 2
+    assert capsys.readouterr().err == "imdim: unknown language 'step'; known are csg, cad\n"
+    assert main([str(parts), "-o", str(tmp_path / "out"), "language=cad"], stand_in()) == 0
+    assert json.loads((tmp_path / "out" / "batch.json").read_text())["settings"]["language"] == "cad"

@@ -13,16 +13,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from tests.drawn import BORED
 
 from imdim.app.cli import main as imdim
 from imdim.app.fit import fit, one_line
 from imdim.app.fit import main as run
 from imdim.app.progress import show_progress
+from imdim.geometry.solid import to_manifold, to_trimesh
+from imdim.program.front import Choice
 from imdim.program.tree import Combine, Primitive, Program
-from imdim.reconstruction.config import Settings
+from imdim.reconstruction.config import LANGUAGES, Settings, from_hydra
 
 ROOT = Path(__file__).parents[2]
 BOX = Primitive("box", (1.0, 2.0, 3.0))
+REPORT = {
+    "scores": {"volume_iou": 1.0, "distance_relative_to_diagonal": {"target_to_result": {"mean": 0.0}}},
+    "result": {"primitives": 1},
+    "timing": {"total_s": 0.0},
+    "stop": "finished",
+    "found": {"iou_with_delivered": 1.0},
+}
 
 
 @dataclass(frozen=True)
@@ -67,6 +77,29 @@ def test_the_results_are_written_and_named(part, tmp_path, capsys):
     assert (stages["seeding"], stages["search"]) == pytest.approx((0.25, 1.25))
 
 
+def test_features_and_curves_are_told_where_there_are_outlines(tmp_path, capsys):
+    part = tmp_path / "bracket.stl"
+    to_trimesh(to_manifold(BORED)).export(part)
+
+    def bracket_found(target, settings, rng):
+        yield Snap("search", BOX, 0.5, 0.5)
+        yield Snap("finished", BORED, 0.0, 1.5, "finished", front=(Choice(BOX, 0.5), Choice(BORED, 0.0)))
+
+    out = tmp_path / "out"
+    assert run(lambda: Settings(input=str(part), output=str(out), language="cad"), bracket_found) == 0
+    said = capsys.readouterr()
+    assert "2 features, 10 curves in outlines, volume IoU 1.0000, " in said.out
+    assert " 1 primitive, " in said.err
+    assert " 2 features, 10 curves in outlines, " in said.err
+    assert "primitives" not in said.out + said.err
+    report, front = (json.loads((out / name).read_text()) for name in ("report.json", "front.json"))
+    assert {key: report["result"][key] for key in ("primitives", "features", "curves")} == {"primitives": 2, "features": 2, "curves": 10}
+    assert report["settings"]["language"] == "cad"
+    assert [choice.get("curves") for choice in front["choices"]] == [None, 10]
+    page = (out / "report.html").read_text()
+    assert '"features":2,"curves":10' in page
+
+
 def test_what_was_left_out_is_told_and_written(part, tmp_path, capsys):
     def box_found(target, settings, rng):
         yield Snap("finished", BOX, 0.0, 1.5, "finished", notes=("box body 2: no inside found; left out",))
@@ -101,7 +134,13 @@ def test_an_output_that_cannot_be_written_is_one_line(part, tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
-    [(["budgets=3"], "did you mean budget_s?"), (["seed=x"], "seed"), (["nonsense"], "key=value"), (["segments=2"], "at least 3, got 2")],
+    [
+        (["budgets=3"], "did you mean budget_s?"),
+        (["seed=x"], "seed"),
+        (["nonsense"], "key=value"),
+        (["segments=2"], "at least 3, got 2"),
+        (["language=step"], "unknown language 'step'; known are csg, cad"),
+    ],
 )
 def test_a_bad_setting_is_one_line(part, tmp_path, capsys, arguments, said):
     assert imdim(["fit", str(part), "-o", str(tmp_path / "out"), *arguments]) == 2
@@ -109,6 +148,29 @@ def test_a_bad_setting_is_one_line(part, tmp_path, capsys, arguments, said):
     assert error.count("\n") == 1
     assert said in error
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("given", [[], ["language=cad"]])
+def test_the_language_is_set_like_any_setting(part, tmp_path, monkeypatch, given):
+    seen = []
+
+    def draw(target, settings, rng):
+        seen.append(settings.language)
+        yield Snap("search", BOX, 0.0, 0.0)
+
+    monkeypatch.setattr("imdim.delivery.deliver.deliver", lambda *_, **__: REPORT)
+    monkeypatch.setattr("imdim.reconstruction.pipeline.reconstruct", draw)
+    assert imdim(["fit", str(part), "-o", str(tmp_path / "out"), *given]) == 0
+    assert run(lambda: from_hydra(ROOT / "configs", "infer", [f"input={part}", f"output={tmp_path / 'out'}", *given])) == 0
+    assert seen == ["cad" if given else "csg"] * 2
+
+
+@pytest.mark.parametrize("command", ["fit", "batch"])
+def test_the_help_names_the_languages(command, capsys):
+    with pytest.raises(SystemExit):
+        imdim([command, "--help"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert all(f"language={word}" in said for word in LANGUAGES)
 
 
 def infer(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -120,6 +182,7 @@ def test_the_hydra_entry_refuses_in_one_line_and_leaves_no_trace(tmp_path, monke
     for arguments, said in (
         (["input=missing.stl", "output=out"], "missing.stl: no such file"),
         (["input=a.stl", "ouput=out"], "did you mean output?"),
+        (["input=a.stl", "output=out", "language=step"], "unknown language 'step'; known are csg, cad"),
     ):
         done = infer(*arguments)
         assert (done.returncode, done.stdout) == (2, "")

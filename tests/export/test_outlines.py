@@ -241,7 +241,7 @@ def test_a_delivery_writes_all_files_but_one_and_says_why(tmp_path):
         assert report["volumes"]["program.step"] == pytest.approx(OUTLINED_PARTS["all"][1], rel=1e-6)
     page = (tmp_path / "out" / "report.html").read_text()
     data = json.loads(re.findall(r'<script type="application/json"[^>]*>(.*?)</script>', page, re.DOTALL)[0])
-    assert [leaf["outline"]["curves"] for leaf in data["leaves"]] == [12, 4, 5, 4]
+    assert [leaf["outline"]["curves"] for leaf in data["leaves"]] == [10, 4, 5, 3]
 
 
 def test_the_page_draws_the_outline():

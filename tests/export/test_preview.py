@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from imdim.export.preview import HEADER, PANEL, VIEW, preview, thumbnail
+from imdim.export.preview import HEADER, PANEL, VIEW, preview, side_by_side, thumbnail
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.tree import Combine, Primitive
 from imdim.target.target import Target, target_from
@@ -65,3 +65,15 @@ def test_a_thumbnail_is_the_picture_of_the_result_made_small():
     large = panels(target_from(mesh(STEPPED)), STEPPED, 0.0)[1]
     assert small.shape == (96, 96, 3)
     assert inked(small) / 96**2 == pytest.approx(inked(large) / PANEL**2, rel=0.05)
+
+
+def test_target_and_result_are_drawn_by_one_camera():
+    target = target_from(mesh(BLOCK))
+    same = [np.asarray(picture).min(axis=2) < 250 for picture in side_by_side(target, mesh(BLOCK), 120)]
+    assert same[0].shape == (120, 120)
+    assert (same[0] == same[1]).all()
+    first, second = (np.asarray(picture).min(axis=2) < 250 for picture in side_by_side(target, mesh(STEPPED), 120))
+    assert first.sum() < second.sum()
+    assert not (first & ~second).any(), "the step is all that the result has more"
+    cloud, _ = side_by_side(target_from(np.random.default_rng(0).random((4000, 3))), mesh(BLOCK), 120)
+    assert inked(np.asarray(cloud)) > 500

@@ -9,7 +9,8 @@ from program_samples import random_program
 from imdim.program.codec import Meta
 from imdim.program.codec import from_json as program_from
 from imdim.program.front import Choice, dumps, loads
-from imdim.program.tree import KINDS, leaves
+from imdim.program.outline import Outline, circle
+from imdim.program.tree import KINDS, Combine, Primitive, leaves
 
 META = Meta(center=(1.0, 2.0, 3.0), scale=0.5)
 
@@ -60,3 +61,11 @@ def test_bad_input_is_one_line_with_its_place(text, message):
     with pytest.raises(ValueError, match=message) as caught:
         loads(text)
     assert "\n" not in str(caught.value)
+
+
+def test_features_and_curves_stand_beside_the_primitives_where_there_are_outlines():
+    holed = Outline((((0.0, 0.0, 0.0), (5.0, 0.0, 0.0), (0.0, 5.0, 0.0)), circle(0.5, 1.0, 1.0)))
+    drawn = Combine("union", Primitive("extrude", (1.0,), outline=holed), Primitive("box", (1.0, 1.0, 1.0)))
+    plain, outlined = json.loads(dumps([Choice(drawn.right), Choice(drawn)]))["choices"]
+    assert [*plain] == ["pick", "primitives", "operations", "error", "document"]
+    assert (outlined["primitives"], outlined["features"], outlined["curves"]) == (2, 2, 4)

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import imdim
 from imdim.reconstruction.config import ConfigError, Settings, from_arguments, from_hydra, merge
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -92,3 +94,8 @@ def test_an_empty_word_is_an_empty_word():
     assert from_arguments(["checkpoint=", "seed=3"]) == Settings(seed=3)
     with pytest.raises(ConfigError, match="seed"):
         from_arguments(["seed="])
+
+
+def test_python_refuses_an_unknown_language_too():
+    with pytest.raises(ConfigError, match="unknown language 'step'; known are csg, cad"):
+        imdim.reconstruct(np.random.default_rng(0).random((99, 3)), Settings(language="step"))

@@ -10,6 +10,10 @@ from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 
+SETTINGS = (
+    "any further setting of imdim.reconstruction.config.Settings, such as language=cad, which has extruded and turned outlines"
+    " beside the six primitives (default language=csg: these alone)"
+)
 ABOUT = "A mesh or a point cloud becomes a short, editable CSG program."
 
 
@@ -38,7 +42,7 @@ def fit_parser() -> argparse.ArgumentParser:
     parser.add_argument("-o", "--output", required=True, metavar="FOLDER", help="where the results go")
     parser.add_argument("--budget", type=float, metavar="SECONDS", help="time for the search (default 60)")
     parser.add_argument("--seed", type=int, help="the same seed gives the same program (default 0)")
-    parser.add_argument("settings", nargs="*", metavar="key=value", help="any further setting of imdim.reconstruction.config.Settings")
+    parser.add_argument("settings", nargs="*", metavar="key=value", help=SETTINGS)
     return parser
 
 

@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from imdim.app.progress import show_progress
+from imdim.program.cost import describe_size
 from imdim.reconstruction.config import ConfigError, Settings
 
 if TYPE_CHECKING:
@@ -109,10 +110,10 @@ def _exhaust(snapshots: Iterator[Snapshot], stages: dict[str, float]) -> Snapsho
 def summary(report: Mapping[str, Any], folder: Path) -> str:
     """What was found and where it is, with the picture to open."""
     scores, result = report["scores"], report["result"]
-    count, iou = result["primitives"], scores["volume_iou"]
+    size, iou = describe_size(result["primitives"], result.get("curves")), scores["volume_iou"]
     furthest = scores["distance_relative_to_diagonal"]["target_to_result"]
     fit = f"mean distance {100 * furthest['mean']:.3f} % of the diagonal" if iou is None else f"volume IoU {iou:.4f}"
-    lines = [f"{count} primitive{'' if count == 1 else 's'}, {fit}, {report['timing']['total_s']:.1f} s (stopped: {report['stop']})"]
+    lines = [f"{size}, {fit}, {report['timing']['total_s']:.1f} s (stopped: {report['stop']})"]
     lines += [f"  {report['proof']}"] if report.get("proof") else []
     same = report["found"]["iou_with_delivered"]
     lines += [f"  delivered differs from found: IoU {same:.4f}"] if 1 - same > DIFFERS else []

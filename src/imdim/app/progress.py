@@ -14,11 +14,10 @@ FIRST = "finding surfaces"  # said before there is any program
 
 
 def describe(snapshot: Snapshot, best: float) -> str:
-    """One line: stage, best error so far, primitives."""
-    from imdim.program.tree import leaves
+    """One line: stage, best error so far, how many primitives, or features and curves."""
+    from imdim.program.cost import count
 
-    count = sum(1 for _ in leaves(snapshot.program))
-    return f"{snapshot.stage:<12} error {best:<9.3g} {count} primitive{'' if count == 1 else 's'}"
+    return f"{snapshot.stage:<12} error {best:<9.3g} {count(snapshot.program)}"
 
 
 def show_progress(snapshots: Iterable[Snapshot], budget_s: float, stream: TextIO | None = None) -> Iterator[Snapshot]:

@@ -61,6 +61,7 @@ def report_of(
         "result": {
             "primitives": counts.primitives,
             "operations": counts.operations,
+            **counts.drawn,
             "kinds": {kind: n for kind, n in counts.kinds.items() if n},
             "ops": {op: n for op, n in counts.ops.items() if n},
         },

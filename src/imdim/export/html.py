@@ -81,8 +81,9 @@ def _json(values: Mapping[str, Any]) -> str:
 
 
 def _front(front: Mapping[str, Any]) -> dict[str, Any]:
-    keys = ("pick", "primitives", "operations", "error")
-    return {"picked": front["picked"], "choices": [{key: choice[key] for key in keys} for choice in front["choices"]]}
+    keys = ("pick", "primitives", "operations", "features", "curves", "error")
+    choices = [{key: choice[key] for key in keys if key in choice} for choice in front["choices"]]
+    return {"picked": front["picked"], "choices": choices}
 
 
 def _printable(text: str) -> str:

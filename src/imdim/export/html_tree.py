@@ -58,7 +58,7 @@ def outline_values(outline: Outline) -> dict[str, Any]:
     low, high = outline.bounds
     radii = sorted({_digits(arc_radius(curve)) for curve in outline.curves if curve[4]}, reverse=True)
     path = " ".join(_path(loop) for loop in outline.loops)
-    return {"curves": len(outline.curves), "low": list(map(_digits, low)), "high": list(map(_digits, high)), "radii": radii, "path": path}
+    return {"curves": outline.curve_count, "low": list(map(_digits, low)), "high": list(map(_digits, high)), "radii": radii, "path": path}
 
 
 def _path(loop: Loop) -> str:

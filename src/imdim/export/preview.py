@@ -74,6 +74,14 @@ def preview(target: Target, result: trimesh.Trimesh, worst: float) -> Image.Imag
     return _sheet(panels, target.name, top, worst, diagonal)
 
 
+def side_by_side(target: Target, result: trimesh.Trimesh, pixels: int) -> tuple[Image.Image, Image.Image]:
+    """The target and the result alone, square, by one camera."""
+    bodies = [target.points if target.mesh is None else target.mesh.vertices, result.vertices]
+    camera = _camera(np.concatenate([np.asarray(b, np.float64) for b in bodies]), SUPERSAMPLE * pixels)
+    shot = _shoot_points(target.points, target.normals, camera) if target.mesh is None else _shoot_mesh(target.mesh, camera)
+    return _paint(shot, TARGET_COLOUR, pixels), _paint(_shoot_mesh(result, camera), RESULT_COLOUR, pixels)
+
+
 def thumbnail(mesh: trimesh.Trimesh, pixels: int) -> Image.Image:
     """A small picture of a solid alone, square, from the same side."""
     return _paint(_shoot_mesh(mesh, _camera(np.asarray(mesh.vertices), SUPERSAMPLE * pixels)), RESULT_COLOUR, pixels)

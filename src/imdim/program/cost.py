@@ -6,19 +6,19 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from imdim.program.outline import circle_of
 from imdim.program.tree import KINDS, OPS, Op, Primitive, Program, fold, leaves
 
 
 @dataclass(frozen=True)
 class Counts:
-    """How often each kind and each operation occurs; kinds and operations that do not occur count 0.
+    """How often each kind and each operation occurs; kinds and operations that do not occur count 0. `curves` are those of all outlines.
 
     An operation is a binary one: a union of n parts counts n - 1, however it is nested or written.
     """
 
     kinds: Mapping[str, int]
     ops: Mapping[Op, int]
+    curves: int = 0
 
     @property
     def primitives(self) -> int:
@@ -28,13 +28,21 @@ class Counts:
     def operations(self) -> int:
         return sum(self.ops.values())
 
+    @property
+    def drawn(self) -> dict[str, int]:
+        """What a document says beside the primitives where there are outlines: every leaf is a feature. Nothing where there are none."""
+        return {"features": self.primitives, "curves": self.curves} if self.curves else {}
+
+    def __str__(self) -> str:
+        return describe_size(self.primitives, self.curves)
+
 
 FREE_CURVES, CURVE = 4, 0.1  # curves that an outline has for nothing, as many as a box; what each further one costs, in primitives
 
 
 def curves_of(leaf: Primitive) -> int:
     """The number of curves of a leaf's outline, a full circle counted as one; 0 for one of the six kinds."""
-    return 0 if leaf.outline is None else sum(1 if circle_of(loop) else len(loop) for loop in leaf.outline.loops)
+    return 0 if leaf.outline is None else leaf.outline.curve_count
 
 
 def weigh(program: Program) -> float:
@@ -47,7 +55,16 @@ def count(program: Program) -> Counts:
     kinds: Counter[str] = Counter()
     ops: Counter[Op] = Counter()
     fold(program, lambda _, p: kinds.update((p.kind,)), {op: (lambda a, b, op=op: ops.update((op,))) for op in OPS})
-    return Counts({kind: kinds[kind] for kind in KINDS}, {op: ops[op] for op in OPS})
+    return Counts({kind: kinds[kind] for kind in KINDS}, {op: ops[op] for op in OPS}, sum(map(curves_of, leaves(program))))
+
+
+def describe_size(primitives: int, curves: int | None = None) -> str:
+    """In words: "14 primitives", and "4 features, 45 curves in outlines" where there are any."""
+    return f"{_number(primitives, 'feature')}, {_number(curves, 'curve')} in outlines" if curves else _number(primitives, "primitive")
+
+
+def _number(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def cost(program: Program) -> int:

@@ -38,6 +38,7 @@ def _entry(number: int, choice: Choice, meta: Meta | None) -> dict[str, Any]:
         "pick": number,
         "primitives": counts.primitives,
         "operations": counts.operations,
+        **counts.drawn,
         "error": None if choice.error is None else float(f"{choice.error:.6g}"),
         "document": to_json(choice.program, meta),
     }

@@ -42,6 +42,11 @@ class Outline:
         return [curve for loop in self.loops for curve in loop_curves(loop)]
 
     @property
+    def curve_count(self) -> int:
+        """How many curves one would count on a drawing: a full circle, which is two arcs here, is one."""
+        return sum(1 if circle_of(loop) else len(loop) for loop in self.loops)
+
+    @property
     def bounds(self) -> tuple[Point, Point]:
         """Low and high corner."""
         return curve_bounds(self.curves)

@@ -147,11 +147,16 @@ def check(settings: Settings) -> Settings:
             raise ConfigError(f"setting {key} must be a finite number of at least {low:g}, got {value}")
     if settings.segments > MAX_SEGMENTS:
         raise ConfigError(f"setting segments must be at most {MAX_SEGMENTS}, got {settings.segments}")
-    if settings.language not in LANGUAGES:
-        raise ConfigError(f"unknown language {settings.language!r}; known are {', '.join(LANGUAGES)}")
+    check_language(settings)
     if not 0 < settings.size_weight < 1:
         raise ConfigError(f"setting size_weight must lie in 0..1, got {settings.size_weight}")
     return settings
+
+
+def check_language(settings: Settings) -> None:
+    """Raise ConfigError for a language that nothing is written in."""
+    if settings.language not in LANGUAGES:
+        raise ConfigError(f"unknown language {settings.language!r}; known are {', '.join(LANGUAGES)}")
 
 
 def first_line(error: BaseException) -> str:

@@ -26,7 +26,7 @@ from imdim.program.rewrite.simplify import reduce_program
 from imdim.program.tree import Program, combine_all, leaves, map_leaves
 from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.choices import choices_beside, few, unite_fronts
-from imdim.reconstruction.config import ConfigError, Settings
+from imdim.reconstruction.config import ConfigError, Settings, check_language
 from imdim.reconstruction.fitting import find_relations, fit_numbers, snap_numbers
 from imdim.reconstruction.mdl import most_likely, reconstruct_unlabelled
 from imdim.reconstruction.methods import CUT, METHODS, Method, MethodStep, PolicyOf, Run, evolve_from, time_to_propose
@@ -96,8 +96,10 @@ class _Work:
 def reconstruct(target: Target, settings: Settings, rng: np.random.Generator, now: Callable[[], float] | None = None) -> Iterator[Snapshot]:
     """Yield better and better programs for `target`; the last one is the result. `now` tells the time, by default the wall clock's.
 
-    Raises InputError where the target shows no surface or has no volume, ConfigError for an unknown method or an unusable checkpoint.
+    Raises InputError where the target shows no surface or has no volume, ConfigError for an unknown method or language, or an unusable
+    checkpoint.
     """
+    check_language(settings)
     if settings.method not in METHODS:
         raise ConfigError(f"unknown method {settings.method!r}; known are {', '.join(METHODS)}")
     left_out: list[InputError] = []

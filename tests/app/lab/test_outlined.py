@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 from tests.drawn import BORED, BRACKET, PULLEY, centred
 
-from imdim.app.lab import edits, renderers
+from imdim.app.lab import edits, plots, renderers
 from imdim.app.lab.drawing import SKIN, enlarge_cutters
 from imdim.app.lab.edits import ConstrainedProgram, LabEditError
 from imdim.app.lab.outline_picture import draw_outline
 from imdim.app.lab.panels.relate import features
 from imdim.app.lab.solving import TURN, Lock, follow_constraints, violations
 from imdim.program.constraints import Constraint, ConstraintError, Ref, check
-from imdim.program.tree import Combine, leaves
+from imdim.program.front import Choice
+from imdim.program.tree import Combine, Primitive, leaves
 
 
 def test_numbers_of_an_extrusion_and_of_a_turned_outline():
@@ -61,7 +62,7 @@ def test_cutters_grow_with_their_outlines_and_never_beyond_a_turn():
 
 def test_the_picture_shows_what_a_drawing_would_say():
     html = draw_outline(centred(BRACKET, 8.0), "mm")
-    assert "60&nbsp;mm × 40&nbsp;mm, 12 curves" in html
+    assert "60&nbsp;mm × 40&nbsp;mm, 10 curves" in html
     assert "radii 2.75&nbsp;mm, 6&nbsp;mm, 12&nbsp;mm" in html
     path = re.findall(r'<path d="([^"]*)"', html)[0]
     assert [path.count(letter) for letter in "MLAZ"] == [3, 6, 6, 3]
@@ -75,3 +76,11 @@ def test_the_tree_lists_an_outlined_primitive():
     html = renderers.tree(ConstrainedProgram(BORED), 0, "mm")
     assert "extrude" in html
     assert "h&nbsp;8&nbsp;mm" in html
+
+
+def test_the_front_tells_features_and_curves():
+    choices = [Choice(Primitive("box", (60.0, 40.0, 8.0)), 0.2), Choice(BORED, 1e-3)]
+    plot, strip = plots.front(choices, BORED), renderers.strip(choices, BORED)
+    assert "<title>1: 1 primitive, error 0.2</title>" in plot
+    assert "<title>2: 2 features, 10 curves in outlines, error 0.001</title>" in plot
+    assert "load 2: 2 features, 10 curves in outlines, error 0.001" in strip

@@ -8,7 +8,7 @@ from tests.drawn import BORED
 from imdim.app.lab.edits import ConstrainedProgram
 from imdim.app.lab.resume import Rates
 from imdim.program.tree import SIMPLE
-from imdim.reconstruction.config import Settings
+from imdim.reconstruction.config import LANGUAGES, Settings
 
 viser = pytest.importorskip("viser")
 run = pytest.importorskip("imdim.app.lab.panels.run")
@@ -33,14 +33,17 @@ def panel(server):
 
 def test_untouched_settings_are_the_defaults(panel):
     plain = Settings()
-    assert panel.settings() == {"method": plain.method, "budget_s": 60.0, "size_weight": plain.size_weight, "seed": plain.seed}
+    named = {"method": plain.method, "language": plain.language, "size_weight": plain.size_weight, "seed": plain.seed}
+    assert panel.settings() == {**named, "budget_s": 60.0}
+    assert panel.language.options == LANGUAGES
     assert panel.rates() == Rates()
 
 
 def test_settings_and_rates_are_those_of_the_page(panel):
     panel.method.value, panel.budget.value, panel.price.value, panel.seed.value = "evolve", 12.0, 0.01, 7
+    panel.language.value = "cad"
     panel.mutation.value, panel.elitism.value, panel.population.value, panel.tolerance.value = 0.3, 0.9, 128, 0.002
-    assert panel.settings() == {"method": "evolve", "budget_s": 12.0, "size_weight": 0.01, "seed": 7}
+    assert panel.settings() == {"method": "evolve", "language": "cad", "budget_s": 12.0, "size_weight": 0.01, "seed": 7}
     assert panel.rates() == Rates(mutation=0.3, elitism=0.9, population=128, tolerance=0.002)
 
 

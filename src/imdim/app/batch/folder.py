@@ -37,7 +37,10 @@ class Part:
 
 @dataclass(frozen=True)
 class Outcome:
-    """One part's record. `failure` is empty or one line that says why there is no result; distances are relative to the diagonal."""
+    """One part's record. `failure` is empty or one line that says why there is no result; distances are relative to the diagonal.
+
+    `curves` are those of outlines, None where the program has none; its `primitives` are features then.
+    """
 
     part: str
     input: str
@@ -49,6 +52,7 @@ class Outcome:
     stop: str = ""
     seconds: float = 0.0
     peak_mib: float = 0.0
+    curves: int | None = None
 
 
 _KINDS = {name: (int, float) if kind is float else kind | int for name, kind in get_type_hints(Outcome).items()}
@@ -174,6 +178,7 @@ def _scores(report: Mapping[str, Any]) -> dict[str, Any]:
     scores = report["scores"]
     return {
         "primitives": report["result"]["primitives"],
+        "curves": report["result"].get("curves"),
         "volume_iou": scores["volume_iou"],
         "mean_distance": scores["distance_relative_to_diagonal"]["target_to_result"]["mean"],
         "stop": report["stop"],

@@ -18,6 +18,8 @@ from imdim.app.batch.engine import Job, run_jobs
 from imdim.app.batch.folder import Outcome, Part, to_line
 from imdim.app.batch.process import Ended, ProcessLimits
 from imdim.app.batch.table import write_tables
+from imdim.app.cli import SETTINGS
+from imdim.program.cost import describe_size
 from imdim.reconstruction.config import ConfigError, Settings, from_arguments
 
 COMMAND = (sys.executable, "-m", "imdim.app.cli", "fit")
@@ -43,7 +45,7 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument("--limit", type=float, metavar="SECONDS", help=f"wall clock before a part is ended (default: budget + {GRACE_S:g})")
     out.add_argument("--memory", type=float, default=MEMORY_MIB, metavar="MIB", help="before a part is ended (default %(default)s)")
     out.add_argument("--again", action="store_true", help="try parts again that failed in an earlier run")
-    out.add_argument("settings", nargs="*", metavar="key=value", help="any further setting of imdim.reconstruction.config.Settings")
+    out.add_argument("settings", nargs="*", metavar="key=value", help=SETTINGS)
     return out
 
 
@@ -131,8 +133,8 @@ def _line(outcome: Outcome) -> str:
     if outcome.failure:
         return f"{to_line(outcome.input)}: FAILED, {to_line(outcome.failure)}"
     iou = f"mean distance {100 * (outcome.mean_distance or 0):.3f} %" if outcome.volume_iou is None else f"IoU {outcome.volume_iou:.4f}"
-    count = f"{outcome.primitives} primitive{'' if outcome.primitives == 1 else 's'}"
-    return f"{to_line(outcome.input)}: {count}, {iou}, {outcome.seconds:.1f} s"
+    size = describe_size(outcome.primitives or 0, outcome.curves)
+    return f"{to_line(outcome.input)}: {size}, {iou}, {outcome.seconds:.1f} s"
 
 
 def _status(outcomes: dict[str, Outcome], total: int, left: float | None) -> str:

@@ -14,7 +14,8 @@ from imdim.app.batch.folder import LOG, OUTCOME, PARTS, Outcome, Part, to_line, 
 
 REFRESH_S = 10
 LINKS = {"OpenSCAD": "program.scad", "STEP": "program.step", "mesh": "mesh.stl", "report": "report.json", "log": LOG}
-COLUMNS = ("picture", "part", "primitives", "volume IoU", "mean distance / diagonal", "seconds", "peak MiB", "how it ended", "files")
+SIZES, DRAWN_SIZES = ("primitives",), ("features", "curves")  # the latter where a program has outlines
+SCORES = ("volume IoU", "mean distance / diagonal", "seconds", "peak MiB")
 STYLE = (
     "body{font:14px system-ui,sans-serif;margin:2em}table{border-collapse:collapse}th,td{padding:.3em .8em;border-bottom:1px solid #ddd;"
     "text-align:left}td.n{text-align:right;font-variant-numeric:tabular-nums}tr.failed{background:#fdecea}tr.waiting{color:#888}"
@@ -39,9 +40,10 @@ def csv_text(names: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 def html_text(out: Path, parts: Sequence[Part], outcomes: Mapping[str, Outcome], status: str, running: bool) -> str:
     """One row per part, waiting ones too, with pictures and links relative to `out`. Nothing is loaded from elsewhere."""
+    sizes = DRAWN_SIZES if any(outcome.curves for outcome in outcomes.values()) else SIZES
     refresh = f'<meta http-equiv="refresh" content="{REFRESH_S}">' if running else ""
-    head = "".join(f"<th>{escape(c)}</th>" for c in COLUMNS)
-    rows = "\n".join(_row(out, outcomes[p.name]) if p.name in outcomes else _waiting(p) for p in parts)
+    head = "".join(f"<th>{escape(c)}</th>" for c in ("picture", "part", *sizes, *SCORES, "how it ended", "files"))
+    rows = "\n".join(_row(out, outcomes[p.name], sizes) if p.name in outcomes else _waiting(p, sizes) for p in parts)
     title = f"<title>{escape(status)}</title><style>{STYLE}</style>"
     return (
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">{refresh}{title}</head>\n'
@@ -49,12 +51,12 @@ def html_text(out: Path, parts: Sequence[Part], outcomes: Mapping[str, Outcome],
     )
 
 
-def _row(out: Path, outcome: Outcome) -> str:
+def _row(out: Path, outcome: Outcome, sizes: Sequence[str]) -> str:
     picture = f'<a href="{_link(outcome, "preview.png")}"><img loading="lazy" alt="" src="{_link(outcome, "preview.png")}"></a>'
     there = [(what, file) for what, file in {**LINKS, "record": OUTCOME}.items() if (out / PARTS / outcome.part / file).is_file()]
     links = "".join(f'<a href="{_link(outcome, file)}">{what}</a>' for what, file in there)
     numbers = (
-        _number(outcome.primitives, "d"),
+        *(_number(size, "d") for size in (outcome.primitives, outcome.curves)[: len(sizes)]),
         _number(outcome.volume_iou, ".4f"),
         _number(outcome.mean_distance, ".2e"),
         _number(outcome.seconds, ".1f"),
@@ -67,8 +69,9 @@ def _row(out: Path, outcome: Outcome) -> str:
     )
 
 
-def _waiting(part: Part) -> str:
-    return f'<tr class="waiting"><td></td><td>{escape(to_line(part.source.name))}</td>{"<td></td>" * 5}<td>waiting</td><td></td></tr>'
+def _waiting(part: Part, sizes: Sequence[str]) -> str:
+    blank = "<td></td>" * len((*sizes, *SCORES))
+    return f'<tr class="waiting"><td></td><td>{escape(to_line(part.source.name))}</td>{blank}<td>waiting</td><td></td></tr>'
 
 
 def _link(outcome: Outcome, file: str) -> str:

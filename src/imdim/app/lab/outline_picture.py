@@ -41,7 +41,7 @@ def _path(loop: Loop, scale: float, dx: float, dy: float) -> str:
 
 def _describe(outline: Outline, width: float, height: float, unit: str) -> str:
     curves = outline.curves
-    lines = [f"{_length(width, unit)} × {_length(height, unit)}, {len(curves)} curves"]
+    lines = [f"{_length(width, unit)} × {_length(height, unit)}, {outline.curve_count} curves"]
     radii: list[float] = []
     for radius in sorted(arc_radius(curve) for curve in curves if curve[4]):
         if not radii or radius - radii[-1] > SAME * max(width, height):

@@ -182,7 +182,8 @@ class Page:
             return lines
         unit = f" {self.edit.unit}³" if self.edit.unit else ""
         counts = count(theory.program)
-        lines += [("primitives", str(counts.primitives)), ("volume", f"{self._scene.volume:.5g}{unit}")]
+        size = ("features", f"{counts.primitives}, {counts.curves} curves") if counts.curves else ("primitives", str(counts.primitives))
+        lines += [size, ("volume", f"{self._scene.volume:.5g}{unit}")]
         # a row that came and went would move all that stands below it away from under the pointer
         error = distance = COMING
         if self._scores is not None and self._scored == theory:

@@ -21,11 +21,11 @@ _LOOK = 'style="width:100%;font:11px sans-serif;fill:#343a40" role="img"'
 
 def front(choices: Sequence[Choice], shown: Program | None) -> str:
     """Error against size; each point loads its program."""
-    known = [(i, count(c.program).primitives, c.error, c.program == shown) for i, c in enumerate(choices, 1) if c.error is not None]
+    known = [(i, count(c.program), c.error, c.program == shown) for i, c in enumerate(choices, 1) if c.error is not None]
     if not known:
         return note("The front of error against size appears when a run has one.")
     tall, low = 190, 30
-    sizes, logs = [k[1] for k in known], [math.log10(max(k[2], 1e-6)) for k in known]
+    sizes, logs = [k[1].primitives for k in known], [math.log10(max(k[2], 1e-6)) for k in known]
     x0, x1, y0, y1 = min(sizes) - 0.5, max(sizes) + 0.5, math.floor(min(logs) - 0.1), math.ceil(max(logs) + 0.1)
 
     def x(size: float) -> float:
@@ -39,10 +39,10 @@ def front(choices: Sequence[Choice], shown: Program | None) -> str:
     path = " ".join(f"{x(s):.1f},{y(log):.1f}" for s, log in sorted(zip(sizes, logs, strict=True)))
     dots = "".join(
         f'<g data-n="{i}" role="button" tabindex="0" style="cursor:pointer" onkeydown="if(event.key===\'Enter\')this.dispatchEvent('
-        f"new MouseEvent('click',{{bubbles:true}}))\"><title>{i}: {size} primitives, error {error:.3g}</title>"
-        f'<circle cx="{x(size):.1f}" cy="{y(log):.1f}" r="12" fill="transparent"/>'
-        f'<circle cx="{x(size):.1f}" cy="{y(log):.1f}" r="6" fill="{"#e67700" if now else "#1864ab"}"/></g>'
-        for (i, size, error, now), log in zip(known, logs, strict=True)
+        f"new MouseEvent('click',{{bubbles:true}}))\"><title>{i}: {counts}, error {error:.3g}</title>"
+        f'<circle cx="{x(counts.primitives):.1f}" cy="{y(log):.1f}" r="12" fill="transparent"/>'
+        f'<circle cx="{x(counts.primitives):.1f}" cy="{y(log):.1f}" r="6" fill="{"#e67700" if now else "#1864ab"}"/></g>'
+        for (i, counts, error, now), log in zip(known, logs, strict=True)
     )
     head = f'<svg viewBox="0 0 {WIDE} {tall}" {_LOOK} aria-label="error against size">'
     says = "primitives (error upwards); click a point to load it"

@@ -127,13 +127,13 @@ def strip(choices: Sequence[Choice], shown: Program | None) -> str:
 
 
 def _picture(i: int, choice: Choice, shown: Program | None) -> str:
-    size, error = count(choice.program).primitives, "" if choice.error is None else f", error {choice.error:.2g}"
-    title = f"{i}: {size} primitive{'' if size == 1 else 's'}{error}"
+    counts, error = count(choice.program), "" if choice.error is None else f", error {choice.error:.2g}"
+    title = f"{i}: {counts}{error}"
     border = "#e67700" if choice.program == shown else "#ced4da"
     return (
         f'<button type="button" data-n="{i}" title="{title}" aria-label="load {title}" style="border:2px solid {border};border-radius:6px;'
         f'background:#fff;padding:1px;cursor:pointer;font:11px sans-serif;color:#212529"><img alt="" width="{PICTURE}" height="{PICTURE}" '
-        f'src="{_render_thumbnail(choice.program)}"><br>{i}: {size}</button>'
+        f'src="{_render_thumbnail(choice.program)}"><br>{i}: {counts.primitives}</button>'
     )
 
 

@@ -143,7 +143,9 @@ function reportSheets(report) {
   const far = Object.entries(scores.distance).flatMap(([way, both]) =>
     ["mean", "max"].map((what) => [`${what}, ${words(way)}`, both[what], scores.distance_relative_to_diagonal[way][what]]),
   );
-  const counts = [...Object.entries(report.result.kinds), ...Object.entries(report.result.ops)];
+  const { primitives, operations, curves, kinds, ops } = report.result;
+  const size = curves ? [["features", primitives], ["curves in outlines", curves]] : [["primitives", primitives]];
+  const counts = [...Object.entries(kinds), ...Object.entries(ops)];
   const target = Object.entries(report.target).filter(([key]) => key !== "notes");
   const listed = (values) => table(Object.entries(values).map(([key, value]) => [words(key), value === null ? null : value]));
   return [
@@ -153,7 +155,7 @@ function reportSheets(report) {
       table(far.map(([what, length, share]) => [what, length, share === null ? "-" : percent(share, 4)]), ["distance", "length", "of the diagonal"]),
     ),
     sheet("Target", table(target)),
-    sheet("Program", table([["primitives", report.result.primitives], ["operations", report.result.operations], ...counts]), repeatList(report)),
+    sheet("Program", table([...size, ["operations", operations], ...counts]), repeatList(report)),
     sheet("Volumes", listed(report.volumes)),
     sheet("Seconds", listed({ ...timing.stages_s, ...prefixed("delivery: ", timing.delivery_s), total: timing.total_s })),
     sheet("Files", table(Object.entries(report.files))),
@@ -168,6 +170,10 @@ function repeatList(report) {
   return report.repeats.length ? element("ul", {}, ...report.repeats.map((repeat) => element("li", {}, repeat.says))) : null;
 }
 
+/** "14 primitives", or "4 features, 45 curves in outlines". */
+const sizeWords = (choice) =>
+  choice.curves ? `${choice.features} features, ${choice.curves} curves in outlines` : `${choice.primitives} primitives`;
+
 /** Error against size: a plot, whose points say how to take another program. */
 function frontSheet(front) {
   const note = element("p", { class: "quiet", "aria-live": "polite" }, "Each point is a program in front.json. Select one to see how to take it.");
@@ -175,7 +181,7 @@ function frontSheet(front) {
     const error = choice.error === null ? "error not measured" : `differs by ${percent(choice.error, 3)} of the volume`;
     const taken = choice.pick === front.picked ? " This is the program of this page." : "";
     const command = element("code", {}, `imdim export front.json --pick ${choice.pick} -o out/pick${choice.pick}`);
-    note.replaceChildren(`Number ${choice.pick}: ${choice.primitives} primitives, ${error}.${taken} `, command);
+    note.replaceChildren(`Number ${choice.pick}: ${sizeWords(choice)}, ${error}.${taken} `, command);
   };
   return sheet("From crude to exact", plot(front, tell), note);
 }
@@ -211,7 +217,7 @@ function plot(front, tell) {
   out.append(svg("polyline", { points: known.map((c) => `${x(c.primitives)},${y(c.error)}`).join(" "), class: "front" }));
   for (const choice of known) {
     const own = choice.pick === front.picked;
-    const label = `number ${choice.pick}, ${choice.primitives} primitives, error ${percent(choice.error, 3)}`;
+    const label = `number ${choice.pick}, ${sizeWords(choice)}, error ${percent(choice.error, 3)}`;
     const at = { cx: x(choice.primitives), cy: y(choice.error), r: own ? 8 : 6, class: own ? "own" : "other" };
     const dot = svg("circle", { ...at, tabindex: 0, role: "button", "aria-label": label }, svg("title", {}, label));
     dot.addEventListener("click", () => tell(choice));

@@ -13,11 +13,12 @@ from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.resume import Rates
 from imdim.app.lab.session import Session
 from imdim.app.lab.style import BLUE, GREY, MUTED, style
+from imdim.reconstruction.config import LANGUAGES
 from imdim.reconstruction.methods import METHODS
 
 NONE = "none"
 STATES = {"": "ready", "waiting": "waiting for its turn", "running": "running", "paused": "paused"}
-SHORT = ("state", "primitives", "volume", "error")  # two of these fit on a line
+SHORT = ("state", "primitives", "features", "volume", "error")  # two of these fit on a line
 NOTICE = 37  # pixels of a message of one line, kept free: what stands below must not move while somebody reaches for it
 HINT = "Or drop it anywhere on the page: STL, OBJ, OFF, PLY, 3MF, GLB, XYZ, TXT, CSV, PCD, NPY, NPZ"
 
@@ -35,6 +36,7 @@ class RunPanel:
             ear.press(self.go, self._on_press)
         with gui.add_folder("Settings"):
             self.method = gui.add_dropdown("Method", tuple(METHODS), hint="auto searches, proves and repairs; evolve breeds")
+            self.language = gui.add_dropdown("Language", LANGUAGES, hint="csg: the six primitives; cad: extruded and turned outlines too")
             self.budget = gui.add_number("Seconds", 60.0, min=1.0, max=3600.0, step=1.0, hint="Time budget; a pause does not count")
             self.price = gui.add_number("Lambda", 2.5e-4, min=1e-6, max=0.5, step=1e-5, hint="Price of a primitive, a share of the volume")
             self.seed = gui.add_number("Seed", 0, min=0, max=2**31 - 1, step=1)
@@ -71,6 +73,7 @@ class RunPanel:
         """Values of Settings as they stand on the page."""
         return {
             "method": self.method.value,
+            "language": self.language.value,
             "budget_s": float(self.budget.value),
             "size_weight": float(self.price.value),
             "seed": int(self.seed.value),
