@@ -83,6 +83,16 @@ def _moved(s: Surface, turn: np.ndarray, shift: np.ndarray, scale: float) -> Sur
     return Surface(s.kind, tuple(scale * (turn @ s.point + shift)), tuple(turn @ s.axis), sizes)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("segments", [64, 96])
+def test_a_flat_between_two_round_ends_is_no_sphere(segments):
+    """A rectangle with a narrow strip on either side has its corners on a sphere."""
+    slot = union(box(16, 6, 12), cylinder(3, 12, (8.0, 0.0, 0.0)), cylinder(3, 12, (-8.0, 0.0, 0.0)))
+    found = [patch.surface for patch in detect_patches(mesh_of(cut(box(60, 40, 6), slot), segments))]
+    assert {surface.kind for surface in found} == {"plane", "cylinder"}
+    heights = sorted(s.point[1] for s in found if s.kind == "plane" and abs(s.axis[1]) > 0.99)
+    assert heights == pytest.approx([-20, -3, 3, 20])
+
+
 def test_a_patch_knows_its_side_its_area_and_its_points():
     mesh = mesh_of(PARTS["tube on a flange"])
     by_radius = {p.surface.sizes[0]: p for p in detect_patches(mesh) if p.surface.kind == "cylinder"}

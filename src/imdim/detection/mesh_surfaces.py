@@ -18,6 +18,9 @@ from imdim.detection.mesh_hypotheses import hypotheses, ring_of
 from imdim.detection.mesh_support import members_of, sagitta, settle
 from imdim.geometry.surface import Patch, Surface, normals, vec
 
+TWICE_CURVED = ("sphere", "torus")
+FLAT_ACROSS = 1e-4  # sine, by which normals leave a plane
+
 
 def detect_patches(mesh: trimesh.Trimesh) -> list[Patch]:
     """Carriers with their visible pieces, curved ones first, each kind by falling area."""
@@ -63,12 +66,18 @@ def _grow_from(seed: int, state: Growing) -> tuple[Surface, np.ndarray] | None:
         if len(members_of(guess, state, 5.0, around)) < 2:
             continue
         found = settle(guess, state)
-        if found is None or seed not in found[1]:
+        if found is None or seed not in found[1] or (found[0].kind in TWICE_CURVED and _is_strip(state.facets.normals[found[1]])):
             continue
         area = float(state.facets.areas[found[1]].sum()) * preference
         if best is None or area > best[0]:
             best = (area, *found)
     return best[1:] if best else None
+
+
+def _is_strip(facing: np.ndarray) -> bool:
+    """Whether facets face, by their normals [m, 3], directions of one plane alone: a flat between two narrow strips lies on a sphere too,
+    without a sign that anything is curved across."""
+    return float(np.linalg.svd(facing, compute_uv=False)[-1]) < FLAT_ACROSS * len(facing) ** 0.5
 
 
 def _patch(surface: Surface, facets: Facets, members: np.ndarray) -> Patch:
