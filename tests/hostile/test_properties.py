@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 from imdim.app import edit
 from imdim.export.openscad_reader import read_openscad
 from imdim.program import codec
-from imdim.program.tree import OPS, SIZE_NAMES, Combine, Primitive, Program, combine_all, fold, leaves
+from imdim.program.outline import Outline, circle, rectangle
+from imdim.program.tree import FULL_TURN, OPS, OUTLINED, SIZE_NAMES, Combine, Primitive, Program, combine_all, fold, leaves
 from imdim.reconstruction.config import ConfigError, from_arguments
 from imdim.target.archives import ArchiveError, read_array
 from imdim.target.pcd import _lzf
@@ -28,13 +29,16 @@ SHARED = settings(deadline=None, suppress_health_check=[HealthCheck.function_sco
 NUMBER = st.floats(allow_nan=False, allow_infinity=False)
 VECTOR = st.tuples(NUMBER, NUMBER, NUMBER)
 SIZE = st.floats(min_value=1e-300, max_value=1e300)
+LENGTH = st.floats(min_value=1e-2, max_value=1e3)
+OUTLINES = st.builds(lambda w, h, r: Outline((*rectangle(w, h).shift(w, 0.0).loops, circle(r, 2 * w + 2 * r))), LENGTH, LENGTH, LENGTH)
 
 
 @st.composite
 def primitives(draw) -> Primitive:
     kind = draw(st.sampled_from(sorted(SIZE_NAMES)))
     size = tuple(draw(SIZE) for _ in SIZE_NAMES[kind])
-    return Primitive(kind, (max(size), min(size)) if kind == "torus" else size, draw(VECTOR), draw(VECTOR))
+    size = (max(size), min(size)) if kind == "torus" else (min(size[0], FULL_TURN),) if kind == "revolve" else size
+    return Primitive(kind, size, draw(VECTOR), draw(VECTOR), draw(OUTLINES) if kind in OUTLINED else None)
 
 
 PROGRAMS = st.recursive(primitives(), lambda part: st.builds(Combine, st.sampled_from(OPS), part, part), max_leaves=12)
