@@ -24,7 +24,7 @@ from imdim.reconstruction.evidence import ScoringSamples
 from imdim.search.arrangement import ArrangementConfig, arrange
 from imdim.search.candidate_families import Families
 from imdim.search.cells import Cells, VolumeSamples, compress_samples, label_samples
-from imdim.search.outline_families import NO_OUTLINES, Outlines, find_planes
+from imdim.search.outline_families import NO_PLANES, PricedPlanes, find_planes
 from imdim.target.target import InputError, Target
 
 SAMPLES = 150_000  # labelled, spread over the cells
@@ -151,7 +151,7 @@ def observe(
     if not (cells.gain > 0).any():
         raise UnseenError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells", cut)
     families = Families(
-        arrangement, cells, Outlines(find_planes(arrangement), CURVE * size_weight * cells.volume) if drawn else NO_OUTLINES
+        arrangement, cells, PricedPlanes(find_planes(arrangement), CURVE * size_weight * cells.volume) if drawn else NO_PLANES
     )
     return Observation(unit, noise, patches, samples, families, size_weight, label, cut)
 

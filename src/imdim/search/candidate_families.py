@@ -18,7 +18,7 @@ from imdim.program.tree import Primitive
 from imdim.search.arrangement import Arrangement
 from imdim.search.cells import Cells
 from imdim.search.kernels import axial_best, box_best, merge_slabs
-from imdim.search.outline_families import NO_OUTLINES, OutlineCells, Outlines
+from imdim.search.outline_families import NO_PLANES, OutlineCells, PricedPlanes
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Candidate:
 class Families:
     """The families of an arrangement over one set of cells, with `outlines` those of its plane arrangements too."""
 
-    def __init__(self, arrangement: Arrangement, cells: Cells, outlines: Outlines = NO_OUTLINES) -> None:
+    def __init__(self, arrangement: Arrangement, cells: Cells, outlines: PricedPlanes = NO_PLANES) -> None:
         self.arrangement = arrangement
         self.outlines = OutlineCells(arrangement, cells, outlines)
         self.cells = cells

@@ -29,14 +29,14 @@ LEAST_TURNED = 2  # surfaces about an axis that are no mere cylinder, or walls, 
 
 
 @dataclass(frozen=True)
-class Outlines:
+class PricedPlanes:
     """The planes of an arrangement, and what a curve of an outline costs in volume."""
 
     planes: tuple[OutlinePlane, ...]
     curve_price: float
 
 
-NO_OUTLINES = Outlines((), 0.0)
+NO_PLANES = PricedPlanes((), 0.0)
 
 
 def find_planes(arrangement: Arrangement) -> tuple[OutlinePlane, ...]:
@@ -148,7 +148,7 @@ Drawn = tuple[float, tuple[tuple[int, int], ...], bytes]  # what an outline wins
 class OutlineCells:
     """The outlines over one set of cells: what `Families` asks, plane by plane."""
 
-    def __init__(self, arrangement: Arrangement, cells: Cells, outlines: Outlines) -> None:
+    def __init__(self, arrangement: Arrangement, cells: Cells, outlines: PricedPlanes) -> None:
         self.arrangement, self.outlines, self.planes = arrangement, outlines, outlines.planes
         self._outlines: dict[tuple[int, bytes], Outline] = {}
         self._costs: dict[tuple[int, bytes], float] = {}
