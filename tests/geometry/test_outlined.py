@@ -105,7 +105,7 @@ def test_points_on_chords_and_levels_of_vertices_lie_on_the_right_side():
     turned = np.column_stack([x * math.cos(0.7), x * math.sin(0.7)])
     chord = (math.cos(0.7), math.sin(0.7))
     halves = Outline((((-chord[0], -chord[1], 1.0), (*chord, 1.0)),))
-    assert (kernels.outline_sdf(Outlines.listed([halves]).curves, turned)[:6] < 0).all()
+    assert (kernels.outline_sdf(Outlines.pack([halves]).curves, turned)[:6] < 0).all()
 
 
 @pytest.mark.parametrize("leaf", DRAWN_LEAVES, ids=lambda p: f"{p.kind}{p.size}")
@@ -202,7 +202,7 @@ def test_outlines_do_not_say_which_way_they_run():
     for _ in range(10):
         outline = random_outline(rng)
         back = Outline(tuple(tuple((x, y, -b) for x, y, b in _from_last(loop)) for loop in outline.loops))
-        one, other = (kernels.outline_sdf(Outlines.listed([o]).curves, flat) for o in (outline, back))
+        one, other = (kernels.outline_sdf(Outlines.pack([o]).curves, flat) for o in (outline, back))
         np.testing.assert_allclose(one, other, atol=1e-12)
 
 

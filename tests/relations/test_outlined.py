@@ -16,7 +16,7 @@ from imdim.relations.belief import DeterminedFaces
 from imdim.relations.directions import Directions
 from imdim.relations.discover import discover, exact_relations, hold_constraints
 from imdim.relations.features import Places
-from imdim.relations.places import drawn_alike
+from imdim.relations.places import may_be_congruent
 from imdim.relations.residuals import verify
 
 PLATE = centred(BRACKET, 8.0, 4.0)
@@ -72,4 +72,4 @@ def test_outlines_are_alike_whatever_their_frame():
     other = replace(SLOTS[0], outline=Outline((slot(0.0, 0.0, 6.2, 1.5),)))
     numbers = lower(combine_all("union", [SLOTS[0], turned, other, Primitive("box", (1.0, 1.0, 1.0))]))
     places = Places(Pose.of(numbers), np.eye(36), DeterminedFaces.everything(numbers), Directions())
-    assert [drawn_alike(places, 0, leaf) for leaf in range(3)] == [True, True, False]
+    assert [may_be_congruent(places, 0, leaf) for leaf in range(3)] == [True, True, False]

@@ -40,10 +40,10 @@ class Outlines:
 
     @staticmethod
     def of(parts: Sequence[Primitive]) -> Outlines:
-        return Outlines.listed([p.outline for p in parts])
+        return Outlines.pack([p.outline for p in parts])
 
     @staticmethod
-    def listed(outlines: Sequence[Outline | None]) -> Outlines:
+    def pack(outlines: Sequence[Outline | None]) -> Outlines:
         """One entry a leaf, None for one that is not drawn."""
         lists = [[] if outline is None else outline.curves for outline in outlines]
         ends = np.cumsum([0, *map(len, lists)])

@@ -10,7 +10,7 @@ from imdim.geometry import kernels
 from imdim.geometry.lowering import lower, pack
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.surface_map import face_ends, map_surface, surface_area
-from imdim.geometry.swept_surface import drawn_areas
+from imdim.geometry.swept_surface import sampling_areas
 from imdim.program.tree import Primitive, Program, envelope, leaves
 
 # A program whose boundary is a smaller share of its leaves' surfaces than about one in this many is taken to have none.
@@ -58,7 +58,7 @@ def even_surface(primitive: Primitive, n: int) -> tuple[np.ndarray, np.ndarray]:
     """
     if primitive.outline is not None:  # of which so many points are dropped that it would show
         drawn = (primitive.kind, primitive.size, primitive.outline)
-        n = round(n * drawn_areas(*drawn).sum() / surface_area(*drawn))
+        n = round(n * sampling_areas(*drawn).sum() / surface_area(*drawn))
     i = np.arange(n)
     first, golden = (i + 0.5) / max(n, 1), (i * GOLDEN) % 1.0
     ends = face_ends(primitive.kind, primitive.size, primitive.outline)

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from imdim.geometry.swept_surface import drawn_areas, map_swept, swept_areas
+from imdim.geometry.swept_surface import face_areas, map_swept, sampling_areas
 from imdim.program.outline import Outline
 from imdim.program.tree import Primitive
 
@@ -26,7 +26,7 @@ Mapped = tuple[Array, Array, Array]
 def surface_area(kind: str, size: tuple[float, ...], outline: Outline | None = None) -> float:
     """Area of the primitive's surface in squared units; the ellipsoid's by Gauss quadrature."""
     if outline is not None:
-        return float(swept_areas(kind, size, outline).sum())
+        return float(face_areas(kind, size, outline).sum())
     if kind == "box":
         a, b, c = size
         return 2 * (a * b + b * c + c * a)
@@ -54,7 +54,7 @@ def _ellipsoid_area(size: tuple[float, ...]) -> float:
 def face_ends(kind: str, size: tuple[float, ...], outline: Outline | None = None) -> np.ndarray | None:
     """Where the first of the uniform numbers passes on to the next face, the last end (1) included; None for kinds of one face."""
     if outline is not None:
-        return np.cumsum(areas := drawn_areas(kind, size, outline)) / areas.sum()
+        return np.cumsum(areas := sampling_areas(kind, size, outline)) / areas.sum()
     if kind == "box":
         return np.concatenate([_box_ends(size), 1 + _box_ends(size)]) / 2
     if kind == "cylinder":

@@ -17,7 +17,7 @@ from imdim.program.outline import Outline, curve_bounds, orient_loops
 from imdim.program.tree import FULL_TURN
 
 
-def swept_areas(kind: str, size: tuple[float, ...], outline: Outline) -> np.ndarray:
+def face_areas(kind: str, size: tuple[float, ...], outline: Outline) -> np.ndarray:
     """Areas [c + 2] of the faces: one for each curve, and the two ends."""
     curves, lengths, ends = _curves(outline), _lengths(outline), _ends(kind, size, outline.area)
     if kind == "extrude":
@@ -30,7 +30,7 @@ def swept_areas(kind: str, size: tuple[float, ...], outline: Outline) -> np.ndar
     return np.append(math.radians(size[0]) * middle * lengths, ends)
 
 
-def drawn_areas(kind: str, size: tuple[float, ...], outline: Outline) -> np.ndarray:
+def sampling_areas(kind: str, size: tuple[float, ...], outline: Outline) -> np.ndarray:
     """Areas [c + 2] of what the points of each face are drawn from."""
     width, height = np.ptp(np.array(outline.bounds), axis=0)
     ends = _ends(kind, size, float(width * height))
@@ -41,7 +41,7 @@ def drawn_areas(kind: str, size: tuple[float, ...], outline: Outline) -> np.ndar
 
 def map_swept(kind: str, size: tuple[float, ...], outline: Outline, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Local points [n, 3], outward unit normals [n, 3] and the share [n] of them to keep, for uniforms `u` [n, 3]."""
-    areas, count = drawn_areas(kind, size, outline), len(_curves(outline))
+    areas, count = sampling_areas(kind, size, outline), len(_curves(outline))
     face = np.minimum(np.searchsorted(np.cumsum(areas) / areas.sum(), u[:, 0], side="right"), count + 1)
     flat, normal = _on_curves(outline, np.minimum(face, count - 1), u[:, 1])
     share = np.ones(len(u)) if kind == "extrude" else flat[:, 0] / np.maximum(_widest(outline), 1e-300)[np.minimum(face, count - 1)]
@@ -63,7 +63,7 @@ def map_swept(kind: str, size: tuple[float, ...], outline: Outline, u: np.ndarra
 @lru_cache(256)
 def _curves(outline: Outline) -> np.ndarray:
     """The curves [c, 8], with what is inside on their left."""
-    return Outlines.listed([Outline(orient_loops(outline.loops))]).curves
+    return Outlines.pack([Outline(orient_loops(outline.loops))]).curves
 
 
 @lru_cache(256)

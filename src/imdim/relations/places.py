@@ -66,12 +66,12 @@ def _alike(places: Places, sizes: list[KnownFeatures]) -> list[list[int]]:
 
     def fits(group: list[int], leaf: int) -> bool:
         same_kind = places.pose.kind(group[0]) == places.pose.kind(leaf)
-        return same_kind and not any((leaf, m) in apart for m in group) and drawn_alike(places, group[0], leaf)
+        return same_kind and not any((leaf, m) in apart for m in group) and may_be_congruent(places, group[0], leaf)
 
     return [g[:MOST_ALIKE] for g in group_by_fit(places.leaves(), fits) if len(g) > 1]
 
 
-def drawn_alike(places: Places, a: int, b: int) -> bool:
+def may_be_congruent(places: Places, a: int, b: int) -> bool:
     """Whether two leaves of one kind may have congruent outlines: chords and bulges that are the same but for their order."""
     first, second = (_chords(places, leaf) for leaf in (a, b))
     return first.shape == second.shape and bool(np.allclose(first, second, rtol=ALIKE, atol=ALIKE * float(np.max(first, initial=0.0))))

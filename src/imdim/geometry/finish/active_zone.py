@@ -39,7 +39,7 @@ def _shows_at_probes(program: Program, placed: list[PosedPrimitive], index: int,
     rotations = np.stack([part.rotation for part in placed])
     shows = np.ones(len(points), bool)
     for k in (0, 1) if len(points) else ():
-        sizes, outlines = np.stack([part.sizes[k] for part in placed]), Outlines.listed([part.outlines[k] for part in placed])
+        sizes, outlines = np.stack([part.sizes[k] for part in placed]), Outlines.pack([part.outlines[k] for part in placed])
         # a ball that holds everything in the primitive's place, and one that holds nothing
         both = []
         for radius in (4 * size, 1e-9 * size):

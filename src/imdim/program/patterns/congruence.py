@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from imdim.program.motions import Motion
 from imdim.program.nary import fold_nary
-from imdim.program.patterns.outlined import anchor_of, is_outlined_moved, outlined_shape
+from imdim.program.patterns.outlined import anchor_of, is_outlined_moved, lengths_of
 from imdim.program.rewrite.containment import axes
 from imdim.program.tree import OPS, Op, Primitive, Program, Vec3
 from imdim.program.vectors import times
@@ -61,7 +61,7 @@ def node_of(program: Program) -> Node:
 
 
 def _shape(p: Primitive) -> tuple[float, ...]:
-    return _SHAPES.get(p.kind, tuple)(p.size) if p.outline is None else outlined_shape(p, p.outline)
+    return _SHAPES.get(p.kind, tuple)(p.size) if p.outline is None else lengths_of(p, p.outline)
 
 
 def _curves(p: Primitive) -> str:

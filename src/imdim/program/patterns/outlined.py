@@ -34,7 +34,7 @@ def _mean(outline: Outline) -> Point:
     return math.fsum(v[0] for v in vertices) / len(vertices), math.fsum(v[1] for v in vertices) / len(vertices)
 
 
-def outlined_shape(p: Primitive, outline: Outline) -> tuple[float, ...]:
+def lengths_of(p: Primitive, outline: Outline) -> tuple[float, ...]:
     """Lengths that no motion changes: the height or how far the outermost vertex turns, and the chords by their length."""
     turned = math.radians(p.size[0]) * max(x for loop in outline.loops for x, _, _ in loop) if p.kind == "revolve" else p.size[0]
     return (turned, *sorted(math.hypot(u - x, v - y) for x, y, u, v, _ in outline.curves))
@@ -45,7 +45,7 @@ def is_outlined_moved(a: Primitive, b: Primitive, motion: Motion, tolerance: flo
     moved = move_leaf(a, motion)
     assert moved.outline is not None
     assert b.outline is not None
-    if not _agrees(outlined_shape(moved, moved.outline)[0], outlined_shape(b, b.outline)[0], tolerance):
+    if not _agrees(lengths_of(moved, moved.outline)[0], lengths_of(b, b.outline)[0], tolerance):
         return False
     loops = _turned_loops(moved, b, tolerance) if b.kind == "revolve" else _extruded_loops(moved, b, tolerance)
     return loops is not None and _same_loops(loops, b.outline.loops, tolerance)
