@@ -33,8 +33,7 @@ def outline_sdf(curves: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 def program_sdf(program: Program | Lowered, points: np.ndarray) -> np.ndarray:
     """Values [n] at `points` [n, 3]."""
-    p = _as_lowered(program)
-    return _program_values(*_arrays(p), _as_points(points))[0]
+    return _program_values(*_arguments(program, points))[0]
 
 
 def inside(program: Program | Lowered, points: np.ndarray) -> np.ndarray:
@@ -44,12 +43,12 @@ def inside(program: Program | Lowered, points: np.ndarray) -> np.ndarray:
 
 def program_tangent(program: Program | Lowered, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Deciding leaf int64 [n], value [n], local-frame derivative [n, 9] (sizes, shift, rotation vector), world normal [n, 3]."""
-    p = _as_lowered(program)
-    return _program_tangent(*_arrays(p), _as_points(points))
+    return _program_tangent(*_arguments(program, points))
 
 
-def _arrays(p: Lowered) -> tuple[np.ndarray, ...]:
-    return p.code, p.kinds, p.sizes, p.centers, p.rotations, *_checked(p.kinds, p.outlines)
+def _arguments(program: Program | Lowered, points: np.ndarray) -> tuple[np.ndarray, ...]:
+    p = program if isinstance(program, Lowered) else lower(program)
+    return p.code, p.kinds, p.sizes, p.centers, p.rotations, *_checked(p.kinds, p.outlines), _as_points(points)
 
 
 def _checked(kinds: np.ndarray, outlines: Outlines) -> tuple[np.ndarray, np.ndarray]:
@@ -57,10 +56,6 @@ def _checked(kinds: np.ndarray, outlines: Outlines) -> tuple[np.ndarray, np.ndar
     if len(outlines.spans) != len(kinds) and (np.asarray(kinds) >= EXTRUDE).any():
         raise ValueError(f"{len(kinds)} leaves, some of them drawn, with the outlines of {len(outlines.spans)}")
     return outlines.curves, outlines.spans
-
-
-def _as_lowered(program: Program | Lowered) -> Lowered:
-    return program if isinstance(program, Lowered) else lower(program)
 
 
 def _as_points(points: np.ndarray) -> np.ndarray:

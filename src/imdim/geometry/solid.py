@@ -46,12 +46,17 @@ def primitive_to_manifold(primitive: Primitive, segments: int = SEGMENTS) -> Man
 
 def _sweep(primitive: Primitive, outline: Outline, segments: int) -> Manifold:
     """An extruded or turned outline about its own origin."""
-    section = CrossSection([flatten_loop(loop, segments) for loop in outline.loops], FillRule.EvenOdd)
+    section = draw_section(outline, segments)
     if primitive.kind == "extrude":
         return section.extrude(primitive.size[0]).translate((0.0, 0.0, -primitive.size[0] / 2))
     # manifold3d takes all of these for the part of the turn, OpenSCAD its share of them
     divisions = max(3, math.floor(segments * primitive.size[0] / FULL_TURN + 1e-9))
     return section.revolve(divisions, primitive.size[0])
+
+
+def draw_section(outline: Outline, segments: int) -> CrossSection:
+    """The plane region with `segments` edges per circle."""
+    return CrossSection([np.array(flatten_loop(loop, segments)) for loop in outline.loops], FillRule.EvenOdd)
 
 
 def to_manifold(program: Program, segments: int = SEGMENTS) -> Manifold:

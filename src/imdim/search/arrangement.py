@@ -188,7 +188,7 @@ def _direction(
 ) -> Direction:
     offsets = _offsets(v, surfaces, areas, box, outer, tol, config)
     planes = np.array([offset for s in surfaces if s.kind == "plane" for _, offset in _propose_offsets(s, v)])
-    return Direction(v, offsets, (np.abs(offsets[:, None] - planes) <= tol).any(1))
+    return Direction(v, offsets, np.any(np.abs(offsets[:, None] - planes) <= tol, axis=1))
 
 
 def _offsets(

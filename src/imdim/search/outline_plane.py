@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from imdim.search.cells import Cells
 
@@ -238,7 +238,7 @@ def _circle_crossings(walls: Walls, c: int, d: int) -> list[np.ndarray]:
 
 def _merge(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The group [n] of each point, and the groups' middles [g, 2]."""
-    pairs = cKDTree(points).query_pairs(SAME_NODE, output_type="ndarray")
+    pairs = KDTree(points).query_pairs(SAME_NODE, output_type="ndarray")
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
     count, label = connected_components(graph, directed=False)
     sums = np.stack([np.bincount(label, points[:, k], count) for k in (0, 1)], axis=1)

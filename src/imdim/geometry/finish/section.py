@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from manifold3d import CrossSection, FillRule, JoinType
+from manifold3d import JoinType
 
+from imdim.geometry.solid import draw_section
 from imdim.program.outline import MOST_CURVES, Outline, flatten_loop
 from imdim.program.tree import Primitive
 
@@ -22,7 +23,7 @@ def inset(leaf: Primitive, by: float) -> Primitive:
     """An extrusion whose walls lie further inside; half as far, and so on, where that leaves too little, and at last as they are."""
     outline = leaf.outline
     assert outline is not None
-    section = _flat(outline)
+    section = draw_section(outline, CHECK_SEGMENTS)
     for part in (by, by / 2, by / 4):
         loops = [tuple((float(x), float(y), 0.0) for x, y in loop) for loop in section.offset(-part, JoinType.Miter).to_polygons()]
         if loops and sum(map(len, loops)) <= MOST_CURVES and 2 * (area := Outline(tuple(loops))).area >= outline.area:
@@ -34,7 +35,3 @@ def flatten(outline: Outline, across: float = 1.0) -> Outline:
     """With the corners of its polyhedron in place of arcs, its x coordinates times `across`; as it is where these are too many."""
     loops = tuple(tuple((across * x, y, 0.0) for x, y in flatten_loop(loop, CHECK_SEGMENTS)) for loop in outline.loops)
     return Outline(loops) if sum(map(len, loops)) <= MOST_CURVES and all(len(loop) > 2 for loop in loops) else outline
-
-
-def _flat(outline: Outline) -> CrossSection:
-    return CrossSection([flatten_loop(loop, CHECK_SEGMENTS) for loop in outline.loops], FillRule.EvenOdd)
