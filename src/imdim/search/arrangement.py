@@ -85,7 +85,7 @@ def arrange(surfaces: Sequence[Surface], areas: Sequence[float], bounds: np.ndar
     vectors += _wall_vectors(surfaces, areas, vectors, config)
     outer = _outer([s for s, _ in curved], box, config.reach * diagonal)
     tol = config.merge * diagonal
-    directions = tuple(_direction(v, surfaces, areas, box, outer, tol, config) for v in vectors)
+    directions = tuple(_direction(v, _offsets(v, surfaces, areas, box, outer, tol, config), surfaces, tol) for v in vectors)
     axis_of = tuple(_axis_index(s, vectors) for s, _ in curved)
     return Arrangement(directions, tuple(s for s, _ in curved), axis_of, frames, box, outer)
 
@@ -177,16 +177,7 @@ def _frames(vectors: list[np.ndarray], config: ArrangementConfig) -> tuple[tuple
     return tuple(islice(triples, config.max_frames))
 
 
-def _direction(
-    v: np.ndarray,
-    surfaces: Sequence[Surface],
-    areas: Sequence[float],
-    box: np.ndarray,
-    outer: np.ndarray,
-    tol: float,
-    config: ArrangementConfig,
-) -> Direction:
-    offsets = _offsets(v, surfaces, areas, box, outer, tol, config)
+def _direction(v: np.ndarray, offsets: np.ndarray, surfaces: Sequence[Surface], tol: float) -> Direction:
     planes = np.array([offset for s in surfaces if s.kind == "plane" for _, offset in _propose_offsets(s, v)])
     return Direction(v, offsets, np.any(np.abs(offsets[:, None] - planes) <= tol, axis=1))
 
