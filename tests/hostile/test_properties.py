@@ -6,6 +6,7 @@ import io
 import json
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -13,12 +14,12 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from outlined_samples import random_drawn
 
 from imdim.app import edit
 from imdim.export.openscad_reader import read_openscad
 from imdim.program import codec
-from imdim.program.outline import Outline, circle, rectangle
-from imdim.program.tree import FULL_TURN, OPS, OUTLINED, SIZE_NAMES, Combine, Primitive, Program, combine_all, fold, leaves
+from imdim.program.tree import KINDS, OPS, OUTLINED, SIZE_NAMES, Combine, Primitive, Program, combine_all, fold, leaves
 from imdim.reconstruction.config import ConfigError, from_arguments
 from imdim.target.archives import ArchiveError, read_array
 from imdim.target.pcd import _lzf
@@ -29,20 +30,28 @@ SHARED = settings(deadline=None, suppress_health_check=[HealthCheck.function_sco
 NUMBER = st.floats(allow_nan=False, allow_infinity=False)
 VECTOR = st.tuples(NUMBER, NUMBER, NUMBER)
 SIZE = st.floats(min_value=1e-300, max_value=1e300)
-LENGTH = st.floats(min_value=1e-2, max_value=1e3)
-OUTLINES = st.builds(lambda w, h, r: Outline((*rectangle(w, h).shift(w, 0.0).loops, circle(r, 2 * w + 2 * r))), LENGTH, LENGTH, LENGTH)
 
 
 @st.composite
 def primitives(draw) -> Primitive:
-    kind = draw(st.sampled_from(sorted(SIZE_NAMES)))
+    kind = draw(st.sampled_from(KINDS))
+    if kind in OUTLINED:
+        return draw(drawn_leaves(kind))
     size = tuple(draw(SIZE) for _ in SIZE_NAMES[kind])
-    size = (max(size), min(size)) if kind == "torus" else (min(size[0], FULL_TURN),) if kind == "revolve" else size
-    return Primitive(kind, size, draw(VECTOR), draw(VECTOR), draw(OUTLINES) if kind in OUTLINED else None)
+    return Primitive(kind, (max(size), min(size)) if kind == "torus" else size, draw(VECTOR), draw(VECTOR))
+
+
+@st.composite
+def drawn_leaves(draw, kind: str) -> Primitive:
+    """An extruded or turned outline at any scale; a turned one comes round by a share of a turn."""
+    size = draw(SIZE if kind == "extrude" else st.floats(min_value=1e-9, max_value=1.0))
+    leaf, scale = random_drawn(np.random.default_rng(draw(st.integers(0, 2**32))), kind, size, draw(VECTOR), draw(VECTOR)), draw(SIZE)
+    assert leaf.outline is not None
+    return replace(leaf, outline=leaf.outline.map_lengths(lambda length: length * scale))
 
 
 PROGRAMS = st.recursive(primitives(), lambda part: st.builds(Combine, st.sampled_from(OPS), part, part), max_leaves=12)
-WORDS = st.sampled_from(["op", "parts", "kind", "size", "program", "box", "union", "imdim-csg"])
+WORDS = st.sampled_from(["op", "parts", "kind", "size", "outline", "program", "box", "extrude", "union", "imdim-csg"])
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8) | WORDS,
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(WORDS | st.text(max_size=4), inner),
@@ -86,6 +95,16 @@ def meaning(program: Program, bits: int) -> bool:
 def test_any_json_is_a_program_or_refused(value):
     for document in (value, {"format": "imdim-csg", "version": 1, "program": value}):
         assert clear(ValueError, partial(codec.from_json, document))
+
+
+VERTICES = st.tuples(NUMBER, NUMBER) | st.tuples(NUMBER, NUMBER, NUMBER) | st.tuples(*[st.sampled_from([-1.0, 0.0, 1e-200, 1.0])] * 3)
+
+
+@SHARED
+@given(st.sampled_from([("extrude", "h"), ("revolve", "angle")]), st.lists(st.lists(VERTICES, min_size=2, max_size=5), max_size=3))
+def test_loops_of_any_numbers_are_an_outline_or_refused(kind, loops):
+    node = {"kind": kind[0], "size": {kind[1]: 1.0}, "outline": [[list(vertex) for vertex in loop] for loop in loops]}
+    assert clear(ValueError, partial(codec.from_json, {"format": "imdim-csg", "version": 4, "program": node}))
 
 
 @SHARED

@@ -20,6 +20,7 @@ Curve = tuple[float, float, float, float, float]  # x and y of the start and of 
 MOST_CURVES = 2000  # of one outline
 TOUCHING = 1e-9  # of the outline's extent, within which two curves touch
 PARTING = 5e-5  # of it, by which neighbours that are all but tangent may part before they meet again
+LEAST_BULGE, MOST_BULGE = 1e-9, 1e9  # of an arc whose centre, or whose ends, can be told from its other numbers
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,15 +213,20 @@ def check_crossings(outline: Outline) -> None:
     """Raise ValueError, a line that names both curves, where two curves cross or touch other than in a common vertex.
 
     An arc that is all but tangent to its neighbour may cross it again beside their vertex, as long as neither leaves the other by then.
+    Refused too are curves that are too short, too flat or too round for that to be told.
     """
-    extent = max(abs(b - a) for a, b in zip(*outline.bounds, strict=True))
+    outline = _bring_to_unit(outline)
+    tolerance = TOUCHING * _extent(outline)
     named = [(i, k, c) for i, loop in enumerate(outline.loops) for k, c in enumerate(loop_curves(loop))]
-    boxes = [_box(curve, TOUCHING * extent) for _, _, curve in named]
+    for i, k, curve in named:
+        if math.dist(curve[:2], curve[2:4]) <= tolerance:
+            raise ValueError(f"loop {i} curve {k} is too short: its ends are nearer than {TOUCHING:g} of the outline's extent")
+    boxes = [_box(curve, tolerance) for _, _, curve in named]
     for (m, (i, k, a)), (n, (j, other, b)) in combinations(enumerate(named), 2):
         if boxes[m][0] > boxes[n][1] or boxes[n][0] > boxes[m][1] or boxes[m][2] > boxes[n][3] or boxes[n][2] > boxes[m][3]:
             continue
         shared = {c for c in ((a[0], a[1]), (a[2], a[3])) if c in ((b[0], b[1]), (b[2], b[3]))} if i == j else set()
-        if any(_apart(a, b, _nearest(p, shared)) > TOUCHING * extent for p in meeting_points(a, b, TOUCHING * extent)):
+        if any(_apart(a, b, _nearest(p, shared)) > tolerance for p in meeting_points(a, b, tolerance)):
             raise ValueError(f"loop {i} curve {k} crosses or touches loop {j} curve {other}")
 
 
@@ -229,6 +235,23 @@ def _apart(a: Curve, b: Curve, away: float) -> float:
     if away > min(math.dist(c[:2], c[2:4]) for c in (a, b)) / 2:
         return away
     return away * away / 8 * sum(1 / arc_radius(c) for c in (a, b) if c[4]) * TOUCHING / PARTING
+
+
+def _bring_to_unit(outline: Outline) -> Outline:
+    """The outline times a power of two, so exactly, with an extent of 1/2 to 1: no square of it leaves the range of numbers."""
+    for i, loop in enumerate(outline.loops):
+        for k, (_, _, bulge) in enumerate(loop):
+            if bulge and not LEAST_BULGE <= abs(bulge) <= MOST_BULGE:
+                raise ValueError(f"loop {i} curve {k} needs a bulge of 0 or between {LEAST_BULGE:g} and {MOST_BULGE:g}, got {bulge:g}")
+    extent, farthest = _extent(outline), max(abs(v) for loop in outline.loops for x, y, _ in loop for v in (x, y))
+    if not math.isfinite(extent) or TOUCHING * extent < math.ulp(farthest):
+        raise ValueError(f"coordinates up to {farthest:g} cannot tell what touches in an outline that measures {extent:g}")
+    power = math.frexp(extent)[1]
+    return outline.map_lengths(lambda length: math.ldexp(length, -power))
+
+
+def _extent(outline: Outline) -> float:
+    return max(high - low for low, high in zip(*outline.bounds, strict=True))
 
 
 def _nearest(point: Point, others: set[Point]) -> float:
