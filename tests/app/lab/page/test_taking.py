@@ -17,7 +17,7 @@ from imdim.program import codec
 
 pytestmark = in_the_lab
 needs_openscad = pytest.mark.skipif(shutil.which("openscad") is None, reason="OpenSCAD is not installed")
-BUTTONS = ("JSON", "OpenSCAD", "STEP", "build123d", "STL", "GLB", "3MF", "PNG", "HTML report")
+BUTTONS = ("JSON", "OpenSCAD", "STEP", "build123d", "CadQuery", "STL", "GLB", "3MF", "PNG", "HTML report")
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +45,8 @@ def test_programs_are_the_part(files):
         assert volume(program, 512) == pytest.approx(EXACT, rel=1e-4)
     assert "build123d" in files["build123d"].read_text()
     ast.parse(files["build123d"].read_text())
+    assert "import cadquery" in files["CadQuery"].read_text()
+    ast.parse(files["CadQuery"].read_text())
 
 
 @pytest.mark.parametrize("label", ["STL", "GLB", "3MF"])
