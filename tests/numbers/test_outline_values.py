@@ -113,3 +113,15 @@ def test_a_turned_outline_becomes_round_and_its_angle_too():
     assert isinstance(got, Primitive)
     assert (got.size, got.center) == (part.size, part.center)
     assert largest_difference(part.outline, got.outline) < 1e-12
+
+
+def test_the_middle_of_a_lopsided_outline_is_a_round_place():
+    """An arc's end at no round place must not make every other number odd."""
+    outline = Outline((((0.0, 0.0, 0.0), (90.0, 0.0, 0.3), (90.0, 35.5, 0.0), (0.0, 35.5, 0.0)),))
+    (left, _), (right, _) = outline.bounds
+    middle = (left + right) / 2
+    leaf = Primitive("extrude", (5.0,), (middle, 17.75, 2.5), (0.0, 0.0, 0.0), outline.shift(-middle, -17.75))
+    snapped = snap_leaf(leaf, 1e-4)
+    assert snapped.center[:2] == (round(middle), 17.75)
+    assert sorted(y for _, y, _ in snapped.outline.loops[0]) == [-17.75, -17.75, 17.75, 17.75]
+    assert min(x for x, _, _ in snapped.outline.loops[0]) == -round(middle), "no longer minus the odd middle"

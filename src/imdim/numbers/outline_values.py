@@ -23,6 +23,10 @@ FLATTEST = 0.05  # sine of the angle to an axis below which a line's crossing wi
 FARTHEST = 20.0  # tolerances that a vertex may move: where curves meet at small angles it moves further than they do
 MOST_HUBS = 8
 EXACT = 1e-9  # degrees by which equal directions differ
+TENTH, ROUND = (
+    10.0,
+    1e-9,
+)  # of an outline's size: the grid of its middle is a tenth or less, and a middle as near to a hundredth of that is round
 RESIDUE = 4e-15  # of a coordinate: what binary fractions add to decimal ones
 
 
@@ -80,7 +84,7 @@ def snap_outline(outline: Outline, tolerance: float, offset: Point = (0.0, 0.0))
 
 
 def snap_leaf(leaf: Primitive, tolerance: float) -> Primitive:
-    """The leaf with a round outline, whose middle is its centre; of one along the world's axes, the places in the world are round."""
+    """The leaf with a round outline, about whose middle its centre is; of one along the world's axes, the places in the world are round."""
     if leaf.outline is None:
         return leaf
     rotation = matrix_from_euler(leaf.rotation)
@@ -92,10 +96,19 @@ def snap_leaf(leaf: Primitive, tolerance: float) -> Primitive:
     if snapped is leaf.outline:
         return leaf
     (left, low), (right, high) = snapped.bounds
-    middle = (decimal((left + right) / 2) if across else 0.0, decimal((low + high) / 2))
+    size = max(right - left, high - low)
+    middle = (_round_middle(left, right, offset[0], size) if across else 0.0, _round_middle(low, high, offset[1], size))
     a, b, c = (_tidy(float(v)) for v in leaf.center + rotation @ ((*middle, 0.0) if across else (0.0, 0.0, middle[1])))
     loops = tuple(tuple((_tidy(x - middle[0]), _tidy(y - middle[1]), bulge) for x, y, bulge in loop) for loop in snapped.loops)
     return replace(leaf, center=(a, b, c), outline=Outline(loops))
+
+
+def _round_middle(low: float, high: float, offset: float, size: float) -> float:
+    """About the middle of two ends: where that is no round place by itself, one that leaves round corners round."""
+    grid = 10.0 ** math.floor(math.log10(size / TENTH))
+    middle = decimal((low + high) / 2 + offset)
+    near = round_to_grid(middle, grid / TENTH**2)
+    return decimal((near if abs(near - middle) <= ROUND * size else round_to_grid(middle, grid)) - offset)
 
 
 def unit(degrees: float) -> Point:
