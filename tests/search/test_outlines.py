@@ -5,15 +5,17 @@ from itertools import product
 import numpy as np
 import pytest
 
+from imdim.geometry.kernels import inside
 from imdim.geometry.solid import to_manifold, to_trimesh, volume_iou
 from imdim.program.cost import curves_of
 from imdim.program.outline import Outline, check_crossings, circle
 from imdim.program.tree import Combine, Primitive, leaves
 from imdim.reconstruction.config import Settings
+from imdim.reconstruction.observation import UnitBody, observe
 from imdim.reconstruction.pipeline import reconstruct
 from imdim.search.outline_plane import OUTSIDE, Walls, _unpack, make_plane
 from imdim.search.outline_region import best_region, count_curves, trace_loops
-from imdim.target.target import target_from
+from imdim.target.target import in_unit_frame, target_from
 
 CORNER = np.tan(np.pi / 8)  # the bulge of a quarter turn
 
@@ -151,3 +153,21 @@ def test_boxes_and_cylinders_stay_what_they_are_and_csg_draws_nothing():
     assert all(leaf.outline is None for leaf in leaves(reconstructed(PLATE, "csg")))
     assert sorted(leaf.kind for leaf in leaves(reconstructed(Primitive("box", (40.0, 30.0, 10.0))))) == ["box"]
     assert len(list(leaves(reconstructed(bored)))) <= 2
+
+
+def test_what_is_cut_away_ends_beyond_the_part():
+    """A corner cut out flush with two faces of the part would leave skins of no thickness there."""
+    plate = Primitive("box", (60.0, 40.0, 20.0), (0.0, 0.0, -7.0))
+    corner = Primitive("extrude", (3.0,), (20.0, 12.0, 2.0), (0.0, 0.0, 0.0), Outline((rounded(30, 24, 6),)))
+    unit, frame = in_unit_frame(target_from(to_trimesh(to_manifold(Combine("difference", plate, corner), 64))))
+    rng = np.random.default_rng(0)
+    seen = observe(UnitBody.of(unit, rng), 2.5e-4, rng, outlines=True)
+    cells, outlines = seen.cells, seen.families.outlines
+    filled = inside(frame.apply(plate), cells.points)
+    upright = next(i for i, p in enumerate(outlines.planes) if p.kind == "extrude" and abs(p.frame[2, 2]) > 0.99)
+    _, ranges, faces = outlines.best(upright, np.where(filled, -cells.gain, 0.0), np.arange(len(filled)), 0.0)
+    wider = outlines.widen(upright, ranges, faces, filled)
+    assert (outlines.mask(upright, ranges, wider)[filled] == outlines.mask(upright, ranges, faces)[filled]).all()
+    low, high = np.reshape(to_manifold(frame.undo(outlines.primitive(upright, ranges, wider))).bounding_box(), (2, 3))
+    assert low[[0, 2]] == pytest.approx([5, 0.5], abs=1e-6)
+    assert (high > [30.1, 20.1, 3.1]).all()

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from imdim.program.sequence import Step
 from imdim.search.arrangement import span_along
 from imdim.search.candidate_families import Candidate, Families
-from imdim.search.sequence import Covered, Pair, Sequence, run
+from imdim.search.sequence import Covered, Pair, Sequence, gaps, run
 
 
 def tidy(sequence: Sequence, families: Families) -> Sequence:
@@ -20,7 +21,21 @@ def tidy(sequence: Sequence, families: Families) -> Sequence:
     """
     for i in range(len(sequence)):
         sequence = _tidy_step(sequence, i, families)
+    places = list(gaps(sequence, len(families.cells.points)))
+    for (_, _, free), (i, state, _) in pairwise(places):
+        sequence = _widen_step(sequence, i, free & state, families)
     return sequence
+
+
+def _widen_step(sequence: Sequence, i: int, matters: np.ndarray, families: Families) -> Sequence:
+    """An outline that is cut away or kept, wider where no cell `matters` [m]."""
+    op, term = sequence[i]
+    if op == "union" or not isinstance(term.shape, Candidate) or term.shape.source[0] != "outline":
+        return sequence
+    shape = replace(term.shape, faces=families.outlines.widen(term.shape.source[1], term.shape.ranges, term.shape.faces, matters))
+    trial = _with(sequence, i, [shape], families)
+    before, after = (run(s, len(families.cells.points)) for s in (sequence, trial))
+    return sequence if (before != after).any() else trial
 
 
 def _tidy_step(sequence: Sequence, i: int, families: Families) -> Sequence:

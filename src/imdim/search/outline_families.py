@@ -22,7 +22,9 @@ from imdim.search.cells import Cells
 from imdim.search.outline_plane import OutlinePlane, Walls, make_plane
 from imdim.search.outline_region import best_region, count_curves, draw_outline
 
+EVEN = 1e-12  # of the largest bound, that tells apart what is even
 PAIRS = 3  # of levels between which the region is looked for, after the most promising
+HARMLESS = 1e-3  # of a face that matters: what a curve costs where an outline may be wider
 SAME_AXIS = 4e-4  # of the unit frame, within which two axes are one
 MOST_WALLS = 90  # of one plane; the faces grow with the square
 LEAST_TURNED = 2  # surfaces about an axis that are no mere cylinder, or walls, for an outline to be turned
@@ -163,6 +165,9 @@ class OutlineCells:
         plane = self.outlines.planes[index]
         sums = self._sums(index, field, cells)
         bounds = _pair_bounds(sums)
+        # of levels that win the same the farthest apart: what cuts ends beyond the part
+        levels = np.arange(len(bounds))
+        bounds += EVEN * bounds.max(initial=0.0) * np.maximum(levels[None] - levels[:, None], 0) * (bounds > 0)
         best: Drawn | None = None
         for flat in np.argsort(-bounds, axis=None)[:PAIRS].tolist():
             lo, hi = divmod(flat, bounds.shape[1])
@@ -195,6 +200,19 @@ class OutlineCells:
 
     def _levels(self, plane: OutlinePlane) -> int:
         return len(self.arrangement.directions[plane.direction].offsets) if plane.kind == "extrude" else 2
+
+    def widen(self, index: int, ranges: Sequence[tuple[int, int]], faces: bytes, matters: np.ndarray) -> bytes:
+        """The faces of an outline with others on which no cell between the levels `matters` [m], where that takes no more curves: what is
+        cut away ends beyond the part, not in its faces."""
+        plane, inside = self.planes[index], self._unpack(index, faces)
+        lo, hi = ranges[0] if ranges else (0, 1)
+        sums = self._sums(index, matters.astype(float), np.flatnonzero(matters))
+        harmless = sums[:, hi] - sums[:, lo] == 0
+        gains = np.where(harmless, EVEN, np.where(inside, 1.0, -1.0))
+        region = best_region(plane, gains, HARMLESS / plane.faces)
+        if region is None or (region.inside != inside)[~harmless].any() or region.curves > count_curves(plane, inside):
+            return faces
+        return np.packbits(region.inside).tobytes()
 
     def mask(self, index: int, ranges: Sequence[tuple[int, int]], faces: bytes) -> np.ndarray:
         """The cells [m] of an outline between two levels."""
