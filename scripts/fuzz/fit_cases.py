@@ -46,7 +46,9 @@ def drawn(seed: int, index: int, longest_s: float) -> Case:
         budget_s=float(rng.uniform(2.0, longest_s)),
         method=str(rng.choice(METHODS)),
         size_weight=float(rng.choice([2.5e-4, 2.5e-4, 2e-3])),
-        **{stage: bool(rng.random() > 0.1) for stage in ("evolution", "synthesis", "solver")},
+        evolution=bool(rng.random() > 0.1),
+        synthesis=bool(rng.random() > 0.1),
+        solver=bool(rng.random() > 0.1),
     )
     off = [stage for stage in ("evolution", "synthesis", "solver") if not getattr(settings, stage)]
     return Case(given, mesh, settings, f"{of}, {how}, {settings.method}" + "".join(f" without {stage}" for stage in off))
