@@ -13,8 +13,9 @@ from imdim.program.tree import Combine, Primitive, leaves
 from imdim.reconstruction.config import Settings
 from imdim.reconstruction.observation import UnitBody, observe
 from imdim.reconstruction.pipeline import reconstruct
+from imdim.search.outline_drawing import trace_loops
 from imdim.search.outline_plane import OUTSIDE, Walls, _unpack, make_plane
-from imdim.search.outline_region import best_region, count_curves, trace_loops
+from imdim.search.outline_region import best_region, count_curves
 from imdim.target.target import in_unit_frame, target_from
 
 CORNER = np.tan(np.pi / 8)  # the bulge of a quarter turn
@@ -25,7 +26,7 @@ def plane(rng, lines, circles):
     turn = rng.uniform(0, np.pi, lines)
     normals = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     offsets = (rng.uniform(0.2, 0.8, (lines, 2)) * normals).sum(1)
-    columns = tuple((True, 0, i) for i in range(lines + circles))
+    columns = tuple((0, i) for i in range(lines + circles))
     walls = Walls(
         normals, offsets, rng.uniform(0.2, 0.8, (circles, 2)), rng.uniform(0.05, 0.4, circles), np.array([[0.0, 0], [1, 1]]), columns
     )
@@ -100,7 +101,7 @@ def test_what_wins_nothing_has_no_region():
     assert best_region(found, np.full(found.faces, 1e-3), 1.0) is None
 
 
-def test_cells_outside_of_all_walls_know_no_face():
+def test_a_wall_within_the_window_has_a_face_on_either_side():
     found = plane(np.random.default_rng(0), 3, 0)
     assert OUTSIDE not in found.segments.faces[found.segments.wall >= 0]
 

@@ -119,6 +119,7 @@ def summary(report: Mapping[str, Any], folder: Path) -> str:
     lines += [f"  delivered differs from found: IoU {same:.4f}"] if 1 - same > DIFFERS else []
     said = [repeat["says"] for repeat in report.get("repeats", [])]
     lines += [f"  {'repeats':<8} {'; '.join(said)}"] if said else []
+    lines += [f"  {name} {said}" for name, said in report["files"].items() if said.startswith("skipped") and name != "program.loops.scad"]
     lines += [
         f"  {what:<8} {folder / name}"
         for what, name in (("picture", "preview.png"), ("page", "report.html"), ("program", "program.scad"), ("report", "report.json"))

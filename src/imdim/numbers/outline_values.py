@@ -23,10 +23,8 @@ FLATTEST = 0.05  # sine of the angle to an axis below which a line's crossing wi
 FARTHEST = 20.0  # tolerances that a vertex may move: where curves meet at small angles it moves further than they do
 MOST_HUBS = 8
 EXACT = 1e-9  # degrees by which equal directions differ
-TENTH, ROUND = (
-    10.0,
-    1e-9,
-)  # of an outline's size: the grid of its middle is a tenth or less, and a middle as near to a hundredth of that is round
+TENTH = 10.0  # of an outline's size is the coarsest grid that its middle is put on, a hundredth of that the finest
+ROUND = 1e-9  # of its size: a middle as near to the finest is round as it is
 RESIDUE = 4e-15  # of a coordinate: what binary fractions add to decimal ones
 
 

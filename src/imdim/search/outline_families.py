@@ -6,6 +6,7 @@ outline between them can win, and for the most promising pairs the region is fou
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -13,21 +14,23 @@ import numpy as np
 from numba import njit
 
 from imdim.geometry.rotations import euler_from_matrix
-from imdim.geometry.surface import vec
+from imdim.geometry.surface import Surface, vec
 from imdim.program.cost import FREE_CURVES
-from imdim.program.outline import Outline, circle_of, loop_curves
+from imdim.program.outline import Outline
+from imdim.program.plain_outlines import to_simple
 from imdim.program.tree import FULL_TURN, Primitive
 from imdim.search.arrangement import ORTHOGONAL, Arrangement
 from imdim.search.cells import Cells
+from imdim.search.outline_drawing import draw_outline
 from imdim.search.outline_plane import OutlinePlane, Walls, make_plane
-from imdim.search.outline_region import best_region, count_curves, draw_outline
+from imdim.search.outline_region import best_region, count_curves
 
 EVEN = 1e-12  # of the largest bound, that tells apart what is even
 PAIRS = 3  # of levels between which the region is looked for, after the most promising
-HARMLESS = 1e-3  # of a face that matters: what a curve costs where an outline may be wider
+CURVE_OF_WIDER, HARMLESS = 1e-3, 1e-6  # of a face that matters: what a curve costs, and a harmless face wins, where an outline is widened
 SAME_AXIS = 4e-4  # of the unit frame, within which two axes are one
 MOST_WALLS = 90  # of one plane; the faces grow with the square
-LEAST_TURNED = 2  # surfaces about an axis that are no mere cylinder, or walls, for an outline to be turned
+TUBE = 2  # cylinders about an axis that need no turned outline
 
 
 @dataclass(frozen=True)
@@ -55,51 +58,59 @@ def _extruded(arrangement: Arrangement) -> Iterator[OutlinePlane | None]:
         if not across or len(lines) + len(rounds) < 3 or len(lines) + len(rounds) > MOST_WALLS:
             continue
         frame = _frame_across(direction.vector, arrangement.directions[across[0]].vector)
-        normals = np.array([arrangement.directions[b].vector @ frame[:, :2] for b, _ in lines]).reshape(-1, 2)
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        offsets = np.array([arrangement.directions[b].offsets[k] for b, k in lines])
-        centers = np.array([np.asarray(arrangement.curved[c].point) @ frame[:, :2] for c in rounds]).reshape(-1, 2)
-        radii = np.array([arrangement.curved[c].sizes[0] for c in rounds])
-        columns = (*((True, b, k) for b, k in lines), *((False, c, 0) for c in rounds))
-        corners = _corners(arrangement.bounds) @ frame[:, :2]
-        walls = Walls(normals, offsets, centers, radii, np.stack([corners.min(0), corners.max(0)]), columns)
-        yield make_plane("extrude", a, np.zeros(3), frame, walls)
+        yield make_plane("extrude", a, np.zeros(3), frame, _walls_across(arrangement, frame[:, :2], lines, rounds))
+
+
+def _walls_across(arrangement: Arrangement, axes: np.ndarray, lines: Sequence[tuple[int, int]], rounds: Sequence[int]) -> Walls:
+    """Walls in the plane of two `axes` [3, 2]: offsets of directions, and cylinders."""
+    normals = np.array([arrangement.directions[b].vector @ axes for b, _ in lines]).reshape(-1, 2)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    offsets = np.array([arrangement.directions[b].offsets[k] for b, k in lines])
+    centers = np.array([np.asarray(arrangement.curved[c].point) @ axes for c in rounds]).reshape(-1, 2)
+    radii = np.array([arrangement.curved[c].sizes[0] for c in rounds])
+    corners = _corners(arrangement.bounds) @ axes
+    return Walls(normals, offsets, centers, radii, np.stack([corners.min(0), corners.max(0)]), (*lines, *((c, None) for c in rounds)))
 
 
 def _turned(arrangement: Arrangement) -> Iterator[OutlinePlane | None]:
     for a, foot, members in _axes(arrangement):
-        direction = arrangement.directions[a]
-        along = direction.vector
+        along = arrangement.directions[a].vector
         u = _frame_across(along, np.eye(3)[np.argmin(np.abs(along))])[:, 0]
-        half = np.stack([u, along, np.cross(u, along)], axis=1)
-        levels = np.flatnonzero(direction.detected).tolist()
-        normals, offsets, centers, radii = [(0.0, 1.0)] * len(levels), [float(direction.offsets[k]) for k in levels], [], []
-        columns, rounds = [(True, a, k) for k in levels], []
-        for c in members:
-            surface = arrangement.curved[c]
-            height = float(np.asarray(surface.point) @ along)
-            if surface.kind == "cylinder":
-                normals.append((-1.0, 0.0))
-                offsets.append(-surface.sizes[0])
-                columns.append((False, c, 0))
-            elif surface.kind == "cone":
-                up, angle = float(np.sign(np.asarray(surface.axis) @ along)), surface.sizes[0]
-                normal = (-float(np.cos(angle)), up * float(np.sin(angle)))
-                normals.append(normal)
-                offsets.append(normal[1] * height)
-                columns.append((False, c, 0))
-            else:
-                centers.append((0.0 if surface.kind == "sphere" else surface.sizes[0], height))
-                radii.append(surface.sizes[-1])
-                rounds.append((False, c, 0))
-        corners = _corners(arrangement.bounds) - foot
-        reach = float(np.sqrt(np.maximum((corners**2).sum(1) - (corners @ along) ** 2, 0)).max())
-        heights = _corners(arrangement.bounds) @ along
-        window = np.array([[0.0, heights.min()], [reach, heights.max()]])
-        if len(normals) + len(radii) <= MOST_WALLS:
-            walls = Walls(np.array(normals).reshape(-1, 2), np.array(offsets), np.array(centers).reshape(-1, 2), np.array(radii), window,
-                          (*columns, *rounds))  # fmt: skip
-            yield make_plane("revolve", a, foot, half, walls)
+        walls = _walls_about(arrangement, a, foot, members)
+        if len(walls.columns) <= MOST_WALLS:
+            yield make_plane("revolve", a, foot, np.stack([u, along, np.cross(u, along)], axis=1), walls)
+
+
+def _walls_about(arrangement: Arrangement, a: int, foot: np.ndarray, members: Sequence[int]) -> Walls:
+    """Walls in the half plane (radius, height) about an axis along direction `a`: planes across it, and surfaces `members` about it."""
+    direction = arrangement.directions[a]
+    levels = np.flatnonzero(direction.detected).tolist()
+    straight = [c for c in members if arrangement.curved[c].kind in ("cylinder", "cone")]
+    bent = [c for c in members if c not in straight]
+    lines = [(0.0, 1.0, float(direction.offsets[k])) for k in levels]
+    lines += [_line_about(arrangement.curved[c], direction.vector) for c in straight]
+    middles = [np.asarray(arrangement.curved[c].point) @ direction.vector for c in bent]
+    centers = [(sum(arrangement.curved[c].sizes[:-1]), height) for c, height in zip(bent, middles, strict=True)]
+    corners = _corners(arrangement.bounds) - foot
+    heights = corners @ direction.vector
+    reach = np.sqrt(np.maximum((corners**2).sum(1) - heights**2, 0)).max()
+    table = np.array(lines).reshape(-1, 3)
+    return Walls(
+        table[:, :2],
+        table[:, 2],
+        np.array(centers).reshape(-1, 2),
+        np.array([arrangement.curved[c].sizes[-1] for c in bent]),
+        np.array([[0.0, heights.min()], [reach, heights.max()]]),
+        (*((a, k) for k in levels), *((c, None) for c in (*straight, *bent))),
+    )
+
+
+def _line_about(surface: Surface, along: np.ndarray) -> tuple[float, float, float]:
+    """Normal and offset of a cylinder or a cone in the half plane about its axis, its inside in front."""
+    if surface.kind == "cylinder":
+        return -1.0, 0.0, -surface.sizes[0]
+    up, angle = float(np.sign(np.asarray(surface.axis) @ along)), surface.sizes[0]
+    return -math.cos(angle), up * math.sin(angle), up * math.sin(angle) * float(np.asarray(surface.point) @ along)
 
 
 def _axes(arrangement: Arrangement) -> Iterator[tuple[int, np.ndarray, list[int]]]:
@@ -125,8 +136,7 @@ def _axes(arrangement: Arrangement) -> Iterator[tuple[int, np.ndarray, list[int]
             point = np.asarray(surface.point)
             if surface.kind == "sphere" and np.linalg.norm(point - foot - ((point - foot) @ along) * along) < SAME_AXIS:
                 members.append(c)
-        bent = sum(arrangement.curved[c].kind != "cylinder" for c in members)
-        if bent >= 1 or len(members) > LEAST_TURNED:
+        if len(members) > TUBE or any(arrangement.curved[c].kind != "cylinder" for c in members):
             yield a, foot, sorted(members)
 
 
@@ -180,7 +190,16 @@ class OutlineCells:
             return None
         lo, hi = best[1][0] if best[1] else (0, 1)
         better = self._drawn(plane, sums, lo, hi, flips=True)
-        return better if better is not None and better[0] > best[0] else best
+        offers = [best] if better is None or better[0] <= best[0] else [better, best]
+        return next((offer for offer in offers if self._is_drawable(index, offer[2])), None)
+
+    def _is_drawable(self, index: int, faces: bytes) -> bool:
+        """Whether the boundary of a region crosses nothing: a few regions among walls that nearly coincide have none that does not."""
+        try:
+            self._outline(index, faces)
+        except ValueError:
+            return False
+        return True
 
     def _drawn(self, plane: OutlinePlane, sums: np.ndarray, lo: int, hi: int, flips: bool) -> Drawn | None:
         """What is found between two levels."""
@@ -208,11 +227,12 @@ class OutlineCells:
         lo, hi = ranges[0] if ranges else (0, 1)
         sums = self._sums(index, matters.astype(float), np.flatnonzero(matters))
         harmless = sums[:, hi] - sums[:, lo] == 0
-        gains = np.where(harmless, EVEN, np.where(inside, 1.0, -1.0))
-        region = best_region(plane, gains, HARMLESS / plane.faces)
+        gains = np.where(harmless, HARMLESS, np.where(inside, 1.0, -1.0))
+        region = best_region(plane, gains, CURVE_OF_WIDER)
         if region is None or (region.inside != inside)[~harmless].any() or region.curves > count_curves(plane, inside):
             return faces
-        return np.packbits(region.inside).tobytes()
+        wider = np.packbits(region.inside).tobytes()
+        return wider if self._is_drawable(index, wider) else faces
 
     def mask(self, index: int, ranges: Sequence[tuple[int, int]], faces: bytes) -> np.ndarray:
         """The cells [m] of an outline between two levels."""
@@ -237,7 +257,7 @@ class OutlineCells:
         return np.unpackbits(np.frombuffer(faces, np.uint8), count=self.outlines.planes[index].faces).astype(bool)
 
     def primitive(self, index: int, ranges: Sequence[tuple[int, int]], faces: bytes) -> Primitive:
-        """The solid of an outline; a box or cylinder where it is one."""
+        """The solid of an outline; one of the six kinds where it is one."""
         plane = self.outlines.planes[index]
         outline = self._outline(index, faces)
         (left, low), (right, high) = outline.bounds
@@ -245,26 +265,13 @@ class OutlineCells:
         if plane.kind == "revolve":
             turned = np.stack([plane.frame[:, 0], np.cross(plane.frame[:, 1], plane.frame[:, 0]), plane.frame[:, 1]], axis=1)
             center = plane.origin + y * plane.frame[:, 1]
-            return Primitive("revolve", (FULL_TURN,), vec(center), euler_from_matrix(turned), outline.shift(0.0, -y))
+            leaf = Primitive("revolve", (FULL_TURN,), vec(center), euler_from_matrix(turned), outline.shift(0.0, -y))
+            return to_simple(leaf) or leaf
         offsets = self.arrangement.directions[plane.direction].offsets
         bottom, top = float(offsets[ranges[0][0]]), float(offsets[ranges[0][1]])
         center = plane.frame @ np.array([x, y, (bottom + top) / 2])
-        return simplify(Primitive("extrude", (top - bottom,), vec(center), euler_from_matrix(plane.frame), outline.shift(-x, -y)))
-
-
-def simplify(leaf: Primitive) -> Primitive:
-    """A box for an extruded rectangle along its axes, a cylinder for an extruded circle, else the leaf."""
-    outline = leaf.outline
-    if outline is None or leaf.kind != "extrude" or len(outline.loops) != 1:
-        return leaf
-    round_ = circle_of(outline.loops[0])
-    if round_:
-        return Primitive("cylinder", (round_[2], leaf.size[0]), leaf.center, leaf.rotation)
-    (left, low), (right, high) = outline.bounds
-    curves = loop_curves(outline.loops[0])
-    size = max(right - left, high - low)
-    square = len(curves) == 4 and all(not b and min(abs(x - u), abs(y - v)) < 1e-9 * size for x, y, u, v, b in curves)
-    return Primitive("box", (right - left, high - low, leaf.size[0]), leaf.center, leaf.rotation) if square else leaf
+        leaf = Primitive("extrude", (top - bottom,), vec(center), euler_from_matrix(plane.frame), outline.shift(-x, -y))
+        return to_simple(leaf) or leaf
 
 
 @njit(nogil=True, cache=True)

@@ -32,8 +32,8 @@ OUTSIDE = -1  # the face there
 class Walls:
     """Lines ``normal . p = offset`` [l, 2], [l] and circles [c, 2], [c] of a plane, and the window [2, 2] that is looked at.
 
-    `columns` says by which codes of cells the sides are known: (True, direction, offset index) for a line between slabs, else
-    (False, curved surface, flipped).
+    `columns` says by which codes of cells the sides are known: (direction, offset index) for a line between slabs, else (curved surface,
+    None).
     """
 
     normals: np.ndarray
@@ -41,7 +41,7 @@ class Walls:
     centers: np.ndarray
     radii: np.ndarray
     window: np.ndarray
-    columns: tuple[tuple[bool, int, int], ...]
+    columns: tuple[tuple[int, int | None], ...]
 
     def sides(self, points: np.ndarray) -> np.ndarray:
         """Flags [n, l + c] of points [n, 2]: in front of a line, within a circle."""
@@ -52,8 +52,8 @@ class Walls:
     def sides_of(self, cells: Cells) -> np.ndarray:
         """The same flags [m, l + c] of cells, by their codes."""
         out = np.empty((len(cells.points), len(self.columns)), bool)
-        for i, (is_slab, column, at) in enumerate(self.columns):
-            out[:, i] = cells.slabs[:, column] >= at if is_slab else cells.inside[:, column] != bool(at)
+        for i, (column, at) in enumerate(self.columns):
+            out[:, i] = cells.inside[:, column] if at is None else cells.slabs[:, column] >= at
         return out
 
 
@@ -88,6 +88,13 @@ class OutlinePlane:
     @property
     def faces(self) -> int:
         return len(self.codes)
+
+    def boundary(self, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Indices [b] of the segments that bound a region, and their nodes [b, 2] in the order that has the region on the left."""
+        sides = np.append(inside, False)[self.segments.faces]
+        at = np.flatnonzero(sides[:, 0] != sides[:, 1])
+        nodes = self.segments.nodes[at]
+        return at, np.where(sides[at, :1], nodes, nodes[:, ::-1])
 
     def project(self, points: np.ndarray) -> np.ndarray:
         """Points [n, 3] in the plane [n, 2], turned into the half plane about an axis."""
