@@ -15,7 +15,7 @@ from imdim.geometry.solid import mesh_to_manifold, to_manifold, to_trimesh, volu
 from imdim.program.codec import dumps, loads
 from imdim.program.cost import count
 from imdim.program.tree import Program
-from imdim.reconstruction.config import ConfigError, Settings
+from imdim.reconstruction.config import LANGUAGES, ConfigError, Settings
 from imdim.reconstruction.pipeline import Snapshot, reconstruct_best
 from imdim.target.readers import InputError
 from imdim.target.scan import VIEWS, Condition, scan
@@ -49,9 +49,12 @@ def drawn(seed: int, index: int, longest_s: float) -> Case:
         evolution=bool(rng.random() > 0.1),
         synthesis=bool(rng.random() > 0.1),
         solver=bool(rng.random() > 0.1),
+        language=str(rng.choice(LANGUAGES)),
     )
     off = [stage for stage in ("evolution", "synthesis", "solver") if not getattr(settings, stage)]
-    return Case(given, mesh, settings, f"{of}, {how}, {settings.method}" + "".join(f" without {stage}" for stage in off))
+    return Case(
+        given, mesh, settings, f"{of}, {how}, {settings.method} in {settings.language}" + "".join(f" without {stage}" for stage in off)
+    )
 
 
 def tried(case: Case) -> str:

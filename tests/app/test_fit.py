@@ -32,6 +32,7 @@ REPORT = {
     "timing": {"total_s": 0.0},
     "stop": "finished",
     "found": {"iou_with_delivered": 1.0},
+    "files": {"program.scad": "written"},
 }
 
 

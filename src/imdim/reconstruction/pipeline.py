@@ -244,7 +244,7 @@ def _body(body: Target, work: _Work, share: float = 1.0) -> Iterator[_BodyState]
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
     choose_by, fit_by = _times(budget, share)
     home = step.program if seen.solid is None else without_strays(step.program, seen.solid, fit_by)
-    simple = replace(step, stage="simplify", program=preserve(home, reduce_program(home, deadline=fit_by)), error=None)
+    simple = replace(step, stage="simplify", program=preserve(home, reduce_program(home, deadline=fit_by)), error=None, front=())
     last = _state(simple, seen, frame)
     yield last
     if settings.solver:

@@ -13,7 +13,7 @@ from imdim.app.lab.examples import PROGRAMS, example
 from imdim.app.lab.resume import Rates
 from imdim.geometry.kernels import program_sdf
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
-from imdim.program.tree import leaves
+from imdim.program.tree import Combine, leaves
 from imdim.reconstruction import pipeline
 from imdim.reconstruction.config import Settings
 from imdim.target.target import sample_surface, target_from
@@ -83,3 +83,16 @@ def test_a_process_goes_on_from_a_document(spoilt):
     assert [m.kind for m in told[-2:]] == ["snapshot", "done"]
     assert told[-2].values["stage"] == "finished"
     assert told[-2].values["front"]
+
+
+def test_a_program_that_is_simplified_after_its_evolution_is_on_no_older_front(monkeypatch, spoilt):
+    """The front that evolution showed holds the program as it was before."""
+
+    def split(program, **_):
+        return Combine("union", program, next(leaves(program)))
+
+    monkeypatch.setattr(pipeline, "reduce_program", split)
+    told = go_on(spoilt)
+    assert [s.stage for s in told if s.front and s.stage == "evolve"]
+    assert next(s for s in told if s.stage == "simplify").front == ()
+    assert any(c.program == told[-1].program for c in told[-1].front)
