@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from imdim.geometry.rotations import euler_from_matrix
 from imdim.geometry.surface import Surface, vec
@@ -22,11 +21,10 @@ from imdim.program.tree import FULL_TURN, Primitive
 from imdim.search.arrangement import ORTHOGONAL, Arrangement
 from imdim.search.cells import Cells
 from imdim.search.outline_drawing import draw_outline
+from imdim.search.outline_kernels import likeliest_levels, sum_below
 from imdim.search.outline_plane import OutlinePlane, Walls, make_plane
 from imdim.search.outline_region import best_region, count_curves
 
-EVEN = 1e-12  # of the largest bound, that tells apart what is even
-PAIRS = 3  # of levels between which the region is looked for, after the most promising
 CURVE_OF_WIDER, HARMLESS = 1e-3, 1e-6  # of a face that matters: what a curve costs, and a harmless face wins, where an outline is widened
 SAME_AXIS = 4e-4  # of the unit frame, within which two axes are one
 MOST_WALLS = 90  # of one plane; the faces grow with the square
@@ -168,22 +166,17 @@ class OutlineCells:
         self._slabs = [cells.slabs[:, p.direction] if p.kind == "extrude" else np.zeros(len(cells.points), np.int16) for p in self.planes]
         # the slot of each cell in a table of faces and levels, which has one row more for cells that no face has
         places = zip(self.planes, self._faces, self._slabs, strict=True)
-        self._slots = [np.where(face < 0, p.faces, face) * self._levels(p) + slab + 1 for p, face, slab in places]
+        self._slots = [(np.where(face < 0, p.faces, face) * self._levels(p) + slab + 1).astype(np.int32) for p, face, slab in places]
 
     def best(self, index: int, field: np.ndarray, cells: np.ndarray, floor: float) -> Drawn | None:
         """What the best outline of a plane wins, less its curves' price, its levels and its faces; None below `floor`."""
         plane = self.outlines.planes[index]
         sums = self._sums(index, field, cells)
-        bounds = _pair_bounds(sums)
-        # of levels that win the same the farthest apart: what cuts ends beyond the part
-        levels = np.arange(len(bounds))
-        bounds += EVEN * bounds.max(initial=0.0) * np.maximum(levels[None] - levels[:, None], 0) * (bounds > 0)
         best: Drawn | None = None
-        for flat in np.argsort(-bounds, axis=None)[:PAIRS].tolist():
-            lo, hi = divmod(flat, bounds.shape[1])
-            if bounds[lo, hi] <= floor:
+        for lo, hi, bound in likeliest_levels(sums, floor):
+            if bound <= floor:
                 break
-            found = self._drawn(plane, sums, lo, hi, flips=False)
+            found = self._drawn(plane, sums, int(lo), int(hi), flips=False)
             if found is not None and found[0] > floor:
                 floor, best = found[0], found
         if best is None:
@@ -213,9 +206,7 @@ class OutlineCells:
         """Sums of a field over each face below each level [f, levels]."""
         plane = self.planes[index]
         levels = self._levels(plane)
-        slots = self._slots[index][cells]
-        sums = np.bincount(slots, field[cells], (plane.faces + 1) * levels)
-        return np.cumsum(sums.reshape(-1, levels)[:-1], axis=1)
+        return sum_below(self._slots[index], field, cells, plane.faces, levels)
 
     def _levels(self, plane: OutlinePlane) -> int:
         return len(self.arrangement.directions[plane.direction].offsets) if plane.kind == "extrude" else 2
@@ -272,21 +263,3 @@ class OutlineCells:
         center = plane.frame @ np.array([x, y, (bottom + top) / 2])
         leaf = Primitive("extrude", (top - bottom,), vec(center), euler_from_matrix(plane.frame), outline.shift(-x, -y))
         return to_simple(leaf) or leaf
-
-
-@njit(nogil=True, cache=True)
-def _pair_bounds(sums):
-    """What any outline between levels lo < hi can win at most [levels, levels]: the sum of what faces win there that win something."""
-    faces, levels = sums.shape
-    out = np.zeros((levels, levels))
-    for f in range(faces):
-        row = sums[f]
-        if row[levels - 1] == 0.0 and row.max() == 0.0 and row.min() == 0.0:
-            continue
-        for lo in range(levels - 1):
-            base = row[lo]
-            for hi in range(lo + 1, levels):
-                won = row[hi] - base
-                if won > 0.0:
-                    out[lo, hi] += won
-    return out

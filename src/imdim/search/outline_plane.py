@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -18,6 +19,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from imdim.search.cells import Cells
+from imdim.search.outline_kernels import Graph
 
 TANGENT, MOST = 3e-4, 8e-4  # of the unit frame: by how much a wall that is meant to touch a circle may miss it, at least and at most
 SAGITTA = 0.012  # of the radius, between these: the circle is drawn through the corners of facets
@@ -26,6 +28,7 @@ ARC_CORNERS = 9  # of an arc where it stands for a polygon
 ASIDE = 1.5e-4  # of the unit frame, from a segment to the points that tell its faces
 WINDOW = -1  # the wall of segments on the edge of what is searched
 OUTSIDE = -1  # the face there
+AXIS = WINDOW  # the window's left edge, which is the axis of what is turned
 
 
 @dataclass(frozen=True)
@@ -88,6 +91,18 @@ class OutlinePlane:
     @property
     def faces(self) -> int:
         return len(self.codes)
+
+    @cached_property
+    def graph(self) -> Graph:
+        """The segments as the compiled loops take them; along an axis no curve is drawn."""
+        wall, faces = self.segments.wall, np.where(self.segments.faces == OUTSIDE, self.faces, self.segments.faces)
+        starts = np.flatnonzero(np.append(True, wall[1:] != wall[:-1]))
+        free = (wall[starts] == AXIS) & (self.kind == "revolve")
+        order = np.argsort(faces, axis=None, kind="stable")
+        ends = np.searchsorted(faces.reshape(-1)[order], np.arange(self.faces + 2))
+        of_segment = np.cumsum(np.append(False, wall[1:] != wall[:-1]))
+        starts = np.append(starts, len(wall))
+        return Graph(starts, free, of_segment, self.segments.nodes, faces, self.segments.length, ends, order // 2)
 
     def boundary(self, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Indices [b] of the segments that bound a region, and their nodes [b, 2] in the order that has the region on the left."""
