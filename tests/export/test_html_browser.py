@@ -190,7 +190,7 @@ def test_selecting_in_the_tree_shows_it_in_3d(opened, report):
 def test_clicking_selects_and_measures(opened, report):
     tab = opened(report)
     target, result = (tab.locator(".pane").nth(i).bounding_box() for i in (0, 1))
-    tab.get_by_role("button", name="Top").click()
+    tab.get_by_role("button", name="Top", exact=True).click()
     tab.mouse.click(result["x"] + result["width"] / 2, result["y"] + result["height"] / 2)
     assert "box #0" in tab.locator("#selected").inner_text()
     tab.keyboard.press("Escape")
@@ -243,7 +243,7 @@ def test_a_repeat_shows_all_its_copies(opened, tmp_path):
     path = tmp_path / "row.html"
     path.write_text(page(content(document, None, found.parameters, name="row")), encoding="utf-8")
     tab = opened(path)
-    tab.get_by_role("button", name="Top").click()
+    tab.get_by_role("button", name="Top", exact=True).click()
     tab.locator(".row", has_text="cylinder").click()
     seen = pixels(tab, 0)
     columns = np.flatnonzero(amber(seen).any(axis=0))

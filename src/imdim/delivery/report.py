@@ -65,7 +65,7 @@ def report_of(
             "kinds": {kind: n for kind, n in counts.kinds.items() if n},
             "ops": {op: n for op, n in counts.ops.items() if n},
         },
-        "repeats": [] if folded is None else _repeats(folded, labels(program, constraints)),
+        "repeats": [] if folded is None else _repeats(folded, labels(program, constraints, folded)),
         "constraints": [{"name": c.name, "kind": c.kind, "says": str(c)} for c in constraints],
         "parameters": {name: number(value) for name, value in delivered.parameters.values.items()},
         "scores": _scores(scores),

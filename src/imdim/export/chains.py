@@ -50,7 +50,8 @@ class Chains(ABC):
 
     def _arguments(self, leaf: Primitive, number: int) -> list[str]:
         """The sizes, and what an outlined leaf is drawn from."""
-        return [*write_sizes(leaf, self._named.sizes[number], self._rounding), *write_regions(leaf, self._rounding)]
+        drawn = write_regions(leaf, self._named.outlines[number], self._rounding)
+        return [*write_sizes(leaf, self._named.sizes[number], self._rounding), *drawn]
 
     def _turns(self, rotation: Vec3) -> Iterator[tuple[int, str]]:
         """Axis and degrees of the turns about the fixed axes, first x: those that turn."""

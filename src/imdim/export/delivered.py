@@ -40,10 +40,12 @@ _MEANING: Mapping[str, str] = {
     "x": "centre along x",
     "y": "centre along y",
     "z": "centre along z",
+    "outline": "drawing",
 }
+_DIMENSIONS = frozenset(("circle", "radius", "length", "width", "chamfer", "depth", "height"))
 SIZES = frozenset(name for names in SIZE_NAMES.values() for name in names)
 
-Feature = tuple[int, str]  # the primitive's number, and the name of a size or of a coordinate
+Feature = tuple[int, str]  # the primitive's number, and the name of a size or of a coordinate; those of an outline are counted
 
 
 class EditError(ValueError):
@@ -111,8 +113,8 @@ def meanings(delivered: Delivered) -> dict[str, str]:
 
 
 def is_size(delivered: Delivered, name: str) -> bool:
-    """Whether some size is the named value, or the name is that of a diameter."""
-    return "circle" in name.split("_") or any(feature in SIZES for _, feature in _followers(delivered, name)[0])
+    """Whether some size is the named value, or the name is that of a diameter or of a size of an outline."""
+    return not _DIMENSIONS.isdisjoint(name.split("_")) or any(feature in SIZES for _, feature in _followers(delivered, name)[0])
 
 
 def _followers(delivered: Delivered, name: str) -> tuple[list[Feature], list[Feature]]:
@@ -122,7 +124,9 @@ def _followers(delivered: Delivered, name: str) -> tuple[list[Feature], list[Fea
     after, step = _probe(delivered, name, PROBE * (abs(value) or longest(leaves(delivered.program))))
     slack = AGREE * abs(step)
     moved = {feature: after[feature] - before[feature] for feature in before if abs(after[feature] - before[feature]) > slack}
-    equal = [f for f, way in moved.items() if max(abs(way - step), abs(before[f] - value)) <= slack]
+    drawn = {f for f in moved if f[1].isdigit()}
+    equal = [f for f, way in moved.items() if f not in drawn and max(abs(way - step), abs(before[f] - value)) <= slack]
+    moved = {f: way for f, way in moved.items() if f not in drawn} | dict.fromkeys([(leaf, "outline") for leaf, _ in drawn], step)
     return equal, [f for f in moved if f not in equal]
 
 
@@ -139,6 +143,8 @@ def _numbers(program: Program) -> Iterator[tuple[Feature, float]]:
     for i, p in enumerate(leaves(program)):
         for feature, number in zip((*SIZE_NAMES[p.kind], "x", "y", "z"), (*p.size, *p.center), strict=True):
             yield (i, feature), number
+        if p.outline is not None:
+            yield from (((i, str(k)), v) for k, v in enumerate(v for loop in p.outline.loops for vertex in loop for v in vertex))
 
 
 def _some(words: Sequence[str], most: int = 8) -> str:

@@ -1,28 +1,63 @@
-"""Outlines as the texts write them: lists of loops, of vertices ``[x, y]`` from which a line runs, and ``[x, y, bulge]`` for an arc."""
+"""Outlines as the texts write them: lists of loops, of vertices ``[x, y]`` from which a line runs, and ``[x, y, bulge]`` for an arc.
+
+A circle is ``ring(r, x, y)``, a function of each text.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from fractions import Fraction
 
-from imdim.export.numbers import Rounding, plain
-from imdim.program.outline import Loop, regions
+from imdim.export.numbers import SIGNIFICANT_DIGITS, Expression, Rounding, plain, weighted_sum, write_expression
+from imdim.export.parameters import DrawnLoop, DrawnVertex
+from imdim.program.outline import Loop, regions, reverse_loop
 from imdim.program.tree import Primitive
 
 
-def write_loops(leaf: Primitive, rounding: Rounding) -> list[str]:
-    """The loops of an outlined leaf as one list, rounded; nothing for other leaves."""
-    outline = rounding.primitive(leaf).outline
-    return [] if outline is None else [_list(map(_loop, outline.loops))]
+def write_loops(leaf: Primitive, drawn: Sequence[DrawnLoop], rounding: Rounding) -> list[str]:
+    """The loops of an outlined leaf, of the expressions that `drawn` says; nothing for other leaves."""
+    return [_loop(loop, 1.0, rounding) for _, loop in _pairs(leaf, drawn, rounding)] if leaf.outline else []
 
 
-def write_regions(leaf: Primitive, rounding: Rounding) -> list[str]:
+def write_regions(leaf: Primitive, drawn: Sequence[DrawnLoop], rounding: Rounding) -> list[str]:
     """Of each separate area of an outlined leaf the outer loop and its holes, as a list; nothing for other leaves."""
     outline = rounding.primitive(leaf).outline
-    return [] if outline is None else [_list(map(_loop, region)) for region in regions(outline)]
+    if outline is None:
+        return []
+    pairs = dict(_pairs(leaf, drawn, rounding))
+    oriented = pairs | {reverse_loop(loop): _reversed(written) for loop, written in pairs.items()}
+    return [_list(_loop(oriented[loop], loop[0][2], rounding) for loop in region) for region in regions(outline)]
 
 
-def _loop(loop: Loop) -> str:
-    return _list(_list(map(plain, vertex if vertex[2] else vertex[:2])) for vertex in loop)
+def _pairs(leaf: Primitive, drawn: Sequence[DrawnLoop], rounding: Rounding) -> list[tuple[Loop, DrawnLoop]]:
+    """Rounded loops and what is written for them: numbers where rounding left out curves."""
+    rounded = rounding.primitive(leaf).outline
+    assert rounded is not None
+    if [len(loop) for loop in rounded.loops] != [len(loop) for loop in drawn]:
+        drawn = [tuple(DrawnVertex(Expression((), x), Expression((), y), b) for x, y, b in loop) for loop in rounded.loops]
+    return list(zip(rounded.loops, drawn, strict=True))
+
+
+def _reversed(loop: DrawnLoop) -> DrawnLoop:
+    """As `reverse_loop` has it."""
+    bulges = [-v.bulge for v in reversed(loop)]
+    return tuple(DrawnVertex(v.x, v.y, b) for v, b in zip([loop[0], *reversed(loop[1:])], bulges, strict=True))
+
+
+def _loop(loop: DrawnLoop, way: float, rounding: Rounding) -> str:
+    """The vertices, or the ring that has just these, its bulges being `way`."""
+    if len(loop) == 2 and abs(way) == 1 and loop[0].bulge == loop[1].bulge == way and loop[0].y == loop[1].y:
+        (a, b), half = (v.x for v in loop), Fraction(1, 2)
+        radius, x = weighted_sum((b, half), (a, -half)), weighted_sum((a, half), (b, half))
+        if radius.constant >= 0:
+            written = [write_expression(e, rounding.length) for e in (radius, x, loop[0].y)]
+            return f"ring({', '.join(written[:1] if written[1:] == ['0', '0'] else written)})"
+    return _list(_list(_vertex(v, rounding)) for v in loop)
+
+
+def _vertex(v: DrawnVertex, rounding: Rounding) -> list[str]:
+    bulge = round(v.bulge, SIGNIFICANT_DIGITS)
+    return [*(write_expression(e, rounding.length) for e in (v.x, v.y)), *([plain(bulge)] if bulge else [])]
 
 
 def _list(texts: Iterable[str]) -> str:

@@ -26,7 +26,7 @@ from imdim.geometry.solid import SEGMENTS, to_manifold
 from imdim.program.codec import constraints_of, dumps, from_json, meta_of, read_folded
 from imdim.program.constraints import Constraint, ConstraintError
 from imdim.program.node_codec import MAX_PRIMITIVES
-from imdim.program.outline import Outline
+from imdim.program.outline import Outline, check_crossings
 from imdim.program.patterns.edit import recount_constraints, recount_repeats, refit_repeats
 from imdim.program.repeats import Folded, expand, repeats, size, with_leaves
 from imdim.program.tree import Primitive, Program, leaves, longest
@@ -71,6 +71,8 @@ def change_values(delivered: Delivered, values: Mapping[str, float]) -> Delivere
     said = ", ".join(f"{name} = {plain(value)}" for name, value in values.items())
     try:
         exact = read_openscad(texts["program.scad"])
+        for number, leaf in enumerate(leaves(exact)):
+            _check_outline(number, leaf)
         program = round_program(exact)
         verify(program, delivered.constraints, AGREE)
         folded = None if delivered.folded is None else _refold(delivered.folded, exact, program)
@@ -78,6 +80,15 @@ def change_values(delivered: Delivered, values: Mapping[str, float]) -> Delivere
     except ValueError as error:
         raise EditError(f"{said}: {error}") from None
     return replace(delivered, program=program, texts=texts, values={**delivered.values, **values}, folded=folded)
+
+
+def _check_outline(number: int, leaf: Primitive) -> None:
+    """Raise a one-line ValueError for loops that cross or touch."""
+    if leaf.outline is not None:
+        try:
+            check_crossings(leaf.outline)
+        except ValueError as error:
+            raise ValueError(f"primitive {number}: {error}") from None
 
 
 def with_counts(delivered: Delivered, counts: Mapping[str, float]) -> Delivered:

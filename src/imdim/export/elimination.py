@@ -3,18 +3,21 @@
 Variables are, per leaf, three sizes (that of a turned outline is in degrees) and the three coordinates of its centre; rows and circles of
 equal steps add spacings, diameters and middles. Centres are eliminated before sizes and later leaves before earlier ones, so that what
 stays free are the sizes that a person would name. Equations along directions that are none of the world's axes come after the others, so
-that expressions stay as simple as they can. Cutters keep sticking out of what they cut by as much as they do (`through`).
+that expressions stay as simple as they can. Cuts keep sticking out of what they cut
+by as much as they do, and what stands on something stays on it (`seats`).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from imdim.export.outline_rows import Drawn, add_outlines
 from imdim.export.repeat_rows import add_repeats
-from imdim.export.through import End, ends_of, overhangs, world_axis
+from imdim.export.seats import End, ends_of, seats, world_axis
 from imdim.geometry.lowering import Lowered, lower
 from imdim.program.constraints import AXES_OF, Constraint, Ref
 from imdim.program.repeats import Folded
@@ -25,6 +28,7 @@ ZERO = 1e-9  # coefficients
 SLIGHT = 1e-3  # a slanted equation that says less than this repeats others but for the noise of its directions
 STEEPEST = 3.0  # largest coefficient of an expression along slanted directions
 PATTERNS = ("linear", "circular")
+_RANKS = {"center": 0, "radius": 2, "circle": 2}  # by the last part of a word, the last are eliminated last
 
 
 @dataclass
@@ -32,7 +36,7 @@ class LinearSystem:
     """Equations [m, n] that hold at `start` [n]; variables from `extra` on are those of patterns, each with its first leaf and a word.
 
     `slanted` are the equations of directions along no axis of the world. `ties` are equations for the numbers of one leaf, that are to
-    bind no others. `length` is the largest size.
+    bind no others. `length` is the largest size. `drawn` says of leaves with outlines what the vertices are.
     """
 
     start: list[float]
@@ -42,10 +46,18 @@ class LinearSystem:
     slanted: list[dict[int, float]] = field(default_factory=list)
     ties: list[tuple[int, dict[int, float]]] = field(default_factory=list)
     extras: list[tuple[int, str]] = field(default_factory=list)
+    drawn: dict[int, Drawn] = field(default_factory=dict)
 
     @staticmethod
-    def of(program: Program, constraints: Sequence[Constraint], folded: Folded | None = None, fixed: Collection[int] = ()) -> LinearSystem:
-        """The equations of those constraints that are linear while all directions stay, and of the repeats in `folded`.
+    def of(
+        program: Program,
+        constraints: Sequence[Constraint],
+        delivered: Program | None = None,
+        folded: Folded | None = None,
+        fixed: Collection[int] = (),
+    ) -> LinearSystem:
+        """The equations of those constraints that are linear while all directions stay, of the repeats in `folded`, and of the outlines of
+        `delivered` (by default those of `program`).
 
         Places in repeats whose numbers (in the order of `repeats`) are in `fixed` follow nothing.
         """
@@ -54,6 +66,7 @@ class LinearSystem:
         system = LinearSystem(start, len(start), longest(parts))
         if folded is not None:
             add_repeats(system, folded, parts, fixed)
+        system.drawn = add_outlines(system, parts if delivered is None else list(leaves(delivered)), folded)
         others = [c for c in constraints if c.kind not in PATTERNS or _is_slanted(c, numbers)]
         for constraint in (c for c in constraints if c not in others):
             if constraint.kind == "linear":
@@ -66,9 +79,9 @@ class LinearSystem:
             (system.rows if _is_simple(row) else system.slanted).append(row)
         system.rows += list(_ground_leaf(parts[0], numbers))
         flush = {ref for c in constraints if c.kind in ("coplanar", "aligned") for ref in c.of}
-        for cutter, behind in overhangs(program):
-            if Ref(cutter.leaf, cutter.local) not in flush:
-                system.ties.append((cutter.leaf, _place(cutter, 1.0) | _place(behind, -1.0)))
+        for own, face, word in seats(program):
+            if Ref(own.leaf, own.local) not in flush:
+                system._add_seat(own, face, word)
         return system
 
     def solve(self) -> dict[int, dict[int, float]]:
@@ -114,15 +127,30 @@ class LinearSystem:
         return is_place and abs(self.start[v]) <= ZERO * self.length
 
     def _order(self) -> list[int]:
-        """Variables in the order in which they are eliminated: of patterns the diameters last."""
-        extra = sorted(range(self.extra, len(self.start)), key=lambda v: self.extras[v - self.extra][1] == "circle")
+        """Variables in the order in which they are eliminated: what a person would measure last."""
+        extra = sorted(range(self.extra, len(self.start)), key=self.rank)
         return [*sorted(range(self.extra), key=lambda v: (v % 6 < 3, -v)), *extra]
+
+    def leaf_of(self, v: int) -> int:
+        """The leaf that a variable belongs to."""
+        return v // 6 if v < self.extra else self.extras[v - self.extra][0]
+
+    def rank(self, v: int) -> int:
+        """How late a variable is eliminated."""
+        return 0 if v < self.extra else _RANKS.get(self.extras[v - self.extra][1].split("_")[-1], 1)
 
     def new(self, leaf: int, word: str, value: float) -> int:
         """A further variable, named after a leaf and a word."""
         self.start.append(value)
         self.extras.append((leaf, word))
         return len(self.start) - 1
+
+    def _add_seat(self, own: End, face: End, word: str) -> None:
+        row = _place(own, 1.0) | _place(face, -1.0)
+        if word:
+            away = sum(factor * self.start[v] for v, factor in row.items())
+            row[self.new(own.leaf, word, abs(away))] = -math.copysign(1.0, away)
+        self.ties.append((own.leaf, row))
 
     def _add_row(self, c: Constraint, numbers: Lowered) -> None:
         """Equal steps along each coordinate in which they step."""

@@ -43,7 +43,7 @@ def content(
     """
     program, constraints, folded = from_json(document), constraints_of(document), read_folded(document)
     named = named or parametrise(program, constraints, program, folded)
-    label = labels(program, constraints)
+    label = labels(program, constraints, folded)
     surface, owners = surface_with_owners(program, segments)
     shown = [] if target is None else [target.points if target.mesh is None else target.mesh.vertices]
     box = Box.around(surface.vertices, *shown)

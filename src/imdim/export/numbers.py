@@ -116,6 +116,16 @@ def simple_fraction(value: float) -> Fraction | float:
     return fraction if abs(float(fraction) - value) < 1e-9 else value
 
 
+def weighted_sum(*parts: tuple[Expression, Fraction]) -> Expression:
+    """Expressions times factors, in the order in which their names first stand."""
+    total: dict[str, Fraction | float] = {}
+    for expression, factor in parts:
+        for term in expression.terms:
+            total[term.name] = total.get(term.name, Fraction(0)) + factor * term.coefficient
+    constant = sum(float(factor) * expression.constant for expression, factor in parts)
+    return Expression(tuple(Term(name, c) for name, c in total.items() if abs(c) > 0), constant)
+
+
 def constants(values: Sequence[float]) -> tuple[Expression, ...]:
     """Numbers that follow no name."""
     return tuple(Expression((), v) for v in values)

@@ -19,7 +19,8 @@ from imdim.program.tree import OPS, Primitive, Program, leaves
 
 OUTLINE = """\
 // Closed loops of lines and arcs: vertices [x, y, bulge], bulge = tan(turn / 4) of the arc to the next vertex, none for a line.
-// What an odd number of loops holds is inside.
+// What an odd number of loops holds is inside. A ring is a circle.
+function ring(r, x = 0, y = 0) = [[x - r, y, 1], [x + r, y, 1]];
 module outline(loops) {
   rings = [for (loop = loops) outline_points(loop)];
   starts = [for (i = 0, n = 0; i < len(rings); n = n + len(rings[i]), i = i + 1) n];
@@ -52,7 +53,7 @@ def to_openscad(program: Program, segments: int = SEGMENTS, parameters: Paramete
     rounding, named = Rounding.of(program), parameters or Parameters.none(program)
 
     def line(number: int, leaf: Primitive) -> list[str]:
-        return [_primitive(leaf, rounding, named.sizes[number], named.centers[number])]
+        return _primitive(leaf, rounding, named, number, named.centers[number])
 
     lines = fold_nary(program, line, {op: _block(op) for op in OPS})
     head = named.head(rounding.size, end=";", counted=False)
@@ -74,11 +75,15 @@ def _definitions(program: Program) -> list[str]:
     return [OUTLINE] if any(leaf.outline for leaf in leaves(program)) else []
 
 
-def _primitive(leaf: Primitive, rounding: Rounding, sizes: Sequence[Expression], center: Sequence[Expression]) -> str:
-    """``translate(..) rotate(..) shape(..);``, the identity parts left out."""
+def _primitive(leaf: Primitive, rounding: Rounding, named: Parameters, number: int, center: Sequence[Expression]) -> list[str]:
+    """``translate(..) rotate(..) shape(..);``, the identity parts left out; of an outline each loop has a line of its own."""
     place = _step("translate", [write_expression(c, rounding.length) for c in center])
     place += _step("rotate", [rounding.angle(a) for a in leaf.rotation])
-    return place + _SHAPE[leaf.kind](*write_sizes(leaf, sizes, rounding), *write_loops(leaf, rounding)) + ";"
+    sizes, loops = write_sizes(leaf, named.sizes[number], rounding), write_loops(leaf, named.outlines[number], rounding)
+    if not loops:
+        return [place + _SHAPE[leaf.kind](*sizes) + ";"]
+    head, tail = _SHAPE[leaf.kind](*sizes, "[|]").split("|")
+    return [place + head, *(f"  {loop}," for loop in loops[:-1]), f"  {loops[-1]}", tail + ";"]
 
 
 def _step(name: str, numbers: list[str]) -> str:
@@ -105,7 +110,7 @@ class _Writer:
         if isinstance(node, Primitive):
             center = self._named.centers[first]
             center = center if origin is None else less(center, origin)
-            return [_primitive(node, self._rounding, self._named.sizes[first], center)]
+            return _primitive(node, self._rounding, self._named, first, center)
         if isinstance(node, Repeat):
             return [self._repeat(node, first)]
         return _block(node.op)(self._parts(node, first))

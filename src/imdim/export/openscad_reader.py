@@ -1,8 +1,8 @@
 """Read back the flat OpenSCAD that `openscad.py` writes, so that the delivered file itself can be measured.
 
 Parameters, ``name = sum;``, then one statement per primitive: ``translate([..]) rotate([..]) SHAPE``, any of the two optional, inside
-nested union, difference and intersection blocks. Numbers may be sums and products of parameters, but for those of outlines, whose
-definition is skipped where it is ours.
+nested union, difference and intersection blocks. Numbers may be sums and products of parameters. The definition of outlines is
+skipped where it is ours.
 Anything else raises ValueError: this is a check of our own files, not an OpenSCAD interpreter.
 """
 
@@ -11,19 +11,19 @@ from __future__ import annotations
 import ast
 import operator
 import re
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from typing import Any
 
 from imdim.export.openscad import OUTLINE
 from imdim.program import fields
-from imdim.program.outline import MOST_CURVES, Loop, Outline, Vertex
+from imdim.program.outline import MOST_CURVES, Loop, Outline, Vertex, circle
 from imdim.program.tree import OPS, Op, Primitive, Program, Vec3, combine_all
 
 _ASSIGNMENT = re.compile(r"([A-Za-z_]\w*) = (.+);")
 _CALLS = re.compile(r"(?:(translate)(\(\[[^\]]*\]\)) )?(?:(rotate)(\(\[[^\]]*\]\)) )?(.+);")
 _TORUS = re.compile(r"rotate_extrude\(\) translate(\(\[[^\]]*\]\)) circle(\(.*\))")
 _ELLIPSOID = re.compile(r"scale(\(\[[^\]]*\]\)) sphere(\(.*\))")
-_SWEPT = re.compile(r"(linear_extrude|rotate_extrude)(\([^()]*\)) outline\((\[[^()]*\])\)")
+_SWEPT = re.compile(r"(linear_extrude|rotate_extrude)(\([^()]*\)) outline\((\[.*\])\)")
 
 _OPERATORS: Mapping[type, Callable[[float, float], float]] = {
     ast.Add: operator.add,
@@ -44,8 +44,7 @@ def read_openscad(text: str, **given: float) -> Program:
     values: Values = {}
     # as many lines as before, so that messages count them as the file does
     text = text.replace(OUTLINE, "\n" * OUTLINE.count("\n"), 1)
-    for number, raw in enumerate(text.splitlines(), start=1):
-        line = raw.partition("//")[0].strip()
+    for number, line in _statements(text):
         assigned = _ASSIGNMENT.fullmatch(line)
         begun: Op | None = next((op for op in OPS if line == f"{op}() {{"), None)
         if not line or line.startswith("$fn = "):
@@ -67,13 +66,26 @@ def read_openscad(text: str, **given: float) -> Program:
     return combine_all(*open_blocks[0])
 
 
+def _statements(text: str) -> Iterator[tuple[int, str]]:
+    """The lines without comments, those of one list in one, each with the number of its first."""
+    begun, first = "", 1
+    for number, raw in enumerate(text.splitlines(), start=1):
+        line = raw.partition("//")[0].strip()
+        first, begun = (number, line) if not begun else (first, f"{begun} {line}")
+        if begun.count("[") <= begun.count("]"):
+            yield first, begun
+            begun = ""
+    if begun:
+        yield first, begun
+
+
 def _primitive(line: str, values: Values, number: int) -> Primitive:
     placed = _CALLS.fullmatch(line)
     if placed is None:
         raise ValueError(f"line {number} is not flat OpenSCAD of ours: {line!r}")
     center, rotation = (_vector(placed[2], values, number), _vector(placed[4], values, number))
     kind, size = _shape(placed[5], values, number)
-    loops = _loops(placed[5], number)
+    loops = _loops(placed[5], values, number)
     try:
         return Primitive(kind, size, center, rotation, Outline(loops) if loops else None)
     except ValueError as error:
@@ -113,17 +125,25 @@ _SWEEPS: Mapping[str, tuple[str, tuple[str, ...]]] = {
 }
 
 
-def _loops(text: str, number: int) -> tuple[Loop, ...]:
+def _loops(text: str, values: Values, number: int) -> tuple[Loop, ...]:
     """What the last part of a statement is drawn from, nothing for a simple kind."""
     swept = _SWEPT.fullmatch(text)
     if swept is None:
         return ()
     loops = _elements(_parse(swept[3], number), number, range(1, MOST_CURVES + 1))
-    return tuple(tuple(_vertex(v, number) for v in _elements(loop, number)) for loop in loops)
+    return tuple(_loop(loop, values, number) for loop in loops)
 
 
-def _vertex(node: ast.AST, number: int) -> Vertex:
-    x, y, *bulge = (_value(entry, {}, number) for entry in _elements(node, number, (2, 3)))
+def _loop(node: ast.expr, values: Values, number: int) -> Loop:
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "ring" and not node.keywords:
+        numbers = [_value(entry, values, number) for entry in node.args]
+        if len(numbers) in (1, 3):
+            return circle(*numbers)
+    return tuple(_vertex(v, values, number) for v in _elements(node, number))
+
+
+def _vertex(node: ast.AST, values: Values, number: int) -> Vertex:
+    x, y, *bulge = (_value(entry, values, number) for entry in _elements(node, number, (2, 3)))
     return x, y, bulge[0] if bulge else 0.0
 
 

@@ -13,18 +13,31 @@ from fractions import Fraction
 from imdim.export.elimination import LinearSystem, vector
 from imdim.export.loops import Loop, loop_of
 from imdim.export.numbers import Expression, Rounding, Term, constants, simple_fraction
+from imdim.export.outline_rows import Row
 from imdim.program.constraints import Constraint
 from imdim.program.repeats import Folded, Repeat, repeats
 from imdim.program.roles import labels, signs, size_word, unique
-from imdim.program.tree import Primitive, Program, leaves, longest
+from imdim.program.tree import FULL_TURN, Primitive, Program, leaves, longest
 
 ZERO = 1e-9
 FAINT = 1e-7  # a coefficient whose term files do not keep
 
 
 @dataclass(frozen=True)
+class DrawnVertex:
+    """A vertex of an outline: the expressions of its coordinates, and its bulge."""
+
+    x: Expression
+    y: Expression
+    bulge: float
+
+
+DrawnLoop = tuple[DrawnVertex, ...]
+
+
+@dataclass(frozen=True)
 class Parameters:
-    """`values` of the names in the order of the text; for each leaf the expressions of its sizes and of its centre.
+    """`values` of the names in the order of the text; for each leaf the expressions of its sizes, of its centre, and of its loops.
 
     `counts` are the names that say how often parts repeat, `loops` the repeats in the order of `repeats`. The names in `angles` are
     degrees, all others lengths.
@@ -36,14 +49,15 @@ class Parameters:
     counts: dict[str, int] = field(default_factory=dict)
     loops: tuple[Loop, ...] = ()
     angles: frozenset[str] = frozenset()
+    outlines: tuple[tuple[DrawnLoop, ...], ...] = ()
 
     @staticmethod
     def none(program: Program, folded: Folded | None = None) -> Parameters:
         """No names but those of counts: each number stands for itself."""
         parts = list(leaves(program))
         sizes, centers = tuple(constants(p.size) for p in parts), tuple(constants(p.center) for p in parts)
-        bare = Parameters({}, sizes, centers)
-        return bare if folded is None else _add_loops(bare, folded, labels(program), longest(parts))[0]
+        bare = Parameters({}, sizes, centers, outlines=tuple(map(_constant_loops, parts)))
+        return bare if folded is None else _add_loops(bare, folded, labels(program, (), folded), longest(parts))[0]
 
     def head(self, number: Callable[[float], str], unit: str = "", end: str = "", counted: bool = True) -> list[str]:
         """``name = value`` for each name, `number` writing lengths, those of counts only where these are `counted`; an empty line below."""
@@ -68,11 +82,14 @@ def parametrise(
     fixed: set[int] = set()
     while True:
         named = _shift_constants(
-            _express_numbers(LinearSystem.of(program, constraints, folded, fixed), program, constraints, delivered), values or {}
+            _express_numbers(
+                LinearSystem.of(program, constraints, delivered, folded, fixed), program, labels(program, constraints, folded), delivered
+            ),
+            values or {},
         )
         if folded is None:
             return named
-        looped, broken = _add_loops(named, folded, labels(program, constraints), longest(leaves(delivered)))
+        looped, broken = _add_loops(named, folded, labels(program, constraints, folded), longest(leaves(delivered)))
         if not broken:
             return looped
         if broken <= fixed:
@@ -90,7 +107,11 @@ def _shift_constants(named: Parameters, values: Mapping[str, float]) -> Paramete
         return Expression(e.terms, 0.0 if e.terms and abs(constant) < ZERO * scale else constant)
 
     sizes, centers = (tuple(tuple(map(shifted, row)) for row in rows) for rows in (named.sizes, named.centers))
-    return replace(named, values={**named.values, **{name: values[name] for name in gone}}, sizes=sizes, centers=centers)
+    outlines = tuple(
+        tuple(tuple(DrawnVertex(shifted(v.x), shifted(v.y), v.bulge) for v in loop) for loop in loops) for loops in named.outlines
+    )
+    values = {**named.values, **{name: values[name] for name in gone}}
+    return replace(named, values=values, sizes=sizes, centers=centers, outlines=outlines)
 
 
 def _add_loops(named: Parameters, folded: Folded, label: Sequence[str], length: float) -> tuple[Parameters, set[int]]:
@@ -122,17 +143,19 @@ def _counts(loop: Loop, counts: dict[str, int]) -> tuple[int, ...]:
     return tuple(counts[name] for name in loop.counts) or (2,)
 
 
-def _express_numbers(system: LinearSystem, program: Program, constraints: Sequence[Constraint], delivered: Program) -> Parameters:
+def _express_numbers(system: LinearSystem, program: Program, label: Sequence[str], delivered: Program) -> Parameters:
     solved = {v: _terms(row, system) for v, row in system.solve().items()}
-    names = _names(program, constraints, system, solved)
+    names = _names(program, label, system, solved)
     after = vector(list(leaves(delivered)))
     built = [_expression(v, float(value), system, solved, names) for v, value in enumerate(after)]
     parts = list(leaves(delivered))
+    outlines = [_outline(i, p, system, solved, names) for i, p in enumerate(parts)]
     return Parameters(
         {name: float(system.start[v]) for v, name in names.items()},
         tuple(tuple(built[6 * i + c] for c in range(len(p.size))) for i, p in enumerate(parts)),
         tuple(tuple(built[6 * i + 3 + c] for c in range(3)) for i in range(len(parts))),
         angles=frozenset(name for v, name in names.items() if v < system.extra and v % 6 == 0 and parts[v // 6].kind == "revolve"),
+        outlines=tuple(outlines),
     )
 
 
@@ -147,23 +170,55 @@ def _terms(row: dict[int, float], system: LinearSystem) -> list[tuple[int, Fract
 
 
 def _expression(v: int, value: float, system: LinearSystem, solved: _Solved, names: dict[int, str]) -> Expression:
-    terms = solved.get(v, [(v, Fraction(1))] if v in names else [])
+    return _as_expression(solved.get(v, [(v, Fraction(1))] if v in names else []), value, system, names)
+
+
+def _as_expression(terms: Sequence[tuple[int, Fraction | float]], value: float, system: LinearSystem, names: dict[int, str]) -> Expression:
+    """A sum of terms, with a constant that makes up what it lacks of the value."""
     known = sum(float(c) * float(system.start[w]) for w, c in terms)
     constant = value - known
     tiny = ZERO * max(abs(value), system.length)
     return Expression(tuple(Term(names[w], c) for w, c in terms), 0.0 if terms and abs(constant) < 10 * tiny else constant)
 
 
-def _names(program: Program, constraints: Sequence[Constraint], system: LinearSystem, solved: _Solved) -> dict[int, str]:
-    """Names of the free numbers that others need, and of the first leaf's sizes; in the order of the text."""
-    parts, label, sign = list(leaves(program)), labels(program, constraints), signs(program)
-    needed = {w for row in solved.values() for w, _ in row} | {c for c in range(len(parts[0].size)) if c not in solved}
+def _outline(leaf: int, p: Primitive, system: LinearSystem, solved: _Solved, names: dict[int, str]) -> tuple[DrawnLoop, ...]:
+    """The loops of a leaf, each coordinate an expression."""
+    if p.outline is None:
+        return ()
+
+    def expression(row: Row, value: float) -> Expression:
+        total: dict[int, Fraction | float] = {}
+        for v, factor in row.items():
+            for w, c in solved.get(v, [(v, Fraction(1))] if v in names else []):
+                total[w] = total.get(w, Fraction(0)) + c * simple_fraction(factor)
+        terms = sorted(((w, c) for w, c in total.items() if c), key=lambda t: (system.rank(t[0]), t[0]))
+        return _as_expression(terms, value, system, names)
+
+    loops = zip(p.outline.loops, system.drawn[leaf], strict=True)
+    return tuple(
+        tuple(DrawnVertex(expression(rows.x, x), expression(rows.y, y), b) for (x, y, b), rows in zip(loop, drawn, strict=True))
+        for loop, drawn in loops
+    )
+
+
+def _constant_loops(p: Primitive) -> tuple[DrawnLoop, ...]:
+    loops = () if p.outline is None else p.outline.loops
+    return tuple(tuple(DrawnVertex(Expression((), x), Expression((), y), b) for x, y, b in loop) for loop in loops)
+
+
+def _names(program: Program, label: Sequence[str], system: LinearSystem, solved: _Solved) -> dict[int, str]:
+    """Names of all sizes that follow from nothing, and of the places that others need; in the order of the text, leaf by leaf."""
+    parts, sign = list(leaves(program)), signs(program)
+    sizes = [6 * i + c for i, p in enumerate(parts) for c, value in enumerate(p.size) if p.kind != "revolve" or value < FULL_TURN]
+    needed = {w for row in solved.values() for w, _ in row} | {v for v in sizes if v not in solved}
+    drawn = [v for loops in system.drawn.values() for loop in loops for vertex in loop for row in (vertex.x, vertex.y) for v in row]
+    needed |= {v for v in drawn if v not in solved}
     taken: set[str] = set(RESERVED)
-    return {v: unique(_name(v, system, parts, label, sign), taken) for v in sorted(needed, key=lambda v: (v >= system.extra, v))}
+    return {v: unique(_name(v, system, parts, label, sign), taken) for v in sorted(needed, key=lambda v: (system.leaf_of(v), v))}
 
 
 # Words that mean something else in OpenSCAD or in the Python script.
-RESERVED = ("part", "scale", "export_step")
+RESERVED = ("part", "scale", "export_step", "ring", "outline", "curves", "face")
 
 
 def _name(v: int, system: LinearSystem, parts: Sequence[Primitive], label: Sequence[str], sign: Sequence[int]) -> str:

@@ -40,7 +40,12 @@ from operator import and_
 
 """
 
-CURVES = '''def curves(loop):
+CURVES = '''def ring(r, x=0, y=0):
+    """A circle as a loop of two half arcs."""
+    return [[x - r, y, 1], [x + r, y, 1]]
+
+
+def curves(loop):
     """Start, middle and end of each curve of a closed loop; a line, from a vertex [x, y], has no middle.
 
     From a vertex [x, y, bulge] runs an arc that turns by 4 atan(bulge), counter-clockwise where that is positive.

@@ -168,7 +168,7 @@ def is_in_loop(loop: Loop, x: float, y: float) -> bool:
 def orient_loops(loops: Sequence[Loop]) -> tuple[Loop, ...]:
     """Outer loops counter-clockwise, holes clockwise: what is inside lies on the left of every curve."""
     return tuple(
-        loop if (loop_area(loop) > 0) == (sign > 0) else reverse_loop(loop) for loop, sign in zip(loops, _nesting(loops), strict=True)
+        loop if (loop_area(loop) > 0) == (sign > 0) else reverse_loop(loop) for loop, sign in zip(loops, nesting(loops), strict=True)
     )
 
 
@@ -182,7 +182,7 @@ def regions(outline: Outline) -> list[tuple[Loop, ...]]:
     return [tuple(area) for area in reversed(outer)]
 
 
-def _nesting(loops: Sequence[Loop]) -> list[int]:
+def nesting(loops: Sequence[Loop]) -> list[int]:
     """1 for outer loops and islands, -1 for holes: by how many other loops hold a vertex."""
     depth = [sum(is_in_loop(other, *loop[0][:2]) for other in loops if other is not loop) for loop in loops]
     return [1 if d % 2 == 0 else -1 for d in depth]
@@ -190,7 +190,7 @@ def _nesting(loops: Sequence[Loop]) -> list[int]:
 
 def _signs(loops: Sequence[Loop]) -> list[int]:
     """What each loop's signed area counts with."""
-    return [sign if loop_area(loop) > 0 else -sign for loop, sign in zip(loops, _nesting(loops), strict=True)]
+    return [sign if loop_area(loop) > 0 else -sign for loop, sign in zip(loops, nesting(loops), strict=True)]
 
 
 def flatten_loop(loop: Loop, segments: int) -> list[Point]:

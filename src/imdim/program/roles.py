@@ -1,7 +1,8 @@
 """Names that say what primitives and their sizes are for: plate_thickness, hole_radius, boss_height.
 
 A role follows from the kind of a primitive, whether it adds or cuts, and whether it comes first. Primitives of one role whose leading
-sizes are constrained to be equal share a label; the next group of that role is hole2, boss2 and so on.
+sizes are constrained to be equal share a label, and so do the copies that a repeat makes; the next group of that role is hole2, boss2
+and so on.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from imdim.program.constraints import WORLD, Constraint, Ref
+from imdim.program.repeats import Folded, instances
 from imdim.program.tree import SIZE_NAMES, Primitive, Program, envelope, fold, leaves
 
 FLAT = 0.35  # a first box thinner than this share of its next edge is a plate
@@ -52,16 +54,17 @@ def signs(program: Program) -> list[int]:
     return fold(program, lambda _, __: [1], {"union": keep, "intersection": keep, "difference": lambda a, b: a + [-sign for sign in b]})
 
 
-def labels(program: Program, constraints: Iterable[Constraint] = ()) -> list[str]:
-    """One label per leaf, in order."""
+def labels(program: Program, constraints: Iterable[Constraint] = (), folded: Folded | None = None) -> list[str]:
+    """One label per leaf, in order; `folded`, which `program` is the expansion of, says which are copies."""
     parts = list(leaves(program))
     roles = [_role(i, p, sign) for i, (p, sign) in enumerate(zip(parts, signs(program), strict=True))]
     leading = {Ref(i, SIZE_NAMES[p.kind][0]): i for i, p in enumerate(parts)}
-    group = list(range(len(parts)))
+    group = list(range(len(parts))) if folded is None else [source for source, _ in instances(folded)]
     for constraint in constraints:
         if constraint.kind == "equal":
             same = [leading[ref] for ref in constraint.of if ref in leading]
-            group = [min(same) if i in same else g for i, g in enumerate(group)]
+            joined = {group[i] for i in same}
+            group = [min(joined) if g in joined else g for g in group]
     heads: dict[str, list[int]] = {}
     for role, head in zip(roles, group, strict=True):
         if head not in heads.setdefault(role, []):

@@ -1,0 +1,427 @@
+"""The dimensions of outlines as variables and equations: where lines lie, how round corners are, where holes are and how large.
+
+Lines along the two axes of an outline have places, chamfers between them a length, arcs a centre and a radius. All directions stay: arcs
+that touch such lines, or end square to them, keep their angles, so that every vertex is a sum of these numbers. Other arcs keep their
+ends, and what meets them there stays where it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from imdim.geometry.rotations import matrix_from_euler
+from imdim.numbers.design_values import is_level
+from imdim.program.outline import Curve, Outline, arc_center, arc_radius, circle_of, loop_curves, nesting
+from imdim.program.repeats import Folded, instances
+from imdim.program.tree import Primitive
+
+if TYPE_CHECKING:
+    from imdim.export.elimination import LinearSystem
+
+EXACT = 1e-7  # of the largest size, within which written numbers touch
+HALF = 1e-6  # of a bulge, by which a half turn may differ from 1
+X, Y = 0, 1
+_ROUNDS = {  # what the radius of an arc is called: one that turns by half, one that bounds a hole
+    (False, False): "corner_radius",
+    (True, False): "end_radius",
+    (False, True): "window_corner_radius",
+    (True, True): "slot_radius",
+}
+
+Row = dict[int, float]
+
+
+@dataclass(frozen=True)
+class VertexRows:
+    """The coordinates of a vertex as sums of variables, but for constants, and its bulge, which stays."""
+
+    x: Row
+    y: Row
+    bulge: float
+
+
+Drawn = tuple[tuple[VertexRows, ...], ...]
+
+
+def add_outlines(system: LinearSystem, parts: Sequence[Primitive], folded: Folded | None) -> dict[int, Drawn]:
+    """Variables and equations for the outlines of all leaves, and of each leaf what its vertices are.
+
+    Copies that a repeat makes share the variables of the first, turned round where they are mirror images.
+    """
+    sources = list(range(len(parts))) if folded is None else [source for source, _ in instances(folded)]
+    drawn: dict[int, Drawn] = {}
+    circles: list[_Round] = []
+    for leaf, (part, source) in enumerate(zip(parts, sources, strict=True)):
+        if part.outline is None:
+            continue
+        if source == leaf or source not in drawn:
+            dimensions = _Dimensions(system, leaf, part)
+            drawn[leaf] = dimensions.vertices()
+            circles += dimensions.circles_in_space()
+        elif part.outline == parts[source].outline:
+            drawn[leaf] = drawn[source]
+        elif part.outline == parts[source].outline.mirror():  # type: ignore[union-attr]
+            drawn[leaf] = tuple(map(_mirrored, drawn[source]))
+        else:
+            drawn[leaf] = drawn[source] = _constant(part.outline)
+    system.rows += _coaxial(system, circles, parts, sources)
+    return drawn
+
+
+def _mirrored(loop: tuple[VertexRows, ...]) -> tuple[VertexRows, ...]:
+    """As `Outline.mirror` has it: the other side of the y axis, run the other way from the same vertex."""
+    bulges = [v.bulge for v in reversed(loop)]
+    corners = [loop[0], *reversed(loop[1:])]
+    return tuple(VertexRows({k: -c for k, c in v.x.items()}, v.y, b) for v, b in zip(corners, bulges, strict=True))
+
+
+def _constant(outline: Outline) -> Drawn:
+    return tuple(tuple(VertexRows({}, {}, b) for _, _, b in loop) for loop in outline.loops)
+
+
+# --- one outline --------------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class _Line:
+    """A line along axis 1 - `across` whose place is that along `across`; the other ones have no axis."""
+
+    across: int | None
+    place: float
+    inner: bool
+
+
+@dataclass
+class _Arc:
+    """An arc with the variables of its centre and radius, once it has them; one that is `fixed` has none. `inner` ones bound a hole."""
+
+    center: tuple[float, float]
+    radius: float
+    half: bool
+    inner: bool
+    fixed: bool = False
+    at: list[Row | None] = field(default_factory=lambda: [None, None])
+    size: Row = field(default_factory=dict)
+
+
+_Carrier = _Line | _Arc
+
+
+@dataclass
+class _Joint:
+    """Where two curves of a loop meet. `along` is the axis along which an arc's centre lies from here, None for a corner of lines, and
+    `fits` whether the vertex follows from variables."""
+
+    before: _Carrier
+    after: _Carrier
+    at: tuple[float, float]
+    along: int | None
+    fits: bool
+
+
+class _Dimensions:
+    """The variables of one outline."""
+
+    def __init__(self, system: LinearSystem, leaf: int, part: Primitive) -> None:
+        assert part.outline is not None
+        self.system, self.leaf, self.part, self.outline = system, leaf, part, part.outline
+        self.slack = EXACT * system.length
+        self.known: dict[tuple[str, int, int], Row] = {}  # by word, axis, place on a grid
+        holes = [sign < 0 for sign in nesting(self.outline.loops)]
+        loops = zip(self.outline.loops, holes, strict=True)
+        self.loops = [None if circle_of(loop) else self._joints(loop_curves(loop), hole) for loop, hole in loops]
+        self.holes = holes
+        self._fix()
+        self._add_places()
+
+    # --- what meets what ----------------------------------------------------------------------------------------------
+
+    def _joints(self, curves: Sequence[Curve], inner: bool) -> list[_Joint]:
+        carriers = [self._carrier(curve, inner) for curve in curves]
+        before = [carriers[-1], *carriers[:-1]]
+        return [self._joint(a, b, curve[:2]) for a, b, curve in zip(before, carriers, curves, strict=True)]
+
+    def _carrier(self, curve: Curve, inner: bool) -> _Carrier:
+        x, y, u, v, bulge = curve
+        if bulge:
+            return _Arc(arc_center(curve), arc_radius(curve), abs(abs(bulge) - 1) < HALF, inner)
+        if abs(u - x) <= self.slack:
+            return _Line(X, x, inner)
+        return _Line(Y, y, inner) if abs(v - y) <= self.slack else _Line(None, 0.0, inner)
+
+    def _joint(self, a: _Carrier, b: _Carrier, at: tuple[float, float]) -> _Joint:
+        if isinstance(a, _Line) and isinstance(b, _Line):
+            return _Joint(a, b, at, None, a.across is not None or b.across is not None)
+        along = {self._axis_from(arc, at) for arc in (a, b) if isinstance(arc, _Arc)}
+        axis = along.pop() if len(along) == 1 else None
+        # a line may touch an arc or be square to it: either way it lies along an axis
+        return _Joint(a, b, at, axis, axis is not None and all(isinstance(c, _Arc) or c.across is not None for c in (a, b)))
+
+    def _axis_from(self, arc: _Arc, at: tuple[float, float]) -> int | None:
+        away = [abs(at[i] - arc.center[i]) for i in (X, Y)]
+        return X if away[Y] <= self.slack else Y if away[X] <= self.slack else None
+
+    def _fix(self) -> None:
+        """Arcs that end otherwise stay, and so do the lines that meet them there, and what touches those that lean."""
+        changed = True
+        fixed = self.fixed = set[tuple[int, int]]()  # lines along an axis, by their places
+        while changed:
+            changed = False
+            for joint in (j for loop in self.loops if loop for j in loop):
+                arcs = [c for c in (joint.before, joint.after) if isinstance(c, _Arc)]
+                if (arcs and not joint.fits) or any(arc.fixed for arc in arcs):
+                    for c in (joint.before, joint.after):
+                        changed |= self._fix_one(c, fixed)
+            for loop in filter(None, self.loops):
+                for a, b in zip(loop, [*loop[1:], loop[0]], strict=True):
+                    leaning = isinstance(a.after, _Line) and a.after.across is None
+                    ends = [(a, a.before), (b, b.after)]
+                    if leaning and any(isinstance(c, _Arc) for _, c in ends):
+                        for c in (c for _, c in ends):
+                            changed |= self._fix_one(c, fixed)
+
+    def _fix_one(self, c: _Carrier, fixed: set[tuple[int, int]]) -> bool:
+        if isinstance(c, _Arc):
+            before, c.fixed = c.fixed, True
+            return not before
+        key = None if c.across is None else (c.across, self._cell(c.place))
+        if key is None or key in fixed:
+            return False
+        fixed.add(key)
+        return True
+
+    def _cell(self, number: float) -> int:
+        return round(number / (4 * self.slack))
+
+    # --- variables ----------------------------------------------------------------------------------------------------
+
+    def _add_places(self) -> None:
+        """Of lines, and of the centres of circles, one variable for each place; two that lie alike about the middle are an extent."""
+        turned = self.part.kind == "revolve"
+        words = (("radius", "height"), ("radius", "level")) if turned else (("length", "width"), ("edge_x", "edge_y"))
+        for inner, prefix in ((False, ""), (True, "window_")):
+            lines = [c for c in self._lines() if c.inner == inner and c.across is not None]
+            places = [(c.across or X, c.place) for c in lines if (c.across, self._cell(c.place)) not in self.fixed]
+            extents, single = ((prefix + x, prefix + y) for x, y in words)
+            self._add(_side(inner), places, extents, single)
+        rounds = [circle_of(loop) for loop in self.outline.loops]
+        centers = [(axis, c[axis]) for c in rounds if c for axis in (X, Y)]
+        self._add("center", centers, ("hole_spacing_x", "hole_spacing_y"), ("hole_x", "hole_y"))
+        arcs = [arc for arc in self._arcs() if not arc.fixed]
+        for arc in arcs:
+            arc.size = self._radius(_ROUNDS[arc.half, arc.inner], arc.radius)
+            hole = next((c for c in rounds if c and math.dist(c[:2], arc.center) <= self.slack), None)
+            if hole:
+                arc.at = [self._place("center", axis, hole[axis]) for axis in (X, Y)]
+        held = {(id(arc), axis) for arc, axis in self._held()}
+        loose = [(axis, arc.center[axis]) for arc in arcs for axis in (X, Y) if (id(arc), axis) not in held and arc.at[axis] is None]
+        self._add("arc", loose, ("round_spacing_x", "round_spacing_y"), ("round_x", "round_y"))
+        for arc in arcs:
+            for axis in (X, Y):
+                if arc.at[axis] is None and (id(arc), axis) in held:
+                    arc.at[axis] = {self._new("arc_center", arc.center[axis]): 1.0}
+                elif arc.at[axis] is None:
+                    arc.at[axis] = self._place("arc", axis, arc.center[axis])
+        for joint in self._all_joints():
+            self.system.rows += [row for row in self._equations(joint) if row]
+
+    def _held(self) -> Iterator[tuple[_Arc, int]]:
+        """Arcs and the axes along which a line or another arc says where their centres are."""
+        for joint in self._all_joints():
+            for arc, other in ((joint.before, joint.after), (joint.after, joint.before)):
+                if isinstance(arc, _Arc) and joint.fits:
+                    yield from ((arc, axis) for axis in (X, Y) if isinstance(other, _Arc) or other.across == axis)
+
+    def _add(self, what: str, places: Iterable[tuple[int, float]], extents: tuple[str, str], single: tuple[str, str]) -> None:
+        """Variables for places along an axis, those farthest out first; none for what lies on the axis itself."""
+        found = {(axis, self._cell(place)): place for axis, place in places if abs(place) > self.slack}
+        for axis, cell in sorted(found, key=lambda k: (k[0], -abs(k[1]), k[1])):
+            place = found[axis, cell]
+            if (what, axis, cell) in self.known:
+                continue
+            mirrored = (axis, self._cell(-place)) in found
+            if mirrored and not (self.part.kind == "revolve" and axis == X):
+                extent = self._new(extents[axis], 2 * abs(place))
+                for side in (1, -1):
+                    self.known[what, axis, self._cell(side * abs(place))] = {extent: side / 2}
+            else:
+                self.known[what, axis, cell] = {self._new(single[axis], place): 1.0}
+
+    def _place(self, what: str, axis: int, place: float) -> Row:
+        return self.known.get((what, axis, self._cell(place)), {})
+
+    def _radius(self, word: str, radius: float) -> Row:
+        key = (word, 0, self._cell(radius))
+        if key not in self.known:
+            self.known[key] = {self._new(word, radius): 1.0}
+        return self.known[key]
+
+    def _new(self, word: str, value: float) -> int:
+        return self.system.new(self.leaf, word, value)
+
+    def _lines(self) -> Iterator[_Line]:
+        return (j.after for j in self._all_joints() if isinstance(j.after, _Line))
+
+    def _arcs(self) -> Iterator[_Arc]:
+        return (j.after for j in self._all_joints() if isinstance(j.after, _Arc))
+
+    def _all_joints(self) -> Iterator[_Joint]:
+        return (joint for loop in self.loops if loop for joint in loop)
+
+    # --- equations and vertices ---------------------------------------------------------------------------------------
+
+    def _equations(self, joint: _Joint) -> Iterator[Row]:
+        """That both curves pass the vertex, where one is an arc that may move."""
+        a, b = joint.before, joint.after
+        if joint.along is None or not joint.fits or any(isinstance(c, _Arc) and c.fixed for c in (a, b)):
+            return
+        for axis in (X, Y):
+            (first, knows), (second, also) = (self._coordinate(c, joint, axis) for c in (a, b))
+            if knows and also:
+                yield _sum((first, 1.0), (second, -1.0))
+
+    def _coordinate(self, c: _Carrier, joint: _Joint, axis: int) -> tuple[Row, bool]:
+        """One coordinate of a vertex by one of its curves, and whether that says it."""
+        if isinstance(c, _Line):
+            return (self._place(_side(c.inner), axis, c.place), True) if c.across == axis else ({}, False)
+        center = c.at[axis] or {}
+        if axis != joint.along:
+            return center, True
+        return _sum((center, 1.0), (c.size, 1.0 if joint.at[axis] > c.center[axis] else -1.0)), True
+
+    def vertices(self) -> Drawn:
+        """The vertices of all loops."""
+        circles = self._circles()
+        return tuple(next(circles) if joints is None else self._vertices(joints, loop) for joints, loop in self._with_loops())
+
+    def _with_loops(self) -> Iterator[tuple[list[_Joint] | None, tuple[tuple[float, float, float], ...]]]:
+        return zip(self.loops, self.outline.loops, strict=True)
+
+    def _vertices(self, joints: Sequence[_Joint], loop: Sequence[tuple[float, float, float]]) -> tuple[VertexRows, ...]:
+        chamfered = self._chamfers(joints)
+        rows = []
+        for k, (joint, vertex) in enumerate(zip(joints, loop, strict=True)):
+            x, y = chamfered.get(k) or (self._vertex(joint, X), self._vertex(joint, Y))
+            rows.append(VertexRows(x, y, vertex[2]))
+        return tuple(rows)
+
+    def _vertex(self, joint: _Joint, axis: int) -> Row:
+        curves = (joint.before, joint.after)
+        if any(isinstance(c, _Arc) and (c.fixed or not joint.fits) for c in curves):
+            return {}
+        return next((row for row, knows in (self._coordinate(c, joint, axis) for c in curves) if knows), {})
+
+    def _chamfers(self, joints: Sequence[_Joint]) -> dict[int, tuple[Row, Row]]:
+        """Of leaning lines between two along the axes the ends, each as far from where these would meet as the chamfer is wide."""
+        out: dict[int, tuple[Row, Row]] = {}
+        for k, joint in enumerate(joints):
+            following = joints[(k + 1) % len(joints)]
+            line, a, b = joint.after, joint.before, following.after
+            if not (isinstance(line, _Line) and line.across is None and isinstance(a, _Line) and isinstance(b, _Line)):
+                continue
+            if a.across is None or b.across is None or a.across == b.across:
+                continue
+            corner: list[Row] = [{}, {}]
+            for c in (a, b):
+                corner[c.across or X] = self._place(_side(c.inner), c.across or X, c.place)
+            first, second = joint.at[b.across] - b.place, following.at[a.across] - a.place
+            equal = abs(abs(first) - abs(second)) <= self.slack
+            for number, c, off in ((k, b, first), ((k + 1) % len(joints), a, second)):
+                assert c.across is not None
+                width = self._radius("chamfer" if equal else f"chamfer_{'xy'[c.across]}", abs(off))
+                ends = list(corner)
+                ends[c.across] = _sum((corner[c.across], 1.0), (width, math.copysign(1.0, off)))
+                out[number] = (ends[X], ends[Y])
+        return out
+
+    def _circles(self) -> Iterator[tuple[VertexRows, ...]]:
+        for i, loop in enumerate(self.outline.loops):
+            found = circle_of(loop)
+            if found is None:
+                continue
+            *center, _ = found
+            at = [self._place("center", axis, center[axis]) for axis in (X, Y)]
+            size = self._circle_size(i)
+            rows = [[_sum((at[axis], 1.0), (size, (v[axis] - center[axis]) / found[2])) for axis in (X, Y)] for v in loop]
+            yield tuple(VertexRows(x, y, v[2]) for (x, y), v in zip(rows, loop, strict=True))
+
+    def _circle_size(self, i: int) -> Row:
+        found = circle_of(self.outline.loops[i])
+        assert found is not None
+        if self.part.kind == "revolve":
+            return self._radius("tube_radius", found[2])
+        return self._radius("hole_radius" if self.holes[i] else "radius", found[2])
+
+    def circles_in_space(self) -> Iterator[_Round]:
+        """The circles of an extrusion along the world's axes."""
+        if self.part.kind != "extrude" or not is_level(self.part):
+            return
+        turn = [[round(c) for c in row] for row in matrix_from_euler(self.part.rotation).tolist()]
+        axis = next(a for a in range(3) if turn[a][2])
+        for i, loop in enumerate(self.outline.loops):
+            found = circle_of(loop)
+            if found is None:
+                continue
+            own = [self._place("center", k, found[k]) for k in (X, Y)]
+            places, rows = [0.0, 0.0, 0.0], list[Row]([{}, {}, {}])
+            for a in range(3):
+                places[a] = self.part.center[a] + turn[a][0] * found[0] + turn[a][1] * found[1]
+                rows[a] = _sum(({6 * self.leaf + 3 + a: 1.0}, 1.0), (own[0], turn[a][0]), (own[1], turn[a][1]))
+            yield _Round(self.leaf, axis, places, rows, found[2], self._circle_size(i))
+
+
+def _side(inner: bool) -> str:
+    """The lines of holes have places of their own."""
+    return "inner" if inner else "outer"
+
+
+def _sum(*parts: tuple[Row, float]) -> Row:
+    out: Row = {}
+    for row, factor in parts:
+        for v, c in row.items():
+            out[v] = out.get(v, 0.0) + factor * c
+    return {v: c for v, c in out.items() if c}
+
+
+# --- between features ---------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class _Round:
+    """A round wall along a world axis: the places of its axis, what they are the sum of, and its radius."""
+
+    leaf: int
+    axis: int
+    places: Sequence[float]
+    rows: Sequence[Row]
+    radius: float
+    size: Row
+
+
+def _coaxial(system: LinearSystem, circles: Sequence[_Round], parts: Sequence[Primitive], sources: Sequence[int]) -> Iterator[Row]:
+    """Circles of outlines on the axis of another round wall stay there; radii that are equal on one axis stay equal."""
+    slack = EXACT * system.length
+    others = [r for i, p in enumerate(parts) if sources[i] == i for r in _round_walls(i, p)]
+    for i, circle in enumerate(circles):
+        for other in (*circles[:i], *others):
+            across = [a for a in range(3) if a != circle.axis]
+            if other.axis != circle.axis or any(abs(circle.places[a] - other.places[a]) > slack for a in across):
+                continue
+            if other.leaf != circle.leaf:
+                yield from (_sum((circle.rows[a], 1.0), (other.rows[a], -1.0)) for a in across)
+                if abs(circle.radius - other.radius) <= slack:
+                    yield _sum((circle.size, 1.0), (other.size, -1.0))
+
+
+def _round_walls(leaf: int, p: Primitive) -> Iterator[_Round]:
+    """The round walls of a cylinder or cone along a world axis."""
+    if p.kind not in ("cylinder", "cone"):
+        return
+    direction = matrix_from_euler(p.rotation)[:, 2]
+    axis = next((a for a in range(3) if abs(direction[a]) > 1 - 1e-12), None)
+    rows: list[Row] = [{6 * leaf + 3 + a: 1.0} for a in range(3)]
+    for column in range(len(p.size) - 1 if axis is not None else 0):
+        yield _Round(leaf, axis or 0, p.center, rows, p.size[column], {6 * leaf + column: 1.0})

@@ -1,0 +1,134 @@
+"""Where features begin and end: at which faces cuts enter, what they pass through, and what bosses and ribs stand on.
+
+A hole through a plate ends anywhere above and below it. Read as numbers, it would not go through a thicker plate; read as so much beyond
+the plate's faces, it does. A blind one is so deep below the face that it enters, a boss so high above the face that it stands on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from imdim.geometry.lowering import Lowered, lower
+from imdim.program.roles import signs
+from imdim.program.tree import Primitive, Program, envelope, leaves, longest
+
+ALIGNED = 1e-7  # how far a direction may be off the world's axes
+TOUCH = 1e-9  # of the largest size
+
+
+class End(NamedTuple):
+    """The plane face of a leaf that looks along a world axis to `side`; `column` is the size across it, `local` its own axis."""
+
+    leaf: int
+    axis: int
+    side: int
+    column: int
+    local: str
+
+
+class Seat(NamedTuple):
+    """An end of a leaf stays as far from a face of another one as it is; with a `word` that distance is a dimension, and is called so."""
+
+    own: End
+    face: End
+    word: str
+
+
+def seats(program: Program) -> Iterator[Seat]:
+    """Of cuts and of what stands on something the faces that their ends follow."""
+    parts, numbers, sign = list(leaves(program)), lower(program), signs(program)
+    ends = [e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers)]
+    boxes = [_reach(p, numbers.rotations[i]) for i, p in enumerate(parts)]
+    pairs = {(e.leaf, e.axis, e.side): e for e in ends}
+    slack = TOUCH * longest(parts)
+    for end in ends:
+        other = pairs[end.leaf, end.axis, -end.side]
+        near = [e for e in ends if sign[e.leaf] > 0 and e.leaf != end.leaf and _meet(boxes[e.leaf], boxes[end.leaf], end.axis)]
+        near = [e for e in near if (e.axis, e.side) == (end.axis, end.side) and _beside(pairs, e, end, parts, slack if sign[end.leaf] < 0 else -2 * slack)]
+        if sign[end.leaf] < 0:
+            face = _passed(near, end, parts, slack)
+            if face is not None and not _is_inside(pairs, near, end, parts, slack):
+                yield Seat(end, face, "")
+                if _is_inside(pairs, near, other, parts, slack):
+                    yield Seat(other, face, "depth")
+        elif end.leaf > 0:
+            bases = [e for e in near if e.leaf < end.leaf and _holds(pairs, e, other, parts, slack)]
+            face = _passed(bases, end, parts, -slack)
+            if face is not None and not any(_holds(pairs, e, end, parts, slack) for e in near):
+                yield Seat(other, face, "")
+                yield Seat(end, face, "height")
+
+
+def _beside(pairs: _Ends, e: End, end: End, parts: list[Primitive], slack: float) -> bool:
+    """Whether two leaves share a length along the axis, or touch there where `slack` is negative."""
+    (low, high), (own_low, own_high) = (_span(pairs, x, parts) for x in (e, end))
+    return min(high, own_high) > max(low, own_low) + slack
+
+
+def _passed(faces: list[End], end: End, parts: list[Primitive], slack: float) -> End | None:
+    """The face next behind an end that it passes or, with `slack`, meets."""
+    place = end.side * _place(end, parts)
+    passed = [e for e in faces if e.side * _place(e, parts) <= place + slack]
+    return max(passed, key=lambda e: e.side * _place(e, parts), default=None)
+
+
+def _is_inside(pairs: _Ends, near: list[End], end: End, parts: list[Primitive], slack: float) -> bool:
+    """Whether an end lies within some leaf."""
+    return any(low + slack < _place(end, parts) < high - slack for low, high in (_span(pairs, e, parts) for e in near))
+
+
+def _holds(pairs: _Ends, e: End, end: End, parts: list[Primitive], slack: float) -> bool:
+    """Whether an end lies within a leaf, or at its face."""
+    low, high = _span(pairs, e, parts)
+    return low - slack <= _place(end, parts) <= high + slack
+
+
+def _span(pairs: _Ends, e: End, parts: list[Primitive]) -> tuple[float, float]:
+    """Where a leaf begins and ends along the axis of one of its faces."""
+    return _place(pairs[e.leaf, e.axis, -1], parts), _place(pairs[e.leaf, e.axis, 1], parts)
+
+
+def ends_of(leaf: int, p: Primitive, numbers: Lowered) -> Iterator[End]:
+    """The plane faces of a leaf that look along the world's axes."""
+    for axis in {"box": (0, 1, 2), "cylinder": (2,), "cone": (2,), "extrude": (2,)}.get(p.kind, ()):
+        direction = numbers.rotations[leaf][:, axis]
+        along = world_axis(direction)
+        if along is not None:
+            for side in (-1, 1):
+                own = side if direction[along] > 0 else -side
+                yield End(leaf, along, side, axis if p.kind == "box" else len(p.size) - 1, ("+" if own > 0 else "-") + "xyz"[axis])
+
+
+def world_axis(direction: np.ndarray) -> int | None:
+    """The world's axis that a unit vector lies along, either way."""
+    axis = int(np.abs(direction).argmax())
+    return axis if abs(direction[axis]) > 1 - ALIGNED**2 else None
+
+
+_Ends = Mapping[tuple[int, int, int], End]  # by leaf, axis and side
+
+
+def _place(end: End, parts: list[Primitive]) -> float:
+    return parts[end.leaf].center[end.axis] + end.side * parts[end.leaf].size[end.column] / 2
+
+
+def _reach(p: Primitive, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Low and high corner [3] of a box around a leaf."""
+    p = envelope(p)
+    radius = sum(p.size) if p.kind == "torus" else max(p.size)
+    half = [radius] * 3
+    if p.kind == "box":
+        half = [s / 2 for s in p.size]
+    elif p.kind in ("cylinder", "cone"):
+        half = [max(p.size[:-1])] * 2 + [p.size[-1] / 2]
+    reach = np.abs(rotation) @ np.array(half)
+    return p.center - reach, p.center + reach
+
+
+def _meet(a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray], axis: int) -> bool:
+    """Whether two boxes share area as seen along an axis."""
+    across = [i for i in range(3) if i != axis]
+    return bool((np.minimum(a[1], b[1]) > np.maximum(a[0], b[0]))[across].all())

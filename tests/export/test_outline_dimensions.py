@@ -1,0 +1,157 @@
+"""What the numbers of outlines are called, what follows them, and which edits are refused."""
+
+from math import tan
+
+import numpy as np
+import pytest
+from tests.export.test_outlines import SEGMENTS, opened
+from tests.export.test_parameters import rendered
+
+from imdim.export.delivered import EditError, meanings
+from imdim.export.edit import change_values, solid_of
+from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
+from imdim.program.outline import Outline, circle
+from imdim.program.tree import Combine, Primitive
+
+QUARTER = tan(np.pi / 8)  # the bulge of a quarter turn
+
+
+def rounded(width, height, radius):
+    x, y, a, b = width / 2, height / 2, width / 2 - radius, height / 2 - radius
+    ends = [(-a, -y), (a, -y), (x, -b), (x, b), (a, y), (-a, y), (-x, b), (-x, -b)]
+    return tuple((u, v, QUARTER if i % 2 else 0.0) for i, (u, v) in enumerate(ends))
+
+
+def slot(length, radius):
+    x = length / 2
+    return ((-x, -radius, 0.0), (x, -radius, 1.0), (x, radius, 0.0), (-x, radius, 1.0))
+
+
+def plate(length=60.0, width=40.0, corner=8.0, hole=2.5, across=48.0, up=28.0, spacing=10.0, end=3.0, thickness=8.0, chamfer=5.0):
+    """A plate with round corners, four holes, countersunk at one, and a slot; on it a block with a chamfered corner."""
+    holes = [circle(hole, x, y) for x in (-across / 2, across / 2) for y in (-up / 2, up / 2)]
+    base = Primitive("extrude", (thickness,), outline=Outline((rounded(length, width, corner), *holes, slot(spacing, end))))
+    block = Primitive(
+        "extrude",
+        (6.0,),
+        (0.0, 14.0, thickness / 2 + 3.0),
+        outline=Outline((((-9, -3, 0), (9 - chamfer, -3, 0), (9, -3 + chamfer, 0), (9, 3, 0), (-9, 3, 0)),)),
+    )
+    sink = Primitive("cone", (hole, 5.0, 2.0), (across / 2, up / 2, thickness / 2 - 1.0))
+    return Combine("difference", Combine("union", base, block), sink)
+
+
+NAMED = {
+    "plate_length": ("length", 66.0),
+    "plate_width": ("width", 44.0),
+    "plate_corner_radius": ("corner", 6.0),
+    "plate_hole_radius": ("hole", 3.0),
+    "plate_hole_spacing_x": ("across", 44.0),
+    "plate_hole_spacing_y": ("up", 30.0),
+    "plate_round_spacing_x": ("spacing", 16.0),
+    "plate_slot_radius": ("end", 2.0),
+    "plate_thickness": ("thickness", 12.0),
+    "profile_chamfer": ("chamfer", 4.0),
+}
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_a_dimension_of_an_outline_changes_what_it_says_and_what_stands_there(name):
+    """Holes keep their countersinks, and what stands on the plate stays on it."""
+    drawn, value = NAMED[name]
+    after = solid_of(change_values(opened(plate()), {name: value}))
+    # a countersink that sticks out by a constant changes its slope a little with its lower radius
+    slack = 3e-4 if drawn == "hole" else 1e-6
+    assert volume_iou(after, to_manifold(plate(**{drawn: value}), SEGMENTS)) > 1 - slack
+
+
+def test_openscad_draws_the_edited_outline(tmp_path):
+    delivered = opened(plate())
+    text = delivered.texts["program.scad"]
+    assert "ring(plate_hole_radius, plate_hole_spacing_x/2, plate_hole_spacing_y/2)" in text
+    mesh = rendered(text, tmp_path, "plate_corner_radius=6", "plate_slot_radius=2")
+    assert volume_iou(mesh_to_manifold(mesh), to_manifold(plate(corner=6.0, end=2.0), SEGMENTS)) > 1 - 1e-5
+
+
+def test_every_vertex_follows_names_alone():
+    """No free number is left where lines run along the axes and arcs touch them."""
+    text = opened(plate()).texts["program.scad"]
+    drawn = text[text.index("outline([\n") :].split("]);")[0].replace("0.414213562", "").replace("/2", "").replace(", 1]", "]")
+    assert not any(c.isdigit() for c in drawn.replace("_2", ""))
+
+
+def test_meanings_say_which_drawings_follow():
+    said = meanings(opened(plate()))
+    assert said["plate_hole_radius"].startswith("radius at the bottom of primitive 2")
+    assert "0.outline" in said["plate_hole_radius"]
+    assert said["plate_corner_radius"] == "moves 0.outline"
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"plate_hole_radius": 30.0}, "plate_hole_radius = 30: primitive 0: .* cross"),
+        ({"plate_corner_radius": 25.0}, "plate_corner_radius = 25: primitive 0: .* cross"),
+        ({"plate_corner_radius": 0.0}, "plate_corner_radius needs a positive number, got 0"),
+    ],
+)
+def test_an_edit_that_crosses_is_refused_in_one_line(values, message):
+    with pytest.raises(EditError, match=message):
+        change_values(opened(plate()), values)
+
+
+def test_arcs_that_end_at_a_slant_stay_and_what_meets_them_too():
+    """A disc with a flat: where the flat lies follows no name, but the hole in it does."""
+    half = np.sqrt(100.0 - 64.0)
+    flat = Outline((((8.0, -half, 0.0), (8.0, half, float(tan((2 * np.pi - 2 * np.arctan2(half, 8.0)) / 4)))), circle(3.0)))
+    delivered = opened(Primitive("extrude", (5.0,), outline=flat))
+    assert set(delivered.values) == {"plate_thickness", "plate_hole_radius"}
+    after = change_values(delivered, {"plate_hole_radius": 4.0})
+    assert after.program.outline.loops[0] == delivered.program.outline.loops[0]
+
+
+def test_a_turned_part_has_radii_and_heights():
+    profile = Outline((((0.0, -10.0, 0.0), (12.0, -10.0, 0.0), (12.0, -4.0, 0.0), (6.0, -4.0, 0.0), (6.0, 10.0, 0.0), (0.0, 10.0, 0.0)),))
+    delivered = opened(Primitive("revolve", (360.0,), outline=profile))
+    assert {n: v for n, v in delivered.values.items() if "radius" in n} == {"turned_part_radius": 12.0, "turned_part_radius_2": 6.0}
+    after = change_values(delivered, {"turned_part_radius_2": 5.0})
+    wanted = Outline(tuple(tuple((5.0 if x == 6.0 else x, y, b) for x, y, b in loop) for loop in profile.loops))
+    assert volume_iou(solid_of(after), to_manifold(Primitive("revolve", (360.0,), outline=wanted), SEGMENTS)) > 1 - 1e-6
+
+
+def test_mirror_images_are_edited_together():
+    ear = Outline((((-5, -4, 0), (5, -4, 0), (9, 0, 0), (9, 4, 0), (-5, 4, 0)),))
+    left = ear.mirror()
+    body = Primitive("box", (60.0, 8.0, 6.0))
+    program = Combine(
+        "union",
+        body,
+        Combine("union", Primitive("extrude", (6.0,), (40, 0, 0), outline=ear), Primitive("extrude", (6.0,), (-40, 0, 0), outline=left)),
+    )
+    delivered = opened(program)
+    name = next(n for n in delivered.values if n.endswith("_width") and delivered.values[n] == 8.0 and "profile" in n)
+    volume = solid_of(change_values(delivered, {name: 10.0})).volume()
+    assert volume > solid_of(delivered).volume()
+
+
+def test_a_pocket_keeps_its_depth_and_a_boss_its_height_on_a_thicker_plate():
+    def part(thickness):
+        base = Primitive("box", (60.0, 40.0, thickness), (0.0, 0.0, thickness / 2))
+        boss = Primitive("cylinder", (6.0, 10.0), (15.0, 0.0, thickness + 4.0))
+        pocket = Primitive("box", (20.0, 20.0, 5.0), (-15.0, 0.0, thickness - 1.5))
+        return Combine("difference", Combine("union", base, boss), pocket)
+
+    delivered = opened(part(8.0))
+    assert delivered.values["boss_height"] == pytest.approx(9.0)
+    assert delivered.values["pocket_depth"] == pytest.approx(4.0)
+    after = solid_of(change_values(delivered, {"plate_thickness": 12.0}))
+    assert volume_iou(after, to_manifold(part(12.0), SEGMENTS)) > 1 - 1e-6
+
+
+def test_a_cut_does_not_follow_what_it_never_enters():
+    """A block above the pocket is not what the pocket's floor follows."""
+    base, block = Primitive("box", (60.0, 40.0, 8.0)), Primitive("box", (40.0, 30.0, 3.0), (0.0, 0.0, 9.0))
+    pocket = Primitive("box", (20.0, 20.0, 3.5), (0.0, 0.0, 2.75))
+    delivered = opened(Combine("difference", Combine("union", base, block), pocket))
+    line = next(line for line in delivered.texts["program.scad"].splitlines() if "pocket" in line and "cube" in line)
+    assert "block" not in line
