@@ -3,8 +3,9 @@
     OMP_NUM_THREADS=1 python scripts/bench/frozen.py [--jobs 2] [--only NAME,NAME] [--write]
 
 Reconstructed are the bundled bracket, its cloud, and planted parts as meshes, as clouds and as noisy clouds, each in a process of its own
-with one seed and a budget that cuts nothing, so that the clock decides nothing. The sha256 of each `program.json` is compared with
-benchmarks/frozen.json; `--write` writes that file, in a commit that says why digits changed. Exit status 1: a program changed.
+with one seed and a budget that cuts nothing, so that the clock decides nothing. Programs are of the six primitives alone. The sha256 of
+each `program.json` is compared with benchmarks/frozen.json; `--write` writes that file, in a commit that says why digits changed. Exit
+status 1: a program changed.
 """
 
 from __future__ import annotations
@@ -58,7 +59,8 @@ def main() -> int:
 def _hash(name: str, folder: Path) -> str:
     """The sha256 of the program of one input."""
     out, start = folder / f"{name}.out", time.perf_counter()
-    command = [sys.executable, "-m", "imdim.app.cli", "fit", str(_input(name, folder)), "-o", str(out), "--budget", str(BUDGET_S)]
+    given = ["-o", str(out), "--budget", str(BUDGET_S), "language=csg"]
+    command = [sys.executable, "-m", "imdim.app.cli", "fit", str(_input(name, folder)), *given]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
         raise SystemExit(f"{name}: {done.stderr}")

@@ -1,6 +1,6 @@
 """Where the time of `imdim fit` goes, stage by stage.
 
-    OMP_NUM_THREADS=1 python scripts/bench/profile_stages.py PART... [--budget 60] [--json out.json]
+    OMP_NUM_THREADS=1 python scripts/bench/profile_stages.py PART... [--budget 60] [--language cad] [--json out.json]
 
 Each part is reconstructed in a process of its own. Seconds, the budget's too, are those of the processor in that process, so that a busy
 machine changes nothing; the STEP export is a process beside it and costs here what waiting for it costs. `import` is everything before the
@@ -25,15 +25,16 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("parts", nargs="+", type=Path)
     parser.add_argument("--budget", type=float, default=60.0, metavar="SECONDS")
+    parser.add_argument("--language", default="cad", help="as the setting of that name")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--one", action="store_true", help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.one:
-        print(json.dumps(one(args.parts[0], args.budget)))
+        print(json.dumps(one(args.parts[0], args.budget, args.language)))
         return 0
     found, whole = {}, Counter[str]()
     for part in args.parts:
-        command = [sys.executable, __file__, str(part), "--budget", str(args.budget), "--one"]
+        command = [sys.executable, __file__, str(part), "--budget", str(args.budget), "--language", args.language, "--one"]
         done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
         found[part.name] = json.loads(done.stdout.splitlines()[-1])
         whole.update(found[part.name])
@@ -50,7 +51,7 @@ def told(stages: dict[str, float] | Counter[str]) -> str:
     return f"{total:.1f} s: " + ", ".join(f"{name} {s:.2f} ({100 * s / total:.0f} %)" for name, s in ordered)
 
 
-def one(part: Path, budget_s: float) -> dict[str, float]:
+def one(part: Path, budget_s: float, language: str) -> dict[str, float]:
     """Stages of one part in this process."""
     rule_the_clock()
     from imdim.app.fit import fit
@@ -68,7 +69,7 @@ def one(part: Path, budget_s: float) -> dict[str, float]:
 
     pipeline.observe = timed  # type: ignore[assignment]
     with tempfile.TemporaryDirectory() as folder:
-        report = fit(Settings(input=str(part), output=f"{folder}/out", budget_s=budget_s))
+        report = fit(Settings(input=str(part), output=f"{folder}/out", budget_s=budget_s, language=language))
     timing = report["timing"]
     stages: dict[str, float] = {"import": finish, "detect": sum(detection), **timing["stages_s"], **timing["delivery_s"]}
     first = next(name for name in timing["stages_s"] if name != "loading")

@@ -1,4 +1,4 @@
-"""Whether what is proved minimal is: random planted parts through the default method.
+"""Whether what is proved minimal is: random planted parts through the default method, programs of the six primitives alone.
 
     python scripts/bench/proof.py [--most 8] [--parts 5] [--seed 0] [--budget 60] [--csv out.csv]
 
@@ -73,7 +73,7 @@ def run(size: int, part: int, seed: int, budget_s: float) -> Row:
     program = planted(np.random.default_rng([seed, size, part]), size)
     target = target_from(mesh_of(program))
     start, before, proof_s, searched = time.perf_counter(), 0.0, 0.0, 0
-    for snapshot in reconstruct(target, Settings(budget_s=budget_s), np.random.default_rng(0)):
+    for snapshot in reconstruct(target, Settings(budget_s=budget_s, language="csg"), np.random.default_rng(0)):
         if snapshot.stage == "proof":
             proof_s += snapshot.seconds - before
         elif snapshot.stage in ("search", "evolve", "tree"):

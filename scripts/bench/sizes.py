@@ -4,9 +4,9 @@
 
 `start` is `imdim --help`, and `infer.py` until its first line of progress. `read` loads clouds of up to 5 million points and meshes of up
 to 2 million faces in every format, each in a process of its own. `fit` reconstructs the same part from more and more points and faces with
-a small budget. `plots` draws what `--out` holds of both, and needs matplotlib (`pip install "imdim[plots]"`). Seconds are those of the
-processor, of the process and its children, with those of the clock beside them: others may run on the same cores. Memory is the most that
-resided. Without names the first three are done.
+a small budget, of the six primitives alone. `plots` draws what `--out` holds of both, and needs matplotlib (`pip install "imdim[plots]"`).
+Seconds are those of the processor, of the process and its children, with those of the clock beside them: others may run on the same cores.
+Memory is the most that resided. Without names the first three are done.
 """
 
 from __future__ import annotations
@@ -143,7 +143,8 @@ def fit(args: argparse.Namespace) -> None:
         for size in sizes:
             if size <= args.most:
                 path = made(args.out, kind, size, FITTED[kind])
-                command = [sys.executable, "-m", "imdim.app.cli", "fit", str(path), "-o", str(args.out / "fit"), "--budget", str(BUDGET_S)]
+                given = ["-o", str(args.out / "fit"), "--budget", str(BUDGET_S), "language=csg"]
+                command = [sys.executable, "-m", "imdim.app.cli", "fit", str(path), *given]
                 add(args.out, Row("fit", kind, FITTED[kind], size, cost(command, args.out / "log.txt")), path)
 
 

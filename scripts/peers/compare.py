@@ -6,7 +6,8 @@
 Peers that are packages need ``pip install "imdim[peers]"``. Every entrant is a command of its own for every part, one after another, on one
 thread, with a limit of time: what crashes, hangs or answers nothing that can be scored is its recorded failure. The same command continues
 a comparison that was stopped; what has a row, a failure too, is not run again (delete its folder for that). `inversecsg.json` in FOLDER
-adds the published results that it holds. Without --scorer, this project's own evaluation judges. With `--clock processor` budgets and
+adds the published results that it holds. Without --scorer, this project's own evaluation judges. IMDIM has the six
+primitives alone, as InverseCSG and the people had who wrote the references. With `--clock processor` budgets and
 seconds are of the processor, which other work on the machine changes little, and nothing is ended before `BUSY` times its limit.
 """
 
@@ -35,6 +36,7 @@ from imdim.reconstruction.config import ConfigError
 from imdim.target.scan import parse_condition
 
 OWN: dict[str, list[str]] = {"stump-net": ["method=stump-net"], "imdim": []}
+LANGUAGE = "language=csg"  # of the references too: primitives are compared with primitives
 ABLATIONS = {"policy": "checkpoint=none", "evolution": "evolution=false", "synthesis": "synthesis=false", "solver": "solver=false"}
 PUBLISHED = ("InverseCSG (published)", "inversecsg.json")
 ANSWERS = ("program.scad", "solid.off")
@@ -82,7 +84,7 @@ def entrants(args: argparse.Namespace) -> Iterator[Entrant]:
     own |= {f"imdim without {name}": [ABLATIONS[name]] for name in args.ablate}
     command = COMMAND if args.clock == "wall" else CLOCKED
     for name, settings in own.items():
-        given = ("--budget", f"{args.budget:g}", "--seed", str(args.seed), *settings)
+        given = ("--budget", f"{args.budget:g}", "--seed", str(args.seed), LANGUAGE, *settings)
         yield Entrant(name, (*command, "{target}", "-o", "{folder}", *given), args.budget + GRACE_S)
 
 

@@ -11,8 +11,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 SETTINGS = (
-    "any further setting of imdim.reconstruction.config.Settings, such as language=cad, which has extruded and turned outlines"
-    " beside the six primitives (default language=csg: these alone)"
+    "any further setting of imdim.reconstruction.config.Settings, such as language=csg, which has the six primitives alone"
+    " (default language=cad: extruded and turned outlines beside them)"
 )
 ABOUT = "A mesh or a point cloud becomes a short, editable CSG program."
 

@@ -31,7 +31,7 @@ class ConfigError(ValueError):
 class Settings:
     """What one reconstruction needs to know.
 
-    `language` is what programs are made of: csg of the six primitives alone, cad of extruded and turned outlines too.
+    `language` is what programs are made of: cad of the six primitives and of extruded and turned outlines, csg of the six alone.
     `budget_s` bounds the run in seconds of wall clock; `size_weight` is the price of a primitive: the share of the target's volume that
     one more must set right (larger gives shorter and cruder programs); `segments` is the number of facets per circle in delivered meshes;
     `logdir` is where an evolution writes tensorboard's event files (empty: nowhere); `checkpoint` is the policy of method=policy, which
@@ -47,7 +47,7 @@ class Settings:
     seed: int = 0
     budget_s: float = 60.0
     method: str = "auto"
-    language: str = "csg"
+    language: str = "cad"
     size_weight: float = 2.5e-4
     segments: int = 96
     logdir: str = ""

@@ -13,7 +13,7 @@ from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.resume import Rates
 from imdim.app.lab.session import Session
 from imdim.app.lab.style import BLUE, GREY, MUTED, style
-from imdim.reconstruction.config import LANGUAGES
+from imdim.reconstruction.config import LANGUAGES, Settings
 from imdim.reconstruction.methods import METHODS
 
 NONE = "none"
@@ -36,7 +36,9 @@ class RunPanel:
             ear.press(self.go, self._on_press)
         with gui.add_folder("Settings"):
             self.method = gui.add_dropdown("Method", tuple(METHODS), hint="auto searches, proves and repairs; evolve breeds")
-            self.language = gui.add_dropdown("Language", LANGUAGES, hint="csg: the six primitives; cad: extruded and turned outlines too")
+            self.language = gui.add_dropdown(
+                "Language", LANGUAGES, initial_value=Settings.language, hint="cad: primitives and outlines; csg: the six primitives alone"
+            )
             self.budget = gui.add_number("Seconds", 60.0, min=1.0, max=3600.0, step=1.0, hint="Time budget; a pause does not count")
             self.price = gui.add_number("Lambda", 2.5e-4, min=1e-6, max=0.5, step=1e-5, hint="Price of a primitive, a share of the volume")
             self.seed = gui.add_number("Seed", 0, min=0, max=2**31 - 1, step=1)
