@@ -15,8 +15,9 @@ import imdim
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.program.codec import dumps
 from imdim.program.cost import count
-from imdim.program.tree import Program, leaves
-from imdim.reconstruction.config import Settings
+from imdim.program.outline import circle_of
+from imdim.program.tree import Primitive, Program, leaves
+from imdim.reconstruction.config import LANGUAGES, Settings
 from imdim.reconstruction.methods import METHODS, MethodStep, Run
 from imdim.reconstruction.pipeline import Snapshot, reconstruct
 from imdim.target.target import InputError, target_from
@@ -29,28 +30,31 @@ def snapshots(mesh: trimesh.Trimesh, seed: int = 0, **settings) -> list[Snapshot
 
 
 @cache
-def reconstructed(name: str) -> list[Snapshot]:
-    return snapshots(mesh_of(PARTS[name]))
+def reconstructed(name: str, language: str = "cad") -> list[Snapshot]:
+    return snapshots(mesh_of(PARTS[name]), language=language)
 
 
 def iou(program: Program, truth: Program) -> float:
     return volume_iou(to_manifold(program), to_manifold(truth))
 
 
+@pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("name", PARTS)
-def test_a_planted_part_comes_back(name):
-    last = reconstructed(name)[-1]
+def test_a_planted_part_comes_back(name, language):
+    last = reconstructed(name, language)[-1]
     assert iou(last.program, PARTS[name]) >= 0.999
     assert count(last.program).primitives <= count(PARTS[name]).primitives
     assert last.stop == "finished"
 
 
+@pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("name", PARTS)
-def test_snapshots_tell_the_run(name):
-    run = reconstructed(name)
-    stages = [s.stage for s in run]
-    assert [s for i, s in enumerate(stages) if i == 0 or stages[i - 1] != s] == ["search", "proof", "simplify", "solve", "finished"]
-    assert run[-1].proof == "proved minimal over these candidates"
+def test_snapshots_tell_the_run(name, language):
+    """A program of the six primitives is proved minimal; one with outlines, as all of these are where they may be, is not."""
+    run = reconstructed(name, language)
+    stages, proofs = [s.stage for s in run], ["proof"] if language == "csg" else []
+    assert [s for i, s in enumerate(stages) if i == 0 or stages[i - 1] != s] == ["search", *proofs, "simplify", "solve", "finished"]
+    assert run[-1].proof == ("proved minimal over these candidates" if proofs else "")
     assert [s.stop for s in run[:-1]] == [None] * (len(run) - 1)
     assert [s.seconds for s in run] == sorted(s.seconds for s in run)
     assert run[-1].error <= min(s.error for s in run) + 1e-3
@@ -58,13 +62,25 @@ def test_snapshots_tell_the_run(name):
 
 
 def test_typed_numbers_come_back_exactly():
-    holes = [leaf for leaf in leaves(reconstructed("plate with four holes")[-1].program) if leaf.kind == "cylinder"]
-    plates = [leaf for leaf in leaves(reconstructed("plate with four holes")[-1].program) if leaf.kind == "box"]
+    found = list(leaves(reconstructed("plate with four holes", "csg")[-1].program))
+    holes, plates = ([leaf for leaf in found if leaf.kind == kind] for kind in ("cylinder", "box"))
     assert {leaf.size[0] for leaf in holes} == {3.0}
     assert sorted(leaf.center[:2] for leaf in holes) == [(-30.0, -15.0), (-30.0, 15.0), (30.0, -15.0), (30.0, 15.0)]
     assert [sorted(leaf.size) for leaf in plates] == [[6.0, 50.0, 80.0]]
-    radii = [leaf.size[0] for leaf in leaves(reconstructed("stepped shaft")[-1].program)]
+    radii = [leaf.size[0] for leaf in leaves(reconstructed("stepped shaft", "csg")[-1].program)]
     assert sorted(radii) == [5.0, 8.0, 12.0]
+
+
+def test_typed_numbers_come_back_exactly_in_outlines():
+    (plate,) = leaves(reconstructed("plate with four holes")[-1].program)
+    assert (plate.kind, plate.size, plate.center) == ("extrude", (6.0,), (0.0, 0.0, 0.0))
+    circles = [circle_of(loop) for loop in plate.outline.loops if circle_of(loop)]
+    assert sorted(circles) == [(-30.0, -15.0, 3.0), (-30.0, 15.0, 3.0), (30.0, -15.0, 3.0), (30.0, 15.0, 3.0)]
+    assert plate.outline.bounds == ((-40.0, -25.0), (40.0, 25.0))
+    (shaft,) = leaves(reconstructed("stepped shaft")[-1].program)
+    (loop,) = shaft.outline.loops
+    assert {x for x, _, _ in loop} == {0.0, 5.0, 8.0, 12.0}
+    assert sorted({shaft.center[2] + y for _, y, _ in loop}) == [0.0, 20.0, 27.0, 33.0, 40.0, 60.0]
 
 
 def test_a_placed_part_keeps_typed_angles_and_places():
@@ -97,6 +113,11 @@ def test_the_same_seed_gives_the_same_bytes():
     assert fresh.stdout.strip() == first.strip()
 
 
+def curves(leaf: Primitive) -> np.ndarray:
+    """The vertices [n, 3] of a leaf's outline; none of one without."""
+    return np.array([vertex for loop in leaf.outline.loops for vertex in loop]) if leaf.outline else np.zeros((0, 3))
+
+
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
 def test_units_do_not_matter(scale):
     mesh = mesh_of(PARTS["tube on a flange"])
@@ -104,7 +125,8 @@ def test_units_do_not_matter(scale):
     plain = reconstructed("tube on a flange")[-1].program
     for a, b in zip(leaves(plain), leaves(scaled), strict=True):
         assert a.kind == b.kind
-        assert b.size == pytest.approx([s * scale for s in a.size], rel=1e-9)
+        assert b.size == pytest.approx(a.size if a.kind == "revolve" else [s * scale for s in a.size], rel=1e-9)
+        assert curves(b) == pytest.approx(curves(a) * [scale, scale, 1.0], rel=1e-9, abs=1e-9 * scale)
         assert b.center == pytest.approx([c * scale for c in a.center], rel=1e-9, abs=1e-9 * scale)
         assert b.rotation == pytest.approx(a.rotation)
 
