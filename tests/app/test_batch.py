@@ -284,5 +284,5 @@ def test_a_language_that_nobody_speaks_is_one_line(parts, tmp_path, stand_in, ca
     make(parts, "a.stl")
     assert main([str(parts), "-o", str(tmp_path / "out"), "language=step"], stand_in()) == 2
     assert capsys.readouterr().err == "imdim: unknown language 'step'; known are csg, cad\n"
-    assert main([str(parts), "-o", str(tmp_path / "out"), "language=cad"], stand_in()) == 0
-    assert json.loads((tmp_path / "out" / "batch.json").read_text())["settings"]["language"] == "cad"
+    assert main([str(parts), "-o", str(tmp_path / "out"), "language=csg"], stand_in()) == 0
+    assert json.loads((tmp_path / "out" / "batch.json").read_text())["settings"]["language"] == "csg"

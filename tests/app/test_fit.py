@@ -87,7 +87,7 @@ def test_features_and_curves_are_told_where_there_are_outlines(tmp_path, capsys)
         yield Snap("finished", BORED, 0.0, 1.5, "finished", front=(Choice(BOX, 0.5), Choice(BORED, 0.0)))
 
     out = tmp_path / "out"
-    assert run(lambda: Settings(input=str(part), output=str(out), language="cad"), bracket_found) == 0
+    assert run(lambda: Settings(input=str(part), output=str(out)), bracket_found) == 0
     said = capsys.readouterr()
     assert "2 features, 10 curves in outlines, volume IoU 1.0000, " in said.out
     assert " 1 primitive, " in said.err
@@ -151,7 +151,7 @@ def test_a_bad_setting_is_one_line(part, tmp_path, capsys, arguments, said):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("given", [[], ["language=cad"]])
+@pytest.mark.parametrize("given", [[], ["language=csg"]])
 def test_the_language_is_set_like_any_setting(part, tmp_path, monkeypatch, given):
     seen = []
 
@@ -163,7 +163,7 @@ def test_the_language_is_set_like_any_setting(part, tmp_path, monkeypatch, given
     monkeypatch.setattr("imdim.reconstruction.pipeline.reconstruct", draw)
     assert imdim(["fit", str(part), "-o", str(tmp_path / "out"), *given]) == 0
     assert run(lambda: from_hydra(ROOT / "configs", "infer", [f"input={part}", f"output={tmp_path / 'out'}", *given])) == 0
-    assert seen == ["cad" if given else "csg"] * 2
+    assert seen == ["csg" if given else "cad"] * 2
 
 
 @pytest.mark.parametrize("command", ["fit", "batch"])

@@ -41,9 +41,9 @@ def test_untouched_settings_are_the_defaults(panel):
 
 def test_settings_and_rates_are_those_of_the_page(panel):
     panel.method.value, panel.budget.value, panel.price.value, panel.seed.value = "evolve", 12.0, 0.01, 7
-    panel.language.value = "cad"
+    panel.language.value = "csg"
     panel.mutation.value, panel.elitism.value, panel.population.value, panel.tolerance.value = 0.3, 0.9, 128, 0.002
-    assert panel.settings() == {"method": "evolve", "language": "cad", "budget_s": 12.0, "size_weight": 0.01, "seed": 7}
+    assert panel.settings() == {"method": "evolve", "language": "csg", "budget_s": 12.0, "size_weight": 0.01, "seed": 7}
     assert panel.rates() == Rates(mutation=0.3, elitism=0.9, population=128, tolerance=0.002)
 
 
