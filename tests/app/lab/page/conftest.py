@@ -18,10 +18,11 @@ def browser():
 
 @pytest.fixture(scope="package")
 def done(browser, server):
-    """A client whose example is reconstructed."""
+    """A client whose example is reconstructed of primitives alone, each a row to click, to edit and to lock."""
     page = LabPage(browser, server.url)
     page.wait_for_picture(lambda picture: inked(picture) > 3000)
     assert red(page.picture()) == 0
+    page.choose("Language", "csg")
     page.run()
     yield page
     page.close()

@@ -28,6 +28,14 @@ def test_the_method_that_was_chosen_runs(phone):
     phone.choose("Method", "auto")
 
 
+def test_a_part_is_drawn_where_nothing_else_is_asked_for(phone):
+    phone.choose("Example", "Flange")
+    phone.says("Flange")
+    phone.run()
+    assert phone.status("features") == "2, 12 curves"
+    assert phone.status("primitives") == ""
+
+
 def test_a_run_is_stepped_paused_and_stopped(phone):
     phone.choose("Example", "Bracket, scanned")  # which takes its time
     phone.says("scanned")
