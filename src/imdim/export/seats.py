@@ -47,7 +47,8 @@ def seats(program: Program) -> Iterator[Seat]:
     for end in ends:
         other = pairs[end.leaf, end.axis, -end.side]
         near = [e for e in ends if sign[e.leaf] > 0 and e.leaf != end.leaf and _meet(boxes[e.leaf], boxes[end.leaf], end.axis)]
-        near = [e for e in near if (e.axis, e.side) == (end.axis, end.side) and _beside(pairs, e, end, parts, slack if sign[end.leaf] < 0 else -2 * slack)]
+        least = slack if sign[end.leaf] < 0 else -2 * slack
+        near = [e for e in near if (e.axis, e.side) == (end.axis, end.side) and _beside(pairs, e, end, parts, least)]
         if sign[end.leaf] < 0:
             face = _passed(near, end, parts, slack)
             if face is not None and not _is_inside(pairs, near, end, parts, slack):
