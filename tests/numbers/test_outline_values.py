@@ -125,3 +125,20 @@ def test_the_middle_of_a_lopsided_outline_is_a_round_place():
     assert snapped.center[:2] == (round(middle), 17.75)
     assert sorted(y for _, y, _ in snapped.outline.loops[0]) == [-17.75, -17.75, 17.75, 17.75]
     assert min(x for x, _, _ in snapped.outline.loops[0]) == -round(middle), "no longer minus the odd middle"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_cone_in_a_turned_outline_has_the_radii_and_levels_that_were_typed(seed):
+    """Its slope is a round number of nothing: what was typed are its ends."""
+    typed = Outline((((10.0, -15.5, 0.0), (25.5, -15.5, 0.0), (18.0, -0.5, 0.0), (18.0, 15.5, 0.0), (13.5, 15.5, 0.0), (10.0, 8.5, 0.0)),))
+    rng = np.random.default_rng(seed)
+    moved = Outline(tuple(tuple((x + rng.normal(0, 2e-3), y + rng.normal(0, 2e-3), b) for x, y, b in loop) for loop in typed.loops))
+    found = snap_leaf(Primitive("revolve", (360.0,), outline=moved), 0.02)
+    assert largest_difference(found.outline, typed) < 1e-9
+
+
+def test_circles_run_one_way_whatever_they_bound():
+    """Texts call them rings, by radius and place."""
+    hole = tuple((x, y, -b) for x, y, b in SLOTTED.loops[-1]) if len(SLOTTED.loops[-1]) == 2 else ((-3.0, 0.0, -1.0), (3.0, 0.0, -1.0))
+    found = snap_outline(Outline((rectangle(20.0, 20.0).loops[0], hole)), 0.01)
+    assert [b for _, _, b in found.loops[1]] == [1.0, 1.0]

@@ -199,21 +199,31 @@ class _Dimensions:
     # --- variables ----------------------------------------------------------------------------------------------------
 
     def _add_places(self) -> None:
-        """Of lines, and of the centres of circles, one variable for each place; two that lie alike about the middle are an extent."""
+        """One variable for each place of lines, of circles and of arcs; two that lie alike about the middle are an extent."""
+        self._add_lines()
+        rounds = [c for c in map(circle_of, self.outline.loops) if c]
+        centers = [(axis, c[axis]) for c in rounds for axis in (X, Y)]
+        self._add("center", centers, ("hole_spacing_x", "hole_spacing_y"), ("hole_x", "hole_y"))
+        self._add_arcs([c[:2] for c in rounds])
+        for joint in self._all_joints():
+            self.system.rows += [row for row in self._equations(joint) if row]
+
+    def _add_lines(self) -> None:
         turned = self.part.kind == "revolve"
         words = (("radius", "height"), ("radius", "level")) if turned else (("length", "width"), ("edge_x", "edge_y"))
         for inner, prefix in ((False, ""), (True, "window_")):
             lines = [c for c in self._lines() if c.inner == inner and c.across is not None]
-            places = [(c.across or X, c.place) for c in lines if (c.across, self._cell(c.place)) not in self.fixed]
+            places = [(c.across or X, c.place) for c in lines] + [place for place in self._corners() if place[2] == inner]
+            places = [(axis, place) for axis, place, *_ in places if (axis, self._cell(place)) not in self.fixed]
             extents, single = ((prefix + x, prefix + y) for x, y in words)
             self._add(_side(inner), places, extents, single)
-        rounds = [circle_of(loop) for loop in self.outline.loops]
-        centers = [(axis, c[axis]) for c in rounds if c for axis in (X, Y)]
-        self._add("center", centers, ("hole_spacing_x", "hole_spacing_y"), ("hole_x", "hole_y"))
+
+    def _add_arcs(self, holes: Sequence[tuple[float, float]]) -> None:
+        """Centres of arcs that lie about a hole follow it, others the lines and arcs that they touch, as far as these say where."""
         arcs = [arc for arc in self._arcs() if not arc.fixed]
         for arc in arcs:
             arc.size = self._radius(_ROUNDS[arc.half, arc.inner], arc.radius)
-            hole = next((c for c in rounds if c and math.dist(c[:2], arc.center) <= self.slack), None)
+            hole = next((center for center in holes if math.dist(center, arc.center) <= self.slack), None)
             if hole:
                 arc.at = [self._place("center", axis, hole[axis]) for axis in (X, Y)]
         held = {(id(arc), axis) for arc, axis in self._held()}
@@ -225,8 +235,14 @@ class _Dimensions:
                     arc.at[axis] = {self._new("arc_center", arc.center[axis]): 1.0}
                 elif arc.at[axis] is None:
                     arc.at[axis] = self._place("arc", axis, arc.center[axis])
+
+    def _corners(self) -> Iterator[tuple[int, float, bool]]:
+        """Axis and place of the corners at which leaning lines meet others along an axis, there where these say nothing."""
         for joint in self._all_joints():
-            self.system.rows += [row for row in self._equations(joint) if row]
+            along = [c for c in (joint.before, joint.after) if isinstance(c, _Line) and c.across is not None]
+            if joint.along is None and len(along) == 1:
+                axis = 1 - (along[0].across or X)
+                yield axis, joint.at[axis], along[0].inner
 
     def _held(self) -> Iterator[tuple[_Arc, int]]:
         """Arcs and the axes along which a line or another arc says where their centres are."""
@@ -312,10 +328,13 @@ class _Dimensions:
         curves = (joint.before, joint.after)
         if any(isinstance(c, _Arc) and (c.fixed or not joint.fits) for c in curves):
             return {}
-        return next((row for row, knows in (self._coordinate(c, joint, axis) for c in curves) if knows), {})
+        known = next((row for row, knows in (self._coordinate(c, joint, axis) for c in curves) if knows), None)
+        if known is not None or not joint.fits:
+            return known or {}
+        return self._place(_side(joint.after.inner), axis, joint.at[axis])  # where a line leans, the corner has a place of its own
 
     def _chamfers(self, joints: Sequence[_Joint]) -> dict[int, tuple[Row, Row]]:
-        """Of leaning lines between two along the axes the ends, each as far from where these would meet as the chamfer is wide."""
+        """Of lines at 45 degrees between two along the axes the ends, each as far from where these would meet as the chamfer is wide."""
         out: dict[int, tuple[Row, Row]] = {}
         for k, joint in enumerate(joints):
             following = joints[(k + 1) % len(joints)]
@@ -328,10 +347,11 @@ class _Dimensions:
             for c in (a, b):
                 corner[c.across or X] = self._place(_side(c.inner), c.across or X, c.place)
             first, second = joint.at[b.across] - b.place, following.at[a.across] - a.place
-            equal = abs(abs(first) - abs(second)) <= self.slack
+            if abs(abs(first) - abs(second)) > self.slack:
+                continue
             for number, c, off in ((k, b, first), ((k + 1) % len(joints), a, second)):
                 assert c.across is not None
-                width = self._radius("chamfer" if equal else f"chamfer_{'xy'[c.across]}", abs(off))
+                width = self._radius("chamfer", abs(off))
                 ends = list(corner)
                 ends[c.across] = _sum((corner[c.across], 1.0), (width, math.copysign(1.0, off)))
                 out[number] = (ends[X], ends[Y])

@@ -15,7 +15,19 @@ import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.design_values import decimal, grids, is_level, round_to_grid
-from imdim.program.outline import Curve, Loop, Outline, Point, arc_center, arc_radius, check_crossings, circle, loop_area, loop_curves
+from imdim.program.outline import (
+    Curve,
+    Loop,
+    Outline,
+    Point,
+    arc_center,
+    arc_radius,
+    check_crossings,
+    circle,
+    circle_of,
+    loop_area,
+    loop_curves,
+)
 from imdim.program.tree import Primitive
 
 STEPS_DEG = (15.0, 1.0, 0.1)
@@ -77,7 +89,7 @@ def snap_outline(outline: Outline, tolerance: float, offset: Point = (0.0, 0.0))
         check_crossings(snapped)
     except (ValueError, ZeroDivisionError):
         return outline
-    same_way = all(loop_area(a) * loop_area(b) > 0 for a, b in zip(outline.loops, snapped.loops, strict=True))
+    same_way = all(circle_of(b) or loop_area(a) * loop_area(b) > 0 for a, b in zip(outline.loops, snapped.loops, strict=True))
     return snapped if same_way else outline
 
 
@@ -137,6 +149,8 @@ class _Snapping:
         self._turn_lines()
         self._settle_arcs()
         self._settle_lines()
+        for row, loop in zip(self.carriers, self.given, strict=True):
+            self._settle_ends(row, loop)
         for row, touches in zip(self.carriers, touching, strict=True):
             self._make_tangent(row, touches)
         found = zip(self.given, self.carriers, touching, strict=True)
@@ -230,6 +244,30 @@ class _Snapping:
             for (i, k, line), offset in zip(alike, offsets, strict=True):
                 self.carriers[i][k] = replace(line, offset=self._round_offset(line.normal, offset, hubs))
 
+    def _settle_ends(self, row: list[Carrier], loop: Loop) -> None:
+        """A line that leans at no round angle between two along the axes has round ends on these: the radii and levels of a cone."""
+        for k, (line, curve) in enumerate(zip(row, loop_curves(loop), strict=True)):
+            before, after = row[k - 1], row[(k + 1) % len(row)]
+            ends = [other for other in (before, after) if isinstance(other, Line) and 0.0 in other.normal]
+            if not isinstance(line, Line) or 0.0 in line.normal or len(ends) < 2 or _fold(line.degrees, STEPS_DEG[0]) == 0:
+                continue
+            given = _carrier(curve)  # not yet turned to a round angle
+            assert isinstance(given, Line)
+            (ax, ay), (bx, by) = (self._round_end(given, end) for end in ends)
+            if math.hypot(bx - ax, by - ay) <= FARTHEST * self.tolerance:
+                continue
+            degrees = math.degrees(math.atan2(by - ay, bx - ax)) % 180.0
+            c, s = unit(degrees)
+            row[k] = replace(line, degrees=degrees, offset=-s * ax + c * ay)
+
+    def _round_end(self, line: Line, end: Line) -> Point:
+        """Where the line meets one along an axis, that place rounded."""
+        (nx, ny), level = line.normal, end.offset * (end.normal[0] + end.normal[1])
+        slack = self.tolerance / max(abs(ny if end.normal[1] == 0.0 else nx), FLATTEST)
+        if end.normal[1] == 0.0:
+            return level, self._round((line.offset - nx * level) / ny, slack)[0]
+        return self._round((line.offset - ny * level) / nx, slack)[0], level
+
     def _round_offset(self, normal: Point, offset: float, hubs: Sequence[Point]) -> float:
         """Of a line along an axis its place; of others the distance from a hub, or where they cross a line along an axis through it,
         whichever is rounder."""
@@ -299,7 +337,7 @@ class _Snapping:
     def _circle(self, row: Sequence[Carrier]) -> Loop:
         arc = row[0]
         assert isinstance(arc, Arc)
-        return tuple((x, y, arc.sense * bulge) for x, y, bulge in circle(arc.radius, *arc.center))
+        return circle(arc.radius, *arc.center)
 
     def _meet(self, loop: Loop, row: Sequence[Carrier], touches: Sequence[bool]) -> Loop:
         """The loop with its vertices where carriers meet; a vertex between two edges on one line goes."""
