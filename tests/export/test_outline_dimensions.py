@@ -100,14 +100,59 @@ def test_an_edit_that_crosses_is_refused_in_one_line(values, message):
         change_values(opened(plate()), values)
 
 
+def disc_and_bar(radius=12.0, width=9.0, reach=40.0, end=4.5):
+    """A disc and a bar that ends round, in one outline: the disc's arc crosses the bar's sides."""
+    x, half = float(np.sqrt(radius**2 - (width / 2) ** 2)), width / 2
+    turn = 2 * np.pi - 2 * np.arctan2(half, x)
+    far, bulge = (-radius, 0.0), tan(turn / 8)
+    return Outline((((x, -half, 0.0), (reach, -half, 1.0), (reach, half, 0.0), (x, half, bulge), (*far, bulge)), circle(5.0)))
+
+
+@pytest.mark.parametrize(("name", "drawn", "value"), [("plate_end_radius", "width", 3.5), ("plate_corner_radius", "radius", 14.0)])
+def test_where_an_arc_crosses_a_line_follows_both(name, drawn, value):
+    delivered = opened(Primitive("extrude", (5.0,), outline=disc_and_bar()))
+    wanted = disc_and_bar(**{drawn: 2 * value if drawn == "width" else value})
+    after = change_values(delivered, {name: value})
+    assert volume_iou(solid_of(after), to_manifold(Primitive("extrude", (5.0,), outline=wanted), SEGMENTS)) > 1 - 1e-4
+    assert "reach(" in delivered.texts["program.scad"]
+
+
+def test_openscad_reads_centres_and_reaches(tmp_path):
+    def part(**drawn):
+        return Combine(
+            "union", Primitive("extrude", (5.0,), outline=disc_and_bar(**drawn)), Primitive("box", (4.0, 4.0, 4.0), (30.0, 0.0, 4.0))
+        )
+
+    delivered = opened(part())
+    for define, wanted in (([], part()), (["plate_corner_radius=14"], part(radius=14.0))):
+        mesh = rendered(delivered.texts["program.scad"], tmp_path, *define)
+        assert volume_iou(mesh_to_manifold(mesh), to_manifold(wanted, SEGMENTS)) > 1 - 1e-3
+
+
+def test_an_arc_that_no_longer_meets_its_line_is_refused():
+    delivered = opened(Primitive("extrude", (5.0,), outline=disc_and_bar()))
+    with pytest.raises(EditError, match=r"plate_corner_radius = 3: .* a circle of radius 3 does not meet a line 4\.5 from its centre"):
+        change_values(delivered, {"plate_corner_radius": 3.0})
+
+
 def test_arcs_that_end_at_a_slant_stay_and_what_meets_them_too():
-    """A disc with a flat: where the flat lies follows no name, but the hole in it does."""
-    half = np.sqrt(100.0 - 64.0)
-    flat = Outline((((8.0, -half, 0.0), (8.0, half, float(tan((2 * np.pi - 2 * np.arctan2(half, 8.0)) / 4)))), circle(3.0)))
+    """A disc with a slanted flat: where that lies follows no name, but the hole in it does."""
+    a, b = np.deg2rad(20), np.deg2rad(70)
+    turn = 2 * np.pi - (b - a)
+    middle = (a + b) / 2 + np.pi
+    ends = [(10 * float(np.cos(t)), 10 * float(np.sin(t))) for t in (a, b, middle)]
+    flat = Outline((((*ends[0], 0.0), (*ends[1], tan(turn / 8)), (*ends[2], tan(turn / 8))), circle(3.0)))
     delivered = opened(Primitive("extrude", (5.0,), outline=flat))
     assert set(delivered.values) == {"plate_thickness", "plate_hole_radius"}
     after = change_values(delivered, {"plate_hole_radius": 4.0})
     assert after.program.outline.loops[0] == delivered.program.outline.loops[0]
+
+
+def test_a_turned_part_grows_upwards():
+    profile = Outline((((0.0, -10.0, 0.0), (12.0, -10.0, 0.0), (12.0, -4.0, 0.0), (6.0, -4.0, 0.0), (6.0, 10.0, 0.0), (0.0, 10.0, 0.0)),))
+    delivered = opened(Primitive("revolve", (360.0,), (0.0, 0.0, 10.0), outline=profile))
+    low, high = (solid_of(change_values(delivered, {"turned_part_height": 26.0})).bounding_box()[i] for i in (2, 5))
+    assert (low, high) == pytest.approx((0.0, 26.0))
 
 
 def test_a_turned_part_has_radii_and_heights():

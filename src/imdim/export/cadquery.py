@@ -13,7 +13,7 @@ from imdim.export.chains import Chains
 from imdim.export.loops import Loop
 from imdim.export.numbers import Expression, Rounding, plain, write_expression, write_moves
 from imdim.export.parameters import Parameters
-from imdim.export.script import CURVES, helpers
+from imdim.export.script import CURVES, helpers, standard_imports
 from imdim.program.repeats import Folded, Repeat
 from imdim.program.tree import Op, Primitive, Program, Vec3, leaves
 
@@ -101,13 +101,7 @@ def to_cadquery(program: Program, parameters: Parameters | None = None, folded: 
     solids = [text for kind, text in _SOLIDS.items() if any(leaf.kind == kind for leaf in leaves(program))]
     head = [*named.head(rounding.size), *solids, *helpers(program, _OUTLINES)]
     body = [*head, *writer.parts, "part = (", *("    " + text for text in lines)]
-    return _HEAD.format(standard=_imports(body)) + "\n".join(body) + "\n" + _TAIL
-
-
-def _imports(body: Sequence[str]) -> str:
-    """Those of the standard library that a text needs."""
-    joins = [name for name in ("add", "mul") if any(f"reduce({name}," in text for text in body)]
-    return f"from functools import reduce\nfrom operator import {', '.join(joins)}\n\n" if joins else ""
+    return _HEAD.format(standard=standard_imports(body)) + "\n".join(body) + "\n" + _TAIL
 
 
 class _CadQuery(Chains):

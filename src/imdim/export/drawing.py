@@ -1,15 +1,17 @@
 """Outlines as the texts write them: lists of loops, of vertices ``[x, y]`` from which a line runs, and ``[x, y, bulge]`` for an arc.
 
-A circle is ``ring(r, x, y)``, a function of each text.
+A circle is ``ring(r, x, y)``, a function of each text. In place of a bulge a vertex may have ``[x, y, way]``, the centre that the arc runs
+about and 1 for counter-clockwise or -1; ``reach(r, d)`` is how far a circle reaches along a line at a distance from its centre.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from fractions import Fraction
 
 from imdim.export.numbers import SIGNIFICANT_DIGITS, Expression, Rounding, plain, weighted_sum, write_expression
-from imdim.export.parameters import DrawnLoop, DrawnVertex
+from imdim.export.parameters import Center, DrawnLoop, DrawnVertex
 from imdim.program.outline import Loop, regions, reverse_loop
 from imdim.program.tree import Primitive
 
@@ -40,8 +42,8 @@ def _pairs(leaf: Primitive, drawn: Sequence[DrawnLoop], rounding: Rounding) -> l
 
 def _reversed(loop: DrawnLoop) -> DrawnLoop:
     """As `reverse_loop` has it."""
-    bulges = [-v.bulge for v in reversed(loop)]
-    return tuple(DrawnVertex(v.x, v.y, b) for v, b in zip([loop[0], *reversed(loop[1:])], bulges, strict=True))
+    bulges = [replace(v.bulge, way=-v.bulge.way) if isinstance(v.bulge, Center) else -v.bulge for v in reversed(loop)]
+    return tuple(replace(v, bulge=b) for v, b in zip([loop[0], *reversed(loop[1:])], bulges, strict=True))
 
 
 def _loop(loop: DrawnLoop, way: float, rounding: Rounding) -> str:
@@ -56,8 +58,18 @@ def _loop(loop: DrawnLoop, way: float, rounding: Rounding) -> str:
 
 
 def _vertex(v: DrawnVertex, rounding: Rounding) -> list[str]:
+    def write(e: Expression) -> str:
+        return write_expression(e, rounding.length)
+
+    at = [write(v.x), write(v.y)]
+    if v.reach is not None:
+        from_center = f"{'-' if v.reach.sign < 0 else ''}reach({write(v.reach.radius)}, {write(v.reach.off)})"
+        center = at[v.reach.axis]
+        at[v.reach.axis] = from_center if center == "0" else f"{center} + {from_center}".replace("+ -", "- ")
+    if isinstance(v.bulge, Center):
+        return [*at, f"[{write(v.bulge.x)}, {write(v.bulge.y)}, {v.bulge.way}]"]
     bulge = round(v.bulge, SIGNIFICANT_DIGITS)
-    return [*(write_expression(e, rounding.length) for e in (v.x, v.y)), *([plain(bulge)] if bulge else [])]
+    return [*at, *([plain(bulge)] if bulge else [])]
 
 
 def _list(texts: Iterable[str]) -> str:

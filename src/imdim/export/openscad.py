@@ -19,16 +19,21 @@ from imdim.program.tree import OPS, Primitive, Program, leaves
 
 OUTLINE = """\
 // Closed loops of lines and arcs: vertices [x, y, bulge], bulge = tan(turn / 4) of the arc to the next vertex, none for a line.
-// What an odd number of loops holds is inside. A ring is a circle.
+// In place of a bulge [x, y, way] says about what centre the arc runs, counter-clockwise where way is 1, else -1.
+// What an odd number of loops holds is inside. A ring is a circle; reach is half a chord, d from the centre.
 function ring(r, x = 0, y = 0) = [[x - r, y, 1], [x + r, y, 1]];
+function reach(r, d) = sqrt(r * r - d * d);
 module outline(loops) {
   rings = [for (loop = loops) outline_points(loop)];
   starts = [for (i = 0, n = 0; i < len(rings); n = n + len(rings[i]), i = i + 1) n];
   polygon([for (ring = rings) each ring], [for (i = [0 : len(rings) - 1]) [for (k = [0 : len(rings[i]) - 1]) starts[i] + k]]);
 }
 function outline_points(loop) = [for (i = [0 : len(loop) - 1]) each curve_points(loop[i], loop[(i + 1) % len(loop)])];
+function angle_about(c, p) = atan2(p[1] - c[1], p[0] - c[0]);
+function bulge_about(c, a, b) = c[2] * tan((720 + c[2] * (angle_about(c, b) - angle_about(c, a))) % 360 / 4);
 function curve_points(a, b) = len(a) < 3 ? [a] : let(
-  turn = 4 * atan(a[2]), n = max(1, ceil($fn * abs(turn) / 360 - 1e-9)), along = (1 - a[2] * a[2]) / (4 * a[2]),
+  bulge = is_list(a[2]) ? bulge_about(a[2], a, b) : a[2],
+  turn = 4 * atan(bulge), n = max(1, ceil($fn * abs(turn) / 360 - 1e-9)), along = (1 - bulge * bulge) / (4 * bulge),
   x = (a[0] + b[0]) / 2 - (b[1] - a[1]) * along, y = (a[1] + b[1]) / 2 + (b[0] - a[0]) * along, u = a[0] - x, v = a[1] - y
 ) [for (k = [0 : n - 1]) let(c = cos(turn * k / n), s = sin(turn * k / n)) k == 0 ? [a[0], a[1]] : [x + c * u - s * v, y + s * u + c * v]];
 """

@@ -9,6 +9,7 @@ Anything else raises ValueError: this is a check of our own files, not an OpenSC
 from __future__ import annotations
 
 import ast
+import math
 import operator
 import re
 from collections.abc import Callable, Container, Iterator, Mapping
@@ -16,7 +17,7 @@ from typing import Any
 
 from imdim.export.openscad import OUTLINE
 from imdim.program import fields
-from imdim.program.outline import MOST_CURVES, Loop, Outline, Vertex, circle
+from imdim.program.outline import MOST_CURVES, Loop, Outline, Point, circle
 from imdim.program.tree import OPS, Op, Primitive, Program, Vec3, combine_all
 
 _ASSIGNMENT = re.compile(r"([A-Za-z_]\w*) = (.+);")
@@ -139,12 +140,26 @@ def _loop(node: ast.expr, values: Values, number: int) -> Loop:
         numbers = [_value(entry, values, number) for entry in node.args]
         if len(numbers) in (1, 3):
             return circle(*numbers)
-    return tuple(_vertex(v, values, number) for v in _elements(node, number))
+    corners = [_vertex(v, values, number) for v in _elements(node, number)]
+    following = [*corners[1:], corners[0]]
+    return tuple((x, y, _bulge(arc, (x, y), (u, v), number)) for (x, y, arc), (u, v, _) in zip(corners, following, strict=True))
 
 
-def _vertex(node: ast.AST, values: Values, number: int) -> Vertex:
-    x, y, *bulge = (_value(entry, values, number) for entry in _elements(node, number, (2, 3)))
-    return x, y, bulge[0] if bulge else 0.0
+def _vertex(node: ast.AST, values: Values, number: int) -> tuple[float, float, float | tuple[float, float, float]]:
+    """A vertex with its bulge, or with the centre that the arc runs about and the way."""
+    x, y, *arc = _elements(node, number, (2, 3))
+    bulge = _entries(arc[0], values, number) if arc and isinstance(arc[0], ast.List) else _value(arc[0], values, number) if arc else 0.0
+    return _value(x, values, number), _value(y, values, number), bulge  # type: ignore[return-value]
+
+
+def _bulge(arc: float | tuple[float, float, float], start: Point, end: Point, number: int) -> float:
+    if not isinstance(arc, tuple):
+        return arc
+    x, y, way = arc
+    if way not in (1, -1):
+        raise ValueError(f"line {number}: an arc runs 1 or -1 about its centre, not {way}")
+    turn = way * (math.atan2(end[1] - y, end[0] - x) - math.atan2(start[1] - y, start[0] - x)) % (2 * math.pi)
+    return way * math.tan(turn / 4)
 
 
 def _elements(node: ast.AST, number: int, counts: Container[int] = range(2, MOST_CURVES + 1)) -> list[ast.expr]:
@@ -209,6 +224,11 @@ def _evaluate(node: ast.AST, values: Values, number: int) -> float:
             return _OPERATORS[type(node.op)](_evaluate(node.left, values, number), _evaluate(node.right, values, number))
         except ZeroDivisionError:
             raise ValueError(f"line {number} divides by zero: {ast.unparse(node)!r}") from None
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "reach" and len(node.args) == 2:
+        radius, off = (_evaluate(entry, values, number) for entry in node.args)
+        if abs(off) > radius:
+            raise ValueError(f"line {number}: a circle of radius {radius:g} does not meet a line {abs(off):g} from its centre")
+        return math.sqrt(radius * radius - off * off)
     raise ValueError(f"line {number}: {ast.unparse(node)!r} is no number of ours")
 
 

@@ -1,8 +1,9 @@
 """The dimensions of outlines as variables and equations: where lines lie, how round corners are, where holes are and how large.
 
 Lines along the two axes of an outline have places, chamfers between them a length, arcs a centre and a radius. All directions stay: arcs
-that touch such lines, or end square to them, keep their angles, so that every vertex is a sum of these numbers. Other arcs keep their
-ends, and what meets them there stays where it is.
+that touch such lines, or end square to them, keep their angles, so that the vertices there are sums of these numbers. Where an arc crosses
+such a line the vertex is as far from the centre as the arc reaches along it. Arcs that meet anything else keep their ends, and what meets
+them there stays where it is.
 """
 
 from __future__ import annotations
@@ -35,15 +36,52 @@ Row = dict[int, float]
 
 
 @dataclass(frozen=True)
-class VertexRows:
-    """The coordinates of a vertex as sums of variables, but for constants, and its bulge, which stays."""
+class Sum:
+    """A number that is a sum of variables, but for a constant."""
 
-    x: Row
-    y: Row
-    bulge: float
+    row: Row
+    value: float
+
+
+@dataclass(frozen=True)
+class ReachRows:
+    """How far from a centre a circle reaches along one axis, to the side `sign`, `off` from the centre along the other one."""
+
+    axis: int
+    sign: int
+    radius: Sum
+    off: Sum
+
+
+@dataclass(frozen=True)
+class CenterRows:
+    """The centre of an arc, which runs counter-clockwise where `way` is 1, else -1."""
+
+    x: Sum
+    y: Sum
+    way: int
+
+
+@dataclass(frozen=True)
+class VertexRows:
+    """The coordinates of a vertex and its bulge, or what it follows from; with a `reach` the coordinate along its axis is the centre's."""
+
+    x: Sum
+    y: Sum
+    bulge: float | CenterRows
+    reach: ReachRows | None = None
 
 
 Drawn = tuple[tuple[VertexRows, ...], ...]
+
+
+def sums_of(vertex: VertexRows) -> Iterator[Sum]:
+    """All numbers of a vertex."""
+    yield from (vertex.x, vertex.y)
+    if isinstance(vertex.bulge, CenterRows):
+        yield from (vertex.bulge.x, vertex.bulge.y)
+    if vertex.reach is not None:
+        yield from (vertex.reach.radius, vertex.reach.off)
 
 
 def add_outlines(system: LinearSystem, parts: Sequence[Primitive], folded: Folded | None) -> dict[int, Drawn]:
@@ -63,10 +101,10 @@ def add_outlines(system: LinearSystem, parts: Sequence[Primitive], folded: Folde
             circles += dimensions.circles_in_space()
         elif part.outline == parts[source].outline:
             drawn[leaf] = drawn[source]
-        elif part.outline == parts[source].outline.mirror():  # type: ignore[union-attr]
+        elif part.outline == parts[source].outline.mirror() and _is_linear(drawn[source]):  # type: ignore[union-attr]
             drawn[leaf] = tuple(map(_mirrored, drawn[source]))
         else:
-            drawn[leaf] = drawn[source] = _constant(part.outline)
+            drawn[leaf], drawn[source] = _constant(part.outline), _constant(parts[source].outline)
     system.rows += _coaxial(system, circles, parts, sources)
     return drawn
 
@@ -75,11 +113,16 @@ def _mirrored(loop: tuple[VertexRows, ...]) -> tuple[VertexRows, ...]:
     """As `Outline.mirror` has it: the other side of the y axis, run the other way from the same vertex."""
     bulges = [v.bulge for v in reversed(loop)]
     corners = [loop[0], *reversed(loop[1:])]
-    return tuple(VertexRows({k: -c for k, c in v.x.items()}, v.y, b) for v, b in zip(corners, bulges, strict=True))
+    return tuple(VertexRows(Sum(_sum((v.x.row, -1.0)), -v.x.value), v.y, b) for v, b in zip(corners, bulges, strict=True))
 
 
-def _constant(outline: Outline) -> Drawn:
-    return tuple(tuple(VertexRows({}, {}, b) for _, _, b in loop) for loop in outline.loops)
+def _is_linear(drawn: Drawn) -> bool:
+    return all(v.reach is None and isinstance(v.bulge, float) for loop in drawn for v in loop)
+
+
+def _constant(outline: Outline | None) -> Drawn:
+    assert outline is not None
+    return tuple(tuple(VertexRows(Sum({}, x), Sum({}, y), b) for x, y, b in loop) for loop in outline.loops)
 
 
 # --- one outline --------------------------------------------------------------------------------------------------------
@@ -96,13 +139,15 @@ class _Line:
 
 @dataclass
 class _Arc:
-    """An arc with the variables of its centre and radius, once it has them; one that is `fixed` has none. `inner` ones bound a hole."""
+    """An arc with the variables of its centre and radius, once it has them; one that is `fixed` has none. `inner` ones bound a hole, and
+    those that are `crossed` have no angles of their own."""
 
     center: tuple[float, float]
     radius: float
     half: bool
     inner: bool
     fixed: bool = False
+    crossed: bool = False
     at: list[Row | None] = field(default_factory=lambda: [None, None])
     size: Row = field(default_factory=dict)
 
@@ -113,13 +158,14 @@ _Carrier = _Line | _Arc
 @dataclass
 class _Joint:
     """Where two curves of a loop meet. `along` is the axis along which an arc's centre lies from here, None for a corner of lines, and
-    `fits` whether the vertex follows from variables."""
+    `fits` whether the vertex is a sum of variables; or an arc `crosses` a line along an axis."""
 
     before: _Carrier
     after: _Carrier
     at: tuple[float, float]
     along: int | None
     fits: bool
+    crosses: bool = False
 
 
 class _Dimensions:
@@ -140,7 +186,12 @@ class _Dimensions:
     # --- what meets what ----------------------------------------------------------------------------------------------
 
     def _joints(self, curves: Sequence[Curve], inner: bool) -> list[_Joint]:
-        carriers = [self._carrier(curve, inner) for curve in curves]
+        carriers: list[_Carrier] = []
+        for curve in curves:
+            found = self._carrier(curve, inner)
+            # a wide arc is written as two
+            one = next((c for c in (*carriers[-1:], *carriers[:1]) if self._is_one(c, found)), found)
+            carriers.append(one)
         before = [carriers[-1], *carriers[:-1]]
         return [self._joint(a, b, curve[:2]) for a, b, curve in zip(before, carriers, curves, strict=True)]
 
@@ -152,13 +203,26 @@ class _Dimensions:
             return _Line(X, x, inner)
         return _Line(Y, y, inner) if abs(v - y) <= self.slack else _Line(None, 0.0, inner)
 
+    def _is_one(self, a: _Carrier, b: _Carrier) -> bool:
+        """Whether two arcs are of one circle."""
+        if isinstance(a, _Line) or isinstance(b, _Line):
+            return False
+        return math.dist(a.center, b.center) <= self.slack and abs(a.radius - b.radius) <= self.slack
+
     def _joint(self, a: _Carrier, b: _Carrier, at: tuple[float, float]) -> _Joint:
         if isinstance(a, _Line) and isinstance(b, _Line):
             return _Joint(a, b, at, None, a.across is not None or b.across is not None)
         along = {self._axis_from(arc, at) for arc in (a, b) if isinstance(arc, _Arc)}
         axis = along.pop() if len(along) == 1 else None
+        level = all(isinstance(c, _Arc) or c.across is not None for c in (a, b))
         # a line may touch an arc or be square to it: either way it lies along an axis
-        return _Joint(a, b, at, axis, axis is not None and all(isinstance(c, _Arc) or c.across is not None for c in (a, b)))
+        joint = _Joint(
+            a, b, at, axis, level and axis is not None, level and axis is None and not (isinstance(a, _Arc) and isinstance(b, _Arc))
+        )
+        for c in (a, b):
+            if isinstance(c, _Arc):
+                c.crossed |= joint.crosses
+        return joint
 
     def _axis_from(self, arc: _Arc, at: tuple[float, float]) -> int | None:
         away = [abs(at[i] - arc.center[i]) for i in (X, Y)]
@@ -172,7 +236,7 @@ class _Dimensions:
             changed = False
             for joint in (j for loop in self.loops if loop for j in loop):
                 arcs = [c for c in (joint.before, joint.after) if isinstance(c, _Arc)]
-                if (arcs and not joint.fits) or any(arc.fixed for arc in arcs):
+                if (arcs and not joint.fits and not joint.crosses) or any(arc.fixed for arc in arcs):
                     for c in (joint.before, joint.after):
                         changed |= self._fix_one(c, fixed)
             for loop in filter(None, self.loops):
@@ -217,6 +281,15 @@ class _Dimensions:
             places = [(axis, place) for axis, place, *_ in places if (axis, self._cell(place)) not in self.fixed]
             extents, single = ((prefix + x, prefix + y) for x, y in words)
             self._add(_side(inner), places, extents, single)
+            if turned:
+                self._add_levels(_side(inner), sorted({self._cell(place): place for axis, place in places if axis == Y}.values()))
+
+    def _add_levels(self, what: str, levels: Sequence[float]) -> None:
+        """Heights of turned parts above their lowest level, which stays."""
+        for level in levels:
+            above = level - self.outline.bounds[0][1]
+            if above > self.slack:
+                self.known[what, Y, self._cell(level)] = {self._new("height" if level == levels[-1] else "level", above): 1.0}
 
     def _add_arcs(self, holes: Sequence[tuple[float, float]]) -> None:
         """Centres of arcs that lie about a hole follow it, others the lines and arcs that they touch, as far as these say where."""
@@ -248,7 +321,7 @@ class _Dimensions:
         """Arcs and the axes along which a line or another arc says where their centres are."""
         for joint in self._all_joints():
             for arc, other in ((joint.before, joint.after), (joint.after, joint.before)):
-                if isinstance(arc, _Arc) and joint.fits:
+                if isinstance(arc, _Arc) and joint.fits and other is not arc:
                     yield from ((arc, axis) for axis in (X, Y) if isinstance(other, _Arc) or other.across == axis)
 
     def _add(self, what: str, places: Iterable[tuple[int, float]], extents: tuple[str, str], single: tuple[str, str]) -> None:
@@ -258,8 +331,9 @@ class _Dimensions:
             place = found[axis, cell]
             if (what, axis, cell) in self.known:
                 continue
-            mirrored = (axis, self._cell(-place)) in found
-            if mirrored and not (self.part.kind == "revolve" and axis == X):
+            if self.part.kind == "revolve" and axis == Y:
+                continue
+            if (axis, self._cell(-place)) in found and self.part.kind != "revolve":
                 extent = self._new(extents[axis], 2 * abs(place))
                 for side in (1, -1):
                     self.known[what, axis, self._cell(side * abs(place))] = {extent: side / 2}
@@ -320,13 +394,35 @@ class _Dimensions:
         chamfered = self._chamfers(joints)
         rows = []
         for k, (joint, vertex) in enumerate(zip(joints, loop, strict=True)):
+            arc = joint.after
+            bulge = _center(arc, 1 if vertex[2] > 0 else -1) if isinstance(arc, _Arc) and arc.crossed and not arc.fixed else vertex[2]
+            if joint.crosses and not self._is_fixed(joint):
+                rows.append(self._crossing(joint, bulge))
+                continue
             x, y = chamfered.get(k) or (self._vertex(joint, X), self._vertex(joint, Y))
-            rows.append(VertexRows(x, y, vertex[2]))
+            rows.append(VertexRows(Sum(x, vertex[0]), Sum(y, vertex[1]), bulge))
         return tuple(rows)
+
+    def _is_fixed(self, joint: _Joint) -> bool:
+        return any(isinstance(c, _Arc) and c.fixed for c in (joint.before, joint.after))
+
+    def _crossing(self, joint: _Joint, bulge: float | CenterRows) -> VertexRows:
+        """Where an arc crosses a line along an axis: as far from the centre as the circle reaches there."""
+        line, arc = (joint.before, joint.after) if isinstance(joint.before, _Line) else (joint.after, joint.before)
+        assert isinstance(line, _Line)
+        assert isinstance(arc, _Arc)
+        assert line.across is not None
+        across, axis = line.across, 1 - line.across
+        place, center = self._place(_side(line.inner), across, line.place), arc.at[across] or {}
+        off = Sum(_sum((place, 1.0), (center, -1.0)), line.place - arc.center[across])
+        sign = 1 if joint.at[axis] > arc.center[axis] else -1
+        ends = [Sum(place, line.place), Sum(arc.at[axis] or {}, arc.center[axis])]
+        x, y = ends if across == X else reversed(ends)
+        return VertexRows(x, y, bulge, ReachRows(axis, sign, Sum(arc.size, arc.radius), off))
 
     def _vertex(self, joint: _Joint, axis: int) -> Row:
         curves = (joint.before, joint.after)
-        if any(isinstance(c, _Arc) and (c.fixed or not joint.fits) for c in curves):
+        if self._is_fixed(joint) or (not joint.fits and any(isinstance(c, _Arc) for c in curves)):
             return {}
         known = next((row for row, knows in (self._coordinate(c, joint, axis) for c in curves) if knows), None)
         if known is not None or not joint.fits:
@@ -366,7 +462,7 @@ class _Dimensions:
             at = [self._place("center", axis, center[axis]) for axis in (X, Y)]
             size = self._circle_size(i)
             rows = [[_sum((at[axis], 1.0), (size, (v[axis] - center[axis]) / found[2])) for axis in (X, Y)] for v in loop]
-            yield tuple(VertexRows(x, y, v[2]) for (x, y), v in zip(rows, loop, strict=True))
+            yield tuple(VertexRows(Sum(x, v[0]), Sum(y, v[1]), v[2]) for (x, y), v in zip(rows, loop, strict=True))
 
     def _circle_size(self, i: int) -> Row:
         found = circle_of(self.outline.loops[i])
@@ -391,6 +487,11 @@ class _Dimensions:
                 places[a] = self.part.center[a] + turn[a][0] * found[0] + turn[a][1] * found[1]
                 rows[a] = _sum(({6 * self.leaf + 3 + a: 1.0}, 1.0), (own[0], turn[a][0]), (own[1], turn[a][1]))
             yield _Round(self.leaf, axis, places, rows, found[2], self._circle_size(i))
+
+
+def _center(arc: _Arc, way: int) -> CenterRows:
+    x, y = (Sum(arc.at[axis] or {}, arc.center[axis]) for axis in (X, Y))
+    return CenterRows(x, y, way)
 
 
 def _side(inner: bool) -> str:
@@ -437,11 +538,14 @@ def _coaxial(system: LinearSystem, circles: Sequence[_Round], parts: Sequence[Pr
 
 
 def _round_walls(leaf: int, p: Primitive) -> Iterator[_Round]:
-    """The round walls of a cylinder or cone along a world axis."""
-    if p.kind not in ("cylinder", "cone"):
+    """The round walls of a cylinder or cone along a world axis; of what is turned about one the axis alone."""
+    if p.kind not in ("cylinder", "cone", "revolve"):
         return
     direction = matrix_from_euler(p.rotation)[:, 2]
     axis = next((a for a in range(3) if abs(direction[a]) > 1 - 1e-12), None)
     rows: list[Row] = [{6 * leaf + 3 + a: 1.0} for a in range(3)]
+    if p.kind == "revolve" and axis is not None:
+        yield _Round(leaf, axis, p.center, rows, -1.0, {})
+        return
     for column in range(len(p.size) - 1 if axis is not None else 0):
         yield _Round(leaf, axis or 0, p.center, rows, p.size[column], {6 * leaf + column: 1.0})

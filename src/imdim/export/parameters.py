@@ -13,7 +13,7 @@ from fractions import Fraction
 from imdim.export.elimination import LinearSystem, vector
 from imdim.export.loops import Loop, loop_of
 from imdim.export.numbers import Expression, Rounding, Term, constants, simple_fraction
-from imdim.export.outline_rows import Row
+from imdim.export.outline_rows import CenterRows, Sum, VertexRows, sums_of
 from imdim.program.constraints import Constraint
 from imdim.program.repeats import Folded, Repeat, repeats
 from imdim.program.roles import labels, signs, size_word, unique
@@ -24,12 +24,41 @@ FAINT = 1e-7  # a coefficient whose term files do not keep
 
 
 @dataclass(frozen=True)
-class DrawnVertex:
-    """A vertex of an outline: the expressions of its coordinates, and its bulge."""
+class Center:
+    """The centre of an arc, which runs counter-clockwise where `way` is 1, else -1."""
 
     x: Expression
     y: Expression
-    bulge: float
+    way: int
+
+
+@dataclass(frozen=True)
+class Reach:
+    """How far from a centre a circle reaches along one axis (0 for x), to the side `sign`, `off` from the centre along the other one."""
+
+    axis: int
+    sign: int
+    radius: Expression
+    off: Expression
+
+
+@dataclass(frozen=True)
+class DrawnVertex:
+    """A vertex of an outline: the expressions of its coordinates, and its bulge or the centre that the arc from it runs about.
+
+    With a `reach` the coordinate along its axis is only the centre's.
+    """
+
+    x: Expression
+    y: Expression
+    bulge: float | Center
+    reach: Reach | None = None
+
+    def map(self, change: Callable[[Expression], Expression]) -> DrawnVertex:
+        """With all expressions changed."""
+        bulge = replace(self.bulge, x=change(self.bulge.x), y=change(self.bulge.y)) if isinstance(self.bulge, Center) else self.bulge
+        reach = self.reach and replace(self.reach, radius=change(self.reach.radius), off=change(self.reach.off))
+        return DrawnVertex(change(self.x), change(self.y), bulge, reach)
 
 
 DrawnLoop = tuple[DrawnVertex, ...]
@@ -107,9 +136,7 @@ def _shift_constants(named: Parameters, values: Mapping[str, float]) -> Paramete
         return Expression(e.terms, 0.0 if e.terms and abs(constant) < ZERO * scale else constant)
 
     sizes, centers = (tuple(tuple(map(shifted, row)) for row in rows) for rows in (named.sizes, named.centers))
-    outlines = tuple(
-        tuple(tuple(DrawnVertex(shifted(v.x), shifted(v.y), v.bulge) for v in loop) for loop in loops) for loops in named.outlines
-    )
+    outlines = tuple(tuple(tuple(v.map(shifted) for v in loop) for loop in loops) for loops in named.outlines)
     values = {**named.values, **{name: values[name] for name in gone}}
     return replace(named, values=values, sizes=sizes, centers=centers, outlines=outlines)
 
@@ -186,19 +213,24 @@ def _outline(leaf: int, p: Primitive, system: LinearSystem, solved: _Solved, nam
     if p.outline is None:
         return ()
 
-    def expression(row: Row, value: float) -> Expression:
+    def expression(number: Sum) -> Expression:
         total: dict[int, Fraction | float] = {}
-        for v, factor in row.items():
+        for v, factor in number.row.items():
             for w, c in solved.get(v, [(v, Fraction(1))] if v in names else []):
                 total[w] = total.get(w, Fraction(0)) + c * simple_fraction(factor)
         terms = sorted(((w, c) for w, c in total.items() if c), key=lambda t: (system.rank(t[0]), t[0]))
-        return _as_expression(terms, value, system, names)
+        return _as_expression(terms, number.value, system, names)
 
-    loops = zip(p.outline.loops, system.drawn[leaf], strict=True)
-    return tuple(
-        tuple(DrawnVertex(expression(rows.x, x), expression(rows.y, y), b) for (x, y, b), rows in zip(loop, drawn, strict=True))
-        for loop, drawn in loops
-    )
+    def vertex(v: VertexRows) -> DrawnVertex:
+        bulge, reach = v.bulge, v.reach
+        return DrawnVertex(
+            expression(v.x),
+            expression(v.y),
+            Center(expression(bulge.x), expression(bulge.y), bulge.way) if isinstance(bulge, CenterRows) else bulge,
+            reach and Reach(reach.axis, reach.sign, expression(reach.radius), expression(reach.off)),
+        )
+
+    return tuple(tuple(map(vertex, loop)) for loop in system.drawn[leaf])
 
 
 def _constant_loops(p: Primitive) -> tuple[DrawnLoop, ...]:
@@ -211,14 +243,14 @@ def _names(program: Program, label: Sequence[str], system: LinearSystem, solved:
     parts, sign = list(leaves(program)), signs(program)
     sizes = [6 * i + c for i, p in enumerate(parts) for c, value in enumerate(p.size) if p.kind != "revolve" or value < FULL_TURN]
     needed = {w for row in solved.values() for w, _ in row} | {v for v in sizes if v not in solved}
-    drawn = [v for loops in system.drawn.values() for loop in loops for vertex in loop for row in (vertex.x, vertex.y) for v in row]
-    needed |= {v for v in drawn if v not in solved}
+    drawn = {v for loops in system.drawn.values() for loop in loops for vertex in loop for number in sums_of(vertex) for v in number.row}
+    needed |= drawn - solved.keys()
     taken: set[str] = set(RESERVED)
     return {v: unique(_name(v, system, parts, label, sign), taken) for v in sorted(needed, key=lambda v: (system.leaf_of(v), v))}
 
 
 # Words that mean something else in OpenSCAD or in the Python script.
-RESERVED = ("part", "scale", "export_step", "ring", "outline", "curves", "face")
+RESERVED = ("part", "scale", "export_step", "ring", "reach", "outline", "curves", "face", "extruded", "turned")
 
 
 def _name(v: int, system: LinearSystem, parts: Sequence[Primitive], label: Sequence[str], sign: Sequence[int]) -> str:

@@ -35,14 +35,22 @@ _HEAD = '''"""CSG program as a build123d script: pip install build123d, then run
 
 '''
 
-_REDUCE = """from functools import reduce
-from operator import and_
-
-"""
-
 CURVES = '''def ring(r, x=0, y=0):
     """A circle as a loop of two half arcs."""
     return [[x - r, y, 1], [x + r, y, 1]]
+
+
+def reach(r, d):
+    """How far a circle reaches along a line, d from its centre."""
+    return sqrt(r * r - d * d)
+
+
+def bulge_of(arc, x, y, u, v):
+    """The bulge, which may be given by [x, y, way]: the centre, and 1 for counter-clockwise or -1."""
+    if not isinstance(arc, list):
+        return arc
+    a, b, way = arc
+    return way * tan(way * (atan2(v - b, u - a) - atan2(y - b, x - a)) % (2 * pi) / 4)
 
 
 def curves(loop):
@@ -51,7 +59,8 @@ def curves(loop):
     From a vertex [x, y, bulge] runs an arc that turns by 4 atan(bulge), counter-clockwise where that is positive.
     """
     for (x, y, *bulge), (u, v, *_) in zip(loop, [*loop[1:], loop[0]]):
-        middle = [((x + u + b * (v - y)) / 2, (y + v - b * (u - x)) / 2) for b in bulge]
+        bulges = (bulge_of(arc, x, y, u, v) for arc in bulge)
+        middle = [((x + u + b * (v - y)) / 2, (y + v - b * (u - x)) / 2) for b in bulges]
         yield (x, y), *middle, (u, v)
 
 
@@ -106,8 +115,16 @@ def to_script(program: Program, parameters: Parameters | None = None, folded: Fo
     lines = writer.flat(program) if folded is None else writer.lines(folded)
     body = [*named.head(rounding.size), *helpers(program, _HELPERS), *writer.parts, "part = (", *("    " + text for text in lines)]
     used = [n for n in _NAMES if n not in _RARE or any(f"{n}(" in text or f"{n}." in text for text in body)]
-    reduces = any("reduce(" in text for text in body)
-    return _HEAD.format(standard=_REDUCE if reduces else "", names=", ".join(used)) + "\n".join(body) + "\n" + _TAIL
+    return _HEAD.format(standard=standard_imports(body), names=", ".join(used)) + "\n".join(body) + "\n" + _TAIL
+
+
+def standard_imports(body: Sequence[str]) -> str:
+    """What a text needs of Python's standard library."""
+    joins = [name for name in ("add", "and_", "mul") if any(f"reduce({name}," in text for text in body)]
+    lines = ["from functools import reduce"] if joins else []
+    lines += ["from math import atan2, pi, sqrt, tan"] if any("def curves(" in text for text in body) else []
+    lines += [f"from operator import {', '.join(joins)}"] if joins else []
+    return "\n".join([*lines, "", ""]) if lines else ""
 
 
 def helpers(program: Program, texts: Mapping[str, str]) -> list[str]:
