@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 EXACT = 1e-7  # of the largest size, within which written numbers touch
 HALF = 1e-6  # of a bulge, by which a half turn may differ from 1
+STEEP = 0.05  # of the radius: what an arc must reach along a line that it crosses
+NEAR = 0.2  # of a place: what lies no further inside another is measured from that
 X, Y = 0, 1
 _ROUNDS = {  # what the radius of an arc is called: one that turns by half, one that bounds a hole
     (False, False): "corner_radius",
@@ -176,6 +178,7 @@ class _Dimensions:
         self.system, self.leaf, self.part, self.outline = system, leaf, part, part.outline
         self.slack = EXACT * system.length
         self.known: dict[tuple[str, int, int], Row] = {}  # by word, axis, place on a grid
+        self.places: dict[tuple[str, int, int], float] = {}
         holes = [sign < 0 for sign in nesting(self.outline.loops)]
         loops = zip(self.outline.loops, holes, strict=True)
         self.loops = [None if circle_of(loop) else self._joints(loop_curves(loop), hole) for loop, hole in loops]
@@ -216,13 +219,19 @@ class _Dimensions:
         axis = along.pop() if len(along) == 1 else None
         level = all(isinstance(c, _Arc) or c.across is not None for c in (a, b))
         # a line may touch an arc or be square to it: either way it lies along an axis
-        joint = _Joint(
-            a, b, at, axis, level and axis is not None, level and axis is None and not (isinstance(a, _Arc) and isinstance(b, _Arc))
-        )
+        joint = _Joint(a, b, at, axis, level and axis is not None, axis is None and self._crosses(a, b, at))
         for c in (a, b):
             if isinstance(c, _Arc):
                 c.crossed |= joint.crosses
         return joint
+
+    def _crosses(self, a: _Carrier, b: _Carrier, at: tuple[float, float]) -> bool:
+        """Whether a line along an axis and an arc meet there, and not so nearly along each other that digits decide where."""
+        line, arc = (a, b) if isinstance(a, _Line) else (b, a)
+        if not isinstance(line, _Line) or not isinstance(arc, _Arc) or line.across is None:
+            return False
+        off, reach = line.place - arc.center[line.across], abs(at[1 - line.across] - arc.center[1 - line.across])
+        return reach > STEEP * arc.radius and abs(math.hypot(off, reach) - arc.radius) <= self.slack
 
     def _axis_from(self, arc: _Arc, at: tuple[float, float]) -> int | None:
         away = [abs(at[i] - arc.center[i]) for i in (X, Y)]
@@ -329,16 +338,36 @@ class _Dimensions:
         found = {(axis, self._cell(place)): place for axis, place in places if abs(place) > self.slack}
         for axis, cell in sorted(found, key=lambda k: (k[0], -abs(k[1]), k[1])):
             place = found[axis, cell]
+            self.places[what, axis, cell] = place
             if (what, axis, cell) in self.known:
                 continue
             if self.part.kind == "revolve" and axis == Y:
                 continue
-            if (axis, self._cell(-place)) in found and self.part.kind != "revolve":
+            outer = self._next_out(what, axis, place)
+            both = (axis, self._cell(-place)) in found and self.part.kind != "revolve"
+            if outer is not None and (not both or (what, axis, self._cell(-outer)) in self.known):
+                gap = self._new(f"inset_{'xy'[axis]}" if self.part.kind != "revolve" else "wall", abs(outer) - abs(place))
+                for side in (1, -1) if both else (math.copysign(1.0, place),):
+                    known = self._place(what, axis, side * abs(outer))
+                    self.known[what, axis, self._cell(side * abs(place))] = _sum((known, 1.0), ({gap: 1.0}, -side))
+            elif both:
                 extent = self._new(extents[axis], 2 * abs(place))
                 for side in (1, -1):
                     self.known[what, axis, self._cell(side * abs(place))] = {extent: side / 2}
             else:
                 self.known[what, axis, cell] = {self._new(single[axis], place): 1.0}
+
+    def _next_out(self, what: str, axis: int, place: float) -> float | None:
+        """The place next further out, on both sides where that is said, that is near enough to be measured from; of lines alone."""
+        if what not in (_side(False), _side(True)):
+            return None
+        outer = [
+            p
+            for (word, a, _), p in self.places.items()
+            if word == what and a == axis and p * place > 0 and abs(p) > abs(place) + self.slack
+        ]
+        near = min(outer, key=abs, default=None)
+        return near if near is not None and abs(near) - abs(place) <= NEAR * abs(near) else None
 
     def _place(self, what: str, axis: int, place: float) -> Row:
         return self.known.get((what, axis, self._cell(place)), {})
