@@ -1,10 +1,11 @@
 """What the numbers of outlines are called, what follows them, and which edits are refused."""
 
+import subprocess
 from math import tan
 
 import numpy as np
 import pytest
-from tests.export.test_outlines import SEGMENTS, opened
+from tests.export.test_outlines import SEGMENTS, interpreter, opened
 from tests.export.test_parameters import rendered
 
 from imdim.export.delivered import EditError, meanings
@@ -200,3 +201,18 @@ def test_a_cut_does_not_follow_what_it_never_enters():
     delivered = opened(Combine("difference", Combine("union", base, block), pocket))
     line = next(line for line in delivered.texts["program.scad"].splitlines() if "pocket" in line and "cube" in line)
     assert "block" not in line
+
+
+@pytest.mark.tool
+@pytest.mark.parametrize(("package", "file"), [("build123d", "program.py"), ("cadquery", "program.cq.py")])
+def test_scripts_draw_what_the_names_say(package, file, tmp_path):
+    python = interpreter(package)
+    pytest.importorskip("OCP", reason="the extra [step] is not installed")
+    from imdim.export.step import read_step, shape_volume
+
+    program = Primitive("extrude", (5.0,), outline=disc_and_bar())
+    after = change_values(opened(program), {"plate_corner_radius": 14.0})
+    (tmp_path / file).write_text(after.texts[file])
+    subprocess.run([python, file], check=True, cwd=tmp_path, timeout=120, capture_output=True)
+    wanted = to_manifold(Primitive("extrude", (5.0,), outline=disc_and_bar(radius=14.0)), 2048).volume()
+    assert shape_volume(read_step(tmp_path / "part.step"), 1e-9) == pytest.approx(wanted, rel=1e-5)
