@@ -38,6 +38,7 @@ class Counts:
 
 
 FREE_CURVES, CURVE = 4, 0.1  # curves that an outline has for nothing, as many as a box; what each further one costs, in primitives
+DRAWN = 0.5  # of a curve: what the plainest outline costs more than one of the six kinds
 
 
 def curves_of(leaf: Primitive) -> int:
@@ -45,9 +46,14 @@ def curves_of(leaf: Primitive) -> int:
     return 0 if leaf.outline is None else leaf.outline.curve_count
 
 
+def charged_curves(curves: int) -> float:
+    """How many curves of an outline are paid for."""
+    return max(curves - FREE_CURVES, DRAWN)
+
+
 def weigh(program: Program) -> float:
     """Primitives, an outline of many curves counted for more: what the search brings down beside the error."""
-    return sum(1 + CURVE * max(curves_of(leaf) - FREE_CURVES, 0) for leaf in leaves(program))
+    return sum(1 + (CURVE * charged_curves(curves_of(leaf)) if leaf.outline else 0) for leaf in leaves(program))
 
 
 def count(program: Program) -> Counts:

@@ -14,7 +14,7 @@ import numpy as np
 
 from imdim.geometry.rotations import euler_from_matrix
 from imdim.geometry.surface import Surface, vec
-from imdim.program.cost import FREE_CURVES
+from imdim.program.cost import charged_curves
 from imdim.program.outline import Outline
 from imdim.program.plain_outlines import to_simple
 from imdim.program.tree import FULL_TURN, Primitive
@@ -199,7 +199,7 @@ class OutlineCells:
         region = best_region(plane, sums[:, hi] - sums[:, lo], self.outlines.curve_price, flips)
         if region is None:
             return None
-        won = region.gain - self.outlines.curve_price * max(region.curves - FREE_CURVES, 0)
+        won = region.gain - self.outlines.curve_price * charged_curves(region.curves)
         return won, ((lo, hi),) if plane.kind == "extrude" else (), np.packbits(region.inside).tobytes()
 
     def _sums(self, index: int, field: np.ndarray, cells: np.ndarray) -> np.ndarray:
@@ -236,7 +236,7 @@ class OutlineCells:
         known = self._costs.get((index, faces))
         if known is None:
             curves = count_curves(self.planes[index], self._unpack(index, faces))
-            known = self._costs[index, faces] = self.outlines.curve_price * max(curves - FREE_CURVES, 0)
+            known = self._costs[index, faces] = self.outlines.curve_price * charged_curves(curves)
         return known
 
     def _outline(self, index: int, faces: bytes) -> Outline:
