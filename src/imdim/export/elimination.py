@@ -226,7 +226,7 @@ def _linear(constraints: Sequence[Constraint], numbers: Lowered) -> Iterator[dic
 
 def _ground_leaf(first: Primitive, numbers: Lowered) -> Iterator[dict[int, float]]:
     """Where the first leaf stands on a plane through the origin: it keeps standing there."""
-    for end in ends_of(0, first, numbers):
+    for end in (e for e in ends_of(0, first, numbers) if e.column >= 0):
         half = first.size[end.column] / 2
         if abs(first.center[end.axis] + end.side * half) <= ZERO * half:
             yield _place(end, 1.0)
@@ -234,7 +234,8 @@ def _ground_leaf(first: Primitive, numbers: Lowered) -> Iterator[dict[int, float
 
 def _place(end: End, sign: float) -> dict[int, float]:
     """The position of a face, times `sign`."""
-    return {6 * end.leaf + 3 + end.axis: sign, 6 * end.leaf + end.column: sign * end.side / 2}
+    size = {6 * end.leaf + end.column: sign * end.side / 2} if end.column >= 0 else {}
+    return {6 * end.leaf + 3 + end.axis: sign} | size
 
 
 def _step_axes(leaf: int, numbers: Lowered) -> list[int]:

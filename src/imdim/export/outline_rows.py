@@ -346,7 +346,7 @@ class _Dimensions:
             outer = self._next_out(what, axis, place)
             both = (axis, self._cell(-place)) in found and self.part.kind != "revolve"
             if outer is not None and (not both or (what, axis, self._cell(-outer)) in self.known):
-                gap = self._new(f"inset_{'xy'[axis]}" if self.part.kind != "revolve" else "wall", abs(outer) - abs(place))
+                gap = self._new(f"inset_{'xy'[axis]}", abs(outer) - abs(place))
                 for side in (1, -1) if both else (math.copysign(1.0, place),):
                     known = self._place(what, axis, side * abs(outer))
                     self.known[what, axis, self._cell(side * abs(place))] = _sum((known, 1.0), ({gap: 1.0}, -side))
@@ -358,8 +358,8 @@ class _Dimensions:
                 self.known[what, axis, cell] = {self._new(single[axis], place): 1.0}
 
     def _next_out(self, what: str, axis: int, place: float) -> float | None:
-        """The place next further out, on both sides where that is said, that is near enough to be measured from; of lines alone."""
-        if what not in (_side(False), _side(True)):
+        """The place next further out that is near enough to be measured from; of an extrusion's lines alone, others are told by radii."""
+        if what not in (_side(False), _side(True)) or self.part.kind == "revolve":
             return None
         outer = [
             p

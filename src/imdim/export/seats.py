@@ -20,7 +20,10 @@ TOUCH = 1e-9  # of the largest size
 
 
 class End(NamedTuple):
-    """The plane face of a leaf that looks along a world axis to `side`; `column` is the size across it, `local` its own axis."""
+    """The plane face of a leaf that looks along a world axis to `side`; `column` is the size across it, `local` its own axis.
+
+    What is turned has the ends of its outline, and no size across them: -1.
+    """
 
     leaf: int
     axis: int
@@ -46,21 +49,24 @@ def seats(program: Program) -> Iterator[Seat]:
     slack = TOUCH * longest(parts)
     for end in ends:
         other = pairs[end.leaf, end.axis, -end.side]
-        near = [e for e in ends if sign[e.leaf] > 0 and e.leaf != end.leaf and _meet(boxes[e.leaf], boxes[end.leaf], end.axis)]
+        near = [
+            e for e in ends if sign[e.leaf] > 0 and e.leaf != end.leaf and e.column >= 0 and _meet(boxes[e.leaf], boxes[end.leaf], end.axis)
+        ]
         least = slack if sign[end.leaf] < 0 else -2 * slack
         near = [e for e in near if (e.axis, e.side) == (end.axis, end.side) and _beside(pairs, e, end, parts, least)]
         if sign[end.leaf] < 0:
             face = _passed(near, end, parts, slack)
             if face is not None and not _is_inside(pairs, near, end, parts, slack):
                 yield Seat(end, face, "")
-                if _is_inside(pairs, near, other, parts, slack):
+                if end.column >= 0 and _is_inside(pairs, near, other, parts, slack):
                     yield Seat(other, face, "depth")
         elif end.leaf > 0:
             bases = [e for e in near if e.leaf < end.leaf and _holds(pairs, e, other, parts, slack)]
             face = _passed(bases, end, parts, -slack)
             if face is not None and not any(_holds(pairs, e, end, parts, slack) for e in near):
                 yield Seat(other, face, "")
-                yield Seat(end, face, "height")
+                if end.column >= 0:
+                    yield Seat(end, face, "height")
 
 
 def _beside(pairs: _Ends, e: End, end: End, parts: list[Primitive], slack: float) -> bool:
@@ -94,13 +100,14 @@ def _span(pairs: _Ends, e: End, parts: list[Primitive]) -> tuple[float, float]:
 
 def ends_of(leaf: int, p: Primitive, numbers: Lowered) -> Iterator[End]:
     """The plane faces of a leaf that look along the world's axes."""
-    for axis in {"box": (0, 1, 2), "cylinder": (2,), "cone": (2,), "extrude": (2,)}.get(p.kind, ()):
+    for axis in {"box": (0, 1, 2), "cylinder": (2,), "cone": (2,), "extrude": (2,), "revolve": (2,)}.get(p.kind, ()):
         direction = numbers.rotations[leaf][:, axis]
         along = world_axis(direction)
         if along is not None:
             for side in (-1, 1):
                 own = side if direction[along] > 0 else -side
-                yield End(leaf, along, side, axis if p.kind == "box" else len(p.size) - 1, ("+" if own > 0 else "-") + "xyz"[axis])
+                column = -1 if p.kind == "revolve" else axis if p.kind == "box" else len(p.size) - 1
+                yield End(leaf, along, side, column, ("+" if own > 0 else "-") + "xyz"[axis])
 
 
 def world_axis(direction: np.ndarray) -> int | None:
@@ -113,7 +120,12 @@ _Ends = Mapping[tuple[int, int, int], End]  # by leaf, axis and side
 
 
 def _place(end: End, parts: list[Primitive]) -> float:
-    return parts[end.leaf].center[end.axis] + end.side * parts[end.leaf].size[end.column] / 2
+    p = parts[end.leaf]
+    if end.column >= 0:
+        return p.center[end.axis] + end.side * p.size[end.column] / 2
+    assert p.outline is not None
+    own = 1 if end.local[0] == "+" else -1
+    return p.center[end.axis] + end.side * own * p.outline.bounds[own > 0][1]
 
 
 def _reach(p: Primitive, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -73,6 +73,22 @@ def labels(program: Program, constraints: Iterable[Constraint] = (), folded: Fol
     return [role + (str(n) if n > 1 else "") for role, n in zip(roles, numbers, strict=True)]
 
 
+def tie_within_roles(constraints: Sequence[Constraint], program: Program) -> tuple[Constraint, ...]:
+    """The constraints with equal sizes only among features of one role: that a ball and a hole measure the same is chance."""
+    parts = list(leaves(program))
+    roles = [_role(i, p, sign) for i, (p, sign) in enumerate(zip(parts, signs(program), strict=True))]
+    out: list[Constraint] = []
+    for constraint in constraints:
+        if constraint.kind != "equal" or any(ref.leaf == WORLD for ref in constraint.of):
+            out.append(constraint)
+            continue
+        groups: dict[tuple[str, str], list[Ref]] = {}
+        for ref in constraint.of:
+            groups.setdefault((roles[ref.leaf], ref.feature), []).append(ref)
+        out += [replace(constraint, of=tuple(of)) for of in groups.values() if len(of) > 1]
+    return tuple(constraints) if out == list(constraints) else name_constraints(out, program)
+
+
 def _role(number: int, p: Primitive, sign: int) -> str:
     if number == 0 and p.kind in ("box", "extrude"):
         thinnest, across, _ = sorted(envelope(p).size)

@@ -8,6 +8,7 @@ import numpy as np
 
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
+from imdim.geometry.finish.hidden_ends import shorten_cones
 from imdim.geometry.finish.pattern_outlier import regularise_outliers
 from imdim.geometry.metrics import diagonal
 from imdim.geometry.sampling import subsample
@@ -19,12 +20,13 @@ from imdim.program.constraints import Constraint
 from imdim.program.cost import count
 from imdim.program.tree import Program, map_leaves
 from imdim.reconstruction.observation import Observation
-from imdim.reconstruction.preserve import is_same, volume_difference
+from imdim.reconstruction.preserve import is_same, preserve, volume_difference
 from imdim.relations.discover import exact_relations, hold_constraints
 from imdim.target.target import Frame, Target
 
 POOR = 0.05  # of the volume; a search that leaves more is compared with the decision tree
 SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may move
+SAME_CONES = 2e-5  # of the volume, that cones may change that begin where they are seen
 LIKE = 2e-4  # of the diagonal, within which primitives are equal
 SHOWN = 8192  # points of a target that numbers and relations are judged by
 SNAP_LOSS = 1e-4  # of the volume IoU with a mesh, that rounder numbers may cost: typed ones cost none
@@ -92,6 +94,7 @@ def snap_numbers(program: Program, seen: Observation, frame: Frame, deadline: De
     def distance(trial: Program) -> float:
         return float(np.minimum(np.abs(kernels.program_sdf(to_unit(trial), points)), limit).mean())
 
+    program = preserve(program, shorten_cones(program), SAME_CONES)
     plain = map_leaves(program, lambda _, leaf: canonical(leaf))
     if deadline.has_passed():
         return plain
