@@ -13,7 +13,7 @@ from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.cost import count
 from imdim.program.patterns.detect import Folding, extent, fold_repeats, worth
 from imdim.program.repeats import Folded, copies_of, expand, instances, repeats, size, with_leaves
-from imdim.program.roles import tie_within_roles
+from imdim.program.roles import without_chance
 from imdim.program.tree import Program
 from imdim.reconstruction.preserve import is_same, preserve
 from imdim.relations.residuals import holding, rebase_constraints
@@ -34,11 +34,11 @@ class FinishedProgram:
 
 
 def finish(program: Program, constraints: Sequence[Constraint] = ()) -> FinishedProgram:
-    """The program as it is delivered; `constraints` hold for the one given. Sizes stay tied among features of one role.
+    """The program as it is delivered; `constraints` hold for the one given. What holds by chance is left out.
 
     Repeats change the order of primitives. What nearly repeats, or would if it stood together, is made to if that hardly changes the solid.
     """
-    constraints = tie_within_roles(constraints, program)
+    constraints = without_chance(constraints, program)
     folding = next((f for f in _foldings(program) if is_same(program, f.program)), None)
     if folding is None:
         delivered = finish_flat(program)

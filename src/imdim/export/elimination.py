@@ -80,7 +80,7 @@ class LinearSystem:
         system.rows += list(_ground_leaf(parts[0], numbers))
         flush = {ref for c in constraints if c.kind in ("coplanar", "aligned") for ref in c.of}
         for own, face, word in seats(program):
-            if Ref(own.leaf, own.local) not in flush:
+            if not own.local or Ref(own.leaf, own.local) not in flush:
                 system._add_seat(own, face, word)
         return system
 

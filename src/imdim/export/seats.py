@@ -7,6 +7,7 @@ the plate's faces, it does. A blind one is so deep below the face that it enters
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -41,12 +42,33 @@ class Seat(NamedTuple):
 
 
 def seats(program: Program) -> Iterator[Seat]:
-    """Of cuts and of what stands on something the faces that their ends follow."""
+    """Of cuts and of what stands on something the faces that their ends follow; what has no ends along an axis, such as a ball, follows
+    the one feature in whose side it sits."""
     parts, numbers, sign = list(leaves(program)), lower(program), signs(program)
     ends = [e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers)]
     boxes = [_reach(p, numbers.rotations[i]) for i, p in enumerate(parts)]
-    pairs = {(e.leaf, e.axis, e.side): e for e in ends}
     slack = TOUCH * longest(parts)
+    found = list(_seats_of_ends(parts, sign, ends, boxes, slack))
+    yield from found
+    standing = {(s.own.leaf, s.own.axis): s.own for s in found if sign[s.own.leaf] > 0 and not s.word}
+    for leaf, axis in product(range(1, len(parts)), range(3)):
+        if any((e.leaf, e.axis) == (leaf, axis) for e in ends):
+            continue
+        low, high = boxes[leaf]
+        carriers = [own for (i, a), own in standing.items() if i != leaf and a == axis and _overlap(boxes[i], boxes[leaf])]
+        middle = [own for own in carriers if boxes[own.leaf][0][axis] < (low + high)[axis] / 2 < boxes[own.leaf][1][axis]]
+        if len(middle) == 1:
+            yield Seat(End(leaf, axis, 1, -1, ""), middle[0], "")
+
+
+def _overlap(a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray]) -> bool:
+    return bool((np.minimum(a[1], b[1]) > np.maximum(a[0], b[0])).all())
+
+
+def _seats_of_ends(
+    parts: list[Primitive], sign: list[int], ends: list[End], boxes: list[tuple[np.ndarray, np.ndarray]], slack: float
+) -> Iterator[Seat]:
+    pairs = {(e.leaf, e.axis, e.side): e for e in ends}
     for end in ends:
         other = pairs[end.leaf, end.axis, -end.side]
         near = [

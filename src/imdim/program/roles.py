@@ -73,12 +73,15 @@ def labels(program: Program, constraints: Iterable[Constraint] = (), folded: Fol
     return [role + (str(n) if n > 1 else "") for role, n in zip(roles, numbers, strict=True)]
 
 
-def tie_within_roles(constraints: Sequence[Constraint], program: Program) -> tuple[Constraint, ...]:
-    """The constraints with equal sizes only among features of one role: that a ball and a hole measure the same is chance."""
+def without_chance(constraints: Sequence[Constraint], program: Program) -> tuple[Constraint, ...]:
+    """The constraints that a designer may have meant: that a ball and a hole measure the same is chance, and so is a face at the level of
+    the middle of something else."""
     parts = list(leaves(program))
     roles = [_role(i, p, sign) for i, (p, sign) in enumerate(zip(parts, signs(program), strict=True))]
     out: list[Constraint] = []
     for constraint in constraints:
+        if constraint.kind == "aligned" and len({bool(ref.feature) for ref in constraint.of}) > 1:
+            continue
         if constraint.kind != "equal" or any(ref.leaf == WORLD for ref in constraint.of):
             out.append(constraint)
             continue
