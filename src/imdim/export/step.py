@@ -6,33 +6,27 @@ Lengths are written as mm.
 
 from __future__ import annotations
 
-import importlib
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from imdim.geometry.solid import exact_rotation, volume
-from imdim.program.nary import fold_nary
+from imdim.export.step_booleans import StepError, boolean, build, ocp, shape_volume
+from imdim.geometry.solid import exact_rotation
 from imdim.program.outline import Curve, Loop, arc_center, arc_radius, circle_of, loop_curves, regions
-from imdim.program.tree import FULL_TURN, Op, Primitive, Program, Vec3, leaves, longest
+from imdim.program.tree import FULL_TURN, Primitive, Program, Vec3, leaves, longest
 
 # OpenCASCADE takes points closer than 1e-7 for one, so a part needs to be a good deal larger
 SMALLEST_SIZE = 1e-4
 
-FACETS = 1e-2  # relative volume that inscribed facets may lack
 INTEGRATION_ERROR = 1e-6  # relative; without it, a NURBS face is off by 4e-4
 
 _STAMP = re.compile(r"(FILE_NAME\()'[^']*',\s*'[^']*'")
 # OpenCASCADE numbers the products of a process
 _PRODUCT = re.compile(r"PRODUCT\('program \d+','program \d+'")
-
-
-class StepError(RuntimeError):
-    """OpenCASCADE is missing, or could not build or read a shape; the message is one line."""
 
 
 def write_step(program: Program, path: Path) -> None:
@@ -41,7 +35,7 @@ def write_step(program: Program, path: Path) -> None:
     Raises StepError when OpenCASCADE is not installed or cannot build a valid solid, OSError when the file cannot be written.
     """
     shape = to_shape(program)
-    control, settings = _ocp("STEPControl"), _ocp("Interface").Interface_Static
+    control, settings = ocp("STEPControl"), ocp("Interface").Interface_Static
     writer = control.STEPControl_Writer()
     settings.SetCVal_s("write.step.product.name", "program")
     settings.SetCVal_s("write.step.unit", "MM")
@@ -58,7 +52,7 @@ def write_step(program: Program, path: Path) -> None:
 def read_step(path: Path) -> Any:
     """The TopoDS_Shape in a STEP file; raises StepError when there is none."""
     _check_installed()
-    reader = _ocp("STEPControl").STEPControl_Reader()
+    reader = ocp("STEPControl").STEPControl_Reader()
     if not reader.ReadFile(str(path)).name.endswith("RetDone") or not reader.TransferRoots():
         raise StepError(f"{path} holds no STEP shape")
     return reader.OneShape()
@@ -66,100 +60,32 @@ def read_step(path: Path) -> Any:
 
 def step_volume(path: Path) -> float:
     """Volume in cubed model units of the solids in a STEP file, re-read from disk; raises StepError when there are none."""
-    return shape_volume(read_step(path))
-
-
-def shape_volume(shape: Any, error: float = INTEGRATION_ERROR) -> float:
-    """Volume of a TopoDS_Shape by adaptive integration over its analytic faces, to the relative `error`."""
-    properties = _ocp("GProp").GProp_GProps()
-    _ocp("BRepGProp").BRepGProp.VolumeProperties_s(shape, properties, error)
-    return properties.Mass()
+    return shape_volume(read_step(path), INTEGRATION_ERROR)
 
 
 def to_shape(program: Program) -> Any:
-    """The program as a valid TopoDS_Shape; raises StepError when OpenCASCADE is not installed or fails."""
+    """The program as a valid TopoDS_Shape; raises StepError when OpenCASCADE is not installed or builds none."""
     _check_installed()
     largest = longest(leaves(program))
     if largest < SMALLEST_SIZE:
         raise StepError(f"STEP needs a part larger than {SMALLEST_SIZE:g}, its largest size is {largest:g}")
-    combine: Mapping[Op, Callable[[list[Any]], Any]] = {
-        "union": lambda parts: _boolean("Fuse", parts[:1], parts[1:]),
-        "difference": lambda parts: _boolean("Cut", parts[:1], parts[1:]),
-        "intersection": _common,
-    }
-    exact = volume(program)
-    try:
-        shape = fold_nary(program, lambda _, leaf: _place(leaf), combine)
-    except _ocp("Standard").Standard_Failure as error:
-        raise StepError(f"OpenCASCADE failed: {str(error).splitlines()[0]}") from error
-    if not _is_right(shape, exact):
-        raise StepError("OpenCASCADE built an invalid or empty solid")
-    return _unify(shape, exact)
+    return build(program, _place)
 
 
 def _check_installed() -> None:
     try:
-        message = _ocp("Message")
+        message = ocp("Message")
     except ImportError as error:
         raise StepError(f'no STEP without OpenCASCADE: pip install "imdim[step]" ({error})') from error
     for printer in message.Message.DefaultMessenger_s().Printers():
         printer.SetTraceLevel(message.Message_Gravity.Message_Fail)
 
 
-def _ocp(module: str) -> Any:
-    # by name, since the binding comes without types and loads in a second
-    return importlib.import_module(f"OCP.{module}")
-
-
-def _is_right(shape: Any, exact: float) -> bool:
-    """Whether a shape is valid and has the volume of the exact booleans, up to their facets."""
-    return _ocp("BRepCheck").BRepCheck_Analyzer(shape).IsValid() and abs(shape_volume(shape, FACETS / 10) - exact) < FACETS * exact
-
-
-def _boolean(name: str, keep: list[Any], tools: list[Any]) -> Any:
-    operation = getattr(_ocp("BRepAlgoAPI"), f"BRepAlgoAPI_{name}")()
-    for shapes, setter in ((keep, operation.SetArguments), (tools, operation.SetTools)):
-        listed = _shape_list()
-        for shape in shapes:
-            listed.Append(shape)
-        setter(listed)
-    operation.Build()
-    if not operation.IsDone():
-        raise StepError(f"OpenCASCADE failed to {name.lower()} {len(keep) + len(tools)} shapes")
-    return operation.Shape()
-
-
-def _shape_list() -> Any:
-    try:
-        return _ocp("collections").List_TopoDS_Shape()
-    except ImportError:  # before OpenCASCADE 8
-        return _ocp("TopTools").TopTools_ListOfShape()
-
-
-def _common(parts: list[Any]) -> Any:
-    # several tools would count as their union
-    shape = parts[0]
-    for part in parts[1:]:
-        shape = _boolean("Common", [shape], [part])
-    return shape
-
-
-def _unify(shape: Any, exact: float) -> Any:
-    """The shape with faces and edges on the same surface or curve merged, or as it is where OpenCASCADE spoils it by that."""
-    try:
-        unify = _ocp("ShapeUpgrade").ShapeUpgrade_UnifySameDomain(shape, True, True, True)
-        unify.Build()
-        unified = unify.Shape()
-    except _ocp("Standard").Standard_Failure:
-        return shape
-    return unified if _is_right(unified, exact) else shape
-
-
 def _place(leaf: Primitive) -> Any:
-    placement = _ocp("gp").gp_Trsf()
+    placement = ocp("gp").gp_Trsf()
     matrix = np.column_stack([exact_rotation(leaf), leaf.center])
     placement.SetValues(*(float(v) for v in matrix.ravel()))
-    return _ocp("BRepBuilderAPI").BRepBuilderAPI_Transform(_unplaced(leaf), placement, True).Shape()
+    return ocp("BRepBuilderAPI").BRepBuilderAPI_Transform(_unplaced(leaf), placement, True).Shape()
 
 
 def _unplaced(leaf: Primitive) -> Any:
@@ -167,16 +93,16 @@ def _unplaced(leaf: Primitive) -> Any:
         return _local(leaf.kind, leaf.size)
     sweep = _extruded if leaf.kind == "extrude" else _turned
     swept = [sweep(region, leaf.size[0]) for region in regions(leaf.outline)]
-    return _boolean("Fuse", swept[:1], swept[1:]) if len(swept) > 1 else swept[0]
+    return boolean("Fuse", swept[:1], swept[1:]) if len(swept) > 1 else swept[0]
 
 
 def _extruded(region: tuple[Loop, ...], height: float) -> Any:
     face = _face(region, lambda x, y: (x, y, -height / 2), (0.0, 0.0, 1.0))
-    return _ocp("BRepPrimAPI").BRepPrimAPI_MakePrism(face, _ocp("gp").gp_Vec(0.0, 0.0, height)).Shape()
+    return ocp("BRepPrimAPI").BRepPrimAPI_MakePrism(face, ocp("gp").gp_Vec(0.0, 0.0, height)).Shape()
 
 
 def _turned(region: tuple[Loop, ...], angle: float) -> Any:
-    make, gp = _ocp("BRepPrimAPI").BRepPrimAPI_MakeRevol, _ocp("gp")
+    make, gp = ocp("BRepPrimAPI").BRepPrimAPI_MakeRevol, ocp("gp")
     face = _face(region, lambda x, z: (x, 0.0, z), (0.0, -1.0, 0.0))
     axis = gp.gp_Ax1(gp.gp_Pnt(0.0, 0.0, 0.0), gp.gp_Dir(0.0, 0.0, 1.0))
     return (make(face, axis) if angle == FULL_TURN else make(face, axis, math.radians(angle))).Shape()
@@ -184,7 +110,7 @@ def _turned(region: tuple[Loop, ...], angle: float) -> Any:
 
 def _face(region: tuple[Loop, ...], place: Callable[[float, float], Vec3], normal: Vec3) -> Any:
     """The plane face in an outer loop, without its holes; `place` puts a point of the outline into the plane across `normal`."""
-    api, gp = _ocp("BRepBuilderAPI"), _ocp("gp")
+    api, gp = ocp("BRepBuilderAPI"), ocp("gp")
     plane = gp.gp_Pln(gp.gp_Pnt(*place(0.0, 0.0)), gp.gp_Dir(*normal))
     wires = [_wire(loop, place, normal) for loop in region]
     made = api.BRepBuilderAPI_MakeFace(plane, wires[0], True)
@@ -194,7 +120,7 @@ def _face(region: tuple[Loop, ...], place: Callable[[float, float], Vec3], norma
 
 
 def _wire(loop: Loop, place: Callable[[float, float], Vec3], normal: Vec3) -> Any:
-    api, gp = _ocp("BRepBuilderAPI"), _ocp("gp")
+    api, gp = ocp("BRepBuilderAPI"), ocp("gp")
     round_one = circle_of(loop)
     if round_one is not None:
         x, y, radius = round_one
@@ -210,7 +136,7 @@ def _wire(loop: Loop, place: Callable[[float, float], Vec3], normal: Vec3) -> An
 
 def _carrier(curve: Curve, place: Callable[[float, float], Vec3], normal: Vec3) -> Any:
     """The line or circle that a curve is a piece of, which runs as the curve does."""
-    gp = _ocp("gp")
+    gp = ocp("gp")
     x, y, u, v, bulge = curve
     start, end = np.array(place(x, y)), np.array(place(u, v))
     if not bulge:
@@ -221,7 +147,7 @@ def _carrier(curve: Curve, place: Callable[[float, float], Vec3], normal: Vec3) 
 
 
 def _local(kind: str, size: tuple[float, ...]) -> Any:
-    make, gp = _ocp("BRepPrimAPI"), _ocp("gp")
+    make, gp = ocp("BRepPrimAPI"), ocp("gp")
 
     def upright(height: float) -> Any:
         return gp.gp_Ax2(gp.gp_Pnt(0.0, 0.0, -height / 2), gp.gp_Dir(0.0, 0.0, 1.0))
@@ -240,8 +166,8 @@ def _local(kind: str, size: tuple[float, ...]) -> Any:
 
 
 def _ellipsoid(semi_axes: tuple[float, ...]) -> Any:
-    stretch = _ocp("gp").gp_GTrsf()
+    stretch = ocp("gp").gp_GTrsf()
     for axis, length in enumerate(semi_axes, start=1):
         stretch.SetValue(axis, axis, length)
-    ball = _ocp("BRepPrimAPI").BRepPrimAPI_MakeSphere(1.0).Shape()
-    return _ocp("BRepBuilderAPI").BRepBuilderAPI_GTransform(ball, stretch, True).Shape()
+    ball = ocp("BRepPrimAPI").BRepPrimAPI_MakeSphere(1.0).Shape()
+    return ocp("BRepBuilderAPI").BRepBuilderAPI_GTransform(ball, stretch, True).Shape()

@@ -29,7 +29,7 @@ _LOCAL: Mapping[str, Callable[[tuple[float, ...], int], Manifold]] = {
     "ellipsoid": lambda s, n: Manifold.sphere(1.0, n).scale((s[0], s[1], s[2])),
 }
 
-_COMBINE: Mapping[Op, Callable[[list[Manifold]], Manifold]] = {
+COMBINE: Mapping[Op, Callable[[list[Manifold]], Manifold]] = {
     "union": lambda parts: Manifold.batch_boolean(parts, OpType.Add),
     "intersection": lambda parts: Manifold.batch_boolean(parts, OpType.Intersect),
     "difference": lambda parts: Manifold.batch_boolean(parts, OpType.Subtract),
@@ -61,7 +61,7 @@ def draw_section(outline: Outline, segments: int) -> CrossSection:
 
 def to_manifold(program: Program, segments: int = SEGMENTS) -> Manifold:
     """The exact solid of `program`, with `segments` edges per circle; empty where the program is empty."""
-    return fold_nary(program, lambda _, primitive: primitive_to_manifold(primitive, segments), _COMBINE)
+    return fold_nary(program, lambda _, primitive: primitive_to_manifold(primitive, segments), COMBINE)
 
 
 def exact_rotation(primitive: Primitive) -> np.ndarray:
@@ -126,7 +126,7 @@ def surface_with_owners(program: Program, segments: int = SEGMENTS) -> tuple[tri
         owners[solid.original_id()] = leaf
         return solid
 
-    mesh = fold_nary(program, own, _COMBINE).to_mesh64()
+    mesh = fold_nary(program, own, COMBINE).to_mesh64()
     runs = np.diff(np.array(mesh.run_index, np.int64)) // 3
     leaves = np.array([owners[i] for i in mesh.run_original_id], np.int64)
     return _trimesh(mesh), np.repeat(leaves, runs)

@@ -1,0 +1,246 @@
+"""Booleans of OpenCASCADE that are compared with the exact solids, and done in another way where they are wrong.
+
+OpenCASCADE takes points closer than 1e-7 for one. Where faces of two shapes nearly coincide, or an edge passes closer to a corner than its
+tolerance, it can lose most of a solid and still call the rest valid. Fewer edges (faces on one surface merged first) and a larger tolerance
+(its "fuzzy value") help, but none of them on every shape.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import combinations
+from typing import Any, NamedTuple
+
+from manifold3d import Manifold
+
+from imdim.deadline import NEVER, Deadline
+from imdim.geometry.solid import COMBINE, SEGMENTS, primitive_to_manifold
+from imdim.program.nary import fold_nary
+from imdim.program.tree import OPS, Op, Primitive, Program, leaves, longest
+
+ROUGH = 1e-2  # relative volume that a shape may be off if there is no better one
+CLOSE = 3e-4  # relative volume that a shape may be off, the error of `_Exact` included
+INTEGRATION_ERROR = 1e-5  # relative
+FINER = 4  # facets per circle of the finer exact solid, over those of the coarser one
+
+# shares of the largest size; what a gap may have to be closed
+FUZZY = (0.0, 3e-8, 3e-7, 3e-6, 3e-5, 2e-4)
+NO_GAP, HAIR_GAP = 1e-7, 3e-6  # model units, and a share of the largest size: bodies between these apart are meant to be one
+SMALLEST_BODY = 1e-6  # share of the volume
+MOST_BODIES = 20  # with more of them, gaps are not looked for
+
+PATIENCE_S = 10.0  # for a better shape than one that will do; the whole export is given 20 s
+
+
+class StepError(RuntimeError):
+    """OpenCASCADE is missing, or could not build or read a shape; the message is one line."""
+
+
+class _Way(NamedTuple):
+    """How a boolean is done: with a tolerance, a share of the largest size, and with the faces of its arguments merged before or not."""
+
+    fuzzy: float
+    merged: bool
+
+
+WAYS = tuple(_Way(fuzzy, merged) for fuzzy in FUZZY for merged in (False, True))
+# what comes first for all booleans of a program; which one is best is known only at the end
+FIRST_WAYS = (_Way(3e-7, True), _Way(0.0, True), _Way(3e-6, True), _Way(3e-8, False), _Way(3e-5, True))
+
+
+class _Exact(NamedTuple):
+    """A solid of the exact booleans in two finenesses."""
+
+    coarse: Manifold
+    fine: Manifold
+
+    def volume(self) -> float:
+        # facets lack volume as the square of their size: the rest of it is Richardson's extrapolation
+        fine = self.fine.volume()
+        return fine + (fine - self.coarse.volume()) / (FINER**2 - 1)
+
+    def bodies(self, largest: float) -> int:
+        """Bodies that count, those apart by a hair as one."""
+        total = self.coarse.volume()
+        found = [body for body in self.coarse.decompose() if body.volume() > SMALLEST_BODY * total]
+        if not 1 < len(found) <= MOST_BODIES:
+            return len(found)
+        group = list(range(len(found)))
+        for a, b in combinations(range(len(found)), 2):
+            if group[a] != group[b] and NO_GAP < found[a].min_gap(found[b], HAIR_GAP * largest) < HAIR_GAP * largest:
+                group = [group[a] if g == group[b] else g for g in group]
+        return len(set(group))
+
+
+class _Pair(NamedTuple):
+    shape: Any
+    exact: _Exact
+
+
+class _StuckError(Exception):
+    """No way of doing a boolean gives the exact solid."""
+
+
+def build(program: Program, place: Callable[[Primitive], Any]) -> Any:
+    """The program as one valid shape of the exact volume, its faces merged; raises StepError where OpenCASCADE builds none.
+
+    All booleans are done at once first. Where the result is wrong they are done one by one, each compared with its exact solid.
+    """
+    largest = longest(leaves(program))
+    exact = fold_nary(program, lambda _, leaf: _exact_leaf(leaf), {op: _exact(op) for op in OPS})
+    volume, bodies = exact.volume(), exact.bodies(largest)
+    plain, failure = _build_plain(program, place)
+    if _fits(plain, volume, CLOSE) and solids_in(plain) <= bodies:
+        return _merged(plain, volume)
+    usable = _fits(plain, volume, ROUGH)
+    deadline = Deadline(NEVER.now() + PATIENCE_S) if usable else NEVER
+    for shape in _attempts(program, place, largest, deadline) if volume > 0 else ():
+        if solids_in(shape) <= bodies or not usable:
+            return _merged(shape, volume)
+    if not usable:
+        raise StepError(failure)
+    return _merged(plain, volume, ROUGH)
+
+
+def _build_plain(program: Program, place: Callable[[Primitive], Any]) -> tuple[Any, str]:
+    """The shape, or None, and what to say of it if it is wrong."""
+    try:
+        shape = fold_nary(program, lambda _, leaf: place(leaf), {op: _plain(op) for op in OPS})
+    except ocp("Standard").Standard_Failure as error:
+        return None, f"OpenCASCADE failed: {str(error).splitlines()[0]}"
+    return shape, "OpenCASCADE built an invalid or empty solid"
+
+
+def _attempts(program: Program, place: Callable[[Primitive], Any], largest: float, deadline: Deadline) -> Iterator[Any]:
+    """Shapes of the exact volume whose booleans were compared one by one."""
+    for first in FIRST_WAYS:
+        ways = (first, *(way for way in WAYS if way != first))
+        combine = {op: _checked(op, ways, largest, deadline) for op in OPS}
+        try:
+            yield fold_nary(program, lambda _, leaf: _Pair(place(leaf), _exact_leaf(leaf)), combine).shape
+        except _StuckError:
+            if deadline.has_passed():
+                return
+
+
+def _checked(op: Op, ways: tuple[_Way, ...], largest: float, deadline: Deadline) -> Callable[[list[_Pair]], _Pair]:
+    def run(parts: list[_Pair]) -> _Pair:
+        exact = _exact(op)([part.exact for part in parts])
+        volume, bodies = exact.volume(), exact.bodies(largest)
+        in_pieces = None
+        for way in ways:
+            if deadline.has_passed():
+                break
+            shape = _try(op, [part.shape for part in parts], way, largest)
+            if not _fits(shape, volume, CLOSE):
+                continue
+            if solids_in(shape) <= bodies:
+                return _Pair(shape, exact)
+            in_pieces = in_pieces or shape
+        if in_pieces is None:
+            raise _StuckError
+        return _Pair(in_pieces, exact)
+
+    return run
+
+
+def _try(op: Op, shapes: list[Any], way: _Way, largest: float) -> Any:
+    """The boolean of copies, whose tolerances it raises; None where OpenCASCADE fails."""
+    try:
+        copies = [ocp("BRepBuilderAPI").BRepBuilderAPI_Copy(shape).Shape() for shape in shapes]
+        if way.merged:
+            copies = [_unify(shape) for shape in copies]
+        return _combine(op, copies, way.fuzzy * largest)
+    except (ocp("Standard").Standard_Failure, StepError):
+        return None
+
+
+def _exact_leaf(leaf: Primitive) -> _Exact:
+    return _Exact(*(primitive_to_manifold(leaf, n * SEGMENTS) for n in (1, FINER)))
+
+
+def _exact(op: Op) -> Callable[[list[_Exact]], _Exact]:
+    return lambda parts: _Exact(COMBINE[op]([part.coarse for part in parts]), COMBINE[op]([part.fine for part in parts]))
+
+
+def _plain(op: Op) -> Callable[[list[Any]], Any]:
+    return lambda shapes: _combine(op, shapes)
+
+
+def _combine(op: Op, shapes: Sequence[Any], fuzzy: float = 0.0) -> Any:
+    if op != "intersection":
+        return boolean(_NAMES[op], shapes[:1], shapes[1:], fuzzy)
+    # several tools would count as their union
+    common = shapes[0]
+    for shape in shapes[1:]:
+        common = boolean(_NAMES[op], [common], [shape], fuzzy)
+    return common
+
+
+_NAMES: Mapping[Op, str] = {"union": "Fuse", "difference": "Cut", "intersection": "Common"}
+
+
+def boolean(name: str, keep: Sequence[Any], tools: Sequence[Any], fuzzy: float = 0.0) -> Any:
+    """OpenCASCADE's own boolean `name`, with points closer than `fuzzy` taken for one; raises StepError where it gives up."""
+    operation = getattr(ocp("BRepAlgoAPI"), f"BRepAlgoAPI_{name}")()
+    for shapes, setter in ((keep, operation.SetArguments), (tools, operation.SetTools)):
+        listed = _shape_list()
+        for shape in shapes:
+            listed.Append(shape)
+        setter(listed)
+    operation.SetFuzzyValue(fuzzy)
+    operation.Build()
+    if not operation.IsDone():
+        raise StepError(f"OpenCASCADE failed to {name.lower()} {len(keep) + len(tools)} shapes")
+    return operation.Shape()
+
+
+def _shape_list() -> Any:
+    try:
+        return ocp("collections").List_TopoDS_Shape()
+    except ImportError:  # before OpenCASCADE 8
+        return ocp("TopTools").TopTools_ListOfShape()
+
+
+def _merged(shape: Any, volume: float, error: float = CLOSE) -> Any:
+    """The shape with faces and edges on the same surface or curve merged, or as it is where OpenCASCADE spoils it by that."""
+    try:
+        unified = _unify(shape)
+    except ocp("Standard").Standard_Failure:
+        return shape
+    return unified if _fits(unified, volume, error) else shape
+
+
+def _unify(shape: Any) -> Any:
+    unify = ocp("ShapeUpgrade").ShapeUpgrade_UnifySameDomain(shape, True, True, True)
+    unify.Build()
+    return unify.Shape()
+
+
+def _fits(shape: Any, volume: float, error: float) -> bool:
+    """Whether a shape is valid and has a volume up to the relative `error`."""
+    if shape is None or shape.IsNull() or volume <= 0:
+        return False
+    valid = ocp("BRepCheck").BRepCheck_Analyzer(shape).IsValid()
+    return valid and abs(shape_volume(shape, INTEGRATION_ERROR) - volume) < error * volume
+
+
+def shape_volume(shape: Any, error: float) -> float:
+    """Volume of a TopoDS_Shape by adaptive integration over its analytic faces, to the relative `error`."""
+    properties = ocp("GProp").GProp_GProps()
+    ocp("BRepGProp").BRepGProp.VolumeProperties_s(shape, properties, error)
+    return properties.Mass()
+
+
+def solids_in(shape: Any) -> int:
+    explorer, solids = ocp("TopExp").TopExp_Explorer(shape, ocp("TopAbs").TopAbs_ShapeEnum.TopAbs_SOLID), 0
+    while explorer.More():
+        solids += 1
+        explorer.Next()
+    return solids
+
+
+def ocp(module: str) -> Any:
+    """A module of the binding, by name, since it comes without types and loads in a second."""
+    return importlib.import_module(f"OCP.{module}")
