@@ -8,7 +8,7 @@ tolerance, it can lose most of a solid and still call the rest valid. Fewer edge
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -46,7 +46,7 @@ class _Way(NamedTuple):
 
 WAYS = tuple(_Way(fuzzy, merged) for fuzzy in FUZZY for merged in (False, True))
 # what comes first for all booleans of a program; which one is best is known only at the end
-FIRST_WAYS = (_Way(3e-7, True), _Way(0.0, True), _Way(3e-6, True), _Way(3e-8, False), _Way(3e-5, True))
+FIRST_WAYS = (_Way(3e-6, True), _Way(3e-7, True), _Way(0.0, False), _Way(3e-5, True), _Way(3e-8, False))
 
 
 class _Exact(NamedTuple):
@@ -76,6 +76,7 @@ class _Exact(NamedTuple):
 class _Pair(NamedTuple):
     shape: Any
     exact: _Exact
+    spare: int  # solids beyond the bodies of `exact`
 
 
 class _StuckError(Exception):
@@ -93,14 +94,21 @@ def build(program: Program, place: Callable[[Primitive], Any]) -> Any:
     plain, failure = _build_plain(program, place)
     if _fits(plain, volume, CLOSE) and solids_in(plain) <= bodies:
         return _merged(plain, volume)
-    usable = _fits(plain, volume, ROUGH)
-    deadline = Deadline(NEVER.now() + PATIENCE_S) if usable else NEVER
-    for shape in _attempts(program, place, largest, deadline) if volume > 0 else ():
-        if solids_in(shape) <= bodies or not usable:
-            return _merged(shape, volume)
-    if not usable:
+    best = plain if _fits(plain, volume, ROUGH) else None
+    deadline = Deadline(NEVER.now() + PATIENCE_S)
+    for first in FIRST_WAYS if volume > 0 else ():
+        if best is not None and deadline.has_passed():
+            break
+        shape = _build_checked(program, place, first, largest, deadline if best is not None else NEVER)
+        if shape is None:
+            continue
+        if best is None or not _fits(best, volume, CLOSE) or solids_in(shape) < solids_in(best):
+            best = shape
+        if solids_in(best) <= bodies:
+            break
+    if best is None:
         raise StepError(failure)
-    return _merged(plain, volume, ROUGH)
+    return _merged(best, volume, CLOSE if _fits(best, volume, CLOSE) else ROUGH)
 
 
 def _build_plain(program: Program, place: Callable[[Primitive], Any]) -> tuple[Any, str]:
@@ -112,35 +120,35 @@ def _build_plain(program: Program, place: Callable[[Primitive], Any]) -> tuple[A
     return shape, "OpenCASCADE built an invalid or empty solid"
 
 
-def _attempts(program: Program, place: Callable[[Primitive], Any], largest: float, deadline: Deadline) -> Iterator[Any]:
-    """Shapes of the exact volume whose booleans were compared one by one."""
-    for first in FIRST_WAYS:
-        ways = (first, *(way for way in WAYS if way != first))
-        combine = {op: _checked(op, ways, largest, deadline) for op in OPS}
-        try:
-            yield fold_nary(program, lambda _, leaf: _Pair(place(leaf), _exact_leaf(leaf)), combine).shape
-        except _StuckError:
-            if deadline.has_passed():
-                return
+def _build_checked(program: Program, place: Callable[[Primitive], Any], first: _Way, largest: float, deadline: Deadline) -> Any:
+    """The shape whose booleans were compared one by one and done `first` that way; None where no way does or time is up."""
+    ways = (first, *(way for way in WAYS if way != first))
+    combine = {op: _checked(op, ways, largest, deadline) for op in OPS}
+    try:
+        return fold_nary(program, lambda _, leaf: _Pair(place(leaf), _exact_leaf(leaf), 0), combine).shape
+    except _StuckError:
+        return None
 
 
 def _checked(op: Op, ways: tuple[_Way, ...], largest: float, deadline: Deadline) -> Callable[[list[_Pair]], _Pair]:
     def run(parts: list[_Pair]) -> _Pair:
         exact = _exact(op)([part.exact for part in parts])
         volume, bodies = exact.volume(), exact.bodies(largest)
+        # what came in pieces may stay so
+        allowed = bodies + sum(part.spare for part in parts)
         in_pieces = None
         for way in ways:
             if deadline.has_passed():
-                break
+                raise _StuckError
             shape = _try(op, [part.shape for part in parts], way, largest)
             if not _fits(shape, volume, CLOSE):
                 continue
-            if solids_in(shape) <= bodies:
-                return _Pair(shape, exact)
-            in_pieces = in_pieces or shape
+            if solids_in(shape) <= allowed:
+                return _Pair(shape, exact, max(solids_in(shape) - bodies, 0))
+            in_pieces = shape if in_pieces is None else in_pieces
         if in_pieces is None:
             raise _StuckError
-        return _Pair(in_pieces, exact)
+        return _Pair(in_pieces, exact, solids_in(in_pieces) - bodies)
 
     return run
 
@@ -148,9 +156,7 @@ def _checked(op: Op, ways: tuple[_Way, ...], largest: float, deadline: Deadline)
 def _try(op: Op, shapes: list[Any], way: _Way, largest: float) -> Any:
     """The boolean of copies, whose tolerances it raises; None where OpenCASCADE fails."""
     try:
-        copies = [ocp("BRepBuilderAPI").BRepBuilderAPI_Copy(shape).Shape() for shape in shapes]
-        if way.merged:
-            copies = [_unify(shape) for shape in copies]
+        copies = [_unify(shape) if way.merged else _copy(shape) for shape in shapes]
         return _combine(op, copies, way.fuzzy * largest)
     except (ocp("Standard").Standard_Failure, StepError):
         return None
@@ -205,17 +211,25 @@ def _shape_list() -> Any:
 
 def _merged(shape: Any, volume: float, error: float = CLOSE) -> Any:
     """The shape with faces and edges on the same surface or curve merged, or as it is where OpenCASCADE spoils it by that."""
-    try:
-        unified = _unify(shape)
-    except ocp("Standard").Standard_Failure:
-        return shape
-    return unified if _fits(unified, volume, error) else shape
+    for edges in (True, False):
+        try:
+            unified = _unify(shape, edges)
+        except ocp("Standard").Standard_Failure:
+            continue
+        if _fits(unified, volume, error) and solids_in(unified) <= solids_in(shape):
+            return unified
+    return shape
 
 
-def _unify(shape: Any) -> Any:
-    unify = ocp("ShapeUpgrade").ShapeUpgrade_UnifySameDomain(shape, True, True, True)
+def _unify(shape: Any, edges: bool = True) -> Any:
+    # of a copy: also a shape that it fails on is another one afterwards
+    unify = ocp("ShapeUpgrade").ShapeUpgrade_UnifySameDomain(_copy(shape), edges, True, True)
     unify.Build()
     return unify.Shape()
+
+
+def _copy(shape: Any) -> Any:
+    return ocp("BRepBuilderAPI").BRepBuilderAPI_Copy(shape).Shape()
 
 
 def _fits(shape: Any, volume: float, error: float) -> bool:
