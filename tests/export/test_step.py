@@ -1,3 +1,4 @@
+import math
 import re
 import subprocess
 import sys
@@ -10,7 +11,9 @@ from tests.known_programs import KNOWN
 from imdim.export import step_worker
 from imdim.export.step import StepError, read_step, step_volume, write_step
 from imdim.geometry.finish.overshoot import overshoot
+from imdim.geometry.solid import volume
 from imdim.program.codec import dumps
+from imdim.program.outline import Outline
 from imdim.program.tree import Combine, Primitive
 
 pytest.importorskip("OCP", reason="the extra [step] is not installed")
@@ -103,3 +106,58 @@ def test_without_opencascade_one_line_says_what_to_install(tmp_path, monkeypatch
     monkeypatch.setitem(sys.modules, "OCP.Message", None)
     with pytest.raises(StepError, match=r"imdim\[step\]"):
         write_step(KNOWN["drilled block"][0], tmp_path / "part.step")
+
+
+def solids(path) -> int:
+    return path.read_text().count("MANIFOLD_SOLID_BREP(")
+
+
+def test_thin_skins_between_arcs_are_not_taken_for_wrong(tmp_path):
+    """Few facets fall on a short arc of a large circle, so the polyhedron of a crescent lacks a percent and more of it."""
+    chord, outer, inner = 30.0, 0.05, 0.047
+    crescent = Outline((((0.0, 0.0, outer), (chord, 0.0, -inner)),))
+
+    def segment(bulge: float) -> float:
+        radius, angle = chord * (1 + bulge**2) / (4 * bulge), 4 * math.atan(bulge)
+        return radius**2 * (angle - math.sin(angle)) / 2
+
+    write_step(Primitive("extrude", (20.0,), outline=crescent), tmp_path / "part.step")
+    assert step_volume(tmp_path / "part.step") == pytest.approx(20 * (segment(outer) - segment(inner)), rel=1e-5)
+    assert surface_kinds(tmp_path / "part.step") == {"PLANE": 2, "CYLINDRICAL_SURFACE": 2}
+
+
+def test_bodies_a_hair_apart_are_one_solid(tmp_path):
+    gap = 1e-4  # of a part 100 long
+    left, right = (Primitive("box", (50.0, 20.0, 10.0), (x, 0.0, 0.0)) for x in (-25.0 - gap / 2, 25.0 + gap / 2))
+    write_step(Combine("union", left, right), tmp_path / "part.step")
+    assert solids(tmp_path / "part.step") == 1
+    assert step_volume(tmp_path / "part.step") == pytest.approx(20000, rel=1e-5)
+
+
+def test_bodies_apart_stay_apart(tmp_path):
+    left, right = (Primitive("box", (50.0, 20.0, 10.0), (x, 0.0, 0.0)) for x in (-25.005, 25.005))
+    write_step(Combine("union", left, right), tmp_path / "part.step")
+    assert solids(tmp_path / "part.step") == 2
+
+
+def test_what_opencascade_loses_at_near_coincident_edges_is_built_again(tmp_path):
+    """Its union of these alone is an empty shape that it calls valid."""
+    frame = Outline(
+        (
+            ((26.1999917, -10.4417035, 0.0), (18.2492006, 17.150064, 0.0), (-26.2000093, -10.4312059, 0.414213562)),
+            ((-18.144497, -15.4499383, -0.414213562), (23.1999917, -10.4363935, -0.414213562), (18.182484, -15.4499383, 0.0)),
+        )
+    )
+    window = Outline((((-7.4509106, 4.0971616, 0.0), (-4.999823, 6.4974438, 0.0), (-2.5490237, 4.0974438, 0.0)),))
+    rib = Outline((((-17.8, -0.569, 0.0), (-14.8, -0.569, 0.0), (-14.8, 0.569, 0.0)),))
+    part = Combine(
+        "union",
+        Combine(
+            "intersection",
+            Primitive("extrude", (30.0,), (29.4977927, 65.4419389, 20.57), outline=frame),
+            Primitive("extrude", (41.096,), (29.0, 65.4419389, 20.57), (0.0, -90.0, -90.0), window),
+        ),
+        Primitive("extrude", (4.074,), (31.608, 64.792, 17.313), (45.0, 0.0, 90.0), rib),
+    )
+    write_step(part, tmp_path / "part.step")
+    assert step_volume(tmp_path / "part.step") == pytest.approx(volume(part, 1024), rel=1e-4)

@@ -20,9 +20,9 @@ from imdim.program.nary import fold_nary
 from imdim.program.tree import OPS, Op, Primitive, Program, leaves, longest
 
 ROUGH = 1e-2  # relative volume that a shape may be off if there is no better one
-CLOSE = 3e-4  # relative volume that a shape may be off, the error of `_Exact` included
+CLOSE = 5e-4  # relative volume that a shape may be off, the error of `_Exact` included
 INTEGRATION_ERROR = 1e-5  # relative
-FINER = 4  # facets per circle of the finer exact solid, over those of the coarser one
+FINER = 3  # facets per circle of the finer exact solid, over those of the coarser one
 
 # shares of the largest size; what a gap may have to be closed
 FUZZY = (0.0, 3e-8, 3e-7, 3e-6, 3e-5, 2e-4)
@@ -30,7 +30,9 @@ NO_GAP, HAIR_GAP = 1e-7, 3e-6  # model units, and a share of the largest size: b
 SMALLEST_BODY = 1e-6  # share of the volume
 MOST_BODIES = 20  # with more of them, gaps are not looked for
 
-PATIENCE_S = 10.0  # for a better shape than one that will do; the whole export is given 20 s
+MOST_IN_PIECES = 4  # ways that give the right volume in too many solids, after which no way is hoped for that gives one
+
+PATIENCE_S = 8.0  # for a better shape than one that will do; the whole export is given 20 s
 
 
 class StepError(RuntimeError):
@@ -46,7 +48,7 @@ class _Way(NamedTuple):
 
 WAYS = tuple(_Way(fuzzy, merged) for fuzzy in FUZZY for merged in (False, True))
 # what comes first for all booleans of a program; which one is best is known only at the end
-FIRST_WAYS = (_Way(3e-6, True), _Way(3e-7, True), _Way(0.0, False), _Way(3e-5, True), _Way(3e-8, False))
+FIRST_WAYS = (_Way(3e-7, True), _Way(3e-6, True), _Way(0.0, False), _Way(3e-5, True), _Way(3e-8, False))
 
 
 class _Exact(NamedTuple):
@@ -89,7 +91,8 @@ def build(program: Program, place: Callable[[Primitive], Any]) -> Any:
     All booleans are done at once first. Where the result is wrong they are done one by one, each compared with its exact solid.
     """
     largest = longest(leaves(program))
-    exact = fold_nary(program, lambda _, leaf: _exact_leaf(leaf), {op: _exact(op) for op in OPS})
+    solids = [_exact_leaf(leaf) for leaf in leaves(program)]
+    exact = fold_nary(program, lambda i, _: solids[i], {op: _exact(op) for op in OPS})
     volume, bodies = exact.volume(), exact.bodies(largest)
     plain, failure = _build_plain(program, place)
     if _fits(plain, volume, CLOSE) and solids_in(plain) <= bodies:
@@ -99,7 +102,7 @@ def build(program: Program, place: Callable[[Primitive], Any]) -> Any:
     for first in FIRST_WAYS if volume > 0 else ():
         if best is not None and deadline.has_passed():
             break
-        shape = _build_checked(program, place, first, largest, deadline if best is not None else NEVER)
+        shape = _build_checked(program, lambda i, leaf: _Pair(place(leaf), solids[i], 0), first, deadline if best is not None else NEVER)
         if shape is None:
             continue
         if best is None or not _fits(best, volume, CLOSE) or solids_in(shape) < solids_in(best):
@@ -120,12 +123,12 @@ def _build_plain(program: Program, place: Callable[[Primitive], Any]) -> tuple[A
     return shape, "OpenCASCADE built an invalid or empty solid"
 
 
-def _build_checked(program: Program, place: Callable[[Primitive], Any], first: _Way, largest: float, deadline: Deadline) -> Any:
+def _build_checked(program: Program, place: Callable[[int, Primitive], _Pair], first: _Way, deadline: Deadline) -> Any:
     """The shape whose booleans were compared one by one and done `first` that way; None where no way does or time is up."""
     ways = (first, *(way for way in WAYS if way != first))
-    combine = {op: _checked(op, ways, largest, deadline) for op in OPS}
+    combine = {op: _checked(op, ways, longest(leaves(program)), deadline) for op in OPS}
     try:
-        return fold_nary(program, lambda _, leaf: _Pair(place(leaf), _exact_leaf(leaf), 0), combine).shape
+        return fold_nary(program, place, combine).shape
     except _StuckError:
         return None
 
@@ -136,8 +139,10 @@ def _checked(op: Op, ways: tuple[_Way, ...], largest: float, deadline: Deadline)
         volume, bodies = exact.volume(), exact.bodies(largest)
         # what came in pieces may stay so
         allowed = bodies + sum(part.spare for part in parts)
-        in_pieces = None
+        in_pieces: list[Any] = []
         for way in ways:
+            if len(in_pieces) == MOST_IN_PIECES:
+                break
             if deadline.has_passed():
                 raise _StuckError
             shape = _try(op, [part.shape for part in parts], way, largest)
@@ -145,10 +150,10 @@ def _checked(op: Op, ways: tuple[_Way, ...], largest: float, deadline: Deadline)
                 continue
             if solids_in(shape) <= allowed:
                 return _Pair(shape, exact, max(solids_in(shape) - bodies, 0))
-            in_pieces = shape if in_pieces is None else in_pieces
-        if in_pieces is None:
+            in_pieces.append(shape)
+        if not in_pieces:
             raise _StuckError
-        return _Pair(in_pieces, exact, solids_in(in_pieces) - bodies)
+        return _Pair(in_pieces[0], exact, solids_in(in_pieces[0]) - bodies)
 
     return run
 
