@@ -126,7 +126,7 @@ def _build_plain(program: Program, place: Callable[[Primitive], Any]) -> tuple[A
 def _build_checked(program: Program, place: Callable[[int, Primitive], _Pair], first: _Way, deadline: Deadline) -> Any:
     """The shape whose booleans were compared one by one and done `first` that way; None where no way does or time is up."""
     ways = (first, *(way for way in WAYS if way != first))
-    combine = {op: _checked(op, ways, longest(leaves(program)), deadline) for op in OPS}
+    combine: Mapping[Op, Callable[[list[_Pair]], _Pair]] = {op: _checked(op, ways, longest(leaves(program)), deadline) for op in OPS}
     try:
         return fold_nary(program, place, combine).shape
     except _StuckError:
