@@ -109,7 +109,7 @@ def disc_and_bar(radius=12.0, width=9.0, reach=40.0, end=4.5):
     return Outline((((x, -half, 0.0), (reach, -half, 1.0), (reach, half, 0.0), (x, half, bulge), (*far, bulge)), circle(5.0)))
 
 
-@pytest.mark.parametrize(("name", "drawn", "value"), [("plate_end_radius", "width", 3.5), ("plate_corner_radius", "radius", 14.0)])
+@pytest.mark.parametrize(("name", "drawn", "value"), [("plate_end_radius", "width", 3.5), ("plate_arc_radius", "radius", 14.0)])
 def test_where_an_arc_crosses_a_line_follows_both(name, drawn, value):
     delivered = opened(Primitive("extrude", (5.0,), outline=disc_and_bar()))
     wanted = disc_and_bar(**{drawn: 2 * value if drawn == "width" else value})
@@ -125,15 +125,15 @@ def test_openscad_reads_centres_and_reaches(tmp_path):
         )
 
     delivered = opened(part())
-    for define, wanted in (([], part()), (["plate_corner_radius=14"], part(radius=14.0))):
+    for define, wanted in (([], part()), (["plate_arc_radius=14"], part(radius=14.0))):
         mesh = rendered(delivered.texts["program.scad"], tmp_path, *define)
         assert volume_iou(mesh_to_manifold(mesh), to_manifold(wanted, SEGMENTS)) > 1 - 1e-3
 
 
 def test_an_arc_that_no_longer_meets_its_line_is_refused():
     delivered = opened(Primitive("extrude", (5.0,), outline=disc_and_bar()))
-    with pytest.raises(EditError, match=r"plate_corner_radius = 3: .* a circle of radius 3 does not meet a line 4\.5 from its centre"):
-        change_values(delivered, {"plate_corner_radius": 3.0})
+    with pytest.raises(EditError, match=r"plate_arc_radius = 3: .* a circle of radius 3 does not meet a line 4\.5 from its centre"):
+        change_values(delivered, {"plate_arc_radius": 3.0})
 
 
 def test_arcs_that_end_at_a_slant_stay_and_what_meets_them_too():
@@ -211,7 +211,7 @@ def test_scripts_draw_what_the_names_say(package, file, tmp_path):
     from imdim.export.step import read_step, shape_volume
 
     program = Primitive("extrude", (5.0,), outline=disc_and_bar())
-    after = change_values(opened(program), {"plate_corner_radius": 14.0})
+    after = change_values(opened(program), {"plate_arc_radius": 14.0})
     (tmp_path / file).write_text(after.texts[file])
     subprocess.run([python, file], check=True, cwd=tmp_path, timeout=120, capture_output=True)
     wanted = to_manifold(Primitive("extrude", (5.0,), outline=disc_and_bar(radius=14.0)), 2048).volume()

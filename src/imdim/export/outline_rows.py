@@ -304,7 +304,7 @@ class _Dimensions:
         """Centres of arcs that lie about a hole follow it, others the lines and arcs that they touch, as far as these say where."""
         arcs = [arc for arc in self._arcs() if not arc.fixed]
         for arc in arcs:
-            arc.size = self._radius(_ROUNDS[arc.half, arc.inner], arc.radius)
+            arc.size = self._radius("arc_radius" if arc.crossed else _ROUNDS[arc.half, arc.inner], arc.radius)
             hole = next((center for center in holes if math.dist(center, arc.center) <= self.slack), None)
             if hole:
                 arc.at = [self._place("center", axis, hole[axis]) for axis in (X, Y)]
