@@ -1,0 +1,63 @@
+"""Edits that a person would make of the bundled bracket do what the same edits of its source do, and nothing else."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from imdim.delivery.finish import finish
+from imdim.export.delivered import texts_of
+from imdim.export.edit import change_values, open_delivered, solid_of
+from imdim.geometry.solid import mesh_to_manifold, volume_iou
+from imdim.program.codec import dumps, parse
+from imdim.reconstruction.config import Settings
+from imdim.reconstruction.fitting import find_relations
+from imdim.reconstruction.pipeline import reconstruct
+from imdim.target.target import load_target
+
+SOURCE = Path(__file__).parents[2] / "dataset" / "examples" / "bracket.scad"
+SAME = 0.999
+
+EDITS = {
+    "holes further out": ({"plate_hole_spacing_x": 102.0}, {"[-48,": "[-51,", "[48,": "[51,"}),
+    "larger bore": ({"bore": 11.0}, {"r = 10, h = 44": "r = 11, h = 44", "r1 = 10, r2 = 14, h = 8": "r1 = 11, r2 = 14, h = 8"}),
+    "larger nipple": ({"ball_radius": 8.0}, {"sphere(r = 5)": "sphere(r = 8)"}),
+    "thinner ribs": ({"rib": 4.0}, {"cube([6, 12, 14]": "cube([4, 12, 14]"}),
+}
+
+
+@pytest.fixture(scope="module")
+def bracket():
+    target = load_target(SOURCE.with_suffix(".stl"))
+    *_, last = reconstruct(target, Settings(), np.random.default_rng(0))
+    found = finish(*find_relations(last.program, target))
+    texts = texts_of(found.program, found.parameters, found.folded, 96)
+    return open_delivered(parse(dumps(found.program, None, found.constraints, found.folded)), texts)
+
+
+def drawn(folder: Path, changes: dict[str, str]):
+    tool = shutil.which("openscad")
+    if tool is None:
+        pytest.skip("openscad is not installed")
+    text = SOURCE.read_text()
+    for before, after in changes.items():
+        assert before in text
+        text = text.replace(before, after)
+    (folder / "source.scad").write_text(text)
+    subprocess.run([tool, "-o", folder / "source.stl", folder / "source.scad"], check=True, capture_output=True, timeout=120)
+    return mesh_to_manifold(trimesh.load_mesh(folder / "source.stl"))
+
+
+@pytest.mark.tool
+@pytest.mark.parametrize("edit", EDITS)
+def test_an_edit_does_what_the_same_edit_of_the_source_does(bracket, tmp_path, edit):
+    values, changes = EDITS[edit]
+    # a bore and a rib are parts of drawings: their names say where, their values which
+    values = {next((n for n, v in bracket.values.items() if v == {"bore": 10.0, "rib": 6.0}.get(k)), k): v for k, v in values.items()}
+    edited = solid_of(change_values(bracket, values))
+    wanted = drawn(tmp_path, changes)
+    assert volume_iou(edited, wanted) >= SAME
+    assert volume_iou(solid_of(bracket), wanted) < SAME, "the edit is one that can be seen"
