@@ -71,11 +71,10 @@ def _seats_of_ends(
     pairs = {(e.leaf, e.axis, e.side): e for e in ends}
     for end in ends:
         other = pairs[end.leaf, end.axis, -end.side]
-        near = [
-            e for e in ends if sign[e.leaf] > 0 and e.leaf != end.leaf and e.column >= 0 and _meet(boxes[e.leaf], boxes[end.leaf], end.axis)
-        ]
         least = slack if sign[end.leaf] < 0 else -2 * slack
-        near = [e for e in near if (e.axis, e.side) == (end.axis, end.side) and _beside(pairs, e, end, parts, least)]
+        facing = [e for e in ends if (e.axis, e.side) == (end.axis, end.side) and sign[e.leaf] > 0 and e.leaf != end.leaf and e.column >= 0]
+        beside = (e for e in facing if _beside(pairs, e, end, parts, least))
+        near = [e for e in beside if _meet(boxes[e.leaf], boxes[end.leaf], end.axis)]
         if sign[end.leaf] < 0:
             face = _passed(near, end, parts, slack)
             if face is not None and not _is_inside(pairs, near, end, parts, slack):
