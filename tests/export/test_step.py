@@ -8,8 +8,9 @@ import pytest
 from tests.export.coincident import MEANT
 from tests.known_programs import KNOWN
 
-from imdim.export import step_worker
-from imdim.export.step import StepError, read_step, step_volume, write_step
+from imdim.export import step, step_worker
+from imdim.export.step import StepError, read_step, step_volume, to_shape, write_step
+from imdim.export.step_booleans import ocp
 from imdim.geometry.finish.overshoot import overshoot
 from imdim.geometry.solid import volume
 from imdim.program.codec import dumps
@@ -161,3 +162,21 @@ def test_what_opencascade_loses_at_near_coincident_edges_is_built_again(tmp_path
     )
     write_step(part, tmp_path / "part.step")
     assert step_volume(tmp_path / "part.step") == pytest.approx(volume(part, 1024), rel=1e-4)
+
+
+def test_a_solid_that_is_not_valid_once_read_back_is_not_left(tmp_path, monkeypatch):
+    """Tolerances do not survive the file: what was valid before need not be so after."""
+
+    class Spoilt:
+        def __init__(self, shape):
+            pass
+
+        def IsValid(self):
+            return False
+
+    shape = to_shape(Primitive("box", (1.0, 2.0, 3.0)))
+    monkeypatch.setattr(step, "to_shape", lambda _: shape)
+    monkeypatch.setattr(ocp("BRepCheck"), "BRepCheck_Analyzer", Spoilt)
+    with pytest.raises(StepError, match="not valid once it is read back"):
+        write_step(Primitive("box", (1.0, 2.0, 3.0)), tmp_path / "part.step")
+    assert not (tmp_path / "part.step").exists()

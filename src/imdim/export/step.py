@@ -32,7 +32,8 @@ _PRODUCT = re.compile(r"PRODUCT\('program \d+','program \d+'")
 def write_step(program: Program, path: Path) -> None:
     """Write `program` as a STEP AP214 file in mm, the same bytes for the same program.
 
-    Raises StepError when OpenCASCADE is not installed or cannot build a valid solid, OSError when the file cannot be written.
+    Raises StepError, and leaves no file, when OpenCASCADE is not installed or cannot build a valid solid, or where what it reads back is
+    none; OSError when the file cannot be written.
     """
     shape = to_shape(program)
     control, settings = ocp("STEPControl"), ocp("Interface").Interface_Static
@@ -47,6 +48,9 @@ def write_step(program: Program, path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     text = _STAMP.sub(r"\1'program','1970-01-01T00:00:00'", text, count=1)
     path.write_text(_PRODUCT.sub("PRODUCT('program','program'", text), encoding="utf-8")
+    if not ocp("BRepCheck").BRepCheck_Analyzer(read_step(path)).IsValid():
+        path.unlink()
+        raise StepError("OpenCASCADE built a solid that is not valid once it is read back")
 
 
 def read_step(path: Path) -> Any:
