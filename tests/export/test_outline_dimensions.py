@@ -165,19 +165,41 @@ def test_a_turned_part_has_radii_and_heights():
     assert volume_iou(solid_of(after), to_manifold(Primitive("revolve", (360.0,), outline=wanted), SEGMENTS)) > 1 - 1e-6
 
 
-def test_mirror_images_are_edited_together():
-    ear = Outline((((-5, -4, 0), (5, -4, 0), (9, 0, 0), (9, 4, 0), (-5, 4, 0)),))
-    left = ear.mirror()
-    body = Primitive("box", (60.0, 8.0, 6.0))
-    program = Combine(
-        "union",
-        body,
-        Combine("union", Primitive("extrude", (6.0,), (40, 0, 0), outline=ear), Primitive("extrude", (6.0,), (-40, 0, 0), outline=left)),
-    )
-    delivered = opened(program)
-    name = next(n for n in delivered.values if n.endswith("_width") and delivered.values[n] == 8.0 and "profile" in n)
-    volume = solid_of(change_values(delivered, {name: 10.0})).volume()
-    assert volume > solid_of(delivered).volume()
+def ears(height=8.0, radius=6.0):
+    """A bar with a pair of ears, mirror images of each other: a hole, a slanted corner, and an arc that crosses two edges."""
+
+    def ear(side):
+        low, top, reach = -height / 2, height / 2, float(np.sqrt(radius**2 - 4.0))
+        arc = tan(np.arctan2(2.0, reach) / 2)
+        drawn = Outline(
+            (
+                (
+                    (-12.0, low, 0.0),
+                    (-1.0, low, 0.0),
+                    (0.0, low + 1, 0.0),
+                    (0.0, -2.0, 0.0),
+                    (reach, -2.0, arc),
+                    (reach, 2.0, 0.0),
+                    (0.0, 2.0, 0.0),
+                    (0.0, top, 0.0),
+                    (-12.0, top, 0.0),
+                ),
+            )
+        )
+        return Primitive("extrude", (6.0,), (side * 40.0, 0.0, 0.0), outline=drawn if side > 0 else drawn.mirror())
+
+    def pinned(side):
+        return Combine("difference", ear(side), Primitive("cylinder", (1.0, 20.0), (side * 35.0, 0.0, 0.0)))
+
+    return Combine("union", Primitive("box", (60.0, 8.0, 6.0)), Combine("union", pinned(1), pinned(-1)))
+
+
+@pytest.mark.parametrize(("name", "drawn", "value"), [("profile_width", "height", 10.0), ("profile_arc_radius", "radius", 7.0)])
+def test_mirror_images_are_edited_together(name, drawn, value):
+    delivered = opened(ears())
+    assert delivered.folded is not None
+    after = solid_of(change_values(delivered, {name: value}))
+    assert volume_iou(after, to_manifold(ears(**{drawn: value}), SEGMENTS)) > 1 - 1e-4
 
 
 def test_a_pocket_keeps_its_depth_and_a_boss_its_height_on_a_thicker_plate():

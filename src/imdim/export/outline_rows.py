@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from imdim.geometry.rotations import matrix_from_euler
@@ -103,23 +103,27 @@ def add_outlines(system: LinearSystem, parts: Sequence[Primitive], folded: Folde
             circles += dimensions.circles_in_space()
         elif part.outline == parts[source].outline:
             drawn[leaf] = drawn[source]
-        elif part.outline == parts[source].outline.mirror() and _is_linear(drawn[source]):  # type: ignore[union-attr]
+        elif part.outline == parts[source].outline.mirror():  # type: ignore[union-attr]
             drawn[leaf] = tuple(map(_mirrored, drawn[source]))
         else:
+            # what follows one of them would leave the other as it is
             drawn[leaf], drawn[source] = _constant(part.outline), _constant(parts[source].outline)
+            circles = [c for c in circles if c.leaf != source]
     system.rows += _coaxial(system, circles, parts, sources)
     return drawn
 
 
 def _mirrored(loop: tuple[VertexRows, ...]) -> tuple[VertexRows, ...]:
     """As `Outline.mirror` has it: the other side of the y axis, run the other way from the same vertex."""
-    bulges = [v.bulge for v in reversed(loop)]
+
+    def other_side(number: Sum) -> Sum:
+        return Sum(_sum((number.row, -1.0)), -number.value)
+
+    # an arc turned round and mirrored runs the same way
+    bulges = [replace(v.bulge, x=other_side(v.bulge.x)) if isinstance(v.bulge, CenterRows) else v.bulge for v in reversed(loop)]
     corners = [loop[0], *reversed(loop[1:])]
-    return tuple(VertexRows(Sum(_sum((v.x.row, -1.0)), -v.x.value), v.y, b) for v, b in zip(corners, bulges, strict=True))
-
-
-def _is_linear(drawn: Drawn) -> bool:
-    return all(v.reach is None and isinstance(v.bulge, float) for loop in drawn for v in loop)
+    reaches = [replace(v.reach, sign=-v.reach.sign) if v.reach and v.reach.axis == X else v.reach for v in corners]
+    return tuple(VertexRows(other_side(v.x), v.y, b, r) for v, b, r in zip(corners, bulges, reaches, strict=True))
 
 
 def _constant(outline: Outline | None) -> Drawn:
@@ -201,7 +205,11 @@ class _Dimensions:
     def _carrier(self, curve: Curve, inner: bool) -> _Carrier:
         x, y, u, v, bulge = curve
         if bulge:
-            return _Arc(arc_center(curve), arc_radius(curve), abs(abs(bulge) - 1) < HALF, inner)
+            # the digits of three vertices say no more of a circle
+            digits = -math.floor(math.log10(self.slack))
+            (a, b), radius = arc_center(curve), arc_radius(curve)
+            center = round(a, digits) + 0.0, round(b, digits) + 0.0
+            return _Arc(center, round(radius, digits), abs(abs(bulge) - 1) < HALF, inner)
         if abs(u - x) <= self.slack:
             return _Line(X, x, inner)
         return _Line(Y, y, inner) if abs(v - y) <= self.slack else _Line(None, 0.0, inner)
