@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from imdim.export.chance import without_chance
 from imdim.export.numbers import round_program
 from imdim.export.parameters import Parameters, parametrise
 from imdim.geometry.finish.commute import Commutation, CommutedProgram
@@ -13,7 +14,6 @@ from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.cost import count
 from imdim.program.patterns.detect import Folding, extent, fold_repeats, worth
 from imdim.program.repeats import Folded, copies_of, expand, instances, repeats, size, with_leaves
-from imdim.program.roles import without_chance
 from imdim.program.tree import Program
 from imdim.reconstruction.preserve import is_same, preserve
 from imdim.relations.residuals import holding, rebase_constraints
@@ -38,7 +38,7 @@ def finish(program: Program, constraints: Sequence[Constraint] = ()) -> Finished
 
     Repeats change the order of primitives. What nearly repeats, or would if it stood together, is made to if that hardly changes the solid.
     """
-    constraints = without_chance(constraints, program)
+    constraints = without_chance(program, constraints)
     folding = next((f for f in _foldings(program) if is_same(program, f.program)), None)
     if folding is None:
         delivered = finish_flat(program)

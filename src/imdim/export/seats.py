@@ -61,6 +61,11 @@ def seats(program: Program) -> Iterator[Seat]:
             yield Seat(End(leaf, axis, 1, -1, ""), middle[0], "")
 
 
+def sticks_out(seat: Seat, parts: list[Primitive]) -> bool:
+    """Whether an end lies beyond the face that it follows, and not in it."""
+    return abs(_place(seat.own, parts) - _place(seat.face, parts)) > TOUCH * longest(parts)
+
+
 def _overlap(a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray]) -> bool:
     return bool((np.minimum(a[1], b[1]) > np.maximum(a[0], b[0])).all())
 

@@ -57,7 +57,7 @@ def signs(program: Program) -> list[int]:
 def labels(program: Program, constraints: Iterable[Constraint] = (), folded: Folded | None = None) -> list[str]:
     """One label per leaf, in order; `folded`, which `program` is the expansion of, says which are copies."""
     parts = list(leaves(program))
-    roles = [_role(i, p, sign) for i, (p, sign) in enumerate(zip(parts, signs(program), strict=True))]
+    roles = roles_of(program)
     leading = {Ref(i, SIZE_NAMES[p.kind][0]): i for i, p in enumerate(parts)}
     group = list(range(len(parts))) if folded is None else [source for source, _ in instances(folded)]
     for constraint in constraints:
@@ -73,23 +73,9 @@ def labels(program: Program, constraints: Iterable[Constraint] = (), folded: Fol
     return [role + (str(n) if n > 1 else "") for role, n in zip(roles, numbers, strict=True)]
 
 
-def without_chance(constraints: Sequence[Constraint], program: Program) -> tuple[Constraint, ...]:
-    """The constraints that a designer may have meant: that a ball and a hole measure the same is chance, and so is a face at the level of
-    the middle of something else."""
-    parts = list(leaves(program))
-    roles = [_role(i, p, sign) for i, (p, sign) in enumerate(zip(parts, signs(program), strict=True))]
-    out: list[Constraint] = []
-    for constraint in constraints:
-        if constraint.kind == "aligned" and len({bool(ref.feature) for ref in constraint.of}) > 1:
-            continue
-        if constraint.kind != "equal" or any(ref.leaf == WORLD for ref in constraint.of):
-            out.append(constraint)
-            continue
-        groups: dict[tuple[str, str], list[Ref]] = {}
-        for ref in constraint.of:
-            groups.setdefault((roles[ref.leaf], ref.feature), []).append(ref)
-        out += [replace(constraint, of=tuple(of)) for of in groups.values() if len(of) > 1]
-    return tuple(constraints) if out == list(constraints) else name_constraints(out, program)
+def roles_of(program: Program) -> list[str]:
+    """What each leaf is, without numbers that tell those of one role apart."""
+    return [_role(i, p, sign) for i, (p, sign) in enumerate(zip(leaves(program), signs(program), strict=True))]
 
 
 def _role(number: int, p: Primitive, sign: int) -> str:

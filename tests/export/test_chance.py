@@ -1,0 +1,64 @@
+"""Relations that hold by chance bind no edit; those that a designer may have meant stay."""
+
+from tests.export.test_outlines import SEGMENTS
+
+from imdim.delivery.finish import finish
+from imdim.export.chance import without_chance
+from imdim.export.delivered import texts_of
+from imdim.export.edit import change_values, open_delivered, solid_of
+from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.program.codec import dumps, parse
+from imdim.program.constraints import Constraint, Ref
+from imdim.program.tree import Combine, Primitive
+from imdim.reconstruction.fitting import relations_of
+
+
+def part(thickness=3.0, depth=2.0, hole=5.0, ball=5.0):
+    """A plate with a hole and a slot that both end at z = -2, and a pocket from below that does not go through; on it a ball."""
+    plate = Primitive("box", (60.0, 40.0, thickness), (0.0, 0.0, thickness / 2))
+    top = Primitive("sphere", (ball,), (-20.0, 0.0, thickness))
+    bore = Primitive("cylinder", (hole, thickness + 2.0), (15.0, 0.0, thickness / 2 - 1.0))
+    slot = Primitive("box", (4.0, 20.0, thickness + 2.0), (0.0, 0.0, thickness / 2 - 1.0))
+    pocket = Primitive("box", (8.0, 8.0, depth + 2.0), (22.0, 12.0, depth / 2 - 1.0))
+    cuts = Combine("union", Combine("union", bore, slot), pocket)
+    return Combine("difference", Combine("union", plate, top), cuts)
+
+
+def delivered(program, constraints):
+    """The part with its relations, as it is delivered."""
+    found = finish(program, constraints)
+    texts = texts_of(found.program, found.parameters, found.folded, SEGMENTS)
+    return open_delivered(parse(dumps(found.program, None, found.constraints, found.folded)), texts)
+
+
+def test_where_cuts_end_in_the_air_binds_nothing():
+    program = part()
+    level = Constraint("coplanar", (Ref(2, "-z"), Ref(3, "-z")), name="level")
+    flush = Constraint("coplanar", (Ref(0, "+z"), Ref(2, "+z")), name="flush")
+    assert without_chance(program, [level]) == ()
+    assert without_chance(program, [flush]) == (flush,), "an end in the face that it meets is seen"
+    for thickness in (4.0, 9.0):
+        after = change_values(delivered(program, [level, flush]), {"plate_thickness": thickness})
+        wanted = Combine("difference", part(thickness, ball=0.1), Primitive("box", (1.0, 1.0, 1.0), (0.0, 0.0, 90.0)))
+        got, meant = solid_of(after), to_manifold(wanted, SEGMENTS)
+        assert volume_iou(got.trim_by_plane((1.0, 0.0, 0.0), -10.0), meant.trim_by_plane((1.0, 0.0, 0.0), -10.0)) > 1 - 1e-6
+
+
+def test_equal_sizes_are_tied_within_one_role():
+    program = part()
+    equal = Constraint("equal", (Ref(1, "r"), Ref(2, "r")), name="ball_hole_radius")
+    assert without_chance(program, [equal]) == ()
+    pair = Constraint("equal", (Ref(3, "sx"), Ref(4, "sx")), name="pocket_length")
+    assert without_chance(program, [pair]) == (pair,)
+
+
+def test_a_face_at_the_middle_of_something_is_chance():
+    middle = Constraint("aligned", (Ref(2, "-z"), Ref(0, "")), about=Ref(-1, "z"), name="level")
+    centers = Constraint("aligned", (Ref(2, ""), Ref(0, "")), about=Ref(-1, "y"), name="centred")
+    assert without_chance(part(), [middle, centers])[0].of == centers.of
+    assert len(without_chance(part(), [middle, centers])) == 1
+
+
+def test_a_ball_is_made_larger_and_the_hole_of_its_size_stays():
+    after = solid_of(change_values(delivered(*relations_of(part())), {"ball_radius": 6.0}))
+    assert volume_iou(after, to_manifold(part(ball=6.0), SEGMENTS)) > 1 - 1e-6
