@@ -22,8 +22,8 @@ test: .venv/develop .venv/kernels
 # compiled once here: two workers with a browser each, and the processes that they keep ready, would all compile at the same time
 .venv/kernels: .venv/develop $(shell find src -name '*.py')
 	@echo "Compiling the search's kernels (up to a minute)"
-	@for part in bracket.stl bracket_cloud.ply; do \
-		$(BIN)/python infer.py input=dataset/examples/$$part output=out/kernels budget_s=20 >/dev/null; done
+	@for asked in bracket.stl "bracket.stl language=csg" bracket_cloud.ply; do \
+		$(BIN)/python infer.py input=dataset/examples/$$asked output=out/kernels budget_s=20 >/dev/null; done
 	@touch $@
 
 check: lint test
