@@ -10,8 +10,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
+from imdim.export.drawn_vertex import Center, DrawnVertex
 from imdim.export.numbers import SIGNIFICANT_DIGITS, Expression, Rounding, plain, weighted_sum, write_expression
-from imdim.export.parameters import Center, DrawnLoop, DrawnVertex
+from imdim.export.parameters import DrawnLoop
 from imdim.program.outline import Loop, regions, reverse_loop
 from imdim.program.tree import Primitive
 
@@ -57,7 +58,7 @@ def _loop(loop: DrawnLoop, way: float, rounding: Rounding) -> str:
     return _list(_list(_vertex(v, rounding)) for v in loop)
 
 
-def _vertex(v: DrawnVertex, rounding: Rounding) -> list[str]:
+def _vertex(v: DrawnVertex[Expression], rounding: Rounding) -> list[str]:
     def write(e: Expression) -> str:
         return write_expression(e, rounding.length)
 

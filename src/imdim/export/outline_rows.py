@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+from imdim.export.drawn_vertex import Center, DrawnVertex, Reach
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.design_values import is_level
 from imdim.program.outline import Curve, Outline, arc_center, arc_radius, circle_of, loop_curves, nesting
@@ -45,45 +46,7 @@ class Sum:
     value: float
 
 
-@dataclass(frozen=True)
-class ReachRows:
-    """How far from a centre a circle reaches along one axis, to the side `sign`, `off` from the centre along the other one."""
-
-    axis: int
-    sign: int
-    radius: Sum
-    off: Sum
-
-
-@dataclass(frozen=True)
-class CenterRows:
-    """The centre of an arc, which runs counter-clockwise where `way` is 1, else -1."""
-
-    x: Sum
-    y: Sum
-    way: int
-
-
-@dataclass(frozen=True)
-class VertexRows:
-    """The coordinates of a vertex and its bulge, or what it follows from; with a `reach` the coordinate along its axis is the centre's."""
-
-    x: Sum
-    y: Sum
-    bulge: float | CenterRows
-    reach: ReachRows | None = None
-
-
-Drawn = tuple[tuple[VertexRows, ...], ...]
-
-
-def sums_of(vertex: VertexRows) -> Iterator[Sum]:
-    """All numbers of a vertex."""
-    yield from (vertex.x, vertex.y)
-    if isinstance(vertex.bulge, CenterRows):
-        yield from (vertex.bulge.x, vertex.bulge.y)
-    if vertex.reach is not None:
-        yield from (vertex.reach.radius, vertex.reach.off)
+Drawn = tuple[tuple[DrawnVertex[Sum], ...], ...]
 
 
 def add_outlines(system: LinearSystem, parts: Sequence[Primitive], folded: Folded | None) -> dict[int, Drawn]:
@@ -93,7 +56,7 @@ def add_outlines(system: LinearSystem, parts: Sequence[Primitive], folded: Folde
     """
     sources = list(range(len(parts))) if folded is None else [source for source, _ in instances(folded)]
     drawn: dict[int, Drawn] = {}
-    circles: list[_Round] = []
+    circles: list[_RoundWall] = []
     for leaf, (part, source) in enumerate(zip(parts, sources, strict=True)):
         if part.outline is None:
             continue
@@ -113,22 +76,22 @@ def add_outlines(system: LinearSystem, parts: Sequence[Primitive], folded: Folde
     return drawn
 
 
-def _mirrored(loop: tuple[VertexRows, ...]) -> tuple[VertexRows, ...]:
+def _mirrored(loop: tuple[DrawnVertex[Sum], ...]) -> tuple[DrawnVertex[Sum], ...]:
     """As `Outline.mirror` has it: the other side of the y axis, run the other way from the same vertex."""
 
     def other_side(number: Sum) -> Sum:
         return Sum(_sum((number.row, -1.0)), -number.value)
 
     # an arc turned round and mirrored runs the same way
-    bulges = [replace(v.bulge, x=other_side(v.bulge.x)) if isinstance(v.bulge, CenterRows) else v.bulge for v in reversed(loop)]
+    bulges = [replace(v.bulge, x=other_side(v.bulge.x)) if isinstance(v.bulge, Center) else v.bulge for v in reversed(loop)]
     corners = [loop[0], *reversed(loop[1:])]
     reaches = [replace(v.reach, sign=-v.reach.sign) if v.reach and v.reach.axis == X else v.reach for v in corners]
-    return tuple(VertexRows(other_side(v.x), v.y, b, r) for v, b, r in zip(corners, bulges, reaches, strict=True))
+    return tuple(DrawnVertex(other_side(v.x), v.y, b, r) for v, b, r in zip(corners, bulges, reaches, strict=True))
 
 
 def _constant(outline: Outline | None) -> Drawn:
     assert outline is not None
-    return tuple(tuple(VertexRows(Sum({}, x), Sum({}, y), b) for x, y, b in loop) for loop in outline.loops)
+    return tuple(tuple(DrawnVertex(Sum({}, x), Sum({}, y), b) for x, y, b in loop) for loop in outline.loops)
 
 
 # --- one outline --------------------------------------------------------------------------------------------------------
@@ -427,7 +390,7 @@ class _Dimensions:
     def _with_loops(self) -> Iterator[tuple[list[_Joint] | None, tuple[tuple[float, float, float], ...]]]:
         return zip(self.loops, self.outline.loops, strict=True)
 
-    def _vertices(self, joints: Sequence[_Joint], loop: Sequence[tuple[float, float, float]]) -> tuple[VertexRows, ...]:
+    def _vertices(self, joints: Sequence[_Joint], loop: Sequence[tuple[float, float, float]]) -> tuple[DrawnVertex[Sum], ...]:
         chamfered = self._chamfers(joints)
         rows = []
         for k, (joint, vertex) in enumerate(zip(joints, loop, strict=True)):
@@ -437,13 +400,13 @@ class _Dimensions:
                 rows.append(self._crossing(joint, bulge))
                 continue
             x, y = chamfered.get(k) or (self._vertex(joint, X), self._vertex(joint, Y))
-            rows.append(VertexRows(Sum(x, vertex[0]), Sum(y, vertex[1]), bulge))
+            rows.append(DrawnVertex(Sum(x, vertex[0]), Sum(y, vertex[1]), bulge))
         return tuple(rows)
 
     def _is_fixed(self, joint: _Joint) -> bool:
         return any(isinstance(c, _Arc) and c.fixed for c in (joint.before, joint.after))
 
-    def _crossing(self, joint: _Joint, bulge: float | CenterRows) -> VertexRows:
+    def _crossing(self, joint: _Joint, bulge: float | Center[Sum]) -> DrawnVertex[Sum]:
         """Where an arc crosses a line along an axis: as far from the centre as the circle reaches there."""
         line, arc = (joint.before, joint.after) if isinstance(joint.before, _Line) else (joint.after, joint.before)
         assert isinstance(line, _Line)
@@ -455,7 +418,7 @@ class _Dimensions:
         sign = 1 if joint.at[axis] > arc.center[axis] else -1
         ends = [Sum(place, line.place), Sum(arc.at[axis] or {}, arc.center[axis])]
         x, y = ends if across == X else reversed(ends)
-        return VertexRows(x, y, bulge, ReachRows(axis, sign, Sum(arc.size, arc.radius), off))
+        return DrawnVertex(x, y, bulge, Reach(axis, sign, Sum(arc.size, arc.radius), off))
 
     def _vertex(self, joint: _Joint, axis: int) -> Row:
         curves = (joint.before, joint.after)
@@ -490,7 +453,7 @@ class _Dimensions:
                 out[number] = (ends[X], ends[Y])
         return out
 
-    def _circles(self) -> Iterator[tuple[VertexRows, ...]]:
+    def _circles(self) -> Iterator[tuple[DrawnVertex[Sum], ...]]:
         for i, loop in enumerate(self.outline.loops):
             found = circle_of(loop)
             if found is None:
@@ -499,7 +462,7 @@ class _Dimensions:
             at = [self._place("center", axis, center[axis]) for axis in (X, Y)]
             size = self._circle_size(i)
             rows = [[_sum((at[axis], 1.0), (size, (v[axis] - center[axis]) / found[2])) for axis in (X, Y)] for v in loop]
-            yield tuple(VertexRows(Sum(x, v[0]), Sum(y, v[1]), v[2]) for (x, y), v in zip(rows, loop, strict=True))
+            yield tuple(DrawnVertex(Sum(x, v[0]), Sum(y, v[1]), v[2]) for (x, y), v in zip(rows, loop, strict=True))
 
     def _circle_size(self, i: int) -> Row:
         found = circle_of(self.outline.loops[i])
@@ -508,7 +471,7 @@ class _Dimensions:
             return self._radius("tube_radius", found[2])
         return self._radius("hole_radius" if self.holes[i] else "radius", found[2])
 
-    def circles_in_space(self) -> Iterator[_Round]:
+    def circles_in_space(self) -> Iterator[_RoundWall]:
         """The circles of an extrusion along the world's axes."""
         if self.part.kind != "extrude" or not is_level(self.part):
             return
@@ -523,12 +486,12 @@ class _Dimensions:
             for a in range(3):
                 places[a] = self.part.center[a] + turn[a][0] * found[0] + turn[a][1] * found[1]
                 rows[a] = _sum(({6 * self.leaf + 3 + a: 1.0}, 1.0), (own[0], turn[a][0]), (own[1], turn[a][1]))
-            yield _Round(self.leaf, axis, places, rows, found[2], self._circle_size(i))
+            yield _RoundWall(self.leaf, axis, places, rows, found[2], self._circle_size(i))
 
 
-def _center(arc: _Arc, way: int) -> CenterRows:
+def _center(arc: _Arc, way: int) -> Center[Sum]:
     x, y = (Sum(arc.at[axis] or {}, arc.center[axis]) for axis in (X, Y))
-    return CenterRows(x, y, way)
+    return Center(x, y, way)
 
 
 def _side(inner: bool) -> str:
@@ -548,7 +511,7 @@ def _sum(*parts: tuple[Row, float]) -> Row:
 
 
 @dataclass
-class _Round:
+class _RoundWall:
     """A round wall along a world axis: the places of its axis, what they are the sum of, and its radius."""
 
     leaf: int
@@ -559,7 +522,7 @@ class _Round:
     size: Row
 
 
-def _coaxial(system: LinearSystem, circles: Sequence[_Round], parts: Sequence[Primitive], sources: Sequence[int]) -> Iterator[Row]:
+def _coaxial(system: LinearSystem, circles: Sequence[_RoundWall], parts: Sequence[Primitive], sources: Sequence[int]) -> Iterator[Row]:
     """Circles of outlines on the axis of another round wall stay there; radii that are equal on one axis stay equal."""
     slack = EXACT * system.length
     others = [r for i, p in enumerate(parts) if sources[i] == i for r in _round_walls(i, p)]
@@ -574,7 +537,7 @@ def _coaxial(system: LinearSystem, circles: Sequence[_Round], parts: Sequence[Pr
                     yield _sum((circle.size, 1.0), (other.size, -1.0))
 
 
-def _round_walls(leaf: int, p: Primitive) -> Iterator[_Round]:
+def _round_walls(leaf: int, p: Primitive) -> Iterator[_RoundWall]:
     """The round walls of a cylinder or cone along a world axis; of what is turned about one the axis alone."""
     if p.kind not in ("cylinder", "cone", "revolve"):
         return
@@ -582,7 +545,7 @@ def _round_walls(leaf: int, p: Primitive) -> Iterator[_Round]:
     axis = next((a for a in range(3) if abs(direction[a]) > 1 - 1e-12), None)
     rows: list[Row] = [{6 * leaf + 3 + a: 1.0} for a in range(3)]
     if p.kind == "revolve" and axis is not None:
-        yield _Round(leaf, axis, p.center, rows, -1.0, {})
+        yield _RoundWall(leaf, axis, p.center, rows, -1.0, {})
         return
     for column in range(len(p.size) - 1 if axis is not None else 0):
-        yield _Round(leaf, axis or 0, p.center, rows, p.size[column], {6 * leaf + column: 1.0})
+        yield _RoundWall(leaf, axis or 0, p.center, rows, p.size[column], {6 * leaf + column: 1.0})

@@ -10,10 +10,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
+from imdim.export.drawn_vertex import DrawnVertex
 from imdim.export.elimination import LinearSystem, vector
 from imdim.export.loops import Loop, loop_of
 from imdim.export.numbers import Expression, Rounding, Term, constants, simple_fraction
-from imdim.export.outline_rows import CenterRows, Sum, VertexRows, sums_of
+from imdim.export.outline_rows import Sum
 from imdim.program.constraints import Constraint
 from imdim.program.repeats import Folded, Repeat, repeats
 from imdim.program.roles import labels, signs, size_word, unique
@@ -23,45 +24,7 @@ ZERO = 1e-9
 FAINT = 1e-7  # a coefficient whose term files do not keep
 
 
-@dataclass(frozen=True)
-class Center:
-    """The centre of an arc, which runs counter-clockwise where `way` is 1, else -1."""
-
-    x: Expression
-    y: Expression
-    way: int
-
-
-@dataclass(frozen=True)
-class Reach:
-    """How far from a centre a circle reaches along one axis (0 for x), to the side `sign`, `off` from the centre along the other one."""
-
-    axis: int
-    sign: int
-    radius: Expression
-    off: Expression
-
-
-@dataclass(frozen=True)
-class DrawnVertex:
-    """A vertex of an outline: the expressions of its coordinates, and its bulge or the centre that the arc from it runs about.
-
-    With a `reach` the coordinate along its axis is only the centre's.
-    """
-
-    x: Expression
-    y: Expression
-    bulge: float | Center
-    reach: Reach | None = None
-
-    def map(self, change: Callable[[Expression], Expression]) -> DrawnVertex:
-        """With all expressions changed."""
-        bulge = replace(self.bulge, x=change(self.bulge.x), y=change(self.bulge.y)) if isinstance(self.bulge, Center) else self.bulge
-        reach = self.reach and replace(self.reach, radius=change(self.reach.radius), off=change(self.reach.off))
-        return DrawnVertex(change(self.x), change(self.y), bulge, reach)
-
-
-DrawnLoop = tuple[DrawnVertex, ...]
+DrawnLoop = tuple[DrawnVertex[Expression], ...]
 
 
 @dataclass(frozen=True)
@@ -221,16 +184,7 @@ def _outline(leaf: int, p: Primitive, system: LinearSystem, solved: _Solved, nam
         terms = sorted(((w, c) for w, c in total.items() if c), key=lambda t: (system.rank(t[0]), t[0]))
         return _as_expression(terms, number.value, system, names)
 
-    def vertex(v: VertexRows) -> DrawnVertex:
-        bulge, reach = v.bulge, v.reach
-        return DrawnVertex(
-            expression(v.x),
-            expression(v.y),
-            Center(expression(bulge.x), expression(bulge.y), bulge.way) if isinstance(bulge, CenterRows) else bulge,
-            reach and Reach(reach.axis, reach.sign, expression(reach.radius), expression(reach.off)),
-        )
-
-    return tuple(tuple(map(vertex, loop)) for loop in system.drawn[leaf])
+    return tuple(tuple(v.map(expression) for v in loop) for loop in system.drawn[leaf])
 
 
 def _constant_loops(p: Primitive) -> tuple[DrawnLoop, ...]:
@@ -243,7 +197,7 @@ def _names(program: Program, label: Sequence[str], system: LinearSystem, solved:
     parts, sign = list(leaves(program)), signs(program)
     sizes = [6 * i + c for i, p in enumerate(parts) for c, value in enumerate(p.size) if p.kind != "revolve" or value < FULL_TURN]
     needed = {w for row in solved.values() for w, _ in row} | {v for v in sizes if v not in solved}
-    drawn = {v for loops in system.drawn.values() for loop in loops for vertex in loop for number in sums_of(vertex) for v in number.row}
+    drawn = {v for loops in system.drawn.values() for loop in loops for vertex in loop for number in vertex.numbers() for v in number.row}
     needed |= drawn - solved.keys()
     taken: set[str] = set(RESERVED)
     return {v: unique(_name(v, system, parts, label, sign), taken) for v in sorted(needed, key=lambda v: (system.leaf_of(v), v))}
