@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from imdim.export.drawn_vertex import Center, DrawnVertex, Reach
+from imdim.export.outline_joints import Arc, Carrier, Joint, Line, OutlineJoints, Row, X, Y
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.design_values import is_level
-from imdim.program.outline import Curve, Outline, arc_center, arc_radius, circle_of, loop_curves, nesting
+from imdim.program.outline import Outline, circle_of
 from imdim.program.repeats import Folded, instances
 from imdim.program.tree import Primitive
 
@@ -24,18 +25,13 @@ if TYPE_CHECKING:
     from imdim.export.elimination import LinearSystem
 
 EXACT = 1e-7  # of the largest size, within which written numbers touch
-HALF = 1e-6  # of a bulge, by which a half turn may differ from 1
-STEEP = 0.05  # of the radius: what an arc must reach along a line that it crosses
 NEAR = 0.2  # of a place: what lies no further inside another is measured from that
-X, Y = 0, 1
 _ROUNDS = {  # what the radius of an arc is called: one that turns by half, one that bounds a hole
     (False, False): "corner_radius",
     (True, False): "end_radius",
     (False, True): "window_corner_radius",
     (True, True): "slot_radius",
 }
-
-Row = dict[int, float]
 
 
 @dataclass(frozen=True)
@@ -97,46 +93,6 @@ def _constant(outline: Outline | None) -> Drawn:
 # --- one outline --------------------------------------------------------------------------------------------------------
 
 
-@dataclass
-class _Line:
-    """A line along axis 1 - `across` whose place is that along `across`; the other ones have no axis."""
-
-    across: int | None
-    place: float
-    inner: bool
-
-
-@dataclass
-class _Arc:
-    """An arc with the variables of its centre and radius, once it has them; one that is `fixed` has none. `inner` ones bound a hole, and
-    those that are `crossed` have no angles of their own."""
-
-    center: tuple[float, float]
-    radius: float
-    half: bool
-    inner: bool
-    fixed: bool = False
-    crossed: bool = False
-    at: list[Row | None] = field(default_factory=lambda: [None, None])
-    size: Row = field(default_factory=dict)
-
-
-_Carrier = _Line | _Arc
-
-
-@dataclass
-class _Joint:
-    """Where two curves of a loop meet. `along` is the axis along which an arc's centre lies from here, None for a corner of lines, and
-    `fits` whether the vertex is a sum of variables; or an arc `crosses` a line along an axis."""
-
-    before: _Carrier
-    after: _Carrier
-    at: tuple[float, float]
-    along: int | None
-    fits: bool
-    crosses: bool = False
-
-
 class _Dimensions:
     """The variables of one outline."""
 
@@ -144,101 +100,10 @@ class _Dimensions:
         assert part.outline is not None
         self.system, self.leaf, self.part, self.outline = system, leaf, part, part.outline
         self.slack = EXACT * system.length
+        self.joints = OutlineJoints(part.outline, self.slack)
         self.known: dict[tuple[str, int, int], Row] = {}  # by word, axis, place on a grid
         self.places: dict[tuple[str, int, int], float] = {}
-        holes = [sign < 0 for sign in nesting(self.outline.loops)]
-        loops = zip(self.outline.loops, holes, strict=True)
-        self.loops = [None if circle_of(loop) else self._joints(loop_curves(loop), hole) for loop, hole in loops]
-        self.holes = holes
-        self._fix()
         self._add_places()
-
-    # --- what meets what ----------------------------------------------------------------------------------------------
-
-    def _joints(self, curves: Sequence[Curve], inner: bool) -> list[_Joint]:
-        carriers: list[_Carrier] = []
-        for curve in curves:
-            found = self._carrier(curve, inner)
-            # a wide arc is written as two
-            one = next((c for c in (*carriers[-1:], *carriers[:1]) if self._is_one(c, found)), found)
-            carriers.append(one)
-        before = [carriers[-1], *carriers[:-1]]
-        return [self._joint(a, b, curve[:2]) for a, b, curve in zip(before, carriers, curves, strict=True)]
-
-    def _carrier(self, curve: Curve, inner: bool) -> _Carrier:
-        x, y, u, v, bulge = curve
-        if bulge:
-            # the digits of three vertices say no more of a circle
-            digits = -math.floor(math.log10(self.slack))
-            (a, b), radius = arc_center(curve), arc_radius(curve)
-            center = round(a, digits) + 0.0, round(b, digits) + 0.0
-            return _Arc(center, round(radius, digits), abs(abs(bulge) - 1) < HALF, inner)
-        if abs(u - x) <= self.slack:
-            return _Line(X, x, inner)
-        return _Line(Y, y, inner) if abs(v - y) <= self.slack else _Line(None, 0.0, inner)
-
-    def _is_one(self, a: _Carrier, b: _Carrier) -> bool:
-        """Whether two arcs are of one circle."""
-        if isinstance(a, _Line) or isinstance(b, _Line):
-            return False
-        return math.dist(a.center, b.center) <= self.slack and abs(a.radius - b.radius) <= self.slack
-
-    def _joint(self, a: _Carrier, b: _Carrier, at: tuple[float, float]) -> _Joint:
-        if isinstance(a, _Line) and isinstance(b, _Line):
-            return _Joint(a, b, at, None, a.across is not None or b.across is not None)
-        along = {self._axis_from(arc, at) for arc in (a, b) if isinstance(arc, _Arc)}
-        axis = along.pop() if len(along) == 1 else None
-        level = all(isinstance(c, _Arc) or c.across is not None for c in (a, b))
-        # a line may touch an arc or be square to it: either way it lies along an axis
-        joint = _Joint(a, b, at, axis, level and axis is not None, axis is None and self._crosses(a, b, at))
-        for c in (a, b):
-            if isinstance(c, _Arc):
-                c.crossed |= joint.crosses
-        return joint
-
-    def _crosses(self, a: _Carrier, b: _Carrier, at: tuple[float, float]) -> bool:
-        """Whether a line along an axis and an arc meet there, and not so nearly along each other that digits decide where."""
-        line, arc = (a, b) if isinstance(a, _Line) else (b, a)
-        if not isinstance(line, _Line) or not isinstance(arc, _Arc) or line.across is None:
-            return False
-        off, reach = line.place - arc.center[line.across], abs(at[1 - line.across] - arc.center[1 - line.across])
-        return reach > STEEP * arc.radius and abs(math.hypot(off, reach) - arc.radius) <= self.slack
-
-    def _axis_from(self, arc: _Arc, at: tuple[float, float]) -> int | None:
-        away = [abs(at[i] - arc.center[i]) for i in (X, Y)]
-        return X if away[Y] <= self.slack else Y if away[X] <= self.slack else None
-
-    def _fix(self) -> None:
-        """Arcs that end otherwise stay, and so do the lines that meet them there, and what touches those that lean."""
-        changed = True
-        fixed = self.fixed = set[tuple[int, int]]()  # lines along an axis, by their places
-        while changed:
-            changed = False
-            for joint in (j for loop in self.loops if loop for j in loop):
-                arcs = [c for c in (joint.before, joint.after) if isinstance(c, _Arc)]
-                if (arcs and not joint.fits and not joint.crosses) or any(arc.fixed for arc in arcs):
-                    for c in (joint.before, joint.after):
-                        changed |= self._fix_one(c, fixed)
-            for loop in filter(None, self.loops):
-                for a, b in zip(loop, [*loop[1:], loop[0]], strict=True):
-                    leaning = isinstance(a.after, _Line) and a.after.across is None
-                    ends = [(a, a.before), (b, b.after)]
-                    if leaning and any(isinstance(c, _Arc) for _, c in ends):
-                        for c in (c for _, c in ends):
-                            changed |= self._fix_one(c, fixed)
-
-    def _fix_one(self, c: _Carrier, fixed: set[tuple[int, int]]) -> bool:
-        if isinstance(c, _Arc):
-            before, c.fixed = c.fixed, True
-            return not before
-        key = None if c.across is None else (c.across, self._cell(c.place))
-        if key is None or key in fixed:
-            return False
-        fixed.add(key)
-        return True
-
-    def _cell(self, number: float) -> int:
-        return round(number / (4 * self.slack))
 
     # --- variables ----------------------------------------------------------------------------------------------------
 
@@ -249,31 +114,31 @@ class _Dimensions:
         centers = [(axis, c[axis]) for c in rounds for axis in (X, Y)]
         self._add("center", centers, ("hole_spacing_x", "hole_spacing_y"), ("hole_x", "hole_y"))
         self._add_arcs([c[:2] for c in rounds])
-        for joint in self._all_joints():
+        for joint in self.joints.all():
             self.system.rows += [row for row in self._equations(joint) if row]
 
     def _add_lines(self) -> None:
         turned = self.part.kind == "revolve"
-        words = (("radius", "height"), ("radius", "level")) if turned else (("length", "width"), ("edge_x", "edge_y"))
+        words = (("radius", "level"),) * 2 if turned else (("length", "width"), ("edge_x", "edge_y"))
         for inner, prefix in ((False, ""), (True, "window_")):
-            lines = [c for c in self._lines() if c.inner == inner and c.across is not None]
+            lines = [c for c in self.joints.lines() if c.inner == inner and c.across is not None]
             places = [(c.across or X, c.place) for c in lines] + [place for place in self._corners() if place[2] == inner]
-            places = [(axis, place) for axis, place, *_ in places if (axis, self._cell(place)) not in self.fixed]
+            places = [(axis, place) for axis, place, *_ in places if (axis, self.joints.cell(place)) not in self.joints.fixed]
             extents, single = ((prefix + x, prefix + y) for x, y in words)
             self._add(_side(inner), places, extents, single)
             if turned:
-                self._add_levels(_side(inner), sorted({self._cell(place): place for axis, place in places if axis == Y}.values()))
+                self._add_levels(_side(inner), sorted({self.joints.cell(place): place for axis, place in places if axis == Y}.values()))
 
     def _add_levels(self, what: str, levels: Sequence[float]) -> None:
         """Heights of turned parts above their lowest level, which stays."""
         for level in levels:
             above = level - self.outline.bounds[0][1]
             if above > self.slack:
-                self.known[what, Y, self._cell(level)] = {self._new("height" if level == levels[-1] else "level", above): 1.0}
+                self.known[what, Y, self.joints.cell(level)] = {self._new("height" if level == levels[-1] else "level", above): 1.0}
 
     def _add_arcs(self, holes: Sequence[tuple[float, float]]) -> None:
         """Centres of arcs that lie about a hole follow it, others the lines and arcs that they touch, as far as these say where."""
-        arcs = [arc for arc in self._arcs() if not arc.fixed]
+        arcs = [arc for arc in self.joints.arcs() if not arc.fixed]
         for arc in arcs:
             arc.size = self._radius("arc_radius" if arc.crossed else _ROUNDS[arc.half, arc.inner], arc.radius)
             hole = next((center for center in holes if math.dist(center, arc.center) <= self.slack), None)
@@ -291,22 +156,22 @@ class _Dimensions:
 
     def _corners(self) -> Iterator[tuple[int, float, bool]]:
         """Axis and place of the corners at which leaning lines meet others along an axis, there where these say nothing."""
-        for joint in self._all_joints():
-            along = [c for c in (joint.before, joint.after) if isinstance(c, _Line) and c.across is not None]
+        for joint in self.joints.all():
+            along = [c for c in (joint.before, joint.after) if isinstance(c, Line) and c.across is not None]
             if joint.along is None and len(along) == 1:
                 axis = 1 - (along[0].across or X)
                 yield axis, joint.at[axis], along[0].inner
 
-    def _held(self) -> Iterator[tuple[_Arc, int]]:
+    def _held(self) -> Iterator[tuple[Arc, int]]:
         """Arcs and the axes along which a line or another arc says where their centres are."""
-        for joint in self._all_joints():
+        for joint in self.joints.all():
             for arc, other in ((joint.before, joint.after), (joint.after, joint.before)):
-                if isinstance(arc, _Arc) and joint.fits and other is not arc:
-                    yield from ((arc, axis) for axis in (X, Y) if isinstance(other, _Arc) or other.across == axis)
+                if isinstance(arc, Arc) and joint.fits and other is not arc:
+                    yield from ((arc, axis) for axis in (X, Y) if isinstance(other, Arc) or other.across == axis)
 
     def _add(self, what: str, places: Iterable[tuple[int, float]], extents: tuple[str, str], single: tuple[str, str]) -> None:
         """Variables for places along an axis, those farthest out first; none for what lies on the axis itself."""
-        found = {(axis, self._cell(place)): place for axis, place in places if abs(place) > self.slack}
+        found = {(axis, self.joints.cell(place)): place for axis, place in places if abs(place) > self.slack}
         for axis, cell in sorted(found, key=lambda k: (k[0], -abs(k[1]), k[1])):
             place = found[axis, cell]
             self.places[what, axis, cell] = place
@@ -315,16 +180,16 @@ class _Dimensions:
             if self.part.kind == "revolve" and axis == Y:
                 continue
             outer = self._next_out(what, axis, place)
-            both = (axis, self._cell(-place)) in found and self.part.kind != "revolve"
-            if outer is not None and (not both or (what, axis, self._cell(-outer)) in self.known):
+            both = (axis, self.joints.cell(-place)) in found and self.part.kind != "revolve"
+            if outer is not None and (not both or (what, axis, self.joints.cell(-outer)) in self.known):
                 gap = self._new(f"inset_{'xy'[axis]}", abs(outer) - abs(place))
                 for side in (1, -1) if both else (math.copysign(1.0, place),):
                     known = self._place(what, axis, side * abs(outer))
-                    self.known[what, axis, self._cell(side * abs(place))] = _sum((known, 1.0), ({gap: 1.0}, -side))
+                    self.known[what, axis, self.joints.cell(side * abs(place))] = _sum((known, 1.0), ({gap: 1.0}, -side))
             elif both:
                 extent = self._new(extents[axis], 2 * abs(place))
                 for side in (1, -1):
-                    self.known[what, axis, self._cell(side * abs(place))] = {extent: side / 2}
+                    self.known[what, axis, self.joints.cell(side * abs(place))] = {extent: side / 2}
             else:
                 self.known[what, axis, cell] = {self._new(single[axis], place): 1.0}
 
@@ -341,10 +206,10 @@ class _Dimensions:
         return near if near is not None and abs(near) - abs(place) <= NEAR * abs(near) else None
 
     def _place(self, what: str, axis: int, place: float) -> Row:
-        return self.known.get((what, axis, self._cell(place)), {})
+        return self.known.get((what, axis, self.joints.cell(place)), {})
 
     def _radius(self, word: str, radius: float) -> Row:
-        key = (word, 0, self._cell(radius))
+        key = (word, 0, self.joints.cell(radius))
         if key not in self.known:
             self.known[key] = {self._new(word, radius): 1.0}
         return self.known[key]
@@ -352,30 +217,21 @@ class _Dimensions:
     def _new(self, word: str, value: float) -> int:
         return self.system.new(self.leaf, word, value)
 
-    def _lines(self) -> Iterator[_Line]:
-        return (j.after for j in self._all_joints() if isinstance(j.after, _Line))
-
-    def _arcs(self) -> Iterator[_Arc]:
-        return (j.after for j in self._all_joints() if isinstance(j.after, _Arc))
-
-    def _all_joints(self) -> Iterator[_Joint]:
-        return (joint for loop in self.loops if loop for joint in loop)
-
     # --- equations and vertices ---------------------------------------------------------------------------------------
 
-    def _equations(self, joint: _Joint) -> Iterator[Row]:
+    def _equations(self, joint: Joint) -> Iterator[Row]:
         """That both curves pass the vertex, where one is an arc that may move."""
         a, b = joint.before, joint.after
-        if joint.along is None or not joint.fits or any(isinstance(c, _Arc) and c.fixed for c in (a, b)):
+        if joint.along is None or not joint.fits or any(isinstance(c, Arc) and c.fixed for c in (a, b)):
             return
         for axis in (X, Y):
             (first, knows), (second, also) = (self._coordinate(c, joint, axis) for c in (a, b))
             if knows and also:
                 yield _sum((first, 1.0), (second, -1.0))
 
-    def _coordinate(self, c: _Carrier, joint: _Joint, axis: int) -> tuple[Row, bool]:
+    def _coordinate(self, c: Carrier, joint: Joint, axis: int) -> tuple[Row, bool]:
         """One coordinate of a vertex by one of its curves, and whether that says it."""
-        if isinstance(c, _Line):
+        if isinstance(c, Line):
             return (self._place(_side(c.inner), axis, c.place), True) if c.across == axis else ({}, False)
         center = c.at[axis] or {}
         if axis != joint.along:
@@ -387,15 +243,15 @@ class _Dimensions:
         circles = self._circles()
         return tuple(next(circles) if joints is None else self._vertices(joints, loop) for joints, loop in self._with_loops())
 
-    def _with_loops(self) -> Iterator[tuple[list[_Joint] | None, tuple[tuple[float, float, float], ...]]]:
-        return zip(self.loops, self.outline.loops, strict=True)
+    def _with_loops(self) -> Iterator[tuple[list[Joint] | None, tuple[tuple[float, float, float], ...]]]:
+        return zip(self.joints.loops, self.outline.loops, strict=True)
 
-    def _vertices(self, joints: Sequence[_Joint], loop: Sequence[tuple[float, float, float]]) -> tuple[DrawnVertex[Sum], ...]:
+    def _vertices(self, joints: Sequence[Joint], loop: Sequence[tuple[float, float, float]]) -> tuple[DrawnVertex[Sum], ...]:
         chamfered = self._chamfers(joints)
         rows = []
         for k, (joint, vertex) in enumerate(zip(joints, loop, strict=True)):
             arc = joint.after
-            bulge = _center(arc, 1 if vertex[2] > 0 else -1) if isinstance(arc, _Arc) and arc.crossed and not arc.fixed else vertex[2]
+            bulge = _center(arc, 1 if vertex[2] > 0 else -1) if isinstance(arc, Arc) and arc.crossed and not arc.fixed else vertex[2]
             if joint.crosses and not self._is_fixed(joint):
                 rows.append(self._crossing(joint, bulge))
                 continue
@@ -403,14 +259,14 @@ class _Dimensions:
             rows.append(DrawnVertex(Sum(x, vertex[0]), Sum(y, vertex[1]), bulge))
         return tuple(rows)
 
-    def _is_fixed(self, joint: _Joint) -> bool:
-        return any(isinstance(c, _Arc) and c.fixed for c in (joint.before, joint.after))
+    def _is_fixed(self, joint: Joint) -> bool:
+        return any(isinstance(c, Arc) and c.fixed for c in (joint.before, joint.after))
 
-    def _crossing(self, joint: _Joint, bulge: float | Center[Sum]) -> DrawnVertex[Sum]:
+    def _crossing(self, joint: Joint, bulge: float | Center[Sum]) -> DrawnVertex[Sum]:
         """Where an arc crosses a line along an axis: as far from the centre as the circle reaches there."""
-        line, arc = (joint.before, joint.after) if isinstance(joint.before, _Line) else (joint.after, joint.before)
-        assert isinstance(line, _Line)
-        assert isinstance(arc, _Arc)
+        line, arc = (joint.before, joint.after) if isinstance(joint.before, Line) else (joint.after, joint.before)
+        assert isinstance(line, Line)
+        assert isinstance(arc, Arc)
         assert line.across is not None
         across, axis = line.across, 1 - line.across
         place, center = self._place(_side(line.inner), across, line.place), arc.at[across] or {}
@@ -420,22 +276,22 @@ class _Dimensions:
         x, y = ends if across == X else reversed(ends)
         return DrawnVertex(x, y, bulge, Reach(axis, sign, Sum(arc.size, arc.radius), off))
 
-    def _vertex(self, joint: _Joint, axis: int) -> Row:
+    def _vertex(self, joint: Joint, axis: int) -> Row:
         curves = (joint.before, joint.after)
-        if self._is_fixed(joint) or (not joint.fits and any(isinstance(c, _Arc) for c in curves)):
+        if self._is_fixed(joint) or (not joint.fits and any(isinstance(c, Arc) for c in curves)):
             return {}
         known = next((row for row, knows in (self._coordinate(c, joint, axis) for c in curves) if knows), None)
         if known is not None or not joint.fits:
             return known or {}
         return self._place(_side(joint.after.inner), axis, joint.at[axis])  # where a line leans, the corner has a place of its own
 
-    def _chamfers(self, joints: Sequence[_Joint]) -> dict[int, tuple[Row, Row]]:
+    def _chamfers(self, joints: Sequence[Joint]) -> dict[int, tuple[Row, Row]]:
         """Of lines at 45 degrees between two along the axes the ends, each as far from where these would meet as the chamfer is wide."""
         out: dict[int, tuple[Row, Row]] = {}
         for k, joint in enumerate(joints):
             following = joints[(k + 1) % len(joints)]
             line, a, b = joint.after, joint.before, following.after
-            if not (isinstance(line, _Line) and line.across is None and isinstance(a, _Line) and isinstance(b, _Line)):
+            if not (isinstance(line, Line) and line.across is None and isinstance(a, Line) and isinstance(b, Line)):
                 continue
             if a.across is None or b.across is None or a.across == b.across:
                 continue
@@ -469,7 +325,7 @@ class _Dimensions:
         assert found is not None
         if self.part.kind == "revolve":
             return self._radius("tube_radius", found[2])
-        return self._radius("hole_radius" if self.holes[i] else "radius", found[2])
+        return self._radius("hole_radius" if self.joints.holes[i] else "radius", found[2])
 
     def circles_in_space(self) -> Iterator[_RoundWall]:
         """The circles of an extrusion along the world's axes."""
@@ -489,7 +345,7 @@ class _Dimensions:
             yield _RoundWall(self.leaf, axis, places, rows, found[2], self._circle_size(i))
 
 
-def _center(arc: _Arc, way: int) -> Center[Sum]:
+def _center(arc: Arc, way: int) -> Center[Sum]:
     x, y = (Sum(arc.at[axis] or {}, arc.center[axis]) for axis in (X, Y))
     return Center(x, y, way)
 
