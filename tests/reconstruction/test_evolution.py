@@ -63,7 +63,7 @@ def test_a_budget_of_one_second_still_returns_a_program():
 
 def test_two_bodies_share_the_time():
     apart = union(box(20, 20, 20), cylinder(8, 20, (40.0, 0.0, 0.0)))
-    *_, last = snapshots(mesh_of(apart), method="evolve", budget_s=10.0, language="csg")
+    *_, last = snapshots(mesh_of(apart), method="evolve", budget_s=10.0)
     assert volume_iou(to_manifold(last.program), to_manifold(apart)) > 0.995
     assert count(last.program).primitives == 2
     assert last.program in [c.program for c in last.front]

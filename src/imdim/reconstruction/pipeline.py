@@ -20,10 +20,11 @@ from imdim.deadline import Deadline
 from imdim.geometry.finish.overshoot import without_strays
 from imdim.geometry.solid import to_manifold
 from imdim.program.constraints import Constraint, scale_constraints
-from imdim.program.cost import count
+from imdim.program.cost import count, weigh
 from imdim.program.front import Choice
+from imdim.program.outline import regions
 from imdim.program.rewrite.simplify import reduce_program
-from imdim.program.tree import Program, combine_all, leaves, map_leaves
+from imdim.program.tree import Primitive, Program, combine_all, leaves, map_leaves
 from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.choices import choices_beside, few, unite_fronts
 from imdim.reconstruction.config import ConfigError, Settings, check_language
@@ -167,7 +168,7 @@ def _by_body(target: Target, work: _Work, left_out: list[InputError]) -> Iterato
 
 
 def _jointly(target: Target, work: _Work, apart: _BodyState) -> Iterator[_BodyState]:
-    """The bodies as one where that is shorter, or `apart` where time has cut the attempt."""
+    """The bodies as one where that is shorter, or `apart` where time has cut the attempt. Two bodies in one drawing are not shorter."""
     if work.budget.end_of("search").has_passed():
         yield replace(apart, stop=CUT)
         return
@@ -175,10 +176,16 @@ def _jointly(target: Target, work: _Work, apart: _BodyState) -> Iterator[_BodySt
         *_, joint = _body(target, work)
     except InputError:  # all is told by the bodies
         return
-    if count(joint.program).primitives < count(apart.program).primitives and joint.error < apart.error + JOINT_ERROR:
+    shorter = weigh(joint.program) < weigh(apart.program) and not any(_is_in_pieces(leaf) for leaf in leaves(joint.program))
+    if shorter and joint.error < apart.error + JOINT_ERROR:
         yield replace(joint, stage="joint", stop=_stop([apart.stop, joint.stop]))
     elif joint.stop == CUT:
         yield replace(apart, stop=CUT)
+
+
+def _is_in_pieces(leaf: Primitive) -> bool:
+    """Whether an outline has several separate areas."""
+    return leaf.outline is not None and len(regions(leaf.outline)) > 1
 
 
 def _together(stage: str, states: list[_BodyState]) -> _BodyState:
