@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from imdim.export.drawn_vertex import Center, DrawnVertex, Reach
-from imdim.export.outline_joints import Arc, Carrier, Joint, Line, OutlineJoints, Row, X, Y
+from imdim.export.outline_joints import DrawnArc, DrawnCurve, DrawnLine, Joint, OutlineJoints, Row, X, Y
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.design_values import is_level
 from imdim.program.outline import Outline, circle_of
@@ -157,17 +157,17 @@ class _Dimensions:
     def _corners(self) -> Iterator[tuple[int, float, bool]]:
         """Axis and place of the corners at which leaning lines meet others along an axis, there where these say nothing."""
         for joint in self.joints.all():
-            along = [c for c in (joint.before, joint.after) if isinstance(c, Line) and c.across is not None]
+            along = [c for c in (joint.before, joint.after) if isinstance(c, DrawnLine) and c.across is not None]
             if joint.along is None and len(along) == 1:
                 axis = 1 - (along[0].across or X)
                 yield axis, joint.at[axis], along[0].inner
 
-    def _held(self) -> Iterator[tuple[Arc, int]]:
+    def _held(self) -> Iterator[tuple[DrawnArc, int]]:
         """Arcs and the axes along which a line or another arc says where their centres are."""
         for joint in self.joints.all():
             for arc, other in ((joint.before, joint.after), (joint.after, joint.before)):
-                if isinstance(arc, Arc) and joint.fits and other is not arc:
-                    yield from ((arc, axis) for axis in (X, Y) if isinstance(other, Arc) or other.across == axis)
+                if isinstance(arc, DrawnArc) and joint.fits and other is not arc:
+                    yield from ((arc, axis) for axis in (X, Y) if isinstance(other, DrawnArc) or other.across == axis)
 
     def _add(self, what: str, places: Iterable[tuple[int, float]], extents: tuple[str, str], single: tuple[str, str]) -> None:
         """Variables for places along an axis, those farthest out first; none for what lies on the axis itself."""
@@ -222,16 +222,16 @@ class _Dimensions:
     def _equations(self, joint: Joint) -> Iterator[Row]:
         """That both curves pass the vertex, where one is an arc that may move."""
         a, b = joint.before, joint.after
-        if joint.along is None or not joint.fits or any(isinstance(c, Arc) and c.fixed for c in (a, b)):
+        if joint.along is None or not joint.fits or any(isinstance(c, DrawnArc) and c.fixed for c in (a, b)):
             return
         for axis in (X, Y):
             (first, knows), (second, also) = (self._coordinate(c, joint, axis) for c in (a, b))
             if knows and also:
                 yield _sum((first, 1.0), (second, -1.0))
 
-    def _coordinate(self, c: Carrier, joint: Joint, axis: int) -> tuple[Row, bool]:
+    def _coordinate(self, c: DrawnCurve, joint: Joint, axis: int) -> tuple[Row, bool]:
         """One coordinate of a vertex by one of its curves, and whether that says it."""
-        if isinstance(c, Line):
+        if isinstance(c, DrawnLine):
             return (self._place(_side(c.inner), axis, c.place), True) if c.across == axis else ({}, False)
         center = c.at[axis] or {}
         if axis != joint.along:
@@ -251,7 +251,7 @@ class _Dimensions:
         rows = []
         for k, (joint, vertex) in enumerate(zip(joints, loop, strict=True)):
             arc = joint.after
-            bulge = _center(arc, 1 if vertex[2] > 0 else -1) if isinstance(arc, Arc) and arc.crossed and not arc.fixed else vertex[2]
+            bulge = _center(arc, 1 if vertex[2] > 0 else -1) if isinstance(arc, DrawnArc) and arc.crossed and not arc.fixed else vertex[2]
             if joint.crosses and not self._is_fixed(joint):
                 rows.append(self._crossing(joint, bulge))
                 continue
@@ -260,13 +260,13 @@ class _Dimensions:
         return tuple(rows)
 
     def _is_fixed(self, joint: Joint) -> bool:
-        return any(isinstance(c, Arc) and c.fixed for c in (joint.before, joint.after))
+        return any(isinstance(c, DrawnArc) and c.fixed for c in (joint.before, joint.after))
 
     def _crossing(self, joint: Joint, bulge: float | Center[Sum]) -> DrawnVertex[Sum]:
         """Where an arc crosses a line along an axis: as far from the centre as the circle reaches there."""
-        line, arc = (joint.before, joint.after) if isinstance(joint.before, Line) else (joint.after, joint.before)
-        assert isinstance(line, Line)
-        assert isinstance(arc, Arc)
+        line, arc = (joint.before, joint.after) if isinstance(joint.before, DrawnLine) else (joint.after, joint.before)
+        assert isinstance(line, DrawnLine)
+        assert isinstance(arc, DrawnArc)
         assert line.across is not None
         across, axis = line.across, 1 - line.across
         place, center = self._place(_side(line.inner), across, line.place), arc.at[across] or {}
@@ -278,7 +278,7 @@ class _Dimensions:
 
     def _vertex(self, joint: Joint, axis: int) -> Row:
         curves = (joint.before, joint.after)
-        if self._is_fixed(joint) or (not joint.fits and any(isinstance(c, Arc) for c in curves)):
+        if self._is_fixed(joint) or (not joint.fits and any(isinstance(c, DrawnArc) for c in curves)):
             return {}
         known = next((row for row, knows in (self._coordinate(c, joint, axis) for c in curves) if knows), None)
         if known is not None or not joint.fits:
@@ -291,7 +291,7 @@ class _Dimensions:
         for k, joint in enumerate(joints):
             following = joints[(k + 1) % len(joints)]
             line, a, b = joint.after, joint.before, following.after
-            if not (isinstance(line, Line) and line.across is None and isinstance(a, Line) and isinstance(b, Line)):
+            if not (isinstance(line, DrawnLine) and line.across is None and isinstance(a, DrawnLine) and isinstance(b, DrawnLine)):
                 continue
             if a.across is None or b.across is None or a.across == b.across:
                 continue
@@ -345,7 +345,7 @@ class _Dimensions:
             yield _RoundWall(self.leaf, axis, places, rows, found[2], self._circle_size(i))
 
 
-def _center(arc: Arc, way: int) -> Center[Sum]:
+def _center(arc: DrawnArc, way: int) -> Center[Sum]:
     x, y = (Sum(arc.at[axis] or {}, arc.center[axis]) for axis in (X, Y))
     return Center(x, y, way)
 
