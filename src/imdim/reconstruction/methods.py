@@ -216,7 +216,8 @@ def _touch_up(run: Run, last: MethodStep) -> Iterator[MethodStep]:
     seen, deadline = run.seen, run.budget.end_of("search")
     if not (run.settings.evolution and seen.evidence.exact):
         return
-    if seen.error(last.program) < TOUCHED and count(last.program).primitives < LONG:
+    # what facets leave of curved surfaces, a program that is fitted to them only hides
+    if seen.error(last.program) - seen.faceting < TOUCHED and count(last.program).primitives < LONG:
         return
     best, least = seen.evidence.scorer.score([last.program])[0].fitness, seen.exact_price(last.program)
     for generation in () if deadline.has_passed() else _generations(run, {"search": list(last.others)}, deadline, TOUCH):
@@ -245,7 +246,7 @@ def _grow_if_poor(run: Run, best: MethodStep | None) -> MethodStep | None:
     A noisy cloud's time is better spent on its points: the cells' doubts make the tree long.
     """
     seen = run.seen
-    if best is not None and (seen.noisy or seen.error(best.program) <= (POOR_IF_CUT if best.stop == CUT else POOR)):
+    if best is not None and (seen.noisy or seen.error(best.program) <= (POOR_IF_CUT if best.stop == CUT else POOR) + seen.faceting):
         return best
     deadline = run.part_of("fit")
     program = run.seen.evidence.tree(deadline)

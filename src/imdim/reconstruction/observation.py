@@ -11,6 +11,7 @@ from manifold3d import Manifold
 
 from imdim.deadline import NEVER, Deadline
 from imdim.detection.cloud_surfaces import detect_cloud
+from imdim.detection.faceting import volume_between
 from imdim.detection.implied_planes import closing_planes
 from imdim.detection.mesh_surfaces import detect_patches
 from imdim.detection.noise import EXACT, NoiseModel, measure_noise
@@ -97,6 +98,11 @@ class Observation:
         samples = self.samples
         inside = kernels.inside(program, samples.points)
         return float(np.where(inside, samples.w_out, samples.w_in).sum()) / self.cells.volume
+
+    @cached_property
+    def faceting(self) -> float:
+        """Volume between a mesh and the curved surfaces that its facets stand for, relative to the body's: an error that is no program's."""
+        return 0.0 if self.target.mesh is None else volume_between(self.target.mesh, self.patches) / self.cells.volume
 
     def price(self, program: Program) -> float:
         """The search's objective, relative to the body's volume."""

@@ -1,0 +1,101 @@
+"""Whether delivered programs read as a designer's: ``python scripts/bench/editable.py RESULTS``
+
+RESULTS holds results folders. For each program.json: how many of its numbers (values of names, lengths and places that follow no name,
+angles) lie on a grid of 0.05 mm, of a sixteenth of an inch, or of 0.5 degrees; how many coefficients of expressions are none of 1, 1/2, 2
+and whole numbers; and how deep its operations nest, chains of one operation counted once. Programs of parts in other units than
+millimetres or inches fail the first by design.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from imdim.export.numbers import Expression
+from imdim.export.parameters import Parameters, parametrise
+from imdim.program.codec import constraints_of, from_json, parse, read_folded
+from imdim.program.nary import fold_nary
+from imdim.program.repeats import repeats
+from imdim.program.tree import OPS, Program, leaves
+
+GRIDS_MM = (0.05, 25.4 / 16)
+GRID_DEG = 0.5
+NEAR = 1e-5  # how far a number may lie from its grid: what files of single precision leave of it
+ZERO = 1e-9
+
+
+class Reading(NamedTuple):
+    """Counts of one program."""
+
+    numbers: int
+    on_grid: int
+    odd_coefficients: int
+    depth: int
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("results", type=Path)
+    given = parser.parse_args()
+    documents = sorted(given.results.glob("*/program.json"))
+    if not documents:
+        print(f"{given.results}: no folder in it has a program.json", file=sys.stderr)
+        return 2
+    readings = []
+    print("| part | numbers | on the grid | other coefficients | nesting |\n| --- | --- | --- | --- | --- |")
+    for path in documents:
+        r = read(path)
+        readings.append(r)
+        print(f"| {path.parent.name} | {r.numbers} | {_share(r.on_grid, r.numbers)} | {r.odd_coefficients} | {r.depth} |")
+    numbers, on_grid, odd, depths = zip(*readings, strict=True)
+    print(f"| all {len(documents)} | {sum(numbers)} | {_share(sum(on_grid), sum(numbers))} | {sum(odd)} | {statistics.median(depths):g} |")
+    return 0
+
+
+def read(path: Path) -> Reading:
+    """Count what the texts of a program.json hold."""
+    document = parse(path.read_bytes())
+    program, folded = from_json(document), read_folded(document)
+    named = parametrise(program, constraints_of(document), program, folded if any(repeats(folded)) else None)
+    on_grid = [*_lengths(named), *_angles(program, named)]
+    coefficients = [t.coefficient for e in _expressions(named) for t in e.terms]
+    odd = sum(abs(2 * c - round(2 * c)) > ZERO or (abs(c) > 0.5 and c % 1 != 0) for c in map(float, coefficients))
+    return Reading(len(on_grid), sum(on_grid), odd, nesting(program))
+
+
+def nesting(program: Program) -> int:
+    """How many operations lie about the deepest leaf; a union of three is one."""
+    return fold_nary(program, lambda _i, _leaf: 0, dict.fromkeys(OPS, lambda depths: 1 + max(depths)))
+
+
+def _expressions(named: Parameters) -> Iterator[Expression]:
+    for rows in (named.sizes, named.centers):
+        yield from (e for row in rows for e in row)
+    yield from (number for loops in named.outlines for loop in loops for v in loop for number in v.numbers() if isinstance(number, Expression))
+
+
+def _lengths(named: Parameters) -> Iterator[bool]:
+    yield from (_is_round(v, GRIDS_MM) for name, v in named.values.items() if name not in named.angles)
+    yield from (_is_round(e.constant, GRIDS_MM) for e in _expressions(named) if abs(e.constant) > ZERO)
+
+
+def _angles(program: Program, named: Parameters) -> Iterator[bool]:
+    yield from (_is_round(named.values[name], (GRID_DEG,)) for name in named.angles)
+    turned = (r for p in leaves(program) for r in p.rotation)
+    yield from (_is_round(r, (GRID_DEG,)) for r in turned if abs(r) > ZERO)
+
+
+def _is_round(value: float, grids: tuple[float, ...]) -> bool:
+    return any(abs(value - g * round(value / g)) <= NEAR for g in grids)
+
+
+def _share(part: int, whole: int) -> str:
+    return f"{part} ({part / whole:.0%})" if whole else "0"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
