@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
+from imdim.detection.chord_corners import onto_corners
 from imdim.detection.facets import Facets, Growing, MeshSurfaceConfig, facets_of, points_of
 from imdim.detection.mesh_hypotheses import hypotheses, ring_of
 from imdim.detection.mesh_support import members_of, sagitta, settle
@@ -28,7 +29,8 @@ def detect_patches(mesh: trimesh.Trimesh) -> list[Patch]:
     curved, free = _find_curved(facets, np.ones(len(facets.areas), bool), config)
     # corners where two tessellations cut each other lie on chords: what the strict pass leaves gets a second one
     more, free = _find_curved(facets, free, replace(config, on_surface=config.loose, max_failures=config.max_failures // 3))
-    return sorted(curved + more, key=lambda p: -p.area) + _planes(facets, free, config)
+    exact = [onto_corners(patch, facets.diagonal) for patch in curved + more]
+    return sorted(exact, key=lambda p: -p.area) + _planes(facets, free, config)
 
 
 def _find_curved(facets: Facets, free: np.ndarray, config: MeshSurfaceConfig) -> tuple[list[Patch], np.ndarray]:
