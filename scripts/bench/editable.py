@@ -75,7 +75,7 @@ def nesting(program: Program) -> int:
 def _expressions(named: Parameters) -> Iterator[Expression]:
     for rows in (named.sizes, named.centers):
         yield from (e for row in rows for e in row)
-    yield from (number for loops in named.outlines for loop in loops for v in loop for number in v.numbers() if isinstance(number, Expression))
+    yield from (number for loops in named.outlines for loop in loops for v in loop for number in v.numbers())
 
 
 def _lengths(named: Parameters) -> Iterator[bool]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from imdim.export.chance import without_chance
+from imdim.export.elimination import without_loose
 from imdim.export.numbers import round_program
 from imdim.export.parameters import Parameters, parametrise
 from imdim.geometry.finish.commute import Commutation, CommutedProgram
@@ -34,7 +35,7 @@ class FinishedProgram:
 
 
 def finish(program: Program, constraints: Sequence[Constraint] = ()) -> FinishedProgram:
-    """The program as it is delivered; `constraints` hold for the one given. What holds by chance is left out.
+    """The program as it is delivered; `constraints` hold for the one given, and those by chance, or that no names can keep, are left out.
 
     Repeats change the order of primitives. What nearly repeats, or would if it stood together, is made to if that hardly changes the solid.
     """
@@ -42,11 +43,13 @@ def finish(program: Program, constraints: Sequence[Constraint] = ()) -> Finished
     folding = next((f for f in _foldings(program) if is_same(program, f.program)), None)
     if folding is None:
         delivered = finish_flat(program)
+        constraints = without_loose(program, constraints, delivered)
         return FinishedProgram(delivered, rebase_constraints(delivered, constraints), parametrise(program, constraints, delivered), None)
     given, carried = folding.program, _renumber(constraints, folding.order)
     constraints = _without_rows(holding(given, carried), folding.folded)
     folded = with_leaves(folding.folded, finish_flat(given, folding.folded))
     delivered = expand(folded)
+    constraints = without_loose(given, constraints, delivered, folded)
     return FinishedProgram(
         delivered, rebase_constraints(delivered, constraints), parametrise(given, constraints, delivered, folded), folded
     )

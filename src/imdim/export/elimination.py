@@ -25,8 +25,8 @@ from imdim.program.tree import KINDS, Primitive, Program, leaves, longest
 from imdim.relations.residuals import rows_of
 
 ZERO = 1e-9  # coefficients
-SLIGHT = 1e-3  # a slanted equation that says less than this repeats others but for the noise of its directions
-STEEPEST = 3.0  # largest coefficient of an expression along slanted directions
+HALVES = 1e-6  # by which a coefficient may miss a half that it stands for: the digits of files
+SLOPE = 1e-6  # of a constraint's own slopes, that it may have with respect to a name
 PATTERNS = ("linear", "circular")
 _RANKS = {"center": 0, "radius": 2, "circle": 2}  # by the last part of a word, the last are eliminated last
 
@@ -35,15 +35,14 @@ _RANKS = {"center": 0, "radius": 2, "circle": 2}  # by the last part of a word, 
 class LinearSystem:
     """Equations [m, n] that hold at `start` [n]; variables from `extra` on are those of patterns, each with its first leaf and a word.
 
-    `slanted` are the equations of directions along no axis of the world. `ties` are equations for the numbers of one leaf, that are to
-    bind no others. `length` is the largest size. `drawn` says of leaves with outlines what the vertices are.
+    `ties` are equations for the numbers of one leaf, that are to bind no others. `length` is the largest size. `drawn` says of leaves with
+    outlines what the vertices are.
     """
 
     start: list[float]
     extra: int
     length: float
     rows: list[dict[int, float]] = field(default_factory=list)
-    slanted: list[dict[int, float]] = field(default_factory=list)
     ties: list[tuple[int, dict[int, float]]] = field(default_factory=list)
     extras: list[tuple[int, str]] = field(default_factory=list)
     drawn: dict[int, Drawn] = field(default_factory=dict)
@@ -75,8 +74,7 @@ class LinearSystem:
                 system._add_circle(constraint, numbers)
             else:
                 system._add_opposite(constraint, numbers)
-        for row in _linear(others, numbers):
-            (system.rows if _is_simple(row) else system.slanted).append(row)
+        system.rows += filter(None, map(_simple, _linear(others, numbers)))
         system.rows += list(_ground_leaf(parts[0], numbers))
         flush = {ref for c in constraints if c.kind in ("coplanar", "aligned") for ref in c.of}
         for own, face, word in seats(program):
@@ -85,24 +83,25 @@ class LinearSystem:
         return system
 
     def solve(self) -> dict[int, dict[int, float]]:
-        """Each number that follows from others, with their coefficients; a constant makes up the rest."""
-        equations = [*self.rows, *self.slanted, *(row for _, row in self.ties)]
+        """Each number that follows from others, with their coefficients; a constant makes up the rest. Those are wholes and halves, but
+        for places on a circle; what would follow by others stays a number."""
+        equations = [*self.rows, *(row for _, row in self.ties)]
         matrix = np.array([self._dense(row) for row in equations]).reshape(-1, len(self.start))
         pivots: dict[int, int] = {}
         for v, i in self._pivots(matrix):
             _eliminate(matrix, i, v)
             pivots[v] = i
-        return {v: {int(w): -float(matrix[i, w]) for w in np.flatnonzero(matrix[i]) if w != v} for v, i in pivots.items()}
+        solved = {v: {int(w): -float(matrix[i, w]) for w in np.flatnonzero(matrix[i]) if w != v} for v, i in pivots.items()}
+        return {v: row for v, row in solved.items() if all(_is_plain(c) or self._is_circle(w) for w, c in row.items())}
+
+    def _is_circle(self, v: int) -> bool:
+        return v >= self.extra and self.extras[v - self.extra][1] == "circle"
 
     def _pivots(self, matrix: np.ndarray) -> Iterator[tuple[int, int]]:
         """Which number follows from which equation of `matrix`, in which each is eliminated before the next is asked for."""
         order = self._order()
         yield from self._plain_pivots(matrix, order)
-        for i in range(len(self.rows), len(self.rows) + len(self.slanted)):
-            size = np.abs(matrix[i])
-            if size.max() > SLIGHT:
-                yield next(v for v in order if size[v] >= size.max() / STEEPEST), i
-        for i, (leaf, _) in enumerate(self.ties, start=len(self.rows) + len(self.slanted)):
+        for i, (leaf, _) in enumerate(self.ties, start=len(self.rows)):
             own = next((v for v in order if v // 6 == leaf and v < self.extra and abs(matrix[i, v]) > ZERO), None)
             if own is not None:
                 yield own, i
@@ -192,9 +191,16 @@ class LinearSystem:
                 self.rows.append({6 * leaf + 3 + a: 1.0, center: -1.0} | part)
 
 
-def _is_simple(row: dict[int, float]) -> bool:
-    """Whether the coefficients are ones that elimination keeps simple: wholes and halves."""
-    return all(abs(2 * c - round(2 * c)) <= ZERO for c in row.values())
+def _simple(row: dict[int, float]) -> dict[int, float] | None:
+    """The equation in wholes and halves, or None where it has none."""
+    largest = max(map(abs, row.values()))
+    halves = {v: round(2 * c / largest) / 2 for v, c in row.items()}
+    return {v: c for v, c in halves.items() if c} if all(abs(c - row[v] / largest) <= HALVES for v, c in halves.items()) else None
+
+
+def _is_plain(coefficient: float) -> bool:
+    """Whether it is a whole number of halves."""
+    return abs(2 * coefficient - round(2 * coefficient)) <= ZERO
 
 
 def _eliminate(matrix: np.ndarray, pivot: int, v: int) -> None:
@@ -212,16 +218,40 @@ def vector(parts: Sequence[Primitive]) -> np.ndarray:
     return np.array([v for p in parts for v in (*p.size, *(0.0,) * (3 - len(p.size)), *p.center)])
 
 
+def without_loose(
+    program: Program, constraints: Sequence[Constraint], delivered: Program, folded: Folded | None = None
+) -> tuple[Constraint, ...]:
+    """The constraints that hold whatever value a name gets. The others say of numbers as they are what the next edit makes untrue; one
+    that binds directions alone stays, since edits turn nothing."""
+    numbers = lower(program)
+    system = LinearSystem.of(program, constraints, delivered, folded)
+    matrix, owner = _world_rows(constraints, numbers)
+    follows = np.zeros((6 * len(numbers.kinds), len(system.start)))
+    follows[np.arange(len(follows)), np.arange(len(follows))] = 1.0
+    for v, row in system.solve().items():
+        if v < len(follows):
+            follows[v] = 0.0
+            follows[v, list(row)] = list(row.values())
+    slope = np.abs(matrix @ follows).max(1, initial=0.0)
+    loose = set(owner[slope > SLOPE * np.abs(matrix).max(1, initial=0.0)].tolist())
+    return tuple(c for number, c in enumerate(constraints) if number not in loose)
+
+
 def _linear(constraints: Sequence[Constraint], numbers: Lowered) -> Iterator[dict[int, float]]:
     """The rows of constraints with respect to sizes and centres; those of directions alone are empty and left out."""
-    k = len(numbers.kinds)
-    rows = rows_of([c for c in constraints if c.kind not in ("parallel", "perpendicular")], numbers)
-    local = rows.jacobian.reshape(-1, k, 9)
-    world = np.concatenate([local[:, :, :3], np.einsum("mki,kji->mkj", local[:, :, 3:6], numbers.rotations)], axis=2).reshape(-1, 6 * k)
-    for row in world:
+    for row in _world_rows([c for c in constraints if c.kind not in ("parallel", "perpendicular")], numbers)[0]:
         found = {int(v): float(row[v]) for v in np.flatnonzero(np.abs(row) > ZERO)}
         if found:
             yield found
+
+
+def _world_rows(constraints: Sequence[Constraint], numbers: Lowered) -> tuple[np.ndarray, np.ndarray]:
+    """The rows [m, 6 k] of constraints with respect to sizes and centres in the world, and the constraint [m] that each is of."""
+    k = len(numbers.kinds)
+    rows = rows_of(constraints, numbers)
+    local = rows.jacobian.reshape(-1, k, 9)
+    world = np.concatenate([local[:, :, :3], np.einsum("mki,kji->mkj", local[:, :, 3:6], numbers.rotations)], axis=2)
+    return world.reshape(-1, 6 * k), rows.owner
 
 
 def _ground_leaf(first: Primitive, numbers: Lowered) -> Iterator[dict[int, float]]:

@@ -101,7 +101,7 @@ class Observation:
 
     @cached_property
     def faceting(self) -> float:
-        """Volume between a mesh and the curved surfaces that its facets stand for, relative to the body's: an error that is no program's."""
+        """Volume between a mesh and the curved surfaces that its facets stand for, relative to the body's: no fault of a program."""
         return 0.0 if self.target.mesh is None else volume_between(self.target.mesh, self.patches) / self.cells.volume
 
     def price(self, program: Program) -> float:
