@@ -134,7 +134,7 @@ def test_without_time_the_likeliest_is_told_as_it_is():
 @pytest.mark.parametrize("noisy", [True, False])
 def test_a_noisy_clouds_time_is_not_spent_on_the_decision_tree(noisy):
     asked = []  # and gives nothing
-    seen = SimpleNamespace(noisy=noisy, error=lambda _: 1.0, evidence=SimpleNamespace(tree=lambda _: asked.append(seen)))
+    seen = SimpleNamespace(noisy=noisy, error=lambda _: 1.0, faceting=0.0, evidence=SimpleNamespace(tree=lambda _: asked.append(seen)))
     run = SimpleNamespace(seen=seen, part_of=lambda _: NEVER)
     found = methods.MethodStep("search", Primitive("sphere", (1.0,)))
     assert methods._grow_if_poor(run, found) is found

@@ -250,3 +250,12 @@ def test_a_run_is_cut_where_its_method_says_so_not_where_a_deadline_was_asked(cu
     *_, last = reconstruct(target, settings, np.random.default_rng(0), lambda: hands[0])
     assert last.stop == ("budget_spent" if cut else "finished")
     assert last.program == box(40.0, 30.0, 10.0, (100.0, 0.0, 0.0))
+
+
+def test_numbers_are_not_bent_towards_facets():
+    """A funnel whose wall is thin beside what its facets leave out of it: an evolution that may fit facets takes radii of 199.9."""
+    wall = cut(Primitive("cone", (200.0, 100.0, 200.0)), Primitive("cone", (197.0, 97.0, 200.0)))
+    *_, last = reconstruct(target_from(mesh_of(wall, 64)), Settings(language="cad"), np.random.default_rng(0))
+    (funnel,) = leaves(last.program)
+    assert funnel.outline is not None
+    assert {round(v[0], 9) for loop in funnel.outline.loops for v in loop} == {100.0, 97.0, 200.0, 197.0}

@@ -188,3 +188,12 @@ def test_what_rounding_broke_is_held_again():
     assert first.size[2] == pytest.approx(second.size[2], abs=1e-9) == pytest.approx(10.01)
     assert (first.size[:2], second.size[:2]) == ((10, 10), (10, 10))
     assert constraints == (equal, already)
+
+
+def test_round_numbers_stay_where_others_come_to_them():
+    plate, rib = box(40, 20, 6), replace(box(3, 10, 4, (8.5, 2.5, 5)), rotation=(0.0, 0.0, 30.0))
+    other = replace(box(3, 10, 4, (-8.5, 2.5, 5)), rotation=(0.0, 0.0, 30.00002))
+    found = exact_relations(union(plate, rib, other))
+    assert any(c.kind == "parallel" for c in found.constraints)
+    assert [p.rotation[2] for p in leaves(found.program)][1] == 30.0
+    assert [p.rotation[2] for p in leaves(found.program)][2] == pytest.approx(30.0, abs=1e-9)

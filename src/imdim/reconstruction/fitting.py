@@ -18,7 +18,7 @@ from imdim.numbers.snap import SnapConfig, accept_changes, snap
 from imdim.numbers.symmetry_normal_form import canonical
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
-from imdim.program.tree import Program, map_leaves
+from imdim.program.tree import Primitive, Program, leaves, map_leaves
 from imdim.reconstruction.observation import Observation
 from imdim.reconstruction.preserve import is_same, preserve, volume_difference
 from imdim.relations.discover import exact_relations, hold_constraints
@@ -32,6 +32,7 @@ SHOWN = 8192  # points of a target that numbers and relations are judged by
 SNAP_LOSS = 1e-4  # of the volume IoU with a mesh, that rounder numbers may cost: typed ones cost none
 MOST_RELATED = 120  # primitives; the time that relations take grows with the square
 RELATE_ERROR, RELATE_MOVE = 1e-2, 1e-5  # shares of mean distance and diagonal that relations may cost
+SNAP_TRIES = 24  # programs that are made to find which rounder primitives can stand together
 HOLD_TRIES = 24  # programs that are made to find which relations hold beside rounder numbers
 
 Related = tuple[Program, tuple[Constraint, ...]]  # a program and what holds for it
@@ -98,17 +99,28 @@ def snap_numbers(program: Program, seen: Observation, frame: Frame, deadline: De
     plain = map_leaves(program, lambda _, leaf: canonical(leaf))
     if deadline.has_passed():
         return plain
-    before = seen.iou(to_unit(plain))
+    before, most = seen.iou(to_unit(plain)), SNAP_CHANGE if exact else 10 * SNAP_CHANGE
+
+    def bears(trial: Program) -> bool:
+        if deadline.has_passed() or volume_difference(plain, trial, SEGMENTS) >= most:
+            return False
+        return before is None or before - (seen.iou(to_unit(trial)) or 0.0) < SNAP_LOSS
+
+    out = plain
     for boldness in (1.0, 0.1, 0.01) if exact else (1.0, 0.3):
         if deadline.has_passed():
             break
         config = SnapConfig(max_move=(1e-3 if exact else 2e-3) * boldness, abs_tolerance=(2e-6 if exact else 2e-5) * boldness)
-        rounder = snap(program, distance, config=config, deadline=deadline)
-        if volume_difference(plain, rounder, SEGMENTS) < (SNAP_CHANGE if exact else 10 * SNAP_CHANGE) and (
-            before is None or before - (seen.iou(to_unit(rounder)) or 0.0) < SNAP_LOSS
-        ):
-            return rounder
-    return plain
+        old, new = list(leaves(out)), list(leaves(snap(out, distance, config=config, deadline=deadline)))
+        changes = [(i, leaf) for i, leaf in enumerate(new) if leaf != old[i]]
+        out = accept_changes(out, changes, _with_leaf, bears, SNAP_TRIES)
+        if list(leaves(out)) == new:
+            break
+    return out
+
+
+def _with_leaf(program: Program, change: tuple[int, Primitive]) -> Program:
+    return map_leaves(program, lambda i, leaf: change[1] if i == change[0] else leaf)
 
 
 def _surface_points(seen: Observation) -> np.ndarray:

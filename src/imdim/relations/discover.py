@@ -19,7 +19,7 @@ from imdim.geometry.pose import Pose, radii
 from imdim.numbers.face_coordinates import lift_numbers
 from imdim.program.constraints import WORLD, Constraint
 from imdim.program.roles import name_constraints
-from imdim.program.tree import Program
+from imdim.program.tree import Program, leaves
 from imdim.relations.belief import (
     CUT,
     DeterminedFaces,
@@ -44,6 +44,8 @@ SAME = 1e-10  # what a number moves by rounding, as a share of the part
 FLOOR = 2e-6  # share of the part's diagonal below which no number counts as known: what exact targets differ from their design by
 MIN_SUPPORT = 6.0  # what fewer points show is not shown, as in `refine`
 SIGNIFICANCE = 1e-4  # of the test by which a relation is given up
+ROUND, ROUND_DEG = 1e-4, 0.1  # the finest grid of round numbers, of the power of ten below the part's size; and in degrees
+FIRM = 1e6  # points' worth that hold a round number
 REVIEWS = 8  # relations that are given up at most
 SPANNED = 1e-6  # weights in combinations of rows that vanish
 TRANSITIVE = ("parallel", "equal", "coaxial", "concentric")
@@ -87,15 +89,31 @@ def discover(program: Program, points: np.ndarray, deadline: Deadline = NEVER) -
 def exact_relations(program: Program, deadline: Deadline = NEVER) -> Discovery:
     """Relations that the numbers of a finished program support by themselves, each known to FLOOR.
 
-    Numbers move by no more than that. Unlike `discover`, it also sees faces that are hidden where parts meet.
+    Numbers move by no more than that, round ones less than others. Unlike `discover`, it also sees faces that are hidden where parts meet.
     """
     start = lower(program)
     length = _length(start)
-    k, floor = len(start.kinds), FLOOR * length
-    chosen = _choose(start, floor**2 * np.eye(9 * k), prior(start, length), DeterminedFaces.everything(start), uniform(k), deadline)
-    numbers = _keep_unmoved(start, onto(start, chosen.taken, length, uniform(k)), length)
+    k, floor, metric = len(start.kinds), FLOOR * length, _firm_where_round(program, length)
+    chosen = _choose(start, floor**2 * np.eye(9 * k), prior(start, length), DeterminedFaces.everything(start), metric, deadline)
+    numbers = _keep_unmoved(start, onto(start, chosen.taken, length, metric), length)
     constraints = name_constraints(merge_transitive(prune_implied(chosen.taken, numbers)), program)
     return Discovery(lift_numbers(program, start, numbers), constraints)
+
+
+def _firm_where_round(program: Program, length: float) -> Normal:
+    """A metric in which sizes, places and directions that are round weigh so much that the others come to them."""
+    finest = ROUND * 10.0 ** np.floor(np.log10(length))
+    weights = []
+    for p in leaves(program):
+        sizes = [_is_round(value, finest, length) for value in (*p.size, *(1.0,) * (3 - len(p.size)))]
+        center, turn = all(_is_round(v, finest, length) for v in p.center), all(_is_round(v, ROUND_DEG, 360.0) for v in p.rotation)
+        weights.append([*sizes, *[center] * 3, *[turn] * 3])
+    metric = uniform(len(weights))
+    return replace(metric, matrix=metric.matrix * np.where(weights, FIRM, 1.0)[:, :, None])
+
+
+def _is_round(value: float, grid: float, scale: float) -> bool:
+    return abs(value - grid * round(value / grid)) <= SAME * scale
 
 
 def _choose(
@@ -140,7 +158,8 @@ def hold_constraints(program: Program, constraints: Sequence[Constraint]) -> tup
     """The program moved onto the constraints by the shortest way, and those that then hold; numbers that none of them names stay."""
     start = lower(program)
     length = _length(start)
-    moved = lift_numbers(program, start, _keep_unmoved(start, onto(start, constraints, length, uniform(len(start.kinds))), length))
+    metric = _firm_where_round(program, length)
+    moved = lift_numbers(program, start, _keep_unmoved(start, onto(start, constraints, length, metric), length))
     return moved, holding(moved, constraints)
 
 
