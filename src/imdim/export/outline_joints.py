@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from imdim.program.outline import Curve, Outline, arc_center, arc_radius, circle_of, loop_curves, nesting
 
 HALF = 1e-6  # of a bulge, by which a half turn may differ from 1
+QUARTER = math.tan(math.pi / 8)  # the bulge of a quarter turn
 STEEP = 0.05  # of the radius: what an arc must reach along a line that it crosses
 X, Y = 0, 1
 
@@ -26,12 +27,13 @@ class DrawnLine:
 
 @dataclass
 class DrawnArc:
-    """An arc with the variables of its centre and radius, once it has them; one that is `fixed` has none. `inner` ones bound a hole, and
-    those that are `crossed` have no angles of their own."""
+    """An arc with the variables of its centre and radius, once it has them; one that is `fixed` has none. One that is `half` turns by
+    180 degrees, a `wide` one by more than 90. `inner` ones bound a hole, and those that are `crossed` have no angles of their own."""
 
     center: tuple[float, float]
     radius: float
     half: bool
+    wide: bool
     inner: bool
     fixed: bool = False
     crossed: bool = False
@@ -103,7 +105,7 @@ class OutlineJoints:
             digits = -math.floor(math.log10(self.slack))
             (a, b), radius = arc_center(curve), arc_radius(curve)
             center = round(a, digits) + 0.0, round(b, digits) + 0.0
-            return DrawnArc(center, round(radius, digits), abs(abs(bulge) - 1) < HALF, inner)
+            return DrawnArc(center, round(radius, digits), abs(abs(bulge) - 1) < HALF, abs(bulge) > QUARTER + HALF, inner)
         if abs(u - x) <= self.slack:
             return DrawnLine(X, x, inner)
         return DrawnLine(Y, y, inner) if abs(v - y) <= self.slack else DrawnLine(None, 0.0, inner)

@@ -103,6 +103,7 @@ class _Dimensions:
         self.joints = OutlineJoints(part.outline, self.slack)
         self.known: dict[tuple[str, int, int], Row] = {}  # by word, axis, place on a grid
         self.places: dict[tuple[str, int, int], float] = {}
+        self.following = {} if part.kind == "revolve" else dict(self._find_following())
         self._add_places()
 
     # --- variables ----------------------------------------------------------------------------------------------------
@@ -124,6 +125,7 @@ class _Dimensions:
             lines = [c for c in self.joints.lines() if c.inner == inner and c.across is not None]
             places = [(c.across or X, c.place) for c in lines] + [place for place in self._corners() if place[2] == inner]
             places = [(axis, place) for axis, place, *_ in places if (axis, self.joints.cell(place)) not in self.joints.fixed]
+            places = [(axis, place) for axis, place in places if (_side(inner), axis, self.joints.cell(place)) not in self.following]
             extents, single = ((prefix + x, prefix + y) for x, y in words)
             self._add(_side(inner), places, extents, single)
             if turned:
@@ -137,7 +139,8 @@ class _Dimensions:
                 self.known[what, Y, self.joints.cell(level)] = {self._new("height" if level == levels[-1] else "level", above): 1.0}
 
     def _add_arcs(self, holes: Sequence[tuple[float, float]]) -> None:
-        """Centres of arcs that lie about a hole follow it, others the lines and arcs that they touch, as far as these say where."""
+        """Centres of arcs that lie about a hole follow it, others the lines and arcs that they touch, as far as these say where; the lines
+        beside an arc that turns far follow that."""
         arcs = [arc for arc in self.joints.arcs() if not arc.fixed]
         for arc in arcs:
             arc.size = self._radius("arc_radius" if arc.crossed else _ROUNDS[arc.half, arc.inner], arc.radius)
@@ -153,6 +156,19 @@ class _Dimensions:
                     arc.at[axis] = {self._new("arc_center", arc.center[axis]): 1.0}
                 elif arc.at[axis] is None:
                     arc.at[axis] = self._place("arc", axis, arc.center[axis])
+        for (what, axis, cell), (arc, side) in self.following.items():
+            self.known[what, axis, cell] = _sum((arc.at[axis] or {}, 1.0), (arc.size, side))
+
+    def _find_following(self) -> Iterator[tuple[tuple[str, int, int], tuple[DrawnArc, float]]]:
+        """The lines that touch an arc of more than a quarter turn, by word, axis and place, with that and the side where they lie: a
+        round end, which is somewhere and has a radius, unlike a rounded corner, which is where its lines are."""
+        for joint in self.joints.all():
+            for arc, line in ((joint.before, joint.after), (joint.after, joint.before)):
+                if not isinstance(arc, DrawnArc) or not isinstance(line, DrawnLine) or not (arc.wide and joint.fits) or arc.fixed:
+                    continue
+                place = (joint.along or X, self.joints.cell(line.place))
+                if joint.along is not None and line.across == joint.along and place not in self.joints.fixed:
+                    yield (_side(line.inner), *place), (arc, math.copysign(1.0, line.place - arc.center[joint.along]))
 
     def _corners(self) -> Iterator[tuple[int, float, bool]]:
         """Axis and place of the corners at which leaning lines meet others along an axis, there where these say nothing."""
@@ -167,7 +183,10 @@ class _Dimensions:
         for joint in self.joints.all():
             for arc, other in ((joint.before, joint.after), (joint.after, joint.before)):
                 if isinstance(arc, DrawnArc) and joint.fits and other is not arc:
-                    yield from ((arc, axis) for axis in (X, Y) if isinstance(other, DrawnArc) or other.across == axis)
+                    yield from ((arc, axis) for axis in (X, Y) if isinstance(other, DrawnArc) or self._says_where(other, axis))
+
+    def _says_where(self, line: DrawnLine, axis: int) -> bool:
+        return line.across == axis and (_side(line.inner), axis, self.joints.cell(line.place)) not in self.following
 
     def _add(self, what: str, places: Iterable[tuple[int, float]], extents: tuple[str, str], single: tuple[str, str]) -> None:
         """Variables for places along an axis, those farthest out first; none for what lies on the axis itself."""
