@@ -1,6 +1,7 @@
 """`imdim edit`: files whole or not at all, one line and status 2 for what cannot be."""
 
 import json
+import re
 import subprocess
 import sys
 
@@ -36,6 +37,7 @@ def test_the_edited_folder(source, tmp_path, capsys):
         "mesh.stl",
         "mesh.glb",
         "mesh.3mf",
+        "edit.png",
     }
     sizes = [part["size"] for part in json.loads((folder / "program.json").read_text())["program"]["parts"]]
     assert (sizes[0]["sz"], sizes[1]["r"], sizes[2]["r"]) == (9, 3.2, 3.2)
@@ -85,3 +87,20 @@ def test_folders_that_are_not_ours_stay(source, tmp_path, capsys):
         assert main(["edit", str(source), "--set", "hole_radius=3.2", "-o", str(folder)]) == 2
         assert capsys.readouterr().err.count("\n") == 1
     assert source.exists()
+
+
+def test_an_edit_says_what_it_did_to_the_solid(source, tmp_path, capsys):
+    assert main(["edit", str(source), "--set", "plate_thickness=9", "-o", str(tmp_path / "new")]) == 0
+    said = capsys.readouterr().out.splitlines()[-3:]
+    assert said[0] == "size    80 x 50 x 6 -> 80 x 50 x 9"
+    assert re.fullmatch(r"volume  2366\d\.?\d* -> 3549\d\.?\d* \(\+50\.0%\)", said[1])
+    assert said[2] == "in kind as before: 1 body, 2 through-holes"
+
+
+def test_an_edit_that_closes_or_opens_something_says_so_and_is_refused_if_strict(source, tmp_path, capsys):
+    arguments = ["edit", str(source), "--set", "hole_radius=26", "-o", str(tmp_path / "new")]
+    assert main([*arguments, "--strict"]) == 2
+    assert capsys.readouterr().err == f"imdim: {source}: hole_radius = 26: 1 body became 6, 2 through-holes became 0\n"
+    assert not (tmp_path / "new").exists()
+    assert main(arguments) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "changed in kind: 1 body became 6, 2 through-holes became 0"

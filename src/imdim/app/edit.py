@@ -25,6 +25,7 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a name and its new value; may be repeated")
     out.add_argument("--list", action="store_true", help="print the names, their values, and what they mean")
     out.add_argument("-o", "--output", metavar="FOLDER", help="where the edited files go")
+    out.add_argument("--strict", action="store_true", help="refuse an edit that opens, closes or parts something")
     out.add_argument("--step", action="store_true", help="write program.step too, which takes seconds")
     return out
 
@@ -38,7 +39,7 @@ def main(argv: Sequence[str]) -> int:
     elif not given.set or folder is None:
         raise ConfigError("imdim edit needs --set NAME=VALUE and -o FOLDER, or --list")
     else:
-        sys.stdout.write(edit_program(source, _assignments(given.set), Path(folder), given.step))
+        sys.stdout.write(edit_program(source, _assignments(given.set), Path(folder), given.step, given.strict))
     return 0
 
 
@@ -53,15 +54,24 @@ def list_names(source: Path) -> str:
     return "".join(f"{name:<{names}}  {value:>{values}}  {meaning}\n" for name, value, meaning in rows) or f"{source}: no names\n"
 
 
-def edit_program(source: Path, values: dict[str, float], folder: Path, step: bool = False) -> str:
-    """Write the edited files, and say what was written. Raises ConfigError, and then nothing was written."""
-    from imdim.export.edit import change_values, write
+def edit_program(source: Path, values: dict[str, float], folder: Path, step: bool = False, strict: bool = False) -> str:
+    """Write the edited files, and say what was written and what the edit did to the solid.
+
+    Raises ConfigError, and then nothing was written; where `strict` also for a solid with other bodies, through-holes or voids.
+    """
+    from imdim.export.edit import change_values, solid_of, write
+    from imdim.export.edit_report import EditReport
 
     if folder.resolve() == source.resolve().parent:
         raise ConfigError(f"output folder {folder} is that of {source.name}, whose report would be lost: give another")
     with refusing(source):
-        files = write(change_values(_open(source), values), folder, STEP_LIMIT_S if step else 0.0)
-    return list_files(folder, files)
+        before = _open(source)
+        after = change_values(before, values)
+        report = EditReport.of(solid_of(before), solid_of(after))
+        if strict and report.changes_in_kind:
+            raise ValueError(f"{', '.join(f'{n} = {v:g}' for n, v in values.items())}: {report.changes_in_kind}")
+        files = write(after, folder, STEP_LIMIT_S if step else 0.0, before)
+    return list_files(folder, files) + "".join(f"{line}\n" for line in report.lines())
 
 
 def _open(source: Path) -> Delivered:

@@ -16,6 +16,7 @@ from pathlib import Path
 from manifold3d import Manifold
 
 from imdim.export.delivered import AGREE, LOOPS, Delivered, EditError, is_size, read, texts_of
+from imdim.export.edit_report import picture_of
 from imdim.export.folder import FILES, replacing
 from imdim.export.meshes import write_meshes
 from imdim.export.numbers import MAX_SEGMENTS, Rounding, plain, round_program, to_fixed_point
@@ -147,10 +148,11 @@ def solid_of(delivered: Delivered) -> Manifold:
     return solid
 
 
-def write(delivered: Delivered, folder: Path, step_limit_s: float = 0.0) -> dict[str, str]:
+def write(delivered: Delivered, folder: Path, step_limit_s: float = 0.0, before: Delivered | None = None) -> dict[str, str]:
     """Write program.json, the texts and the meshes into `folder`, whole or not at all; what became of each file.
 
-    With `step_limit_s` also program.step, which is skipped, with the reason, where OpenCASCADE is missing, fails or takes longer.
+    With what was there `before` also edit.png, a picture of both solids. With `step_limit_s` also program.step, which is skipped, with
+    the reason, where OpenCASCADE is missing, fails or takes longer.
     Raises OutputError when the folder cannot be written or holds foreign files, EditError where the solid is empty.
     """
     solid = solid_of(delivered)
@@ -159,6 +161,8 @@ def write(delivered: Delivered, folder: Path, step_limit_s: float = 0.0) -> dict
         for file, text in texts.items():
             (partial / file).write_text(text, encoding="utf-8")
         write_meshes(solid, partial)
+        if before is not None:
+            picture_of(solid_of(before), solid).save(partial / "edit.png")
         skipped: dict[str, str] = {}
         if step_limit_s:
             with exporting(partial) as job:

@@ -29,6 +29,7 @@ FILES = (
     "mesh.glb",
     "mesh.3mf",
     "preview.png",
+    "edit.png",
     "front.json",
     "report.json",
     "report.html",
