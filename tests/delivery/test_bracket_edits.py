@@ -25,6 +25,11 @@ EDITS = {
     "holes further out": ({"plate_hole_spacing_x": 102.0}, {"[-48,": "[-51,", "[48,": "[51,"}),
     "larger bore": ({"bore": 11.0}, {"r = 10, h = 44": "r = 11, h = 44", "r1 = 10, r2 = 14, h = 8": "r1 = 11, r2 = 14, h = 8"}),
     "larger nipple": ({"ball_radius": 8.0}, {"sphere(r = 5)": "sphere(r = 8)"}),
+    "higher boss": (
+        {"turned_part_height": 35.0},
+        {"22]) cylinder(r = 18, h = 28": "24]) cylinder(r = 18, h = 32", "18]) cylinder(r = 10, h = 44": "20]) cylinder(r = 10, h = 48"}
+        | {"translate([0, 0, 33])": "translate([0, 0, 37])"},
+    ),
     "thinner ribs": ({"rib": 4.0}, {"cube([6, 12, 14]": "cube([4, 12, 14]"}),
 }
 

@@ -132,11 +132,28 @@ class _Dimensions:
                 self._add_levels(_side(inner), sorted({self.joints.cell(place): place for axis, place in places if axis == Y}.values()))
 
     def _add_levels(self, what: str, levels: Sequence[float]) -> None:
-        """Heights of turned parts above their lowest level, which stays."""
-        for level in levels:
-            above = level - self.outline.bounds[0][1]
-            if above > self.slack:
-                self.known[what, Y, self.joints.cell(level)] = {self._new("height" if level == levels[-1] else "level", above): 1.0}
+        """Heights of turned parts above their lowest level, which stays; a chamfer or a countersink at the top is measured from there."""
+        lowest = self.outline.bounds[0][1]
+        above = {level: level - lowest for level in levels if level - lowest > self.slack}
+        hanging = self._hanging(levels[-1]) if above else set()
+        for level, height in above.items():
+            if self.joints.cell(level) not in hanging or 2 * height < above[levels[-1]]:
+                self.known[what, Y, self.joints.cell(level)] = {self._new("height" if level == levels[-1] else "level", height): 1.0}
+        for level in above:
+            if (what, Y, self.joints.cell(level)) not in self.known:
+                down = self._new("depth", levels[-1] - level)
+                self.known[what, Y, self.joints.cell(level)] = _sum((self._place(what, Y, levels[-1]), 1.0), ({down: 1.0}, -1.0))
+
+    def _hanging(self, top: float) -> set[int]:
+        """The cells of levels from which a leaning line runs up to the top."""
+        found = set()
+        for joints in filter(None, self.joints.loops):
+            for joint, following in zip(joints, [*joints[1:], joints[0]], strict=True):
+                ends = joint.at[Y], following.at[Y]
+                leans = isinstance(joint.after, DrawnLine) and joint.after.across is None
+                if leans and abs(max(ends) - top) <= self.slack:
+                    found.add(self.joints.cell(min(ends)))
+        return found
 
     def _add_arcs(self, holes: Sequence[tuple[float, float]]) -> None:
         """Centres of arcs that lie about a hole follow it, others the lines and arcs that they touch, as far as these say where; the lines
