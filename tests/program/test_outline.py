@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from outlined_samples import random_drawn, random_outline, wraps
 
+from imdim.geometry.census import census_of
+from imdim.geometry.solid import to_manifold
 from imdim.program.codec import dumps, from_json, loads, to_json
 from imdim.program.outline import (
     MOST_CURVES,
@@ -26,7 +28,7 @@ from imdim.program.outline import (
     rectangle,
     reverse_loop,
 )
-from imdim.program.tree import OUTLINED, Primitive, envelope, map_lengths
+from imdim.program.tree import OUTLINED, Primitive, combine_all, envelope, map_lengths
 
 (SQUARE,) = rectangle(2.0, 2.0).loops
 STADIUM: Loop = ((-1.0, -0.5, 0.0), (1.0, -0.5, 1.0), (1.0, 0.5, 0.0), (-1.0, 0.5, 1.0))
@@ -295,3 +297,16 @@ def test_programs_without_outlines_keep_their_version():
     document["version"] = 4
     with pytest.raises(ValueError, match="unknown key 'outline'"):
         from_json(document)
+
+
+def test_walls_on_one_circle_have_the_same_facets_whatever_drew_them():
+    """Facets that cross would leave needles between a shaft and the flat that is drawn beside it."""
+    x, y, radius = 4.3, math.sqrt(10**2 - 4.3**2), 10.0
+    loop = ((-x, -y, math.tan(math.atan2(y, -x) / 2)), (-x, y, 0.0))
+    corners = flatten_loop(loop, 96)
+    assert all(math.hypot(*c) == pytest.approx(radius) for c in corners)
+    round_ones = {(round(radius * math.cos(k * math.pi / 48), 9), round(radius * math.sin(k * math.pi / 48), 9)) for k in range(96)}
+    assert {(round(a, 9), round(b, 9)) for a, b in corners} - round_ones == {(-x, round(-y, 9)), (-x, round(y, 9))}
+    shaft = Primitive("cylinder", (radius, 8.0), (0.0, 0.0, 2.0))
+    flat = Primitive("extrude", (8.0,), (0.0, 0.0, -2.0), outline=Outline((loop,)))
+    assert census_of(to_manifold(combine_all("union", [shaft, flat]), 96)).kind == (1, 0, 0)

@@ -32,10 +32,11 @@ function outline_points(loop) = [for (i = [0 : len(loop) - 1]) each curve_points
 function angle_about(c, p) = atan2(p[1] - c[1], p[0] - c[0]);
 function bulge_about(c, a, b) = c[2] * tan((720 + c[2] * (angle_about(c, b) - angle_about(c, a))) % 360 / 4);
 function curve_points(a, b) = len(a) < 3 ? [a] : let(
-  bulge = is_list(a[2]) ? bulge_about(a[2], a, b) : a[2],
-  turn = 4 * atan(bulge), n = max(1, ceil($fn * abs(turn) / 360 - 1e-9)), along = (1 - bulge * bulge) / (4 * bulge),
-  x = (a[0] + b[0]) / 2 - (b[1] - a[1]) * along, y = (a[1] + b[1]) / 2 + (b[0] - a[0]) * along, u = a[0] - x, v = a[1] - y
-) [for (k = [0 : n - 1]) let(c = cos(turn * k / n), s = sin(turn * k / n)) k == 0 ? [a[0], a[1]] : [x + c * u - s * v, y + s * u + c * v]];
+  bulge = is_list(a[2]) ? bulge_about(a[2], a, b) : a[2], along = (1 - bulge * bulge) / (4 * bulge),
+  c = [(a[0] + b[0]) / 2 - (b[1] - a[1]) * along, (a[1] + b[1]) / 2 + (b[0] - a[0]) * along],
+  way = sign(bulge), r = norm([a[0] - c[0], a[1] - c[1]]), step = 360 / $fn,
+  from = way * angle_about(c, a) / step, to = from + 4 * abs(atan(bulge)) / step, last = ceil(to - 1e-4) - 1
+) [[a[0], a[1]], for (k = [floor(from + 1e-4) + 1 : 1 : last]) [c[0] + r * cos(way * k * step), c[1] + r * sin(way * k * step)]];
 """
 
 _SHAPE: Mapping[str, Callable[..., str]] = {

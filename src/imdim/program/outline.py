@@ -19,6 +19,7 @@ Curve = tuple[float, float, float, float, float]  # x and y of the start and of 
 
 MOST_CURVES = 2000  # of one outline
 TOUCHING = 1e-9  # of the outline's extent, within which two curves touch
+AT_END = 1e-4  # of the step between corners of a circle: one as near to an arc's end is that end
 PARTING = 5e-5  # of it, by which neighbours that are all but tangent may part before they meet again
 LEAST_BULGE, MOST_BULGE = 1e-9, 1e9  # of an arc whose centre, or whose ends, can be told from its other numbers
 
@@ -194,18 +195,19 @@ def _signs(loops: Sequence[Loop]) -> list[int]:
 
 
 def flatten_loop(loop: Loop, segments: int) -> list[Point]:
-    """The corners of a polygon whose vertices lie on the loop, arcs with as many edges as `segments` a circle give them, one at least."""
+    """The corners of a polygon whose vertices lie on the loop. Those of an arc are its ends and where the corners of a regular polygon of
+    so many `segments` lie, the first along x from the centre, so that walls on one circle have the same facets, whatever drew them."""
     out: list[Point] = []
+    step = 2 * math.pi / segments
     for curve in loop_curves(loop):
         x, y, _, _, b = curve
         out.append((x, y))
-        if not b:
-            continue
-        (cx, cy), turn = arc_center(curve), 4 * math.atan(b)
-        n = max(1, math.ceil(segments * abs(turn) / (2 * math.pi) - 1e-9))
-        for k in range(1, n):
-            sine, cosine = math.sin(turn * k / n), math.cos(turn * k / n)
-            out.append((cx + cosine * (x - cx) - sine * (y - cy), cy + sine * (x - cx) + cosine * (y - cy)))
+        if b:
+            (cx, cy), radius, turn = arc_center(curve), arc_radius(curve), 4 * math.atan(b)
+            ends = math.atan2(y - cy, x - cx) / step, (math.atan2(y - cy, x - cx) + turn) / step
+            inner = range(math.floor(min(ends) + AT_END) + 1, math.ceil(max(ends) - AT_END))
+            angles = [step * k for k in (inner if b > 0 else reversed(inner))]
+            out += [(cx + radius * math.cos(a), cy + radius * math.sin(a)) for a in angles]
     return out
 
 
