@@ -14,6 +14,7 @@ from imdim.search.candidate_families import Families
 from imdim.search.cells import pool_cells
 from imdim.search.counterexamples import Sharpener, transfer
 from imdim.search.lns import LocalConfig, rate_sequence
+from imdim.search.outline_families import PricedPlanes, find_faces, find_planes
 from imdim.search.sequence import Covered, Price, error, run, to_program
 from imdim.search.structure import StructureConfig, search
 
@@ -108,3 +109,18 @@ def test_pooled_cells_keep_their_codes_and_sum_their_volumes():
     assert both.volume == pytest.approx(0.25 * a.volume + 0.75 * b.volume)
     assert np.array_equal(both.slabs[place], np.concatenate([a.slabs, b.slabs]))
     assert np.array_equal(both.inside[place], np.concatenate([a.inside, b.inside]))
+
+
+def test_families_with_counterexamples_know_the_faces_that_they_would_find():
+    arrangement = arrangement_of(PLATE)
+    planes = PricedPlanes(find_planes(arrangement), 1e-3)
+    families = Families(arrangement, cells_of(arrangement, PLATE, FEW), planes)
+    sharpener = Sharpener(families, lambda p: kernels.inside(PLATE, p).astype(float), FEW, 1e-3, np.random.default_rng(0))
+    found = plain_plate(families)
+    for _ in range(3):
+        sharper = sharpener.sharpen([found])
+        assert sharper is not None
+        for known in (sharper, sharpener.every):
+            assert len(known.outlines.faces) == len(planes.planes) > 0
+            for face, expected in zip(known.outlines.faces, find_faces(planes.planes, known.cells), strict=True):
+                assert np.array_equal(face, expected)

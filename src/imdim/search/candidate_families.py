@@ -8,7 +8,9 @@ arrangement (`outline_families`).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -32,27 +34,40 @@ class Candidate:
 
 
 class Families:
-    """The families of an arrangement over one set of cells, with `outlines` those of its plane arrangements too."""
+    """The families of an arrangement over one set of cells, with `outlines` those of its plane arrangements too.
 
-    def __init__(self, arrangement: Arrangement, cells: Cells, outlines: PricedPlanes = NO_PLANES) -> None:
+    `faces` are those [m] of the cells in each plane, found here where nobody knows them.
+    """
+
+    def __init__(
+        self,
+        arrangement: Arrangement,
+        cells: Cells,
+        outlines: PricedPlanes = NO_PLANES,
+        faces: Sequence[np.ndarray] | None = None,
+    ) -> None:
         self.arrangement = arrangement
-        self.outlines = OutlineCells(arrangement, cells, outlines)
+        self.outlines = OutlineCells(arrangement, cells, outlines, faces)
         self.cells = cells
         self.work = 0.0  # cells summed so far: a measure of time that repeats
         # column by column, as they are asked for
         self._slabs, self._inside = np.asfortranarray(cells.slabs), np.asfortranarray(cells.inside)
-        self._pack_axial()
-        self._frames = [self._pack_frame(f) for f in range(len(arrangement.frames))]
 
-    def _pack_axial(self) -> None:
-        """Lay the curved families out for the compiled loop: the slots of one long row that each cell is summed into, cell by cell."""
+    @cached_property
+    def _axial(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The curved families as the compiled loop takes them: the slots of one long row that each cell is summed into, cell by cell,
+        where each cell's begin, and where each family's end."""
         axes = self.arrangement.axis_of
         widths = [len(self.arrangement.directions[axis].offsets) - 1 if axis >= 0 else 1 for axis in axes]
-        self._ends = np.concatenate([[0], np.cumsum(widths)]).astype(np.int64)
+        ends = np.concatenate([[0], np.cumsum(widths)]).astype(np.int64)
         cell, family = np.nonzero(self.cells.inside)
         axis = np.array(axes, np.int64)[family]
-        self._slots = (self._ends[family] + np.where(axis >= 0, self._slabs[cell, axis], 0)).astype(np.int32)
-        self._starts = np.searchsorted(cell, np.arange(len(self._slabs) + 1))
+        slots = (ends[family] + np.where(axis >= 0, self._slabs[cell, axis], 0)).astype(np.int32)
+        return np.searchsorted(cell, np.arange(len(self._slabs) + 1)), slots, ends
+
+    @cached_property
+    def _frames(self) -> list[tuple[tuple[int, ...], np.ndarray]]:
+        return [self._pack_frame(frame) for frame in range(len(self.arrangement.frames))]
 
     def _pack_frame(self, frame: int) -> tuple[tuple[int, ...], np.ndarray]:
         """The shape of a frame's grid, and each cell's place in it."""
@@ -63,13 +78,13 @@ class Families:
     @property
     def groups(self) -> int:
         """Number of groups for `best_of`: the curved families together, each box frame, and each plane of outlines."""
-        return 1 + len(self._frames) + len(self.outlines.planes)
+        return 1 + len(self.arrangement.frames) + len(self.outlines.planes)
 
     def best_of(self, group: int, field: np.ndarray, cells: np.ndarray, floor: float = 0.0) -> tuple[float, Candidate] | None:
         """The candidate of one group with the largest sum of `field` [m], which is nought outside `cells`, if that is above `floor`."""
         self.work += len(field)
-        if group > len(self._frames):
-            return self._best_outline(field, cells, group - 1 - len(self._frames), floor)
+        if group > len(self.arrangement.frames):
+            return self._best_outline(field, cells, group - 1 - len(self.arrangement.frames), floor)
         found = self._best_boxes(field, cells, group - 1, 1, floor) if group else self._best_curved(field, cells, floor, 1)
         return found[0] if found else None
 
@@ -99,8 +114,8 @@ class Families:
         return self.outlines.curve_cost(index, candidate.faces) if kind == "outline" else 0.0
 
     def _best_curved(self, field: np.ndarray, cells: np.ndarray, floor: float, count: int | None = None) -> list[tuple[float, Candidate]]:
-        table = np.empty((len(self._ends) - 1, 3))
-        axial_best(field, cells, self._starts, self._slots, self._ends, table)
+        table = np.empty((len(self._axial[2]) - 1, 3))
+        axial_best(field, cells, *self._axial, table)
         return [
             (float(table[i, 0]), Candidate(("curved", int(i)), ((int(table[i, 1]), int(table[i, 2])),)))
             for i in (np.flatnonzero(table[:, 0] > floor) if count is None else _top(table[:, 0], count, floor))

@@ -16,6 +16,7 @@ from imdim.program.sequence import map_terms
 from imdim.search.candidate_families import Families
 from imdim.search.cells import compress_samples, label_samples, pool_cells
 from imdim.search.lns import RatedSequence
+from imdim.search.outline_families import find_faces
 from imdim.search.sequence import Covered, Sequence, run
 
 WORTH = 0.5  # of a primitive's price; cells that a sequence is wrong about on less are no reason to search again
@@ -33,7 +34,7 @@ class Sharpener:
         self, families: Families, label: Callable[[np.ndarray], np.ndarray], count: int, price: float, rng: np.random.Generator
     ) -> None:
         self._arrangement, self._label, self._count, self._price, self._rng = families.arrangement, label, count, price, rng
-        self._cells, self._outlines = families.cells, families.outlines.outlines
+        self._cells, self._outlines, self._faces = families.cells, families.outlines.outlines, families.outlines.faces
         self._first = families.cells
         self._doubted = np.zeros(len(families.cells.points), bool)
         self._known = np.ones(len(families.cells.points), bool)
@@ -50,23 +51,36 @@ class Sharpener:
         self._known |= self._doubted
         # all cells with the volumes that count
         w_in, w_out = (np.where(self._doubted, *w) for w in ((self._cells.w_in, self._first.w_in), (self._cells.w_out, self._first.w_out)))
-        return Families(self._arrangement, replace(self._cells, w_in=w_in, w_out=w_out).choose(self._known), self._outlines)
+        cells, faces = replace(self._cells, w_in=w_in, w_out=w_out), [face[self._known] for face in self._faces]
+        return Families(self._arrangement, cells.choose(self._known), self._outlines, faces)
 
     @property
     def every(self) -> Families:
         """Families over all cells that any look has seen."""
-        return Families(self._arrangement, self._cells, self._outlines)
+        return Families(self._arrangement, self._cells, self._outlines, self._faces)
 
     def _look(self) -> None:
         """Pool what is known with fresh samples; new cells are neither known nor doubted yet."""
         fresh = compress_samples(self._arrangement, label_samples(self._arrangement, self._label, self._count, self._rng))
-        empty = replace(fresh, w_in=np.zeros(len(fresh.points)), w_out=np.zeros(len(fresh.points)))
-        old = self._looks / (self._looks + 1)
-        self._first, _ = pool_cells(self._first, empty, (1.0, 1.0))
+        old, known = self._looks / (self._looks + 1), len(self._cells.points)
         self._cells, place = pool_cells(self._cells, fresh, (old, 1 - old))
-        count = len(self._cells.points)
-        self._doubted, self._known = (np.bincount(place[: len(flags)], flags, count) > 0 for flags in (self._doubted, self._known))
+        place, count = place[:known], len(self._cells.points)
+        w_in, w_out = (_spread(w, place, np.zeros(count)) for w in (self._first.w_in, self._first.w_out))
+        self._first = replace(self._cells, w_in=w_in, w_out=w_out)
+        self._doubted, self._known = (_spread(flags, place, np.zeros(count, bool)) for flags in (self._doubted, self._known))
+        # a cell's face is asked for once, which takes longer than all else that families know of it
+        new = _spread(False, place, np.ones(count, bool))
+        found = find_faces(self._outlines.planes, self._cells.choose(new))
+        self._faces = [
+            _spread(face, place, _spread(add, new, np.empty(count, face.dtype))) for face, add in zip(self._faces, found, strict=True)
+        ]
         self._looks += 1
+
+
+def _spread(values: np.ndarray | bool, place: np.ndarray, out: np.ndarray) -> np.ndarray:
+    """`out` with values at their places."""
+    out[place] = values
+    return out
 
 
 def transfer(sequence: Sequence, families: Families) -> Sequence:

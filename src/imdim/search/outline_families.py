@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -152,21 +153,29 @@ def _frame_across(along: np.ndarray, guide: np.ndarray) -> np.ndarray:
     return np.stack([u, np.cross(along, u), along], axis=1)
 
 
+def find_faces(planes: Sequence[OutlinePlane], cells: Cells) -> list[np.ndarray]:
+    """The face [m] of each cell in each plane."""
+    return [plane.faces_of(cells) for plane in planes]
+
+
 Drawn = tuple[float, tuple[tuple[int, int], ...], bytes]  # what an outline wins, its levels, its faces
 
 
 class OutlineCells:
     """The outlines over one set of cells: what `Families` asks, plane by plane."""
 
-    def __init__(self, arrangement: Arrangement, cells: Cells, outlines: PricedPlanes) -> None:
+    def __init__(self, arrangement: Arrangement, cells: Cells, outlines: PricedPlanes, faces: Sequence[np.ndarray] | None = None) -> None:
         self.arrangement, self.outlines, self.planes = arrangement, outlines, outlines.planes
         self._outlines: dict[tuple[int, bytes], Outline] = {}
         self._costs: dict[tuple[int, bytes], float] = {}
-        self._faces = [plane.faces_of(cells) for plane in outlines.planes]
+        self.faces = find_faces(self.planes, cells) if faces is None else faces
         self._slabs = [cells.slabs[:, p.direction] if p.kind == "extrude" else np.zeros(len(cells.points), np.int16) for p in self.planes]
-        # the slot of each cell in a table of faces and levels, which has one row more for cells that no face has
-        places = zip(self.planes, self._faces, self._slabs, strict=True)
-        self._slots = [(np.where(face < 0, p.faces, face) * self._levels(p) + slab + 1).astype(np.int32) for p, face, slab in places]
+
+    @cached_property
+    def _slots(self) -> list[np.ndarray]:
+        """Per plane the slot [m] of each cell in a table of faces and levels, which has one row more for cells that no face has."""
+        places = zip(self.planes, self.faces, self._slabs, strict=True)
+        return [(np.where(face < 0, p.faces, face) * self._levels(p) + slab + 1).astype(np.int32) for p, face, slab in places]
 
     def best(self, index: int, field: np.ndarray, cells: np.ndarray, floor: float) -> Drawn | None:
         """What the best outline of a plane wins, less its curves' price, its levels and its faces; None below `floor`."""
@@ -228,7 +237,7 @@ class OutlineCells:
     def mask(self, index: int, ranges: Sequence[tuple[int, int]], faces: bytes) -> np.ndarray:
         """The cells [m] of an outline between two levels."""
         inside = np.append(self._unpack(index, faces), False)
-        covered = inside[self._faces[index]]
+        covered = inside[self.faces[index]]
         return covered & (self._slabs[index] >= ranges[0][0]) & (self._slabs[index] < ranges[0][1]) if ranges else covered
 
     def curve_cost(self, index: int, faces: bytes) -> float:
