@@ -41,11 +41,13 @@ def quality(found):
 
 
 def test_what_few_samples_missed_is_found():
-    families, sharpener = few_samples()
-    blind, _ = quality(searched(families, None))
-    sharp, primitives = quality(searched(families, sharpener))
-    assert blind < 0.99 < 0.995 < sharp
-    assert primitives <= count(PLATE).primitives
+    sharp = []
+    for seed in range(3):
+        families, sharpener = few_samples(seed=seed)
+        blind, _ = quality(searched(families, None, seed))
+        sharp.append(quality(searched(families, sharpener, seed)))
+        assert blind < 0.99 < 0.995 < sharp[-1][0]
+    assert np.median([primitives for _, primitives in sharp]) <= count(PLATE).primitives
 
 
 def test_the_same_seeds_find_the_same():

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from tests.search.planted_families import planted, random_candidates
 
 from imdim.search.candidate_families import Candidate
-from imdim.search.kernels import axial_best, best_interval, box_best, merge_slabs
+from imdim.search.group_sums import Slots
+from imdim.search.kernels import axial_best, best_box, best_interval, merge_slabs
 
 
 def slow_interval(sums: np.ndarray) -> float:
@@ -32,12 +33,14 @@ def test_the_best_interval_of_each_axial_family():
     in_cell = [[int(e + b[m == c][0]) for m, b, e in zip(members, bins, ends[:-1], strict=True) if c in m] for c in range(60)]
     starts = np.concatenate([[0], np.cumsum([len(s) for s in in_cell])])
     field[rng.choice(60, 20, replace=False)] = 0.0
-    out = np.empty((3, 3))
-    axial_best(field, np.flatnonzero(field), starts, np.concatenate([np.array(s, np.int32) for s in in_cell]), ends, out)
-    for row, m, b, w in zip(out, members, bins, widths, strict=True):
-        sums = np.array([field[m[b == k]].sum() for k in range(w)])
-        assert row[0] == pytest.approx(slow_interval(sums))
-        assert sums[int(row[1]) : int(row[2])].sum() == pytest.approx(row[0])
+    slots = Slots(np.concatenate([np.array(s, np.int32) for s in in_cell]), int(ends[-1]), starts)
+    for sign in (1.0, -1.0):
+        out = np.empty((3, 3))
+        axial_best(slots.sum_field(field, np.flatnonzero(field)), ends, sign, out)
+        for row, m, b, w in zip(out, members, bins, widths, strict=True):
+            sums = np.array([sign * field[m[b == k]].sum() for k in range(w)])
+            assert row[0] == pytest.approx(slow_interval(sums))
+            assert sums[int(row[1]) : int(row[2])].sum() == pytest.approx(row[0])
 
 
 def every_box(families, field, frame) -> float:
@@ -99,12 +102,14 @@ def test_merged_slabs_keep_the_best_box(share):
         best = every_sum(grid)
         if best <= 0:
             continue
-        table = np.empty((len(smaller) * (len(smaller) + 1) // 2, 7))
-        box_best(smaller, 0.0, True, table)
-        row = table[table[:, 0].argmax()]
-        assert row[0] == pytest.approx(best)
-        spread = [(int(f[int(lo)]), int(f[int(hi)])) for f, lo, hi in zip(first, row[1::2], row[2::2], strict=True)]
-        assert grid[tuple(slice(*s) for s in spread)].sum() == pytest.approx(best)
+        for sign in (1.0, -1.0):
+            out = np.empty(7)
+            assert best_box(sign * grid.ravel(), grid.shape, sign, 0.0, out) == out[0] == pytest.approx(best)
+            box = out[1:].astype(int).reshape(3, 2)
+            assert grid[tuple(slice(*s) for s in box)].sum() == pytest.approx(best)
+            slack = 1e-9 * best
+            assert best_box(sign * grid.ravel(), grid.shape, sign, best + slack, out) >= best - slack
+            assert out[0] == -np.inf  # none is above the best
 
 
 def every_sum(grid):

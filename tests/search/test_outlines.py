@@ -166,7 +166,8 @@ def test_what_is_cut_away_ends_beyond_the_part():
     cells, outlines = seen.cells, seen.families.outlines
     filled = inside(frame.apply(plate), cells.points)
     upright = next(i for i, p in enumerate(outlines.planes) if p.kind == "extrude" and abs(p.frame[2, 2]) > 0.99)
-    _, ranges, faces = outlines.best(upright, np.where(filled, -cells.gain, 0.0), np.arange(len(filled)), 0.0)
+    sums = outlines.slots[upright].sum_field(np.where(filled, -cells.gain, 0.0), np.arange(len(filled)))
+    _, (_, ranges, faces) = outlines.best(upright, sums, 1.0, 0.0)
     wider = outlines.widen(upright, ranges, faces, filled)
     assert (outlines.mask(upright, ranges, wider)[filled] == outlines.mask(upright, ranges, faces)[filled]).all()
     low, high = np.reshape(to_manifold(frame.undo(outlines.primitive(upright, ranges, wider))).bounding_box(), (2, 3))

@@ -19,7 +19,8 @@ from imdim.geometry.surface import Surface, vec
 from imdim.program.tree import Primitive
 from imdim.search.arrangement import Arrangement
 from imdim.search.cells import Cells
-from imdim.search.kernels import axial_best, box_best, merge_slabs
+from imdim.search.group_sums import Slots
+from imdim.search.kernels import axial_best, best_box, box_best, merge_slabs
 from imdim.search.outline_families import NO_PLANES, OutlineCells, PricedPlanes
 
 
@@ -54,81 +55,98 @@ class Families:
         self._slabs, self._inside = np.asfortranarray(cells.slabs), np.asfortranarray(cells.inside)
 
     @cached_property
-    def _axial(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The curved families as the compiled loop takes them: the slots of one long row that each cell is summed into, cell by cell,
-        where each cell's begin, and where each family's end."""
-        axes = self.arrangement.axis_of
-        widths = [len(self.arrangement.directions[axis].offsets) - 1 if axis >= 0 else 1 for axis in axes]
-        ends = np.concatenate([[0], np.cumsum(widths)]).astype(np.int64)
-        cell, family = np.nonzero(self.cells.inside)
-        axis = np.array(axes, np.int64)[family]
-        slots = (ends[family] + np.where(axis >= 0, self._slabs[cell, axis], 0)).astype(np.int32)
-        return np.searchsorted(cell, np.arange(len(self._slabs) + 1)), slots, ends
+    def slots(self) -> list[Slots]:
+        """Where each group sums the cells: the curved families' slabs in one long row, the boxes' grids, the faces and levels of planes."""
+        return [self._pack_axial(), *map(self._pack_frame, self.arrangement.frames), *self.outlines.slots]
 
     @cached_property
-    def _frames(self) -> list[tuple[tuple[int, ...], np.ndarray]]:
-        return [self._pack_frame(frame) for frame in range(len(self.arrangement.frames))]
+    def _ends(self) -> np.ndarray:
+        """Where the slabs of each curved family end in their long row."""
+        widths = [len(self.arrangement.directions[axis].offsets) - 1 if axis >= 0 else 1 for axis in self.arrangement.axis_of]
+        return np.concatenate([[0], np.cumsum(widths)]).astype(np.int64)
 
-    def _pack_frame(self, frame: int) -> tuple[tuple[int, ...], np.ndarray]:
-        """The shape of a frame's grid, and each cell's place in it."""
-        axes = self.arrangement.frames[frame]
-        shape = tuple(len(self.arrangement.directions[a].offsets) - 1 for a in axes)
-        return shape, np.ravel_multi_index([self._slabs[:, a].astype(np.int64) for a in axes], shape)
+    def _pack_axial(self) -> Slots:
+        """The slots of each cell, one for each curved family that holds it."""
+        cell, family = np.nonzero(self.cells.inside)
+        axis = np.array(self.arrangement.axis_of, np.int64)[family]
+        slots = (self._ends[family] + np.where(axis >= 0, self._slabs[cell, axis], 0)).astype(np.int32)
+        return Slots(slots, int(self._ends[-1]), np.searchsorted(cell, np.arange(len(self._slabs) + 1)))
+
+    def _pack_frame(self, axes: tuple[int, int, int]) -> Slots:
+        """Each cell's place in a frame's grid."""
+        places = np.ravel_multi_index([self._slabs[:, a].astype(np.int64) for a in axes], self._shape(axes))
+        return Slots(places.astype(np.int32), math.prod(self._shape(axes)))
+
+    def _shape(self, axes: tuple[int, int, int]) -> tuple[int, int, int]:
+        """The shape of a frame's grid."""
+        a, b, c = (len(self.arrangement.directions[axis].offsets) - 1 for axis in axes)
+        return a, b, c
 
     @property
     def groups(self) -> int:
         """Number of groups for `best_of`: the curved families together, each box frame, and each plane of outlines."""
         return 1 + len(self.arrangement.frames) + len(self.outlines.planes)
 
-    def best_of(self, group: int, field: np.ndarray, cells: np.ndarray, floor: float = 0.0) -> tuple[float, Candidate] | None:
-        """The candidate of one group with the largest sum of `field` [m], which is nought outside `cells`, if that is above `floor`."""
-        self.work += len(field)
-        if group > len(self.arrangement.frames):
-            return self._best_outline(field, cells, group - 1 - len(self.arrangement.frames), floor)
-        found = self._best_boxes(field, cells, group - 1, 1, floor) if group else self._best_curved(field, cells, floor, 1)
-        return found[0] if found else None
+    def best_of(self, group: int, sums: np.ndarray, sign: float, floor: float = 0.0) -> tuple[float, Candidate | None]:
+        """The candidate of one group that wins most by `sign` times the sums over its `slots`, where that is above `floor`; before it what
+        it wins, or else what none of the group is above."""
+        self.work += len(self.cells.points)
+        frames = len(self.arrangement.frames)
+        if group > frames:
+            most, drawn = self.outlines.best(group - 1 - frames, sums, sign, floor)
+            return most, drawn and Candidate(("outline", group - 1 - frames), *drawn[1:])
+        if group:
+            return self._best_box(group - 1, sums, sign, floor)
+        found = self._best_curved(sums, sign, floor, 1)
+        return found[0] if found else (floor, None)
 
     def best(self, field: np.ndarray, per_frame: int, floor: float = 0.0, outlines: bool = False) -> list[tuple[float, Candidate]]:
         """Candidates whose sums of `field` [m] are above `floor`: one per curved family, up to `per_frame` (or none) per box frame, with
         `outlines` one per plane of them."""
         self.work += len(field) * (self.groups if per_frame else 1)
         cells = np.flatnonzero(field)
-        out = self._best_curved(field, cells, floor)
+        out = self._best_curved(self.slots[0].sum_field(field, cells), 1.0, floor)
         for frame in range(len(self.arrangement.frames) if per_frame else 0):
+            sums = self.slots[1 + frame].sum_field(field, cells)
             if per_frame == 1:
-                floor = max([floor, *(v for v, _ in out)])
-            out += self._best_boxes(field, cells, frame, per_frame, floor)
+                won, box = self._best_box(frame, sums, 1.0, max([floor, *(v for v, _ in out)]))
+                out += [(won, box)] if box else []
+            else:
+                out += self._best_boxes(frame, sums, per_frame, floor)
         for plane in range(len(self.outlines.planes) if outlines else 0):
-            found = self._best_outline(field, cells, plane, floor)
-            out += [found] if found else []
+            _, drawn = self.outlines.best(plane, self.outlines.slots[plane].sum_field(field, cells), 1.0, floor)
+            out += [(drawn[0], Candidate(("outline", plane), *drawn[1:]))] if drawn else []
         return out
-
-    def _best_outline(self, field: np.ndarray, cells: np.ndarray, plane: int, floor: float) -> tuple[float, Candidate] | None:
-        """The best outline of a plane; what it wins is less what its curves cost."""
-        found = self.outlines.best(plane, field, cells, floor)
-        return found and (found[0], Candidate(("outline", plane), *found[1:]))
 
     def curve_cost(self, candidate: Candidate) -> float:
         """What the curves of an outline cost beyond the price of a primitive, in volume; nothing for the others."""
         kind, index = candidate.source
         return self.outlines.curve_cost(index, candidate.faces) if kind == "outline" else 0.0
 
-    def _best_curved(self, field: np.ndarray, cells: np.ndarray, floor: float, count: int | None = None) -> list[tuple[float, Candidate]]:
-        table = np.empty((len(self._axial[2]) - 1, 3))
-        axial_best(field, cells, *self._axial, table)
+    def _best_curved(self, sums: np.ndarray, sign: float, floor: float, count: int | None = None) -> list[tuple[float, Candidate]]:
+        table = np.empty((len(self._ends) - 1, 3))
+        axial_best(sums, self._ends, sign, table)
         return [
             (float(table[i, 0]), Candidate(("curved", int(i)), ((int(table[i, 1]), int(table[i, 2])),)))
             for i in (np.flatnonzero(table[:, 0] > floor) if count is None else _top(table[:, 0], count, floor))
         ]
 
-    def _best_boxes(self, field: np.ndarray, cells: np.ndarray, frame: int, count: int, floor: float) -> list[tuple[float, Candidate]]:
-        shape, places = self._frames[frame]
-        sums = np.bincount(places[cells], field[cells], math.prod(shape)).astype(float)  # of no cells they would be whole numbers
-        grid, *first = merge_slabs(sums.reshape(shape))
+    def _best_box(self, frame: int, sums: np.ndarray, sign: float, floor: float) -> tuple[float, Candidate | None]:
+        """As `best_of`, for a box frame."""
+        out = np.empty(7)
+        most = best_box(sums, self._shape(self.arrangement.frames[frame]), sign, floor, out)
+        if out[0] == -np.inf:
+            return most, None
+        i, j, k, m, n, o = out[1:].astype(int).tolist()
+        return most, Candidate(("box", frame), ((i, j), (k, m), (n, o)))
+
+    def _best_boxes(self, frame: int, sums: np.ndarray, count: int, floor: float) -> list[tuple[float, Candidate]]:
+        """The best boxes of a frame, of different slabs along one of its axes."""
+        grid, *first = merge_slabs(sums.reshape(self._shape(self.arrangement.frames[frame])))
         order = sorted(range(3), key=lambda a: grid.shape[a])  # fewest slabs first is cheapest for the compiled loop
         grid = np.ascontiguousarray(grid.transpose(order))
         table = np.empty((len(grid) * (len(grid) + 1) // 2, 7))
-        box_best(grid, floor, count == 1, table)
+        box_best(grid, floor, False, table)
         out = []
         for row in table[_top(table[:, 0], count, floor)]:
             ranges = [(0, 0)] * 3

@@ -18,6 +18,7 @@ from imdim.search.arrangement import Arrangement, codes
 # Weights of (excess, lack). Cheap excess proposes hulls to cut from, dear lack pure cuts, dear excess pure pieces.
 Weights = tuple[float, float]
 TRUE, HULLS, CUTS, PIECES = (1.0, 1.0), (0.1, 1.0), (1.0, 8.0), (8.0, 1.0)
+EXACT_BITS = 52  # of a sum of gains; a floating number has one more
 THINNEST = 1e-9  # of the diagonal; where a part and its outer box end at one place, the slab between has no thickness
 
 
@@ -34,11 +35,17 @@ class Cells:
     @property
     def gain(self) -> np.ndarray:
         """What filling each cell wins [m]: inside minus outside volume."""
-        return self.w_in - self.w_out
+        return self.gain_under(TRUE)
 
     def gain_under(self, weights: Weights) -> np.ndarray:
-        """As `gain`, with weighted volumes."""
-        return weights[1] * self.w_in - weights[0] * self.w_out
+        """As `gain`, with weighted volumes.
+
+        Rounded to so many digits that every sum of theirs is exact, in any order: what is even is then equal, and a sum may be carried on.
+        """
+        gain = weights[1] * self.w_in - weights[0] * self.w_out
+        _, exponent = np.frexp(np.abs(gain).sum())
+        unit = np.ldexp(1.0, int(exponent) - EXACT_BITS)
+        return np.rint(gain / unit) * unit
 
     @property
     def volume(self) -> float:

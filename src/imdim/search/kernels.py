@@ -27,18 +27,95 @@ def best_interval(sums: np.ndarray) -> tuple[float, int, int]:
 
 
 @njit(nogil=True, cache=True)
-def axial_best(field: np.ndarray, cells: np.ndarray, starts: np.ndarray, slots: np.ndarray, ends: np.ndarray, out: np.ndarray) -> None:
-    """Best interval of each axial family, whose slabs along its axis are slots[ends[f] : ends[f + 1]] of one long row.
+def add_to_slots(before: np.ndarray, slots: np.ndarray, cells: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """A copy of sums `before` [s] with `values` [k] added in the slots of `cells` [k], of all whose `slots` [m]."""
+    sums = before.copy()
+    for i in range(len(cells)):
+        sums[slots[cells[i]]] += values[i]
+    return sums
 
-    `cells` are those where `field` [m] counts; cell c is in the slots `slots[starts[c]:starts[c+1]]`, one for each family that holds it.
+
+@njit(nogil=True, cache=True)
+def add_to_some_slots(before: np.ndarray, starts: np.ndarray, slots: np.ndarray, cells: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """As `add_to_slots`, where cell c is in the slots `slots[starts[c]:starts[c+1]]`."""
+    sums = before.copy()
+    for i in range(len(cells)):
+        for k in range(starts[cells[i]], starts[cells[i] + 1]):
+            sums[slots[k]] += values[i]
+    return sums
+
+
+@njit(nogil=True, cache=True)
+def count_differing(a: np.ndarray, b: np.ndarray) -> int:
+    """The number of bits in which two rows of 64 bits each differ."""
+    total = np.uint64(0)
+    for i in range(len(a)):
+        x = a[i] ^ b[i]
+        if x == np.uint64(0):
+            continue
+        # pairs, fours and bytes are counted side by side, the bytes then added by one product
+        x -= (x >> np.uint64(1)) & np.uint64(0x5555555555555555)
+        x = (x & np.uint64(0x3333333333333333)) + ((x >> np.uint64(2)) & np.uint64(0x3333333333333333))
+        x = (x + (x >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
+        total += (x * np.uint64(0x0101010101010101)) >> np.uint64(56)
+    return np.int64(total)
+
+
+@njit(nogil=True, cache=True)
+def list_changes(before: np.ndarray, now: np.ndarray, gain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The cells [k] whose flags [m] differ, and what each adds [k] to sums of `gain` [m] over the flagged ones."""
+    cells, values, count = np.empty(len(gain), np.int64), np.empty(len(gain)), 0
+    for i in range(len(gain)):
+        cells[count] = i
+        values[count] = gain[i] if now[i] else -gain[i]
+        count += before[i] != now[i]
+    return cells[:count].copy(), values[:count].copy()
+
+
+@njit(nogil=True, cache=True)
+def axial_best(sums: np.ndarray, ends: np.ndarray, sign: float, out: np.ndarray) -> None:
+    """Best interval of each axial family by `sign` times sums over the slabs along its axis, sums[ends[f] : ends[f + 1]].
+
     Writes (sum, lo, hi) into out [f, 3].
     """
-    sums = np.zeros(ends[-1])
-    for c in cells:
-        for i in range(starts[c], starts[c + 1]):
-            sums[slots[i]] += field[c]
     for f in range(len(ends) - 1):
-        out[f, 0], out[f, 1], out[f, 2] = best_interval(sums[ends[f] : ends[f + 1]])
+        out[f, 0], out[f, 1], out[f, 2] = best_interval(sign * sums[ends[f] : ends[f + 1]])
+
+
+@njit(nogil=True, cache=True)
+def best_box(sums: np.ndarray, shape: tuple[int, int, int], sign: float, floor: float, out: np.ndarray) -> float:
+    """The box that wins most by `sign` times the `sums` of a grid, into out [7] as (sum, i, j, k, l, m, n) if it is above `floor`, else
+    a sum of -inf; what no box is above."""
+    out[0] = -np.inf
+    most = 0.0
+    for k in range(len(sums)):
+        most += max(sign * sums[k], 0.0)
+    if most <= floor:
+        return most
+    grid, first_a, first_b, first_c = merge_slabs((sign * sums).reshape(shape))
+    na, nb, nc = grid.shape
+    # fewest slabs first is cheapest
+    order = np.argsort(np.array([8 * na, 8 * nb + 1, 8 * nc + 2]))
+    turned = np.empty((grid.shape[order[0]], grid.shape[order[1]], grid.shape[order[2]]))
+    at = np.empty(3, np.int64)
+    for i in range(turned.shape[0]):
+        at[order[0]] = i
+        for k in range(turned.shape[1]):
+            at[order[1]] = k
+            for c in range(turned.shape[2]):
+                at[order[2]] = c
+                turned[i, k, c] = grid[at[0], at[1], at[2]]
+    table = np.empty((len(turned) * (len(turned) + 1) // 2, 7))
+    box_best(turned, floor, True, table)
+    row = table[table[:, 0].argmax()]
+    if not row[0] > floor:
+        return floor
+    out[0] = row[0]
+    for position in range(3):
+        axis = order[position]
+        first = first_a if axis == 0 else first_b if axis == 1 else first_c
+        out[1 + 2 * axis], out[2 + 2 * axis] = first[int(row[1 + 2 * position])], first[int(row[2 + 2 * position])]
+    return out[0]
 
 
 @njit(nogil=True, cache=True)

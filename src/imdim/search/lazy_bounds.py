@@ -17,6 +17,7 @@ import numpy as np
 from imdim.program.sequence import Step
 from imdim.program.tree import Op
 from imdim.search.candidate_families import Families
+from imdim.search.group_sums import FieldSums, GroupSums
 from imdim.search.kernels import most_added
 from imdim.search.sequence import Covered, Insertion, Price, Sequence, gaps, mask_of
 
@@ -53,17 +54,24 @@ _Asked = tuple[int, int, _Place]  # its position, and how many places were asked
 
 
 class GainBounds:
-    """Bounds from earlier looks at the same families under one gain. A `branch` sees them, and keeps its own apart."""
+    """Bounds from earlier looks at the same families under one gain. A `branch` sees them, and keeps its own apart; both sum together."""
 
-    def __init__(self, parent: dict[Key, _GroupBound] | None = None) -> None:
+    def __init__(self, parent: dict[Key, _GroupBound] | None = None, sums: list[GroupSums] | None = None) -> None:
         self._parent = parent if parent is not None else {}
+        self._sums = sums if sums is not None else []
         self._own: dict[Key, _GroupBound] = {}
         self._bytes = 0  # of the parent's flags, at most
 
     def branch(self) -> GainBounds:
         """For a trial: what it learns is kept apart until `adopt`, so that a rejected one leaves no looser bounds behind."""
         self._settle()
-        return GainBounds(self._parent)
+        return GainBounds(self._parent, self._sums)
+
+    def sums_of(self, families: Families, price: Price) -> GroupSums:
+        """The sums of the gain over the groups, as far as they are known."""
+        if not self._sums:
+            self._sums.append(GroupSums(families.cells.gain_under(price.weights)))
+        return self._sums[0]
 
     def adopt(self, branch: GainBounds) -> None:
         """Take over what a trial that was accepted has learned."""
@@ -106,7 +114,8 @@ def best_insertions(sequence: Sequence, families: Families, price: Price, known:
 
     `known` must come from the same families and weights.
     """
-    gain = families.cells.gain_under(price.weights)
+    sums = known.sums_of(families, price)
+    gain = sums.gain
     places = sorted(_places(sequence, gain, families.groups if price.boxes else 1, known), key=lambda p: -(p.total + p.caps.max()))
     least = price.step
     found: list[Insertion] = []
@@ -116,7 +125,7 @@ def best_insertions(sequence: Sequence, families: Families, price: Price, known:
             break
         near = asked.setdefault(place.op, [])
         _tighten(place, near, gain)
-        for insertion in _ask_groups(place, gain, families, least, share):
+        for insertion in _ask_groups(place, sums.look(place.changeable), families, least, share):
             found.append(insertion)
             least = max(least, share * insertion.gain)
         insort(near, (place.position, order, place))
@@ -157,18 +166,18 @@ def _tighten(place: _Place, asked: list[_Asked], gain: np.ndarray) -> None:
         np.minimum(place.caps, other.caps + most_added(other.changeable, place.changeable, place.sign, gain), out=place.caps)
 
 
-def _ask_groups(place: _Place, gain: np.ndarray, families: Families, least: float, share: float) -> Iterator[Insertion]:
+def _ask_groups(place: _Place, sums: FieldSums, families: Families, least: float, share: float) -> Iterator[Insertion]:
     """What the groups of one place win; their bounds become what was found."""
-    field, cells = np.where(place.changeable, place.sign * gain, 0.0), np.flatnonzero(place.changeable)
-    for group in np.argsort(-place.caps, kind="stable"):
+    for group in np.argsort(-place.caps, kind="stable").tolist():
         floor = least - place.total
         if place.caps[group] <= floor:
             break
-        found = families.best_of(int(group), field, cells, max(floor, 0.0))
-        place.caps[group] = min(place.caps[group], found[0] if found else max(floor, 0.0))
-        if found and found[0] > floor:
-            least = max(least, share * (place.total + found[0]))
-            yield Insertion(place.total + found[0], place.position, place.op, found[1])
+        slots = families.slots[group]
+        most, found = families.best_of(group, sums.of(group, slots), place.sign, max(floor, 0.0))
+        place.caps[group] = min(place.caps[group], most)
+        if found and most > floor:
+            least = max(least, share * (place.total + most))
+            yield Insertion(place.total + most, place.position, place.op, found)
 
 
 def _places(sequence: Sequence, gain: np.ndarray, groups: int, known: GainBounds) -> Iterator[_Place]:

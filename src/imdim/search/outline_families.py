@@ -21,8 +21,9 @@ from imdim.program.plain_outlines import to_simple
 from imdim.program.tree import FULL_TURN, Primitive
 from imdim.search.arrangement import ORTHOGONAL, Arrangement
 from imdim.search.cells import Cells
+from imdim.search.group_sums import Slots
 from imdim.search.outline_drawing import draw_outline
-from imdim.search.outline_kernels import likeliest_levels, sum_below
+from imdim.search.outline_kernels import add_won, likeliest_levels, sum_below
 from imdim.search.outline_plane import OutlinePlane, Walls, make_plane
 from imdim.search.outline_region import best_region, count_curves
 
@@ -172,28 +173,40 @@ class OutlineCells:
         self._slabs = [cells.slabs[:, p.direction] if p.kind == "extrude" else np.zeros(len(cells.points), np.int16) for p in self.planes]
 
     @cached_property
-    def _slots(self) -> list[np.ndarray]:
-        """Per plane the slot [m] of each cell in a table of faces and levels, which has one row more for cells that no face has."""
-        places = zip(self.planes, self.faces, self._slabs, strict=True)
-        return [(np.where(face < 0, p.faces, face) * self._levels(p) + slab + 1).astype(np.int32) for p, face, slab in places]
+    def slots(self) -> list[Slots]:
+        """Per plane the slot of each cell in a table of faces and levels, which has one row more for cells that no face has."""
+        out = []
+        for plane, face, slab in zip(self.planes, self.faces, self._slabs, strict=True):
+            levels = self._levels(plane)
+            slots = (np.where(face < 0, plane.faces, face) * levels + slab + 1).astype(np.int32)
+            out.append(Slots(slots, (plane.faces + 1) * levels))
+        return out
 
-    def best(self, index: int, field: np.ndarray, cells: np.ndarray, floor: float) -> Drawn | None:
-        """What the best outline of a plane wins, less its curves' price, its levels and its faces; None below `floor`."""
+    def best(self, index: int, sums: np.ndarray, sign: float, floor: float) -> tuple[float, Drawn | None]:
+        """What the best outline of a plane wins by `sign` times the sums over its slots, less its curves' price, its levels and its faces,
+        None below `floor`; before it what none is above."""
         plane = self.outlines.planes[index]
-        sums = self._sums(index, field, cells)
+        levels = self._levels(plane)
+        won = add_won(sums, plane.faces, levels, sign)
+        if won <= floor:
+            return won, None
+        below = sum_below(sums, plane.faces, levels, sign)
+        pairs, most = likeliest_levels(below, floor)
         best: Drawn | None = None
-        for lo, hi, bound in likeliest_levels(sums, floor):
-            if bound <= floor:
+        least = floor
+        for lo, hi, bound in pairs:
+            if bound <= least:
                 break
-            found = self._drawn(plane, sums, int(lo), int(hi), flips=False)
-            if found is not None and found[0] > floor:
-                floor, best = found[0], found
+            found = self._drawn(plane, below, int(lo), int(hi), flips=False)
+            if found is not None and found[0] > least:
+                least, best = found[0], found
         if best is None:
-            return None
+            return min(most, floor), None
         lo, hi = best[1][0] if best[1] else (0, 1)
-        better = self._drawn(plane, sums, lo, hi, flips=True)
+        better = self._drawn(plane, below, lo, hi, flips=True)
         offers = [best] if better is None or better[0] <= best[0] else [better, best]
-        return next((offer for offer in offers if self._is_drawable(index, offer[2])), None)
+        offer = next((offer for offer in offers if self._is_drawable(index, offer[2])), None)
+        return (floor, None) if offer is None else (offer[0], offer)
 
     def _is_drawable(self, index: int, faces: bytes) -> bool:
         """Whether the boundary of a region crosses nothing: a few regions among walls that nearly coincide have none that does not."""
@@ -203,19 +216,13 @@ class OutlineCells:
             return False
         return True
 
-    def _drawn(self, plane: OutlinePlane, sums: np.ndarray, lo: int, hi: int, flips: bool) -> Drawn | None:
+    def _drawn(self, plane: OutlinePlane, below: np.ndarray, lo: int, hi: int, flips: bool) -> Drawn | None:
         """What is found between two levels."""
-        region = best_region(plane, sums[:, hi] - sums[:, lo], self.outlines.curve_price, flips)
+        region = best_region(plane, below[:, hi] - below[:, lo], self.outlines.curve_price, flips)
         if region is None:
             return None
         won = region.gain - self.outlines.curve_price * charged_curves(region.curves)
         return won, ((lo, hi),) if plane.kind == "extrude" else (), np.packbits(region.inside).tobytes()
-
-    def _sums(self, index: int, field: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """Sums of a field over each face below each level [f, levels]."""
-        plane = self.planes[index]
-        levels = self._levels(plane)
-        return sum_below(self._slots[index], field, cells, plane.faces, levels)
 
     def _levels(self, plane: OutlinePlane) -> int:
         return len(self.arrangement.directions[plane.direction].offsets) if plane.kind == "extrude" else 2
@@ -225,8 +232,9 @@ class OutlineCells:
         cut away ends beyond the part, not in its faces."""
         plane, inside = self.planes[index], self._unpack(index, faces)
         lo, hi = ranges[0] if ranges else (0, 1)
-        sums = self._sums(index, matters.astype(float), np.flatnonzero(matters))
-        harmless = sums[:, hi] - sums[:, lo] == 0
+        sums = self.slots[index].sum_field(matters.astype(float), np.flatnonzero(matters))
+        below = sum_below(sums, plane.faces, self._levels(plane), 1.0)
+        harmless = below[:, hi] - below[:, lo] == 0
         gains = np.where(harmless, HARMLESS, np.where(inside, 1.0, -1.0))
         region = best_region(plane, gains, CURVE_OF_WIDER)
         if region is None or (region.inside != inside)[~harmless].any() or region.curves > count_curves(plane, inside):

@@ -39,27 +39,34 @@ class Graph(NamedTuple):
 
 
 @njit(nogil=True, cache=True)
-def sum_below(slots, field, cells, faces, levels):
-    """Sums [f, levels] of a `field` [m] over those of `cells` that lie in each face below each level; a cell's slot [m] is its face, one
-    behind the last where it has none, times `levels`, and the level above it."""
-    sums = np.zeros((faces + 1) * levels)
-    for c in cells:
-        sums[slots[c]] += field[c]
-    table = sums[: faces * levels].reshape(faces, levels)
+def sum_below(sums, faces, levels, sign):
+    """`sign` times the sums of each face below each level [f, levels], from those of its slots, one for each level: of what lies
+    right below it."""
+    below = (sign * sums[: faces * levels]).reshape(faces, levels)
     for f in range(faces):
         for k in range(1, levels):
-            table[f, k] += table[f, k - 1]
-    return table
+            below[f, k] += below[f, k - 1]
+    return below
 
 
 @njit(nogil=True, cache=True)
-def likeliest_levels(sums, floor):
+def add_won(sums, faces, levels, sign):
+    """What the slots win that win something, of those in faces."""
+    most = 0.0
+    for k in range(faces * levels):
+        most += max(sign * sums[k], 0.0)
+    return most
+
+
+@njit(nogil=True, cache=True)
+def likeliest_levels(below, floor):
     """The pairs of levels (lower, upper, bound) [p, 3] between which an outline may win most, by the sum of what the faces win there that
-    win something, best first; of even ones the farthest apart: what cuts ends beyond the part. Nothing where no bound is above `floor`."""
-    faces, levels = sums.shape
+    win something, best first; of even ones the farthest apart: what cuts ends beyond the part. Nothing where no bound is above `floor`.
+    And the largest bound."""
+    faces, levels = below.shape
     bounds = np.zeros((levels, levels))
     for f in range(faces):
-        row = sums[f]
+        row = below[f]
         if row[levels - 1] == 0.0 and row.max() == 0.0 and row.min() == 0.0:
             continue
         for lo in range(levels - 1):
@@ -70,7 +77,7 @@ def likeliest_levels(sums, floor):
                     bounds[lo, hi] += won
     largest, out = bounds.max(), np.zeros((PAIRS, 3))
     if largest <= floor:
-        return out[:0]
+        return out[:0], largest
     for lo in range(levels - 1):
         for hi in range(lo + 1, levels):
             bound = bounds[lo, hi]
@@ -83,7 +90,7 @@ def likeliest_levels(sums, floor):
                 out[k] = out[k - 1]
             if place < PAIRS:
                 out[place, 0], out[place, 1], out[place, 2] = lo, hi, bound
-    return out
+    return out, largest
 
 
 @njit(nogil=True, cache=True)

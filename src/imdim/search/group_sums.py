@@ -1,0 +1,108 @@
+"""Sums of the gain over the slots of every group of families, carried over from looks at nearly the same cells.
+
+The search asks the groups at place after place, where few cells differ from a place that it asked before: the cells that a step covers
+alone, those of an edit. Sums of gains are exact in any order (`Cells.gain_under`), so the cells that differ are all that need be added.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from imdim.search.kernels import add_to_slots, add_to_some_slots, count_differing, list_changes
+
+MOST_BYTES = 48 * 2**20  # of the sums that are kept
+COPY = 0.1  # of a slot: what it takes to copy one, in cells added
+
+
+class Slots(NamedTuple):
+    """Where one group sums the cells: the slot [m] of each, or with `starts` [m + 1] a list of slots for each; `size` slots in all."""
+
+    slots: np.ndarray
+    size: int
+    starts: np.ndarray | None = None
+
+    def sum_changes(self, before: np.ndarray, cells: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """The sums `before` [size] with `values` [k] added where `cells` [k] are."""
+        if self.starts is None:
+            return add_to_slots(before, self.slots, cells, values)
+        return add_to_some_slots(before, self.starts, self.slots, cells, values)
+
+    def sum_field(self, values: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """The sums [size] of a field [m] over some cells [k]."""
+        return self.sum_changes(np.zeros(self.size), cells, values[cells])
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """Sums [size] of the gain over some cells, by group as far as they were asked; `bits` are flags of the cells."""
+
+    changeable: np.ndarray
+    bits: np.ndarray
+    sums: dict[int, np.ndarray] = field(default_factory=dict)
+
+
+class GroupSums:
+    """The sums of one `gain` [m] over the slots of groups; what was summed last is kept."""
+
+    def __init__(self, gain: np.ndarray) -> None:
+        self.gain = gain
+        self._kept: list[_Look] = []
+        self._bytes = 0
+
+    def look(self, changeable: np.ndarray) -> FieldSums:
+        """The sums over the cells that are `changeable` [m]."""
+        bits = np.zeros(-(-len(changeable) // 64), np.uint64)
+        packed = np.packbits(changeable)
+        bits.view(np.uint8)[: len(packed)] = packed
+        apart = [count_differing(bits, look.bits) for look in self._kept]
+        near = [self._kept[i] for i in np.argsort(apart, kind="stable").tolist()]
+        if near and min(apart) == 0:
+            self._kept.remove(near[0])
+            self._kept.append(near[0])
+            return FieldSums(self, near[0], near[1:])
+        look = _Look(changeable, bits)
+        self._kept.append(look)
+        return FieldSums(self, look, near)
+
+    def keep(self, sums: np.ndarray) -> None:
+        """Count sums that are kept, and forget the oldest look where there are too many."""
+        self._bytes += sums.nbytes
+        while self._bytes > MOST_BYTES and len(self._kept) > 1:
+            self._bytes -= sum(s.nbytes for s in self._kept.pop(0).sums.values())
+
+
+class FieldSums:
+    """The sums of one look, found where they are asked for: from the nearest look that knows them, `near` first, or from all cells."""
+
+    def __init__(self, owner: GroupSums, look: _Look, near: list[_Look]) -> None:
+        self._owner, self._look, self._near = owner, look, near
+        self._changes: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        self._cells: np.ndarray | None = None
+
+    def of(self, group: int, slots: Slots) -> np.ndarray:
+        """The sums [size] of one group; not to be changed."""
+        known = self._look.sums.get(group)
+        if known is None:
+            known = self._look.sums[group] = self._sum(group, slots)
+            self._owner.keep(known)
+        return known
+
+    def _sum(self, group: int, slots: Slots) -> np.ndarray:
+        if self._cells is None:
+            self._cells = np.flatnonzero(self._look.changeable)
+        near = next((look for look in self._near if group in look.sums), None)
+        if near is not None:
+            cells, values = self._changes_from(near)
+            if len(cells) + COPY * slots.size < len(self._cells):
+                return slots.sum_changes(near.sums[group], cells, values)
+        return slots.sum_field(self._owner.gain, self._cells)
+
+    def _changes_from(self, look: _Look) -> tuple[np.ndarray, np.ndarray]:
+        """The cells that differ from another look, and what each adds."""
+        found = self._changes.get(id(look))
+        if found is None:
+            found = self._changes[id(look)] = list_changes(look.changeable, self._look.changeable, self._owner.gain)
+        return found
