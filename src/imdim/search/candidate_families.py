@@ -146,7 +146,7 @@ class Families:
         order = sorted(range(3), key=lambda a: grid.shape[a])  # fewest slabs first is cheapest for the compiled loop
         grid = np.ascontiguousarray(grid.transpose(order))
         table = np.empty((len(grid) * (len(grid) + 1) // 2, 7))
-        box_best(grid, floor, False, table)
+        box_best(grid, floor, count, table)
         out = []
         for row in table[_top(table[:, 0], count, floor)]:
             ranges = [(0, 0)] * 3

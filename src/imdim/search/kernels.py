@@ -48,7 +48,7 @@ def add_to_some_slots(before: np.ndarray, starts: np.ndarray, slots: np.ndarray,
 @njit(nogil=True, cache=True)
 def count_differing(a: np.ndarray, b: np.ndarray) -> int:
     """The number of bits in which two rows of 64 bits each differ."""
-    total = np.uint64(0)
+    total = 0
     for i in range(len(a)):
         x = a[i] ^ b[i]
         if x == np.uint64(0):
@@ -57,8 +57,8 @@ def count_differing(a: np.ndarray, b: np.ndarray) -> int:
         x -= (x >> np.uint64(1)) & np.uint64(0x5555555555555555)
         x = (x & np.uint64(0x3333333333333333)) + ((x >> np.uint64(2)) & np.uint64(0x3333333333333333))
         x = (x + (x >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
-        total += (x * np.uint64(0x0101010101010101)) >> np.uint64(56)
-    return np.int64(total)
+        total += np.int64((x * np.uint64(0x0101010101010101)) >> np.uint64(56))
+    return total
 
 
 @njit(nogil=True, cache=True)
@@ -106,7 +106,7 @@ def best_box(sums: np.ndarray, shape: tuple[int, int, int], sign: float, floor: 
                 at[order[2]] = c
                 turned[i, k, c] = grid[at[0], at[1], at[2]]
     table = np.empty((len(turned) * (len(turned) + 1) // 2, 7))
-    box_best(turned, floor, True, table)
+    box_best(turned, floor, 1, table)
     row = table[table[:, 0].argmax()]
     if not row[0] > floor:
         return floor
@@ -156,75 +156,109 @@ def _runs(wins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 @njit(nogil=True, cache=True)
-def _best_of_slab(slab: np.ndarray, positive: np.ndarray, line: np.ndarray, floor: float, row: np.ndarray) -> float:
+def _most_of_rows(slab: np.ndarray, most: np.ndarray) -> float:
+    """What any run of each row of `slab` [b, c] wins at most into `most` [b], nothing at least; returns the sum, which no rectangle is
+    above, or that of the columns if it is less."""
+    rows = 0.0
+    for k in range(len(slab)):
+        best, run = 0.0, 0.0
+        for c in range(slab.shape[1]):
+            run = max(run, 0.0) + slab[k, c]
+            best = max(best, run)
+        most[k] = best
+        rows += best
+    columns = 0.0
+    for c in range(slab.shape[1]):
+        best, run = 0.0, 0.0
+        for k in range(len(slab)):
+            run = max(run, 0.0) + slab[k, c]
+            best = max(best, run)
+        columns += best
+    return min(rows, columns)
+
+
+@njit(nogil=True, cache=True)
+def _best_of_slab(slab: np.ndarray, most: np.ndarray, line: np.ndarray, floor: float, row: np.ndarray) -> float:
     """The largest sum of a rectangle of `slab` [b, c], if above `floor`, else -inf; writes its bounds into row[3:7].
 
-    `positive` [b] sums what wins in each row, `line` [c] is scratch.
+    `most` [b] is what any run of a row wins, `line` [c] is scratch.
     """
-    top, least, rest = -np.inf, floor, positive.sum()
+    top, least, rest = -np.inf, floor, most.sum()
     for k in range(len(slab)):
         if rest <= least:
             break
-        rest -= positive[k]
-        if positive[k] == 0.0:
-            continue
-        line[:] = 0.0
-        bound = 0.0
-        for m in range(k, len(slab)):
-            bound += positive[m]
-            if bound <= least or positive[m] == 0.0:
-                line += slab[m]
-                continue
-            # best_interval, run while the line is summed
-            run, start = 0.0, 0
-            for c in range(len(line)):
-                line[c] += slab[m, c]
-                if run < 0.0 or c == 0:
-                    run, start = line[c], c
-                else:
-                    run += line[c]
-                if run > least:
-                    top = run
-                    least = run
-                    row[3], row[4], row[5], row[6] = k, m + 1, start, c + 1
+        # a rectangle that begins or ends with a row that wins nothing is not better than without it
+        if most[k] > 0.0:
+            line[:] = 0.0
+            bound, behind = 0.0, rest
+            for m in range(k, len(slab)):
+                bound += most[m]
+                behind -= most[m]
+                if bound <= least or most[m] == 0.0:
+                    line += slab[m]
+                    continue
+                # best_interval, run while the line is summed
+                run, start, best = 0.0, 0, -np.inf
+                for c in range(len(line)):
+                    line[c] += slab[m, c]
+                    if run < 0.0 or c == 0:
+                        run, start = line[c], c
+                    else:
+                        run += line[c]
+                    if run > best:
+                        best = run
+                        if run > least:
+                            top = run
+                            least = run
+                            row[3], row[4], row[5], row[6] = k, m + 1, start, c + 1
+                bound = min(bound, max(best, 0.0))
+                if best + behind <= least:
+                    break
+        rest -= most[k]
     return top
 
 
 @njit(nogil=True, cache=True)
-def box_best(grid: np.ndarray, floor: float, rising: bool, out: np.ndarray) -> None:
-    """Best box of `grid` [a, b, c] for each range of the first axis, where it is above `floor`.
+def box_best(grid: np.ndarray, floor: float, count: int, out: np.ndarray) -> None:
+    """Best box of `grid` [a, b, c] for each range of the first axis, where it is above `floor` and may be among the `count` best ranges.
 
-    Writes (sum, i, j, k, l, m, n) into out [a(a+1)/2, 7]: the box is grid[i:j, k:l, m:n]; the sum is -inf where no box is above the floor.
-    With `rising` the floor follows the best sum so far. What is positive in a range bounds its boxes, so most are never summed.
+    Writes (sum, i, j, k, l, m, n) into out [a(a+1)/2, 7]: the box is grid[i:j, k:l, m:n]; the sum is -inf where no box is above the floor,
+    which follows the best sums so far. Runs of rows and of columns bound the boxes, so most are never summed.
     """
     na, nb, nc = grid.shape
     out[:, 0] = -np.inf
-    slab = np.empty((nb, nc))
-    line = np.empty(nc)
-    positive = np.empty(nb)  # of the slab's rows
-    layers = np.empty(na)
+    slab, line, most = np.empty((nb, nc)), np.empty(nc), np.empty(nb)
+    layers, best = np.empty(na), np.full(count, floor)
     for i in range(na):
-        layers[i] = np.maximum(grid[i], 0.0).sum()
+        layers[i] = _most_of_rows(grid[i], most)
+    rest = layers.sum()
     for i in range(na):
+        if rest <= floor:
+            break
         # a box that begins or ends with a layer that wins nothing is not better than without it
-        if layers[i] == 0.0:
-            continue
-        slab[:] = 0.0
-        positive[:] = 0.0
-        for j in range(i, na):
-            row = i * na - i * (i - 1) // 2 + j - i
-            for k in range(nb):
-                for c in range(nc):
-                    v = grid[j, k, c]
-                    slab[k, c] += v
-                    if v > 0.0:
-                        positive[k] += v
-            if layers[j] == 0.0:
-                continue
-            top = _best_of_slab(slab, positive, line, floor, out[row])
-            if rising and top > floor:
-                floor = top
-            out[row, 0], out[row, 1], out[row, 2] = top, i, j + 1
+        if layers[i] > 0.0:
+            slab[:] = 0.0
+            bound, behind = 0.0, rest
+            for j in range(i, na):
+                slab += grid[j]
+                bound += layers[j]
+                behind -= layers[j]
+                if layers[j] == 0.0 or bound <= floor:
+                    continue
+                bound = min(bound, _most_of_rows(slab, most))
+                if bound > floor:
+                    row = i * na - i * (i - 1) // 2 + j - i
+                    top = _best_of_slab(slab, most, line, floor, out[row])
+                    out[row, 0], out[row, 1], out[row, 2] = top, i, j + 1
+                    if top > floor:
+                        best[best.argmin()] = top
+                        bound = top
+                        floor = best.min()
+                    else:
+                        bound = min(bound, floor)
+                if bound + behind <= floor:
+                    break
+        rest -= layers[i]
 
 
 @njit(nogil=True, cache=True)
