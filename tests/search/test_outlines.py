@@ -167,7 +167,9 @@ def test_what_is_cut_away_ends_beyond_the_part():
     filled = inside(frame.apply(plate), cells.points)
     upright = next(i for i, p in enumerate(outlines.planes) if p.kind == "extrude" and abs(p.frame[2, 2]) > 0.99)
     sums = outlines.slots[upright].sum_field(np.where(filled, -cells.gain, 0.0), np.arange(len(filled)))
-    _, (_, ranges, faces) = outlines.best(upright, sums, 1.0, 0.0)
+    _, drawn = outlines.best(upright, sums, 1.0, 0.0)
+    assert drawn is not None
+    _, ranges, faces = drawn
     wider = outlines.widen(upright, ranges, faces, filled)
     assert (outlines.mask(upright, ranges, wider)[filled] == outlines.mask(upright, ranges, faces)[filled]).all()
     low, high = np.reshape(to_manifold(frame.undo(outlines.primitive(upright, ranges, wider))).bounding_box(), (2, 3))

@@ -149,6 +149,11 @@ def insert(sequence: Sequence, insertion: Insertion, families: Families) -> Sequ
     return (*sequence[: insertion.position], step, *sequence[insertion.position :])
 
 
+def is_silent(step: Step[Covered]) -> np.ndarray:
+    """The cells [m] that a step leaves as they are, whatever they are."""
+    return step.term.mask if step.op == "intersection" else ~step.term.mask
+
+
 def gaps(sequence: Sequence, m: int) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
     """All places where a step can go, the end first: the cells [m] filled before it, and those on which every later step is silent."""
     states = list(accumulate(sequence, apply, initial=np.zeros(m, bool)))
@@ -156,8 +161,7 @@ def gaps(sequence: Sequence, m: int) -> Iterator[tuple[int, np.ndarray, np.ndarr
     for position in range(len(sequence), -1, -1):
         yield position, states[position], free
         if position:
-            step = sequence[position - 1]
-            free = free & (step.term.mask if step.op == "intersection" else ~step.term.mask)
+            free = free & is_silent(sequence[position - 1])
 
 
 def insertions(sequence: Sequence, families: Families, per_frame: int, least: float, weights: Weights = TRUE) -> list[Insertion]:
