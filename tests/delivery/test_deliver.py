@@ -2,6 +2,7 @@ import json
 
 import pytest
 import trimesh
+from tests.deadlines import PASSED
 from tests.export.coincident import MEANT
 from tests.known_programs import KNOWN
 from tests.planted import box, cut, cylinder
@@ -12,6 +13,7 @@ from imdim.delivery.deliver import OutputError, RunRecord, deliver, finish_flat
 from imdim.delivery.finish import finish
 from imdim.export import step_worker
 from imdim.export.folder import FILES
+from imdim.export.numbers import round_program
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.codec import constraints_of, from_json, loads, parse
 from imdim.program.tree import Primitive
@@ -41,6 +43,12 @@ def test_the_folder_holds_every_file(delivered):
     assert {path.name for path in folder.iterdir()} == set(FILES) - missing
     assert all((folder / name).stat().st_size > 100 for name in set(FILES) - missing)
     assert loads((folder / "program.json").read_text()) == finish_flat(PROGRAM)
+
+
+def test_late_results_are_the_program_as_it_was_found(target, tmp_path):
+    report = deliver(PROGRAM, target, tmp_path / "late", RUN, step_limit_s=0.1, finish_by=PASSED)
+    assert loads((tmp_path / "late" / "program.json").read_text()) == round_program(PROGRAM) != finish_flat(PROGRAM)
+    assert report["found"]["iou_with_delivered"] == pytest.approx(1, abs=1e-6)
 
 
 def test_the_report_says_what_was_measured(delivered):

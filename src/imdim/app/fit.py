@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 Reconstruct = Callable[["Target", Settings, "np.random.Generator"], "Iterator[Snapshot]"]
 
 DELIVERY_S = 6.0
+FILES_S = 5.0  # of these, for the files of a program that is finished
 LEAST_S = 1.0  # for the reconstruction, however long loading took
 DIFFERS = 1e-3  # of the volume IoU, from which delivery says that it did not keep what was found
 BAD_INPUT = 2
@@ -69,6 +70,7 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None) -> dict[str,
             raise ConfigError(f"setting {key} is missing: give {key}=...")
     import numpy as np
 
+    from imdim.deadline import Deadline
     from imdim.delivery.deliver import STEP_LIMIT_S, RunRecord, check_writable, deliver
     from imdim.target.target import load_target
 
@@ -92,7 +94,8 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None) -> dict[str,
     left = settings.budget_s - (time.perf_counter() - start)
     # the other files take a few seconds; STEP, which may be slow, gets what is left
     step_limit_s = min(max(left - DELIVERY_S, 1.0), STEP_LIMIT_S)
-    return deliver(last.program, target, folder, run, settings.segments, step_limit_s, last.constraints, last.front)
+    finish_by = Deadline(start + settings.budget_s - FILES_S)
+    return deliver(last.program, target, folder, run, settings.segments, step_limit_s, last.constraints, last.front, finish_by)
 
 
 def _exhaust(snapshots: Iterator[Snapshot], stages: dict[str, float]) -> Snapshot:

@@ -16,6 +16,7 @@ from typing import Any
 import trimesh
 from manifold3d import Manifold
 
+from imdim.deadline import NEVER, Deadline
 from imdim.delivery.evaluate import DeliveryLoss, evaluate_file
 from imdim.delivery.finish import FinishedProgram, finish, finish_flat
 from imdim.delivery.report import RunRecord, dumps, report_of
@@ -51,11 +52,12 @@ def deliver(
     step_limit_s: float = STEP_LIMIT_S,
     constraints: Sequence[Constraint] = (),
     front: Sequence[Choice] = (),
+    finish_by: Deadline = NEVER,
 ) -> dict[str, Any]:
     """Write all results for `program` (in the target's units) into `folder`, whole or not at all; returns the report.
 
     `constraints` hold for `program` (see `relations.discover`). `front` holds programs from crude to exact, `program` among them; without
-    it `front.json` holds the program alone.
+    it `front.json` holds the program alone. Past `finish_by` (by default never) the program is finished no further (`finish`).
 
     STEP is skipped, and the report says why, where OpenCASCADE is missing, fails or takes longer than `step_limit_s`.
     Raises OutputError when the folder cannot be written or holds foreign files, ValueError when the program is empty.
@@ -63,7 +65,7 @@ def deliver(
     seconds: dict[str, float] = {}
     with replacing(folder) as partial:
         with _time(seconds, "program"):
-            given, found = program, finish(program, constraints)
+            given, found = program, finish(program, constraints, finish_by)
             program = found.program
             meta = frame_meta(target)
             _write_texts(found, meta, partial, segments)

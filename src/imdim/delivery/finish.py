@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from imdim.deadline import NEVER, Deadline
 from imdim.export.chance import without_chance
 from imdim.export.elimination import without_loose
 from imdim.export.numbers import round_program
@@ -34,20 +35,21 @@ class FinishedProgram:
     folded: Folded | None
 
 
-def finish(program: Program, constraints: Sequence[Constraint] = ()) -> FinishedProgram:
+def finish(program: Program, constraints: Sequence[Constraint] = (), deadline: Deadline = NEVER) -> FinishedProgram:
     """The program as it is delivered; `constraints` hold for the one given, and those by chance, or that no names can keep, are left out.
 
     Repeats change the order of primitives. What nearly repeats, or would if it stood together, is made to if that hardly changes the solid.
+    Past the `deadline` (by default never) no parts are gathered, and the other cutters end where they end.
     """
     constraints = without_chance(program, constraints)
-    folding = next((f for f in _foldings(program) if is_same(program, f.program)), None)
+    folding = next((f for f in _foldings(program, deadline) if is_same(program, f.program)), None)
     if folding is None:
-        delivered = finish_flat(program)
+        delivered = finish_flat(program, deadline=deadline)
         constraints = without_loose(program, constraints, delivered)
         return FinishedProgram(delivered, rebase_constraints(delivered, constraints), parametrise(program, constraints, delivered), None)
     given, carried = folding.program, _renumber(constraints, folding.order)
     constraints = _without_rows(holding(given, carried), folding.folded)
-    folded = with_leaves(folding.folded, finish_flat(given, folding.folded))
+    folded = with_leaves(folding.folded, finish_flat(given, folding.folded, deadline))
     delivered = expand(folded)
     constraints = without_loose(given, constraints, delivered, folded)
     return FinishedProgram(
@@ -55,21 +57,21 @@ def finish(program: Program, constraints: Sequence[Constraint] = ()) -> Finished
     )
 
 
-def finish_flat(program: Program, folded: Folded | None = None) -> Program:
+def finish_flat(program: Program, folded: Folded | None = None, deadline: Deadline = NEVER) -> Program:
     """A program as it is delivered: cutters overshoot, as far as the solid stays, and numbers are rounded. Copies stay alike where
-    `program` is the expansion of `folded`."""
+    `program` is the expansion of `folded`. Past the `deadline` (by default never) the other cutters stay as they are."""
     alike = None if folded is None else [[i for i, _ in copies] for copies in copies_of(folded).values()]
-    return preserve(round_program(program), round_program(overshoot(program, folded)), together=alike)
+    return preserve(round_program(program), round_program(overshoot(program, folded, deadline=deadline)), together=alike)
 
 
-def _foldings(program: Program) -> list[Folding]:
+def _foldings(program: Program, deadline: Deadline) -> list[Folding]:
     """Ways to write the repeats of a program, what repeats exactly, nearly, or once its parts are gathered; those that save most first."""
     exact = fold_repeats(program)
-    more = [f for f in _others(program) if exact is None or worth(f.folded) > worth(exact.folded)]
+    more = [f for f in _others(program, deadline) if exact is None or worth(f.folded) > worth(exact.folded)]
     return more if exact is None else [*more, exact]
 
 
-def _others(program: Program) -> list[Folding]:
+def _others(program: Program, deadline: Deadline) -> list[Folding]:
     """The repeats of what nearly repeats, and of what does once its parts are gathered; those that save most first.
 
     All number the leaves of the program given.
@@ -77,10 +79,12 @@ def _others(program: Program) -> list[Folding]:
     tolerance = NEAR * extent(program)
     near = fold_repeats(program, tolerance)
     found, known = [near], _leaves_of_repeats(near)
-    if count(program).primitives > MOST_GATHERED:
+    if count(program).primitives > MOST_GATHERED or deadline.has_passed():
         return [] if near is None else [near]
     gathering = Commutation(program)
     for largest in GATHERED:
+        if deadline.has_passed():
+            break
         loose = _folding_of(gathering.commute(largest), tolerance)
         if _leaves_of_repeats(loose) <= known:
             continue

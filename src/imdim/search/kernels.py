@@ -58,7 +58,7 @@ def count_differing(a: np.ndarray, b: np.ndarray) -> int:
         x = (x & np.uint64(0x3333333333333333)) + ((x >> np.uint64(2)) & np.uint64(0x3333333333333333))
         x = (x + (x >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
         total += np.int64((x * np.uint64(0x0101010101010101)) >> np.uint64(56))
-    return total
+    return int(total)
 
 
 @njit(nogil=True, cache=True)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from manifold3d import Manifold
+from tests.deadlines import PASSED
 from tests.planted import box, common, cut, cylinder, sphere, union
 
 from imdim.delivery.finish import finish
@@ -59,6 +60,13 @@ def test_what_stands_apart_repeats_and_the_solid_stays(program, kind, counts):
     assert [(r.kind, r.counts) for _, r in repeats(whole.folded)] == [(kind, counts)]
     solid = to_manifold(program, 48)
     assert difference(solid, to_manifold(whole.program, 48)) < 1e-6 * solid.volume()
+
+
+def test_past_the_deadline_a_program_is_delivered_as_it_stands():
+    late = finish(plated(), deadline=PASSED)
+    assert late.folded is None
+    assert late.program == plated()
+    assert finish(plated()).program != plated()
 
 
 def test_what_does_not_repeat_stays_where_it_is():
