@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from imdim.numbers.snap import SnapConfig, accept_changes, snap
 from imdim.numbers.symmetry_normal_form import canonical
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
-from imdim.program.tree import Primitive, Program, leaves, map_leaves
+from imdim.program.tree import Op, Primitive, Program, fold, leaves, map_leaves
 from imdim.reconstruction.observation import Observation
 from imdim.reconstruction.preserve import is_same, preserve, volume_difference
 from imdim.relations.discover import exact_relations, hold_constraints
@@ -33,6 +34,12 @@ SNAP_LOSS = 1e-4  # of the volume IoU with a mesh, that rounder numbers may cost
 MOST_RELATED = 120  # primitives; the time that relations take grows with the square
 RELATE_ERROR, RELATE_MOVE = 1e-2, 1e-5  # shares of mean distance and diagonal that relations may cost
 SNAP_TRIES = 24  # programs that are made to find which rounder primitives can stand together
+MOST_ROWS = 256  # distances of all points to one primitive, that are kept while numbers are rounded
+VALUES: Mapping[Op, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {  # of a program at some points, from those of its parts
+    "union": np.minimum,
+    "intersection": np.maximum,
+    "difference": lambda keep, cut: np.maximum(keep, -cut),
+}
 HOLD_TRIES = 24  # programs that are made to find which relations hold beside rounder numbers
 
 Related = tuple[Program, tuple[Constraint, ...]]  # a program and what holds for it
@@ -91,9 +98,12 @@ def snap_numbers(program: Program, seen: Observation, frame: Frame, deadline: De
     """
     exact, points, to_unit = seen.target.mesh is not None, _surface_points(seen), frame.apply
     limit = 2e-3 if exact else 1e-2
+    # most leaves of a trial are those of the trials before it
+    values_of = lru_cache(MOST_ROWS)(lambda leaf: kernels.program_sdf(leaf, points))
 
     def distance(trial: Program) -> float:
-        return float(np.minimum(np.abs(kernels.program_sdf(to_unit(trial), points)), limit).mean())
+        values = fold(to_unit(trial), lambda _, leaf: values_of(leaf), VALUES)
+        return float(np.minimum(np.abs(values), limit).mean())
 
     program = preserve(program, shorten_cones(program), SAME_CONES)
     plain = map_leaves(program, lambda _, leaf: canonical(leaf))
