@@ -13,7 +13,8 @@ import numpy as np
 
 from imdim.search.kernels import add_to_slots, add_to_some_slots, count_differing, list_changes
 
-MOST_BYTES = 48 * 2**20  # of the sums that are kept
+MOST_BYTES = 24 * 2**20  # of the sums that are kept
+MOST_LOOKS = 64  # that are kept: each new one is compared with all
 COPY = 0.1  # of a slot: what it takes to copy one, in cells added
 
 
@@ -65,13 +66,15 @@ class GroupSums:
             return FieldSums(self, near[0], near[1:])
         look = _Look(changeable, bits)
         self._kept.append(look)
+        self.keep(changeable)
         return FieldSums(self, look, near)
 
-    def keep(self, sums: np.ndarray) -> None:
-        """Count sums that are kept, and forget the oldest look where there are too many."""
-        self._bytes += sums.nbytes
-        while self._bytes > MOST_BYTES and len(self._kept) > 1:
-            self._bytes -= sum(s.nbytes for s in self._kept.pop(0).sums.values())
+    def keep(self, more: np.ndarray) -> None:
+        """Count what is kept, and forget the looks that were not asked for longest where that is too much."""
+        self._bytes += more.nbytes
+        while len(self._kept) > 1 and (self._bytes > MOST_BYTES or len(self._kept) > MOST_LOOKS):
+            self._bytes -= sum(known.nbytes for known in (self._kept[0].changeable, *self._kept[0].sums.values()))
+            del self._kept[0]
 
 
 class FieldSums:
