@@ -13,8 +13,6 @@ from imdim.export.parameters import parametrise
 from imdim.program.codec import constraints_of, from_json, parse, read_folded
 from imdim.program.repeats import repeats
 
-ZERO = 1e-9  # a number that needs no name
-
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -38,9 +36,7 @@ def _free_numbers(path: Path) -> list[int]:
     """How many coordinates of each outline's vertices follow no name."""
     document = parse(path.read_bytes())
     program, folded = from_json(document), read_folded(document)
-    named = parametrise(program, constraints_of(document), program, folded if any(repeats(folded)) else None)
-    drawn = [[e for loop in loops for v in loop for e in (v.x, v.y)] for loops in named.outlines if loops]
-    return [sum(not e.terms and abs(e.constant) > ZERO for e in numbers) for numbers in drawn]
+    return parametrise(program, constraints_of(document), program, folded if any(repeats(folded)) else None).free_numbers()
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from imdim.app.progress import show_progress
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.front import Choice
 from imdim.program.tree import Combine, Primitive, Program
-from imdim.reconstruction.config import LANGUAGES, Settings, from_hydra
+from imdim.reconstruction.config import LANGUAGES, OBJECTIVES, Settings, from_hydra
 
 ROOT = Path(__file__).parents[2]
 BOX = Primitive("box", (1.0, 2.0, 3.0))
@@ -95,6 +95,7 @@ def test_features_and_curves_are_told_where_there_are_outlines(tmp_path, capsys)
     assert "primitives" not in said.out + said.err
     report, front = (json.loads((out / name).read_text()) for name in ("report.json", "front.json"))
     assert {key: report["result"][key] for key in ("primitives", "features", "curves")} == {"primitives": 2, "features": 2, "curves": 10}
+    assert report["result"]["free_numbers"] == 0  # every corner of the bracket follows a name
     assert report["settings"]["language"] == "cad"
     assert [choice.get("curves") for choice in front["choices"]] == [None, 10]
     page = (out / "report.html").read_text()
@@ -141,6 +142,7 @@ def test_an_output_that_cannot_be_written_is_one_line(part, tmp_path, capsys):
         (["nonsense"], "key=value"),
         (["segments=2"], "at least 3, got 2"),
         (["language=step"], "unknown language 'step'; known are csg, cad"),
+        (["objective=curves"], "unknown objective 'curves'; known are description, primitives"),
     ],
 )
 def test_a_bad_setting_is_one_line(part, tmp_path, capsys, arguments, said):
@@ -167,11 +169,12 @@ def test_the_language_is_set_like_any_setting(part, tmp_path, monkeypatch, given
 
 
 @pytest.mark.parametrize("command", ["fit", "batch"])
-def test_the_help_names_the_languages(command, capsys):
+def test_the_help_names_the_languages_and_objectives(command, capsys):
     with pytest.raises(SystemExit):
         imdim([command, "--help"])
     said = " ".join(capsys.readouterr().out.split())
     assert all(f"language={word}" in said for word in LANGUAGES)
+    assert all(f"objective={word}" in said for word in OBJECTIVES)
 
 
 def infer(*arguments: str) -> subprocess.CompletedProcess[str]:

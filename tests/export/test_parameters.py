@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 import trimesh
+from tests.drawn import BORED
 from tests.planted import PARTS, box, cut, cylinder, union
 
 from imdim.delivery.deliver import finish_flat
@@ -191,3 +192,10 @@ def test_the_script_has_the_same_names_and_numbers(program):
     for numbers in (*sizes, *places):
         assert any(len(s) == len(numbers) and s == pytest.approx(numbers, abs=1e-7) for s in seen)
     assert all(scope[name] == pytest.approx(value) for name, value in parameters.values.items())
+
+
+def test_coordinates_of_outlines_that_no_name_moves_are_free():
+    bored, slotted = Parameters.none(BORED), Parameters.none(cut(BORED, box(1.0, 1.0, 1.0)))
+    assert bored.free_numbers() == slotted.free_numbers() == [24]  # of eight corners and two holes, which are two arcs each
+    assert parametrise(BORED, (), BORED).free_numbers() == [0]
+    assert Parameters.none(box(1.0, 1.0, 1.0)).free_numbers() == []

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from program_samples import random_program
 
-from imdim.program.cost import cost, count
+from imdim.program.cost import cost, count, weigh
 from imdim.program.outline import Outline, circle
 from imdim.program.tree import Combine, Primitive
 
@@ -42,3 +42,10 @@ def test_the_size_in_words_tells_features_and_curves_where_there_are_outlines(pr
     counts = count(program)
     assert (counts.primitives, counts.curves, str(counts)) == (features, curves, words)
     assert counts.drawn == ({"features": features, "curves": curves} if curves else {})
+
+
+def test_curves_beyond_the_first_four_of_an_outline_weigh_a_tenth_or_nothing():
+    program = Combine("difference", PLATE, BALL)
+    assert weigh(program) == pytest.approx(2.9)  # 13 curves
+    assert weigh(program, curve=0.0) == 2
+    assert weigh(Combine("union", CUBE, BALL)) == 2

@@ -96,6 +96,13 @@ def test_an_empty_word_is_an_empty_word():
         from_arguments(["seed="])
 
 
-def test_python_refuses_an_unknown_language_too():
-    with pytest.raises(ConfigError, match="unknown language 'step'; known are csg, cad"):
-        imdim.reconstruct(np.random.default_rng(0).random((99, 3)), Settings(language="step"))
+@pytest.mark.parametrize(
+    ("key", "said"),
+    [
+        ("language", "unknown language 'step'; known are csg, cad"),
+        ("objective", "unknown objective 'step'; known are description, primitives"),
+    ],
+)
+def test_python_refuses_an_unknown_choice_too(key, said):
+    with pytest.raises(ConfigError, match=said):
+        imdim.reconstruct(np.random.default_rng(0).random((99, 3)), Settings(**{key: "step"}))

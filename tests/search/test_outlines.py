@@ -10,7 +10,7 @@ from imdim.geometry.solid import to_manifold, to_trimesh, volume_iou
 from imdim.program.cost import curves_of
 from imdim.program.outline import Outline, check_crossings, circle
 from imdim.program.tree import Combine, Primitive, leaves
-from imdim.reconstruction.config import Settings
+from imdim.reconstruction.config import OBJECTIVES, Settings
 from imdim.reconstruction.observation import UnitBody, observe
 from imdim.reconstruction.pipeline import reconstruct
 from imdim.search.outline_drawing import trace_loops
@@ -125,10 +125,10 @@ KNOB = Primitive(
 )  # fmt: skip
 
 
-def reconstructed(program, language="cad"):
+def reconstructed(program, **settings):
     """What is found of a program's mesh, by a clock that stands still."""
     target = target_from(to_trimesh(to_manifold(program, 64)))
-    *_, last = reconstruct(target, Settings(language=language), np.random.default_rng(0), lambda: 0.0)
+    *_, last = reconstruct(target, Settings(**settings), np.random.default_rng(0), lambda: 0.0)
     return last.program
 
 
@@ -151,9 +151,17 @@ def test_an_outline_is_cut_by_an_outline():
 
 def test_boxes_and_cylinders_stay_what_they_are_and_csg_draws_nothing():
     bored = Combine("difference", Primitive("box", (40.0, 30.0, 10.0)), Primitive("cylinder", (6.0, 10.0)))
-    assert all(leaf.outline is None for leaf in leaves(reconstructed(PLATE, "csg")))
+    assert all(leaf.outline is None for leaf in leaves(reconstructed(PLATE, language="csg")))
     assert sorted(leaf.kind for leaf in leaves(reconstructed(Primitive("box", (40.0, 30.0, 10.0))))) == ["box"]
     assert len(list(leaves(reconstructed(bored)))) <= 2
+
+
+def test_chamfers_that_are_not_worth_their_curves_are_drawn_where_primitives_alone_are_counted():
+    c = 0.2  # each corner is 8e-6 of the area, and a curve costs 2.5e-5
+    corners = [(-30 + c, -20), (30 - c, -20), (30, -20 + c), (30, 20 - c), (30 - c, 20), (-30 + c, 20), (-30, 20 - c), (-30, -20 + c)]
+    chamfered = Primitive("extrude", (6.0,), outline=Outline((tuple((x, y, 0.0) for x, y in corners),)))
+    plain, drawn = (next(leaves(reconstructed(chamfered, objective=what))) for what in OBJECTIVES)
+    assert curves_of(plain) < curves_of(drawn) == 8
 
 
 def test_what_is_cut_away_ends_beyond_the_part():

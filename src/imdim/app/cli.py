@@ -12,7 +12,8 @@ from pathlib import Path
 
 SETTINGS = (
     "any further setting of imdim.reconstruction.config.Settings, such as language=csg, which has the six primitives alone"
-    " (default language=cad: extruded and turned outlines beside them)"
+    " (default language=cad: extruded and turned outlines beside them), or objective=primitives, which counts primitives alone"
+    " (default objective=description: the curves of outlines too)"
 )
 ABOUT = "A mesh or a point cloud becomes a short, editable CSG program."
 

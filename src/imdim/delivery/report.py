@@ -62,6 +62,7 @@ def report_of(
             "primitives": counts.primitives,
             "operations": counts.operations,
             **counts.drawn,
+            **({"free_numbers": sum(delivered.parameters.free_numbers())} if counts.drawn else {}),
             "kinds": {kind: n for kind, n in counts.kinds.items() if n},
             "ops": {op: n for op, n in counts.ops.items() if n},
         },

@@ -51,6 +51,11 @@ class Parameters:
         bare = Parameters({}, sizes, centers, outlines=tuple(map(_constant_loops, parts)))
         return bare if folded is None else _add_loops(bare, folded, labels(program, (), folded), longest(parts))[0]
 
+    def free_numbers(self) -> list[int]:
+        """For each leaf with an outline, how many coordinates of its vertices follow no name; 0 needs none."""
+        drawn = [[e for loop in loops for v in loop for e in (v.x, v.y)] for loops in self.outlines if loops]
+        return [sum(not e.terms and abs(e.constant) > ZERO for e in numbers) for numbers in drawn]
+
     def head(self, number: Callable[[float], str], unit: str = "", end: str = "", counted: bool = True) -> list[str]:
         """``name = value`` for each name, `number` writing lengths, those of counts only where these are `counted`; an empty line below."""
         texts = {name: Rounding.angle(value) if name in self.angles else number(value) + unit for name, value in self.values.items()}

@@ -39,6 +39,7 @@ class Counts:
 
 FREE_CURVES, CURVE = 4, 0.1  # curves that an outline has for nothing, as many as a box; what each further one costs, in primitives
 DRAWN = 0.5  # of a curve: what the plainest outline costs more than one of the six kinds
+CURVE_PRICES = {"description": CURVE, "primitives": 0.0}  # of a primitive, by what is counted: curves too, or primitives alone
 
 
 def curves_of(leaf: Primitive) -> int:
@@ -51,9 +52,9 @@ def charged_curves(curves: int) -> float:
     return max(curves - FREE_CURVES, DRAWN)
 
 
-def weigh(program: Program) -> float:
-    """Primitives, an outline of many curves counted for more: what the search brings down beside the error."""
-    return sum(1 + (CURVE * charged_curves(curves_of(leaf)) if leaf.outline else 0) for leaf in leaves(program))
+def weigh(program: Program, curve: float = CURVE) -> float:
+    """Primitives, each charged curve of an outline counted as `curve` of one: what the search brings down beside the error."""
+    return sum(1 + (curve * charged_curves(curves_of(leaf)) if leaf.outline else 0) for leaf in leaves(program))
 
 
 def count(program: Program) -> Counts:

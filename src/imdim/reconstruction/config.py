@@ -14,9 +14,11 @@ from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
 from imdim.export.numbers import MAX_SEGMENTS
+from imdim.program.cost import CURVE_PRICES
 
 T = TypeVar("T")
 LANGUAGES = ("csg", "cad")
+OBJECTIVES = tuple(CURVE_PRICES)
 NONE = "none"  # as a checkpoint: no network at all
 _HOMES = (Path(__file__).parents[3], Path(sys.prefix, "share/imdim"))  # a source tree, and where an installed wheel puts its data
 _MODELS = [home / "models" / "imdim-base.safetensors" for home in _HOMES]
@@ -32,11 +34,12 @@ class Settings:
     """What one reconstruction needs to know.
 
     `language` is what programs are made of: cad of the six primitives and of extruded and turned outlines, csg of the six alone.
-    `budget_s` bounds the run in seconds of wall clock; `size_weight` is the price of a primitive: the share of the target's volume that
-    one more must set right (larger gives shorter and cruder programs); `segments` is the number of facets per circle in delivered meshes;
-    `logdir` is where an evolution writes tensorboard's event files (empty: nowhere); `checkpoint` is the policy of method=policy, which
-    auto and evolve use too (empty: the shipped one, for these if there is one; none: no policy), `stump_checkpoint` the network of
-    method=stump-net (empty: the shipped one, if there is one; none: random starts).
+    `objective` is what the search counts beside the error: description the primitives and the curves of their outlines, primitives these
+    alone, to compare with tools that count them. `budget_s` bounds the run in seconds of wall clock; `size_weight` is the price of a
+    primitive: the share of the target's volume that one more must set right (larger gives shorter and cruder programs); `segments` is the
+    number of facets per circle in delivered meshes; `logdir` is where an evolution writes tensorboard's event files (empty: nowhere);
+    `checkpoint` is the policy of method=policy, which auto and evolve use too (empty: the shipped one, for these if there is one; none: no
+    policy), `stump_checkpoint` the network of method=stump-net (empty: the shipped one, if there is one; none: random starts).
 
     `evolution`, `synthesis` and `solver` are for ablations of method=auto; false leaves out the evolution after the search; the structure
     search and its proofs (the decision tree stands in); what fits, relates and rounds numbers (but for the policy's own proposals).
@@ -48,6 +51,7 @@ class Settings:
     budget_s: float = 60.0
     method: str = "auto"
     language: str = "cad"
+    objective: str = "description"
     size_weight: float = 2.5e-4
     segments: int = 96
     logdir: str = ""
@@ -147,16 +151,17 @@ def check(settings: Settings) -> Settings:
             raise ConfigError(f"setting {key} must be a finite number of at least {low:g}, got {value}")
     if settings.segments > MAX_SEGMENTS:
         raise ConfigError(f"setting segments must be at most {MAX_SEGMENTS}, got {settings.segments}")
-    check_language(settings)
+    check_choices(settings)
     if not 0 < settings.size_weight < 1:
         raise ConfigError(f"setting size_weight must lie in 0..1, got {settings.size_weight}")
     return settings
 
 
-def check_language(settings: Settings) -> None:
-    """Raise ConfigError for a language that nothing is written in."""
-    if settings.language not in LANGUAGES:
-        raise ConfigError(f"unknown language {settings.language!r}; known are {', '.join(LANGUAGES)}")
+def check_choices(settings: Settings) -> None:
+    """Raise ConfigError for a language that nothing is written in, or an objective that nothing is priced by."""
+    for key, known in (("language", LANGUAGES), ("objective", OBJECTIVES)):
+        if getattr(settings, key) not in known:
+            raise ConfigError(f"unknown {key} {getattr(settings, key)!r}; known are {', '.join(known)}")
 
 
 def first_line(error: BaseException) -> str:

@@ -64,7 +64,8 @@ class Observation:
     """What detection and labelling know of one body, all in its unit frame, the programs that are asked about too.
 
     `noise` is a cloud's, corrected by what detection learned of it. `label` gives the probability of being inside [n] for points [n, 3].
-    `cut` says whether time ended the look at a cloud.
+    A primitive costs `size_weight` of the volume, a charged curve of an outline `curve` of that. `cut` says whether time ended the look at
+    a cloud.
     """
 
     target: Target
@@ -73,6 +74,7 @@ class Observation:
     samples: VolumeSamples
     families: Families
     size_weight: float
+    curve: float
     label: Callable[[np.ndarray], np.ndarray]
     cut: bool = False
 
@@ -106,7 +108,7 @@ class Observation:
 
     def price(self, program: Program) -> float:
         """The search's objective, relative to the body's volume."""
-        return self.error(program) + self.size_weight * weigh(program)
+        return self.error(program) + self._size_price(program)
 
     @cached_property
     def solid(self) -> Manifold | None:
@@ -123,7 +125,10 @@ class Observation:
     def exact_price(self, program: Program) -> float:
         """As `price`, with the exact volumes where there is a solid: samples may all have missed what a program gets wrong."""
         iou = self.iou(program)
-        return self.price(program) if iou is None else 1 - iou + self.size_weight * weigh(program)
+        return self.price(program) if iou is None else 1 - iou + self._size_price(program)
+
+    def _size_price(self, program: Program) -> float:
+        return self.size_weight * weigh(program, self.curve)
 
 
 def observe(
@@ -133,8 +138,9 @@ def observe(
     detect_by: Deadline = NEVER,
     label_by: Deadline = NEVER,
     outlines: bool = False,
+    curve: float = CURVE,
 ) -> Observation:
-    """Surfaces, cells and candidate families of a body, with `outlines` those too.
+    """Surfaces, cells and candidate families of a body, with `outlines` those too, in which a charged curve costs `curve` of a primitive.
 
     Of a cloud, no more surfaces are looked for past `detect_by`, and no more samples are asked for their side past `label_by` (by default
     all are). Raises UnseenError.
@@ -157,9 +163,9 @@ def observe(
     if not (cells.gain > 0).any():
         raise UnseenError(f"{unit.name}: no inside found, 0 of {len(cells.points)} sampled cells", cut)
     families = Families(
-        arrangement, cells, PricedPlanes(find_planes(arrangement), CURVE * size_weight * cells.volume) if drawn else NO_PLANES
+        arrangement, cells, PricedPlanes(find_planes(arrangement), curve * size_weight * cells.volume) if drawn else NO_PLANES
     )
-    return Observation(unit, noise, patches, samples, families, size_weight, label, cut)
+    return Observation(unit, noise, patches, samples, families, size_weight, curve, label, cut)
 
 
 def _corners(unit: Target, patches: list[Patch], noise: NoiseModel) -> np.ndarray:

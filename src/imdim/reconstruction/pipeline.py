@@ -20,14 +20,14 @@ from imdim.deadline import Deadline
 from imdim.geometry.finish.overshoot import without_strays
 from imdim.geometry.solid import to_manifold
 from imdim.program.constraints import Constraint, scale_constraints
-from imdim.program.cost import count, weigh
+from imdim.program.cost import CURVE_PRICES, count, weigh
 from imdim.program.front import Choice
 from imdim.program.outline import regions
 from imdim.program.rewrite.simplify import reduce_program
 from imdim.program.tree import Primitive, Program, combine_all, leaves, map_leaves
 from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.choices import choices_beside, few, unite_fronts
-from imdim.reconstruction.config import ConfigError, Settings, check_language
+from imdim.reconstruction.config import ConfigError, Settings, check_choices
 from imdim.reconstruction.fitting import find_relations, fit_numbers, snap_numbers
 from imdim.reconstruction.mdl import most_likely, reconstruct_unlabelled
 from imdim.reconstruction.methods import CUT, METHODS, Method, MethodStep, PolicyOf, Run, evolve_from, time_to_propose
@@ -97,10 +97,10 @@ class _Work:
 def reconstruct(target: Target, settings: Settings, rng: np.random.Generator, now: Callable[[], float] | None = None) -> Iterator[Snapshot]:
     """Yield better and better programs for `target`; the last one is the result. `now` tells the time, by default the wall clock's.
 
-    Raises InputError where the target shows no surface or has no volume, ConfigError for an unknown method or language, or an unusable
-    checkpoint.
+    Raises InputError where the target shows no surface or has no volume, ConfigError for an unknown method, language or objective, or an
+    unusable checkpoint.
     """
-    check_language(settings)
+    check_choices(settings)
     if settings.method not in METHODS:
         raise ConfigError(f"unknown method {settings.method!r}; known are {', '.join(METHODS)}")
     left_out: list[InputError] = []
@@ -176,7 +176,8 @@ def _jointly(target: Target, work: _Work, apart: _BodyState) -> Iterator[_BodySt
         *_, joint = _body(target, work)
     except InputError:  # all is told by the bodies
         return
-    shorter = weigh(joint.program) < weigh(apart.program) and not any(_is_in_pieces(leaf) for leaf in leaves(joint.program))
+    curve = CURVE_PRICES[work.settings.objective]
+    shorter = weigh(joint.program, curve) < weigh(apart.program, curve) and not any(_is_in_pieces(leaf) for leaf in leaves(joint.program))
     if shorter and joint.error < apart.error + JOINT_ERROR:
         yield replace(joint, stage="joint", stop=_stop([apart.stop, joint.stop]))
     elif joint.stop == CUT:
@@ -232,7 +233,8 @@ def _body(body: Target, work: _Work, share: float = 1.0) -> Iterator[_BodyState]
     budget, settings, observed = work.budget, work.settings, UnitBody.of(unit, work.rng)
     try:
         detect_by, label_by = budget.part_of("detect", share), budget.part_of("label", share)
-        seen = observe(observed, settings.size_weight, work.rng, detect_by, label_by, settings.language == "cad")
+        outlines, curve = settings.language == "cad", CURVE_PRICES[settings.objective]
+        seen = observe(observed, settings.size_weight, work.rng, detect_by, label_by, outlines, curve)
     except UnseenError as error:
         guess = _guess(observed, work, share, error.cut) if work.method in METHODS.values() else None  # a person's program is not dropped
         if guess is None:
