@@ -36,6 +36,10 @@ def torus(r_major: float, r_minor: float, center: Vec3 = ORIGIN, rotation: Vec3 
     return Primitive("torus", (r_major, r_minor), center, rotation)
 
 
+def ellipsoid(rx: float, ry: float, rz: float, center: Vec3 = ORIGIN, rotation: Vec3 = ORIGIN) -> Primitive:
+    return Primitive("ellipsoid", (rx, ry, rz), center, rotation)
+
+
 def sphere(r: float, center: Vec3 = ORIGIN) -> Primitive:
     return Primitive("sphere", (r,), center)
 
@@ -72,7 +76,7 @@ def mesh_of(program: Program, segments: int = 96) -> trimesh.Trimesh:
 
 
 def carriers(program: Program) -> list[Surface]:
-    """The unbounded surfaces of all primitives, those that coincide listed once; ellipsoids have none."""
+    """The unbounded surfaces of all primitives, those that coincide listed once."""
     out: list[Surface] = []
     for leaf in leaves(program):
         out += [s for s in _carriers_of(leaf) if not any(same(s, other, 1e-9) for other in out)]
@@ -101,7 +105,7 @@ def _carriers_of(leaf: Primitive) -> list[Surface]:
         sign = 1.0 if top > bottom else -1.0
         apex = at(h / 2 - h * top / (top - bottom))
         return [Surface("cone", apex, _vec(sign * z), (math.atan(abs(top - bottom) / h),)), plane(z, -h / 2), plane(z, h / 2)]
-    return [Surface(leaf.kind, at(0.0), _vec(z), leaf.size)]
+    return [Surface(leaf.kind, at(0.0), _vec(z), leaf.size, _vec(axes[0]) if leaf.kind == "ellipsoid" else (1.0, 0.0, 0.0))]
 
 
 def _vec(v: np.ndarray) -> Vec3:
@@ -110,6 +114,9 @@ def _vec(v: np.ndarray) -> Vec3:
 
 def same(a: Surface, b: Surface, tolerance: float) -> bool:
     """Whether two carriers are one, up to the sense of an axis that has none: lengths to `tolerance`, angles to 1e-4 radians."""
+    if a.kind == b.kind == "ellipsoid":  # its semi-axes may be named in any order
+        shapes = [(s.frame * s.sizes) @ s.frame.T for s in (a, b)]
+        return bool(np.linalg.norm(np.subtract(a.point, b.point)) < tolerance and np.allclose(*shapes, rtol=0, atol=tolerance))
     if a.kind != b.kind or not np.allclose(a.sizes, b.sizes, rtol=0, atol=1e-4 if a.kind == "cone" else tolerance):
         return False
     gap, axis = np.subtract(a.point, b.point), np.array(a.axis)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
-from tests.planted import ALONG_X, PARTS, box, carriers, common, cone, cut, cylinder, mesh_of, same, sphere, torus, union
+from tests.planted import ALONG_X, PARTS, box, carriers, common, cone, cut, cylinder, ellipsoid, mesh_of, same, sphere, torus, union
 
 from imdim.detection.mesh_surfaces import detect_patches
-from imdim.geometry.surface import Surface, normals, signed_distance
+from imdim.geometry.surface import Surface, normals, signed_distance, vec
 
 HEXAGON = union(*(box(20, 20 / math.sqrt(3), 8, rotation=(0.0, 0.0, a)) for a in (0.0, 60.0, 120.0)))
 BAR = union(box(30, 20, 8), cylinder(10, 8, (15.0, 0.0, 0.0)), cylinder(10, 8, (-15.0, 0.0, 0.0)))
@@ -34,6 +34,11 @@ CASES = {
     "grooved post": cut(cylinder(15, 30), torus(15, 3)),
     "wheel with a round rim": union(cylinder(20, 10), torus(20, 5)),
     "puck with filleted edges": union(cylinder(20, 14), cylinder(23, 8), torus(20, 3, (0.0, 0.0, 4.0)), torus(20, 3, (0.0, 0.0, -4.0))),
+    "plate with an ellipsoidal dent": cut(box(60, 40, 20), ellipsoid(18, 12, 6, (4.0, -2.0, 10.0))),
+    "plate with a turned dent": cut(box(60, 40, 20), ellipsoid(18, 9, 7, (4.0, -2.0, 10.0), (20.0, 15.0, 30.0))),
+    "egg on a plate": union(box(60, 40, 6), ellipsoid(12, 12, 18, (5.0, 0.0, 15.0))),
+    "half an ellipsoid": common(ellipsoid(30, 20, 15), box(80, 80, 40, (0.0, 0.0, 20.0))),
+    "ellipsoid with a bore": cut(ellipsoid(30, 20, 15), cylinder(6, 60)),
     "crossing bores": cut(box(40, 40, 40), cylinder(8, 50), cylinder(8, 50, rotation=ALONG_X)),
 }
 
@@ -69,7 +74,7 @@ def test_a_part_gives_back_the_carriers_it_was_drawn_with(name, segments):
     check(mesh, [s for s in carriers(CASES[name]) if visible(s, mesh)])
 
 
-@pytest.mark.parametrize("name", ["tube on a flange", "bored ball", "countersink", "hexagon nut", "ring"])
+@pytest.mark.parametrize("name", ["tube on a flange", "bored ball", "countersink", "hexagon nut", "ring", "half an ellipsoid"])
 def test_placement_and_size_do_not_matter(name):
     mesh = mesh_of(CASES[name])
     turn, shift, scale = Rotation.from_euler("xyz", [0.3, -0.8, 1.9]).as_matrix(), np.array([3.0, -70.0, 11.0]), 1e-3
@@ -80,7 +85,7 @@ def test_placement_and_size_do_not_matter(name):
 
 def _moved(s: Surface, turn: np.ndarray, shift: np.ndarray, scale: float) -> Surface:
     sizes = s.sizes if s.kind == "cone" else tuple(scale * x for x in s.sizes)
-    return Surface(s.kind, tuple(scale * (turn @ s.point + shift)), tuple(turn @ s.axis), sizes)  # type: ignore[arg-type]
+    return Surface(s.kind, vec(scale * (turn @ s.point + shift)), vec(turn @ s.axis), sizes, vec(turn @ s.across))
 
 
 @pytest.mark.parametrize("segments", [64, 96])
@@ -91,6 +96,24 @@ def test_a_flat_between_two_round_ends_is_no_sphere(segments):
     assert {surface.kind for surface in found} == {"plane", "cylinder"}
     heights = sorted(s.point[1] for s in found if s.kind == "plane" and abs(s.axis[1]) > 0.99)
     assert heights == pytest.approx([-20, -3, 3, 20])
+
+
+def test_three_circles_are_a_cylinder_and_a_cone_though_an_ellipsoid_goes_through_them():
+    low, middle, high = 12.0, 12.0, 10.5
+    post = union(cylinder(low, 3, (0.0, 0.0, -1.5)), cone(middle, high, 1.5, (0.0, 0.0, 0.75)))
+    assert {p.surface.kind for p in detect_patches(mesh_of(post, 64))} == {"plane", "cylinder", "cone"}
+
+
+@pytest.mark.parametrize("segments", [32, 64, 128])
+def test_a_ball_is_a_sphere_however_coarse(segments):
+    assert [p.surface.kind for p in detect_patches(mesh_of(sphere(20, (1.0, 2.0, 3.0)), segments))] == ["sphere"]
+
+
+def test_an_ellipsoid_of_revolution_has_equal_semi_axes_and_no_spin():
+    egg = CASES["egg on a plate"]
+    (found,) = (p.surface for p in detect_patches(mesh_of(egg)) if p.surface.kind == "ellipsoid")
+    assert found.sizes[0] == found.sizes[1] == pytest.approx(12, abs=1e-5)
+    assert abs(found.axis[2]) == pytest.approx(1, abs=1e-9)
 
 
 def test_a_patch_knows_its_side_its_area_and_its_points():

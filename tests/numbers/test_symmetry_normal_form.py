@@ -103,3 +103,15 @@ def test_offers_are_near():
     p = Primitive("box", SIZES["box"], rotation=(31.0, 12.0, 77.0))
     for offer in round_turns(p, 2.0):
         assert np.abs(kernels.program_sdf(p, POINTS) - kernels.program_sdf(offer, POINTS)).max() < np.radians(2.0) * 2
+
+
+@pytest.mark.parametrize("size", [(0.5, 0.5, 0.8), (0.5, 0.8, 0.5), (0.8, 0.5, 0.5)])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_an_ellipsoid_of_revolution_has_no_spin(size, axis):
+    """Spun about its axis it is the same solid, and so is written the same."""
+    spun = tuple(37.0 * (i == size.index(0.8)) for i in range(3))
+    plain, turned = Primitive("ellipsoid", size), Primitive("ellipsoid", size, rotation=spun)
+    assert same_solid(plain, turned)
+    assert canonical(turned).rotation == canonical(plain).rotation == (0.0, 0.0, 0.0)
+    tilted = replace(turned, rotation=tuple(20.0 * (i == axis) for i in range(3)))
+    assert same_solid(canonical(tilted), tilted)

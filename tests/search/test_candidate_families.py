@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tests.planted import PARTS, box, cone, cut, cylinder, sphere, torus, union
+from tests.planted import PARTS, box, cone, cut, cylinder, ellipsoid, sphere, torus, union
 from tests.search.planted_families import families_of, planted, random_candidates
 
 from imdim.geometry import kernels
@@ -11,6 +11,7 @@ from imdim.search.candidate_families import Candidate
 TILT = (20.0, -35.0, 50.0)
 TURNED = {
     "turned": cut(box(60, 40, 20, (1.0, 2.0, 3.0), TILT), cylinder(5, 40, (1.0, 2.0, 3.0), TILT), sphere(8, (5.0, 0.0, 9.0))),
+    "hollows": cut(box(60, 40, 40), ellipsoid(18, 12, 6, (4.0, -2.0, 5.0), TILT), ellipsoid(5, 5, 9, (-20.0, 0.0, 8.0))),
     "ring and cones": union(torus(20, 5, (0.0, 0.0, 3.0), TILT), cone(6, 2, 10), cone(0, 7, 12, (3.0, 3.0, 20.0))),
 }
 

@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import KDTree
 
-from imdim.detection.cloud_kernels import CONE, CYLINDER, PLANE, SPHERE, TORUS
+from imdim.detection.cloud_kernels import CONE, CYLINDER, ELLIPSOID, PLANE, ROW, SPHERE, TORUS, pack
+from imdim.detection.fit_ellipsoid import quadric_ellipsoid
 from imdim.geometry.surface import unit
+
+QUADRIC_POINTS, QUADRIC_SEEDS = (30, 100, 300), 12  # points in a neighbourhood, and neighbourhoods, that ellipsoids are laid through
 
 
 def propose(
@@ -16,8 +19,9 @@ def propose(
     axes: np.ndarray,
     count: int,
     rng: np.random.Generator,
+    ellipsoids: bool = True,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """About 4 `count` hypotheses as kinds [h] and rows [h, 8], every set drawn near one random point (Schnabel et al. 2007, 4.3).
+    """About 4 `count` hypotheses as kinds [h] and rows [h, 12], every set drawn near one random point (Schnabel et al. 2007, 4.3).
 
     `directions` [d, 3] and `axes` [a, 6] (point, direction) are those of surfaces already found: designed parts repeat them,
     and with them three points without normals make a cylinder and two a cone.
@@ -28,6 +32,8 @@ def propose(
         found += [_cylinders_along(draw, directions, count), _planes_across(draw, directions, count)]
     if len(axes):
         found += _about(draw, axes, count // 2)
+    if ellipsoids:
+        found.append(_ellipsoids(draw))
     kinds = np.concatenate([np.full(len(rows), kind) for kind, rows in found])
     rows = np.vstack([rows for _, rows in found])
     size = np.ptp(points, axis=0).max() + 1e-12
@@ -55,7 +61,7 @@ class _Draw:
 
 
 def _rows(point: np.ndarray, axis: np.ndarray, first: np.ndarray | float = 0.0, second: np.ndarray | float = 0.0) -> np.ndarray:
-    out = np.zeros((len(point), 8))
+    out = np.zeros((len(point), ROW))
     out[:, :3], out[:, 3:6], out[:, 6], out[:, 7] = point, axis, first, second
     return out
 
@@ -104,7 +110,7 @@ def _cones(draw: _Draw, count: int) -> tuple[int, np.ndarray]:
     keep = np.abs(np.linalg.det(n)) > 1e-3
     p, n = p[keep], n[keep]
     if not len(p):
-        return CONE, np.zeros((0, 8))
+        return CONE, np.zeros((0, ROW))
     apex = np.linalg.solve(n, (n * p).sum(2)[:, :, None])[:, :, 0]
     ray = unit(p - apex[:, None])
     axis = unit(np.cross(ray[:, 1] - ray[:, 0], ray[:, 2] - ray[:, 0]))
@@ -113,6 +119,17 @@ def _cones(draw: _Draw, count: int) -> tuple[int, np.ndarray]:
     angle = np.arccos(np.clip(np.abs(height), 0, 1))
     good = (angle > 0.02) & (angle < 1.52)
     return CONE, _rows(apex[good], axis[good], angle[good])
+
+
+def _ellipsoids(draw: _Draw) -> tuple[int, np.ndarray]:
+    """Quadrics through neighbourhoods of points all over the cloud: nine points fix one, but only if they are exact."""
+    rows, largest = [], 2 * float(np.ptp(draw.points, axis=0).max())  # beyond it they are cylinders
+    for k in (k for k in QUADRIC_POINTS if k <= len(draw.points)):
+        seeds = np.linspace(0, len(draw.points) - 1, QUADRIC_SEEDS).astype(int)
+        for near in np.asarray(draw.tree.query(draw.points[seeds], k=k)[1]).reshape(-1, k):
+            surface = quadric_ellipsoid(draw.points[near])
+            rows += [pack(surface)] if surface and max(surface.sizes) < largest else []
+    return ELLIPSOID, np.array(rows).reshape(-1, ROW)
 
 
 def _bases(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -3,26 +3,36 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numba import njit
 
-from imdim.geometry.surface import SURFACE_KINDS, Surface
+from imdim.geometry.surface import SURFACE_KINDS, Surface, vec
 
-PLANE, SPHERE, CYLINDER, CONE, TORUS = range(5)
+PLANE, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID = range(6)
+ROW = 12  # numbers of a carrier
 
 
 def pack(surface: Surface) -> np.ndarray:
-    """Point, axis and sizes padded with zeros: [8]."""
-    sizes = (*surface.sizes, 0.0, 0.0)
-    return np.array([*surface.point, *surface.axis, sizes[0], sizes[1]])
+    """Point, axis, sizes padded with zeros, and the direction across the axis: [12]."""
+    sizes = (*surface.sizes, 0.0, 0.0, 0.0)[:3]
+    return np.array([*surface.point, *surface.axis, *sizes, *surface.across])
 
 
 def unpack(kind: int, row: np.ndarray) -> Surface:
     """The inverse of `pack`, for the kind of index `kind` in SURFACE_KINDS."""
-    count = (0, 1, 1, 1, 2)[kind]
-    values = [float(v) for v in row]
-    return Surface(SURFACE_KINDS[kind], (values[0], values[1], values[2]), (values[3], values[4], values[5]), tuple(values[6 : 6 + count]))
+    count = (0, 1, 1, 1, 2, 3)[kind]
+    surface = Surface(SURFACE_KINDS[kind], vec(row), vec(row[3:6]), tuple(float(v) for v in row[6 : 6 + count]))
+    return replace(surface, across=vec(row[9:])) if kind == ELLIPSOID else surface
+
+
+@njit(cache=True, inline="always")
+def in_ball(row, x, y, z):  # pragma: no cover - compiled
+    """A vector in an ellipsoid's frame, each coordinate over its semi-axis."""
+    ax, ay, az, bx, by, bz = row[3], row[4], row[5], row[9], row[10], row[11]
+    across = (ay * bz - az * by) * x + (az * bx - ax * bz) * y + (ax * by - ay * bx) * z
+    return (bx * x + by * y + bz * z) / row[6], across / row[7], (ax * x + ay * y + az * z) / row[8]
 
 
 @njit(cache=True, inline="always")
@@ -35,6 +45,12 @@ def distance_and_cosine(kind, row, x, y, z, nx, ny, nz):  # pragma: no cover - c
     if kind == SPHERE:
         length = math.sqrt(qx * qx + qy * qy + qz * qz)
         return length - row[6], (nx * qx + ny * qy + nz * qz) / max(length, 1e-12)
+    if kind == ELLIPSOID:
+        u, v, w = in_ball(row, qx, qy, qz)
+        nu, nv, nw = in_ball(row, nx, ny, nz)
+        level = math.sqrt(u * u + v * v + w * w)
+        slope = max(math.sqrt((u / row[6]) ** 2 + (v / row[7]) ** 2 + (w / row[8]) ** 2), 1e-12)
+        return level * (level - 1.0) / slope, (nu * u + nv * v + nw * w) / slope
     h = qx * ax + qy * ay + qz * az
     rx, ry, rz = qx - h * ax, qy - h * ay, qz - h * az
     rho = math.sqrt(rx * rx + ry * ry + rz * rz)

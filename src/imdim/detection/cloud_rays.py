@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 from numba import njit
 
-from imdim.detection.cloud_kernels import CONE, CYLINDER, PLANE, SPHERE, distance_and_cosine, gradient
+from imdim.detection.cloud_kernels import CONE, CYLINDER, ELLIPSOID, PLANE, SPHERE, distance_and_cosine, gradient, in_ball
 
 
 @njit(cache=True, inline="always")
@@ -43,6 +43,10 @@ def crossings(kind, row, o, d, out):  # pragma: no cover - compiled
         return _quadratic(1.0, qd, qq - row[6] * row[6], out)
     if kind == CYLINDER:
         return _quadratic(1.0 - da * da, qd - qa * da, qq - qa * qa - row[6] * row[6], out)
+    if kind == ELLIPSOID:
+        u, v, w = in_ball(row, qx, qy, qz)
+        du, dv, dw = in_ball(row, d[0], d[1], d[2])
+        return _quadratic(du * du + dv * dv + dw * dw, u * du + v * dv + w * dw, u * u + v * v + w * w - 1.0, out)
     if kind == CONE:
         k = math.cos(row[6]) ** 2
         n = _quadratic(k - da * da, k * qd - qa * da, k * qq - qa * qa, out)

@@ -71,7 +71,7 @@ class DetectionState:
     def tolerance(self, kinds: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Of each hypothesis: noise, or the flats of a faceted wall."""
         d = self.noise.diagonal
-        radius = np.choose(kinds, [0 * rows[:, 6], rows[:, 6], rows[:, 6], 0 * rows[:, 6], rows[:, 7]])
+        radius = np.choose(kinds, [0 * rows[:, 6], rows[:, 6], rows[:, 6], 0 * rows[:, 6], rows[:, 7], rows[:, 6:9].min(1)])
         # a radius beyond the part's own is a gentle arc, and such arcs have many sides
         facet = self.config.facet * np.where(radius < 0.5 * d, radius, 0.0)
         base = np.where(kinds == PLANE, self.config.flat * d, np.maximum(self.config.curved * d, facet))
@@ -93,7 +93,7 @@ def sane(surface: Surface, diagonal: float) -> bool:
         return True
     if surface.kind == "cone":
         return 0.01 < surface.sizes[0] < 1.54
-    return surface.sizes[0] < 1.5 * diagonal and not is_spindle(surface)
+    return max(surface.sizes) < 1.5 * diagonal and not is_spindle(surface)
 
 
 def pieces(points: np.ndarray, reach: float) -> np.ndarray:

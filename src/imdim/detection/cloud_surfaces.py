@@ -11,21 +11,22 @@ from scipy.spatial import KDTree
 from imdim.deadline import NEVER, Deadline
 from imdim.detection.cloud_denoise import denoise, inliers
 from imdim.detection.cloud_hypotheses import propose
-from imdim.detection.cloud_kernels import PLANE, gains, largest_plane, pack, score, sharp_gains, unpack
+from imdim.detection.cloud_kernels import ELLIPSOID, PLANE, gains, largest_plane, pack, score, sharp_gains, unpack
 from imdim.detection.cloud_normals import estimate_normals
 from imdim.detection.cloud_occupancy import orient
 from imdim.detection.cloud_reassign import gather_points, patches_of, prune, settle
 from imdim.detection.cloud_state import CloudConfig, DetectionState, pieces, sane
+from imdim.detection.fit_ellipsoid import shows_ellipsoid
 from imdim.detection.fit_surface import MIN_POINTS, fit_surface
 from imdim.detection.noise import NoiseModel
 from imdim.detection.regularise import regularise
 from imdim.geometry.sampling import subsample
-from imdim.geometry.surface import Patch, Surface, signed_distance
+from imdim.geometry.surface import AXISLESS, SURFACE_KINDS, Patch, Surface, signed_distance
 
-# a richer kind must explain more to be preferred: plane, sphere, cylinder, cone, torus
-_PREFERENCE = np.array([1.0, 0.95, 0.95, 0.9, 0.8])
+# a richer kind must explain more to be preferred: plane, sphere, cylinder, cone, torus, ellipsoid
+_PREFERENCE = np.array([1.0, 0.95, 0.95, 0.9, 0.8, 0.7])
 # and needs more points to be believed at all
-_LEAST = np.array([1.0, 1.3, 1.0, 1.6, 2.2])
+_LEAST = np.array([1.0, 1.3, 1.0, 1.6, 2.2, 4.0])
 
 
 def detect_cloud(
@@ -106,14 +107,15 @@ def _candidates(
 ) -> list[tuple[float, Surface, np.ndarray]]:
     """Polished hypotheses as (preferred support, surface, indices of the points), best first."""
     points, normals, trust = cloud.points[rest], cloud.normals[rest], cloud.trust[rest]
-    kinds, rows = propose(points, normals, *_collect_directions(cloud), cloud.config.hypotheses, rng)
+    kinds, rows = propose(points, normals, *_collect_directions(cloud), cloud.config.hypotheses, rng, not cloud.noisy)
     # hypotheses of few points are off: a wider band lets them show what they might become
     wide = np.where(kinds == PLANE, 1.5, 3.0) * cloud.tolerance(kinds, rows)
     thin = rng.choice(len(rest), min(len(rest), 1200), replace=False)
     narrow = np.minimum(wide, max(cloud.config.curved * cloud.noise.diagonal, cloud.config.noise * cloud.sigma))
     raw = [score(kinds, rows, band, points[thin], normals[thin], trust[thin], cloud.cosine) for band in (wide, narrow)]
     out = []
-    for kind in range(5):
+    aside = rng.spawn(1)[0]  # a guess at an ellipsoid, of which few clouds have one, draws no numbers from what is found of the others
+    for kind in range(len(SURFACE_KINDS)):
         mine = np.flatnonzero(kinds == kind)
         # the two rankings in turn: rough but large surfaces, and exact but small ones
         order = np.column_stack([mine[np.argsort(-r[mine], kind="stable")] for r in raw]).ravel()
@@ -125,8 +127,10 @@ def _candidates(
             if any((near & c).sum() > 0.7 * near.sum() for c in claimed):
                 continue
             claimed.append(near)
+            if kind == ELLIPSOID and not shows_ellipsoid(unpack(kind, rows[i]), points[near], 0.0):
+                continue
             result = _polish(cloud, rest, kind, rows[i])
-            if result is not None and (kind == PLANE or not _mostly_flat(cloud, result[1], result[2], rng)):
+            if result is not None and (kind == PLANE or not _mostly_flat(cloud, result[1], result[2], aside if kind == ELLIPSOID else rng)):
                 out.append(result)
     out.sort(key=lambda item: -item[0])
     return out
@@ -138,7 +142,7 @@ def _collect_directions(cloud: DetectionState) -> tuple[np.ndarray, np.ndarray]:
     axes: list[np.ndarray] = []
     for s in cloud.found:
         axis, point = np.asarray(s.axis), np.asarray(s.point)
-        if s.kind != "sphere" and all(abs(axis @ d) < 0.9999 for d in directions):
+        if s.kind not in AXISLESS and all(abs(axis @ d) < 0.9999 for d in directions):
             across = [np.cross(axis, d) for d in directions if abs(axis @ d) < 1e-3]
             directions.append(axis)
             directions += [c for c in across if all(abs(c @ d) < 0.9999 for d in directions)]
@@ -190,6 +194,8 @@ def _support(cloud: DetectionState, rest: np.ndarray, kind: int, surface: Surfac
     if not keep.any():
         return None
     near = near[keep]
+    if kind == ELLIPSOID and not shows_ellipsoid(surface, cloud.points[rest[near]], cloud.tolerance_of(surface)):
+        return None
     if (kind != PLANE or cloud.noisy) and not _convincing(cloud, kind, cloud.points[rest[near]], gain[near]):
         return None
     value = float(gain[near].sum() * _PREFERENCE[kind])
@@ -206,8 +212,8 @@ def _convincing(cloud: DetectionState, kind: int, points: np.ndarray, gain: np.n
 
 def _in_frame(cloud: DetectionState, surface: Surface) -> bool:
     """Whether the axis is along a plane's normal or another axis of the part, as designed axes are."""
-    known = [s.axis for s in cloud.found if s.kind != "sphere"]
-    return surface.kind in ("plane", "sphere") or not known or float(np.abs(np.array(known) @ surface.axis).max()) > 0.9995
+    known = [s.axis for s in cloud.found if s.kind not in AXISLESS]
+    return surface.kind in ("plane", *AXISLESS) or not known or float(np.abs(np.array(known) @ surface.axis).max()) > 0.9995
 
 
 def _accept(cloud: DetectionState, candidates: list[tuple[float, Surface, np.ndarray]]) -> bool:

@@ -7,17 +7,21 @@ import math
 import numpy as np
 from scipy.spatial import KDTree
 
+from imdim.detection.fit_ellipsoid import make_ellipsoid, quadric_ellipsoid
 from imdim.geometry.axes import half_sphere
 from imdim.geometry.surface import Surface
 
 
 def starts(kind: str, points: np.ndarray, normals: np.ndarray | None) -> list[Surface]:
-    """One or more guesses of a sphere, cylinder, cone or torus through `points` [n, 3], best unknown.
+    """One or more guesses of a sphere, cylinder, cone, torus or ellipsoid through `points` [n, 3], best unknown.
 
     `normals` [n, 3] are unit vectors of either sign; every use of them here is indifferent to their signs.
     """
     if kind == "sphere":
         return [_sphere(points)]
+    if kind == "ellipsoid":
+        ball = _sphere(points)
+        return [quadric_ellipsoid(points) or make_ellipsoid(np.asarray(ball.point), np.eye(3), np.repeat(ball.sizes, 3))]
     if normals is None:
         return _sweep_axes(kind, points) + (_by_own_normals(points) if kind == "torus" and len(points) >= 16 else [])
     normals = np.asarray(normals, float)

@@ -3,27 +3,33 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from imdim.detection.fit_ellipsoid import ellipsoid_residual, make_ellipsoid, move_ellipsoid
 from imdim.detection.fit_start import basis, starts
 from imdim.geometry.sampling import subsample
 from imdim.geometry.surface import SURFACE_KINDS, Surface, signed_distance, vec
 
-MIN_POINTS = {"plane": 3, "sphere": 4, "cylinder": 5, "cone": 6, "torus": 7}
+MIN_POINTS = {"plane": 3, "sphere": 4, "cylinder": 5, "cone": 6, "torus": 7, "ellipsoid": 9}
 # columns of the step that each way of holding the axis leaves out
 _FROZEN: dict[str, tuple[int, ...]] = {"": (), "axis": (2, 3), "line": (0, 1, 2, 3)}
+_FROZEN_FRAME: dict[str, tuple[int, ...]] = {"": (), "axis": (3, 4, 5)}  # of an ellipsoid, which has no line
 
 
 @dataclass(frozen=True)
 class _SurfaceState:
-    """Moving frame of the iteration: a point, an axis and the kind's numbers; a cone is (radius at `point`, half angle of either sign)."""
+    """Moving frame of the iteration: a point, an axis and the kind's numbers; a cone is (radius at `point`, half angle of either sign).
+
+    An ellipsoid alone has a `frame` [3, 3], its semi-axes.
+    """
 
     kind: str
     point: np.ndarray
     axis: np.ndarray
     sizes: np.ndarray
+    frame: np.ndarray = field(default_factory=lambda: np.eye(3))
 
 
 def fit_surface(
@@ -40,7 +46,8 @@ def fit_surface(
 
     `normals` [n, 3] (unit, of either sign) give the start; without them, and without `start`, a sweep of axis directions does.
     With `scale` the fit is robust: Tukey's biweight that ignores points farther than 3 `scale`, and the rms is the weighted one.
-    With `hold` of "axis" the start's direction is kept, with "line" the start's whole axis of revolution (a torus still slides along it).
+    With `hold` of "axis" the start's direction (an ellipsoid's three) is kept, with "line" the start's whole axis of revolution (a torus
+    still slides along it).
     Raises ValueError for an unknown kind, too few points or numbers that are not finite.
     """
     points = np.asarray(points, float)
@@ -52,7 +59,8 @@ def fit_surface(
     if kind == "plane":
         surface, rms = _fit_plane(local, begin, reach, hold)
     else:
-        surface, rms = _best_of(kind, [begin] if begin else starts(kind, local, normals), local, reach, iterations, _FROZEN[hold])
+        frozen = (_FROZEN_FRAME if kind == "ellipsoid" else _FROZEN)[hold]
+        surface, rms = _best_of(kind, [begin] if begin else starts(kind, local, normals), local, reach, iterations, frozen)
     return _unscale(surface, middle, size), rms * size
 
 
@@ -67,12 +75,12 @@ def _check(kind: str, points: np.ndarray) -> None:
 
 def _scale(surface: Surface, middle: np.ndarray, size: float) -> Surface:
     sizes = surface.sizes if surface.kind == "cone" else tuple(s / size for s in surface.sizes)
-    return Surface(surface.kind, tuple((np.asarray(surface.point) - middle) / size), surface.axis, sizes)
+    return replace(surface, point=vec((np.asarray(surface.point) - middle) / size), sizes=sizes)
 
 
 def _unscale(surface: Surface, middle: np.ndarray, size: float) -> Surface:
     sizes = surface.sizes if surface.kind == "cone" else tuple(float(s * size) for s in surface.sizes)
-    return Surface(surface.kind, vec(np.asarray(surface.point) * size + middle), vec(np.asarray(surface.axis)), sizes)
+    return replace(surface, point=vec(np.asarray(surface.point) * size + middle), axis=vec(np.asarray(surface.axis)), sizes=sizes)
 
 
 def _tukey(distance: np.ndarray, scale: float | None) -> np.ndarray:
@@ -125,6 +133,8 @@ def _best_of(
 
 def _state(surface: Surface) -> _SurfaceState:
     point, axis = np.asarray(surface.point, float), np.asarray(surface.axis, float)
+    if surface.kind == "ellipsoid":
+        return _SurfaceState("ellipsoid", point, axis, np.asarray(surface.sizes, float), surface.frame)
     if surface.kind != "cone":
         return _SurfaceState(surface.kind, point, axis, np.asarray(surface.sizes, float))
     # the points' middle is the origin: a reference circle at its height keeps slender cones well conditioned
@@ -133,6 +143,8 @@ def _state(surface: Surface) -> _SurfaceState:
 
 
 def _surface(state: _SurfaceState, local: np.ndarray) -> Surface:
+    if state.kind == "ellipsoid":
+        return make_ellipsoid(state.point, state.frame, state.sizes)
     sizes = tuple(float(abs(s)) for s in state.sizes)
     if state.kind != "cone":
         point = state.point
@@ -190,6 +202,9 @@ def _loss(distance: np.ndarray, scale: float | None) -> float:
 def _move(state: _SurfaceState, step: np.ndarray) -> _SurfaceState:
     if state.kind == "sphere":
         return _SurfaceState("sphere", state.point + step[:3], state.axis, state.sizes + step[3:])
+    if state.kind == "ellipsoid":
+        point, frame, sizes = move_ellipsoid(state.point, state.frame, state.sizes, step)
+        return _SurfaceState("ellipsoid", point, frame[:, 2], sizes, frame)
     u, v = basis(state.axis)
     point = state.point + step[0] * u + step[1] * v
     axis = state.axis + step[2] * u + step[3] * v
@@ -201,6 +216,8 @@ def _move(state: _SurfaceState, step: np.ndarray) -> _SurfaceState:
 
 def _residual(state: _SurfaceState, local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Signed distances [n] and their derivatives [n, p] with respect to the step of `_move`."""
+    if state.kind == "ellipsoid":
+        return ellipsoid_residual(state.point, state.frame, state.sizes, local)
     q = local - state.point
     if state.kind == "sphere":
         length = np.sqrt((q * q).sum(1))

@@ -7,8 +7,12 @@ import itertools
 import numpy as np
 
 from imdim.detection.facets import Facets, Growing, points_of
+from imdim.detection.fit_ellipsoid import lies_on, quadric_ellipsoid
 from imdim.detection.fit_surface import fit_surface
 from imdim.geometry.surface import Surface, vec
+
+LEAST_CORNERS = 11  # of an ellipsoid, which nine fix
+NEAR_CUTS = 10  # times as far off as drawn corners may be those of a ring, many of which a cut has made
 
 
 def hypotheses(seed: int, state: Growing) -> list[tuple[float, Surface]]:
@@ -31,6 +35,8 @@ def hypotheses(seed: int, state: Growing) -> list[tuple[float, Surface]]:
             chosen = points_of(facets, ring_of(seed, alike, state, size))
             if len(chosen) >= 5:
                 out.append((1.0, fit_surface("sphere", chosen)[0]))
+            if len(chosen) >= LEAST_CORNERS and not lies_on(out[-1][1], chosen, facets.diagonal):
+                out += [(0.9, s) for s in (quadric_ellipsoid(chosen),) if s and lies_on(s, chosen, NEAR_CUTS * facets.diagonal)]
         if len(ring) >= 8:
             out.append((0.95, fit_surface("torus", points, point_normals, iterations=15)[0]))
     return out

@@ -7,12 +7,15 @@ from dataclasses import replace
 import numpy as np
 
 from imdim.detection.facets import Facets, Growing, MeshSurfaceConfig, points_of
-from imdim.detection.fit_surface import fit_surface
+from imdim.detection.fit_ellipsoid import lies_on
+from imdim.detection.fit_surface import MIN_POINTS, fit_surface
 from imdim.geometry.rotations import frame_from_axis
 from imdim.geometry.sampling import subsample
-from imdim.geometry.surface import Surface, is_spindle, normals, signed_distance, vec
+from imdim.geometry.surface import Surface, is_spindle, normals, signed_distance, unit, vec
 
-LEAST_STEPS = {"sphere": 2.5, "torus": 4.5}  # facets along a patch; four circles of corners may lie on a torus by mere symmetry
+# facets along a patch; four circles of corners may lie on a torus by mere symmetry, three similar ellipses on an ellipsoid
+LEAST_STEPS = {"sphere": 2.5, "torus": 4.5, "ellipsoid": 3.5}
+LEAST_TURN = {"ellipsoid": 30.0}  # degrees, on the ball; any smooth surface is one for less
 
 
 def settle(guess: Surface, state: Growing) -> tuple[Surface, np.ndarray] | None:
@@ -23,7 +26,7 @@ def settle(guess: Surface, state: Growing) -> tuple[Surface, np.ndarray] | None:
         return None
     for _ in range(4):
         points = points_of(facets, members)
-        if len(points) < 7:
+        if len(points) < max(7, MIN_POINTS[surface.kind]):
             return None
         surface, rms = _fit_carrier(surface, subsample(points, 1500), facets, members, config)
         if not _sane(surface, facets.diagonal) or rms > config.on_surface * facets.diagonal:
@@ -36,7 +39,9 @@ def settle(guess: Surface, state: Growing) -> tuple[Surface, np.ndarray] | None:
             return None
     if not believable(surface, members, facets):
         return None
-    return _polish(surface, facets, members, config), members
+    surface = _polish(surface, facets, members, config)
+    was_drawn = surface.kind != "ellipsoid" or lies_on(surface, points_of(facets, members), facets.diagonal)
+    return (surface, members) if was_drawn else None
 
 
 def _fit_carrier(
@@ -109,13 +114,22 @@ def members_of(surface: Surface, state: Growing, slack: float, among: np.ndarray
 def _following(surface: Surface, corners: np.ndarray, facing: np.ndarray, blur: float) -> np.ndarray:
     """The least cosine [t] between triangles' normals `facing` [t, 3] and the carrier's at their corners [t, 3, 3] and middles.
 
-    A disc inside a torus's topmost circle follows the torus at its corners alone. Within `blur` of a cone's apex there is no normal.
+    An ellipsoid's are compared as those of the ball that it is stretched from: facets at its tips turn as little there as elsewhere. A
+    disc inside a torus's topmost circle follows the torus at its corners alone. Within `blur` of a cone's apex there is no normal.
     """
     probes = np.concatenate([corners, corners.mean(1, keepdims=True)], axis=1)
-    along = np.abs(np.einsum("tci,ti->tc", normals(surface, probes.reshape(-1, 3)).reshape(probes.shape), facing))
+    direction = normals(surface, probes.reshape(-1, 3))
+    if surface.kind == "ellipsoid":
+        direction, facing = to_ball(surface, direction), to_ball(surface, facing)
+    along = np.abs(np.einsum("tci,ti->tc", direction.reshape(probes.shape), facing))
     if surface.kind == "cone":
         along[np.linalg.norm(probes - surface.point, axis=2) < blur] = 1.0
     return along.min(1)
+
+
+def to_ball(surface: Surface, direction: np.ndarray) -> np.ndarray:
+    """Normals [n, 3] of an ellipsoid as they are on the unit ball that it is stretched from, in its frame."""
+    return unit((direction @ surface.frame) * surface.sizes)
 
 
 def _without_flats(surface: Surface, members: np.ndarray, fine: np.ndarray, along: np.ndarray, state: Growing) -> np.ndarray:
@@ -136,25 +150,30 @@ def _without_flats(surface: Surface, members: np.ndarray, fine: np.ndarray, alon
 
 def believable(surface: Surface, members: np.ndarray, facets: Facets) -> bool:
     """Enough facets for the turn they make: two coarse strips are a chamfer, not a cylinder."""
-    least = {"cylinder": 3, "cone": 3, "sphere": 6, "torus": 8}[surface.kind]
+    least = {"cylinder": 3, "cone": 3, "sphere": 6, "torus": 8, "ellipsoid": 12}[surface.kind]
     if surface.kind == "cone" and surface.sizes[0] > 1.35:
         least = 8  # nearly flat
     if len(members) < least:
         return False
     if surface.kind in LEAST_STEPS and _least_steps(surface, members, facets) < LEAST_STEPS[surface.kind]:
         return False
-    n = facets.normals[members]
+    n = facets.normals[members] if surface.kind != "ellipsoid" else to_ball(surface, facets.normals[members])
     turn = np.arccos(np.clip((n @ n.T).min() if len(n) < 800 else -1.0, -1, 1))
-    return turn > np.radians(4.0)
+    return turn > np.radians(LEAST_TURN.get(surface.kind, 4.0))
 
 
 def _least_steps(surface: Surface, members: np.ndarray, facets: Facets) -> float:
-    """How many facets long a sphere's patch is along its pole, or a torus's along and about its axis, whichever is less.
+    """How many facets long a sphere's patch is along its pole, a torus's along and about its axis, an ellipsoid's any way, at least.
 
     Two circles of corners lie on many spheres and tori, and mean a cone; strips that are one facet long mean a cylinder.
     """
     corners = facets.corners[facets.triangles(members)]
     direction = normals(surface, corners.reshape(-1, 3)).reshape(-1, 3, 3)
+    if surface.kind == "ellipsoid":
+        # two strips of a cylinder and a cone lie on one too, about an axis of its own or of the patch
+        direction = to_ball(surface, direction.reshape(-1, 3)).reshape(-1, 3, 3)
+        own = np.linalg.eigh(np.cov(direction.reshape(-1, 3).T))[1]
+        return min(_turns(np.arcsin(np.clip(direction @ axis, -1, 1))) for axis in (*np.eye(3), *own.T))
     if surface.kind == "sphere":
         # the axis of a band, the pole of a cap
         axis = np.linalg.eigh(np.cov(direction.reshape(-1, 3).T))[1][:, 0]

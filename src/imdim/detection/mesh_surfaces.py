@@ -15,11 +15,11 @@ import trimesh
 
 from imdim.detection.chord_corners import onto_corners
 from imdim.detection.facets import Facets, Growing, MeshSurfaceConfig, facets_of, points_of
+from imdim.detection.fit_ellipsoid import DRAWN, level_axes
 from imdim.detection.mesh_hypotheses import hypotheses, ring_of
 from imdim.detection.mesh_support import members_of, sagitta, settle
-from imdim.geometry.surface import Patch, Surface, normals, vec
+from imdim.geometry.surface import CLOSED_KINDS, Patch, Surface, normals, vec
 
-TWICE_CURVED = ("sphere", "torus")
 FLAT_ACROSS = 1e-4  # sine, by which normals leave a plane
 
 
@@ -29,8 +29,13 @@ def detect_patches(mesh: trimesh.Trimesh) -> list[Patch]:
     curved, free = _find_curved(facets, np.ones(len(facets.areas), bool), config)
     # corners where two tessellations cut each other lie on chords: what the strict pass leaves gets a second one
     more, free = _find_curved(facets, free, replace(config, on_surface=config.loose, max_failures=config.max_failures // 3))
-    exact = [onto_corners(patch, facets.diagonal) for patch in curved + more]
+    exact = [_level(onto_corners(patch, facets.diagonal), facets.diagonal) for patch in curved + more]
     return sorted(exact, key=lambda p: -p.area) + _planes(facets, free, config)
+
+
+def _level(patch: Patch, diagonal: float) -> Patch:
+    """An ellipsoid of revolution as such."""
+    return replace(patch, surface=level_axes(patch.surface, DRAWN * diagonal)) if patch.surface.kind == "ellipsoid" else patch
 
 
 def _find_curved(facets: Facets, free: np.ndarray, config: MeshSurfaceConfig) -> tuple[list[Patch], np.ndarray]:
@@ -68,7 +73,7 @@ def _grow_from(seed: int, state: Growing) -> tuple[Surface, np.ndarray] | None:
         if len(members_of(guess, state, 5.0, around)) < 2:
             continue
         found = settle(guess, state)
-        if found is None or seed not in found[1] or (found[0].kind in TWICE_CURVED and _is_strip(state.facets.normals[found[1]])):
+        if found is None or seed not in found[1] or (found[0].kind in CLOSED_KINDS and _is_strip(state.facets.normals[found[1]])):
             continue
         area = float(state.facets.areas[found[1]].sum()) * preference
         if best is None or area > best[0]:

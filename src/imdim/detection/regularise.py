@@ -9,9 +9,10 @@ from itertools import chain
 
 import numpy as np
 
+from imdim.detection.fit_ellipsoid import level_axes
 from imdim.detection.fit_surface import MIN_POINTS, fit_surface
 from imdim.geometry.sampling import subsample
-from imdim.geometry.surface import Patch, Surface, is_spindle, signed_distance, vec
+from imdim.geometry.surface import AXISLESS, Patch, Surface, is_spindle, signed_distance, vec
 
 _MAX_ANGLE_DEG = 4.0  # relations are looked for up to this angle; the points decide
 
@@ -21,7 +22,7 @@ def regularise(patches: list[Patch], tolerance: float) -> list[Patch]:
 
     A carrier changes only if the root mean square distance of its patch's points then is at most sqrt(old^2 + tolerance^2);
     `tolerance` is in the points' units. Directions first (coordinate axes are preferred, then the directions of larger
-    patches and those across them), then axes and centres, offsets of planes, radii. `outward` keeps its meaning.
+    patches and those across them), then axes and centres, offsets of planes, semi-axes, radii. `outward` keeps its meaning.
     """
     work = [_Item(p, tolerance) for p in patches]
     firm = sorted(work, key=lambda item: -item.firmness)
@@ -29,6 +30,9 @@ def regularise(patches: list[Patch], tolerance: float) -> list[Patch]:
     _share_axes(firm)
     _share(firm, ("sphere",), lambda item, head: _center_to(item, head.point))
     _share(firm, ("plane",), _to_plane)
+    for item in firm:
+        if item.surface.kind == "ellipsoid":
+            item.take(level_axes(item.surface, 2 * tolerance))
     _share(firm, ("cylinder", "sphere"), _to_radius)
     return [item.patch() for item in work]
 
@@ -87,7 +91,7 @@ class _Item:
 def _align(firm: list[_Item]) -> None:
     known: list[np.ndarray] = [np.eye(3)[i] for i in (2, 1, 0)]
     for item in firm:
-        if item.surface.kind == "sphere":
+        if item.surface.kind in AXISLESS:
             continue
         turned = any(_turn(item, d) for d in _candidates(item.axis, known))
         if not turned or all(abs(item.axis @ d) < 1 - 1e-12 for d in known):

@@ -2,15 +2,18 @@
 
 One uniform record, like `Primitive`: kind, point, axis, sizes.
 
-========  =======================  ==========================================  ================
-kind      point                    axis (unit)                                 sizes
-========  =======================  ==========================================  ================
-plane     a point on it            normal                                      ()
-sphere    centre                   (0, 0, 1)                                   (r,)
-cylinder  a point on the axis      axis                                        (r,)
-cone      apex                     from the apex into the nappe that is used   (half_angle_rad,)
-torus     centre                   axis                                        (r_major, r_minor)
-========  =======================  ==========================================  ================
+=========  =======================  ==========================================  ================
+kind       point                    axis (unit)                                 sizes
+=========  =======================  ==========================================  ================
+plane      a point on it            normal                                      ()
+sphere     centre                   (0, 0, 1)                                   (r,)
+cylinder   a point on the axis      axis                                        (r,)
+cone       apex                     from the apex into the nappe that is used   (half_angle_rad,)
+torus      centre                   axis                                        (r_major, r_minor)
+ellipsoid  centre                   along the third semi-axis                   (rx, ry, rz)
+=========  =======================  ==========================================  ================
+
+An ellipsoid alone also has `across`, the unit vector along its first semi-axis.
 """
 
 from __future__ import annotations
@@ -22,7 +25,9 @@ import numpy as np
 
 from imdim.program.tree import Vec3
 
-SURFACE_KINDS = ("plane", "sphere", "cylinder", "cone", "torus")
+SURFACE_KINDS = ("plane", "sphere", "cylinder", "cone", "torus", "ellipsoid")
+AXISLESS = ("sphere", "ellipsoid")  # whose axis is none that other surfaces of a part share
+CLOSED_KINDS = ("sphere", "torus", "ellipsoid")  # that bound a solid by themselves
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +38,13 @@ class Surface:
     point: Vec3
     axis: Vec3
     sizes: tuple[float, ...] = ()
+    across: Vec3 = (1.0, 0.0, 0.0)
+
+    @property
+    def frame(self) -> np.ndarray:
+        """The rotation [3, 3] whose columns are an ellipsoid's semi-axes."""
+        x, z = np.asarray(self.across), np.asarray(self.axis)
+        return np.stack([x, np.cross(z, x), z], axis=1)
 
 
 @dataclass(frozen=True)
@@ -63,7 +75,8 @@ def is_spindle(surface: Surface) -> bool:
 def signed_distance(surface: Surface, points: np.ndarray) -> np.ndarray:
     """Signed distance [n] of `points` [n, 3]: negative on the side of the axis or centre, and behind a plane's normal.
 
-    The cone is the single nappe along +axis; its distance is exact outside the apex region.
+    The cone is the single nappe along +axis; its distance is exact outside the apex region. The ellipsoid's is that of its own field,
+    |q| (|q| - 1) / |gradient|, exact to second order near the surface.
     """
     q = np.asarray(points, float) - surface.point
     axis = np.asarray(surface.axis)
@@ -71,6 +84,9 @@ def signed_distance(surface: Surface, points: np.ndarray) -> np.ndarray:
         return q @ axis
     if surface.kind == "sphere":
         return np.linalg.norm(q, axis=1) - surface.sizes[0]
+    if surface.kind == "ellipsoid":
+        level, slope = ellipsoid_field(q @ surface.frame, np.asarray(surface.sizes))
+        return (level - 1) * np.where(slope > 0, level / np.maximum(slope, 1e-300), min(surface.sizes))
     h = q @ axis
     rho = np.sqrt(np.maximum((q * q).sum(1) - h * h, 0.0))
     if surface.kind == "cylinder":
@@ -90,6 +106,8 @@ def normals(surface: Surface, points: np.ndarray) -> np.ndarray:
         return np.broadcast_to(axis, q.shape)
     if surface.kind == "sphere":
         return unit(q)
+    if surface.kind == "ellipsoid":
+        return unit((q @ surface.frame) / np.square(surface.sizes)) @ surface.frame.T
     h = q @ axis
     radial = unit(q - h[:, None] * axis)
     if surface.kind == "cylinder":
@@ -99,6 +117,11 @@ def normals(surface: Surface, points: np.ndarray) -> np.ndarray:
     if surface.kind == "torus":
         return unit(q - surface.sizes[0] * radial)
     raise ValueError(f"unknown surface kind {surface.kind!r}; known are {', '.join(SURFACE_KINDS)}")
+
+
+def ellipsoid_field(local: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """|q / s| and |q / s^2| of points q [n, 3] in the frame of an ellipsoid of semi-axes s [3]."""
+    return np.linalg.norm(local / sizes, axis=1), np.linalg.norm(local / sizes**2, axis=1)
 
 
 def unit(v: np.ndarray) -> np.ndarray:

@@ -1,8 +1,8 @@
 """One rotation of the many that describe the same solid, and the round rotations near a given one.
 
 A box or ellipsoid looks the same in 24 frames with its sizes permuted, a cylinder, cone (with its radii swapped) or torus may point
-either way along its axis and spin about it, a sphere has no rotation at all. An outline keeps the frame that it is drawn in, but a fully
-turned one points up its axis, as a cone does.
+either way along its axis and spin about it, as an ellipsoid with two equal semi-axes may about the third, a sphere has no rotation at
+all. An outline keeps the frame that it is drawn in, but a fully turned one points up its axis, as a cone does.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from imdim.geometry.axes import SYMMETRIES
-from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler, skew
+from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler, skew
 from imdim.program.motions import is_round
 from imdim.program.outline import Outline, reverse_loop
 from imdim.program.tree import Primitive, Vec3
@@ -33,7 +33,17 @@ def canonical(primitive: Primitive) -> Primitive:
         return replace(primitive, rotation=(0.0, 0.0, 0.0))
     if is_round(primitive):
         return along_axis(primitive, matrix_from_euler(primitive.rotation)[:, 2])
-    return in_frame(primitive, matrix_from_euler(primitive.rotation))
+    frame = matrix_from_euler(primitive.rotation)
+    if primitive.kind == "ellipsoid" and len(set(primitive.size)) == 2:
+        frame = _unspin(frame, primitive.size)
+    return in_frame(primitive, frame)
+
+
+def _unspin(frame: np.ndarray, size: tuple[float, ...]) -> np.ndarray:
+    """The frame [3, 3] of an ellipsoid of revolution without a spin about its axis, which is the one of its own length."""
+    odd = next(i for i in range(3) if size.count(size[i]) == 1)
+    turned = frame_from_axis(np.where(np.abs(frame[:, odd]) < EXACT, 0.0, frame[:, odd]))
+    return np.roll(turned, odd + 1, axis=1)
 
 
 def along_axis(primitive: Primitive, axis: np.ndarray) -> Primitive:

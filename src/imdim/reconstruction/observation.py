@@ -149,7 +149,7 @@ def observe(
     patches, closing, noise = _surfaces(body, rng, detect_by)
     cut = unit.mesh is None and detect_by.has_passed()
     if not patches:
-        raise UnseenError(f"{unit.name}: no plane, sphere, cylinder, cone or torus found in {len(unit.points)} points", cut)
+        raise UnseenError(f"{unit.name}: no plane, sphere, cylinder, cone, torus or ellipsoid found in {len(unit.points)} points", cut)
     corners = _corners(unit, patches, noise)
     bounds = np.stack([np.min(corners, axis=0), np.max(corners, axis=0)])
     surfaces = [p.surface for p in patches] + closing

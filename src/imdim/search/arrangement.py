@@ -14,7 +14,7 @@ from itertools import combinations, islice
 
 import numpy as np
 
-from imdim.geometry.surface import Surface, signed_distance
+from imdim.geometry.surface import AXISLESS, CLOSED_KINDS, Surface, signed_distance
 
 PARALLEL = 1 - 1e-6  # cosine above which two axes are one direction (0.08 degrees)
 ORTHOGONAL = 1.5e-3  # largest cosine of a right angle
@@ -80,7 +80,7 @@ def arrange(surfaces: Sequence[Surface], areas: Sequence[float], bounds: np.ndar
     box = np.stack([bounds[0] - config.margin * diagonal, bounds[1] + config.margin * diagonal])
     curved = sorted(((s, a) for s, a in zip(surfaces, areas, strict=True) if s.kind != "plane"), key=lambda c: -c[1])[: config.max_curved]
     vectors = _direction_vectors(surfaces, areas, config)
-    curved = [(s, a) for s, a in curved if s.kind in ("sphere", "torus") or _axis_index(s, vectors) >= 0]
+    curved = [(s, a) for s, a in curved if s.kind in CLOSED_KINDS or _axis_index(s, vectors) >= 0]
     frames = _frames(vectors, config)
     vectors += _wall_vectors(surfaces, areas, vectors, config)
     outer = _outer([s for s, _ in curved], box, config.reach * diagonal)
@@ -91,7 +91,7 @@ def arrange(surfaces: Sequence[Surface], areas: Sequence[float], bounds: np.ndar
 
 
 def _outer(curved: Sequence[Surface], box: np.ndarray, reach: float) -> np.ndarray:
-    """The box grown to hold spheres, tori and the girth of cylinders, by `reach` at most on each side."""
+    """The box grown to hold spheres, tori, ellipsoids and the girth of cylinders, by `reach` at most on each side."""
     low, high = box[0].copy(), box[1].copy()
     for surface in curved:
         if surface.kind == "cone":
@@ -100,6 +100,8 @@ def _outer(curved: Sequence[Surface], box: np.ndarray, reach: float) -> np.ndarr
         if surface.kind == "cylinder":
             center = center + ((box.mean(0) - center) @ axis) * axis
             extent = surface.sizes[0] * np.sqrt(np.maximum(1 - axis**2, 0))
+        elif surface.kind == "ellipsoid":
+            extent = np.linalg.norm(surface.frame * surface.sizes, axis=1)
         else:
             extent = np.full(3, sum(surface.sizes))
         low, high = np.minimum(low, center - 1.01 * extent), np.maximum(high, center + 1.01 * extent)
@@ -120,7 +122,7 @@ def _weigh_vectors(surfaces: Sequence[Surface], areas: Sequence[float]) -> tuple
     vectors: list[np.ndarray] = []
     weights: list[float] = []
     for surface, area in zip(surfaces, areas, strict=True):
-        if surface.kind == "sphere":
+        if surface.kind in AXISLESS:
             continue
         axis = _canonical_sign(_snap_axis(np.asarray(surface.axis)))
         match = next((i for i, v in enumerate(vectors) if abs(v @ axis) > PARALLEL), None)
@@ -223,7 +225,7 @@ def _propose_offsets(surface: Surface, v: np.ndarray) -> list[tuple[float, float
         return [(1e6, sign * float(np.asarray(surface.point) @ np.asarray(surface.axis)))] if along > PARALLEL else []
     if surface.kind == "cone":
         return [(1e3, at)] if along > PARALLEL or along < ORTHOGONAL else []
-    if surface.kind == "sphere":
+    if surface.kind in AXISLESS:
         return [(1.0, at)]
     radius = surface.sizes[0]
     if surface.kind == "torus":
@@ -232,7 +234,7 @@ def _propose_offsets(surface: Surface, v: np.ndarray) -> list[tuple[float, float
 
 
 def _axis_index(surface: Surface, vectors: list[np.ndarray]) -> int:
-    if surface.kind in ("sphere", "torus"):
+    if surface.kind in CLOSED_KINDS:
         return -1
     along = [abs(float(v @ np.asarray(surface.axis))) for v in vectors]
     best = int(np.argmax(along))

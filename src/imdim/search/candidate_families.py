@@ -1,7 +1,8 @@
-"""Candidate families: all the boxes, cylinders, cones, spheres, tori and outlines that an arrangement allows, never listed one by one.
+"""Candidate families: all the boxes, cylinders, cones, spheres, tori, ellipsoids and outlines that an arrangement allows, never listed
+one by one.
 
-A family is a frame of three directions (boxes), a cylinder or cone with two caps along its axis, a single sphere or torus, or a plane
-arrangement (`outline_families`).
+A family is a frame of three directions (boxes), a cylinder or cone with two caps along its axis, a single sphere, torus or ellipsoid, or
+a plane arrangement (`outline_families`).
 `Families.best` finds each family's candidate with the largest sum of a per-cell field; `mask` and `primitive` spell a candidate out.
 """
 
@@ -179,8 +180,7 @@ class Families:
         surface = self.arrangement.curved[index]
         axis = self.arrangement.axis_of[index]
         if axis < 0:
-            rotation = euler_from_matrix(frame_from_axis(np.asarray(surface.axis))) if surface.kind == "torus" else (0.0, 0.0, 0.0)
-            return Primitive(surface.kind, surface.sizes, surface.point, rotation)
+            return closed_solid(surface)
         direction = self.arrangement.directions[axis]
         lo, hi = (float(direction.offsets[i]) for i in candidate.ranges[0])
         return _cap(surface, direction.vector, lo, hi)
@@ -202,6 +202,14 @@ def _top(sums: np.ndarray, count: int, floor: float) -> np.ndarray:
 
 def _between(slab: np.ndarray, bounds: tuple[int, int]) -> np.ndarray:
     return (slab >= bounds[0]) & (slab < bounds[1])
+
+
+def closed_solid(surface: Surface) -> Primitive:
+    """The solid that a sphere, torus or ellipsoid bounds by itself."""
+    if surface.kind == "sphere":
+        return Primitive("sphere", surface.sizes, surface.point)
+    frame = surface.frame if surface.kind == "ellipsoid" else frame_from_axis(np.asarray(surface.axis))
+    return Primitive(surface.kind, surface.sizes, surface.point, euler_from_matrix(frame))
 
 
 def _cap(surface: Surface, direction: np.ndarray, lo: float, hi: float) -> Primitive:

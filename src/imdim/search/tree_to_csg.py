@@ -139,6 +139,8 @@ def _solid(surface: Surface, bounds: _Bounds) -> Primitive:
     point, axis = np.array(surface.point), np.array(surface.axis)
     if surface.kind == "sphere":
         return Primitive("sphere", surface.sizes, surface.point)
+    if surface.kind == "ellipsoid":
+        return Primitive("ellipsoid", surface.sizes, surface.point, _tidy(euler_from_matrix(surface.frame)))
     rotation = _tidy(euler_from_matrix(frame_from_axis(axis)))
     if surface.kind == "torus":
         return Primitive("torus", surface.sizes, surface.point, rotation)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.planted import PARTS, box, cone, cut, cylinder, sphere, torus, union
+from tests.planted import PARTS, box, cone, cut, cylinder, ellipsoid, sphere, torus, union
 from tests.search.planted_families import arrangement_of, planted, random_candidates
 
 from imdim.program.outline import Outline, circle, rectangle
@@ -29,6 +29,7 @@ KINDS = union(
     cone(8, 4, 10, (30.0, 0.0, 0.0)),
     sphere(7, (0.0, 40.0, 0.0)),
     torus(9, 2, (0.0, 0.0, 50.0)),
+    ellipsoid(9, 6, 4, (0.0, -50.0, 0.0), (10.0, 20.0, 30.0)),
 )
 
 

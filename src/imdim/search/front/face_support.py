@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
+from imdim.geometry.surface import Surface
 from imdim.program.outline import Curve, arc_center, arc_radius
 from imdim.program.tree import Primitive
 from imdim.search.arrangement import Arrangement, span_along
@@ -97,6 +99,9 @@ class Carriers:
         surface = self._arrangement.curved[index]
         gap, owner = center - surface.point, self._arrangement.axis_of[index]
         true_axis = self._arrangement.directions[owner].vector if owner >= 0 else np.asarray(surface.axis)
+        if leaf.kind == "ellipsoid":
+            near = float(np.linalg.norm(gap)) <= tolerance.place * self._diagonal
+            return near and _is_ellipsoid(matrix_from_euler(leaf.rotation), leaf.size, surface, tolerance.size)
         if leaf.kind != "sphere" and abs(float(axis @ true_axis)) < tolerance.cosine:
             return False
         if leaf.kind in ("cylinder", "cone"):
@@ -109,6 +114,12 @@ class Carriers:
             return all(abs(a - b) <= tolerance.size * max(leaf.size[:2]) for a, b in zip(leaf.size[:2], rims, strict=True))
         sizes = leaf.size[:1] if leaf.kind == "cylinder" else leaf.size
         return all(abs(a - b) <= tolerance.size * b for a, b in zip(sizes, surface.sizes, strict=True))
+
+
+def _is_ellipsoid(axes: np.ndarray, sizes: Sequence[float], surface: Surface, tolerance: float) -> bool:
+    """Whether semi-axes along the columns of `axes` [3, 3] make the detected ellipsoid, wherever its centre; their order is free."""
+    ours, theirs = ((frame * s) @ frame.T for frame, s in ((axes, sizes), (surface.frame, surface.sizes)))
+    return float(np.abs(ours - theirs).max()) <= tolerance * max(surface.sizes)
 
 
 def _axes(arrangement: Arrangement) -> tuple[np.ndarray, np.ndarray]:
