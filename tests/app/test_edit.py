@@ -27,7 +27,7 @@ def source(tmp_path):
 
 def test_the_edited_folder(source, tmp_path, capsys):
     folder = tmp_path / "new"
-    assert main(["edit", str(source), "--set", "hole_radius=3.2", "--set", "plate_thickness=9", "-o", str(folder)]) == 0
+    assert main(["edit", str(source), "--set", "hole_diameter=6.4", "--set", "plate_thickness=9", "-o", str(folder)]) == 0
     assert {p.name for p in folder.iterdir()} == {
         "program.json",
         "program.scad",
@@ -47,7 +47,7 @@ def test_the_edited_folder(source, tmp_path, capsys):
 
 def test_the_list(source, capsys):
     assert main(["edit", str(source), "--list"]) == 0
-    assert "hole_radius       3  radius of primitive 1, 2\n" in capsys.readouterr().out
+    assert "hole_diameter     6  diameter of primitive 1, 2\n" in capsys.readouterr().out
 
 
 def test_without_a_folder_it_says_what_it_needs(source, tmp_path):
@@ -59,16 +59,16 @@ def test_without_a_folder_it_says_what_it_needs(source, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["out/program.json", "--set", "hole_radus=3"], "nearest are hole_radius"),
-        (["out/program.json", "--set", "hole_radius=nan"], "finite number"),
-        (["out/program.json", "--set", "hole_radius=-1"], "positive number, got -1"),
-        (["out/program.json", "--set", "hole_radius=500"], "no solid is left"),
-        (["out/program.json", "--set", "hole_radius"], "expected NAME=NUMBER"),
-        (["out/program.json", "--set", "hole_radius=wide"], "expected NAME=NUMBER"),
-        (["out/program.json", "--set", "hole_radius=3", "--set", "hole_radius=4"], "given twice"),
-        (["missing.json", "--set", "hole_radius=3"], "No such file"),
-        (["broken.json", "--set", "hole_radius=3"], "not JSON"),
-        (["notes", "--set", "hole_radius=3"], "Is a directory"),
+        (["out/program.json", "--set", "hole_diamter=6"], "nearest are hole_diameter"),
+        (["out/program.json", "--set", "hole_diameter=nan"], "finite number"),
+        (["out/program.json", "--set", "hole_diameter=-1"], "positive number, got -1"),
+        (["out/program.json", "--set", "hole_diameter=500"], "no solid is left"),
+        (["out/program.json", "--set", "hole_diameter"], "expected NAME=NUMBER"),
+        (["out/program.json", "--set", "hole_diameter=wide"], "expected NAME=NUMBER"),
+        (["out/program.json", "--set", "hole_diameter=3", "--set", "hole_diameter=4"], "given twice"),
+        (["missing.json", "--set", "hole_diameter=3"], "No such file"),
+        (["broken.json", "--set", "hole_diameter=3"], "not JSON"),
+        (["notes", "--set", "hole_diameter=3"], "Is a directory"),
     ],
 )
 def test_bad_input_is_one_line(source, tmp_path, capsys, monkeypatch, arguments, message):
@@ -84,7 +84,7 @@ def test_bad_input_is_one_line(source, tmp_path, capsys, monkeypatch, arguments,
 
 def test_folders_that_are_not_ours_stay(source, tmp_path, capsys):
     for folder in (source.parent, tmp_path):
-        assert main(["edit", str(source), "--set", "hole_radius=3.2", "-o", str(folder)]) == 2
+        assert main(["edit", str(source), "--set", "hole_diameter=6.4", "-o", str(folder)]) == 2
         assert capsys.readouterr().err.count("\n") == 1
     assert source.exists()
 

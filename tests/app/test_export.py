@@ -55,9 +55,9 @@ def test_what_is_exported_has_names_to_edit(tmp_path):
     source.write_text(codec.dumps(cut(box(60, 40, 5, (0.0, 0.0, 2.5)), *holes)))
     assert main(["export", str(source), "-o", str(tmp_path / "out")]) == 0
     text = (tmp_path / "out" / "program.scad").read_text()
-    assert "hole_radius = 3;" in text
+    assert "hole_diameter = 6;" in text
     wider = cut(box(60, 40, 5, (0.0, 0.0, 2.5)), *(cylinder(4, 5, (x, 0.0, 2.5)) for x in (-20.0, 20.0)))
-    assert same(read_openscad(text, hole_radius=4), wider)
+    assert same(read_openscad(text, hole_diameter=8), wider)
     assert json.loads((tmp_path / "out" / "program.json").read_text())["constraints"]
 
 

@@ -23,7 +23,7 @@ SAME = 0.999
 
 EDITS = {
     "holes further out": ({"plate_hole_spacing_x": 102.0}, {"[-48,": "[-51,", "[48,": "[51,"}),
-    "larger bore": ({"bore": 11.0}, {"r = 10, h = 44": "r = 11, h = 44", "r1 = 10, r2 = 14, h = 8": "r1 = 11, r2 = 14, h = 8"}),
+    "larger bore": ({"bore": 22.0}, {"r = 10, h = 44": "r = 11, h = 44", "r1 = 10, r2 = 14, h = 8": "r1 = 11, r2 = 14, h = 8"}),
     "larger nipple": ({"ball_radius": 8.0}, {"sphere(r = 5)": "sphere(r = 8)"}),
     "higher boss": (
         {"turned_part_height": 35.0},
@@ -61,7 +61,7 @@ def drawn(folder: Path, changes: dict[str, str]):
 def test_an_edit_does_what_the_same_edit_of_the_source_does(bracket, tmp_path, edit):
     values, changes = EDITS[edit]
     # a bore and a rib are parts of drawings: their names say where, their values which
-    values = {next((n for n, v in bracket.values.items() if v == {"bore": 10.0, "rib": 6.0}.get(k)), k): v for k, v in values.items()}
+    values = {next((n for n, v in bracket.values.items() if v == {"bore": 20.0, "rib": 6.0}.get(k)), k): v for k, v in values.items()}
     edited = solid_of(change_values(bracket, values))
     wanted = drawn(tmp_path, changes)
     assert volume_iou(edited, wanted) >= SAME

@@ -132,8 +132,8 @@ def test_constraints_are_delivered_as_they_hold_for_the_delivered_numbers(tmp_pa
     verify(from_json(document), constraints)
     assert [c["name"] for c in report["constraints"]] == [c.name for c in constraints]
     assert any(c.kind == "coplanar" and c.value > 0 for c in constraints)
-    assert report["parameters"]["hole_radius"] == 3
-    assert "hole_radius = 3\n" in (folder / "program.py").read_text()
+    assert report["parameters"]["hole_diameter"] == 6
+    assert "hole_diameter = 6\n" in (folder / "program.py").read_text()
     assert report["scores"]["volume_iou"] > 0.999
 
 

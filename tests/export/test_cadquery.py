@@ -54,9 +54,9 @@ def test_a_count_and_a_radius_are_changed_at_the_head(tmp_path):
     plate = 90 * 20 * 8
     holes = found.parameters.counts["hole_count"]
     (tmp_path / "more").mkdir()
-    radius = found.parameters.values["hole_radius"]
+    diameter = found.parameters.values["hole_diameter"]
     after = measured(
-        text, tmp_path / "more", (f"hole_count = {holes}", f"hole_count = {holes - 1}"), (f"hole_radius = {radius:g}", "hole_radius = 1")
+        text, tmp_path / "more", (f"hole_count = {holes}", f"hole_count = {holes - 1}"), (f"hole_diameter = {diameter:g}", "hole_diameter = 2")
     )
     each = (plate - before) / holes
     assert plate - after == pytest.approx((holes - 1) * each / radius**2, rel=1e-6)

@@ -46,10 +46,10 @@ def delivered_of(program: Program):
 @pytest.mark.parametrize(
     ("program", "values"),
     [
-        (MOUNT, {"hole_radius": 4.25}),
+        (MOUNT, {"hole_diameter": 8.5}),
         (MOUNT, {"plate_thickness": 15.0, "hole_x": -25.0, "boss_height": 3.5}),
         (ROW, {"hole_spacing": 17.0}),
-        (FLANGE, {"bolt_circle": 66.0, "hole_radius": 4.0}),
+        (FLANGE, {"bolt_circle": 66.0, "hole_diameter": 8.0}),
         (PARTS["L bracket"], {"plate_thickness": 9.0}),
     ],
     ids=["holes", "plate", "row", "circle", "bracket"],
@@ -72,24 +72,24 @@ def test_an_edit_is_openscads_d(program, values, tmp_path):
 
 def test_all_files_say_the_same_and_can_be_edited_back(tmp_path):
     delivered = delivered_of(MOUNT)
-    write(change_values(delivered, {"hole_radius": 4.0}), tmp_path / "new")
+    write(change_values(delivered, {"hole_diameter": 8.0}), tmp_path / "new")
     texts = {p.name: p.read_text() for p in (tmp_path / "new").iterdir() if p.suffix in (".scad", ".py", ".ucad")}
     document = parse((tmp_path / "new" / "program.json").read_text())
     again = open_delivered(document, texts)
     assert volume_iou(to_manifold(again.program, 64), to_manifold(mount(hole=4.0), 64)) == pytest.approx(1, abs=1e-9)
     verify(again.program, constraints_of(document))
     assert again.meta.units == "millimeter"
-    assert "hole_radius = 4\n" in texts["program.py"]
-    assert "hole_radius = 4mm;" in texts["program.ucad"]
-    back = change_values(again, {"hole_radius": 3.0})
+    assert "hole_diameter = 8\n" in texts["program.py"]
+    assert "hole_diameter = 8mm;" in texts["program.ucad"]
+    back = change_values(again, {"hole_diameter": 6.0})
     assert (back.program, back.texts, back.constraints) == (delivered.program, delivered.texts, delivered.constraints)
 
 
 def test_without_the_text_the_constraints_give_the_names():
     given = delivered_of(MOUNT)
     alone = open_delivered(parse(dumps(given.program, given.meta, given.constraints)), {})
-    assert alone.values["hole_radius"] == 3
-    wide = change_values(alone, {"hole_radius": 4.0})
+    assert alone.values["hole_diameter"] == 6
+    wide = change_values(alone, {"hole_diameter": 8.0})
     assert volume_iou(solid_of(wide), to_manifold(mount(hole=4.0), wide.segments)) == pytest.approx(1, abs=1e-6)
 
 
@@ -126,7 +126,7 @@ def test_a_length_that_a_constraint_gives_has_no_name():
 
 def test_names_say_what_they_are_and_what_follows():
     said = meanings(delivered_of(MOUNT))
-    assert said["hole_radius"] == "radius of primitive 2, 3, 4, 5"
+    assert said["hole_diameter"] == "diameter of primitive 2, 3, 4, 5"
     assert said["plate_thickness"].startswith("length along z of primitive 0; moves 0.z, 1.z, 2.h")
     assert said["hole_x"] == "centre along x of primitive 2, 3; moves 4.x, 5.x"
     assert "1.x" in meanings(delivered_of(FLANGE))["bolt_circle"]
@@ -135,10 +135,10 @@ def test_names_say_what_they_are_and_what_follows():
 @pytest.mark.parametrize(
     ("program", "values", "message"),
     [
-        (MOUNT, {"hole_radus": 3.0}, "no parameter 'hole_radus'; nearest are hole_radius"),
+        (MOUNT, {"hole_diamter": 6.0}, "no parameter 'hole_diamter'; nearest are hole_diameter"),
         (MOUNT, {"qqq": 3.0}, "no parameter 'qqq'; it has plate_length, plate_width"),
-        (MOUNT, {"hole_radius": math.nan}, "hole_radius needs a finite number, got nan"),
-        (MOUNT, {"hole_radius": math.inf}, "hole_radius needs a finite number, got inf"),
+        (MOUNT, {"hole_diameter": math.nan}, "hole_diameter needs a finite number, got nan"),
+        (MOUNT, {"hole_diameter": math.inf}, "hole_diameter needs a finite number, got inf"),
         (MOUNT, {"plate_thickness": 0.0}, "plate_thickness needs a positive number, got 0"),
         (FLANGE, {"bolt_circle": -60.0}, "bolt_circle needs a positive number, got -60"),
         (MOUNT, {"boss_height": -30.0}, "boss_height needs a positive number, got -30"),
@@ -152,7 +152,7 @@ def test_what_cannot_be_is_refused(program, values, message):
 
 
 def test_an_empty_solid_is_refused(tmp_path):
-    gone = change_values(delivered_of(FLANGE), {"hole_radius": 1000.0})
+    gone = change_values(delivered_of(FLANGE), {"hole_diameter": 2000.0})
     with pytest.raises(EditError, match="no solid is left"):
         write(gone, tmp_path / "new")
     assert not (tmp_path / "new").exists()
@@ -215,12 +215,12 @@ def bolts(n: int, diameter: float, r: float = 3.0):
 @pytest.mark.parametrize(
     ("before", "values", "meant"),
     [
-        (ROW, {"hole_radius": 3.0}, row(4, 20, 3.0)),
+        (ROW, {"hole_diameter": 6.0}, row(4, 20, 3.0)),
         (ROW, {"hole_spacing": 18.0}, row(4, 18, first=-27)),
         (ROW, {"hole_count": 3}, row(3, 20)),
-        (ROW, {"hole_count": 5, "hole_spacing": 15.0, "hole_radius": 2.5}, row(5, 15, 2.5, first=-22.5)),
+        (ROW, {"hole_count": 5, "hole_spacing": 15.0, "hole_diameter": 5.0}, row(5, 15, 2.5, first=-22.5)),
         (FLANGE, {"hole_count": 8}, bolts(8, 60)),
-        (FLANGE, {"hole_count": 5, "bolt_circle": 64.0, "hole_radius": 2.0}, bolts(5, 64, 2.0)),
+        (FLANGE, {"hole_count": 5, "bolt_circle": 64.0, "hole_diameter": 4.0}, bolts(5, 64, 2.0)),
         (MOUNT, {"hole_spacing_x": 55.0}, None),
         (MOUNT, {"hole_count_x": 3, "hole_spacing_x": 30.0}, None),
     ],
@@ -236,7 +236,7 @@ def test_counts_pitch_and_circles_are_edited_by_name(before, values, meant):
     assert expand(after.folded) == after.program
     # the edited files are delivered files again
     again = open_delivered(to_json(after.program, None, after.constraints, after.folded), after.texts)
-    assert change_values(change_values(again, {"hole_radius": 2.2}), {"hole_radius": again.values["hole_radius"]}).program == after.program
+    assert change_values(change_values(again, {"hole_diameter": 4.4}), {"hole_diameter": again.values["hole_diameter"]}).program == after.program
     flat = read_openscad(after.texts["program.scad"])
     assert volume_iou(to_manifold(flat, 48), solid_of(after)) == pytest.approx(1, abs=1e-6)
 

@@ -176,7 +176,7 @@ def test_openscad_changes_counts_pitch_and_radius(found, tmp_path):
     row = found["row"]
     text = to_openscad_loops(row.folded, SEGMENTS, row.parameters)
     meant = cut(box(90, 20, 8), *(cylinder(2.5, 20, (-24 + 16.0 * i, 3.0, 0.0)) for i in range(5)))
-    solid = rendered(text, tmp_path, "hole_count=5", "hole_spacing=16", "hole_radius=2.5")
+    solid = rendered(text, tmp_path, "hole_count=5", "hole_spacing=16", "hole_diameter=5.0")
     assert volume_iou(solid, to_manifold(meant, SEGMENTS)) == pytest.approx(1, abs=2e-5)
     flange = found["flange"]
     text = to_openscad_loops(flange.folded, SEGMENTS, flange.parameters)

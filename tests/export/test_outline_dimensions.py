@@ -46,7 +46,7 @@ NAMED = {
     "plate_length": ("length", 66.0),
     "plate_width": ("width", 44.0),
     "plate_corner_radius": ("corner", 6.0),
-    "plate_hole_radius": ("hole", 3.0),
+    "plate_hole_diameter": ("hole", 6.0),
     "plate_hole_spacing_x": ("across", 44.0),
     "plate_hole_spacing_y": ("up", 30.0),
     "plate_round_spacing_x": ("spacing", 16.0),
@@ -61,6 +61,7 @@ def test_a_dimension_of_an_outline_changes_what_it_says_and_what_stands_there(na
     """Holes keep their countersinks, and what stands on the plate stays on it."""
     drawn, value = NAMED[name]
     after = solid_of(change_values(opened(plate()), {name: value}))
+    value = value / 2 if drawn == "hole" else value
     # a countersink that sticks out by a constant changes its slope a little with its lower radius
     slack = 3e-4 if drawn == "hole" else 1e-6
     assert volume_iou(after, to_manifold(plate(**{drawn: value}), SEGMENTS)) > 1 - slack
@@ -69,7 +70,7 @@ def test_a_dimension_of_an_outline_changes_what_it_says_and_what_stands_there(na
 def test_openscad_draws_the_edited_outline(tmp_path):
     delivered = opened(plate())
     text = delivered.texts["program.scad"]
-    assert "ring(plate_hole_radius, plate_hole_spacing_x/2, plate_hole_spacing_y/2)" in text
+    assert "ring(plate_hole_diameter/2, plate_hole_spacing_x/2, plate_hole_spacing_y/2)" in text
     mesh = rendered(text, tmp_path, "plate_corner_radius=6", "plate_slot_radius=2")
     assert volume_iou(mesh_to_manifold(mesh), to_manifold(plate(corner=6.0, end=2.0), SEGMENTS)) > 1 - 1e-5
 
@@ -83,15 +84,15 @@ def test_every_vertex_follows_names_alone():
 
 def test_meanings_say_which_drawings_follow():
     said = meanings(opened(plate()))
-    assert said["plate_hole_radius"].startswith("radius at the bottom of primitive 2")
-    assert "0.outline" in said["plate_hole_radius"]
+    assert said["plate_hole_diameter"].startswith("diameter at the bottom of primitive 2")
+    assert "0.outline" in said["plate_hole_diameter"]
     assert said["plate_corner_radius"] == "moves 0.outline"
 
 
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"plate_hole_radius": 30.0}, "plate_hole_radius = 30: primitive 0: .* cross"),
+        ({"plate_hole_diameter": 60.0}, "plate_hole_diameter = 60: primitive 0: .* cross"),
         ({"plate_corner_radius": 25.0}, "plate_corner_radius = 25: primitive 0: .* cross"),
         ({"plate_corner_radius": 0.0}, "plate_corner_radius needs a positive number, got 0"),
     ],
@@ -144,8 +145,8 @@ def test_arcs_that_end_at_a_slant_stay_and_what_meets_them_too():
     ends = [(10 * float(np.cos(t)), 10 * float(np.sin(t))) for t in (a, b, middle)]
     flat = Outline((((*ends[0], 0.0), (*ends[1], tan(turn / 8)), (*ends[2], tan(turn / 8))), circle(3.0)))
     delivered = opened(Primitive("extrude", (5.0,), outline=flat))
-    assert set(delivered.values) == {"plate_thickness", "plate_hole_radius"}
-    after = change_values(delivered, {"plate_hole_radius": 4.0})
+    assert set(delivered.values) == {"plate_thickness", "plate_hole_diameter"}
+    after = change_values(delivered, {"plate_hole_diameter": 8.0})
     assert after.program.outline.loops[0] == delivered.program.outline.loops[0]
 
 
@@ -156,11 +157,11 @@ def test_a_turned_part_grows_upwards():
     assert (low, high) == pytest.approx((0.0, 26.0))
 
 
-def test_a_turned_part_has_radii_and_heights():
+def test_a_turned_part_has_diameters_and_heights():
     profile = Outline((((0.0, -10.0, 0.0), (12.0, -10.0, 0.0), (12.0, -4.0, 0.0), (6.0, -4.0, 0.0), (6.0, 10.0, 0.0), (0.0, 10.0, 0.0)),))
     delivered = opened(Primitive("revolve", (360.0,), outline=profile))
-    assert {n: v for n, v in delivered.values.items() if "radius" in n} == {"turned_part_radius": 12.0, "turned_part_radius_2": 6.0}
-    after = change_values(delivered, {"turned_part_radius_2": 5.0})
+    assert {n: v for n, v in delivered.values.items() if "diameter" in n} == {"turned_part_diameter": 24.0, "turned_part_diameter_2": 12.0}
+    after = change_values(delivered, {"turned_part_diameter_2": 10.0})
     wanted = Outline(tuple(tuple((5.0 if x == 6.0 else x, y, b) for x, y, b in loop) for loop in profile.loops))
     assert volume_iou(solid_of(after), to_manifold(Primitive("revolve", (360.0,), outline=wanted), SEGMENTS)) > 1 - 1e-6
 

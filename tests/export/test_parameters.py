@@ -69,20 +69,20 @@ def uses(parameters: Parameters, name: str) -> int:
 def test_names_say_what_they_are():
     delivered, parameters = parametrised(MOUNT)
     assert parameters.values["plate_thickness"] == 6
-    assert parameters.values["hole_radius"] == 3
-    assert uses(parameters, "hole_radius") == 4
+    assert parameters.values["hole_diameter"] == 6
+    assert uses(parameters, "hole_diameter") == 4
     text = to_openscad(delivered, 48, parameters)
-    assert "hole_radius = 3;" in text.splitlines()
-    assert text.count("r = hole_radius") == 4
+    assert "hole_diameter = 6;" in text.splitlines()
+    assert text.count("r = hole_diameter/2") == 4
     assert parametrised(ROW)[1].values["hole_spacing"] == 20
     assert parametrised(FLANGE)[1].values["bolt_circle"] == pytest.approx(60)
 
 
-@pytest.mark.parametrize("edit", [{"plate_thickness": 9.0}, {"hole_radius": 4.0}, {"plate_thickness": 20.0, "hole_radius": 2.0}])
+@pytest.mark.parametrize("edit", [{"plate_thickness": 9.0}, {"hole_diameter": 8.0}, {"plate_thickness": 20.0, "hole_diameter": 4.0}])
 def test_an_edit_moves_all_that_follows(edit):
     delivered, parameters = parametrised(MOUNT)
     read = read_openscad(to_openscad(delivered, 64, parameters), **edit)
-    meant = mount(edit.get("plate_thickness", 6.0), edit.get("hole_radius", 3.0))
+    meant = mount(edit.get("plate_thickness", 6.0), edit.get("hole_diameter", 6.0) / 2)
     assert volume_iou(to_manifold(read, 64), to_manifold(meant, 64)) == pytest.approx(1, abs=1e-6)
 
 
@@ -119,8 +119,8 @@ def test_other_expressions_are_refused(line, message):
 def test_without_constraints_every_size_has_a_name_and_cuts_go_through_what_they_enter():
     delivered = finish_flat(MOUNT)
     parameters = parametrise(MOUNT, [], delivered)
-    holes = {f"hole{n}_radius" for n in ("", 2, 3, 4, 5)}
-    assert set(parameters.values) == {"plate_length", "plate_width", "plate_thickness", "boss_radius", "boss_height", *holes}
+    holes = {f"hole{n}_diameter" for n in ("", 2, 3, 4, 5)}
+    assert set(parameters.values) == {"plate_length", "plate_width", "plate_thickness", "boss_diameter", "boss_height", *holes}
     assert list(leaves(read_openscad(to_openscad(delivered, 48, parameters)))) == list(leaves(delivered))
 
 
@@ -159,7 +159,7 @@ def test_openscad_moves_all_followers(tmp_path):
     """Four holes grow together; a thicker plate lifts the boss, and cutters still go through."""
     delivered, parameters = parametrised(MOUNT)
     text = to_openscad(delivered, 64, parameters)
-    wide = mesh_to_manifold(rendered(text, tmp_path, "hole_radius=4"))
+    wide = mesh_to_manifold(rendered(text, tmp_path, "hole_diameter=8"))
     assert volume_iou(wide, to_manifold(mount(hole=4.0), 64)) == pytest.approx(1, abs=1e-5)
     thick = mesh_to_manifold(rendered(text, tmp_path, "plate_thickness=15"))
     assert volume_iou(thick, to_manifold(mount(thickness=15.0), 64)) == pytest.approx(1, abs=1e-5)

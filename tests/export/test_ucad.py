@@ -105,7 +105,7 @@ def test_the_text_is_the_same_solid(program):
 def test_the_head_has_the_version_and_the_names_with_their_unit():
     lines = to_ucad(*parametrised(MOUNT)).splitlines()
     assert lines[0] == "// µcad 0.5"
-    assert "hole_radius = 3mm;" in lines
+    assert "hole_diameter = 6mm;" in lines
     assert "hole_x = -30mm;" in lines
 
 

@@ -23,7 +23,7 @@ def parser() -> argparse.ArgumentParser:
     out = argparse.ArgumentParser(prog="imdim edit", description=about)
     out.add_argument("input", help="program.json of a results folder; the texts beside it have the names")
     out.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a name and its new value; may be repeated")
-    out.add_argument("--list", action="store_true", help="print the names, their values, and what they mean")
+    out.add_argument("--list", action="store_true", help="print the names, their values, what they mean, and the holes")
     out.add_argument("-o", "--output", metavar="FOLDER", help="where the edited files go")
     out.add_argument("--strict", action="store_true", help="refuse an edit that opens, closes or parts something")
     out.add_argument("--step", action="store_true", help="write program.step too, which takes seconds")
@@ -44,14 +44,17 @@ def main(argv: Sequence[str]) -> int:
 
 
 def list_names(source: Path) -> str:
-    """The table of names. Raises ConfigError."""
+    """The table of names, and the holes that their numbers make. Raises ConfigError."""
     from imdim.export.delivered import meanings
+    from imdim.export.hole_names import hole_groups
 
     delivered = _open(source)
     values = {**delivered.values, **delivered.counts}
     rows = [(name, f"{values[name]:.9g}", meaning) for name, meaning in meanings(delivered).items()]
     names, values = (max((len(row[i]) for row in rows), default=0) for i in (0, 1))
-    return "".join(f"{name:<{names}}  {value:>{values}}  {meaning}\n" for name, value, meaning in rows) or f"{source}: no names\n"
+    table = "".join(f"{name:<{names}}  {value:>{values}}  {meaning}\n" for name, value, meaning in rows) or f"{source}: no names\n"
+    groups = "".join(f"{group} (primitive {', '.join(map(str, group.leaves))})\n" for group in hole_groups(delivered.program))
+    return table + (f"\nholes\n{groups}" if groups else "")
 
 
 def edit_program(source: Path, values: dict[str, float], folder: Path, step: bool = False, strict: bool = False) -> str:

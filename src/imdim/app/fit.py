@@ -27,6 +27,7 @@ Reconstruct = Callable[["Target", Settings, "np.random.Generator"], "Iterator[Sn
 DELIVERY_S = 6.0
 FILES_S = 5.0  # of these, for the files of a program that is finished
 LEAST_S = 1.0  # for the reconstruction, however long loading took
+MOST_SAID = 6  # groups of holes on the screen; the report has all
 DIFFERS = 1e-3  # of the volume IoU, from which delivery says that it did not keep what was found
 BAD_INPUT = 2
 INTERRUPTED = 130
@@ -122,6 +123,8 @@ def summary(report: Mapping[str, Any], folder: Path) -> str:
     lines += [f"  delivered differs from found: IoU {same:.4f}"] if 1 - same > DIFFERS else []
     said = [repeat["says"] for repeat in report.get("repeats", [])]
     lines += [f"  {'repeats':<8} {'; '.join(said)}"] if said else []
+    said = [group["says"] for group in report.get("holes", [])]
+    lines += [f"  {'holes':<8} {'; '.join(said[:MOST_SAID])}" + (f" and {len(said) - MOST_SAID} more" if len(said) > MOST_SAID else "")] if said else []
     lines += [f"  {name} {said}" for name, said in report["files"].items() if said.startswith("skipped") and name != "program.loops.scad"]
     lines += [
         f"  {what:<8} {folder / name}"

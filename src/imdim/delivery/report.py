@@ -15,7 +15,10 @@ from typing import Any
 
 from imdim.delivery.evaluate import DeliveryLoss, Distances, Scores
 from imdim.delivery.finish import FinishedProgram
+from imdim.export.hole_names import hole_groups, hole_roles
 from imdim.program.cost import count
+from imdim.program.hole_groups import HoleGroup
+from imdim.program.metric import screw_of
 from imdim.program.repeats import Folded, Repeat, repeats, size
 from imdim.program.roles import labels
 from imdim.target.target import Target
@@ -66,7 +69,8 @@ def report_of(
             "kinds": {kind: n for kind, n in counts.kinds.items() if n},
             "ops": {op: n for op, n in counts.ops.items() if n},
         },
-        "repeats": [] if folded is None else _repeats(folded, labels(program, constraints, folded)),
+        "repeats": [] if folded is None else _repeats(folded, labels(program, constraints, folded, hole_roles(program))),
+        "holes": [_group(group) for group in hole_groups(program)],
         "constraints": [{"name": c.name, "kind": c.kind, "says": str(c)} for c in constraints],
         "parameters": {name: number(value) for name, value in delivered.parameters.values.items()},
         "scores": _scores(scores),
@@ -98,6 +102,23 @@ def _repeats(folded: Folded, label: Sequence[str]) -> list[dict[str, Any]]:
         }
         for first, repeat in repeats(folded)
     ]
+
+
+def _group(group: HoleGroup) -> dict[str, Any]:
+    """What a group of holes says; `leaves` are the primitives that make it, as `program.json` counts them."""
+    hole, screw = group.holes[0], screw_of(group.holes[0])
+    return {
+        "says": str(group),
+        "kind": hole.kind,
+        "through": hole.through,
+        "diameters": [number(d) for d in hole.diameters],
+        "depth": number(hole.depth),
+        "screw": None if screw is None else screw._asdict(),
+        "arrangement": group.arrangement or None,
+        "points": [[number(c) for c in h.point] for h in group.holes],
+        "direction": [number(c) for c in hole.direction],
+        "leaves": list(group.leaves),
+    }
 
 
 def describe_repeat(repeat: Repeat, label: str) -> str:

@@ -42,7 +42,8 @@ _MEANING: Mapping[str, str] = {
     "z": "centre along z",
     "outline": "drawing",
 }
-_DIMENSIONS = frozenset(("circle", "radius", "length", "width", "chamfer", "depth", "height"))
+_ACROSS = ("r", "r_bottom", "r_top")  # radii that are measured as diameters
+_DIMENSIONS = frozenset(("circle", "radius", "diameter", "length", "width", "chamfer", "depth", "height"))
 SIZES = frozenset(name for names in SIZE_NAMES.values() for name in names)
 
 Feature = tuple[int, str]  # the primitive's number, and the name of a size or of a coordinate; those of an outline are counted
@@ -104,9 +105,10 @@ def meanings(delivered: Delivered) -> dict[str, str]:
     """
     out: dict[str, str] = {}
     for name, value in delivered.values.items():
-        equal, moved = _followers(delivered, name)
-        words = [_MEANING[feature] for _, feature in equal]
-        is_what = [f"{word} of primitive {_some([str(leaf) for leaf, f in equal if _MEANING[f] == word])}" for word in dict.fromkeys(words)]
+        across, equal, moved = _followers(delivered, name)
+        meant = [(leaf, _MEANING[f].replace("radius", "diameter")) for leaf, f in across] + [(leaf, _MEANING[f]) for leaf, f in equal]
+        words = dict.fromkeys(word for _, word in meant)
+        is_what = [f"{word} of primitive {_some([str(leaf) for leaf, its in meant if its == word])}" for word in words]
         follow = [f"moves {_some([f'{leaf}.{feature}' for leaf, feature in moved])}"] if moved else []
         out[name] = "; ".join(is_what + follow) or f"nothing follows {plain(value)}"
     return out | dict.fromkeys(delivered.counts, "how many copies there are")
@@ -114,11 +116,11 @@ def meanings(delivered: Delivered) -> dict[str, str]:
 
 def is_size(delivered: Delivered, name: str) -> bool:
     """Whether some size is the named value, or the name is that of a diameter or of a size of an outline."""
-    return not _DIMENSIONS.isdisjoint(name.split("_")) or any(feature in SIZES for _, feature in _followers(delivered, name)[0])
+    return not _DIMENSIONS.isdisjoint(name.split("_")) or any(feature in SIZES for _, feature in _followers(delivered, name)[1])
 
 
-def _followers(delivered: Delivered, name: str) -> tuple[list[Feature], list[Feature]]:
-    """The numbers that are the named value, and the others that move with it."""
+def _followers(delivered: Delivered, name: str) -> tuple[list[Feature], list[Feature], list[Feature]]:
+    """The radii that are half the named value, the numbers that are it, and the others that move with it."""
     value = delivered.values[name]
     before = dict(_numbers(read(delivered, {name: value})))
     after, step = _probe(delivered, name, PROBE * (abs(value) or longest(leaves(delivered.program))))
@@ -127,7 +129,8 @@ def _followers(delivered: Delivered, name: str) -> tuple[list[Feature], list[Fea
     drawn = {f for f in moved if f[1].isdigit()}
     equal = [f for f, way in moved.items() if f not in drawn and max(abs(way - step), abs(before[f] - value)) <= slack]
     moved = {f: way for f, way in moved.items() if f not in drawn} | dict.fromkeys([(leaf, "outline") for leaf, _ in drawn], step)
-    return equal, [f for f in moved if f not in equal]
+    across = [f for f, way in moved.items() if f[1] in _ACROSS and max(abs(2 * way - step), abs(2 * before[f] - value)) <= slack]
+    return across, equal, [f for f in moved if f not in equal and f not in across]
 
 
 def _probe(delivered: Delivered, name: str, step: float) -> tuple[dict[Feature, float], float]:

@@ -18,6 +18,7 @@ from manifold3d import Manifold
 from imdim.export.delivered import AGREE, LOOPS, Delivered, EditError, is_size, read, texts_of
 from imdim.export.edit_report import picture_of
 from imdim.export.folder import FILES, replacing
+from imdim.export.hole_names import hole_notes, renew_notes
 from imdim.export.meshes import write_meshes
 from imdim.export.numbers import MAX_SEGMENTS, Rounding, plain, round_program, to_fixed_point
 from imdim.export.openscad_reader import read_openscad
@@ -80,6 +81,8 @@ def change_values(delivered: Delivered, values: Mapping[str, float]) -> Delivere
         program = program if folded is None else expand(folded)
     except ValueError as error:
         raise EditError(f"{said}: {error}") from None
+    notes = hole_notes(delivered.program, delivered.folded), hole_notes(program, folded)
+    texts = {file: renew_notes(text, *notes) for file, text in texts.items()}
     return replace(delivered, program=program, texts=texts, values={**delivered.values, **values}, folded=folded)
 
 

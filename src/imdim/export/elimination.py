@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from imdim.export.diameters import add_diameters
 from imdim.export.outline_rows import Drawn, add_outlines
 from imdim.export.repeat_rows import add_repeats
 from imdim.export.seats import End, ends_of, seats, world_axis
@@ -28,7 +29,7 @@ ZERO = 1e-9  # coefficients
 HALVES = 1e-6  # by which a coefficient may miss a half that it stands for: the digits of files
 SLOPE = 1e-6  # of a constraint's own slopes, that it may have with respect to a name
 PATTERNS = ("linear", "circular")
-_RANKS = {"center": 0, "radius": 2, "circle": 2}  # by the last part of a word, the last are eliminated last
+_RANKS = {"center": 0, "radius": 2, "circle": 2, "diameter": 3}  # by the last part of a word, the last are eliminated last
 
 
 @dataclass
@@ -66,6 +67,7 @@ class LinearSystem:
         if folded is not None:
             add_repeats(system, folded, parts, fixed)
         system.drawn = add_outlines(system, parts if delivered is None else list(leaves(delivered)), folded)
+        add_diameters(system, parts, folded)
         others = [c for c in constraints if c.kind not in PATTERNS or _is_slanted(c, numbers)]
         for constraint in (c for c in constraints if c not in others):
             if constraint.kind == "linear":
@@ -127,7 +129,8 @@ class LinearSystem:
 
     def _order(self) -> list[int]:
         """Variables in the order in which they are eliminated: what a person would measure last."""
-        extra = sorted(range(self.extra, len(self.start)), key=self.rank)
+        # of diameters that are equal the first stays
+        extra = sorted(range(self.extra, len(self.start)), key=lambda v: (self.rank(v), -v if self.rank(v) == _RANKS["diameter"] else v))
         return [*sorted(range(self.extra), key=lambda v: (v % 6 < 3, -v)), *extra]
 
     def leaf_of(self, v: int) -> int:

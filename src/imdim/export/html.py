@@ -16,6 +16,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from imdim.export.hole_names import hole_groups, hole_roles
 from imdim.export.html_surfaces import Box, solid_values, target_values
 from imdim.export.html_tree import constraint_values, leaf_values, name_values, tree_values
 from imdim.export.parameters import Parameters, parametrise
@@ -43,7 +44,7 @@ def content(
     """
     program, constraints, folded = from_json(document), constraints_of(document), read_folded(document)
     named = named or parametrise(program, constraints, program, folded)
-    label = labels(program, constraints, folded)
+    label = labels(program, constraints, folded, hole_roles(program))
     surface, owners = surface_with_owners(program, segments)
     shown = [] if target is None else [target.points if target.mesh is None else target.mesh.vertices]
     box = Box.around(surface.vertices, *shown)
@@ -57,6 +58,7 @@ def content(
         "tree": tree_values(folded),
         "constraints": constraint_values(constraints, label),
         "names": name_values(named, folded),
+        "holes": [{"says": str(group), "leaves": list(group.leaves)} for group in hole_groups(program)],
     }
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from imdim.export.drawing import write_loops
+from imdim.export.hole_names import write_notes
 from imdim.export.loops import Loop, less
 from imdim.export.numbers import Expression, Rounding, plain, write_expression, write_moves, write_sizes
 from imdim.export.parameters import Parameters
@@ -82,14 +83,16 @@ def _definitions(program: Program) -> list[str]:
 
 
 def _primitive(leaf: Primitive, rounding: Rounding, named: Parameters, number: int, center: Sequence[Expression]) -> list[str]:
-    """``translate(..) rotate(..) shape(..);``, the identity parts left out; of an outline each loop has a line of its own."""
+    """``translate(..) rotate(..) shape(..);``, the identity parts left out; of an outline each loop has a line of its own. Above it what
+    holes it makes."""
     place = _step("translate", [write_expression(c, rounding.length) for c in center])
     place += _step("rotate", [rounding.angle(a) for a in leaf.rotation])
     sizes, loops = write_sizes(leaf, named.sizes[number], rounding), write_loops(leaf, named.outlines[number], rounding)
+    notes = write_notes(named.notes, number, "//")
     if not loops:
-        return [place + _SHAPE[leaf.kind](*sizes) + ";"]
+        return [*notes, place + _SHAPE[leaf.kind](*sizes) + ";"]
     head, tail = _SHAPE[leaf.kind](*sizes, "[|]").split("|")
-    return [place + head, *(f"  {loop}," for loop in loops[:-1]), f"  {loops[-1]}", tail + ";"]
+    return [*notes, place + head, *(f"  {loop}," for loop in loops[:-1]), f"  {loops[-1]}", tail + ";"]
 
 
 def _step(name: str, numbers: list[str]) -> str:

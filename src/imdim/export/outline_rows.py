@@ -120,7 +120,7 @@ class _Dimensions:
 
     def _add_lines(self) -> None:
         turned = self.part.kind == "revolve"
-        words = (("radius", "level"),) * 2 if turned else (("length", "width"), ("edge_x", "edge_y"))
+        words = (("diameter", "level"),) * 2 if turned else (("length", "width"), ("edge_x", "edge_y"))
         for inner, prefix in ((False, ""), (True, "window_")):
             lines = [c for c in self.joints.lines() if c.inner == inner and c.across is not None]
             places = [(c.across or X, c.place) for c in lines] + [place for place in self._corners() if place[2] == inner]
@@ -227,7 +227,8 @@ class _Dimensions:
                 for side in (1, -1):
                     self.known[what, axis, self.joints.cell(side * abs(place))] = {extent: side / 2}
             else:
-                self.known[what, axis, cell] = {self._new(single[axis], place): 1.0}
+                share = 0.5 if single[axis].endswith("diameter") else 1.0
+                self.known[what, axis, cell] = {self._new(single[axis], place / share): share}
 
     def _next_out(self, what: str, axis: int, place: float) -> float | None:
         """The place next further out that is near enough to be measured from; of an extrusion's lines alone, others are told by radii."""
@@ -361,7 +362,7 @@ class _Dimensions:
         assert found is not None
         if self.part.kind == "revolve":
             return self._radius("tube_radius", found[2])
-        return self._radius("hole_radius" if self.joints.holes[i] else "radius", found[2])
+        return _sum((self._radius("hole_diameter" if self.joints.holes[i] else "diameter", 2 * found[2]), 0.5))
 
     def circles_in_space(self) -> Iterator[_RoundWall]:
         """The circles of an extrusion along the world's axes."""

@@ -12,6 +12,7 @@ from fractions import Fraction
 
 from imdim.export.drawn_vertex import DrawnVertex
 from imdim.export.elimination import LinearSystem, vector
+from imdim.export.hole_names import BoreWords, Notes, hole_notes, hole_roles
 from imdim.export.loops import Loop, loop_of
 from imdim.export.numbers import Expression, Rounding, Term, constants, simple_fraction
 from imdim.export.outline_rows import Sum
@@ -32,7 +33,7 @@ class Parameters:
     """`values` of the names in the order of the text; for each leaf the expressions of its sizes, of its centre, and of its loops.
 
     `counts` are the names that say how often parts repeat, `loops` the repeats in the order of `repeats`. The names in `angles` are
-    degrees, all others lengths.
+    degrees, all others lengths. `notes` are comments above leaves, which say what holes they make.
     """
 
     values: dict[str, float] = field(default_factory=dict)
@@ -42,6 +43,7 @@ class Parameters:
     loops: tuple[Loop, ...] = ()
     angles: frozenset[str] = frozenset()
     outlines: tuple[tuple[DrawnLoop, ...], ...] = ()
+    notes: Notes = field(default_factory=dict)
 
     @staticmethod
     def none(program: Program, folded: Folded | None = None) -> Parameters:
@@ -76,17 +78,26 @@ def parametrise(
     Both have the same leaves but for what `overshoot` and rounding changed, which becomes a constant of the expression. `folded`, which
     `delivered` is the expansion of, adds what its repeats say, and their counts. Names in `values` get these instead of those of `program`.
     """
+    label = labels(program, constraints, folded, hole_roles(delivered))
+    named = _parametrise(program, constraints, delivered, folded, values or {}, label)
+    return replace(named, notes=hole_notes(delivered, folded))
+
+
+def _parametrise(
+    program: Program,
+    constraints: Sequence[Constraint],
+    delivered: Program,
+    folded: Folded | None,
+    values: Mapping[str, float],
+    label: Sequence[str],
+) -> Parameters:
     fixed: set[int] = set()
     while True:
-        named = _shift_constants(
-            _express_numbers(
-                LinearSystem.of(program, constraints, delivered, folded, fixed), program, labels(program, constraints, folded), delivered
-            ),
-            values or {},
-        )
+        system = LinearSystem.of(program, constraints, delivered, folded, fixed)
+        named = _shift_constants(_express_numbers(system, program, label, delivered), values)
         if folded is None:
             return named
-        looped, broken = _add_loops(named, folded, labels(program, constraints, folded), longest(leaves(delivered)))
+        looped, broken = _add_loops(named, folded, label, longest(leaves(delivered)))
         if not broken:
             return looped
         if broken <= fixed:
@@ -140,7 +151,7 @@ def _counts(loop: Loop, counts: dict[str, int]) -> tuple[int, ...]:
 
 def _express_numbers(system: LinearSystem, program: Program, label: Sequence[str], delivered: Program) -> Parameters:
     solved = {v: _terms(row, system) for v, row in system.solve().items()}
-    names = _names(program, label, system, solved)
+    names = _names(program, label, system, solved, BoreWords.of(delivered))
     after = vector(list(leaves(delivered)))
     built = [_expression(v, float(value), system, solved, names) for v, value in enumerate(after)]
     parts = list(leaves(delivered))
@@ -197,7 +208,7 @@ def _constant_loops(p: Primitive) -> tuple[DrawnLoop, ...]:
     return tuple(tuple(DrawnVertex(Expression((), x), Expression((), y), b) for x, y, b in loop) for loop in loops)
 
 
-def _names(program: Program, label: Sequence[str], system: LinearSystem, solved: _Solved) -> dict[int, str]:
+def _names(program: Program, label: Sequence[str], system: LinearSystem, solved: _Solved, bores: BoreWords) -> dict[int, str]:
     """Names of all sizes that follow from nothing, and of the places that others need; in the order of the text, leaf by leaf."""
     parts, sign = list(leaves(program)), signs(program)
     sizes = [6 * i + c for i, p in enumerate(parts) for c, value in enumerate(p.size) if p.kind != "revolve" or value < FULL_TURN]
@@ -205,17 +216,25 @@ def _names(program: Program, label: Sequence[str], system: LinearSystem, solved:
     drawn = {v for loops in system.drawn.values() for loop in loops for vertex in loop for number in vertex.numbers() for v in number.row}
     needed |= drawn - solved.keys()
     taken: set[str] = set(RESERVED)
-    return {v: unique(_name(v, system, parts, label, sign), taken) for v in sorted(needed, key=lambda v: (system.leaf_of(v), v))}
+    ordered = sorted(needed, key=lambda v: (system.leaf_of(v), not _is_across(v, system, parts), v))
+    return {v: unique(_name(v, system, parts, label, sign, bores), taken) for v in ordered}
+
+
+def _is_across(v: int, system: LinearSystem, parts: Sequence[Primitive]) -> bool:
+    """Whether a variable is the diameter of a cylinder, which stands where its radius would."""
+    return v >= system.extra and parts[system.leaf_of(v)].kind == "cylinder" and system.extras[v - system.extra][1] == "diameter"
 
 
 # Words that mean something else in OpenSCAD or in the Python script.
 RESERVED = ("part", "scale", "export_step", "ring", "reach", "outline", "curves", "face", "extruded", "turned")
 
 
-def _name(v: int, system: LinearSystem, parts: Sequence[Primitive], label: Sequence[str], sign: Sequence[int]) -> str:
+def _name(v: int, system: LinearSystem, parts: Sequence[Primitive], label: Sequence[str], sign: Sequence[int], bores: BoreWords) -> str:
     if v >= system.extra:
         leaf, word = system.extras[v - system.extra]
-        return "bolt_circle" if word == "circle" and label[leaf].startswith("hole") else f"{label[leaf]}_{word}"
+        if word == "circle" and "hole" in label[leaf]:
+            return "bolt_circle"
+        return f"{label[leaf]}_{bores.word(leaf, word, float(system.start[v]), label[leaf])}"
     leaf, column = divmod(v, 6)
     word = size_word(parts[leaf], column, sign[leaf], label[leaf]) if column < 3 else "xyz"[column - 3]
     return f"{label[leaf]}_{word}"

@@ -51,6 +51,7 @@ class _Ucad(Chains):
 
     signs: ClassVar[Mapping[Op, str]] = {"union": "|", "difference": "-", "intersection": "&"}
     end = ";"
+    mark = "//"
 
     def _primitive(self, leaf: Primitive, number: int) -> str:
         sizes = (write_expression(s, self._length if s.terms else self._size, "mm") for s in self._named.sizes[number])

@@ -54,10 +54,13 @@ def signs(program: Program) -> list[int]:
     return fold(program, lambda _, __: [1], {"union": keep, "intersection": keep, "difference": lambda a, b: a + [-sign for sign in b]})
 
 
-def labels(program: Program, constraints: Iterable[Constraint] = (), folded: Folded | None = None) -> list[str]:
-    """One label per leaf, in order; `folded`, which `program` is the expansion of, says which are copies."""
+def labels(
+    program: Program, constraints: Iterable[Constraint] = (), folded: Folded | None = None, roles: Sequence[str] | None = None
+) -> list[str]:
+    """One label per leaf, in order; `folded`, which `program` is the expansion of, says which are copies. `roles` are by default those of
+    `roles_of`."""
     parts = list(leaves(program))
-    roles = roles_of(program)
+    roles = roles_of(program) if roles is None else roles
     leading = {Ref(i, SIZE_NAMES[p.kind][0]): i for i, p in enumerate(parts)}
     group = list(range(len(parts))) if folded is None else [source for source, _ in instances(folded)]
     for constraint in constraints:
