@@ -68,7 +68,7 @@ class BoreWords:
     def of(program: Program) -> BoreWords:
         known: dict[int, list[tuple[float, str]]] = {}
         for hole in find_holes(program):
-            for section in hole.sections:
+            for section in (s for s in hole.sections if s is not hole.point_section):
                 for leaf in section.leaves:
                     known.setdefault(leaf, []).append((section.diameter, _role(hole, section)))
         return BoreWords(known)

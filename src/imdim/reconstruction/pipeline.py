@@ -33,6 +33,7 @@ from imdim.reconstruction.mdl import most_likely, reconstruct_unlabelled
 from imdim.reconstruction.methods import CUT, METHODS, Method, MethodStep, PolicyOf, Run, evolve_from, time_to_propose
 from imdim.reconstruction.observation import Observation, UnitBody, UnseenError, observe
 from imdim.reconstruction.policy_beam import load, load_if_any
+from imdim.reconstruction.hole_ends import complete_holes
 from imdim.reconstruction.preserve import preserve
 from imdim.search.evolve.population import EvolutionConfig
 from imdim.target.target import Frame, InputError, Target, in_unit_frame, split_bodies, target_from
@@ -253,7 +254,10 @@ def _body(body: Target, work: _Work, share: float = 1.0) -> Iterator[_BodyState]
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
     choose_by, fit_by = _times(budget, share)
     home = step.program if seen.solid is None else without_strays(step.program, seen.solid, fit_by)
-    simple = replace(step, stage="simplify", program=preserve(home, reduce_program(home, deadline=fit_by)), error=None, front=())
+    short = preserve(home, reduce_program(home, deadline=fit_by))
+    if settings.language == "cad" and seen.solid is not None and not fit_by.has_passed():
+        short = complete_holes(short, seen.patches, seen.iou)
+    simple = replace(step, stage="simplify", program=short, error=None, front=())
     last = _state(simple, seen, frame)
     yield last
     if settings.solver:
