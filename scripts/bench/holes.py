@@ -18,6 +18,7 @@ import argparse
 import json
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -71,12 +72,18 @@ def main() -> None:
         row = score(folder, holes, thickness)
         rows.append(row)
         print(f"{folder.name}: " + ", ".join(f"{k} {v}" for k, v in row.items() if v not in (0, [], None)), flush=True)
-    total = {key: sum(row[key] for row in rows) for key in ("holes", "found", "kind", "sizes", "strange", "through", "stayed", "unnamed")}
-    print(f"{len(rows)} parts, {total['holes']} holes: axis {_share(total['found'], total['holes'])}, ", end="")
-    print(f"kind {_share(total['kind'], total['holes'])}, sizes {_share(total['sizes'], total['holes'])}, strange {total['strange']}; ", end="")
-    print(f"{_share(total['stayed'], total['through'])} of {total['through']} stay through, {total['unnamed']} parts without a thickness")
+    print(totals(rows))
     wrong = Counter(w for row in rows for w in row["wrong"])
     print("\n".join(f"  {what}: {n}" for what, n in wrong.most_common()))
+
+
+def totals(rows: Sequence[dict[str, Any]]) -> str:
+    """The counts of all parts as shares, in a line."""
+    keys = ("holes", "found", "kind", "sizes", "strange", "through", "stayed", "unnamed")
+    n = {key: sum(row[key] for row in rows) for key in keys}
+    right = ", ".join(f"{what} {_share(n[key], n['holes'])}" for what, key in (("axis", "found"), ("kind", "kind"), ("sizes", "sizes")))
+    stay = f"{_share(n['stayed'], n['through'])} of {n['through']} stay through, {n['unnamed']} parts without a thickness"
+    return f"{len(rows)} parts, {n['holes']} holes: {right}, strange {n['strange']}; {stay}"
 
 
 def _share(part: int, whole: int) -> str:
@@ -260,7 +267,7 @@ def _found(document: Any) -> list[dict[str, Any]]:
 
 
 def _apart(hole: PlantedHole, found: dict[str, Any]) -> float:
-    """How far the two axes are apart at most within 50 of the planted hole; the found one's direction may be the other way only if both go through."""
+    """How far the two axes are apart at most within 50 of the planted hole; only what goes through both ways may run the other way."""
     a, d = np.array(hole.point), np.array(hole.direction)
     p, e = np.array(found["point"]), np.array(found["direction"])
     if abs(d @ e) < 0.9 or (d @ e < 0 and not (hole.through and found["through"])):
@@ -276,9 +283,12 @@ def _thicken(folder: Path, holes: list[PlantedHole], thickness: float) -> dict[s
     from imdim.geometry.kernels import inside
 
     delivered = _open(folder / "program.json")
-    along = [hole for hole in holes if hole.sizes]
-    names = [n for n, v in delivered.values.items() if abs(v - thickness) < 1e-3 and n.split("_")[-1] in ("thickness", "height", "length", "width")]
-    if not along:
+    names = [
+        n
+        for n, v in delivered.values.items()
+        if abs(v - thickness) < 1e-3 and n.split("_")[-1] in ("thickness", "height", "length", "width")
+    ]
+    if not holes:
         return {"through": 0, "stayed": 0, "unnamed": 0}
     for name in names:
         try:
@@ -288,10 +298,10 @@ def _thicken(folder: Path, holes: list[PlantedHole], thickness: float) -> dict[s
         # along the axis, as far as either solid reaches
         t = np.linspace(-150.0, 150.0, 3001)
         stayed = 0
-        for hole in along:
+        for hole in holes:
             line = np.array(hole.point) + np.outer(t, np.array(hole.direction))
             stayed += not inside(edited.program, line).any()
-        return {"through": len(along), "stayed": stayed, "unnamed": 0}
+        return {"through": len(holes), "stayed": stayed, "unnamed": 0}
     return {"through": 0, "stayed": 0, "unnamed": 1}
 
 

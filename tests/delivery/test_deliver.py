@@ -36,6 +36,17 @@ def delivered(target, tmp_path_factory):
     return folder, deliver(PROGRAM, target, folder, RUN)
 
 
+def test_the_holes_are_listed(delivered, tmp_path):
+    """A bore through boss and plate, and a countersunk hole."""
+    folder, report = delivered
+    said = ["hole, diameter 6, through", "M8 clearance hole, diameter 10, through, countersink diameter 16, 90 degrees"]
+    assert [group["says"] for group in report["holes"]] == said
+    assert [(group["kind"], group["leaves"]) for group in report["holes"]] == [("through", [2]), ("countersink", [3, 4])]
+    assert report["holes"][1]["diameters"] == [10, 16]
+    assert f"  holes    {'; '.join(said)}\n" in summary(report, tmp_path)
+    assert all(json.dumps(line) in (folder / "report.html").read_text() for line in said)
+
+
 def test_the_folder_holds_every_file(delivered):
     folder, report = delivered
     missing = {name for name, state in report["files"].items() if state != "written"}

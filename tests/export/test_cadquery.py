@@ -56,10 +56,13 @@ def test_a_count_and_a_radius_are_changed_at_the_head(tmp_path):
     (tmp_path / "more").mkdir()
     diameter = found.parameters.values["hole_diameter"]
     after = measured(
-        text, tmp_path / "more", (f"hole_count = {holes}", f"hole_count = {holes - 1}"), (f"hole_diameter = {diameter:g}", "hole_diameter = 2")
+        text,
+        tmp_path / "more",
+        (f"hole_count = {holes}", f"hole_count = {holes - 1}"),
+        (f"hole_diameter = {diameter:g}", "hole_diameter = 2"),
     )
     each = (plate - before) / holes
-    assert plate - after == pytest.approx((holes - 1) * each / radius**2, rel=1e-6)
+    assert plate - after == pytest.approx((holes - 1) * each * (2 / diameter) ** 2, rel=1e-6)
 
 
 @pytest.mark.parametrize("name", [*SOLIDS, *OUTLINED_PARTS])

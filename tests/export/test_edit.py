@@ -236,7 +236,8 @@ def test_counts_pitch_and_circles_are_edited_by_name(before, values, meant):
     assert expand(after.folded) == after.program
     # the edited files are delivered files again
     again = open_delivered(to_json(after.program, None, after.constraints, after.folded), after.texts)
-    assert change_values(change_values(again, {"hole_diameter": 4.4}), {"hole_diameter": again.values["hole_diameter"]}).program == after.program
+    wider = change_values(again, {"hole_diameter": 4.4})
+    assert change_values(wider, {"hole_diameter": again.values["hole_diameter"]}).program == after.program
     flat = read_openscad(after.texts["program.scad"])
     assert volume_iou(to_manifold(flat, 48), solid_of(after)) == pytest.approx(1, abs=1e-6)
 

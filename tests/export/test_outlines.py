@@ -222,7 +222,8 @@ def test_a_cut_through_a_thicker_plate_goes_along():
 def test_an_outline_changed_by_hand_is_noticed():
     found = finish(PLATE)
     texts = texts_of(found.program, found.parameters, found.folded, SEGMENTS)
-    changed = texts["program.scad"].replace("ring(plate_hole_diameter/2, -plate_hole_spacing_x/2, 0)", "ring(plate_hole_diameter/2, -16, 0)")
+    ring = "ring(plate_hole_diameter/2, {}, 0)"
+    changed = texts["program.scad"].replace(ring.format("-plate_hole_spacing_x/2"), ring.format("-16"))
     assert changed != texts["program.scad"]
     with pytest.raises(ValueError, match="describes another program"):
         open_delivered(parse(dumps(found.program)), {"program.scad": changed})

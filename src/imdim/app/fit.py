@@ -124,7 +124,8 @@ def summary(report: Mapping[str, Any], folder: Path) -> str:
     said = [repeat["says"] for repeat in report.get("repeats", [])]
     lines += [f"  {'repeats':<8} {'; '.join(said)}"] if said else []
     said = [group["says"] for group in report.get("holes", [])]
-    lines += [f"  {'holes':<8} {'; '.join(said[:MOST_SAID])}" + (f" and {len(said) - MOST_SAID} more" if len(said) > MOST_SAID else "")] if said else []
+    more = f" and {len(said) - MOST_SAID} more" if len(said) > MOST_SAID else ""
+    lines += [f"  {'holes':<8} {'; '.join(said[:MOST_SAID])}{more}"] if said else []
     lines += [f"  {name} {said}" for name, said in report["files"].items() if said.startswith("skipped") and name != "program.loops.scad"]
     lines += [
         f"  {what:<8} {folder / name}"

@@ -17,8 +17,7 @@ from imdim.program.tree import Op, Primitive, Program, Vec3
 
 
 class Chains(ABC):
-    """Writes nodes in a language with the operators `signs` and comments behind a `mark`; `parts` are the assignments of what repeats, which
-    `end` ends."""
+    """Writes nodes in a language with the operators `signs` and comments behind a `mark`; `parts` assign what repeats, which `end` ends."""
 
     signs: ClassVar[Mapping[Op, str]]
     end: ClassVar[str] = ""
@@ -31,13 +30,17 @@ class Chains(ABC):
 
     def flat(self, program: Program, first: int = 0) -> list[str]:
         """The expression of a program whose first leaf is number `first`, each copy written out."""
-        return fold_nary(program, lambda n, leaf: self.lines(leaf, first + n), {op: _chain(sign, self.mark) for op, sign in self.signs.items()})
+        return fold_nary(
+            program, lambda n, leaf: self.lines(leaf, first + n), {op: _chain(sign, self.mark) for op, sign in self.signs.items()}
+        )
 
     def lines(self, node: Folded, first: int = 0) -> list[str]:
         """The expression of a node whose first leaf is number `first`."""
         if isinstance(node, Primitive):
             return [*write_notes(self._named.notes, first, self.mark), self._primitive(node, first)]
-        return self._repeat(node, first) if isinstance(node, Repeat) else _chain(self.signs[node.op], self.mark)(self._operands(node, first))
+        return (
+            self._repeat(node, first) if isinstance(node, Repeat) else _chain(self.signs[node.op], self.mark)(self._operands(node, first))
+        )
 
     @abstractmethod
     def _primitive(self, leaf: Primitive, number: int) -> str: ...

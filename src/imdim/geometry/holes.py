@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -203,7 +204,7 @@ class _Solid:
             if is_there and radius < nearest[i]:
                 best[i], nearest[i] = k, radius
         edges = np.flatnonzero(np.diff(np.concatenate([[-1], best, [-1]])))
-        runs = [(first, end - 1, best[first]) for first, end in zip(edges, edges[1:], strict=False) if best[first] >= 0]
+        runs = [(first, end - 1, best[first]) for first, end in pairwise(edges) if best[first] >= 0]
         if not runs:
             return []
         first, last, which = np.array(runs).T
@@ -217,12 +218,13 @@ class _Solid:
         ]
 
     def _stations(self, walls: Sequence[Wall]) -> np.ndarray:
-        """Places along the axis, at least one between any two faces that lie across it."""
+        """Places along the axis, at least one between any two faces that lie across it and any two places where walls meet."""
         points, normals = self.faces
         across = np.abs(normals @ walls[0].axis) > 1 - 1e-9
         levels = (points[across] - walls[0].origin) @ walls[0].axis
         low, high = min(w.low for w in walls), max(w.high for w in walls)
         ends = [t for wall in walls for t in (wall.low, wall.high)]
+        levels = np.concatenate([levels, _meetings(walls)])
         cuts = np.unique(np.concatenate([levels[(levels > low) & (levels < high)], ends, np.linspace(low, high, STATIONS)]))
         return ((cuts[1:] + cuts[:-1]) / 2)[np.diff(cuts) > 1e-7 * self.length]
 
@@ -267,6 +269,15 @@ class _Solid:
             return False
         at = np.linspace(a.end, b.start, STATIONS + 2)[1:-1, None]
         return gap <= 1e-6 * self.length or not inside(self.numbers, a.wall.origin + at * a.wall.axis).any()
+
+
+def _meetings(walls: Sequence[Wall]) -> np.ndarray:
+    """Where cones have the radii of other walls."""
+    low, high, a, b = np.array([(w.low, w.high, w.radius_low, w.radius_high) for w in walls]).T
+    slope = (b - a) / (high - low)
+    start = a - slope * low
+    first, second = np.nonzero(np.abs(slope[:, None] - slope) > SKIN)
+    return (start[second] - start[first]) / (slope[first] - slope[second])
 
 
 def _radius(wall: Wall, at: float) -> float:

@@ -21,8 +21,10 @@ DIGITS = 5
 
 @dataclass(frozen=True, slots=True)
 class HoleGroup:
-    """Equal holes along one direction. `arrangement` is "row", "grid", "circle", "arc" or, of one hole or of no pattern, ""; `counts` has
-    the numbers along a grid, `spacing` the steps, or the diameter of the circle that they stand on, and the degrees between those of an arc."""
+    """Equal holes along one direction. `arrangement` is "row", "grid", "circle", "arc" or, of one hole or of no pattern, "".
+
+    `counts` has the numbers along a grid, `spacing` the steps, or the diameter of the circle that they stand on and, of an arc, degrees.
+    """
 
     holes: tuple[Hole, ...]
     arrangement: str = ""
@@ -36,7 +38,8 @@ class HoleGroup:
 
     def __str__(self) -> str:
         """As "4 x M3 clearance hole, diameter 3.4, through, on a 31 x 31 grid"."""
-        number = f"{len(self.holes)} x " if len(self.holes) > 1 else ""
+        count = len(self.holes)
+        number = f"{count} x " if count > 1 else ""
         return number + ", ".join([describe_hole(self.holes[0]), *_arranged(self)])
 
 
@@ -104,7 +107,7 @@ def _text(value: float) -> str:
 
 
 def _is_equal(a: Hole, b: Hole) -> bool:
-    """Whether two holes are of one kind, with the same numbers, along one direction; how long it is does not matter where it goes through."""
+    """Whether two holes are of one kind, with the same numbers, along one direction; those that go through may differ in length."""
     if (a.kind, a.through, len(a.sections)) != (b.kind, b.through, len(b.sections)):
         return False
     along = dot(a.direction, b.direction)
@@ -134,7 +137,7 @@ def _arrange(holes: Sequence[Hole]) -> Iterator[HoleGroup]:
 
 
 def _largest(holes: Sequence[Hole]) -> tuple[set[int], HoleGroup] | None:
-    """The pattern with most members; of equal ones a grid along the world's axes comes before a circle, that before other grids and rows."""
+    """The pattern with most members; of equal ones a grid along the world's axes comes before a circle, that before others."""
     if len(holes) > MOST_PLACED:
         return None
     tolerance = EQUAL * holes[0].bore.diameter

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 from imdim.program.tree import Vec3
@@ -131,7 +132,7 @@ def _kind_by_head(before: tuple[HoleSection, ...], bore: HoleSection) -> HoleKin
     if any(s.corners for s in before):
         return "hex pocket" if len(before) == 1 else "stepped"
     cones, straight = [s for s in before if s.is_cone], [s for s in before if not s.is_cone]
-    if len(straight) > 1 or any(a.narrow < b.diameter * (1 - EVEN) for a, b in zip(before, before[1:], strict=False)):
+    if len(straight) > 1 or any(a.narrow < b.diameter * (1 - EVEN) for a, b in pairwise(before)):
         return "stepped"
     if before[-1].is_cone and before[-1].diameter >= SUNK * bore.diameter and len(cones) == 1:
         return "countersink"

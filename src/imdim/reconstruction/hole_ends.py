@@ -1,13 +1,13 @@
 """The conical ends of holes that a search leaves out: the point of a drill and the seat of a countersunk head.
 
-They hold so little of a part that a search which pays for each primitive takes the hole without them. Yet the mesh shows them as surfaces of
-their own, on the axis of a hole that was found: what is missing is known, and exact volumes say whether it fits.
+They hold so little of a part that a search which pays for each primitive takes the hole without them. Yet the mesh shows them as surfaces
+of their own, on the axis of a hole that was found: what is missing is known, and exact volumes say whether it fits.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -87,13 +87,14 @@ def _cones_of(hole: Hole, patches: Sequence[Patch]) -> Iterator[_Cone]:
 def _points(hole: Hole, program: Program, patches: Sequence[Patch]) -> Iterator[_Ends]:
     """The wall of a hole with a flat bottom, with the point that a cone shows below it."""
     last = hole.sections[-1]
-    if hole.through or last.is_cone or last.corners or len(last.leaves) > 1 or signs(program)[last.leaves[0]] > 0:
+    number, *others = last.leaves
+    if hole.through or last.is_cone or last.corners or others or signs(program)[number] > 0:
         return
     for cone in _cones_of(hole, patches):
         height = cone.far - cone.near
         is_point = cone.slope < 0 and cone.apex - cone.far <= POINTED * height and _meets(cone, cone.near, last.diameter)
         if is_point and -NEAR * height <= cone.apex - hole.depth <= BEYOND * height:
-            yield from _turned(hole, cone, list(leaves(program))[last.leaves[0]], last.leaves[0])
+            yield from _turned(hole, cone, list(leaves(program))[number], number)
             return
 
 
@@ -136,8 +137,7 @@ def _with_points(program: Program, ends: Sequence[_Ends]) -> Program:
         kept: list[Program] = [replace(leaf, outline=Outline(loops))] if loops else []
         return combine_all("union", [*kept, *turned])
 
-    combine: Mapping = {op: (lambda a, b, op=op: Combine(op, a, b)) for op in OPS}
-    return fold(program, change, combine)
+    return fold(program, change, {op: (lambda a, b, op=op: Combine(op, a, b)) for op in OPS})  # type: ignore[arg-type, return-value]
 
 
 def _seats(hole: Hole, patches: Sequence[Patch]) -> Iterator[Primitive]:

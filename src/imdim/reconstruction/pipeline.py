@@ -29,11 +29,11 @@ from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.choices import choices_beside, few, unite_fronts
 from imdim.reconstruction.config import ConfigError, Settings, check_choices
 from imdim.reconstruction.fitting import find_relations, fit_numbers, snap_numbers
+from imdim.reconstruction.hole_ends import complete_holes
 from imdim.reconstruction.mdl import most_likely, reconstruct_unlabelled
 from imdim.reconstruction.methods import CUT, METHODS, Method, MethodStep, PolicyOf, Run, evolve_from, time_to_propose
 from imdim.reconstruction.observation import Observation, UnitBody, UnseenError, observe
 from imdim.reconstruction.policy_beam import load, load_if_any
-from imdim.reconstruction.hole_ends import complete_holes
 from imdim.reconstruction.preserve import preserve
 from imdim.search.evolve.population import EvolutionConfig
 from imdim.target.target import Frame, InputError, Target, in_unit_frame, split_bodies, target_from
