@@ -18,7 +18,7 @@ import numpy as np
 from imdim.export.diameters import add_diameters
 from imdim.export.outline_rows import Drawn, add_outlines
 from imdim.export.repeat_rows import add_repeats
-from imdim.export.seats import End, ends_of, seats, world_axis
+from imdim.export.seats import End, FlatWall, ends_of, seats, seats_at_walls, world_axis
 from imdim.geometry.lowering import Lowered, lower
 from imdim.program.constraints import AXES_OF, Constraint, Ref
 from imdim.program.repeats import Folded
@@ -47,6 +47,7 @@ class LinearSystem:
     ties: list[tuple[int, dict[int, float]]] = field(default_factory=list)
     extras: list[tuple[int, str]] = field(default_factory=list)
     drawn: dict[int, Drawn] = field(default_factory=dict)
+    walls: list[FlatWall] = field(default_factory=list)
 
     @staticmethod
     def of(
@@ -79,9 +80,17 @@ class LinearSystem:
         system.rows += filter(None, map(_simple, _linear(others, numbers)))
         system.rows += list(_ground_leaf(parts[0], numbers))
         flush = {ref for c in constraints if c.kind in ("coplanar", "aligned") for ref in c.of}
-        for own, face, word in seats(program):
+        found = list(seats(program))
+        for own, face, word in found:
             if not own.local or Ref(own.leaf, own.local) not in flush:
-                system._add_seat(own, face, word)
+                system._add_seat(own.leaf, _place(own, 1.0) | _place(face, -1.0), word)
+        seated = {(seat.own.leaf, seat.own.axis, seat.own.side) for seat in found}
+        for own, wall, word in seats_at_walls(program, system.walls):
+            if (own.leaf, own.axis, own.side) not in seated and Ref(own.leaf, own.local) not in flush:
+                row = _place(own, 1.0)
+                for v, factor in wall.row.items():
+                    row[v] = row.get(v, 0.0) - factor
+                system._add_seat(own.leaf, row, word)
         return system
 
     def solve(self) -> dict[int, dict[int, float]]:
@@ -147,12 +156,12 @@ class LinearSystem:
         self.extras.append((leaf, word))
         return len(self.start) - 1
 
-    def _add_seat(self, own: End, face: End, word: str) -> None:
-        row = _place(own, 1.0) | _place(face, -1.0)
+    def _add_seat(self, leaf: int, row: dict[int, float], word: str) -> None:
+        """An end of a leaf stays as far from a face as it is: `row` is how far."""
         if word:
             away = sum(factor * self.start[v] for v, factor in row.items())
-            row[self.new(own.leaf, word, abs(away))] = -math.copysign(1.0, away)
-        self.ties.append((own.leaf, row))
+            row[self.new(leaf, word, abs(away))] = -math.copysign(1.0, away)
+        self.ties.append((leaf, row))
 
     def _add_row(self, c: Constraint, numbers: Lowered) -> None:
         """Equal steps along each coordinate in which they step."""

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from imdim.export.drawn_vertex import Center, DrawnVertex, Reach
 from imdim.export.outline_joints import DrawnArc, DrawnCurve, DrawnLine, Joint, OutlineJoints, Row, X, Y
+from imdim.export.seats import FlatWall
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.design_values import is_level
 from imdim.program.outline import Outline, circle_of
@@ -60,6 +61,7 @@ def add_outlines(system: LinearSystem, parts: Sequence[Primitive], folded: Folde
             dimensions = _Dimensions(system, leaf, part)
             drawn[leaf] = dimensions.vertices()
             circles += dimensions.circles_in_space()
+            system.walls += dimensions.flat_walls()
         elif part.outline == parts[source].outline:
             drawn[leaf] = drawn[source]
         elif part.outline == parts[source].outline.mirror():  # type: ignore[union-attr]
@@ -363,6 +365,20 @@ class _Dimensions:
         if self.part.kind == "revolve":
             return self._radius("tube_radius", found[2])
         return _sum((self._radius("hole_diameter" if self.joints.holes[i] else "diameter", 2 * found[2]), 0.5))
+
+    def flat_walls(self) -> Iterator[FlatWall]:
+        """The outermost lines of an extrusion along its own axes, where these are the world's."""
+        if self.part.kind != "extrude" or not is_level(self.part):
+            return
+        turn = [[round(c) for c in row] for row in matrix_from_euler(self.part.rotation).tolist()]
+        for k, side in ((k, side) for k in (X, Y) for side in (-1, 1)):
+            place = self.outline.bounds[side > 0][k]
+            row = self._place(_side(False), k, place)
+            axis = next(a for a in range(3) if turn[a][k])
+            way = turn[axis][k]
+            if row:
+                at = _sum(({6 * self.leaf + 3 + axis: 1.0}, 1.0), (row, way))
+                yield FlatWall(self.leaf, axis, side * way, self.part.center[axis] + way * place, at)
 
     def circles_in_space(self) -> Iterator[_RoundWall]:
         """The circles of an extrusion along the world's axes."""

@@ -6,7 +6,7 @@ the plate's faces, it does. A blind one is so deep below the face that it enters
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from typing import NamedTuple
 
@@ -41,6 +41,16 @@ class Seat(NamedTuple):
     word: str
 
 
+class FlatWall(NamedTuple):
+    """The outermost flat wall of an extrusion that looks along a world axis to `side`: its `place`, and the variables whose sum that is."""
+
+    leaf: int
+    axis: int
+    side: int
+    place: float
+    row: Mapping[int, float]
+
+
 def seats(program: Program) -> Iterator[Seat]:
     """Of cuts and of what stands on something the faces that their ends follow; what has no ends along an axis, such as a ball, follows
     the one feature in whose side it sits."""
@@ -59,6 +69,26 @@ def seats(program: Program) -> Iterator[Seat]:
         middle = [own for own in carriers if boxes[own.leaf][0][axis] < (low + high)[axis] / 2 < boxes[own.leaf][1][axis]]
         if len(middle) == 1:
             yield Seat(End(leaf, axis, 1, -1, ""), middle[0], "")
+
+
+def seats_at_walls(program: Program, walls: Sequence[FlatWall]) -> Iterator[tuple[End, FlatWall, str]]:
+    """Of cuts that enter an extrusion from its side the walls that their ends follow, and the end that lies inside it, as so deep."""
+    parts, numbers, sign = list(leaves(program)), lower(program), signs(program)
+    pairs = {(e.leaf, e.axis, e.side): e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers)}
+    boxes = [_reach(p, numbers.rotations[i]) for i, p in enumerate(parts)]
+    slack = TOUCH * longest(parts)
+    for end in (e for e in pairs.values() if sign[e.leaf] < 0 and e.column >= 0):
+        other = pairs[end.leaf, end.axis, -end.side]
+        place, depth = (end.side * _place(e, parts) for e in (end, other))
+        met = [w for w in walls if (w.axis, w.side) == (end.axis, end.side) and sign[w.leaf] > 0]
+        entered = [w for w in met if depth < end.side * w.place - slack and end.side * w.place <= place + slack]
+        entered = [w for w in entered if _meet(boxes[w.leaf], boxes[end.leaf], end.axis)]
+        if len(entered) != 1:  # what lies one behind another says no more which of them is meant
+            continue
+        yield end, entered[0], ""
+        far = next((w for w in walls if (w.leaf, w.axis, w.side) == (entered[0].leaf, end.axis, -end.side)), None)
+        if far is not None and -depth < -end.side * far.place - slack:
+            yield other, entered[0], "depth"
 
 
 def sticks_out(seat: Seat, parts: list[Primitive]) -> bool:
