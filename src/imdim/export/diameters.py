@@ -1,4 +1,4 @@
-"""Diameters as names: a cylinder is measured across, and what is half of that in a program follows."""
+"""Diameters as names: cylinders and cones are measured across, and what is half of that in a program follows."""
 
 from __future__ import annotations
 
@@ -13,8 +13,12 @@ if TYPE_CHECKING:
 
 
 def add_diameters(system: LinearSystem, parts: Sequence[Primitive], folded: Folded | None) -> None:
-    """A variable for the diameter of each cylinder; copies follow what they are copies of."""
+    """A variable for each diameter of cylinders and cones, a point left out; copies follow what they are copies of."""
     sources = list(range(len(parts))) if folded is None else [source for source, _ in instances(folded)]
     for leaf, (part, source) in enumerate(zip(parts, sources, strict=True)):
-        if part.kind == "cylinder" and source == leaf:
-            system.rows.append({6 * leaf: 1.0, system.new(leaf, "diameter", 2 * part.size[0]): -0.5})
+        if part.kind not in ("cylinder", "cone") or source != leaf:
+            continue
+        radii = part.size[:-1]
+        for column in (c for c, radius in enumerate(radii) if radius > 0):
+            word = "diameter" if column == radii.index(max(radii)) else "narrow_diameter"
+            system.rows.append({6 * leaf + column: 1.0, system.new(leaf, word, 2 * radii[column]): -0.5})

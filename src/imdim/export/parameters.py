@@ -221,8 +221,12 @@ def _names(program: Program, label: Sequence[str], system: LinearSystem, solved:
 
 
 def _is_across(v: int, system: LinearSystem, parts: Sequence[Primitive]) -> bool:
-    """Whether a variable is the diameter of a cylinder, which stands where its radius would."""
-    return v >= system.extra and parts[system.leaf_of(v)].kind == "cylinder" and system.extras[v - system.extra][1] == "diameter"
+    """Whether a variable is a diameter of a cylinder or cone, which stands where the radius would."""
+    return (
+        v >= system.extra
+        and parts[system.leaf_of(v)].kind in ("cylinder", "cone")
+        and system.extras[v - system.extra][1].endswith("diameter")
+    )
 
 
 # Words that mean something else in OpenSCAD or in the Python script.
