@@ -129,3 +129,7 @@ def test_holes_are_found_in_all_directions(rotation):
     away = np.cross(np.array(hole.point) - (5.0, 6.0, 7.0), hole.direction)
     assert hole.kind == "through"
     assert (hole.depth, *away) == pytest.approx((10.0, 0.0, 0.0, 0.0), abs=1e-6)
+
+
+def test_a_step_of_next_to_nothing_is_none():
+    assert only(cut(PLATE, cylinder(3, 30), cylinder(5, 10, (0, 0, 9.9995)))).kind == "through"

@@ -1,5 +1,7 @@
 """What is said of holes: the screws that their numbers bear out, and how equal ones stand."""
 
+import math
+
 import pytest
 
 from imdim.program.hole_groups import group_holes
@@ -89,6 +91,18 @@ def test_what_is_left_of_a_pattern_is_a_group_of_its_own():
 def test_other_sizes_and_directions_are_other_groups():
     mixed = [*places((0.0, 0.0), (10.0, 0.0)), hole((10, 3.2)), *places((0.0, 0.0), direction=(0.0, 1.0, 0.0))]
     assert [len(group.holes) for group in group_holes(mixed)] == [2, 1, 1]
+
+
+def test_what_goes_on_beyond_a_chamfered_gap_is_one_bore():
+    eared = hole((0.5, 4.3, 3.3), (3, 3.3), (3.5, 3.3, 4.3), (8, 4.3, 3.3), (12, 3.3))
+    assert (eared.kind, eared.diameters) == ("through", (3.3,))
+
+
+def test_a_pattern_goes_round_once_at_most():
+    """Ten of twelve places on a circle are an arc of 30 degrees' steps, if any, and none of 150."""
+    turns = [math.radians(30 * k) for k in range(12) if k not in (3, 8)]
+    found = group_holes(places(*((20 * math.cos(t), 20 * math.sin(t)) for t in turns)))
+    assert all(group.arrangement != "arc" or group.spacing[1] == pytest.approx(30.0) for group in found)
 
 
 SAID = {

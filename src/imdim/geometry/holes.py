@@ -24,7 +24,7 @@ from imdim.program.tree import FULL_TURN, Primitive, Program, Vec3, leaves, long
 
 COAXIAL = 2e-4  # of the largest size, within which walls have one axis
 NEXT = 0.05  # of a diameter, by which the walls of one hole may be apart along it: a rounding between them is no wall
-SKIN = 2e-3  # of a radius: how far inside and outside a wall it is looked
+SKIN = 2e-3  # of a radius: how far inside and outside a wall it is looked, and how long a wall is at least
 AROUND = 0.75  # of a ring outside that has to lie in material; the rest may be cut away at an edge
 WIDEST = 3.0  # times the diameter of a hole: what is wider still is another hole, or no seat of a screw (DIN 974: 2 and less)
 STATIONS = 16  # along a wall, beside those between the faces of leaves
@@ -215,6 +215,7 @@ class _Solid:
         return [
             _Stretch(walls[k], a, b, _radius(walls[k], a), _radius(walls[k], b))
             for k, a, b in zip(which, starts.tolist(), ends.tolist(), strict=True)
+            if b - a > SKIN * max(_radius(walls[k], a), _radius(walls[k], b))
         ]
 
     def _stations(self, walls: Sequence[Wall]) -> np.ndarray:

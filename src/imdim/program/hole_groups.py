@@ -144,7 +144,7 @@ def _largest(holes: Sequence[Hole]) -> tuple[set[int], HoleGroup] | None:
     points, plane = _across(holes), _axes_across(holes[0].direction)
     flat = [(dot(p, plane[0]), dot(p, plane[1])) for p in points]
     found = [_lattice_group(holes, points, lattice, tolerance) for lattice in lattices(points, tolerance)]
-    found += [_ring_group(holes, flat, ring) for ring in rings(flat, (), tolerance)]
+    found += [_ring_group(holes, flat, ring) for ring in rings(flat, (), tolerance) if ring.angle * (len(ring.members) - 1) < 360]
     ranked = max(found, key=lambda f: (len(f[1]), f[0]), default=None)
     return None if ranked is None else (set(ranked[1]), ranked[2])
 

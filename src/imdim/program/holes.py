@@ -29,6 +29,7 @@ HOLE_KINDS: dict[HoleKind, str] = {
 SUNK = 1.5  # of the hole's diameter, from which a cone at its edge is for a head (ISO 10642: 1.9 and more) and not a chamfer
 POINTED = 0.2  # of the diameter, up to which a cone at the bottom is a drill's point
 EVEN = 1e-6  # of a diameter
+ALIKE = 0.02  # of the diameter, by which the parts of one bore may differ
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,17 +104,17 @@ class Hole:
         bore = self.bore
         if bore.is_cone:
             return "tapered"
-        before, after = self._before(), self.sections[self.sections.index(bore) + 1 :]
-        if not self.through and self._is_pointed():
-            after = after[:-1]
-        if not all(_is_chamfer(s, bore) for s in after):
+        first = len(self._before())
+        before, after = self.sections[:first], self.sections[first:-1] if self._is_pointed() else self.sections[first:]
+        if not all(_is_alike(s, bore) or _is_chamfer(s, bore) for s in after):
             return "stepped"
         if bore.corners:
-            return "hex pocket" if not before and not after else "stepped"
+            return "hex pocket" if len(self.sections) == 1 else "stepped"
         return _kind_by_head(before, bore) or ("through" if self.through else "drilled" if self._is_pointed() else "blind")
 
     def _before(self) -> tuple[HoleSection, ...]:
-        return self.sections[: self.sections.index(self.bore)]
+        first = next(i for i, s in enumerate(self.sections) if _is_alike(s, self.bore))
+        return self.sections[:first]
 
     def _is_pointed(self) -> bool:
         last = self.sections[-1]
@@ -139,6 +140,11 @@ def _kind_by_head(before: tuple[HoleSection, ...], bore: HoleSection) -> HoleKin
     if straight and all(_is_chamfer(s, straight[0]) or _is_chamfer(s, bore) for s in cones):
         return "counterbore"
     return "stepped"
+
+
+def _is_alike(s: HoleSection, bore: HoleSection) -> bool:
+    """Whether a section has the bore's diameter, as beyond a gap."""
+    return s is bore or (not s.is_cone and s.corners == bore.corners and abs(s.diameter - bore.diameter) <= ALIKE * bore.diameter)
 
 
 def _is_chamfer(s: HoleSection, beside: HoleSection) -> bool:
