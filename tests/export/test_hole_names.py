@@ -10,6 +10,7 @@ from imdim.export.delivered import texts_of
 from imdim.export.edit import change_values, open_delivered
 from imdim.export.hole_names import hole_notes, renew_notes
 from imdim.export.openscad_reader import read_openscad
+from imdim.geometry.holes import find_holes
 from imdim.program.codec import dumps, parse
 from imdim.program.outline import Outline, circle, rectangle
 from imdim.program.tree import Combine, Primitive, leaves
@@ -87,3 +88,24 @@ def test_a_comment_goes_with_its_hole():
 def test_without_holes_nothing_is_said():
     assert hole_notes(Combine("union", PLATE, cylinder(5, 30))) == {}
     assert "//" not in delivered_of(PLATE).texts["program.scad"]
+
+
+def test_a_whole_turn_has_no_name():
+    """Drilled holes in a row, each a turned cut."""
+    profile = Outline((((0.0, -6.0, 0.0), (2.1, -4.7, 0.0), (2.1, 6.0, 0.0), (0.0, 6.0, 0.0)),))
+    row = cut(PLATE, *(Primitive("revolve", (360.0,), (x, 3.0, 4.0), outline=profile) for x in (-20.0, 0.0, 20.0)))
+    delivered = opened(row)
+    assert delivered.values["m5_tap_hole_diameter"] == pytest.approx(4.2)
+    assert not any("angle" in name for name in delivered.values)
+    assert "in a row, 20 apart" in delivered.texts["program.loops.scad"]
+
+
+def test_a_hole_across_a_side_follows_the_walls():
+    """Through a wider body, and as deep below its wall as before."""
+    body = Primitive("extrude", (40.0,), outline=rectangle(60.0, 20.0))
+    through = Primitive("cylinder", (2.0, 30.0), (10.0, 0.0, 0.0), (90.0, 0.0, 0.0))
+    blind = Primitive("cylinder", (3.0, 12.0), (-10.0, 10.0, 0.0), (90.0, 0.0, 0.0))
+    delivered = opened(cut(body, through, blind))
+    width = next(name for name, value in delivered.values.items() if value == 20)
+    after = find_holes(change_values(delivered, {width: 50.0}).program)
+    assert [(h.kind, h.depth) for h in after] == [("through", pytest.approx(50.0)), ("blind", pytest.approx(6.0))]

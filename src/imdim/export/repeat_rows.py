@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from imdim.program.repeats import Folded, Repeat, repeats, size
 from imdim.program.rewrite.containment import axes, dot
-from imdim.program.tree import Primitive, Vec3
+from imdim.program.tree import FULL_TURN, Primitive, Vec3
 
 if TYPE_CHECKING:
     from imdim.export.elimination import LinearSystem
@@ -24,7 +24,8 @@ def add_repeats(system: LinearSystem, folded: Folded, parts: Sequence[Primitive]
         own = size(repeat.part)
         for leaf in range(first + own, first + own * repeat.number):
             source = first + (leaf - first) % own
-            system.rows += [{6 * leaf + c: 1.0, 6 * source + c: -1.0} for c in range(len(parts[leaf].size))]
+            if parts[leaf].kind != "revolve" or parts[leaf].size[0] < FULL_TURN:  # a whole turn is no number to follow
+                system.rows += [{6 * leaf + c: 1.0, 6 * source + c: -1.0} for c in range(len(parts[leaf].size))]
         if number in fixed or (repeat.kind in ("circular", "mirror") and world_axis(repeat.axis) is None):
             system.rows += [{6 * leaf + 3 + a: 1.0} for leaf in range(first, first + own * repeat.number) for a in range(3)]
         elif repeat.kind in ("linear", "grid"):
