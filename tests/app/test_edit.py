@@ -98,9 +98,9 @@ def test_an_edit_says_what_it_did_to_the_solid(source, tmp_path, capsys):
 
 
 def test_an_edit_that_closes_or_opens_something_says_so_and_is_refused_if_strict(source, tmp_path, capsys):
-    arguments = ["edit", str(source), "--set", "hole_radius=26", "-o", str(tmp_path / "new")]
+    arguments = ["edit", str(source), "--set", "hole_diameter=52", "-o", str(tmp_path / "new")]
     assert main([*arguments, "--strict"]) == 2
-    assert capsys.readouterr().err == f"imdim: {source}: hole_radius = 26: 1 body became 6, 2 through-holes became 0\n"
+    assert capsys.readouterr().err == f"imdim: {source}: hole_diameter = 52: 1 body became 6, 2 through-holes became 0\n"
     assert not (tmp_path / "new").exists()
     assert main(arguments) == 0
     assert capsys.readouterr().out.splitlines()[-1] == "changed in kind: 1 body became 6, 2 through-holes became 0"
