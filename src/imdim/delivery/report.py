@@ -124,7 +124,7 @@ def _group(group: HoleGroup) -> dict[str, Any]:
 def describe_repeat(repeat: Repeat, label: str) -> str:
     """In words: "12 holes as a 3 x 4 grid"."""
     own = size(repeat.part)
-    word = label.rstrip("0123456789")
+    word = label.rstrip("0123456789").replace("_", " ")
     what = f"{repeat.number} {word}{'es' if word.endswith('s') else 's'}" if own == 1 else f"{repeat.number} groups of {own} primitives"
     counts = " x ".join(map(str, repeat.counts))
     how = {
