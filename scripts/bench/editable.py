@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from imdim.export.drawn_vertex import numbers_of
 from imdim.export.numbers import Expression
 from imdim.export.parameters import Parameters, parametrise
 from imdim.program.codec import constraints_of, from_json, parse, read_folded
@@ -75,7 +76,7 @@ def nesting(program: Program) -> int:
 def _expressions(named: Parameters) -> Iterator[Expression]:
     for rows in (named.sizes, named.centers):
         yield from (e for row in rows for e in row)
-    yield from (number for loops in named.outlines for loop in loops for v in loop for number in v.numbers())
+    yield from (number for loops in named.outlines for loop in loops for number in numbers_of(loop))
 
 
 def _lengths(named: Parameters) -> Iterator[bool]:

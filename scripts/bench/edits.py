@@ -1,8 +1,9 @@
 """Edit delivered programs by every name: ``python scripts/bench/edits.py FOLDER [--factor 1.05] [--openscad N]``.
 
-FOLDER holds results folders at any depth. Each name of each program is multiplied by the factor, alone; the edit is made, or refused with
-a reason. With ``--openscad N`` N edits, spread over all, are compared with what OpenSCAD makes of ``-D name=value`` on program.scad, and,
-since OpenSCAD has other spheres and writes six digits, the program as it was with what OpenSCAD makes of it without an edit.
+FOLDER holds results folders at any depth. Each name of each program is multiplied by the factor, alone, and a count of sides made one
+more; the edit is made, or refused with a reason. With ``--openscad N`` N edits, spread over all, are compared with what OpenSCAD makes of
+``-D name=value`` on program.scad, and, since OpenSCAD has other spheres and writes six digits, the program as it was with what OpenSCAD
+makes of it without an edit.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 import trimesh
 from manifold3d import Manifold
 
-from imdim.export.delivered import TEXTS, Delivered, EditError
+from imdim.export.delivered import TEXTS, Delivered, EditError, is_count
 from imdim.export.edit import change_values, open_delivered, solid_of
 from imdim.geometry.solid import mesh_to_manifold, volume_iou
 from imdim.program import codec
@@ -36,7 +37,7 @@ def main() -> None:
     made: list[tuple[Path, str, float]] = []
     for folder, delivered in programs.items():
         for name, old in delivered.values.items():
-            value, start = old * given.factor, time.perf_counter()
+            value, start = old + 1 if is_count(name) else old * given.factor, time.perf_counter()
             try:
                 solid_of(change_values(delivered, {name: value}))
             except EditError as error:

@@ -1,6 +1,7 @@
 """Which outlines have numbers that are neither names nor follow from names: ``python scripts/bench/free_numbers.py RESULTS``.
 
-How many changes of names `imdim edit` accepts is told by `edits.py`.
+Counted are coordinates of vertices and of centres, radii, and the angles of arcs but for quarters, halves and so on of a turn. What is 0
+within the slack of outlines counts as that. How many changes of names `imdim edit` accepts is told by `edits.py`.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from pathlib import Path
 from imdim.export.parameters import parametrise
 from imdim.program.codec import constraints_of, from_json, parse, read_folded
 from imdim.program.repeats import repeats
+from imdim.program.tree import leaves, longest
 
 
 def main() -> int:
@@ -33,10 +35,11 @@ def main() -> int:
 
 
 def _free_numbers(path: Path) -> list[int]:
-    """How many coordinates of each outline's vertices follow no name."""
+    """How many numbers of each outline follow no name."""
     document = parse(path.read_bytes())
     program, folded = from_json(document), read_folded(document)
-    return parametrise(program, constraints_of(document), program, folded if any(repeats(folded)) else None).free_numbers()
+    named = parametrise(program, constraints_of(document), program, folded if any(repeats(folded)) else None)
+    return named.free_numbers(longest(leaves(program)))
 
 
 if __name__ == "__main__":

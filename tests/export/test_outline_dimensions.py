@@ -137,19 +137,6 @@ def test_an_arc_that_no_longer_meets_its_line_is_refused():
         change_values(delivered, {"plate_arc_radius": 3.0})
 
 
-def test_arcs_that_end_at_a_slant_stay_and_what_meets_them_too():
-    """A disc with a slanted flat: where that lies follows no name, but the hole in it does."""
-    a, b = np.deg2rad(20), np.deg2rad(70)
-    turn = 2 * np.pi - (b - a)
-    middle = (a + b) / 2 + np.pi
-    ends = [(10 * float(np.cos(t)), 10 * float(np.sin(t))) for t in (a, b, middle)]
-    flat = Outline((((*ends[0], 0.0), (*ends[1], tan(turn / 8)), (*ends[2], tan(turn / 8))), circle(3.0)))
-    delivered = opened(Primitive("extrude", (5.0,), outline=flat))
-    assert set(delivered.values) == {"plate_thickness", "plate_hole_diameter"}
-    after = change_values(delivered, {"plate_hole_diameter": 8.0})
-    assert after.program.outline.loops[0] == delivered.program.outline.loops[0]
-
-
 def test_a_turned_part_grows_upwards():
     profile = Outline((((0.0, -10.0, 0.0), (12.0, -10.0, 0.0), (12.0, -4.0, 0.0), (6.0, -4.0, 0.0), (6.0, 10.0, 0.0), (0.0, 10.0, 0.0)),))
     delivered = opened(Primitive("revolve", (360.0,), (0.0, 0.0, 10.0), outline=profile))

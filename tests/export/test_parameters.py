@@ -196,6 +196,6 @@ def test_the_script_has_the_same_names_and_numbers(program):
 
 def test_coordinates_of_outlines_that_no_name_moves_are_free():
     bored, slotted = Parameters.none(BORED), Parameters.none(cut(BORED, box(1.0, 1.0, 1.0)))
-    assert bored.free_numbers() == slotted.free_numbers() == [24]  # of eight corners and two holes, which are two arcs each
-    assert parametrise(BORED, (), BORED).free_numbers() == [0]
-    assert Parameters.none(box(1.0, 1.0, 1.0)).free_numbers() == []
+    assert bored.free_numbers(40.0) == slotted.free_numbers(40.0) == [24]  # of eight corners and two holes, which are two arcs each
+    assert parametrise(BORED, (), BORED).free_numbers(40.0) == [0]
+    assert Parameters.none(box(1.0, 1.0, 1.0)).free_numbers(40.0) == []

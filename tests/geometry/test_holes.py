@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from tests.planted import ALONG_X, ALONG_Y, box, cone, cut, cylinder, torus, union
 
+from imdim.export.parameters import parametrise
 from imdim.geometry.holes import find_holes
+from imdim.program.hole_groups import describe_hole
 from imdim.program.outline import Outline, circle
 from imdim.program.tree import Combine, Primitive, Program
 
@@ -84,6 +86,17 @@ def test_a_nut_lies_in_a_hexagon():
     hole = only(cut(PLATE, cylinder(2.75, 30), nut))
     assert (hole.kind, hole.through) == ("hex pocket", True)
     assert hole.diameters == pytest.approx((5.5, 8.0), rel=1e-3)
+
+
+def test_a_hexagon_alone_is_all_there_is():
+    corners = [(math.radians(60 * k), 4 / math.cos(math.pi / 6)) for k in range(6)]
+    hexagon = Outline((tuple((r * math.cos(a), r * math.sin(a), 0.0) for a, r in corners),))
+    program = cut(PLATE, Primitive("extrude", (10.0,), (0.0, 0.0, 7.0), outline=hexagon))
+    hole = only(program)
+    assert (hole.kind, hole.through, hole.head) == ("hex pocket", False, hole.bore)
+    assert hole.diameters == pytest.approx((8.0,), rel=1e-3)
+    assert describe_hole(hole) == "hexagonal pocket, 8 across flats, 3 deep"
+    assert any("hex_pocket" in name for name in parametrise(program, (), program).values)
 
 
 def test_small_chamfers_leave_a_hole_what_it_is():

@@ -21,6 +21,7 @@ from imdim.program.hole_groups import HoleGroup
 from imdim.program.metric import screw_of
 from imdim.program.repeats import Folded, Repeat, repeats, size
 from imdim.program.roles import labels
+from imdim.program.tree import leaves, longest
 from imdim.target.target import Target
 
 FORMAT, VERSION = "imdim-report", 1
@@ -65,7 +66,7 @@ def report_of(
             "primitives": counts.primitives,
             "operations": counts.operations,
             **counts.drawn,
-            **({"free_numbers": sum(delivered.parameters.free_numbers())} if counts.drawn else {}),
+            **({"free_numbers": sum(delivered.parameters.free_numbers(longest(leaves(program))))} if counts.drawn else {}),
             "kinds": {kind: n for kind, n in counts.kinds.items() if n},
             "ops": {op: n for op, n in counts.ops.items() if n},
         },

@@ -65,8 +65,9 @@ _OUTLINES = {
     """An outer loop and its holes as closed wires."""
     sketch = cq.Workplane(plane)
     for loop in loops:
-        sketch = sketch.moveTo(*loop[0][:2])
-        for _, *middle, end in curves(loop):
+        drawn = list(curves(loop))
+        sketch = sketch.moveTo(*drawn[0][0])
+        for _, *middle, end in drawn:
             sketch = sketch.threePointArc(*middle, end) if middle else sketch.lineTo(*end)
         sketch = sketch.close()
     return sketch

@@ -44,6 +44,7 @@ _MEANING: Mapping[str, str] = {
 }
 _ACROSS = ("r", "r_bottom", "r_top")  # radii that are measured as diameters
 _DIMENSIONS = frozenset(("circle", "radius", "diameter", "length", "width", "chamfer", "depth", "height"))
+COUNTED = "sides"
 SIZES = frozenset(name for names in SIZE_NAMES.values() for name in names)
 
 Feature = tuple[int, str]  # the primitive's number, and the name of a size or of a coordinate; those of an outline are counted
@@ -119,11 +120,17 @@ def is_size(delivered: Delivered, name: str) -> bool:
     return not _DIMENSIONS.isdisjoint(name.split("_")) or any(feature in SIZES for _, feature in _followers(delivered, name)[1])
 
 
+def is_count(name: str) -> bool:
+    """Whether a named value is a whole number: the sides of a polygon."""
+    return COUNTED in name.split("_")
+
+
 def _followers(delivered: Delivered, name: str) -> tuple[list[Feature], list[Feature], list[Feature]]:
     """The radii that are half the named value, the numbers that are it, and the others that move with it."""
     value = delivered.values[name]
     before = dict(_numbers(read(delivered, {name: value})))
-    after, step = _probe(delivered, name, PROBE * (abs(value) or longest(leaves(delivered.program))))
+    step = 1.0 if is_count(name) else PROBE * (abs(value) or longest(leaves(delivered.program)))
+    after, step = _probe(delivered, name, step)
     slack = AGREE * abs(step)
     moved = {feature: after[feature] - before[feature] for feature in before if abs(after[feature] - before[feature]) > slack}
     drawn = {f for f in moved if f[1].isdigit()}

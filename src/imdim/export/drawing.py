@@ -1,7 +1,10 @@
 """Outlines as the texts write them: lists of loops, of vertices ``[x, y]`` from which a line runs, and ``[x, y, bulge]`` for an arc.
 
-A circle is ``ring(r, x, y)``, a function of each text. In place of a bulge a vertex may have ``[x, y, way]``, the centre that the arc runs
-about and 1 for counter-clockwise or -1; ``reach(r, d)`` is how far a circle reaches along a line at a distance from its centre.
+A circle is ``ring(r, x, y)`` and a regular polygon ``ngon(sides, r, x, y, angle)``, functions of each text. In place of a bulge a vertex
+may have ``[x, y, way]``, the centre that the arc runs about and 1 for counter-clockwise or -1; ``[r, way]``, its radius, and if both its
+ends are written at one place, that is its centre, and the lines beside it touch it; ``[r]`` if it rounds the corner that is written at
+both; ``"before"`` or ``"after"``, the curve that it touches; or ``bend(angle)``, the degrees by which it turns. ``reach(r, d)`` is how far
+a circle reaches along a line at a distance from its centre. `bends` works them out.
 """
 
 from __future__ import annotations
@@ -10,7 +13,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
-from imdim.export.drawn_vertex import Center, DrawnVertex
+from imdim.export.drawn_vertex import Bend, BendAngle, BendRadius, Center, DrawnPolygon, DrawnVertex, Touching, turn_round
 from imdim.export.numbers import SIGNIFICANT_DIGITS, Expression, Rounding, plain, weighted_sum, write_expression
 from imdim.export.parameters import DrawnLoop
 from imdim.program.outline import Loop, regions, reverse_loop
@@ -36,24 +39,36 @@ def _pairs(leaf: Primitive, drawn: Sequence[DrawnLoop], rounding: Rounding) -> l
     """Rounded loops and what is written for them: numbers where rounding left out curves."""
     rounded = rounding.primitive(leaf).outline
     assert rounded is not None
-    if [len(loop) for loop in rounded.loops] != [len(loop) for loop in drawn]:
+    fewer = any(isinstance(ring, tuple) and len(loop) != len(ring) for loop, ring in zip(rounded.loops, drawn, strict=False))
+    if fewer or len(rounded.loops) != len(drawn):
         drawn = [tuple(DrawnVertex(Expression((), x), Expression((), y), b) for x, y, b in loop) for loop in rounded.loops]
     return list(zip(rounded.loops, drawn, strict=True))
 
 
 def _reversed(loop: DrawnLoop) -> DrawnLoop:
-    """As `reverse_loop` has it."""
-    bulges = [replace(v.bulge, way=-v.bulge.way) if isinstance(v.bulge, Center) else -v.bulge for v in reversed(loop)]
+    """As `reverse_loop` has it; the corners of a regular polygon follow from its centre, either way."""
+    if isinstance(loop, DrawnPolygon):
+        return loop
+    bulges = [turn_round(v.bulge) for v in reversed(loop)]
     return tuple(replace(v, bulge=b) for v, b in zip([loop[0], *reversed(loop[1:])], bulges, strict=True))
 
 
 def _loop(loop: DrawnLoop, way: float, rounding: Rounding) -> str:
     """The vertices, or the ring that has just these, its bulges being `way`."""
+
+    def write(e: Expression) -> str:
+        return write_expression(e, rounding.length)
+
+    if isinstance(loop, DrawnPolygon):
+        written = [*map(write, (loop.sides, loop.radius, loop.x, loop.y)), write_expression(loop.angle, rounding.angle)]
+        while written[-1] == "0":
+            written.pop()
+        return f"ngon({', '.join(written)})"
     if len(loop) == 2 and abs(way) == 1 and loop[0].bulge == loop[1].bulge == way and loop[0].y == loop[1].y:
         (a, b), half = (v.x for v in loop), Fraction(1, 2)
         radius, x = weighted_sum((b, half), (a, -half)), weighted_sum((a, half), (b, half))
         if radius.constant >= 0:
-            written = [write_expression(e, rounding.length) for e in (radius, x, loop[0].y)]
+            written = list(map(write, (radius, x, loop[0].y)))
             return f"ring({', '.join(written[:1] if written[1:] == ['0', '0'] else written)})"
     return _list(_list(_vertex(v, rounding)) for v in loop)
 
@@ -67,10 +82,21 @@ def _vertex(v: DrawnVertex[Expression], rounding: Rounding) -> list[str]:
         from_center = f"{'-' if v.reach.sign < 0 else ''}reach({write(v.reach.radius)}, {write(v.reach.off)})"
         center = at[v.reach.axis]
         at[v.reach.axis] = from_center if center == "0" else f"{center} + {from_center}".replace("+ -", "- ")
-    if isinstance(v.bulge, Center):
-        return [*at, f"[{write(v.bulge.x)}, {write(v.bulge.y)}, {v.bulge.way}]"]
-    bulge = round(v.bulge, SIGNIFICANT_DIGITS)
-    return [*at, *([plain(bulge)] if bulge else [])]
+    return [*at, *_bend(v.bulge, rounding)]
+
+
+def _bend(bend: Bend[Expression], rounding: Rounding) -> list[str]:
+    """How the curve from a vertex bends, nothing for a line."""
+    if isinstance(bend, Center):
+        return [_list([*(write_expression(e, rounding.length) for e in (bend.x, bend.y)), str(bend.way)])]
+    if isinstance(bend, BendRadius):
+        return [_list([write_expression(bend.radius, rounding.length), *([str(bend.way)] if bend.way else [])])]
+    if isinstance(bend, BendAngle):
+        return [f"{'-' if bend.way < 0 else ''}bend({write_expression(bend.angle, rounding.angle)})"]
+    if isinstance(bend, Touching):
+        return ['"before"' if bend.side < 0 else '"after"']
+    bulge = round(bend, SIGNIFICANT_DIGITS)
+    return [plain(bulge)] if bulge else []
 
 
 def _list(texts: Iterable[str]) -> str:

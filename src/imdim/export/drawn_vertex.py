@@ -1,9 +1,9 @@
-"""A vertex of an outline whose numbers are sums: of variables while relations are solved, of names once they are."""
+"""Loops of outlines whose numbers are sums: of variables while relations are solved, of names once they are."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
@@ -20,6 +20,33 @@ class Center(Generic[T]):
 
 
 @dataclass(frozen=True)
+class BendRadius(Generic[T]):
+    """The radius of an arc of less than half a turn to the next vertex, counter-clockwise where `way` is 1, else -1.
+
+    0 is an arc that rounds a corner: this vertex and the next one are both where the lines before and after it would meet. Where both are
+    at one place and `way` is not 0, that is the centre of an arc that both these lines touch.
+    """
+
+    radius: T
+    way: int
+
+
+@dataclass(frozen=True)
+class BendAngle(Generic[T]):
+    """The degrees by which an arc turns, counter-clockwise where `way` is 1, else -1."""
+
+    angle: T
+    way: int
+
+
+@dataclass(frozen=True)
+class Touching:
+    """An arc that begins as the curve before it ends (`side` -1), or ends as the one after it begins (1)."""
+
+    side: int
+
+
+@dataclass(frozen=True)
 class Reach(Generic[T]):
     """How far from a centre a circle reaches along one axis (0 for x), to the side `sign`, `off` from the centre along the other one."""
 
@@ -29,25 +56,28 @@ class Reach(Generic[T]):
     off: T
 
 
+Bend = float | Center[T] | BendRadius[T] | BendAngle[T] | Touching
+
+
 @dataclass(frozen=True)
 class DrawnVertex(Generic[T]):
-    """The coordinates of a vertex, and the bulge of the arc from it or the centre that it runs about.
+    """The coordinates of a vertex, and the bulge of the arc from it, or what else says how it bends.
 
     With a `reach` the coordinate along its axis is only the centre's.
     """
 
     x: T
     y: T
-    bulge: float | Center[T]
+    bulge: Bend[T]
     reach: Reach[T] | None = None
 
     def map(self, change: Callable[[T], U]) -> DrawnVertex[U]:
         """With all numbers changed."""
-        bulge, reach = self.bulge, self.reach
+        reach = self.reach
         return DrawnVertex(
             change(self.x),
             change(self.y),
-            Center(change(bulge.x), change(bulge.y), bulge.way) if isinstance(bulge, Center) else bulge,
+            _map_bend(self.bulge, change),
             None if reach is None else Reach(reach.axis, reach.sign, change(reach.radius), change(reach.off)),
         )
 
@@ -56,5 +86,56 @@ class DrawnVertex(Generic[T]):
         yield from (self.x, self.y)
         if isinstance(self.bulge, Center):
             yield from (self.bulge.x, self.bulge.y)
+        if isinstance(self.bulge, BendRadius):
+            yield self.bulge.radius
+        if isinstance(self.bulge, BendAngle):
+            yield self.bulge.angle
         if self.reach is not None:
             yield from (self.reach.radius, self.reach.off)
+
+
+@dataclass(frozen=True)
+class DrawnPolygon(Generic[T]):
+    """A regular polygon: how many sides, from the centre to a corner, the centre, and the degrees from the x axis to a corner."""
+
+    sides: T
+    radius: T
+    x: T
+    y: T
+    angle: T
+
+    def map(self, change: Callable[[T], U]) -> DrawnPolygon[U]:
+        """With all numbers changed."""
+        return DrawnPolygon(*map(change, self.numbers()))
+
+    def numbers(self) -> Iterator[T]:
+        """All numbers."""
+        yield from (self.sides, self.radius, self.x, self.y, self.angle)
+
+
+DrawnRing = tuple[DrawnVertex[T], ...] | DrawnPolygon[T]
+
+
+def map_ring(ring: DrawnRing[T], change: Callable[[T], U]) -> DrawnRing[U]:
+    """A loop with all numbers changed."""
+    return ring.map(change) if isinstance(ring, DrawnPolygon) else tuple(v.map(change) for v in ring)
+
+
+def numbers_of(ring: DrawnRing[T]) -> Iterator[T]:
+    """All numbers of a loop but bulges."""
+    yield from ring.numbers() if isinstance(ring, DrawnPolygon) else (number for v in ring for number in v.numbers())
+
+
+def turn_round(bend: Bend[T]) -> Bend[T]:
+    """The bend of the same arc run from its other end."""
+    if isinstance(bend, int | float):
+        return -bend
+    return Touching(-bend.side) if isinstance(bend, Touching) else replace(bend, way=-bend.way)
+
+
+def _map_bend(bend: Bend[T], change: Callable[[T], U]) -> Bend[U]:
+    if isinstance(bend, Center):
+        return Center(change(bend.x), change(bend.y), bend.way)
+    if isinstance(bend, BendRadius):
+        return BendRadius(change(bend.radius), bend.way)
+    return BendAngle(change(bend.angle), bend.way) if isinstance(bend, BendAngle) else bend

@@ -28,7 +28,7 @@ from imdim.geometry.solid import SEGMENTS, to_manifold
 from imdim.program.codec import constraints_of, dumps, from_json, meta_of, read_folded
 from imdim.program.constraints import Constraint, ConstraintError
 from imdim.program.node_codec import MAX_PRIMITIVES
-from imdim.program.outline import Outline, check_crossings
+from imdim.program.outline import Loop, Outline, are_near, check_crossings, reverse_loop
 from imdim.program.patterns.edit import recount_constraints, recount_repeats, refit_repeats
 from imdim.program.repeats import Folded, expand, repeats, size, with_leaves
 from imdim.program.tree import Primitive, Program, leaves, longest
@@ -195,21 +195,29 @@ def _agree(a: Program, b: Program) -> bool:
     slack = AGREE * longest(ours)
     return len(ours) == len(theirs) and all(
         p.kind == q.kind
-        and _shape(p.outline) == _shape(q.outline)
-        and max(abs(u - v) for u, v in zip(_numbers(p), _numbers(q), strict=True)) <= slack
+        and max(abs(u - v) for u, v in zip((*p.size, *p.center), (*q.size, *q.center), strict=True)) <= slack
+        and _agree_drawn(p.outline, q.outline, slack)
         for p, q in zip(ours, theirs, strict=True)
     )
 
 
-def _numbers(p: Primitive) -> list[float]:
-    """All but the rotation; a bulge as if it were a length, which its chord makes it."""
-    drawn = [] if p.outline is None else [v for loop in p.outline.loops for vertex in loop for v in vertex]
-    return [*p.size, *p.center, *drawn]
+def _agree_drawn(a: Outline | None, b: Outline | None, slack: float) -> bool:
+    """Whether two outlines have the same loops in the same order, wherever these begin and whichever way they run."""
+    if a is None or b is None:
+        return a is b
+    return len(a.loops) == len(b.loops) and all(_agree_loops(u, v, slack) for u, v in zip(a.loops, b.loops, strict=True))
 
 
-def _shape(outline: Outline | None) -> list[int]:
-    """How many curves each loop has."""
-    return [] if outline is None else list(map(len, outline.loops))
+def _agree_loops(a: Loop, b: Loop, slack: float) -> bool:
+    if len(a) != len(b):
+        return False
+    for run in (b, reverse_loop(b)):
+        nearest = min(range(len(run)), key=lambda k: math.dist(a[0][:2], run[k][:2]))
+        for k in (0, nearest):
+            turned = Outline((run[k:] + run[:k],))
+            if are_near(Outline((a,)), turned, slack):
+                return True
+    return False
 
 
 def _check_values(delivered: Delivered, values: Mapping[str, float]) -> None:

@@ -37,7 +37,8 @@ class LinearSystem:
     """Equations [m, n] that hold at `start` [n]; variables from `extra` on are those of patterns, each with its first leaf and a word.
 
     `ties` are equations for the numbers of one leaf, that are to bind no others. `length` is the largest size. `drawn` says of leaves with
-    outlines what the vertices are.
+    outlines what the vertices are, `heights` which variable is the height of turned ones whose centre is at half of it. `angles` are
+    variables in degrees.
     """
 
     start: list[float]
@@ -48,6 +49,8 @@ class LinearSystem:
     extras: list[tuple[int, str]] = field(default_factory=list)
     drawn: dict[int, Drawn] = field(default_factory=dict)
     walls: list[FlatWall] = field(default_factory=list)
+    heights: dict[int, int] = field(default_factory=dict)
+    angles: set[int] = field(default_factory=set)
 
     @staticmethod
     def of(
@@ -78,19 +81,22 @@ class LinearSystem:
             else:
                 system._add_opposite(constraint, numbers)
         system.rows += filter(None, map(_simple, _linear(others, numbers)))
-        system.rows += list(_ground_leaf(parts[0], numbers))
+        system.rows += list(system._ground_leaf(parts[0], numbers))
         flush = {ref for c in constraints if c.kind in ("coplanar", "aligned") for ref in c.of}
         found = list(seats(program))
         for own, face, word in found:
             if not own.local or Ref(own.leaf, own.local) not in flush:
-                system._add_seat(own.leaf, _place(own, 1.0) | _place(face, -1.0), word)
+                system._add_seat(own.leaf, system._place(own, 1.0) | system._place(face, -1.0), word)
         seated = {(seat.own.leaf, seat.own.axis, seat.own.side) for seat in found}
         for own, wall, word in seats_at_walls(program, system.walls):
             if (own.leaf, own.axis, own.side) not in seated and Ref(own.leaf, own.local) not in flush:
-                row = _place(own, 1.0)
+                row = system._place(own, 1.0)
                 for v, factor in wall.row.items():
                     row[v] = row.get(v, 0.0) - factor
                 system._add_seat(own.leaf, row, word)
+        for leaf in system.heights:
+            # otherwise what is turned grows upwards, as seen along its own axis
+            system.ties += [(leaf, system._place(end, 1.0)) for end in ends_of(leaf, parts[leaf], numbers) if end.local == "-z"]
         return system
 
     def solve(self) -> dict[int, dict[int, float]]:
@@ -156,12 +162,29 @@ class LinearSystem:
         self.extras.append((leaf, word))
         return len(self.start) - 1
 
+    def new_angle(self, leaf: int, word: str, value: float) -> int:
+        """A further variable in degrees."""
+        self.angles.add(v := self.new(leaf, word, value))
+        return v
+
     def _add_seat(self, leaf: int, row: dict[int, float], word: str) -> None:
         """An end of a leaf stays as far from a face as it is: `row` is how far."""
         if word:
             away = sum(factor * self.start[v] for v, factor in row.items())
             row[self.new(leaf, word, abs(away))] = -math.copysign(1.0, away)
         self.ties.append((leaf, row))
+
+    def _ground_leaf(self, first: Primitive, numbers: Lowered) -> Iterator[dict[int, float]]:
+        """Where the first leaf stands on a plane through the origin: it keeps standing there."""
+        for end in (e for e in ends_of(0, first, numbers) if e.column >= 0):
+            half = first.size[end.column] / 2
+            if abs(first.center[end.axis] + end.side * half) <= ZERO * half:
+                yield self._place(end, 1.0)
+
+    def _place(self, end: End, sign: float) -> dict[int, float]:
+        """The position of a face, times `sign`."""
+        across = 6 * end.leaf + end.column if end.column >= 0 else self.heights.get(end.leaf)
+        return {6 * end.leaf + 3 + end.axis: sign} | ({} if across is None else {across: sign * end.side / 2})
 
     def _add_row(self, c: Constraint, numbers: Lowered) -> None:
         """Equal steps along each coordinate in which they step."""
@@ -264,20 +287,6 @@ def _world_rows(constraints: Sequence[Constraint], numbers: Lowered) -> tuple[np
     local = rows.jacobian.reshape(-1, k, 9)
     world = np.concatenate([local[:, :, :3], np.einsum("mki,kji->mkj", local[:, :, 3:6], numbers.rotations)], axis=2)
     return world.reshape(-1, 6 * k), rows.owner
-
-
-def _ground_leaf(first: Primitive, numbers: Lowered) -> Iterator[dict[int, float]]:
-    """Where the first leaf stands on a plane through the origin: it keeps standing there."""
-    for end in (e for e in ends_of(0, first, numbers) if e.column >= 0):
-        half = first.size[end.column] / 2
-        if abs(first.center[end.axis] + end.side * half) <= ZERO * half:
-            yield _place(end, 1.0)
-
-
-def _place(end: End, sign: float) -> dict[int, float]:
-    """The position of a face, times `sign`."""
-    size = {6 * end.leaf + end.column: sign * end.side / 2} if end.column >= 0 else {}
-    return {6 * end.leaf + 3 + end.axis: sign} | size
 
 
 def _step_axes(leaf: int, numbers: Lowered) -> list[int]:

@@ -19,25 +19,53 @@ from imdim.program.repeats import Folded, Group, Repeat, expand, starts
 from imdim.program.tree import OPS, Primitive, Program, leaves
 
 OUTLINE = """\
-// Closed loops of lines and arcs: vertices [x, y, bulge], bulge = tan(turn / 4) of the arc to the next vertex, none for a line.
-// In place of a bulge [x, y, way] says about what centre the arc runs, counter-clockwise where way is 1, else -1.
-// What an odd number of loops holds is inside. A ring is a circle; reach is half a chord, d from the centre.
+// Closed loops of lines and arcs, of which an odd number hold what is inside. A line runs from a vertex [x, y], an arc from
+// [x, y, bulge], bulge = tan(turn / 4). In place of the bulge [x, y, way] is its centre, way 1 for counter-clockwise or -1; [r, way] its
+// radius, and with both ends written as its centre one that the lines beside it touch; [r] that of one that rounds the corner at both its
+// ends; "before" or "after" the curve that it touches; bend(degrees) its turn.
+// A ring is a circle, an ngon a regular polygon with a corner at an angle; reach is half a chord, d from the centre.
 function ring(r, x = 0, y = 0) = [[x - r, y, 1], [x + r, y, 1]];
+function ngon(sides, r, x = 0, y = 0, angle = 0) = [for (k = [0 : sides - 1]) [x, y] + r * direction(angle + 360 * k / sides)];
+function direction(angle) = [cos(angle), sin(angle)];
 function reach(r, d) = sqrt(r * r - d * d);
+function bend(degrees) = tan(degrees / 4);
 module outline(loops) {
   rings = [for (loop = loops) outline_points(loop)];
   starts = [for (i = 0, n = 0; i < len(rings); n = n + len(rings[i]), i = i + 1) n];
   polygon([for (ring = rings) each ring], [for (i = [0 : len(rings) - 1]) [for (k = [0 : len(rings[i]) - 1]) starts[i] + k]]);
 }
-function outline_points(loop) = [for (i = [0 : len(loop) - 1]) each curve_points(loop[i], loop[(i + 1) % len(loop)])];
-function angle_about(c, p) = atan2(p[1] - c[1], p[0] - c[0]);
-function bulge_about(c, a, b) = c[2] * tan((720 + c[2] * (angle_about(c, b) - angle_about(c, a))) % 360 / 4);
-function curve_points(a, b) = len(a) < 3 ? [a] : let(
-  bulge = is_list(a[2]) ? bulge_about(a[2], a, b) : a[2], along = (1 - bulge * bulge) / (4 * bulge),
-  c = [(a[0] + b[0]) / 2 - (b[1] - a[1]) * along, (a[1] + b[1]) / 2 + (b[0] - a[0]) * along],
-  way = sign(bulge), r = norm([a[0] - c[0], a[1] - c[1]]), step = 360 / $fn,
-  from = way * angle_about(c, a) / step, to = from + 4 * abs(atan(bulge)) / step, last = ceil(to - 1e-4) - 1
-) [[a[0], a[1]], for (k = [floor(from + 1e-4) + 1 : 1 : last]) [c[0] + r * cos(way * k * step), c[1] + r * sin(way * k * step)]];
+function outline_points(loop) = [for (i = [0 : len(loop) - 1]) each curve_points(loop, i)];
+function written(loop, i) = loop[(i + len(loop)) % len(loop)];
+function point(loop, i) = [written(loop, i)[0], written(loop, i)[1]];
+function rounds(loop, i) = is_list(written(loop, i)[2]) && len(written(loop, i)[2]) == 1;
+function is_end(loop, i) = is_list(written(loop, i)[2]) && len(written(loop, i)[2]) == 2 && point(loop, i) == point(loop, i + 1);
+function end_radius(loop, i) = is_end(loop, i) ? written(loop, i)[2][0] * written(loop, i)[2][1] : 0;
+function radius_at(loop, i) = is_end(loop, i) ? end_radius(loop, i) : end_radius(loop, i - 1);
+function line_angle(loop, i) = let(d = point(loop, i + 1) - point(loop, i))
+  atan2(d[1], d[0]) - asin((radius_at(loop, i + 1) - radius_at(loop, i)) / norm(d));
+function place_touching(loop, i, angle) = point(loop, i) + radius_at(loop, i) * [sin(angle), -cos(angle)];
+function place(loop, i) =
+  is_end(loop, i) ? place_touching(loop, i, line_angle(loop, i - 1)) : is_end(loop, i - 1) ? place_touching(loop, i, line_angle(loop, i)) :
+  rounds(loop, i) ? place_beside(loop, i, i - 1) : rounds(loop, i - 1) ? place_beside(loop, i - 1, i + 1) : point(loop, i);
+function place_beside(loop, i, k) = let(along = point(loop, k) - point(loop, i))
+  point(loop, i) + written(loop, i)[2][0] * tan(abs(corner_turn(loop, i)) / 2) * along / norm(along);
+function corner_turn(loop, i) = turn_between(point(loop, i) - point(loop, i - 1), point(loop, i + 2) - point(loop, i));
+function turn_between(u, v) = atan2(u[0] * v[1] - u[1] * v[0], u * v);
+function chord(loop, i) = place(loop, i + 1) - place(loop, i);
+function turned(v, angle) = [v[0] * cos(angle) - v[1] * sin(angle), v[0] * sin(angle) + v[1] * cos(angle)];
+function half_turn(loop, i) = let(arc = written(loop, i)[2], n = is_list(arc) ? len(arc) : 0)
+  is_undef(arc) ? 0 : is_num(arc) ? 2 * atan(arc) :
+  arc == "before" ? turn_between(turned(chord(loop, i - 1), half_turn(loop, i - 1)), chord(loop, i)) :
+  arc == "after" ? turn_between(chord(loop, i), turned(chord(loop, i + 1), -half_turn(loop, i + 1))) :
+  n == 1 ? corner_turn(loop, i) / 2 :
+  is_end(loop, i) ? arc[1] * ((1440 + arc[1] * (line_angle(loop, i + 1) - line_angle(loop, i - 1))) % 360) / 2 :
+  n == 2 ? arc[1] * asin(norm(chord(loop, i)) / 2 / arc[0]) :
+  half_about(arc, place(loop, i), place(loop, i + 1));
+function half_about(c, a, b) = c[2] * ((720 + c[2] * turn_between(a - [c[0], c[1]], b - [c[0], c[1]])) % 360) / 2;
+function curve_points(loop, i) = let(a = place(loop, i), half = half_turn(loop, i)) half == 0 ? [a] : let(
+  b = place(loop, i + 1), c = (a + b) / 2 + turned(b - a, 90) / 2 / tan(half), way = sign(half), r = norm(a - c), step = 360 / $fn,
+  from = way * atan2(a[1] - c[1], a[0] - c[0]) / step, to = from + 2 * abs(half) / step, last = ceil(to - 1e-4) - 1
+) [a, for (k = [floor(from + 1e-4) + 1 : 1 : last]) c + r * [cos(k * step), way * sin(k * step)]];
 """
 
 _SHAPE: Mapping[str, Callable[..., str]] = {

@@ -15,9 +15,10 @@ import re
 from collections.abc import Callable, Container, Iterator, Mapping
 from typing import Any
 
+from imdim.export.bends import SIDES, Arc, regular_polygon, to_loop
 from imdim.export.openscad import OUTLINE
 from imdim.program import fields
-from imdim.program.outline import MOST_CURVES, Loop, Outline, Point, circle
+from imdim.program.outline import MOST_CURVES, Loop, Outline, circle
 from imdim.program.tree import OPS, Op, Primitive, Program, Vec3, combine_all
 
 _ASSIGNMENT = re.compile(r"([A-Za-z_]\w*) = (.+);")
@@ -136,30 +137,35 @@ def _loops(text: str, values: Values, number: int) -> tuple[Loop, ...]:
 
 
 def _loop(node: ast.expr, values: Values, number: int) -> Loop:
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "ring" and not node.keywords:
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
         numbers = [_value(entry, values, number) for entry in node.args]
-        if len(numbers) in (1, 3):
+        if node.func.id == "ring" and len(numbers) in (1, 3):
             return circle(*numbers)
-    corners = [_vertex(v, values, number) for v in _elements(node, number)]
-    following = [*corners[1:], corners[0]]
-    return tuple((x, y, _bulge(arc, (x, y), (u, v), number)) for (x, y, arc), (u, v, _) in zip(corners, following, strict=True))
+        if node.func.id == "ngon" and 2 <= len(numbers) <= 5:
+            return _drawn(lambda: regular_polygon(*numbers), number)
+    vertices = [_vertex(v, values, number) for v in _elements(node, number)]
+    return _drawn(lambda: to_loop(vertices), number)
 
 
-def _vertex(node: ast.AST, values: Values, number: int) -> tuple[float, float, float | tuple[float, float, float]]:
-    """A vertex with its bulge, or with the centre that the arc runs about and the way."""
+def _drawn(draw: Callable[[], Loop], number: int) -> Loop:
+    try:
+        return draw()
+    except ValueError as error:
+        raise ValueError(f"line {number}: {error}") from None
+
+
+def _vertex(node: ast.AST, values: Values, number: int) -> tuple[float, float, Arc]:
+    """A vertex with what it says of the arc from it."""
     x, y, *arc = _elements(node, number, (2, 3))
-    bulge = _entries(arc[0], values, number) if arc and isinstance(arc[0], ast.List) else _value(arc[0], values, number) if arc else 0.0
-    return _value(x, values, number), _value(y, values, number), bulge  # type: ignore[return-value]
+    return _value(x, values, number), _value(y, values, number), _arc(arc[0], values, number) if arc else 0.0
 
 
-def _bulge(arc: float | tuple[float, float, float], start: Point, end: Point, number: int) -> float:
-    if not isinstance(arc, tuple):
-        return arc
-    x, y, way = arc
-    if way not in (1, -1):
-        raise ValueError(f"line {number}: an arc runs 1 or -1 about its centre, not {way}")
-    turn = way * (math.atan2(end[1] - y, end[0] - x) - math.atan2(start[1] - y, start[0] - x)) % (2 * math.pi)
-    return way * math.tan(turn / 4)
+def _arc(node: ast.expr, values: Values, number: int) -> Arc:
+    if isinstance(node, ast.List) and len(node.elts) in (1, 2, 3):
+        return tuple(_value(entry, values, number) for entry in node.elts)
+    if isinstance(node, ast.Constant) and node.value in SIDES:
+        return str(node.value)
+    return _value(node, values, number)
 
 
 def _elements(node: ast.AST, number: int, counts: Container[int] = range(2, MOST_CURVES + 1)) -> list[ast.expr]:
@@ -224,12 +230,24 @@ def _evaluate(node: ast.AST, values: Values, number: int) -> float:
             return _OPERATORS[type(node.op)](_evaluate(node.left, values, number), _evaluate(node.right, values, number))
         except ZeroDivisionError:
             raise ValueError(f"line {number} divides by zero: {ast.unparse(node)!r}") from None
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "reach" and len(node.args) == 2:
-        radius, off = (_evaluate(entry, values, number) for entry in node.args)
-        if abs(off) > radius:
-            raise ValueError(f"line {number}: a circle of radius {radius:g} does not meet a line {abs(off):g} from its centre")
-        return math.sqrt(radius * radius - off * off)
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and (node.func.id, len(node.args)) in _FUNCTIONS:
+        return _FUNCTIONS[node.func.id, len(node.args)](*(_evaluate(entry, values, number) for entry in node.args), number)
     raise ValueError(f"line {number}: {ast.unparse(node)!r} is no number of ours")
+
+
+def _reach(radius: float, off: float, number: int) -> float:
+    if abs(off) > radius:
+        raise ValueError(f"line {number}: a circle of radius {radius:g} does not meet a line {abs(off):g} from its centre")
+    return math.sqrt(radius * radius - off * off)
+
+
+def _bend(degrees: float, number: int) -> float:
+    if not 0 < degrees < 360:
+        raise ValueError(f"line {number}: an arc turns by more than 0 and less than 360 degrees, not {degrees:g}")
+    return math.tan(math.radians(degrees) / 4)
+
+
+_FUNCTIONS: Mapping[tuple[str, int], Callable[..., float]] = {("reach", 2): _reach, ("bend", 1): _bend}
 
 
 def _float(value: float, number: int) -> float:

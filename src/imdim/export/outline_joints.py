@@ -1,4 +1,4 @@
-"""Which curves of an outline's loops meet where, and which of them may move: the ground that `outline_rows` puts variables on."""
+"""Which curves of an outline's loops meet where, and how: the ground that `outline_rows` puts variables on."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from imdim.program.outline import Curve, Outline, arc_center, arc_radius, circle_of, loop_curves, nesting
+from imdim.program.outline import Curve, Loop, Outline, Point, arc_center, arc_radius, circle_of, loop_curves, nesting
 
 HALF = 1e-6  # of a bulge, by which a half turn may differ from 1
 QUARTER = math.tan(math.pi / 8)  # the bulge of a quarter turn
@@ -27,15 +27,17 @@ class DrawnLine:
 
 @dataclass
 class DrawnArc:
-    """An arc with the variables of its centre and radius, once it has them; one that is `fixed` has none. One that is `half` turns by
-    180 degrees, a `wide` one by more than 90. `inner` ones bound a hole, and those that are `crossed` have no angles of their own."""
+    """An arc with the variables of its centre and radius, once it has them. One that is `half` turns by 180 degrees, a `wide` one by more
+    than 90. `inner` ones bound a hole, those that are `crossed` have no angles of their own, and `loose` ones are told by their ends and
+    have no centre, but for an `end`, whose ends are where the lines beside it touch it."""
 
     center: tuple[float, float]
     radius: float
     half: bool
     wide: bool
     inner: bool
-    fixed: bool = False
+    loose: bool = False
+    end: bool = False
     crossed: bool = False
     at: list[Row | None] = field(default_factory=lambda: [None, None])
     size: Row = field(default_factory=dict)
@@ -47,7 +49,12 @@ DrawnCurve = DrawnLine | DrawnArc
 @dataclass
 class Joint:
     """Where two curves of a loop meet. `along` is the axis along which an arc's centre lies from here, None for a corner of lines, and
-    `fits` whether the vertex is a sum of variables; or an arc `crosses` a line along an axis."""
+    `fits` whether the vertex is a sum of variables; or an arc `crosses` a line along an axis.
+
+    The curve after it turns by `turn` degrees. If it is a loose arc, it `rounds` the corner of two lines, which is `at` then, here and at
+    its other end; or it goes on as the curve before it ends, or ends as the one after it begins (`touches` -1 or 1). Of an end `about` is
+    the arc, at both its joints.
+    """
 
     before: DrawnCurve
     after: DrawnCurve
@@ -55,22 +62,41 @@ class Joint:
     along: int | None
     fits: bool
     crosses: bool = False
+    turn: float = 0.0
+    rounds: bool = False
+    touches: int = 0
+    about: DrawnArc | None = None
+
+    @property
+    def carried(self) -> bool:
+        """Whether an arc with a centre says where it is."""
+        return any(isinstance(c, DrawnArc) and not c.loose for c in (self.before, self.after))
+
+
+@dataclass(frozen=True)
+class Regular:
+    """A regular polygon: `angle` says in degrees where its first corner is seen from the centre, at most a step from the x axis."""
+
+    sides: int
+    radius: float
+    center: Point
+    angle: float
 
 
 class OutlineJoints:
-    """The joints of each loop, None for a circle.
+    """The joints of each loop, None for a circle or a regular polygon.
 
-    `holes` says which loops bound holes, `slack` within what numbers are one, and `fixed` which lines along an axis stay, by axis and the
-    cell of their place.
+    `holes` says which loops bound holes, and `slack` within what numbers are one.
     """
 
     def __init__(self, outline: Outline, slack: float) -> None:
         self.outline, self.slack = outline, slack
         self.holes = [sign < 0 for sign in nesting(outline.loops)]
-        loops = zip(outline.loops, self.holes, strict=True)
-        self.loops = [None if circle_of(loop) else self._joints(loop_curves(loop), hole) for loop, hole in loops]
-        self.fixed = set[tuple[int, int]]()
-        self._fix()
+        self._centers = [c[:2] for c in map(circle_of, outline.loops) if c]
+        self.regular = [regular_of(loop, slack) for loop in outline.loops]
+        self.loops: list[list[Joint] | None] = []
+        for loop, hole, regular in zip(outline.loops, self.holes, self.regular, strict=True):
+            self.loops.append(None if regular or circle_of(loop) else self._joints(loop_curves(loop), hole))
 
     def all(self) -> Iterator[Joint]:
         """The joints of all loops."""
@@ -96,7 +122,13 @@ class OutlineJoints:
             one = next((c for c in (*carriers[-1:], *carriers[:1]) if self._is_one(c, found)), found)
             carriers.append(one)
         before = [carriers[-1], *carriers[:-1]]
-        return [self._joint(a, b, curve[:2]) for a, b, curve in zip(before, carriers, curves, strict=True)]
+        joints = [self._joint(a, b, curve) for a, b, curve in zip(before, carriers, curves, strict=True)]
+        for joint in joints:
+            for c in (joint.before, joint.after):
+                if isinstance(c, DrawnArc):
+                    c.loose |= not joint.fits and not joint.crosses
+        self._join_smoothly(joints, curves)
+        return joints
 
     def _carrier(self, curve: Curve, inner: bool) -> DrawnCurve:
         x, y, u, v, bulge = curve
@@ -116,14 +148,15 @@ class OutlineJoints:
             return False
         return math.dist(a.center, b.center) <= self.slack and abs(a.radius - b.radius) <= self.slack
 
-    def _joint(self, a: DrawnCurve, b: DrawnCurve, at: tuple[float, float]) -> Joint:
+    def _joint(self, a: DrawnCurve, b: DrawnCurve, curve: Curve) -> Joint:
+        at, turn = curve[:2], math.degrees(4 * math.atan(curve[4]))
         if isinstance(a, DrawnLine) and isinstance(b, DrawnLine):
-            return Joint(a, b, at, None, a.across is not None or b.across is not None)
+            return Joint(a, b, at, None, True)
         along = {self._axis_from(arc, at) for arc in (a, b) if isinstance(arc, DrawnArc)}
         axis = along.pop() if len(along) == 1 else None
         level = all(isinstance(c, DrawnArc) or c.across is not None for c in (a, b))
         # a line may touch an arc or be square to it: either way it lies along an axis
-        joint = Joint(a, b, at, axis, level and axis is not None, axis is None and self._crosses(a, b, at))
+        joint = Joint(a, b, at, axis, level and axis is not None, axis is None and self._crosses(a, b, at), turn)
         for c in (a, b):
             if isinstance(c, DrawnArc):
                 c.crossed |= joint.crosses
@@ -141,30 +174,84 @@ class OutlineJoints:
         away = [abs(at[i] - arc.center[i]) for i in (X, Y)]
         return X if away[Y] <= self.slack else Y if away[X] <= self.slack else None
 
-    def _fix(self) -> None:
-        """Arcs that end otherwise stay, and so do the lines that meet them there, and what touches those that lean."""
-        changed = True
-        while changed:
-            changed = False
-            for joint in self.all():
-                arcs = [c for c in (joint.before, joint.after) if isinstance(c, DrawnArc)]
-                if (arcs and not joint.fits and not joint.crosses) or any(arc.fixed for arc in arcs):
-                    for c in (joint.before, joint.after):
-                        changed |= self._fix_one(c)
-            for loop in filter(None, self.loops):
-                for a, b in zip(loop, [*loop[1:], loop[0]], strict=True):
-                    leaning = isinstance(a.after, DrawnLine) and a.after.across is None
-                    ends = [(a, a.before), (b, b.after)]
-                    if leaning and any(isinstance(c, DrawnArc) for _, c in ends):
-                        for c in (c for _, c in ends):
-                            changed |= self._fix_one(c)
+    def _join_smoothly(self, joints: Sequence[Joint], curves: Sequence[Curve]) -> None:
+        """Say of loose arcs which corner they round, whether they are ends, or along which neighbour they begin or end."""
+        n = len(joints)
+        smooth = [self._goes_on(curves[k - 1], curves[k]) for k in range(n)]
+        loose = {k: j.after for k, j in enumerate(joints) if isinstance(j.after, DrawnArc) and j.after.loose}
+        between = [k for k in loose if smooth[k] and smooth[(k + 1) % n] and self._is_between_lines(joints, k)]
+        corners = {k: self._rounded_corner(curves[k - 1], curves[k], curves[(k + 1) % n]) for k in between}
+        ends = {k for k in between if self._is_end(loose[k], corners[k], curves[k - 1], curves[(k + 1) % n])}
+        while grown := {k for k in corners if {(k - 2) % n, (k + 2) % n} & ends} - ends:
+            ends |= grown  # the line between two arcs touches both alike
+        for k in loose:
+            joint, following, corner = joints[k], joints[(k + 1) % n], corners.get(k)
+            if k in ends:
+                loose[k].end, joint.about, following.about = True, loose[k], loose[k]
+            elif corner is not None:
+                joint.rounds, joint.at, following.at = True, corner, corner
+            elif smooth[k]:
+                joint.touches = -1
+            elif smooth[(k + 1) % n] and (k + 1) % n not in loose:
+                joint.touches = 1
+        if all(j.touches == -1 for j in joints):
+            joints[0].touches = 0  # one of a ring of arcs is not told by the others
 
-    def _fix_one(self, c: DrawnCurve) -> bool:
-        if isinstance(c, DrawnArc):
-            before, c.fixed = c.fixed, True
-            return not before
-        key = None if c.across is None else (c.across, self.cell(c.place))
-        if key is None or key in self.fixed:
+    def _is_between_lines(self, joints: Sequence[Joint], k: int) -> bool:
+        return isinstance(joints[k].before, DrawnLine) and isinstance(joints[(k + 1) % len(joints)].after, DrawnLine)
+
+    def _is_end(self, arc: DrawnArc, corner: Point | None, before: Curve, after: Curve) -> bool:
+        """Whether an arc between two lines that touch it rounds no corner, or lies about a hole."""
+        if corner is not None and not any(math.dist(center, arc.center) <= self.slack for center in self._centers):
             return False
-        self.fixed.add(key)
-        return True
+        return all(abs(_distance(line, arc.center) - arc.radius) <= self.slack for line in (before, after))
+
+    def _goes_on(self, a: Curve, b: Curve) -> bool:
+        """Whether the second curve begins in the direction in which the first one ends, to the digits of its own ends."""
+        bend = _difference(_direction(b, -1), _direction(a, 1))
+        return abs(bend) * min(math.dist(c[:2], c[2:4]) for c in (a, b)) <= self.slack
+
+    def _rounded_corner(self, before: Curve, arc: Curve, after: Curve) -> Point | None:
+        """Where two lines meet beyond the arc between them; None where they do not."""
+        half = 2 * math.atan(arc[4])
+        if abs(math.cos(half)) < STEEP:
+            return None
+        chord, way = math.dist(arc[:2], arc[2:4]), _direction(before, 1)
+        length = chord / 2 / math.cos(half)
+        corner = arc[0] + length * math.cos(way), arc[1] + length * math.sin(way)
+        far = math.dist(corner, arc[2:4]) - length
+        return corner if length > 0 and abs(far) <= self.slack else None
+
+
+def regular_of(loop: Loop, slack: float) -> Regular | None:
+    """The regular polygon that a loop of lines is, within `slack`; rectangles along the axes are none."""
+    n = len(loop)
+    if n < 3 or any(bulge for _, _, bulge in loop):
+        return None
+    x, y = (sum(v[axis] for v in loop) / n for axis in (X, Y))
+    radius = sum(math.hypot(u - x, v - y) for u, v, _ in loop) / n
+    way = 1 if _difference(*(math.atan2(v - y, u - x) for u, v, _ in (loop[1], loop[0]))) > 0 else -1
+    step, first = 2 * math.pi / n, math.atan2(loop[0][1] - y, loop[0][0] - x)
+    corners = [(x + radius * math.cos(first + way * k * step), y + radius * math.sin(first + way * k * step)) for k in range(n)]
+    is_level = n == 4 and abs(math.sin(2 * first)) > 1 - HALF
+    if is_level or any(math.dist(corner, v[:2]) > slack for corner, v in zip(corners, loop, strict=True)):
+        return None
+    angle = math.degrees(first) % (360 / n)
+    return Regular(n, radius, (x, y), angle if 360 / n - angle > HALF else 0.0)
+
+
+def _distance(line: Curve, point: Point) -> float:
+    """How far a point is from a line that goes on both ways."""
+    x, y, u, v, _ = line
+    return abs((u - x) * (point[1] - y) - (v - y) * (point[0] - x)) / math.dist((x, y), (u, v))
+
+
+def _direction(curve: Curve, end: int) -> float:
+    """The direction of a curve at its start (-1) or at its end (1), in radians."""
+    x, y, u, v, bulge = curve
+    return math.atan2(v - y, u - x) + 2 * end * math.atan(bulge)
+
+
+def _difference(a: float, b: float) -> float:
+    """The angle from b to a, between half a turn back and half a turn on."""
+    return math.remainder(a - b, 2 * math.pi)

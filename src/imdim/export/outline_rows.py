@@ -2,8 +2,9 @@
 
 Lines along the two axes of an outline have places, chamfers between them a length, arcs a centre and a radius. All directions stay: arcs
 that touch such lines, or end square to them, keep their angles, so that the vertices there are sums of these numbers. Where an arc crosses
-such a line the vertex is as far from the centre as the arc reaches along it. Arcs that meet anything else keep their ends, and what meets
-them there stays where it is.
+such a line the vertex is as far from the centre as the arc reaches along it. Corners at which lines lean have places of their own. Arcs
+that meet anything else are loose: their ends have places, and they round a corner with a radius, touch a neighbour, or have a radius; those
+that turn far an angle. A regular polygon has a count of sides, a centre, a radius, and an angle where that is none that one would draw.
 """
 
 from __future__ import annotations
@@ -11,10 +12,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from itertools import product
+from typing import TYPE_CHECKING, NamedTuple
 
-from imdim.export.drawn_vertex import Center, DrawnVertex, Reach
-from imdim.export.outline_joints import DrawnArc, DrawnCurve, DrawnLine, Joint, OutlineJoints, Row, X, Y
+from imdim.export.drawn_vertex import Bend, BendAngle, BendRadius, Center, DrawnPolygon, DrawnRing, DrawnVertex, Reach, Touching, turn_round
+from imdim.export.outline_joints import HALF, DrawnArc, DrawnCurve, DrawnLine, Joint, OutlineJoints, Regular, Row, X, Y
 from imdim.export.seats import FlatWall
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.design_values import is_level
@@ -27,6 +29,9 @@ if TYPE_CHECKING:
 
 EXACT = 1e-7  # of the largest size, within which written numbers touch
 NEAR = 0.2  # of a place: what lies no further inside another is measured from that
+WIDEST = 120.0  # degrees by which an arc turns that is told by its radius: the ends of a wider one soon lie too far apart for that
+ANGLE_DECIMALS = 6  # of a degree that comes of the digits of vertices
+PLAIN_ANGLE = 15.0  # degrees: a regular polygon that is turned by a multiple of that needs no name for it
 _ROUNDS = {  # what the radius of an arc is called: one that turns by half, one that bounds a hole
     (False, False): "corner_radius",
     (True, False): "end_radius",
@@ -43,7 +48,7 @@ class Sum:
     value: float
 
 
-Drawn = tuple[tuple[DrawnVertex[Sum], ...], ...]
+Drawn = tuple[DrawnRing[Sum], ...]
 
 
 def add_outlines(system: LinearSystem, parts: Sequence[Primitive], folded: Folded | None) -> dict[int, Drawn]:
@@ -64,24 +69,34 @@ def add_outlines(system: LinearSystem, parts: Sequence[Primitive], folded: Folde
             system.walls += dimensions.flat_walls()
         elif part.outline == parts[source].outline:
             drawn[leaf] = drawn[source]
+            if source in system.heights:
+                system.heights[leaf] = system.heights[source]
         elif part.outline == parts[source].outline.mirror():  # type: ignore[union-attr]
             drawn[leaf] = tuple(map(_mirrored, drawn[source]))
         else:
             # what follows one of them would leave the other as it is
             drawn[leaf], drawn[source] = _constant(part.outline), _constant(parts[source].outline)
             circles = [c for c in circles if c.leaf != source]
+            system.heights.pop(source, None)
     system.rows += _coaxial(system, circles, parts, sources)
     return drawn
 
 
-def _mirrored(loop: tuple[DrawnVertex[Sum], ...]) -> tuple[DrawnVertex[Sum], ...]:
+def _mirrored(loop: DrawnRing[Sum]) -> DrawnRing[Sum]:
     """As `Outline.mirror` has it: the other side of the y axis, run the other way from the same vertex."""
 
     def other_side(number: Sum) -> Sum:
         return Sum(_sum((number.row, -1.0)), -number.value)
 
-    # an arc turned round and mirrored runs the same way
-    bulges = [replace(v.bulge, x=other_side(v.bulge.x)) if isinstance(v.bulge, Center) else v.bulge for v in reversed(loop)]
+    def bend(v: DrawnVertex[Sum]) -> Bend[Sum]:
+        # an arc turned round and mirrored runs the same way
+        if isinstance(v.bulge, Center):
+            return replace(v.bulge, x=other_side(v.bulge.x))
+        return turn_round(v.bulge) if isinstance(v.bulge, Touching) else v.bulge
+
+    if isinstance(loop, DrawnPolygon):
+        return replace(loop, x=other_side(loop.x), angle=Sum(_sum((loop.angle.row, -1.0)), 180.0 - loop.angle.value))
+    bulges = [bend(v) for v in reversed(loop)]
     corners = [loop[0], *reversed(loop[1:])]
     reaches = [replace(v.reach, sign=-v.reach.sign) if v.reach and v.reach.axis == X else v.reach for v in corners]
     return tuple(DrawnVertex(other_side(v.x), v.y, b, r) for v, b, r in zip(corners, bulges, reaches, strict=True))
@@ -90,6 +105,15 @@ def _mirrored(loop: tuple[DrawnVertex[Sum], ...]) -> tuple[DrawnVertex[Sum], ...
 def _constant(outline: Outline | None) -> Drawn:
     assert outline is not None
     return tuple(tuple(DrawnVertex(Sum({}, x), Sum({}, y), b) for x, y, b in loop) for loop in outline.loops)
+
+
+class _Corner(NamedTuple):
+    """A coordinate of a corner; at an `edge` a line along an axis meets one that leans."""
+
+    axis: int
+    place: float
+    inner: bool
+    edge: bool
 
 
 # --- one outline --------------------------------------------------------------------------------------------------------
@@ -113,10 +137,10 @@ class _Dimensions:
     def _add_places(self) -> None:
         """One variable for each place of lines, of circles and of arcs; two that lie alike about the middle are an extent."""
         self._add_lines()
-        rounds = [c for c in map(circle_of, self.outline.loops) if c]
+        rounds = [c[:2] for c in map(circle_of, self.outline.loops) if c] + [r.center for r in self.joints.regular if r]
         centers = [(axis, c[axis]) for c in rounds for axis in (X, Y)]
         self._add("center", centers, ("hole_spacing_x", "hole_spacing_y"), ("hole_x", "hole_y"))
-        self._add_arcs([c[:2] for c in rounds])
+        self._add_arcs(rounds)
         for joint in self.joints.all():
             self.system.rows += [row for row in self._equations(joint) if row]
 
@@ -125,26 +149,37 @@ class _Dimensions:
         words = (("diameter", "level"),) * 2 if turned else (("length", "width"), ("edge_x", "edge_y"))
         for inner, prefix in ((False, ""), (True, "window_")):
             lines = [c for c in self.joints.lines() if c.inner == inner and c.across is not None]
-            places = [(c.across or X, c.place) for c in lines] + [place for place in self._corners() if place[2] == inner]
-            places = [(axis, place) for axis, place, *_ in places if (axis, self.joints.cell(place)) not in self.joints.fixed]
+            corners = [corner for corner in self._corners() if corner.inner == inner]
+            places = [(c.across or X, c.place) for c in lines] + [(c.axis, c.place) for c in corners if c.edge or turned]
             places = [(axis, place) for axis, place in places if (_side(inner), axis, self.joints.cell(place)) not in self.following]
             extents, single = ((prefix + x, prefix + y) for x, y in words)
-            self._add(_side(inner), places, extents, single)
             if turned:
                 self._add_levels(_side(inner), sorted({self.joints.cell(place): place for axis, place in places if axis == Y}.values()))
+            self._add(_side(inner), places, extents, single)
+            self._add_corners(_side(inner), [loop for loop in self.joints.loops if loop and loop[0].after.inner == inner], prefix)
 
     def _add_levels(self, what: str, levels: Sequence[float]) -> None:
-        """Heights of turned parts above their lowest level, which stays; a chamfer or a countersink at the top is measured from there."""
-        lowest = self.outline.bounds[0][1]
-        above = {level: level - lowest for level in levels if level - lowest > self.slack}
-        hanging = self._hanging(levels[-1]) if above else set()
-        for level, height in above.items():
-            if self.joints.cell(level) not in hanging or 2 * height < above[levels[-1]]:
-                self.known[what, Y, self.joints.cell(level)] = {self._new("height" if level == levels[-1] else "level", height): 1.0}
-        for level in above:
-            if (what, Y, self.joints.cell(level)) not in self.known:
-                down = self._new("depth", levels[-1] - level)
-                self.known[what, Y, self.joints.cell(level)] = _sum((self._place(what, Y, levels[-1]), 1.0), ({down: 1.0}, -1.0))
+        """Heights of turned parts above their lowest level, which lies half the whole height below the middle, or has a name; a chamfer
+        or a countersink at the top is measured from there."""
+        low, high = (corner[Y] for corner in self.outline.bounds)
+        if not any(abs(level - low) <= self.slack for level in levels):
+            return  # what is round below has levels from the middle
+        top = levels[-1]
+        if abs(low + top) <= self.slack and abs(high - top) <= self.slack:
+            if self.leaf not in self.system.heights:
+                self.system.heights[self.leaf] = self._new("height", top - low)
+            base, roof = ({self.system.heights[self.leaf]: half} for half in (-0.5, 0.5))
+        else:
+            base = {self._new("base", low): 1.0} if abs(low) > self.slack else {}
+            roof = _sum((base, 1.0), ({self._new("height", top - low): 1.0}, 1.0))
+        hanging = self._hanging(top)
+        for level in levels:
+            row = base if abs(level - low) <= self.slack else roof
+            if low + self.slack < level < top and (self.joints.cell(level) not in hanging or 2 * (level - low) < top - low):
+                row = _sum((base, 1.0), ({self._new("level", level - low): 1.0}, 1.0))
+            elif low + self.slack < level < top:
+                row = _sum((roof, 1.0), ({self._new("depth", top - level): 1.0}, -1.0))
+            self.known[what, Y, self.joints.cell(level)] = row
 
     def _hanging(self, top: float) -> set[int]:
         """The cells of levels from which a leaning line runs up to the top."""
@@ -160,9 +195,9 @@ class _Dimensions:
     def _add_arcs(self, holes: Sequence[tuple[float, float]]) -> None:
         """Centres of arcs that lie about a hole follow it, others the lines and arcs that they touch, as far as these say where; the lines
         beside an arc that turns far follow that."""
-        arcs = [arc for arc in self.joints.arcs() if not arc.fixed]
+        arcs = [arc for arc in self.joints.arcs() if arc.end or not arc.loose]
         for arc in arcs:
-            arc.size = self._radius("arc_radius" if arc.crossed else _ROUNDS[arc.half, arc.inner], arc.radius)
+            arc.size = self._radius("arc_radius" if arc.crossed and not arc.end else _ROUNDS[arc.half or arc.end, arc.inner], arc.radius)
             hole = next((center for center in holes if math.dist(center, arc.center) <= self.slack), None)
             if hole:
                 arc.at = [self._place("center", axis, hole[axis]) for axis in (X, Y)]
@@ -183,29 +218,58 @@ class _Dimensions:
         round end, which is somewhere and has a radius, unlike a rounded corner, which is where its lines are."""
         for joint in self.joints.all():
             for arc, line in ((joint.before, joint.after), (joint.after, joint.before)):
-                if not isinstance(arc, DrawnArc) or not isinstance(line, DrawnLine) or not (arc.wide and joint.fits) or arc.fixed:
+                if not isinstance(arc, DrawnArc) or not isinstance(line, DrawnLine) or not (arc.wide and joint.fits) or arc.loose:
                     continue
                 place = (joint.along or X, self.joints.cell(line.place))
-                if joint.along is not None and line.across == joint.along and place not in self.joints.fixed:
+                if joint.along is not None and line.across == joint.along:
                     yield (_side(line.inner), *place), (arc, math.copysign(1.0, line.place - arc.center[joint.along]))
 
-    def _corners(self) -> Iterator[tuple[int, float, bool]]:
-        """Axis and place of the corners at which leaning lines meet others along an axis, there where these say nothing."""
+    def _corners(self) -> Iterator[_Corner]:
+        """The coordinates of corners at which leaning lines or loose arcs meet, those that no line along an axis says."""
         for joint in self.joints.all():
-            along = [c for c in (joint.before, joint.after) if isinstance(c, DrawnLine) and c.across is not None]
-            if joint.along is None and len(along) == 1:
-                axis = 1 - (along[0].across or X)
-                yield axis, joint.at[axis], along[0].inner
+            lines = [c.across for c in (joint.before, joint.after) if isinstance(c, DrawnLine)]
+            edge = len(lines) == 2 and lines != [None, None]
+            if not joint.carried and not joint.about:
+                yield from (_Corner(axis, joint.at[axis], joint.after.inner, edge) for axis in (X, Y) if axis not in lines)
 
     def _held(self) -> Iterator[tuple[DrawnArc, int]]:
         """Arcs and the axes along which a line or another arc says where their centres are."""
         for joint in self.joints.all():
             for arc, other in ((joint.before, joint.after), (joint.after, joint.before)):
                 if isinstance(arc, DrawnArc) and joint.fits and other is not arc:
-                    yield from ((arc, axis) for axis in (X, Y) if isinstance(other, DrawnArc) or self._says_where(other, axis))
+                    yield from ((arc, axis) for axis in (X, Y) if self._says_where(other, axis))
 
-    def _says_where(self, line: DrawnLine, axis: int) -> bool:
-        return line.across == axis and (_side(line.inner), axis, self.joints.cell(line.place)) not in self.following
+    def _says_where(self, curve: DrawnCurve, axis: int) -> bool:
+        if isinstance(curve, DrawnArc):
+            return not curve.loose
+        return curve.across == axis and (_side(curve.inner), axis, self.joints.cell(curve.place)) not in self.following
+
+    def _add_corners(self, what: str, loops: Sequence[Sequence[Joint]], prefix: str) -> None:
+        """Variables for the other corners; those near an earlier one of their loop are steps from it, so that small things move whole."""
+        drawn = [[joint for joint in loop if not joint.carried and not joint.about] for loop in loops]
+        every = {(axis, self.joints.cell(joint.at[axis])) for loop in drawn for joint in loop for axis in (X, Y)}
+        stepped = set[tuple[int, int]]()
+        for axis, loop in product((X, Y), drawn):
+            base = 0.0
+            for place in (joint.at[axis] for joint in loop if abs(joint.at[axis]) > self.slack):
+                cell, mirrored = (self.joints.cell(p) for p in (place, -place))
+                if (what, axis, cell) in self.following:
+                    continue
+                both = (axis, mirrored) in every and (what, axis, mirrored) not in self.known
+                if (what, axis, cell) not in self.known and abs(place - base) <= NEAR * abs(place):
+                    step = self._new(f"{prefix}step_{'xy'[axis]}", place - base)
+                    row = _sum((self._place(what, axis, base), 1.0), ({step: 1.0}, 1.0))
+                    stepped |= {(axis, cell), (axis, mirrored)}
+                elif (what, axis, cell) not in self.known:
+                    word, size = ("corner_spacing", 2 * abs(place)) if both else ("corner", place)
+                    row = {self._new(f"{prefix}{word}_{'xy'[axis]}", size): place / size}
+                    base = place
+                else:
+                    base = base if (axis, cell) in stepped else place
+                    continue
+                self.known[what, axis, cell] = row
+                if both:
+                    self.known[what, axis, mirrored] = _sum((row, -1.0))
 
     def _add(self, what: str, places: Iterable[tuple[int, float]], extents: tuple[str, str], single: tuple[str, str]) -> None:
         """Variables for places along an axis, those farthest out first; none for what lies on the axis itself."""
@@ -216,9 +280,12 @@ class _Dimensions:
             if (what, axis, cell) in self.known:
                 continue
             if self.part.kind == "revolve" and axis == Y:
+                self.known[what, axis, cell] = {self._new("level", place): 1.0}
                 continue
             outer = self._next_out(what, axis, place)
             both = (axis, self.joints.cell(-place)) in found and self.part.kind != "revolve"
+            if both and outer is None and self._add_wall(what, axis, abs(place)):
+                continue
             if outer is not None and (not both or (what, axis, self.joints.cell(-outer)) in self.known):
                 gap = self._new(f"inset_{'xy'[axis]}", abs(outer) - abs(place))
                 for side in (1, -1) if both else (math.copysign(1.0, place),):
@@ -231,6 +298,21 @@ class _Dimensions:
             else:
                 share = 0.5 if single[axis].endswith("diameter") else 1.0
                 self.known[what, axis, cell] = {self._new(single[axis], place / share): share}
+
+    def _add_wall(self, what: str, axis: int, place: float) -> bool:
+        """Of a window that reaches from side to side what is left beside it, where that is thin."""
+        windows = (loop for loop in self.joints.loops if loop and loop[0].after.inner)
+        sides = ({c.place for c in (j.after for j in loop) if isinstance(c, DrawnLine) and c.across == axis} for loop in windows)
+        if what != _side(True) or not any(_has(places, place, self.slack) and _has(places, -place, self.slack) for places in sides):
+            return False
+        outer = self._next_out(_side(False), axis, place)
+        if outer is None or (_side(False), axis, self.joints.cell(-outer)) not in self.known:
+            return False
+        wall = self._new(f"wall_{'xy'[axis]}", outer - place)
+        for side in (1, -1):
+            edge = self._place(_side(False), axis, side * outer)
+            self.known[what, axis, self.joints.cell(side * place)] = _sum((edge, 1.0), ({wall: 1.0}, -side))
+        return True
 
     def _next_out(self, what: str, axis: int, place: float) -> float | None:
         """The place next further out that is near enough to be measured from; of an extrusion's lines alone, others are told by radii."""
@@ -253,6 +335,11 @@ class _Dimensions:
             self.known[key] = {self._new(word, radius): 1.0}
         return self.known[key]
 
+    def _shared(self, word: str, count: int) -> Row:
+        if (word, 0, count) not in self.known:
+            self.known[word, 0, count] = {self._new(word, count): 1.0}
+        return self.known[word, 0, count]
+
     def _new(self, word: str, value: float) -> int:
         return self.system.new(self.leaf, word, value)
 
@@ -261,7 +348,13 @@ class _Dimensions:
     def _equations(self, joint: Joint) -> Iterator[Row]:
         """That both curves pass the vertex, where one is an arc that may move."""
         a, b = joint.before, joint.after
-        if joint.along is None or not joint.fits or any(isinstance(c, DrawnArc) and c.fixed for c in (a, b)):
+        line = next((c for c in (a, b) if isinstance(c, DrawnLine) and c.across is not None), None)
+        if joint.about and line:
+            assert line.across is not None
+            side = 1.0 if line.place > joint.about.center[line.across] else -1.0
+            place = self._place(_side(line.inner), line.across, line.place)
+            yield _sum((place, 1.0), (joint.about.at[line.across] or {}, -1.0), (joint.about.size, -side))
+        if joint.along is None or not joint.fits or any(isinstance(c, DrawnArc) and c.loose for c in (a, b)):
             return
         for axis in (X, Y):
             (first, knows), (second, also) = (self._coordinate(c, joint, axis) for c in (a, b))
@@ -279,29 +372,51 @@ class _Dimensions:
 
     def vertices(self) -> Drawn:
         """The vertices of all loops."""
-        circles = self._circles()
-        return tuple(next(circles) if joints is None else self._vertices(joints, loop) for joints, loop in self._with_loops())
+        return tuple(map(self._ring, range(len(self.outline.loops))))
 
-    def _with_loops(self) -> Iterator[tuple[list[Joint] | None, tuple[tuple[float, float, float], ...]]]:
-        return zip(self.joints.loops, self.outline.loops, strict=True)
+    def _ring(self, i: int) -> DrawnRing[Sum]:
+        regular, joints = self.joints.regular[i], self.joints.loops[i]
+        if regular is not None:
+            return self._polygon(regular)
+        return self._circle(i) if joints is None else self._vertices(joints, self.outline.loops[i])
 
     def _vertices(self, joints: Sequence[Joint], loop: Sequence[tuple[float, float, float]]) -> tuple[DrawnVertex[Sum], ...]:
         chamfered = self._chamfers(joints)
         rows = []
         for k, (joint, vertex) in enumerate(zip(joints, loop, strict=True)):
-            arc = joint.after
-            bulge = _center(arc, 1 if vertex[2] > 0 else -1) if isinstance(arc, DrawnArc) and arc.crossed and not arc.fixed else vertex[2]
-            if joint.crosses and not self._is_fixed(joint):
-                rows.append(self._crossing(joint, bulge))
+            bend = self._bend(joint, vertex[2])
+            if joint.crosses and joint.carried:
+                rows.append(self._crossing(joint, bend))
+                continue
+            if joint.about:
+                center = _center(joint.about, 1)
+                rows.append(DrawnVertex(center.x, center.y, bend))
                 continue
             x, y = chamfered.get(k) or (self._vertex(joint, X), self._vertex(joint, Y))
-            rows.append(DrawnVertex(Sum(x, vertex[0]), Sum(y, vertex[1]), bulge))
+            rows.append(DrawnVertex(Sum(x, joint.at[X]), Sum(y, joint.at[Y]), bend))
         return tuple(rows)
 
-    def _is_fixed(self, joint: Joint) -> bool:
-        return any(isinstance(c, DrawnArc) and c.fixed for c in (joint.before, joint.after))
+    def _bend(self, joint: Joint, bulge: float) -> Bend[Sum]:
+        """How the curve after a joint bends."""
+        arc, way = joint.after, 1 if bulge > 0 else -1
+        if not isinstance(arc, DrawnArc) or (not arc.loose and not arc.crossed):
+            return bulge
+        if not arc.loose:
+            return _center(arc, way)
+        if arc.end:
+            return BendRadius(Sum(arc.size, arc.radius), way)
+        if joint.rounds:
+            return BendRadius(Sum(self._radius(_ROUNDS[False, arc.inner], arc.radius), arc.radius), 0)
+        if joint.touches:
+            return Touching(joint.touches)
+        if arc.half:
+            return bulge
+        if abs(joint.turn) <= WIDEST:
+            return BendRadius(Sum(self._radius("arc_radius", arc.radius), arc.radius), way)
+        turn = round(abs(joint.turn), ANGLE_DECIMALS)
+        return BendAngle(Sum({self.system.new_angle(self.leaf, "arc_angle", turn): 1.0}, turn), way)
 
-    def _crossing(self, joint: Joint, bulge: float | Center[Sum]) -> DrawnVertex[Sum]:
+    def _crossing(self, joint: Joint, bend: Bend[Sum]) -> DrawnVertex[Sum]:
         """Where an arc crosses a line along an axis: as far from the centre as the circle reaches there."""
         line, arc = (joint.before, joint.after) if isinstance(joint.before, DrawnLine) else (joint.after, joint.before)
         assert isinstance(line, DrawnLine)
@@ -313,16 +428,12 @@ class _Dimensions:
         sign = 1 if joint.at[axis] > arc.center[axis] else -1
         ends = [Sum(place, line.place), Sum(arc.at[axis] or {}, arc.center[axis])]
         x, y = ends if across == X else reversed(ends)
-        return DrawnVertex(x, y, bulge, Reach(axis, sign, Sum(arc.size, arc.radius), off))
+        return DrawnVertex(x, y, bend, Reach(axis, sign, Sum(arc.size, arc.radius), off))
 
     def _vertex(self, joint: Joint, axis: int) -> Row:
-        curves = (joint.before, joint.after)
-        if self._is_fixed(joint) or (not joint.fits and any(isinstance(c, DrawnArc) for c in curves)):
-            return {}
+        curves = [c for c in (joint.before, joint.after) if isinstance(c, DrawnLine) or not c.loose]
         known = next((row for row, knows in (self._coordinate(c, joint, axis) for c in curves) if knows), None)
-        if known is not None or not joint.fits:
-            return known or {}
-        return self._place(_side(joint.after.inner), axis, joint.at[axis])  # where a line leans, the corner has a place of its own
+        return self._place(_side(joint.after.inner), axis, joint.at[axis]) if known is None else known
 
     def _chamfers(self, joints: Sequence[Joint]) -> dict[int, tuple[Row, Row]]:
         """Of lines at 45 degrees between two along the axes the ends, each as far from where these would meet as the chamfer is wide."""
@@ -348,16 +459,22 @@ class _Dimensions:
                 out[number] = (ends[X], ends[Y])
         return out
 
-    def _circles(self) -> Iterator[tuple[DrawnVertex[Sum], ...]]:
-        for i, loop in enumerate(self.outline.loops):
-            found = circle_of(loop)
-            if found is None:
-                continue
-            *center, _ = found
-            at = [self._place("center", axis, center[axis]) for axis in (X, Y)]
-            size = self._circle_size(i)
-            rows = [[_sum((at[axis], 1.0), (size, (v[axis] - center[axis]) / found[2])) for axis in (X, Y)] for v in loop]
-            yield tuple(DrawnVertex(Sum(x, v[0]), Sum(y, v[1]), v[2]) for (x, y), v in zip(rows, loop, strict=True))
+    def _circle(self, i: int) -> tuple[DrawnVertex[Sum], ...]:
+        loop, found = self.outline.loops[i], circle_of(self.outline.loops[i])
+        assert found is not None
+        *center, radius = found
+        at = [self._place("center", axis, center[axis]) for axis in (X, Y)]
+        size = self._circle_size(i)
+        rows = [[_sum((at[axis], 1.0), (size, (v[axis] - center[axis]) / radius)) for axis in (X, Y)] for v in loop]
+        return tuple(DrawnVertex(Sum(x, v[0]), Sum(y, v[1]), v[2]) for (x, y), v in zip(rows, loop, strict=True))
+
+    def _polygon(self, regular: Regular) -> DrawnPolygon[Sum]:
+        x, y = (Sum(self._place("center", axis, regular.center[axis]), regular.center[axis]) for axis in (X, Y))
+        plain = abs(math.remainder(regular.angle, PLAIN_ANGLE)) <= HALF
+        angle = round(regular.angle / PLAIN_ANGLE) * PLAIN_ANGLE if plain else round(regular.angle, ANGLE_DECIMALS)
+        turned = {} if plain else {self.system.new_angle(self.leaf, "polygon_angle", angle): 1.0}
+        sides = Sum(self._shared("sides", regular.sides), regular.sides)
+        return DrawnPolygon(sides, Sum(self._radius("polygon_radius", regular.radius), regular.radius), x, y, Sum(turned, angle))
 
     def _circle_size(self, i: int) -> Row:
         found = circle_of(self.outline.loops[i])
@@ -396,6 +513,10 @@ class _Dimensions:
                 places[a] = self.part.center[a] + turn[a][0] * found[0] + turn[a][1] * found[1]
                 rows[a] = _sum(({6 * self.leaf + 3 + a: 1.0}, 1.0), (own[0], turn[a][0]), (own[1], turn[a][1]))
             yield _RoundWall(self.leaf, axis, places, rows, found[2], self._circle_size(i))
+
+
+def _has(places: Iterable[float], place: float, slack: float) -> bool:
+    return any(abs(p - place) <= slack for p in places)
 
 
 def _center(arc: DrawnArc, way: int) -> Center[Sum]:

@@ -6,26 +6,28 @@ those that others need get names. What no constraint ties stays a number.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
-from imdim.export.drawn_vertex import DrawnVertex
+from imdim.export.drawn_vertex import DrawnPolygon, DrawnRing, DrawnVertex, map_ring, numbers_of
 from imdim.export.elimination import LinearSystem, vector
 from imdim.export.hole_names import BoreWords, Notes, hole_notes, hole_roles
 from imdim.export.loops import Loop, loop_of
 from imdim.export.numbers import Expression, Rounding, Term, constants, simple_fraction
-from imdim.export.outline_rows import Sum
+from imdim.export.outline_rows import EXACT, Sum
 from imdim.program.constraints import Constraint
 from imdim.program.repeats import Folded, Repeat, repeats
 from imdim.program.roles import labels, signs, size_word, unique
 from imdim.program.tree import FULL_TURN, Primitive, Program, leaves, longest
 
 ZERO = 1e-9
+ROUND = 1e-4  # degrees, by which a turn may miss a quarter
 FAINT = 1e-7  # a coefficient whose term files do not keep
 
 
-DrawnLoop = tuple[DrawnVertex[Expression], ...]
+DrawnLoop = DrawnRing[Expression]
 
 
 @dataclass(frozen=True)
@@ -53,10 +55,10 @@ class Parameters:
         bare = Parameters({}, sizes, centers, outlines=tuple(map(_constant_loops, parts)))
         return bare if folded is None else _add_loops(bare, folded, labels(program, (), folded), longest(parts))[0]
 
-    def free_numbers(self) -> list[int]:
-        """For each leaf with an outline, how many coordinates of its vertices follow no name; 0 needs none."""
-        drawn = [[e for loop in loops for v in loop for e in (v.x, v.y)] for loops in self.outlines if loops]
-        return [sum(not e.terms and abs(e.constant) > ZERO for e in numbers) for numbers in drawn]
+    def free_numbers(self, length: float) -> list[int]:
+        """For each leaf with an outline, how many numbers follow no name, of its vertices and centres, radii, and angles of arcs but for
+        quarters of a turn. What is 0 to the slack of outlines in a part of that `length` needs none."""
+        return [sum(_count_free(loop, EXACT * length) for loop in loops) for loops in self.outlines if loops]
 
     def head(self, number: Callable[[float], str], unit: str = "", end: str = "", counted: bool = True) -> list[str]:
         """``name = value`` for each name, `number` writing lengths, those of counts only where these are `counted`; an empty line below."""
@@ -64,6 +66,15 @@ class Parameters:
         lines = [f"{name} = {text}{end}" for name, text in texts.items()]
         lines += [f"{name} = {count}{end}" for name, count in self.counts.items()] if counted else []
         return [*lines, ""] if lines else []
+
+
+def _count_free(loop: DrawnLoop, zero: float) -> int:
+    numbers, turns = list(numbers_of(loop)), list[float]()
+    if isinstance(loop, DrawnPolygon):
+        numbers.pop()  # its angle is a name, or one that everyone draws
+    else:
+        turns = [math.degrees(4 * math.atan(v.bulge)) for v in loop if isinstance(v.bulge, int | float)]
+    return sum(not e.terms and abs(e.constant) > zero for e in numbers) + sum(abs(math.remainder(t, 90)) > ROUND for t in turns)
 
 
 def parametrise(
@@ -115,7 +126,7 @@ def _shift_constants(named: Parameters, values: Mapping[str, float]) -> Paramete
         return Expression(e.terms, 0.0 if e.terms and abs(constant) < ZERO * scale else constant)
 
     sizes, centers = (tuple(tuple(map(shifted, row)) for row in rows) for rows in (named.sizes, named.centers))
-    outlines = tuple(tuple(tuple(v.map(shifted) for v in loop) for loop in loops) for loops in named.outlines)
+    outlines = tuple(tuple(map_ring(loop, shifted) for loop in loops) for loops in named.outlines)
     values = {**named.values, **{name: values[name] for name in gone}}
     return replace(named, values=values, sizes=sizes, centers=centers, outlines=outlines)
 
@@ -160,9 +171,14 @@ def _express_numbers(system: LinearSystem, program: Program, label: Sequence[str
         {name: float(system.start[v]) for v, name in names.items()},
         tuple(tuple(built[6 * i + c] for c in range(len(p.size))) for i, p in enumerate(parts)),
         tuple(tuple(built[6 * i + 3 + c] for c in range(3)) for i in range(len(parts))),
-        angles=frozenset(name for v, name in names.items() if v < system.extra and v % 6 == 0 and parts[v // 6].kind == "revolve"),
+        angles=frozenset(name for v, name in names.items() if v in system.angles or _is_turn(v, system, parts)),
         outlines=tuple(outlines),
     )
+
+
+def _is_turn(v: int, system: LinearSystem, parts: Sequence[Primitive]) -> bool:
+    """Whether a variable is the angle by which an outline is turned."""
+    return v < system.extra and v % 6 == 0 and parts[v // 6].kind == "revolve"
 
 
 _Solved = dict[int, list[tuple[int, Fraction | float]]]
@@ -200,7 +216,7 @@ def _outline(leaf: int, p: Primitive, system: LinearSystem, solved: _Solved, nam
         terms = sorted(((w, c) for w, c in total.items() if c), key=lambda t: (system.rank(t[0]), t[0]))
         return _as_expression(terms, number.value, system, names)
 
-    return tuple(tuple(v.map(expression) for v in loop) for loop in system.drawn[leaf])
+    return tuple(map_ring(loop, expression) for loop in system.drawn[leaf])
 
 
 def _constant_loops(p: Primitive) -> tuple[DrawnLoop, ...]:
@@ -213,7 +229,7 @@ def _names(program: Program, label: Sequence[str], system: LinearSystem, solved:
     parts, sign = list(leaves(program)), signs(program)
     sizes = [6 * i + c for i, p in enumerate(parts) for c, value in enumerate(p.size) if p.kind != "revolve" or value < FULL_TURN]
     needed = {w for row in solved.values() for w, _ in row} | {v for v in sizes if v not in solved}
-    drawn = {v for loops in system.drawn.values() for loop in loops for vertex in loop for number in vertex.numbers() for v in number.row}
+    drawn = {v for loops in system.drawn.values() for loop in loops for number in numbers_of(loop) for v in number.row}
     needed |= drawn - solved.keys()
     taken: set[str] = set(RESERVED)
     ordered = sorted(needed, key=lambda v: (system.leaf_of(v), not _is_across(v, system, parts), v))
@@ -230,7 +246,7 @@ def _is_across(v: int, system: LinearSystem, parts: Sequence[Primitive]) -> bool
 
 
 # Words that mean something else in OpenSCAD or in the Python script.
-RESERVED = ("part", "scale", "export_step", "ring", "reach", "outline", "curves", "face", "extruded", "turned")
+RESERVED = ("part", "scale", "export_step", "ring", "ngon", "reach", "bend", "outline", "curves", "face", "extruded", "turned")
 
 
 def _name(v: int, system: LinearSystem, parts: Sequence[Primitive], label: Sequence[str], sign: Sequence[int], bores: BoreWords) -> str:

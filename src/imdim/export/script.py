@@ -45,23 +45,66 @@ def reach(r, d):
     return sqrt(r * r - d * d)
 
 
-def bulge_of(arc, x, y, u, v):
-    """The bulge, which may be given by [x, y, way]: the centre, and 1 for counter-clockwise or -1."""
-    if not isinstance(arc, list):
-        return arc
-    a, b, way = arc
-    return way * tan(way * (atan2(v - b, u - a) - atan2(y - b, x - a)) % (2 * pi) / 4)
+def bend(degrees):
+    """The bulge of an arc by how far it turns."""
+    return tan(radians(degrees) / 4)
+
+
+def ngon(sides, r, x=0, y=0, angle=0):
+    """A regular polygon as a loop, with a corner at an angle in degrees."""
+    turns = [radians(angle) + 2 * pi * k / sides for k in range(sides)]
+    return [[x + r * cos(turn), y + r * sin(turn)] for turn in turns]
 
 
 def curves(loop):
     """Start, middle and end of each curve of a closed loop; a line, from a vertex [x, y], has no middle.
 
-    From a vertex [x, y, bulge] runs an arc that turns by 4 atan(bulge), counter-clockwise where that is positive.
+    From a vertex [x, y, bulge] runs an arc that turns by 4 atan(bulge), counter-clockwise where that is positive. In place of the
+    bulge [x, y, way] is its centre, way 1 for counter-clockwise or -1; [r, way] its radius, and with both ends written as its centre
+    one that the lines beside it touch; [r] that of one that rounds the corner at both its ends; "before" or "after" the curve that
+    it touches.
     """
-    for (x, y, *bulge), (u, v, *_) in zip(loop, [*loop[1:], loop[0]]):
-        bulges = (bulge_of(arc, x, y, u, v) for arc in bulge)
-        middle = [((x + u + b * (v - y)) / 2, (y + v - b * (u - x)) / 2) for b in bulges]
-        yield (x, y), *middle, (u, v)
+    n = len(loop)
+    written = [complex(*vertex[:2]) for vertex in loop]
+    at, arcs = list(written), [vertex[2] if len(vertex) > 2 else 0 for vertex in loop]
+    ends = {i: arc for i, arc in enumerate(arcs) if isinstance(arc, list) and len(arc) == 2 and at[i] == at[(i + 1) % n]}
+    radii = {k % n: r * way for i, (r, way) in ends.items() for k in (i, i + 1)}
+
+    def line(i):
+        between, off = written[(i + 1) % n] - written[i % n], radii.get((i + 1) % n, 0) - radii.get(i % n, 0)
+        return between / abs(between) * exp(-1j * asin(off / abs(between)))
+
+    for i, (r, way) in ends.items():
+        into, out = line(i - 1), line(i + 1)
+        at[i], at[(i + 1) % n] = written[i] - r * way * 1j * into, written[i] - r * way * 1j * out
+        arcs[i] = way * tan(way * phase(out / into) % (2 * pi) / 4)
+    for i, arc in enumerate(arcs):
+        if isinstance(arc, list) and len(arc) == 1:
+            into, out = written[i] - written[i - 1], written[(i + 2) % n] - written[i]
+            turn = phase(out / into)
+            at[i] -= arc[0] * tan(abs(turn) / 2) * into / abs(into)
+            at[(i + 1) % n] += arc[0] * tan(abs(turn) / 2) * out / abs(out)
+            arcs[i] = tan(turn / 4)
+    chords = [at[(i + 1) % n] - at[i] for i in range(n)]
+
+    def half_turn(i):
+        arc = arcs[i]
+        if arc == "before":
+            return phase(chords[i] / chords[i - 1] / exp(1j * half_turn((i - 1) % n)))
+        if arc == "after":
+            return phase(chords[(i + 1) % n] / chords[i] / exp(1j * half_turn((i + 1) % n)))
+        if not isinstance(arc, list):
+            return 2 * atan(arc)
+        *said, way = arc
+        if len(said) == 1:
+            return way * asin(abs(chords[i]) / 2 / said[0])
+        center = complex(*said)
+        return way * (way * phase((at[(i + 1) % n] - center) / (at[i] - center)) % (2 * pi)) / 2
+
+    for i, chord in enumerate(chords):
+        middle = at[i] + chord / 2 * (1 - 1j * tan(half_turn(i) / 2))
+        points = [at[i], at[(i + 1) % n]] if arcs[i] == 0 else [at[i], middle, at[(i + 1) % n]]
+        yield [(point.real, point.imag) for point in points]
 
 
 '''
@@ -122,7 +165,8 @@ def standard_imports(body: Sequence[str]) -> str:
     """What a text needs of Python's standard library."""
     joins = [name for name in ("add", "and_", "mul") if any(f"reduce({name}," in text for text in body)]
     lines = ["from functools import reduce"] if joins else []
-    lines += ["from math import atan2, pi, sqrt, tan"] if any("def curves(" in text for text in body) else []
+    if any("def curves(" in text for text in body):
+        lines = ["from cmath import exp, phase", *lines, "from math import asin, atan, cos, pi, radians, sin, sqrt, tan"]
     lines += [f"from operator import {', '.join(joins)}"] if joins else []
     return "\n".join([*lines, "", ""]) if lines else ""
 

@@ -79,8 +79,10 @@ class Hole:
 
     @property
     def head(self) -> HoleSection | None:
-        """What is at the opening for a head or a nut: a wider cylinder, a cone, a hexagon."""
-        return None if self.kind not in ("counterbore", "countersink", "hex pocket") else _head(self._before())
+        """What is at the opening for a head or a nut: a wider cylinder, a cone, a hexagon, which may be all there is."""
+        if self.kind not in ("counterbore", "countersink", "hex pocket"):
+            return None
+        return self.bore if self.bore.corners else _head(self._before())
 
     @property
     def point_section(self) -> HoleSection | None:
@@ -90,7 +92,8 @@ class Hole:
     @property
     def diameters(self) -> tuple[float, ...]:
         """That of the bore, and that of the head (across flats where it is a hexagon)."""
-        return (self.bore.diameter,) if self.head is None else (self.bore.diameter, self.head.diameter)
+        head = self.head
+        return (self.bore.diameter,) if head is None or head is self.bore else (self.bore.diameter, head.diameter)
 
     @property
     def depth(self) -> float:

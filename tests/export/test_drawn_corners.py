@@ -1,0 +1,280 @@
+"""Outlines whose lines lean and whose arcs meet corners: what their names say, that what touched still touches, and who else reads them."""
+
+import math
+import subprocess
+
+import numpy as np
+import pytest
+from tests.export.test_outlines import SEGMENTS, interpreter, opened
+from tests.export.test_parameters import rendered
+
+from imdim.export.bends import regular_polygon, to_loop
+from imdim.export.delivered import EditError, meanings
+from imdim.export.edit import change_values, solid_of
+from imdim.export.outline_joints import regular_of
+from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
+from imdim.program.outline import Outline, arc_center, arc_radius, circle, loop_curves, reverse_loop
+from imdim.program.tree import Combine, Primitive
+
+
+def wedge(round_=4.0, x=24.0, bow=40.0, sides=6, nut=3.0):
+    """A triangle with one corner round and one side bowed outwards, and a hexagon in it; each by its own formula."""
+    a, b, c = np.array([-20.0, -12.0]), np.array([x, -9.0]), np.array([6.0, 21.0])
+    into, out = (p / np.linalg.norm(p) for p in (a - b, c - b))
+    half = math.acos(into @ out) / 2
+    middle = b + (into + out) / np.linalg.norm(into + out) * round_ / math.sin(half)
+    ends = [b + into * (into @ (middle - b)), b + out * (out @ (middle - b))]
+    bow_bulge = math.tan(math.asin(np.linalg.norm(a - c) / 2 / bow) / 2)
+    turn = math.tan((math.pi - 2 * half) / 4)
+    loop = ((*a, 0.0), (*ends[0], turn), (*ends[1], 0.0), (*c, bow_bulge))
+    corners = [2 * math.pi * k / sides for k in range(sides)]
+    hexagon = tuple((2 + nut * math.cos(t), 1 + nut * math.sin(t), 0.0) for t in corners)
+    return Primitive("extrude", (5.0,), outline=Outline((as_floats(loop), reverse_loop(as_floats(hexagon)))))
+
+
+def as_floats(loop):
+    return tuple(tuple(map(float, v)) for v in loop)
+
+
+def snake(radius=6.0, other=9.0):
+    """Two arcs that touch each other and a leaning line, closed by two more lines."""
+    at, way, drawn = np.array([-20.0, 0.0]), math.radians(25), []
+    for length, size, turn in ((12.0, 0.0, 0.0), (0.0, radius, 60.0), (0.0, other, -80.0)):
+        bulge = math.tan(math.radians(turn) / 4)
+        drawn.append((*at, bulge))
+        half = math.radians(turn) / 2
+        chord = length or 2 * size * abs(math.sin(half))
+        at = at + chord * np.array([math.cos(way + half), math.sin(way + half)])
+        way += 2 * half
+    return Primitive("extrude", (5.0,), outline=Outline((as_floats([*drawn, (*at, 0.0), (17.0, -21.0, 0.0)]),)))
+
+
+def lever(radius=9.0, end=4.0, x=30.0, slot=2.0):
+    """What a belt about two pulleys bounds, a hole in the large one, and a slanted slot in it, by the normals of its straight sides."""
+    far, belt = np.array([x, 12.0]), []
+    distance, turned = np.linalg.norm(far), math.atan2(far[1], far[0])
+    lean = math.acos((radius - end) / distance)
+    normals = [np.array([math.cos(turned + t), math.sin(turned + t)]) for t in (-lean, lean)]
+    for middle, size, (a, b), turn in (((0, 0), radius, normals[::-1], 2 * math.pi - 2 * lean), (far, end, normals, 2 * lean)):
+        belt += [(*(np.array(middle) + size * a), math.tan(turn / 4)), (*(np.array(middle) + size * b), 0.0)]
+    along, across = np.array([0.8, 0.6]), np.array([-0.6, 0.8])
+    ends = [7 * along - slot * across, 11 * along - slot * across, 11 * along + slot * across, 7 * along + slot * across]
+    slotted = [(*p, float(i % 2)) for i, p in enumerate(ends)]
+    return Primitive("extrude", (5.0,), outline=Outline((as_floats(belt), circle(3.0), as_floats(slotted))))
+
+
+LEVER = {
+    "plate_end_radius": ("radius", 8.0),
+    "plate_end_radius_2": ("end", 5.0),
+    "plate_slot_radius": ("slot", 1.5),
+}
+
+
+@pytest.mark.parametrize("name", LEVER)
+def test_a_lever_is_round_about_its_ends(name):
+    delivered = opened(lever())
+    drawn, value = LEVER[name]
+    after = change_values(delivered, {name: value})
+    assert volume_iou(solid_of(after), to_manifold(lever(**{drawn: value}), SEGMENTS)) > 1 - 1e-7
+    assert not any("corner" in known or "step" in known for known in delivered.values)
+
+
+def test_a_pulley_within_the_other_has_no_belt():
+    with pytest.raises(EditError, match=r"plate_end_radius = 37: line \d+: no line touches circles"):
+        change_values(opened(lever()), {"plate_end_radius": 37.0})
+
+
+def bends_between(outline):
+    """By how much the loop turns at each vertex, in degrees."""
+    curves = loop_curves(outline.loops[0])
+    ends = [math.degrees(math.atan2(v - y, u - x)) for x, y, u, v, _ in curves]
+    half = [math.degrees(2 * math.atan(b)) for *_, b in curves]
+    return [math.remainder(ends[k] - half[k] - ends[k - 1] - half[k - 1], 360) for k in range(len(curves))]
+
+
+WEDGE = {
+    "plate_corner_radius": ("round_", 5.5),
+    "plate_corner_x_2": ("x", 27.0),
+    "plate_arc_radius": ("bow", 33.0),
+    "plate_sides": ("sides", 8),
+    "plate_polygon_radius": ("nut", 3.5),
+}
+
+
+@pytest.mark.parametrize("name", WEDGE)
+def test_a_name_changes_what_it_says(name):
+    delivered = opened(wedge())
+    drawn, value = WEDGE[name]
+    assert delivered.values[name] == pytest.approx(wedge.__defaults__[wedge.__code__.co_varnames.index(drawn)])
+    after = change_values(delivered, {name: value})
+    assert volume_iou(solid_of(after), to_manifold(wedge(**{drawn: value}), SEGMENTS)) > 1 - 1e-7
+
+
+def test_each_freedom_of_the_outline_has_one_name():
+    """Three corners, a rounding and a bow; the hexagon has a place, sides and a radius, and stands as everyone draws it."""
+    values = opened(wedge()).values
+    corners = {"plate_corner_x", "plate_corner_x_2", "plate_corner_x_3", "plate_corner_y", "plate_corner_y_2", "plate_corner_y_3"}
+    assert set(values) == {"plate_thickness", "plate_hole_x", "plate_hole_y", *WEDGE, *corners}
+
+
+def test_small_things_far_from_the_middle_move_whole():
+    """A notch near a corner is told by steps from it."""
+    delivered = opened(
+        Primitive("extrude", (5.0,), outline=Outline((((-25.0, -9.0, 0.0), (31.0, -8.0, 0.0), (30.0, 10.0, 0.3), (28.5, 11.0, 0.0)),)))
+    )
+    assert delivered.values["plate_step_x"] == -1.0
+    before, after = (d.program.outline.loops[0] for d in (delivered, change_values(delivered, {"plate_corner_x_2": 35.0})))
+    assert [b[0] - a[0] for a, b in zip(before, after, strict=True)] == pytest.approx([0, 4, 4, 4])
+
+
+def test_a_polygon_needs_whole_sides():
+    delivered = opened(wedge())
+    with pytest.raises(EditError, match=r"plate_sides = 6.5: .* a polygon needs a whole number of 3 or more sides, got 6.5"):
+        change_values(delivered, {"plate_sides": 6.5})
+    assert meanings(delivered)["plate_sides"] == "moves 0.outline"
+
+
+def test_arcs_that_touch_still_touch_after_an_edit():
+    delivered = opened(snake())
+    assert bends_between(delivered.program.outline)[1:3] == pytest.approx([0, 0], abs=1e-5)
+    text = delivered.texts["program.scad"]
+    assert text.count('"before"]') == 2
+    for name in delivered.values:
+        if "corner" in name or "step" in name:
+            after = change_values(delivered, {name: 1.06 * delivered.values[name]}).program.outline
+            assert after != delivered.program.outline
+            assert bends_between(after)[1:3] == pytest.approx([0, 0], abs=1e-5)
+
+
+def test_an_arc_that_is_too_short_for_its_ends_is_refused():
+    with pytest.raises(EditError, match=r"plate_arc_radius = 15: line \d+: an arc of radius 15 does not span 42.0119"):
+        change_values(opened(wedge()), {"plate_arc_radius": 15.0})
+
+
+@pytest.mark.parametrize(
+    ("arcs", "message"),
+    [
+        (["before", "before", "before", "before"], "touches its neighbour"),
+        ([(2.0,), 0.0, 0.0, 0.0], "rounds a corner that stands at both its ends"),
+        ([(8.0, 2.0), 0.0, 0.0, 0.0], "counter-clockwise or clockwise, not 2"),
+        ([(0.0, 0.0, 1.0), 0.0, 0.0, 0.0], "ends in its centre"),
+    ],
+)
+def test_what_no_arc_can_be_is_refused(arcs, message):
+    corners = [(0.0, 0.0), (10.0, 1.0), (9.0, 8.0), (-1.0, 7.0)]
+    with pytest.raises(ValueError, match=message):
+        to_loop([(*corner, arc) for corner, arc in zip(corners, arcs, strict=True)])
+
+
+def test_bends_draw_what_they_say():
+    """The centre and the radius of each arc, and what touches, measured on the loop."""
+    loop = to_loop([(0.0, 0.0, 0.0), (10.0, 0.0, "before"), (10.0, 8.0, (6.0, -1)), (0.0, 9.0, (-3.0, 4.5, 1)), (0.0, 0.0, "after")][:-1])
+    curves = loop_curves(loop)
+    assert arc_center(curves[1]) == pytest.approx((10.0, 4.0))
+    assert (arc_radius(curves[2]), curves[2][4] < 0) == (pytest.approx(6.0), True)
+    assert arc_center(curves[3]) == pytest.approx((-3.0, 4.5))
+
+
+@pytest.mark.parametrize("sides", [3, 5, 6, 12])
+def test_a_regular_polygon_is_known_either_way_round(sides):
+    loop = regular_polygon(sides, 4.0, 1.0, -2.0, 10.0)
+    for run in (loop, reverse_loop(loop), loop[2:] + loop[:2]):
+        found = regular_of(run, 1e-7)
+        assert (found.sides, found.radius, found.angle) == (sides, pytest.approx(4.0), pytest.approx(10.0))
+    assert regular_of((*loop[:-1], (loop[-1][0] + 1e-3, *loop[-1][1:])), 1e-7) is None
+
+
+def test_a_turned_outline_has_no_number_but_names_wherever_it_begins():
+    def spool(low, high):
+        section = ((0.0, low, 0.0), (9.0, low, 0.0), (6.0, low + 4, 0.0), (6.0, high, 0.0), (0.0, high, 0.0))
+        return Primitive("revolve", (360.0,), (0.0, 0.0, 10.0), outline=Outline((section,)))
+
+    middle, off = opened(spool(-8.0, 8.0)), opened(spool(-8.0, 10.0))
+    assert "-turned_part_height/2 + turned_part_level" in middle.texts["program.scad"]
+    assert (off.values["turned_part_base"], off.values["turned_part_height"]) == (-8.0, 18.0)
+    for delivered in (middle, off):
+        taller = solid_of(change_values(delivered, {"turned_part_height": 20.0})).bounding_box()
+        assert (taller[2], taller[5]) == pytest.approx((2.0, 22.0))
+
+
+def test_a_window_that_reaches_from_side_to_side_has_a_wall():
+    def frame(length, wall):
+        sides = [(x, y) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        loops = [tuple((x * (length / 2 - w), y * (20.0 - w), 0.0) for x, y in sides) for w in (0.0, wall)]
+        return Primitive("extrude", (5.0,), outline=Outline(tuple(loops)))
+
+    delivered = opened(frame(60.0, 2.0))
+    for values, drawn in (({"plate_length": 50.0}, frame(50.0, 2.0)), ({"plate_wall_x": 3.0, "plate_wall_y": 3.0}, frame(60.0, 3.0))):
+        assert volume_iou(solid_of(change_values(delivered, values)), to_manifold(drawn, SEGMENTS)) > 1 - 1e-9
+
+
+def eared(radius=9.0):
+    """A bar with two ears, mirror images of each other, that end in an arc between leaning lines; both pinned."""
+
+    def pinned(side):
+        chord = math.dist((8.0, -5.0), (9.0, 6.0))
+        loop = ((-12.0, -7.0, 0.0), (8.0, -5.0, math.tan(math.asin(chord / 2 / radius) / 2)), (9.0, 6.0, 0.0), (-12.0, 4.0, 0.0))
+        drawn = Outline((loop,))
+        ear = Primitive("extrude", (6.0,), (side * 40.0, 0.0, 0.0), outline=drawn if side > 0 else drawn.mirror())
+        return Combine("difference", ear, Primitive("cylinder", (1.0, 20.0), (side * 35.0, 0.0, 0.0)))
+
+    return Combine("union", Primitive("box", (60.0, 8.0, 6.0)), Combine("union", pinned(1), pinned(-1)))
+
+
+def test_mirror_images_are_edited_together():
+    delivered = opened(eared())
+    assert delivered.folded is not None
+    after = change_values(delivered, {"profile_arc_radius": 7.0})
+    assert volume_iou(solid_of(after), to_manifold(eared(7.0), SEGMENTS)) > 1 - 1e-6
+
+
+# --- other readers
+
+
+def every_bend():
+    """All that a text may say of arcs: in the wedge, in the snake behind it, in a disc with a slanted flat, and in the lever."""
+    a, b, middle = (math.radians(t) for t in (20, 70, 225))
+    ends = [(10 * math.cos(t), 10 * math.sin(t)) for t in (a, b, middle)]
+    wide = math.tan((middle - b) / 4)
+    disc = Outline((((*ends[0], 0.0), (*ends[1], wide), (*ends[2], wide)), circle(3.0)))
+    parts = [
+        Primitive("extrude", (5.0,), (40.0, 0.0, 1.0), outline=snake().outline),
+        Primitive("extrude", (5.0,), (-45.0, 0.0, 1.0), outline=disc),
+    ]
+    beside = Primitive("extrude", (5.0,), (0.0, 50.0, 1.0), outline=lever().outline)
+    return Combine("union", Combine("union", wedge(), parts[0]), Combine("union", parts[1], beside))
+
+
+EDITED = {
+    "plate_sides": 5,
+    "plate_corner_radius": 5.5,
+    "profile_corner_y_3": 17.0,
+    "profile2_arc_angle": 150.0,
+    "profile3_end_radius": 10.0,
+}
+
+
+def test_openscad_draws_every_bend(tmp_path):
+    delivered = opened(every_bend())
+    text = delivered.texts["program.scad"]
+    assert all(said in text for said in ("ngon(", "[plate_corner_radius]", '"before"', "bend(profile2_arc_angle)", "[plate_arc_radius, 1]"))
+    for values in ({}, EDITED):
+        mesh = rendered(text, tmp_path, *(f"{name}={value}" for name, value in values.items()))
+        ours = solid_of(change_values(delivered, values) if values else delivered)
+        assert volume_iou(mesh_to_manifold(mesh), ours) > 1 - 1e-5
+
+
+@pytest.mark.tool
+@pytest.mark.parametrize(("package", "file"), [("build123d", "program.py"), ("cadquery", "program.cq.py")])
+@pytest.mark.parametrize("values", [{}, EDITED])
+def test_scripts_draw_every_bend(package, file, values, tmp_path):
+    python = interpreter(package)
+    pytest.importorskip("OCP", reason="the extra [step] is not installed")
+    from imdim.export.step import read_step, shape_volume
+
+    delivered = opened(every_bend())
+    after = change_values(delivered, values) if values else delivered
+    (tmp_path / file).write_text(after.texts[file])
+    subprocess.run([python, file], check=True, cwd=tmp_path, timeout=120, capture_output=True)
+    wanted = to_manifold(after.program, 4096).volume()
+    assert shape_volume(read_step(tmp_path / "part.step"), 1e-9) == pytest.approx(wanted, rel=2e-6)
