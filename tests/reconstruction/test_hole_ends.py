@@ -8,6 +8,7 @@ from tests.planted import box, cone, cut, cylinder, mesh_of
 from imdim.detection.mesh_surfaces import detect_patches
 from imdim.geometry.holes import find_holes
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
+from imdim.program.cost import count
 from imdim.program.outline import Outline, circle
 from imdim.program.tree import Primitive, Program, leaves, map_leaves, map_lengths
 from imdim.reconstruction.hole_ends import complete_holes
@@ -21,13 +22,17 @@ def in_unit(program: Program) -> Program:
     return map_leaves(program, lambda _, leaf: map_lengths(leaf, lambda v: v / 100, tuple(c / 100 for c in leaf.center)))  # type: ignore[arg-type]
 
 
-def completed(meant: Program, found: Program) -> tuple[Program, float, float]:
-    """The program found with what is completed, and its IoU with what is meant before and after."""
+def completed(meant: Program, found: Program, weight: float = 0.0) -> tuple[Program, float, float]:
+    """The program found with what is completed where a primitive costs `weight`, and its IoU with what is meant before and after."""
     mesh = mesh_of(in_unit(meant))
     solid = mesh_to_manifold(mesh)
     before = in_unit(found)
-    after = complete_holes(before, detect_patches(mesh), lambda p: volume_iou(to_manifold(p), solid))
-    return after, volume_iou(to_manifold(before), solid), volume_iou(to_manifold(after), solid)
+
+    def iou(program: Program) -> float:
+        return volume_iou(to_manifold(program), solid)
+
+    after = complete_holes(before, detect_patches(mesh), iou, lambda p: 1 - iou(p) + weight * count(p).primitives)
+    return after, iou(before), iou(after)
 
 
 def drilled() -> Program:
@@ -51,6 +56,12 @@ def test_the_points_of_drills_come_back(made):
     assert all(h.depth == pytest.approx(0.08, rel=1e-3) for h in find_holes(after))
     assert now > before
     assert now > 1 - 1e-5
+
+
+@pytest.mark.parametrize(("made", "kind"), [("cylinders", "drilled"), ("one outline", "blind")])
+def test_points_that_are_not_worth_more_features_come_back_where_they_are_none(made, kind):
+    after, _, _ = completed(drilled(), cut(box(60, 30, 12), *FLAT[made]), weight=0.01)
+    assert [h.kind for h in find_holes(after)] == [kind] * 3
 
 
 def test_seats_come_back_at_either_end():

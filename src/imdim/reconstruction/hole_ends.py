@@ -1,7 +1,8 @@
 """The conical ends of holes that a search leaves out: the point of a drill and the seat of a countersunk head.
 
-They hold so little of a part that a search which pays for each primitive takes the hole without them. Yet the mesh shows them as surfaces
-of their own, on the axis of a hole that was found: what is missing is known, and exact volumes say whether it fits.
+They hold so little of a part that a search which pays for each curve takes the hole without them. Yet the mesh shows them as surfaces
+of their own, on the axis of a hole that was found: what is missing is known, and exact volumes say whether it fits. Where a point would be
+a feature more, since its hole is a loop of a drawing, it has to be worth that.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 from imdim.geometry.holes import find_holes
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.surface import Patch
+from imdim.program.cost import count
 from imdim.program.holes import Hole
 from imdim.program.outline import Outline, circle_of
 from imdim.program.roles import signs
@@ -48,10 +50,11 @@ class _Ends(NamedTuple):
     turned: Primitive
 
 
-def complete_holes(program: Program, patches: Sequence[Patch], iou: Callable[[Program], float | None]) -> Program:
-    """The program with the points and seats that cones among `patches` show at its holes, where `iou` with the target is better with them.
-
-    All is in the unit frame.
+def complete_holes(
+    program: Program, patches: Sequence[Patch], iou: Callable[[Program], float | None], price: Callable[[Program], float]
+) -> Program:
+    """The program with the points and seats that cones among `patches` show at its holes, where `iou` with the target is better with them,
+    and the `price` of error and length no higher if they make it longer. All is in the unit frame.
     """
     cones = [p for p in patches if p.surface.kind == "cone" and p.outward < 0]
     holes = find_holes(program) if cones else ()
@@ -67,7 +70,8 @@ def complete_holes(program: Program, patches: Sequence[Patch], iou: Callable[[Pr
     for change in trials:
         trial = change(out)
         fits = iou(trial)
-        if fits is not None and fits > best:
+        longer = count(trial).primitives > count(out).primitives
+        if fits is not None and fits > best and not (longer and price(trial) > price(out)):
             out, best = trial, fits
     return out
 

@@ -256,7 +256,7 @@ def _body(body: Target, work: _Work, share: float = 1.0) -> Iterator[_BodyState]
     home = step.program if seen.solid is None else without_strays(step.program, seen.solid, fit_by)
     short = preserve(home, reduce_program(home, deadline=fit_by))
     if settings.language == "cad" and seen.solid is not None and not fit_by.has_passed():
-        short = complete_holes(short, seen.patches, seen.iou)
+        short = complete_holes(short, seen.patches, seen.iou, seen.exact_price)
     simple = replace(step, stage="simplify", program=short, error=None, front=())
     last = _state(simple, seen, frame)
     yield last
