@@ -104,3 +104,15 @@ def test_an_edit_that_closes_or_opens_something_says_so_and_is_refused_if_strict
     assert not (tmp_path / "new").exists()
     assert main(arguments) == 0
     assert capsys.readouterr().out.splitlines()[-1] == "changed in kind: 1 body became 6, 2 through-holes became 0"
+
+
+def test_a_document_of_a_few_lines_that_unfolds_to_thousands_of_primitives_is_listed_at_once(tmp_path, capsys):
+    """Thirteen repeats of two, one in the other: equations for 8,192 boxes would take more memory than machines have."""
+    node = {"kind": "box", "size": {"sx": 1.0, "sy": 1.0, "sz": 1.0}, "center": [0.0, 0.0, 0.0], "rotation": [0.0, 0.0, 0.0]}
+    for k in range(13):
+        node = {"repeat": "linear", "count": 2, "step": [2.0 * 2 ** (k // 3) * (k % 3 == axis) for axis in range(3)], "part": node}
+    plain = json.loads(codec.dumps(box(1, 1, 1), codec.Meta()))
+    path = tmp_path / "program.json"
+    path.write_text(json.dumps({**plain, "version": 3, "program": node}))
+    assert main(["edit", str(path), "--list"]) == 0
+    assert [line.split()[1:] for line in capsys.readouterr().out.splitlines()] == [["2", "how", "many", "copies", "there", "are"]] * 13

@@ -27,6 +27,7 @@ from imdim.relations.residuals import rows_of
 
 ZERO = 1e-9  # coefficients
 HALVES = 1e-6  # by which a coefficient may miss a half that it stands for: the digits of files
+MOST_NAMED = 1000  # primitives, copies counted, of a program with names: equations are dense, and so many take 0.4 GB
 SLOPE = 1e-6  # of a constraint's own slopes, that it may have with respect to a name
 PATTERNS = ("linear", "circular")
 _RANKS = {"center": 0, "radius": 2, "circle": 2, "diameter": 3}  # by the last part of a word, the last are eliminated last
@@ -259,6 +260,8 @@ def without_loose(
     """The constraints that hold whatever value a name gets. The others say of numbers as they are what the next edit makes untrue; one
     that binds directions alone stays, since edits turn nothing."""
     numbers = lower(program)
+    if not constraints or len(numbers.kinds) > MOST_NAMED:
+        return ()
     system = LinearSystem.of(program, constraints, delivered, folded)
     matrix, owner = _world_rows(constraints, numbers)
     follows = np.zeros((6 * len(numbers.kinds), len(system.start)))

@@ -12,12 +12,13 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from imdim.export.drawn_vertex import DrawnPolygon, DrawnRing, DrawnVertex, map_ring, numbers_of
-from imdim.export.elimination import LinearSystem, vector
+from imdim.export.elimination import MOST_NAMED, LinearSystem, vector
 from imdim.export.hole_names import BoreWords, Notes, hole_notes, hole_roles
 from imdim.export.loops import Loop, loop_of
 from imdim.export.numbers import Expression, Rounding, Term, constants, simple_fraction
 from imdim.export.outline_rows import EXACT, Sum
 from imdim.program.constraints import Constraint
+from imdim.program.cost import count
 from imdim.program.repeats import Folded, Repeat, repeats
 from imdim.program.roles import labels, signs, size_word, unique
 from imdim.program.tree import FULL_TURN, Primitive, Program, leaves, longest
@@ -88,7 +89,10 @@ def parametrise(
 
     Both have the same leaves but for what `overshoot` and rounding changed, which becomes a constant of the expression. `folded`, which
     `delivered` is the expansion of, adds what its repeats say, and their counts. Names in `values` get these instead of those of `program`.
+    A program of more than MOST_NAMED primitives, copies counted, has names for its counts alone.
     """
+    if count(program).primitives > MOST_NAMED:
+        return Parameters.none(delivered, folded)
     label = labels(program, constraints, folded, hole_roles(delivered))
     named = _parametrise(program, constraints, delivered, folded, values or {}, label)
     return replace(named, notes=hole_notes(delivered, folded))
