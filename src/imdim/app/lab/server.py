@@ -16,6 +16,7 @@ import viser
 from imdim.app.lab.examples import NAMES
 from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.jobs import GiB, PoolLimits, WorkerPool
+from imdim.app.lab.origin_guard import refusing_foreigners
 from imdim.app.lab.page import Page
 from imdim.app.lab.state import MiB, UploadLimits
 from imdim.app.lab.view import light
@@ -30,7 +31,8 @@ class Lab:
         self.pool, self._uploads, self._target = WorkerPool(limits), uploads, target
         self._pages: dict[int, Page] = {}
         self._lock = threading.Lock()
-        self._server = viser.ViserServer(host=host, port=port, label="IMDIM Live Lab", verbose=False)
+        with refusing_foreigners(host):
+            self._server = viser.ViserServer(host=host, port=port, label="IMDIM Live Lab", verbose=False)
         self._server.request_share_url = _refuse_to_share  # type: ignore[method-assign]
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
         light(self._server.scene)
