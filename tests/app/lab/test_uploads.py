@@ -9,7 +9,7 @@ messages = pytest.importorskip("viser._messages")
 uploads = pytest.importorskip("imdim.app.lab.uploads")
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def gui():
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     yield server.gui
@@ -38,6 +38,34 @@ def test_large_files_are_refused_before_they_come(gui):
     assert ack.transferred_bytes / ack.total_bytes < 1, "the browser does not say that all of it was taken"
 
 
+def test_what_is_more_than_was_declared_is_not_kept(gui):
+    told = []
+    uploads.limit_uploads(SimpleNamespace(gui=gui), 1000, told.append, lambda *what: told.append(what))
+    link, coming = gui._websock_interface, gui._current_file_upload_states
+    coming.clear()
+    button = gui.add_upload_button("Open")
+
+    def send(message):
+        for call in link._incoming_handlers[type(message)]:
+            call(0, message)
+
+    link.queue_message = lambda _: None
+    try:
+        for name in ("a.stl", "b.stl", "c.stl"):
+            send(messages.FileTransferStartUpload(button._impl.uuid, name, name, "", 1000, 600))
+        assert list(coming) == ["a.stl", "b.stl"], "two at once"
+        send(messages.FileTransferPart(button._impl.uuid, "a.stl", 0, b"x" * 600))
+        assert coming["a.stl"]["transferred_bytes"] == 600
+        send(messages.FileTransferPart(button._impl.uuid, "a.stl", 1, b"x"))
+        assert list(coming) == ["b.stl"]
+        send(messages.FileTransferPart(button._impl.uuid, "a.stl", 2, b"x" * 900))
+        assert list(coming) == ["b.stl"], "what still comes is dropped"
+    finally:
+        del link.queue_message
+        coming.clear()
+    assert told == ["a.stl", "b.stl", ("c.stl", 600), ("a.stl", 601)]
+
+
 def test_a_toolkit_without_the_names_is_named(gui):
-    with pytest.raises(RuntimeError, match=r"viser .* has no _handle_file_transfer_start, on which the limit"):
+    with pytest.raises(RuntimeError, match=r"viser .* has no _handle_file_transfer_start, .*_states, on which the limit"):
         uploads.limit_uploads(SimpleNamespace(gui=SimpleNamespace(_websock_interface=None)), 1, print, print)
