@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 from imdim.target.readers import FORMATS, InputError, read
 from imdim.target.target import load_target
@@ -165,3 +166,21 @@ def test_garbage_and_truncation_are_input_errors(tmp_path, suffix):
             load_target(path)
         assert "bad" in str(caught.value)
         assert "\n" not in str(caught.value)
+
+
+def test_textures_are_not_decoded(tmp_path, monkeypatch):
+    """A picture of half a megabyte on ten meshes took more than eight gigabytes."""
+    parts = []
+    for x in (0.0, 3.0):
+        mesh = trimesh.creation.box((1, 1, 1))
+        mesh.apply_translation((x, 0, 0))
+        mesh.visual = trimesh.visual.TextureVisuals(uv=np.zeros((8, 2)), image=Image.new("RGB", (8, 8)))
+        parts.append(mesh)
+    path = tmp_path / "boxes.glb"
+    path.write_bytes(trimesh.Scene(parts).export(file_type="glb"))
+
+    def decode(*_args, **_settings):
+        raise AssertionError("a texture was decoded")
+
+    monkeypatch.setattr(Image.Image, "load", decode)
+    assert len(read(path).faces) == 24

@@ -105,7 +105,8 @@ def read_scene(path: Path) -> Raw:
 
     if path.suffix.lower() in (".glb", ".gltf"):
         _check_json(path)
-    options = {"skip_materials": True} if path.suffix.lower() == ".obj" else {}
+    # a picture of half a megabyte may take gigabytes once it is decoded, and no solid needs one
+    options = {} if path.suffix.lower() == ".off" else {"skip_materials": True}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         scene = trimesh.load_scene(path, process=False, **options)  # type: ignore[arg-type]
