@@ -106,3 +106,11 @@ def test_an_empty_word_is_an_empty_word():
 def test_python_refuses_an_unknown_choice_too(key, said):
     with pytest.raises(ConfigError, match=said):
         imdim.reconstruct(np.random.default_rng(0).random((99, 3)), Settings(**{key: "step"}))
+
+
+@pytest.mark.parametrize("name", ["${oc.env:SECRET}.stl", "\\${oc.env:SECRET}.stl", "\\\\${oc.env:SECRET}", "a ${x} b"])
+def test_names_of_files_are_taken_literally(name, monkeypatch):
+    """The value of a variable of the environment came into results by the name of a file."""
+    monkeypatch.setenv("SECRET", "hunter2")
+    assert merge(Settings, {"input": name}).input == name
+    assert from_arguments([], input=name).input == name

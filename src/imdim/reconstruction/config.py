@@ -6,6 +6,7 @@ them (hydra, ``key=value`` arguments, a plain dict), they are merged into a fres
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
@@ -63,17 +64,29 @@ class Settings:
 
 
 def merge(schema: type[T], values: Mapping[str, Any]) -> T:
-    """A fresh `schema` (a dataclass) with `values` laid over its defaults; raises ConfigError on unknown keys and wrong types."""
+    """A fresh `schema` (a dataclass) with `values` laid over its defaults; raises ConfigError on unknown keys and wrong types.
+
+    Values are taken literally: ``${oc.env:NAME}`` in the name of a file is part of that name.
+    """
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
     check_keys(schema, values)
     try:
-        merged = OmegaConf.merge(OmegaConf.structured(schema), OmegaConf.create(dict(values)))
+        merged = OmegaConf.merge(OmegaConf.structured(schema), OmegaConf.create(_escape(dict(values))))
         return OmegaConf.to_object(merged)  # type: ignore[return-value]
     except OmegaConfBaseException as error:
         where = error.full_key or ", ".join(key for key, value in values.items() if not isinstance(value, Mapping))
         raise ConfigError(f"setting {where}: {first_line(error)}") from error
+
+
+def _escape(value: Any) -> Any:
+    """Texts in which nothing is interpolated, at any depth."""
+    if isinstance(value, Mapping):
+        return {key: _escape(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_escape(inner) for inner in value]
+    return re.sub(r"(\\*)\$\{", r"\1\1\\${", value) if isinstance(value, str) else value
 
 
 def check_keys(schema: type, values: Mapping[str, Any], prefix: str = "") -> None:
