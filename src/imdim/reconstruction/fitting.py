@@ -13,7 +13,7 @@ from imdim.geometry.finish.hidden_ends import shorten_cones
 from imdim.geometry.finish.pattern_outlier import regularise_outliers
 from imdim.geometry.metrics import diagonal
 from imdim.geometry.sampling import subsample
-from imdim.geometry.solid import SEGMENTS
+from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.numbers.refine import RefineConfig, refine
 from imdim.numbers.snap import SnapConfig, accept_changes, snap
 from imdim.numbers.symmetry_normal_form import canonical
@@ -21,7 +21,7 @@ from imdim.program.constraints import Constraint
 from imdim.program.cost import count
 from imdim.program.tree import Op, Primitive, Program, fold, leaves, map_leaves
 from imdim.reconstruction.observation import Observation
-from imdim.reconstruction.preserve import is_same, preserve, volume_difference
+from imdim.reconstruction.preserve import is_same, preserve
 from imdim.relations.discover import exact_relations, hold_constraints
 from imdim.target.target import Frame, Target
 
@@ -33,7 +33,7 @@ SHOWN = 8192  # points of a target that numbers and relations are judged by
 SNAP_LOSS = 1e-4  # of the volume IoU with a mesh, that rounder numbers may cost: typed ones cost none
 MOST_RELATED = 120  # primitives; the time that relations take grows with the square
 RELATE_ERROR, RELATE_MOVE = 1e-2, 1e-5  # shares of mean distance and diagonal that relations may cost
-SNAP_TRIES = 24  # programs that are made to find which rounder primitives can stand together
+SNAP_TRIES = 10  # programs that are made to find which rounder primitives can stand together
 MOST_ROWS = 256  # distances of all points to one primitive, that are kept while numbers are rounded
 VALUES: Mapping[Op, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {  # of a program at some points, from those of its parts
     "union": np.minimum,
@@ -109,12 +109,18 @@ def snap_numbers(program: Program, seen: Observation, frame: Frame, deadline: De
     plain = map_leaves(program, lambda _, leaf: canonical(leaf))
     if deadline.has_passed():
         return plain
-    before, most = seen.iou(to_unit(plain)), SNAP_CHANGE if exact else 10 * SNAP_CHANGE
+    most = SNAP_CHANGE if exact else 10 * SNAP_CHANGE
+
+    plain_solid = to_manifold(to_unit(plain))
+    before = None if seen.solid is None else volume_iou(plain_solid, seen.solid)
 
     def bears(trial: Program) -> bool:
-        if deadline.has_passed() or volume_difference(plain, trial, SEGMENTS) >= most:
+        if deadline.has_passed():
             return False
-        return before is None or before - (seen.iou(to_unit(trial)) or 0.0) < SNAP_LOSS
+        solid = to_manifold(to_unit(trial))
+        if 1 - volume_iou(plain_solid, solid) >= most:
+            return False
+        return before is None or seen.solid is None or before - volume_iou(solid, seen.solid) < SNAP_LOSS
 
     out = plain
     for boldness in (1.0, 0.1, 0.01) if exact else (1.0, 0.3):
