@@ -5,7 +5,7 @@ import trimesh
 from tests.deadlines import PASSED
 from tests.export.coincident import MEANT
 from tests.known_programs import KNOWN
-from tests.planted import box, cut, cylinder
+from tests.planted import box, cut, cylinder, mesh_of
 
 from imdim.app.fit import summary
 from imdim.delivery import deliver as module
@@ -16,6 +16,7 @@ from imdim.export.folder import FILES
 from imdim.export.numbers import round_program
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.codec import constraints_of, from_json, loads, parse
+from imdim.program.outline import Outline, circle
 from imdim.program.tree import Primitive
 from imdim.relations.discover import exact_relations
 from imdim.relations.residuals import verify
@@ -158,3 +159,14 @@ def test_the_report_tells_what_delivery_kept(delivered, target, tmp_path, monkey
     report = deliver(box(40, 30, 6), target_from(to_trimesh(to_manifold(box(40, 30, 6)))), tmp_path / "out", RUN)
     assert report["found"] == {"volume_iou": 1, "iou_with_delivered": 0.5}
     assert "  delivered differs from found: IoU 0.5000\n" in summary(report, tmp_path)
+
+
+def test_what_is_not_looked_at_is_told(tmp_path):
+    """A sieve has more round walls than holes are looked for among."""
+    rectangle = ((-100.0, -100.0, 0.0), (100.0, -100.0, 0.0), (100.0, 100.0, 0.0), (-100.0, 100.0, 0.0))
+    rings = [circle(2.0, 10.0 * i - 85, 10.0 * j - 85) for i in range(18) for j in range(18)]
+    sieve = Primitive("extrude", (3.0,), outline=Outline((rectangle, *rings)))
+    report = deliver(sieve, target_from(mesh_of(sieve, 8)), tmp_path / "out", RUN, step_limit_s=0.1)
+    assert report["holes"] == []
+    assert report["left_out"] == ["holes were not looked for: 324 round walls, more than 300"]
+    assert "  holes were not looked for: 324 round walls, more than 300\n" in summary(report, tmp_path / "out")

@@ -70,10 +70,11 @@ def edit_program(source: Path, values: dict[str, float], folder: Path, step: boo
     with refusing(source):
         before = _open(source)
         after = change_values(before, values)
-        report = EditReport.of(solid_of(before), solid_of(after))
+        solids = solid_of(before), solid_of(after)
+        report = EditReport.of(*solids)
         if strict and report.changes_in_kind:
             raise ValueError(f"{', '.join(f'{n} = {v:g}' for n, v in values.items())}: {report.changes_in_kind}")
-        files = write(after, folder, STEP_LIMIT_S if step else 0.0, before)
+        files = write(after, folder, STEP_LIMIT_S if step else 0.0, solids)
     return list_files(folder, files) + "".join(f"{line}\n" for line in report.lines())
 
 

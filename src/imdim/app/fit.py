@@ -126,6 +126,7 @@ def summary(report: Mapping[str, Any], folder: Path) -> str:
     said = [group["says"] for group in report.get("holes", [])]
     more = f" and {len(said) - MOST_SAID} more" if len(said) > MOST_SAID else ""
     lines += [f"  {'holes':<8} {'; '.join(said[:MOST_SAID])}{more}"] if said else []
+    lines += [f"  {said}" for said in report.get("left_out", [])]
     lines += [f"  {name} {said}" for name, said in report["files"].items() if said.startswith("skipped") and name != "program.loops.scad"]
     lines += [
         f"  {what:<8} {folder / name}"

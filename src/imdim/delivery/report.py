@@ -8,20 +8,22 @@ from __future__ import annotations
 import json
 import math
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from imdim.delivery.evaluate import DeliveryLoss, Distances, Scores
 from imdim.delivery.finish import FinishedProgram
+from imdim.export.elimination import MOST_NAMED
 from imdim.export.hole_names import hole_groups, hole_roles
+from imdim.geometry.holes import MOST_WALLS, count_walls
 from imdim.program.cost import count
 from imdim.program.hole_groups import HoleGroup
 from imdim.program.metric import screw_of
 from imdim.program.repeats import Folded, Repeat, repeats, size
 from imdim.program.roles import labels
-from imdim.program.tree import leaves, longest
+from imdim.program.tree import Program, leaves, longest
 from imdim.target.target import Target
 
 FORMAT, VERSION = "imdim-report", 1
@@ -72,6 +74,7 @@ def report_of(
         },
         "repeats": [] if folded is None else _repeats(folded, labels(program, constraints, folded, hole_roles(program))),
         "holes": [_group(group) for group in hole_groups(program)],
+        "left_out": list(_left_out(program)),
         "constraints": [{"name": c.name, "kind": c.kind, "says": str(c)} for c in constraints],
         "parameters": {name: number(value) for name, value in delivered.parameters.values.items()},
         "scores": _scores(scores),
@@ -103,6 +106,15 @@ def _repeats(folded: Folded, label: Sequence[str]) -> list[dict[str, Any]]:
         }
         for first, repeat in repeats(folded)
     ]
+
+
+def _left_out(program: Program) -> Iterator[str]:
+    """What a program is too long for, a sentence each."""
+    walls, primitives = count_walls(program), count(program).primitives
+    if walls > MOST_WALLS:
+        yield f"holes were not looked for: {walls} round walls, more than {MOST_WALLS}"
+    if primitives > MOST_NAMED:
+        yield f"sizes have no names: {primitives} primitives, more than {MOST_NAMED}"
 
 
 def _group(group: HoleGroup) -> dict[str, Any]:

@@ -151,21 +151,21 @@ def solid_of(delivered: Delivered) -> Manifold:
     return solid
 
 
-def write(delivered: Delivered, folder: Path, step_limit_s: float = 0.0, before: Delivered | None = None) -> dict[str, str]:
+def write(delivered: Delivered, folder: Path, step_limit_s: float = 0.0, solids: tuple[Manifold, Manifold] | None = None) -> dict[str, str]:
     """Write program.json, the texts and the meshes into `folder`, whole or not at all; what became of each file.
 
-    With what was there `before` also edit.png, a picture of both solids. With `step_limit_s` also program.step, which is skipped, with
-    the reason, where OpenCASCADE is missing, fails or takes longer.
+    With the `solids` before and after an edit, if they are known, also edit.png, a picture of both. With `step_limit_s` also program.step,
+    which is skipped, with the reason, where OpenCASCADE is missing, fails or takes longer.
     Raises OutputError when the folder cannot be written or holds foreign files, EditError where the solid is empty.
     """
-    solid = solid_of(delivered)
+    solid = solid_of(delivered) if solids is None else solids[1]
     with replacing(folder) as partial:
         texts = {"program.json": dumps(delivered.program, delivered.meta, delivered.constraints, delivered.folded), **delivered.texts}
         for file, text in texts.items():
             (partial / file).write_text(text, encoding="utf-8")
         write_meshes(solid, partial)
-        if before is not None:
-            picture_of(solid_of(before), solid).save(partial / "edit.png")
+        if solids is not None:
+            picture_of(*solids).save(partial / "edit.png")
         skipped: dict[str, str] = {}
         if step_limit_s:
             with exporting(partial) as job:

@@ -30,9 +30,10 @@ WIDEST = 3.0  # times the diameter of a hole: what is wider still is another hol
 STATIONS = 16  # along a wall, beside those between the faces of leaves
 ANGLES = np.arange(24) * 2 * np.pi / 24 + np.pi / 24  # of a ring; none is a corner of a hexagon
 HALVINGS = 40
+CLOSE = 1e-7  # of the largest size: faces that are nearer to each other have nothing between them
 POINT = 0.05  # of the widest radius of a wall, below which its end is a point
 REGULAR = 2e-3  # of its size, by which a hexagon may be off
-MOST_WALLS = 600
+MOST_WALLS = 300  # that are looked at, which takes seconds
 
 
 class Wall(NamedTuple):
@@ -52,9 +53,9 @@ class Wall(NamedTuple):
 
 @lru_cache(maxsize=16)
 def find_holes(program: Program) -> tuple[Hole, ...]:
-    """The holes of a program, by their first primitives; none where there are more walls than are looked at."""
+    """The holes of a program, by their first primitives; none where there are more than MOST_WALLS walls."""
     numbers, parts = lower(program), list(leaves(program))
-    walls = [wall for i, p in enumerate(parts) for wall in _walls(i, p, numbers)]
+    walls = list(_all_walls(parts, numbers))
     if not walls or len(walls) > MOST_WALLS:
         return ()
     length = longest(parts)
@@ -63,7 +64,16 @@ def find_holes(program: Program) -> tuple[Hole, ...]:
     return tuple(sorted(found, key=lambda h: (h.leaves, h.point)))
 
 
+def count_walls(program: Program) -> int:
+    """How many walls would have to be looked at to find the holes."""
+    return sum(1 for _ in _all_walls(list(leaves(program)), lower(program)))
+
+
 # --- walls that there may be --------------------------------------------------------------------------------------------
+
+
+def _all_walls(parts: Sequence[Primitive], numbers: Lowered) -> Iterator[Wall]:
+    return (wall for i, p in enumerate(parts) for wall in _walls(i, p, numbers))
 
 
 def _walls(leaf: int, p: Primitive, numbers: Lowered) -> Iterator[Wall]:
@@ -191,7 +201,7 @@ class _Solid:
 
     def _stretches(self, walls: Sequence[Wall]) -> list[_Stretch]:
         """Along an axis the walls that are there, the innermost where there are several."""
-        at = self._stations(walls)
+        at, lower, upper = self._stations(walls)
         pairs = [(i, k) for k, wall in enumerate(walls) for i in np.flatnonzero((at > wall.low) & (at < wall.high))]
         if not pairs:
             return []
@@ -210,16 +220,17 @@ class _Solid:
         first, last, which = np.array(runs).T
         lows, highs = np.array([walls[k].low for k in which]), np.array([walls[k].high for k in which])
         before, after = np.concatenate([[-np.inf], at[:-1]])[first], np.concatenate([at[1:], [np.inf]])[last]
-        starts = self._ends(walls, which, at[first], np.maximum(before, lows))
-        ends = self._ends(walls, which, at[last], np.minimum(after, highs))
+        starts = self._ends(walls, which, at[first], np.maximum(before, lows), np.maximum(lower[first], lows))
+        ends = self._ends(walls, which, at[last], np.minimum(after, highs), np.minimum(upper[last], highs))
         return [
             _Stretch(walls[k], a, b, _radius(walls[k], a), _radius(walls[k], b))
             for k, a, b in zip(which, starts.tolist(), ends.tolist(), strict=True)
             if b - a > SKIN * max(_radius(walls[k], a), _radius(walls[k], b))
         ]
 
-    def _stations(self, walls: Sequence[Wall]) -> np.ndarray:
-        """Places along the axis, at least one between any two faces that lie across it and any two places where walls meet."""
+    def _stations(self, walls: Sequence[Wall]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Places [n] along the axis, one at least between any two faces that lie across it and any two places where walls meet; and the
+        nearest such before and after each [n]."""
         points, normals = self.faces
         across = np.abs(normals @ walls[0].axis) > 1 - 1e-9
         levels = (points[across] - walls[0].origin) @ walls[0].axis
@@ -227,15 +238,24 @@ class _Solid:
         ends = [t for wall in walls for t in (wall.low, wall.high)]
         levels = np.concatenate([levels, _meetings(walls)])
         cuts = np.unique(np.concatenate([levels[(levels > low) & (levels < high)], ends, np.linspace(low, high, STATIONS)]))
-        return ((cuts[1:] + cuts[:-1]) / 2)[np.diff(cuts) > 1e-7 * self.length]
+        wide = np.diff(cuts) > CLOSE * self.length
+        low, high = cuts[:-1][wide], cuts[1:][wide]
+        return (low + high) / 2, low, high
 
-    def _ends(self, walls: Sequence[Wall], which: np.ndarray, there: np.ndarray, gone: np.ndarray) -> np.ndarray:
-        """Where walls [n] end that are there at `there` and no more at `gone`, or just before it."""
-        for _ in range(HALVINGS):
+    def _ends(self, walls: Sequence[Wall], which: np.ndarray, there: np.ndarray, gone: np.ndarray, likely: np.ndarray) -> np.ndarray:
+        """Where walls [n] end that are there at `there` and no more at `gone`, or just before it: where it is `likely` if that is so, else
+        by bisection."""
+        step = CLOSE * self.length * np.sign(gone - there)
+        beyond = np.abs(gone - likely) > np.abs(step)
+        found = self._is_wall(walls, which, likely - step) & ~(beyond & self._is_wall(walls, which, np.where(beyond, likely + step, there)))
+        out, open_ = likely.copy(), np.flatnonzero(~found)
+        there, gone, which = there[open_], gone[open_], which[open_]
+        for _ in range(HALVINGS if len(open_) else 0):
             middle = (there + gone) / 2
             is_wall = self._is_wall(walls, which, middle)
             there, gone = np.where(is_wall, middle, there), np.where(is_wall, gone, middle)
-        return (there + gone) / 2
+        out[open_] = (there + gone) / 2
+        return out
 
     def _is_wall(self, walls: Sequence[Wall], which: np.ndarray, at: np.ndarray) -> np.ndarray:
         """Whether walls number `which` [n] are there at `at` [n]: air on the axis and inside, material around."""

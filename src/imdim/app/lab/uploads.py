@@ -42,7 +42,8 @@ def limit_uploads(client: viser.ClientHandle, most: int, began: Callable[[str], 
             accept(client_id, message)
             return
         end(message.source_component_uuid, message.transfer_uuid)
-        refuse(message.filename, message.size_bytes)
+        if message.size_bytes > most:  # no browser begins a third transfer beside two of its own
+            refuse(message.filename, message.size_bytes)
 
     def part(client_id: int, message: messages.FileTransferPart) -> None:
         state = coming.get(message.transfer_uuid)
