@@ -2,8 +2,9 @@
 
 RESULTS holds results folders. For each program.json: how many of its numbers (values of names, lengths and places that follow no name,
 angles) lie on a grid of 0.05 mm, of a sixteenth of an inch, or of 0.5 degrees; how many coefficients of expressions are none of 1, 1/2, 2
-and whole numbers; and how deep its operations nest, chains of one operation counted once. Programs of parts in other units than
-millimetres or inches fail the first by design.
+and whole numbers; how deep its operations nest, chains of one operation counted once; and how many of its outlines have no number that
+follows no name (`Parameters.free_numbers`). Programs of parts in other units than millimetres or inches fail the first by design. How many
+changes of names `imdim edit` accepts is told by `edits.py`.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from imdim.export.parameters import Parameters, parametrise
 from imdim.program.codec import constraints_of, from_json, parse, read_folded
 from imdim.program.nary import fold_nary
 from imdim.program.repeats import repeats
-from imdim.program.tree import OPS, Program, leaves
+from imdim.program.tree import OPS, Program, leaves, longest
 
 GRIDS_MM = (0.05, 25.4 / 16)
 GRID_DEG = 0.5
@@ -35,7 +36,14 @@ class Reading(NamedTuple):
     numbers: int
     on_grid: int
     odd_coefficients: int
-    depth: int
+    depth: float
+    outlines: int
+    settled_outlines: int
+
+    def __str__(self) -> str:
+        share = f" ({self.on_grid / self.numbers:.0%})" if self.numbers else ""
+        cells = (self.numbers, f"{self.on_grid}{share}", self.odd_coefficients, f"{self.depth:g}", self.outlines, self.settled_outlines)
+        return " | ".join(map(str, cells))
 
 
 def main() -> int:
@@ -46,14 +54,13 @@ def main() -> int:
     if not documents:
         print(f"{given.results}: no folder in it has a program.json", file=sys.stderr)
         return 2
-    readings = []
-    print("| part | numbers | on the grid | other coefficients | nesting |\n| --- | --- | --- | --- | --- |")
-    for path in documents:
-        r = read(path)
-        readings.append(r)
-        print(f"| {path.parent.name} | {r.numbers} | {_share(r.on_grid, r.numbers)} | {r.odd_coefficients} | {r.depth} |")
-    numbers, on_grid, odd, depths = zip(*readings, strict=True)
-    print(f"| all {len(documents)} | {sum(numbers)} | {_share(sum(on_grid), sum(numbers))} | {sum(odd)} | {statistics.median(depths):g} |")
+    readings = [read(path) for path in documents]
+    print("| part | numbers | on the grid | other coefficients | nesting | outlines | without free numbers |")
+    print("| --- " * 7 + "|")
+    for path, r in zip(documents, readings, strict=True):
+        print(f"| {path.parent.name} | {r} |")
+    totals = Reading(*(map(sum, zip(*readings, strict=True))))._replace(depth=statistics.median(r.depth for r in readings))
+    print(f"| all {len(documents)} | {totals} |")
     return 0
 
 
@@ -63,9 +70,15 @@ def read(path: Path) -> Reading:
     program, folded = from_json(document), read_folded(document)
     named = parametrise(program, constraints_of(document), program, folded if any(repeats(folded)) else None)
     on_grid = [*_lengths(named), *_angles(program, named)]
-    coefficients = [t.coefficient for e in _expressions(named) for t in e.terms]
-    odd = sum(abs(2 * c - round(2 * c)) > ZERO or (abs(c) > 0.5 and c % 1 != 0) for c in map(float, coefficients))
-    return Reading(len(on_grid), sum(on_grid), odd, nesting(program))
+    coefficients = [float(t.coefficient) for e in _expressions(named) for t in e.terms]
+    odd = sum(map(is_odd, coefficients))
+    free = named.free_numbers(longest(leaves(program)))
+    return Reading(len(on_grid), sum(on_grid), odd, nesting(program), len(free), free.count(0))
+
+
+def is_odd(coefficient: float) -> bool:
+    """Whether a coefficient is neither 1/2 nor a whole number."""
+    return abs(abs(coefficient) - 0.5) > ZERO and abs(coefficient - round(coefficient)) > ZERO
 
 
 def nesting(program: Program) -> int:
@@ -92,10 +105,6 @@ def _angles(program: Program, named: Parameters) -> Iterator[bool]:
 
 def _is_round(value: float, grids: tuple[float, ...]) -> bool:
     return any(abs(value - g * round(value / g)) <= NEAR for g in grids)
-
-
-def _share(part: int, whole: int) -> str:
-    return f"{part} ({part / whole:.0%})" if whole else "0"
 
 
 if __name__ == "__main__":

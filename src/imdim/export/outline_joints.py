@@ -13,7 +13,16 @@ QUARTER = math.tan(math.pi / 8)  # the bulge of a quarter turn
 STEEP = 0.05  # of the radius: what an arc must reach along a line that it crosses
 X, Y = 0, 1
 
-Row = dict[int, float]
+Row = dict[int, float]  # a sum of variables: their factors
+
+
+def sum_rows(*parts: tuple[Row, float]) -> Row:
+    """Sums of variables times factors, added up."""
+    out: Row = {}
+    for row, factor in parts:
+        for v, c in row.items():
+            out[v] = out.get(v, 0.0) + factor * c
+    return {v: c for v, c in out.items() if c}
 
 
 @dataclass

@@ -16,7 +16,8 @@ from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
 
 from imdim.export.drawn_vertex import Bend, BendAngle, BendRadius, Center, DrawnPolygon, DrawnRing, DrawnVertex, Reach, Touching, turn_round
-from imdim.export.outline_joints import HALF, DrawnArc, DrawnCurve, DrawnLine, Joint, OutlineJoints, Regular, Row, X, Y
+from imdim.export.outline_joints import HALF, DrawnArc, DrawnCurve, DrawnLine, Joint, OutlineJoints, Regular, Row, X, Y, sum_rows
+from imdim.export.outline_walls import EXACT, RoundWall, bind_coaxial
 from imdim.export.seats import FlatWall
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.design_values import is_level
@@ -27,7 +28,6 @@ from imdim.program.tree import Primitive
 if TYPE_CHECKING:
     from imdim.export.elimination import LinearSystem
 
-EXACT = 1e-7  # of the largest size, within which written numbers touch
 NEAR = 0.2  # of a place: what lies no further inside another is measured from that
 WIDEST = 120.0  # degrees by which an arc turns that is told by its radius: the ends of a wider one soon lie too far apart for that
 ANGLE_DECIMALS = 6  # of a degree that comes of the digits of vertices
@@ -58,7 +58,7 @@ def add_outlines(system: LinearSystem, parts: Sequence[Primitive], folded: Folde
     """
     sources = list(range(len(parts))) if folded is None else [source for source, _ in instances(folded)]
     drawn: dict[int, Drawn] = {}
-    circles: list[_RoundWall] = []
+    circles: list[RoundWall] = []
     for leaf, (part, source) in enumerate(zip(parts, sources, strict=True)):
         if part.outline is None:
             continue
@@ -78,7 +78,7 @@ def add_outlines(system: LinearSystem, parts: Sequence[Primitive], folded: Folde
             drawn[leaf], drawn[source] = _constant(part.outline), _constant(parts[source].outline)
             circles = [c for c in circles if c.leaf != source]
             system.heights.pop(source, None)
-    system.rows += _coaxial(system, circles, parts, sources)
+    system.rows += bind_coaxial(system, circles, parts, sources)
     return drawn
 
 
@@ -86,7 +86,7 @@ def _mirrored(loop: DrawnRing[Sum]) -> DrawnRing[Sum]:
     """As `Outline.mirror` has it: the other side of the y axis, run the other way from the same vertex."""
 
     def other_side(number: Sum) -> Sum:
-        return Sum(_sum((number.row, -1.0)), -number.value)
+        return Sum(sum_rows((number.row, -1.0)), -number.value)
 
     def bend(v: DrawnVertex[Sum]) -> Bend[Sum]:
         # an arc turned round and mirrored runs the same way
@@ -95,7 +95,7 @@ def _mirrored(loop: DrawnRing[Sum]) -> DrawnRing[Sum]:
         return turn_round(v.bulge) if isinstance(v.bulge, Touching) else v.bulge
 
     if isinstance(loop, DrawnPolygon):
-        return replace(loop, x=other_side(loop.x), angle=Sum(_sum((loop.angle.row, -1.0)), 180.0 - loop.angle.value))
+        return replace(loop, x=other_side(loop.x), angle=Sum(sum_rows((loop.angle.row, -1.0)), 180.0 - loop.angle.value))
     bulges = [bend(v) for v in reversed(loop)]
     corners = [loop[0], *reversed(loop[1:])]
     reaches = [replace(v.reach, sign=-v.reach.sign) if v.reach and v.reach.axis == X else v.reach for v in corners]
@@ -171,14 +171,14 @@ class _Dimensions:
             base, roof = ({self.system.heights[self.leaf]: half} for half in (-0.5, 0.5))
         else:
             base = {self._new("base", low): 1.0} if abs(low) > self.slack else {}
-            roof = _sum((base, 1.0), ({self._new("height", top - low): 1.0}, 1.0))
+            roof = sum_rows((base, 1.0), ({self._new("height", top - low): 1.0}, 1.0))
         hanging = self._hanging(top)
         for level in levels:
             row = base if abs(level - low) <= self.slack else roof
             if low + self.slack < level < top and (self.joints.cell(level) not in hanging or 2 * (level - low) < top - low):
-                row = _sum((base, 1.0), ({self._new("level", level - low): 1.0}, 1.0))
+                row = sum_rows((base, 1.0), ({self._new("level", level - low): 1.0}, 1.0))
             elif low + self.slack < level < top:
-                row = _sum((roof, 1.0), ({self._new("depth", top - level): 1.0}, -1.0))
+                row = sum_rows((roof, 1.0), ({self._new("depth", top - level): 1.0}, -1.0))
             self.known[what, Y, self.joints.cell(level)] = row
 
     def _hanging(self, top: float) -> set[int]:
@@ -211,7 +211,7 @@ class _Dimensions:
                 elif arc.at[axis] is None:
                     arc.at[axis] = self._place("arc", axis, arc.center[axis])
         for (what, axis, cell), (arc, side) in self.following.items():
-            self.known[what, axis, cell] = _sum((arc.at[axis] or {}, 1.0), (arc.size, side))
+            self.known[what, axis, cell] = sum_rows((arc.at[axis] or {}, 1.0), (arc.size, side))
 
     def _find_following(self) -> Iterator[tuple[tuple[str, int, int], tuple[DrawnArc, float]]]:
         """The lines that touch an arc of more than a quarter turn, by word, axis and place, with that and the side where they lie: a
@@ -258,7 +258,7 @@ class _Dimensions:
                 both = (axis, mirrored) in every and (what, axis, mirrored) not in self.known
                 if (what, axis, cell) not in self.known and abs(place - base) <= NEAR * abs(place):
                     step = self._new(f"{prefix}step_{'xy'[axis]}", place - base)
-                    row = _sum((self._place(what, axis, base), 1.0), ({step: 1.0}, 1.0))
+                    row = sum_rows((self._place(what, axis, base), 1.0), ({step: 1.0}, 1.0))
                     stepped |= {(axis, cell), (axis, mirrored)}
                 elif (what, axis, cell) not in self.known:
                     word, size = ("corner_spacing", 2 * abs(place)) if both else ("corner", place)
@@ -269,7 +269,7 @@ class _Dimensions:
                     continue
                 self.known[what, axis, cell] = row
                 if both:
-                    self.known[what, axis, mirrored] = _sum((row, -1.0))
+                    self.known[what, axis, mirrored] = sum_rows((row, -1.0))
 
     def _add(self, what: str, places: Iterable[tuple[int, float]], extents: tuple[str, str], single: tuple[str, str]) -> None:
         """Variables for places along an axis, those farthest out first; none for what lies on the axis itself."""
@@ -290,7 +290,7 @@ class _Dimensions:
                 gap = self._new(f"inset_{'xy'[axis]}", abs(outer) - abs(place))
                 for side in (1, -1) if both else (math.copysign(1.0, place),):
                     known = self._place(what, axis, side * abs(outer))
-                    self.known[what, axis, self.joints.cell(side * abs(place))] = _sum((known, 1.0), ({gap: 1.0}, -side))
+                    self.known[what, axis, self.joints.cell(side * abs(place))] = sum_rows((known, 1.0), ({gap: 1.0}, -side))
             elif both:
                 extent = self._new(extents[axis], 2 * abs(place))
                 for side in (1, -1):
@@ -311,7 +311,7 @@ class _Dimensions:
         wall = self._new(f"wall_{'xy'[axis]}", outer - place)
         for side in (1, -1):
             edge = self._place(_side(False), axis, side * outer)
-            self.known[what, axis, self.joints.cell(side * place)] = _sum((edge, 1.0), ({wall: 1.0}, -side))
+            self.known[what, axis, self.joints.cell(side * place)] = sum_rows((edge, 1.0), ({wall: 1.0}, -side))
         return True
 
     def _next_out(self, what: str, axis: int, place: float) -> float | None:
@@ -353,13 +353,13 @@ class _Dimensions:
             assert line.across is not None
             side = 1.0 if line.place > joint.about.center[line.across] else -1.0
             place = self._place(_side(line.inner), line.across, line.place)
-            yield _sum((place, 1.0), (joint.about.at[line.across] or {}, -1.0), (joint.about.size, -side))
+            yield sum_rows((place, 1.0), (joint.about.at[line.across] or {}, -1.0), (joint.about.size, -side))
         if joint.along is None or not joint.fits or any(isinstance(c, DrawnArc) and c.loose for c in (a, b)):
             return
         for axis in (X, Y):
             (first, knows), (second, also) = (self._coordinate(c, joint, axis) for c in (a, b))
             if knows and also:
-                yield _sum((first, 1.0), (second, -1.0))
+                yield sum_rows((first, 1.0), (second, -1.0))
 
     def _coordinate(self, c: DrawnCurve, joint: Joint, axis: int) -> tuple[Row, bool]:
         """One coordinate of a vertex by one of its curves, and whether that says it."""
@@ -368,7 +368,7 @@ class _Dimensions:
         center = c.at[axis] or {}
         if axis != joint.along:
             return center, True
-        return _sum((center, 1.0), (c.size, 1.0 if joint.at[axis] > c.center[axis] else -1.0)), True
+        return sum_rows((center, 1.0), (c.size, 1.0 if joint.at[axis] > c.center[axis] else -1.0)), True
 
     def vertices(self) -> Drawn:
         """The vertices of all loops."""
@@ -424,7 +424,7 @@ class _Dimensions:
         assert line.across is not None
         across, axis = line.across, 1 - line.across
         place, center = self._place(_side(line.inner), across, line.place), arc.at[across] or {}
-        off = Sum(_sum((place, 1.0), (center, -1.0)), line.place - arc.center[across])
+        off = Sum(sum_rows((place, 1.0), (center, -1.0)), line.place - arc.center[across])
         sign = 1 if joint.at[axis] > arc.center[axis] else -1
         ends = [Sum(place, line.place), Sum(arc.at[axis] or {}, arc.center[axis])]
         x, y = ends if across == X else reversed(ends)
@@ -455,7 +455,7 @@ class _Dimensions:
                 assert c.across is not None
                 width = self._radius("chamfer", abs(off))
                 ends = list(corner)
-                ends[c.across] = _sum((corner[c.across], 1.0), (width, math.copysign(1.0, off)))
+                ends[c.across] = sum_rows((corner[c.across], 1.0), (width, math.copysign(1.0, off)))
                 out[number] = (ends[X], ends[Y])
         return out
 
@@ -465,7 +465,7 @@ class _Dimensions:
         *center, radius = found
         at = [self._place("center", axis, center[axis]) for axis in (X, Y)]
         size = self._circle_size(i)
-        rows = [[_sum((at[axis], 1.0), (size, (v[axis] - center[axis]) / radius)) for axis in (X, Y)] for v in loop]
+        rows = [[sum_rows((at[axis], 1.0), (size, (v[axis] - center[axis]) / radius)) for axis in (X, Y)] for v in loop]
         return tuple(DrawnVertex(Sum(x, v[0]), Sum(y, v[1]), v[2]) for (x, y), v in zip(rows, loop, strict=True))
 
     def _polygon(self, regular: Regular) -> DrawnPolygon[Sum]:
@@ -481,7 +481,7 @@ class _Dimensions:
         assert found is not None
         if self.part.kind == "revolve":
             return self._radius("tube_radius", found[2])
-        return _sum((self._radius("hole_diameter" if self.joints.holes[i] else "diameter", 2 * found[2]), 0.5))
+        return sum_rows((self._radius("hole_diameter" if self.joints.holes[i] else "diameter", 2 * found[2]), 0.5))
 
     def flat_walls(self) -> Iterator[FlatWall]:
         """The outermost lines of an extrusion along its own axes, where these are the world's."""
@@ -494,10 +494,10 @@ class _Dimensions:
             axis = next(a for a in range(3) if turn[a][k])
             way = turn[axis][k]
             if row:
-                at = _sum(({6 * self.leaf + 3 + axis: 1.0}, 1.0), (row, way))
+                at = sum_rows(({6 * self.leaf + 3 + axis: 1.0}, 1.0), (row, way))
                 yield FlatWall(self.leaf, axis, side * way, self.part.center[axis] + way * place, at)
 
-    def circles_in_space(self) -> Iterator[_RoundWall]:
+    def circles_in_space(self) -> Iterator[RoundWall]:
         """The circles of an extrusion along the world's axes."""
         if self.part.kind != "extrude" or not is_level(self.part):
             return
@@ -511,8 +511,8 @@ class _Dimensions:
             places, rows = [0.0, 0.0, 0.0], list[Row]([{}, {}, {}])
             for a in range(3):
                 places[a] = self.part.center[a] + turn[a][0] * found[0] + turn[a][1] * found[1]
-                rows[a] = _sum(({6 * self.leaf + 3 + a: 1.0}, 1.0), (own[0], turn[a][0]), (own[1], turn[a][1]))
-            yield _RoundWall(self.leaf, axis, places, rows, found[2], self._circle_size(i))
+                rows[a] = sum_rows(({6 * self.leaf + 3 + a: 1.0}, 1.0), (own[0], turn[a][0]), (own[1], turn[a][1]))
+            yield RoundWall(self.leaf, axis, places, rows, found[2], self._circle_size(i))
 
 
 def _has(places: Iterable[float], place: float, slack: float) -> bool:
@@ -527,55 +527,3 @@ def _center(arc: DrawnArc, way: int) -> Center[Sum]:
 def _side(inner: bool) -> str:
     """The lines of holes have places of their own."""
     return "inner" if inner else "outer"
-
-
-def _sum(*parts: tuple[Row, float]) -> Row:
-    out: Row = {}
-    for row, factor in parts:
-        for v, c in row.items():
-            out[v] = out.get(v, 0.0) + factor * c
-    return {v: c for v, c in out.items() if c}
-
-
-# --- between features ---------------------------------------------------------------------------------------------------
-
-
-@dataclass
-class _RoundWall:
-    """A round wall along a world axis: the places of its axis, what they are the sum of, and its radius."""
-
-    leaf: int
-    axis: int
-    places: Sequence[float]
-    rows: Sequence[Row]
-    radius: float
-    size: Row
-
-
-def _coaxial(system: LinearSystem, circles: Sequence[_RoundWall], parts: Sequence[Primitive], sources: Sequence[int]) -> Iterator[Row]:
-    """Circles of outlines on the axis of another round wall stay there; radii that are equal on one axis stay equal."""
-    slack = EXACT * system.length
-    others = [r for i, p in enumerate(parts) if sources[i] == i for r in _round_walls(i, p)]
-    for i, circle in enumerate(circles):
-        for other in (*circles[:i], *others):
-            across = [a for a in range(3) if a != circle.axis]
-            if other.axis != circle.axis or any(abs(circle.places[a] - other.places[a]) > slack for a in across):
-                continue
-            if other.leaf != circle.leaf:
-                yield from (_sum((circle.rows[a], 1.0), (other.rows[a], -1.0)) for a in across)
-                if abs(circle.radius - other.radius) <= slack:
-                    yield _sum((circle.size, 1.0), (other.size, -1.0))
-
-
-def _round_walls(leaf: int, p: Primitive) -> Iterator[_RoundWall]:
-    """The round walls of a cylinder or cone along a world axis; of what is turned about one the axis alone."""
-    if p.kind not in ("cylinder", "cone", "revolve"):
-        return
-    direction = matrix_from_euler(p.rotation)[:, 2]
-    axis = next((a for a in range(3) if abs(direction[a]) > 1 - 1e-12), None)
-    rows: list[Row] = [{6 * leaf + 3 + a: 1.0} for a in range(3)]
-    if p.kind == "revolve" and axis is not None:
-        yield _RoundWall(leaf, axis, p.center, rows, -1.0, {})
-        return
-    for column in range(len(p.size) - 1 if axis is not None else 0):
-        yield _RoundWall(leaf, axis or 0, p.center, rows, p.size[column], {6 * leaf + column: 1.0})

@@ -16,7 +16,8 @@ from imdim.export.elimination import MOST_NAMED, LinearSystem, vector
 from imdim.export.hole_names import BoreWords, Notes, hole_notes, hole_roles
 from imdim.export.loops import Loop, loop_of
 from imdim.export.numbers import Expression, Rounding, Term, constants, simple_fraction
-from imdim.export.outline_rows import EXACT, Sum
+from imdim.export.outline_rows import Sum
+from imdim.export.outline_walls import EXACT
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
 from imdim.program.repeats import Folded, Repeat, repeats

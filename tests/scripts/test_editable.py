@@ -1,0 +1,71 @@
+"""What the bench of editability counts, on programs whose numbers are known; and the README's picture of an edit."""
+
+import sys
+from pathlib import Path
+
+import pytest
+from PIL import Image
+from tests.planted import box, cut, cylinder
+
+from imdim.export.edit import open_delivered, write
+from imdim.program.codec import dumps, parse
+from imdim.program.outline import Outline, circle
+from imdim.program.tree import Primitive, combine_all
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts" / "bench"))
+
+import editable
+
+import make_edit_picture
+
+PLATE = cut(box(80.0, 50.0, 6.0), cylinder(3.1234, 8.0))
+
+
+def written(program, folder):
+    write(open_delivered(parse(dumps(program)), {}), folder)
+    return folder
+
+
+def test_numbers_off_the_grid_are_counted(tmp_path):
+    found = editable.read(written(PLATE, tmp_path / "plate") / "program.json")
+    assert found.numbers - found.on_grid == 1, "the hole's diameter alone"
+    assert (found.odd_coefficients, found.depth, found.outlines) == (0, 1, 0)
+    inch = editable.read(written(box(25.4, 25.4 / 4, 3.0), tmp_path / "inch") / "program.json")
+    assert inch.on_grid == inch.numbers == 3
+
+
+def test_outlines_and_nesting_are_counted(tmp_path, capsys):
+    drawn = Primitive("extrude", (5.0,), (0.0, 0.0, 5.5), outline=Outline((circle(9.0),)))
+    deep = combine_all(
+        "union", [combine_all("difference", [combine_all("union", [PLATE, drawn]), cylinder(1.0, 30.0)]), box(1.0, 1.0, 9.0)]
+    )
+    found = editable.read(written(deep, tmp_path / "deep") / "program.json")
+    assert (found.depth, found.outlines, found.settled_outlines) == (4, 1, 1)
+    sys.argv = ["editable.py", str(tmp_path)]
+    assert editable.main() == 0
+    assert capsys.readouterr().out.splitlines()[-1].startswith(f"| all 1 | {found.numbers} | {found.on_grid} (")
+
+
+def test_a_picture_of_an_edit(tmp_path, capsys):
+    folder, picture = written(PLATE, tmp_path / "plate"), tmp_path / "edit.png"
+    arguments = [str(folder / "mesh.stl"), str(folder), "plate_thickness=12", "--out", str(picture)]
+    assert make_edit_picture.main(arguments) == 0
+    panels = Image.open(picture).convert("L")
+    side, top = make_edit_picture.SIDE, make_edit_picture.HEADER
+    left, right = (panels.crop((x, top, x + side, top + side)) for x in (0, panels.width - side))
+    assert left.getextrema()[0] < 200
+    assert left.tobytes() != right.tobytes()
+    assert make_edit_picture.main([*arguments[:2], "plate_thicknes=12", "--out", str(tmp_path / "no.png")]) == 2
+    assert "nearest are plate_thickness" in capsys.readouterr().err
+    assert not (tmp_path / "no.png").exists()
+
+
+@pytest.mark.parametrize("value", [1.0, 0.5, -2.0, 3.0])
+def test_plain_coefficients_are_not_odd(value):
+    assert not editable.is_odd(value)
+
+
+@pytest.mark.parametrize("value", [1.5, 0.25, 0.087])
+def test_other_coefficients_are_odd(value):
+    assert editable.is_odd(value)
