@@ -12,6 +12,8 @@ from typing import Any
 
 from imdim.program.codec import CONVENTION, FORMAT, MAX_CONSTRAINTS, UNITS, VERSIONS
 from imdim.program.constraints import RULES
+from imdim.program.edge_codec import MAX_EDGE_FEATURES, MAX_EDGES, SIZES_OF
+from imdim.program.edges import EDGE_KINDS
 from imdim.program.node_codec import MAX_PRIMITIVES, REPEAT_FIELDS
 from imdim.program.outline import MOST_CURVES
 from imdim.program.repeats import JOINS, REPEATS
@@ -55,6 +57,8 @@ def schema() -> dict[str, Any]:
             **{_repeat_name(kind): _repeat(kind) for kind in REPEATS},
             **{kind: _primitive(kind) for kind in KINDS},
             "constraint": _constraint(),
+            **{kind: _edge_feature(kind) for kind in EDGE_KINDS},
+            "face": {"type": "string", "pattern": r"^\d{1,9}\.([+-][xyz]|side|wall\[\d{1,4}\]\[\d{1,4}\])$"},
             "feature": {"type": "string", "pattern": r"^(world|\d{1,9})(\.[a-z+-][a-z_]*)?$"},
         },
     }
@@ -70,7 +74,18 @@ def _metadata() -> dict[str, Any]:
     frame |= {"center": _VECTOR, "scale": {"type": "number", "exclusiveMinimum": 0}}
     about = "normalised = (original - center) * scale; the program's numbers are original ones"
     constraints = {"type": "array", "items": {"$ref": "#/$defs/constraint"}, "maxItems": MAX_CONSTRAINTS}
-    return {"units": {"enum": list(UNITS)}, "frame": {"description": about, **_record({}, frame)}, "constraints": constraints}
+    edges = {"type": "array", "items": {"oneOf": [{"$ref": f"#/$defs/{kind}"} for kind in EDGE_KINDS]}, "maxItems": MAX_EDGE_FEATURES}
+    framed = {"description": about, **_record({}, frame)}
+    return {"units": {"enum": list(UNITS)}, "frame": framed, "edges": edges, "constraints": constraints}
+
+
+def _edge_feature(kind: str) -> dict[str, Any]:
+    edge = {"type": "array", "items": {"$ref": "#/$defs/face"}, "minItems": 2, "maxItems": 2}
+    edges = {"type": "array", "items": edge, "minItems": 1, "maxItems": MAX_EDGES}
+    size = {"type": "number", "exclusiveMinimum": 0}
+    first, *more = SIZES_OF[kind]
+    about = "Of edges of the sharp program, each named by the two faces that meet in it: '0.+z', '1.side', '2.wall[0][3]'."
+    return {"description": about, **_record({"kind": {"const": kind}, first: size, "edges": edges}, dict.fromkeys(more, size))}
 
 
 def _constraint() -> dict[str, Any]:

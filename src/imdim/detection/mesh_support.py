@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,8 @@ from imdim.geometry.surface import Surface, is_spindle, normals, signed_distance
 
 # facets along a patch; four circles of corners may lie on a torus by mere symmetry, three similar ellipses on an ellipsoid
 LEAST_STEPS = {"sphere": 2.5, "torus": 4.5, "ellipsoid": 3.5}
+LEAN = 0.6  # of what it leans by at a corner: what a facet may lean by in its middle
+LEVEL = math.radians(2.0)  # beside that
 LEAST_TURN = {"ellipsoid": 30.0}  # degrees, on the ball; any smooth surface is one for less
 
 
@@ -124,7 +127,9 @@ def _following(surface: Surface, corners: np.ndarray, facing: np.ndarray, blur: 
     along = np.abs(np.einsum("tci,ti->tc", direction.reshape(probes.shape), facing))
     if surface.kind == "cone":
         along[np.linalg.norm(probes - surface.point, axis=2) < blur] = 1.0
-    return along.min(1)
+    least, middle = along.min(1), along[:, 3]
+    leans = np.arccos(np.clip(middle, -1, 1)) > LEAN * np.arccos(np.clip(least, -1, 1)) + LEVEL
+    return np.where(leans, 0.0, least)
 
 
 def to_ball(surface: Surface, direction: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ band of latitude is also an exact cone: area decides that too. What no curved ca
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
@@ -23,14 +24,26 @@ from imdim.geometry.surface import CLOSED_KINDS, Patch, Surface, normals, vec
 FLAT_ACROSS = 1e-4  # sine, by which normals leave a plane
 
 
+class Shown(NamedTuple):
+    """A carrier with its visible pieces, and the facets [m] that show it."""
+
+    patch: Patch
+    members: np.ndarray
+
+
 def detect_patches(mesh: trimesh.Trimesh) -> list[Patch]:
     """Carriers with their visible pieces, curved ones first, each kind by falling area."""
-    config, facets = MeshSurfaceConfig(), facets_of(mesh)
+    return [shown.patch for shown in detect_shown(facets_of(mesh))]
+
+
+def detect_shown(facets: Facets) -> list[Shown]:
+    """As `detect_patches`, with the facets that show each; no facet shows two."""
+    config = MeshSurfaceConfig()
     curved, free = _find_curved(facets, np.ones(len(facets.areas), bool), config)
     # corners where two tessellations cut each other lie on chords: what the strict pass leaves gets a second one
     more, free = _find_curved(facets, free, replace(config, on_surface=config.loose, max_failures=config.max_failures // 3))
-    exact = [_level(onto_corners(patch, facets.diagonal), facets.diagonal) for patch in curved + more]
-    return sorted(exact, key=lambda p: -p.area) + _planes(facets, free, config)
+    exact = [Shown(_level(onto_corners(patch, facets.diagonal), facets.diagonal), members) for patch, members in curved + more]
+    return sorted(exact, key=lambda s: -s.patch.area) + _planes(facets, free, config)
 
 
 def _level(patch: Patch, diagonal: float) -> Patch:
@@ -38,7 +51,7 @@ def _level(patch: Patch, diagonal: float) -> Patch:
     return replace(patch, surface=level_axes(patch.surface, DRAWN * diagonal)) if patch.surface.kind == "ellipsoid" else patch
 
 
-def _find_curved(facets: Facets, free: np.ndarray, config: MeshSurfaceConfig) -> tuple[list[Patch], np.ndarray]:
+def _find_curved(facets: Facets, free: np.ndarray, config: MeshSurfaceConfig) -> tuple[list[Shown], np.ndarray]:
     """Curved patches among the `free` facets [u], and the facets that stay free."""
     smooth = (facets.angles > 1e-3) & (facets.angles < np.radians(config.smooth_deg))
     neighbours: list[list[int]] = [[] for _ in facets.areas]
@@ -60,7 +73,7 @@ def _find_curved(facets: Facets, free: np.ndarray, config: MeshSurfaceConfig) ->
         slack = 1.0 + sagitta(surface, facets, members) / (config.on_surface * facets.diagonal)
         members = np.union1d(members, members_of(surface, state, slack))
         state.free[members] = False
-        patches.append(_patch(surface, facets, members))
+        patches.append(Shown(_patch(surface, facets, members), members))
     return patches, state.free
 
 
@@ -93,7 +106,7 @@ def _patch(surface: Surface, facets: Facets, members: np.ndarray) -> Patch:
     return Patch(surface, points, float(facets.areas[members].sum()), 1 if facing.sum() > 0 else -1)
 
 
-def _planes(facets: Facets, free: np.ndarray, config: MeshSurfaceConfig) -> list[Patch]:
+def _planes(facets: Facets, free: np.ndarray, config: MeshSurfaceConfig) -> list[Shown]:
     """Free facets collected into planes, largest first; the larger facet's plane stands for all that lie in it."""
     order = [i for i in np.argsort(-facets.areas, kind="stable") if free[i] and facets.areas[i] > config.least_plane * facets.diagonal**2]
     normal, at = np.empty((len(order), 3)), np.empty(len(order))
@@ -109,8 +122,8 @@ def _planes(facets: Facets, free: np.ndarray, config: MeshSurfaceConfig) -> list
             normal[count], at[count] = n, n @ c
             groups.append([int(i)])
             count += 1
-    patches = [_plane_patch(facets, np.array(g)) for g in groups]
-    return sorted(patches, key=lambda p: -p.area)[: config.max_planes]
+    found = [Shown(_plane_patch(facets, np.array(g)), np.array(g)) for g in groups]
+    return sorted(found, key=lambda s: -s.patch.area)[: config.max_planes]
 
 
 def _plane_patch(facets: Facets, members: np.ndarray) -> Patch:

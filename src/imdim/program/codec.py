@@ -17,12 +17,15 @@ from typing import Any
 
 from imdim.program import fields
 from imdim.program.constraints import RULES, Constraint, ConstraintError, Ref, check_all, read_ref
+from imdim.program.edge_codec import edge_node, read_edges
+from imdim.program.edges import EdgeFeature, check_edges
 from imdim.program.node_codec import MAX_DEPTH, MAX_PRIMITIVES, encode_folded, program_node, read_node, text_lines
 from imdim.program.repeats import Folded, expand, repeats
 from imdim.program.tree import Program, Vec3, leaves
 
 FORMAT = "imdim-csg"
-VERSIONS = VERSION, CONSTRAINED, REPEATED, OUTLINES = 1, 2, 3, 4  # plain, with constraints, with repeats, with outlines
+# plain, with constraints, with repeats, with outlines, with edge features
+VERSIONS = VERSION, CONSTRAINED, REPEATED, OUTLINES, EDGES = 1, 2, 3, 4, 5
 MAX_CONSTRAINTS = 10_000
 MAX_CHARACTERS = 8 * 1024 * 1024
 MAX_BRACKETS = 500_000  # seven programs of 10,000 primitives have 350,000
@@ -49,12 +52,16 @@ class Meta:
 
 
 def to_json(
-    program: Program, meta: Meta | None = None, constraints: Sequence[Constraint] = (), folded: Folded | None = None
+    program: Program,
+    meta: Meta | None = None,
+    constraints: Sequence[Constraint] = (),
+    folded: Folded | None = None,
+    edges: Sequence[EdgeFeature] = (),
 ) -> dict[str, Any]:
     """The document as plain dicts, lists, strings and numbers; `folded`, which `program` is the expansion of, gives it repeats.
 
-    Raises ValueError beyond MAX_DEPTH or MAX_PRIMITIVES, ConstraintError, which names it, for a constraint that is ill-formed or
-    contradicts another.
+    Raises ValueError beyond MAX_DEPTH or MAX_PRIMITIVES and for an edge of no face, ConstraintError, which names it, for a constraint that
+    is ill-formed or contradicts another.
     """
     meta = meta or Meta()
     count, depth, node = program_node(program) if folded is None else encode_folded(folded)
@@ -63,11 +70,15 @@ def to_json(
     frame = {**CONVENTION, "center": [float(v) for v in meta.center], "scale": float(meta.scale)}
     version = REPEATED if folded is not None and any(repeats(folded)) else CONSTRAINED if constraints else VERSION
     version = OUTLINES if any(leaf.outline for leaf in leaves(program)) else version
-    document = {"format": FORMAT, "version": version, "units": meta.units, "frame": frame, "program": node}
-    if not constraints:
-        return document
-    check_all(constraints, list(leaves(program)))
-    return {**document, "constraints": [_constraint(c) for c in constraints]}
+    version = EDGES if edges else version
+    document: dict[str, Any] = {"format": FORMAT, "version": version, "units": meta.units, "frame": frame, "program": node}
+    if edges:
+        check_edges(edges, list(leaves(program)))
+        document["edges"] = [edge_node(feature) for feature in edges]
+    if constraints:
+        check_all(constraints, list(leaves(program)))
+        document["constraints"] = [_constraint(c) for c in constraints]
+    return document
 
 
 def from_json(document: object) -> Program:
@@ -90,11 +101,24 @@ def constraints_of(document: object) -> tuple[Constraint, ...]:
     return _read_document(document)[2]
 
 
-def dumps(program: Program, meta: Meta | None = None, constraints: Sequence[Constraint] = (), folded: Folded | None = None) -> str:
-    """The document as text, one primitive and one constraint per line; deterministic. Raises like `to_json`."""
-    document = to_json(program, meta, constraints, folded)
+def edges_of(document: object) -> tuple[EdgeFeature, ...]:
+    """The edge features of a document, none where it has none; raises like `from_json`."""
+    return _read_document(document)[4]
+
+
+def dumps(
+    program: Program,
+    meta: Meta | None = None,
+    constraints: Sequence[Constraint] = (),
+    folded: Folded | None = None,
+    edges: Sequence[EdgeFeature] = (),
+) -> str:
+    """The document as text, one primitive, edge feature and constraint per line; deterministic. Raises like `to_json`."""
+    document = to_json(program, meta, constraints, folded, edges)
     entries = [f"  {_text(key)}: {_text(document[key])}" for key in ("format", "version", "units", "frame")]
     entries.append('  "program": ' + "\n".join(text_lines(document["program"], "  ")))
+    if edges:
+        entries.append('  "edges": [\n' + ",\n".join(f"    {_text(e)}" for e in document["edges"]) + "\n  ]")
     if constraints:
         entries.append('  "constraints": [\n' + ",\n".join(f"    {_text(c)}" for c in document["constraints"]) + "\n  ]")
     return "{\n" + ",\n".join(entries) + "\n}\n"
@@ -140,8 +164,8 @@ def _text(value: object) -> str:
 # --- reading ---------------------------------------------------------------------------------------------------------
 
 
-def _read_document(document: object) -> tuple[Program, Meta, tuple[Constraint, ...], Folded]:
-    top = fields.record(document, "$", ("format", "version", "program"), ("units", "frame", "constraints"))
+def _read_document(document: object) -> tuple[Program, Meta, tuple[Constraint, ...], Folded, tuple[EdgeFeature, ...]]:
+    top = fields.record(document, "$", ("format", "version", "program"), ("units", "frame", "edges", "constraints"))
     if top["format"] != FORMAT:
         raise ValueError(f"$.format: expected {FORMAT!r}, got {fields.show(top['format'])}")
     if type(top["version"]) is not int or top["version"] not in VERSIONS:
@@ -157,7 +181,10 @@ def _read_document(document: object) -> tuple[Program, Meta, tuple[Constraint, .
         raise ValueError(f"$.program: {error}") from None
     if top["version"] < OUTLINES and any(leaf.outline for leaf in leaves(program)):
         raise ValueError(f"$.program: version {top['version']} has no outlines, they came with version {OUTLINES}")
-    return program, _read_meta(top), _read_constraints(top.get("constraints", []), program), folded
+    if top["version"] < EDGES and "edges" in top:
+        raise ValueError(f"$.edges: version {top['version']} has none, they came with version {EDGES}")
+    edges = read_edges(top.get("edges", []), program)
+    return program, _read_meta(top), _read_constraints(top.get("constraints", []), program), folded, edges
 
 
 def _read_constraints(entries: object, program: Program) -> tuple[Constraint, ...]:

@@ -145,6 +145,12 @@ def arc_center(curve: Curve) -> Point:
     return (x + u) / 2 - (v - y) * along, (y + v) / 2 + (u - x) * along
 
 
+def arc_middle(curve: Curve) -> Point:
+    """The point halfway along an arc."""
+    x, y, u, v, b = curve
+    return (x + u + b * (v - y)) / 2, (y + v - b * (u - x)) / 2
+
+
 def is_in_loop(loop: Loop, x: float, y: float) -> bool:
     """Whether a loop winds round a point: by the parity of its chords, turned where the point lies between an arc and its chord.
 

@@ -1,0 +1,313 @@
+"""Find the blends of a mesh: chains of fillets and chamfers that run along its edges.
+
+A fillet is a piece of cylinder, torus or sphere that both its neighbours touch; a chamfer a narrow flat, or piece of a cone, of one width
+between two. What joins pieces of one size is a chain. A chain that runs in one direction alone, or about one axis, is an outline's corner
+or a turned part's profile: those draw it as well as any edge feature could, so it is no blend here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+import trimesh
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from imdim.detection.facets import facets_of
+from imdim.detection.mesh_surfaces import detect_shown
+from imdim.geometry.surface import Patch, Surface, normals, vec
+
+BlendKind = Literal["fillet", "chamfer"]
+
+TANGENT = 6.0  # degrees, below which surfaces touch; coarse facets leave some
+HALF_STEP = 0.7  # of a step between facets, below which the first one touches what is beside it
+FLAT = 0.01  # radians, by which triangles of one facet may turn
+SLOPE = (10.0, 80.0)  # degrees, between a chamfer and its neighbours
+NARROW = 0.35  # of its neighbours' size, as the root of their area: a chamfer's width at most
+LONG = 1.5  # times its width, that a chamfer's shorter side is at least
+BESIDE = 0.5  # of a piece's boundary, that its two neighbours take
+LIKE = 0.03  # by which sizes within a chain may differ
+SMALLEST, LARGEST = 5e-4, 0.1  # of the diagonal: a blend's size
+CORNER = 2.0  # times its squared size: the area of a small piece between blends at most
+MOSTLY = 0.85  # of a curved patch's area: one facet that has more of it is a face of its own
+ONE_WAY = 1.0  # degrees, within which a chain's pieces run in one direction
+
+
+@dataclass(frozen=True, eq=False)
+class Blend:
+    """A piece of a chain: its triangles, the carriers of the two faces that met in the edge, and how it runs.
+
+    `sizes` are a fillet's radius, or a chamfer's distances along its two sides. `outside` is +1 where the edge is convex and -1 where it
+    is concave. A sphere in a corner has the sides of all the fillets that meet there.
+    """
+
+    kind: BlendKind
+    sizes: tuple[float, ...]
+    outside: int
+    triangles: np.ndarray
+    carrier: Surface
+    sides: tuple[Surface, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Blends of one kind and size that join each other."""
+
+    blends: tuple[Blend, ...]
+
+    @property
+    def kind(self) -> BlendKind:
+        return self.blends[0].kind
+
+    @property
+    def sizes(self) -> tuple[float, ...]:
+        return self.blends[0].sizes
+
+    @property
+    def outside(self) -> int:
+        return self.blends[0].outside
+
+
+class _Piece(NamedTuple):
+    """A connected piece of a carrier: its number, its patch, its area, by how many degrees its facets turn, and per piece beside it what
+    `_Border` says."""
+
+    number: int
+    patch: Patch
+    area: float
+    step: float
+    beside: Mapping[int, _Border]
+
+
+class _Border(NamedTuple):
+    """Where two pieces meet: how long, by how many degrees their carriers and their facets turn there, and whether it is convex."""
+
+    length: float
+    angle: float
+    bend: float
+    convex: bool
+
+
+def find_chains(mesh: trimesh.Trimesh) -> list[Chain]:
+    """The chains of blends of a mesh whose equal vertices are one, largest first; see the module for what counts as one."""
+    piece_of, pieces = _pieces(mesh)
+    diagonal = float(np.linalg.norm(mesh.extents))
+    found = {p.number: blend for p in pieces.values() if (blend := _blend(p, pieces, piece_of, diagonal)) is not None}
+    while more := dict(_going_on(pieces, found, piece_of, diagonal)) | dict(_corners(pieces, found, piece_of)):
+        found |= more
+    chains = [Chain(tuple(found[i] for i in group)) for group in _joined(found, mesh, piece_of)]
+    return sorted((c for c in chains if not _runs_one_way(c)), key=lambda c: -sum(len(b.triangles) for b in c.blends))
+
+
+def _pieces(mesh: trimesh.Trimesh) -> tuple[np.ndarray, dict[int, _Piece]]:
+    """For each triangle [f] the number of its piece, and the pieces; a facet that shows no carrier lies in a plane of its own."""
+    facets = facets_of(mesh)
+    shown = detect_shown(facets)
+    owner = np.full(len(facets.areas), -1)
+    patches = [s.patch for s in shown]
+    for i, (patch, members) in enumerate(shown):
+        areas = facets.areas[members]
+        # a wall with the first strip of a rounding at either end lies on a curve too, but is flat
+        if patch.surface.kind == "plane" or areas.max() < MOSTLY * areas.sum():
+            owner[members] = i
+    for facet in np.flatnonzero(owner < 0):
+        owner[facet] = len(patches)
+        plane = Surface("plane", vec(facets.centers[facet]), vec(facets.normals[facet]))
+        patches.append(Patch(plane, facets.corners[facets.facet_of == facet].reshape(-1, 3), float(facets.areas[facet])))
+    owner = owner[facets.facet_of]
+    pairs = np.asarray(mesh.face_adjacency).reshape(-1, 2)
+    joined = owner[pairs[:, 0]] == owner[pairs[:, 1]]
+    links = coo_array((np.ones(int(joined.sum())), pairs[joined].T), shape=(len(owner), len(owner)))
+    piece_of = connected_components(links, directed=False)[1]
+    owner_of = np.zeros(piece_of.max() + 1, int)
+    owner_of[piece_of] = owner
+    areas = np.bincount(piece_of, mesh.area_faces)
+    borders: dict[int, dict[int, _Border]] = defaultdict(dict)
+    for (a, b), edges in _edges_between(piece_of, pairs).items():
+        ends = mesh.vertices[mesh.face_adjacency_edges[edges]]
+        length = float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).sum())
+        convex = bool(np.mean(mesh.face_adjacency_convex[edges]) > 0.5)
+        at = ends.reshape(-1, 3)
+        cosine = np.abs((normals(patches[owner_of[a]].surface, at) * normals(patches[owner_of[b]].surface, at)).sum(1))
+        angle = math.degrees(math.acos(min(float(np.median(cosine)), 1.0)))
+        bend = math.degrees(float(np.median(mesh.face_adjacency_angles[edges])))
+        borders[a][b] = borders[b][a] = _Border(length, angle, bend, convex)
+    steps = _steps(mesh, piece_of, pairs)
+    return piece_of, {i: _Piece(i, patches[owner], float(areas[i]), steps.get(i, 0.0), borders[i]) for i, owner in enumerate(owner_of)}
+
+
+def _steps(mesh: trimesh.Trimesh, piece_of: np.ndarray, pairs: np.ndarray) -> dict[int, float]:
+    """By how many degrees the facets of each piece turn from one to the next, in the middle; none of flat ones."""
+    bent = np.flatnonzero((piece_of[pairs[:, 0]] == piece_of[pairs[:, 1]]) & (mesh.face_adjacency_angles > FLAT))
+    owner, turn = piece_of[pairs[bent, 0]], np.degrees(mesh.face_adjacency_angles[bent])
+    return {int(i): float(np.median(turn[owner == i])) for i in np.unique(owner)}
+
+
+def _edges_between(piece_of: np.ndarray, pairs: np.ndarray) -> dict[tuple[int, int], np.ndarray]:
+    """The numbers of the mesh's edges between each two pieces, a < b."""
+    between = np.sort(piece_of[pairs], axis=1)
+    edges = np.flatnonzero(between[:, 0] != between[:, 1])
+    keys, which = np.unique(between[edges], axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    groups = np.split(edges[np.argsort(which, kind="stable")], np.cumsum(np.bincount(which, minlength=len(keys)))[:-1])
+    return {(int(a), int(b)): group for (a, b), group in zip(keys, groups, strict=True)}
+
+
+def _blend(piece: _Piece, pieces: Mapping[int, _Piece], piece_of: np.ndarray, diagonal: float, alone: bool = True) -> Blend | None:
+    """The blend that a piece is, if any, told by itself `alone` or beside one that it may go on; corners are found later."""
+    kind = piece.patch.surface.kind
+    if kind in ("cylinder", "torus"):
+        return _fillet(piece, pieces, piece_of, diagonal, alone)
+    if kind in ("plane", "cone"):
+        return _chamfer(piece, pieces, piece_of, diagonal, alone)
+    return None
+
+
+def _going_on(
+    pieces: Mapping[int, _Piece], found: Mapping[int, Blend], piece_of: np.ndarray, diagonal: float
+) -> Iterator[tuple[int, Blend]]:
+    """Pieces beside a blend that go on with it: too short, or too wide for a narrow neighbour, to be told alone."""
+    for piece in pieces.values():
+        beside = [found[i] for i in piece.beside if i in found]
+        if piece.number not in found and beside:
+            blend = _blend(piece, pieces, piece_of, diagonal, alone=False)
+            if blend is not None and any(_are_alike(blend, other) for other in beside):
+                yield piece.number, blend
+
+
+def _fillet(piece: _Piece, pieces: Mapping[int, _Piece], piece_of: np.ndarray, diagonal: float, alone: bool) -> Blend | None:
+    surface = piece.patch.surface
+    radius = surface.sizes[-1]
+    if not SMALLEST * diagonal < radius < LARGEST * diagonal:
+        return None
+    # corners lie on the true curve: a face that touches it lies half a step beside the first facet
+    tangent, bend = TANGENT if alone else 2 * TANGENT, HALF_STEP * piece.step
+    touching = {i: b for i, b in piece.beside.items() if b.angle < tangent or b.bend < bend}
+    # pieces that go on with the same radius are the chain's, not its sides
+    sides = [i for i in sorted(touching, key=lambda i: -touching[i].length) if not _goes_on(pieces[i].patch.surface, radius)]
+    whole = sum(b.length for b in piece.beside.values())
+    if len(sides) < 2 or (alone and sum(b.length for b in touching.values()) < BESIDE * whole):
+        return None
+    one, two = (pieces[i].patch.surface for i in _two_sides(sides, pieces))
+    if one == two:
+        return None
+    return Blend("fillet", (radius,), piece.patch.outward or 1, np.flatnonzero(piece_of == piece.number), surface, (one, two))
+
+
+def _two_sides(sides: Sequence[int], pieces: Mapping[int, _Piece]) -> tuple[int, int]:
+    """The longest of the sides, and the longest that lies on another carrier."""
+    first = sides[0]
+    return first, next((i for i in sides if pieces[i].patch.surface != pieces[first].patch.surface), first)
+
+
+def _goes_on(surface: Surface, radius: float) -> bool:
+    return surface.kind in ("cylinder", "torus", "sphere") and abs(surface.sizes[-1] - radius) < LIKE * radius
+
+
+def _chamfer(piece: _Piece, pieces: Mapping[int, _Piece], piece_of: np.ndarray, diagonal: float, alone: bool) -> Blend | None:
+    order = _chamfer_sides(piece, pieces, alone)
+    if len(order) < 2:
+        return None
+    one, two = (piece.beside[i] for i in order)
+    if one.convex != two.convex or not all(SLOPE[0] < b.angle < SLOPE[1] for b in (one, two)):
+        return None
+    width, whole = 2 * piece.area / (one.length + two.length), sum(b.length for b in piece.beside.values())
+    if not SMALLEST * diagonal < width < min(LARGEST * diagonal, *(_width(pieces[i]) for i in order)):
+        return None
+    if alone:
+        shorter, longer = sorted((one.length, two.length))
+        if width > NARROW * min(math.sqrt(pieces[i].area) for i in order) or shorter < max(LONG * width, BESIDE * longer):
+            return None
+        if one.length + two.length < BESIDE * whole:
+            return None
+    turn = math.sin(math.radians(one.angle + two.angle))
+    sizes = width * math.sin(math.radians(two.angle)) / turn, width * math.sin(math.radians(one.angle)) / turn
+    a, b = (pieces[i].patch.surface for i in order)
+    sign = 1 if one.convex else -1
+    return Blend("chamfer", sizes, sign, np.flatnonzero(piece_of == piece.number), piece.patch.surface, (a, b))
+
+
+def _width(piece: _Piece) -> float:
+    """Of a strip across it, of anything else some length in between."""
+    return 2 * piece.area / max(sum(b.length for b in piece.beside.values()), 1e-300)
+
+
+def _chamfer_sides(piece: _Piece, pieces: Mapping[int, _Piece], alone: bool) -> list[int]:
+    """The two pieces between which a piece may be a chamfer: its longest borders; of one that goes on, those of equal slopes."""
+    order = sorted(piece.beside, key=lambda i: -piece.beside[i].length)
+    if alone or len(order) < 3:
+        return order[:2]
+    known = [i for i in order if SLOPE[0] < piece.beside[i].angle < SLOPE[1]]
+    pairs = ((a, b) for k, a in enumerate(known) for b in known[k + 1 :] if pieces[a].patch.surface != pieces[b].patch.surface)
+    return list(min(pairs, key=lambda p: abs(piece.beside[p[0]].angle - piece.beside[p[1]].angle), default=order[:2]))
+
+
+def _corners(pieces: Mapping[int, _Piece], found: Mapping[int, Blend], piece_of: np.ndarray) -> Iterator[tuple[int, Blend]]:
+    """Spheres in which two or more fillets of their radius end, and small pieces that lie for the most part between blends alike."""
+    for piece in pieces.values():
+        beside = [i for i in piece.beside if i in found]
+        if piece.number in found or len(beside) < 2:
+            continue
+        ends = [found[i] for i in beside if _are_alike(found[i], found[beside[0]])]
+        size, surface = max(ends[0].sizes), piece.patch.surface
+        between = sum(piece.beside[i].length for i in beside) > BESIDE * sum(b.length for b in piece.beside.values())
+        ball = surface.kind == "sphere" and ends[0].kind == "fillet" and abs(surface.sizes[0] - size) < LIKE * size
+        if len(ends) >= 2 and (ball or (between and piece.area < CORNER * size * size)):
+            sides = tuple(dict.fromkeys(side for end in ends for side in end.sides))
+            yield (
+                piece.number,
+                Blend(ends[0].kind, ends[0].sizes, ends[0].outside, np.flatnonzero(piece_of == piece.number), surface, sides),
+            )
+
+
+def _joined(found: Mapping[int, Blend], mesh: trimesh.Trimesh, piece_of: np.ndarray) -> Iterator[list[int]]:
+    """Groups of blends of one kind, size and side that share vertices."""
+    at: dict[int, list[int]] = defaultdict(list)
+    for i, blend in found.items():
+        for vertex in np.unique(mesh.faces[blend.triangles]):
+            at[int(vertex)].append(i)
+    numbers = {i: k for k, i in enumerate(found)}
+    links = {(numbers[a], numbers[b]) for ends in at.values() for a in ends for b in ends if a < b and _are_alike(found[a], found[b])}
+    rows, columns = zip(*links, strict=True) if links else ((), ())
+    group = connected_components(coo_array((np.ones(len(links)), (rows, columns)), shape=(len(found), len(found))), directed=False)[1]
+    order = list(found)
+    for g in range(group.max() + 1 if len(group) else 0):
+        yield [order[k] for k in np.flatnonzero(group == g)]
+
+
+def _are_alike(a: Blend, b: Blend) -> bool:
+    if (a.kind, a.outside) != (b.kind, b.outside):
+        return False
+    return all(abs(p - q) <= LIKE * max(p, q) for p, q in zip(sorted(a.sizes), sorted(b.sizes), strict=True))
+
+
+def _runs_one_way(chain: Chain) -> bool:
+    """Whether all pieces of a chain run in one direction, or about one axis, as a corner of one outline does."""
+    ways = np.array([_way(blend) for blend in chain.blends])
+    is_round = [blend.carrier.kind in ("torus", "cone", "sphere") for blend in chain.blends]
+    if len(chain.blends) == 1:
+        return True
+    parallel = bool((np.abs(ways @ ways[0]) > math.cos(math.radians(ONE_WAY))).all())
+    if not parallel or len(set(is_round)) > 1:
+        return False
+    return not is_round[0] or _share_axis([blend.carrier for blend in chain.blends])
+
+
+def _way(blend: Blend) -> np.ndarray:
+    """Along a straight blend, about a round one: a unit vector [3]."""
+    if blend.carrier.kind == "plane":
+        across = np.cross(blend.sides[0].axis, blend.sides[1].axis) if all(s.kind == "plane" for s in blend.sides) else None
+        if across is not None and np.linalg.norm(across) > 1e-6:
+            return across / np.linalg.norm(across)
+    return np.asarray(blend.carrier.axis)
+
+
+def _share_axis(carriers: Sequence[Surface]) -> bool:
+    axis, first = np.asarray(carriers[0].axis), np.asarray(carriers[0].point)
+    size = max(max(c.sizes) for c in carriers)
+    return all(np.linalg.norm(np.cross(axis, np.asarray(c.point) - first)) < LIKE * size for c in carriers)

@@ -1,0 +1,160 @@
+"""Take the blends off a mesh: its faces are extended until they meet in sharp edges.
+
+No volume is computed: the corners of a blend's triangles move onto the carriers of the faces that it lies between, by the shortest way.
+A cross section thereby collapses into one point of the edge, and a corner that several blends share onto the faces of all.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import trimesh
+from manifold3d import Error, Manifold
+
+from imdim.detection.blends import Chain
+from imdim.geometry.solid import solid_of, to_trimesh
+from imdim.geometry.surface import Surface, normals, signed_distance
+
+STEPS = 30
+MOST_OF = 0.6  # of a chain's area, that has to come off for any of it to
+ON_FACE = 2e-4  # of the diagonal, within which a corner has reached a face
+FURTHEST = 4.0  # times a blend's size, that a corner may move
+FLAT = 1e-3  # of the largest singular value, below which carriers touch and fix one direction together
+COLLAPSED = 2e-5  # of the diagonal, that edges of triangles are shorter than once they have collapsed
+
+
+class Sharp(NamedTuple):
+    """A mesh without the blends of `chains`; `kept` are chains that could not be taken off."""
+
+    mesh: trimesh.Trimesh
+    chains: list[Chain]
+    kept: list[Chain]
+
+
+def sharpen(mesh: trimesh.Trimesh, chains: Sequence[Chain]) -> Sharp:
+    """The mesh, whose equal vertices are one, with sharp edges in place of `chains`, all of them or those for which that gives a solid."""
+    whole = [_placeable(mesh, chain) for chain in chains]
+    good = [chain for chain in whole if chain is not None]
+    sharp = _solid(mesh, good)
+    if sharp is None and len(good) > 1:
+        good, sharp = _one_by_one(mesh, good)
+    if sharp is None:
+        return Sharp(mesh, [], list(chains))
+    return Sharp(sharp, good, [chain for chain, w in zip(chains, whole, strict=True) if w is None or w not in good])
+
+
+def _placeable(mesh: trimesh.Trimesh, chain: Chain) -> Chain | None:
+    """The chain without the few blends that have a corner which finds no place."""
+    area = [float(mesh.area_faces[b.triangles].sum()) for b in chain.blends]
+    left = dict(zip(chain.blends, area, strict=True))
+    while sum(left.values()) > MOST_OF * sum(area):
+        rest = Chain(tuple(left))
+        lost = _moved(mesh, rest)[1]
+        if not lost:
+            return rest
+        left = {blend: a for blend, a in left.items() if not np.isin(mesh.faces[blend.triangles], lost).any()}
+    return None
+
+
+def _one_by_one(mesh: trimesh.Trimesh, chains: Sequence[Chain]) -> tuple[list[Chain], trimesh.Trimesh | None]:
+    """Chains that can be taken off together, found one after the other."""
+    good: list[Chain] = []
+    best: trimesh.Trimesh | None = None
+    for chain in chains:
+        tried = _solid(mesh, [*good, chain])
+        if tried is not None:
+            good, best = [*good, chain], tried
+    return good, best
+
+
+def _solid(mesh: trimesh.Trimesh, chains: Sequence[Chain]) -> trimesh.Trimesh | None:
+    """The mesh without `chains`, or None where a corner finds no place or the faces bound no solid then."""
+    placed, lost = _moved(mesh, *chains)
+    if lost or not chains:
+        return None
+    diagonal = float(np.linalg.norm(mesh.extents))
+    solid = solid_of(placed, np.asarray(mesh.faces))
+    if solid.status() != Error.NoError:
+        return None
+    solid = solid.simplify(COLLAPSED * diagonal)
+    if solid.is_empty() or not _adds_up(mesh, solid, chains):
+        return None
+    return to_trimesh(solid)
+
+
+def _adds_up(mesh: trimesh.Trimesh, solid: Manifold, chains: Sequence[Chain]) -> bool:
+    """Whether the volume changed by no more than what blends of their area and size can hold, and the way that they say."""
+    most = sum(float(mesh.area_faces[b.triangles].sum()) * max(b.sizes) for c in chains for b in c.blends)
+    change = solid.volume() - float(mesh.volume)
+    ways = {c.outside for c in chains}
+    return abs(change) <= most and (len(ways) > 1 or change * next(iter(ways)) > 0)
+
+
+def _moved(mesh: trimesh.Trimesh, *chains: Chain) -> tuple[np.ndarray, list[int]]:
+    """The vertices [v, 3] with those of `chains` on the faces beside them, and the numbers of those that find no place near."""
+    lost: list[int] = []
+    diagonal, vertices = float(np.linalg.norm(mesh.extents)), np.array(mesh.vertices, float)
+    carriers: dict[int, dict[Surface, None]] = defaultdict(dict)
+    size: dict[int, float] = {}
+    of_blend = np.zeros(len(mesh.faces), bool)
+    for blend in (b for c in chains for b in c.blends):
+        of_blend[blend.triangles] = True
+        for vertex in np.unique(mesh.faces[blend.triangles]):
+            carriers[int(vertex)].update(dict.fromkeys(blend.sides))
+            size[int(vertex)] = max(blend.sizes)
+    # a chain ends in a face where it can; what is beside its end may also be a scrap, which then follows it
+    beside: dict[int, dict[Surface, None]] = defaultdict(dict)
+    for vertex, plane in _other_planes(mesh, of_blend, carriers):
+        beside[vertex][plane] = None
+    groups: dict[tuple[tuple[Surface, ...], tuple[Surface, ...]], list[int]] = defaultdict(list)
+    for vertex, faces in carriers.items():
+        groups[tuple(faces), tuple(beside[vertex])].append(vertex)
+    for (faces, ends), members in groups.items():
+        reach = FURTHEST * np.array([size[v] for v in members])
+        placed, good = _placed(vertices[members], (*faces, *ends), reach, ON_FACE * diagonal)
+        if ends and not good.all():
+            placed[~good], again = _placed(vertices[members][~good], faces, reach[~good], ON_FACE * diagonal)
+            good[~good] = again
+        vertices[members] = placed
+        lost += [v for v, there in zip(members, good, strict=True) if not there]
+    return vertices, lost
+
+
+def _placed(points: np.ndarray, faces: Sequence[Surface], reach: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points [n, 3] moved onto `faces`, and whether each [n] came there within its `reach`."""
+    placed = _onto(points, faces)
+    off = np.max([np.abs(signed_distance(face, placed)) for face in faces], axis=0)
+    return placed, (off < tolerance) & (np.linalg.norm(placed - points, axis=1) < reach)
+
+
+def _other_planes(mesh: trimesh.Trimesh, of_blend: np.ndarray, carriers: dict[int, dict[Surface, None]]) -> Iterator[tuple[int, Surface]]:
+    """The planes of flat faces in which a vertex of a blend lies too, where these are none of its blends' sides: where a chain ends."""
+    others = np.flatnonzero(~of_blend & np.isin(mesh.faces, list(carriers)).any(axis=1))
+    for t in others:
+        normal, point = mesh.face_normals[t], mesh.triangles[t].mean(0)
+        for vertex in mesh.faces[t]:
+            faces = carriers.get(int(vertex))
+            if faces is None:
+                continue
+            at = mesh.vertices[vertex][None]
+            along = [abs(float(normals(f, at)[0] @ normal)) for f in faces]
+            if max(along) < 0.95:
+                yield int(vertex), Surface("plane", tuple(point.tolist()), tuple(normal.tolist()))
+
+
+def _onto(points: np.ndarray, faces: Sequence[Surface]) -> np.ndarray:
+    """Points [n, 3] moved onto all `faces`, by Newton's steps of least length; along faces that touch each other they count as one."""
+    out = points.copy()
+    for _ in range(STEPS):
+        off = np.stack([signed_distance(face, out) for face in faces], axis=1)
+        slope = np.stack([normals(face, out) for face in faces], axis=1)
+        step = np.einsum("nij,nj->ni", np.linalg.pinv(slope, rcond=FLAT), off)
+        out -= step
+        if not np.isfinite(out).all():
+            return points
+        if np.abs(step).max() < 1e-13:
+            break
+    return out

@@ -1,0 +1,106 @@
+"""Edge features: fillets and chamfers, each of some edges of a program's solid.
+
+An edge is named by the two faces that meet in it, and a face by its primitive and its name there, so that it survives changes of numbers:
+
+==================  ==========================================================================================
+primitive           names of its faces
+==================  ==========================================================================================
+box                 ``+x``, ``-x``, ``+y``, ``-y``, ``+z``, ``-z``
+cylinder, cone      ``+z``, ``-z`` and ``side``
+extrude             ``+z``, ``-z`` and, for curve k of loop i, ``wall[i][k]``
+revolve             for curve k of loop i ``wall[i][k]``
+sphere, torus, ...  ``side``
+==================  ==========================================================================================
+
+The faces are those of the sharp program; wherever two of them meet in an edge of its solid, the feature applies.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from imdim.program.fields import shorten
+from imdim.program.outline import Curve, loop_curves
+from imdim.program.tree import Primitive
+
+EdgeKind = Literal["fillet", "chamfer"]
+EDGE_KINDS: tuple[EdgeKind, ...] = ("fillet", "chamfer")
+
+_FACE = re.compile(r"(\d{1,9})\.([+-][xyz]|side|wall\[\d{1,4}\]\[\d{1,4}\])")
+_WALL = re.compile(r"wall\[(\d+)\]\[(\d+)\]")
+_PLANES = {"box": "xyz", "cylinder": "z", "cone": "z", "extrude": "z"}
+
+
+class Face(NamedTuple):
+    """A face of leaf number `leaf`, by its name; see the module's table."""
+
+    leaf: int
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.leaf}.{self.name}"
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeFeature:
+    """A fillet of one radius, or a chamfer of one distance or of two, the first along the first face of each of its `edges`."""
+
+    kind: EdgeKind
+    sizes: tuple[float, ...]
+    edges: tuple[tuple[Face, Face], ...]
+
+    def __post_init__(self) -> None:
+        if self.kind not in EDGE_KINDS:
+            raise ValueError(f"unknown edge feature {self.kind!r}; known are {', '.join(EDGE_KINDS)}")
+        most = 1 if self.kind == "fillet" else 2
+        if not 1 <= len(self.sizes) <= most:
+            raise ValueError(f"a {self.kind} needs {'one size' if most == 1 else 'one size or two'}, got {len(self.sizes)}")
+        for size in self.sizes:
+            if not math.isfinite(size) or size <= 0:
+                raise ValueError(f"a {self.kind} needs a positive {'radius' if most == 1 else 'distance'}, got {size}")
+        if not self.edges:
+            raise ValueError(f"a {self.kind} needs at least one edge")
+
+
+def read_face(text: object) -> Face:
+    """The face that a text like ``3.wall[0][2]`` names; ValueError for any other."""
+    match = _FACE.fullmatch(text) if isinstance(text, str) else None
+    if match is None:
+        raise ValueError("expected a face like 0.+z, 1.side or 2.wall[0][3]")
+    return Face(int(match[1]), match[2])
+
+
+def wall_curve(leaf: Primitive, name: str) -> Curve | None:
+    """The curve of an outline that a name like ``wall[0][3]`` means, None where there is none."""
+    match = _WALL.fullmatch(name)
+    if match is None or leaf.outline is None:
+        return None
+    loops, i, k = leaf.outline.loops, int(match[1]), int(match[2])
+    return loop_curves(loops[i])[k] if i < len(loops) and k < len(loops[i]) else None
+
+
+def faces_of(leaf: Primitive) -> list[str]:
+    """The names of a primitive's faces."""
+    planes = [sign + axis for axis in _PLANES.get(leaf.kind, "") for sign in "+-"]
+    if leaf.outline is not None:
+        return planes + [f"wall[{i}][{k}]" for i, loop in enumerate(leaf.outline.loops) for k in range(len(loop))]
+    return planes if leaf.kind == "box" else [*planes, "side"]
+
+
+def check_edges(features: Sequence[EdgeFeature], parts: Sequence[Primitive]) -> None:
+    """Raise ValueError, a line that names it, for the first face that the program `parts` are the leaves of does not have."""
+    for number, feature in enumerate(features):
+        for face in (face for edge in feature.edges for face in edge):
+            if face.leaf >= len(parts):
+                raise ValueError(f"edges[{number}]: {face} is a face of primitive {face.leaf}, but there are {len(parts)}")
+            if face.name not in faces_of(parts[face.leaf]):
+                raise ValueError(f"edges[{number}]: {parts[face.leaf].kind} {face.leaf} has no face {shorten(face.name)}")
+
+
+def scale_edges(features: Sequence[EdgeFeature], factor: float) -> tuple[EdgeFeature, ...]:
+    """The features with sizes times `factor`."""
+    return tuple(EdgeFeature(f.kind, tuple(s * factor for s in f.sizes), f.edges) for f in features)

@@ -1,0 +1,102 @@
+"""Chains of blends are found again on solids that were made with them, and come off without a trace."""
+
+import math
+
+import numpy as np
+import pytest
+import trimesh
+
+from imdim.detection.blends import find_chains
+from imdim.detection.sharpen import sharpen
+from imdim.geometry.edge_solids import solid_with_edges
+from imdim.geometry.solid import mesh_to_manifold, to_manifold, to_trimesh
+from imdim.program.edges import EdgeFeature, Face
+from imdim.program.outline import Outline
+from imdim.program.tree import Combine, Primitive, Program
+
+QUARTER = math.tan(math.pi / 8)
+BOX = Primitive("box", (30.0, 20.0, 8.0))
+PLATE = Primitive(
+    "extrude",
+    (5.0,),
+    outline=Outline(
+        (
+            (
+                (-16, -10, 0),
+                (16, -10, QUARTER),
+                (20, -6, 0),
+                (20, 6, QUARTER),
+                (16, 10, 0),
+                (-16, 10, QUARTER),
+                (-20, 6, 0),
+                (-20, -6, QUARTER),
+            ),
+        )
+    ),
+)
+
+
+def rim(kind: str, sizes: tuple[float, ...], curves: int | None = None) -> EdgeFeature:
+    sides = [f"wall[0][{k}]" for k in range(curves)] if curves else ["+x", "-x", "+y", "-y"]
+    return EdgeFeature(kind, sizes, tuple((Face(0, "+z"), Face(0, side)) for side in sides))  # type: ignore[arg-type]
+
+
+def meshed(program: Program, *features: EdgeFeature) -> trimesh.Trimesh:
+    return to_trimesh(solid_with_edges(program, features, 64))
+
+
+@pytest.mark.parametrize(
+    ("program", "feature", "pieces"),
+    [
+        (BOX, rim("chamfer", (0.5,)), 4),
+        (BOX, rim("fillet", (1.5,)), 4),
+        (BOX, rim("chamfer", (0.5, 1.0)), 4),
+        (PLATE, rim("chamfer", (0.6,), 8), 8),
+        (PLATE, rim("fillet", (1.0,), 8), 8),
+    ],
+    ids=["box chamfer", "box fillet", "two distances", "plate chamfer", "plate fillet"],
+)
+def test_a_rim_is_found_and_comes_off(program: Program, feature: EdgeFeature, pieces: int) -> None:
+    mesh = meshed(program, feature)
+    (chain,) = find_chains(mesh)
+    assert chain.kind == feature.kind
+    assert chain.outside == 1
+    assert len(chain.blends) == pieces
+    assert sorted(chain.sizes) == pytest.approx(sorted((feature.sizes * 2)[: len(chain.sizes)]), rel=5e-3)
+    sharp = sharpen(mesh, [chain])
+    assert not sharp.kept
+    assert find_chains(sharp.mesh) == []
+    wanted = to_manifold(program, 64)
+    both = (mesh_to_manifold(sharp.mesh) ^ wanted).volume()
+    assert both == pytest.approx(wanted.volume(), rel=1e-3)
+    assert sharp.mesh.volume == pytest.approx(wanted.volume(), rel=1e-3)
+
+
+def test_a_concave_rim_is_taken_off_by_taking_away() -> None:
+    plate = Primitive("box", (40.0, 30.0, 4.0))
+    block = Primitive("box", (16.0, 10.0, 12.0), (0.0, 0.0, 6.0))
+    foot = EdgeFeature("fillet", (2.0,), tuple((Face(0, "+z"), Face(1, side)) for side in ("+x", "-x", "+y", "-y")))
+    mesh = meshed(Combine("union", plate, block), foot)
+    (chain,) = find_chains(mesh)
+    assert (chain.kind, chain.outside) == ("fillet", -1)
+    assert chain.sizes[0] == pytest.approx(2.0, rel=5e-3)
+
+
+def test_corners_of_one_outline_are_no_edge_features() -> None:
+    assert find_chains(meshed(PLATE)) == []
+    slot = Combine("difference", BOX, Primitive("cylinder", (3.0, 20.0)))
+    assert find_chains(meshed(slot)) == []
+
+
+def test_a_turned_parts_chamfers_are_its_profiles() -> None:
+    shaft = Primitive("cylinder", (5.0, 20.0))
+    ends = EdgeFeature("chamfer", (1.0,), ((Face(0, "+z"), Face(0, "side")), (Face(0, "-z"), Face(0, "side"))))
+    assert find_chains(meshed(shaft, ends)) == []
+
+
+def test_what_bounds_no_solid_then_stays() -> None:
+    mesh = meshed(BOX, rim("chamfer", (0.5,)))
+    (chain,) = find_chains(mesh)
+    opened = trimesh.Trimesh(mesh.vertices, np.asarray(mesh.faces)[:-1], process=False)
+    blends = [b for b in chain.blends if b.triangles.max() < len(opened.faces)]
+    assert sharpen(opened, [type(chain)(tuple(blends))]).chains == []

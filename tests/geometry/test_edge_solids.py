@@ -1,0 +1,127 @@
+"""Blends against closed forms: prismatoids, Pappus, and sections integrated over their heights."""
+
+import math
+
+import pytest
+from scipy.integrate import quad
+
+from imdim.geometry.edge_solids import blend_solids, with_edges
+from imdim.geometry.solid import to_manifold
+from imdim.program.edges import EdgeFeature, Face
+from imdim.program.outline import Outline, circle
+from imdim.program.tree import Combine, Primitive, Program
+
+BOX = Primitive("box", (10.0, 20.0, 30.0))
+RIM = tuple((Face(0, "+z"), Face(0, side)) for side in ("+x", "-x", "+y", "-y"))
+QUARTER = math.tan(math.pi / 8)  # bulge
+
+
+def volume(program: Program, *features: EdgeFeature, segments: int = 1024) -> float:
+    return to_manifold(with_edges(program, features), segments).volume()
+
+
+def rims(leaf: int, curves: int, loop: int = 0) -> tuple[tuple[Face, Face], ...]:
+    return tuple((Face(leaf, "+z"), Face(leaf, f"wall[{loop}][{k}]")) for k in range(curves))
+
+
+def test_a_chamfered_rim_is_a_frustum() -> None:
+    frustum = (10 * 20 + 4 * 9 * 19 + 8 * 18) / 6  # a prismatoid one high
+    assert volume(BOX, EdgeFeature("chamfer", (1.0,), RIM)) == pytest.approx(10 * 20 * 29 + frustum, rel=1e-9)
+
+
+def test_two_distances_go_along_the_faces_in_their_order() -> None:
+    # one edge: a prism of the two distances
+    assert volume(BOX, EdgeFeature("chamfer", (1.0, 3.0), RIM[:1])) == pytest.approx(6000 - 20 * 1.5, rel=1e-9)
+    cut = to_manifold(with_edges(BOX, [EdgeFeature("chamfer", (1.0, 3.0), RIM[:1])]))
+    (low, high) = cut.split_by_plane((1, 0, 0), 4.0)
+    assert low.bounding_box()[5] == pytest.approx(15 - 0.0, abs=1e-9) or high.bounding_box()[5] == pytest.approx(15, abs=1e-9)
+
+
+def test_a_fillet_takes_off_what_its_arc_leaves() -> None:
+    assert volume(BOX, EdgeFeature("fillet", (2.0,), RIM[:1])) == pytest.approx(6000 - 20 * (4 - math.pi), rel=1e-6)
+
+
+def test_a_fillet_of_an_edge_of_any_angle_touches_both_faces() -> None:
+    # a regular triangle of side 10, 4 high: a corner of 60 degrees loses r^2 (cot 30 - pi / 3)
+    corners = tuple(
+        (10 / math.sqrt(3) * math.cos(a), 10 / math.sqrt(3) * math.sin(a), 0.0) for a in (0, 2.0943951023931953, 4.1887902047863905)
+    )
+    prism = Primitive("extrude", (4.0,), outline=Outline((corners,)))
+    feature = EdgeFeature("fillet", (1.0,), ((Face(0, "wall[0][0]"), Face(0, "wall[0][1]")),))
+    lost = 4 * (1 / math.tan(math.pi / 6) - math.pi / 3)
+    assert volume(prism, feature) == pytest.approx(25 * math.sqrt(3) * 4 - lost, rel=1e-6)
+
+
+def test_round_edges() -> None:
+    shaft = Primitive("cylinder", (5.0, 10.0))
+    chamfer = EdgeFeature("chamfer", (1.0,), ((Face(0, "+z"), Face(0, "side")),))
+    assert volume(shaft, chamfer) == pytest.approx(math.pi * 25 * 9 + math.pi / 3 * (25 + 16 + 20), rel=1e-4)
+    hole = Combine("difference", Primitive("box", (40.0, 40.0, 5.0)), Primitive("cylinder", (5.0, 7.0)))
+    mouth = EdgeFeature("chamfer", (1.0,), ((Face(0, "+z"), Face(1, "side")),))
+    widened = math.pi / 3 * (36 + 25 + 30) - 25 * math.pi
+    assert volume(hole, mouth) == pytest.approx(8000 - 125 * math.pi - widened, rel=1e-5)
+
+
+def test_a_concave_edge_is_filled() -> None:
+    plate, boss = Primitive("box", (40.0, 40.0, 5.0)), Primitive("cylinder", (8.0, 12.0), (0.0, 0.0, 8.0))
+    foot = EdgeFeature("fillet", (2.0,), ((Face(0, "+z"), Face(1, "side")),))
+    program = Combine("union", plate, boss)
+    filled = 2 * math.pi * quad(lambda x: (8 + x) * (2 - math.sqrt(4 - (2 - x) ** 2)), 0, 2)[0]
+    assert volume(program, foot) - volume(program) == pytest.approx(filled, rel=1e-3)
+
+
+def test_blends_mitre_at_corners_of_both_senses() -> None:
+    bent = Outline((((0, 0, 0), (20, 0, 0), (20, 10, 0), (10, 10, 0), (10, 20, 0), (0, 20, 0)),)).shift(-10, -10)
+    rim = EdgeFeature("chamfer", (1.0,), rims(0, 6))
+    # the section t below the top: offset inward, with five corners out and one in
+    left = quad(lambda t: 300 - 80 * t + 4 * t * t, 0, 1)[0]
+    assert volume(Primitive("extrude", (5.0,), outline=bent), rim) == pytest.approx(1200 + left, rel=1e-8)
+
+
+def test_a_rim_of_lines_and_arcs_is_one_solid() -> None:
+    loop = ((-8, -10, 0), (8, -10, QUARTER), (10, -8, 0), (10, 8, QUARTER), (8, 10, 0), (-8, 10, QUARTER), (-10, 8, 0), (-10, -8, QUARTER))
+    plate = Primitive("extrude", (5.0,), outline=Outline((tuple((float(x), float(y), b) for x, y, b in loop),)))
+    rim = EdgeFeature("fillet", (1.0,), rims(0, 8))
+    blends = blend_solids(plate, [rim])
+    assert len(blends.pieces) == 8
+    assert not blends.missing
+
+    def area(inset: float) -> float:
+        return (20 - 2 * inset) ** 2 - (4 - math.pi) * (2 - inset) ** 2
+
+    solid = to_manifold(with_edges(plate, [rim]), 512)
+    assert solid.volume() == pytest.approx(4 * area(0) + quad(lambda z: area(1 - math.sqrt(1 - z * z)), 0, 1)[0], rel=2e-5)
+    assert (solid.genus(), len(solid.decompose())) == (0, 1)
+
+
+def test_an_edge_ends_where_another_part_stands_on_it() -> None:
+    tower = Primitive("box", (4.0, 6.0, 10.0), (5.0, 0.0, 15.0))
+    chamfer = EdgeFeature("chamfer", (1.0,), RIM[:1])
+    # the tower covers the edge's middle, 6 of its 20
+    blends = blend_solids(Combine("union", BOX, tower), [chamfer])
+    assert len(blends.pieces) == 2
+    assert volume(Combine("union", BOX, tower), chamfer) == pytest.approx(volume(Combine("union", BOX, tower)) - 14 * 0.5, rel=1e-6)
+
+
+def test_half_circles_of_one_loop_share_its_rim() -> None:
+    disc = Primitive("extrude", (4.0,), outline=Outline((circle(5.0),)))
+    one, two = rims(0, 2)
+    whole = volume(disc, EdgeFeature("chamfer", (1.0,), (one, two)))
+    assert whole == pytest.approx(math.pi * 25 * 3 + math.pi / 3 * (25 + 16 + 20), rel=1e-4)
+    lost = volume(disc) - whole
+    assert volume(disc) - volume(disc, EdgeFeature("chamfer", (1.0,), (one,))) == pytest.approx(lost / 2, rel=1e-4)
+
+
+def test_faces_that_meet_in_no_edge_are_told() -> None:
+    apart = EdgeFeature("chamfer", (1.0,), ((Face(0, "+z"), Face(0, "-z")), (Face(0, "+z"), Face(0, "+x"))))
+    assert blend_solids(BOX, [apart]).missing == ((0, 0),)
+    covered = Combine("union", BOX, Primitive("box", (30.0, 40.0, 10.0), (0.0, 0.0, 14.0)))
+    assert blend_solids(covered, [EdgeFeature("chamfer", (1.0,), RIM[:1])]).missing == ((0, 0),)
+
+
+def test_it_does_not_matter_how_the_program_is_placed() -> None:
+    def placed(p: Primitive) -> Primitive:
+        return Primitive(p.kind, p.size, (100.0, -7.0, 3.0), (20.0, 30.0, 40.0), p.outline)
+
+    rim = EdgeFeature("chamfer", (1.0,), RIM)
+    assert volume(placed(BOX), rim) == pytest.approx(volume(BOX, rim), rel=1e-9)
