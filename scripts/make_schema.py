@@ -12,8 +12,8 @@ from typing import Any
 
 from imdim.program.codec import CONVENTION, FORMAT, MAX_CONSTRAINTS, UNITS, VERSIONS
 from imdim.program.constraints import RULES
-from imdim.program.edge_codec import MAX_EDGE_FEATURES, MAX_EDGES, SIZES_OF
-from imdim.program.edges import EDGE_KINDS
+from imdim.program.edge_codec import MAX_EDGE_FEATURES, MAX_EDGES
+from imdim.program.edges import EDGE_KINDS, SIZES_OF
 from imdim.program.node_codec import MAX_PRIMITIVES, REPEAT_FIELDS
 from imdim.program.outline import MOST_CURVES
 from imdim.program.repeats import JOINS, REPEATS
@@ -21,6 +21,8 @@ from imdim.program.tree import KINDS, OPS, OUTLINED, SIZE_NAMES
 
 PUBLISHED = Path(__file__).parents[1] / "src" / "imdim" / "program" / "program.schema.json"
 _VECTOR = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
+
+_NAME = {"type": "string", "pattern": "^([A-Za-z_][A-Za-z0-9_]{0,99})?$"}
 
 _VERTEX = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 3}
 _OUTLINE = {
@@ -85,17 +87,19 @@ def _edge_feature(kind: str) -> dict[str, Any]:
     size = {"type": "number", "exclusiveMinimum": 0}
     first, *more = SIZES_OF[kind]
     about = "Of edges of the sharp program, each named by the two faces that meet in it: '0.+z', '1.side', '2.wall[0][3]'."
-    return {"description": about, **_record({"kind": {"const": kind}, first: size, "edges": edges}, dict.fromkeys(more, size))}
+    return {
+        "description": about,
+        **_record({"kind": {"const": kind}, first: size, "edges": edges}, {"name": _NAME, **dict.fromkeys(more, size)}),
+    }
 
 
 def _constraint() -> dict[str, Any]:
     feature = {"$ref": "#/$defs/feature"}
-    name = {"type": "string", "pattern": "^([A-Za-z_][A-Za-z0-9_]{0,99})?$"}
     of = {"type": "array", "items": feature, "minItems": 1, "maxItems": MAX_PRIMITIVES}
     about = "A relation among features of primitives, counted from 0 in the order of the document: '3.r', '0.z', '0.+z', '4', 'world.z'."
     return {
         "description": about,
-        **_record({"kind": {"enum": list(RULES)}, "of": of}, {"about": feature, "value": {"type": "number"}, "name": name}),
+        **_record({"kind": {"enum": list(RULES)}, "of": of}, {"about": feature, "value": {"type": "number"}, "name": _NAME}),
     }
 
 

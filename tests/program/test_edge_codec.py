@@ -8,14 +8,14 @@ from scripts.make_schema import schema
 
 from imdim.program.codec import constraints_of, dumps, edges_of, from_json, to_json
 from imdim.program.constraints import Constraint, Ref
-from imdim.program.edges import EdgeFeature, Face, check_edges, faces_of, read_face, scale_edges
+from imdim.program.edges import EdgeFeature, Face, check_edges, describe_edges, faces_of, name_edges, read_face, scale_edges, with_sizes
 from imdim.program.outline import Outline
 from imdim.program.tree import Combine, Primitive
 
 PLATE = Primitive("extrude", (4.0,), outline=Outline((((0.0, 0.0, 0.0), (9.0, 0.0, 0.0), (0.0, 6.0, 0.0)),)))
 PROGRAM = Combine("difference", PLATE, Primitive("cylinder", (1.0, 8.0), (2.0, 2.0, 0.0)))
 MOUTH = EdgeFeature("chamfer", (0.5, 0.25), ((Face(0, "+z"), Face(1, "side")),))
-RIM = EdgeFeature("fillet", (1.0,), ((Face(0, "+z"), Face(0, "wall[0][0]")), (Face(0, "+z"), Face(0, "wall[0][2]"))))
+RIM = EdgeFeature("fillet", (1.0,), ((Face(0, "+z"), Face(0, "wall[0][0]")), (Face(0, "+z"), Face(0, "wall[0][2]"))), "lip")
 
 
 def document(**changes: object) -> dict[str, object]:
@@ -39,6 +39,7 @@ def test_what_is_written_is_read_and_the_schema_agrees() -> None:
     [
         ({"radius": 0}, "$.edges[0]: a fillet needs a positive radius, got 0.0"),
         ({"radius": None}, "radius"),
+        ({"name": "a b"}, "$.edges[0].name: expected a name of letters"),
         ({"second": 1}, "second"),
         ({"kind": "round"}, "$.edges[0].kind"),
         ({"edges": []}, "$.edges[0].edges: expected a list of 1 to"),
@@ -76,3 +77,15 @@ def test_every_face_has_a_name_that_is_read() -> None:
 
 def test_sizes_scale() -> None:
     assert scale_edges((MOUTH,), 2.0) == (EdgeFeature("chamfer", (1.0, 0.5), MOUTH.edges),)
+
+
+def test_names_are_by_kind_and_not_taken() -> None:
+    named = name_edges((RIM, MOUTH, MOUTH), ["fillet_radius"])
+    assert [f.size_names for f in named] == [
+        ("fillet2_radius",),
+        ("chamfer_distance", "chamfer_second"),
+        ("chamfer2_distance", "chamfer2_second"),
+    ]
+    assert with_sizes(named, {"chamfer_second": 0.75, "other": 9.0})[1].sizes == (0.5, 0.75)
+    assert describe_edges(RIM) == "fillet 1 of 2 edges"
+    assert describe_edges(MOUTH) == "chamfer 0.5 x 0.25 of 1 edge"

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, cast
 
 from imdim.program import fields
-from imdim.program.edges import EDGE_KINDS, EdgeFeature, EdgeKind, Face, check_edges, read_face
+from imdim.program.edges import EDGE_KINDS, SIZES_OF, EdgeFeature, EdgeKind, Face, check_edges, read_face
 from imdim.program.tree import Program, leaves
 
 MAX_EDGE_FEATURES = 1000
 MAX_EDGES = 10_000  # of one feature
-SIZES_OF: Mapping[str, tuple[str, ...]] = {"fillet": ("radius",), "chamfer": ("distance", "second")}
+MAX_NAME = 100  # characters
 _SIZES = tuple(name for names in SIZES_OF.values() for name in names)
 
 
 def edge_node(feature: EdgeFeature) -> dict[str, Any]:
     """The node of an edge feature."""
     sizes = dict(zip(SIZES_OF[feature.kind], map(float, feature.sizes), strict=False))
-    return {"kind": feature.kind, **sizes, "edges": [[str(one), str(two)] for one, two in feature.edges]}
+    named = {"name": feature.name} if feature.name else {}
+    return {"kind": feature.kind, **named, **sizes, "edges": [[str(one), str(two)] for one, two in feature.edges]}
 
 
 def read_edges(entries: object, program: Program) -> tuple[EdgeFeature, ...]:
@@ -34,15 +34,20 @@ def read_edges(entries: object, program: Program) -> tuple[EdgeFeature, ...]:
 
 
 def _read_edge_feature(entry: object, path: str) -> EdgeFeature:
-    kind = cast(EdgeKind, fields.choice(fields.record(entry, path, ("kind", "edges"), _SIZES)["kind"], f"{path}.kind", EDGE_KINDS))
+    kind = cast(
+        EdgeKind, fields.choice(fields.record(entry, path, ("kind", "edges"), ("name", *_SIZES))["kind"], f"{path}.kind", EDGE_KINDS)
+    )
     first, *more = SIZES_OF[kind]
-    given = fields.record(entry, path, ("kind", first, "edges"), more)
+    given = fields.record(entry, path, ("kind", first, "edges"), ("name", *more))
     sizes = tuple(fields.number(given[name], f"{path}.{name}") for name in (first, *more) if name in given)
     if not isinstance(given["edges"], list) or not 1 <= len(given["edges"]) <= MAX_EDGES:
         raise ValueError(f"{path}.edges: expected a list of 1 to {MAX_EDGES} edges, got {fields.show(given['edges'])}")
     edges = tuple(_read_edge(edge, f"{path}.edges[{i}]") for i, edge in enumerate(given["edges"]))
+    name = given.get("name", "")
+    if not isinstance(name, str) or not (name == "" or (name.isascii() and name.isidentifier() and len(name) <= MAX_NAME)):
+        raise ValueError(f"{path}.name: expected a name of letters, digits and _, got {fields.show(name)}")
     try:
-        return EdgeFeature(kind, sizes, edges)
+        return EdgeFeature(kind, sizes, edges, name)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 

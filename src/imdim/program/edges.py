@@ -19,8 +19,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import count
 from typing import Literal, NamedTuple
 
 from imdim.program.fields import shorten
@@ -29,6 +30,7 @@ from imdim.program.tree import Primitive
 
 EdgeKind = Literal["fillet", "chamfer"]
 EDGE_KINDS: tuple[EdgeKind, ...] = ("fillet", "chamfer")
+SIZES_OF: Mapping[str, tuple[str, ...]] = {"fillet": ("radius",), "chamfer": ("distance", "second")}
 
 _FACE = re.compile(r"(\d{1,9})\.([+-][xyz]|side|wall\[\d{1,4}\]\[\d{1,4}\])")
 _WALL = re.compile(r"wall\[(\d+)\]\[(\d+)\]")
@@ -47,11 +49,20 @@ class Face(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class EdgeFeature:
-    """A fillet of one radius, or a chamfer of one distance or of two, the first along the first face of each of its `edges`."""
+    """A fillet of one radius, or a chamfer of one distance or of two, the first along the first face of each of its `edges`.
+
+    `name` is what texts call it, and may be empty.
+    """
 
     kind: EdgeKind
     sizes: tuple[float, ...]
     edges: tuple[tuple[Face, Face], ...]
+    name: str = ""
+
+    @property
+    def size_names(self) -> tuple[str, ...]:
+        """What texts call its sizes."""
+        return tuple(f"{self.name or self.kind}_{what}" for what in SIZES_OF[self.kind][: len(self.sizes)])
 
     def __post_init__(self) -> None:
         if self.kind not in EDGE_KINDS:
@@ -103,4 +114,29 @@ def check_edges(features: Sequence[EdgeFeature], parts: Sequence[Primitive]) -> 
 
 def scale_edges(features: Sequence[EdgeFeature], factor: float) -> tuple[EdgeFeature, ...]:
     """The features with sizes times `factor`."""
-    return tuple(EdgeFeature(f.kind, tuple(s * factor for s in f.sizes), f.edges) for f in features)
+    return tuple(replace(f, sizes=tuple(s * factor for s in f.sizes)) for f in features)
+
+
+def name_edges(features: Sequence[EdgeFeature], taken: Iterable[str] = ()) -> tuple[EdgeFeature, ...]:
+    """The features with names of their own, by their kinds; no name of a size is one of those `taken`."""
+    out: list[EdgeFeature] = []
+    used = set(taken)
+    for feature in features:
+        names = (feature.kind + (str(n) if n > 1 else "") for n in count(1))
+        named = next(f for name in names if used.isdisjoint((f := replace(feature, name=name)).size_names))
+        used.update(named.size_names)
+        out.append(named)
+    return tuple(out)
+
+
+def with_sizes(features: Sequence[EdgeFeature], values: Mapping[str, float]) -> tuple[EdgeFeature, ...]:
+    """The features with the sizes that `values` gives by their names, the others as they are."""
+    return tuple(
+        replace(f, sizes=tuple(values.get(name, size) for name, size in zip(f.size_names, f.sizes, strict=True))) for f in features
+    )
+
+
+def describe_edges(feature: EdgeFeature) -> str:
+    """What a feature is, in words: kind, sizes, and of how many edges."""
+    sizes = " x ".join(f"{size:.9g}" for size in feature.sizes)
+    return f"{feature.kind} {sizes} of {len(feature.edges)} edge{'s' if len(feature.edges) > 1 else ''}"

@@ -17,6 +17,7 @@ import numpy as np
 import trimesh
 
 from imdim.deadline import Deadline
+from imdim.detection.blends import Chain
 from imdim.geometry.finish.overshoot import without_strays
 from imdim.geometry.solid import to_manifold
 from imdim.program.constraints import Constraint, scale_constraints
@@ -28,6 +29,7 @@ from imdim.program.tree import Primitive, Program, combine_all, leaves, map_leav
 from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.choices import choices_beside, few, unite_fronts
 from imdim.reconstruction.config import ConfigError, Settings, check_choices
+from imdim.reconstruction.edge_features import set_edges_aside
 from imdim.reconstruction.fitting import find_relations, fit_numbers, snap_numbers
 from imdim.reconstruction.hole_ends import complete_holes
 from imdim.reconstruction.mdl import most_likely, reconstruct_unlabelled
@@ -53,7 +55,8 @@ class Snapshot:
     `stop` is None until the last snapshot, which says why the run ended: "finished" or "budget_spent", after an evolution also "exact" or
     "stagnation". That one has the `front`, programs from crude to exact, of which `program` is one, and the `constraints` that hold for it;
     an evolution shows its front as it goes. `proof` says whether the program was proved minimal, and why not; it is empty where the
-    method does not ask. The last one's `notes` say, a sentence each, what was left out.
+    method does not ask. The last one's `notes` say, a sentence each, what was left out, and its `chains` are the target's fillets and
+    chamfers that were set aside: the program is that of the sharp part, and `error` is relative to it.
     """
 
     stage: str
@@ -65,6 +68,7 @@ class Snapshot:
     constraints: tuple[Constraint, ...] = ()
     proof: str = ""
     notes: tuple[str, ...] = ()
+    chains: tuple[Chain, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -107,7 +111,9 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator, no
     left_out: list[InputError] = []
     budget = Budget(settings.budget_s, now or time.perf_counter)
     work = _Work(settings, METHODS[settings.method], settings.method in GUESSING, _policy_of(settings), budget, rng)
-    yield from _snapshots(_by_body(target, work, left_out), target, work, left_out)
+    sharp, chains = set_edges_aside(target) if settings.language == "cad" else (target, ())
+    for snapshot in _snapshots(_by_body(sharp, work, left_out), sharp, work, left_out):
+        yield snapshot if snapshot.stop is None else replace(snapshot, chains=chains)
 
 
 def resume(

@@ -19,7 +19,7 @@ from imdim.target.bodies import compact, face_normals, split_faces
 from imdim.target.readers import InputError, Raw, read
 from imdim.target.repair import clean_mesh
 
-__all__ = ["Frame", "InputError", "Target", "frame_meta", "in_unit_frame", "load_target", "split_bodies", "target_from"]
+__all__ = ["Frame", "InputError", "Target", "frame_meta", "in_unit_frame", "load_target", "split_bodies", "target_from", "with_mesh"]
 
 SURFACE_SAMPLES = 20_000
 SAMPLE_SEED = 0
@@ -119,6 +119,11 @@ def target_from(points_or_mesh: np.ndarray | trimesh.Trimesh, name: str = "targe
         raise InputError(f"{name}: expected numbers of shape [n, 3] or [n, 6], got {table.dtype} of shape {list(table.shape)}")
     table = table.astype(float)
     return _target(Raw(table[:, :3], normals=table[:, 3:] if table.shape[1] == 6 else None), name, max_points)
+
+
+def with_mesh(target: Target, mesh: trimesh.Trimesh) -> Target:
+    """A mesh target with another mesh, which bounds a solid, and points on that."""
+    return _mesh_target(target.name, np.asarray(mesh.vertices, float), np.asarray(mesh.faces), True, target.notes)
 
 
 def split_bodies(target: Target) -> list[Target]:

@@ -1,0 +1,150 @@
+"""Edges of a target: blends are set aside before the search, which sees the sharp part, and put back onto the program that it finds.
+
+Which faces of the program a blend lies between is read off their carriers. Whether it belongs there is asked of the target: what a blend
+takes off has to be air there, what it fills in material, for the most part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from manifold3d import Manifold
+
+from imdim.detection.blends import Blend, Chain, find_chains
+from imdim.detection.sharpen import sharpen
+from imdim.geometry.edge_solids import blend_solids
+from imdim.geometry.faces import carrier
+from imdim.geometry.lowering import lower
+from imdim.geometry.solid import mesh_to_manifold, to_manifold
+from imdim.geometry.surface import Surface, normals, signed_distance
+from imdim.program.edges import EdgeFeature, Face, describe_edges, faces_of, name_edges
+from imdim.program.tree import Program, leaves
+from imdim.target.target import Target, with_mesh
+
+NEAR = 0.05  # of a blend's size, and
+NEAR_PART = 3e-4  # of the part's, within which a face of the program is one that a blend lies beside
+ALIGNED = 0.9995  # cosine between their normals
+RIGHT = 0.7  # of the volume of a blend that has to be right
+TIDY = 5e-3  # of a size, by which it may be rounded
+GATHERED = 1e-2  # of a size, within which chains have one
+
+
+@dataclass(frozen=True)
+class EdgesFound:
+    """Edge features of a program, and a sentence for each chain of the target that is none of them."""
+
+    features: tuple[EdgeFeature, ...]
+    left_out: tuple[str, ...]
+
+
+def set_edges_aside(target: Target) -> tuple[Target, tuple[Chain, ...]]:
+    """The target with sharp edges in place of its chains of fillets and chamfers, and these, in its units; a cloud, or a mesh that bounds
+    no solid, as it is."""
+    if target.mesh is None or not target.is_solid:
+        return target, ()
+    chains = find_chains(target.mesh)
+    sharp = sharpen(target.mesh, chains) if chains else None
+    if sharp is None or not sharp.chains:
+        return target, ()
+    return with_mesh(target, sharp.mesh), tuple(sharp.chains)
+
+
+def find_edge_features(program: Program, chains: Sequence[Chain], target: Target) -> EdgesFound:
+    """The edges of a program, in the target's units, that `chains` of it blend."""
+    if not chains or target.mesh is None:
+        return EdgesFound((), ())
+    wanted, solid = mesh_to_manifold(target.mesh), to_manifold(program)
+    faces = list(_faces(program))
+    features: list[EdgeFeature] = []
+    left_out: list[str] = []
+    for group in _gathered(chains):
+        sizes = _tidy(group[0].sizes)
+        edges: list[tuple[Face, Face]] = []
+        lost = 0
+        for chain in group:
+            pairs = list(dict.fromkeys(pair for blend in chain.blends for pair in _pairs(blend, chain, faces, target)))
+            found, solid = _borne_out(program, solid, wanted, EdgeFeature(chain.kind, sizes, tuple(pairs)) if pairs else None)
+            edges += found
+            lost += not found
+        if edges:
+            features.append(EdgeFeature(group[0].kind, sizes, tuple(dict.fromkeys(edges))))
+        if lost:
+            said = describe_edges(EdgeFeature(group[0].kind, sizes, ((Face(0, "side"), Face(0, "side")),))).partition(" of ")[0]
+            left_out.append(f"{lost} of {len(group)} chains of {said} follow no edges of the program: these are sharp")
+    return EdgesFound(name_edges(features), tuple(left_out))
+
+
+def _gathered(chains: Sequence[Chain]) -> Iterator[list[Chain]]:
+    """Chains of one kind and size together, whichever way the two distances of a chamfer are told."""
+    groups: list[list[Chain]] = []
+    for chain in chains:
+        like = next((g for g in groups if g[0].kind == chain.kind and _is_like(g[0].sizes, chain.sizes)), None)
+        if like is None:
+            groups.append([chain])
+        else:
+            like.append(chain)
+    yield from groups
+
+
+def _is_like(one: Sequence[float], two: Sequence[float]) -> bool:
+    return len(one) == len(two) and all(abs(a - b) <= GATHERED * max(a, b) for a, b in zip(sorted(one), sorted(two), strict=True))
+
+
+def _tidy(sizes: Sequence[float]) -> tuple[float, ...]:
+    """Sizes rounded as far as they bear it, smaller first; one where two are equal."""
+    rounded = sorted(next((r for d in range(-1, 6) if (r := round(s, d)) > 0 and abs(r - s) <= TIDY * s), s) for s in sizes)
+    return tuple(rounded[:1]) if _is_like(rounded[:1], rounded[-1:]) else tuple(rounded)
+
+
+def _faces(program: Program) -> Iterator[tuple[Face, Surface]]:
+    numbers = lower(program)
+    for i, leaf in enumerate(leaves(program)):
+        for name in faces_of(leaf):
+            if (surface := carrier(Face(i, name), leaf, numbers)) is not None:
+                yield Face(i, name), surface
+
+
+def _pairs(blend: Blend, chain: Chain, faces: Sequence[tuple[Face, Surface]], target: Target) -> Iterator[tuple[Face, Face]]:
+    """Pairs of the program's faces between which a blend may lie, those of one leaf first; the one along which it is smaller first."""
+    assert target.mesh is not None
+    corners = np.asarray(target.mesh.vertices)[np.unique(target.mesh.faces[blend.triangles])]
+    slack = NEAR * max(chain.sizes) + NEAR_PART * float(np.linalg.norm(target.mesh.extents))
+    beside = [[face for face, surface in faces if _is_beside(surface, side, corners, slack)] for side in blend.sides[:2]]
+    if blend.sizes[0] > blend.sizes[-1]:
+        beside.reverse()
+    pairs = [(one, two) for one in beside[0] for two in beside[1] if one != two]
+    yield from sorted(pairs, key=lambda p: p[0].leaf != p[1].leaf)
+
+
+def _is_beside(surface: Surface, side: Surface, corners: np.ndarray, slack: float) -> bool:
+    """Whether a face of the program lies where a blend's side does, by the corners of the blend on that side."""
+    off = np.abs(signed_distance(side, corners))
+    there = corners[off <= off.min() + slack]
+    if (np.abs(signed_distance(surface, there)) > slack).any():
+        return False
+    return bool((np.abs((normals(surface, there) * normals(side, there)).sum(1)) > ALIGNED).all())
+
+
+def _borne_out(
+    program: Program, solid: Manifold, wanted: Manifold, feature: EdgeFeature | None
+) -> tuple[list[tuple[Face, Face]], Manifold]:
+    """Those edges of a feature that make the solid more like the one `wanted`, and the solid with them."""
+    if feature is None:
+        return [], solid
+    pieces = blend_solids(program, [feature]).pieces
+    kept: list[tuple[Face, Face]] = []
+    for k, edge in enumerate(feature.edges):
+        changed, right, whole = solid, 0.0, 0.0
+        for piece in (p for p in pieces if p.edge == k):
+            blend = to_manifold(piece.solid)
+            part = (blend ^ changed) if piece.cuts else (blend - changed)
+            volume, inside = part.volume(), (part ^ wanted).volume()
+            whole += volume
+            right += volume - inside if piece.cuts else inside
+            changed = (changed - blend) if piece.cuts else (changed + blend)
+        if right > RIGHT * whole > 0:
+            kept.append(edge)
+            solid = changed
+    return kept, solid
