@@ -19,7 +19,7 @@ from manifold3d import Manifold
 
 from imdim.geometry.faces import carrier, corners
 from imdim.geometry.kernels import inside
-from imdim.geometry.lowering import lower
+from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis
 from imdim.geometry.solid import SEGMENTS, to_manifold
 from imdim.geometry.surface import Surface
@@ -30,9 +30,9 @@ from imdim.program.tree import FULL_TURN, Combine, Primitive, Program, Vec3, com
 PARALLEL = 1e-6  # sine, below which directions are one
 COAXIAL = 1e-5  # of the program's size, within which two axes are one
 LOOK = 2e-3  # of a blend's size: how far from the edge its quadrants are looked at
-PER_SIZE = 4.0  # places along an edge that are looked at, per size of the blend
+PER_SIZE = 1.0  # places along an edge that are looked at, per size of the blend
 PLACES = (64, 4000)  # at least and at most
-HALVINGS = 40
+PARTS, DIVISIONS = 16, 9  # by which the place where an edge ends is narrowed, each time
 BEYOND = 0.25  # of a blend's size, by which its section goes past the two faces, so that no skin stays
 GO_ON = 2.0  # times its size, by which a blend goes on where its edge ends in the air
 JOIN = 2e-5  # of its size, by which it goes into the next one, so that no fin stays between
@@ -136,7 +136,7 @@ def blend_solids(program: Program, features: Sequence[EdgeFeature]) -> Blends:
             given = [(face, parts[face.leaf]) for face in (one, two) if face.leaf < len(parts)]
             pair = [surface for face, leaf in given if (surface := carrier(face, leaf, numbers)) is not None]
             ends = [points for face, leaf in given if len(points := corners(face, leaf, numbers))]
-            found = list(_along(program, pair[0], pair[1], max(sizes), reach, ends)) if len(pair) == 2 else []
+            found = list(_along(numbers, pair[0], pair[1], max(sizes), reach, ends)) if len(pair) == 2 else []
             swept += [_Swept(i, k, track, stretch, sizes, feature.kind, goes_on) for track, stretch, goes_on in found]
             missing += [] if found else [(i, k)]
     pieces = [BlendSolid(s.feature, s.edge, s.stretch.is_convex, s.solid(*_lengths(s))) for s in swept]
@@ -183,7 +183,7 @@ def _lengths(s: _Swept) -> tuple[float, float]:
 
 
 def _along(
-    program: Program, one: Surface, two: Surface, size: float, reach: tuple[np.ndarray, np.ndarray], ends: Sequence[np.ndarray]
+    solid: Lowered, one: Surface, two: Surface, size: float, reach: tuple[np.ndarray, np.ndarray], ends: Sequence[np.ndarray]
 ) -> Iterator[tuple[_Track, _Stretch, tuple[bool, bool]]]:
     """Where a solid has an edge between two carriers, and whether it ends in the air (in material, of a concave edge) at either end.
 
@@ -196,16 +196,20 @@ def _along(
             places = track.radius * 2 * math.pi / size * PER_SIZE
         else:
             at = float((middle - track.origin) @ track.frame[:, 2])
-            span = (at - float(radius[0]), at + float(radius[0]))
-            places = 2 * float(radius[0]) / size * PER_SIZE
+            along = [(points - track.origin) @ track.frame[:, 2] for points in ends]
+            low = max([at - float(radius[0]), *(float(t.min()) for t in along)])
+            high = min([at + float(radius[0]), *(float(t.max()) for t in along)])
+            if high - low < SHORTEST * size:
+                continue
+            span, places = (low, high), (high - low) / size * PER_SIZE
         t = np.linspace(*span, int(np.clip(places, *PLACES)))
         step = LOOK * size
-        codes = _codes(program, track, t, step)
-        for stretch in _stretches(program, track, t, codes, step):
+        codes = _codes(solid, track, t, step)
+        for stretch in _stretches(solid, track, t, codes, step):
             stretch = _clip(track, stretch, ends)
             length = (stretch.high - stretch.low) * (track.radius or 1.0)
             if length > SHORTEST * size:
-                yield track, stretch, _ends(program, track, stretch, step)
+                yield track, stretch, _ends(solid, track, stretch, step)
 
 
 def _clip(track: _Track, stretch: _Stretch, ends: Sequence[np.ndarray]) -> _Stretch:
@@ -224,16 +228,16 @@ def _clip(track: _Track, stretch: _Stretch, ends: Sequence[np.ndarray]) -> _Stre
     return stretch._replace(low=low, high=high)
 
 
-def _codes(program: Program, track: _Track, t: np.ndarray, step: float) -> np.ndarray:
+def _codes(solid: Lowered, track: _Track, t: np.ndarray, step: float) -> np.ndarray:
     """For each place [n] of a track: q + 1 where quadrant q alone is material, -q - 1 where it alone is air, else 0."""
     ways = QUADRANTS @ np.linalg.inv(track.normals).T * step
     where = np.concatenate([track.at(t, np.broadcast_to(way, (len(t), 2))) for way in ways])
-    held = inside(program, where).reshape(4, len(t))
+    held = inside(solid, where).reshape(4, len(t))
     count = held.sum(0)
     return np.where(count == 1, held.argmax(0) + 1, np.where(count == 3, -held.argmin(0) - 1, 0))
 
 
-def _stretches(program: Program, track: _Track, t: np.ndarray, codes: np.ndarray, step: float) -> Iterator[_Stretch]:
+def _stretches(solid: Lowered, track: _Track, t: np.ndarray, codes: np.ndarray, step: float) -> Iterator[_Stretch]:
     """Runs of one code, their ends found by halving."""
     if track.is_round:
         if (codes == codes[0]).all():
@@ -245,17 +249,21 @@ def _stretches(program: Program, track: _Track, t: np.ndarray, codes: np.ndarray
         t = np.concatenate([t[first:-1], t[: first + 1] + 2 * math.pi])
         codes = np.concatenate([codes[first:-1], codes[: first + 1]])
     change = np.flatnonzero(codes[:-1] != codes[1:])
-    if not len(change):
-        return
-    low, high = t[change].copy(), t[change + 1].copy()
-    for _ in range(HALVINGS):
-        middle = (low + high) / 2
-        before = _codes(program, track, middle, step) == codes[change]
-        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    low, high = t[change], t[change + 1]
+    for _ in range(DIVISIONS if len(change) else 0):
+        inner = low + (high - low) * np.linspace(0, 1, PARTS + 1)[1:-1, None]
+        before = _codes(solid, track, inner.ravel(), step).reshape(inner.shape) == codes[change]
+        # the last place that is as the low end, all before it being so too
+        kept = np.cumprod(before, axis=0).sum(0)
+        width = (high - low) / PARTS
+        low, high = low + kept * width, low + (kept + 1) * width
     bounds = (low + high) / 2
     if track.is_round:
         # the run that begins at the first place begins at the last change, a turn earlier
         yield from (_stretch(b - 2 * math.pi, c, int(codes[0])) for b, c in [(bounds[-1], bounds[0])] if codes[0])
+    else:
+        bounds = np.concatenate([t[:1], bounds, t[-1:]])
+        change = np.concatenate([[-1], change])
     for k in range(len(bounds) - 1):
         if code := int(codes[change[k] + 1]):
             yield _stretch(bounds[k], bounds[k + 1], code)
@@ -266,14 +274,14 @@ def _stretch(low: float, high: float, code: int, is_closed: bool = False) -> _St
     return _Stretch(float(low), float(high), (int(one), int(two)), code > 0, is_closed)
 
 
-def _ends(program: Program, track: _Track, stretch: _Stretch, step: float) -> tuple[bool, bool]:
+def _ends(solid: Lowered, track: _Track, stretch: _Stretch, step: float) -> tuple[bool, bool]:
     """Whether just beyond each end, within the quadrant, there is air (material, of a concave edge)."""
     if stretch.is_closed:
         return False, False
     way = np.array(stretch.sides) @ np.linalg.inv(track.normals).T * step
     past = 10 * step / (track.radius or 1.0)
     where = track.at(np.array([stretch.low - past, stretch.high + past]), np.broadcast_to(way, (2, 2)))
-    low, high = inside(program, where) != stretch.is_convex
+    low, high = inside(solid, where) != stretch.is_convex
     return bool(low), bool(high)
 
 
