@@ -7,13 +7,19 @@ outlines, the text begins with a module that divides their arcs by `$fn`, as `ge
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+
+import numpy as np
 
 from imdim.export.drawing import write_loops
+from imdim.export.edge_text import DrawnEdges
 from imdim.export.hole_names import write_notes
 from imdim.export.loops import Loop, less
 from imdim.export.numbers import Expression, Rounding, plain, write_expression, write_moves, write_sizes
 from imdim.export.parameters import Parameters
 from imdim.geometry.solid import SEGMENTS
+from imdim.program.cost import count
+from imdim.program.edges import describe_edges
 from imdim.program.nary import fold_nary
 from imdim.program.repeats import Folded, Group, Repeat, expand, starts
 from imdim.program.tree import OPS, Primitive, Program, leaves
@@ -68,6 +74,9 @@ function curve_points(loop, i) = let(a = place(loop, i), half = half_turn(loop, 
 ) [a, for (k = [floor(from + 1e-4) + 1 : 1 : last]) c + r * [cos(k * step), way * sin(k * step)]];
 """
 
+SWITCH = "edges = true; // false leaves chamfers and fillets out, which is quicker to draw"
+WHERE_DRAWN = "if (edges)"
+
 _SHAPE: Mapping[str, Callable[..., str]] = {
     "box": lambda x, y, z: f"cube([{x}, {y}, {z}], center = true)",
     "sphere": lambda r: f"sphere(r = {r})",
@@ -80,10 +89,11 @@ _SHAPE: Mapping[str, Callable[..., str]] = {
 }
 
 
-def to_openscad(program: Program, segments: int = SEGMENTS, parameters: Parameters | None = None) -> str:
+def to_openscad(program: Program, segments: int = SEGMENTS, parameters: Parameters | None = None, edges: DrawnEdges | None = None) -> str:
     """OpenSCAD text of `program` in its own units, with `$fn` at `segments`, and numbers that follow `parameters` if given.
 
     Lengths keep about nine significant digits of the model's size, angles nine decimals. Cutters are written as they are: see `overshoot`.
+    `edges` are drawn where the text's own switch says so.
     """
     rounding, named = Rounding.of(program), parameters or Parameters.none(program)
 
@@ -92,7 +102,31 @@ def to_openscad(program: Program, segments: int = SEGMENTS, parameters: Paramete
 
     lines = fold_nary(program, line, {op: _block(op) for op in OPS})
     head = named.head(rounding.size, end=";", counted=False)
-    return "\n".join([f"$fn = {segments};", "", *head, *_definitions(program), *lines, ""])
+    if edges is None or not edges.pieces:
+        return "\n".join([f"$fn = {segments};", "", *head, *_definitions(program), *lines, ""])
+    return "\n".join([f"$fn = {segments};", "", *head, SWITCH, "", OUTLINE, *_with_blends(lines, edges, rounding), ""])
+
+
+def _with_blends(lines: Sequence[str], edges: DrawnEdges, rounding: Rounding) -> list[str]:
+    """The statement of a sharp program as that of the part with its blends."""
+    first = np.cumsum([0, *(count(piece.solid).primitives for piece in edges.pieces)])
+
+    def write(cuts: bool) -> list[str]:
+        out: list[str] = []
+        for number, feature in enumerate(edges.features):
+            pieces = [(k, piece) for k, piece in enumerate(edges.pieces) if (piece.feature, piece.cuts) == (number, cuts)]
+            out += [f"// {describe_edges(feature)}"] if pieces else []
+            for k, piece in pieces:
+                out += fold_nary(piece.solid, partial(leaf, int(first[k])), {op: _block(op) for op in OPS})
+        return [f"{WHERE_DRAWN} {{", *("  " + line for line in out), "}"] if out else []
+
+    def leaf(start: int, number: int, primitive: Primitive) -> list[str]:
+        return _primitive(primitive, rounding, edges.named, start + number, edges.named.centers[start + number])
+
+    filled = [*lines, *write(cuts=False)]
+    union = ["union() {", *("  " + line for line in filled), "}"] if len(filled) > len(lines) else filled
+    cut = write(cuts=True)
+    return ["difference() {", *("  " + line for line in (*union, *cut)), "}"] if cut else union
 
 
 def to_openscad_loops(folded: Folded, segments: int, named: Parameters) -> str:

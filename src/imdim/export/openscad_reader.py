@@ -16,7 +16,7 @@ from collections.abc import Callable, Container, Iterator, Mapping
 from typing import Any
 
 from imdim.export.bends import SIDES, Arc, regular_polygon, to_loop
-from imdim.export.openscad import OUTLINE
+from imdim.export.openscad import OUTLINE, SWITCH, WHERE_DRAWN
 from imdim.program import fields
 from imdim.program.outline import MOST_CURVES, Loop, Outline, circle
 from imdim.program.tree import OPS, Op, Primitive, Program, Vec3, combine_all
@@ -37,23 +37,26 @@ _OPERATORS: Mapping[type, Callable[[float, float], float]] = {
 Values = dict[str, float]
 
 
-def read_openscad(text: str, **given: float) -> Program:
+def read_openscad(text: str, blended: bool = False, **given: float) -> Program:
     """The program in a text that `to_openscad` wrote, with parameters `given` in place of the text's, as OpenSCAD's -D has it.
 
+    It is that of the sharp part; if `blended`, with the text's chamfers and fillets, as primitives.
     Raises ValueError with the line's number for anything else, and for a parameter that the text does not have.
     """
-    open_blocks: list[tuple[Op, list[Program]]] = [("union", [])]
+    open_blocks: list[tuple[Op | None, list[Program]]] = [("union", [])]
     values: Values = {}
     # as many lines as before, so that messages count them as the file does
     text = text.replace(OUTLINE, "\n" * OUTLINE.count("\n"), 1)
     for number, line in _statements(text):
         assigned = _ASSIGNMENT.fullmatch(line)
         begun: Op | None = next((op for op in OPS if line == f"{op}() {{"), None)
-        if not line or line.startswith("$fn = "):
+        if not line or line.startswith("$fn = ") or SWITCH.startswith(line):
             continue
         if line == "}" and len(open_blocks) > 1 and open_blocks[-1][1]:
             op, parts = open_blocks.pop()
-            open_blocks[-1][1].append(combine_all(op, parts))
+            open_blocks[-1][1].extend([combine_all(op, parts)] if op is not None else parts if blended else [])
+        elif line == f"{WHERE_DRAWN} {{":
+            open_blocks.append((None, []))
         elif begun is not None:
             open_blocks.append((begun, []))
         elif assigned is not None:
@@ -65,7 +68,7 @@ def read_openscad(text: str, **given: float) -> Program:
     unknown = sorted(set(given) - set(values))
     if unknown:
         raise ValueError(f"the text has no parameter {unknown[0]!r}; it has {', '.join(values) or 'none'}")
-    return combine_all(*open_blocks[0])
+    return combine_all("union", open_blocks[0][1])
 
 
 def _statements(text: str) -> Iterator[tuple[int, str]]:

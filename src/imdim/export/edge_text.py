@@ -1,0 +1,131 @@
+"""Blends as OpenSCAD draws them: ordinary statements whose numbers follow the names that move their edges.
+
+How a blend's numbers depend on a name is not known in closed form: the edge lies where two faces meet, and ends where others are. So each
+name is moved by a little, and its blends are placed again; where twice as far moves them twice as much, the number is a sum of names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from imdim.export.drawn_vertex import DrawnVertex
+from imdim.export.numbers import Expression, Term, simple_fraction
+from imdim.export.parameters import Parameters
+from imdim.geometry.edge_solids import BlendSolid, blend_solids, gather_pieces
+from imdim.program.edges import EdgeFeature, with_sizes
+from imdim.program.tree import Primitive, Program, leaves, longest
+
+STEP = 1e-3  # of a value, by which it is moved
+STRAIGHT = 1e-4  # of a step, by which twice as far may not be twice as much
+SIMPLE = 1e-6  # by which a factor may be off a simple one
+FACTOR_DIGITS = 9
+EIGHTHS = 8
+
+Read = Callable[[Mapping[str, float]], Program]
+
+
+@dataclass(frozen=True)
+class DrawnEdges:
+    """What a text draws of edge features: their `pieces`, and the expressions of the numbers of these, leaf after leaf. `free` are features
+    with numbers that follow no names although they move with them."""
+
+    features: tuple[EdgeFeature, ...]
+    pieces: tuple[BlendSolid, ...]
+    named: Parameters
+
+
+def draw_edges(program: Program, features: Sequence[EdgeFeature], values: Mapping[str, float], read: Read) -> DrawnEdges:
+    """The blends of `program`, which `read` gives for other `values` of its names."""
+    pieces = gather_pieces(blend_solids(program, features).pieces)
+    base = _numbers(pieces)
+    slopes = {name: found for name in values if (found := _slope(program, features, values, name, read, pieces, base)) is not None}
+    sums = [Expression(tuple(_terms(slopes, i)), v - sum(slopes[n][i] * values[n] for n in slopes)) for i, v in enumerate(base)]
+    sizes, centers, outlines = [], [], []
+    rest = iter(sums)
+    for leaf in _leaves(pieces):
+        sizes.append(tuple(next(rest) for _ in leaf.size))
+        centers.append(tuple(next(rest) for _ in range(3)))
+        assert leaf.outline is not None
+        outlines.append(tuple(tuple(DrawnVertex(next(rest), next(rest), b) for _, _, b in loop) for loop in leaf.outline.loops))
+    return DrawnEdges(tuple(features), tuple(pieces), Parameters(dict(values), tuple(sizes), tuple(centers), outlines=tuple(outlines)))
+
+
+def _terms(slopes: Mapping[str, np.ndarray], i: int) -> list[Term]:
+    terms = []
+    for name, slope in slopes.items():
+        factor = simple_fraction(float(slope[i]))
+        if abs(slope[i]) > SIMPLE:
+            terms.append(Term(name, factor))
+    return terms
+
+
+def _slope(
+    program: Program,
+    features: Sequence[EdgeFeature],
+    values: Mapping[str, float],
+    name: str,
+    read: Read,
+    pieces: Sequence[BlendSolid],
+    base: np.ndarray,
+) -> np.ndarray | None:
+    """By how much each number of the blends moves with a name, 0 where not straight; None where none does."""
+    step = STEP * (abs(values[name]) or longest(leaves(program)))
+    slope: np.ndarray | None = None
+    for times in (1, 2):
+        changed = {name: values[name] + times * step}
+        try:
+            other, resized = read(changed), with_sizes(features, changed)
+        except ValueError:
+            return None
+        if not _moves(program, other, features) and tuple(resized) == tuple(features):
+            return None
+        found = gather_pieces(blend_solids(other, resized).pieces)
+        if [_shape(p) for p in found] != [_shape(p) for p in pieces]:
+            return None
+        moved = (_numbers(found) - base) / step
+        if slope is not None:
+            straight = np.abs(moved - 2 * slope) <= STRAIGHT * np.maximum(np.abs(slope), 1.0)
+            slope = np.where(straight & (np.abs(slope) > SIMPLE), np.round(slope, FACTOR_DIGITS), 0.0)
+            break
+        slope = moved
+        simple = np.round(slope * EIGHTHS) / EIGHTHS
+        if (np.abs(slope - simple) < STRAIGHT).all():
+            slope = simple  # what moves by a simple fraction goes on to
+            break
+    return slope if slope is not None and slope.any() else None
+
+
+def _moves(one: Program, two: Program, features: Sequence[EdgeFeature]) -> bool:
+    """Whether a leaf whose edges are blended differs between two programs."""
+    of_edges = {face.leaf for f in features for edge in f.edges for face in edge}
+    return any(a != b for i, (a, b) in enumerate(zip(leaves(one), leaves(two), strict=True)) if i in of_edges)
+
+
+def _leaves(pieces: Sequence[BlendSolid]) -> list[Primitive]:
+    return [leaf for piece in pieces for leaf in leaves(piece.solid)]
+
+
+def _shape(piece: BlendSolid) -> tuple[object, ...]:
+    """What has to stay for the numbers of two blends to be compared."""
+    drawn = [
+        (leaf.kind, [[b for _, _, b in loop] for loop in leaf.outline.loops] if leaf.outline else None) for leaf in leaves(piece.solid)
+    ]
+    return piece.feature, piece.edge, piece.cuts, [(kind, [len(loop) for loop in loops or []]) for kind, loops in drawn]
+
+
+def _numbers(pieces: Sequence[BlendSolid]) -> np.ndarray:
+    """Sizes, centre and vertices of each leaf, in the order of the leaves."""
+    out: list[float] = []
+    for leaf in _leaves(pieces):
+        assert leaf.outline is not None
+        out += [*leaf.size, *leaf.center, *(c for loop in leaf.outline.loops for x, y, _ in loop for c in (x, y))]
+    return np.array(out)
+
+
+def with_edge_sizes(named: Parameters, features: Sequence[EdgeFeature]) -> Parameters:
+    """The names of a text with those of edge features' sizes."""
+    sizes = {name: size for f in features for name, size in zip(f.size_names, f.sizes, strict=True)}
+    return replace(named, values={**named.values, **sizes})
