@@ -30,15 +30,15 @@ def export_program(source: Path, folder: Path, pick: int | None, segments: int) 
             number = document.get("picked") or len(choices) if pick is None else pick
             if not 1 <= number <= len(choices):
                 raise ConfigError(f"{source}: pick must lie in 1..{len(choices)}, got {number}")
-            program = choices[number - 1].program
+            program, edges = choices[number - 1].program, ()
         elif pick is not None:
             raise ConfigError(f"{source}: holds one program, there is nothing to pick")
         else:
-            program, meta = codec.from_json(document), codec.meta_of(document)
+            program, meta, edges = codec.from_json(document), codec.meta_of(document), codec.edges_of(document)
         largest = max(longest(leaves(program)), *(abs(c) for leaf in leaves(program) for c in leaf.center))
         if largest > LARGEST:
             raise ConfigError(f"{source}: a length or a place of {largest:.3g} is beyond {LARGEST:g}")
-        files = export(program, folder, meta, segments)
+        files = export(program, folder, meta, segments, edges=edges)
     return list_files(folder, files)
 
 

@@ -96,7 +96,7 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None) -> dict[str,
     # the other files take a few seconds; STEP, which may be slow, gets what is left
     step_limit_s = min(max(left - DELIVERY_S, 1.0), STEP_LIMIT_S)
     finish_by = Deadline(start + settings.budget_s - FILES_S)
-    return deliver(last.program, target, folder, run, settings.segments, step_limit_s, last.constraints, last.front, finish_by)
+    return deliver(last.program, target, folder, run, settings.segments, step_limit_s, last.constraints, last.front, finish_by, last.chains)
 
 
 def _exhaust(snapshots: Iterator[Snapshot], stages: dict[str, float]) -> Snapshot:
@@ -126,6 +126,8 @@ def summary(report: Mapping[str, Any], folder: Path) -> str:
     said = [group["says"] for group in report.get("holes", [])]
     more = f" and {len(said) - MOST_SAID} more" if len(said) > MOST_SAID else ""
     lines += [f"  {'holes':<8} {'; '.join(said[:MOST_SAID])}{more}"] if said else []
+    said = [feature["says"] for feature in report.get("edges", [])]
+    lines += [f"  {'edges':<8} {'; '.join(said)}"] if said else []
     lines += [f"  {said}" for said in report.get("left_out", [])]
     lines += [f"  {name} {said}" for name, said in report["files"].items() if said.startswith("skipped") and name != "program.loops.scad"]
     lines += [

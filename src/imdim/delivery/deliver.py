@@ -20,6 +20,7 @@ from imdim.deadline import NEVER, Deadline
 from imdim.delivery.evaluate import DeliveryLoss, evaluate_file
 from imdim.delivery.finish import FinishedProgram, finish, finish_flat
 from imdim.delivery.report import RunRecord, dumps, report_of
+from imdim.detection.blends import Chain
 from imdim.export import html
 from imdim.export.delivered import texts_of, unwritten
 from imdim.export.folder import FILES, OutputError, check_writable, replacing
@@ -28,13 +29,16 @@ from imdim.export.numbers import round_program
 from imdim.export.openscad_reader import read_openscad
 from imdim.export.preview import preview
 from imdim.export.step_worker import exporting, finish_or_skip_step
+from imdim.geometry.edge_solids import solid_with_edges
 from imdim.geometry.solid import SEGMENTS, mesh_to_manifold, to_manifold, to_trimesh
 from imdim.program.codec import Meta
 from imdim.program.codec import dumps as program_text
 from imdim.program.constraints import Constraint
+from imdim.program.edges import EdgeFeature
 from imdim.program.front import Choice
 from imdim.program.front import dumps as front_text
 from imdim.program.tree import Program
+from imdim.reconstruction.edge_features import find_edge_features
 from imdim.reconstruction.fitting import relations_of
 from imdim.target.target import Target, frame_meta
 
@@ -53,11 +57,13 @@ def deliver(
     constraints: Sequence[Constraint] = (),
     front: Sequence[Choice] = (),
     finish_by: Deadline = NEVER,
+    chains: Sequence[Chain] = (),
 ) -> dict[str, Any]:
     """Write all results for `program` (in the target's units) into `folder`, whole or not at all; returns the report.
 
     `constraints` hold for `program` (see `relations.discover`). `front` holds programs from crude to exact, `program` among them; without
     it `front.json` holds the program alone. Past `finish_by` (by default never) the program is finished no further (`finish`).
+    `chains` are fillets and chamfers of the target, which the program has not: its edges that follow them become edge features.
 
     STEP is skipped, and the report says why, where OpenCASCADE is missing, fails or takes longer than `step_limit_s`.
     Raises OutputError when the folder cannot be written or holds foreign files, ValueError when the program is empty.
@@ -67,18 +73,21 @@ def deliver(
         with _time(seconds, "program"):
             given, found = program, finish(program, constraints, finish_by)
             program = found.program
+            blended = find_edge_features(program, chains, target)
+            found = found.with_edges(blended.features)
             meta = frame_meta(target)
-            _write_texts(found, meta, partial, segments)
+            _write_texts(found, meta, partial, segments, finish_by)
             _write_front(front or [Choice(given)], given, meta, partial)
         with exporting(partial) as job:
             with _time(seconds, "meshes"):
-                solid = to_manifold(program, segments)
+                solid = solid_with_edges(program, found.edges, segments)
                 write_meshes(solid, partial)
             with _time(seconds, "scores"):
                 scores = evaluate_file(partial / "program.scad", target, segments=segments)
-                kept = DeliveryLoss.of(given, solid, target, segments)
+                kept = DeliveryLoss.of(given, to_manifold(program, segments), target, segments)
             with _time(seconds, "preview"):
-                delivered = to_manifold(read_openscad((partial / "program.scad").read_text(encoding="utf-8")), segments)
+                text = (partial / "program.scad").read_text(encoding="utf-8")
+                delivered = to_manifold(read_openscad(text, blended=True), segments)
                 preview(target, to_trimesh(delivered), scores.to_result.max).save(partial / "preview.png")
             with _time(seconds, "page"):
                 shown = html.content(_read(partial / "program.json"), target, found.parameters, segments, scores.to_result.max)
@@ -89,24 +98,31 @@ def deliver(
         if found.folded is None:
             skipped["program.loops.scad"] = "skipped: no part repeats"
         files = {name: skipped.get(name, "written") for name in FILES}
-        report = report_of(found, target, scores, kept, volumes, files, run, seconds)
+        report = report_of(found, target, scores, kept, volumes, files, run, seconds, blended.left_out)
         (partial / "report.json").write_text(dumps(report), encoding="utf-8")
         (partial / "report.html").write_text(html.page(shown, report, _read(partial / "front.json")), encoding="utf-8")
     return report
 
 
-def export(program: Program, folder: Path, meta: Meta, segments: int = SEGMENTS, step_limit_s: float = STEP_LIMIT_S) -> dict[str, str]:
+def export(
+    program: Program,
+    folder: Path,
+    meta: Meta,
+    segments: int = SEGMENTS,
+    step_limit_s: float = STEP_LIMIT_S,
+    edges: Sequence[EdgeFeature] = (),
+) -> dict[str, str]:
     """Write what needs no target for `program` into `folder`, whole or not at all: texts with the names of
     what its own numbers relate, meshes, the page without a target, and STEP; what became of each file.
 
     Raises as `deliver` does.
     """
     with replacing(folder) as partial:
-        found = finish(*relations_of(program))
+        found = finish(*relations_of(program), edges=edges)
         program = found.program
         _write_texts(found, meta, partial, segments)
         with exporting(partial) as job:
-            write_meshes(to_manifold(program, segments), partial)
+            write_meshes(solid_with_edges(program, found.edges, segments), partial)
             shown = html.content(_read(partial / "program.json"), named=found.parameters, segments=segments)
             (partial / "report.html").write_text(html.page(shown), encoding="utf-8")
             skipped = finish_or_skip_step(job, step_limit_s, {}) | unwritten(program)
@@ -114,9 +130,9 @@ def export(program: Program, folder: Path, meta: Meta, segments: int = SEGMENTS,
     return {**files, **skipped}
 
 
-def _write_texts(found: FinishedProgram, meta: Meta, folder: Path, segments: int) -> None:
-    document = program_text(found.program, meta, found.constraints, found.folded)
-    texts = texts_of(found.program, found.parameters, found.folded, segments)
+def _write_texts(found: FinishedProgram, meta: Meta, folder: Path, segments: int, deadline: Deadline = NEVER) -> None:
+    document = program_text(found.program, meta, found.constraints, found.folded, found.edges)
+    texts = texts_of(found.program, found.parameters, found.folded, segments, found.edges, deadline)
     for name, text in {"program.json": document, **texts}.items():
         (folder / name).write_text(text, encoding="utf-8")
 

@@ -84,7 +84,9 @@ def evaluate_file(path: Path, target: Target, samples: int = SAMPLES, segments: 
     Raises ValueError when the file holds no program that `read_openscad` reads, or no closed mesh; OSError when it cannot be read.
     """
     if path.suffix == ".scad":
-        return evaluate(read_openscad(path.read_text(encoding="utf-8")), target, samples, segments)
+        text = path.read_text(encoding="utf-8")
+        count = sum(1 for _ in leaves(read_openscad(text)))
+        return evaluate_solid(to_manifold(read_openscad(text, blended=True), segments), target, samples, count)
     return evaluate_solid(mesh_to_manifold(trimesh.load_mesh(path)), target, samples)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from imdim.deadline import NEVER, Deadline
 from imdim.export.chance import without_chance
+from imdim.export.edge_text import with_edge_sizes
 from imdim.export.elimination import without_loose
 from imdim.export.numbers import round_program
 from imdim.export.parameters import Parameters, parametrise
@@ -14,6 +15,7 @@ from imdim.geometry.finish.commute import Commutation, CommutedProgram
 from imdim.geometry.finish.overshoot import overshoot
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.cost import count
+from imdim.program.edges import EdgeFeature, name_edges, renumber_edges
 from imdim.program.patterns.detect import Folding, extent, fold_repeats, worth
 from imdim.program.repeats import Folded, copies_of, expand, instances, repeats, size, with_leaves
 from imdim.program.tree import Program
@@ -27,16 +29,26 @@ MOST_GATHERED = 150  # primitives of a program
 
 @dataclass(frozen=True)
 class FinishedProgram:
-    """`folded`, which `program` is the expansion of, has the repeats, None if there are none. `constraints` hold for `program`."""
+    """`folded`, which `program` is the expansion of, has the repeats, None if there are none. `constraints` hold for `program`, and `edges`
+    are of its faces."""
 
     program: Program
     constraints: tuple[Constraint, ...]
     parameters: Parameters
     folded: Folded | None
+    edges: tuple[EdgeFeature, ...] = ()
+
+    def with_edges(self, edges: Sequence[EdgeFeature]) -> FinishedProgram:
+        """The program with edge features of it, whose sizes have names too."""
+        named = name_edges(edges, self.parameters.values)
+        return replace(self, edges=named, parameters=with_edge_sizes(self.parameters, named))
 
 
-def finish(program: Program, constraints: Sequence[Constraint] = (), deadline: Deadline = NEVER) -> FinishedProgram:
-    """The program as it is delivered; `constraints` hold for the one given, and those by chance, or that no names can keep, are left out.
+def finish(
+    program: Program, constraints: Sequence[Constraint] = (), deadline: Deadline = NEVER, edges: Sequence[EdgeFeature] = ()
+) -> FinishedProgram:
+    """The program as it is delivered; `constraints` and `edges` are of the one given, and relations by chance, or that no names can keep,
+    are left out.
 
     Repeats change the order of primitives. What nearly repeats, or would if it stood together, is made to if that hardly changes the solid.
     Past the `deadline` (by default never) no parts are gathered, and the other cutters end where they end.
@@ -46,15 +58,16 @@ def finish(program: Program, constraints: Sequence[Constraint] = (), deadline: D
     if folding is None:
         delivered = finish_flat(program, deadline=deadline)
         constraints = without_loose(program, constraints, delivered)
-        return FinishedProgram(delivered, rebase_constraints(delivered, constraints), parametrise(program, constraints, delivered), None)
+        named = parametrise(program, constraints, delivered)
+        return FinishedProgram(delivered, rebase_constraints(delivered, constraints), named, None).with_edges(edges)
     given, carried = folding.program, _renumber(constraints, folding.order)
     constraints = _without_rows(holding(given, carried), folding.folded)
     folded = with_leaves(folding.folded, finish_flat(given, folding.folded, deadline))
     delivered = expand(folded)
     constraints = without_loose(given, constraints, delivered, folded)
-    return FinishedProgram(
-        delivered, rebase_constraints(delivered, constraints), parametrise(given, constraints, delivered, folded), folded
-    )
+    named = parametrise(given, constraints, delivered, folded)
+    place = {old: new for new, old in enumerate(folding.order)}
+    return FinishedProgram(delivered, rebase_constraints(delivered, constraints), named, folded).with_edges(renumber_edges(edges, place))
 
 
 def finish_flat(program: Program, folded: Folded | None = None, deadline: Deadline = NEVER) -> Program:

@@ -19,6 +19,7 @@ from imdim.export.elimination import MOST_NAMED
 from imdim.export.hole_names import hole_groups, hole_roles
 from imdim.geometry.holes import MOST_WALLS, count_walls
 from imdim.program.cost import count
+from imdim.program.edges import EdgeFeature, describe_edges
 from imdim.program.hole_groups import HoleGroup
 from imdim.program.metric import screw_of
 from imdim.program.repeats import Folded, Repeat, repeats, size
@@ -55,6 +56,7 @@ def report_of(
     files: Mapping[str, str],
     run: RunRecord,
     delivery: Mapping[str, float],
+    left_out: Sequence[str] = (),
 ) -> dict[str, Any]:
     """The report as plain values; lengths in model units, `volumes` per file in cubed ones, `delivery` in seconds per step."""
     program, constraints, folded = delivered.program, delivered.constraints, delivered.folded
@@ -74,7 +76,8 @@ def report_of(
         },
         "repeats": [] if folded is None else _repeats(folded, labels(program, constraints, folded, hole_roles(program))),
         "holes": [_group(group) for group in hole_groups(program)],
-        "left_out": list(_left_out(program)),
+        "edges": [_edge_feature(feature) for feature in delivered.edges],
+        "left_out": [*left_out, *_left_out(program)],
         "constraints": [{"name": c.name, "kind": c.kind, "says": str(c)} for c in constraints],
         "parameters": {name: number(value) for name, value in delivered.parameters.values.items()},
         "scores": _scores(scores),
@@ -115,6 +118,18 @@ def _left_out(program: Program) -> Iterator[str]:
         yield f"holes were not looked for: {walls} round walls, more than {MOST_WALLS}"
     if primitives > MOST_NAMED:
         yield f"sizes have no names: {primitives} primitives, more than {MOST_NAMED}"
+
+
+def _edge_feature(feature: EdgeFeature) -> dict[str, Any]:
+    """What an edge feature says; `names` are those of its sizes."""
+    sizes = [number(size) for size in feature.sizes]
+    return {
+        "says": describe_edges(feature),
+        "kind": feature.kind,
+        "names": list(feature.size_names),
+        "sizes": sizes,
+        "edges": len(feature.edges),
+    }
 
 
 def _group(group: HoleGroup) -> dict[str, Any]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from imdim.deadline import NEVER, Deadline
 from imdim.export.cadquery import to_cadquery
+from imdim.export.edge_text import draw_edges
 from imdim.export.numbers import plain
 from imdim.export.openscad import to_openscad, to_openscad_loops
 from imdim.export.openscad_reader import read_openscad
@@ -14,6 +16,7 @@ from imdim.export.script import to_script
 from imdim.export.ucad import to_ucad
 from imdim.program.codec import Meta
 from imdim.program.constraints import Constraint
+from imdim.program.edges import EdgeFeature, describe_edges
 from imdim.program.repeats import Folded
 from imdim.program.tree import SIZE_NAMES, Program, leaves, longest
 
@@ -43,7 +46,7 @@ _MEANING: Mapping[str, str] = {
     "outline": "drawing",
 }
 _ACROSS = ("r", "r_bottom", "r_top")  # radii that are measured as diameters
-_DIMENSIONS = frozenset(("circle", "radius", "diameter", "length", "width", "chamfer", "depth", "height"))
+_DIMENSIONS = frozenset(("circle", "radius", "diameter", "length", "width", "chamfer", "depth", "height", "distance", "second"))
 COUNTED = "sides"
 SIZES = frozenset(name for names in SIZE_NAMES.values() for name in names)
 
@@ -69,15 +72,25 @@ class Delivered:
     segments: int
     folded: Folded | None = None
     counts: Mapping[str, int] = field(default_factory=dict)
+    edges: tuple[EdgeFeature, ...] = ()
 
 
-def texts_of(program: Program, named: Parameters, folded: Folded | None, segments: int) -> dict[str, str]:
+def texts_of(
+    program: Program, named: Parameters, folded: Folded | None, segments: int, edges: Sequence[EdgeFeature] = (), deadline: Deadline = NEVER
+) -> dict[str, str]:
     """The texts by their names in TEXTS; with loops where `folded`, which `program` is the expansion of, has repeats.
 
-    Those that `unwritten` names are left out.
+    Those that `unwritten` names are left out. Past the `deadline` (by default never) the numbers of `edges` in program.scad follow no more
+    names.
     """
+    sharp = to_openscad(program, segments, named)
+
+    def read(values: Mapping[str, float]) -> Program:
+        return read_openscad(sharp, **values)
+
+    drawn = draw_edges(program, edges, named.values, read, deadline) if edges else None
     texts = {
-        "program.scad": to_openscad(program, segments, named),
+        "program.scad": sharp if drawn is None else to_openscad(program, segments, named, drawn),
         "program.py": to_script(program, named, folded),
         "program.cq.py": to_cadquery(program, named, folded),
     }
@@ -106,6 +119,10 @@ def meanings(delivered: Delivered) -> dict[str, str]:
     """
     out: dict[str, str] = {}
     for name, value in delivered.values.items():
+        blended = [describe_edges(f) for f in delivered.edges if name in f.size_names]
+        if blended:
+            out[name] = f"size of {blended[0]}"
+            continue
         across, equal, moved = _followers(delivered, name)
         meant = [(leaf, _MEANING[f].replace("radius", "diameter")) for leaf, f in across] + [(leaf, _MEANING[f]) for leaf, f in equal]
         words = dict.fromkeys(word for _, word in meant)

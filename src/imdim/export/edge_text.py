@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from imdim.deadline import NEVER, Deadline
 from imdim.export.drawn_vertex import DrawnVertex
 from imdim.export.numbers import Expression, Term, simple_fraction
 from imdim.export.parameters import Parameters
@@ -29,19 +30,24 @@ Read = Callable[[Mapping[str, float]], Program]
 
 @dataclass(frozen=True)
 class DrawnEdges:
-    """What a text draws of edge features: their `pieces`, and the expressions of the numbers of these, leaf after leaf. `free` are features
-    with numbers that follow no names although they move with them."""
+    """What a text draws of edge features: their `pieces`, and the expressions of the numbers of these, leaf after leaf."""
 
     features: tuple[EdgeFeature, ...]
     pieces: tuple[BlendSolid, ...]
     named: Parameters
 
 
-def draw_edges(program: Program, features: Sequence[EdgeFeature], values: Mapping[str, float], read: Read) -> DrawnEdges:
-    """The blends of `program`, which `read` gives for other `values` of its names."""
+def draw_edges(
+    program: Program, features: Sequence[EdgeFeature], values: Mapping[str, float], read: Read, deadline: Deadline = NEVER
+) -> DrawnEdges:
+    """The blends of `program`, which `read` gives for other `values` of its names. Past the `deadline` (by default never) no more names are
+    tried."""
     pieces = gather_pieces(blend_solids(program, features).pieces)
     base = _numbers(pieces)
-    slopes = {name: found for name in values if (found := _slope(program, features, values, name, read, pieces, base)) is not None}
+    slopes: dict[str, np.ndarray] = {}
+    for name in values:
+        found = None if deadline.has_passed() else _slope(program, features, values, name, read, pieces, base)
+        slopes |= {} if found is None else {name: found}
     sums = [Expression(tuple(_terms(slopes, i)), v - sum(slopes[n][i] * values[n] for n in slopes)) for i, v in enumerate(base)]
     sizes, centers, outlines = [], [], []
     rest = iter(sums)

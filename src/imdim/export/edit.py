@@ -16,6 +16,7 @@ from pathlib import Path
 from manifold3d import Manifold
 
 from imdim.export.delivered import AGREE, LOOPS, Delivered, EditError, is_size, read, texts_of
+from imdim.export.edge_text import with_edge_sizes
 from imdim.export.edit_report import picture_of
 from imdim.export.folder import FILES, replacing
 from imdim.export.hole_names import hole_notes, renew_notes
@@ -24,9 +25,11 @@ from imdim.export.numbers import MAX_SEGMENTS, Rounding, plain, round_program, t
 from imdim.export.openscad_reader import read_openscad
 from imdim.export.parameters import parametrise
 from imdim.export.step_worker import exporting, finish_or_skip_step
-from imdim.geometry.solid import SEGMENTS, to_manifold
-from imdim.program.codec import constraints_of, dumps, from_json, meta_of, read_folded
+from imdim.geometry.edge_solids import solid_with_edges
+from imdim.geometry.solid import SEGMENTS
+from imdim.program.codec import constraints_of, dumps, edges_of, from_json, meta_of, read_folded
 from imdim.program.constraints import Constraint, ConstraintError
+from imdim.program.edges import name_edges, with_sizes
 from imdim.program.node_codec import MAX_PRIMITIVES
 from imdim.program.outline import Loop, Outline, are_near, check_crossings, reverse_loop
 from imdim.program.patterns.edit import recount_constraints, recount_repeats, refit_repeats
@@ -47,15 +50,17 @@ def open_delivered(document: object, texts: Mapping[str, str]) -> Delivered:
     """
     program, constraints, folded = from_json(document), constraints_of(document), read_folded(document)
     folded = folded if any(repeats(folded)) else None
+    edges = name_edges(edges_of(document)) if not all(f.name for f in edges_of(document)) else edges_of(document)
     if "program.scad" not in texts:
-        texts = texts_of(program, parametrise(program, constraints, program, folded), folded, SEGMENTS)
+        named = with_edge_sizes(parametrise(program, constraints, program, folded), edges)
+        texts = texts_of(program, named, folded, SEGMENTS, edges)
     values = _values(texts["program.scad"])
     found = _SEGMENTS.search(texts["program.scad"])
     segments = int(found[1]) if found else SEGMENTS
     if not 3 <= segments <= MAX_SEGMENTS:
         raise EditError(f"program.scad: $fn must lie in 3..{MAX_SEGMENTS}, got {found[1][:20] if found else segments}")
     counts = {n: int(c) for file in LOOPS if folded and file in texts for n, c in _values(texts[file]).items() if n not in values}
-    delivered = Delivered(program, meta_of(document), constraints, texts, values, segments, folded, counts)
+    delivered = Delivered(program, meta_of(document), constraints, texts, values, segments, folded, counts, edges)
     _check_same(delivered)
     return delivered
 
@@ -83,7 +88,8 @@ def change_values(delivered: Delivered, values: Mapping[str, float]) -> Delivere
         raise EditError(f"{said}: {error}") from None
     notes = hole_notes(delivered.program, delivered.folded), hole_notes(program, folded)
     texts = {file: renew_notes(text, *notes) for file, text in texts.items()}
-    return replace(delivered, program=program, texts=texts, values={**delivered.values, **values}, folded=folded)
+    edges = with_sizes(delivered.edges, values)
+    return replace(delivered, program=program, texts=texts, values={**delivered.values, **values}, folded=folded, edges=edges)
 
 
 def _check_outline(number: int, leaf: Primitive) -> None:
@@ -145,7 +151,7 @@ def _refold(folded: Folded, exact: Program, program: Program) -> Folded:
 
 def solid_of(delivered: Delivered) -> Manifold:
     """The exact solid; raises EditError where nothing is left of it."""
-    solid = to_manifold(delivered.program, delivered.segments)
+    solid = solid_with_edges(delivered.program, delivered.edges, delivered.segments)
     if not 0 < solid.volume() < LARGEST_VOLUME:
         raise EditError(f"no solid is left, its volume is {solid.volume():g}")
     return solid
@@ -160,7 +166,8 @@ def write(delivered: Delivered, folder: Path, step_limit_s: float = 0.0, solids:
     """
     solid = solid_of(delivered) if solids is None else solids[1]
     with replacing(folder) as partial:
-        texts = {"program.json": dumps(delivered.program, delivered.meta, delivered.constraints, delivered.folded), **delivered.texts}
+        document = dumps(delivered.program, delivered.meta, delivered.constraints, delivered.folded, delivered.edges)
+        texts = {"program.json": document, **delivered.texts}
         for file, text in texts.items():
             (partial / file).write_text(text, encoding="utf-8")
         write_meshes(solid, partial)

@@ -192,8 +192,8 @@ def _can_share(group: Sequence[BlendSolid], piece: BlendSolid) -> bool:
     if abs(abs(own[:, 2] @ turn[:, 2]) - 1) > PARALLEL**2 or max(abs(level), abs(other.size[0] - height)) > COAXIAL * height:
         return False
     bounds = [curve_bounds(loop_curves(_loop_in(first.solid, p.solid))) for p in (*group, piece)]
-    (low, high) = bounds[-1]
-    return not any(low[0] < h[0] and l[0] < high[0] and low[1] < h[1] and l[1] < high[1] for l, h in bounds[:-1])
+    (left, bottom), (right, top) = bounds[-1]
+    return not any(left < high[0] and low[0] < right and bottom < high[1] and low[1] < top for low, high in bounds[:-1])
 
 
 def _shared(parts: Sequence[Program]) -> Primitive:

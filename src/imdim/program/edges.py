@@ -112,6 +112,15 @@ def check_edges(features: Sequence[EdgeFeature], parts: Sequence[Primitive]) -> 
                 raise ValueError(f"edges[{number}]: {parts[face.leaf].kind} {face.leaf} has no face {shorten(face.name)}")
 
 
+def renumber_edges(features: Sequence[EdgeFeature], place: Mapping[int, int]) -> tuple[EdgeFeature, ...]:
+    """The features of a program whose leaf number i is number `place[i]` of another one."""
+
+    def moved(face: Face) -> Face:
+        return Face(place[face.leaf], face.name)
+
+    return tuple(replace(f, edges=tuple((moved(one), moved(two)) for one, two in f.edges)) for f in features)
+
+
 def scale_edges(features: Sequence[EdgeFeature], factor: float) -> tuple[EdgeFeature, ...]:
     """The features with sizes times `factor`."""
     return tuple(replace(f, sizes=tuple(s * factor for s in f.sizes)) for f in features)
