@@ -25,11 +25,11 @@ from imdim.export.numbers import MAX_SEGMENTS, Rounding, plain, round_program, t
 from imdim.export.openscad_reader import read_openscad
 from imdim.export.parameters import parametrise
 from imdim.export.step_worker import exporting, finish_or_skip_step
-from imdim.geometry.edge_solids import solid_with_edges
+from imdim.geometry.edge_solids import blend_solids, solid_with_edges
 from imdim.geometry.solid import SEGMENTS
 from imdim.program.codec import constraints_of, dumps, edges_of, from_json, meta_of, read_folded
 from imdim.program.constraints import Constraint, ConstraintError
-from imdim.program.edges import name_edges, with_sizes
+from imdim.program.edges import describe_edges, name_edges, with_sizes
 from imdim.program.node_codec import MAX_PRIMITIVES
 from imdim.program.outline import Loop, Outline, are_near, check_crossings, reverse_loop
 from imdim.program.patterns.edit import recount_constraints, recount_repeats, refit_repeats
@@ -155,6 +155,13 @@ def solid_of(delivered: Delivered) -> Manifold:
     if not 0 < solid.volume() < LARGEST_VOLUME:
         raise EditError(f"no solid is left, its volume is {solid.volume():g}")
     return solid
+
+
+def lost_edges(before: Delivered, after: Delivered) -> list[str]:
+    """A sentence for each edge feature of which edges that there were are gone after an edit."""
+    had, has = ({*blend_solids(d.program, d.edges).missing} for d in (before, after))
+    gone = [sum(1 for feature, _ in has - had if feature == i) for i in range(len(after.edges))]
+    return [f"{n} edges of {describe_edges(f)} are no more" for f, n in zip(after.edges, gone, strict=True) if n]
 
 
 def write(delivered: Delivered, folder: Path, step_limit_s: float = 0.0, solids: tuple[Manifold, Manifold] | None = None) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from manifold3d import Manifold
@@ -22,16 +23,18 @@ class EditReport:
 
     before: SolidCensus
     after: SolidCensus
+    lost_edges: tuple[str, ...] = ()
 
     @staticmethod
-    def of(before: Manifold, after: Manifold) -> EditReport:
-        return EditReport(census_of(before), census_of(after))
+    def of(before: Manifold, after: Manifold, lost_edges: Sequence[str] = ()) -> EditReport:
+        """`lost_edges` say of which edge features edges are gone."""
+        return EditReport(census_of(before), census_of(after), tuple(lost_edges))
 
     @property
     def changes_in_kind(self) -> str:
         """One line without an end, "4 through-holes became 3"; empty where the solid is of the kind that it was."""
         pairs = zip(self.before.kind, self.after.kind, _KINDS, strict=True)
-        return ", ".join(f"{_count(old, words)} became {new}" for old, new, words in pairs if old != new)
+        return ", ".join([*(f"{_count(old, words)} became {new}" for old, new, words in pairs if old != new), *self.lost_edges])
 
     def lines(self) -> list[str]:
         """What a person wants to know of the edit, to be read on a terminal."""

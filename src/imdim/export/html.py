@@ -20,8 +20,10 @@ from imdim.export.hole_names import hole_groups, hole_roles
 from imdim.export.html_surfaces import Box, solid_values, target_values
 from imdim.export.html_tree import constraint_values, leaf_values, name_values, tree_values
 from imdim.export.parameters import Parameters, parametrise
-from imdim.geometry.solid import SEGMENTS, surface_with_owners
-from imdim.program.codec import constraints_of, from_json, read_folded
+from imdim.geometry.edge_solids import surface_with_edges
+from imdim.geometry.solid import SEGMENTS
+from imdim.program.codec import constraints_of, edges_of, from_json, read_folded
+from imdim.program.edges import describe_edges
 from imdim.program.roles import labels
 from imdim.target.target import Target
 
@@ -45,7 +47,8 @@ def content(
     program, constraints, folded = from_json(document), constraints_of(document), read_folded(document)
     named = named or parametrise(program, constraints, program, folded)
     label = labels(program, constraints, folded, hole_roles(program))
-    surface, owners = surface_with_owners(program, segments)
+    edges = edges_of(document)
+    surface, owners = surface_with_edges(program, edges, segments)
     shown = [] if target is None else [target.points if target.mesh is None else target.mesh.vertices]
     box = Box.around(surface.vertices, *shown)
     return {
@@ -58,6 +61,7 @@ def content(
         "tree": tree_values(folded),
         "constraints": constraint_values(constraints, label),
         "names": name_values(named, folded),
+        "edges": [{"says": describe_edges(f), "leaves": sorted({face.leaf for edge in f.edges for face in edge})} for f in edges],
         "holes": [{"says": str(group), "leaves": list(group.leaves)} for group in hole_groups(program)],
     }
 

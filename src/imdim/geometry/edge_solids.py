@@ -15,13 +15,14 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
+import trimesh
 from manifold3d import Manifold
 
 from imdim.geometry.faces import carrier, corners
 from imdim.geometry.kernels import inside
 from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler
-from imdim.geometry.solid import SEGMENTS, to_manifold
+from imdim.geometry.solid import SEGMENTS, surface_with_owners, to_manifold
 from imdim.geometry.surface import Surface
 from imdim.program.edges import EdgeFeature
 from imdim.program.outline import Outline, Vertex, curve_bounds, loop_curves, reverse_loop
@@ -155,6 +156,16 @@ def solid_with_edges(program: Program, features: Sequence[EdgeFeature], segments
     solid = to_manifold(with_edges(program, features), segments)
     low, high = np.array(solid.bounding_box()).reshape(2, 3)
     return solid.as_original().simplify(SKIN * float(np.linalg.norm(high - low)))
+
+
+def surface_with_edges(program: Program, features: Sequence[EdgeFeature], segments: int = SEGMENTS) -> tuple[trimesh.Trimesh, np.ndarray]:
+    """The surface of a program with its edge features, and for each of its faces [f] the number of the leaf that made it; what a blend made
+    belongs to the leaf of the first face of its edge."""
+    blends = blend_solids(program, features)
+    pieces = [*(p for p in blends.pieces if not p.cuts), *(p for p in blends.pieces if p.cuts)]
+    made_by = [features[p.feature].edges[p.edge][0].leaf for p in pieces for _ in leaves(p.solid)]
+    surface, owners = surface_with_owners(join_blends(program, blends), segments)
+    return surface, np.array([*range(sum(1 for _ in leaves(program))), *made_by])[owners]
 
 
 def join_blends(program: Program, blends: Blends) -> Program:

@@ -132,6 +132,7 @@ function sheets(data, select) {
     const names = data.names.map((n) => ({ ...n, says: shortNumber(n.value) }));
     out.push(sheet("Names", element("p", { class: "quiet" }, "Change one and all that follows it moves: see program.scad."), picks(names, select)));
   }
+  if (data.edges && data.edges.length) out.push(sheet("Edges", picks(data.edges.map((e) => ({ name: e.says, says: "", leaves: e.leaves })), select)));
   if (data.holes && data.holes.length) out.push(sheet("Holes", picks(data.holes.map((h) => ({ name: h.says, says: "", leaves: h.leaves })), select)));
   if (data.constraints.length) {
     out.push(sheet("Constraints", picks(data.constraints.map((c) => ({ ...c, name: c.name || c.kind, says: constraintText(c) })), select)));
