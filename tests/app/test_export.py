@@ -57,7 +57,7 @@ def test_what_is_exported_has_names_to_edit(tmp_path):
     text = (tmp_path / "out" / "program.scad").read_text()
     assert "hole_diameter = 6;" in text
     wider = cut(box(60, 40, 5, (0.0, 0.0, 2.5)), *(cylinder(4, 5, (x, 0.0, 2.5)) for x in (-20.0, 20.0)))
-    assert same(read_openscad(text, hole_diameter=8), wider)
+    assert same(read_openscad(text, {"hole_diameter": 8}), wider)
     assert json.loads((tmp_path / "out" / "program.json").read_text())["constraints"]
 
 

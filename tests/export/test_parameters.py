@@ -81,25 +81,25 @@ def test_names_say_what_they_are():
 @pytest.mark.parametrize("edit", [{"plate_thickness": 9.0}, {"hole_diameter": 8.0}, {"plate_thickness": 20.0, "hole_diameter": 4.0}])
 def test_an_edit_moves_all_that_follows(edit):
     delivered, parameters = parametrised(MOUNT)
-    read = read_openscad(to_openscad(delivered, 64, parameters), **edit)
+    read = read_openscad(to_openscad(delivered, 64, parameters), edit)
     meant = mount(edit.get("plate_thickness", 6.0), edit.get("hole_diameter", 6.0) / 2)
     assert volume_iou(to_manifold(read, 64), to_manifold(meant, 64)) == pytest.approx(1, abs=1e-6)
 
 
 def test_a_row_and_a_circle_stretch():
     delivered, parameters = parametrised(ROW)
-    read = list(leaves(read_openscad(to_openscad(delivered, 48, parameters), hole_spacing=22.0)))
+    read = list(leaves(read_openscad(to_openscad(delivered, 48, parameters), {"hole_spacing": 22.0})))
     steps = [b.center[0] - a.center[0] for a, b in pairwise(read[1:])]
     assert steps == pytest.approx([22.0] * 3)
     delivered, parameters = parametrised(FLANGE)
-    read = list(leaves(read_openscad(to_openscad(delivered, 48, parameters), bolt_circle=66.0)))
+    read = list(leaves(read_openscad(to_openscad(delivered, 48, parameters), {"bolt_circle": 66.0})))
     assert [math.hypot(*p.center[:2]) for p in read[1:]] == pytest.approx([33.0] * 6)
 
 
 def test_a_name_that_is_not_there_is_refused():
     delivered, parameters = parametrised(MOUNT)
     with pytest.raises(ValueError, match="no parameter 'holes'; it has plate_length"):
-        read_openscad(to_openscad(delivered, 48, parameters), holes=1.0)
+        read_openscad(to_openscad(delivered, 48, parameters), {"holes": 1.0})
 
 
 @pytest.mark.parametrize(

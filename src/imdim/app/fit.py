@@ -127,7 +127,8 @@ def summary(report: Mapping[str, Any], folder: Path) -> str:
     more = f" and {len(said) - MOST_SAID} more" if len(said) > MOST_SAID else ""
     lines += [f"  {'holes':<8} {'; '.join(said[:MOST_SAID])}{more}"] if said else []
     said = [feature["says"] for feature in report.get("edges", [])]
-    lines += [f"  {'edges':<8} {'; '.join(said)}"] if said else []
+    sharp = "" if report.get("edges_drawn") in (True, None) else " (program.scad draws them with -D edges=true)"
+    lines += [f"  {'edges':<8} {'; '.join(said)}{sharp}"] if said else []
     lines += [f"  {said}" for said in report.get("left_out", [])]
     lines += [f"  {name} {said}" for name, said in report["files"].items() if said.startswith("skipped") and name != "program.loops.scad"]
     lines += [

@@ -15,6 +15,7 @@ from typing import Any
 
 from imdim.delivery.evaluate import DeliveryLoss, Distances, Scores
 from imdim.delivery.finish import FinishedProgram
+from imdim.export.edge_text import do_edges_matter
 from imdim.export.elimination import MOST_NAMED
 from imdim.export.hole_names import hole_groups, hole_roles
 from imdim.geometry.holes import MOST_WALLS, count_walls
@@ -77,6 +78,7 @@ def report_of(
         "repeats": [] if folded is None else _repeats(folded, labels(program, constraints, folded, hole_roles(program))),
         "holes": [_group(group) for group in hole_groups(program)],
         "edges": [_edge_feature(feature) for feature in delivered.edges],
+        "edges_drawn": do_edges_matter(program, delivered.edges) if delivered.edges else None,
         "left_out": [*left_out, *_left_out(program)],
         "constraints": [{"name": c.name, "kind": c.kind, "says": str(c)} for c in constraints],
         "parameters": {name: number(value) for name, value in delivered.parameters.values.items()},

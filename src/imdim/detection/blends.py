@@ -40,7 +40,7 @@ ONE_WAY = 1.0  # degrees, within which a chain's pieces run in one direction
 
 @dataclass(frozen=True, eq=False)
 class Blend:
-    """A piece of a chain: its triangles, the carriers of the two faces that met in the edge, and how it runs.
+    """A piece of a chain: its triangles and their corners [n, 3], the carriers of the two faces that met in the edge, and how it runs.
 
     `sizes` are a fillet's radius, or a chamfer's distances along its two sides. `outside` is +1 where the edge is convex and -1 where it
     is concave. A sphere in a corner has the sides of all the fillets that meet there.
@@ -50,6 +50,7 @@ class Blend:
     sizes: tuple[float, ...]
     outside: int
     triangles: np.ndarray
+    corners: np.ndarray
     carrier: Surface
     sides: tuple[Surface, ...]
 
@@ -74,11 +75,13 @@ class Chain:
 
 
 class _Piece(NamedTuple):
-    """A connected piece of a carrier: its number, its patch, its area, by how many degrees its facets turn, and per piece beside it what
+    """A connected piece of a carrier: its number, its patch, its triangles and their corners [n, 3], its area, by how many degrees its facets turn, and per piece beside it what
     `_Border` says."""
 
     number: int
     patch: Patch
+    triangles: np.ndarray
+    corners: np.ndarray
     area: float
     step: float
     beside: Mapping[int, _Border]
@@ -97,8 +100,8 @@ def find_chains(mesh: trimesh.Trimesh) -> list[Chain]:
     """The chains of blends of a mesh whose equal vertices are one, largest first; see the module for what counts as one."""
     piece_of, pieces = _pieces(mesh)
     diagonal = float(np.linalg.norm(mesh.extents))
-    found = {p.number: blend for p in pieces.values() if (blend := _blend(p, pieces, piece_of, diagonal)) is not None}
-    while more := dict(_going_on(pieces, found, piece_of, diagonal)) | dict(_corners(pieces, found, piece_of)):
+    found = {p.number: blend for p in pieces.values() if (blend := _blend(p, pieces, diagonal)) is not None}
+    while more := dict(_going_on(pieces, found, diagonal)) | dict(_corners(pieces, found)):
         found |= more
     chains = [Chain(tuple(found[i] for i in group)) for group in _joined(found, mesh, piece_of)]
     return sorted((c for c in chains if not _runs_one_way(c)), key=lambda c: -sum(len(b.triangles) for b in c.blends))
@@ -138,7 +141,13 @@ def _pieces(mesh: trimesh.Trimesh) -> tuple[np.ndarray, dict[int, _Piece]]:
         bend = math.degrees(float(np.median(mesh.face_adjacency_angles[edges])))
         borders[a][b] = borders[b][a] = _Border(length, angle, bend, convex)
     steps = _steps(mesh, piece_of, pairs)
-    return piece_of, {i: _Piece(i, patches[owner], float(areas[i]), steps.get(i, 0.0), borders[i]) for i, owner in enumerate(owner_of)}
+    order = np.argsort(piece_of, kind="stable")
+    triangles = np.split(order, np.cumsum(np.bincount(piece_of))[:-1])
+    corners = [np.asarray(mesh.vertices)[np.unique(mesh.faces[t])] for t in triangles]
+    return piece_of, {
+        i: _Piece(i, patches[owner], triangles[i], corners[i], float(areas[i]), steps.get(i, 0.0), borders[i])
+        for i, owner in enumerate(owner_of)
+    }
 
 
 def _steps(mesh: trimesh.Trimesh, piece_of: np.ndarray, pairs: np.ndarray) -> dict[int, float]:
@@ -158,29 +167,27 @@ def _edges_between(piece_of: np.ndarray, pairs: np.ndarray) -> dict[tuple[int, i
     return {(int(a), int(b)): group for (a, b), group in zip(keys, groups, strict=True)}
 
 
-def _blend(piece: _Piece, pieces: Mapping[int, _Piece], piece_of: np.ndarray, diagonal: float, alone: bool = True) -> Blend | None:
+def _blend(piece: _Piece, pieces: Mapping[int, _Piece], diagonal: float, alone: bool = True) -> Blend | None:
     """The blend that a piece is, if any, told by itself `alone` or beside one that it may go on; corners are found later."""
     kind = piece.patch.surface.kind
     if kind in ("cylinder", "torus"):
-        return _fillet(piece, pieces, piece_of, diagonal, alone)
+        return _fillet(piece, pieces, diagonal, alone)
     if kind in ("plane", "cone"):
-        return _chamfer(piece, pieces, piece_of, diagonal, alone)
+        return _chamfer(piece, pieces, diagonal, alone)
     return None
 
 
-def _going_on(
-    pieces: Mapping[int, _Piece], found: Mapping[int, Blend], piece_of: np.ndarray, diagonal: float
-) -> Iterator[tuple[int, Blend]]:
+def _going_on(pieces: Mapping[int, _Piece], found: Mapping[int, Blend], diagonal: float) -> Iterator[tuple[int, Blend]]:
     """Pieces beside a blend that go on with it: too short, or too wide for a narrow neighbour, to be told alone."""
     for piece in pieces.values():
         beside = [found[i] for i in piece.beside if i in found]
         if piece.number not in found and beside:
-            blend = _blend(piece, pieces, piece_of, diagonal, alone=False)
+            blend = _blend(piece, pieces, diagonal, alone=False)
             if blend is not None and any(_are_alike(blend, other) for other in beside):
                 yield piece.number, blend
 
 
-def _fillet(piece: _Piece, pieces: Mapping[int, _Piece], piece_of: np.ndarray, diagonal: float, alone: bool) -> Blend | None:
+def _fillet(piece: _Piece, pieces: Mapping[int, _Piece], diagonal: float, alone: bool) -> Blend | None:
     surface = piece.patch.surface
     radius = surface.sizes[-1]
     if not SMALLEST * diagonal < radius < LARGEST * diagonal:
@@ -196,7 +203,7 @@ def _fillet(piece: _Piece, pieces: Mapping[int, _Piece], piece_of: np.ndarray, d
     one, two = (pieces[i].patch.surface for i in _two_sides(sides, pieces))
     if one == two:
         return None
-    return Blend("fillet", (radius,), piece.patch.outward or 1, np.flatnonzero(piece_of == piece.number), surface, (one, two))
+    return Blend("fillet", (radius,), piece.patch.outward or 1, piece.triangles, piece.corners, surface, (one, two))
 
 
 def _two_sides(sides: Sequence[int], pieces: Mapping[int, _Piece]) -> tuple[int, int]:
@@ -209,7 +216,7 @@ def _goes_on(surface: Surface, radius: float) -> bool:
     return surface.kind in ("cylinder", "torus", "sphere") and abs(surface.sizes[-1] - radius) < LIKE * radius
 
 
-def _chamfer(piece: _Piece, pieces: Mapping[int, _Piece], piece_of: np.ndarray, diagonal: float, alone: bool) -> Blend | None:
+def _chamfer(piece: _Piece, pieces: Mapping[int, _Piece], diagonal: float, alone: bool) -> Blend | None:
     order = _chamfer_sides(piece, pieces, alone)
     if len(order) < 2:
         return None
@@ -229,7 +236,7 @@ def _chamfer(piece: _Piece, pieces: Mapping[int, _Piece], piece_of: np.ndarray, 
     sizes = width * math.sin(math.radians(two.angle)) / turn, width * math.sin(math.radians(one.angle)) / turn
     a, b = (pieces[i].patch.surface for i in order)
     sign = 1 if one.convex else -1
-    return Blend("chamfer", sizes, sign, np.flatnonzero(piece_of == piece.number), piece.patch.surface, (a, b))
+    return Blend("chamfer", sizes, sign, piece.triangles, piece.corners, piece.patch.surface, (a, b))
 
 
 def _width(piece: _Piece) -> float:
@@ -247,7 +254,7 @@ def _chamfer_sides(piece: _Piece, pieces: Mapping[int, _Piece], alone: bool) -> 
     return list(min(pairs, key=lambda p: abs(piece.beside[p[0]].angle - piece.beside[p[1]].angle), default=order[:2]))
 
 
-def _corners(pieces: Mapping[int, _Piece], found: Mapping[int, Blend], piece_of: np.ndarray) -> Iterator[tuple[int, Blend]]:
+def _corners(pieces: Mapping[int, _Piece], found: Mapping[int, Blend]) -> Iterator[tuple[int, Blend]]:
     """Spheres in which two or more fillets of their radius end, and small pieces that lie for the most part between blends alike."""
     for piece in pieces.values():
         beside = [i for i in piece.beside if i in found]
@@ -261,7 +268,7 @@ def _corners(pieces: Mapping[int, _Piece], found: Mapping[int, Blend], piece_of:
             sides = tuple(dict.fromkeys(side for end in ends for side in end.sides))
             yield (
                 piece.number,
-                Blend(ends[0].kind, ends[0].sizes, ends[0].outside, np.flatnonzero(piece_of == piece.number), surface, sides),
+                Blend(ends[0].kind, ends[0].sizes, ends[0].outside, piece.triangles, piece.corners, surface, sides),
             )
 
 

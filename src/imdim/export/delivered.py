@@ -86,7 +86,7 @@ def texts_of(
     sharp = to_openscad(program, segments, named)
 
     def read(values: Mapping[str, float]) -> Program:
-        return read_openscad(sharp, **values)
+        return read_openscad(sharp, values)
 
     drawn = draw_edges(program, edges, named.values, read, deadline) if edges else None
     texts = {
@@ -107,7 +107,7 @@ def unwritten(program: Program) -> dict[str, str]:
 def read(delivered: Delivered, values: Mapping[str, float]) -> Program:
     """What program.scad describes with some names at other values; a one-line ValueError where that is nothing."""
     try:
-        return read_openscad(delivered.texts["program.scad"], **values)
+        return read_openscad(delivered.texts["program.scad"], values)
     except ValueError as error:
         raise ValueError(f"program.scad: {error}") from None
 

@@ -15,7 +15,8 @@ from imdim.deadline import NEVER, Deadline
 from imdim.export.drawn_vertex import DrawnVertex
 from imdim.export.numbers import Expression, Term, simple_fraction
 from imdim.export.parameters import Parameters
-from imdim.geometry.edge_solids import BlendSolid, blend_solids, gather_pieces
+from imdim.geometry.edge_solids import BlendSolid, blend_solids, gather_pieces, solid_with_edges
+from imdim.geometry.solid import to_manifold
 from imdim.program.edges import EdgeFeature, with_sizes
 from imdim.program.tree import Primitive, Program, leaves, longest
 
@@ -24,17 +25,20 @@ STRAIGHT = 1e-4  # of a step, by which twice as far may not be twice as much
 SIMPLE = 1e-6  # by which a factor may be off a simple one
 FACTOR_DIGITS = 9
 EIGHTHS = 8
+MATTERS = 5e-3  # of the volume: a search by volume would see them, and so does who looks at the part
 
 Read = Callable[[Mapping[str, float]], Program]
 
 
 @dataclass(frozen=True)
 class DrawnEdges:
-    """What a text draws of edge features: their `pieces`, and the expressions of the numbers of these, leaf after leaf."""
+    """What a text draws of edge features: their `pieces`, and the expressions of the numbers of these, leaf after leaf. `matter` says
+    whether they hold so much of the part that it is another one without them."""
 
     features: tuple[EdgeFeature, ...]
     pieces: tuple[BlendSolid, ...]
     named: Parameters
+    matter: bool
 
 
 def draw_edges(
@@ -56,7 +60,14 @@ def draw_edges(
         centers.append(tuple(next(rest) for _ in range(3)))
         assert leaf.outline is not None
         outlines.append(tuple(tuple(DrawnVertex(next(rest), next(rest), b) for _, _, b in loop) for loop in leaf.outline.loops))
-    return DrawnEdges(tuple(features), tuple(pieces), Parameters(dict(values), tuple(sizes), tuple(centers), outlines=tuple(outlines)))
+    named = Parameters(dict(values), tuple(sizes), tuple(centers), outlines=tuple(outlines))
+    return DrawnEdges(tuple(features), tuple(pieces), named, do_edges_matter(program, features))
+
+
+def do_edges_matter(program: Program, features: Sequence[EdgeFeature]) -> bool:
+    """Whether a program with edge features differs from the sharp one by more than MATTERS of the volume."""
+    sharp = to_manifold(program).volume()
+    return abs(solid_with_edges(program, features).volume() - sharp) > MATTERS * sharp
 
 
 def _terms(slopes: Mapping[str, np.ndarray], i: int) -> list[Term]:

@@ -161,7 +161,8 @@ def lost_edges(before: Delivered, after: Delivered) -> list[str]:
     """A sentence for each edge feature of which edges that there were are gone after an edit."""
     had, has = ({*blend_solids(d.program, d.edges).missing} for d in (before, after))
     gone = [sum(1 for feature, _ in has - had if feature == i) for i in range(len(after.edges))]
-    return [f"{n} edges of {describe_edges(f)} are no more" for f, n in zip(after.edges, gone, strict=True) if n]
+    words = [describe_edges(f).partition(" of ") for f in after.edges]
+    return [f"{what}: {n} of {of} no more" for (what, _, of), n in zip(words, gone, strict=True) if n]
 
 
 def write(delivered: Delivered, folder: Path, step_limit_s: float = 0.0, solids: tuple[Manifold, Manifold] | None = None) -> dict[str, str]:

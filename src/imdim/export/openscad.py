@@ -74,7 +74,10 @@ function curve_points(loop, i) = let(a = place(loop, i), half = half_turn(loop, 
 ) [a, for (k = [floor(from + 1e-4) + 1 : 1 : last]) c + r * [cos(k * step), way * sin(k * step)]];
 """
 
-SWITCH = "edges = true; // false leaves chamfers and fillets out, which is quicker to draw"
+SWITCH = {
+    True: "edges = true; // false leaves the chamfers and fillets below out",
+    False: "edges = false; // true draws the chamfers and fillets below too",
+}
 WHERE_DRAWN = "if (edges)"
 
 _SHAPE: Mapping[str, Callable[..., str]] = {
@@ -93,7 +96,7 @@ def to_openscad(program: Program, segments: int = SEGMENTS, parameters: Paramete
     """OpenSCAD text of `program` in its own units, with `$fn` at `segments`, and numbers that follow `parameters` if given.
 
     Lengths keep about nine significant digits of the model's size, angles nine decimals. Cutters are written as they are: see `overshoot`.
-    `edges` are drawn where the text's own switch says so.
+    `edges` are drawn where the text's own switch says so, which is on where they matter.
     """
     rounding, named = Rounding.of(program), parameters or Parameters.none(program)
 
@@ -104,7 +107,7 @@ def to_openscad(program: Program, segments: int = SEGMENTS, parameters: Paramete
     head = named.head(rounding.size, end=";", counted=False)
     if edges is None or not edges.pieces:
         return "\n".join([f"$fn = {segments};", "", *head, *_definitions(program), *lines, ""])
-    return "\n".join([f"$fn = {segments};", "", *head, SWITCH, "", OUTLINE, *_with_blends(lines, edges, rounding), ""])
+    return "\n".join([f"$fn = {segments};", "", *head, SWITCH[edges.matter], "", OUTLINE, *_with_blends(lines, edges, rounding), ""])
 
 
 def _with_blends(lines: Sequence[str], edges: DrawnEdges, rounding: Rounding) -> list[str]:

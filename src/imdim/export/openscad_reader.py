@@ -37,12 +37,13 @@ _OPERATORS: Mapping[type, Callable[[float, float], float]] = {
 Values = dict[str, float]
 
 
-def read_openscad(text: str, blended: bool = False, **given: float) -> Program:
+def read_openscad(text: str, given: Mapping[str, float] | None = None, blended: bool = False) -> Program:
     """The program in a text that `to_openscad` wrote, with parameters `given` in place of the text's, as OpenSCAD's -D has it.
 
     It is that of the sharp part; if `blended`, with the text's chamfers and fillets, as primitives.
     Raises ValueError with the line's number for anything else, and for a parameter that the text does not have.
     """
+    given = given or {}
     open_blocks: list[tuple[Op | None, list[Program]]] = [("union", [])]
     values: Values = {}
     # as many lines as before, so that messages count them as the file does
@@ -50,7 +51,7 @@ def read_openscad(text: str, blended: bool = False, **given: float) -> Program:
     for number, line in _statements(text):
         assigned = _ASSIGNMENT.fullmatch(line)
         begun: Op | None = next((op for op in OPS if line == f"{op}() {{"), None)
-        if not line or line.startswith("$fn = ") or SWITCH.startswith(line):
+        if not line or line.startswith("$fn = ") or any(switch.startswith(line) for switch in SWITCH.values()):
             continue
         if line == "}" and len(open_blocks) > 1 and open_blocks[-1][1]:
             op, parts = open_blocks.pop()

@@ -359,7 +359,7 @@ def _tracks(one: Surface, two: Surface, slack: float) -> Iterator[_Track]:
         if np.linalg.norm(along) < PARALLEL:
             return
         along /= np.linalg.norm(along)
-        origin = np.linalg.solve(np.stack([a, b, along]), [a @ one.point, b @ two.point, 0.0])
+        origin = np.linalg.solve(np.stack([a, b, along]), np.array([a @ one.point, b @ two.point, 0.0]))
         frame = frame_from_axis(along)
         yield _Track(origin, frame, np.stack([a @ frame[:, :2], b @ frame[:, :2]]))
         return
@@ -367,14 +367,14 @@ def _tracks(one: Surface, two: Surface, slack: float) -> Iterator[_Track]:
     if round_one.kind not in ("cylinder", "cone"):
         return
     axis, origin = np.asarray(round_one.axis), np.asarray(round_one.point)
-    lines = [_profile(surface, origin, axis, slack) for surface in (one, two)]
-    if lines[0] is None or lines[1] is None:
+    lines = [line for surface in (one, two) if (line := _profile(surface, origin, axis, slack)) is not None]
+    if len(lines) < 2:
         return
     (n1, d1), (n2, d2) = lines
     normals = np.stack([n1, n2])
     if abs(np.linalg.det(normals)) < PARALLEL:
         return
-    r, z = np.linalg.solve(normals, [d1, d2])
+    r, z = np.linalg.solve(normals, np.array([d1, d2]))
     if r > slack:
         yield _Track(origin + z * axis, frame_from_axis(axis), normals, float(r))
 

@@ -109,9 +109,8 @@ def _faces(program: Program) -> Iterator[tuple[Face, Surface]]:
 def _pairs(blend: Blend, chain: Chain, faces: Sequence[tuple[Face, Surface]], target: Target) -> Iterator[tuple[Face, Face]]:
     """Pairs of the program's faces between which a blend may lie, those of one leaf first; the one along which it is smaller first."""
     assert target.mesh is not None
-    corners = np.asarray(target.mesh.vertices)[np.unique(target.mesh.faces[blend.triangles])]
     slack = NEAR * max(chain.sizes) + NEAR_PART * float(np.linalg.norm(target.mesh.extents))
-    beside = [[face for face, surface in faces if _is_beside(surface, side, corners, slack)] for side in blend.sides[:2]]
+    beside = [[face for face, surface in faces if _is_beside(surface, side, blend.corners, slack)] for side in blend.sides[:2]]
     if blend.sizes[0] > blend.sizes[-1]:
         beside.reverse()
     pairs = [(one, two) for one in beside[0] for two in beside[1] if one != two]

@@ -1,0 +1,98 @@
+"""Blends in OpenSCAD text: what they are, what they follow, and what the real tool makes of them."""
+
+import shutil
+import subprocess
+
+import pytest
+import trimesh
+
+from imdim.delivery.finish import FinishedProgram, finish
+from imdim.export.delivered import meanings, texts_of
+from imdim.export.edit import change_values, lost_edges, open_delivered, solid_of
+from imdim.export.openscad_reader import read_openscad
+from imdim.geometry.edge_solids import blend_solids, gather_pieces, solid_with_edges
+from imdim.geometry.solid import to_manifold
+from imdim.program.codec import Meta, dumps, parse
+from imdim.program.edges import EdgeFeature, Face
+from imdim.program.outline import Outline, circle
+from imdim.program.tree import Combine, Primitive
+from imdim.reconstruction.fitting import relations_of
+
+PLATE = Primitive("box", (60.0, 40.0, 6.0), (0.0, 0.0, 3.0))
+BOSS = Primitive("cylinder", (9.0, 14.0), (0.0, 0.0, 7.0))
+HOLE = Primitive("cylinder", (4.0, 20.0), (0.0, 0.0, 7.0))
+PROGRAM = Combine("difference", Combine("union", PLATE, BOSS), HOLE)
+RIM = EdgeFeature("chamfer", (1.0,), tuple((Face(0, "+z"), Face(0, side)) for side in ("+x", "-x", "+y", "-y")))
+FOOT = EdgeFeature("fillet", (2.0,), ((Face(0, "+z"), Face(1, "side")),))
+
+
+def finished() -> FinishedProgram:
+    return finish(*relations_of(PROGRAM), edges=(RIM, FOOT))
+
+
+def delivered():
+    found = finished()
+    texts = texts_of(found.program, found.parameters, found.folded, 96, found.edges)
+    return open_delivered(parse(dumps(found.program, Meta(), found.constraints, found.folded, found.edges)), texts)
+
+
+def test_the_text_has_the_sharp_program_and_the_blended_one() -> None:
+    found, text = finished(), delivered().texts["program.scad"]
+    assert to_manifold(read_openscad(text)).volume() == pytest.approx(to_manifold(found.program).volume(), rel=1e-9)
+    blended = solid_with_edges(found.program, found.edges)
+    assert to_manifold(read_openscad(text, blended=True)).volume() == pytest.approx(blended.volume(), rel=1e-6)
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.3])
+def test_blends_follow_every_name(factor: float) -> None:
+    before = delivered()
+    names = [name for name in before.values if "hole" not in name]
+    assert {"chamfer_distance", "fillet_radius"} < set(names)
+    for name in names:
+        after = change_values(before, {name: before.values[name] * factor})
+        drawn = to_manifold(read_openscad(after.texts["program.scad"], blended=True), 96)
+        assert drawn.volume() == pytest.approx(solid_of(after).volume(), rel=1e-6), name
+
+
+@pytest.mark.tool
+def test_openscad_draws_them(tmp_path) -> None:
+    tool = shutil.which("openscad")
+    if tool is None:
+        pytest.skip("openscad is not installed")
+    (tmp_path / "part.scad").write_text(delivered().texts["program.scad"], encoding="utf-8")
+    found = finished()
+    for drawn, wanted in (("true", solid_with_edges(found.program, found.edges, 96)), ("false", to_manifold(found.program, 96))):
+        out = tmp_path / f"{drawn}.stl"
+        subprocess.run([tool, "-q", "-D", f"edges={drawn}", "-o", str(out), str(tmp_path / "part.scad")], check=True, capture_output=True)
+        assert trimesh.load_mesh(out).volume == pytest.approx(wanted.volume(), rel=1e-5)
+
+
+def test_the_list_says_what_a_size_is_of() -> None:
+    told = meanings(delivered())
+    assert told["chamfer_distance"] == "size of chamfer 1 of 4 edges"
+    assert told["fillet_radius"] == "size of fillet 2 of 1 edge"
+
+
+def test_an_edit_tells_which_edges_are_no_more() -> None:
+    before = delivered()
+    assert lost_edges(before, before) == []
+    after = change_values(before, {"boss_diameter": 90.0})  # wider than the plate
+    assert lost_edges(before, after) == ["chamfer 1: 4 of 4 edges no more", "fillet 2: 1 of 1 edge no more"]
+
+
+def test_an_edited_size_is_in_the_document() -> None:
+    after = change_values(delivered(), {"chamfer_distance": 2.0})
+    assert after.edges[0].sizes == (2.0,)
+    assert "chamfer_distance = 2;" in after.texts["program.scad"]
+
+
+def test_parallel_pieces_of_one_length_are_drawn_together() -> None:
+    pieces = blend_solids(PLATE, [RIM]).pieces
+    gathered = gather_pieces(pieces)
+    assert (len(pieces), len(gathered)) == (4, 2)
+    assert sum(to_manifold(p.solid).volume() for p in gathered) == pytest.approx(sum(to_manifold(p.solid).volume() for p in pieces))
+    # rims of holes: round pieces stay as they are
+    ring = Primitive("extrude", (4.0,), outline=Outline((circle(9.0), circle(4.0))))
+    edges = tuple((Face(0, "+z"), Face(0, f"wall[{loop}][{k}]")) for loop in (0, 1) for k in (0, 1))
+    found = blend_solids(ring, [EdgeFeature("chamfer", (0.5,), edges)]).pieces
+    assert len(gather_pieces(found)) == len(found) == 4

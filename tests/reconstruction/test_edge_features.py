@@ -1,0 +1,95 @@
+"""Blends of a mesh come back as edge features of the program that made it; those that belong nowhere are told."""
+
+import math
+
+import numpy as np
+import pytest
+
+from imdim.detection.blends import find_chains
+from imdim.geometry.edge_solids import solid_with_edges
+from imdim.geometry.solid import mesh_to_manifold, to_manifold, to_trimesh, volume_iou
+from imdim.program.cost import count
+from imdim.program.edges import EdgeFeature, Face
+from imdim.program.outline import Outline
+from imdim.program.tree import Combine, Primitive, Program
+from imdim.reconstruction.edge_features import find_edge_features, set_edges_aside
+from imdim.reconstruction.pipeline import reconstruct_best
+from imdim.target.target import Target, target_from
+
+ANGLE = Outline((((0.0, 0.0, 0.0), (40.0, 0.0, 0.0), (40.0, 8.0, 0.0), (8.0, 8.0, 0.0), (8.0, 30.0, 0.0), (0.0, 30.0, 0.0)),))
+BRACKET = Combine(
+    "difference",
+    Primitive("extrude", (20.0,), outline=ANGLE.shift(-20, -15)),
+    Primitive("cylinder", (3.0, 30.0), (10.0, -11.0, 0.0), (90.0, 0.0, 0.0)),
+)
+WALLS = [Face(0, f"wall[0][{k}]") for k in range(6)]
+RIMS = tuple((Face(0, end), wall) for end in ("+z", "-z") for wall in WALLS)
+
+
+def target_of(program: Program, *features: EdgeFeature) -> Target:
+    return target_from(to_trimesh(solid_with_edges(program, features, 96)))
+
+
+@pytest.mark.parametrize("feature", [EdgeFeature("chamfer", (0.8,), RIMS), EdgeFeature("fillet", (1.0,), RIMS[:6])], ids=str)
+def test_edges_of_the_program_that_made_a_part_are_found(feature: EdgeFeature) -> None:
+    target = target_of(BRACKET, feature)
+    sharp, chains = set_edges_aside(target)
+    assert sharp.mesh is not None
+    assert volume_iou(mesh_to_manifold(sharp.mesh), to_manifold(BRACKET, 96)) > 0.9995
+    found = find_edge_features(BRACKET, chains, target)
+    assert not found.left_out
+    (back,) = found.features
+    assert (back.kind, back.sizes) == (feature.kind, pytest.approx(feature.sizes))
+    assert {frozenset(edge) for edge in back.edges} == {frozenset(edge) for edge in feature.edges}
+    assert target.mesh is not None
+    assert volume_iou(solid_with_edges(BRACKET, found.features, 96), mesh_to_manifold(target.mesh)) > 0.9998
+
+
+def test_a_fit_gives_the_sharp_program_and_its_chains() -> None:
+    target = target_of(BRACKET, EdgeFeature("chamfer", (0.8,), RIMS))
+    last = reconstruct_best(target)
+    assert count(last.program).primitives <= 2
+    found = find_edge_features(last.program, last.chains, target)
+    assert [(f.kind, f.sizes) for f in found.features] == [("chamfer", (0.8,))]
+    assert target.mesh is not None
+    assert volume_iou(solid_with_edges(last.program, found.features, 96), mesh_to_manifold(target.mesh)) > 0.9995
+
+
+def test_chains_beside_no_face_of_the_program_are_told() -> None:
+    target = target_of(BRACKET, EdgeFeature("chamfer", (0.8,), RIMS))
+    _, chains = set_edges_aside(target)
+    elsewhere = Primitive("box", (5.0, 5.0, 5.0), (3.0, 2.0, 1.0))
+    found = find_edge_features(elsewhere, chains, target)
+    assert found.features == ()
+    assert found.left_out == (f"{len(chains)} of {len(chains)} chains of chamfer 0.8 follow no edges of the program: these are sharp",)
+
+
+def test_blends_where_the_target_has_none_are_not_added() -> None:
+    chains = set_edges_aside(target_of(BRACKET, EdgeFeature("chamfer", (0.8,), RIMS)))[1]
+    assert find_edge_features(BRACKET, chains, target_of(BRACKET)).features == ()
+
+
+def test_clouds_and_open_meshes_stay_as_they_are() -> None:
+    target = target_of(BRACKET, EdgeFeature("chamfer", (0.8,), RIMS))
+    cloud = target_from(np.asarray(target.points))
+    assert set_edges_aside(cloud) == (cloud, ())
+    assert find_edge_features(BRACKET, (), target).features == ()
+
+
+def test_without_the_language_of_outlines_nothing_is_set_aside() -> None:
+    from imdim.reconstruction.config import Settings
+
+    plate = Primitive("box", (20.0, 12.0, 4.0))
+    rim = EdgeFeature("chamfer", (0.5,), tuple((Face(0, "+z"), Face(0, s)) for s in ("+x", "-x", "+y", "-y")))
+    assert reconstruct_best(target_of(plate, rim), Settings(language="csg")).chains == ()
+    assert len(find_chains(to_trimesh(solid_with_edges(plate, [rim])))) == 1
+
+
+def test_two_distances_keep_their_sides() -> None:
+    plate = Primitive("box", (20.0, 12.0, 4.0))
+    rim = EdgeFeature("chamfer", (0.5, 1.0), tuple((Face(0, "+z"), Face(0, s)) for s in ("+x", "-x", "+y", "-y")))
+    target = target_of(plate, rim)
+    (found,) = find_edge_features(plate, set_edges_aside(target)[1], target).features
+    assert found.sizes == pytest.approx((0.5, 1.0))
+    assert all(one.name == "+z" for one, _ in found.edges)
+    assert math.isclose(to_manifold(plate).volume() - solid_with_edges(plate, [found]).volume(), 240 * 4 - target.mesh.volume, rel_tol=1e-3)
