@@ -2,6 +2,7 @@
 
 import math
 import subprocess
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -10,8 +11,11 @@ from tests.export.test_parameters import rendered
 
 from imdim.export.bends import regular_polygon, to_loop
 from imdim.export.delivered import EditError, meanings
+from imdim.export.drawn_vertex import BendRadius, DrawnVertex
 from imdim.export.edit import change_values, solid_of
+from imdim.export.numbers import Expression, Term
 from imdim.export.outline_joints import regular_of
+from imdim.export.parameters import Parameters, _share_corners
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.program.outline import Outline, arc_center, arc_radius, circle, loop_curves, reverse_loop
 from imdim.program.tree import Combine, Primitive
@@ -278,3 +282,21 @@ def test_scripts_draw_every_bend(package, file, values, tmp_path):
     subprocess.run([python, file], check=True, cwd=tmp_path, timeout=120, capture_output=True)
     wanted = to_manifold(after.program, 4096).volume()
     assert shape_volume(read_step(tmp_path / "part.step"), 1e-9) == pytest.approx(wanted, rel=2e-6)
+
+
+def test_both_ends_of_a_rounded_corner_are_written_alike() -> None:
+    # two ways to the same corner that differ by less than the text's digits
+    values = {"length": 15.0000004, "corner_x": -7.4999984507, "top": 19.2}
+    named, whole = Fraction(1), Expression((), 0.0)
+    corner = Expression((Term("corner_x", named),), 0.0)
+    wall = Expression((Term("length", -named / 2),), 7.5000002 - 7.4999984507 + 1e-10)
+    top = Expression((Term("top", named),), 0.0)
+    loop = (
+        DrawnVertex(whole, whole, 0.0),
+        DrawnVertex(corner, top, BendRadius(Expression((), 3.0), 0)),
+        DrawnVertex(wall, top, 0.0),
+        DrawnVertex(whole, top, 0.0),
+    )
+    shared = _share_corners(Parameters(values, outlines=((loop,),)))
+    assert shared.outlines[0][0][1].x == shared.outlines[0][0][2].x == wall
+    assert "corner_x" not in shared.values

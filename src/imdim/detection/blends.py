@@ -75,7 +75,8 @@ class Chain:
 
 
 class _Piece(NamedTuple):
-    """A connected piece of a carrier: its number, its patch, its triangles and their corners [n, 3], its area, by how many degrees its facets turn, and per piece beside it what
+    """A connected piece of a carrier: its number, its patch, its triangles and their corners [n, 3], its area, by how many degrees its
+    facets turn, and per piece beside it what
     `_Border` says."""
 
     number: int

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
-from imdim.export.drawn_vertex import DrawnPolygon, DrawnRing, DrawnVertex, map_ring, numbers_of
+from imdim.export.drawn_vertex import BendRadius, DrawnPolygon, DrawnRing, DrawnVertex, map_ring, numbers_of
 from imdim.export.elimination import MOST_NAMED, LinearSystem, vector
 from imdim.export.hole_names import BoreWords, Notes, hole_notes, hole_roles
 from imdim.export.loops import Loop, loop_of
@@ -110,7 +110,7 @@ def _parametrise(
     fixed: set[int] = set()
     while True:
         system = LinearSystem.of(program, constraints, delivered, folded, fixed)
-        named = _shift_constants(_express_numbers(system, program, label, delivered), values)
+        named = _shift_constants(_share_corners(_express_numbers(system, program, label, delivered)), values)
         if folded is None:
             return named
         looped, broken = _add_loops(named, folded, label, longest(leaves(delivered)))
@@ -119,6 +119,35 @@ def _parametrise(
         if broken <= fixed:
             return Parameters.none(delivered, folded)
         fixed |= broken
+
+
+def _share_corners(named: Parameters) -> Parameters:
+    """The same numbers; where both ends of an arc are written at one place, that its corner or its centre is, by the same expressions."""
+
+    def value(e: Expression) -> float:
+        return e.constant + sum(float(t.coefficient) * named.values[t.name] for t in e.terms)
+
+    def shared(one: Expression, two: Expression) -> Expression:
+        # a name of this place alone says less than a sum of others
+        return two if len(one.terms) == 1 and not one.constant else one
+
+    def corners(loop: DrawnLoop) -> DrawnLoop:
+        if isinstance(loop, DrawnPolygon):
+            return loop
+        out = list(loop)
+        for i, v in enumerate(loop):
+            j = (i + 1) % len(loop)
+            near = ZERO * max(map(abs, named.values.values()), default=1.0)
+            apart = max(abs(value(v.x) - value(out[j].x)), abs(value(v.y) - value(out[j].y)))
+            if isinstance(v.bulge, BendRadius) and apart < near and (v.x, v.y) != (out[j].x, out[j].y):
+                x, y = shared(out[i].x, out[j].x), shared(out[i].y, out[j].y)
+                out[i], out[j] = replace(out[i], x=x, y=y), replace(out[j], x=x, y=y)
+        return tuple(out)
+
+    outlines = tuple(tuple(corners(loop) for loop in loops) for loops in named.outlines)
+    used = {t.name for rows in (named.sizes, named.centers) for row in rows for e in row for t in e.terms}
+    used |= {t.name for loops in outlines for loop in loops for e in numbers_of(loop) for t in e.terms}
+    return replace(named, outlines=outlines, values={name: v for name, v in named.values.items() if name in used})
 
 
 def _shift_constants(named: Parameters, values: Mapping[str, float]) -> Parameters:
