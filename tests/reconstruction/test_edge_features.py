@@ -49,10 +49,9 @@ def test_a_fit_gives_the_sharp_program_and_its_chains() -> None:
     target = target_of(BRACKET, EdgeFeature("chamfer", (0.8,), RIMS))
     last = reconstruct_best(target)
     assert count(last.program).primitives <= 2
-    found = find_edge_features(last.program, last.chains, target)
-    assert [(f.kind, f.sizes) for f in found.features] == [("chamfer", (0.8,))]
+    assert [(f.kind, f.sizes) for f in last.edges] == [("chamfer", (0.8,))]
     assert target.mesh is not None
-    assert volume_iou(solid_with_edges(last.program, found.features, 96), mesh_to_manifold(target.mesh)) > 0.9995
+    assert volume_iou(solid_with_edges(last.program, last.edges, 96), mesh_to_manifold(target.mesh)) > 0.9995
 
 
 def test_chains_beside_no_face_of_the_program_are_told() -> None:
@@ -81,7 +80,7 @@ def test_without_the_language_of_outlines_nothing_is_set_aside() -> None:
 
     plate = Primitive("box", (20.0, 12.0, 4.0))
     rim = EdgeFeature("chamfer", (0.5,), tuple((Face(0, "+z"), Face(0, s)) for s in ("+x", "-x", "+y", "-y")))
-    assert reconstruct_best(target_of(plate, rim), Settings(language="csg")).chains == ()
+    assert reconstruct_best(target_of(plate, rim), Settings(language="csg")).edges == ()
     assert len(find_chains(to_trimesh(solid_with_edges(plate, [rim])))) == 1
 
 

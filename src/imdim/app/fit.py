@@ -96,7 +96,7 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None) -> dict[str,
     # the other files take a few seconds; STEP, which may be slow, gets what is left
     step_limit_s = min(max(left - DELIVERY_S, 1.0), STEP_LIMIT_S)
     finish_by = Deadline(start + settings.budget_s - FILES_S)
-    return deliver(last.program, target, folder, run, settings.segments, step_limit_s, last.constraints, last.front, finish_by, last.chains)
+    return deliver(last.program, target, folder, run, settings.segments, step_limit_s, last.constraints, last.front, finish_by, last.edges)
 
 
 def _exhaust(snapshots: Iterator[Snapshot], stages: dict[str, float]) -> Snapshot:

@@ -20,7 +20,6 @@ from imdim.deadline import NEVER, Deadline
 from imdim.delivery.evaluate import DeliveryLoss, evaluate_file
 from imdim.delivery.finish import FinishedProgram, finish, finish_flat
 from imdim.delivery.report import RunRecord, dumps, report_of
-from imdim.detection.blends import Chain
 from imdim.export import html
 from imdim.export.delivered import texts_of, unwritten
 from imdim.export.folder import FILES, OutputError, check_writable, replacing
@@ -38,7 +37,6 @@ from imdim.program.edges import EdgeFeature
 from imdim.program.front import Choice
 from imdim.program.front import dumps as front_text
 from imdim.program.tree import Program
-from imdim.reconstruction.edge_features import find_edge_features
 from imdim.reconstruction.fitting import relations_of
 from imdim.target.target import Target, frame_meta
 
@@ -57,13 +55,13 @@ def deliver(
     constraints: Sequence[Constraint] = (),
     front: Sequence[Choice] = (),
     finish_by: Deadline = NEVER,
-    chains: Sequence[Chain] = (),
+    edges: Sequence[EdgeFeature] = (),
 ) -> dict[str, Any]:
     """Write all results for `program` (in the target's units) into `folder`, whole or not at all; returns the report.
 
     `constraints` hold for `program` (see `relations.discover`). `front` holds programs from crude to exact, `program` among them; without
     it `front.json` holds the program alone. Past `finish_by` (by default never) the program is finished no further (`finish`).
-    `chains` are fillets and chamfers of the target, which the program has not: its edges that follow them become edge features.
+    `edges` are edge features of `program`.
 
     STEP is skipped, and the report says why, where OpenCASCADE is missing, fails or takes longer than `step_limit_s`.
     Raises OutputError when the folder cannot be written or holds foreign files, ValueError when the program is empty.
@@ -71,10 +69,8 @@ def deliver(
     seconds: dict[str, float] = {}
     with replacing(folder) as partial:
         with _time(seconds, "program"):
-            given, found = program, finish(program, constraints, finish_by)
+            given, found = program, finish(program, constraints, finish_by, edges)
             program = found.program
-            blended = find_edge_features(program, chains, target)
-            found = found.with_edges(blended.features)
             meta = frame_meta(target)
             _write_texts(found, meta, partial, segments, finish_by)
             _write_front(front or [Choice(given)], given, meta, partial)
@@ -98,7 +94,7 @@ def deliver(
         if found.folded is None:
             skipped["program.loops.scad"] = "skipped: no part repeats"
         files = {name: skipped.get(name, "written") for name in FILES}
-        report = report_of(found, target, scores, kept, volumes, files, run, seconds, blended.left_out)
+        report = report_of(found, target, scores, kept, volumes, files, run, seconds)
         (partial / "report.json").write_text(dumps(report), encoding="utf-8")
         (partial / "report.html").write_text(html.page(shown, report, _read(partial / "front.json")), encoding="utf-8")
     return report

@@ -57,7 +57,6 @@ def report_of(
     files: Mapping[str, str],
     run: RunRecord,
     delivery: Mapping[str, float],
-    left_out: Sequence[str] = (),
 ) -> dict[str, Any]:
     """The report as plain values; lengths in model units, `volumes` per file in cubed ones, `delivery` in seconds per step."""
     program, constraints, folded = delivered.program, delivered.constraints, delivered.folded
@@ -79,7 +78,7 @@ def report_of(
         "holes": [_group(group) for group in hole_groups(program)],
         "edges": [_edge_feature(feature) for feature in delivered.edges],
         "edges_drawn": do_edges_matter(program, delivered.edges) if delivered.edges else None,
-        "left_out": [*left_out, *_left_out(program)],
+        "left_out": list(_left_out(program)),
         "constraints": [{"name": c.name, "kind": c.kind, "says": str(c)} for c in constraints],
         "parameters": {name: number(value) for name, value in delivered.parameters.values.items()},
         "scores": _scores(scores),

@@ -22,6 +22,7 @@ from imdim.geometry.finish.overshoot import without_strays
 from imdim.geometry.solid import to_manifold
 from imdim.program.constraints import Constraint, scale_constraints
 from imdim.program.cost import CURVE_PRICES, count, weigh
+from imdim.program.edges import EdgeFeature
 from imdim.program.front import Choice
 from imdim.program.outline import regions
 from imdim.program.rewrite.simplify import reduce_program
@@ -29,7 +30,7 @@ from imdim.program.tree import Primitive, Program, combine_all, leaves, map_leav
 from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.choices import choices_beside, few, unite_fronts
 from imdim.reconstruction.config import ConfigError, Settings, check_choices
-from imdim.reconstruction.edge_features import set_edges_aside
+from imdim.reconstruction.edge_features import find_edge_features, set_edges_aside
 from imdim.reconstruction.fitting import find_relations, fit_numbers, snap_numbers
 from imdim.reconstruction.hole_ends import complete_holes
 from imdim.reconstruction.mdl import most_likely, reconstruct_unlabelled
@@ -55,8 +56,8 @@ class Snapshot:
     `stop` is None until the last snapshot, which says why the run ended: "finished" or "budget_spent", after an evolution also "exact" or
     "stagnation". That one has the `front`, programs from crude to exact, of which `program` is one, and the `constraints` that hold for it;
     an evolution shows its front as it goes. `proof` says whether the program was proved minimal, and why not; it is empty where the
-    method does not ask. The last one's `notes` say, a sentence each, what was left out, and its `chains` are the target's fillets and
-    chamfers that were set aside: the program is that of the sharp part, and `error` is relative to it.
+    method does not ask. The last one's `notes` say, a sentence each, what was left out, and its `edges` are the target's fillets and
+    chamfers, which were set aside: the program is that of the sharp part, and `error` is relative to it.
     """
 
     stage: str
@@ -68,7 +69,7 @@ class Snapshot:
     constraints: tuple[Constraint, ...] = ()
     proof: str = ""
     notes: tuple[str, ...] = ()
-    chains: tuple[Chain, ...] = ()
+    edges: tuple[EdgeFeature, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,13 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator, no
     work = _Work(settings, METHODS[settings.method], settings.method in GUESSING, _policy_of(settings), budget, rng)
     sharp, chains = set_edges_aside(target) if settings.language == "cad" else (target, ())
     for snapshot in _snapshots(_by_body(sharp, work, left_out), sharp, work, left_out):
-        yield snapshot if snapshot.stop is None else replace(snapshot, chains=chains)
+        yield snapshot if snapshot.stop is None else _with_edges(snapshot, chains, target)
+
+
+def _with_edges(last: Snapshot, chains: Sequence[Chain], target: Target) -> Snapshot:
+    """The last snapshot with the edges that were set aside."""
+    found = find_edge_features(last.program, chains, target)
+    return replace(last, edges=found.features, notes=(*last.notes, *found.left_out))
 
 
 def resume(

@@ -23,7 +23,7 @@ from imdim.program import codec
 from imdim.program.constraints import ConstraintError
 from imdim.program.tree import Combine, Primitive
 from imdim.reconstruction.config import ConfigError, Settings, check, first_line, merge
-from imdim.reconstruction.edge_features import set_edges_aside
+from imdim.reconstruction.edge_features import find_edge_features, set_edges_aside
 from imdim.reconstruction.fitting import relations_of
 from imdim.reconstruction.pipeline import Snapshot, reconstruct, reconstruct_best
 from imdim.target.readers import FORMATS
@@ -78,10 +78,11 @@ def files(request: Message, now: Now) -> Iterator[Message]:
     front = protocol.read_front(request.values["front"])
     settings = _settings(request)
     chains = set_edges_aside(target)[1] if settings.language == "cad" else ()
+    edges = find_edge_features(program, chains, target).features
     run = RunRecord(target.name, {}, request.values["stop"], settings.seed, asdict(settings))
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "part"
-        deliver(program, target, folder, run, settings.segments, STEP_LIMIT_S, constraints, front, chains=chains)
+        deliver(program, target, folder, run, settings.segments, STEP_LIMIT_S, constraints, front, edges=edges)
         arrays = {path.name: np.frombuffer(path.read_bytes(), np.uint8) for path in sorted(folder.iterdir())}
     yield Message("files", {}, arrays)
 
