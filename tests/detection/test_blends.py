@@ -82,6 +82,10 @@ def test_a_concave_rim_is_taken_off_by_taking_away() -> None:
     assert chain.sizes[0] == pytest.approx(2.0, rel=5e-3)
 
 
+def test_a_ball_has_none() -> None:
+    assert find_chains(meshed(Primitive("sphere", (5.0,)))) == []
+
+
 def test_corners_of_one_outline_are_no_edge_features() -> None:
     assert find_chains(meshed(PLATE)) == []
     slot = Combine("difference", BOX, Primitive("cylinder", (3.0, 20.0)))

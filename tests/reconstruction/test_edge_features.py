@@ -12,7 +12,7 @@ from imdim.program.cost import count
 from imdim.program.edges import EdgeFeature, Face
 from imdim.program.outline import Outline
 from imdim.program.tree import Combine, Primitive, Program
-from imdim.reconstruction.edge_features import find_edge_features, set_edges_aside
+from imdim.reconstruction.edge_features import SetAside, find_edge_features, set_edges_aside
 from imdim.reconstruction.pipeline import reconstruct_best
 from imdim.target.target import Target, target_from
 
@@ -33,7 +33,7 @@ def target_of(program: Program, *features: EdgeFeature) -> Target:
 @pytest.mark.parametrize("feature", [EdgeFeature("chamfer", (0.8,), RIMS), EdgeFeature("fillet", (1.0,), RIMS[:6])], ids=str)
 def test_edges_of_the_program_that_made_a_part_are_found(feature: EdgeFeature) -> None:
     target = target_of(BRACKET, feature)
-    sharp, chains = set_edges_aside(target)
+    sharp, chains, _ = set_edges_aside(target)
     assert sharp.mesh is not None
     assert volume_iou(mesh_to_manifold(sharp.mesh), to_manifold(BRACKET, 96)) > 0.9995
     found = find_edge_features(BRACKET, chains, target)
@@ -56,7 +56,7 @@ def test_a_fit_gives_the_sharp_program_and_its_chains() -> None:
 
 def test_chains_beside_no_face_of_the_program_are_told() -> None:
     target = target_of(BRACKET, EdgeFeature("chamfer", (0.8,), RIMS))
-    _, chains = set_edges_aside(target)
+    chains = set_edges_aside(target).chains
     elsewhere = Primitive("box", (5.0, 5.0, 5.0), (3.0, 2.0, 1.0))
     found = find_edge_features(elsewhere, chains, target)
     assert found.features == ()
@@ -64,14 +64,14 @@ def test_chains_beside_no_face_of_the_program_are_told() -> None:
 
 
 def test_blends_where_the_target_has_none_are_not_added() -> None:
-    chains = set_edges_aside(target_of(BRACKET, EdgeFeature("chamfer", (0.8,), RIMS)))[1]
+    chains = set_edges_aside(target_of(BRACKET, EdgeFeature("chamfer", (0.8,), RIMS))).chains
     assert find_edge_features(BRACKET, chains, target_of(BRACKET)).features == ()
 
 
 def test_clouds_and_open_meshes_stay_as_they_are() -> None:
     target = target_of(BRACKET, EdgeFeature("chamfer", (0.8,), RIMS))
     cloud = target_from(np.asarray(target.points))
-    assert set_edges_aside(cloud) == (cloud, ())
+    assert set_edges_aside(cloud) == SetAside(cloud)
     assert find_edge_features(BRACKET, (), target).features == ()
 
 
@@ -88,7 +88,7 @@ def test_two_distances_keep_their_sides() -> None:
     plate = Primitive("box", (20.0, 12.0, 4.0))
     rim = EdgeFeature("chamfer", (0.5, 1.0), tuple((Face(0, "+z"), Face(0, s)) for s in ("+x", "-x", "+y", "-y")))
     target = target_of(plate, rim)
-    (found,) = find_edge_features(plate, set_edges_aside(target)[1], target).features
+    (found,) = find_edge_features(plate, set_edges_aside(target).chains, target).features
     assert found.sizes == pytest.approx((0.5, 1.0))
     assert all(one.name == "+z" for one, _ in found.edges)
     assert math.isclose(to_manifold(plate).volume() - solid_with_edges(plate, [found]).volume(), 240 * 4 - target.mesh.volume, rel_tol=1e-3)

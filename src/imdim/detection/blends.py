@@ -18,8 +18,8 @@ import trimesh
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from imdim.detection.facets import facets_of
-from imdim.detection.mesh_surfaces import detect_shown
+from imdim.detection.facets import Facets, facets_of
+from imdim.detection.mesh_surfaces import Shown, detect_shown
 from imdim.geometry.surface import Patch, Surface, normals, vec
 
 BlendKind = Literal["fillet", "chamfer"]
@@ -99,7 +99,13 @@ class _Border(NamedTuple):
 
 def find_chains(mesh: trimesh.Trimesh) -> list[Chain]:
     """The chains of blends of a mesh whose equal vertices are one, largest first; see the module for what counts as one."""
-    piece_of, pieces = _pieces(mesh)
+    facets = facets_of(mesh)
+    return chains_among(mesh, facets, detect_shown(facets))
+
+
+def chains_among(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) -> list[Chain]:
+    """As `find_chains`, of a mesh whose facets and carriers are known."""
+    piece_of, pieces = _pieces(mesh, facets, shown)
     diagonal = float(np.linalg.norm(mesh.extents))
     found = {p.number: blend for p in pieces.values() if (blend := _blend(p, pieces, diagonal)) is not None}
     while more := dict(_going_on(pieces, found, diagonal)) | dict(_corners(pieces, found)):
@@ -108,10 +114,8 @@ def find_chains(mesh: trimesh.Trimesh) -> list[Chain]:
     return sorted((c for c in chains if not _runs_one_way(c)), key=lambda c: -sum(len(b.triangles) for b in c.blends))
 
 
-def _pieces(mesh: trimesh.Trimesh) -> tuple[np.ndarray, dict[int, _Piece]]:
+def _pieces(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) -> tuple[np.ndarray, dict[int, _Piece]]:
     """For each triangle [f] the number of its piece, and the pieces; a facet that shows no carrier lies in a plane of its own."""
-    facets = facets_of(mesh)
-    shown = detect_shown(facets)
     owner = np.full(len(facets.areas), -1)
     patches = [s.patch for s in shown]
     for i, (patch, members) in enumerate(shown):
@@ -162,6 +166,8 @@ def _edges_between(piece_of: np.ndarray, pairs: np.ndarray) -> dict[tuple[int, i
     """The numbers of the mesh's edges between each two pieces, a < b."""
     between = np.sort(piece_of[pairs], axis=1)
     edges = np.flatnonzero(between[:, 0] != between[:, 1])
+    if not len(edges):
+        return {}
     keys, which = np.unique(between[edges], axis=0, return_inverse=True)
     which = which.reshape(-1)
     groups = np.split(edges[np.argsort(which, kind="stable")], np.cumsum(np.bincount(which, minlength=len(keys)))[:-1])
@@ -275,6 +281,8 @@ def _corners(pieces: Mapping[int, _Piece], found: Mapping[int, Blend]) -> Iterat
 
 def _joined(found: Mapping[int, Blend], mesh: trimesh.Trimesh, piece_of: np.ndarray) -> Iterator[list[int]]:
     """Groups of blends of one kind, size and side that share vertices."""
+    if not found:
+        return
     at: dict[int, list[int]] = defaultdict(list)
     for i, blend in found.items():
         for vertex in np.unique(mesh.faces[blend.triangles]):
@@ -284,7 +292,7 @@ def _joined(found: Mapping[int, Blend], mesh: trimesh.Trimesh, piece_of: np.ndar
     rows, columns = zip(*links, strict=True) if links else ((), ())
     group = connected_components(coo_array((np.ones(len(links)), (rows, columns)), shape=(len(found), len(found))), directed=False)[1]
     order = list(found)
-    for g in range(group.max() + 1 if len(group) else 0):
+    for g in range(group.max() + 1):
         yield [order[k] for k in np.flatnonzero(group == g)]
 
 

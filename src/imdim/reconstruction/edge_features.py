@@ -7,21 +7,24 @@ takes off has to be air there, what it fills in material, for the most part.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from manifold3d import Manifold
 
-from imdim.detection.blends import Blend, Chain, find_chains
+from imdim.detection.blends import Blend, Chain, chains_among
+from imdim.detection.facets import facets_of
+from imdim.detection.mesh_surfaces import detect_shown
 from imdim.detection.sharpen import sharpen
 from imdim.geometry.edge_solids import blend_solids
 from imdim.geometry.faces import carrier
 from imdim.geometry.lowering import lower
 from imdim.geometry.solid import mesh_to_manifold, to_manifold
-from imdim.geometry.surface import Surface, normals, signed_distance
+from imdim.geometry.surface import Patch, Surface, normals, signed_distance, vec
 from imdim.program.edges import EdgeFeature, Face, describe_edges, faces_of, name_edges
 from imdim.program.tree import Program, leaves
-from imdim.target.target import Target, with_mesh
+from imdim.target.target import Frame, Target, with_mesh
 
 NEAR = 0.05  # of a blend's size, and
 NEAR_PART = 3e-4  # of the part's, within which a face of the program is one that a blend lies beside
@@ -39,16 +42,40 @@ class EdgesFound:
     left_out: tuple[str, ...]
 
 
-def set_edges_aside(target: Target) -> tuple[Target, tuple[Chain, ...]]:
-    """The target with sharp edges in place of its chains of fillets and chamfers, and these, in its units; a cloud, or a mesh that bounds
-    no solid, as it is."""
+class SetAside(NamedTuple):
+    """A target with sharp edges in place of `chains` of fillets and chamfers, in its units; the `patches` that its mesh shows, if they are
+    known."""
+
+    target: Target
+    chains: tuple[Chain, ...] = ()
+    patches: list[Patch] | None = None
+
+
+def set_edges_aside(target: Target) -> SetAside:
+    """The target without its fillets and chamfers; a cloud, or a mesh that bounds no solid, as it is."""
     if target.mesh is None or not target.is_solid:
-        return target, ()
-    chains = find_chains(target.mesh)
+        return SetAside(target)
+    facets = facets_of(target.mesh)
+    shown = detect_shown(facets)
+    chains = chains_among(target.mesh, facets, shown)
     sharp = sharpen(target.mesh, chains) if chains else None
     if sharp is None or not sharp.chains:
-        return target, ()
-    return with_mesh(target, sharp.mesh), tuple(sharp.chains)
+        return SetAside(target, patches=[s.patch for s in shown])
+    return SetAside(with_mesh(target, sharp.mesh), tuple(sharp.chains))
+
+
+def place_chain(chain: Chain, frame: Frame) -> Chain:
+    """A chain in the unit frame, put back into the target's units and place."""
+
+    def surface(s: Surface) -> Surface:
+        sizes = s.sizes if s.kind == "cone" else tuple(size / frame.scale for size in s.sizes)
+        return replace(s, point=vec(frame.to_world(np.asarray(s.point))), sizes=sizes)
+
+    def blend(b: Blend) -> Blend:
+        sizes = tuple(size / frame.scale for size in b.sizes)
+        return replace(b, sizes=sizes, corners=frame.to_world(b.corners), carrier=surface(b.carrier), sides=tuple(map(surface, b.sides)))
+
+    return Chain(tuple(map(blend, chain.blends)))
 
 
 def find_edge_features(program: Program, chains: Sequence[Chain], target: Target) -> EdgesFound:

@@ -47,12 +47,13 @@ class UnitBody:
 
     target: Target
     noise: NoiseModel
+    patches: list[Patch] | None = None
 
     @staticmethod
-    def of(unit: Target, rng: np.random.Generator) -> UnitBody:
-        """A body that is in its unit frame, with its noise measured."""
+    def of(unit: Target, rng: np.random.Generator, patches: list[Patch] | None = None) -> UnitBody:
+        """A body that is in its unit frame, with its noise measured, and the `patches` of a mesh if they are known."""
         if unit.mesh is not None:
-            return UnitBody(unit, EXACT)
+            return UnitBody(unit, EXACT, patches)
         noise, kept = measure_noise(unit.points, rng)
         if len(kept) < len(unit.points):
             unit = replace(unit, points=unit.points[kept], normals=None if unit.normals is None else unit.normals[kept])
@@ -179,7 +180,7 @@ def _surfaces(body: UnitBody, rng: np.random.Generator, deadline: Deadline) -> t
     """What the target shows, for a cloud the planes that its faces only imply, and its noise."""
     unit = body.target
     if unit.mesh is not None:
-        return detect_patches(unit.mesh), [], body.noise
+        return detect_patches(unit.mesh) if body.patches is None else body.patches, [], body.noise
     patches, noise = detect_cloud(unit.points, unit.normals, body.noise, rng, deadline=deadline)
     return patches, closing_planes(patches, noise.spacing), noise
 

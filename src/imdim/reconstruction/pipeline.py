@@ -30,7 +30,7 @@ from imdim.program.tree import Primitive, Program, combine_all, leaves, map_leav
 from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.choices import choices_beside, few, unite_fronts
 from imdim.reconstruction.config import ConfigError, Settings, check_choices
-from imdim.reconstruction.edge_features import find_edge_features, set_edges_aside
+from imdim.reconstruction.edge_features import SetAside, find_edge_features, place_chain, set_edges_aside
 from imdim.reconstruction.fitting import find_relations, fit_numbers, snap_numbers
 from imdim.reconstruction.hole_ends import complete_holes
 from imdim.reconstruction.mdl import most_likely, reconstruct_unlabelled
@@ -74,8 +74,9 @@ class Snapshot:
 
 @dataclass(frozen=True)
 class _BodyState:
-    """A program of one body, it and the `volume` in the body's units; `error` is relative to that, as `measure` gives it for any program
-    of its structure. `found` are the relations that its points support, None if they were not asked. `stop` is as a step's."""
+    """A program of one body without its `chains` of fillets and chamfers, it and the `volume` in the body's units; `error` is relative to
+    that, as `measure` gives it for any program of its structure. `found` are the relations that its points support, None if they were not
+    asked. `stop` is as a step's."""
 
     stage: str
     program: Program
@@ -86,6 +87,7 @@ class _BodyState:
     proof: str = ""
     stop: str = "finished"
     found: tuple[Constraint, ...] | None = None
+    chains: tuple[Chain, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -112,15 +114,7 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator, no
     left_out: list[InputError] = []
     budget = Budget(settings.budget_s, now or time.perf_counter)
     work = _Work(settings, METHODS[settings.method], settings.method in GUESSING, _policy_of(settings), budget, rng)
-    sharp, chains = set_edges_aside(target) if settings.language == "cad" else (target, ())
-    for snapshot in _snapshots(_by_body(sharp, work, left_out), sharp, work, left_out):
-        yield snapshot if snapshot.stop is None else _with_edges(snapshot, chains, target)
-
-
-def _with_edges(last: Snapshot, chains: Sequence[Chain], target: Target) -> Snapshot:
-    """The last snapshot with the edges that were set aside."""
-    found = find_edge_features(last.program, chains, target)
-    return replace(last, edges=found.features, notes=(*last.notes, *found.left_out))
+    yield from _snapshots(_by_body(target, work, left_out), target, work, left_out)
 
 
 def resume(
@@ -149,9 +143,10 @@ def _snapshots(states: Iterable[_BodyState], target: Target, work: _Work, left_o
     program, constraints = find_relations(last.program, target, last.found, relate_by) if solver else (last.program, ())
     error = last.error if program == last.program else last.measure(program)
     front = tuple(replace(c, program=program) if c.program == last.program else c for c in few(last.front, last.program))
-    notes = tuple(f"{error}; left out" for error in left_out)
+    edges = find_edge_features(program, last.chains, target)
+    notes = (*(f"{error}; left out" for error in left_out), *edges.left_out)
     stop = CUT if solver and relate_by.has_passed() else last.stop
-    yield Snapshot("finished", program, error, work.budget.seconds(), stop, front, constraints, last.proof, notes)
+    yield Snapshot("finished", program, error, work.budget.seconds(), stop, front, constraints, last.proof, notes, edges.features)
 
 
 def _policy_of(settings: Settings) -> PolicyOf:
@@ -210,7 +205,8 @@ def _together(stage: str, states: list[_BodyState]) -> _BodyState:
     program = combine_all("union", [s.program for s in states])
     stop, proof = _stop([s.stop for s in states]), _proof([s.proof for s in states])
     error, volume = _mean_error([s.error for s in states], states), sum(s.volume for s in states)
-    return _BodyState(stage, program, error, volume, lambda p: _error(p, states), tuple(front), proof, stop, states[0].found)
+    chains = tuple(chain for s in states for chain in s.chains)
+    return _BodyState(stage, program, error, volume, lambda p: _error(p, states), tuple(front), proof, stop, states[0].found, chains)
 
 
 def _error(program: Program, states: Sequence[_BodyState]) -> float:
@@ -242,9 +238,17 @@ def _proof(proofs: list[str]) -> str:
 
 
 def _body(body: Target, work: _Work, share: float = 1.0) -> Iterator[_BodyState]:
-    """Better and better programs of one body, which may take a share of the time left."""
+    """Better and better programs of one body without its fillets and chamfers; it may take a share of the time left."""
     unit, frame = in_unit_frame(body)
-    budget, settings, observed = work.budget, work.settings, UnitBody.of(unit, work.rng)
+    aside = set_edges_aside(unit) if work.settings.language == "cad" else SetAside(unit)
+    chains = tuple(place_chain(chain, frame) for chain in aside.chains)
+    for state in _sharp_body(body, UnitBody.of(aside.target, work.rng, aside.patches), frame, work, share):
+        yield replace(state, chains=chains)
+
+
+def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, share: float) -> Iterator[_BodyState]:
+    """Programs of one body as it is `observed` in its unit frame."""
+    budget, settings = work.budget, work.settings
     try:
         detect_by, label_by = budget.part_of("detect", share), budget.part_of("label", share)
         outlines, curve = settings.language == "cad", CURVE_PRICES[settings.objective]

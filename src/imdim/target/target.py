@@ -72,6 +72,10 @@ class Frame:
         """World points [n, 3] in the unit frame."""
         return (np.asarray(points, float) - self.center) * self.scale
 
+    def to_world(self, points: np.ndarray) -> np.ndarray:
+        """Points [..., 3] in the unit frame, in the target's units and place."""
+        return np.asarray(points, float) / self.scale + self.center
+
     def undo(self, program: Program) -> Program:
         """A program in the unit frame, put back into the target's units and place."""
         return map_leaves(program, lambda _, leaf: self._undo_leaf(leaf))

@@ -77,7 +77,7 @@ def files(request: Message, now: Now) -> Iterator[Message]:
     program, constraints = protocol.read_document(request.values["document"])
     front = protocol.read_front(request.values["front"])
     settings = _settings(request)
-    chains = set_edges_aside(target)[1] if settings.language == "cad" else ()
+    chains = set_edges_aside(target).chains if settings.language == "cad" else ()
     edges = find_edge_features(program, chains, target).features
     run = RunRecord(target.name, {}, request.values["stop"], settings.seed, asdict(settings))
     with tempfile.TemporaryDirectory() as place:
