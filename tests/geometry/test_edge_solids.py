@@ -2,10 +2,11 @@
 
 import math
 
+import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from imdim.geometry.edge_solids import blend_solids, with_edges
+from imdim.geometry.edge_solids import blend_solids, find_edges, with_edges
 from imdim.geometry.solid import to_manifold
 from imdim.program.edges import EdgeFeature, Face
 from imdim.program.outline import Outline, circle
@@ -117,6 +118,35 @@ def test_faces_that_meet_in_no_edge_are_told() -> None:
     assert blend_solids(BOX, [apart]).missing == ((0, 0),)
     covered = Combine("union", BOX, Primitive("box", (30.0, 40.0, 10.0), (0.0, 0.0, 14.0)))
     assert blend_solids(covered, [EdgeFeature("chamfer", (1.0,), RIM[:1])]).missing == ((0, 0),)
+
+
+def test_places_of_edges_are_told() -> None:
+    """The front upper edge of a box on which a tower stands, and the mouth of a countersunk hole, whose first face is the cone."""
+    tower = Primitive("box", (4.0, 6.0, 10.0), (5.0, 0.0, 15.0))
+    found = find_edges(Combine("union", BOX, tower), [EdgeFeature("chamfer", (1.0, 2.0), ((Face(0, "+x"), Face(0, "+z")),))])
+    ends = sorted(tuple(sorted(float(y) for y in edge.points(3)[[0, -1], 1])) for edge in found.edges)
+    assert ends == [pytest.approx((-10, -3)), pytest.approx((3, 10))]
+    for edge in found.edges:
+        assert (edge.feature, edge.edge, edge.sizes) == (0, 0, (1.0, 2.0))
+        assert edge.points(3)[:, [0, 2]] == pytest.approx(np.tile([5.0, 15.0], (3, 1)))
+        assert edge.first_along == pytest.approx([0, 0, -1])
+        assert edge.distances(np.array([[5.0, 0.0, 15.0], [5.0, 11.0, 15.0], [5.0, 20.0, 11.0]]))[0] == pytest.approx(3.0)
+    sunk = Combine("difference", BOX, Primitive("cone", (1.0, 3.0, 2.0), (0.0, 0.0, 14.0)))
+    (mouth,) = find_edges(sunk, [EdgeFeature("fillet", (0.5,), ((Face(1, "side"), Face(0, "+z")),))]).edges
+    assert np.hypot(*mouth.points(5)[:, :2].T) == pytest.approx(3.0)
+    middle = mouth.points(3)[1]
+    # down into the cone, which narrows by one in one
+    assert mouth.first_along == pytest.approx([*(-middle[:2] / 3 / math.sqrt(2)), -1 / math.sqrt(2)])
+    assert mouth.distances(np.array([[0.0, 4.0, 15.0], [0.0, -3.0, 17.0]])) == pytest.approx([1.0, 2.0])
+
+
+def test_an_arc_ends_where_its_wall_does() -> None:
+    disc = Primitive("extrude", (4.0,), outline=Outline((circle(5.0),)))
+    (half,) = find_edges(disc, [EdgeFeature("chamfer", (1.0,), rims(0, 1))]).edges
+    middle = half.points(3)[1]
+    assert half.distances(np.array([middle, half.end(0), half.end(1)])) == pytest.approx([0, 0, 0], abs=1e-9)
+    # across the centre, the nearest points are the ends
+    assert half.distances(middle[None] * [-1, -1, 1]) == pytest.approx([5 * math.sqrt(2)])
 
 
 def test_it_does_not_matter_how_the_program_is_placed() -> None:

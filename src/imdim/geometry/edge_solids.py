@@ -24,7 +24,7 @@ from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler
 from imdim.geometry.solid import SEGMENTS, surface_with_owners, to_manifold
 from imdim.geometry.surface import Surface
-from imdim.program.edges import EdgeFeature
+from imdim.program.edges import EdgeFeature, EdgeKind
 from imdim.program.outline import Outline, Vertex, curve_bounds, loop_curves, reverse_loop
 from imdim.program.tree import FULL_TURN, Combine, Primitive, Program, Vec3, combine_all, leaves, longest
 
@@ -97,22 +97,45 @@ class _Stretch(NamedTuple):
 
 
 @dataclass(frozen=True)
-class _Swept:
-    """A blend along one stretch; how far it goes on at each end, and whether what lies beyond there is as what it is swept through."""
+class BlendedEdge:
+    """A stretch of an edge of a solid along which edge number `edge` of feature number `feature` is blended: with `sizes`, the first along
+    the first face. `goes_on` says for each end whether what lies beyond it is as what the blend is swept through."""
 
     feature: int
     edge: int
     track: _Track
     stretch: _Stretch
     sizes: tuple[float, float]
-    kind: str
+    kind: EdgeKind
     goes_on: tuple[bool, bool]
 
     @property
     def size(self) -> float:
         return max(self.sizes)
 
+    @property
+    def first_along(self) -> np.ndarray:
+        """The unit vector [3] from the middle of the stretch along its first face."""
+        inward = self.track.normals * np.array(self.stretch.sides)[:, None]
+        middle = np.array([(self.stretch.low + self.stretch.high) / 2])
+        return (self.track.at(middle, _into(inward[0], inward[1])[None]) - self.track.at(middle, np.zeros((1, 2))))[0]
+
+    def points(self, count: int) -> np.ndarray:
+        """Points [count, 3] along the stretch at equal distances, both ends among them."""
+        return self.track.at(np.linspace(self.stretch.low, self.stretch.high, count), np.zeros((count, 2)))
+
+    def distances(self, points: np.ndarray) -> np.ndarray:
+        """How far points [n, 3] are from the stretch, [n]."""
+        local = (points - self.track.origin) @ self.track.frame
+        t = local[:, 2]
+        if self.track.is_round:
+            middle = (self.stretch.low + self.stretch.high) / 2
+            t = middle + np.remainder(np.arctan2(local[:, 1], local[:, 0]) - middle + math.pi, 2 * math.pi) - math.pi
+        nearest = t if self.stretch.is_closed else np.clip(t, self.stretch.low, self.stretch.high)
+        return np.linalg.norm(points - self.track.at(nearest, np.zeros((len(points), 2))), axis=1)
+
     def end(self, k: int) -> np.ndarray:
+        """The point [3] in which the stretch begins, k = 0, or ends."""
         return self.track.at(np.array([self.stretch[k]]), np.zeros((1, 2)))[0]
 
     def solid(self, low: float, high: float) -> Primitive:
@@ -125,11 +148,18 @@ class _Swept:
         return _extruded(self.track, loop, start, end)
 
 
-def blend_solids(program: Program, features: Sequence[EdgeFeature]) -> Blends:
-    """The solids of edge features of `program`, and which of their edges are none."""
+class FoundEdges(NamedTuple):
+    """Where edge features apply, and the numbers of features and edges that are none of the solid (any more)."""
+
+    edges: tuple[BlendedEdge, ...]
+    missing: tuple[tuple[int, int], ...]
+
+
+def find_edges(program: Program, features: Sequence[EdgeFeature]) -> FoundEdges:
+    """Where the solid of `program` has the edges of its features."""
     numbers, parts = lower(program), list(leaves(program))
     reach = _reach(program)
-    swept: list[_Swept] = []
+    edges: list[BlendedEdge] = []
     missing: list[tuple[int, int]] = []
     for i, feature in enumerate(features):
         sizes = (feature.sizes[0], feature.sizes[-1])
@@ -138,10 +168,21 @@ def blend_solids(program: Program, features: Sequence[EdgeFeature]) -> Blends:
             pair = [surface for face, leaf in given if (surface := carrier(face, leaf, numbers)) is not None]
             ends = [points for face, leaf in given if len(points := corners(face, leaf, numbers))]
             found = list(_along(numbers, pair[0], pair[1], max(sizes), reach, ends)) if len(pair) == 2 else []
-            swept += [_Swept(i, k, track, stretch, sizes, feature.kind, goes_on) for track, stretch, goes_on in found]
+            edges += [BlendedEdge(i, k, track, stretch, sizes, feature.kind, goes_on) for track, stretch, goes_on in found]
             missing += [] if found else [(i, k)]
-    pieces = [BlendSolid(s.feature, s.edge, s.stretch.is_convex, s.solid(*_lengths(s))) for s in swept]
-    return Blends((*pieces, *_corners(swept)), tuple(missing))
+    return FoundEdges(tuple(edges), tuple(missing))
+
+
+def sweep_blends(edges: Sequence[BlendedEdge]) -> tuple[BlendSolid, ...]:
+    """The solids of the blends of some edges of one program."""
+    pieces = [BlendSolid(e.feature, e.edge, e.stretch.is_convex, e.solid(*_lengths(e))) for e in edges]
+    return (*pieces, *_corners(edges))
+
+
+def blend_solids(program: Program, features: Sequence[EdgeFeature]) -> Blends:
+    """The solids of edge features of `program`, and which of their edges are none."""
+    found = find_edges(program, features)
+    return Blends(sweep_blends(found.edges), found.missing)
 
 
 def with_edges(program: Program, features: Sequence[EdgeFeature]) -> Program:
@@ -239,7 +280,7 @@ def _reach(program: Program) -> tuple[np.ndarray, np.ndarray]:
     return middle, np.array([np.linalg.norm(np.ptp(centers, axis=0)) + 2 * longest(parts)])
 
 
-def _lengths(s: _Swept) -> tuple[float, float]:
+def _lengths(s: BlendedEdge) -> tuple[float, float]:
     """By how much a blend goes on at its two ends: into the next one so little that its facets stay those of its wall."""
     low, high = ((GO_ON if goes_on else JOIN) * s.size for goes_on in s.goes_on)
     return low, high
@@ -402,7 +443,7 @@ def _profile(surface: Surface, origin: np.ndarray, axis: np.ndarray, slack: floa
 # --- their solids ----------------------------------------------------------------------------------------------------
 
 
-def _section(normals: np.ndarray, sides: tuple[int, int], sizes: tuple[float, float], kind: str, radius: float) -> tuple[Vertex, ...]:
+def _section(normals: np.ndarray, sides: tuple[int, int], sizes: tuple[float, float], kind: EdgeKind, radius: float) -> tuple[Vertex, ...]:
     """The section of a blend about the edge's point, counter-clockwise."""
     inward = normals * np.array(sides)[:, None]  # from each face into the quadrant
     along = np.array([_into(inward[0], inward[1]), _into(inward[1], inward[0])])  # along each face, into the quadrant
@@ -452,7 +493,7 @@ def _centred(loop: tuple[Vertex, ...]) -> tuple[Outline, Corner]:
     return Outline((loop,)).shift(-x, -y), (x, y)
 
 
-def _corners(swept: Sequence[_Swept]) -> Iterator[BlendSolid]:
+def _corners(swept: Sequence[BlendedEdge]) -> Iterator[BlendSolid]:
     """Where two blends of a feature end in one corner and neither goes on: what both would reach if they did."""
     ends = [(s, k, s.end(k)) for s in swept if not s.stretch.is_closed for k in (0, 1) if not s.goes_on[k]]
     for (a, i, p), (b, k, q) in combinations(ends, 2):
@@ -464,12 +505,12 @@ def _corners(swept: Sequence[_Swept]) -> Iterator[BlendSolid]:
         yield BlendSolid(a.feature, a.edge, a.stretch.is_convex, Combine("intersection", one, two))
 
 
-def _runs_on(a: _Swept, b: _Swept, at: np.ndarray) -> bool:
+def _runs_on(a: BlendedEdge, b: BlendedEdge, at: np.ndarray) -> bool:
     """Whether two blends have one direction at a point."""
     return float(np.linalg.norm(np.cross(_direction(a, at), _direction(b, at)))) < 0.1
 
 
-def _direction(s: _Swept, at: np.ndarray) -> np.ndarray:
+def _direction(s: BlendedEdge, at: np.ndarray) -> np.ndarray:
     axis = s.track.frame[:, 2]
     if not s.track.is_round:
         return axis
