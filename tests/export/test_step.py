@@ -71,7 +71,7 @@ def test_a_process_of_its_own_gives_the_volume_or_the_reason(tmp_path, monkeypat
     for name, part in (("good", program), ("empty", Combine("difference", program, program))):
         (tmp_path / f"{name}.json").write_text(dumps(part))
     good, empty = (step_worker.start_step(tmp_path / f"{name}.json", tmp_path / f"{name}.step") for name in ("good", "empty"))
-    assert step_worker.finish_step(good, 60) == pytest.approx(exact, rel=1e-9)
+    assert step_worker.finish_step(good, 60).volume == pytest.approx(exact, rel=1e-9)
     with pytest.raises(StepError, match=r"^OpenCASCADE built an invalid or empty solid$"):
         step_worker.finish_step(empty, 60)
     slow = step_worker.start_step(tmp_path / "good.json", tmp_path / "slow.step")

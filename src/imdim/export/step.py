@@ -1,21 +1,24 @@
 """STEP with analytic faces through OpenCASCADE, the optional extra `step`.
 
 Planes, cylinders, cones, spheres and tori stay what they are, the walls of outlines among them; only an ellipsoid becomes a NURBS surface.
-Lengths are written as mm.
+Edge features are blends of OpenCASCADE: fillets are cylinders and tori, chamfers planes and cones. Lengths are written as mm.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from imdim.export.step_blends import Blending, blend_shape, no_blends
 from imdim.export.step_booleans import StepError, boolean, build, ocp, shape_volume
+from imdim.geometry.edge_solids import find_edges
 from imdim.geometry.solid import exact_rotation
+from imdim.program.edges import EdgeFeature
 from imdim.program.outline import Curve, Loop, arc_center, arc_radius, circle_of, loop_curves, regions
 from imdim.program.tree import FULL_TURN, Primitive, Program, Vec3, leaves, longest
 
@@ -29,13 +32,40 @@ _STAMP = re.compile(r"(FILE_NAME\()'[^']*',\s*'[^']*'")
 _PRODUCT = re.compile(r"PRODUCT\('program \d+','program \d+'")
 
 
-def write_step(program: Program, path: Path) -> None:
-    """Write `program` as a STEP AP214 file in mm, the same bytes for the same program.
+def write_step(program: Program, path: Path, edges: Sequence[EdgeFeature] = ()) -> Blending:
+    """Write `program` with its edge features as a STEP AP214 file in mm, the same bytes for the same program; which edges stayed sharp.
 
     Raises StepError, and leaves no file, when OpenCASCADE is not installed or cannot build a valid solid, or where what it reads back is
-    none; OSError when the file cannot be written.
+    none; OSError when the file cannot be written. An edge that it cannot blend is no error.
     """
-    shape = to_shape(program)
+    return list(write_stages(program, path, edges))[-1]
+
+
+def write_stages(program: Program, path: Path, edges: Sequence[EdgeFeature] = ()) -> Iterator[Blending]:
+    """Write a file as `write_step` does, first with all edges sharp and then, if it has any, another in its place; after each which edges
+    are sharp in it."""
+    shape, stretches = to_shape(program), find_edges(program, edges).edges if edges else ()
+    if not _write(shape, path):
+        path.unlink()
+        raise StepError("OpenCASCADE built a solid that is not valid once it is read back")
+    yield no_blends(stretches)
+    if stretches:
+        blended, blending = blend_shape(shape, program, stretches)
+        beside = path_beside(path)
+        # tolerances do not survive the file, and those of blends can be large
+        if len(blending.sharp) < len(blending.edges) and _write(blended, beside):
+            beside.replace(path)
+            yield blending
+        beside.unlink(missing_ok=True)
+
+
+def path_beside(path: Path) -> Path:
+    """Where `write_stages` writes what then takes the place of `path`."""
+    return path.with_name(f"{path.name}.blended")
+
+
+def _write(shape: Any, path: Path) -> bool:
+    """Write a shape; whether it is valid once it is read back."""
     control, settings = ocp("STEPControl"), ocp("Interface").Interface_Static
     writer = control.STEPControl_Writer()
     settings.SetCVal_s("write.step.product.name", "program")
@@ -48,9 +78,7 @@ def write_step(program: Program, path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     text = _STAMP.sub(r"\1'program','1970-01-01T00:00:00'", text, count=1)
     path.write_text(_PRODUCT.sub("PRODUCT('program','program'", text), encoding="utf-8")
-    if not ocp("BRepCheck").BRepCheck_Analyzer(read_step(path)).IsValid():
-        path.unlink()
-        raise StepError("OpenCASCADE built a solid that is not valid once it is read back")
+    return ocp("BRepCheck").BRepCheck_Analyzer(read_step(path)).IsValid()
 
 
 def read_step(path: Path) -> Any:
@@ -67,13 +95,17 @@ def step_volume(path: Path) -> float:
     return shape_volume(read_step(path), INTEGRATION_ERROR)
 
 
-def to_shape(program: Program) -> Any:
-    """The program as a valid TopoDS_Shape; raises StepError when OpenCASCADE is not installed or builds none."""
+def to_shape(program: Program, edges: Sequence[EdgeFeature] = ()) -> Any:
+    """The program as a valid TopoDS_Shape, with those of its edge features that OpenCASCADE can build.
+
+    Raises StepError when OpenCASCADE is not installed or builds none.
+    """
     _check_installed()
     largest = longest(leaves(program))
     if largest < SMALLEST_SIZE:
         raise StepError(f"STEP needs a part larger than {SMALLEST_SIZE:g}, its largest size is {largest:g}")
-    return build(program, _place)
+    shape, stretches = build(program, _place), find_edges(program, edges).edges if edges else ()
+    return blend_shape(shape, program, stretches)[0] if stretches else shape
 
 
 def _check_installed() -> None:

@@ -161,7 +161,7 @@ def _checked(op: Op, ways: tuple[_Way, ...], largest: float, deadline: Deadline)
 def _try(op: Op, shapes: list[Any], way: _Way, largest: float) -> Any:
     """The boolean of copies, whose tolerances it raises; None where OpenCASCADE fails."""
     try:
-        copies = [_unify(shape) if way.merged else _copy(shape) for shape in shapes]
+        copies = [_unify(shape) if way.merged else copy_shape(shape) for shape in shapes]
         return _combine(op, copies, way.fuzzy * largest)
     except (ocp("Standard").Standard_Failure, StepError):
         return None
@@ -228,12 +228,13 @@ def _merged(shape: Any, volume: float, error: float = CLOSE) -> Any:
 
 def _unify(shape: Any, edges: bool = True) -> Any:
     # of a copy: also a shape that it fails on is another one afterwards
-    unify = ocp("ShapeUpgrade").ShapeUpgrade_UnifySameDomain(_copy(shape), edges, True, True)
+    unify = ocp("ShapeUpgrade").ShapeUpgrade_UnifySameDomain(copy_shape(shape), edges, True, True)
     unify.Build()
     return unify.Shape()
 
 
-def _copy(shape: Any) -> Any:
+def copy_shape(shape: Any) -> Any:
+    """A shape of its own."""
     return ocp("BRepBuilderAPI").BRepBuilderAPI_Copy(shape).Shape()
 
 

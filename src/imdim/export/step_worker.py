@@ -1,6 +1,8 @@
 """STEP export in a process of its own: OpenCASCADE can take minutes or crash on a hard shape, and must not take the other results along.
 
 ``python -m imdim.export.step_worker PROGRAM.json OUT.step`` writes the file and prints its re-read volume; a failure is one line on stderr.
+A part with edge features is written, and told, twice: sharp, then with as many of them as OpenCASCADE can blend. If it fails on these the
+sharp one stays.
 """
 
 from __future__ import annotations
@@ -13,8 +15,18 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
-from imdim.export.step import StepError, step_volume, write_step
-from imdim.program.codec import loads
+from imdim.export.step import StepError, path_beside, step_volume, write_stages
+from imdim.program.codec import edges_of, from_json, parse
+
+
+class Exported(NamedTuple):
+    """What was written: the volume re-read from the file, how many edges of features the part has, and how many of them are sharp in it,
+    for the `reason` given if OpenCASCADE did not get to them."""
+
+    volume: float
+    edges: int = 0
+    sharp: int = 0
+    reason: str = ""
 
 
 class StepJob(NamedTuple):
@@ -32,27 +44,47 @@ def start_step(document: Path, out: Path) -> StepJob:
     return StepJob(subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True), out)
 
 
-def finish_step(job: StepJob, limit_s: float) -> float:
-    """Wait at most `limit_s` seconds; the volume re-read from the file. Raises StepError, and leaves no file, when there is none."""
+def finish_step(job: StepJob, limit_s: float) -> Exported:
+    """Wait at most `limit_s` seconds; what was written. Raises StepError, and leaves no file, when there is none."""
     try:
         out, problems = job.process.communicate(timeout=limit_s)
     except subprocess.TimeoutExpired as error:
-        stop_step(job)
-        job.out.unlink(missing_ok=True)  # it may have ended between the two lines above
-        raise StepError(f"OpenCASCADE took more than {limit_s:g} s") from error
+        _end(job)
+        return _last_stage(job, (error.stdout or b"").decode(), f"OpenCASCADE took more than {limit_s:g} s")  # type: ignore[union-attr]
     if job.process.returncode == 0:
-        return float(out)
-    job.out.unlink(missing_ok=True)
+        return _read_stage(out.splitlines()[-1])
     lines = problems.strip().splitlines() if job.process.returncode == 1 else []
-    raise StepError(lines[-1] if lines else f"OpenCASCADE ended with status {job.process.returncode}")
+    return _last_stage(job, out, lines[-1] if lines else f"OpenCASCADE ended with status {job.process.returncode}")
+
+
+def _last_stage(job: StepJob, out: str, reason: str) -> Exported:
+    """What stands although the export did not end; raises StepError, and leaves no file, when that is nothing."""
+    path_beside(job.out).unlink(missing_ok=True)
+    stages = [line for line in out.splitlines(keepends=True) if line.endswith("\n")]
+    if not stages or not _read_stage(stages[-1]).edges:
+        job.out.unlink(missing_ok=True)  # it may have ended just before it was stopped
+        raise StepError(reason)
+    return _read_stage(stages[-1])._replace(reason=reason)
+
+
+def _read_stage(line: str) -> Exported:
+    volume, edges, sharp = line.split()
+    return Exported(float(volume), int(edges), int(sharp))
 
 
 def stop_step(job: StepJob) -> None:
     """End the export, and remove what it wrote if it was not finished; its pipes are closed in any case."""
     if job.process.poll() is None:
+        _end(job)
+        for path in (job.out, path_beside(job.out)):
+            path.unlink(missing_ok=True)
+    _end(job)
+
+
+def _end(job: StepJob) -> None:
+    if job.process.poll() is None:
         job.process.kill()
         job.process.wait()
-        job.out.unlink(missing_ok=True)
     for pipe in (job.process.stdout, job.process.stderr):
         if pipe is not None:
             pipe.close()
@@ -73,21 +105,27 @@ def exporting(folder: Path) -> Iterator[StepJob | StepError]:
 
 
 def finish_or_skip_step(job: StepJob | StepError, limit_s: float, volumes: dict[str, float]) -> dict[str, str]:
-    """Wait for the file, whose volume joins `volumes`; why there is none, by its name."""
+    """Wait for the file, whose volume joins `volumes`; why there is none, or which edges are sharp in it, by its name."""
     try:
         if isinstance(job, StepError):
             raise job
-        volumes["program.step"] = finish_step(job, limit_s)
+        exported = finish_step(job, limit_s)
     except StepError as error:
         return {"program.step": f"skipped: {error}"}
-    return {}
+    volumes["program.step"] = exported.volume
+    if not exported.sharp:
+        return {}
+    reason = f": {exported.reason}" if exported.reason else ""
+    return {"program.step": f"written, {exported.sharp} of {exported.edges} edges not blended{reason}"}
 
 
 def main(document: str, out: str) -> None:
     """The worker's side."""
     try:
-        write_step(loads(Path(document).read_text(encoding="utf-8")), Path(out))
-        sys.stdout.write(repr(step_volume(Path(out))))
+        read = parse(Path(document).read_text(encoding="utf-8"))
+        for edges, sharp in write_stages(from_json(read), Path(out), edges_of(read)):
+            sys.stdout.write(f"{step_volume(Path(out))!r} {len(edges)} {len(sharp)}\n")
+            sys.stdout.flush()
     except (StepError, OSError) as error:
         sys.exit(str(error))
 

@@ -86,7 +86,7 @@ class _Track:
         return self.origin + local @ self.frame.T
 
 
-class _Stretch(NamedTuple):
+class _Interval(NamedTuple):
     """A piece of a track, from `low` to `high`, along which one quadrant (`sides` of the two faces) is material alone, or air alone."""
 
     low: float
@@ -104,7 +104,7 @@ class BlendedEdge:
     feature: int
     edge: int
     track: _Track
-    stretch: _Stretch
+    stretch: _Interval
     sizes: tuple[float, float]
     kind: EdgeKind
     goes_on: tuple[bool, bool]
@@ -291,7 +291,7 @@ def _lengths(s: BlendedEdge) -> tuple[float, float]:
 
 def _along(
     solid: Lowered, one: Surface, two: Surface, size: float, reach: tuple[np.ndarray, np.ndarray], ends: Sequence[np.ndarray]
-) -> Iterator[tuple[_Track, _Stretch, tuple[bool, bool]]]:
+) -> Iterator[tuple[_Track, _Interval, tuple[bool, bool]]]:
     """Where a solid has an edge between two carriers, and whether it ends in the air (in material, of a concave edge) at either end.
 
     It is no longer than the faces, of which `ends` are corners: where one touches the next, the solid alone does not show where it ends.
@@ -319,7 +319,7 @@ def _along(
                 yield track, stretch, _ends(solid, track, stretch, step)
 
 
-def _clip(track: _Track, stretch: _Stretch, ends: Sequence[np.ndarray]) -> _Stretch:
+def _clip(track: _Track, stretch: _Interval, ends: Sequence[np.ndarray]) -> _Interval:
     """The stretch, as far as faces with the points `ends` go: corners of a flat one, of an arc its two ends and its middle."""
     low, high = stretch.low, stretch.high
     for points in ends:
@@ -344,7 +344,7 @@ def _codes(solid: Lowered, track: _Track, t: np.ndarray, step: float) -> np.ndar
     return np.where(count == 1, held.argmax(0) + 1, np.where(count == 3, -held.argmin(0) - 1, 0))
 
 
-def _stretches(solid: Lowered, track: _Track, t: np.ndarray, codes: np.ndarray, step: float) -> Iterator[_Stretch]:
+def _stretches(solid: Lowered, track: _Track, t: np.ndarray, codes: np.ndarray, step: float) -> Iterator[_Interval]:
     """Runs of one code, their ends found by halving."""
     if track.is_round:
         if (codes == codes[0]).all():
@@ -376,12 +376,12 @@ def _stretches(solid: Lowered, track: _Track, t: np.ndarray, codes: np.ndarray, 
             yield _stretch(bounds[k], bounds[k + 1], code)
 
 
-def _stretch(low: float, high: float, code: int, is_closed: bool = False) -> _Stretch:
+def _stretch(low: float, high: float, code: int, is_closed: bool = False) -> _Interval:
     one, two = QUADRANTS[abs(code) - 1]
-    return _Stretch(float(low), float(high), (int(one), int(two)), code > 0, is_closed)
+    return _Interval(float(low), float(high), (int(one), int(two)), code > 0, is_closed)
 
 
-def _ends(solid: Lowered, track: _Track, stretch: _Stretch, step: float) -> tuple[bool, bool]:
+def _ends(solid: Lowered, track: _Track, stretch: _Interval, step: float) -> tuple[bool, bool]:
     """Whether just beyond each end, within the quadrant, there is air (material, of a concave edge)."""
     if stretch.is_closed:
         return False, False

@@ -1,0 +1,227 @@
+"""Fillets and chamfers of shapes by OpenCASCADE, compared with the exact solids of the same blends.
+
+OpenCASCADE can fail on a blend, build a shape that is not valid, or a valid one of something else; it also goes on along edges that are
+tangent to one it is given. So each result is measured: it is kept if it is valid and changes the volume by what the exact solids of the
+same edges do, but for corners. All edges of a feature are tried together, then chain by chain, then one by one; what still fails stays
+sharp.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from imdim.deadline import NEVER, Deadline
+from imdim.export.step_booleans import copy_shape, ocp, shape_volume, solids_in
+from imdim.geometry.edge_solids import BlendedEdge, Blends, join_blends, sweep_blends
+from imdim.geometry.solid import to_manifold
+from imdim.program.tree import Program, leaves, longest
+
+AWAY = 1e-3  # of a blend's size, within which an edge of the shape lies on one of the program
+ROUNDING = 3e-6  # of the largest size, which OpenCASCADE may have moved an edge by
+PLACES = np.array([0.02, 0.26, 0.5, 0.74, 0.98])  # along an edge that are compared
+JOINED = 1e-2  # of its size, within which ends of two edges are one
+OFF = 0.05  # of the change of volume, by which it may be another one
+SECTIONS = {"fillet": 1 - math.pi / 4, "chamfer": 0.5}  # of the product of both sizes, at a right angle
+CORNER = 0.5  # of the section times the size: what the volume may be off at a corner
+VOLUME_ERROR = 1e-9  # relative
+NOISE = 1e-8  # of the volume, which is no change of it
+PATIENCE_S = 8.0  # for all blends of a part; what is not tried by then stays sharp
+
+EdgeNumber = tuple[int, int]  # of the feature, and of the edge there
+
+
+class Blending(NamedTuple):
+    """The edges of a solid that were to be blended, and those of them that stayed sharp."""
+
+    edges: tuple[EdgeNumber, ...]
+    sharp: tuple[EdgeNumber, ...]
+
+
+class _ShapeEdge(NamedTuple):
+    """An edge of a shape, the two faces that meet in it, and points [n, 3] of it."""
+
+    edge: Any
+    faces: tuple[Any, Any]
+    points: np.ndarray
+
+
+class _Lying(NamedTuple):
+    """An edge of a shape, and the numbers of the stretches that it lies on."""
+
+    edge: _ShapeEdge
+    on: tuple[int, ...]
+
+
+def blend_shape(shape: Any, program: Program, stretches: Sequence[BlendedEdge]) -> tuple[Any, Blending]:
+    """The valid shape of `program` with its edges blended along those stretches where OpenCASCADE can do so.
+
+    Feature by feature; where one fails because of those before it, those that failed come first in a second trial.
+    """
+    deadline = Deadline(NEVER.now() + PATIENCE_S)
+    edges, features = _numbers(stretches), list(dict.fromkeys(s.feature for s in stretches))
+    blended, sharp = _blend_in_order(shape, program, stretches, features, deadline)
+    failed = {feature for feature, _ in sharp}
+    again = sorted(features, key=lambda feature: feature not in failed)
+    if sharp and again != features and not deadline.has_passed():
+        second, still = _blend_in_order(shape, program, stretches, again, deadline)
+        if len(still) < len(sharp):
+            blended, sharp = second, still
+    return blended, Blending(edges, sharp)
+
+
+def no_blends(stretches: Sequence[BlendedEdge]) -> Blending:
+    """What is to be said of a shape in which all of these are sharp."""
+    return Blending(_numbers(stretches), _numbers(stretches))
+
+
+def _numbers(stretches: Sequence[BlendedEdge]) -> tuple[EdgeNumber, ...]:
+    return tuple(sorted({(s.feature, s.edge) for s in stretches}))
+
+
+def _blend_in_order(
+    shape: Any, program: Program, stretches: Sequence[BlendedEdge], features: Sequence[int], deadline: Deadline
+) -> tuple[Any, tuple[EdgeNumber, ...]]:
+    """The shape with features blended one after the other, and the edges that stayed sharp."""
+    state = _State(shape, program)
+    failed = [s for number in features for s in _blend_feature(state, [s for s in stretches if s.feature == number], deadline)]
+    return state.shape, _numbers(failed)
+
+
+class _State:
+    """A shape, and what is blended in it."""
+
+    def __init__(self, shape: Any, program: Program) -> None:
+        self.shape, self._program = shape, program
+        self._blended: list[BlendedEdge] = []
+        self._volume, self._exact = shape_volume(shape, VOLUME_ERROR), to_manifold(program).volume()
+        self._slack = ROUNDING * longest(leaves(program))
+
+    def blend(self, stretches: Sequence[BlendedEdge]) -> bool:
+        """Blend stretches of one feature; whether that was done, else nothing is changed."""
+        # of a copy, since what fails may leave other tolerances behind
+        before = copy_shape(self.shape)
+        chosen = _lying_on(before, stretches, self._slack)
+        shape = _try(before, chosen, stretches) if chosen else None
+        if shape is None or solids_in(shape) != solids_in(before) or not ocp("BRepCheck").BRepCheck_Analyzer(shape).IsValid():
+            return False
+        after = [*self._blended, *stretches]
+        exact = to_manifold(join_blends(self._program, Blends(sweep_blends(after), ()))).volume()
+        volume, expected = shape_volume(shape, VOLUME_ERROR), exact - self._exact
+        allowed = OFF * abs(expected) + _corner_volume(stretches, after) + NOISE * volume
+        if abs(volume - self._volume - expected) > allowed:
+            return False
+        self.shape, self._blended, self._volume, self._exact = shape, after, volume, exact
+        return True
+
+    def split(self, stretches: list[BlendedEdge]) -> list[list[BlendedEdge]]:
+        """The chains of some stretches, or of one chain its pieces, which share no edge of the shape; none where there is one piece."""
+        one = [pair for lying in _lying_on(self.shape, stretches, self._slack) for pair in combinations(lying.on, 2)]
+        ends = np.array([[s.end(0), s.end(1)] for s in stretches])
+        gaps = np.linalg.norm(ends[:, None, :, None] - ends[None, :, None], axis=-1).min((2, 3))
+        near = np.argwhere(gaps < JOINED * stretches[0].size).tolist()
+        for pairs in ([*one, *near], one):
+            groups = _group(stretches, pairs)
+            if len(groups) > 1:
+                return groups
+        return []
+
+
+def _corner_volume(stretches: Sequence[BlendedEdge], blended: Sequence[BlendedEdge]) -> float:
+    """What the volume may be off where stretches end at blends of other features, or three blends meet: OpenCASCADE goes on round the
+    others, and rounds corners, where the exact solids go straight on."""
+    ends = np.array([[s.end(0), s.end(1)] for s in blended])
+    total = 0.0
+    for s in stretches:
+        for k in (0, 1) if not s.stretch.is_closed else ():
+            near = np.linalg.norm(ends - s.end(k), axis=2).min(1) < JOINED * s.size
+            others = [o for o, is_near in zip(blended, near, strict=True) if is_near]
+            if len(others) > 2 or any(o.feature != s.feature for o in others):
+                total += CORNER * SECTIONS[s.kind] * s.sizes[0] * s.sizes[1] * max(o.size for o in others)
+    return total
+
+
+def _blend_feature(state: _State, stretches: list[BlendedEdge], deadline: Deadline) -> list[BlendedEdge]:
+    """Blend as many stretches of one feature as can be; the others."""
+    groups, failed = [stretches], list[BlendedEdge]()
+    while groups:
+        group = groups.pop(0)
+        if deadline.has_passed():
+            failed += group
+        elif not state.blend(group):
+            smaller = state.split(group)
+            groups = [*smaller, *groups]
+            failed += [] if smaller else group
+    return failed
+
+
+def _group(stretches: list[BlendedEdge], pairs: Sequence[Sequence[int]]) -> list[list[BlendedEdge]]:
+    count = len(stretches)
+    rows, columns = np.array(pairs, dtype=int).reshape(-1, 2).T
+    found, label = connected_components(coo_matrix((np.ones(len(rows), bool), (rows, columns)), shape=(count, count)), directed=False)
+    return [[stretches[k] for k in np.flatnonzero(label == g)] for g in range(found)]
+
+
+def _lying_on(shape: Any, stretches: Sequence[BlendedEdge], slack: float) -> list[_Lying]:
+    """The edges of a shape that lie whole on stretches."""
+    edges = list(_edges(shape))
+    if not edges:
+        return []
+    points = np.concatenate([edge.points for edge in edges])
+    near = np.array([s.distances(points) <= AWAY * s.size + slack for s in stretches]).reshape(len(stretches), len(edges), -1)
+    owned, whole = np.any(near[:, :, 1:-1], axis=2), np.all(np.any(near, axis=0), axis=1)
+    return [_Lying(edges[k], tuple(np.flatnonzero(owned[:, k]).tolist())) for k in np.flatnonzero(whole)]
+
+
+def _edges(shape: Any) -> Iterator[_ShapeEdge]:
+    """The edges of a shape in which two faces meet."""
+    kinds, topods = ocp("TopAbs").TopAbs_ShapeEnum, ocp("TopoDS").TopoDS
+    found = _shape_map()
+    ocp("TopExp").TopExp.MapShapesAndAncestors_s(shape, kinds.TopAbs_EDGE, kinds.TopAbs_FACE, found)
+    for number in range(1, found.Size() + 1):
+        edge, faces = topods.Edge(found.FindKey(number)), [topods.Face(face) for face in found.FindFromIndex(number)]
+        if len(faces) == 2 and not faces[0].IsSame(faces[1]) and not ocp("BRep").BRep_Tool.Degenerated_s(edge):
+            curve = ocp("BRepAdaptor").BRepAdaptor_Curve(edge)
+            low, high = curve.FirstParameter(), curve.LastParameter()
+            at = [curve.Value(float(t)) for t in low + (high - low) * PLACES]
+            yield _ShapeEdge(edge, (faces[0], faces[1]), np.array([(p.X(), p.Y(), p.Z()) for p in at]))
+
+
+def _shape_map() -> Any:
+    try:
+        return ocp("collections").IndexedDataMap_TopoDS_Shape_List_TopoDS_Shape_TopTools_ShapeMapHasher()
+    except ImportError:  # before OpenCASCADE 8
+        return ocp("TopTools").TopTools_IndexedDataMapOfShapeListOfShape()
+
+
+def _try(shape: Any, chosen: Sequence[_Lying], stretches: Sequence[BlendedEdge]) -> Any:
+    """The shape with edges of it blended; None where OpenCASCADE fails."""
+    api, kind = ocp("BRepFilletAPI"), stretches[0].kind
+    maker = (api.BRepFilletAPI_MakeFillet if kind == "fillet" else api.BRepFilletAPI_MakeChamfer)(shape)
+    try:
+        for (edge, faces, _), on in chosen:
+            stretch = stretches[on[0]]
+            one, two = stretch.sizes
+            if maker.Contour(edge):
+                continue  # it goes on from one before, of the same size
+            if one == two:
+                maker.Add(one, edge)
+            else:
+                maker.Add(one, two, edge, min(faces, key=lambda face, s=stretch: _distance(face, s)))
+        maker.Build()
+        return maker.Shape() if maker.IsDone() else None
+    except ocp("Standard").Standard_Failure:
+        return None
+
+
+def _distance(face: Any, stretch: BlendedEdge) -> float:
+    """How far the surface of a face is from a point beside a stretch, on its first face."""
+    at = stretch.points(3)[1] + stretch.first_along * stretch.sizes[0] / 2
+    surface = ocp("BRep").BRep_Tool.Surface_s(face)
+    return ocp("GeomAPI").GeomAPI_ProjectPointOnSurf(ocp("gp").gp_Pnt(*map(float, at)), surface).LowerDistance()
