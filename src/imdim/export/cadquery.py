@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
+from imdim.export.blend_texts import BlendTexts
 from imdim.export.chains import Chains
 from imdim.export.loops import Loop
 from imdim.export.numbers import Expression, Rounding, plain, write_expression, write_moves
 from imdim.export.parameters import Parameters
 from imdim.export.script import CURVES, helpers, standard_imports
+from imdim.program.edges import EdgeFeature
 from imdim.program.repeats import Folded, Repeat
 from imdim.program.tree import Op, Primitive, Program, Vec3, leaves
 
@@ -34,8 +36,52 @@ _HEAD = '''"""CSG program as a CadQuery script: pip install cadquery, then run t
 
 '''
 
-_TAIL = """)
+_BLENDS = '''
+def edges_of(part):
+    """All edges of a part."""
+    return part.val().Edges()
 
+
+def points_of(edge):
+    """Some points of an edge, its middle first."""
+    return [edge.positionAt(t).toTuple() for t in (0.5, 0.1, 0.3, 0.7, 0.9)]
+
+
+def points_beside(edge, face):
+    """Two points by the middle of an edge, one of which is on the face."""
+    middle = edge.positionAt(0.5)
+    across = edge.tangentAt(0.5).cross(face.normalAt(middle)) * (edge.Length() / 100)
+    return (middle + across).toTuple(), (middle - across).toTuple()
+
+
+def checked(solid):
+    """A solid as a part; an error if it is not valid."""
+    if not solid.isValid():
+        raise ValueError("the solid is not valid")
+    return cq.Workplane(solid)
+
+
+def fillet_edges(part, edges, sizes, first):
+    """The part with edges rounded."""
+    return checked(part.val().fillet(*sizes, edges))
+
+
+def chamfer_edges(part, edges, sizes, first):
+    """The part with edges bevelled; of two distances the first is that along the first face."""
+    if len(sizes) == 1:
+        return checked(part.val().chamfer(*sizes, None, edges))
+    # CadQuery measures the first one along the first face of the part that has the edge
+    solid = part.val()
+    faces = [[face for face in solid.Faces() if any(map(edge.isSame, face.Edges()))] for edge in edges]
+    swapped = {beside(edge, one, first) > beside(edge, two, first) for edge, (one, two) in zip(edges, faces)}
+    if len(swapped) > 1:
+        raise ValueError("the edges lie on both sides of their faces")
+    return checked(solid.chamfer(*(reversed(sizes) if True in swapped else sizes), edges))
+
+
+'''
+
+_END = """
 if __name__ == "__main__":
     cq.exporters.export(part, "part.step")
 """
@@ -91,18 +137,26 @@ def turned(angle, *areas):
 }
 
 
-def to_cadquery(program: Program, parameters: Parameters | None = None, folded: Folded | None = None) -> str:
+def to_cadquery(
+    program: Program,
+    parameters: Parameters | None = None,
+    folded: Folded | None = None,
+    edges: Sequence[EdgeFeature] = (),
+    names: Sequence[str] | None = None,
+) -> str:
     """Python text that builds `program` as `part` with CadQuery, in the program's own units (CadQuery takes them for mm).
 
-    Numbers follow `parameters` if given. `folded`, which `program` is the expansion of, gives it loops.
+    Numbers follow `parameters` if given. `folded`, which `program` is the expansion of, gives it loops. Then its `edges` are blended, with
+    sizes of those `names`, one for each feature.
     """
     rounding, named = Rounding.of(program), parameters or Parameters.none(program, folded)
     writer = _CadQuery(rounding, named)
     lines = writer.flat(program) if folded is None else writer.lines(folded)
     solids = [text for kind, text in _SOLIDS.items() if any(leaf.kind == kind for leaf in leaves(program))]
-    head = [*named.head(rounding.size), *solids, *helpers(program, _OUTLINES)]
-    body = [*head, *writer.parts, "part = (", *("    " + text for text in lines)]
-    return _HEAD.format(standard=standard_imports(body)) + "\n".join(body) + "\n" + _TAIL
+    blends = BlendTexts.of(program, edges, names, named, rounding)
+    head = [*blends.add_sizes(named.head(rounding.size)), *solids, *helpers(program, _OUTLINES), *blends.helpers(_BLENDS)]
+    body = [*head, *writer.parts, "part = (", *("    " + text for text in lines), ")", *blends.calls]
+    return _HEAD.format(standard=standard_imports(body)) + "\n".join(body) + "\n" + _END
 
 
 class _CadQuery(Chains):

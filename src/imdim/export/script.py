@@ -10,10 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
+from imdim.export.blend_texts import BlendTexts
 from imdim.export.chains import Chains
 from imdim.export.loops import Loop
 from imdim.export.numbers import Expression, Rounding, plain, write_expression, write_moves
 from imdim.export.parameters import Parameters
+from imdim.program.edges import EdgeFeature
 from imdim.program.motions import Motion, move_leaf
 from imdim.program.repeats import Folded, Group, Repeat, starts
 from imdim.program.tree import Op, Primitive, Program, leaves
@@ -137,38 +139,97 @@ _TURNED = '''def turned(angle, *areas):
 '''
 
 _HELPERS = {"": _FACE, "extrude": _EXTRUDED, "revolve": _TURNED}
-_RARE = ("Axis", "Line", "Part", "Plane", "ThreePointArc", "extrude", "make_face", "mirror", "revolve")  # what plain scripts do without
+_RARE = (
+    "Axis",
+    "Line",
+    "Part",
+    "Plane",
+    "ThreePointArc",
+    "chamfer",
+    "extrude",
+    "fillet",
+    "make_face",
+    "mirror",
+    "revolve",
+)  # what plain scripts do without
 _NAMES = sorted((*_RARE, "Box", "Cone", "Cylinder", "Pos", "Rot", "Sphere", "Torus", "export_step", "scale"))
 _FRAME = Primitive("box", (1.0, 1.0, 1.0))  # turned and moved, it shows a placement
 
-_TAIL = """)
+_BLENDS = '''def edges_of(part):
+    """All edges of a part."""
+    return part.edges()
 
+
+def points_of(edge):
+    """Some points of an edge, its middle first."""
+    return [tuple(edge.position_at(t)) for t in (0.5, 0.1, 0.3, 0.7, 0.9)]
+
+
+def points_beside(edge, face):
+    """Two points by the middle of an edge, one of which is on the face."""
+    middle = edge.position_at(0.5)
+    across = edge.tangent_at(0.5).cross(face.normal_at(middle)) * (edge.length / 100)
+    return tuple(middle + across), tuple(middle - across)
+
+
+def fillet_edges(part, edges, sizes, first):
+    """The part with edges rounded."""
+    return fillet(edges, *sizes)
+
+
+def chamfer_edges(part, edges, sizes, first):
+    """The part with edges bevelled; of two distances the first is that along the first face."""
+    if len(sizes) == 1:
+        return chamfer(edges, *sizes)
+    faces = [face for face in part.faces() if edges[0] in face.edges()]
+    return chamfer(edges, *sizes, reference=min(faces, key=lambda face: beside(edges[0], face, first)))
+
+
+'''
+
+_END = """
 if __name__ == "__main__":
     export_step(part, "part.step")
 """
 
 
-def to_script(program: Program, parameters: Parameters | None = None, folded: Folded | None = None) -> str:
+def to_script(
+    program: Program,
+    parameters: Parameters | None = None,
+    folded: Folded | None = None,
+    edges: Sequence[EdgeFeature] = (),
+    names: Sequence[str] | None = None,
+) -> str:
     """Python text that builds `program` as `part` with build123d, in the program's own units (build123d takes them for mm).
 
-    Numbers follow `parameters` if given. `folded`, which `program` is the expansion of, gives it loops.
+    Numbers follow `parameters` if given. `folded`, which `program` is the expansion of, gives it loops. Then its `edges` are blended, with
+    sizes of those `names`, one for each feature.
     """
     rounding, named = Rounding.of(program), parameters or Parameters.none(program, folded)
     writer = _Script(rounding, named)
     lines = writer.flat(program) if folded is None else writer.lines(folded)
-    body = [*named.head(rounding.size), *helpers(program, _HELPERS), *writer.parts, "part = (", *("    " + text for text in lines)]
+    blends = BlendTexts.of(program, edges, names, named, rounding)
+    body = [*blends.add_sizes(named.head(rounding.size)), *helpers(program, _HELPERS), *blends.helpers(_BLENDS), *writer.parts]
+    body += ["part = (", *("    " + text for text in lines), ")", *blends.calls]
     used = [n for n in _NAMES if n not in _RARE or any(f"{n}(" in text or f"{n}." in text for text in body)]
-    return _HEAD.format(standard=standard_imports(body), names=", ".join(used)) + "\n".join(body) + "\n" + _TAIL
+    return _HEAD.format(standard=standard_imports(body), names=", ".join(used)) + "\n".join(body) + "\n" + _END
 
 
 def standard_imports(body: Sequence[str]) -> str:
     """What a text needs of Python's standard library."""
     joins = [name for name in ("add", "and_", "mul") if any(f"reduce({name}," in text for text in body)]
-    lines = ["from functools import reduce"] if joins else []
-    if any("def curves(" in text for text in body):
-        lines = ["from cmath import exp, phase", *lines, "from math import asin, atan, cos, pi, radians, sin, sqrt, tan"]
-    lines += [f"from operator import {', '.join(joins)}"] if joins else []
+    imports: dict[str, set[str]] = {"functools": {"reduce"} if joins else set(), "operator": set(joins)}
+    for mark, modules in _IMPORTS.items():
+        if any(mark in text for text in body):
+            imports = {m: imports.get(m, set()) | modules.get(m, set()) for m in sorted({*imports, *modules})}
+    lines = [f"from {module} import {', '.join(sorted(names))}" for module, names in imports.items() if names]
     return "\n".join([*lines, "", ""]) if lines else ""
+
+
+_IMPORTS: Mapping[str, Mapping[str, set[str]]] = {
+    "def curves(": {"cmath": {"exp", "phase"}, "math": {"asin", "atan", "cos", "pi", "radians", "sin", "sqrt", "tan"}},
+    "def as_placed(": {"cmath": {"exp"}, "math": {"dist", "hypot", "inf", "radians"}},
+}
 
 
 def helpers(program: Program, texts: Mapping[str, str]) -> list[str]:

@@ -1,0 +1,250 @@
+"""Edge features as the Python scripts write them: sizes with names, and edges picked by the two faces that meet in them.
+
+A face is written as a function of points, from the same numbers and names as its primitive: how far a point is from it. An edge of the
+finished part that lies on both faces is one of the feature, so that the blends follow when a name gets another value.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from imdim.export.drawing import write_loops
+from imdim.export.drawn_vertex import DrawnPolygon
+from imdim.export.numbers import Expression, Rounding, weighted_sum, write_expression, write_sizes
+from imdim.export.parameters import RESERVED, Parameters
+from imdim.program.edges import EdgeFeature, Face, wall_curve
+from imdim.program.outline import arc_middle, loop_curves
+from imdim.program.roles import unique
+from imdim.program.tree import Primitive, Program, leaves
+
+SECOND = "_second"  # behind the name of a chamfer, its other distance
+_WORDS = {"fillet": "fillet_radius", "chamfer": "chamfer_distance"}
+
+FACES = '''def as_placed(point, center, turn):
+    """A point as a primitive has it that was turned by degrees about x, y and z, and then moved."""
+    p = [a - b for a, b in zip(point, center)]
+    for axis in (2, 1, 0):
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        turned_back = complex(p[u], p[v]) * exp(-1j * radians(turn[axis]))
+        p[u], p[v] = turned_back.real, turned_back.imag
+    return p
+
+
+def flat_face(center, axis, level, reach=(inf, inf, inf), turn=(0, 0, 0)):
+    """How far points are from the face across an axis of a primitive, which goes no further than its reach along the others."""
+
+    def distance(point):
+        p = dict(zip("xyz", as_placed(point, center, turn)))
+        return max(abs(p[a] - level) if a == axis else abs(p[a]) - r for a, r in zip("xyz", reach))
+
+    return distance
+
+
+def round_face(center, bottom, top=None, height=1, turn=(0, 0, 0)):
+    """How far points are from a cylinder, or from a cone of two radii."""
+
+    def distance(point):
+        x, y, z = as_placed(point, center, turn)
+        return abs(hypot(x, y) - bottom - (0 if top is None else (top - bottom) * (z / height + 1 / 2)))
+
+    return distance
+
+
+'''
+
+WALLS = '''def off_curve(point, start, *others):
+    """How far a point is from a line or an arc."""
+    at, start, *middle, end = (complex(*p) for p in (point, start, *others))
+    along, chord = (at - start) / (end - start), end - start
+    if not middle:
+        return abs(chord) * max(abs(along.imag), -along.real, along.real - 1)
+    bend = (middle[0] - start) / chord
+    if bend.imag * along.imag < -1e-6:
+        return min(abs(at - start), abs(at - end))
+    center = start + chord * complex(1 / 2, (abs(bend) ** 2 - bend.real) / (2 * bend.imag))
+    return abs(abs(at - center) - abs(start - center))
+
+
+def wall_face(center, loop, *numbers, height=None, turn=(0, 0, 0)):
+    """How far points are from curves of a loop, extruded to a height or, without one, turned about z."""
+    drawn = list(curves(loop))
+
+    def distance(point):
+        x, y, z = as_placed(point, center, turn)
+        off = min(off_curve((hypot(x, y), z) if height is None else (x, y), *drawn[k]) for k in numbers)
+        return off if height is None else max(off, abs(z) - height / 2)
+
+    return distance
+
+
+'''
+
+
+BLENDED = '''def edges_between(part, pairs, tolerance):
+    """The edges of a part along which it lies on both faces of some pair."""
+
+    def lies(point):
+        return any(max(first(point), second(point)) < tolerance for first, second in pairs)
+
+    return [edge for edge in edges_of(part) if all(map(lies, points_of(edge)))]
+
+
+def beside(edge, face, first):
+    """How far a face of the part, just beside an edge of it, is from another face."""
+    return min(map(first, points_beside(edge, face)))
+
+
+def blended(part, change, sizes, pairs):
+    """A part with its edges between pairs of faces changed, all at once or, where that fails, one by one."""
+    tolerance, first = min(sizes) / 100, pairs[0][0]
+    edges = edges_between(part, pairs, tolerance)
+    try:
+        return change(part, edges, sizes, first) if edges else part
+    except Exception:
+        for place in [points_of(edge)[0] for edge in edges]:
+            near = [edge for edge in edges_between(part, pairs, tolerance) if dist(points_of(edge)[0], place) < tolerance]
+            try:
+                part = change(part, near, sizes, first) if near else part
+            except Exception as error:
+                print(f"{change.__name__} leaves the edge at {[round(c, 6) for c in place]} sharp: {error}")
+    return part
+
+
+'''
+
+
+def name_sizes(features: Sequence[EdgeFeature], taken: Iterable[str] = ()) -> tuple[str, ...]:
+    """A name for the size of each feature, one for those of one kind and equal sizes; none of `taken`."""
+    used, names = {*RESERVED, *taken}, dict[tuple[str, tuple[float, ...]], str]()
+    for feature in features:
+        key = (feature.kind, feature.sizes)
+        if key not in names:
+            names[key] = unique(_WORDS[feature.kind], used)
+    return tuple(names[f.kind, f.sizes] for f in features)
+
+
+@dataclass(frozen=True)
+class BlendTexts:
+    """What a script says of edge features: lines ``name = size``, calls that blend edges of `part`, and whether these need walls."""
+
+    sizes: list[str]
+    calls: list[str]
+    has_walls: bool
+
+    @staticmethod
+    def of(
+        program: Program, features: Sequence[EdgeFeature], names: Sequence[str] | None, named: Parameters, rounding: Rounding
+    ) -> BlendTexts:
+        """The texts; `names` of sizes, one for each feature, are made if there are none."""
+        names = name_sizes(features, {*named.values, *named.counts}) if names is None else names
+        pairs = list(zip(features, names, strict=True))
+        sizes = {name: rounding.size(size) for f, n in pairs for name, size in zip(_size_names(f, n), f.sizes, strict=True)}
+        faces = _Faces(list(leaves(program)), named, rounding)
+        calls = [line for feature, name in pairs for line in _calls(feature, name, faces)]
+        walls = any(_loop_of(face) for feature in features for edge in feature.edges for face in edge)
+        return BlendTexts([f"{name} = {size}" for name, size in sizes.items()], calls, walls)
+
+    def add_sizes(self, head: list[str]) -> list[str]:
+        """The lines of names with those of sizes below."""
+        return [*head[:-1], *self.sizes, ""] if self.sizes else head
+
+    def helpers(self, own: str) -> list[str]:
+        """The definitions that the calls need, those of the script's `own` library among them."""
+        texts = [FACES, *([WALLS] if self.has_walls else []), own, BLENDED]
+        return [text.rstrip("\n") + "\n\n" for text in texts] if self.calls else []
+
+
+def _calls(feature: EdgeFeature, name: str, faces: _Faces) -> list[str]:
+    """The call for one feature, or where it has two distances one for each face that the first lies along."""
+    pairs = [(one, f"    ({faces.write((one,))}, {faces.write(others)}),") for one, others in _gather(feature, faces)]
+    sizes = ", ".join(_size_names(feature, name))
+    lines: list[str] = []
+    for first in dict.fromkeys(one if len(feature.sizes) > 1 else None for one, _ in pairs):
+        its = [text for one, text in pairs if first in (one, None)]
+        lines += [f"part = blended(part, {feature.kind}_edges, [{sizes}], [", *its, "])"]
+    return lines
+
+
+def _size_names(feature: EdgeFeature, name: str) -> list[str]:
+    return [name, name + SECOND][: len(feature.sizes)]
+
+
+def _gather(feature: EdgeFeature, faces: _Faces) -> list[tuple[Face, tuple[Face, ...]]]:
+    """The edges of a feature, those of one face with the walls of one loop together; without what can be none, of a sphere or a torus."""
+    groups: dict[tuple[Face, int, str], list[Face]] = {}
+    for one, two in feature.edges:
+        if not (faces.can_write(one) and faces.can_write(two)):
+            continue
+        if len(feature.sizes) == 1 and _loop_of(one) and not _loop_of(two):
+            one, two = two, one
+        groups.setdefault((one, two.leaf, _loop_of(two) or two.name), []).append(two)
+    return [(one, tuple(twos)) for (one, _, _), twos in groups.items()]
+
+
+def _loop_of(face: Face) -> str:
+    """What the names of all walls of one loop begin with; empty for other faces."""
+    return face.name.rpartition("[")[0]
+
+
+class _Faces:
+    """Writes faces of the leaves `parts`, from the expressions that `named` has for their numbers."""
+
+    def __init__(self, parts: list[Primitive], named: Parameters, rounding: Rounding) -> None:
+        self._parts, self._named, self._rounding = parts, named, rounding
+
+    def can_write(self, face: Face) -> bool:
+        """Whether a face is a plane, a cylinder, a cone or a wall."""
+        return face.name != "side" or self._parts[face.leaf].kind in ("cylinder", "cone")
+
+    def write(self, faces: Sequence[Face]) -> str:
+        """A face, or some walls of one loop."""
+        number, name = faces[0]
+        leaf = self._parts[number]
+        sizes = self._named.sizes[number]
+        center = f"({', '.join(self._length(c) for c in self._named.centers[number])})"
+        angles = [self._rounding.angle(angle) for angle in leaf.rotation]
+        turn = [f"turn=({', '.join(angles)})"] if any(angle != "0" for angle in angles) else []
+        if name[0] in "+-":
+            axis = "xyz".index(name[1])
+            half = Fraction(1, 2)
+            level = weighted_sum((sizes[axis] if leaf.kind == "box" else sizes[-1], half if name[0] == "+" else -half))
+            reach = [f"reach=({', '.join(self._length(weighted_sum((size, half))) for size in sizes)})"] if leaf.kind == "box" else []
+            return _call("flat_face", center, f'"{name[1]}"', self._length(level), *reach, *turn)
+        if name == "side":
+            written = write_sizes(leaf, sizes, self._rounding)
+            return _call("round_face", center, *(written if leaf.kind == "cone" else written[:1]), *turn)
+        loops = write_loops(leaf, self._named.outlines[number], self._rounding)
+        found = [self._curve(leaf, number, face) for face in faces]
+        height = [f"height={write_sizes(leaf, sizes, self._rounding)[0]}"] if leaf.kind == "extrude" else []
+        return _call("wall_face", center, loops[found[0][0]], *(str(k) for _, k in found), *height, *turn)
+
+    def _length(self, e: Expression) -> str:
+        return write_expression(e, self._rounding.length)
+
+    def _curve(self, leaf: Primitive, number: int, face: Face) -> tuple[int, int]:
+        """The loop and the curve, as they are written, that a wall stands on: rounding may have left some out."""
+        curve, outline = wall_curve(leaf, face.name), self._rounding.primitive(leaf).outline
+        assert curve is not None
+        assert outline is not None
+        places = {(i, k): arc_middle(c) for i, loop in enumerate(outline.loops) for k, c in enumerate(loop_curves(loop))}
+        i, k = min(places, key=lambda at: math.dist(places[at], arc_middle(curve)))
+        drawn = self._named.outlines[number]
+        ring = drawn[i] if len(drawn) == len(outline.loops) else None
+        return (i, self._side(ring, arc_middle(curve))) if isinstance(ring, DrawnPolygon) else (i, k)
+
+    def _side(self, polygon: DrawnPolygon[Expression], middle: tuple[float, float]) -> int:
+        """The side of a regular polygon that is nearest to a point: they are counted from the corner at its angle."""
+        x, y, angle, sides = (self._value(e) for e in (polygon.x, polygon.y, polygon.angle, polygon.sides))
+        turned = math.degrees(math.atan2(middle[1] - y, middle[0] - x)) - angle
+        return round(turned / 360 * sides - 1 / 2) % round(sides)
+
+    def _value(self, e: Expression) -> float:
+        values = {**self._named.values, **self._named.counts}
+        return e.constant + sum(float(t.coefficient) * values[t.name] for t in e.terms)
+
+
+def _call(name: str, *arguments: str) -> str:
+    return f"{name}({', '.join(arguments)})"
