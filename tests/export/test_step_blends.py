@@ -44,6 +44,14 @@ def test_a_blend_that_cannot_be_is_listed_and_the_rest_is_valid(tmp_path):
     assert solids_in(read_step(path)) == 1
 
 
+def test_edges_of_several_radii_meet_in_a_corner(tmp_path):
+    """One after the other OpenCASCADE would go on round the first of them."""
+    blending = write_step(BOX, tmp_path / "part.step", [fillet(2.0, RIM[:1]), fillet(6.0, RIM[2:3])])
+    assert not blending.sharp
+    left = quad(lambda t: (10 - (inset(t, 2.0) if t < 2 else 0)) * (20 - inset(t, 6.0)), 0, 6, points=[2])[0]
+    assert step_volume(tmp_path / "part.step") == pytest.approx(24 * 200 + left, rel=1e-6)
+
+
 def test_edges_of_a_feature_are_tried_one_by_one(tmp_path):
     """A fillet of the edge of a plate is lost where the plate is too thin for it, and the others stay."""
     thin = Primitive("box", (30.0, 20.0, 1.0), (20.0, 0.0, -14.5))

@@ -2,15 +2,15 @@
 
 OpenCASCADE can fail on a blend, build a shape that is not valid, or a valid one of something else; it also goes on along edges that are
 tangent to one it is given. So each result is measured: it is kept if it is valid and changes the volume by what the exact solids of the
-same edges do, but for corners. All edges of a feature are tried together, then chain by chain, then one by one; what still fails stays
-sharp.
+same edges do, but for corners. All features of a kind are tried together, then one after the other; of one all edges, then chain by
+chain, then one by one. What still fails stays sharp.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import combinations
+from itertools import combinations, groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -88,9 +88,19 @@ def _numbers(stretches: Sequence[BlendedEdge]) -> tuple[EdgeNumber, ...]:
 def _blend_in_order(
     shape: Any, program: Program, stretches: Sequence[BlendedEdge], features: Sequence[int], deadline: Deadline
 ) -> tuple[Any, tuple[EdgeNumber, ...]]:
-    """The shape with features blended one after the other, and the edges that stayed sharp."""
+    """The shape with features blended one after the other, and the edges that stayed sharp.
+
+    Those of one kind are tried together first: edges of several sizes that meet in a corner can be blended only so.
+    """
     state = _State(shape, program)
-    failed = [s for number in features for s in _blend_feature(state, [s for s in stretches if s.feature == number], deadline)]
+    failed: list[BlendedEdge] = []
+    kind_of = {s.feature: s.kind for s in stretches}
+    for _, run in groupby(features, key=lambda feature: kind_of[feature]):
+        together = list(run)
+        groups = [[s for s in stretches if s.feature == number] for number in together]
+        if len(groups) > 1 and state.blend([s for group in groups for s in group]):
+            continue
+        failed += [s for group in groups for s in _blend_feature(state, group, deadline)]
     return state.shape, _numbers(failed)
 
 
@@ -104,7 +114,7 @@ class _State:
         self._slack = ROUNDING * longest(leaves(program))
 
     def blend(self, stretches: Sequence[BlendedEdge]) -> bool:
-        """Blend stretches of one feature; whether that was done, else nothing is changed."""
+        """Blend stretches of features of one kind; whether that was done, else nothing is changed."""
         # of a copy, since what fails may leave other tolerances behind
         before = copy_shape(self.shape)
         chosen = _lying_on(before, stretches, self._slack)
