@@ -2,13 +2,14 @@
 
 import math
 import subprocess
+from dataclasses import replace
 
 import pytest
 from tests.export.blended import BOX, CASES, PLATE, RIM, chamfer, fillet, rim
 from tests.export.test_outlines import interpreter
 
 from imdim.delivery.finish import FinishedProgram, finish
-from imdim.export.blend_texts import FACES, WALLS, name_sizes
+from imdim.export.blend_texts import FACES, WALLS
 from imdim.export.cadquery import to_cadquery
 from imdim.export.delivered import texts_of
 from imdim.export.edit import change_values, open_delivered
@@ -17,7 +18,7 @@ from imdim.geometry.edge_solids import solid_with_edges
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.solid import to_manifold
 from imdim.program.codec import to_json
-from imdim.program.edges import EdgeFeature, Face
+from imdim.program.edges import EdgeFeature, Face, name_edges
 from imdim.program.outline import Outline, arc_center, arc_middle, arc_radius, loop_curves
 from imdim.program.tree import Combine, Primitive, leaves
 from imdim.reconstruction.fitting import relations_of
@@ -109,7 +110,7 @@ def test_blends_follow_the_names(package, values, stand, tmp_path):
 @pytest.mark.tool
 @PACKAGES
 def test_sizes_are_changed_at_the_head(package, tmp_path):
-    text = WRITERS[package](BOX, edges=[fillet(2.0, RIM[:1])], names=["edge_radius"])
+    text = WRITERS[package](BOX, edges=[replace(fillet(2.0, RIM[:1]), name="edge")])
     volume, _ = run(text.replace("edge_radius = 2\n", "edge_radius = 3\n"), package, tmp_path)
     assert volume == pytest.approx(6000 - 20 * 9 * (1 - math.pi / 4), rel=1e-9)
 
@@ -129,12 +130,15 @@ def test_a_script_with_edges_is_python(package):
         compile(WRITERS[package](program, edges=edges), "program.py", "exec")
 
 
-def test_equal_sizes_are_one_name():
-    features = [fillet(2.0, RIM[:1]), chamfer((1.0,), RIM[1:2]), fillet(2.0, RIM[2:3]), fillet(1.0, RIM[3:]), chamfer((1.0, 2.0), RIM[:1])]
-    assert name_sizes(features) == ("fillet_radius", "chamfer_distance", "fillet_radius", "fillet_radius_2", "chamfer_distance_2")
-    assert name_sizes(features[:1], {"fillet_radius"}) == ("fillet_radius_2",)
-    head = to_script(BOX, edges=features[-1:])
-    assert "\nchamfer_distance = 1\nchamfer_distance_second = 2\n\n" in head
+def test_sizes_have_names_at_the_head():
+    features = [fillet(2.0, RIM[:1]), chamfer((1.0, 3.0), RIM[1:2]), fillet(1.0, RIM[2:3])]
+    head = "fillet_radius = 2\nchamfer_distance = 1\nchamfer_second = 3\nfillet2_radius = 1\n\n"
+    text = to_script(BOX, edges=features)
+    assert text.count(head) == 1
+    # once, where they are among the others
+    named = finish(*relations_of(BOX), edges=name_edges(features))
+    text = to_script(named.program, named.parameters, named.folded, named.edges)
+    assert text.count("fillet_radius = ") == text.count("chamfer_second = ") == 1
 
 
 def test_faces_without_edges_are_left_out():

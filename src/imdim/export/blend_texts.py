@@ -7,21 +7,17 @@ finished part that lies on both faces is one of the feature, so that the blends 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
 from imdim.export.drawing import write_loops
 from imdim.export.drawn_vertex import DrawnPolygon
 from imdim.export.numbers import Expression, Rounding, weighted_sum, write_expression, write_sizes
-from imdim.export.parameters import RESERVED, Parameters
-from imdim.program.edges import EdgeFeature, Face, wall_curve
+from imdim.export.parameters import Parameters
+from imdim.program.edges import EdgeFeature, Face, name_edges, wall_curve
 from imdim.program.outline import arc_middle, loop_curves
-from imdim.program.roles import unique
 from imdim.program.tree import Primitive, Program, leaves
-
-SECOND = "_second"  # behind the name of a chamfer, its other distance
-_WORDS = {"fillet": "fillet_radius", "chamfer": "chamfer_distance"}
 
 FACES = '''def as_placed(point, center, turn):
     """A point as a primitive has it that was turned by degrees about x, y and z, and then moved."""
@@ -116,16 +112,6 @@ def blended(part, change, sizes, pairs):
 '''
 
 
-def name_sizes(features: Sequence[EdgeFeature], taken: Iterable[str] = ()) -> tuple[str, ...]:
-    """A name for the size of each feature, one for those of one kind and equal sizes; none of `taken`."""
-    used, names = {*RESERVED, *taken}, dict[tuple[str, tuple[float, ...]], str]()
-    for feature in features:
-        key = (feature.kind, feature.sizes)
-        if key not in names:
-            names[key] = unique(_WORDS[feature.kind], used)
-    return tuple(names[f.kind, f.sizes] for f in features)
-
-
 @dataclass(frozen=True)
 class BlendTexts:
     """What a script says of edge features: lines ``name = size``, calls that blend edges of `part`, and whether these need walls."""
@@ -135,17 +121,15 @@ class BlendTexts:
     has_walls: bool
 
     @staticmethod
-    def of(
-        program: Program, features: Sequence[EdgeFeature], names: Sequence[str] | None, named: Parameters, rounding: Rounding
-    ) -> BlendTexts:
-        """The texts; `names` of sizes, one for each feature, are made if there are none."""
-        names = name_sizes(features, {*named.values, *named.counts}) if names is None else names
-        pairs = list(zip(features, names, strict=True))
-        sizes = {name: rounding.size(size) for f, n in pairs for name, size in zip(_size_names(f, n), f.sizes, strict=True)}
+    def of(program: Program, features: Sequence[EdgeFeature], named: Parameters, rounding: Rounding) -> BlendTexts:
+        """The texts; sizes that are among the names of `named` have lines already."""
+        if not all(feature.name for feature in features):
+            features = name_edges(features, {*named.values, *named.counts})
+        sizes = [(name, size) for f in features for name, size in zip(f.size_names, f.sizes, strict=True) if name not in named.values]
         faces = _Faces(list(leaves(program)), named, rounding)
-        calls = [line for feature, name in pairs for line in _calls(feature, name, faces)]
+        calls = [line for feature in features for line in _calls(feature, faces)]
         walls = any(_loop_of(face) for feature in features for edge in feature.edges for face in edge)
-        return BlendTexts([f"{name} = {size}" for name, size in sizes.items()], calls, walls)
+        return BlendTexts([f"{name} = {rounding.size(size)}" for name, size in sizes], calls, walls)
 
     def add_sizes(self, head: list[str]) -> list[str]:
         """The lines of names with those of sizes below."""
@@ -157,19 +141,15 @@ class BlendTexts:
         return [text.rstrip("\n") + "\n\n" for text in texts] if self.calls else []
 
 
-def _calls(feature: EdgeFeature, name: str, faces: _Faces) -> list[str]:
+def _calls(feature: EdgeFeature, faces: _Faces) -> list[str]:
     """The call for one feature, or where it has two distances one for each face that the first lies along."""
     pairs = [(one, f"    ({faces.write((one,))}, {faces.write(others)}),") for one, others in _gather(feature, faces)]
-    sizes = ", ".join(_size_names(feature, name))
+    sizes = ", ".join(feature.size_names)
     lines: list[str] = []
     for first in dict.fromkeys(one if len(feature.sizes) > 1 else None for one, _ in pairs):
         its = [text for one, text in pairs if first in (one, None)]
         lines += [f"part = blended(part, {feature.kind}_edges, [{sizes}], [", *its, "])"]
     return lines
-
-
-def _size_names(feature: EdgeFeature, name: str) -> list[str]:
-    return [name, name + SECOND][: len(feature.sizes)]
 
 
 def _gather(feature: EdgeFeature, faces: _Faces) -> list[tuple[Face, tuple[Face, ...]]]:

@@ -138,22 +138,17 @@ def turned(angle, *areas):
 
 
 def to_cadquery(
-    program: Program,
-    parameters: Parameters | None = None,
-    folded: Folded | None = None,
-    edges: Sequence[EdgeFeature] = (),
-    names: Sequence[str] | None = None,
+    program: Program, parameters: Parameters | None = None, folded: Folded | None = None, edges: Sequence[EdgeFeature] = ()
 ) -> str:
     """Python text that builds `program` as `part` with CadQuery, in the program's own units (CadQuery takes them for mm).
 
-    Numbers follow `parameters` if given. `folded`, which `program` is the expansion of, gives it loops. Then its `edges` are blended, with
-    sizes of those `names`, one for each feature.
+    Numbers follow `parameters` if given. `folded`, which `program` is the expansion of, gives it loops. Then its `edges` are blended.
     """
     rounding, named = Rounding.of(program), parameters or Parameters.none(program, folded)
     writer = _CadQuery(rounding, named)
     lines = writer.flat(program) if folded is None else writer.lines(folded)
     solids = [text for kind, text in _SOLIDS.items() if any(leaf.kind == kind for leaf in leaves(program))]
-    blends = BlendTexts.of(program, edges, names, named, rounding)
+    blends = BlendTexts.of(program, edges, named, rounding)
     head = [*blends.add_sizes(named.head(rounding.size)), *solids, *helpers(program, _OUTLINES), *blends.helpers(_BLENDS)]
     body = [*head, *writer.parts, "part = (", *("    " + text for text in lines), ")", *blends.calls]
     return _HEAD.format(standard=standard_imports(body)) + "\n".join(body) + "\n" + _END

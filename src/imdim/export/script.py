@@ -194,21 +194,16 @@ if __name__ == "__main__":
 
 
 def to_script(
-    program: Program,
-    parameters: Parameters | None = None,
-    folded: Folded | None = None,
-    edges: Sequence[EdgeFeature] = (),
-    names: Sequence[str] | None = None,
+    program: Program, parameters: Parameters | None = None, folded: Folded | None = None, edges: Sequence[EdgeFeature] = ()
 ) -> str:
     """Python text that builds `program` as `part` with build123d, in the program's own units (build123d takes them for mm).
 
-    Numbers follow `parameters` if given. `folded`, which `program` is the expansion of, gives it loops. Then its `edges` are blended, with
-    sizes of those `names`, one for each feature.
+    Numbers follow `parameters` if given. `folded`, which `program` is the expansion of, gives it loops. Then its `edges` are blended.
     """
     rounding, named = Rounding.of(program), parameters or Parameters.none(program, folded)
     writer = _Script(rounding, named)
     lines = writer.flat(program) if folded is None else writer.lines(folded)
-    blends = BlendTexts.of(program, edges, names, named, rounding)
+    blends = BlendTexts.of(program, edges, named, rounding)
     body = [*blends.add_sizes(named.head(rounding.size)), *helpers(program, _HELPERS), *blends.helpers(_BLENDS), *writer.parts]
     body += ["part = (", *("    " + text for text in lines), ")", *blends.calls]
     used = [n for n in _NAMES if n not in _RARE or any(f"{n}(" in text or f"{n}." in text for text in body)]
