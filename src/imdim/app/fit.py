@@ -130,7 +130,8 @@ def summary(report: Mapping[str, Any], folder: Path) -> str:
     sharp = "" if report.get("edges_drawn") in (True, None) else " (program.scad draws them with -D edges=true)"
     lines += [f"  {'edges':<8} {'; '.join(said)}{sharp}"] if said else []
     lines += [f"  {said}" for said in report.get("left_out", [])]
-    lines += [f"  {name} {said}" for name, said in report["files"].items() if said.startswith("skipped") and name != "program.loops.scad"]
+    told = {name: said for name, said in report["files"].items() if said.startswith(("skipped", "written, "))}
+    lines += [f"  {name} {said}" for name, said in told.items() if name != "program.loops.scad"]
     lines += [
         f"  {what:<8} {folder / name}"
         for what, name in (("picture", "preview.png"), ("page", "report.html"), ("program", "program.scad"), ("report", "report.json"))

@@ -91,8 +91,8 @@ def texts_of(
     drawn = draw_edges(program, edges, named.values, read, deadline) if edges else None
     texts = {
         "program.scad": sharp if drawn is None else to_openscad(program, segments, named, drawn),
-        "program.py": to_script(program, named, folded),
-        "program.cq.py": to_cadquery(program, named, folded),
+        "program.py": to_script(program, named, folded, edges),
+        "program.cq.py": to_cadquery(program, named, folded, edges),
     }
     if "program.ucad" not in unwritten(program):
         texts["program.ucad"] = to_ucad(program, named, folded)

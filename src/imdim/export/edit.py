@@ -25,7 +25,8 @@ from imdim.export.numbers import MAX_SEGMENTS, Rounding, plain, round_program, t
 from imdim.export.openscad_reader import read_openscad
 from imdim.export.parameters import parametrise
 from imdim.export.step_worker import exporting, finish_or_skip_step
-from imdim.geometry.edge_solids import blend_solids, solid_with_edges
+from imdim.geometry.edge_solids import blend_solids, find_edges, has_room, solid_with_edges
+from imdim.geometry.lowering import lower
 from imdim.geometry.solid import SEGMENTS
 from imdim.program.codec import constraints_of, dumps, edges_of, from_json, meta_of, read_folded
 from imdim.program.constraints import Constraint, ConstraintError
@@ -162,7 +163,20 @@ def lost_edges(before: Delivered, after: Delivered) -> list[str]:
     had, has = ({*blend_solids(d.program, d.edges).missing} for d in (before, after))
     gone = [sum(1 for feature, _ in has - had if feature == i) for i in range(len(after.edges))]
     words = [describe_edges(f).partition(" of ") for f in after.edges]
-    return [f"{what}: {n} of {of} no more" for (what, _, of), n in zip(words, gone, strict=True) if n]
+    said = [f"{what}: {n} of {of} no more" for (what, _, of), n in zip(words, gone, strict=True) if n]
+    tight = [_without_room(d) for d in (before, after)]
+    return said + [f"{what}: too large for {n} of {of}" for (what, _, of), n in zip(words, map(len, _more(*tight)), strict=True) if n]
+
+
+def _without_room(delivered: Delivered) -> list[set[int]]:
+    """For each edge feature its edges along faces that are too narrow for it."""
+    numbers = lower(delivered.program)
+    edges = find_edges(delivered.program, delivered.edges).edges
+    return [{e.edge for e in edges if e.feature == i and not has_room(numbers, e)} for i in range(len(delivered.edges))]
+
+
+def _more(before: list[set[int]], after: list[set[int]]) -> list[set[int]]:
+    return [new - old for old, new in zip(before, after, strict=True)]
 
 
 def write(delivered: Delivered, folder: Path, step_limit_s: float = 0.0, solids: tuple[Manifold, Manifold] | None = None) -> dict[str, str]:

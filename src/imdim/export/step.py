@@ -50,7 +50,7 @@ def write_stages(program: Program, path: Path, edges: Sequence[EdgeFeature] = ()
         raise StepError("OpenCASCADE built a solid that is not valid once it is read back")
     yield no_blends(stretches)
     if stretches:
-        blended, blending = blend_shape(shape, program, stretches)
+        blended, blending = blend_shape(shape, program, stretches, to_shape)
         beside = path_beside(path)
         # tolerances do not survive the file, and those of blends can be large
         if len(blending.sharp) < len(blending.edges) and _write(blended, beside):
@@ -105,7 +105,7 @@ def to_shape(program: Program, edges: Sequence[EdgeFeature] = ()) -> Any:
     if largest < SMALLEST_SIZE:
         raise StepError(f"STEP needs a part larger than {SMALLEST_SIZE:g}, its largest size is {largest:g}")
     shape, stretches = build(program, _place), find_edges(program, edges).edges if edges else ()
-    return blend_shape(shape, program, stretches)[0] if stretches else shape
+    return blend_shape(shape, program, stretches, to_shape)[0] if stretches else shape
 
 
 def _check_installed() -> None:

@@ -3,13 +3,14 @@
 OpenCASCADE can fail on a blend, build a shape that is not valid, or a valid one of something else; it also goes on along edges that are
 tangent to one it is given. So each result is measured: it is kept if it is valid and changes the volume by what the exact solids of the
 same edges do, but for corners. All features of a kind are tried together, then one after the other; of one all edges, then chain by
-chain, then one by one. What still fails stays sharp.
+chain, then one by one. What still fails is made by booleans with the swept sections of the exact solids, which know no neighbours, and
+what fails there too stays sharp.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations, groupby
 from typing import Any, NamedTuple
 
@@ -18,8 +19,9 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from imdim.deadline import NEVER, Deadline
-from imdim.export.step_booleans import copy_shape, ocp, shape_volume, solids_in
-from imdim.geometry.edge_solids import BlendedEdge, Blends, join_blends, sweep_blends
+from imdim.export.step_booleans import StepError, boolean, copy_shape, merge_faces, ocp, shape_volume, solids_in
+from imdim.geometry.edge_solids import BlendedEdge, Blends, has_room, join_blends, sweep_blends
+from imdim.geometry.lowering import lower
 from imdim.geometry.solid import to_manifold
 from imdim.program.tree import Program, leaves, longest
 
@@ -59,8 +61,8 @@ class _Lying(NamedTuple):
     on: tuple[int, ...]
 
 
-def blend_shape(shape: Any, program: Program, stretches: Sequence[BlendedEdge]) -> tuple[Any, Blending]:
-    """The valid shape of `program` with its edges blended along those stretches where OpenCASCADE can do so.
+def blend_shape(shape: Any, program: Program, stretches: Sequence[BlendedEdge], build: Callable[[Program], Any]) -> tuple[Any, Blending]:
+    """The valid shape of `program` with its edges blended along those stretches where OpenCASCADE can do so; `build` makes shapes.
 
     Feature by feature; where one fails because of those before it, those that failed come first in a second trial.
     """
@@ -73,7 +75,52 @@ def blend_shape(shape: Any, program: Program, stretches: Sequence[BlendedEdge]) 
         second, still = _blend_in_order(shape, program, stretches, again, deadline)
         if len(still) < len(sharp):
             blended, sharp = second, still
+    if sharp:
+        blended, sharp = _sweep(blended, program, stretches, sharp, build, deadline)
     return blended, Blending(edges, sharp)
+
+
+def _sweep(
+    shape: Any,
+    program: Program,
+    stretches: Sequence[BlendedEdge],
+    sharp: Sequence[EdgeNumber],
+    build: Callable[[Program], Any],
+    deadline: Deadline,
+) -> tuple[Any, tuple[EdgeNumber, ...]]:
+    """The shape with those edges that are sharp blended by booleans with their swept sections, and the edges that stay sharp."""
+    done = [s for s in stretches if (s.feature, s.edge) not in sharp]
+    exact = to_manifold(join_blends(program, Blends(sweep_blends(done), ())))
+    volume, failed = shape_volume(shape, VOLUME_ERROR), list[EdgeNumber]()
+    numbers = lower(program)
+    for number in sharp:
+        group = [s for s in stretches if (s.feature, s.edge) == number]
+        pieces, has_time = sweep_blends(group), not deadline.has_passed()
+        tried, after = shape if has_time and all(has_room(numbers, s) for s in group) else None, exact
+        for piece in pieces if tried is not None else ():
+            solid = to_manifold(piece.solid)
+            after = after - solid if piece.cuts else after + solid
+            tried = _boolean(tried, build(piece.solid), piece.cuts)
+        expected = after.volume() - exact.volume()
+        if tried is None or solids_in(tried) != solids_in(shape) or not ocp("BRepCheck").BRepCheck_Analyzer(tried).IsValid():
+            failed.append(number)
+            continue
+        found = shape_volume(tried, VOLUME_ERROR)
+        if abs(found - volume - expected) > OFF * abs(expected) + NOISE * volume:
+            failed.append(number)
+            continue
+        shape, volume, exact = tried, found, after
+    return merge_faces(shape, volume), tuple(failed)
+
+
+def _boolean(shape: Any, tool: Any, cuts: bool) -> Any:
+    """The shape with a tool cut off or filled in; None where OpenCASCADE fails."""
+    if shape is None:
+        return None
+    try:
+        return boolean("Cut" if cuts else "Fuse", [shape], [tool])
+    except (StepError, ocp("Standard").Standard_Failure):
+        return None
 
 
 def no_blends(stretches: Sequence[BlendedEdge]) -> Blending:

@@ -96,7 +96,7 @@ def build(program: Program, place: Callable[[Primitive], Any]) -> Any:
     volume, bodies = exact.volume(), exact.bodies(largest)
     plain, failure = _build_plain(program, place)
     if _fits(plain, volume, CLOSE) and solids_in(plain) <= bodies:
-        return _merged(plain, volume)
+        return merge_faces(plain, volume)
     best = plain if _fits(plain, volume, ROUGH) else None
     deadline = Deadline(NEVER.now() + PATIENCE_S)
     for first in FIRST_WAYS if volume > 0 else ():
@@ -111,7 +111,7 @@ def build(program: Program, place: Callable[[Primitive], Any]) -> Any:
             break
     if best is None:
         raise StepError(failure)
-    return _merged(best, volume, CLOSE if _fits(best, volume, CLOSE) else ROUGH)
+    return merge_faces(best, volume, CLOSE if _fits(best, volume, CLOSE) else ROUGH)
 
 
 def _build_plain(program: Program, place: Callable[[Primitive], Any]) -> tuple[Any, str]:
@@ -214,7 +214,7 @@ def _shape_list() -> Any:
         return ocp("TopTools").TopTools_ListOfShape()
 
 
-def _merged(shape: Any, volume: float, error: float = CLOSE) -> Any:
+def merge_faces(shape: Any, volume: float, error: float = CLOSE) -> Any:
     """The shape with faces and edges on the same surface or curve merged, or as it is where OpenCASCADE spoils it by that."""
     for edges in (True, False):
         try:

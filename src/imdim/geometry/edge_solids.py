@@ -36,10 +36,12 @@ PLACES = (64, 4000)  # at least and at most
 PARTS, DIVISIONS = 16, 9  # by which the place where an edge ends is narrowed, each time
 BEYOND = 0.25  # of a blend's size, by which its section goes past the two faces, so that no skin stays
 GO_ON = 2.0  # times its size, by which a blend goes on where its edge ends in the air
-JOIN = 2e-5  # of its size, by which it goes into the next one, so that no fin stays between
+JOIN = 1e-6  # of its size, by which it goes into the next one, so that no fin stays between
 SHORTEST = 0.05  # of its size, below which a stretch of an edge is none
-SKIN = 1e-5  # of the diagonal, below which what separates two faces is rounding
+SKIN = 2e-8  # of the diagonal, below which what separates two faces is rounding
 MEET = 1e-3  # of its size, within which ends of two blends are one corner
+ROOM = 0.98  # of the way to where a blend meets a face, which is still face
+ROOM_PLACES = np.linspace(0.2, 0.8, 7)  # along an edge
 QUADRANTS = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
 
 Corner = tuple[float, float]
@@ -173,6 +175,21 @@ def find_edges(program: Program, features: Sequence[EdgeFeature]) -> FoundEdges:
     return FoundEdges(tuple(edges), tuple(missing))
 
 
+def has_room(solid: Lowered, edge: BlendedEdge) -> bool:
+    """Whether both faces of a blend reach as far as it does, at most of the places that are looked at."""
+    inward, feet, _ = _feet(edge.track.normals, edge.stretch.sides, edge.sizes, edge.kind)
+    low, high, _, is_convex, _ = edge.stretch
+    t = low + (high - low) * ROOM_PLACES
+    step = LOOK * edge.size
+    for normal, foot in zip(inward, feet, strict=True):
+        on, off = (
+            inside(solid, edge.track.at(t, np.broadcast_to(ROOM * foot + way * step * normal, (len(t), 2)))) == is_convex for way in (1, -1)
+        )
+        if (on & ~off).mean() < 0.5:
+            return False
+    return True
+
+
 def sweep_blends(edges: Sequence[BlendedEdge]) -> tuple[BlendSolid, ...]:
     """The solids of the blends of some edges of one program."""
     pieces = [BlendSolid(e.feature, e.edge, e.stretch.is_convex, e.solid(*_lengths(e))) for e in edges]
@@ -196,7 +213,8 @@ def solid_with_edges(program: Program, features: Sequence[EdgeFeature], segments
         return to_manifold(program, segments)
     solid = to_manifold(with_edges(program, features), segments)
     low, high = np.array(solid.bounding_box()).reshape(2, 3)
-    return solid.as_original().simplify(SKIN * float(np.linalg.norm(high - low)))
+    skin = max(SKIN * float(np.linalg.norm(high - low)), 10 * JOIN * max(max(f.sizes) for f in features))
+    return solid.as_original().simplify(skin)
 
 
 def surface_with_edges(program: Program, features: Sequence[EdgeFeature], segments: int = SEGMENTS) -> tuple[trimesh.Trimesh, np.ndarray]:
@@ -445,15 +463,11 @@ def _profile(surface: Surface, origin: np.ndarray, axis: np.ndarray, slack: floa
 
 def _section(normals: np.ndarray, sides: tuple[int, int], sizes: tuple[float, float], kind: EdgeKind, radius: float) -> tuple[Vertex, ...]:
     """The section of a blend about the edge's point, counter-clockwise."""
-    inward = normals * np.array(sides)[:, None]  # from each face into the quadrant
-    along = np.array([_into(inward[0], inward[1]), _into(inward[1], inward[0])])  # along each face, into the quadrant
-    half = math.acos(float(np.clip(along[0] @ along[1], -1, 1))) / 2
-    one, two = (s / math.tan(half) if kind == "fillet" else s for s in sizes)
-    a, b = along[0] * one, along[1] * two
-    beyond = BEYOND * max(one, two)
+    inward, (a, b), half = _feet(normals, sides, sizes, kind)
+    beyond = BEYOND * max(float(np.linalg.norm(a)), float(np.linalg.norm(b)))
     if radius:
         beyond = min(beyond, radius / 4)
-    corner = np.linalg.solve(inward, [-beyond, -beyond])
+    corner = np.linalg.solve(inward, np.array([-beyond, -beyond]))
     ring = [a, b, b - inward[1] * beyond, corner, a - inward[0] * beyond]
     bulge = math.tan((math.pi - 2 * half) / 4) if kind == "fillet" else 0.0
     x, y = np.array(ring).T
@@ -461,6 +475,18 @@ def _section(normals: np.ndarray, sides: tuple[int, int], sizes: tuple[float, fl
         return tuple((float(p[0]), float(p[1]), -bulge if k == 0 else 0.0) for k, p in enumerate(ring))
     ring = [b, a, *ring[:1:-1]]
     return tuple((float(p[0]), float(p[1]), -bulge if k == 0 else 0.0) for k, p in enumerate(ring))
+
+
+def _feet(
+    normals: np.ndarray, sides: tuple[int, int], sizes: tuple[float, float], kind: str
+) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], float]:
+    """In a section about the edge's point: the normals [2, 2] from both faces into the quadrant, where the blend meets either face, and
+    half the angle between these."""
+    inward = normals * np.array(sides)[:, None]
+    along = np.array([_into(inward[0], inward[1]), _into(inward[1], inward[0])])
+    half = math.acos(float(np.clip(along[0] @ along[1], -1, 1))) / 2
+    one, two = (s / math.tan(half) if kind == "fillet" else s for s in sizes)
+    return inward, (along[0] * one, along[1] * two), half
 
 
 def _into(normal: np.ndarray, other: np.ndarray) -> np.ndarray:
