@@ -20,13 +20,15 @@ from scipy.sparse.csgraph import connected_components
 
 from imdim.detection.facets import Facets, facets_of
 from imdim.detection.mesh_surfaces import Shown, detect_shown
-from imdim.geometry.surface import Patch, Surface, normals, vec
+from imdim.geometry.surface import Patch, Surface, normals, signed_distance, vec
 
 BlendKind = Literal["fillet", "chamfer"]
 
 TANGENT = 6.0  # degrees, below which surfaces touch; coarse facets leave some
 HALF_STEP = 0.7  # of a step between facets, below which the first one touches what is beside it
 FLAT = 0.01  # radians, by which triangles of one facet may turn
+ON_SURFACE = 2e-4  # of the diagonal, within which a facet's corners lie on a surface
+FOLLOWS = 0.999  # cosine between a facet's normal and the surface's in its middle
 SLOPE = (10.0, 80.0)  # degrees, between a chamfer and its neighbours
 NARROW = 0.35  # of its neighbours' size, as the root of their area: a chamfer's width at most
 LONG = 1.5  # times its width, that a chamfer's shorter side is at least
@@ -34,7 +36,7 @@ BESIDE = 0.5  # of a piece's boundary, that its two neighbours take
 LIKE = 0.03  # by which sizes within a chain may differ
 SMALLEST, LARGEST = 5e-4, 0.1  # of the diagonal: a blend's size
 CORNER = 2.0  # times its squared size: the area of a small piece between blends at most
-MOSTLY = 0.85  # of a curved patch's area: one facet that has more of it is a face of its own
+MOSTLY = 0.7  # of a curved patch's area: one facet that has more of it is a face of its own
 ONE_WAY = 1.0  # degrees, within which a chain's pieces run in one direction
 
 
@@ -123,10 +125,17 @@ def _pieces(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) -> tu
         # a wall with the first strip of a rounding at either end lies on a curve too, but is flat
         if patch.surface.kind == "plane" or areas.max() < MOSTLY * areas.sum():
             owner[members] = i
+    curved = [i for i, patch in enumerate(patches) if patch.surface.kind != "plane" and (owner == i).any()]
     for facet in np.flatnonzero(owner < 0):
+        corners = facets.corners[facets.facet_of == facet].reshape(-1, 3)
+        # a strip of a rounding that had passed for one of the wall
+        home = next((i for i in curved if _lies_on(patches[i].surface, corners, facets.normals[facet], facets.diagonal)), None)
+        if home is not None:
+            owner[facet] = home
+            continue
         owner[facet] = len(patches)
         plane = Surface("plane", vec(facets.centers[facet]), vec(facets.normals[facet]))
-        patches.append(Patch(plane, facets.corners[facets.facet_of == facet].reshape(-1, 3), float(facets.areas[facet])))
+        patches.append(Patch(plane, corners, float(facets.areas[facet])))
     owner = owner[facets.facet_of]
     pairs = np.asarray(mesh.face_adjacency).reshape(-1, 2)
     joined = owner[pairs[:, 0]] == owner[pairs[:, 1]]
@@ -153,6 +162,13 @@ def _pieces(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) -> tu
         i: _Piece(i, patches[owner], triangles[i], corners[i], float(areas[i]), steps.get(i, 0.0), borders[i])
         for i, owner in enumerate(owner_of)
     }
+
+
+def _lies_on(surface: Surface, corners: np.ndarray, facing: np.ndarray, diagonal: float) -> bool:
+    """Whether a facet with `corners` [n, 3] that faces `facing` is one of a curved surface's."""
+    if (np.abs(signed_distance(surface, corners)) > ON_SURFACE * diagonal).any():
+        return False
+    return bool(abs(normals(surface, corners.mean(0)[None])[0] @ facing) > FOLLOWS)
 
 
 def _steps(mesh: trimesh.Trimesh, piece_of: np.ndarray, pairs: np.ndarray) -> dict[int, float]:
