@@ -125,17 +125,11 @@ def _pieces(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) -> tu
         # a wall with the first strip of a rounding at either end lies on a curve too, but is flat
         if patch.surface.kind == "plane" or areas.max() < MOSTLY * areas.sum():
             owner[members] = i
-    curved = [i for i, patch in enumerate(patches) if patch.surface.kind != "plane" and (owner == i).any()]
+    _give_back(owner, patches, facets)
     for facet in np.flatnonzero(owner < 0):
-        corners = facets.corners[facets.facet_of == facet].reshape(-1, 3)
-        # a strip of a rounding that had passed for one of the wall
-        home = next((i for i in curved if _lies_on(patches[i].surface, corners, facets.normals[facet], facets.diagonal)), None)
-        if home is not None:
-            owner[facet] = home
-            continue
         owner[facet] = len(patches)
         plane = Surface("plane", vec(facets.centers[facet]), vec(facets.normals[facet]))
-        patches.append(Patch(plane, corners, float(facets.areas[facet])))
+        patches.append(Patch(plane, facets.corners[facets.facet_of == facet].reshape(-1, 3), float(facets.areas[facet])))
     owner = owner[facets.facet_of]
     pairs = np.asarray(mesh.face_adjacency).reshape(-1, 2)
     joined = owner[pairs[:, 0]] == owner[pairs[:, 1]]
@@ -162,6 +156,21 @@ def _pieces(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) -> tu
         i: _Piece(i, patches[owner], triangles[i], corners[i], float(areas[i]), steps.get(i, 0.0), borders[i])
         for i, owner in enumerate(owner_of)
     }
+
+
+def _give_back(owner: np.ndarray, patches: Sequence[Patch], facets: Facets) -> None:
+    """Let facets that passed for flat ones, or for some of the wall beside, belong to the curved patch beside that they lie on."""
+    round_ones = np.array([patch.surface.kind != "plane" for patch in patches])
+    ways = np.concatenate([facets.edges, facets.edges[:, ::-1]])
+    while True:
+        taken = False
+        curved = (owner >= 0) & round_ones[owner]
+        for facet, beside in ways[curved[ways[:, 1]] & ~curved[ways[:, 0]]]:
+            corners = facets.corners[facets.facet_of == facet].reshape(-1, 3)
+            if _lies_on(patches[owner[beside]].surface, corners, facets.normals[facet], facets.diagonal):
+                owner[facet], taken = owner[beside], True
+        if not taken:
+            return
 
 
 def _lies_on(surface: Surface, corners: np.ndarray, facing: np.ndarray, diagonal: float) -> bool:
