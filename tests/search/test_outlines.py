@@ -1,5 +1,6 @@
 """Outlines as candidate families: plane arrangements, the best region, and planted parts that come back as one outline."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -183,3 +184,12 @@ def test_what_is_cut_away_ends_beyond_the_part():
     low, high = np.reshape(to_manifold(frame.undo(outlines.primitive(upright, ranges, wider))).bounding_box(), (2, 3))
     assert low[[0, 2]] == pytest.approx([5, 0.5], abs=1e-6)
     assert (high > [30.1, 20.1, 3.1]).all()
+
+
+def test_walls_without_length_are_no_error():
+    """Where walls all but meet in a point some of their segments have none."""
+    found = plane(np.random.default_rng(3), 4, 1)
+    flat = replace(found, segments=replace(found.segments, length=np.zeros_like(found.segments.length)))
+    region = best_region(flat, np.random.default_rng(0).normal(0, 1, found.faces), 0.05)
+    assert region is not None
+    assert region.inside.any()

@@ -18,6 +18,7 @@ MENDS = 32  # faces, by which a region that touches itself is changed at most
 NO_FLOW = 1e-9  # of the gains' sum: an arc with less room is full
 WINS = 1e-12  # what a change must win at least
 EVEN = 1e-12  # of the largest bound, that tells apart what is even
+SHORT = 1e-300  # no length, yet more than none
 PAIRS = 3  # of levels between which the region is looked for, at most
 
 
@@ -315,7 +316,7 @@ def _share_curves(graph, side, share, curves):
             if side[i] == 0:
                 i += 1
                 continue
-            j, total = _run_end(graph, side, i), 0.0
+            j, total = _run_end(graph, side, i), SHORT  # walls that all but meet in a point have segments without length
             for k in range(i, j):
                 total += graph.length[k]
             for k in range(i, j):
