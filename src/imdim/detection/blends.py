@@ -159,15 +159,16 @@ def _pieces(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) -> tu
 
 
 def _give_back(owner: np.ndarray, patches: Sequence[Patch], facets: Facets) -> None:
-    """Let facets that passed for flat ones, or for some of the wall beside, belong to the curved patch beside that they lie on."""
-    round_ones = np.array([patch.surface.kind != "plane" for patch in patches])
+    """Let facets that passed for flat ones, or for some of a smaller patch beside, belong to the curved patch that they lie on."""
+    worth = np.array([patch.area if patch.surface.kind != "plane" else 0.0 for patch in patches])
     ways = np.concatenate([facets.edges, facets.edges[:, ::-1]])
     while True:
         taken = False
-        curved = (owner >= 0) & round_ones[owner]
-        for facet, beside in ways[curved[ways[:, 1]] & ~curved[ways[:, 0]]]:
+        own = np.where(owner >= 0, worth[owner], 0.0)
+        for facet, beside in ways[own[ways[:, 1]] > own[ways[:, 0]]]:
             corners = facets.corners[facets.facet_of == facet].reshape(-1, 3)
-            if _lies_on(patches[owner[beside]].surface, corners, facets.normals[facet], facets.diagonal):
+            is_worse = owner[facet] < 0 or worth[owner[facet]] < worth[owner[beside]]
+            if is_worse and _lies_on(patches[owner[beside]].surface, corners, facets.normals[facet], facets.diagonal):
                 owner[facet], taken = owner[beside], True
         if not taken:
             return

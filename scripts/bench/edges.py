@@ -1,0 +1,233 @@
+"""Plant parts with fillets and chamfers, fit them, and ask whether their edges come back: as the same kind, of the same size, and no others.
+
+    python scripts/bench/edges.py [--parts 40] [--seed 0] [--out out/edges] [--budget 60] [--clock wall] [--only 3,17]
+
+Parts are about 60 long and made by OpenCASCADE (`pip install build123d`), blends included, and tessellated by it: plates with square and with
+round corners, angles and channels, plates with a boss, with a rib, with a pocket. One or two groups of edges are blended: the rim on top,
+both rims, the foot of what stands on the plate, the mouth of the pocket, or all edges; some parts are turned by an odd angle. They
+are fitted with the default settings into the folder, one folder a part; parts that are there already are scored alone.
+
+A planted edge is found if the program has an edge feature of its kind along its middle, within 0.05, and its size is right if it is
+within 2 %. What the program blends where nothing was planted counts as strange, by the length of its edges.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from processor import CLOCKS, rule_the_clock
+
+NEAR = 0.05  # of a part of 60
+RIGHT = 0.02  # of a size
+FINE = (0.01, 0.15)  # deflections of the tessellation: length and radians
+SIZES = (0.4, 0.5, 0.8, 1.0, 1.5, 2.0, 3.0)
+PLACES = 41  # along an edge
+
+
+@dataclass(frozen=True)
+class PlantedEdge:
+    """`points` [PLACES, 3] along an edge that is blended."""
+
+    kind: str
+    size: float
+    points: np.ndarray
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--parts", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, default=Path("out/edges"))
+    parser.add_argument("--budget", type=float, default=60.0)
+    parser.add_argument("--clock", choices=CLOCKS, default="wall", help="what tells the budget: the processor's does not mind other work")
+    parser.add_argument("--only", default="", help="numbers of parts, joined by commas")
+    given = parser.parse_args()
+    if given.clock == "processor":
+        rule_the_clock()
+    only = [int(n) for n in given.only.split(",") if n]
+    rows = []
+    for number in range(given.parts):
+        if only and number not in only:
+            continue
+        shape, edges = plant(np.random.default_rng([given.seed, number]), number)
+        folder = given.out / f"part{number:02d}"
+        if not (folder / "program.json").exists():
+            fit(shape, folder, given.budget)
+        rows.append(score(folder, edges))
+        print(f"{folder.name}: " + ", ".join(f"{k} {v:.6g}" for k, v in rows[-1].items()), flush=True)
+    print(totals(rows))
+
+
+def totals(rows: Sequence[dict[str, float]]) -> str:
+    """The counts of all parts as shares, in a line."""
+    n = {key: sum(row[key] for row in rows) for key in rows[0]}
+    recall, sizes = n["found"] / max(n["edges"], 1), n["right"] / max(n["found"], 1)
+    precision = 1 - n["strange"] / max(n["length"], 1e-9)
+    iou = np.mean([row["iou"] for row in rows])
+    return (
+        f"{len(rows)} parts, {n['edges']:.0f} edges: recall {recall:.3f}, precision {precision:.3f}, sizes {sizes:.3f}, mean IoU {iou:.4f}"
+    )
+
+
+# --- parts --------------------------------------------------------------------------------------------------------------
+
+
+def plant(rng: np.random.Generator, number: int) -> tuple[Any, list[PlantedEdge]]:
+    """A part as OpenCASCADE makes it, and its blended edges. Sizes that it cannot build are halved until it can."""
+    import build123d as b
+
+    body, groups = BODIES[number % len(BODIES)](b, rng)
+    place = b.Location(tuple(rng.integers(-30, 30, 3).tolist()), (0.0, 0.0, float(rng.integers(5, 85)) if number % 8 == 7 else 0.0))
+    planted: list[PlantedEdge] = []
+    for name, chosen in list(groups.items())[: 1 + number % 2]:
+        kind = ("chamfer", "fillet")[int(rng.integers(2))]
+        size = float(rng.choice(SIZES if name != "all" else SIZES[:4]))
+        edges = [edge for edge in body.edges() if chosen(edge)]
+        while True:
+            try:
+                blended = b.chamfer(edges, size) if kind == "chamfer" else b.fillet(edges, size)
+                if blended.is_valid and len(blended.solids()) == 1:
+                    break
+            except (ValueError, RuntimeError):
+                pass
+            size /= 2
+        planted += [PlantedEdge(kind, size, _points(place, edge)) for edge in edges]
+        body = blended
+    return place * body, planted
+
+
+def _points(place: Any, edge: Any) -> np.ndarray:
+    moved = edge.moved(place)
+    return np.array([tuple(moved.position_at(float(t))) for t in np.linspace(0, 1, PLACES)])
+
+
+def _is_level(z: float) -> Any:
+    return lambda edge: abs(edge.bounding_box().min.Z - z) < 1e-6 and abs(edge.bounding_box().max.Z - z) < 1e-6
+
+
+def _plate(b: Any, rng: np.random.Generator, corner: float = 0.0) -> tuple[Any, float, tuple[float, float]]:
+    x, y, z = (float(v) for v in (rng.integers(40, 60), rng.integers(25, 40), rng.integers(6, 12)))
+    sketch = b.RectangleRounded(x, y, corner) if corner else b.Rectangle(x, y)
+    return b.extrude(sketch, z), z, (x, y)
+
+
+def _plain(b: Any, rng: np.random.Generator) -> tuple[Any, dict[str, Any]]:
+    body, z, _ = _plate(b, rng)
+    return body, {"top": _is_level(z), "bottom": _is_level(0.0)}
+
+
+def _rounded(b: Any, rng: np.random.Generator) -> tuple[Any, dict[str, Any]]:
+    body, z, _ = _plate(b, rng, float(rng.integers(5, 9)))
+    return body, {"top": _is_level(z), "bottom": _is_level(0.0)}
+
+
+def _angle(b: Any, rng: np.random.Generator) -> tuple[Any, dict[str, Any]]:
+    x, y, t, h = (float(v) for v in (rng.integers(35, 55), rng.integers(30, 45), rng.integers(7, 11), rng.integers(15, 30)))
+    body = b.extrude(b.make_face(b.Polyline((0, 0), (x, 0), (x, t), (t, t), (t, y), (0, y), close=True)), h)
+    return body, {"top": _is_level(h), "bottom": _is_level(0.0)}
+
+
+def _boss(b: Any, rng: np.random.Generator) -> tuple[Any, dict[str, Any]]:
+    body, z, _ = _plate(b, rng)
+    r, h = float(rng.integers(6, 10)), float(rng.integers(8, 14))
+    boss = b.Pos(0, 0, z) * b.Cylinder(r, h, align=(b.Align.CENTER, b.Align.CENTER, b.Align.MIN))
+    rim = _is_level(z)
+    return body + boss, {
+        "rim": lambda e: rim(e) and e.geom_type == b.GeomType.LINE,
+        "foot": lambda e: rim(e) and e.geom_type != b.GeomType.LINE,
+    }
+
+
+def _pocket(b: Any, rng: np.random.Generator) -> tuple[Any, dict[str, Any]]:
+    body, z, (x, y) = _plate(b, rng)
+    w, d = float(round(0.5 * x)), float(round(0.5 * y))
+    body -= b.Pos(0, 0, z - z // 2) * b.extrude(b.RectangleRounded(w, d, 4.0), z)
+
+    def outside(edge: Any) -> bool:
+        at = edge.center()
+        return abs(at.X) > x / 2 - 1e-6 or abs(at.Y) > y / 2 - 1e-6
+
+    rim = _is_level(z)
+    return body, {"mouth": lambda e: rim(e) and not outside(e), "rim": lambda e: rim(e) and outside(e)}
+
+
+def _rib(b: Any, rng: np.random.Generator) -> tuple[Any, dict[str, Any]]:
+    body, z, (x, y) = _plate(b, rng)
+    w, d, h = float(round(0.4 * x)), 8.0, float(rng.integers(8, 14))
+    rib = b.Pos(0, 0, z) * b.Box(w, d, h, align=(b.Align.CENTER, b.Align.CENTER, b.Align.MIN))
+
+    def foot(edge: Any) -> bool:
+        at = edge.center()
+        return _is_level(z)(edge) and abs(at.X) < x / 2 - 1e-6 and abs(at.Y) < y / 2 - 1e-6
+
+    return body + rib, {"foot": foot, "top": _is_level(z + h)}
+
+
+def _block(b: Any, rng: np.random.Generator) -> tuple[Any, dict[str, Any]]:
+    body, _, _ = _plate(b, rng)
+    return body, {"all": lambda _: True}
+
+
+BODIES = (_plain, _rounded, _angle, _boss, _pocket, _rib, _block)
+
+
+# --- fits and scores ------------------------------------------------------------------------------------------------------
+
+
+def fit(shape: Any, folder: Path, budget: float) -> None:
+    """Write the part as STL beside the folder, and reconstruct it there."""
+    import build123d as b
+
+    from imdim.app import fit as command
+    from imdim.reconstruction.config import Settings
+
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    part = folder.with_suffix(".stl")
+    b.export_stl(shape, str(part), *FINE)
+    command.fit(Settings(input=str(part), output=str(folder), budget_s=budget))
+
+
+def score(folder: Path, planted: Sequence[PlantedEdge]) -> dict[str, float]:
+    """How many planted edges were found, with what sizes, and how much was blended beside them."""
+    from imdim.geometry.edge_solids import find_edges
+    from imdim.program import codec
+
+    document = codec.parse((folder / "program.json").read_bytes())
+    features = codec.edges_of(document)
+    edges = find_edges(codec.from_json(document), features).edges if features else ()
+    found = right = 0
+    for edge in planted:
+        middle = edge.points[PLACES // 2][None]
+        own = [e for e in edges if e.kind == edge.kind and e.distances(middle)[0] < NEAR]
+        found += bool(own)
+        right += any(max(abs(s / edge.size - 1) for s in e.sizes) < RIGHT for e in own)
+    every = np.concatenate([edge.points for edge in planted])
+    lengths, strange = [], []
+    for e in edges:
+        points = e.points(PLACES)
+        lengths.append(float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()))
+        gap = np.linalg.norm(points[PLACES // 2] - every, axis=1).min()
+        # planted points lie a length / PLACES apart
+        strange.append(lengths[-1] if gap > max(NEAR, 1.5 * lengths[-1] / PLACES) else 0.0)
+    report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
+    return {
+        "edges": len(planted),
+        "found": found,
+        "right": right,
+        "length": sum(lengths),
+        "strange": sum(strange),
+        "features": report["result"]["primitives"],
+        "iou": report["scores"]["volume_iou"],
+        "seconds": report["timing"]["total_s"],
+    }
+
+
+if __name__ == "__main__":
+    sys.exit(main())
