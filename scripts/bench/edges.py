@@ -1,11 +1,11 @@
-"""Plant parts with fillets and chamfers, fit them, and ask whether their edges come back: as the same kind, of the same size, and no others.
+"""Plant parts with fillets and chamfers, fit them, and ask whether their edges come back: of the same kind and size, and no others.
 
     python scripts/bench/edges.py [--parts 40] [--seed 0] [--out out/edges] [--budget 60] [--clock wall] [--only 3,17]
 
-Parts are about 60 long and made by OpenCASCADE (`pip install build123d`), blends included, and tessellated by it: plates with square and with
-round corners, angles and channels, plates with a boss, with a rib, with a pocket. One or two groups of edges are blended: the rim on top,
-both rims, the foot of what stands on the plate, the mouth of the pocket, or all edges; some parts are turned by an odd angle. They
-are fitted with the default settings into the folder, one folder a part; parts that are there already are scored alone.
+Parts are about 60 long and made by OpenCASCADE (`pip install build123d`), blends included, and tessellated by it: plates with square and
+with round corners, angles, plates with a boss, with a rib, with a pocket. One or two groups of edges are blended: the rim on top, both
+rims, the foot of what stands on the plate, the mouth of the pocket, or all edges; one part in eight is turned by an odd angle. They are
+fitted with the default settings into the folder, one folder a part; parts that are there already are scored alone.
 
 A planted edge is found if the program has an edge feature of its kind along its middle, within 0.05, and its size is right if it is
 within 2 %. What the program blends where nothing was planted counts as strange, by the length of its edges.

@@ -147,7 +147,7 @@ def _pairs(blend: Blend, chain: Chain, faces: Sequence[tuple[Face, Surface]], ta
 def _is_beside(surface: Surface, side: Surface, corners: np.ndarray, slack: float) -> bool:
     """Whether a face of the program lies where a blend's side does, by the corners of the blend on that side."""
     off = np.abs(signed_distance(side, corners))
-    there = corners[off <= off.min() + slack]
+    there = corners[off <= off.min() + slack / 2]
     if (np.abs(signed_distance(surface, there)) > slack).any():
         return False
     return bool((np.abs((normals(surface, there) * normals(side, there)).sum(1)) > ALIGNED).all())
