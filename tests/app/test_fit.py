@@ -16,7 +16,7 @@ import trimesh
 from tests.drawn import BORED
 
 from imdim.app.cli import main as imdim
-from imdim.app.fit import fit, one_line
+from imdim.app.fit import fit, one_line, summary
 from imdim.app.fit import main as run
 from imdim.app.progress import show_progress
 from imdim.geometry.solid import to_manifold, to_trimesh
@@ -47,6 +47,7 @@ class Snap:
     front: tuple = ()
     proof: str = "proved minimal over these candidates"
     notes: tuple = ()
+    edges: tuple = ()
 
 
 def box_found(target, settings, rng):
@@ -247,3 +248,20 @@ def test_the_seed_reaches_the_reconstruction(part, tmp_path, monkeypatch):
     for seed in (0, 0, 1):
         fit(Settings(input=str(part), output=str(tmp_path / "out"), seed=seed), draw)
     assert drawn[0] == drawn[1] == np.random.default_rng(0).random() != drawn[2]
+
+
+def test_edges_are_told_with_the_way_to_draw_them() -> None:
+    told = {"edges": [{"says": "chamfer 0.4 of 40 edges"}], "edges_drawn": False}
+    report = {
+        **told,
+        "scores": {"volume_iou": 0.99, "distance_relative_to_diagonal": {"target_to_result": {"mean": 0.0}}},
+        "result": {"primitives": 1, "features": 1, "curves": 16},
+        "timing": {"total_s": 4.0},
+        "stop": "finished",
+        "found": {"iou_with_delivered": 1.0},
+        "files": {"program.step": "written, 2 of 40 edges not blended", "program.scad": "written"},
+    }
+    said = summary(report, Path("out"))
+    assert "edges    chamfer 0.4 of 40 edges (program.scad draws them with -D edges=true)" in said
+    assert "program.step written, 2 of 40 edges not blended" in said
+    assert "-D edges=true" not in summary({**report, "edges_drawn": True}, Path("out"))
