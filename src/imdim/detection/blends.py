@@ -129,7 +129,7 @@ def _pieces(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) -> tu
     for facet in np.flatnonzero(owner < 0):
         owner[facet] = len(patches)
         plane = Surface("plane", vec(facets.centers[facet]), vec(facets.normals[facet]))
-        patches.append(Patch(plane, facets.corners[facets.facet_of == facet].reshape(-1, 3), float(facets.areas[facet])))
+        patches.append(Patch(plane, facets.centers[facet][None], float(facets.areas[facet])))
     owner = owner[facets.facet_of]
     pairs = np.asarray(mesh.face_adjacency).reshape(-1, 2)
     joined = owner[pairs[:, 0]] == owner[pairs[:, 1]]
@@ -153,7 +153,7 @@ def _pieces(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) -> tu
     triangles = np.split(order, np.cumsum(np.bincount(piece_of))[:-1])
     corners = [np.asarray(mesh.vertices)[np.unique(mesh.faces[t])] for t in triangles]
     return piece_of, {
-        i: _Piece(i, patches[owner], triangles[i], corners[i], float(areas[i]), steps.get(i, 0.0), borders[i])
+        i: _Piece(i, patches[int(owner)], triangles[i], corners[i], float(areas[i]), steps.get(i, 0.0), borders[i])
         for i, owner in enumerate(owner_of)
     }
 
@@ -161,15 +161,23 @@ def _pieces(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) -> tu
 def _give_back(owner: np.ndarray, patches: Sequence[Patch], facets: Facets) -> None:
     """Let facets that passed for flat ones, or for some of a smaller patch beside, belong to the curved patch that they lie on."""
     worth = np.array([patch.area if patch.surface.kind != "plane" else 0.0 for patch in patches])
+    order = np.argsort(facets.facet_of, kind="stable")
+    triangles = np.split(order, np.cumsum(np.bincount(facets.facet_of, minlength=len(owner)))[:-1])
     ways = np.concatenate([facets.edges, facets.edges[:, ::-1]])
+    refused: set[tuple[int, int]] = set()
     while True:
         taken = False
         own = np.where(owner >= 0, worth[owner], 0.0)
-        for facet, beside in ways[own[ways[:, 1]] > own[ways[:, 0]]]:
-            corners = facets.corners[facets.facet_of == facet].reshape(-1, 3)
-            is_worse = owner[facet] < 0 or worth[owner[facet]] < worth[owner[beside]]
-            if is_worse and _lies_on(patches[owner[beside]].surface, corners, facets.normals[facet], facets.diagonal):
-                owner[facet], taken = owner[beside], True
+        for facet, beside in ways[own[ways[:, 1]] > own[ways[:, 0]]].tolist():
+            home = int(owner[beside])
+            is_worse = owner[facet] < 0 or worth[owner[facet]] < worth[home]
+            if not is_worse or (facet, home) in refused:
+                continue
+            corners = facets.corners[triangles[facet]].reshape(-1, 3)
+            if _lies_on(patches[home].surface, corners, facets.normals[facet], facets.diagonal):
+                owner[facet], taken = home, True
+            else:
+                refused.add((facet, home))
         if not taken:
             return
 
