@@ -23,6 +23,10 @@ class Deadline:
         """Seconds; 0 once it has passed."""
         return max(self.at - self.now(), 0.0)
 
+    def ahead(self, seconds: float) -> Deadline:
+        """One so many seconds from now, by the same clock."""
+        return Deadline(self.now() + seconds, self.now)
+
     def earlier(self, other: Deadline) -> Deadline:
         """The earlier one of two by the same clock."""
         return other if other.at < self.at else self

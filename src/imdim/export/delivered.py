@@ -24,6 +24,7 @@ TEXTS = ("program.scad", "program.loops.scad", "program.py", "program.cq.py", "p
 LOOPS = TEXTS[1:]
 AGREE = 1e-6  # of the largest size: the nine digits of each number of a text, summed up along its expressions
 
+DRAWING_S = 6.0  # for the names that blends follow
 PROBE = 1e-3  # share of a value by which it is moved to see what follows
 
 _MEANING: Mapping[str, str] = {
@@ -81,14 +82,14 @@ def texts_of(
     """The texts by their names in TEXTS; with loops where `folded`, which `program` is the expansion of, has repeats.
 
     Those that `unwritten` names are left out. Past the `deadline` (by default never) the numbers of `edges` in program.scad follow no more
-    names.
+    names, nor after DRAWING_S.
     """
     sharp = to_openscad(program, segments, named)
 
     def read(values: Mapping[str, float]) -> Program:
         return read_openscad(sharp, values)
 
-    drawn = draw_edges(program, edges, named.values, read, deadline) if edges else None
+    drawn = draw_edges(program, edges, named.values, read, deadline.earlier(deadline.ahead(DRAWING_S))) if edges else None
     texts = {
         "program.scad": sharp if drawn is None else to_openscad(program, segments, named, drawn),
         "program.py": to_script(program, named, folded, edges),

@@ -25,7 +25,7 @@ STRAIGHT = 1e-4  # of a step, by which twice as far may not be twice as much
 SIMPLE = 1e-6  # by which a factor may be off a simple one
 FACTOR_DIGITS = 9
 EIGHTHS = 8
-MATTERS = 5e-3  # of the volume: a search by volume would see them, and so does who looks at the part
+MATTERS = 1e-2  # of the volume: a search by volume would see them, and so does who looks at the part
 
 Read = Callable[[Mapping[str, float]], Program]
 

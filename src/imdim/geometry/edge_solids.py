@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import combinations
 from typing import NamedTuple
 
@@ -198,6 +199,11 @@ def sweep_blends(edges: Sequence[BlendedEdge]) -> tuple[BlendSolid, ...]:
 
 def blend_solids(program: Program, features: Sequence[EdgeFeature]) -> Blends:
     """The solids of edge features of `program`, and which of their edges are none."""
+    return _blend_solids(program, tuple(features))
+
+
+@lru_cache(maxsize=8)  # one delivery asks for those of one program many times
+def _blend_solids(program: Program, features: tuple[EdgeFeature, ...]) -> Blends:
     found = find_edges(program, features)
     return Blends(sweep_blends(found.edges), found.missing)
 
@@ -209,8 +215,11 @@ def with_edges(program: Program, features: Sequence[EdgeFeature]) -> Program:
 
 def solid_with_edges(program: Program, features: Sequence[EdgeFeature], segments: int = SEGMENTS) -> Manifold:
     """The exact solid of a program with its edge features, without the skins and ledges that rounding leaves where blends meet walls."""
-    if not features:
-        return to_manifold(program, segments)
+    return _solid_with_edges(program, tuple(features), segments) if features else to_manifold(program, segments)
+
+
+@lru_cache(maxsize=4)
+def _solid_with_edges(program: Program, features: tuple[EdgeFeature, ...], segments: int) -> Manifold:
     solid = to_manifold(with_edges(program, features), segments)
     low, high = np.array(solid.bounding_box()).reshape(2, 3)
     skin = max(SKIN * float(np.linalg.norm(high - low)), 10 * JOIN * max(max(f.sizes) for f in features))

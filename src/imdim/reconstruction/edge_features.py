@@ -23,7 +23,7 @@ from imdim.geometry.lowering import lower
 from imdim.geometry.solid import mesh_to_manifold, to_manifold
 from imdim.geometry.surface import Patch, Surface, normals, signed_distance, vec
 from imdim.program.edges import EdgeFeature, Face, describe_edges, faces_of, name_edges
-from imdim.program.tree import Program, leaves
+from imdim.program.tree import Primitive, Program, leaves
 from imdim.target.target import Frame, Target, with_mesh
 
 NEAR = 0.05  # of a blend's size, and
@@ -86,13 +86,14 @@ def find_edge_features(program: Program, chains: Sequence[Chain], target: Target
     faces = list(_faces(program))
     features: list[EdgeFeature] = []
     left_out: list[str] = []
+    taken: set[tuple[float, ...]] = set()
     for group in _gathered(chains):
         sizes = _tidy(group[0].sizes)
         edges: list[tuple[Face, Face]] = []
         lost = 0
         for chain in group:
             pairs = list(dict.fromkeys(pair for blend in chain.blends for pair in _pairs(blend, chain, faces, target)))
-            found, solid = _borne_out(program, solid, wanted, EdgeFeature(chain.kind, sizes, tuple(pairs)) if pairs else None)
+            found = _borne_out(program, solid, wanted, EdgeFeature(chain.kind, sizes, tuple(pairs)) if pairs else None, taken)
             edges += found
             lost += not found
         if edges:
@@ -154,23 +155,34 @@ def _is_beside(surface: Surface, side: Surface, corners: np.ndarray, slack: floa
 
 
 def _borne_out(
-    program: Program, solid: Manifold, wanted: Manifold, feature: EdgeFeature | None
-) -> tuple[list[tuple[Face, Face]], Manifold]:
-    """Those edges of a feature that make the solid more like the one `wanted`, and the solid with them."""
+    program: Program, solid: Manifold, wanted: Manifold, feature: EdgeFeature | None, taken: set[tuple[float, ...]]
+) -> list[tuple[Face, Face]]:
+    """Those edges of a feature that make the solid of a program more like the one `wanted`, without those whose places are `taken`, to
+    which they are added: faces of several primitives may lie in one plane."""
     if feature is None:
-        return [], solid
-    pieces = blend_solids(program, [feature]).pieces
+        return []
+    pieces = [p for p in blend_solids(program, [feature]).pieces if isinstance(p.solid, Primitive)]
     kept: list[tuple[Face, Face]] = []
     for k, edge in enumerate(feature.edges):
-        changed, right, whole = solid, 0.0, 0.0
+        right = whole = 0.0
+        places = set()
         for piece in (p for p in pieces if p.edge == k):
+            place = _place(piece.solid)
+            if place in taken:
+                continue
+            places.add(place)
             blend = to_manifold(piece.solid)
-            part = (blend ^ changed) if piece.cuts else (blend - changed)
+            part = (blend ^ solid) if piece.cuts else (blend - solid)
             volume, inside = part.volume(), (part ^ wanted).volume()
             whole += volume
             right += volume - inside if piece.cuts else inside
-            changed = (changed - blend) if piece.cuts else (changed + blend)
         if right > RIGHT * whole > 0:
             kept.append(edge)
-            solid = changed
-    return kept, solid
+            taken |= places
+    return kept
+
+
+def _place(solid: Program) -> tuple[float, ...]:
+    """Where a piece is and how large, rounded: two with one place are one."""
+    assert isinstance(solid, Primitive)
+    return tuple(float(f"{v:.5g}") + 0.0 for v in (*solid.center, *solid.size))
