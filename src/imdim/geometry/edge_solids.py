@@ -215,11 +215,8 @@ def with_edges(program: Program, features: Sequence[EdgeFeature]) -> Program:
 
 def solid_with_edges(program: Program, features: Sequence[EdgeFeature], segments: int = SEGMENTS) -> Manifold:
     """The exact solid of a program with its edge features, without the skins and ledges that rounding leaves where blends meet walls."""
-    return _solid_with_edges(program, tuple(features), segments) if features else to_manifold(program, segments)
-
-
-@lru_cache(maxsize=4)
-def _solid_with_edges(program: Program, features: tuple[EdgeFeature, ...], segments: int) -> Manifold:
+    if not features:
+        return to_manifold(program, segments)
     solid = to_manifold(with_edges(program, features), segments)
     low, high = np.array(solid.bounding_box()).reshape(2, 3)
     skin = max(SKIN * float(np.linalg.norm(high - low)), 10 * JOIN * max(max(f.sizes) for f in features))
