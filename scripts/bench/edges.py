@@ -196,7 +196,7 @@ def fit(shape: Any, folder: Path, budget: float) -> None:
 
 def score(folder: Path, planted: Sequence[PlantedEdge]) -> dict[str, float]:
     """How many planted edges were found, with what sizes, and how much was blended beside them."""
-    from imdim.geometry.edge_solids import find_edges
+    from imdim.geometry.edges import find_edges
     from imdim.program import codec
 
     document = codec.parse((folder / "program.json").read_bytes())

@@ -65,12 +65,11 @@ def test_a_rim_is_found_and_comes_off(program: Program, feature: EdgeFeature, pi
     assert sorted(chain.sizes) == pytest.approx(sorted((feature.sizes * 2)[: len(chain.sizes)]), rel=5e-3)
     sharp = sharpen(mesh, [chain])
     assert not sharp.kept
-    left = [blend for chain in find_chains(sharp.mesh) for blend in chain.blends]
-    assert sum(sharp.mesh.area_faces[blend.triangles].sum() for blend in left) < 1e-3 * sharp.mesh.area
+    assert find_chains(sharp.mesh) == []
     wanted = to_manifold(program, 64)
     both = (mesh_to_manifold(sharp.mesh) ^ wanted).volume()
-    assert both == pytest.approx(wanted.volume(), rel=1e-3)
-    assert sharp.mesh.volume == pytest.approx(wanted.volume(), rel=1e-3)
+    assert both == pytest.approx(wanted.volume(), rel=2e-4)
+    assert sharp.mesh.volume == pytest.approx(wanted.volume(), rel=2e-4)
 
 
 def test_a_concave_rim_is_taken_off_by_taking_away() -> None:

@@ -8,9 +8,10 @@ import trimesh
 
 from imdim.delivery.finish import FinishedProgram, finish
 from imdim.export.delivered import meanings, texts_of
+from imdim.export.edge_pieces import gather_pieces
 from imdim.export.edit import change_values, lost_edges, open_delivered, solid_of
 from imdim.export.openscad_reader import read_openscad
-from imdim.geometry.edge_solids import blend_solids, gather_pieces, solid_with_edges
+from imdim.geometry.edge_solids import blend_solids, solid_with_edges
 from imdim.geometry.solid import to_manifold
 from imdim.program.codec import Meta, dumps, parse
 from imdim.program.edges import EdgeFeature, Face

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from imdim.geometry.edge_solids import blend_solids, find_edges, with_edges
-from imdim.geometry.solid import to_manifold
+from imdim.geometry.edge_solids import blend_solids, with_edges
+from imdim.geometry.edges import find_edges, has_room
+from imdim.geometry.lowering import lower
+from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.edges import EdgeFeature, Face
 from imdim.program.outline import Outline, circle
 from imdim.program.tree import Combine, Primitive, Program
@@ -33,9 +35,10 @@ def test_a_chamfered_rim_is_a_frustum() -> None:
 def test_two_distances_go_along_the_faces_in_their_order() -> None:
     # one edge: a prism of the two distances
     assert volume(BOX, EdgeFeature("chamfer", (1.0, 3.0), RIM[:1])) == pytest.approx(6000 - 20 * 1.5, rel=1e-9)
-    cut = to_manifold(with_edges(BOX, [EdgeFeature("chamfer", (1.0, 3.0), RIM[:1])]))
-    (low, high) = cut.split_by_plane((1, 0, 0), 4.0)
-    assert low.bounding_box()[5] == pytest.approx(15 - 0.0, abs=1e-9) or high.bounding_box()[5] == pytest.approx(15, abs=1e-9)
+    corners = to_trimesh(to_manifold(with_edges(BOX, [EdgeFeature("chamfer", (1.0, 3.0), RIM[:1])]))).vertices
+    # 1 along the face on top, 3 along the side
+    assert corners[corners[:, 2] > 14.999, 0].max() == pytest.approx(4.0)
+    assert corners[corners[:, 0] > 4.999, 2].max() == pytest.approx(12.0)
 
 
 def test_a_fillet_takes_off_what_its_arc_leaves() -> None:
@@ -155,3 +158,15 @@ def test_it_does_not_matter_how_the_program_is_placed() -> None:
 
     rim = EdgeFeature("chamfer", (1.0,), RIM)
     assert volume(placed(BOX), rim) == pytest.approx(volume(BOX, rim), rel=1e-9)
+
+
+def test_blends_that_are_larger_than_the_part_or_cannot_be_told_are_none() -> None:
+    for size in (1e-9, 1e9):
+        assert blend_solids(BOX, [EdgeFeature("chamfer", (size,), RIM)]).missing == ((0, 0), (0, 1), (0, 2), (0, 3))
+
+
+def test_room_for_a_blend_is_what_its_faces_leave() -> None:
+    thin = Primitive("box", (10.0, 20.0, 2.0))
+    (narrow,) = find_edges(thin, [EdgeFeature("chamfer", (3.0,), RIM[:1])]).edges
+    (fits,) = find_edges(thin, [EdgeFeature("chamfer", (1.5,), RIM[:1])]).edges
+    assert (has_room(lower(thin), narrow), has_room(lower(thin), fits)) == (False, True)

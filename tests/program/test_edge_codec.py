@@ -1,6 +1,7 @@
 """Edge features in program documents: written, read, checked against the schema, and refused in one line."""
 
 import json
+from dataclasses import replace
 
 import jsonschema
 import pytest
@@ -80,7 +81,8 @@ def test_sizes_scale() -> None:
 
 
 def test_names_are_by_kind_and_not_taken() -> None:
-    named = name_edges((RIM, MOUTH, MOUTH), ["fillet_radius"])
+    assert [f.name for f in name_edges((RIM, RIM), ["lip_radius"])] == ["lip2", "lip3"]
+    named = name_edges((replace(RIM, name=""), MOUTH, MOUTH), ["fillet_radius"])
     assert [f.size_names for f in named] == [
         ("fillet2_radius",),
         ("chamfer_distance", "chamfer_second"),

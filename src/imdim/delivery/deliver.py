@@ -22,6 +22,7 @@ from imdim.delivery.finish import FinishedProgram, finish, finish_flat
 from imdim.delivery.report import RunRecord, dumps, report_of
 from imdim.export import html
 from imdim.export.delivered import texts_of, unwritten
+from imdim.export.edge_text import do_edges_matter
 from imdim.export.folder import FILES, OutputError, check_writable, replacing
 from imdim.export.meshes import write_meshes
 from imdim.export.numbers import round_program
@@ -72,15 +73,16 @@ def deliver(
             given, found = program, finish(program, constraints, finish_by, edges)
             program = found.program
             meta = frame_meta(target)
-            _write_texts(found, meta, partial, segments, finish_by)
+            sharp, solid = to_manifold(program, segments), solid_with_edges(program, found.edges, segments)
+            drawn = do_edges_matter(sharp.volume(), solid.volume())
+            _write_texts(found, meta, partial, segments, drawn, finish_by)
             _write_front(front or [Choice(given)], given, meta, partial)
         with exporting(partial) as job:
             with _time(seconds, "meshes"):
-                solid = solid_with_edges(program, found.edges, segments)
                 write_meshes(solid, partial)
             with _time(seconds, "scores"):
                 scores = evaluate_file(partial / "program.scad", target, segments=segments)
-                kept = DeliveryLoss.of(given, to_manifold(program, segments), target, segments)
+                kept = DeliveryLoss.of(given, sharp, target, segments)
             with _time(seconds, "preview"):
                 text = (partial / "program.scad").read_text(encoding="utf-8")
                 delivered = to_manifold(read_openscad(text, blended=True), segments)
@@ -94,7 +96,7 @@ def deliver(
         if found.folded is None:
             skipped["program.loops.scad"] = "skipped: no part repeats"
         files = {name: skipped.get(name, "written") for name in FILES}
-        report = report_of(found, target, scores, kept, volumes, files, run, seconds)
+        report = report_of(found, target, scores, kept, volumes, files, run, seconds, drawn)
         (partial / "report.json").write_text(dumps(report), encoding="utf-8")
         (partial / "report.html").write_text(html.page(shown, report, _read(partial / "front.json")), encoding="utf-8")
     return report
@@ -116,9 +118,10 @@ def export(
     with replacing(folder) as partial:
         found = finish(*relations_of(program), edges=edges)
         program = found.program
-        _write_texts(found, meta, partial, segments)
+        solid = solid_with_edges(program, found.edges, segments)
+        _write_texts(found, meta, partial, segments, do_edges_matter(to_manifold(program, segments).volume(), solid.volume()))
         with exporting(partial) as job:
-            write_meshes(solid_with_edges(program, found.edges, segments), partial)
+            write_meshes(solid, partial)
             shown = html.content(_read(partial / "program.json"), named=found.parameters, segments=segments)
             (partial / "report.html").write_text(html.page(shown), encoding="utf-8")
             skipped = finish_or_skip_step(job, step_limit_s, {}) | unwritten(program)
@@ -126,9 +129,9 @@ def export(
     return {**files, **skipped}
 
 
-def _write_texts(found: FinishedProgram, meta: Meta, folder: Path, segments: int, deadline: Deadline = NEVER) -> None:
+def _write_texts(found: FinishedProgram, meta: Meta, folder: Path, segments: int, drawn: bool, deadline: Deadline = NEVER) -> None:
     document = program_text(found.program, meta, found.constraints, found.folded, found.edges)
-    texts = texts_of(found.program, found.parameters, found.folded, segments, found.edges, deadline)
+    texts = texts_of(found.program, found.parameters, found.folded, segments, found.edges, drawn, deadline)
     for name, text in {"program.json": document, **texts}.items():
         (folder / name).write_text(text, encoding="utf-8")
 

@@ -15,7 +15,6 @@ from typing import Any
 
 from imdim.delivery.evaluate import DeliveryLoss, Distances, Scores
 from imdim.delivery.finish import FinishedProgram
-from imdim.export.edge_text import do_edges_matter
 from imdim.export.elimination import MOST_NAMED
 from imdim.export.hole_names import hole_groups, hole_roles
 from imdim.geometry.holes import MOST_WALLS, count_walls
@@ -57,8 +56,10 @@ def report_of(
     files: Mapping[str, str],
     run: RunRecord,
     delivery: Mapping[str, float],
+    drawn: bool = True,
 ) -> dict[str, Any]:
-    """The report as plain values; lengths in model units, `volumes` per file in cubed ones, `delivery` in seconds per step."""
+    """The report as plain values; lengths in model units, `volumes` per file in cubed ones, `delivery` in seconds per step; `drawn` says
+    whether program.scad draws the edges."""
     program, constraints, folded = delivered.program, delivered.constraints, delivered.folded
     counts = count(program)
     return {
@@ -77,7 +78,7 @@ def report_of(
         "repeats": [] if folded is None else _repeats(folded, labels(program, constraints, folded, hole_roles(program))),
         "holes": [_group(group) for group in hole_groups(program)],
         "edges": [_edge_feature(feature) for feature in delivered.edges],
-        "edges_drawn": do_edges_matter(program, delivered.edges) if delivered.edges else None,
+        "edges_drawn": drawn if delivered.edges else None,
         "left_out": list(_left_out(program)),
         "constraints": [{"name": c.name, "kind": c.kind, "says": str(c)} for c in constraints],
         "parameters": {name: number(value) for name, value in delivered.parameters.values.items()},

@@ -11,7 +11,7 @@ import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
@@ -21,8 +21,7 @@ from scipy.sparse.csgraph import connected_components
 from imdim.detection.facets import Facets, facets_of
 from imdim.detection.mesh_surfaces import Shown, detect_shown
 from imdim.geometry.surface import Patch, Surface, normals, signed_distance, vec
-
-BlendKind = Literal["fillet", "chamfer"]
+from imdim.program.edges import EdgeKind
 
 TANGENT = 6.0  # degrees, below which surfaces touch; coarse facets leave some
 HALF_STEP = 0.7  # of a step between facets, below which the first one touches what is beside it
@@ -48,7 +47,7 @@ class Blend:
     is concave. A sphere in a corner has the sides of all the fillets that meet there.
     """
 
-    kind: BlendKind
+    kind: EdgeKind
     sizes: tuple[float, ...]
     outside: int
     triangles: np.ndarray
@@ -64,7 +63,7 @@ class Chain:
     blends: tuple[Blend, ...]
 
     @property
-    def kind(self) -> BlendKind:
+    def kind(self) -> EdgeKind:
         return self.blends[0].kind
 
     @property
@@ -78,8 +77,7 @@ class Chain:
 
 class _Piece(NamedTuple):
     """A connected piece of a carrier: its number, its patch, its triangles and their corners [n, 3], its area, by how many degrees its
-    facets turn, and per piece beside it what
-    `_Border` says."""
+    facets turn, and per piece beside it what `_Border` says."""
 
     number: int
     patch: Patch

@@ -77,19 +77,25 @@ class Delivered:
 
 
 def texts_of(
-    program: Program, named: Parameters, folded: Folded | None, segments: int, edges: Sequence[EdgeFeature] = (), deadline: Deadline = NEVER
+    program: Program,
+    named: Parameters,
+    folded: Folded | None,
+    segments: int,
+    edges: Sequence[EdgeFeature] = (),
+    matter: bool = True,
+    deadline: Deadline = NEVER,
 ) -> dict[str, str]:
     """The texts by their names in TEXTS; with loops where `folded`, which `program` is the expansion of, has repeats.
 
-    Those that `unwritten` names are left out. Past the `deadline` (by default never) the numbers of `edges` in program.scad follow no more
-    names, nor after DRAWING_S.
+    Those that `unwritten` names are left out. program.scad draws `edges` unless told otherwise, if they `matter`; past the `deadline` (by
+    default never), or after DRAWING_S, their numbers follow no more names.
     """
     sharp = to_openscad(program, segments, named)
 
     def read(values: Mapping[str, float]) -> Program:
         return read_openscad(sharp, values)
 
-    drawn = draw_edges(program, edges, named.values, read, deadline.earlier(deadline.ahead(DRAWING_S))) if edges else None
+    drawn = draw_edges(program, edges, named.values, read, matter, deadline.earlier(deadline.ahead(DRAWING_S))) if edges else None
     texts = {
         "program.scad": sharp if drawn is None else to_openscad(program, segments, named, drawn),
         "program.py": to_script(program, named, folded, edges),

@@ -13,18 +13,18 @@ import numpy as np
 
 from imdim.deadline import NEVER, Deadline
 from imdim.export.drawn_vertex import DrawnVertex
+from imdim.export.edge_pieces import gather_pieces
 from imdim.export.numbers import Expression, Term, simple_fraction
 from imdim.export.parameters import Parameters
-from imdim.geometry.edge_solids import BlendSolid, blend_solids, gather_pieces, solid_with_edges
-from imdim.geometry.solid import to_manifold
+from imdim.geometry.edge_solids import BlendSolid, blend_solids
 from imdim.program.edges import EdgeFeature, with_sizes
 from imdim.program.tree import Primitive, Program, leaves, longest
 
 STEP = 1e-3  # of a value, by which it is moved
 STRAIGHT = 1e-4  # of a step, by which twice as far may not be twice as much
-SIMPLE = 1e-6  # by which a factor may be off a simple one
-FACTOR_DIGITS = 9
-EIGHTHS = 8
+FAINT = 1e-6  # of a factor, which is none
+FACTOR_DIGITS = 9  # of others
+EIGHTHS = 8  # parts of one, of which simple factors are so many
 MATTERS = 1e-2  # of the volume: a search by volume would see them, and so does who looks at the part
 
 Read = Callable[[Mapping[str, float]], Program]
@@ -32,26 +32,42 @@ Read = Callable[[Mapping[str, float]], Program]
 
 @dataclass(frozen=True)
 class DrawnEdges:
-    """What a text draws of edge features: their `pieces`, and the expressions of the numbers of these, leaf after leaf. `matter` says
-    whether they hold so much of the part that it is another one without them."""
+    """What a text draws of edge features: their `pieces`, and the expressions of the numbers of these, leaf after leaf. `stuck` are names
+    that move blends, or may, in a way that the expressions do not say. `matter` says whether they are drawn unless told otherwise."""
 
     features: tuple[EdgeFeature, ...]
     pieces: tuple[BlendSolid, ...]
     named: Parameters
+    stuck: tuple[str, ...]
     matter: bool
 
 
+def do_edges_matter(sharp: float, blended: float) -> bool:
+    """Whether a part of so much volume differs from the sharp one by more than MATTERS of that."""
+    return abs(blended - sharp) > MATTERS * sharp
+
+
 def draw_edges(
-    program: Program, features: Sequence[EdgeFeature], values: Mapping[str, float], read: Read, deadline: Deadline = NEVER
+    program: Program,
+    features: Sequence[EdgeFeature],
+    values: Mapping[str, float],
+    read: Read,
+    matter: bool,
+    deadline: Deadline = NEVER,
 ) -> DrawnEdges:
     """The blends of `program`, which `read` gives for other `values` of its names. Past the `deadline` (by default never) no more names are
     tried."""
     pieces = gather_pieces(blend_solids(program, features).pieces)
     base = _numbers(pieces)
     slopes: dict[str, np.ndarray] = {}
+    stuck: list[str] = []
     for name in values:
-        found = None if deadline.has_passed() else _slope(program, features, values, name, read, pieces, base)
-        slopes |= {} if found is None else {name: found}
+        try:
+            if deadline.has_passed():
+                raise _StuckError
+            slopes[name] = _slope(program, features, values, name, read, pieces, base)
+        except _StuckError:
+            stuck.append(name)
     sums = [Expression(tuple(_terms(slopes, i)), v - sum(slopes[n][i] * values[n] for n in slopes)) for i, v in enumerate(base)]
     sizes, centers, outlines = [], [], []
     rest = iter(sums)
@@ -61,20 +77,18 @@ def draw_edges(
         assert leaf.outline is not None
         outlines.append(tuple(tuple(DrawnVertex(next(rest), next(rest), b) for _, _, b in loop) for loop in leaf.outline.loops))
     named = Parameters(dict(values), tuple(sizes), tuple(centers), outlines=tuple(outlines))
-    return DrawnEdges(tuple(features), tuple(pieces), named, do_edges_matter(program, features))
+    return DrawnEdges(tuple(features), tuple(pieces), named, tuple(stuck), matter)
 
 
-def do_edges_matter(program: Program, features: Sequence[EdgeFeature]) -> bool:
-    """Whether a program with edge features differs from the sharp one by more than MATTERS of the volume."""
-    sharp = to_manifold(program).volume()
-    return abs(solid_with_edges(program, features).volume() - sharp) > MATTERS * sharp
+class _StuckError(Exception):
+    """How blends follow a name cannot be said."""
 
 
 def _terms(slopes: Mapping[str, np.ndarray], i: int) -> list[Term]:
     terms = []
     for name, slope in slopes.items():
         factor = simple_fraction(float(slope[i]))
-        if abs(slope[i]) > SIMPLE:
+        if abs(slope[i]) > FAINT:
             terms.append(Term(name, factor))
     return terms
 
@@ -87,32 +101,30 @@ def _slope(
     read: Read,
     pieces: Sequence[BlendSolid],
     base: np.ndarray,
-) -> np.ndarray | None:
-    """By how much each number of the blends moves with a name, 0 where not straight; None where none does."""
+) -> np.ndarray:
+    """By how much each number of the blends moves with a name. Raises _StuckError where that is not straight, or makes other blends."""
     step = STEP * (abs(values[name]) or longest(leaves(program)))
-    slope: np.ndarray | None = None
+    first = None
     for times in (1, 2):
         changed = {name: values[name] + times * step}
         try:
             other, resized = read(changed), with_sizes(features, changed)
         except ValueError:
-            return None
+            raise _StuckError from None
         if not _moves(program, other, features) and tuple(resized) == tuple(features):
-            return None
+            return np.zeros(len(base))
         found = gather_pieces(blend_solids(other, resized).pieces)
         if [_shape(p) for p in found] != [_shape(p) for p in pieces]:
-            return None
+            raise _StuckError
         moved = (_numbers(found) - base) / step
-        if slope is not None:
-            straight = np.abs(moved - 2 * slope) <= STRAIGHT * np.maximum(np.abs(slope), 1.0)
-            slope = np.where(straight & (np.abs(slope) > SIMPLE), np.round(slope, FACTOR_DIGITS), 0.0)
-            break
-        slope = moved
-        simple = np.round(slope * EIGHTHS) / EIGHTHS
-        if (np.abs(slope - simple) < STRAIGHT).all():
-            slope = simple  # what moves by a simple fraction goes on to
-            break
-    return slope if slope is not None and slope.any() else None
+        if first is None:
+            first, simple = moved, np.round(moved * EIGHTHS) / EIGHTHS
+            if (np.abs(moved - simple) < STRAIGHT).all():
+                return simple  # what moves by a simple fraction goes on to
+        elif (np.abs(moved - 2 * first) > STRAIGHT * np.maximum(np.abs(first), 1.0)).any():
+            raise _StuckError
+    assert first is not None
+    return np.round(first, FACTOR_DIGITS)
 
 
 def _moves(one: Program, two: Program, features: Sequence[EdgeFeature]) -> bool:
@@ -127,10 +139,8 @@ def _leaves(pieces: Sequence[BlendSolid]) -> list[Primitive]:
 
 def _shape(piece: BlendSolid) -> tuple[object, ...]:
     """What has to stay for the numbers of two blends to be compared."""
-    drawn = [
-        (leaf.kind, [[b for _, _, b in loop] for loop in leaf.outline.loops] if leaf.outline else None) for leaf in leaves(piece.solid)
-    ]
-    return piece.feature, piece.edge, piece.cuts, [(kind, [len(loop) for loop in loops or []]) for kind, loops in drawn]
+    drawn = [(leaf.kind, [len(loop) for loop in leaf.outline.loops] if leaf.outline else []) for leaf in leaves(piece.solid)]
+    return piece.feature, piece.edge, piece.cuts, drawn
 
 
 def _numbers(pieces: Sequence[BlendSolid]) -> np.ndarray:

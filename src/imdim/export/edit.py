@@ -25,7 +25,8 @@ from imdim.export.numbers import MAX_SEGMENTS, Rounding, plain, round_program, t
 from imdim.export.openscad_reader import read_openscad
 from imdim.export.parameters import parametrise
 from imdim.export.step_worker import exporting, finish_or_skip_step
-from imdim.geometry.edge_solids import blend_solids, find_edges, has_room, solid_with_edges
+from imdim.geometry.edge_solids import blend_solids, solid_with_edges
+from imdim.geometry.edges import find_edges, has_room
 from imdim.geometry.lowering import lower
 from imdim.geometry.solid import SEGMENTS
 from imdim.program.codec import constraints_of, dumps, edges_of, from_json, meta_of, read_folded
@@ -51,7 +52,7 @@ def open_delivered(document: object, texts: Mapping[str, str]) -> Delivered:
     """
     program, constraints, folded = from_json(document), constraints_of(document), read_folded(document)
     folded = folded if any(repeats(folded)) else None
-    edges = name_edges(edges_of(document)) if not all(f.name for f in edges_of(document)) else edges_of(document)
+    edges = name_edges(edges_of(document))
     if "program.scad" not in texts:
         named = with_edge_sizes(parametrise(program, constraints, program, folded), edges)
         texts = texts_of(program, named, folded, SEGMENTS, edges)

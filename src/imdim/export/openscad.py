@@ -107,7 +107,13 @@ def to_openscad(program: Program, segments: int = SEGMENTS, parameters: Paramete
     head = named.head(rounding.size, end=";", counted=False)
     if edges is None or not edges.pieces:
         return "\n".join([f"$fn = {segments};", "", *head, *_definitions(program), *lines, ""])
-    return "\n".join([f"$fn = {segments};", "", *head, SWITCH[edges.matter], "", OUTLINE, *_with_blends(lines, edges, rounding), ""])
+    return "\n".join([f"$fn = {segments};", "", *head, *_switch(edges), "", OUTLINE, *_with_blends(lines, edges, rounding), ""])
+
+
+def _switch(edges: DrawnEdges) -> list[str]:
+    """The line that says whether blends are drawn, and one that says which names they do not follow."""
+    stuck = [f"// They stay where they are when one of these changes: {', '.join(edges.stuck)}"] if edges.stuck else []
+    return [SWITCH[edges.matter], *stuck]
 
 
 def _with_blends(lines: Sequence[str], edges: DrawnEdges, rounding: Rounding) -> list[str]:

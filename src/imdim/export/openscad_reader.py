@@ -34,6 +34,8 @@ _OPERATORS: Mapping[type, Callable[[float, float], float]] = {
     ast.Div: operator.truediv,
 }
 
+_SWITCHES = tuple(switch.partition("//")[0].strip() for switch in SWITCH.values())
+
 Values = dict[str, float]
 
 
@@ -51,7 +53,7 @@ def read_openscad(text: str, given: Mapping[str, float] | None = None, blended: 
     for number, line in _statements(text):
         assigned = _ASSIGNMENT.fullmatch(line)
         begun: Op | None = next((op for op in OPS if line == f"{op}() {{"), None)
-        if not line or line.startswith("$fn = ") or any(switch.startswith(line) for switch in SWITCH.values()):
+        if not line or line.startswith("$fn = ") or line in _SWITCHES:
             continue
         if line == "}" and len(open_blocks) > 1 and open_blocks[-1][1]:
             op, parts = open_blocks.pop()

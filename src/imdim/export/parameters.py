@@ -280,7 +280,24 @@ def _is_across(v: int, system: LinearSystem, parts: Sequence[Primitive]) -> bool
 
 
 # Words that mean something else in OpenSCAD or in the Python script.
-RESERVED = ("part", "scale", "export_step", "ring", "ngon", "reach", "bend", "outline", "curves", "face", "extruded", "turned")
+RESERVED = (
+    "part",
+    "edges",
+    "blended",
+    "fillet",
+    "chamfer",
+    "scale",
+    "export_step",
+    "ring",
+    "ngon",
+    "reach",
+    "bend",
+    "outline",
+    "curves",
+    "face",
+    "extruded",
+    "turned",
+)
 
 
 def _name(v: int, system: LinearSystem, parts: Sequence[Primitive], label: Sequence[str], sign: Sequence[int], bores: BoreWords) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 
 from imdim.export.step_blends import Blending, blend_shape, no_blends
 from imdim.export.step_booleans import StepError, boolean, build, ocp, shape_volume
-from imdim.geometry.edge_solids import find_edges
+from imdim.geometry.edges import find_edges
 from imdim.geometry.solid import exact_rotation
 from imdim.program.edges import EdgeFeature
 from imdim.program.outline import Curve, Loop, arc_center, arc_radius, circle_of, loop_curves, regions

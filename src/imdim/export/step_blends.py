@@ -20,7 +20,8 @@ from scipy.sparse.csgraph import connected_components
 
 from imdim.deadline import NEVER, Deadline
 from imdim.export.step_booleans import StepError, boolean, copy_shape, merge_faces, ocp, shape_volume, solids_in
-from imdim.geometry.edge_solids import BlendedEdge, Blends, has_room, join_blends, sweep_blends
+from imdim.geometry.edge_solids import Blends, join_blends, sweep_blends
+from imdim.geometry.edges import BlendedEdge, has_room
 from imdim.geometry.lowering import lower
 from imdim.geometry.solid import to_manifold
 from imdim.program.tree import Program, leaves, longest

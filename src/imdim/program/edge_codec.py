@@ -9,7 +9,7 @@ from imdim.program.edges import EDGE_KINDS, SIZES_OF, EdgeFeature, EdgeKind, Fac
 from imdim.program.tree import Program, leaves
 
 MAX_EDGE_FEATURES = 1000
-MAX_EDGES = 10_000  # of one feature
+MAX_EDGES = 10_000  # of all features: each is looked for on the solid
 MAX_NAME = 100  # characters
 _SIZES = tuple(name for names in SIZES_OF.values() for name in names)
 
@@ -26,6 +26,8 @@ def read_edges(entries: object, program: Program) -> tuple[EdgeFeature, ...]:
     if not isinstance(entries, list) or len(entries) > MAX_EDGE_FEATURES:
         raise ValueError(f"$.edges: expected a list of at most {MAX_EDGE_FEATURES}, got {fields.show(entries)}")
     features = tuple(_read_edge_feature(entry, f"$.edges[{i}]") for i, entry in enumerate(entries))
+    if (total := sum(len(feature.edges) for feature in features)) > MAX_EDGES:
+        raise ValueError(f"$.edges: at most {MAX_EDGES} edges, got {total}")
     try:
         check_edges(features, list(leaves(program)))
     except ValueError as error:

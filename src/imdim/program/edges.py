@@ -127,11 +127,11 @@ def scale_edges(features: Sequence[EdgeFeature], factor: float) -> tuple[EdgeFea
 
 
 def name_edges(features: Sequence[EdgeFeature], taken: Iterable[str] = ()) -> tuple[EdgeFeature, ...]:
-    """The features with names of their own, by their kinds; no name of a size is one of those `taken`."""
+    """The features with names of their own, those that they have or else by their kinds; no name of a size is one of those `taken`."""
     out: list[EdgeFeature] = []
     used = set(taken)
     for feature in features:
-        names = (feature.kind + (str(n) if n > 1 else "") for n in count(1))
+        names = ((feature.name or feature.kind) + (str(n) if n > 1 else "") for n in count(1))
         named = next(f for name in names if used.isdisjoint((f := replace(feature, name=name)).size_names))
         used.update(named.size_names)
         out.append(named)

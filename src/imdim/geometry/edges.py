@@ -1,0 +1,338 @@
+"""Where the edges of edge features are: the curves in which two faces meet, and the stretches of them along which the solid has an edge.
+
+Two faces meet in a line or, about a common axis, in a circle. Whether the solid has an edge there is asked of the solid: around a point of
+the curve there are four quadrants between the two faces, and one of them alone is material (a convex edge) or alone is air (a concave one).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from imdim.geometry.faces import carrier, corners
+from imdim.geometry.kernels import inside
+from imdim.geometry.lowering import Lowered, lower
+from imdim.geometry.rotations import frame_from_axis
+from imdim.geometry.surface import Surface
+from imdim.program.edges import EdgeFeature, EdgeKind
+from imdim.program.tree import Program, leaves, longest
+
+PARALLEL = 1e-6  # sine, below which directions are one
+COAXIAL = 1e-5  # of the program's size, within which two axes are one
+LOOK = 2e-3  # of a blend's size: how far from the edge its quadrants are looked at
+PER_SIZE = 1.0  # places along an edge that are looked at, per size of the blend
+PLACES = (64, 4000)  # at least and at most
+PARTS, DIVISIONS = 16, 9  # by which the place where an edge ends is narrowed, each time
+SHORTEST = 0.05  # of its size, below which a stretch of an edge is none
+SMALLEST = 1e-6  # of the program's size, below which a blend cannot be told from a sharp edge
+ROOM = 0.98  # of the way to where a blend meets a face, which is still face
+ROOM_PLACES = np.linspace(0.2, 0.8, 7)  # along an edge
+QUADRANTS = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
+
+
+@dataclass(frozen=True)
+class Track:
+    """The curve in which two faces meet: a line from `origin` along the third column of `frame`, or with a `radius`
+    a circle about that. `normals` [2, 2]
+    are those of the two faces in the section: across the line along the first two columns of `frame`, in the half plane (r, z) of the
+    circle."""
+
+    origin: np.ndarray
+    frame: np.ndarray
+    normals: np.ndarray
+    radius: float = 0.0
+
+    @property
+    def is_round(self) -> bool:
+        return self.radius > 0
+
+    def at(self, t: np.ndarray, across: np.ndarray) -> np.ndarray:
+        """Points [n, 3] at lengths or angles `t` [n], moved by `across` [n, 2] in the section."""
+        if not self.is_round:
+            return self.origin + t[:, None] * self.frame[:, 2] + across @ self.frame[:, :2].T
+        r = self.radius + across[:, 0]
+        local = np.stack([r * np.cos(t), r * np.sin(t), across[:, 1]], axis=1)
+        return self.origin + local @ self.frame.T
+
+
+class Interval(NamedTuple):
+    """A piece of a track, from `low` to `high`, along which one quadrant (`sides` of the two faces) is material alone, or air alone."""
+
+    low: float
+    high: float
+    sides: tuple[int, int]
+    is_convex: bool
+    is_closed: bool = False
+
+
+@dataclass(frozen=True)
+class BlendedEdge:
+    """A stretch of an edge of a solid along which edge number `edge` of feature number `feature` is blended: with `sizes`, the first along
+    the first face. `goes_on` says for each end whether what lies beyond it is as what the blend is swept through."""
+
+    feature: int
+    edge: int
+    track: Track
+    stretch: Interval
+    sizes: tuple[float, float]
+    kind: EdgeKind
+    goes_on: tuple[bool, bool]
+
+    @property
+    def size(self) -> float:
+        return max(self.sizes)
+
+    @property
+    def first_along(self) -> np.ndarray:
+        """The unit vector [3] from the middle of the stretch along its first face."""
+        inward = self.track.normals * np.array(self.stretch.sides)[:, None]
+        middle = np.array([(self.stretch.low + self.stretch.high) / 2])
+        return (self.track.at(middle, _into(inward[0], inward[1])[None]) - self.track.at(middle, np.zeros((1, 2))))[0]
+
+    def points(self, count: int) -> np.ndarray:
+        """Points [count, 3] along the stretch at equal distances, both ends among them."""
+        return self.track.at(np.linspace(self.stretch.low, self.stretch.high, count), np.zeros((count, 2)))
+
+    def distances(self, points: np.ndarray) -> np.ndarray:
+        """How far points [n, 3] are from the stretch, [n]."""
+        local = (points - self.track.origin) @ self.track.frame
+        t = local[:, 2]
+        if self.track.is_round:
+            middle = (self.stretch.low + self.stretch.high) / 2
+            t = middle + np.remainder(np.arctan2(local[:, 1], local[:, 0]) - middle + math.pi, 2 * math.pi) - math.pi
+        nearest = t if self.stretch.is_closed else np.clip(t, self.stretch.low, self.stretch.high)
+        return np.linalg.norm(points - self.track.at(nearest, np.zeros((len(points), 2))), axis=1)
+
+    def end(self, k: int) -> np.ndarray:
+        """The point [3] in which the stretch begins, k = 0, or ends."""
+        return self.track.at(np.array([self.stretch[k]]), np.zeros((1, 2)))[0]
+
+    def direction(self, at: np.ndarray) -> np.ndarray:
+        """The unit vector [3] along the edge at a point of it."""
+        axis = self.track.frame[:, 2]
+        if not self.track.is_round:
+            return axis
+        out = np.cross(axis, at - self.track.origin)
+        return out / np.linalg.norm(out)
+
+
+class FoundEdges(NamedTuple):
+    """Where edge features apply, and the numbers of features and edges that are none of the solid (any more)."""
+
+    edges: tuple[BlendedEdge, ...]
+    missing: tuple[tuple[int, int], ...]
+
+
+def find_edges(program: Program, features: Sequence[EdgeFeature]) -> FoundEdges:
+    """Where the solid of `program` has the edges of its features; none for blends that are larger than it, or too small to be told."""
+    numbers, parts = lower(program), list(leaves(program))
+    middle, radius = _reach(program)
+    edges: list[BlendedEdge] = []
+    missing: list[tuple[int, int]] = []
+    for i, feature in enumerate(features):
+        sizes = (feature.sizes[0], feature.sizes[-1])
+        for k, (one, two) in enumerate(feature.edges):
+            given = [(face, parts[face.leaf]) for face in (one, two) if face.leaf < len(parts)]
+            pair = [surface for face, leaf in given if (surface := carrier(face, leaf, numbers)) is not None]
+            ends = [points for face, leaf in given if len(points := corners(face, leaf, numbers))]
+            sane = len(pair) == 2 and SMALLEST * radius < max(sizes) < radius
+            found = list(_along(numbers, pair[0], pair[1], max(sizes), middle, radius, ends)) if sane else []
+            edges += [BlendedEdge(i, k, track, stretch, sizes, feature.kind, goes_on) for track, stretch, goes_on in found]
+            missing += [] if found else [(i, k)]
+    return FoundEdges(tuple(edges), tuple(missing))
+
+
+def has_room(solid: Lowered, edge: BlendedEdge) -> bool:
+    """Whether both faces of a blend reach as far as it does, at most of the places that are looked at."""
+    inward, feet, _ = meet_faces(edge.track.normals, edge.stretch.sides, edge.sizes, edge.kind)
+    low, high, _, is_convex, _ = edge.stretch
+    t = low + (high - low) * ROOM_PLACES
+    step = LOOK * edge.size
+    for normal, foot in zip(inward, feet, strict=True):
+        on, off = (
+            inside(solid, edge.track.at(t, np.broadcast_to(ROOM * foot + way * step * normal, (len(t), 2)))) == is_convex for way in (1, -1)
+        )
+        if (on & ~off).mean() < 0.5:
+            return False
+    return True
+
+
+def _reach(program: Program) -> tuple[np.ndarray, float]:
+    """A ball that holds the program: its centre [3] and its radius."""
+    parts = list(leaves(program))
+    centers = np.array([p.center for p in parts])
+    middle = (centers.min(0) + centers.max(0)) / 2
+    return middle, float(np.linalg.norm(np.ptp(centers, axis=0))) + 2 * longest(parts)
+
+
+def _along(
+    solid: Lowered, one: Surface, two: Surface, size: float, middle: np.ndarray, radius: float, ends: Sequence[np.ndarray]
+) -> Iterator[tuple[Track, Interval, tuple[bool, bool]]]:
+    """Where a solid has an edge between two carriers, and whether it ends in the air (in material, of a concave edge) at either end.
+
+    The solid lies within `radius` of `middle`. An edge is no longer than the faces, of which `ends` are corners: where one touches the
+    next, the solid alone does not show where it ends.
+    """
+    for track in _tracks(one, two, COAXIAL * radius):
+        if track.is_round:
+            span = (0.0, 2 * math.pi)
+            places = track.radius * 2 * math.pi / size * PER_SIZE
+        else:
+            at = float((middle - track.origin) @ track.frame[:, 2])
+            along = [(points - track.origin) @ track.frame[:, 2] for points in ends]
+            low = max([at - radius, *(float(t.min()) for t in along)])
+            high = min([at + radius, *(float(t.max()) for t in along)])
+            if high - low < SHORTEST * size:
+                continue
+            span, places = (low, high), (high - low) / size * PER_SIZE
+        t = np.linspace(*span, int(np.clip(places, *PLACES)))
+        step = LOOK * size
+        codes = _codes(solid, track, t, step)
+        for stretch in _stretches(solid, track, t, codes, step):
+            stretch = _clip(track, stretch, ends)
+            length = (stretch.high - stretch.low) * (track.radius or 1.0)
+            if length > SHORTEST * size:
+                yield track, stretch, _ends(solid, track, stretch, step)
+
+
+def _clip(track: Track, stretch: Interval, ends: Sequence[np.ndarray]) -> Interval:
+    """The stretch, as far as faces with the points `ends` go: corners of a flat one, of an arc its two ends and its middle."""
+    low, high = stretch.low, stretch.high
+    for points in ends:
+        local = (points - track.origin) @ track.frame
+        if not track.is_round:
+            low, high = max(low, float(local[:, 2].min())), min(high, float(local[:, 2].max()))
+        elif len(points) == 3:
+            first, _, middle = np.arctan2(local[:, 1], local[:, 0])
+            half = abs((first - middle + math.pi) % (2 * math.pi) - math.pi)
+            middle += 2 * math.pi * round(((low + high) / 2 - middle) / (2 * math.pi))
+            low, high = (middle - half, middle + half) if stretch.is_closed else (max(low, middle - half), min(high, middle + half))
+            stretch = stretch._replace(is_closed=False)
+    return stretch._replace(low=low, high=high)
+
+
+def _codes(solid: Lowered, track: Track, t: np.ndarray, step: float) -> np.ndarray:
+    """For each place [n] of a track: q + 1 where quadrant q alone is material, -q - 1 where it alone is air, else 0."""
+    ways = QUADRANTS @ np.linalg.inv(track.normals).T * step
+    where = np.concatenate([track.at(t, np.broadcast_to(way, (len(t), 2))) for way in ways])
+    held = inside(solid, where).reshape(4, len(t))
+    count = held.sum(0)
+    return np.where(count == 1, held.argmax(0) + 1, np.where(count == 3, -held.argmin(0) - 1, 0))
+
+
+def _stretches(solid: Lowered, track: Track, t: np.ndarray, codes: np.ndarray, step: float) -> Iterator[Interval]:
+    """Runs of one code, their ends found by dividing."""
+    if track.is_round:
+        if (codes == codes[0]).all():
+            if codes[0]:
+                yield _stretch(t[0], t[-1], int(codes[0]), is_closed=True)
+            return
+        # begin where the code changes, so that no run lies across the cut
+        first = int(np.flatnonzero(codes[:-1] != codes[1:])[0]) + 1
+        t = np.concatenate([t[first:-1], t[: first + 1] + 2 * math.pi])
+        codes = np.concatenate([codes[first:-1], codes[: first + 1]])
+    change = np.flatnonzero(codes[:-1] != codes[1:])
+    low, high = t[change], t[change + 1]
+    for _ in range(DIVISIONS if len(change) else 0):
+        inner = low + (high - low) * np.linspace(0, 1, PARTS + 1)[1:-1, None]
+        before = _codes(solid, track, inner.ravel(), step).reshape(inner.shape) == codes[change]
+        # the last place that is as the low end, all before it being so too
+        kept = np.cumprod(before, axis=0).sum(0)
+        width = (high - low) / PARTS
+        low, high = low + kept * width, low + (kept + 1) * width
+    bounds = (low + high) / 2
+    if track.is_round:
+        # the run that begins at the first place begins at the last change, a turn earlier
+        yield from (_stretch(b - 2 * math.pi, c, int(codes[0])) for b, c in [(bounds[-1], bounds[0])] if codes[0])
+    else:
+        bounds = np.concatenate([t[:1], bounds, t[-1:]])
+        change = np.concatenate([[-1], change])
+    for k in range(len(bounds) - 1):
+        if code := int(codes[change[k] + 1]):
+            yield _stretch(bounds[k], bounds[k + 1], code)
+
+
+def _stretch(low: float, high: float, code: int, is_closed: bool = False) -> Interval:
+    one, two = QUADRANTS[abs(code) - 1]
+    return Interval(float(low), float(high), (int(one), int(two)), code > 0, is_closed)
+
+
+def _ends(solid: Lowered, track: Track, stretch: Interval, step: float) -> tuple[bool, bool]:
+    """Whether just beyond each end, within the quadrant, there is air (material, of a concave edge)."""
+    if stretch.is_closed:
+        return False, False
+    way = np.array(stretch.sides) @ np.linalg.inv(track.normals).T * step
+    past = 10 * step / (track.radius or 1.0)
+    where = track.at(np.array([stretch.low - past, stretch.high + past]), np.broadcast_to(way, (2, 2)))
+    low, high = inside(solid, where) != stretch.is_convex
+    return bool(low), bool(high)
+
+
+def _tracks(one: Surface, two: Surface, slack: float) -> Iterator[Track]:
+    """The lines or circles in which two carriers meet under an angle that does not change along them."""
+    if one.kind == two.kind == "plane":
+        a, b = np.asarray(one.axis), np.asarray(two.axis)
+        along = np.cross(a, b)
+        if np.linalg.norm(along) < PARALLEL:
+            return
+        along /= np.linalg.norm(along)
+        origin = np.linalg.solve(np.stack([a, b, along]), np.array([a @ one.point, b @ two.point, 0.0]))
+        frame = frame_from_axis(along)
+        yield Track(origin, frame, np.stack([a @ frame[:, :2], b @ frame[:, :2]]))
+        return
+    round_one = one if one.kind in ("cylinder", "cone") else two
+    if round_one.kind not in ("cylinder", "cone"):
+        return
+    axis, origin = np.asarray(round_one.axis), np.asarray(round_one.point)
+    lines = [line for surface in (one, two) if (line := _profile(surface, origin, axis, slack)) is not None]
+    if len(lines) < 2:
+        return
+    (n1, d1), (n2, d2) = lines
+    normals = np.stack([n1, n2])
+    if abs(np.linalg.det(normals)) < PARALLEL:
+        return
+    r, z = np.linalg.solve(normals, np.array([d1, d2]))
+    if r > slack:
+        yield Track(origin + z * axis, frame_from_axis(axis), normals, float(r))
+
+
+def _profile(surface: Surface, origin: np.ndarray, axis: np.ndarray, slack: float) -> tuple[np.ndarray, float] | None:
+    """The line n . (r, z) = d that a carrier shows in a half plane beside an axis, None where it is not turned about that."""
+    own = np.asarray(surface.axis)
+    away = np.asarray(surface.point) - origin
+    if np.linalg.norm(np.cross(own, axis)) > PARALLEL:
+        return None
+    way = math.copysign(1.0, float(own @ axis))
+    if surface.kind == "plane":
+        return np.array([0.0, 1.0]), float(away @ axis)
+    if np.linalg.norm(np.cross(away, axis)) > slack:
+        return None
+    if surface.kind == "cylinder":
+        return np.array([1.0, 0.0]), surface.sizes[0]
+    if surface.kind == "cone":
+        half = surface.sizes[0]
+        normal = np.array([math.cos(half), -way * math.sin(half)])
+        return normal, float(normal[1] * (away @ axis))
+    return None
+
+
+def meet_faces(
+    normals: np.ndarray, sides: tuple[int, int], sizes: tuple[float, float], kind: str
+) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], float]:
+    """In a section about the edge's point: the normals [2, 2] from both faces into the quadrant, where the blend meets either face, and
+    half the angle between these."""
+    inward = normals * np.array(sides)[:, None]
+    along = np.array([_into(inward[0], inward[1]), _into(inward[1], inward[0])])
+    half = math.acos(float(np.clip(along[0] @ along[1], -1, 1))) / 2
+    one, two = (s / math.tan(half) if kind == "fillet" else s for s in sizes)
+    return inward, (along[0] * one, along[1] * two), half
+
+
+def _into(normal: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """The unit vector across `normal` that leads to where `other` points."""
+    way = np.array([-normal[1], normal[0]])
+    return way if way @ other > 0 else -way
