@@ -16,7 +16,7 @@ from imdim.geometry.solid import to_manifold
 from imdim.program.codec import Meta, dumps, parse
 from imdim.program.edges import EdgeFeature, Face
 from imdim.program.outline import Outline, circle
-from imdim.program.tree import Combine, Primitive
+from imdim.program.tree import Combine, Primitive, combine_all
 from imdim.reconstruction.fitting import relations_of
 
 PLATE = Primitive("box", (60.0, 40.0, 6.0), (0.0, 0.0, 3.0))
@@ -97,3 +97,23 @@ def test_parallel_pieces_of_one_length_are_drawn_together() -> None:
     edges = tuple((Face(0, "+z"), Face(0, f"wall[{loop}][{k}]")) for loop in (0, 1) for k in (0, 1))
     found = blend_solids(ring, [EdgeFeature("chamfer", (0.5,), edges)]).pieces
     assert len(gather_pieces(found)) == len(found) == 4
+
+
+def test_more_copies_have_the_edges_that_all_had() -> None:
+    plate = Primitive("box", (120.0, 40.0, 6.0), (0.0, 0.0, 3.0))
+    bosses = [Primitive("cylinder", (5.0, 14.0), (-40.0 + 20 * k, 0.0, 7.0)) for k in range(3)]
+    feet = tuple((Face(0, "+z"), Face(1 + k, "side")) for k in range(3))
+    tops = tuple((Face(1 + k, "+z"), Face(1 + k, "side")) for k in range(2))  # one stays sharp
+    edges = (EdgeFeature("fillet", (2.0,), feet), EdgeFeature("chamfer", (0.5,), tops))
+    found = finish(*relations_of(combine_all("union", [plate, *bosses])), edges=edges)
+    assert found.folded is not None
+    texts = texts_of(found.program, found.parameters, found.folded, 96, found.edges)
+    before = open_delivered(parse(dumps(found.program, Meta(), found.constraints, found.folded, found.edges)), texts)
+    (count,) = before.counts
+    for copies, footed, topped in ((4, 4, 2), (2, 2, 2)):
+        after = change_values(before, {count: copies})
+        assert [len(f.edges) for f in after.edges] == [footed, topped]
+        assert lost_edges(after, after) == []
+        assert not blend_solids(after.program, after.edges).missing
+        drawn = to_manifold(read_openscad(after.texts["program.scad"], blended=True), 96)
+        assert drawn.volume() == pytest.approx(solid_of(after).volume(), rel=1e-6)

@@ -22,7 +22,7 @@ from imdim.export.folder import FILES, replacing
 from imdim.export.hole_names import hole_notes, renew_notes
 from imdim.export.meshes import write_meshes
 from imdim.export.numbers import MAX_SEGMENTS, Rounding, plain, round_program, to_fixed_point
-from imdim.export.openscad_reader import read_openscad
+from imdim.export.openscad_reader import are_drawn, read_openscad
 from imdim.export.parameters import parametrise
 from imdim.export.step_worker import exporting, finish_or_skip_step
 from imdim.geometry.edge_solids import blend_solids, solid_with_edges
@@ -34,7 +34,7 @@ from imdim.program.constraints import Constraint, ConstraintError
 from imdim.program.edges import describe_edges, name_edges, with_sizes
 from imdim.program.node_codec import MAX_PRIMITIVES
 from imdim.program.outline import Loop, Outline, are_near, check_crossings, reverse_loop
-from imdim.program.patterns.edit import recount_constraints, recount_repeats, refit_repeats
+from imdim.program.patterns.edit import recount_constraints, recount_edges, recount_repeats, refit_repeats
 from imdim.program.repeats import Folded, expand, repeats, size, with_leaves
 from imdim.program.tree import Primitive, Program, leaves, longest
 from imdim.relations.residuals import verify
@@ -122,8 +122,10 @@ def with_counts(delivered: Delivered, counts: Mapping[str, float]) -> Delivered:
         raise EditError(f"{', '.join(counts)}: {size(after)} primitives, more than {MAX_PRIMITIVES}")
     program = expand(after)
     constraints = tuple(c for c in recount_constraints(delivered.constraints, folded, after) if _holds(c, program))
-    named = parametrise(program, constraints, program, after, delivered.values)
-    texts = {file: text for file, text in texts_of(program, named, after, delivered.segments).items() if file in delivered.texts}
+    edges = recount_edges(delivered.edges, folded, after)
+    named = with_edge_sizes(parametrise(program, constraints, program, after, delivered.values), edges)
+    written = texts_of(program, named, after, delivered.segments, edges, are_drawn(delivered.texts["program.scad"]))
+    texts = {file: text for file, text in written.items() if file in delivered.texts}
     return replace(
         delivered,
         program=program,
@@ -132,6 +134,7 @@ def with_counts(delivered: Delivered, counts: Mapping[str, float]) -> Delivered:
         values=_values(texts["program.scad"]),
         folded=after,
         counts=named.counts,
+        edges=edges,
     )
 
 

@@ -34,7 +34,7 @@ _OPERATORS: Mapping[type, Callable[[float, float], float]] = {
     ast.Div: operator.truediv,
 }
 
-_SWITCHES = tuple(switch.partition("//")[0].strip() for switch in SWITCH.values())
+_SWITCHES = tuple(SWITCH[drawn].partition("//")[0].strip() for drawn in (True, False))
 
 Values = dict[str, float]
 
@@ -72,6 +72,11 @@ def read_openscad(text: str, given: Mapping[str, float] | None = None, blended: 
     if unknown:
         raise ValueError(f"the text has no parameter {unknown[0]!r}; it has {', '.join(values) or 'none'}")
     return combine_all("union", open_blocks[0][1])
+
+
+def are_drawn(text: str) -> bool:
+    """Whether a text draws its blends unless told otherwise; one that has none would."""
+    return _SWITCHES[1] not in text
 
 
 def _statements(text: str) -> Iterator[tuple[int, str]]:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from itertools import count, product
 
 from imdim.program.constraints import RULES, WORLD, Constraint, Ref
+from imdim.program.edges import EdgeFeature, Face
 from imdim.program.repeats import Folded, Group, Repeat, rebuilt, size
 from imdim.program.rewrite.containment import dot
 from imdim.program.tree import Primitive, Program, Vec3, leaves
@@ -71,6 +72,51 @@ def recount_constraints(constraints: Sequence[Constraint], before: Folded, after
         if enough and (c.about is None or about is not None):
             out.append(replace(c, of=of, about=None if c.about is None or about is None else Ref(about, c.about.feature)))
     return tuple(out)
+
+
+def recount_edges(edges: Sequence[EdgeFeature], before: Folded, after: Folded) -> tuple[EdgeFeature, ...]:
+    """The edge features among leaves that are still there; where all copies have an edge, new ones have it too."""
+    keys, number = _keys(before), {key: i for i, key in enumerate(_keys(after))}
+    out = (replace(f, edges=tuple(_recount_pairs(f.edges, keys, number))) for f in edges if _recount_pairs(f.edges, keys, number))
+    return tuple(out)
+
+
+def _recount_pairs(edges: Sequence[tuple[Face, Face]], keys: Sequence[Key], number: Mapping[Key, int]) -> list[tuple[Face, Face]]:
+    there: dict[tuple[tuple[Key, str], ...], set[tuple[Key, ...]]] = {}
+    for edge in edges:
+        written = tuple((_written(keys[face.leaf]), face.name) for face in edge)
+        there.setdefault(written, set()).add(tuple(_copy(keys[face.leaf]) for face in edge))
+    out: list[tuple[Face, Face]] = []
+    for sides, copies in there.items():
+        # the copy that an edge is of: both its faces are of that, or one of none
+        own = {next((c for c in pair if c), ()) for pair in copies}
+        alike = all({c for c in pair if c} <= {o} for pair in copies for o in [next((c for c in pair if c), ())])
+        every = {_copy(key) for key in keys for written, _ in sides if _written(key) == written and _copy(key)}
+        is_repeated = [any(pair[k] for pair in copies) for k in range(2)]
+        if alike and own == every:
+            fresh = {_copy(key) for key in number for written, _ in sides if _written(key) == written and _copy(key)}
+            copies = {tuple(copy if repeated else () for repeated in is_repeated) for copy in fresh}
+        for pair in sorted(copies):
+            places = [_join(written, copy, number) for (written, _), copy in zip(sides, pair, strict=True)]
+            if None not in places:
+                one, two = (Face(i, name) for i, (_, name) in zip(places, sides, strict=True) if i is not None)
+                out.append((one, two))
+    return out
+
+
+def _written(key: Key) -> Key:
+    """Where a leaf is written, whichever copy it is of."""
+    return tuple(() if isinstance(e, tuple) else e for e in key)
+
+
+def _copy(key: Key) -> Key:
+    return tuple(e for e in key if isinstance(e, tuple))
+
+
+def _join(written: Key, copy: Key, number: Mapping[Key, int]) -> int | None:
+    """The number of the leaf that is written there, of a copy; None where there is none."""
+    rest = iter(copy)
+    return number.get(tuple(next(rest, ()) if e == () else e for e in written))
 
 
 def _keys(folded: Folded) -> list[Key]:
