@@ -13,7 +13,6 @@ within 2 %. What the program blends where nothing was planted counts as strange,
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections.abc import Sequence
@@ -22,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from processor import CLOCKS, rule_the_clock
+from planted_parts import asked_parts
 
 NEAR = 0.05  # of a part of 60
 RIGHT = 0.02  # of a size
@@ -41,25 +40,11 @@ class PlantedEdge:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--parts", type=int, default=40)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", type=Path, default=Path("out/edges"))
-    parser.add_argument("--budget", type=float, default=60.0)
-    parser.add_argument("--clock", choices=CLOCKS, default="wall", help="what tells the budget: the processor's does not mind other work")
-    parser.add_argument("--only", default="", help="numbers of parts, joined by commas")
-    given = parser.parse_args()
-    if given.clock == "processor":
-        rule_the_clock()
-    only = [int(n) for n in given.only.split(",") if n]
     rows = []
-    for number in range(given.parts):
-        if only and number not in only:
-            continue
-        shape, edges = plant(np.random.default_rng([given.seed, number]), number)
-        folder = given.out / f"part{number:02d}"
+    for rng, number, folder, budget in asked_parts(__doc__, Path("out/edges")):
+        shape, edges = plant(rng, number)
         if not (folder / "program.json").exists():
-            fit(shape, folder, given.budget)
+            fit(shape, folder, budget)
         rows.append(score(folder, edges))
         print(f"{folder.name}: " + ", ".join(f"{k} {v:.6g}" for k, v in rows[-1].items()), flush=True)
     print(totals(rows))

@@ -14,7 +14,6 @@ is its thickness: a through hole stays through if its whole axis is in the air a
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 from collections import Counter
@@ -26,7 +25,7 @@ from typing import Any
 import numpy as np
 import trimesh
 from manifold3d import CrossSection, Manifold, OpType
-from processor import CLOCKS, rule_the_clock
+from planted_parts import asked_parts
 
 KINDS = ("through", "blind", "counterbore", "countersink", "drilled", "hex pocket")
 NEAR = 0.05  # of a part of 100
@@ -54,25 +53,11 @@ class PlantedHole:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--parts", type=int, default=40)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", type=Path, default=Path("out/holes"))
-    parser.add_argument("--budget", type=float, default=60.0)
-    parser.add_argument("--clock", choices=CLOCKS, default="wall", help="what tells the budget: the processor's does not mind other work")
-    parser.add_argument("--only", default="", help="numbers of parts, joined by commas")
-    given = parser.parse_args()
-    if given.clock == "processor":
-        rule_the_clock()
-    only = [int(n) for n in given.only.split(",") if n]
     rows = []
-    for number in range(given.parts):
-        if only and number not in only:
-            continue
-        solid, holes, thickness = plant(np.random.default_rng([given.seed, number]), number)
-        folder = given.out / f"part{number:02d}"
+    for rng, number, folder, budget in asked_parts(__doc__, Path("out/holes")):
+        solid, holes, thickness = plant(rng, number)
         if not (folder / "program.json").exists():
-            fit(solid, folder, given.budget)
+            fit(solid, folder, budget)
         row = score(folder, holes, thickness)
         rows.append(row)
         print(f"{folder.name}: " + ", ".join(f"{k} {v}" for k, v in row.items() if v not in (0, [], None)), flush=True)

@@ -78,7 +78,7 @@ def test_an_edit_tells_which_edges_are_no_more() -> None:
     before = delivered()
     assert lost_edges(before, before) == []
     after = change_values(before, {"boss_diameter": 90.0})  # wider than the plate
-    assert lost_edges(before, after) == ["chamfer 1: 4 of 4 edges no more", "fillet 2: 1 of 1 edge no more"]
+    assert lost_edges(before, after) == ["chamfer 1: 4 of 4 edges no more", "fillet 2: 1 of 1 edges no more"]
 
 
 def test_an_edited_size_is_in_the_document() -> None:

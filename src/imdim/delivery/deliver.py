@@ -29,6 +29,7 @@ from imdim.export.numbers import round_program
 from imdim.export.openscad_reader import read_openscad
 from imdim.export.preview import preview
 from imdim.export.step_worker import exporting, finish_or_skip_step
+from imdim.geometry.census import census_of
 from imdim.geometry.edge_solids import solid_with_edges
 from imdim.geometry.solid import SEGMENTS, mesh_to_manifold, to_manifold, to_trimesh
 from imdim.program.codec import Meta
@@ -96,10 +97,19 @@ def deliver(
         if found.folded is None:
             skipped["program.loops.scad"] = "skipped: no part repeats"
         files = {name: skipped.get(name, "written") for name in FILES}
-        report = report_of(found, target, scores, kept, volumes, files, run, seconds, drawn)
+        report = report_of(found, target, scores, kept, volumes, files, run, seconds, drawn, list(_parted(solid, target)))
         (partial / "report.json").write_text(dumps(report), encoding="utf-8")
         (partial / "report.html").write_text(html.page(shown, report, _read(partial / "front.json")), encoding="utf-8")
     return report
+
+
+def _parted(solid: Manifold, target: Target) -> Iterator[str]:
+    """What is to be said of a result that falls into more bodies than its target."""
+    if target.mesh is None or not target.is_solid:
+        return
+    have, wanted = census_of(solid).bodies, census_of(mesh_to_manifold(target.mesh)).bodies
+    if have > wanted:
+        yield f"the result is in {have} bodies, the target in {wanted}: parts of it miss each other, perhaps by a hair"
 
 
 def export(

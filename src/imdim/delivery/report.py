@@ -57,9 +57,10 @@ def report_of(
     run: RunRecord,
     delivery: Mapping[str, float],
     drawn: bool = True,
+    left_out: Sequence[str] = (),
 ) -> dict[str, Any]:
     """The report as plain values; lengths in model units, `volumes` per file in cubed ones, `delivery` in seconds per step; `drawn` says
-    whether program.scad draws the edges."""
+    whether program.scad draws the edges, and `left_out`, a sentence each, what the program lacks."""
     program, constraints, folded = delivered.program, delivered.constraints, delivered.folded
     counts = count(program)
     return {
@@ -79,7 +80,7 @@ def report_of(
         "holes": [_group(group) for group in hole_groups(program)],
         "edges": [_edge_feature(feature) for feature in delivered.edges],
         "edges_drawn": drawn if delivered.edges else None,
-        "left_out": list(_left_out(program)),
+        "left_out": [*left_out, *_left_out(program)],
         "constraints": [{"name": c.name, "kind": c.kind, "says": str(c)} for c in constraints],
         "parameters": {name: number(value) for name, value in delivered.parameters.values.items()},
         "scores": _scores(scores),

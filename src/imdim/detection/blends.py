@@ -36,6 +36,7 @@ LIKE = 0.03  # by which sizes within a chain may differ
 SMALLEST, LARGEST = 5e-4, 0.1  # of the diagonal: a blend's size
 CORNER = 2.0  # times its squared size: the area of a small piece between blends at most
 MOSTLY = 0.7  # of a curved patch's area: one facet that has more of it is a face of its own
+STRANGE = 0.5  # of a mesh's area, that shows no carrier: beyond, it has no faces that blends could lie between
 ONE_WAY = 1.0  # degrees, within which a chain's pieces run in one direction
 
 
@@ -105,7 +106,9 @@ def find_chains(mesh: trimesh.Trimesh) -> list[Chain]:
 
 def chains_among(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) -> list[Chain]:
     """As `find_chains`, of a mesh whose facets and carriers are known."""
-    piece_of, pieces = _pieces(mesh, facets, shown)
+    if (seen := _pieces(mesh, facets, shown)) is None:
+        return []
+    piece_of, pieces = seen
     diagonal = float(np.linalg.norm(mesh.extents))
     found = {p.number: blend for p in pieces.values() if (blend := _blend(p, pieces, diagonal)) is not None}
     while more := dict(_going_on(pieces, found, diagonal)) | dict(_corners(pieces, found)):
@@ -114,8 +117,9 @@ def chains_among(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) 
     return sorted((c for c in chains if not _runs_one_way(c)), key=lambda c: -sum(len(b.triangles) for b in c.blends))
 
 
-def _pieces(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) -> tuple[np.ndarray, dict[int, _Piece]]:
-    """For each triangle [f] the number of its piece, and the pieces; a facet that shows no carrier lies in a plane of its own."""
+def _pieces(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) -> tuple[np.ndarray, dict[int, _Piece]] | None:
+    """For each triangle [f] the number of its piece, and the pieces; a facet that shows no carrier lies in a plane of its own. None for a
+    mesh, of a scan, that shows hardly any."""
     owner = np.full(len(facets.areas), -1)
     patches = [s.patch for s in shown]
     for i, (patch, members) in enumerate(shown):
@@ -124,6 +128,8 @@ def _pieces(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) -> tu
         if patch.surface.kind == "plane" or areas.max() < MOSTLY * areas.sum():
             owner[members] = i
     _give_back(owner, patches, facets)
+    if facets.areas[owner < 0].sum() > STRANGE * facets.areas.sum():
+        return None
     for facet in np.flatnonzero(owner < 0):
         owner[facet] = len(patches)
         plane = Surface("plane", vec(facets.centers[facet]), vec(facets.normals[facet]))
@@ -191,7 +197,8 @@ def _steps(mesh: trimesh.Trimesh, piece_of: np.ndarray, pairs: np.ndarray) -> di
     """By how many degrees the facets of each piece turn from one to the next, in the middle; none of flat ones."""
     bent = np.flatnonzero((piece_of[pairs[:, 0]] == piece_of[pairs[:, 1]]) & (mesh.face_adjacency_angles > FLAT))
     owner, turn = piece_of[pairs[bent, 0]], np.degrees(mesh.face_adjacency_angles[bent])
-    return {int(i): float(np.median(turn[owner == i])) for i in np.unique(owner)}
+    groups = np.split(turn[np.argsort(owner, kind="stable")], np.cumsum(np.unique(owner, return_counts=True)[1])[:-1])
+    return {int(i): float(np.median(group)) for i, group in zip(np.unique(owner), groups, strict=False)}
 
 
 def _edges_between(piece_of: np.ndarray, pairs: np.ndarray) -> dict[tuple[int, int], np.ndarray]:

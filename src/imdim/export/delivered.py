@@ -95,7 +95,7 @@ def texts_of(
     def read(values: Mapping[str, float]) -> Program:
         return read_openscad(sharp, values)
 
-    drawn = draw_edges(program, edges, named.values, read, matter, deadline.earlier(deadline.ahead(DRAWING_S))) if edges else None
+    drawn = draw_edges(edges, named.values, read, matter, deadline.earlier(deadline.ahead(DRAWING_S))) if edges else None
     texts = {
         "program.scad": sharp if drawn is None else to_openscad(program, segments, named, drawn),
         "program.py": to_script(program, named, folded, edges),

@@ -48,15 +48,15 @@ def do_edges_matter(sharp: float, blended: float) -> bool:
 
 
 def draw_edges(
-    program: Program,
     features: Sequence[EdgeFeature],
     values: Mapping[str, float],
     read: Read,
     matter: bool,
     deadline: Deadline = NEVER,
 ) -> DrawnEdges:
-    """The blends of `program`, which `read` gives for other `values` of its names. Past the `deadline` (by default never) no more names are
-    tried."""
+    """The blends of a program, which `read` gives for `values` of its names, other than the text's. Past the `deadline` (by default never)
+    no more names are tried."""
+    program = read({})  # with the numbers of the text: rounding may have moved where an edge ends
     pieces = gather_pieces(blend_solids(program, features).pieces)
     base = _numbers(pieces)
     slopes: dict[str, np.ndarray] = {}
@@ -64,9 +64,9 @@ def draw_edges(
     for name in values:
         try:
             if deadline.has_passed():
-                raise _StuckError
+                raise _UnfollowedError
             slopes[name] = _slope(program, features, values, name, read, pieces, base)
-        except _StuckError:
+        except _UnfollowedError:
             stuck.append(name)
     sums = [Expression(tuple(_terms(slopes, i)), v - sum(slopes[n][i] * values[n] for n in slopes)) for i, v in enumerate(base)]
     sizes, centers, outlines = [], [], []
@@ -80,7 +80,7 @@ def draw_edges(
     return DrawnEdges(tuple(features), tuple(pieces), named, tuple(stuck), matter)
 
 
-class _StuckError(Exception):
+class _UnfollowedError(Exception):
     """How blends follow a name cannot be said."""
 
 
@@ -102,7 +102,7 @@ def _slope(
     pieces: Sequence[BlendSolid],
     base: np.ndarray,
 ) -> np.ndarray:
-    """By how much each number of the blends moves with a name. Raises _StuckError where that is not straight, or makes other blends."""
+    """By how much each number of the blends moves with a name. Raises _UnfollowedError where that is not straight, or makes other blends."""
     step = STEP * (abs(values[name]) or longest(leaves(program)))
     first = None
     for times in (1, 2):
@@ -110,19 +110,19 @@ def _slope(
         try:
             other, resized = read(changed), with_sizes(features, changed)
         except ValueError:
-            raise _StuckError from None
+            raise _UnfollowedError from None
         if not _moves(program, other, features) and tuple(resized) == tuple(features):
             return np.zeros(len(base))
         found = gather_pieces(blend_solids(other, resized).pieces)
         if [_shape(p) for p in found] != [_shape(p) for p in pieces]:
-            raise _StuckError
+            raise _UnfollowedError
         moved = (_numbers(found) - base) / step
         if first is None:
             first, simple = moved, np.round(moved * EIGHTHS) / EIGHTHS
             if (np.abs(moved - simple) < STRAIGHT).all():
                 return simple  # what moves by a simple fraction goes on to
         elif (np.abs(moved - 2 * first) > STRAIGHT * np.maximum(np.abs(first), 1.0)).any():
-            raise _StuckError
+            raise _UnfollowedError
     assert first is not None
     return np.round(first, FACTOR_DIGITS)
 

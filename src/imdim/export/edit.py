@@ -31,7 +31,7 @@ from imdim.geometry.lowering import lower
 from imdim.geometry.solid import SEGMENTS
 from imdim.program.codec import constraints_of, dumps, edges_of, from_json, meta_of, read_folded
 from imdim.program.constraints import Constraint, ConstraintError
-from imdim.program.edges import describe_edges, name_edges, with_sizes
+from imdim.program.edges import describe_size, name_edges, with_sizes
 from imdim.program.node_codec import MAX_PRIMITIVES
 from imdim.program.outline import Loop, Outline, are_near, check_crossings, reverse_loop
 from imdim.program.patterns.edit import recount_constraints, recount_edges, recount_repeats, refit_repeats
@@ -166,10 +166,10 @@ def lost_edges(before: Delivered, after: Delivered) -> list[str]:
     """A sentence for each edge feature of which edges that there were are gone after an edit."""
     had, has = ({*blend_solids(d.program, d.edges).missing} for d in (before, after))
     gone = [sum(1 for feature, _ in has - had if feature == i) for i in range(len(after.edges))]
-    words = [describe_edges(f).partition(" of ") for f in after.edges]
-    said = [f"{what}: {n} of {of} no more" for (what, _, of), n in zip(words, gone, strict=True) if n]
+    words = [(describe_size(f.kind, f.sizes), f"{len(f.edges)} edges") for f in after.edges]
+    said = [f"{what}: {n} of {of} no more" for (what, of), n in zip(words, gone, strict=True) if n]
     tight = [_without_room(d) for d in (before, after)]
-    return said + [f"{what}: too large for {n} of {of}" for (what, _, of), n in zip(words, map(len, _more(*tight)), strict=True) if n]
+    return said + [f"{what}: too large for {n} of {of}" for (what, of), n in zip(words, map(len, _more(*tight)), strict=True) if n]
 
 
 def _without_room(delivered: Delivered) -> list[set[int]]:

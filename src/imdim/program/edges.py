@@ -147,5 +147,9 @@ def with_sizes(features: Sequence[EdgeFeature], values: Mapping[str, float]) -> 
 
 def describe_edges(feature: EdgeFeature) -> str:
     """What a feature is, in words: kind, sizes, and of how many edges."""
-    sizes = " x ".join(f"{size:.9g}" for size in feature.sizes)
-    return f"{feature.kind} {sizes} of {len(feature.edges)} edge{'s' if len(feature.edges) > 1 else ''}"
+    return f"{describe_size(feature.kind, feature.sizes)} of {len(feature.edges)} edge{'s' if len(feature.edges) > 1 else ''}"
+
+
+def describe_size(kind: str, sizes: Sequence[float]) -> str:
+    """Kind and sizes in words: "chamfer 0.5 x 1"."""
+    return f"{kind} {' x '.join(f'{size:.9g}' for size in sizes)}"

@@ -11,18 +11,19 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+import trimesh
 from manifold3d import Manifold
 
 from imdim.detection.blends import Blend, Chain, chains_among
 from imdim.detection.facets import facets_of
-from imdim.detection.mesh_surfaces import detect_shown
+from imdim.detection.mesh_surfaces import detect_patches, detect_shown
 from imdim.detection.sharpen import sharpen
 from imdim.geometry.edge_solids import blend_solids
 from imdim.geometry.faces import carrier
 from imdim.geometry.lowering import lower
 from imdim.geometry.solid import mesh_to_manifold, to_manifold
 from imdim.geometry.surface import Patch, Surface, normals, signed_distance, vec
-from imdim.program.edges import EdgeFeature, Face, describe_edges, faces_of, name_edges
+from imdim.program.edges import EdgeFeature, Face, describe_size, faces_of, name_edges
 from imdim.program.tree import Primitive, Program, leaves
 from imdim.target.target import Frame, Target, with_mesh
 
@@ -31,6 +32,7 @@ NEAR_PART = 3e-4  # of the part's, within which a face of the program is one tha
 ALIGNED = 0.9995  # cosine between their normals
 RIGHT = 0.7  # of the volume of a blend that has to be right
 TIDY = 5e-3  # of a size, by which it may be rounded
+ECHO, ECHO_AREA, ECHO_COSINE = 1e-3, 0.1, 0.9995  # of the diagonal, of the larger flat's area, and between normals
 GATHERED = 1e-2  # of a size, within which chains have one
 
 
@@ -44,11 +46,12 @@ class EdgesFound:
 
 class SetAside(NamedTuple):
     """A target with sharp edges in place of `chains` of fillets and chamfers, in its units; the `patches` that its mesh shows, if they are
-    known."""
+    known. `kept` are chains that could not be taken off."""
 
     target: Target
     chains: tuple[Chain, ...] = ()
     patches: list[Patch] | None = None
+    kept: tuple[Chain, ...] = ()
 
 
 def set_edges_aside(target: Target) -> SetAside:
@@ -60,8 +63,25 @@ def set_edges_aside(target: Target) -> SetAside:
     chains = chains_among(target.mesh, facets, shown)
     sharp = sharpen(target.mesh, chains) if chains else None
     if sharp is None or not sharp.chains:
-        return SetAside(target, patches=[s.patch for s in shown])
-    return SetAside(with_mesh(target, sharp.mesh), tuple(sharp.chains))
+        return SetAside(target, patches=[s.patch for s in shown], kept=tuple(chains))
+    patches = _without_echoes(detect_patches(sharp.mesh), sharp.mesh)
+    return SetAside(with_mesh(target, sharp.mesh), tuple(sharp.chains), patches, tuple(sharp.kept))
+
+
+def _without_echoes(patches: list[Patch], mesh: trimesh.Trimesh) -> list[Patch]:
+    """The patches without small flats that all but lie in a larger one: corners that moved may leave facets that lean a little, and a
+    search that cuts along both would part a body by a hair."""
+    slack = ECHO * float(np.linalg.norm(mesh.extents))
+    flats = [p for p in patches if p.surface.kind == "plane"]
+
+    def echoes(patch: Patch) -> bool:
+        larger = (p.surface for p in flats if p.area * ECHO_AREA > patch.area)
+        return any(
+            abs(np.dot(s.axis, patch.surface.axis)) > ECHO_COSINE and (np.abs(signed_distance(s, patch.points)) < slack).all()
+            for s in larger
+        )
+
+    return [p for p in patches if p.surface.kind != "plane" or not echoes(p)]
 
 
 def place_chain(chain: Chain, frame: Frame) -> Chain:
@@ -99,9 +119,15 @@ def find_edge_features(program: Program, chains: Sequence[Chain], target: Target
         if edges:
             features.append(EdgeFeature(group[0].kind, sizes, tuple(dict.fromkeys(edges))))
         if lost:
-            said = describe_edges(EdgeFeature(group[0].kind, sizes, ((Face(0, "side"), Face(0, "side")),))).partition(" of ")[0]
+            said = describe_size(group[0].kind, sizes)
             left_out.append(f"{lost} of {len(group)} chains of {said} follow no edges of the program: these are sharp")
     return EdgesFound(name_edges(features), tuple(left_out))
+
+
+def describe_kept(chains: Sequence[Chain]) -> str:
+    """A sentence about chains of a target that stay in its shape."""
+    said = dict.fromkeys(describe_size(chain.kind, _tidy(chain.sizes)) for chain in chains)
+    return f"{len(chains)} chains of {', '.join(said)} could not be taken off: they are part of the shape"
 
 
 def _gathered(chains: Sequence[Chain]) -> Iterator[list[Chain]]:

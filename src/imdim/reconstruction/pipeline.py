@@ -30,7 +30,7 @@ from imdim.program.tree import Primitive, Program, combine_all, leaves, map_leav
 from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.choices import choices_beside, few, unite_fronts
 from imdim.reconstruction.config import ConfigError, Settings, check_choices
-from imdim.reconstruction.edge_features import SetAside, find_edge_features, place_chain, set_edges_aside
+from imdim.reconstruction.edge_features import SetAside, describe_kept, find_edge_features, place_chain, set_edges_aside
 from imdim.reconstruction.fitting import find_relations, fit_numbers, snap_numbers
 from imdim.reconstruction.hole_ends import complete_holes
 from imdim.reconstruction.mdl import most_likely, reconstruct_unlabelled
@@ -74,9 +74,9 @@ class Snapshot:
 
 @dataclass(frozen=True)
 class _BodyState:
-    """A program of one body without its `chains` of fillets and chamfers, it and the `volume` in the body's units; `error` is relative to
-    that, as `measure` gives it for any program of its structure. `found` are the relations that its points support, None if they were not
-    asked. `stop` is as a step's."""
+    """A program of one body without its `chains` of fillets and chamfers, but with those `kept`, it and the `volume` in the body's units;
+    `error` is relative to that, as `measure` gives it for any program of its structure. `found` are the relations that its points support,
+    None if they were not asked. `stop` is as a step's."""
 
     stage: str
     program: Program
@@ -88,6 +88,7 @@ class _BodyState:
     stop: str = "finished"
     found: tuple[Constraint, ...] | None = None
     chains: tuple[Chain, ...] = ()
+    kept: tuple[Chain, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -144,7 +145,7 @@ def _snapshots(states: Iterable[_BodyState], target: Target, work: _Work, left_o
     error = last.error if program == last.program else last.measure(program)
     front = tuple(replace(c, program=program) if c.program == last.program else c for c in few(last.front, last.program))
     edges = find_edge_features(program, last.chains, target)
-    notes = (*(f"{error}; left out" for error in left_out), *edges.left_out)
+    notes = (*(f"{error}; left out" for error in left_out), *edges.left_out, *([describe_kept(last.kept)] if last.kept else []))
     stop = CUT if solver and relate_by.has_passed() else last.stop
     yield Snapshot("finished", program, error, work.budget.seconds(), stop, front, constraints, last.proof, notes, edges.features)
 
@@ -205,8 +206,8 @@ def _together(stage: str, states: list[_BodyState]) -> _BodyState:
     program = combine_all("union", [s.program for s in states])
     stop, proof = _stop([s.stop for s in states]), _proof([s.proof for s in states])
     error, volume = _mean_error([s.error for s in states], states), sum(s.volume for s in states)
-    chains = tuple(chain for s in states for chain in s.chains)
-    return _BodyState(stage, program, error, volume, lambda p: _error(p, states), tuple(front), proof, stop, states[0].found, chains)
+    chains, kept = (tuple(chain for found in each for chain in found) for each in zip(*((s.chains, s.kept) for s in states), strict=True))
+    return _BodyState(stage, program, error, volume, lambda p: _error(p, states), tuple(front), proof, stop, states[0].found, chains, kept)
 
 
 def _error(program: Program, states: Sequence[_BodyState]) -> float:
@@ -241,9 +242,9 @@ def _body(body: Target, work: _Work, share: float = 1.0) -> Iterator[_BodyState]
     """Better and better programs of one body without its fillets and chamfers; it may take a share of the time left."""
     unit, frame = in_unit_frame(body)
     aside = set_edges_aside(unit) if work.settings.language == "cad" else SetAside(unit)
-    chains = tuple(place_chain(chain, frame) for chain in aside.chains)
+    chains, kept = (tuple(place_chain(chain, frame) for chain in found) for found in (aside.chains, aside.kept))
     for state in _sharp_body(body, UnitBody.of(aside.target, work.rng, aside.patches), frame, work, share):
-        yield replace(state, chains=chains)
+        yield replace(state, chains=chains, kept=kept)
 
 
 def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, share: float) -> Iterator[_BodyState]:

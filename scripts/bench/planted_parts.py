@@ -1,0 +1,27 @@
+"""The command line and the loop of benches that plant parts by number, fit each into a folder of its own, and score it."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from processor import CLOCKS, rule_the_clock
+
+
+def asked_parts(about: str | None, out: Path) -> Iterator[tuple[np.random.Generator, int, Path, float]]:
+    """For each part that the command line asks for a generator of its own, its number, its folder and the budget in seconds."""
+    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--parts", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, default=out)
+    parser.add_argument("--budget", type=float, default=60.0)
+    parser.add_argument("--clock", choices=CLOCKS, default="wall", help="what tells the budget: the processor's does not mind other work")
+    parser.add_argument("--only", default="", help="numbers of parts, joined by commas")
+    given = parser.parse_args()
+    if given.clock == "processor":
+        rule_the_clock()
+    only = [int(n) for n in given.only.split(",") if n]
+    for number in only or range(given.parts):
+        yield np.random.default_rng([given.seed, number]), number, given.out / f"part{number:02d}", given.budget
