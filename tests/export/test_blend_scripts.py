@@ -118,6 +118,14 @@ def test_sizes_are_changed_at_the_head(package, tmp_path):
 # --- the texts themselves
 
 
+@pytest.mark.tool
+@PACKAGES
+def test_faces_that_no_longer_meet_are_told(package, tmp_path):
+    apart = EdgeFeature("chamfer", (1.0,), ((Face(0, "+z"), Face(0, "-z")), *RIM))
+    _, said = run(WRITERS[package](BOX, edges=[apart]), package, tmp_path)
+    assert "chamfer_edges finds no edge between 1 of" in said
+
+
 @PACKAGES
 def test_a_script_without_edges_says_nothing_of_them(package):
     assert WRITERS[package](PLATE, edges=[]) == WRITERS[package](PLATE)

@@ -170,3 +170,11 @@ def test_room_for_a_blend_is_what_its_faces_leave() -> None:
     (narrow,) = find_edges(thin, [EdgeFeature("chamfer", (3.0,), RIM[:1])]).edges
     (fits,) = find_edges(thin, [EdgeFeature("chamfer", (1.5,), RIM[:1])]).edges
     assert (has_room(lower(thin), narrow), has_room(lower(thin), fits)) == (False, True)
+
+
+def test_an_edge_is_of_the_face_that_reaches_it_and_not_of_one_in_its_plane() -> None:
+    # a comb: the walls on top of its two teeth lie in one plane
+    comb = ((0, 0), (30, 0), (30, 10), (20, 10), (20, 4), (10, 4), (10, 10), (0, 10))
+    leaf = Primitive("extrude", (5.0,), outline=Outline((tuple((float(x), float(y), 0.0) for x, y in comb),)).shift(-15, -5))
+    own, other = ((Face(0, f"wall[0][{top}]"), Face(0, "wall[0][1]")) for top in (2, 6))
+    assert blend_solids(leaf, [EdgeFeature("chamfer", (1.0,), (own, other))]).missing == ((0, 1),)

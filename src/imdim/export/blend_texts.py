@@ -97,6 +97,9 @@ def blended(part, change, sizes, pairs):
     """A part with its edges between pairs of faces changed, all at once or, where that fails, one by one."""
     tolerance, first = min(sizes) / 100, pairs[0][0]
     edges = edges_between(part, pairs, tolerance)
+    gone = sum(not edges_between(part, [pair], tolerance) for pair in pairs)
+    if gone:
+        print(f"{change.__name__} finds no edge between {gone} of {len(pairs)} pairs of faces")
     try:
         return change(part, edges, sizes, first) if edges else part
     except Exception:

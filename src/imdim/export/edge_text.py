@@ -102,7 +102,8 @@ def _slope(
     pieces: Sequence[BlendSolid],
     base: np.ndarray,
 ) -> np.ndarray:
-    """By how much each number of the blends moves with a name. Raises _UnfollowedError where that is not straight, or makes other blends."""
+    """By how much each number of the blends moves with a name. Raises _UnfollowedError where that is not straight, or there are other
+    blends then."""
     step = STEP * (abs(values[name]) or longest(leaves(program)))
     first = None
     for times in (1, 2):

@@ -138,7 +138,7 @@ def find_edges(program: Program, features: Sequence[EdgeFeature]) -> FoundEdges:
         for k, (one, two) in enumerate(feature.edges):
             given = [(face, parts[face.leaf]) for face in (one, two) if face.leaf < len(parts)]
             pair = [surface for face, leaf in given if (surface := carrier(face, leaf, numbers)) is not None]
-            ends = [points for face, leaf in given if len(points := corners(face, leaf, numbers))]
+            ends = [corners(face, leaf, numbers) for face, leaf in given]
             sane = len(pair) == 2 and SMALLEST * radius < max(sizes) < radius
             found = list(_along(numbers, pair[0], pair[1], max(sizes), middle, radius, ends)) if sane else []
             edges += [BlendedEdge(i, k, track, stretch, sizes, feature.kind, goes_on) for track, stretch, goes_on in found]
@@ -174,8 +174,8 @@ def _along(
 ) -> Iterator[tuple[Track, Interval, tuple[bool, bool]]]:
     """Where a solid has an edge between two carriers, and whether it ends in the air (in material, of a concave edge) at either end.
 
-    The solid lies within `radius` of `middle`. An edge is no longer than the faces, of which `ends` are corners: where one touches the
-    next, the solid alone does not show where it ends.
+    The solid lies within `radius` of `middle`. An edge is no longer than the faces, of which `ends` are corners, none for those that have
+    no end along it: where one touches the next, the solid alone does not show where it ends.
     """
     for track in _tracks(one, two, COAXIAL * radius):
         if track.is_round:
@@ -183,7 +183,9 @@ def _along(
             places = track.radius * 2 * math.pi / size * PER_SIZE
         else:
             at = float((middle - track.origin) @ track.frame[:, 2])
-            along = [(points - track.origin) @ track.frame[:, 2] for points in ends]
+            if not _is_across(track, ends, COAXIAL * radius):
+                continue
+            along = [(points - track.origin) @ track.frame[:, 2] for points in ends if len(points)]
             low = max([at - radius, *(float(t.min()) for t in along)])
             high = min([at + radius, *(float(t.max()) for t in along)])
             if high - low < SHORTEST * size:
@@ -199,10 +201,20 @@ def _along(
                 yield track, stretch, _ends(solid, track, stretch, step)
 
 
+def _is_across(track: Track, ends: Sequence[np.ndarray], slack: float) -> bool:
+    """Whether a line lies on both faces and not beside one, in the plane of that, where another face may be."""
+    for normal, points in zip(track.normals, ends, strict=True):
+        if len(points) == 4:
+            across = (points - track.origin) @ track.frame[:, :2] @ np.array([-normal[1], normal[0]]) / np.linalg.norm(normal)
+            if not across.min() - slack <= 0 <= across.max() + slack:
+                return False
+    return True
+
+
 def _clip(track: Track, stretch: Interval, ends: Sequence[np.ndarray]) -> Interval:
     """The stretch, as far as faces with the points `ends` go: corners of a flat one, of an arc its two ends and its middle."""
     low, high = stretch.low, stretch.high
-    for points in ends:
+    for points in (points for points in ends if len(points)):
         local = (points - track.origin) @ track.frame
         if not track.is_round:
             low, high = max(low, float(local[:, 2].min())), min(high, float(local[:, 2].max()))
