@@ -1,13 +1,14 @@
 """Blends against closed forms: prismatoids, Pappus, and sections integrated over their heights."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
 from imdim.geometry.edge_solids import blend_solids, with_edges
-from imdim.geometry.edges import find_edges, has_room
+from imdim.geometry.edges import FoundEdges, NearbyEdges, find_edges, has_room
 from imdim.geometry.lowering import lower
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.edges import EdgeFeature, Face
@@ -178,3 +179,31 @@ def test_an_edge_is_of_the_face_that_reaches_it_and_not_of_one_in_its_plane() ->
     leaf = Primitive("extrude", (5.0,), outline=Outline((tuple((float(x), float(y), 0.0) for x, y in comb),)).shift(-15, -5))
     own, other = ((Face(0, f"wall[0][{top}]"), Face(0, "wall[0][1]")) for top in (2, 6))
     assert blend_solids(leaf, [EdgeFeature("chamfer", (1.0,), (own, other))]).missing == ((0, 1),)
+
+
+def test_edges_of_a_program_that_differs_by_a_little_are_those_that_looking_for_all_finds() -> None:
+    block = Primitive("extrude", (10.0,), outline=Outline((((0.0, 0.0, 0.0), (30.0, 0.0, 0.0), (30.0, 12.0, 0.0), (0.0, 20.0, 0.0)),)))
+    post = Primitive("box", (6.0, 6.0, 10.0), (12.0, 3.0, 5.0))
+    program = Combine("union", block, post)
+    rim = EdgeFeature("chamfer", (0.5,), tuple((Face(0, "+z"), Face(0, f"wall[0][{k}]")) for k in range(4)))
+    foot = EdgeFeature("fillet", (0.4,), tuple((Face(0, "+z"), Face(1, side)) for side in ("+x", "-x", "+y", "-y")))
+    near = NearbyEdges(program, [rim, foot])
+    assert len(near.found.edges) >= 8
+    wider = Outline((((0.0, 0.0, 0.0), (30.02, 0.0, 0.0), (30.02, 12.0, 0.0), (0.0, 20.0, 0.0)),))
+    moved = [
+        replace(program, right=replace(post, center=(12.01, 3.0, 5.0))),
+        replace(program, right=replace(post, size=(6.01, 6.0, 10.0))),
+        replace(program, left=replace(block, size=(10.01,))),
+        replace(program, left=replace(block, outline=wider)),
+    ]
+    for other in moved:
+        assert _are_same(near.at(other, [rim, foot]), find_edges(other, [rim, foot]))
+        assert not _are_same(near.found, find_edges(other, [rim, foot]))
+    larger = replace(rim, sizes=(0.6,))
+    assert _are_same(near.at(program, [larger, foot]), find_edges(program, [larger, foot]))
+
+
+def _are_same(one: FoundEdges, two: FoundEdges) -> bool:
+    told = [[(e.feature, e.edge, e.sizes, e.goes_on) for e in found.edges] for found in (one, two)]
+    ends = [np.array([e.points(2) for e in found.edges]) for found in (one, two)]
+    return one.missing == two.missing and told[0] == told[1] and np.allclose(*ends, atol=1e-5)

@@ -1,12 +1,15 @@
 """Blends of a mesh come back as edge features of the program that made it; those that belong nowhere are told."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from imdim.delivery.finish import finish
 from imdim.detection.blends import find_chains
 from imdim.geometry.edge_solids import solid_with_edges
+from imdim.geometry.edges import find_edges
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, to_trimesh, volume_iou
 from imdim.program.cost import count
 from imdim.program.edges import EdgeFeature, Face
@@ -53,6 +56,23 @@ def test_a_fit_gives_the_sharp_program_and_its_chains() -> None:
     assert [(f.kind, f.sizes) for f in last.edges] == [("chamfer", (0.8,))]
     assert target.mesh is not None
     assert volume_iou(solid_with_edges(last.program, last.edges, 96), mesh_to_manifold(target.mesh)) > 0.9995
+
+
+def test_an_edge_that_faces_of_two_primitives_make_is_named_once() -> None:
+    feature = EdgeFeature("chamfer", (0.8,), RIMS)
+    target = target_of(BRACKET, feature)
+    within = Combine("intersection", BRACKET, Primitive("box", (50.0, 40.0, 20.0)))  # its ends lie in the planes of the bracket's
+    found = find_edge_features(within, set_edges_aside(target).chains, target)
+    assert [len(f.edges) for f in found.features] == [len(RIMS)]
+
+
+def test_delivery_leaves_the_faces_whose_edges_are_blended() -> None:
+    inner = Combine("intersection", replace(BRACKET.left, size=(20.0,)), Primitive("cylinder", (60.0, 20.0)))
+    feature = EdgeFeature("chamfer", (0.8,), RIMS)
+    assert not find_edges(inner, [feature]).missing
+    done = finish(inner, edges=[feature])
+    assert not find_edges(done.program, done.edges).missing
+    assert not find_edges(finish(inner).program, [feature]).edges  # without them the plate would reach through the cylinder
 
 
 def test_chains_beside_no_face_of_the_program_are_told() -> None:

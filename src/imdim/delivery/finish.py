@@ -12,6 +12,7 @@ from imdim.export.elimination import without_loose
 from imdim.export.numbers import round_program
 from imdim.export.parameters import Parameters, parametrise
 from imdim.geometry.finish.commute import Commutation, CommutedProgram
+from imdim.geometry.finish.extend import plane_face
 from imdim.geometry.finish.overshoot import overshoot
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.cost import count
@@ -56,25 +57,29 @@ def finish(
     constraints = without_chance(program, constraints)
     folding = next((f for f in _foldings(program, deadline) if is_same(program, f.program)), None)
     if folding is None:
-        delivered = finish_flat(program, deadline=deadline)
+        delivered = finish_flat(program, deadline=deadline, edges=edges)
         constraints = without_loose(program, constraints, delivered)
         named = parametrise(program, constraints, delivered)
         return FinishedProgram(delivered, rebase_constraints(delivered, constraints), named, None).with_edges(edges)
     given, carried = folding.program, _renumber(constraints, folding.order)
     constraints = _without_rows(holding(given, carried), folding.folded)
-    folded = with_leaves(folding.folded, finish_flat(given, folding.folded, deadline))
+    place = {old: new for new, old in enumerate(folding.order)}
+    edges = renumber_edges(edges, place)
+    folded = with_leaves(folding.folded, finish_flat(given, folding.folded, deadline, edges))
     delivered = expand(folded)
     constraints = without_loose(given, constraints, delivered, folded)
     named = parametrise(given, constraints, delivered, folded)
-    place = {old: new for new, old in enumerate(folding.order)}
-    return FinishedProgram(delivered, rebase_constraints(delivered, constraints), named, folded).with_edges(renumber_edges(edges, place))
+    return FinishedProgram(delivered, rebase_constraints(delivered, constraints), named, folded).with_edges(edges)
 
 
-def finish_flat(program: Program, folded: Folded | None = None, deadline: Deadline = NEVER) -> Program:
+def finish_flat(program: Program, folded: Folded | None = None, deadline: Deadline = NEVER, edges: Sequence[EdgeFeature] = ()) -> Program:
     """A program as it is delivered: cutters overshoot, as far as the solid stays, and numbers are rounded. Copies stay alike where
-    `program` is the expansion of `folded`. Past the `deadline` (by default never) the other cutters stay as they are."""
+    `program` is the expansion of `folded`. Past the `deadline` (by default never) the other cutters stay as they are, and faces that meet
+    in `edges` always do: where they end is where the blend is."""
     alike = None if folded is None else [[i for i, _ in copies] for copies in copies_of(folded).values()]
-    return preserve(round_program(program), round_program(overshoot(program, folded, deadline=deadline)), together=alike)
+    named = {(face.leaf, plane_face(face.name)) for feature in edges for edge in feature.edges for face in edge}
+    kept = {(leaf, face) for leaf, face in named if face is not None}
+    return preserve(round_program(program), round_program(overshoot(program, folded, deadline=deadline, kept=kept)), together=alike)
 
 
 def _foldings(program: Program, deadline: Deadline) -> list[Folding]:

@@ -16,7 +16,8 @@ from imdim.export.drawn_vertex import DrawnVertex
 from imdim.export.edge_pieces import gather_pieces
 from imdim.export.numbers import Expression, Term, simple_fraction
 from imdim.export.parameters import Parameters
-from imdim.geometry.edge_solids import BlendSolid, blend_solids
+from imdim.geometry.edge_solids import BlendSolid, sweep_blends
+from imdim.geometry.edges import NearbyEdges
 from imdim.program.edges import EdgeFeature, with_sizes
 from imdim.program.tree import Primitive, Program, leaves, longest
 
@@ -57,7 +58,8 @@ def draw_edges(
     """The blends of a program, which `read` gives for `values` of its names, other than the text's. Past the `deadline` (by default never)
     no more names are tried."""
     program = read({})  # with the numbers of the text: rounding may have moved where an edge ends
-    pieces = gather_pieces(blend_solids(program, features).pieces)
+    near = NearbyEdges(program, features)
+    pieces = gather_pieces(sweep_blends(near.found.edges))
     base = _numbers(pieces)
     slopes: dict[str, np.ndarray] = {}
     stuck: list[str] = []
@@ -65,7 +67,7 @@ def draw_edges(
         try:
             if deadline.has_passed():
                 raise _UnfollowedError
-            slopes[name] = _slope(program, features, values, name, read, pieces, base)
+            slopes[name] = _slope(program, near, features, values, name, read, pieces, base)
         except _UnfollowedError:
             stuck.append(name)
     sums = [Expression(tuple(_terms(slopes, i)), v - sum(slopes[n][i] * values[n] for n in slopes)) for i, v in enumerate(base)]
@@ -95,6 +97,7 @@ def _terms(slopes: Mapping[str, np.ndarray], i: int) -> list[Term]:
 
 def _slope(
     program: Program,
+    near: NearbyEdges,
     features: Sequence[EdgeFeature],
     values: Mapping[str, float],
     name: str,
@@ -114,7 +117,7 @@ def _slope(
             raise _UnfollowedError from None
         if not _moves(program, other, features) and tuple(resized) == tuple(features):
             return np.zeros(len(base))
-        found = gather_pieces(blend_solids(other, resized).pieces)
+        found = gather_pieces(sweep_blends(near.at(other, resized).edges))
         if [_shape(p) for p in found] != [_shape(p) for p in pieces]:
             raise _UnfollowedError
         moved = (_numbers(found) - base) / step

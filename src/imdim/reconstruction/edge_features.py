@@ -18,13 +18,14 @@ from imdim.detection.blends import Blend, Chain, chains_among
 from imdim.detection.facets import facets_of
 from imdim.detection.mesh_surfaces import detect_patches, detect_shown
 from imdim.detection.sharpen import sharpen
-from imdim.geometry.edge_solids import blend_solids
+from imdim.geometry.edge_solids import sweep_blends
+from imdim.geometry.edges import BlendedEdge, find_edges
 from imdim.geometry.faces import carrier
 from imdim.geometry.lowering import lower
 from imdim.geometry.solid import mesh_to_manifold, to_manifold
 from imdim.geometry.surface import Patch, Surface, normals, signed_distance, vec
 from imdim.program.edges import EdgeFeature, Face, describe_size, faces_of, name_edges
-from imdim.program.tree import Primitive, Program, leaves
+from imdim.program.tree import Program, leaves
 from imdim.target.target import Frame, Target, with_mesh
 
 NEAR = 0.05  # of a blend's size, and
@@ -33,6 +34,7 @@ ALIGNED = 0.9995  # cosine between their normals
 RIGHT = 0.7  # of the volume of a blend that has to be right
 TIDY = 5e-3  # of a size, by which it may be rounded
 ECHO, ECHO_AREA, ECHO_COSINE = 1e-3, 0.1, 0.9995  # of the diagonal, of the larger flat's area, and between normals
+ALONG = 7  # places of a stretch at which it is looked whether it runs along another one
 GATHERED = 1e-2  # of a size, within which chains have one
 
 
@@ -106,7 +108,7 @@ def find_edge_features(program: Program, chains: Sequence[Chain], target: Target
     faces = list(_faces(program))
     features: list[EdgeFeature] = []
     left_out: list[str] = []
-    taken: set[tuple[float, ...]] = set()
+    taken: list[BlendedEdge] = []
     for group in _gathered(chains):
         sizes = _tidy(group[0].sizes)
         edges: list[tuple[Face, Face]] = []
@@ -181,22 +183,19 @@ def _is_beside(surface: Surface, side: Surface, corners: np.ndarray, slack: floa
 
 
 def _borne_out(
-    program: Program, solid: Manifold, wanted: Manifold, feature: EdgeFeature | None, taken: set[tuple[float, ...]]
+    program: Program, solid: Manifold, wanted: Manifold, feature: EdgeFeature | None, taken: list[BlendedEdge]
 ) -> list[tuple[Face, Face]]:
-    """Those edges of a feature that make the solid of a program more like the one `wanted`, without those whose places are `taken`, to
-    which they are added: faces of several primitives may lie in one plane."""
+    """Those edges of a feature that make the solid of a program more like the one `wanted`, without those that run along the ones `taken`,
+    to which they are added: faces of several primitives may lie in one plane."""
     if feature is None:
         return []
-    pieces = [p for p in blend_solids(program, [feature]).pieces if isinstance(p.solid, Primitive)]
+    found = find_edges(program, [feature]).edges
+    pieces = sweep_blends(found)[: len(found)]
     kept: list[tuple[Face, Face]] = []
     for k, edge in enumerate(feature.edges):
         right = whole = 0.0
-        places = set()
-        for piece in (p for p in pieces if p.edge == k):
-            place = _place(piece.solid)
-            if place in taken:
-                continue
-            places.add(place)
+        own = [(e, piece) for e, piece in zip(found, pieces, strict=True) if e.edge == k and not _runs_along(e, taken)]
+        for _, piece in own:
             blend = to_manifold(piece.solid)
             part = (blend ^ solid) if piece.cuts else (blend - solid)
             volume, inside = part.volume(), (part ^ wanted).volume()
@@ -204,11 +203,11 @@ def _borne_out(
             right += volume - inside if piece.cuts else inside
         if right > RIGHT * whole > 0:
             kept.append(edge)
-            taken |= places
+            taken += [e for e, _ in own]
     return kept
 
 
-def _place(solid: Program) -> tuple[float, ...]:
-    """Where a piece is and how large, rounded: two with one place are one."""
-    assert isinstance(solid, Primitive)
-    return tuple(float(f"{v:.5g}") + 0.0 for v in (*solid.center, *solid.size))
+def _runs_along(edge: BlendedEdge, others: Sequence[BlendedEdge]) -> bool:
+    """Whether a stretch of an edge is one of others, or part of it."""
+    points = edge.points(ALONG)
+    return any((other.distances(points) < NEAR * edge.size).all() for other in others)

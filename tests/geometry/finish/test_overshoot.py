@@ -10,7 +10,7 @@ from tests.known_programs import EVERY
 
 from imdim.geometry.finish.overshoot import overshoot
 from imdim.geometry.solid import to_manifold, volume
-from imdim.program.tree import Primitive, combine_all, leaves, map_leaves
+from imdim.program.tree import Combine, Primitive, combine_all, leaves, map_leaves
 
 
 def difference(a: Manifold, b: Manifold) -> float:
@@ -59,6 +59,16 @@ def test_cutters_stick_out_by_a_round_number():
     assert (hole.size, hole.center) == ((5.0, 12.0), (20.0, 0.0, 0.0))
     _, pocket = leaves(overshoot(cut(PLATE, POCKET)))
     assert (pocket.size, pocket.center) == ((20.0, 20.0, 6.0), (-20.0, 0.0, 3.0))
+
+
+def test_faces_that_are_kept_and_those_of_their_copies_stay():
+    plate, hole = Primitive("box", (10.0, 10.0, 2.0)), Primitive("cylinder", (2.0, 2.0))
+    program = Combine("difference", plate, hole)
+    low, high = (2, -1), (2, 1)
+    one = overshoot(program, kept=[(1, low)])
+    assert one.right.center[2] + one.right.size[1] / 2 > 1.0
+    assert one.right.center[2] - one.right.size[1] / 2 == pytest.approx(-1.0)
+    assert overshoot(program, kept=[(1, low), (1, high)]) == program
 
 
 def test_no_overshoot_into_other_material():

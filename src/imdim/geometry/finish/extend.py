@@ -24,6 +24,11 @@ def plane_faces(leaf: Primitive) -> Iterator[Face]:
         yield from ((2, side) for side in (-1, 1) if leaf.kind != "cone" or _end_radii(leaf, side)[0] > 0)
 
 
+def plane_face(name: str) -> Face | None:
+    """The face that an edge names like ``+z``; None for a wall or a side."""
+    return ("xyz".index(name[1]), 1 if name[0] == "+" else -1) if name[0] in "+-" else None
+
+
 def flip_face(face: Face) -> Face:
     """The face of a mirror image, which is turned so that its local x is the other way."""
     return (0, -face[1]) if face[0] == 0 else face

@@ -17,6 +17,7 @@ outside, unseen. Such cutters are prolonged here until the stray end is gone (`w
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 import numpy as np
 from manifold3d import Manifold
@@ -37,10 +38,17 @@ NOTHING = 1e-6  # of the target's volume
 REACHES = (0.1, 0.3, 1.0)  # of the diagonal, by which a cutter is prolonged to end a stray
 
 
-def overshoot(program: Program, folded: Folded | None = None, reach: float | None = None, deadline: Deadline = NEVER) -> Program:
+def overshoot(
+    program: Program,
+    folded: Folded | None = None,
+    reach: float | None = None,
+    deadline: Deadline = NEVER,
+    kept: Collection[tuple[int, Face]] = (),
+) -> Program:
     """The same solid with cutters that stick out of what they cut, and joined parts that sink into each other.
 
-    `folded`, which `program` is the expansion of, says which leaves are copies. Cutters go first, and what already sticks out stays.
+    `folded`, which `program` is the expansion of, says which leaves are copies. Cutters go first, and what already sticks out stays, as do
+    the faces of leaves that are `kept`, and those of their copies.
     Overshoots are `reach`, else halves of it; by default round numbers: a power of ten, at most REACH of the diagonal.
     Past the `deadline` (by default never) the other faces stay where they are.
     """
@@ -53,6 +61,8 @@ def overshoot(program: Program, folded: Folded | None = None, reach: float | Non
     for index in sorted(copies, key=lambda i: sign[i]):
         for face in () if deadline.has_passed() else plane_faces(placed[index].leaf):
             faces = [(i, flip_face(face) if mirrored else face) for i, mirrored in copies[index]]
+            if any(own in kept for own in faces):
+                continue
             extended = (_extend(program, placed, faces, step, SKIN * size) for step in steps)
             placed = next((parts for parts in extended if parts is not None), placed)
     return map_leaves(program, lambda i, _: placed[i].leaf)
