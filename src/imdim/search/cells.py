@@ -14,6 +14,7 @@ import numpy as np
 
 from imdim.geometry.rotations import frame_from_axis
 from imdim.search.arrangement import Arrangement, codes
+from imdim.search.kernels import add_axial_density, add_box_density, hash_rows
 
 # Weights of (excess, lack). Cheap excess proposes hulls to cut from, dear lack pure cuts, dear excess pure pieces.
 Weights = tuple[float, float]
@@ -98,9 +99,14 @@ def _group(slabs: np.ndarray, inside: np.ndarray) -> tuple[np.ndarray, np.ndarra
     """First index of each distinct row of codes, and the row's group per point."""
     packed = np.concatenate([slabs.astype(np.int16).view(np.uint8).reshape(len(slabs), -1), np.packbits(inside, axis=1)], axis=1)
     packed = np.ascontiguousarray(packed)
-    rows = packed.view([("", np.void, packed.shape[1])]).reshape(-1) if packed.shape[1] else np.zeros(len(slabs), np.int8)
-    _, first, member = np.unique(rows, return_index=True, return_inverse=True)
-    return first, member.reshape(-1)
+    _, first, member = np.unique(hash_rows(packed), return_index=True, return_inverse=True)
+    if not np.array_equal(packed[first[member]], packed):  # two rows share their number, which one in 10^9 runs may see
+        _, first, member = np.unique(packed, axis=0, return_index=True, return_inverse=True)
+    rows = packed[first]
+    order = np.lexsort(rows.T[::-1]) if rows.shape[1] else np.arange(len(rows))
+    place = np.empty(len(order), np.int64)
+    place[order] = np.arange(len(order))
+    return first[order], place[member.reshape(-1)]
 
 
 def importance_samples(arrangement: Arrangement, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -117,10 +123,11 @@ def importance_samples(arrangement: Arrangement, count: int, rng: np.random.Gene
     every = np.concatenate(points)
     every = every[((every >= far_low) & (every <= far_high)).all(1)]
     near = ((every >= low) & (every <= high)).all(1)
-    density = np.where(near, 2 * share / np.prod(high - low), 0.0) + share / np.prod(far_high - far_low)
+    density = np.zeros(len(every))
     for part in parts:
-        density += share * part.density(every)
-    return every, 1 / density
+        part.add_density(density, every)
+    uniform = np.where(near, 2 * share / np.prod(high - low), 0.0) + share / np.prod(far_high - far_low)
+    return every, 1 / (uniform + share * density)
 
 
 @dataclass(frozen=True)
@@ -133,10 +140,10 @@ class _Slabs:
         cumulative = np.concatenate([[0.0], np.cumsum(self._mass())])
         return np.interp(rng.random(n), cumulative, self.edges)
 
-    def density(self, x: np.ndarray) -> np.ndarray:
-        widths = np.diff(self.edges)
-        at = np.clip(np.searchsorted(self.edges, x, side="right") - 1, 0, len(widths) - 1)
-        return np.where((x >= self.edges[0]) & (x <= self.edges[-1]), (self._mass() / np.maximum(widths, THINNEST))[at], 0.0)
+    @property
+    def steps(self) -> np.ndarray:
+        """The density in each slab."""
+        return self._mass() / np.maximum(np.diff(self.edges), THINNEST)
 
     def _mass(self) -> np.ndarray:
         widths = np.diff(self.edges)
@@ -151,9 +158,9 @@ class _BoxDensity:
     def draw(self, n: int, rng: np.random.Generator) -> np.ndarray:
         return np.stack([s.draw(n, rng) for s in self.slabs], axis=1) @ self.axes
 
-    def density(self, points: np.ndarray) -> np.ndarray:
-        local = points @ self.axes.T
-        return np.prod([s.density(local[:, i]) for i, s in enumerate(self.slabs)], axis=0)
+    def add_density(self, total: np.ndarray, points: np.ndarray) -> None:
+        """Add the density at points [n, 3] to `total` [n]."""
+        add_box_density(total, points, self.axes, *(a for s in self.slabs for a in (s.edges, s.steps)))
 
 
 @dataclass(frozen=True)
@@ -169,11 +176,10 @@ class _AxialDensity:
         base = self.origin - (self.origin @ self.frame[2]) * self.frame[2]
         return base + flat @ self.frame + height[:, None] * self.frame[2]
 
-    def density(self, points: np.ndarray) -> np.ndarray:
-        height = points @ self.frame[2]
-        local = (points - self.origin) @ self.frame[:2].T
-        rho = np.maximum(np.hypot(local[:, 0], local[:, 1]), 1e-12)
-        return self.radii.density(rho) * self.heights.density(height) / (2 * np.pi * rho)
+    def add_density(self, total: np.ndarray, points: np.ndarray) -> None:
+        """Add the density at points [n, 3] to `total` [n]."""
+        slabs = (a for s in (self.radii, self.heights) for a in (s.edges, s.steps))
+        add_axial_density(total, points, self.origin, np.ascontiguousarray(self.frame), *slabs)
 
 
 def _frame_densities(arrangement: Arrangement) -> list[_BoxDensity]:

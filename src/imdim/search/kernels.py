@@ -27,6 +27,61 @@ def best_interval(sums: np.ndarray) -> tuple[float, int, int]:
 
 
 @njit(nogil=True, cache=True)
+def _step_at(edges: np.ndarray, steps: np.ndarray, x: float) -> float:
+    """The value at `x` of what is `steps` [n] between `edges` [n + 1], and 0 beyond them."""
+    if not edges[0] <= x <= edges[-1]:
+        return 0.0
+    low, high = 0, len(steps)
+    while high - low > 1:
+        middle = (low + high) // 2
+        if edges[middle] <= x:
+            low = middle
+        else:
+            high = middle
+    return steps[low]
+
+
+@njit(nogil=True, cache=True)
+def add_box_density(total, points, axes, x_edges, x_steps, y_edges, y_steps, z_edges, z_steps) -> None:
+    """Add to `total` [n] the density at `points` [n, 3] that is a product of steps along three `axes` [3, 3], in rows."""
+    for i in range(len(points)):
+        p = points[i]
+        value = _step_at(x_edges, x_steps, p[0] * axes[0, 0] + p[1] * axes[0, 1] + p[2] * axes[0, 2])
+        if value > 0.0:
+            value *= _step_at(y_edges, y_steps, p[0] * axes[1, 0] + p[1] * axes[1, 1] + p[2] * axes[1, 2])
+        if value > 0.0:
+            value *= _step_at(z_edges, z_steps, p[0] * axes[2, 0] + p[1] * axes[2, 1] + p[2] * axes[2, 2])
+        total[i] += value
+
+
+@njit(nogil=True, cache=True)
+def add_axial_density(total, points, origin, frame, radii, radial_steps, heights, height_steps) -> None:
+    """Add to `total` [n] the density at `points` [n, 3] that is a product of steps in the distance from an axis, the third row of `frame`
+    [3, 3] through `origin` [3], and along it from the world's origin, the same all about the axis."""
+    for i in range(len(points)):
+        p = points[i]
+        value = _step_at(heights, height_steps, p[0] * frame[2, 0] + p[1] * frame[2, 1] + p[2] * frame[2, 2])
+        if value > 0.0:
+            x, y, z = p[0] - origin[0], p[1] - origin[1], p[2] - origin[2]
+            u = x * frame[0, 0] + y * frame[0, 1] + z * frame[0, 2]
+            v = x * frame[1, 0] + y * frame[1, 1] + z * frame[1, 2]
+            rho = max(np.hypot(u, v), 1e-12)
+            total[i] += value * _step_at(radii, radial_steps, rho) / (2 * np.pi * rho)
+
+
+@njit(nogil=True, cache=True)
+def hash_rows(rows: np.ndarray) -> np.ndarray:
+    """A number of 64 bits [n] for each row of bytes [n, k], the same for equal rows (FNV-1a: Fowler, Noll and Vo)."""
+    out = np.empty(len(rows), np.uint64)
+    for i in range(len(rows)):
+        h = np.uint64(0xCBF29CE484222325)
+        for k in range(rows.shape[1]):
+            h = (h ^ np.uint64(rows[i, k])) * np.uint64(0x100000001B3)
+        out[i] = h
+    return out
+
+
+@njit(nogil=True, cache=True)
 def add_to_slots(before: np.ndarray, slots: np.ndarray, cells: np.ndarray, values: np.ndarray) -> np.ndarray:
     """A copy of sums `before` [s] with `values` [k] added in the slots of `cells` [k], of all whose `slots` [m]."""
     sums = before.copy()
