@@ -9,6 +9,7 @@ import numpy as np
 from imdim.detection.facets import Facets, Growing, points_of
 from imdim.detection.fit_ellipsoid import lies_on, quadric_ellipsoid
 from imdim.detection.fit_surface import fit_surface
+from imdim.detection.mesh_support import members_of
 from imdim.geometry.surface import Surface, vec
 
 LEAST_CORNERS = 11  # of an ellipsoid, which nine fix
@@ -28,6 +29,9 @@ def hypotheses(seed: int, state: Growing) -> list[tuple[float, Surface]]:
         gentlest = [alike[i] for i in np.argsort(-(facets.normals[alike] @ facets.normals[seed]), kind="stable")[:3]]
         trios = [np.array([seed, a, b]) for a, b in itertools.combinations(gentlest, 2)]
         out += [(1.01, s) for s in (_cone_through(facets, trio) for trio in [*trios, ring]) if s]
+    # where strips and trios explain all around them, the fits that take longest could explain no more
+    if len(ring) >= 8 and any(len(members_of(guess, state, 1.0, ring)) == len(ring) for _, guess in out):
+        return out
     if len(ring) >= 4:
         points, point_normals = _corner_normals(facets, ring)
         # a small ring keeps clear of cuts, a wide one is more exact
