@@ -54,7 +54,7 @@ def test_evolution_is_asked_only_where_it_is_wanted(monkeypatch, evolution, solv
     asked = []
     monkeypatch.setattr(methods, "TOUCHED", -1.0)
     monkeypatch.setattr(methods, "evolve_observation", lambda *given: asked.append(given) or iter(()))
-    snapshots(evolution=evolution, solver=solver)
+    snapshots(evolution=evolution, solver=solver, objective="primitives")  # one search, which draws
     assert [given[-1] for given in asked] == ([solver] if evolution else [])
 
 
@@ -63,5 +63,5 @@ def test_evolution_is_asked_to_shorten_long_programs(monkeypatch, long):
     asked = []
     monkeypatch.setattr(methods, "LONG", long)
     monkeypatch.setattr(methods, "evolve_observation", lambda *given: asked.append(given) or iter(()))
-    assert len(list(leaves(snapshots()[-1].program))) == 1
+    assert len(list(leaves(snapshots(objective="primitives")[-1].program))) == 1
     assert len(asked) == (long == 1)

@@ -50,9 +50,9 @@ def test_a_planted_part_comes_back(name, language):
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("name", PARTS)
 def test_snapshots_tell_the_run(name, language):
-    """A program of the six primitives is proved minimal; one with outlines, as all of these are where they may be, is not."""
+    """A program of the six primitives is proved minimal; one with outlines is not."""
     run = reconstructed(name, language)
-    stages, proofs = [s.stage for s in run], ["proof"] if language == "csg" else []
+    stages, proofs = [s.stage for s in run], [] if any(leaf.outline for leaf in leaves(run[-1].program)) else ["proof"]
     assert [s for i, s in enumerate(stages) if i == 0 or stages[i - 1] != s] == ["search", *proofs, "simplify", "solve", "finished"]
     assert run[-1].proof == ("proved minimal over these candidates" if proofs else "")
     assert [s.stop for s in run[:-1]] == [None] * (len(run) - 1)
@@ -71,13 +71,25 @@ def test_typed_numbers_come_back_exactly():
     assert sorted(radii) == [5.0, 8.0, 12.0]
 
 
+def test_what_primitives_tell_as_well_is_not_drawn():
+    plate = list(leaves(reconstructed("plate with four holes")[-1].program))
+    assert sorted(leaf.kind for leaf in plate) == ["box", *["cylinder"] * 4]
+    assert [leaf.kind for leaf in leaves(counted("plate with four holes").program)] == ["extrude"]
+
+
+def counted(name: str) -> Snapshot:
+    """What is found where a drawing counts as one primitive."""
+    *_, last = reconstruct(target_from(mesh_of(PARTS[name])), Settings(objective="primitives"), np.random.default_rng(0))
+    return last
+
+
 def test_typed_numbers_come_back_exactly_in_outlines():
-    (plate,) = leaves(reconstructed("plate with four holes")[-1].program)
+    (plate,) = leaves(counted("plate with four holes").program)
     assert (plate.kind, plate.size, plate.center) == ("extrude", (6.0,), (0.0, 0.0, 0.0))
     circles = [circle_of(loop) for loop in plate.outline.loops if circle_of(loop)]
     assert sorted(circles) == [(-30.0, -15.0, 3.0), (-30.0, 15.0, 3.0), (30.0, -15.0, 3.0), (30.0, 15.0, 3.0)]
     assert plate.outline.bounds == ((-40.0, -25.0), (40.0, 25.0))
-    (shaft,) = leaves(reconstructed("stepped shaft")[-1].program)
+    (shaft,) = leaves(counted("stepped shaft").program)
     (loop,) = shaft.outline.loops
     assert {x for x, _, _ in loop} == {0.0, 5.0, 8.0, 12.0}
     assert sorted({shaft.center[2] + y for _, y, _ in loop}) == [0.0, 20.0, 27.0, 33.0, 40.0, 60.0]
@@ -255,7 +267,7 @@ def test_a_run_is_cut_where_its_method_says_so_not_where_a_deadline_was_asked(cu
 def test_numbers_are_not_bent_towards_facets():
     """A funnel whose wall is thin beside what its facets leave out of it: an evolution that may fit facets takes radii of 199.9."""
     wall = cut(Primitive("cone", (200.0, 100.0, 200.0)), Primitive("cone", (197.0, 97.0, 200.0)))
-    *_, last = reconstruct(target_from(mesh_of(wall, 64)), Settings(language="cad"), np.random.default_rng(0))
+    *_, last = reconstruct(target_from(mesh_of(wall, 64)), Settings(objective="primitives"), np.random.default_rng(0))
     (funnel,) = leaves(last.program)
     assert funnel.outline is not None
     assert {round(v[0], 9) for loop in funnel.outline.loops for v in loop} == {100.0, 97.0, 200.0, 197.0}

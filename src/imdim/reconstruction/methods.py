@@ -6,6 +6,7 @@ fitting and rounding come after it and are the same for all (`pipeline`).
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -23,6 +24,7 @@ from imdim.reconstruction.config import Settings
 from imdim.reconstruction.evolution import evolve_observation, log_generations, seeds_of
 from imdim.reconstruction.fitting import POOR
 from imdim.reconstruction.observation import SAMPLES, Observation
+from imdim.reconstruction.plain_program import is_plainer, may_be_plain
 from imdim.reconstruction.policy_beam import misfit, proposals
 from imdim.reconstruction.proof import Proofs
 from imdim.search.counterexamples import Sharpener, transfer
@@ -90,7 +92,32 @@ Method = Callable[[Run], Iterator[MethodStep]]
 
 
 def auto(run: Run) -> Iterator[MethodStep]:
-    """The structure search and a short evolution; the decision tree and the policy where these leave much; proofs, which end it early."""
+    """The structure search and a short evolution; the decision tree and the policy where these leave much; proofs, which end it early.
+
+    Where the search draws little, it is asked for primitives alone too.
+    """
+    best: MethodStep | None = None
+    for best in _search_all(run):
+        yield best
+    if best is not None and run.settings.synthesis and _may_be_plain(run, best):
+        plain = _last(_search_all(replace(run, seen=run.seen.without_outlines, rng=run.rng.spawn(1)[0])))
+        if plain is not None and is_plainer(plain.program, best.program, run.seen):
+            yield replace(plain, others=(*best.others, best.program, *plain.others))
+
+
+def _may_be_plain(run: Run, drawn: MethodStep) -> bool:
+    """Whether primitives alone may tell what was drawn, and are counted as more than that; and there is time to look for them."""
+    wanted = run.settings.objective != "primitives" and run.seen.evidence.exact and may_be_plain(drawn.program)
+    return wanted and not run.part_of("starts").has_passed()
+
+
+def _last(steps: Iterator[MethodStep]) -> MethodStep | None:
+    left = deque(steps, maxlen=1)
+    return left.pop() if left else None
+
+
+def _search_all(run: Run) -> Iterator[MethodStep]:
+    """What `auto` does with one set of candidates."""
     best: MethodStep | None = None
     proofs = Proofs(run.seen, run.budget, run.share)
     for best in _search_and_touch_up(run, proofs):

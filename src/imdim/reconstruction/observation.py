@@ -96,6 +96,11 @@ class Observation:
     def cells(self) -> Cells:
         return self.families.cells
 
+    @property
+    def without_outlines(self) -> Observation:
+        """The same samples, for a search among primitives alone."""
+        return replace(self, families=Families(self.families.arrangement, self.cells))
+
     def error(self, program: Program) -> float:
         """Volume in which the body and a program differ over the samples, relative to the body's."""
         samples = self.samples

@@ -1,0 +1,53 @@
+"""Primitives alone are taken for drawings where there is hardly more to read in them, and the part is the same."""
+
+import numpy as np
+import pytest
+from tests.planted import box, cut, cylinder, mesh_of
+
+from imdim.program.cost import count_numbers, reading_length
+from imdim.program.outline import Outline, circle
+from imdim.program.tree import Primitive, Program
+from imdim.reconstruction.observation import Observation, UnitBody, observe
+from imdim.reconstruction.plain_program import is_plainer, may_be_plain
+from imdim.target.target import target_from
+
+RECTANGLE = tuple((x, y, 0.0) for x, y in ((-0.4, -0.3), (0.4, -0.3), (0.4, 0.3), (-0.4, 0.3)))
+HOLES = [(x, y) for x in (-0.3, 0.3) for y in (-0.2, 0.2)]
+DRAWN = Primitive("extrude", (0.1,), outline=Outline((RECTANGLE, *(circle(0.05, x, y) for x, y in HOLES))))
+PLAIN = cut(box(0.8, 0.6, 0.1), *(cylinder(0.05, 0.2, (x, y, 0.0)) for x, y in HOLES))
+ROUNDED = Primitive("extrude", (0.1,), outline=Outline((tuple((x, y, 0.1 * (i % 2)) for i, (x, y, _) in enumerate(RECTANGLE)),)))
+
+
+@pytest.fixture(scope="module")
+def plate() -> Observation:
+    return observe(UnitBody.of(target_from(mesh_of(PLAIN)), np.random.default_rng(0)), 2.5e-4, np.random.default_rng(0), outlines=True)
+
+
+def test_lengths_of_one_size_are_one_number() -> None:
+    assert count_numbers(box(2.0, 3.0, 2.0)) == 2
+    assert count_numbers(PLAIN) == 6  # 0.8, 0.6, 0.1; of cutters the radius, the place in x, and that in y, which is their height too
+    assert count_numbers(DRAWN) == 6  # 0.1; half of 0.8 and of 0.6; where holes begin and end in x, and their place in y
+    assert reading_length(PLAIN) == 5 + 6
+    assert reading_length(DRAWN) == 1 + 6 + 0.5 * 8
+
+
+@pytest.mark.parametrize(
+    ("plain", "drawn", "is_taken"),
+    [
+        (PLAIN, DRAWN, True),
+        (cut(box(0.8, 0.6, 0.1), *(cylinder(0.05, 0.2, (x, y, 0.0)) for x, y in HOLES[:3])), DRAWN, False),  # another part
+        (DRAWN, DRAWN, False),  # no primitives alone
+        (cut(PLAIN, *(cylinder(0.05, 0.2, (x, y, 0.0)) for x, y in HOLES * 2)), DRAWN, False),  # more than a dozen
+        (cut(PLAIN, *(cylinder(0.01 + 0.001 * k, 0.2 + 0.01 * k, HOLES[0] + (0.0,)) for k in range(6))), DRAWN, False),  # more to read
+    ],
+    ids=["same", "hole left out", "drawn", "long", "many numbers"],
+)
+def test_which_program_is_taken(plate: Observation, plain: Program, drawn: Program, is_taken: bool) -> None:
+    assert is_plainer(plain, drawn, plate) is is_taken
+
+
+def test_primitives_are_looked_for_where_little_is_drawn() -> None:
+    assert may_be_plain(DRAWN)
+    assert not may_be_plain(PLAIN)
+    many = Outline((RECTANGLE, *(circle(0.01, -0.35 + 0.02 * k, 0.0) for k in range(37))))
+    assert not may_be_plain(Primitive("extrude", (0.1,), outline=many))
