@@ -16,7 +16,7 @@ import trimesh
 from tests.drawn import BORED
 
 from imdim.app.cli import main as imdim
-from imdim.app.fit import fit, one_line, summary
+from imdim.app.fit import LEFT_OUT, fit, one_line, summary
 from imdim.app.fit import main as run
 from imdim.app.progress import show_progress
 from imdim.geometry.solid import to_manifold, to_trimesh
@@ -248,6 +248,37 @@ def test_the_seed_reaches_the_reconstruction(part, tmp_path, monkeypatch):
     for seed in (0, 0, 1):
         fit(Settings(input=str(part), output=str(tmp_path / "out"), seed=seed), draw)
     assert drawn[0] == drawn[1] == np.random.default_rng(0).random() != drawn[2]
+
+
+def test_what_is_mostly_left_out_does_not_end_well(tmp_path, capsys):
+    """A box for a tower of which it is the foot: files are written, but last line and exit status say that they are not the part."""
+    tower = trimesh.creation.box((1.0, 2.0, 30.0))
+    tower.apply_translation((0.0, 0.0, 13.5))
+    tower.export(tmp_path / "tower.stl")
+    settings = Settings(input=str(tmp_path / "tower.stl"), output=str(tmp_path / "out"))
+    assert run(lambda: settings, box_found) == LEFT_OUT
+    said = capsys.readouterr().out
+    assert "  verdict  left out: " in said
+    assert said.endswith("this is not the part: most of its surface is left out\n")
+    assert (tmp_path / "out" / "program.scad").is_file()
+
+
+def test_regions_that_are_alike_are_told_once() -> None:
+    def region(share: float, what: str, where: str) -> dict:
+        return {"verdict": "left out", "what": what, "where": where, "share": share}
+
+    regions = [
+        region(0.03, "4 x 4 x 6", "at (1, 2, 3)"),
+        region(0.03, "4 x 4 x 6", "at (9, 2, 3)"),
+        region(0.01, "12 teeth", "at (0, 0, 0)"),
+    ]
+    verdict = {"overall": "approximated", "says": "93.0 % is exact", "regions": [*regions, region(1e-4, "1 x 1 x 1", "at (5, 5, 5)")]}
+    said = summary({**REPORT, "verdict": verdict}, Path("out"))
+    where = "6.0 % left out, 2 x (4 x 4 x 6), the first at (1, 2, 3); 1.0 % left out, 12 teeth at (0, 0, 0)"
+    assert f"  verdict  approximated: 93.0 % is exact\n  where    {where}\n" in said
+    assert "hint" not in said
+    cut_short = {**REPORT, "verdict": verdict, "stop": "budget_spent", "settings": {"budget_s": 30.0}}
+    assert "  hint     the time ended the search: try --budget 60\n" in summary(cut_short, Path("out"))
 
 
 def test_edges_are_told_with_the_way_to_draw_them() -> None:

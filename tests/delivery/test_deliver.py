@@ -1,7 +1,10 @@
+import base64
 import json
 
+import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 from tests.deadlines import PASSED
 from tests.export.coincident import MEANT
 from tests.known_programs import KNOWN
@@ -14,6 +17,7 @@ from imdim.delivery.finish import finish
 from imdim.export import step_worker
 from imdim.export.folder import FILES
 from imdim.export.numbers import round_program
+from imdim.export.preview import GAP, HEADER, PANEL
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.codec import constraints_of, from_json, loads, parse
 from imdim.program.outline import Outline, circle
@@ -83,6 +87,33 @@ def test_the_report_says_what_was_measured(delivered):
         assert report["volumes"]["program.step"] == pytest.approx(EXACT, rel=1e-7)
     assert report["timing"]["stages_s"] == {"load": 0.5, "search": 2.25}
     assert set(report["versions"]) >= {"python", "imdim", "numpy", "manifold3d"}
+
+
+def test_the_report_says_what_became_of_the_surface(delivered, tmp_path):
+    folder, report = delivered
+    verdict = report["verdict"]
+    assert verdict["overall"] == "exact"
+    assert verdict["shares"] == {"exact": 1, "approximated": 0, "left out": 0}
+    assert verdict["regions"] == []
+    assert f"  verdict  exact: {verdict['says']}\n" in summary(report, tmp_path)
+    assert verdict["says"] in (folder / "report.html").read_text()
+    with Image.open(folder / "preview.png") as picture:
+        assert picture.width == 4 * (PANEL + GAP)
+
+
+def test_what_the_result_lacks_is_named(tmp_path):
+    part = target_from(mesh_of(cut(box(60, 40, 6), cylinder(3, 20, (-22, 0, 0)), cylinder(8, 20, (15, 0, 0)))))
+    report = deliver(box(60, 40, 6), part, tmp_path / "out", RUN, step_limit_s=0.1)
+    regions = report["verdict"]["regions"]
+    assert {region["verdict"] for region in regions} == {"left out"}
+    assert sum(region["share"] for region in regions) == pytest.approx(report["verdict"]["shares"]["left out"], abs=1e-3)
+    said = summary(report, tmp_path / "out")
+    assert "  verdict  approximated: " in said
+    assert f" left out, {regions[0]['what']} {regions[0]['where']}; " in said
+    pixels = np.asarray(Image.open(tmp_path / "out" / "preview.png").convert("RGB"), int)[HEADER:, 3 * (PANEL + GAP) :]
+    assert ((pixels[..., 0] > 100) & (pixels[..., 1] < 60)).sum() > 1000  # crimson, of the key and of more
+    data = json.loads((tmp_path / "out" / "report.html").read_text().split('id="data">')[1].split("</script>")[0])
+    assert set(base64.b64decode(data["target"]["verdicts"])) == {0, 2}
 
 
 def test_the_same_run_gives_the_same_bytes(delivered, target, tmp_path):

@@ -13,7 +13,7 @@ from tests.planted import box, cut, cylinder
 
 from imdim.delivery.deliver import RunRecord, deliver
 from imdim.export.html import content, page
-from imdim.export.html_surfaces import MOST_FACES, cluster_vertices, split_edges
+from imdim.export.html_surfaces import MOST_FACES, cluster_vertices
 from imdim.geometry.solid import surface_with_owners, to_manifold, to_trimesh
 from imdim.geometry.triangles import distances, triangle_tree
 from imdim.program.codec import to_json
@@ -164,19 +164,6 @@ def test_the_size_is_bounded():
 def test_the_same_content_gives_the_same_bytes():
     document, target = to_json(PROGRAM), target_from(to_trimesh(to_manifold(PROGRAM)))
     assert page(content(document, target)) == page(content(document, target))
-
-
-def test_refining_keeps_the_solid_closed():
-    part = to_trimesh(to_manifold(PROGRAM))
-    vertices, faces = split_edges(np.asarray(part.vertices), np.asarray(part.faces), 4.0, 100_000)
-    fine = trimesh.Trimesh(vertices, faces, process=False)
-    assert fine.is_watertight
-    assert fine.volume == pytest.approx(part.volume, rel=1e-12)
-    assert fine.area == pytest.approx(part.area, rel=1e-12)
-    assert fine.edges_unique_length.max() <= 4.0
-    bounded = trimesh.Trimesh(*split_edges(np.asarray(part.vertices), np.asarray(part.faces), 0.001, 20_000), process=False)
-    assert 18_000 < len(bounded.faces) <= 20_000
-    assert bounded.edges_unique_length.max() < 0.2 * part.edges_unique_length.max()
 
 
 def test_thinning_keeps_the_shape_and_the_owners():

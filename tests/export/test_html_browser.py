@@ -211,6 +211,18 @@ def test_cutters_are_red_on_demand(opened, report):
     assert like(pixels(tab, 1), *RED) == pytest.approx(before, abs=1e-3)
 
 
+def test_the_target_by_what_became_of_it(opened, report):
+    """The block that the program lacks is crimson, and the legend says how much of the surface that is."""
+    tab = opened(report)
+    assert not tab.locator(".verdicts").is_visible()
+    tab.get_by_role("button", name="Verdict").click()
+    assert like(pixels(tab, 0), (90, 0, 20), (200, 50, 80)) > 0.002
+    assert tab.locator(".verdicts li").nth(1).inner_text().strip() == "approximated 0.0 %"
+    assert not tab.locator(".legend").is_visible()
+    tab.get_by_role("button", name="Verdict").click()
+    assert tab.locator(".legend").is_visible()
+
+
 def test_the_tree_by_keyboard(opened, report):
     tab = opened(report)
     tab.focus('#tree [tabindex="0"]')

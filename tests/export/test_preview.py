@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from imdim.export.preview import HEADER, PANEL, VIEW, preview, side_by_side, thumbnail
+from imdim.export.preview import GAP, HEADER, PANEL, VIEW, preview, side_by_side, thumbnail
+from imdim.export.verdict_colours import ColouredTarget
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.tree import Combine, Primitive
 from imdim.target.target import Target, target_from
@@ -46,6 +47,22 @@ def test_what_is_missed_is_red_and_what_is_found_is_not(as_cloud):
     target = target_from(trimesh.sample.sample_surface(body, 4000, seed=0)[0] if as_cloud else body)
     assert [reddish(panel) > 1000 for panel in panels(target, BLOCK, 1.0)] == [False, False, True]
     assert [reddish(panel) for panel in panels(target, STEPPED, 0.0)] == [0, 0, 0]
+
+
+@pytest.mark.parametrize("as_cloud", [False, True])
+def test_a_verdict_is_a_fourth_panel(as_cloud):
+    """Crimson is what stands on the block, grey the rest."""
+    body = mesh(STEPPED)
+    target = target_from(trimesh.sample.sample_surface(body, 4000, seed=0)[0] if as_cloud else body)
+    pieces = target.points if as_cloud else body.triangles_center
+    codes = np.where(pieces[:, 2] > 0.51, 2, 0)
+    shares = {"exact": "70 %", "approximated": "0 %", "left out": "30 %"}
+    shown = preview(target, mesh(BLOCK), 1.0, ColouredTarget(None if as_cloud else body, codes, shares))
+    assert shown.width == 4 * (PANEL + GAP)
+    panel = np.asarray(shown, np.int64)[HEADER : HEADER + PANEL, GAP // 2 + 3 * (PANEL + GAP) :]
+    crimson = (panel[..., 0] - panel[..., 1] > 60).sum()
+    view = abs(VIEW / np.linalg.norm(VIEW))
+    assert crimson / inked(panel[:, :PANEL]) == pytest.approx(view.sum() / (view @ [2, 3, 6] + view[:2].sum()), rel=0.15)
 
 
 @pytest.mark.parametrize(("scale", "offset"), [(1e-6, 0.0), (1e6, 0.0), (1.0, 1e6)])

@@ -19,7 +19,8 @@ ABOUT = "A mesh or a point cloud becomes a short, editable CSG program."
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command; the exit status is 0, or 2 for input or arguments that cannot be used (one line on stderr)."""
+    """Run one command; the exit status is 0, or 2 for input or arguments that cannot be used (one line on stderr), or what the command's
+    own `main` says."""
     parser = argparse.ArgumentParser(prog="imdim", description=ABOUT, epilog="`imdim fit --help` tells more.")
     parser.add_argument("--version", action="version", version=f"imdim {version('imdim')}")
     about = "fit: reconstruct one part; batch: every part of a folder; export: write one program of a front.json; "

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from os import environ
 from pathlib import Path
@@ -29,12 +29,15 @@ FILES_S = 5.0  # of these, for the files of a program that is finished
 LEAST_S = 1.0  # for the reconstruction, however long loading took
 MOST_SAID = 6  # groups of holes on the screen; the report has all
 DIFFERS = 1e-3  # of the volume IoU, from which delivery says that it did not keep what was found
+SAID_REGIONS, LEAST_SAID = 3, 1e-3  # regions on the screen, and the share of the surface from which one is named
 BAD_INPUT = 2
+LEFT_OUT = 3  # results were written, but most of the part's surface is not in them
 INTERRUPTED = 130
 
 
 def main(settings_of: Callable[[], Settings], reconstruct: Reconstruct | None = None) -> int:
-    """Compose settings and fit; the exit status: 0 fine, 2 for input, settings or an output that cannot be used (one line on stderr)."""
+    """Compose settings and fit; the exit status: 0 fine, 2 for input, settings or an output that cannot be used (one line on stderr), 3
+    for a result that leaves most of the part's surface out."""
     sys.excepthook = one_line
     try:
         settings = settings_of()
@@ -46,7 +49,7 @@ def main(settings_of: Callable[[], Settings], reconstruct: Reconstruct | None = 
         sys.stderr.write("imdim: interrupted, nothing was written\n")
         return INTERRUPTED
     sys.stdout.write(summary(report, Path(settings.output)))
-    return 0
+    return LEFT_OUT if is_left_out(report) else 0
 
 
 def _fit_or_refuse(settings: Settings, reconstruct: Reconstruct | None) -> dict[str, Any]:
@@ -119,6 +122,7 @@ def summary(report: Mapping[str, Any], folder: Path) -> str:
     fit = f"mean distance {100 * furthest['mean']:.3f} % of the diagonal" if iou is None else f"volume IoU {iou:.4f}"
     lines = [f"{size}, {fit}, {report['timing']['total_s']:.1f} s (stopped: {report['stop']})"]
     lines += [f"  {report['proof']}"] if report.get("proof") else []
+    lines += _verdict_lines(report)
     same = report["found"]["iou_with_delivered"]
     lines += [f"  delivered differs from found: IoU {same:.4f}"] if 1 - same > DIFFERS else []
     said = [repeat["says"] for repeat in report.get("repeats", [])]
@@ -136,7 +140,39 @@ def summary(report: Mapping[str, Any], folder: Path) -> str:
         f"  {what:<8} {folder / name}"
         for what, name in (("picture", "preview.png"), ("page", "report.html"), ("program", "program.scad"), ("report", "report.json"))
     ]
+    lines += ["this is not the part: most of its surface is left out"] if is_left_out(report) else []
     return "\n".join(lines) + "\n"
+
+
+def is_left_out(report: Mapping[str, Any]) -> bool:
+    """Whether the program says little of the part: most of its surface is left out."""
+    return report.get("verdict", {}).get("overall") == "left out"
+
+
+def _verdict_lines(report: Mapping[str, Any]) -> list[str]:
+    """What became of the part's surface, which regions are not exact, and what may help."""
+    verdict = report.get("verdict")
+    if verdict is None:
+        return []
+    told: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+    for region in verdict["regions"]:
+        if region["share"] >= LEAST_SAID:
+            told.setdefault((region["verdict"], region["what"]), []).append(region)
+    parts = [_describe_regions(*key, regions) for key, regions in told.items()]
+    more = f"; and {len(parts) - SAID_REGIONS} more" if len(parts) > SAID_REGIONS else ""
+    said = "; ".join(parts[:SAID_REGIONS])
+    lines = [f"  {'verdict':<8} {verdict['overall']}: {verdict['says']}"]
+    lines += [f"  {'where':<8} {said}{more}"] if said else []
+    budget = report.get("settings", {}).get("budget_s")
+    helps = verdict["overall"] != "exact" and report["stop"] == "budget_spent" and budget
+    return lines + ([f"  {'hint':<8} the time ended the search: try --budget {2 * budget:g}"] if helps else [])
+
+
+def _describe_regions(verdict: str, what: str, alike: Sequence[Mapping[str, Any]]) -> str:
+    """Regions of one verdict that are alike: what they are, and where the first is."""
+    share = 100 * sum(region["share"] for region in alike)
+    many = f"{len(alike)} x ({what}), the first" if len(alike) > 1 else what
+    return f"{share:.1f} % {verdict}, {many} {alike[0]['where']}"
 
 
 def one_line(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:

@@ -20,6 +20,7 @@ from imdim.deadline import NEVER, Deadline
 from imdim.delivery.evaluate import DeliveryLoss, evaluate_file
 from imdim.delivery.finish import FinishedProgram, finish, finish_flat
 from imdim.delivery.report import RunRecord, dumps, report_of
+from imdim.delivery.verdict import judge
 from imdim.export import html
 from imdim.export.delivered import texts_of, unwritten
 from imdim.export.edge_text import do_edges_matter
@@ -84,12 +85,17 @@ def deliver(
             with _time(seconds, "scores"):
                 scores = evaluate_file(partial / "program.scad", target, segments=segments)
                 kept = DeliveryLoss.of(given, sharp, target, segments)
-            with _time(seconds, "preview"):
+            with _time(seconds, "verdict"):
                 text = (partial / "program.scad").read_text(encoding="utf-8")
                 delivered = to_manifold(read_openscad(text, blended=True), segments)
-                preview(target, to_trimesh(delivered), scores.to_result.max).save(partial / "preview.png")
+                surface = to_trimesh(delivered)
+                verdict = judge(target, surface, segments)
+                coloured = verdict.colour(target)
+            with _time(seconds, "preview"):
+                preview(target, surface, scores.to_result.max, coloured).save(partial / "preview.png")
             with _time(seconds, "page"):
-                shown = html.content(_read(partial / "program.json"), target, found.parameters, segments, scores.to_result.max)
+                document, furthest = _read(partial / "program.json"), scores.to_result.max
+                shown = html.content(document, target, found.parameters, segments, furthest, verdict=coloured)
             with _time(seconds, "step"):
                 volumes = _volumes(partial, target, delivered)
                 skipped = finish_or_skip_step(job, step_limit_s, volumes)
@@ -97,7 +103,7 @@ def deliver(
         if found.folded is None:
             skipped["program.loops.scad"] = "skipped: no part repeats"
         files = {name: skipped.get(name, "written") for name in FILES}
-        report = report_of(found, target, scores, kept, volumes, files, run, seconds, drawn, list(_parted(solid, target)))
+        report = report_of(found, target, scores, kept, verdict, volumes, files, run, seconds, drawn, list(_parted(solid, target)))
         (partial / "report.json").write_text(dumps(report), encoding="utf-8")
         (partial / "report.html").write_text(html.page(shown, report, _read(partial / "front.json")), encoding="utf-8")
     return report

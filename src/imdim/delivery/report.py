@@ -15,6 +15,7 @@ from typing import Any
 
 from imdim.delivery.evaluate import DeliveryLoss, Distances, Scores
 from imdim.delivery.finish import FinishedProgram
+from imdim.delivery.verdict import JudgedRegion, SurfaceVerdict, describe_shares
 from imdim.export.elimination import MOST_NAMED
 from imdim.export.hole_names import hole_groups, hole_roles
 from imdim.geometry.holes import MOST_WALLS, count_walls
@@ -52,6 +53,7 @@ def report_of(
     target: Target,
     scores: Scores,
     kept: DeliveryLoss,
+    verdict: SurfaceVerdict,
     volumes: Mapping[str, float],
     files: Mapping[str, str],
     run: RunRecord,
@@ -84,6 +86,7 @@ def report_of(
         "constraints": [{"name": c.name, "kind": c.kind, "says": str(c)} for c in constraints],
         "parameters": {name: number(value) for name, value in delivered.parameters.values.items()},
         "scores": _scores(scores),
+        "verdict": _verdict(verdict),
         "found": {"volume_iou": number(kept.found), "iou_with_delivered": number(kept.delivered)},
         "volumes": {name: number(volume) for name, volume in volumes.items()},
         "stop": run.stop,
@@ -197,6 +200,30 @@ def _scores(scores: Scores) -> dict[str, Any]:
         **({} if scores.iou_missing is None else {"volume_iou_missing": scores.iou_missing}),
         "distance": {way: _distances(distances) for way, distances in both.items()},
         "distance_relative_to_diagonal": {way: _distances(scores.relative(distances)) for way, distances in both.items()},
+    }
+
+
+def _verdict(verdict: SurfaceVerdict) -> dict[str, Any]:
+    """What became of the target's surface, shares of 1; `regions` are those that are not exact, the largest first."""
+    return {
+        "overall": verdict.overall,
+        "says": describe_shares(verdict),
+        "shares": {name: number(share) for name, share in verdict.shares.items()},
+        "tolerance": number(verdict.tolerance),
+        "regions": [_region(region) for region in verdict.regions],
+    }
+
+
+def _region(region: JudgedRegion) -> dict[str, Any]:
+    return {
+        "what": region.what,
+        "where": region.where,
+        "verdict": region.verdict,
+        "kind": region.kind or None,
+        "share": number(region.share),
+        "low": [number(c) for c in region.low],
+        "high": [number(c) for c in region.high],
+        "furthest": number(region.furthest),
     }
 
 

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from imdim.export.verdict_colours import ColouredTarget
+from imdim.geometry.refine import split_edges
 from imdim.geometry.sampling import subsample
 from imdim.geometry.triangles import distances, triangle_tree
 from imdim.target.target import Target
@@ -59,20 +61,29 @@ def solid_values(surface: trimesh.Trimesh, owners: np.ndarray, box: Box) -> dict
     return {"points": box.pack_points(vertices), "faces": _indices(faces, len(vertices)), "owners": runs.tolist()}
 
 
-def target_values(target: Target, surface: trimesh.Trimesh, box: Box, worst: float | None = None) -> dict[str, Any]:
+def target_values(
+    target: Target, surface: trimesh.Trimesh, box: Box, worst: float | None = None, verdict: ColouredTarget | None = None
+) -> dict[str, Any]:
     """The target with the distance of each corner or point to the result, in 255ths of `top`, the end of the scale.
 
-    `worst` is the largest distance where it was measured better than over these corners.
+    `worst` is the largest distance where it was measured better than over these corners. With a `verdict` also that on each face or point.
     """
+    codes = np.empty(0)
     if target.mesh is None:
         points, faces = subsample(target.points, MOST_POINTS), None
+        codes = codes if verdict is None else subsample(verdict.codes, MOST_POINTS)
+    elif verdict is not None and verdict.mesh is not None:  # which is fine already
+        points, faces, kept = cluster_vertices(np.asarray(verdict.mesh.vertices), np.asarray(verdict.mesh.faces))
+        codes = verdict.codes[kept]
     else:
         points, faces, _ = cluster_vertices(np.asarray(target.mesh.vertices), np.asarray(target.mesh.faces))
-        points, faces = split_edges(points, faces, Box.around(points).diagonal / FINENESS)
+        points, faces, _ = split_edges(points, faces, Box.around(points).diagonal / FINENESS, MOST_REFINED)
     far = distances(triangle_tree(surface), points) if len(surface.faces) else np.full(len(points), box.diagonal)
     top = max(far.max(initial=0.0) if worst is None else worst, SMALLEST_RANGE * box.diagonal)
     shade = np.round(np.clip(far / top, 0.0, 1.0) * 255).astype(np.uint8)
     out = {"points": box.pack_points(points), "distances": _base64(shade), "top": float(top)}
+    if verdict is not None:
+        out["verdicts"] = _base64(codes.astype(np.uint8))
     return out if faces is None else {**out, "faces": _indices(faces, len(points))}
 
 
@@ -93,42 +104,6 @@ def cluster_vertices(vertices: np.ndarray, faces: np.ndarray, most: int = MOST_F
         cells //= 2
     used, corners = np.unique(out.ravel(), return_inverse=True)
     return merged[used], corners.reshape(-1, 3), kept
-
-
-def split_edges(vertices: np.ndarray, faces: np.ndarray, longest: float, most: int = MOST_REFINED) -> tuple[np.ndarray, np.ndarray]:
-    """Edges beyond `longest` halved, in both faces of each and longest first, until none is left or there are `most` faces."""
-    while True:
-        edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-        pairs, which = np.unique(edges[:, 0] * len(vertices) + edges[:, 1], return_inverse=True)
-        a, b = vertices[pairs // len(vertices)], vertices[pairs % len(vertices)]
-        length = np.linalg.norm(a - b, axis=1)
-        room = max((most - len(faces)) // 2, 0)  # a halved edge parts two faces
-        crowded = np.partition(length, -room - 1)[-room - 1] if room < len(length) else 0.0
-        long = length > max(longest, length.max(initial=0.0) / 2, crowded)
-        if not long.any():
-            return vertices, faces
-        number = np.where(long, len(vertices) + np.cumsum(long) - 1, -1)
-        vertices = np.concatenate([vertices, (a[long] + b[long]) / 2])
-        faces = _split_faces(faces, number[which].reshape(-1, 3))
-
-
-# Corners 0 to 2 are the face's, 3 to 5 the middles of its edges, turned so that halved edges come first.
-_PARTS = {
-    0: ((0, 1, 2),),
-    1: ((0, 3, 2), (3, 1, 2)),
-    2: ((3, 1, 4), (0, 3, 4), (0, 4, 2)),
-    3: ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
-}
-
-
-def _split_faces(faces: np.ndarray, middle: np.ndarray) -> np.ndarray:
-    """Faces [f, 3] split at the `middle` [f, 3] of edges 01, 12 and 20, -1 where an edge stays whole."""
-    split = middle >= 0
-    turn = np.array([0, 0, 1, 0, 2, 2, 1, 0])[split @ [1, 2, 4]]
-    order = (turn[:, None] + np.arange(3)) % 3
-    six = np.concatenate([np.take_along_axis(faces, order, 1), np.take_along_axis(middle, order, 1)], axis=1)
-    count = split.sum(axis=1)
-    return np.concatenate([six[count == n][:, part] for n, parts in _PARTS.items() for part in parts])
 
 
 def _indices(faces: np.ndarray, vertices: int) -> str:

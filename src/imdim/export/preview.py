@@ -1,4 +1,4 @@
-"""One picture of a result: the target, the result, and the target coloured by its distance to the result.
+"""One picture of a result: the target, the result, the target coloured by its distance to the result, and by what became of it.
 
 Meshes are ray cast with embree, clouds are drawn as discs; no display and no GL are needed.
 """
@@ -13,6 +13,7 @@ import trimesh
 from PIL import Image, ImageDraw, ImageFont
 from scipy.spatial import KDTree
 
+from imdim.export.verdict_colours import COLOURS, VERDICTS, ColouredTarget
 from imdim.geometry.triangles import TriangleTree, distances, triangle_tree
 from imdim.target.target import Target
 
@@ -50,16 +51,19 @@ class Camera:
 
 @dataclass(frozen=True)
 class Shot:
-    """What the camera sees: `seen` [h, w] bool, and for the seen pixels their point and unit normal [k, 3]; rim pixels darken."""
+    """What the camera sees: `seen` [h, w] bool, and for the seen pixels their point and unit normal [k, 3]; rim pixels darken. `owners` [k]
+    are the faces, or the points of a cloud, that are seen there."""
 
     seen: np.ndarray
     points: np.ndarray
     normals: np.ndarray
     rim: np.ndarray
+    owners: np.ndarray
 
 
-def preview(target: Target, result: trimesh.Trimesh, worst: float) -> Image.Image:
-    """The three panels, 1500 x 590 pixels; `worst` is the largest distance from the target to the result, in model units."""
+def preview(target: Target, result: trimesh.Trimesh, worst: float, verdict: ColouredTarget | None = None) -> Image.Image:
+    """Three panels, 1500 x 590 pixels, or four, 2000 wide, with a `verdict`; `worst` is the largest distance from the target to the result,
+    in model units."""
     bodies = [target.points if target.mesh is None else target.mesh.vertices, result.vertices]
     camera = _camera(np.concatenate([np.asarray(b, np.float64) for b in bodies]))
     tree = triangle_tree(result)
@@ -68,10 +72,12 @@ def preview(target: Target, result: trimesh.Trimesh, worst: float) -> Image.Imag
     # rays and distances leave the interpreter to the other panel
     with ThreadPoolExecutor(1) as beside:
         second = beside.submit(lambda: _paint(_shoot_mesh(result, camera), RESULT_COLOUR))
-        shot = _shoot_points(target.points, target.normals, camera) if target.mesh is None else _shoot_mesh(target.mesh, camera)
+        mesh = target.mesh if verdict is None or verdict.mesh is None else verdict.mesh
+        shot = _shoot_points(target.points, target.normals, camera) if mesh is None else _shoot_mesh(mesh, camera)
         first, third = _paint(shot, TARGET_COLOUR), _paint(shot, _heat(shot, tree, top))
         panels = [first, second.result(), third]
-    return _sheet(panels, target.name, top, worst, diagonal)
+        panels += [] if verdict is None else [_paint(shot, COLOURS[verdict.codes[shot.owners]])]
+    return _sheet(panels, target.name, top, worst, diagonal, verdict)
 
 
 def side_by_side(target: Target, result: trimesh.Trimesh, pixels: int) -> tuple[Image.Image, Image.Image]:
@@ -120,7 +126,7 @@ def _shoot_mesh(mesh: trimesh.Trimesh, camera: Camera) -> Shot:
     flat = _drop_rays(origins[hit >= 0], local, face)
     normals = local.face_normals[face]
     points = flat / camera.scale @ camera.axes + camera.center
-    return Shot(seen, points, _facing(normals) @ camera.axes, _creases(seen, normals, flat[:, 2]))
+    return Shot(seen, points, _facing(normals) @ camera.axes, _creases(seen, normals, flat[:, 2]), face)
 
 
 def _drop_rays(origins: np.ndarray, local: trimesh.Trimesh, face: np.ndarray) -> np.ndarray:
@@ -162,7 +168,7 @@ def _shoot_points(points: np.ndarray, normals: np.ndarray | None, camera: Camera
                 _stamp(owner, rows + dy, columns + dx, order, projected[:, 2])
     seen = owner >= 0
     index = owner[seen]
-    return Shot(seen, points[index], _cloud_normals(points, normals, camera, index), np.zeros(len(index), bool))
+    return Shot(seen, points[index], _cloud_normals(points, normals, camera, index), np.zeros(len(index), bool), index)
 
 
 def _stamp(owner: np.ndarray, rows: np.ndarray, columns: np.ndarray, order: np.ndarray, depth: np.ndarray) -> None:
@@ -213,19 +219,31 @@ def ramp(fraction: np.ndarray) -> np.ndarray:
     return np.column_stack([np.interp(fraction, knots, _RAMP[:, channel]) for channel in range(3)])
 
 
-def _sheet(panels: list[Image.Image], name: str, top: float, worst: float, diagonal: float) -> Image.Image:
-    width = 3 * PANEL + 4 * GAP - 20
+def _sheet(panels: list[Image.Image], name: str, top: float, worst: float, diagonal: float, verdict: ColouredTarget | None) -> Image.Image:
+    width = len(panels) * (PANEL + GAP)
     sheet = Image.new("RGB", (width, HEADER + PANEL + FOOTER), "white")
     draw = ImageDraw.Draw(sheet)
-    titles = (f"target: {name}", "result", "target, coloured by distance to the result")
-    for number, (panel, title) in enumerate(zip(panels, titles, strict=True)):
+    titles = (f"target: {name}", "result", "target, coloured by distance to the result", "target, by what became of it")
+    for number, (panel, title) in enumerate(zip(panels, titles, strict=False)):
         left = GAP // 2 + number * (PANEL + GAP)
         sheet.paste(panel, (left, HEADER))
         draw.text((left + 8, 14), _shorten_text(draw, title, PANEL - 16), font=ImageFont.load_default(19), fill=INK)
     _bar(sheet, draw, GAP // 2 + 2 * (PANEL + GAP), top)
     text = f"worst distance {worst:.4g} ({worst / diagonal:.2%} of the diagonal {diagonal:.4g}), in model units"
     draw.text((GAP // 2 + 8, HEADER + PANEL + 22), text, font=ImageFont.load_default(16), fill=FAINT)
+    if verdict is not None:
+        _key(draw, GAP // 2 + 3 * (PANEL + GAP), verdict)
     return sheet
+
+
+def _key(draw: ImageDraw.ImageDraw, left: int, verdict: ColouredTarget) -> None:
+    """The three colours with their shares of the surface."""
+    x, y, font = left + 8, HEADER + PANEL + 22, ImageFont.load_default(16)
+    for name, colour in zip(VERDICTS, COLOURS, strict=True):
+        text = f"{name} {verdict.shares[name]}"
+        draw.rectangle([x, y + 3, x + 14, y + 17], fill=tuple(colour.astype(int)), outline=FAINT)
+        draw.text((x + 20, y), text, font=font, fill=INK)
+        x += 20 + int(draw.textlength(text, font=font)) + 18
 
 
 def _bar(sheet: Image.Image, draw: ImageDraw.ImageDraw, left: int, top: float) -> None:

@@ -39,7 +39,8 @@ class Part:
 class Outcome:
     """One part's record. `failure` is empty or one line that says why there is no result; distances are relative to the diagonal.
 
-    `curves` are those of outlines, None where the program has none; its `primitives` are features then.
+    `curves` are those of outlines, None where the program has none; its `primitives` are features then. `exact` and `left_out` are shares
+    of the part's surface.
     """
 
     part: str
@@ -53,6 +54,8 @@ class Outcome:
     seconds: float = 0.0
     peak_mib: float = 0.0
     curves: int | None = None
+    exact: float | None = None
+    left_out: float | None = None
 
 
 _KINDS = {name: (int, float) if kind is float else kind | int for name, kind in get_type_hints(Outcome).items()}
@@ -182,6 +185,7 @@ def _scores(report: Mapping[str, Any]) -> dict[str, Any]:
         "volume_iou": scores["volume_iou"],
         "mean_distance": scores["distance_relative_to_diagonal"]["target_to_result"]["mean"],
         "stop": report["stop"],
+        **({"exact": shares["exact"], "left_out": shares["left out"]} if (shares := report.get("verdict", {}).get("shares")) else {}),
     }
 
 

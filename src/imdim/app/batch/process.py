@@ -13,6 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from imdim.app.fit import LEFT_OUT
+
 LIMITED = str(Path(__file__).with_name("limited.py"))
 LOOK_S = 0.02
 SLACK_MIB = 1024  # what an allocator maps without touching it, beyond what resides
@@ -94,7 +96,7 @@ class Process:
             return f"took more than {self._limits.mib:g} MiB of memory and was ended"
         if status < 0:
             return f"ended by signal {_signal_name(-status)}"
-        return "" if status == 0 else last_line(self._log) or f"ended with exit status {status}"
+        return "" if status in (0, LEFT_OUT) else last_line(self._log) or f"ended with exit status {status}"
 
 
 def run(command: Sequence[str], limits: ProcessLimits, log: Path, cwd: Path | None = None) -> Ended:

@@ -15,7 +15,7 @@ from imdim.app.batch.folder import LOG, OUTCOME, PARTS, Outcome, Part, to_line, 
 REFRESH_S = 10
 LINKS = {"OpenSCAD": "program.scad", "STEP": "program.step", "mesh": "mesh.stl", "report": "report.json", "log": LOG}
 SIZES, DRAWN_SIZES = ("primitives",), ("features", "curves")  # the latter where a program has outlines
-SCORES = ("volume IoU", "mean distance / diagonal", "seconds", "peak MiB")
+SCORES = ("volume IoU", "exact", "left out", "mean distance / diagonal", "seconds", "peak MiB")
 STYLE = (
     "body{font:14px system-ui,sans-serif;margin:2em}table{border-collapse:collapse}th,td{padding:.3em .8em;border-bottom:1px solid #ddd;"
     "text-align:left}td.n{text-align:right;font-variant-numeric:tabular-nums}tr.failed{background:#fdecea}tr.waiting{color:#888}"
@@ -58,6 +58,8 @@ def _row(out: Path, outcome: Outcome, sizes: Sequence[str]) -> str:
     numbers = (
         *(_number(size, "d") for size in (outcome.primitives, outcome.curves)[: len(sizes)]),
         _number(outcome.volume_iou, ".4f"),
+        _number(outcome.exact, ".1%"),
+        _number(outcome.left_out, ".1%"),
         _number(outcome.mean_distance, ".2e"),
         _number(outcome.seconds, ".1f"),
         _number(outcome.peak_mib, ".0f"),

@@ -1,5 +1,7 @@
 // Reads the data, builds the page, and ties selection together.
 
+const TARGET_TITLE = "Target, coloured by its distance to the result";
+
 function start() {
   const data = JSON.parse(document.getElementById("data").textContent);
   const at = (id) => document.getElementById(id);
@@ -39,6 +41,7 @@ function startView(at, data) {
     return null;
   }
   if (data.target) panes.target.append(legend(view.top));
+  if (view.verdicts && data.report) panes.target.append(verdictLegend(data.report.verdict.shares));
   view.onPoint = (distance) => {
     const text = distance === null ? "" : `distance here: about ${shortNumber(Number(distance.toPrecision(3)))}`;
     panes.target.querySelector(".readout").textContent = text;
@@ -48,9 +51,17 @@ function startView(at, data) {
   return view;
 }
 
+/** The legend that belongs to the colours of the target. */
+function showVerdicts(on) {
+  document.querySelector(".legend").hidden = on;
+  const list = document.querySelector(".verdicts");
+  if (list) list.hidden = !on;
+  document.querySelector(".pane-title").textContent = on ? "Target, coloured by what became of it" : TARGET_TITLE;
+}
+
 function paneTitle(name, data) {
   const count = `${data.leaves.length} primitive${data.leaves.length === 1 ? "" : "s"}`;
-  const text = name === "target" ? "Target, coloured by its distance to the result" : `Result, ${count}`;
+  const text = name === "target" ? TARGET_TITLE : `Result, ${count}`;
   return element("p", { class: "pane-title" }, text);
 }
 
@@ -58,6 +69,15 @@ function legend(top) {
   const bar = element("div", { class: "bar", role: "img", "aria-label": `colours from 0 to ${shortNumber(top)}` });
   const marks = [0, 0.5, 1].map((share) => element("span", {}, shortNumber(Number((share * top).toPrecision(3)))));
   return element("div", { class: "legend" }, element("p", { class: "readout", "aria-live": "polite" }), bar, element("div", { class: "marks" }, ...marks));
+}
+
+/** What the colours of verdicts mean, with the shares of the surface; hidden until they are drawn. */
+function verdictLegend(shares) {
+  const entry = ([name, color]) => {
+    const swatch = element("span", { class: `swatch ${name.replace(" ", "-")}` });
+    return element("li", {}, swatch, ` ${name} ${shareText(shares[name])}`);
+  };
+  return element("ul", { class: "verdicts", hidden: "" }, ...Object.entries(VERDICTS).map(entry));
 }
 
 /** The buttons under the view; returns what keys do, by letter. */
@@ -70,13 +90,15 @@ function tools(bar, view, hasTarget) {
     commands[key] = act;
     return out;
   };
-  const toggle = (text, key, what) => {
+  const toggle = (text, key, what, then = () => {}) => {
     const out = button(text, key, () => {
       view.set(what, !view.show[what]);
       out.setAttribute("aria-pressed", String(view.show[what]));
+      then(view.show[what]);
     }, String(view.show[what]));
   };
   if (hasTarget) toggle("Distances", "d", "distances");
+  if (view.verdicts) toggle("Verdict", "v", "verdicts", showVerdicts);
   toggle("Operations", "o", "operations");
   toggle("Cutters", "c", "cutters");
   toggle("Edges", "e", "edges");

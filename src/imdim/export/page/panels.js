@@ -7,7 +7,13 @@ const WORDS = {
   result_to_target: "result to target",
 };
 
+const MOST_REGIONS = 12; // in the table of verdicts; report.json has more
+
 const percent = (value, digits = 2) => `${(100 * value).toFixed(digits)} %`;
+
+/** A share of the surface; what is not all is never told as 100 %, nor what is something as 0 %. */
+const shareText = (share) =>
+  share > 0 && share < 0.0005 ? "under 0.1 %" : share < 1 && share >= 0.9995 ? "over 99.9 %" : percent(share, 1);
 
 /** A key of report.json as words. */
 const words = (key) => WORDS[key] || key.replace(/_s$/, "").replace(/_/g, " ");
@@ -35,6 +41,7 @@ function figures(list, data) {
   if (report) {
     const worst = report.scores.distance_relative_to_diagonal.target_to_result.max;
     if (report.scores.volume_iou !== null) shown.push(["Volume IoU", report.scores.volume_iou.toFixed(4)]);
+    if (report.verdict) shown.push(["Exact", `${shareText(report.verdict.shares.exact)} of the surface`]);
     if (worst !== null) shown.push(["Furthest off", `${percent(worst, 3)} of the diagonal`]);
     shown.push(["Time", `${report.timing.total_s.toFixed(1)} s`]);
   }
@@ -51,7 +58,8 @@ function summary({ report, target }) {
     stagnation: "Evolution ended where nothing better came.",
   };
   const proof = report.proof ? ` ${report.proof[0].toUpperCase()}${report.proof.slice(1)}.` : "";
-  return (stops[report.stop] || `Stopped: ${report.stop}.`) + proof;
+  const lost = report.verdict && report.verdict.overall === "left out" ? " This is not the part: most of its surface is left out." : "";
+  return (stops[report.stop] || `Stopped: ${report.stop}.`) + proof + lost;
 }
 
 /** Names, numbers and constraints of the selected leaves. */
@@ -127,6 +135,7 @@ function sheets(data, select) {
   if (report && report.target.notes.length) {
     out.push(sheet("Notes on the target", element("ul", {}, ...report.target.notes.map((note) => element("li", {}, note)))));
   }
+  if (report && report.verdict) out.push(verdictSheet(report.verdict));
   if (front && front.choices.length) out.push(frontSheet(front));
   if (data.names.length) {
     const names = data.names.map((n) => ({ ...n, says: shortNumber(n.value) }));
@@ -138,6 +147,16 @@ function sheets(data, select) {
     out.push(sheet("Constraints", picks(data.constraints.map((c) => ({ ...c, name: c.name || c.kind, says: constraintText(c) })), select)));
   }
   return report ? [...out, ...reportSheets(report)] : out;
+}
+
+/** What became of the target's surface: shares, and the regions that are not exact. */
+function verdictSheet({ says, regions }) {
+  const row = (region) => [`${shareText(region.share)} ${region.verdict}`, `${region.what} ${region.where}`, region.furthest];
+  const rows = regions.slice(0, MOST_REGIONS).map(row);
+  const more = regions.length > rows.length ? ` The ${rows.length} largest regions of ${regions.length} are listed.` : "";
+  const note = `The button Verdict under the view colours the target by this.${more}`;
+  const list = rows.length ? table(rows, ["verdict", "what and where", "furthest off"]) : null;
+  return sheet("Verdict", ...[element("p", {}, `${says}.`), element("p", { class: "quiet" }, note), list].filter(Boolean));
 }
 
 function reportSheets(report) {

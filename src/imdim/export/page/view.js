@@ -8,6 +8,7 @@ const CUTTER = [214, 40, 40, 255];
 const PICKED = [255, 170, 20, 255];
 const LINE = [38, 46, 58, 255];
 const RAMP = [[222, 226, 230], [250, 214, 140], [244, 142, 60], [204, 40, 40], [96, 0, 30]];
+const VERDICTS = { exact: [222, 226, 230], approximated: [244, 178, 60], "left out": [190, 30, 60] };
 
 /** The colour of a distance, as a share of the scale from 0 to 1. */
 function rampColor(share) {
@@ -81,7 +82,7 @@ class View {
     this.panes = panes;
     this.leaves = data.leaves;
     this.box = { low: data.low, high: data.high, diagonal: norm(sub(data.high, data.low)) || 1 };
-    this.show = { distances: true, operations: true, cutters: false, edges: true };
+    this.show = { distances: true, verdicts: false, operations: true, cutters: false, edges: true };
     this.picked = new Set();
     this.camera = new Camera();
     this.shapes = new Map();
@@ -104,6 +105,7 @@ class View {
       const points = pointsOf(data.target.points, this.box);
       const far = bytesOf(data.target.distances);
       this.top = data.target.top;
+      this.verdicts = data.target.verdicts ? bytesOf(data.target.verdicts) : null;
       if (data.target.faces) {
         const corners = facesOf(data.target.faces, points.length / 3);
         this.far = Uint8Array.from(corners, (i) => far[i]);
@@ -153,7 +155,12 @@ class View {
   #targetColors() {
     const table = Array.from({ length: 256 }, (_, i) => (this.show.distances ? rampColor(i / 255) : PLAIN));
     const colors = new Uint8Array(4 * this.far.length).fill(255);
-    for (let i = 0; i < this.far.length; i++) for (let k = 0; k < 3; k++) colors[4 * i + k] = table[this.far[i]][k];
+    const found = Object.values(VERDICTS);
+    const [verdicts, corners] = [this.show.verdicts ? this.verdicts : null, this.target.lines ? 3 : 1];
+    for (let i = 0; i < this.far.length; i++) {
+      const color = verdicts ? found[verdicts[Math.floor(i / corners)]] : table[this.far[i]];
+      for (let k = 0; k < 3; k++) colors[4 * i + k] = color[k];
+    }
     return colors;
   }
 

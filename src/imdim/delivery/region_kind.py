@@ -1,0 +1,233 @@
+"""What kind of thing a region of a mesh is that a program does not hold: teeth, text on a face, or freeform.
+
+Only the target is looked at, and where its elements lie off the result. What cannot be told reliably has no kind.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from imdim.delivery.surface_elements import SurfaceElements
+from imdim.detection.faceting import ON_SURFACE, chord_pairs
+from imdim.detection.facets import Facets
+from imdim.detection.fit_surface import MIN_POINTS, fit_surface
+from imdim.geometry.rotations import frame_from_axis
+from imdim.geometry.sampling import subsample
+from imdim.geometry.surface import CLOSED_KINDS
+from imdim.target.bodies import components
+
+Kind = Literal["teeth", "text", "freeform"]
+
+LEAST_TEETH = 8
+ALIKE = 2e-3  # relative, by which areas of equal flanks differ
+MOST_GROUPS = 60  # of equal flanks, the largest, that are looked at
+LEANS = 0.2  # sine: a flank leans out of the way to the axis by more, a facet of a cylinder does not
+REGULAR = 0.05  # of the pitch
+MOST_REGULAR = 0.75  # share of the gaps, and of the flanks: a row of teeth may be broken
+TOOTH = (0.1, 0.9)  # of the pitch: from one flank to the other
+LEAST_RELIEFS = 3  # letters
+SMALL = 0.1  # of the face that carries it: a piece of text
+ON_ONE_FACE = 0.9  # share of the rim of a piece
+LEVEL = 0.9  # share of pieces of a text that are as high as most
+UNLIKE = 0.05  # relative, by which areas of letters differ at least
+FLAT_FACE = math.cos(math.radians(0.5))
+BENT_TWO_WAYS = 0.3  # sine between two directions about which a surface turns
+FREEFORM = 0.5  # share of a region
+MOST_FITTED = 400  # points of a freeform region, when it is asked whether it is a torus after all
+
+
+class Recognised(NamedTuple):
+    """A region whose kind was told: its elements [n] bool, and in words what it is."""
+
+    chosen: np.ndarray
+    kind: Kind
+    says: str
+
+
+@dataclass(frozen=True)
+class _Row:
+    """Flanks in a row or on a circle: their facets, the frame [3, 3] of the row with its last column along the axis (or the row), a point
+    of it, and the radius; 0 for a straight row."""
+
+    facets: np.ndarray
+    frame: np.ndarray
+    point: np.ndarray
+    radius: float
+    teeth: int
+
+
+def find_teeth(elements: SurfaceElements, facets: Facets, off: np.ndarray) -> Iterator[Recognised]:
+    """Rows and circles of equal teeth of whose flanks more than half is `off` [n]: with the tips and roots between them, as far as these
+    are off too."""
+    lost = np.bincount(elements.facet, elements.areas * off, len(facets.areas)) > facets.areas / 2
+    taken = np.zeros(len(off), bool)
+    for group in _groups_of_equals(facets):
+        if np.count_nonzero(lost[group]) * 2 <= len(group):
+            continue
+        row = _circle(facets, group) or _straight(facets, group)
+        if row is None:
+            continue
+        chosen = off & _lies_in(elements, facets, row) & ~taken
+        if elements.areas[chosen].sum() < facets.areas[row.facets].sum() / 2:
+            continue  # of a row that is told already
+        taken |= chosen
+        where = f"on a circle of {2 * row.radius:.4g}" if row.radius else "in a row"
+        yield Recognised(chosen, "teeth", f"{row.teeth} teeth {where}")
+
+
+def _groups_of_equals(facets: Facets) -> list[np.ndarray]:
+    """Facets of equal area, LEAST_TEETH pairs of flanks or more, those that are most together first."""
+    order = np.argsort(-facets.areas, kind="stable")
+    cuts = np.flatnonzero(facets.areas[order][1:] < facets.areas[order][:-1] * (1 - ALIKE)) + 1
+    groups = [g for g in np.split(order, cuts) if len(g) >= 2 * LEAST_TEETH]
+    return sorted(groups, key=lambda g: -float(facets.areas[g].sum()))[:MOST_GROUPS]
+
+
+def _circle(facets: Facets, group: np.ndarray) -> _Row | None:
+    """The flanks of a group that stand regularly about one axis."""
+    normals, centers = facets.normals[group], facets.centers[group]
+    axis = np.linalg.eigh(normals.T @ normals)[1][:, 0]
+    frame = frame_from_axis(axis)
+    flat = centers @ frame
+    solution = np.linalg.lstsq(np.column_stack([2 * flat[:, :2], np.ones(len(flat))]), (flat[:, :2] ** 2).sum(1), rcond=None)[0]
+    radius = math.sqrt(max(float(solution[2] + solution[:2] @ solution[:2]), 0.0))
+    arm = flat[:, :2] - solution[:2]
+    away = np.linalg.norm(arm, axis=1)
+    keep = (np.abs(away - radius) < ON_SURFACE * facets.diagonal * 5) & (np.abs(normals @ axis) < LEANS)
+    if np.count_nonzero(keep) < MOST_REGULAR * len(group):
+        return None
+    around = np.arctan2(arm[:, 1], arm[:, 0])
+    tangent = np.column_stack([-arm[:, 1], arm[:, 0]]) / np.maximum(away, 1e-300)[:, None]
+    leans = ((normals @ frame)[:, :2] * tangent).sum(1)
+    teeth = _count_teeth(around[keep], leans[keep], 2 * math.pi)
+    return _Row(group[keep], frame, frame[:, :2] @ solution[:2], radius, teeth) if teeth else None
+
+
+def _straight(facets: Facets, group: np.ndarray) -> _Row | None:
+    """The flanks of a group that stand regularly along one line."""
+    normals, centers = facets.normals[group], facets.centers[group]
+    middle = np.median(centers, axis=0)
+    along = np.linalg.eigh((centers - middle).T @ (centers - middle))[1][:, 2]
+    beside = (centers - middle) - np.outer((centers - middle) @ along, along)
+    keep = np.linalg.norm(beside, axis=1) < np.linalg.norm(beside, axis=1).min() + ON_SURFACE * facets.diagonal * 5
+    if np.count_nonzero(keep) < MOST_REGULAR * len(group):
+        return None
+    teeth = _count_teeth(centers[keep] @ along, (normals @ along)[keep], None)
+    return _Row(group[keep], frame_from_axis(along), middle, 0.0, teeth) if teeth else None
+
+
+def _count_teeth(places: np.ndarray, leans: np.ndarray, turn: float | None) -> int:
+    """How many teeth flanks at `places` [m] make that lean [m] one way and the other; 0 where these are none. `turn` is a whole one, about
+    a circle."""
+    sides = [np.unique(np.round(places[way * leans > LEANS], 9)) for way in (1, -1)]
+    if min(map(len, sides)) < LEAST_TEETH:
+        return 0
+    pitches = [np.diff(np.append(side, side[0] + turn) if turn else side) for side in sides]
+    pitch = float(np.median(pitches[0]))
+    if any(np.mean(np.abs(p - pitch) < REGULAR * pitch) < MOST_REGULAR for p in pitches):
+        return 0
+    # from the flanks of one side to the next ones of the other
+    apart = (sides[1][np.searchsorted(sides[1], sides[0]) % len(sides[1])] - sides[0]) % pitch / pitch
+    return max(map(len, sides)) if TOOTH[0] < float(np.median(apart)) < TOOTH[1] else 0
+
+
+def _lies_in(elements: SurfaceElements, facets: Facets, row: _Row) -> np.ndarray:
+    """Which elements [n] lie where the flanks of a row do."""
+    slack = 5 * ON_SURFACE * facets.diagonal
+
+    def seen(points: np.ndarray) -> np.ndarray:
+        local = (points - row.point) @ row.frame
+        return np.column_stack([np.linalg.norm(local[:, :2], axis=1), local[:, 2]]) if row.radius else local
+
+    flanks = seen(facets.corners[facets.triangles(row.facets)].reshape(-1, 3))
+    inside = seen(elements.points)
+    return ((inside >= flanks.min(0) - slack) & (inside <= flanks.max(0) + slack)).all(1)
+
+
+def find_text(elements: SurfaceElements, facets: Facets, off: np.ndarray) -> Iterator[Recognised]:
+    """Unequal small pieces of what is `off` [n], all raised from one flat face or sunk into it by the same amount."""
+    a, b = elements.links.T
+    both = off[a] & off[b]
+    piece = components(a[both], b[both], len(off))[1]
+    rim = off[a] != off[b]
+    inner, outer = np.where(off[a], a, b)[rim], np.where(off[a], b, a)[rim]
+    faces = _faces_of(facets, np.unique(elements.facet[outer]))
+    face, length, own = faces[elements.facet[outer]], elements.lengths[rim], piece[inner]
+    whole = np.bincount(own, length, len(off))
+    table: dict[tuple[int, int], list[int]] = {}
+    pairs, which = np.unique(np.column_stack([own, face]), axis=0, return_inverse=True)
+    shared = np.bincount(which.reshape(-1), length)
+    for (number, on), along in zip(pairs, shared, strict=True):
+        if on >= 0 and along >= ON_ONE_FACE * whole[number]:
+            side = _side_of(elements, facets, piece == number, int(on))
+            if side:
+                table.setdefault((int(on), side), []).append(int(number))
+    for (on, side), numbers in table.items():
+        found = _text_on(elements, facets, piece, faces, on, side, numbers)
+        if found is not None:
+            yield found
+
+
+def _faces_of(facets: Facets, chosen: np.ndarray) -> np.ndarray:
+    """For each facet [u] the largest of the `chosen` ones in whose plane it lies, -1 where it is none of these."""
+    order = chosen[np.argsort(-facets.areas[chosen], kind="stable")]
+    face = np.full(len(facets.areas), -1)
+    near = ON_SURFACE * facets.diagonal
+    for i in order:
+        if face[i] >= 0:
+            continue
+        free = order[face[order] < 0]
+        level = (facets.centers[free] - facets.centers[i]) @ facets.normals[i]
+        face[free[(np.abs(level) < near) & (facets.normals[free] @ facets.normals[i] > FLAT_FACE)]] = i
+    return face
+
+
+def _heights(elements: SurfaceElements, facets: Facets, chosen: np.ndarray, on: int) -> np.ndarray:
+    return (elements.points[chosen] - facets.centers[on]) @ facets.normals[on]
+
+
+def _side_of(elements: SurfaceElements, facets: Facets, chosen: np.ndarray, on: int) -> int:
+    """1 where chosen elements stand on a facet's plane, -1 where they lie below, 0 where they do both."""
+    height, near = _heights(elements, facets, chosen, on), ON_SURFACE * facets.diagonal
+    return 1 if height.min() > -near else -1 if height.max() < near else 0
+
+
+def _text_on(
+    elements: SurfaceElements, facets: Facets, piece: np.ndarray, faces: np.ndarray, on: int, side: int, numbers: Sequence[int]
+) -> Recognised | None:
+    face = float(facets.areas[faces == on].sum())
+    areas = np.array([elements.areas[piece == number].sum() for number in numbers])
+    depths = np.array([np.abs(_heights(elements, facets, piece == number, on)).max() for number in numbers])
+    small, depth = areas < SMALL * face, float(np.median(depths))
+    level = np.abs(depths - depth) < REGULAR * depth
+    fits = small & level
+    if np.count_nonzero(fits) < max(LEAST_RELIEFS, LEVEL * len(numbers)) or depth < ON_SURFACE * facets.diagonal:
+        return None
+    if np.ptp(areas[fits]) < UNLIKE * areas[fits].max():
+        return None
+    chosen = np.isin(piece, np.array(numbers)[fits])
+    how = "raised" if side > 0 else "sunk"
+    return Recognised(chosen, "text", f"text or decoration, {np.count_nonzero(fits)} pieces {how} by {depth:.3g}")
+
+
+def is_freeform(elements: SurfaceElements, facets: Facets, chosen: np.ndarray) -> bool:
+    """Whether most of the chosen elements [n] are facets of a surface that is bent in two ways and is no ball, torus or ellipsoid."""
+    pairs, _, _ = chord_pairs(facets)
+    turns = np.cross(facets.normals[pairs[:, 0]], facets.normals[pairs[:, 1]])
+    turns /= np.maximum(np.linalg.norm(turns, axis=1, keepdims=True), 1e-300)
+    # the spread of the axes that a facet turns about towards its neighbours: one axis has no second eigenvalue
+    spread = np.zeros((len(facets.areas), 3, 3))
+    np.add.at(spread, pairs.ravel(), np.repeat(turns[:, :, None] * turns[:, None, :], 2, axis=0))
+    second = np.linalg.eigvalsh(spread)[:, 1]
+    bent = (second > BENT_TWO_WAYS**2)[elements.facet] & chosen
+    if elements.areas[bent].sum() < FREEFORM * elements.areas[chosen].sum():
+        return False
+    points = np.unique(facets.corners[facets.triangles(np.unique(elements.facet[bent]))].reshape(-1, 3), axis=0)
+    points = subsample(points, MOST_FITTED)
+    near = ON_SURFACE * facets.diagonal
+    return not any(fit_surface(kind, points)[1] < near for kind in CLOSED_KINDS if len(points) >= MIN_POINTS[kind])

@@ -1,0 +1,214 @@
+"""What became of each region of a target's surface: it is exact, approximated or left out.
+
+Exact is what lies no farther from the delivered solid than the target itself leaves open: the noise of a cloud, the chords of a mesh. The
+rest is approximated where the solid runs beside it at a small share of its own width, and left out where the solid runs elsewhere: a
+missing wall, hole, tooth or letter has nothing beside it that faces its way.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from scipy.spatial import KDTree
+
+from imdim.delivery.region_kind import Recognised, find_teeth, find_text, is_freeform
+from imdim.delivery.surface_elements import SurfaceElements, elements_of
+from imdim.export.verdict_colours import VERDICTS, ColouredTarget
+from imdim.geometry.metrics import diagonal
+from imdim.geometry.solid import SEGMENTS
+from imdim.geometry.triangles import TriangleTree, distances, triangle_tree
+from imdim.target.bodies import components
+from imdim.target.target import Target
+
+EXACT, APPROXIMATED, LEFT_OUT = range(3)
+FOLLOWS = 0.1  # of its own width, by which a piece may lie off a surface that stands for it
+ALONG = 0.5  # cosine between a normal and the way to the result: it runs beside the element, not across
+STEP = 0.25  # of the tolerance: what the slope of the distance is measured over
+WHOLE = 0.99  # share of the surface that is exact, from which a part is
+MOSTLY = 0.5  # share that is left out, from which a result is none
+LEAST_TOLD = 1e-4  # share of the surface: a smaller region is not listed
+MOST_TOLD = 40  # regions
+ROUNDING = 1e-9
+FACES_ONE_WAY = 0.8  # length of the mean normal of a region that lies on one side of the part
+
+
+@dataclass(frozen=True)
+class JudgedRegion:
+    """A connected piece of the target's surface with one verdict, or pieces that make one thing, such as teeth.
+
+    `share` of the target's surface; `low` and `high` corners of its box; `furthest` from the result, all in model units. `kind` is teeth,
+    text, freeform or empty where it could not be told. In words: `what` it is, of which size, and `where`.
+    """
+
+    verdict: str
+    kind: str
+    share: float
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    furthest: float
+    what: str
+    where: str
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceVerdict:
+    """`shares` of the surface by verdict; `tolerance`, its median over the surface, in model units; `regions` that are not exact, the
+    largest first; `codes` [n], places in VERDICTS, of the `elements`."""
+
+    shares: Mapping[str, float]
+    tolerance: float
+    regions: tuple[JudgedRegion, ...]
+    elements: SurfaceElements
+    codes: np.ndarray
+
+    @property
+    def overall(self) -> str:
+        """One word for the part: "left out" where most of it is, "exact" where nearly all is."""
+        if self.shares["left out"] > MOSTLY:
+            return "left out"
+        return "exact" if self.shares["exact"] >= WHOLE else "approximated"
+
+    def colour(self, target: Target) -> ColouredTarget:
+        """`target`, which the verdict is on, as pictures draw it."""
+        elements, codes = self.elements, self.codes
+        if elements.mesh is None:
+            codes = codes[KDTree(elements.points).query(target.points)[1]]
+        return ColouredTarget(elements.mesh, codes, {name: percent(share) for name, share in self.shares.items()})
+
+
+def judge(target: Target, result: trimesh.Trimesh, segments: int = SEGMENTS) -> SurfaceVerdict:
+    """The verdict on each region of `target`, by the surface of a result that has `segments` edges per circle; all of it is left out where
+    that is empty."""
+    elements = elements_of(target, segments)
+    tree = triangle_tree(result) if len(result.faces) else None
+    if tree is not None:
+        far = distances(tree, elements.points)
+        codes = _judge_elements(elements, far, tree)
+    else:
+        far, codes = np.full(len(elements.points), np.inf), np.full(len(elements.points), LEFT_OUT)
+    found = list(_recognise(elements, codes != EXACT))
+    for one in found:
+        # teeth that are not followed are left out as a whole, tips and roots with the flanks
+        codes[one.chosen] = _most_of(elements, codes, one.chosen)
+    areas = np.bincount(codes, elements.areas, len(VERDICTS))
+    shares = areas / areas.sum()
+    regions = sorted(_regions(elements, codes, _furthest(elements, codes, far, tree), found), key=lambda region: -region.share)[:MOST_TOLD]
+    return SurfaceVerdict(
+        dict(zip(VERDICTS, shares.tolist(), strict=True)), float(np.median(elements.tolerance)), tuple(regions), elements, codes
+    )
+
+
+def _judge_elements(elements: SurfaceElements, far: np.ndarray, tree: TriangleTree) -> np.ndarray:
+    """The verdict [n] on each element; the smooth pieces of what lies off, each on one side of the result, are judged as one."""
+    if elements.mesh is None:
+        far = _calm(elements, far)
+    off = far > elements.tolerance
+    side = np.zeros(len(far), np.int64)
+    side[off] = _sides(elements, off, tree)
+    a, b = elements.links.T
+    together = off[a] & off[b] & (side[a] == side[b]) & elements.smooth
+    count, piece = components(a[together], b[together], len(far))
+    cut = piece[a] != piece[b]
+    ends, lengths = np.concatenate([a[cut], b[cut]]), np.tile(elements.lengths[cut], 2)
+    area, around = np.bincount(piece, elements.areas, count), np.bincount(piece[ends], lengths, count)
+    width = 4 * area / np.maximum(around, 1e-300)  # of a disc its diameter, of a strip twice its width
+    mean = np.bincount(piece, far * elements.areas, count) / np.maximum(area, 1e-300)
+    follows = (mean <= FOLLOWS * width)[piece] & (side != 0)
+    return np.where(~off, EXACT, np.where(follows, APPROXIMATED, LEFT_OUT))
+
+
+def _furthest(elements: SurfaceElements, codes: np.ndarray, far: np.ndarray, tree: TriangleTree | None) -> np.ndarray:
+    """The largest distance [n] within each element that is not exact, its corners included."""
+    if elements.mesh is None or tree is None:
+        return far
+    off = np.flatnonzero(codes != EXACT)
+    corners, place = np.unique(np.asarray(elements.mesh.faces)[off], return_inverse=True)
+    out = far.copy()
+    out[off] = np.maximum(far[off], distances(tree, elements.mesh.vertices[corners])[place.reshape(-1, 3)].max(1, initial=0.0))
+    return out
+
+
+def _calm(elements: SurfaceElements, far: np.ndarray) -> np.ndarray:
+    """Distances [n] of points of a cloud as the medians around each: a stray shows no region."""
+    a, b = elements.links.T
+    ends = np.concatenate([np.arange(len(far)), a, b])
+    values = far[np.concatenate([np.arange(len(far)), b, a])]
+    order = np.lexsort((values, ends))
+    starts = np.searchsorted(ends[order], np.arange(len(far)))
+    counts = np.bincount(ends, minlength=len(far))
+    return values[order][starts + (counts - 1) // 2]
+
+
+def _sides(elements: SurfaceElements, chosen: np.ndarray, tree: TriangleTree) -> np.ndarray:
+    """+1 [k] where a chosen element lies outside of a result that runs beside it, -1 where inside, 0 where the result runs elsewhere."""
+    points, normals = elements.points[chosen], elements.normals[chosen]
+    step = STEP * elements.tolerance[chosen]
+    ahead, behind = (distances(tree, points + (sign * step)[:, None] * normals) for sign in (1, -1))
+    slope = (ahead - behind) / (2 * step)
+    side = np.where(slope > 0, 1, -1) if elements.oriented else np.ones(len(slope), np.int64)
+    return np.where(np.abs(slope) >= ALONG, side, 0)
+
+
+def _recognise(elements: SurfaceElements, off: np.ndarray) -> Iterator[Recognised]:
+    """Teeth, and text among what is left then."""
+    if elements.facets is None or not off.any():
+        return
+    for find in (find_teeth, find_text):
+        for one in find(elements, elements.facets, off):
+            off = off & ~one.chosen
+            yield one
+
+
+def _most_of(elements: SurfaceElements, codes: np.ndarray, chosen: np.ndarray) -> int:
+    return int(np.bincount(codes[chosen], elements.areas[chosen], len(VERDICTS)).argmax())
+
+
+def _regions(elements: SurfaceElements, codes: np.ndarray, far: np.ndarray, found: Sequence[Recognised]) -> Iterator[JudgedRegion]:
+    """What was recognised, and the connected rest of one verdict each."""
+    total = elements.areas.sum()
+    rest = codes != EXACT
+    for one in found:
+        rest &= ~one.chosen
+        yield _region(elements, one.chosen, int(codes[one.chosen][0]), one.kind, one.says, far, total)
+    a, b = elements.links.T
+    joined = rest[a] & rest[b] & (codes[a] == codes[b])
+    count, label = components(a[joined], b[joined], len(codes))
+    areas = np.bincount(label, elements.areas * rest, count)
+    for number in np.argsort(-areas, kind="stable")[:MOST_TOLD]:
+        if areas[number] >= LEAST_TOLD * total:
+            chosen = label == number
+            free = elements.facets is not None and is_freeform(elements, elements.facets, chosen)
+            kind = "freeform" if free else ""
+            yield _region(elements, chosen, int(codes[chosen][0]), kind, kind, far, total)
+
+
+def _region(elements: SurfaceElements, chosen: np.ndarray, code: int, kind: str, what: str, far: np.ndarray, total: float) -> JudgedRegion:
+    areas, corners = elements.areas[chosen], elements.corners(chosen)
+    low, high, share = corners.min(0), corners.max(0), float(areas.sum() / total)
+    mean = areas @ elements.normals[chosen] / areas.sum()
+    axis = int(np.abs(mean).argmax())
+    facing = f" on the {'+' if mean[axis] > 0 else '-'}{'xyz'[axis]} side" if elements.oriented and abs(mean[axis]) >= FACES_ONE_WAY else ""
+    digits = 3 - math.floor(math.log10(diagonal(elements.points)))  # a thousandth of the part
+    size, at = (", ".join(f"{round(v, digits) + 0.0:.6g}" for v in values) for values in (high - low, (low + high) / 2))
+    what = f"{what}, {size.replace(', ', ' x ')}" if what else size.replace(", ", " x ")
+    furthest = float(far[chosen].max())
+    return JudgedRegion(VERDICTS[code], kind, share, tuple(low.tolist()), tuple(high.tolist()), furthest, what, f"at ({at}){facing}")
+
+
+def percent(share: float) -> str:
+    """A share in words: what is not all is never told as 100 %, nor what is something as 0 %."""
+    text = f"{100 * share:.1f} %"
+    if text in ("0.0 %", "100.0 %"):
+        whole = round(share)
+        return f"{100 * whole} %" if abs(share - whole) < ROUNDING else "over 99.9 %" if whole else "under 0.1 %"
+    return text
+
+
+def describe_shares(verdict: SurfaceVerdict) -> str:
+    """How much of the surface is exact, within which tolerance, and what became of the rest."""
+    exact, approximated, left = (percent(verdict.shares[name]) for name in VERDICTS)
+    return f"{exact} of the surface is exact (within {verdict.tolerance:.2g}), {approximated} approximated, {left} left out"
