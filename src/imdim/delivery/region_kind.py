@@ -6,7 +6,7 @@ Only the target is looked at, and where its elements lie off the result. What ca
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -18,7 +18,7 @@ from imdim.detection.facets import Facets
 from imdim.detection.fit_surface import MIN_POINTS, fit_surface
 from imdim.geometry.rotations import frame_from_axis
 from imdim.geometry.sampling import subsample
-from imdim.geometry.surface import CLOSED_KINDS
+from imdim.geometry.surface import CLOSED_KINDS, unit
 from imdim.target.bodies import components
 
 Kind = Literal["teeth", "text", "freeform"]
@@ -30,7 +30,8 @@ LEANS = 0.2  # sine: a flank leans out of the way to the axis by more, a facet o
 REGULAR = 0.05  # of the pitch
 MOST_REGULAR = 0.75  # share of the gaps, and of the flanks: a row of teeth may be broken
 TOOTH = (0.1, 0.9)  # of the pitch: from one flank to the other
-LEAST_RELIEFS = 3  # letters
+LEAST_LETTERS = 3
+MOST_FACES = 200  # flat ones, the largest, that may carry text
 SMALL = 0.1  # of the face that carries it: a piece of text
 ON_ONE_FACE = 0.9  # share of the rim of a piece
 LEVEL = 0.9  # share of pieces of a text that are as high as most
@@ -153,81 +154,85 @@ def find_text(elements: SurfaceElements, facets: Facets, off: np.ndarray) -> Ite
     """Unequal small pieces of what is `off` [n], all raised from one flat face or sunk into it by the same amount."""
     a, b = elements.links.T
     both = off[a] & off[b]
-    piece = components(a[both], b[both], len(off))[1]
-    rim = off[a] != off[b]
-    inner, outer = np.where(off[a], a, b)[rim], np.where(off[a], b, a)[rim]
-    faces = _faces_of(facets, np.unique(elements.facet[outer]))
-    face, length, own = faces[elements.facet[outer]], elements.lengths[rim], piece[inner]
-    whole = np.bincount(own, length, len(off))
-    table: dict[tuple[int, int], list[int]] = {}
-    pairs, which = np.unique(np.column_stack([own, face]), axis=0, return_inverse=True)
-    shared = np.bincount(which.reshape(-1), length)
-    for (number, on), along in zip(pairs, shared, strict=True):
-        if on >= 0 and along >= ON_ONE_FACE * whole[number]:
-            side = _side_of(elements, facets, piece == number, int(on))
-            if side:
-                table.setdefault((int(on), side), []).append(int(number))
-    for (on, side), numbers in table.items():
-        found = _text_on(elements, facets, piece, faces, on, side, numbers)
-        if found is not None:
-            yield found
-
-
-def _faces_of(facets: Facets, chosen: np.ndarray) -> np.ndarray:
-    """For each facet [u] the largest of the `chosen` ones in whose plane it lies, -1 where it is none of these."""
-    order = chosen[np.argsort(-facets.areas[chosen], kind="stable")]
-    face = np.full(len(facets.areas), -1)
+    count, piece = components(a[both], b[both], len(off))
+    face, sizes = _faces_of(facets)
+    on = _carriers(elements, off, piece, count, face, len(sizes))
+    carried = np.flatnonzero(off & (on[piece] >= 0))
+    height, own = _heights(elements, facets, carried, face, on[piece[carried]]), piece[carried]
+    high, low = np.zeros(count), np.zeros(count)
+    np.maximum.at(high, own, height)
+    np.minimum.at(low, own, height)
     near = ON_SURFACE * facets.diagonal
+    areas = np.bincount(piece, elements.areas * off, count)
+    for number, size in enumerate(sizes):
+        small = (on == number) & (areas < SMALL * size)
+        for how, depths in (("raised", np.where(low > -near, high, 0.0)), ("sunk", np.where(high < near, -low, 0.0))):
+            pieces = np.flatnonzero(small & (depths > near))
+            if _is_text(areas[pieces], depths[pieces]):
+                says = f"text or decoration, {len(pieces)} pieces {how} by {np.median(depths[pieces]):.3g}"
+                yield Recognised(off & np.isin(piece, pieces), "text", says)
+
+
+def _is_text(areas: np.ndarray, depths: np.ndarray) -> bool:
+    """Whether pieces [k] of these areas and depths are letters: of one depth, and not all alike."""
+    if len(areas) < LEAST_LETTERS or np.ptp(areas) < UNLIKE * areas.max():
+        return False
+    return bool(np.mean(np.abs(depths - np.median(depths)) < REGULAR * np.median(depths)) >= LEVEL)
+
+
+def _faces_of(facets: Facets) -> tuple[np.ndarray, np.ndarray]:
+    """The face [u] that each facet is of, one for all that lie in one plane, -1 beyond the MOST_FACES largest, and the areas of these."""
+    order = np.argsort(-facets.areas, kind="stable")[:MOST_FACES]
+    face, near, number = np.full(len(facets.areas), -1), ON_SURFACE * facets.diagonal, 0
     for i in order:
         if face[i] >= 0:
             continue
-        free = order[face[order] < 0]
-        level = (facets.centers[free] - facets.centers[i]) @ facets.normals[i]
-        face[free[(np.abs(level) < near) & (facets.normals[free] @ facets.normals[i] > FLAT_FACE)]] = i
-    return face
+        level = np.abs((facets.centers - facets.centers[i]) @ facets.normals[i]) < near
+        face[level & (facets.normals @ facets.normals[i] > FLAT_FACE) & (face < 0)] = number
+        number += 1
+    return face, np.bincount(face[face >= 0], facets.areas[face >= 0], number)
 
 
-def _heights(elements: SurfaceElements, facets: Facets, chosen: np.ndarray, on: int) -> np.ndarray:
-    return (elements.points[chosen] - facets.centers[on]) @ facets.normals[on]
+def _carriers(elements: SurfaceElements, off: np.ndarray, piece: np.ndarray, count: int, face: np.ndarray, faces: int) -> np.ndarray:
+    """The face [count] on which nearly all of a piece's rim lies, -1 where there is none."""
+    a, b = elements.links.T
+    rim = off[a] != off[b]
+    inner, outer = np.where(off[a], a, b)[rim], np.where(off[a], b, a)[rim]
+    own, other, length = piece[inner], face[elements.facet[outer]], elements.lengths[rim]
+    whole = np.bincount(own, length, count)
+    pairs, which = np.unique(own[other >= 0] * faces + other[other >= 0], return_inverse=True)
+    along = np.bincount(which, length[other >= 0], len(pairs))
+    most = along >= ON_ONE_FACE * whole[pairs // max(faces, 1)]
+    on = np.full(count, -1)
+    on[pairs[most] // max(faces, 1)] = pairs[most] % max(faces, 1)
+    return on
 
 
-def _side_of(elements: SurfaceElements, facets: Facets, chosen: np.ndarray, on: int) -> int:
-    """1 where chosen elements stand on a facet's plane, -1 where they lie below, 0 where they do both."""
-    height, near = _heights(elements, facets, chosen, on), ON_SURFACE * facets.diagonal
-    return 1 if height.min() > -near else -1 if height.max() < near else 0
+def _heights(elements: SurfaceElements, facets: Facets, chosen: np.ndarray, face: np.ndarray, on: np.ndarray) -> np.ndarray:
+    """How far chosen elements [k] stand above the planes of the faces `on` [k]."""
+    if not len(chosen):
+        return np.empty(0)
+    known = np.flatnonzero(face >= 0)
+    known = known[np.lexsort((-facets.areas[known], face[known]))]
+    largest = known[np.searchsorted(face[known], on)]  # facet of each face
+    return ((elements.points[chosen] - facets.centers[largest]) * facets.normals[largest]).sum(1)
 
 
-def _text_on(
-    elements: SurfaceElements, facets: Facets, piece: np.ndarray, faces: np.ndarray, on: int, side: int, numbers: Sequence[int]
-) -> Recognised | None:
-    face = float(facets.areas[faces == on].sum())
-    areas = np.array([elements.areas[piece == number].sum() for number in numbers])
-    depths = np.array([np.abs(_heights(elements, facets, piece == number, on)).max() for number in numbers])
-    small, depth = areas < SMALL * face, float(np.median(depths))
-    level = np.abs(depths - depth) < REGULAR * depth
-    fits = small & level
-    if np.count_nonzero(fits) < max(LEAST_RELIEFS, LEVEL * len(numbers)) or depth < ON_SURFACE * facets.diagonal:
-        return None
-    if np.ptp(areas[fits]) < UNLIKE * areas[fits].max():
-        return None
-    chosen = np.isin(piece, np.array(numbers)[fits])
-    how = "raised" if side > 0 else "sunk"
-    return Recognised(chosen, "text", f"text or decoration, {np.count_nonzero(fits)} pieces {how} by {depth:.3g}")
-
-
-def is_freeform(elements: SurfaceElements, facets: Facets, chosen: np.ndarray) -> bool:
-    """Whether most of the chosen elements [n] are facets of a surface that is bent in two ways and is no ball, torus or ellipsoid."""
+def bent_two_ways(facets: Facets) -> np.ndarray:
+    """Which facets [u] turn towards their neighbours about axes of more than one direction."""
     pairs, _, _ = chord_pairs(facets)
-    turns = np.cross(facets.normals[pairs[:, 0]], facets.normals[pairs[:, 1]])
-    turns /= np.maximum(np.linalg.norm(turns, axis=1, keepdims=True), 1e-300)
-    # the spread of the axes that a facet turns about towards its neighbours: one axis has no second eigenvalue
+    turns = unit(np.cross(facets.normals[pairs[:, 0]], facets.normals[pairs[:, 1]]))
     spread = np.zeros((len(facets.areas), 3, 3))
     np.add.at(spread, pairs.ravel(), np.repeat(turns[:, :, None] * turns[:, None, :], 2, axis=0))
-    second = np.linalg.eigvalsh(spread)[:, 1]
-    bent = (second > BENT_TWO_WAYS**2)[elements.facet] & chosen
-    if elements.areas[bent].sum() < FREEFORM * elements.areas[chosen].sum():
+    return np.linalg.eigvalsh(spread)[:, 1] > BENT_TWO_WAYS**2  # of one axis alone there is no second eigenvalue
+
+
+def is_freeform(elements: SurfaceElements, facets: Facets, bent: np.ndarray, chosen: np.ndarray) -> bool:
+    """Whether most of the chosen elements [n] are of facets that are `bent` [u] two ways, and these no ball, torus or ellipsoid."""
+    both = bent[elements.facet] & chosen
+    if elements.areas[both].sum() < FREEFORM * elements.areas[chosen].sum():
         return False
-    points = np.unique(facets.corners[facets.triangles(np.unique(elements.facet[bent]))].reshape(-1, 3), axis=0)
+    points = np.unique(facets.corners[facets.triangles(np.unique(elements.facet[both]))].reshape(-1, 3), axis=0)
     points = subsample(points, MOST_FITTED)
     near = ON_SURFACE * facets.diagonal
     return not any(fit_surface(kind, points)[1] < near for kind in CLOSED_KINDS if len(points) >= MIN_POINTS[kind])

@@ -15,7 +15,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import KDTree
 
-from imdim.delivery.region_kind import Recognised, find_teeth, find_text, is_freeform
+from imdim.delivery.region_kind import Recognised, bent_two_ways, find_teeth, find_text, is_freeform
 from imdim.delivery.surface_elements import SurfaceElements, elements_of
 from imdim.export.verdict_colours import VERDICTS, ColouredTarget
 from imdim.geometry.metrics import diagonal
@@ -178,10 +178,11 @@ def _regions(elements: SurfaceElements, codes: np.ndarray, far: np.ndarray, foun
     joined = rest[a] & rest[b] & (codes[a] == codes[b])
     count, label = components(a[joined], b[joined], len(codes))
     areas = np.bincount(label, elements.areas * rest, count)
+    bent = None if elements.facets is None else bent_two_ways(elements.facets)
     for number in np.argsort(-areas, kind="stable")[:MOST_TOLD]:
         if areas[number] >= LEAST_TOLD * total:
             chosen = label == number
-            free = elements.facets is not None and is_freeform(elements, elements.facets, chosen)
+            free = bent is not None and elements.facets is not None and is_freeform(elements, elements.facets, bent, chosen)
             kind = "freeform" if free else ""
             yield _region(elements, chosen, int(codes[chosen][0]), kind, kind, far, total)
 
