@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -129,6 +130,41 @@ def test_teeth_are_one_thing(teeth):
     assert region.what.startswith(f"{teeth} teeth on a circle of ")
     assert region.verdict == "left out"
     assert region.share > 0.9 * found.shares["left out"]
+
+
+def wave(teeth: int, steps: int = 12) -> Primitive:
+    turns = [2 * math.pi * i / (teeth * steps) for i in range(teeth * steps)]
+    reach = [20 + 0.8 * math.sin(teeth * a) for a in turns]
+    return drawn(8.0, polygon(*((r * math.cos(a), r * math.sin(a)) for a, r in zip(turns, reach, strict=True))))
+
+
+def blocks(teeth: int) -> Program:
+    """Of parallel flanks, and roots that lie on the chords of a cylinder."""
+    turns = [2 * math.pi * i / teeth for i in range(teeth)]
+    return union(cylinder(20, 8), *(box(2, 1.2, 8, (20.5 * math.cos(a), 20.5 * math.sin(a), 0), (0, 0, math.degrees(a))) for a in turns))
+
+
+@pytest.mark.parametrize(
+    ("part", "result", "teeth"),
+    [
+        (wave(40), cylinder(20, 8), [40]),
+        (blocks(36), cylinder(20, 8), [36]),
+        (cut(cylinder(30, 8), replace(gear(30), size=(20.0,))), cut(cylinder(30, 8), cylinder(20, 20)), [30]),
+        (union(gear(30), replace(gear(24), center=(60.0, 0.0, 0.0))), union(cylinder(20, 8), cylinder(20, 8, (60, 0, 0))), [30, 24]),
+    ],
+    ids=["round", "parallel flanks", "inside a ring", "two gears"],
+)
+def test_teeth_of_other_forms(part, result, teeth):
+    found = verdict_on(part, result)
+    regions = [region for region in found.regions if region.kind == "teeth"]
+    assert [int(region.what.split()[0]) for region in regions] == teeth
+    assert sum(region.share for region in regions) > 0.95 * found.shares["left out"]
+
+
+def test_slots_of_a_grating_are_no_teeth():
+    found = verdict_on(cut(PLATE, *(box(1, 30, 20, (x, 0, 0)) for x in range(-24, 25, 2))), PLATE)
+    assert len(found.regions) == 25
+    assert {region.kind for region in found.regions} == {""}
 
 
 def test_teeth_in_a_row():

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -24,11 +24,13 @@ from imdim.target.bodies import components
 Kind = Literal["teeth", "text", "freeform"]
 
 LEAST_TEETH = 8
-ALIKE = 2e-3  # relative, by which areas of equal flanks differ
+ALIKE = 0.01  # relative, by which areas of equal flanks differ: roots lie on chords
+MOST_SHARED = 4  # flanks beside a tip or a root; the ends of a gear are beside all
 MOST_GROUPS = 60  # of equal flanks, the largest, that are looked at
 LEANS = 0.2  # sine: a flank leans out of the way to the axis by more, a facet of a cylinder does not
 REGULAR = 0.05  # of the pitch
 MOST_REGULAR = 0.75  # share of the gaps, and of the flanks: a row of teeth may be broken
+ROUND_ENDS = 0.5  # of the height of flanks: tips and roots beyond them
 TOOTH = (0.1, 0.9)  # of the pitch: from one flank to the other
 LEAST_LETTERS = 3
 MOST_FACES = 200  # flat ones, the largest, that may carry text
@@ -53,13 +55,14 @@ class Recognised(NamedTuple):
 @dataclass(frozen=True)
 class _Row:
     """Flanks in a row or on a circle: their facets, the frame [3, 3] of the row with its last column along the axis (or the row), a point
-    of it, and the radius; 0 for a straight row."""
+    of it, and the radius, 0 for a straight row; and the facets of the `chain` of flanks, tips and roots."""
 
     facets: np.ndarray
     frame: np.ndarray
     point: np.ndarray
     radius: float
     teeth: int
+    chain: np.ndarray = field(default_factory=lambda: np.empty(0, np.int64))
 
 
 def find_teeth(elements: SurfaceElements, facets: Facets, off: np.ndarray) -> Iterator[Recognised]:
@@ -67,18 +70,53 @@ def find_teeth(elements: SurfaceElements, facets: Facets, off: np.ndarray) -> It
     are off too."""
     lost = np.bincount(elements.facet, elements.areas * off, len(facets.areas)) > facets.areas / 2
     taken = np.zeros(len(off), bool)
-    for group in _groups_of_equals(facets):
-        if np.count_nonzero(lost[group]) * 2 <= len(group):
-            continue
-        row = _circle(facets, group) or _straight(facets, group)
-        if row is None:
-            continue
+    for row in _merge(facets, _rows(facets, lost)):
         chosen = off & _lies_in(elements, facets, row) & ~taken
         if elements.areas[chosen].sum() < facets.areas[row.facets].sum() / 2:
             continue  # of a row that is told already
         taken |= chosen
         where = f"on a circle of {2 * row.radius:.4g}" if row.radius else "in a row"
         yield Recognised(chosen, "teeth", f"{row.teeth} teeth {where}")
+
+
+def _rows(facets: Facets, lost: np.ndarray) -> Iterator[_Row]:
+    """Rows of equal flanks most of which are `lost` [u]."""
+    for group in _groups_of_equals(facets):
+        if np.count_nonzero(lost[group]) * 2 > len(group):
+            row = _circle(facets, group) or _straight(facets, group)
+            if row is not None and (chain := _chain_of(facets, row)) is not None:
+                yield replace(row, chain=chain)
+
+
+def _chain_of(facets: Facets, row: _Row) -> np.ndarray | None:
+    """The facets [c] that hang together with the flanks of a row, tips and roots among them; None where these do not lead from flank to
+    flank: between the slots of a grating lies nothing but faces that all of them share."""
+    flank = np.zeros(len(facets.areas), bool)
+    flank[row.facets] = True
+    one, two = facets.edges.T
+    shared = np.bincount(one[flank[two]], minlength=len(flank)) + np.bincount(two[flank[one]], minlength=len(flank)) > MOST_SHARED
+    inner = ~shared[one] & ~shared[two]
+    _, label = components(one[inner], two[inner], len(flank))
+    flanks = np.bincount(label[row.facets])
+    return np.flatnonzero(label == flanks.argmax()) if flanks.max() >= MOST_REGULAR * len(row.facets) else None
+
+
+def _merge(facets: Facets, rows: Iterator[_Row]) -> list[_Row]:
+    """Circles of as many flanks about one axis as one: round teeth have many flanks each."""
+    out: list[_Row] = []
+    near = 5 * ON_SURFACE * facets.diagonal
+    for row in rows:
+        for i, other in enumerate(out):
+            arm = row.point - other.point
+            axis = other.frame[:, 2]
+            alike = bool(row.radius) == bool(other.radius) and row.teeth == other.teeth and abs(float(axis @ row.frame[:, 2])) > FLAT_FACE
+            if alike and row.radius and np.linalg.norm(arm - (arm @ axis) * axis) < near:
+                both, chain = np.union1d(other.facets, row.facets), np.union1d(other.chain, row.chain)
+                out[i] = replace(other, facets=both, chain=chain, radius=(other.radius + row.radius) / 2)
+                break
+        else:
+            out.append(row)
+    return out
 
 
 def _groups_of_equals(facets: Facets) -> list[np.ndarray]:
@@ -145,9 +183,11 @@ def _lies_in(elements: SurfaceElements, facets: Facets, row: _Row) -> np.ndarray
         local = (points - row.point) @ row.frame
         return np.column_stack([np.linalg.norm(local[:, :2], axis=1), local[:, 2]]) if row.radius else local
 
-    flanks = seen(facets.corners[facets.triangles(row.facets)].reshape(-1, 3))
-    inside = seen(elements.points)
-    return ((inside >= flanks.min(0) - slack) & (inside <= flanks.max(0) + slack)).all(1)
+    flanks, places = seen(facets.corners[facets.triangles(row.facets)].reshape(-1, 3)), seen(elements.points)
+    low, high = flanks.min(0) - slack, flanks.max(0) + slack
+    # round tips and roots reach beyond the flanks
+    beyond = ROUND_ENDS * (high - low) * np.isin(elements.facet, row.chain)[:, None]
+    return ((places >= low - beyond) & (places <= high + beyond)).all(1)
 
 
 def find_text(elements: SurfaceElements, facets: Facets, off: np.ndarray) -> Iterator[Recognised]:
