@@ -14,9 +14,9 @@ server = pytest.importorskip("imdim.app.lab.server")
 class Quiet:
     """Stands in the lab's place: no port, no process."""
 
-    def __init__(self, host, port, limits, uploads, target):
+    def __init__(self, host, port, limits, uploads, target, pages):
         self.url, self.closed = f"http://{host}:{port}", False
-        self.limits, self.uploads, self.target = limits, uploads, target
+        self.limits, self.uploads, self.target, self.pages = limits, uploads, target, pages
 
     def close(self):
         self.closed = True
@@ -60,10 +60,11 @@ def test_a_part_is_opened_on_a_local_address_with_limits(person, capsys):
 
 
 def test_limits_are_those_of_the_command(person):
-    arguments = ["--runs", "1", "--memory", "1.5", "--upload", "3", "--points", "500", "--host", "0.0.0.0", "--port", "81"]
+    arguments = ["--runs", "1", "--memory", "1.5", "--upload", "3", "--points", "500", "--host", "0.0.0.0", "--port", "81", "--pages", "4"]
     assert server.main(arguments) == 0
     (lab,) = person.labs
     assert (lab.limits.running, lab.limits.memory, lab.uploads.size, lab.uploads.points) == (1, 3 << 29, 3 << 20, 500)
+    assert lab.pages == 4
     assert lab.url == "http://0.0.0.0:81"
     assert lab.target is None
 

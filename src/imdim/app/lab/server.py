@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import http.client
+import secrets
 import signal
 import sys
 import threading
@@ -16,7 +17,7 @@ import viser
 from imdim.app.lab.examples import NAMES
 from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.jobs import GiB, PoolLimits, WorkerPool
-from imdim.app.lab.origin_guard import refusing_foreigners
+from imdim.app.lab.origin_guard import MOST_PAGES, Rules, guarding
 from imdim.app.lab.page import Page
 from imdim.app.lab.state import MiB, UploadLimits
 from imdim.app.lab.view import light
@@ -27,20 +28,24 @@ from imdim.target.target import InputError, Target, load_target
 class Lab:
     """A running server. `close` ends it and all that it started."""
 
-    def __init__(self, host: str, port: int, limits: PoolLimits, uploads: UploadLimits, target: Target | None = None) -> None:
+    def __init__(
+        self, host: str, port: int, limits: PoolLimits, uploads: UploadLimits, target: Target | None = None, pages: int = MOST_PAGES
+    ) -> None:
         self.pool, self._uploads, self._target = WorkerPool(limits), uploads, target
         self._pages: dict[int, Page] = {}
         self._lock = threading.Lock()
-        with refusing_foreigners(host):
+        rules = Rules(host, secrets.token_urlsafe(16), pages)
+        with guarding(rules):
             self._server = viser.ViserServer(host=host, port=port, label="IMDIM Live Lab", verbose=False)
         self._server.request_share_url = _refuse_to_share  # type: ignore[method-assign]
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
         light(self._server.scene)
         self._server.on_client_connect(self._came)
         self._server.on_client_disconnect(self._went)
-        self.url = f"http://{host}:{self._server.get_port()}"
+        path = f"/{rules.token}/"
+        self.url = f"http://{host}:{self._server.get_port()}{path}"
         self.pool.prepare()
-        _compress(host, self._server.get_port())
+        _compress(host, self._server.get_port(), path)
 
     def _came(self, client: viser.ClientHandle) -> None:
         page = Page(client, self.pool, self._uploads, InputQueue(self._server.get_event_loop()))
@@ -70,10 +75,10 @@ def _refuse_to_share(verbose: bool = True) -> None:
     """The toolkit can open a tunnel to a public server when a page asks for it; here no page can."""
 
 
-def _compress(host: str, port: int) -> None:
+def _compress(host: str, port: int, path: str) -> None:
     """The toolkit compresses its page when it is first asked for, which takes a tenth of a second: here nobody waits for it."""
     link = http.client.HTTPConnection(host, port)
-    link.request("GET", "/", headers={"Accept-Encoding": "gzip"})
+    link.request("GET", path, headers={"Accept-Encoding": "gzip"})
     link.getresponse().read()
     link.close()
 
@@ -85,6 +90,7 @@ def parser() -> argparse.ArgumentParser:
     out.add_argument("--host", default="127.0.0.1", help="address to listen at (default: this machine alone)")
     out.add_argument("--port", type=int, default=8080, help="the first free one from here on (default 8080)")
     out.add_argument("--no-browser", action="store_true", help="print the address only")
+    out.add_argument("--pages", type=int, default=MOST_PAGES, help=f"pages open at once (default {MOST_PAGES})")
     out.add_argument("--runs", type=int, default=2, help="runs at once, of all clients (default 2)")
     out.add_argument("--memory", type=float, default=6.0, metavar="GB", help="for each run (default 6)")
     out.add_argument("--upload", type=float, default=64.0, metavar="MB", help="largest file (default 64)")
@@ -100,7 +106,7 @@ def main(argv: Sequence[str]) -> int:
     except InputError as error:
         raise ConfigError(str(error)) from error
     limits = PoolLimits(given.runs, memory=int(given.memory * GiB))
-    lab = Lab(given.host, given.port, limits, UploadLimits(int(given.upload * MiB), given.points), target)
+    lab = Lab(given.host, given.port, limits, UploadLimits(int(given.upload * MiB), given.points), target, given.pages)
     sys.stdout.write(f"IMDIM Live Lab: {lab.url}\n")
     sys.stdout.flush()
     ended = threading.Event()

@@ -1,4 +1,4 @@
-"""The command's own server refuses foreign pages; no browser is needed to see that."""
+"""The command's own server refuses foreign pages and those without its token; no browser is needed to see that."""
 
 import http.client
 from urllib.parse import urlsplit
@@ -16,6 +16,17 @@ UPGRADE = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Key":
 def test_foreign_pages_get_nothing(server, headers, upgrade):
     address = urlsplit(server.url)
     link = http.client.HTTPConnection(address.hostname, address.port, timeout=10)
-    link.request("GET", "/", headers=upgrade | headers)
+    link.request("GET", address.path, headers=upgrade | headers)
     assert link.getresponse().status == 403
     link.close()
+
+
+@pytest.mark.parametrize("upgrade", [{}, UPGRADE])
+def test_the_address_has_a_token_without_which_nothing_is_answered(server, upgrade):
+    address = urlsplit(server.url)
+    assert len(address.path) > 20
+    for path in ("/", "/index.html", address.path[:-3], f"/x{address.path}"):
+        link = http.client.HTTPConnection(address.hostname, address.port, timeout=10)
+        link.request("GET", path, headers=upgrade)
+        assert link.getresponse().status == 403
+        link.close()

@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import time
+from urllib.parse import urlsplit
 
 import pytest
 from tests.app.lab.page.browser import EXACT, WAIT_MS, LabPage, in_the_lab
@@ -14,7 +15,7 @@ pytestmark = in_the_lab
 
 
 def test_the_server_listens_on_this_machine_alone(server):
-    port = int(server.url.rsplit(":", 1)[1])
+    port = urlsplit(server.url).port
     with pytest.raises(OSError, match=r"refused|assign"):  # of another address of the same machine
         socket.create_connection(("127.0.0.2", port), timeout=5)
 
