@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import struct
-import warnings
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
@@ -14,6 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from imdim.target.archives import open_archive, read_array, read_arrays
+from imdim.target.gltf import read_gltf
+from imdim.target.obj import read_obj
+from imdim.target.off import read_off
+from imdim.target.ply import read_ply
 from imdim.target.threemf import read_model
 
 
@@ -23,14 +26,17 @@ class InputError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Raw:
-    """What a file says: `points` [n, 3] float64, `normals` [n, 3] or None, `faces` [m, 3] int64 or None."""
+    """What a file says: `points` [n, 3] float64, `normals` [n, 3] or None, `faces` [m, 3] int64 or None.
+
+    `notes`, one sentence each, say what is read in another way than it is written.
+    """
 
     points: np.ndarray
     normals: np.ndarray | None = None
     faces: np.ndarray | None = None
+    notes: tuple[str, ...] = ()
 
 
-MAX_BRACKETS = 1_000_000
 # what numpy's and trimesh's parsers raise on files that break their format
 SYNTAX_ERRORS = (
     *(ValueError, KeyError, IndexError, TypeError, AttributeError, EOFError, SyntaxError, NotImplementedError, OverflowError),
@@ -41,11 +47,11 @@ SYNTAX_ERRORS = (
 def read(path: Path) -> Raw:
     """The content of `path`, by its suffix; raises InputError for what is missing, unknown or broken."""
     reader = FORMATS.get(path.suffix.lower())
-    if not path.exists():
-        raise InputError(f"{path}: no such file")
-    if reader is None:
-        raise InputError(f"{path}: unknown format {path.suffix!r}; known are {', '.join(FORMATS)}")
     try:
+        if not path.exists():
+            raise InputError(f"{path}: no such file")
+        if reader is None:
+            raise InputError(f"{path}: unknown format {path.suffix!r}; known are {', '.join(FORMATS)}")
         if path.stat().st_size == 0:
             raise InputError(f"{path}: the file is empty (0 bytes)")
         raw = reader(path)
@@ -71,7 +77,7 @@ def _check_raw(raw: Raw, path: Path) -> Raw:
     if raw.normals is not None and len(raw.normals) != len(raw.points):
         raise InputError(f"{path}: {len(raw.normals)} normals for {len(raw.points)} points")
     if faces is None or not len(faces):
-        return Raw(raw.points, raw.normals)
+        return Raw(raw.points, raw.normals, notes=raw.notes)
     bad = int(((faces < 0) | (faces >= len(raw.points))).any(axis=1).sum())
     if bad:
         raise InputError(f"{path}: {bad} of {len(faces)} faces name a vertex that is not among the {len(raw.points)}")
@@ -81,16 +87,22 @@ def _check_raw(raw: Raw, path: Path) -> Raw:
 def read_stl(path: Path) -> Raw:
     """Binary or ASCII, told apart by the length that a binary header promises: some binary files begin with "solid"."""
     data = path.read_bytes()
-    count = int.from_bytes(data[80:84], "little")
-    promised = 84 + 50 * count
-    if promised == len(data) or (promised < len(data) and count and data.lstrip()[:5].lower() != b"solid"):
+    count, held = int.from_bytes(data[80:84], "little"), (len(data) - 84) // 50
+    is_text = data.lstrip()[:5].lower() == b"solid"
+    notes = ()
+    if 84 + 50 * count != len(data) and (is_text or b"facet" in data[:1000].lower()):
+        corners = _text_points(data, b"(?i:vertex)")
+    else:
+        if count > held or held < 1:
+            raise InputError(f"{path}: not a whole STL file: {count} triangles need {84 + 50 * count} bytes, {len(data)} are there")
+        if count < held and len(data) == 84 + 50 * held:  # nothing but triangles lies behind those that the header counts
+            notes = (f"The header counts {count} triangles, the file has {held}: all were read.",)
+            count = held
         record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("extra", "<u2")])
         corners = np.frombuffer(data, record, count, offset=84)["corners"].reshape(-1, 3).astype(float)
-    else:
-        corners = _text_points(data, b"(?i:vertex)")
     if not len(corners) or len(corners) % 3:
         raise InputError(f"{path}: not a readable STL file: {len(corners)} corners found, {len(data)} bytes")
-    return Raw(corners, faces=np.arange(len(corners)).reshape(-1, 3))
+    return Raw(corners, faces=np.arange(len(corners)).reshape(-1, 3), notes=notes)
 
 
 def _text_points(data: bytes, pattern: bytes) -> np.ndarray:
@@ -100,55 +112,28 @@ def _text_points(data: bytes, pattern: bytes) -> np.ndarray:
 
 
 def read_scene(path: Path) -> Raw:
-    """OBJ, OFF, GLB and GLTF by trimesh: every mesh in its place, or, where there is none, every cloud."""
-    import trimesh
+    """GLB and glTF: every mesh in its place, or, where there is none, every cloud."""
+    points, faces = read_gltf(path)
+    return Raw(points, faces=faces)
 
-    if path.suffix.lower() in (".glb", ".gltf"):
-        _check_json(path)
-    # a picture of half a megabyte may take gigabytes once it is decoded, and no solid needs one
-    options = {} if path.suffix.lower() == ".off" else {"skip_materials": True}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        scene = trimesh.load_scene(path, process=False, **options)  # type: ignore[arg-type]
-    mesh = scene.to_mesh()
-    if len(mesh.faces):
-        return Raw(np.array(mesh.vertices, float), faces=np.array(mesh.faces, np.int64))
-    clouds = [np.asarray(g.vertices, float) for g in scene.dump() if isinstance(g, trimesh.PointCloud)]  # type: ignore[union-attr]
-    if not clouds and path.suffix.lower() == ".obj":
-        clouds = [_text_points(path.read_bytes(), b"^v")]
-    return Raw(np.concatenate([np.zeros((0, 3)), *clouds]))
+
+def read_objects(path: Path) -> Raw:
+    """OBJ and OFF: all objects of a file as one mesh, or a cloud where none has a face."""
+    points, faces = (read_off if path.suffix.lower() == ".off" else read_obj)(path.read_bytes())
+    return Raw(points, faces=faces)
 
 
 def read_threemf(path: Path) -> Raw:
     """Every mesh that is built, in its place. Trimesh needs a kilobyte per face for its tree of nodes."""
     with path.open("rb") as file, open_archive(file) as archive:
-        points, faces = read_model(archive)
-    return Raw(points, faces=faces)
+        points, faces, notes = read_model(archive)
+    return Raw(points, faces=faces, notes=notes)
 
 
-def _check_json(path: Path) -> None:
-    """Refuse a scene of more lists and objects than any has: Python's collector of garbage takes minutes over them."""
-    data = path.read_bytes()
-    text = data[20 : 20 + int.from_bytes(data[12:16], "little")] if data[:4] == b"glTF" else data
-    many = text.count(b"[") + text.count(b"{")
-    if many > MAX_BRACKETS:
-        raise InputError(f"{path}: {many} lists and objects in its JSON, at most {MAX_BRACKETS}")
-
-
-def read_ply(path: Path) -> Raw:
-    """A mesh where there are faces, a cloud where there are none."""
-    from trimesh.exchange.ply import load_ply
-
-    with path.open("rb") as file:
-        found = load_ply(file, fix_texture=False)
-    if "vertices" not in found:
-        return Raw(np.zeros((0, 3)))
-    normals, faces = found.get("vertex_normals"), found.get("faces")
-    return Raw(
-        np.array(found["vertices"], float),
-        None if normals is None else np.array(normals, float),
-        None if faces is None else np.array(faces, np.int64),
-    )
+def read_polygons(path: Path) -> Raw:
+    """PLY: a mesh where there are faces, a cloud where there are none."""
+    points, normals, faces = read_ply(path.read_bytes())
+    return Raw(points, normals, faces)
 
 
 def read_text(path: Path) -> Raw:
@@ -209,10 +194,17 @@ def read_numpy(path: Path) -> Raw:
     points, normals, faces = (None if a is None else _table(a, path) for a in pick)
     assert points is not None
     raw = _by_columns(points, [])
-    return Raw(raw.points, normals if normals is not None else raw.normals, None if faces is None else faces.astype(np.int64))
+    return Raw(raw.points, normals if normals is not None else raw.normals, None if faces is None else _whole_numbers(faces, path))
 
 
 NPZ_NAMES = (("points", "vertices", "xyz", "pos", "positions"), ("normals", "normal"), ("faces", "triangles"))
+
+
+def _whole_numbers(faces: np.ndarray, path: Path) -> np.ndarray:
+    bad = int((~((faces == np.round(faces)) & (np.abs(faces) < 1 << 53))).any(axis=1).sum())
+    if bad:
+        raise InputError(f"{path}: {bad} of {len(faces)} faces have corners that are no whole numbers")
+    return faces.astype(np.int64)
 
 
 def _table(array: np.ndarray, path: Path) -> np.ndarray:
@@ -229,9 +221,9 @@ def _read_pcd(path: Path) -> Raw:
 
 FORMATS: Mapping[str, Callable[[Path], Raw]] = {
     ".stl": read_stl,
-    ".obj": read_scene,
-    ".off": read_scene,
-    ".ply": read_ply,
+    ".obj": read_objects,
+    ".off": read_objects,
+    ".ply": read_polygons,
     ".3mf": read_threemf,
     ".glb": read_scene,
     ".gltf": read_scene,

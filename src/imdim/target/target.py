@@ -148,7 +148,7 @@ def _target(raw: Raw, name: str, max_points: int) -> Target:
     _check_numbers(raw.points, name)
     if raw.faces is not None and len(raw.faces):
         cleaned = clean_mesh(raw.points, raw.faces, name)
-        return _mesh_target(name, cleaned.vertices, cleaned.faces, cleaned.is_solid, cleaned.notes)
+        return _mesh_target(name, cleaned.vertices, cleaned.faces, cleaned.is_solid, (*raw.notes, *cleaned.notes))
     return _cloud_target(raw, name, max_points)
 
 
@@ -185,7 +185,7 @@ def sample_surface(vertices: np.ndarray, faces: np.ndarray, count: int, rng: np.
 
 
 def _cloud_target(raw: Raw, name: str, max_points: int) -> Target:
-    points, normals, notes = raw.points, raw.normals, []
+    points, normals, notes = raw.points, raw.normals, list(raw.notes)
     if len(points) < MIN_POINTS:
         raise InputError(f"{name}: {len(points)} points are too few, at least {MIN_POINTS} are needed")
     if np.linalg.matrix_rank((points - points.mean(0)) / np.ptp(points, axis=0).max(), tol=1e-6 * len(points) ** 0.5) < 3:

@@ -18,6 +18,8 @@ MAX_FACES = 20_000_000
 MAX_COPIES = 100_000
 MODEL = "3d/3dmodel.model"
 BETWEEN = "\n"  # a namespace and a name
+MILLIMETRES = {"micron": 0.001, "millimeter": 1.0, "centimeter": 10.0, "inch": 25.4, "foot": 304.8, "meter": 1000.0}
+ASIDE = ("support", "solidsupport", "other")  # kinds of objects that are no part of the solid (section 4.1)
 PLACE = np.vstack([np.eye(3), np.zeros(3)])  # a transform [4, 3] of rows: p @ rows[:3] + rows[3]
 
 
@@ -30,6 +32,7 @@ class _Object:
     parts: list[tuple[_Object, np.ndarray]] = field(default_factory=list)
     copies: int = 1
     faces: int = 0
+    is_aside: bool = False
 
     def add(self, part: _Object, transform: np.ndarray) -> None:
         self.parts.append((part, transform))
@@ -38,8 +41,9 @@ class _Object:
             raise ValueError(f"its components grow to {self.copies} meshes of {self.faces} faces")
 
 
-def read_model(archive: zipfile.ZipFile) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices [n, 3] float64 and faces [m, 3] int64 of all that a model builds, every object in its place.
+def read_model(archive: zipfile.ZipFile) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+    """Vertices [n, 3] float64, in millimetres, and faces [m, 3] int64 of all that a model builds, every object in its place; and what is
+    to be said of units and of objects that are no part of the solid, such as what only supports a print.
 
     Raises ValueError, one line, for what is no model, declares a document type (entities), grows beyond MAX_FACES or MAX_COPIES, or uses
     an object that is not there yet.
@@ -54,7 +58,18 @@ def read_model(archive: zipfile.ZipFile) -> tuple[np.ndarray, np.ndarray]:
         vertices.append(points)
         faces.append(corners + base)
         base += len(points)
-    return np.concatenate(vertices), np.concatenate(faces)
+    return np.concatenate(vertices) * MILLIMETRES[model.unit], np.concatenate(faces), tuple(_notes(model))
+
+
+def _notes(model: _Parser) -> Iterator[str]:
+    if MILLIMETRES[model.unit] != 1.0:
+        yield f"The file's unit is {model.unit}: read as millimetres, each {MILLIMETRES[model.unit]:g}."
+    if model.aside:
+        yield (
+            f"{model.aside} objects of support material were left out."
+            if model.aside > 1
+            else "An object of support material was left out."
+        )
 
 
 def _place_meshes(build: _Object) -> Iterator[tuple[np.ndarray, np.ndarray]]:
@@ -77,13 +92,15 @@ class _Parser:
         self.build = _Object()
         self._archive, self._models = archive, models
         self._id, self._object, self._base, self._first = "", _Object(), 0, 0
+        self.unit, self.aside = "millimeter", 0
         self._begun = {
+            "model": self._begin_model,
             "vertex": self._vertex,
             "triangle": self._triangle,
             "object": self._begin_object,
             "mesh": self._begin_mesh,
-            "component": lambda given: self._object.add(*self._part(given)),
-            "item": lambda given: self.build.add(*self._part(given)),
+            "component": lambda given: self._add(self._object, given),
+            "item": lambda given: self._add(self.build, given),
         }
         self._ended = {"object": self._end_object, "mesh": self._end_mesh}
 
@@ -118,8 +135,13 @@ class _Parser:
     def _triangle(self, given: dict[str, str]) -> None:
         self._object.corners.extend((int(given["v1"]), int(given["v2"]), int(given["v3"])))
 
+    def _begin_model(self, given: dict[str, str]) -> None:
+        self.unit = given.get("unit", "millimeter")
+        if self.unit not in MILLIMETRES:
+            raise ValueError(f"unknown unit {self.unit[:40]!r}")
+
     def _begin_object(self, given: dict[str, str]) -> None:
-        self._id, self._object = given["id"], _Object()
+        self._id, self._object = given["id"], _Object(is_aside=given.get("type") in ASIDE)
 
     def _begin_mesh(self, given: dict[str, str]) -> None:
         self._base, self._first = len(self._object.vertices) // 3, len(self._object.corners)
@@ -139,6 +161,13 @@ class _Parser:
             raise ValueError(f"it holds {self._object.faces} faces, at most {MAX_FACES}")
         self.objects[self._id] = self._object
         self._object = _Object()
+
+    def _add(self, whole: _Object, given: dict[str, str]) -> None:
+        part, transform = self._part(given)
+        if part.is_aside:
+            self.aside += 1
+        else:
+            whole.add(part, transform)
 
     def _part(self, given: dict[str, str]) -> tuple[_Object, np.ndarray]:
         """The object that a component or an item names, and its transform."""
