@@ -14,6 +14,7 @@ if __name__ == "__main__":
     overrides = parser.parse_args().overrides
 
     from imdim.app.fit import main
+    from imdim.app.orderly import run_in_order
     from imdim.reconstruction.config import from_hydra
 
-    sys.exit(main(lambda: from_hydra(Path(__file__).parent / "configs", "infer", overrides)))
+    sys.exit(run_in_order(lambda: main(lambda: from_hydra(Path(__file__).parent / "configs", "infer", overrides))))

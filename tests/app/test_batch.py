@@ -286,3 +286,14 @@ def test_a_language_that_nobody_speaks_is_one_line(parts, tmp_path, stand_in, ca
     assert capsys.readouterr().err == "imdim: unknown language 'step'; known are csg, cad\n"
     assert main([str(parts), "-o", str(tmp_path / "out"), "language=csg"], stand_in()) == 0
     assert json.loads((tmp_path / "out" / "batch.json").read_text())["settings"]["language"] == "csg"
+
+
+def test_a_name_is_no_formula_of_a_spreadsheet():
+    from imdim.app.batch.table import csv_text
+
+    assert csv_text(("part", "iou"), [("=cmd|calc!A1.stl", -1.5), ("@a", 2), ("a=b", None)]).splitlines() == [
+        "part,iou",
+        "'=cmd|calc!A1.stl,-1.5",
+        "'@a,2",
+        "a=b,",
+    ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import subprocess
 import sys
 import time
@@ -18,6 +19,7 @@ from tests.drawn import BORED
 from imdim.app.cli import main as imdim
 from imdim.app.fit import LEFT_OUT, fit, one_line, summary
 from imdim.app.fit import main as run
+from imdim.app.orderly import run_in_order
 from imdim.app.progress import show_progress
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.front import Choice
@@ -127,6 +129,28 @@ def test_bad_input_is_one_line_and_writes_nothing(tmp_path, capsys, name, conten
     assert said in error
     assert name in error
     assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize("name", [b"two\nlines.stl", b"no \xff text.stl", b"tab\t.stl", b'"); import os.stl'])
+def test_any_name_of_a_file_is_delivered(part, tmp_path, capfd, name):
+    odd = tmp_path / os.fsdecode(name)
+    part.rename(odd)
+    assert imdim_fit(odd, os.fsdecode(os.fsencode(tmp_path) + b"/out-" + name)) == 0
+    folder = next(path for path in tmp_path.iterdir() if path.is_dir())
+    assert (folder / "preview.png").is_file()
+    shown = json.loads((folder / "report.json").read_text())["target"]["name"]
+    assert shown.isprintable()
+    assert shown.endswith(".stl")
+
+
+def imdim_fit(source, folder):
+    return run_in_order(lambda: run(lambda: Settings(input=str(source), output=str(folder)), box_found))
+
+
+@pytest.mark.parametrize("name", ["n" * 252 + ".stl", "two\nlines.stl"])
+def test_a_name_that_no_file_can_have_or_has_is_one_line(tmp_path, capsys, name):
+    assert imdim(["fit", str(tmp_path / name), "-o", str(tmp_path / "out")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_an_output_that_cannot_be_written_is_one_line(part, tmp_path, capsys):

@@ -149,3 +149,15 @@ def test_what_another_process_is_writing_is_left_alone(tmp_path):
         assert other.exists()
     assert foreign.exists()
     assert results(folder) == {"report.json": "one"}
+
+
+def test_a_name_as_long_as_file_systems_allow_is_written_and_a_longer_one_named(tmp_path):
+    folder = tmp_path / ("n" * 255)
+    write(folder, "one")
+    write(folder, "two")
+    assert results(folder)["report.json"] == "two"
+    assert [path.name for path in tmp_path.iterdir()] == [folder.name]
+    for bad in ("n" * 256, "a\0b"):
+        with pytest.raises(OutputError, match="cannot be written") as caught:
+            check_writable(tmp_path / bad)
+        assert len(str(caught.value)) < 300

@@ -81,6 +81,15 @@ def test_a_process_of_its_own_gives_the_volume_or_the_reason(tmp_path, monkeypat
     assert sorted(path.name for path in tmp_path.glob("*.step")) == ["good.step"]
 
 
+def test_an_export_ends_with_the_process_that_started_it(tmp_path):
+    (tmp_path / "program.json").write_text(dumps(KNOWN["drilled block"][0]))
+    job = step_worker.start_step(tmp_path / "program.json", tmp_path / "out.step")
+    job.lifeline.close()  # as the system does when that process is killed
+    assert job.process.wait(timeout=60) == 1
+    step_worker.stop_step(job)
+    assert not (tmp_path / "out.step").exists()
+
+
 def test_an_export_that_ended_too_late_leaves_no_file_and_no_pipe(tmp_path, monkeypatch):
     """It ends between the moment at which its time is up and the one at which it is stopped."""
     (tmp_path / "part.json").write_text(dumps(KNOWN["drilled block"][0]))

@@ -77,6 +77,29 @@ def test_a_folder_is_no_part(tmp_path):
         load_target(tmp_path / "a.stl")
 
 
+def many_boxes(count: int, crowd: int = 0) -> trimesh.Trimesh:
+    """Boxes of .03 to .3 in a cube of 1000, and a sphere of many faces beside them."""
+    rng = np.random.default_rng(0)
+    places = BOX.vertices * rng.uniform(0.03, 0.3, (count, 1, 3)) + rng.uniform(0, 1000, (count, 1, 3))
+    faces = BOX.faces + len(BOX.vertices) * np.arange(count)[:, None, None]
+    boxes = trimesh.Trimesh(places.reshape(-1, 3), faces.reshape(-1, 3), process=False)
+    ball = trimesh.creation.icosphere(crowd, 1e-3)
+    return boxes if not crowd else trimesh.util.concatenate([boxes, ball])
+
+
+def test_more_bodies_than_any_part_has_are_refused_at_once():
+    with pytest.raises(InputError, match=r"^part: the mesh has 20000 separate bodies, at most 5000$"):
+        target_from(many_boxes(20_000), name="part")
+
+
+def test_thinning_leaves_something_and_says_what_went_with_it():
+    """All of it is smaller than the least tolerance."""
+    target = target_from(many_boxes(4000, 7), name="part")
+    assert target.mesh is not None
+    assert len(target.mesh.faces) > 0
+    assert any("thinned to" in note and "% of the volume lost" in note for note in target.notes) or len(target.mesh.faces) > 200_000
+
+
 def test_bad_normals_are_left_out_with_a_note():
     normals = np.ones_like(CLOUD)
     normals[7] = 0

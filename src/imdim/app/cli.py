@@ -10,6 +10,8 @@ from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 
+from imdim.app.orderly import run_in_order
+
 SETTINGS = (
     "any further setting of imdim.reconstruction.config.Settings, such as language=csg, which has the six primitives alone"
     " (default language=cad: extruded and turned outlines beside them), or objective=primitives, which counts primitives alone"
@@ -21,6 +23,10 @@ ABOUT = "A mesh or a point cloud becomes a short, editable CSG program."
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; the exit status is 0, or 2 for input or arguments that cannot be used (one line on stderr), or what the command's
     own `main` says."""
+    return run_in_order(lambda: _run_command(argv))
+
+
+def _run_command(argv: Sequence[str] | None) -> int:
     parser = argparse.ArgumentParser(prog="imdim", description=ABOUT, epilog="`imdim fit --help` tells more.")
     parser.add_argument("--version", action="version", version=f"imdim {version('imdim')}")
     about = "fit: reconstruct one part; batch: every part of a folder; export: write one program of a front.json; "

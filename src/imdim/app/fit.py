@@ -76,7 +76,7 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None) -> dict[str,
 
     from imdim.deadline import Deadline
     from imdim.delivery.deliver import STEP_LIMIT_S, RunRecord, check_writable, deliver
-    from imdim.target.target import load_target
+    from imdim.target.target import load_target, printable
 
     folder, start = Path(settings.output), time.perf_counter()
     check_writable(folder)
@@ -91,7 +91,8 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None) -> dict[str,
     left = max(settings.budget_s - stages["loading"], LEAST_S)
     snapshots = reconstruct(target, replace(settings, budget_s=left), np.random.default_rng(settings.seed))
     last = _exhaust(show_progress(snapshots, left), stages)
-    run = RunRecord(settings.input, stages, last.stop or "finished", settings.seed, asdict(settings), last.proof)
+    said = {key: printable(value) if isinstance(value, str) else value for key, value in asdict(settings).items()}
+    run = RunRecord(said["input"], stages, last.stop or "finished", settings.seed, said, last.proof)
     for note in last.notes:
         sys.stderr.write(f"imdim: {note}\n")
     target = replace(target, notes=(*target.notes, *last.notes))

@@ -34,6 +34,7 @@ FILES = (
     "report.json",
     "report.html",
 )
+LONGEST_NAME = 150  # bytes of a results folder's name that its hidden neighbours repeat; file systems allow 255
 EARLIER = "-earlier"  # how the name of results ends that stand aside while new ones take their place
 
 
@@ -43,8 +44,15 @@ class OutputError(OSError):
 
 def check_writable(folder: Path) -> None:
     """Raise OutputError unless `folder` can be made, or is empty or holds nothing but earlier results; leaves nothing behind."""
-    folder = folder.resolve()
-    _check_contents(folder)
+    try:
+        folder = folder.resolve()
+        _check_contents(folder)
+    except OutputError:
+        raise
+    except (OSError, ValueError) as error:  # a name too long, or with a byte of 0
+        raise OutputError(
+            f"output folder {_shorten(str(folder))} cannot be written: {getattr(error, 'strerror', None) or error}"
+        ) from error
     if folder == Path.cwd() or folder in Path.cwd().parents or folder.is_mount():
         raise OutputError(f"output folder {folder} cannot be replaced as a whole: give a folder inside it")
     ancestor = next(place for place in folder.parents if place.exists())
@@ -63,7 +71,7 @@ def replacing(folder: Path) -> Iterator[Path]:
     check_writable(folder)
     folder = folder.resolve()
     _sweep(folder)
-    partial = folder.with_name(f".{folder.name}-{_machine()}-{os.getpid()}-{secrets.token_hex(4)}")
+    partial = folder.with_name(f".{_stem(folder)}-{_machine()}-{os.getpid()}-{secrets.token_hex(4)}")
     try:
         partial.mkdir(parents=True)
         yield partial
@@ -100,6 +108,16 @@ def _swap(partial: Path, folder: Path) -> None:
     _remove(earlier)
 
 
+def _stem(folder: Path) -> str:
+    """The folder's name, or a sum of it where names made of it would be too long."""
+    name = os.fsencode(folder.name)
+    return folder.name if len(name) <= LONGEST_NAME else f"{zlib.crc32(name):08x}"
+
+
+def _shorten(text: str) -> str:
+    return text if len(text) <= 160 else text[:157] + "..."
+
+
 def _machine() -> str:
     return f"{zlib.crc32(platform.node().encode()):08x}"
 
@@ -108,7 +126,7 @@ def _sweep(folder: Path) -> None:
     """Remove what processes of this machine that are no more left beside `folder`; results that they had only set aside come back."""
     if not folder.parent.is_dir():
         return
-    left = re.compile(rf"\.{re.escape(folder.name)}-{_machine()}-(\d+)-[0-9a-f]{{8}}({EARLIER})?")
+    left = re.compile(rf"\.{re.escape(_stem(folder))}-{_machine()}-(\d+)-[0-9a-f]{{8}}({EARLIER})?")
     for place in sorted(folder.parent.iterdir(), reverse=True):
         found = left.fullmatch(place.name)
         if found is None or _runs(int(found[1])):

@@ -2,18 +2,20 @@
 
 ``python -m imdim.export.step_worker PROGRAM.json OUT.step`` writes the file and prints its re-read volume; a failure is one line on stderr.
 A part with edge features is written, and told, twice: sharp, then with as many of them as OpenCASCADE can blend. If it fails on these the
-sharp one stays.
+sharp one stays. It ends with the process that started it, however that ends: its standard input closes then.
 """
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
+from typing import IO, NamedTuple
 
 from imdim.export.step import StepError, path_beside, step_volume, write_stages
 from imdim.program.codec import edges_of, from_json, parse
@@ -30,10 +32,11 @@ class Exported(NamedTuple):
 
 
 class StepJob(NamedTuple):
-    """A running export of a program document to `out`."""
+    """A running export of a program document to `out`; it ends when `lifeline` closes."""
 
     process: subprocess.Popen[str]
     out: Path
+    lifeline: IO[bytes] | None = None
 
 
 def start_step(document: Path, out: Path) -> StepJob:
@@ -41,7 +44,10 @@ def start_step(document: Path, out: Path) -> StepJob:
     if find_spec("OCP") is None:
         raise StepError('no STEP without OpenCASCADE: pip install "imdim[step]"')
     command = [sys.executable, "-m", __spec__.name, str(document), str(out)]
-    return StepJob(subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True), out)
+    theirs, ours = os.pipe()  # no pipe of the process itself: waiting for its output would close that
+    with os.fdopen(theirs, "rb") as end:
+        process = subprocess.Popen(command, stdin=end, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return StepJob(process, out, os.fdopen(ours, "wb"))
 
 
 def finish_step(job: StepJob, limit_s: float) -> Exported:
@@ -51,6 +57,7 @@ def finish_step(job: StepJob, limit_s: float) -> Exported:
     except subprocess.TimeoutExpired as error:
         _end(job)
         return _last_stage(job, (error.stdout or b"").decode(), f"OpenCASCADE took more than {limit_s:g} s")  # type: ignore[union-attr]
+    _end(job)
     if job.process.returncode == 0:
         return _read_stage(out.splitlines()[-1])
     lines = problems.strip().splitlines() if job.process.returncode == 1 else []
@@ -85,7 +92,7 @@ def _end(job: StepJob) -> None:
     if job.process.poll() is None:
         job.process.kill()
         job.process.wait()
-    for pipe in (job.process.stdout, job.process.stderr):
+    for pipe in (job.process.stdout, job.process.stderr, job.lifeline):
         if pipe is not None:
             pipe.close()
 
@@ -119,8 +126,15 @@ def finish_or_skip_step(job: StepJob | StepError, limit_s: float, volumes: dict[
     return {"program.step": f"written, {exported.sharp} of {exported.edges} edges not blended{reason}"}
 
 
+def _end_with_parent() -> None:
+    while os.read(0, 1):  # the file itself: a stream's lock, held by a thread, ends Python in an error
+        pass
+    os._exit(1)
+
+
 def main(document: str, out: str) -> None:
     """The worker's side."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         read = parse(Path(document).read_text(encoding="utf-8"))
         for edges, sharp in write_stages(from_json(read), Path(out), edges_of(read)):

@@ -66,6 +66,11 @@ def compact(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nda
     return vertices[used], corners.reshape(-1, 3).astype(np.int64)
 
 
+def count_bodies(faces: np.ndarray) -> int:
+    """How many pieces are joined by edges."""
+    return int(_pieces(faces).max(initial=-1)) + 1
+
+
 def find_bodies(vertices: np.ndarray, faces: np.ndarray) -> Bodies:
     """The bodies of a mesh whose equal vertices are merged, numbered by falling absolute volume."""
     label = _pieces(faces)

@@ -56,7 +56,8 @@ def read(path: Path) -> Raw:
             raise InputError(f"{path}: the file is empty (0 bytes)")
         raw = reader(path)
     except OSError as error:
-        raise InputError(f"{path}: cannot be opened: {error.strerror or error}") from error
+        name = str(path) if len(str(path)) <= 160 else f"{str(path)[:157]}..."
+        raise InputError(f"{name}: cannot be opened: {error.strerror or error}") from error
     except InputError:
         raise
     except SYNTAX_ERRORS as error:

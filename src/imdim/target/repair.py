@@ -9,10 +9,12 @@ from manifold3d import Error, Manifold, OpType
 from scipy.spatial import KDTree
 
 from imdim.geometry.solid import drop_collapsed, solid_of
-from imdim.target.bodies import compact, components, edge_table, face_normals, find_bodies, mesh_volume, split_faces
+from imdim.target.bodies import compact, components, count_bodies, edge_table, face_normals, find_bodies, mesh_volume, split_faces
 from imdim.target.readers import InputError
 
 MAX_FACES = 200_000
+MAX_BODIES = 5_000
+LOST = 0.01  # of the volume, from which thinning says that small things went with it
 CROWDED = 3  # faces a vertex; closed surfaces have two
 SEAM = 1e-6  # gap that is closed along open edges, relative to the diagonal
 FLAT = 1e-12  # volume relative to the cubed diagonal
@@ -44,10 +46,14 @@ def clean_mesh(vertices: np.ndarray, faces: np.ndarray, name: str) -> Cleaned:
         faces = close_seams(unit, faces)
     if not len(faces):
         raise InputError(f"{name}: the mesh has 0 faces with three different corners")
+    if len(faces) >= 4 * MAX_BODIES and (count := count_bodies(faces)) > MAX_BODIES:
+        raise InputError(f"{name}: the mesh has {count} separate bodies, at most {MAX_BODIES}")
     faces, notes = _orient(unit, faces)
     volume = mesh_volume(unit, faces)
     if abs(volume) < FLAT:
-        raise InputError(f"{name}: the mesh encloses no volume ({volume * diagonal**3:.3g} cubic units)")
+        raise InputError(
+            f"{name}: the mesh encloses no volume ({volume * diagonal**3:.3g} cubic units, {abs(volume):.1g} of the cubed diagonal)"
+        )
     found = _as_solid(unit, faces, notes)
     unit, faces = found or _thin_shell(unit, faces, notes)
     unit, faces = compact(unit, faces)
@@ -167,8 +173,10 @@ def _as_solid(vertices: np.ndarray, faces: np.ndarray, notes: list[str]) -> tupl
     if walls > WALLS:
         notes.append(f"Bodies overlapped or touched: united, {100 * walls:.2g} % of the surface lay within.")
     if len(faces) > MAX_FACES:
-        solid = _simplify(solid)
-        notes.append(f"{len(faces)} faces thinned to {solid.num_tri()}.")
+        thinner = _simplify(solid)
+        lost = 1 - thinner.volume() / solid.volume()
+        solid = thinner
+        notes.append(f"{len(faces)} faces thinned to {solid.num_tri()}{f', {100 * lost:.2g} % of the volume lost' if lost > LOST else ''}.")
     elif walls <= WALLS:
         return vertices, faces
     mesh = solid.to_mesh64()
@@ -182,11 +190,16 @@ def _parts(body: Manifold) -> list[Manifold]:
 
 
 def _simplify(solid: Manifold) -> Manifold:
+    """With at most MAX_FACES where that leaves anything: bodies smaller than the tolerance vanish."""
+    found = solid
     for tolerance in THINNING:
         thinner = solid.simplify(tolerance)
-        if thinner.num_tri() <= MAX_FACES:
-            return thinner
-    return solid.simplify(THINNING[-1])
+        if thinner.is_empty():
+            return found
+        found = thinner
+        if found.num_tri() <= MAX_FACES:
+            return found
+    return found
 
 
 def _thin_shell(vertices: np.ndarray, faces: np.ndarray, notes: list[str]) -> tuple[np.ndarray, np.ndarray]:

@@ -111,7 +111,15 @@ def load_target(path: str | Path, max_points: int = MAX_POINTS) -> Target:
     Raises InputError, one line with the file and the number, for anything that cannot be reconstructed.
     """
     path = Path(path)
-    return _target(read(path), path.name, max_points)
+    try:
+        return _target(read(path), printable(path.name), max_points)
+    except InputError as error:
+        raise InputError(printable(str(error))) from error
+
+
+def printable(name: str) -> str:
+    """A name in one line, for pictures, texts and tables: line breaks, controls and bytes that are no text become question marks."""
+    return "".join(letter if letter.isprintable() else "?" for letter in name)
 
 
 def target_from(points_or_mesh: np.ndarray | trimesh.Trimesh, name: str = "target", max_points: int = MAX_POINTS) -> Target:

@@ -16,6 +16,7 @@ REFRESH_S = 10
 LINKS = {"OpenSCAD": "program.scad", "STEP": "program.step", "mesh": "mesh.stl", "report": "report.json", "log": LOG}
 SIZES, DRAWN_SIZES = ("primitives",), ("features", "curves")  # the latter where a program has outlines
 SCORES = ("volume IoU", "exact", "left out", "mean distance / diagonal", "seconds", "peak MiB")
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # how spreadsheets tell formulas
 STYLE = (
     "body{font:14px system-ui,sans-serif;margin:2em}table{border-collapse:collapse}th,td{padding:.3em .8em;border-bottom:1px solid #ddd;"
     "text-align:left}td.n{text-align:right;font-variant-numeric:tabular-nums}tr.failed{background:#fdecea}tr.waiting{color:#888}"
@@ -32,10 +33,14 @@ def write_tables(out: Path, parts: Sequence[Part], outcomes: Mapping[str, Outcom
 
 
 def csv_text(names: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A table with a head of `names`."""
+    """A table with a head of `names`. Texts that a spreadsheet would take for formulas begin with an apostrophe."""
     text = io.StringIO()
-    csv.writer(text).writerows((names, *rows))
+    csv.writer(text).writerows((names, *([_plain_cell(cell) for cell in row] for row in rows)))
     return text.getvalue()
+
+
+def _plain_cell(cell: object) -> object:
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA) else cell
 
 
 def html_text(out: Path, parts: Sequence[Part], outcomes: Mapping[str, Outcome], status: str, running: bool) -> str:
