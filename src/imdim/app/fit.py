@@ -85,9 +85,11 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None) -> dict[str,
     for note in target.notes:
         sys.stderr.write(f"imdim: {target.name}: {note}\n")
     if reconstruct is None:
+        from imdim.app.first_run import compile_kernels
         from imdim.reconstruction import pipeline
 
         reconstruct = pipeline.reconstruct
+        start += compile_kernels(sys.stderr)
     left = max(settings.budget_s - stages["loading"], LEAST_S)
     snapshots = reconstruct(target, replace(settings, budget_s=left), np.random.default_rng(settings.seed))
     last = _exhaust(show_progress(snapshots, left), stages)

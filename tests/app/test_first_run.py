@@ -1,0 +1,68 @@
+"""The first fit on a machine compiles before its clock starts and says so; later ones find all that they need."""
+
+import json
+import os
+import subprocess
+import sys
+
+# The first fit in a process, with one kernel in the place of all.
+FIRST = """
+import sys
+from numba import njit
+from imdim.app import first_run
+
+@njit
+def kernel(number):
+    return 2 * number
+
+first_run._reconstruct_small_part = lambda: kernel(1)
+print(first_run.compile_kernels(sys.stderr))
+"""
+
+# Lists the kernels that a reconstruction makes ready itself after the small part has been reconstructed.
+LATE = """
+import json, sys
+from numba.core.dispatcher import Dispatcher
+from imdim.app import first_run
+from imdim.geometry.solid import to_manifold, to_trimesh
+from imdim.program.outline import Outline, circle
+from imdim.program.tree import Combine, Primitive
+from imdim.reconstruction.config import Settings
+from imdim.reconstruction.pipeline import reconstruct_best
+from imdim.target.target import target_from
+
+def ready():
+    loaded = [m for name, m in sys.modules.items() if name.startswith("imdim")]
+    kernels = {id(f): f for m in loaded for f in vars(m).values() if isinstance(f, Dispatcher)}
+    return {f"{f.__module__}.{f.__name__}{s}" for f in kernels.values() for s in f.signatures}
+
+first_run._reconstruct_small_part()
+before = ready()
+plate = ((-9.0, -5.0, 0.0), (9.0, -5.0, 0.0), (9.0, 5.0, 0.0), (0.0, 8.0, 0.5), (-9.0, 5.0, 0.0))
+part = Combine("union", Primitive("extrude", (2.0,), outline=Outline((plate, circle(1.5, 5.0)))), Primitive("cylinder", (2.0, 6.0)))
+reconstruct_best(target_from(to_trimesh(to_manifold(part))), Settings(budget_s=30.0))
+print(json.dumps([len(before), sorted(ready() - before)]))
+"""
+
+
+def run(script, **variables):
+    ran = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300, env={**os.environ, **variables})
+    assert ran.returncode == 0, ran.stderr
+    return ran
+
+
+def test_the_first_run_says_that_it_compiles_and_the_second_does_not(tmp_path):
+    first = run(FIRST, NUMBA_CACHE_DIR=str(tmp_path))
+    lines = first.stderr.splitlines()
+    assert lines[0] == "imdim: first run on this machine: compiling, before the clock starts (about 40 s of a core)"
+    assert lines[1].startswith("imdim: 1 kernels compiled in ")
+    assert float(first.stdout) > 0.1
+    second = run(FIRST, NUMBA_CACHE_DIR=str(tmp_path))
+    assert second.stderr == ""
+    assert float(second.stdout) < float(first.stdout)
+
+
+def test_hardly_a_kernel_is_left_to_compile_within_the_budget():
+    known, late = json.loads(run(LATE).stdout.splitlines()[-1])
+    assert known > 20
+    assert len(late) <= 2, late
