@@ -17,10 +17,11 @@ import trimesh
 from tests.drawn import BORED
 
 from imdim.app.cli import main as imdim
-from imdim.app.fit import LEFT_OUT, fit, one_line, summary
+from imdim.app.fit import EXPORT_S, LEFT_OUT, fit, one_line, summary
 from imdim.app.fit import main as run
 from imdim.app.orderly import run_in_order
 from imdim.app.progress import show_progress
+from imdim.delivery.deliver import STEP_LIMIT_S
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.front import Choice
 from imdim.program.tree import Combine, Primitive, Program
@@ -147,6 +148,31 @@ def imdim_fit(source, folder):
     return run_in_order(lambda: run(lambda: Settings(input=str(source), output=str(folder)), box_found))
 
 
+@pytest.mark.parametrize("name", ["program.scad", "program.json", "program.py"])
+def test_results_that_were_changed_by_hand_are_replaced_only_by_force(part, tmp_path, capsys, name):
+    settings = Settings(input=str(part), output=str(tmp_path / "out"))
+    assert run(lambda: settings, box_found) == 0
+    assert run(lambda: settings, box_found) == 0  # nobody changed them
+    changed = tmp_path / "out" / name
+    changed.write_text(changed.read_text() + "\n")
+    mine = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    capsys.readouterr()
+    assert run(lambda: settings, box_found) == 2
+    assert capsys.readouterr().err.endswith(f"{name} changed since it was written: give another folder, or --force\n")
+    assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == mine
+    assert run(lambda: settings, box_found, force=True) == 0
+    assert changed.read_bytes() != mine[name]
+
+
+def test_a_step_file_that_took_too_long_comes_with_the_command_that_writes_it(tmp_path):
+    files = {"program.step": "skipped: OpenCASCADE took more than 1 s", "program.ucad": "skipped: µcad has no polygons"}
+    lines = summary({**REPORT, "files": files}, tmp_path).splitlines()
+    export = f"imdim export {tmp_path / 'program.json'} -o {tmp_path}-step waits 20 s for it"
+    assert f"  program.step skipped: OpenCASCADE took more than 1 s; {export}" in lines
+    assert "  program.ucad skipped: µcad has no polygons" in lines
+    assert EXPORT_S == STEP_LIMIT_S
+
+
 @pytest.mark.parametrize("name", ["n" * 252 + ".stl", "two\nlines.stl"])
 def test_a_name_that_no_file_can_have_or_has_is_one_line(tmp_path, capsys, name):
     assert imdim(["fit", str(tmp_path / name), "-o", str(tmp_path / "out")]) == 2
@@ -188,6 +214,7 @@ def test_the_language_is_set_like_any_setting(part, tmp_path, monkeypatch, given
 
     monkeypatch.setattr("imdim.delivery.deliver.deliver", lambda *_, **__: REPORT)
     monkeypatch.setattr("imdim.reconstruction.pipeline.reconstruct", draw)
+    monkeypatch.setattr("imdim.app.first_run.compile_kernels", lambda stream: 0.0)
     assert imdim(["fit", str(part), "-o", str(tmp_path / "out"), *given]) == 0
     assert run(lambda: from_hydra(ROOT / "configs", "infer", [f"input={part}", f"output={tmp_path / 'out'}", *given])) == 0
     assert seen == ["csg" if given else "cad"] * 2

@@ -50,6 +50,7 @@ def fit_parser() -> argparse.ArgumentParser:
     parser.add_argument("-o", "--output", required=True, metavar="FOLDER", help="where the results go")
     parser.add_argument("--budget", type=float, metavar="SECONDS", help="time for the search (default 60)")
     parser.add_argument("--seed", type=int, help="the same seed gives the same program (default 0)")
+    parser.add_argument("--force", action="store_true", help="replace earlier results even where they were changed by hand")
     parser.add_argument("settings", nargs="*", metavar="key=value", help=SETTINGS)
     return parser
 
@@ -61,7 +62,7 @@ def _fit(argv: Sequence[str]) -> int:
     from imdim.reconstruction.config import from_arguments
 
     typed = {"input": given.input, "output": given.output, "budget_s": given.budget, "seed": given.seed}
-    return run(lambda: from_arguments(given.settings, **{k: v for k, v in typed.items() if v is not None}))
+    return run(lambda: from_arguments(given.settings, **{k: v for k, v in typed.items() if v is not None}), force=given.force)
 
 
 def export_parser() -> argparse.ArgumentParser:

@@ -23,25 +23,26 @@ def _first_run_mark(number):  # pragma: no cover - compiled
 
 def compile_kernels(stream: TextIO) -> float:
     """Compile what a fit needs unless this machine has it, and say so on `stream`; the seconds that it took."""
-    start = time.perf_counter()
+    start, before = time.perf_counter(), _misses()
     _first_run_mark(1)
-    if not _first_run_mark.stats.cache_misses:  # type: ignore[attr-defined]
-        return time.perf_counter() - start
-    with _Counter(stream) as counter:
-        _reconstruct_small_part()
-    stream.write(f"imdim: {counter.count} kernels compiled in {time.perf_counter() - start:.0f} s, kept for later runs\n")
+    if _misses() > before:
+        with _Counter(stream) as counter:
+            _reconstruct_small_part()
+        counter.conclude(time.perf_counter() - start)
     return time.perf_counter() - start
 
 
+def _misses() -> int:
+    return sum(_first_run_mark.stats.cache_misses.values())  # type: ignore[attr-defined]
+
+
 class _Counter(event.Listener):
-    """Counts what numba compiles, on a terminal in place."""
+    """Counts what numba compiles, and tells of it if there is anything: on a terminal in place."""
 
     def __init__(self, stream: TextIO) -> None:
-        self._stream, self._shown, self.count = stream, time.perf_counter(), 0
+        self._stream, self._shown, self._count = stream, 0.0, 0
 
     def __enter__(self) -> _Counter:
-        self._stream.write("imdim: first run on this machine: compiling, before the clock starts (about 40 s of a core)\n")
-        self._stream.flush()
         event.register("numba:compile", self)
         return self
 
@@ -49,14 +50,22 @@ class _Counter(event.Listener):
         event.unregister("numba:compile", self)
 
     def on_start(self, event: Any) -> None:
-        pass
+        if not self._count:
+            self._stream.write("imdim: first run on this machine: compiling, before the clock starts (about 40 s of a core)\n")
+            self._stream.flush()
+            self._count = 1
 
     def on_end(self, event: Any) -> None:
-        self.count += 1
+        self._count += 1
         if self._stream.isatty() and time.perf_counter() > self._shown + SHOWN_EVERY_S:
             self._shown = time.perf_counter()
-            self._stream.write(f"\r  {self.count} of about {KERNELS} kernels\r")
+            self._stream.write(f"\r  {self._count} of about {KERNELS} kernels\r")
             self._stream.flush()
+
+    def conclude(self, seconds: float) -> None:
+        """The last word, where there was a first."""
+        if self._count:
+            self._stream.write(f"imdim: compiled in {seconds:.0f} s, kept for later runs\n")
 
 
 def _reconstruct_small_part() -> None:

@@ -27,21 +27,26 @@ Reconstruct = Callable[["Target", Settings, "np.random.Generator"], "Iterator[Sn
 DELIVERY_S = 6.0
 FILES_S = 5.0  # of these, for the files of a program that is finished
 LEAST_S = 1.0  # for the reconstruction, however long loading took
+STEP_SHARE = 0.03  # of the budget, which STEP may take beyond it
 MOST_SAID = 6  # groups of holes on the screen; the report has all
 DIFFERS = 1e-3  # of the volume IoU, from which delivery says that it did not keep what was found
 SAID_REGIONS, LEAST_SAID = 3, 1e-3  # regions on the screen, and the share of the surface from which one is named
+EXPORT_S = 20  # for STEP, by `imdim export`
 BAD_INPUT = 2
 LEFT_OUT = 3  # results were written, but most of the part's surface is not in them
 INTERRUPTED = 130
 
 
-def main(settings_of: Callable[[], Settings], reconstruct: Reconstruct | None = None) -> int:
+def main(settings_of: Callable[[], Settings], reconstruct: Reconstruct | None = None, force: bool = False) -> int:
     """Compose settings and fit; the exit status: 0 fine, 2 for input, settings or an output that cannot be used (one line on stderr), 3
-    for a result that leaves most of the part's surface out."""
+    for a result that leaves most of the part's surface out.
+
+    With `force` earlier results are replaced even where somebody has changed them.
+    """
     sys.excepthook = one_line
     try:
         settings = settings_of()
-        report = _fit_or_refuse(settings, reconstruct)
+        report = _fit_or_refuse(settings, reconstruct, force)
     except ConfigError as error:
         sys.stderr.write(f"imdim: {error}\n")
         return BAD_INPUT
@@ -52,22 +57,22 @@ def main(settings_of: Callable[[], Settings], reconstruct: Reconstruct | None = 
     return LEFT_OUT if is_left_out(report) else 0
 
 
-def _fit_or_refuse(settings: Settings, reconstruct: Reconstruct | None) -> dict[str, Any]:
+def _fit_or_refuse(settings: Settings, reconstruct: Reconstruct | None, force: bool) -> dict[str, Any]:
     """As `fit`, with every refusal a ConfigError; imports the numeric libraries, which a misspelt setting need not wait for."""
     from imdim.delivery.deliver import OutputError
     from imdim.target.target import InputError
 
     try:
-        return fit(settings, reconstruct)
+        return fit(settings, reconstruct, force)
     except (InputError, OutputError) as error:
         raise ConfigError(str(error)) from error
 
 
-def fit(settings: Settings, reconstruct: Reconstruct | None = None) -> dict[str, Any]:
+def fit(settings: Settings, reconstruct: Reconstruct | None = None, force: bool = False) -> dict[str, Any]:
     """Reconstruct ``settings.input`` into the folder ``settings.output`` and return the report that was written there.
 
-    Raises ConfigError where input or output is not given, OutputError where the folder cannot be written and InputError
-    where the input cannot be used: in each case before anything was written.
+    Raises ConfigError where input or output is not given, OutputError where the folder cannot be written, or holds results that were
+    changed by hand unless told to `force`, and InputError where the input cannot be used: in each case before anything was written.
     """
     for key in ("input", "output"):
         if not getattr(settings, key):
@@ -75,11 +80,13 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None) -> dict[str,
     import numpy as np
 
     from imdim.deadline import Deadline
-    from imdim.delivery.deliver import STEP_LIMIT_S, RunRecord, check_writable, deliver
+    from imdim.delivery.deliver import STEP_LIMIT_S, RunRecord, check_untouched, check_writable, deliver
     from imdim.target.target import load_target, printable
 
     folder, start = Path(settings.output), time.perf_counter()
     check_writable(folder)
+    if not force:
+        check_untouched(folder)
     target = load_target(settings.input)
     stages = {"loading": time.perf_counter() - start}
     for note in target.notes:
@@ -100,7 +107,7 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None) -> dict[str,
     target = replace(target, notes=(*target.notes, *last.notes))
     left = settings.budget_s - (time.perf_counter() - start)
     # the other files take a few seconds; STEP, which may be slow, gets what is left
-    step_limit_s = min(max(left - DELIVERY_S, 1.0), STEP_LIMIT_S)
+    step_limit_s = min(max(left - DELIVERY_S, LEAST_S + STEP_SHARE * settings.budget_s), STEP_LIMIT_S)
     finish_by = Deadline(start + settings.budget_s - FILES_S)
     return deliver(last.program, target, folder, run, settings.segments, step_limit_s, last.constraints, last.front, finish_by, last.edges)
 
@@ -138,7 +145,7 @@ def summary(report: Mapping[str, Any], folder: Path) -> str:
     lines += [f"  {'edges':<8} {'; '.join(said)}{sharp}"] if said else []
     lines += [f"  {said}" for said in report.get("left_out", [])]
     told = {name: said for name, said in report["files"].items() if said.startswith(("skipped", "written, "))}
-    lines += [f"  {name} {said}" for name, said in told.items() if name != "program.loops.scad"]
+    lines += [f"  {name} {said}{_later(name, said, folder)}" for name, said in told.items() if name != "program.loops.scad"]
     lines += [
         f"  {what:<8} {folder / name}"
         for what, name in (("picture", "preview.png"), ("page", "report.html"), ("program", "program.scad"), ("report", "report.json"))
@@ -176,6 +183,12 @@ def _describe_regions(verdict: str, what: str, alike: Sequence[Mapping[str, Any]
     share = 100 * sum(region["share"] for region in alike)
     many = f"{len(alike)} x ({what}), the first" if len(alike) > 1 else what
     return f"{share:.1f} % {verdict}, {many} {alike[0]['where']}"
+
+
+def _later(name: str, said: str, folder: Path) -> str:
+    """The command that writes what time did not suffice for."""
+    has_time = name == "program.step" and "took more than" in said
+    return f"; imdim export {folder / 'program.json'} -o {folder}-step waits {EXPORT_S} s for it" if has_time else ""
 
 
 def one_line(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:

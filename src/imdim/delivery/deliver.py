@@ -24,7 +24,7 @@ from imdim.delivery.verdict import judge
 from imdim.export import html
 from imdim.export.delivered import texts_of, unwritten
 from imdim.export.edge_text import do_edges_matter
-from imdim.export.folder import FILES, OutputError, check_writable, replacing
+from imdim.export.folder import DIGESTS, FILES, OutputError, check_untouched, check_writable, digests_of, replacing
 from imdim.export.meshes import write_meshes
 from imdim.export.numbers import round_program
 from imdim.export.openscad_reader import read_openscad
@@ -43,7 +43,7 @@ from imdim.program.tree import Program
 from imdim.reconstruction.fitting import relations_of
 from imdim.target.target import Target, frame_meta
 
-__all__ = ["OutputError", "RunRecord", "check_writable", "deliver", "finish_flat"]
+__all__ = ["OutputError", "RunRecord", "check_untouched", "check_writable", "deliver", "finish_flat"]
 
 STEP_LIMIT_S = 20.0
 
@@ -104,6 +104,7 @@ def deliver(
             skipped["program.loops.scad"] = "skipped: no part repeats"
         files = {name: skipped.get(name, "written") for name in FILES}
         report = report_of(found, target, scores, kept, verdict, volumes, files, run, seconds, drawn, list(_parted(solid, target)))
+        report[DIGESTS] = digests_of(partial)
         (partial / "report.json").write_text(dumps(report), encoding="utf-8")
         (partial / "report.html").write_text(html.page(shown, report, _read(partial / "front.json")), encoding="utf-8")
     return report

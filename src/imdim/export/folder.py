@@ -7,6 +7,8 @@ machine and the process that wrote it.
 from __future__ import annotations
 
 import contextlib
+import hashlib
+import json
 import os
 import platform
 import re
@@ -35,6 +37,8 @@ FILES = (
     "report.html",
 )
 LONGEST_NAME = 150  # bytes of a results folder's name that its hidden neighbours repeat; file systems allow 255
+EDITABLE = ("program.json", "program.scad", "program.loops.scad", "program.py", "program.cq.py", "program.ucad")  # by hand
+DIGESTS = "digests"  # of these, in the report
 EARLIER = "-earlier"  # how the name of results ends that stand aside while new ones take their place
 
 
@@ -60,6 +64,23 @@ def check_writable(folder: Path) -> None:
         Path(tempfile.mkdtemp(prefix=".imdim-", dir=ancestor)).rmdir()
     except OSError as error:
         raise OutputError(f"output folder {folder} cannot be written: {error.strerror} ({ancestor})") from error
+
+
+def digests_of(folder: Path) -> dict[str, str]:
+    """Sums of the texts in `folder`, by which `check_untouched` knows them again."""
+    return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in EDITABLE if (folder / name).is_file()}
+
+
+def check_untouched(folder: Path) -> None:
+    """Raise OutputError if a text among earlier results is not as it was written: somebody works on it."""
+    try:
+        written = json.loads((folder / "report.json").read_bytes()).get(DIGESTS, {})
+        now = digests_of(folder)
+        changed = [name for name, digest in now.items() if written.get(name, digest) != digest]
+    except (OSError, ValueError, AttributeError):
+        return  # no results, or none that can be told: `check_writable` says what may be replaced
+    if changed:
+        raise OutputError(f"output folder {folder}: {' and '.join(changed)} changed since it was written: give another folder, or --force")
 
 
 @contextmanager
