@@ -15,6 +15,7 @@ from imdim.app.batch.folder import Part
 from imdim.app.batch.process import ProcessLimits
 from imdim.app.batch.run import main
 from imdim.app.cli import main as imdim
+from imdim.install import install_command
 
 
 def test_without_a_cluster_is_one_line(parts, tmp_path, capsys, monkeypatch):
@@ -22,7 +23,7 @@ def test_without_a_cluster_is_one_line(parts, tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "ray", None)
     assert imdim(["batch", str(parts), "-o", str(tmp_path / "out"), "--address", "127.0.0.1:1"]) == 2
     error = capsys.readouterr().err
-    assert error.splitlines()[-1] == 'imdim: --address needs Ray: pip install "imdim[cluster]"'
+    assert error.splitlines()[-1] == f"imdim: --address needs Ray: {install_command('cluster')}"
 
 
 def test_a_shipped_job_brings_its_results(tmp_path, stand_in):

@@ -10,6 +10,7 @@ import trimesh
 from tests.planted import box, cut, cylinder
 
 from imdim.app.cli import main
+from imdim.app.export import find_document
 from imdim.program import codec
 from imdim.program.constraints import Constraint, Ref
 
@@ -50,6 +51,18 @@ def test_the_list(source, capsys):
     assert "hole_diameter     6  diameter of primitive 1, 2\n" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("named", ["", "program.scad", "program.py"])
+def test_a_results_folder_or_a_text_in_it_names_the_program(source, capsys, named):
+    for text in ("program.scad", "program.py"):
+        (source.parent / text).write_text("")
+    assert find_document(source.parent / named) == source
+    assert find_document(source.parent / "front.json") == source.parent / "front.json"
+    for text in ("program.scad", "program.py"):
+        (source.parent / text).unlink()
+    assert main(["edit", str(source.parent), "--list"]) == 0
+    assert "hole_diameter     6  diameter of primitive 1, 2\n" in capsys.readouterr().out
+
+
 def test_without_a_folder_it_says_what_it_needs(source, tmp_path):
     command = [sys.executable, "-m", "imdim.app.cli", "edit", source, "--set", "holes=3"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=60)
@@ -68,7 +81,7 @@ def test_without_a_folder_it_says_what_it_needs(source, tmp_path):
         (["out/program.json", "--set", "hole_diameter=3", "--set", "hole_diameter=4"], "given twice"),
         (["missing.json", "--set", "hole_diameter=3"], "No such file"),
         (["broken.json", "--set", "hole_diameter=3"], "not JSON"),
-        (["notes", "--set", "hole_diameter=3"], "Is a directory"),
+        (["notes", "--set", "hole_diameter=3"], "notes/program.json: No such file"),
     ],
 )
 def test_bad_input_is_one_line(source, tmp_path, capsys, monkeypatch, arguments, message):

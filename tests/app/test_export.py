@@ -42,6 +42,13 @@ def test_the_picked_program_is_in_every_file(front_file, tmp_path, capsys, pick,
     assert str(folder / "program.scad") in capsys.readouterr().out
 
 
+def test_a_results_folder_has_both(front_file, tmp_path):
+    front_file.with_name("program.json").write_text(codec.dumps(PARTS["countersink"]))
+    for pick, expected in (([], PARTS["countersink"]), (["--pick", "1"], CHOICES[0].program)):
+        assert main(["export", str(tmp_path), *pick, "-o", str(tmp_path / "out")]) == 0
+        assert same(read_openscad((tmp_path / "out" / "program.scad").read_text()), expected)
+
+
 def test_a_program_is_exported_too(tmp_path):
     source = tmp_path / "program.json"
     source.write_text(codec.dumps(PARTS["countersink"]))

@@ -8,7 +8,7 @@ import os
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -20,12 +20,13 @@ from imdim.app.cli import main as imdim
 from imdim.app.fit import EXPORT_S, LEFT_OUT, fit, one_line, summary
 from imdim.app.fit import main as run
 from imdim.app.orderly import run_in_order
+from imdim.app.piped import guess_format, load_piped
 from imdim.app.progress import show_progress
 from imdim.delivery.deliver import STEP_LIMIT_S
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.front import Choice
 from imdim.program.tree import Combine, Primitive, Program
-from imdim.reconstruction.config import LANGUAGES, OBJECTIVES, Settings, from_hydra
+from imdim.reconstruction.config import LANGUAGES, MEANINGS, OBJECTIVES, Settings, from_hydra
 
 ROOT = Path(__file__).parents[2]
 BOX = Primitive("box", (1.0, 2.0, 3.0))
@@ -229,6 +230,77 @@ def test_the_help_names_the_languages_and_objectives(command, capsys):
     assert all(f"objective={word}" in said for word in OBJECTIVES)
 
 
+def test_the_help_explains_every_setting_with_its_default(capsys):
+    with pytest.raises(SystemExit):
+        imdim(["fit", "--help"])
+    said = capsys.readouterr().out
+    assert list(MEANINGS) == [f.name for f in fields(Settings)]
+    optioned = {"input", "output", "budget_s", "seed"}
+    for setting in fields(Settings):
+        default = str(setting.default).lower() if setting.type == "bool" else setting.default
+        assert (f"  {setting.name}={default} " in said) == (setting.name not in optioned), setting.name
+    assert "--budget SECONDS      time for the search (default 60)" in said
+
+
+@pytest.fixture
+def stands_in(monkeypatch):
+    monkeypatch.setattr("imdim.reconstruction.pipeline.reconstruct", box_found)
+
+
+def test_without_an_output_the_results_are_named_after_the_part(part, tmp_path, monkeypatch, capsys, stands_in):
+    monkeypatch.chdir(tmp_path)
+    assert imdim(["fit", part.name]) == 0
+    assert (tmp_path / "box.imdim" / "report.json").is_file()
+    assert "box.imdim/preview.png" in capsys.readouterr().out
+
+
+def test_quiet_says_nothing_and_json_the_report(part, tmp_path, monkeypatch, capsys, stands_in):
+    out = tmp_path / "out"
+    monkeypatch.setattr("imdim.delivery.deliver.deliver", lambda *_, **__: REPORT)
+    assert imdim(["fit", str(part), "-o", str(out), "--quiet"]) == 0
+    assert capsys.readouterr() == ("", "")
+    assert imdim(["fit", str(part), "-o", str(out), "--json"]) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out) == REPORT
+    assert "search" in said.err
+    assert imdim(["fit", "none.stl", "--quiet", "--json"]) == 2
+    assert capsys.readouterr() == ("", "imdim: none.stl: no such file\n")
+
+
+def test_a_part_comes_through_a_pipe(part, tmp_path, monkeypatch, capsys, stands_in):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(part.read_bytes())))
+    assert imdim(["fit", "-", "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert (report["input"], report["target"]["name"]) == ("-", "stdin.stl")
+    assert (tmp_path / "stdin.imdim" / "program.scad").is_file()
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"")))
+    assert imdim(["fit", "-"]) == 2
+    assert capsys.readouterr().err == "imdim: stdin.xyz: the file is empty (0 bytes)\n"
+
+
+@pytest.mark.parametrize("suffix", ["stl", "ascii.stl", "obj", "off", "ply", "3mf", "glb", "xyz", "csv", "npy", "npz", "pcd"])
+def test_the_format_of_a_pipe_is_seen_in_its_bytes(tmp_path, suffix):
+    mesh = trimesh.creation.icosphere()
+    path = tmp_path / f"part.{suffix}"
+    points = np.asarray(mesh.vertices)
+    if suffix in ("xyz", "csv"):
+        np.savetxt(path, points, delimiter="," if suffix == "csv" else " ")
+    elif suffix in ("npy", "npz"):
+        np.save(path, points) if suffix == "npy" else np.savez(path, points=points)
+    elif suffix == "pcd":
+        head = "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {0}\nHEIGHT 1\nPOINTS {0}\nDATA ascii\n"
+        path.write_text(head.format(len(points)) + "".join(f"{x} {y} {z}\n" for x, y, z in points))
+    elif suffix == "ascii.stl":
+        path.write_text(trimesh.exchange.stl.export_stl_ascii(mesh))
+    else:
+        mesh.export(path)
+    assert guess_format(path.read_bytes()) == path.suffix
+    target = load_piped(path.read_bytes())
+    assert len(target.points) >= len(points)
+    assert (target.mesh is not None) == (suffix in ("stl", "ascii.stl", "obj", "off", "ply", "3mf", "glb"))
+
+
 def infer(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, str(ROOT / "infer.py"), *arguments], capture_output=True, text=True, check=False, timeout=60)
 
@@ -251,7 +323,7 @@ def test_help_answers_at_once():
     start = time.perf_counter()
     done = subprocess.run([sys.executable, "-X", "importtime", "-m", "imdim.app.cli", "--help"], capture_output=True, text=True, check=True)
     assert time.perf_counter() - start < 2.0  # 0.05 s where nothing else runs
-    assert "CSG program" in done.stdout
+    assert "CAD program" in done.stdout
     heavy = {"numpy", "torch", "numba", "trimesh", "hydra", "rich"}
     assert not heavy & {line.split("|")[-1].strip() for line in done.stderr.splitlines()}
 

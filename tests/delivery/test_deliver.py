@@ -19,6 +19,7 @@ from imdim.export.folder import FILES
 from imdim.export.numbers import round_program
 from imdim.export.preview import GAP, HEADER, PANEL
 from imdim.geometry.solid import to_manifold, to_trimesh
+from imdim.install import install_command
 from imdim.program.codec import constraints_of, from_json, loads, parse
 from imdim.program.outline import Outline, circle
 from imdim.program.tree import Primitive
@@ -131,7 +132,7 @@ def test_no_step_is_reported_and_an_earlier_one_does_not_stay(delivered, target,
     (tmp_path / "out" / "program.step").write_text("earlier")
     monkeypatch.setattr(step_worker, "find_spec", lambda name: None)
     report = deliver(PROGRAM, target, tmp_path / "out", RUN)
-    assert report["files"]["program.step"] == 'skipped: no STEP without OpenCASCADE: pip install "imdim[step]"'
+    assert report["files"]["program.step"] == f"skipped: no STEP without OpenCASCADE: {install_command('step')}"
     assert not (tmp_path / "out" / "program.step").exists()
 
 

@@ -110,7 +110,7 @@ def test_an_export_that_ended_too_late_leaves_no_file_and_no_pipe(tmp_path, monk
 
 def test_without_opencascade_one_line_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setattr(step_worker, "find_spec", lambda name: None)
-    with pytest.raises(StepError, match=r"imdim\[step\]"):
+    with pytest.raises(StepError, match=r"pip install .*\[step\]"):
         step_worker.start_step(tmp_path / "program.json", tmp_path / "program.step")
     monkeypatch.setitem(sys.modules, "OCP", None)
     monkeypatch.setitem(sys.modules, "OCP.Message", None)

@@ -208,7 +208,7 @@ def test_a_shapeless_cloud_is_refused():
 
 def test_a_mesh_in_python():
     last = imdim.reconstruct(mesh_of(PARTS["countersink"]))
-    assert isinstance(last, imdim.Snapshot)
+    assert isinstance(last, imdim.Reconstruction)
     assert iou(last.program, PARTS["countersink"]) >= 0.999
 
 

@@ -12,12 +12,8 @@ from pathlib import Path
 
 from imdim.app.orderly import run_in_order
 
-SETTINGS = (
-    "any further setting of imdim.reconstruction.config.Settings, such as language=csg, which has the six primitives alone"
-    " (default language=cad: extruded and turned outlines beside them), or objective=primitives, which counts primitives alone"
-    " (default objective=description: the curves of outlines too)"
-)
-ABOUT = "A mesh or a point cloud becomes a short, editable CSG program."
+SETTINGS = "further settings; they and their defaults are listed below"
+ABOUT = "A mesh or a point cloud becomes a short, editable CAD program."
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -45,9 +41,18 @@ def _run_command(argv: Sequence[str] | None) -> int:
 
 def fit_parser() -> argparse.ArgumentParser:
     """The arguments of `imdim fit`."""
-    parser = argparse.ArgumentParser(prog="imdim fit", description="Reconstruct a mesh or a point cloud as a CSG program.")
-    parser.add_argument("input", help="STL, OBJ, OFF, PLY, 3MF, GLB, XYZ, TXT, CSV, PCD, NPY or NPZ file")
-    parser.add_argument("-o", "--output", required=True, metavar="FOLDER", help="where the results go")
+    parser = argparse.ArgumentParser(
+        prog="imdim fit",
+        description="Reconstruct a mesh or a point cloud as a CAD program.",
+        epilog=settings_help("input", "output", "budget_s", "seed"),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("input", help="STL, OBJ, OFF, PLY, 3MF, GLB, XYZ, TXT, CSV, PCD, NPY or NPZ file; - reads one from stdin")
+    parser.add_argument(
+        "-o", "--output", metavar="FOLDER", help="where the results go (default: named after the part, as in bracket.imdim)"
+    )
+    parser.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    parser.add_argument("--json", action="store_true", help="write the report to stdout, as in report.json, and no summary")
     parser.add_argument("--budget", type=float, metavar="SECONDS", help="time for the search (default 60)")
     parser.add_argument("--seed", type=int, help="the same seed gives the same program (default 0)")
     parser.add_argument("--force", action="store_true", help="replace earlier results even where they were changed by hand")
@@ -62,13 +67,23 @@ def _fit(argv: Sequence[str]) -> int:
     from imdim.reconstruction.config import from_arguments
 
     typed = {"input": given.input, "output": given.output, "budget_s": given.budget, "seed": given.seed}
-    return run(lambda: from_arguments(given.settings, **{k: v for k, v in typed.items() if v is not None}), force=given.force)
+    settings = partial(from_arguments, given.settings, **{k: v for k, v in typed.items() if v is not None})
+    return run(settings, quiet=given.quiet, as_json=given.json, force=given.force)
+
+
+def settings_help(*without: str) -> str:
+    """The end of a command's help: all settings but those that have options of their own."""
+    from shutil import get_terminal_size
+
+    from imdim.reconstruction.config import list_settings
+
+    return f"settings and their defaults:\n{list_settings(get_terminal_size().columns - 2, without)}"
 
 
 def export_parser() -> argparse.ArgumentParser:
     """The arguments of `imdim export`."""
     parser = argparse.ArgumentParser(prog="imdim export", description="Write one program of a front.json, or a program.json, as CAD files.")
-    parser.add_argument("input", help="front.json or program.json of a results folder")
+    parser.add_argument("input", help="a results folder, or its front.json or program.json")
     parser.add_argument("--pick", type=int, metavar="N", help="which of the front, from 1, the crudest (default: the delivered one)")
     parser.add_argument("-o", "--output", required=True, metavar="FOLDER", help="where the files go")
     parser.add_argument("--segments", type=int, default=96, help="facets per circle in meshes (default 96)")
@@ -86,10 +101,11 @@ def _export(argv: Sequence[str]) -> int:
 def _lab(argv: Sequence[str]) -> int:
     from importlib.util import find_spec
 
+    from imdim.install import install_command
     from imdim.reconstruction.config import ConfigError
 
     if find_spec("viser") is None:
-        raise ConfigError('the lab needs an extra: pip install "imdim[lab]"')
+        raise ConfigError(f"the lab needs an extra: {install_command('lab')}")
     return _run("imdim.app.lab.server", argv)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from imdim.app.export import list_files, refusing
+from imdim.app.export import find_document, list_files, refusing
 from imdim.reconstruction.config import ConfigError, one_line
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ def parser() -> argparse.ArgumentParser:
     """The arguments of the command."""
     about = "Change named numbers of a delivered program; what depends on them follows."
     out = argparse.ArgumentParser(prog="imdim edit", description=about)
-    out.add_argument("input", help="program.json of a results folder; the texts beside it have the names")
+    out.add_argument("input", help="a results folder, or its program.json; the texts beside it have the names")
     out.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a name and its new value; may be repeated")
     out.add_argument("--list", action="store_true", help="print the names, their values, what they mean, and the holes")
     out.add_argument("-o", "--output", metavar="FOLDER", help="where the edited files go")
@@ -33,7 +33,7 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str]) -> int:
     """The exit status 0; raises ConfigError for a file, a name, a value or a folder that cannot be used."""
     given = parser().parse_args(argv)
-    source, folder = Path(given.input), given.output
+    source, folder = find_document(Path(given.input)), given.output
     if given.list:
         sys.stdout.write(list_names(source))
     elif not given.set or folder is None:

@@ -13,12 +13,16 @@ MESSAGE = 1000  # characters, of what is in a document or a text that was change
 
 
 def export_program(source: Path, folder: Path, pick: int | None, segments: int) -> str:
-    """Write the files, and say what was written. Raises ConfigError for a file, a pick or a folder that cannot be used."""
+    """Write the files, and say what was written. Raises ConfigError for a file, a pick or a folder that cannot be used.
+
+    Of a results folder it is front.json where there is something to `pick`, else program.json.
+    """
     from imdim.delivery.deliver import export
     from imdim.program import codec, front
     from imdim.program.tree import leaves, longest
     from imdim.target.target import LARGEST
 
+    source = find_document(source, "program.json" if pick is None else "front.json")
     if segments < 3:
         raise ConfigError(f"segments must be at least 3, got {segments}")
     if segments > MAX_SEGMENTS:
@@ -40,6 +44,16 @@ def export_program(source: Path, folder: Path, pick: int | None, segments: int) 
             raise ConfigError(f"{source}: a length or a place of {largest:.3g} is beyond {LARGEST:g}")
         files = export(program, folder, meta, segments, edges=edges)
     return list_files(folder, files)
+
+
+def find_document(source: Path, name: str = "program.json") -> Path:
+    """The document called `name` of a results folder, which may be named by itself or by one of its texts; else `source` as it is."""
+    from imdim.export.delivered import TEXTS
+
+    if source.is_dir():
+        return source / name
+    beside = source.with_name(name)
+    return beside if source.name in TEXTS and beside.is_file() else source
 
 
 @contextmanager

@@ -7,11 +7,13 @@ import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
+from io import StringIO
 from os import environ
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
+from imdim.app.piped import STDIN, load_piped
 from imdim.app.progress import show_progress
 from imdim.program.cost import describe_size
 from imdim.reconstruction.config import ConfigError, Settings
@@ -37,42 +39,66 @@ LEFT_OUT = 3  # results were written, but most of the part's surface is not in t
 INTERRUPTED = 130
 
 
-def main(settings_of: Callable[[], Settings], reconstruct: Reconstruct | None = None, force: bool = False) -> int:
+def main(
+    settings_of: Callable[[], Settings],
+    reconstruct: Reconstruct | None = None,
+    quiet: bool = False,
+    as_json: bool = False,
+    force: bool = False,
+) -> int:
     """Compose settings and fit; the exit status: 0 fine, 2 for input, settings or an output that cannot be used (one line on stderr), 3
     for a result that leaves most of the part's surface out.
 
-    With `force` earlier results are replaced even where somebody has changed them.
+    Stdout gets a summary, with `as_json` the report in its place; `quiet` leaves out progress, notes and summary. With `force` earlier
+    results are replaced even where somebody has changed them.
     """
     sys.excepthook = one_line
     try:
-        settings = settings_of()
-        report = _fit_or_refuse(settings, reconstruct, force)
+        settings = name_output(settings_of())
+        report = _fit_or_refuse(settings, reconstruct, quiet, force)
     except ConfigError as error:
         sys.stderr.write(f"imdim: {error}\n")
         return BAD_INPUT
     except KeyboardInterrupt:
         sys.stderr.write("imdim: interrupted, nothing was written\n")
         return INTERRUPTED
-    sys.stdout.write(summary(report, Path(settings.output)))
+    if as_json:
+        sys.stdout.write(_dumps(report))
+    elif not quiet:
+        sys.stdout.write(summary(report, Path(settings.output)))
     return LEFT_OUT if is_left_out(report) else 0
 
 
-def _fit_or_refuse(settings: Settings, reconstruct: Reconstruct | None, force: bool) -> dict[str, Any]:
+def name_output(settings: Settings) -> Settings:
+    """The settings with a folder of this directory that is named after the part, where none is given."""
+    if settings.output or not settings.input:
+        return settings
+    return replace(settings, output=f"{STDIN if settings.input == '-' else Path(settings.input).stem}.imdim")
+
+
+def _dumps(report: Mapping[str, Any]) -> str:
+    from imdim.delivery.report import dumps
+
+    return dumps(report)
+
+
+def _fit_or_refuse(settings: Settings, reconstruct: Reconstruct | None, quiet: bool, force: bool) -> dict[str, Any]:
     """As `fit`, with every refusal a ConfigError; imports the numeric libraries, which a misspelt setting need not wait for."""
     from imdim.delivery.deliver import OutputError
     from imdim.target.target import InputError
 
     try:
-        return fit(settings, reconstruct, force)
+        return fit(settings, reconstruct, quiet, force)
     except (InputError, OutputError) as error:
         raise ConfigError(str(error)) from error
 
 
-def fit(settings: Settings, reconstruct: Reconstruct | None = None, force: bool = False) -> dict[str, Any]:
+def fit(settings: Settings, reconstruct: Reconstruct | None = None, quiet: bool = False, force: bool = False) -> dict[str, Any]:
     """Reconstruct ``settings.input`` into the folder ``settings.output`` and return the report that was written there.
 
-    Raises ConfigError where input or output is not given, OutputError where the folder cannot be written, or holds results that were
-    changed by hand unless told to `force`, and InputError where the input cannot be used: in each case before anything was written.
+    Progress and notes go to stderr unless it is to be `quiet`. Raises ConfigError where input or output is not given, OutputError where the
+    folder cannot be written, or holds results that were changed by hand unless told to `force`, and InputError where the input cannot be
+    used: in each case before anything was written.
     """
     for key in ("input", "output"):
         if not getattr(settings, key):
@@ -81,28 +107,28 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None, force: bool 
 
     from imdim.deadline import Deadline
     from imdim.delivery.deliver import STEP_LIMIT_S, RunRecord, check_untouched, check_writable, deliver
+    from imdim.reconstruction import pipeline
     from imdim.target.target import load_target, printable
 
     folder, start = Path(settings.output), time.perf_counter()
     check_writable(folder)
     if not force:
         check_untouched(folder)
-    target = load_target(settings.input)
+    target = load_piped(sys.stdin.buffer.read()) if settings.input == "-" else load_target(settings.input)
     stages = {"loading": time.perf_counter() - start}
-    for note in target.notes:
+    for note in target.notes if not quiet else ():
         sys.stderr.write(f"imdim: {target.name}: {note}\n")
     if reconstruct is None:
         from imdim.app.first_run import compile_kernels
-        from imdim.reconstruction import pipeline
 
         reconstruct = pipeline.reconstruct
-        start += compile_kernels(sys.stderr)
+        start += compile_kernels(StringIO() if quiet else sys.stderr)
     left = max(settings.budget_s - stages["loading"], LEAST_S)
     snapshots = reconstruct(target, replace(settings, budget_s=left), np.random.default_rng(settings.seed))
-    last = _exhaust(show_progress(snapshots, left), stages)
+    last = pipeline.exhaust(snapshots if quiet else show_progress(snapshots, left), stages)
     said = {key: printable(value) if isinstance(value, str) else value for key, value in asdict(settings).items()}
     run = RunRecord(said["input"], stages, last.stop or "finished", settings.seed, said, last.proof)
-    for note in last.notes:
+    for note in last.notes if not quiet else ():
         sys.stderr.write(f"imdim: {note}\n")
     target = replace(target, notes=(*target.notes, *last.notes))
     left = settings.budget_s - (time.perf_counter() - start)
@@ -110,18 +136,6 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None, force: bool 
     step_limit_s = min(max(left - DELIVERY_S, LEAST_S + STEP_SHARE * settings.budget_s), STEP_LIMIT_S)
     finish_by = Deadline(start + settings.budget_s - FILES_S)
     return deliver(last.program, target, folder, run, settings.segments, step_limit_s, last.constraints, last.front, finish_by, last.edges)
-
-
-def _exhaust(snapshots: Iterator[Snapshot], stages: dict[str, float]) -> Snapshot:
-    """The last snapshot; the time since the one before counts for its stage."""
-    last = None
-    for snapshot in snapshots:
-        since = 0.0 if last is None else last.seconds
-        stages[snapshot.stage] = stages.get(snapshot.stage, 0.0) + snapshot.seconds - since
-        last = snapshot
-    if last is None:
-        raise RuntimeError("the reconstruction yielded no program")
-    return last
 
 
 def summary(report: Mapping[str, Any], folder: Path) -> str:

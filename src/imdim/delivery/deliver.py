@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -77,7 +77,7 @@ def deliver(
             meta = frame_meta(target)
             sharp, solid = to_manifold(program, segments), solid_with_edges(program, found.edges, segments)
             drawn = do_edges_matter(sharp.volume(), solid.volume())
-            _write_texts(found, meta, partial, segments, drawn, finish_by)
+            _write(compose_texts(found, meta, segments, drawn, finish_by), partial)
             _write_front(front or [Choice(given)], given, meta, partial)
         with exporting(partial) as job:
             with _time(seconds, "meshes"):
@@ -136,7 +136,8 @@ def export(
         found = finish(*relations_of(program), edges=edges)
         program = found.program
         solid = solid_with_edges(program, found.edges, segments)
-        _write_texts(found, meta, partial, segments, do_edges_matter(to_manifold(program, segments).volume(), solid.volume()))
+        drawn = do_edges_matter(to_manifold(program, segments).volume(), solid.volume())
+        _write(compose_texts(found, meta, segments, drawn), partial)
         with exporting(partial) as job:
             write_meshes(solid, partial)
             shown = html.content(_read(partial / "program.json"), named=found.parameters, segments=segments)
@@ -146,10 +147,14 @@ def export(
     return {**files, **skipped}
 
 
-def _write_texts(found: FinishedProgram, meta: Meta, folder: Path, segments: int, drawn: bool, deadline: Deadline = NEVER) -> None:
+def compose_texts(found: FinishedProgram, meta: Meta, segments: int, drawn: bool, deadline: Deadline = NEVER) -> dict[str, str]:
+    """program.json and the texts of a program by their names; program.scad draws edges where they are `drawn`."""
     document = program_text(found.program, meta, found.constraints, found.folded, found.edges)
-    texts = texts_of(found.program, found.parameters, found.folded, segments, found.edges, drawn, deadline)
-    for name, text in {"program.json": document, **texts}.items():
+    return {"program.json": document, **texts_of(found.program, found.parameters, found.folded, segments, found.edges, drawn, deadline)}
+
+
+def _write(texts: Mapping[str, str], folder: Path) -> None:
+    for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
 
 

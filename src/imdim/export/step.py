@@ -18,6 +18,7 @@ from imdim.export.step_blends import Blending, blend_shape, no_blends
 from imdim.export.step_booleans import StepError, boolean, build, ocp, shape_volume
 from imdim.geometry.edges import find_edges
 from imdim.geometry.solid import exact_rotation
+from imdim.install import install_command
 from imdim.program.edges import EdgeFeature
 from imdim.program.outline import Curve, Loop, arc_center, arc_radius, circle_of, loop_curves, regions
 from imdim.program.tree import FULL_TURN, Primitive, Program, Vec3, leaves, longest
@@ -112,7 +113,7 @@ def _check_installed() -> None:
     try:
         message = ocp("Message")
     except ImportError as error:
-        raise StepError(f'no STEP without OpenCASCADE: pip install "imdim[step]" ({error})') from error
+        raise StepError(f"no STEP without OpenCASCADE: {install_command('step')} ({error})") from error
     for printer in message.Message.DefaultMessenger_s().Printers():
         printer.SetTraceLevel(message.Message_Gravity.Message_Fail)
 

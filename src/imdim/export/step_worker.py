@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import IO, NamedTuple
 
 from imdim.export.step import StepError, path_beside, step_volume, write_stages
+from imdim.install import install_command
 from imdim.program.codec import edges_of, from_json, parse
 
 
@@ -42,7 +43,7 @@ class StepJob(NamedTuple):
 def start_step(document: Path, out: Path) -> StepJob:
     """Start exporting the program.json `document`; raises StepError when OpenCASCADE is not installed."""
     if find_spec("OCP") is None:
-        raise StepError('no STEP without OpenCASCADE: pip install "imdim[step]"')
+        raise StepError(f"no STEP without OpenCASCADE: {install_command('step')}")
     command = [sys.executable, "-m", __spec__.name, str(document), str(out)]
     theirs, ours = os.pipe()  # no pipe of the process itself: waiting for its output would close that
     with os.fdopen(theirs, "rb") as end:

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from difflib import get_close_matches
 from pathlib import Path
+from textwrap import wrap
 from typing import Any, TypeVar, get_type_hints
 
 from imdim.export.numbers import MAX_SEGMENTS
@@ -32,19 +33,7 @@ class ConfigError(ValueError):
 
 @dataclass
 class Settings:
-    """What one reconstruction needs to know.
-
-    `language` is what programs are made of: cad of the six primitives and of extruded and turned outlines, csg of the six alone.
-    `objective` is what the search counts beside the error: description the primitives and the curves of their outlines, primitives these
-    alone, to compare with tools that count them. `budget_s` bounds the run in seconds of wall clock; `size_weight` is the price of a
-    primitive: the share of the target's volume that one more must set right (larger gives shorter and cruder programs); `segments` is the
-    number of facets per circle in delivered meshes; `logdir` is where an evolution writes tensorboard's event files (empty: nowhere);
-    `checkpoint` is the policy of method=policy, which auto and evolve use too (empty: the shipped one, for these if there is one; none: no
-    policy), `stump_checkpoint` the network of method=stump-net (empty: the shipped one, if there is one; none: random starts).
-
-    `evolution`, `synthesis` and `solver` are for ablations of method=auto; false leaves out the evolution after the search; the structure
-    search and its proofs (the decision tree stands in); what fits, relates and rounds numbers (but for the policy's own proposals).
-    """
+    """What one reconstruction needs to know; `MEANINGS` says what each is."""
 
     input: str = ""
     output: str = ""
@@ -61,6 +50,35 @@ class Settings:
     evolution: bool = True
     synthesis: bool = True
     solver: bool = True
+
+
+MEANINGS: Mapping[str, str] = {
+    "input": "the part, a file; - reads it from stdin",
+    "output": "the folder for the results; empty: named after the part, as in bracket.imdim",
+    "seed": "the same seed gives the same program, unless time ended the search",
+    "budget_s": "seconds of wall clock for the whole run",
+    "method": "how programs are found: auto, evolve (generations of trees), tree (a decision tree), policy (a network writes them), stump"
+    " or stump-net (CSG-Stump, to compare with)",
+    "language": "what programs are made of: language=cad of six primitives and extruded and turned outlines, language=csg of the six alone",
+    "objective": "what the search counts beside the error: objective=description primitives and the curves of outlines,"
+    " objective=primitives these alone",
+    "size_weight": "the share of the volume that one more primitive must set right; larger gives shorter and cruder programs",
+    "segments": "facets per circle in meshes",
+    "logdir": "where method=evolve writes tensorboard's event files; empty: nowhere",
+    "checkpoint": "the policy, a file; empty: the shipped one; none: no policy",
+    "stump_checkpoint": "the network of method=stump-net, a file; empty: the shipped one; none: random starts",
+    "evolution": "false leaves out the evolution after the search (for ablations)",
+    "synthesis": "false puts the decision tree in place of the search and its proofs (for ablations)",
+    "solver": "false leaves out what fits, relates and rounds numbers (for ablations)",
+}
+
+
+def list_settings(width: int, without: Collection[str] = ()) -> str:
+    """The settings with their defaults and meanings, a paragraph each."""
+    shown = [(f"{f.name}={str(f.default).lower() if f.type == 'bool' else f.default}", MEANINGS[f.name]) for f in fields(Settings)]
+    left = 2 + max(len(name) for name, _ in shown)
+    lines = [(name, wrap(meaning, max(width - left - 2, 20))) for name, meaning in shown if name.split("=")[0] not in without]
+    return "".join(f"  {'' if i else name:<{left}}{line}\n" for name, wrapped in lines for i, line in enumerate(wrapped))
 
 
 def merge(schema: type[T], values: Mapping[str, Any]) -> T:

@@ -334,8 +334,20 @@ def _times(budget: Budget, share: float) -> tuple[Deadline, Deadline]:
     return budget.part_of("choose", share), budget.part_of("fit", share)
 
 
+def exhaust(snapshots: Iterable[Snapshot], stages: dict[str, float]) -> Snapshot:
+    """The last snapshot; the time since the one before counts, in `stages`, for its stage."""
+    last = None
+    for snapshot in snapshots:
+        since = 0.0 if last is None else last.seconds
+        stages[snapshot.stage] = stages.get(snapshot.stage, 0.0) + snapshot.seconds - since
+        last = snapshot
+    if last is None:
+        raise RuntimeError("the reconstruction yielded no program")
+    return last
+
+
 def reconstruct_best(points_or_mesh: np.ndarray | trimesh.Trimesh | Target, settings: Settings | None = None, seed: int = 0) -> Snapshot:
-    """The last snapshot for points [n, 3], points with normals [n, 6], a trimesh or a `Target`; the Python way in."""
+    """The last snapshot for points [n, 3], points with normals [n, 6], a trimesh or a `Target`."""
     target = points_or_mesh if isinstance(points_or_mesh, Target) else target_from(points_or_mesh)
     *_, last = reconstruct(target, settings or Settings(), np.random.default_rng(seed))
     return last

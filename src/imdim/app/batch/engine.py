@@ -20,6 +20,7 @@ from typing import Any
 
 from imdim.app.batch.folder import LOG, PARTS, Part
 from imdim.app.batch.process import LOOK_S, Ended, Process, ProcessLimits, run
+from imdim.install import install_command
 from imdim.reconstruction.config import ConfigError
 
 RETRIES = 3  # of a task whose machine died; what the part itself does is no reason to try again
@@ -80,7 +81,7 @@ def connect(address: str) -> Iterator[Any]:
     try:
         import ray  # pyright: ignore[reportMissingImports]  # an extra
     except ImportError as error:
-        raise ConfigError('--address needs Ray: pip install "imdim[cluster]"') from error
+        raise ConfigError(f"--address needs Ray: {install_command('cluster')}") from error
     try:
         ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
     except (ConnectionError, ValueError, RuntimeError) as error:

@@ -18,7 +18,7 @@ from imdim.app.batch.engine import Job, run_jobs
 from imdim.app.batch.folder import Outcome, Part, to_line
 from imdim.app.batch.process import Ended, ProcessLimits
 from imdim.app.batch.table import write_tables
-from imdim.app.cli import SETTINGS
+from imdim.app.cli import SETTINGS, settings_help
 from imdim.program.cost import describe_size
 from imdim.reconstruction.config import ConfigError, Settings, from_arguments
 
@@ -34,7 +34,9 @@ def parser() -> argparse.ArgumentParser:
     out = argparse.ArgumentParser(
         prog="imdim batch",
         description="Reconstruct every model file of a folder. The same command continues a batch that was stopped.",
-        epilog="Exit status: 0 all done, 1 some failed (results.csv says why), 2 nothing could be done, 130 stopped.",
+        epilog="exit status: 0 all done, 1 some failed (results.csv says why), 2 nothing could be done, 130 stopped\n\n"
+        + settings_help("input", "output", "budget_s", "seed"),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     out.add_argument("input", metavar="PARTS", help="folder of STL, OBJ, OFF, PLY, 3MF, GLB, XYZ, TXT, CSV, PCD, NPY and NPZ files")
     out.add_argument("-o", "--output", required=True, metavar="FOLDER", help="where results.csv, results.html and a folder per part go")
