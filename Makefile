@@ -47,10 +47,10 @@ bench-gate: .venv/use
 
 .venv/use: pyproject.toml constraints.txt | .venv/bin/python
 	@echo "Installing into .venv (some 2 GB, a few minutes the first time)"
-	$(PIP) -e '.[step]'
+	$(PIP) -e '.[step,learn]'
 	@touch $@
 
 .venv/develop: pyproject.toml constraints.txt | .venv/bin/python
 	@echo "Installing into .venv (some 2 GB, a few minutes the first time)"
-	$(PIP) -e '.[step,lab,dev]'
+	$(PIP) -e '.[step,learn,lab,dev]'
 	@touch $@ .venv/use

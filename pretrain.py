@@ -10,6 +10,6 @@ if __name__ == "__main__":
         sys.stdout.write(f"{__doc__}\nAll settings: src/imdim/learn/settings.py; overrides: configs/pretrain.yaml and what it names.\n")
         sys.exit(0)
 
-    from imdim.app.pretrain import main
+    from imdim.app.learning import run
 
-    sys.exit(main(sys.argv[1:], Path(__file__).parent / "configs", lambda text: sys.stdout.write(text + "\n")))
+    sys.exit(run("pretrain", sys.argv[1:], Path(__file__).parent / "configs", lambda text: sys.stdout.write(text + "\n")))

@@ -125,6 +125,16 @@ def test_auto_takes_a_policy_for_clouds_and_is_none_the_worse(checkpoint, monkey
     assert asked == ["x"]
 
 
+def test_auto_does_without_torch_and_says_so(monkeypatch):
+    monkeypatch.setattr(methods, "POOR", -1.0)
+    monkeypatch.setattr(pipeline, "lacking", lambda *modules: ["torch"])
+    monkeypatch.setattr("imdim.reconstruction.policy_beam.lacking", lambda *modules: ["torch"])
+    part = cut(box(60, 40, 20), cylinder(8, 60))
+    *_, last = pipeline.reconstruct(target_from(cloud(part, n=4000)), Settings(), np.random.default_rng(0))
+    assert iou(last.program, part) >= 0.98
+    assert [note for note in last.notes if "for lack of torch" in note] == [last.notes[0]]
+
+
 def seen_of(points):
     rng = np.random.default_rng(0)
     return observe(UnitBody.of(target_from(points), rng), 2.5e-4, rng)

@@ -7,28 +7,45 @@ them (hydra, ``key=value`` arguments, a plain dict), they are merged into a fres
 from __future__ import annotations
 
 import re
+import site
 import sys
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from difflib import get_close_matches
+from importlib.util import find_spec
 from pathlib import Path
 from textwrap import wrap
 from typing import Any, TypeVar, get_type_hints
 
 from imdim.export.numbers import MAX_SEGMENTS
+from imdim.install import install_command
 from imdim.program.cost import CURVE_PRICES
 
 T = TypeVar("T")
 LANGUAGES = ("csg", "cad")
 OBJECTIVES = tuple(CURVE_PRICES)
+LEARNING = ("torch", "safetensors")  # what networks need
 NONE = "none"  # as a checkpoint: no network at all
-_HOMES = (Path(__file__).parents[3], Path(sys.prefix, "share/imdim"))  # a source tree, and where an installed wheel puts its data
+# a source tree, and where pip puts the data of a wheel: in an environment, with --user and with --target
+_HOMES = (Path(__file__).parents[3], *(Path(base, "share/imdim") for base in (sys.prefix, site.getuserbase(), Path(__file__).parents[2])))
 _MODELS = [home / "models" / "imdim-base.safetensors" for home in _HOMES]
 SHIPPED = next((model for model in _MODELS if model.is_file()), _MODELS[0])
 
 
 class ConfigError(ValueError):
     """A setting is unknown, misspelt or of the wrong type; the message is one line."""
+
+
+def lacking(*modules: str) -> list[str]:
+    """Those of the modules that are not installed."""
+    return [module for module in modules if find_spec(module) is None]
+
+
+def require_extra(extra: str, what: str, *modules: str) -> None:
+    """Raise ConfigError, with the command that installs the extra, unless all its `modules` that `what` needs are there."""
+    missing = lacking(*modules)
+    if missing:
+        raise ConfigError(f"{what} needs {', '.join(missing)}: {install_command(extra)}")
 
 
 @dataclass
@@ -148,6 +165,7 @@ def from_hydra(folder: Path, name: str, overrides: Sequence[str]) -> Settings:
 
     Composing without `hydra.main` leaves the working directory, the log and the disk alone.
     """
+    require_extra("learn", "infer.py", "hydra")
     from hydra import compose, initialize_config_dir
     from hydra.core.override_parser.overrides_parser import OverridesParser
     from hydra.errors import HydraException, OverrideParseException

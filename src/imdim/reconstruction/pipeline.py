@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import islice
+from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
@@ -20,6 +21,7 @@ from imdim.deadline import Deadline
 from imdim.detection.blends import Chain
 from imdim.geometry.finish.overshoot import without_strays
 from imdim.geometry.solid import to_manifold
+from imdim.install import install_command
 from imdim.program.constraints import Constraint, scale_constraints
 from imdim.program.cost import CURVE_PRICES, count, weigh
 from imdim.program.edges import EdgeFeature
@@ -29,7 +31,7 @@ from imdim.program.rewrite.simplify import reduce_program
 from imdim.program.tree import Primitive, Program, combine_all, leaves, map_leaves
 from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.choices import choices_beside, few, unite_fronts
-from imdim.reconstruction.config import ConfigError, Settings, check_choices
+from imdim.reconstruction.config import LEARNING, ConfigError, Settings, check_choices, lacking, require_extra
 from imdim.reconstruction.edge_features import SetAside, describe_kept, find_edge_features, place_chain, set_edges_aside
 from imdim.reconstruction.fitting import find_relations, fit_numbers, snap_numbers
 from imdim.reconstruction.hole_ends import complete_holes
@@ -40,6 +42,9 @@ from imdim.reconstruction.policy_beam import load, load_if_any
 from imdim.reconstruction.preserve import preserve
 from imdim.search.evolve.population import EvolutionConfig
 from imdim.target.target import Frame, InputError, Target, in_unit_frame, split_bodies, target_from
+
+if TYPE_CHECKING:
+    from imdim.learn.policy import Policy
 
 MOST_JOINT = 8  # bodies
 GUESSING = ("auto", "policy")  # methods that may answer from the points alone where detection sees no inside
@@ -93,7 +98,8 @@ class _BodyState:
 
 @dataclass(frozen=True)
 class _Work:
-    """What all bodies of a run share. `guesses` is whether a body that shows no inside may be answered from its points alone."""
+    """What all bodies of a run share. `guesses` is whether a body that shows no inside may be answered from its points alone. `notes` grow
+    as the run does without something."""
 
     settings: Settings
     method: Method
@@ -101,6 +107,7 @@ class _Work:
     policy: PolicyOf
     budget: Budget
     rng: np.random.Generator
+    notes: list[str] = field(default_factory=list)
 
 
 def reconstruct(target: Target, settings: Settings, rng: np.random.Generator, now: Callable[[], float] | None = None) -> Iterator[Snapshot]:
@@ -112,9 +119,14 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator, no
     check_choices(settings)
     if settings.method not in METHODS:
         raise ConfigError(f"unknown method {settings.method!r}; known are {', '.join(METHODS)}")
+    if settings.method == "stump-net":
+        require_extra("learn", "method=stump-net", *LEARNING)
+    if settings.logdir:
+        require_extra("learn", "logdir", "torch", "tensorboard")
     left_out: list[InputError] = []
+    notes: list[str] = []
     budget = Budget(settings.budget_s, now or time.perf_counter)
-    work = _Work(settings, METHODS[settings.method], settings.method in GUESSING, _policy_of(settings), budget, rng)
+    work = _Work(settings, METHODS[settings.method], settings.method in GUESSING, _policy_of(settings, notes), budget, rng, notes)
     yield from _snapshots(_by_body(target, work, left_out), target, work, left_out)
 
 
@@ -145,14 +157,27 @@ def _snapshots(states: Iterable[_BodyState], target: Target, work: _Work, left_o
     error = last.error if program == last.program else last.measure(program)
     front = tuple(replace(c, program=program) if c.program == last.program else c for c in few(last.front, last.program))
     edges = find_edge_features(program, last.chains, target)
-    notes = (*(f"{error}; left out" for error in left_out), *edges.left_out, *([describe_kept(last.kept)] if last.kept else []))
+    notes = (
+        *work.notes,
+        *(f"{error}; left out" for error in left_out),
+        *edges.left_out,
+        *([describe_kept(last.kept)] if last.kept else []),
+    )
     stop = CUT if solver and relate_by.has_passed() else last.stop
     yield Snapshot("finished", program, error, work.budget.seconds(), stop, front, constraints, last.proof, notes, edges.features)
 
 
-def _policy_of(settings: Settings) -> PolicyOf:
-    """Loads the policy when it is asked for. One that must be there, and is not, is told at once."""
-    policy = cache(lambda: (load if settings.method == "policy" else load_if_any)(settings.checkpoint))
+def _policy_of(settings: Settings, notes: list[str]) -> PolicyOf:
+    """Loads the policy when it is asked for. One that must be there, and is not, is told at once; one that lacks torch alone is noted."""
+
+    @cache
+    def policy() -> Policy | None:
+        if settings.method == "policy":
+            return load(settings.checkpoint)
+        if not settings.checkpoint and lacking(*LEARNING):
+            notes.append(f"the policy was not asked, for lack of torch: {install_command('learn')}")
+        return load_if_any(settings.checkpoint)
+
     if settings.method == "policy" or settings.checkpoint:
         policy()
     return policy

@@ -22,7 +22,7 @@ from imdim.geometry.triangles import distances, triangle_tree
 from imdim.program.cost import count
 from imdim.program.sequence import SignedSequence, of_primitives, to_sequence
 from imdim.program.tree import Primitive, Program
-from imdim.reconstruction.config import NONE, SHIPPED, ConfigError, first_line
+from imdim.reconstruction.config import LEARNING, NONE, SHIPPED, ConfigError, first_line, lacking, require_extra
 from imdim.reconstruction.poses import POINTS, Poses
 from imdim.search.mdl.primitive_selection import Cloud, PoolConfig
 from imdim.search.mdl.repair import Proposal, ProposalConfig, settle
@@ -36,7 +36,9 @@ FINE = ProposalConfig(seen=1536, most=8192)  # dense clouds show walls thinner t
 
 
 def load(checkpoint: str) -> Policy:
-    """The policy at a path, the shipped one for an empty one; ConfigError with one line where there is none that this version reads."""
+    """The policy at a path, the shipped one for an empty one; ConfigError with one line where there is none that this version reads, or
+    no torch."""
+    require_extra("learn", "a policy", *LEARNING)
     from imdim.learn.checkpoint import load_policy
 
     try:
@@ -46,8 +48,8 @@ def load(checkpoint: str) -> Policy:
 
 
 def load_if_any(checkpoint: str) -> Policy | None:
-    """As `load`, but None for ``none``, and where no path is given and none is shipped."""
-    return load(checkpoint) if checkpoint != NONE and (checkpoint or SHIPPED.is_file()) else None
+    """As `load`, but None for ``none``, and where no path is given and none is shipped, or torch is not there."""
+    return load(checkpoint) if checkpoint != NONE and (checkpoint or (SHIPPED.is_file() and not lacking(*LEARNING))) else None
 
 
 def decode_sequences(

@@ -1,0 +1,65 @@
+"""What `pip install imdim` brings is enough for meshes: the extra [learn] is asked for only by what learns, and in one line."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from tests.planted import box, cut, cylinder
+
+from imdim.geometry.solid import to_manifold, to_trimesh
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+LEARN = ("torch", "hydra", "tensorboard", "safetensors")
+WITHOUT = f"import sys; sys.modules.update(dict.fromkeys({LEARN!r}))"
+
+
+def run(script, *arguments):
+    command = [sys.executable, "-c", f"{WITHOUT}; {script}", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+
+
+@pytest.fixture(scope="module")
+def plate(tmp_path_factory):
+    path = tmp_path_factory.mktemp("part") / "plate.stl"
+    to_trimesh(to_manifold(cut(box(80, 50, 6), cylinder(3, 8, (-20, 0, 0)), cylinder(3, 8, (20, 0, 0))))).export(path)
+    return path
+
+
+def test_a_mesh_is_fitted_edited_and_exported_without_torch(plate, tmp_path):
+    script = "from imdim.app.cli import main; sys.exit(main(sys.argv[1:]))"
+    fitted = run(script, "fit", plate, "-o", tmp_path / "out")
+    assert fitted.returncode == 0, fitted.stderr
+    assert re.search(r"volume IoU (1\.0000|0\.9999)", fitted.stdout)
+    names = run(script, "edit", tmp_path / "out", "--list").stdout
+    name = re.search(r"^\w*hole_diameter\b", names, re.MULTILINE)[0]
+    edited = run(script, "edit", tmp_path / "out", "--set", f"{name}=8", "-o", tmp_path / "wider")
+    assert "in kind as before: 1 body, 2 through-holes" in edited.stdout, edited.stderr
+    assert run(script, "export", tmp_path / "out", "--pick", "1", "-o", tmp_path / "simple").returncode == 0
+
+
+@pytest.mark.parametrize("setting", ["method=policy", "method=stump-net", "logdir=runs", "checkpoint=a.safetensors"])
+def test_what_needs_torch_says_what_to_install(plate, tmp_path, setting):
+    done = run("from imdim.app.cli import main; sys.exit(main(sys.argv[1:]))", "fit", plate, setting, "-o", tmp_path / "out", "--quiet")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert re.fullmatch(r"imdim: .* needs torch.*: .*pip install .*\[learn\]\"\n", done.stderr)
+
+
+@pytest.mark.parametrize("script", ["pretrain", "reinforce", "infer"])
+def test_scripts_that_learn_say_what_to_install(script):
+    done = run(f"sys.argv[1:] = []; import runpy; runpy.run_path({str(ROOT / script)!r} + '.py', run_name='__main__')")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert re.fullmatch(rf"(imdim|{script}): {script}\.py needs .*: .*pip install .*\[learn\]\"\n", done.stderr)
+
+
+def test_the_base_requires_nothing_that_learns_and_make_installs_it():
+    names = {re.match(r"[\w-]+", requirement)[0] for requirement in PROJECT["dependencies"]}
+    learn = {re.match(r"[\w-]+", requirement)[0] for requirement in PROJECT["optional-dependencies"]["learn"]}
+    assert learn == {"torch", "hydra-core", "tensorboard", "safetensors"}
+    assert not names & learn
+    installs = re.findall(r"\$\(PIP\) -e '\.\[(.*)\]'", (ROOT / "Makefile").read_text())
+    assert len(installs) == 2
+    assert all("learn" in extras.split(",") for extras in installs)
