@@ -24,9 +24,11 @@ from imdim.reconstruction.fitting import relations_of
 from imdim.target.target import load_target
 
 ROOT = Path(__file__).parents[1]
-PAGES = sorted([*(ROOT / "docs").glob("*.md"), ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"])
+PAGES = sorted([*(ROOT / "docs").glob("*.md"), ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", ROOT / "README.md"])
 WRITTEN = [page for page in PAGES if page.name != "trust.md"]
-RUN = [page for page in WRITTEN if re.search(r"^```(python|sh)$", page.read_text(encoding="utf-8"), re.MULTILINE)]
+RUN = [
+    page for page in WRITTEN if page.name != "README.md" and re.search(r"^```(python|sh)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+]
 BLOCK = re.compile(r"^```(\w+)( slow)?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 SHARED = ("dataset", "examples", "scripts", "models", "configs", "infer.py", "pretrain.py", "reinforce.py")
 GIVEN = {"np": np, "torch": torch, "trimesh": trimesh, "Path": Path}
