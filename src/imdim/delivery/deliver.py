@@ -79,7 +79,7 @@ def deliver(
             drawn = do_edges_matter(sharp.volume(), solid.volume())
             _write(compose_texts(found, meta, segments, drawn, finish_by), partial)
             _write_front(front or [Choice(given)], given, meta, partial)
-        with exporting(partial) as job:
+        with exporting(partial, Path(target.name).stem) as job:
             with _time(seconds, "meshes"):
                 write_meshes(solid, partial)
             with _time(seconds, "scores"):
@@ -138,7 +138,7 @@ def export(
         solid = solid_with_edges(program, found.edges, segments)
         drawn = do_edges_matter(to_manifold(program, segments).volume(), solid.volume())
         _write(compose_texts(found, meta, segments, drawn), partial)
-        with exporting(partial) as job:
+        with exporting(partial, folder.resolve().name) as job:
             write_meshes(solid, partial)
             shown = html.content(_read(partial / "program.json"), named=found.parameters, segments=segments)
             (partial / "report.html").write_text(html.page(shown), encoding="utf-8")

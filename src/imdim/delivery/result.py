@@ -109,7 +109,7 @@ class Reconstruction:
         with tempfile.TemporaryDirectory(prefix=".imdim-", dir=path.absolute().parent) as folder:
             document, written = Path(folder, "program.json"), Path(folder, "program.step")
             document.write_text(self.to_json(), encoding="utf-8")
-            job = start_step(document, written)
+            job = start_step(document, written, Path(self.target.name).stem)
             try:
                 finish_step(job, limit_s)
             finally:

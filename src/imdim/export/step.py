@@ -16,6 +16,7 @@ import numpy as np
 
 from imdim.export.step_blends import Blending, blend_shape, no_blends
 from imdim.export.step_booleans import StepError, boolean, build, ocp, shape_volume
+from imdim.export.step_names import PartNames, write_named
 from imdim.geometry.edges import find_edges
 from imdim.geometry.solid import exact_rotation
 from imdim.install import install_command
@@ -28,25 +29,25 @@ SMALLEST_SIZE = 1e-4
 
 INTEGRATION_ERROR = 1e-6  # relative; without it, a NURBS face is off by 4e-4
 
-_STAMP = re.compile(r"(FILE_NAME\()'[^']*',\s*'[^']*'")
-# OpenCASCADE numbers the products of a process
-_PRODUCT = re.compile(r"PRODUCT\('program \d+','program \d+'")
+_STAMP = re.compile(r"FILE_NAME\('.*?\);", re.DOTALL)
 
 
-def write_step(program: Program, path: Path, edges: Sequence[EdgeFeature] = ()) -> Blending:
+def write_step(program: Program, path: Path, edges: Sequence[EdgeFeature] = (), names: PartNames | None = None) -> Blending:
     """Write `program` with its edge features as a STEP AP214 file in mm, the same bytes for the same program; which edges stayed sharp.
+    Features are called by `names`, or by their roles.
 
     Raises StepError, and leaves no file, when OpenCASCADE is not installed or cannot build a valid solid, or where what it reads back is
     none; OSError when the file cannot be written. An edge that it cannot blend is no error.
     """
-    return list(write_stages(program, path, edges))[-1]
+    return list(write_stages(program, path, edges, names))[-1]
 
 
-def write_stages(program: Program, path: Path, edges: Sequence[EdgeFeature] = ()) -> Iterator[Blending]:
+def write_stages(program: Program, path: Path, edges: Sequence[EdgeFeature] = (), names: PartNames | None = None) -> Iterator[Blending]:
     """Write a file as `write_step` does, first with all edges sharp and then, if it has any, another in its place; after each which edges
     are sharp in it."""
     shape, stretches = to_shape(program), find_edges(program, edges).edges if edges else ()
-    if not _write(shape, path):
+    names = names or PartNames.of(program)
+    if not _write(shape, path, program, names):
         path.unlink()
         raise StepError("OpenCASCADE built a solid that is not valid once it is read back")
     yield no_blends(stretches)
@@ -54,7 +55,7 @@ def write_stages(program: Program, path: Path, edges: Sequence[EdgeFeature] = ()
         blended, blending = blend_shape(shape, program, stretches, to_shape)
         beside = path_beside(path)
         # tolerances do not survive the file, and those of blends can be large
-        if len(blending.sharp) < len(blending.edges) and _write(blended, beside):
+        if len(blending.sharp) < len(blending.edges) and _write(blended, beside, program, names):
             beside.replace(path)
             yield blending
         beside.unlink(missing_ok=True)
@@ -65,20 +66,13 @@ def path_beside(path: Path) -> Path:
     return path.with_name(f"{path.name}.blended")
 
 
-def _write(shape: Any, path: Path) -> bool:
+def _write(shape: Any, path: Path, program: Program, names: PartNames) -> bool:
     """Write a shape; whether it is valid once it is read back."""
-    control, settings = ocp("STEPControl"), ocp("Interface").Interface_Static
-    writer = control.STEPControl_Writer()
-    settings.SetCVal_s("write.step.product.name", "program")
-    settings.SetCVal_s("write.step.unit", "MM")
-    # one product, also for several bodies
-    settings.SetIVal_s("write.step.assembly", 0)
-    writer.Transfer(shape, control.STEPControl_AsIs)
-    if not writer.Write(str(path)).name.endswith("RetDone"):
+    if not write_named(shape, path, program, names):
         raise OSError(f"cannot write {path}")
-    text = path.read_text(encoding="utf-8")
-    text = _STAMP.sub(r"\1'program','1970-01-01T00:00:00'", text, count=1)
-    path.write_text(_PRODUCT.sub("PRODUCT('program','program'", text), encoding="utf-8")
+    name = names.part.replace("'", "''")
+    head = f"FILE_NAME('{name}','1970-01-01T00:00:00',(''),(''),'OpenCASCADE','IMDIM','');"
+    path.write_text(_STAMP.sub(lambda _: head, path.read_text(encoding="utf-8"), count=1), encoding="utf-8")
     return ocp("BRepCheck").BRepCheck_Analyzer(read_step(path)).IsValid()
 
 

@@ -1,6 +1,7 @@
 """STEP export in a process of its own: OpenCASCADE can take minutes or crash on a hard shape, and must not take the other results along.
 
-``python -m imdim.export.step_worker PROGRAM.json OUT.step`` writes the file and prints its re-read volume; a failure is one line on stderr.
+``python -m imdim.export.step_worker PROGRAM.json OUT.step [NAME]`` writes the file and prints its re-read volume; a failure is one line on
+stderr.
 A part with edge features is written, and told, twice: sharp, then with as many of them as OpenCASCADE can blend. If it fails on these the
 sharp one stays. It ends with the process that started it, however that ends: its standard input closes then.
 """
@@ -17,9 +18,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, NamedTuple
 
+from imdim.export.hole_names import hole_roles
 from imdim.export.step import StepError, path_beside, step_volume, write_stages
+from imdim.export.step_names import NAMELESS, PartNames, spell
 from imdim.install import install_command
-from imdim.program.codec import edges_of, from_json, parse
+from imdim.program.codec import constraints_of, edges_of, from_json, parse, read_folded
+from imdim.program.roles import labels
 
 
 class Exported(NamedTuple):
@@ -40,11 +44,11 @@ class StepJob(NamedTuple):
     lifeline: IO[bytes] | None = None
 
 
-def start_step(document: Path, out: Path) -> StepJob:
-    """Start exporting the program.json `document`; raises StepError when OpenCASCADE is not installed."""
+def start_step(document: Path, out: Path, name: str = NAMELESS) -> StepJob:
+    """Start exporting the program.json `document` as a part called `name`; raises StepError when OpenCASCADE is not installed."""
     if find_spec("OCP") is None:
         raise StepError(f"no STEP without OpenCASCADE: {install_command('step')}")
-    command = [sys.executable, "-m", __spec__.name, str(document), str(out)]
+    command = [sys.executable, "-m", __spec__.name, str(document), str(out), spell(name)]
     theirs, ours = os.pipe()  # no pipe of the process itself: waiting for its output would close that
     with os.fdopen(theirs, "rb") as end:
         process = subprocess.Popen(command, stdin=end, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -99,10 +103,10 @@ def _end(job: StepJob) -> None:
 
 
 @contextmanager
-def exporting(folder: Path) -> Iterator[StepJob | StepError]:
+def exporting(folder: Path, name: str = NAMELESS) -> Iterator[StepJob | StepError]:
     """The export of the program.json in `folder`, running beside the other work; it never outlives the block."""
     try:
-        job = start_step(folder / "program.json", folder / "program.step")
+        job = start_step(folder / "program.json", folder / "program.step", name)
     except StepError as error:
         yield error
         return
@@ -133,12 +137,14 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
-def main(document: str, out: str) -> None:
+def main(document: str, out: str, name: str = NAMELESS) -> None:
     """The worker's side."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         read = parse(Path(document).read_text(encoding="utf-8"))
-        for edges, sharp in write_stages(from_json(read), Path(out), edges_of(read)):
+        program = from_json(read)
+        features = labels(program, constraints_of(read), read_folded(read), hole_roles(program))
+        for edges, sharp in write_stages(program, Path(out), edges_of(read), PartNames.of(program, name, tuple(features))):
             sys.stdout.write(f"{step_volume(Path(out))!r} {len(edges)} {len(sharp)}\n")
             sys.stdout.flush()
     except (StepError, OSError) as error:
