@@ -1,13 +1,22 @@
+import json
+import math
+import re
 import zipfile
 
+import numpy as np
 import pytest
 import trimesh
+from tests.export.blended import BOX, RIM, fillet
 from tests.export.coincident import MEANT
 from tests.known_programs import KNOWN
+from tests.planted import box, cut, cylinder, union
 
-from imdim.export.meshes import write_meshes
+from imdim.export.meshes import NamedFeatures, write_meshes
+from imdim.export.part_names import ADDED, BLENDED, CUT
+from imdim.geometry.edge_solids import solid_with_edges
 from imdim.geometry.finish.overshoot import overshoot
 from imdim.geometry.solid import mesh_to_manifold, to_manifold
+from imdim.target.target import load_target
 
 SUFFIXES = ("stl", "glb", "3mf")
 PARTS = {
@@ -45,3 +54,65 @@ def test_an_empty_solid_is_an_error(tmp_path):
     with pytest.raises(ValueError, match="empty solid"):
         write_meshes(to_manifold(KNOWN["nothing"][0]), tmp_path)
     assert list(tmp_path.iterdir()) == []
+
+
+PLATE = cut(box(80, 50, 6), cylinder(3, 8, (-20, 0, 0)), cylinder(3, 8, (20, 0, 0)))
+
+
+def nodes_of(path):
+    """Names, areas and colours of the nodes of a GLB with a mesh."""
+    scene = trimesh.load_scene(path)
+    return {
+        name: (geometry.area, tuple(round(v / 255, 2) for v in geometry.visual.material.baseColorFactor[:3]))
+        for name in scene.graph.nodes_geometry
+        for geometry in [scene.geometry[scene.graph[name][1]]]
+    }
+
+
+def test_a_glb_has_a_node_for_each_feature(tmp_path):
+    write_meshes(to_manifold(PLATE), tmp_path, NamedFeatures.of("plate", PLATE))
+    nodes = nodes_of(tmp_path / "mesh.glb")
+    facet = 2 * 3 * math.sin(math.pi / 96) * 96  # around a hole, inscribed
+    assert {name: colour for name, (_, colour) in nodes.items()} == {"plate": ADDED, "hole": CUT, "hole2": CUT}
+    assert [nodes[name][0] for name in ("hole", "hole2")] == pytest.approx([facet * 6] * 2, rel=1e-5)
+    hole = 96 * 9 * math.sin(math.pi / 96) * math.cos(math.pi / 96)
+    assert nodes["plate"][0] == pytest.approx(2 * (80 * 50 - 2 * hole) + 2 * 6 * (80 + 50), rel=1e-5)
+
+
+def test_a_glb_has_flat_normals(tmp_path):
+    write_meshes(to_manifold(PLATE), tmp_path, NamedFeatures.of("plate", PLATE))
+    data = (tmp_path / "mesh.glb").read_bytes()
+    tree = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    assert all("NORMAL" in primitive["attributes"] for mesh in tree["meshes"] for primitive in mesh["primitives"])
+    for geometry in trimesh.load_scene(tmp_path / "mesh.glb", process=False).geometry.values():
+        given = geometry.vertex_normals[geometry.faces]
+        assert np.abs(given - geometry.face_normals[:, None]).max() < 1e-4
+
+
+def test_copies_have_names_of_their_own_and_blends_are_one_node(tmp_path):
+    equal = NamedFeatures.of("plate", PLATE)
+    names = equal.names._replace(features=("plate", "hole", "hole"))
+    write_meshes(to_manifold(PLATE), tmp_path, equal._replace(names=names))
+    assert set(nodes_of(tmp_path / "mesh.glb")) == {"plate", "hole", "hole (2)"}
+    edges = (fillet(2.0, RIM),)
+    solid = solid_with_edges(BOX, edges)
+    write_meshes(solid, tmp_path, NamedFeatures.of("box", BOX, edges))
+    nodes = nodes_of(tmp_path / "mesh.glb")
+    assert {name: colour for name, (_, colour) in nodes.items()} == {"body": ADDED, "blend": BLENDED}
+    assert mesh_to_manifold(trimesh.load_mesh(tmp_path / "mesh.glb")).volume() == pytest.approx(
+        solid_with_edges(BOX, edges).volume(), rel=1e-5
+    )
+
+
+def test_a_3mf_has_an_object_for_each_body_with_its_name(tmp_path):
+    apart = union(box(5, 5, 48, (40.0, 0.0, 0.0)), box(10, 20, 30))
+    write_meshes(to_manifold(apart), tmp_path, NamedFeatures.of('a "b" <c>', apart))
+    with zipfile.ZipFile(tmp_path / "mesh.3mf") as package:
+        text = package.read("3D/3dmodel.model").decode()
+    called = re.findall(r"<object id=\"(\d)\" type=\"model\" name='(.*?)'>", text)
+    assert called == [("1", 'a "b" &lt;c&gt;'), ("2", 'a "b" &lt;c&gt; (2)')]
+    assert '<metadata name="Title">a "b" &lt;c&gt;</metadata>' in text
+    assert len(re.findall("<item objectid", text)) == 2
+    bodies = trimesh.load_scene(tmp_path / "mesh.3mf").dump()
+    assert sorted(body.volume for body in bodies) == pytest.approx([5 * 5 * 48, 10 * 20 * 30])
+    assert load_target(tmp_path / "mesh.3mf").mesh.volume == pytest.approx(5 * 5 * 48 + 10 * 20 * 30)

@@ -8,9 +8,9 @@ from tests.export.blended import BOX, RIM, fillet
 from tests.planted import box, cut, cylinder, union
 
 from imdim.delivery.deliver import RunRecord, deliver, export
+from imdim.export.part_names import ADDED, BLENDED, CUT, PartNames, spell
 from imdim.export.step import write_step
 from imdim.export.step_booleans import ocp
-from imdim.export.step_names import ADDED, BLENDED, CUT, PartNames, spell
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.codec import Meta
 from imdim.target.target import target_from

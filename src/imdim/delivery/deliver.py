@@ -25,7 +25,7 @@ from imdim.export import html
 from imdim.export.delivered import texts_of, unwritten
 from imdim.export.edge_text import do_edges_matter
 from imdim.export.folder import DIGESTS, FILES, OutputError, check_untouched, check_writable, digests_of, replacing
-from imdim.export.meshes import write_meshes
+from imdim.export.meshes import NamedFeatures, write_meshes
 from imdim.export.numbers import round_program
 from imdim.export.openscad_reader import read_openscad
 from imdim.export.preview import preview
@@ -81,7 +81,7 @@ def deliver(
             _write_front(front or [Choice(given)], given, meta, partial)
         with exporting(partial, Path(target.name).stem) as job:
             with _time(seconds, "meshes"):
-                write_meshes(solid, partial)
+                write_meshes(solid, partial, _named(found, Path(target.name).stem))
             with _time(seconds, "scores"):
                 scores = evaluate_file(partial / "program.scad", target, segments=segments)
                 kept = DeliveryLoss.of(given, sharp, target, segments)
@@ -139,7 +139,7 @@ def export(
         drawn = do_edges_matter(to_manifold(program, segments).volume(), solid.volume())
         _write(compose_texts(found, meta, segments, drawn), partial)
         with exporting(partial, folder.resolve().name) as job:
-            write_meshes(solid, partial)
+            write_meshes(solid, partial, _named(found, folder.resolve().name))
             shown = html.content(_read(partial / "program.json"), named=found.parameters, segments=segments)
             (partial / "report.html").write_text(html.page(shown), encoding="utf-8")
             skipped = finish_or_skip_step(job, step_limit_s, {}) | unwritten(program)
@@ -151,6 +151,10 @@ def compose_texts(found: FinishedProgram, meta: Meta, segments: int, drawn: bool
     """program.json and the texts of a program by their names; program.scad draws edges where they are `drawn`."""
     document = program_text(found.program, meta, found.constraints, found.folded, found.edges)
     return {"program.json": document, **texts_of(found.program, found.parameters, found.folded, segments, found.edges, drawn, deadline)}
+
+
+def _named(found: FinishedProgram, name: str) -> NamedFeatures:
+    return NamedFeatures.of(name, found.program, found.edges, found.constraints, found.folded)
 
 
 def _write(texts: Mapping[str, str], folder: Path) -> None:

@@ -20,7 +20,7 @@ from imdim.export.edge_text import with_edge_sizes
 from imdim.export.edit_report import picture_of
 from imdim.export.folder import FILES, replacing
 from imdim.export.hole_names import hole_notes, renew_notes
-from imdim.export.meshes import write_meshes
+from imdim.export.meshes import NamedFeatures, write_meshes
 from imdim.export.numbers import MAX_SEGMENTS, Rounding, plain, round_program, to_fixed_point
 from imdim.export.openscad_reader import are_drawn, read_openscad
 from imdim.export.parameters import parametrise
@@ -196,12 +196,13 @@ def write(delivered: Delivered, folder: Path, step_limit_s: float = 0.0, solids:
         texts = {"program.json": document, **delivered.texts}
         for file, text in texts.items():
             (partial / file).write_text(text, encoding="utf-8")
-        write_meshes(solid, partial)
+        name = folder.resolve().name
+        write_meshes(solid, partial, NamedFeatures.of(name, delivered.program, delivered.edges, delivered.constraints, delivered.folded))
         if solids is not None:
             picture_of(*solids).save(partial / "edit.png")
         skipped: dict[str, str] = {}
         if step_limit_s:
-            with exporting(partial, folder.resolve().name) as job:
+            with exporting(partial, name) as job:
                 skipped = finish_or_skip_step(job, step_limit_s, {})
         files = {file: "written" for file in FILES if (partial / file).exists()}
     return {**files, **skipped}

@@ -1,31 +1,67 @@
-"""Mesh files of an exact solid - binary STL, GLB, 3MF - the same bytes for the same solid."""
+"""Mesh files of an exact solid - binary STL, GLB, 3MF - the same bytes for the same solid.
+
+A GLB has a node for each feature of the program, called and coloured as it, with flat normals; a 3MF an object for each body.
+"""
 
 from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
+from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 import trimesh
 from manifold3d import Manifold
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
+from imdim.export.hole_names import hole_roles
+from imdim.export.part_names import ADDED, NAMELESS, Colour, PartNames
+from imdim.geometry.edge_solids import with_edges
+from imdim.geometry.kernels import program_sdf
 from imdim.geometry.metrics import diagonal
 from imdim.geometry.solid import to_trimesh
+from imdim.program.constraints import Constraint
+from imdim.program.edges import EdgeFeature
+from imdim.program.repeats import Folded
+from imdim.program.roles import labels
+from imdim.program.tree import Program, leaves
 
 # STL and GLB hold single precision: what collapses there is removed before, while the solid stays closed
 SINGLE_PRECISION = 1e-6
+SAME = 1e-7  # of the diagonal, by which surfaces that coincide may differ
 
 
-def write_meshes(solid: Manifold, folder: Path) -> None:
+class NamedFeatures(NamedTuple):
+    """The program of a solid, its edge features, and what files call it and its parts."""
+
+    program: Program
+    edges: tuple[EdgeFeature, ...]
+    names: PartNames
+
+    @staticmethod
+    def of(
+        name: str, program: Program, edges: Sequence[EdgeFeature] = (), constraints: Sequence[Constraint] = (), folded: Folded | None = None
+    ) -> NamedFeatures:
+        """Features are called as everywhere else, by their roles and what is equal among them."""
+        features = labels(program, constraints, folded, hole_roles(program))
+        return NamedFeatures(program, tuple(edges), PartNames.of(program, name, tuple(features)))
+
+
+def write_meshes(solid: Manifold, folder: Path, named: NamedFeatures | None = None) -> None:
     """Write `mesh.stl`, `mesh.glb` and `mesh.3mf` into an existing folder; raises ValueError for an empty solid, OSError as usual."""
     mesh = to_trimesh(solid)
     if not len(mesh.faces):
         raise ValueError("an empty solid has no mesh to write")
-    clean = to_trimesh(solid.simplify(SINGLE_PRECISION * diagonal(mesh.vertices)))
-    for suffix, data in _DATA.items():
-        (folder / f"mesh.{suffix}").write_bytes(data(clean))
+    clean = solid.simplify(SINGLE_PRECISION * diagonal(mesh.vertices))
+    mesh, name = to_trimesh(clean), NAMELESS if named is None else named.names.part
+    data = {"stl": stl_bytes(mesh), "glb": glb_bytes(mesh, named), "3mf": threemf_bytes([to_trimesh(b) for b in clean.decompose()], name)}
+    for suffix, content in data.items():
+        (folder / f"mesh.{suffix}").write_bytes(content)
 
 
 def stl_bytes(mesh: trimesh.Trimesh) -> bytes:
@@ -36,28 +72,54 @@ def stl_bytes(mesh: trimesh.Trimesh) -> bytes:
     return b"IMDIM".ljust(80, b" ") + np.uint32(len(corners)).tobytes() + records.tobytes()
 
 
-def glb_bytes(mesh: trimesh.Trimesh) -> bytes:
-    """Binary glTF, z up as in the program."""
-    # unmerged corners, so that viewers shade faces flat
-    corners = np.asarray(mesh.vertices)[mesh.faces].reshape(-1, 3)
-    flat = trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False)
-    data = trimesh.Scene({"part": flat}).export(file_type="glb")
-    return bytes(data)  # type: ignore[arg-type]
+def glb_bytes(mesh: trimesh.Trimesh, named: NamedFeatures | None = None) -> bytes:
+    """Binary glTF, z up as in the program; one node for each feature that made faces of the mesh."""
+    scene, corners = trimesh.Scene(), np.asarray(mesh.vertices)[mesh.faces]
+    for name, colour, faces in _pieces(mesh, named):
+        # unmerged corners, so that viewers shade faces flat
+        flat = trimesh.Trimesh(
+            corners[faces].reshape(-1, 3),
+            np.arange(3 * len(faces)).reshape(-1, 3),
+            vertex_normals=np.repeat(np.asarray(mesh.face_normals)[faces], 3, axis=0),
+            visual=TextureVisuals(material=PBRMaterial(name=name, baseColorFactor=[*colour, 1.0], metallicFactor=0.0, roughnessFactor=0.7)),
+            process=False,
+        )
+        scene.add_geometry(flat, node_name=name, geom_name=name)
+    return bytes(scene.export(file_type="glb", include_normals=True))  # type: ignore[arg-type]
 
 
-def threemf_bytes(mesh: trimesh.Trimesh) -> bytes:
-    """3MF core package with one object, lengths as mm."""
+def _pieces(mesh: trimesh.Trimesh, named: NamedFeatures | None) -> Iterator[tuple[str, Colour, np.ndarray]]:
+    """For each feature its name, which no other has, its colour, and its faces of the mesh."""
+    if named is None:
+        yield NAMELESS, ADDED, np.arange(len(mesh.faces))
+        return
+    owners, used = assign_faces(mesh, named.program, named.edges), Counter[str]()
+    for owner in np.unique(owners).tolist():
+        name, colour = named.names.feature(owner)
+        used[name] += 1
+        yield name if used[name] == 1 else f"{name} ({used[name]})", colour, np.flatnonzero(owners == owner)
+
+
+def assign_faces(mesh: trimesh.Trimesh, program: Program, edges: Sequence[EdgeFeature]) -> np.ndarray:
+    """The leaf that made each face [f] of a solid, the first that its middle lies nearest to; of blends it is the number of leaves."""
+    parts = list(leaves(with_edges(program, edges)))
+    middles = np.asarray(mesh.triangles_center)
+    off = np.abs(np.stack([program_sdf(part, middles) for part in parts]))
+    first = np.argmax(off <= off.min(axis=0) + SAME * diagonal(mesh.vertices), axis=0)
+    return np.minimum(first, sum(1 for _ in leaves(program)))
+
+
+def threemf_bytes(bodies: Sequence[trimesh.Trimesh], name: str = NAMELESS) -> bytes:
+    """3MF core package with one object for each body, the largest first and called as the part, lengths as mm."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as package:
-        for name, text in (("[Content_Types].xml", _TYPES), ("_rels/.rels", _RELATIONS), ("3D/3dmodel.model", _model(mesh))):
+        for path, text in (("[Content_Types].xml", _TYPES), ("_rels/.rels", _RELATIONS), ("3D/3dmodel.model", _model(bodies, name))):
             # a fixed date, for the same bytes every time
-            entry = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
+            entry = zipfile.ZipInfo(path, date_time=(1980, 1, 1, 0, 0, 0))
             entry.compress_type = zipfile.ZIP_DEFLATED
             package.writestr(entry, text)
     return buffer.getvalue()
 
-
-_DATA: Mapping[str, Callable[[trimesh.Trimesh], bytes]] = {"stl": stl_bytes, "glb": glb_bytes, "3mf": threemf_bytes}
 
 _XML = '<?xml version="1.0" encoding="UTF-8"?>\n'
 _TYPES = f"""{_XML}<Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">
@@ -71,16 +133,25 @@ _RELATIONS = f"""{_XML}<Relationships xmlns="http://schemas.openxmlformats.org/p
 """
 
 
-def _model(mesh: trimesh.Trimesh) -> str:
+def _model(bodies: Sequence[trimesh.Trimesh], name: str) -> str:
+    ranked = sorted(bodies, key=lambda body: (-body.volume, *body.bounds.ravel()))
+    objects = "\n".join(_object(i, body, name if i == 1 else f"{name} ({i})") for i, body in enumerate(ranked, 1))
+    items = "".join(f'<item objectid="{i}"/>' for i in range(1, len(ranked) + 1))
+    return f"""{_XML}<model unit="millimeter" xml:lang="en-US" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">
+<metadata name="Title">{escape(name)}</metadata>
+<metadata name="Application">IMDIM</metadata>
+<resources>{objects}</resources>
+<build>{items}</build>
+</model>
+"""
+
+
+def _object(number: int, mesh: trimesh.Trimesh, name: str) -> str:
     vertices = "".join(f'<vertex x="{x:.9g}" y="{y:.9g}" z="{z:.9g}"/>\n' for x, y, z in mesh.vertices.tolist())
     triangles = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>\n' for a, b, c in mesh.faces.tolist())
-    return f"""{_XML}<model unit="millimeter" xml:lang="en-US" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">
-<resources><object id="1" type="model"><mesh>
+    return f"""<object id="{number}" type="model" name={quoteattr(name)}><mesh>
 <vertices>
 {vertices}</vertices>
 <triangles>
 {triangles}</triangles>
-</mesh></object></resources>
-<build><item objectid="1"/></build>
-</model>
-"""
+</mesh></object>"""

@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from imdim.export.part_names import PartNames
 from imdim.export.step_blends import Blending, blend_shape, no_blends
 from imdim.export.step_booleans import StepError, boolean, build, ocp, shape_volume
-from imdim.export.step_names import PartNames, write_named
+from imdim.export.step_names import write_named
 from imdim.geometry.edges import find_edges
 from imdim.geometry.solid import exact_rotation
 from imdim.install import install_command

@@ -7,43 +7,19 @@ are blends.
 from __future__ import annotations
 
 import math
-import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from imdim.export.hole_names import hole_roles
+from imdim.export.part_names import Colour, PartNames
 from imdim.export.step_booleans import ocp
 from imdim.geometry.kernels import program_sdf
-from imdim.program.roles import labels, signs
 from imdim.program.tree import Program, leaves, longest
 
 ON = 1e-5  # of the part's largest size, within which a point lies on a feature
 COARSE = 0.05  # of the part's largest size, by which triangles may miss a face: they only say where a point of it is
-NAMELESS = "part"  # what a part without a name is called
-ADDED, CUT, BLENDED = (0.53, 0.63, 0.75), (0.80, 0.36, 0.30), (0.68, 0.73, 0.60)  # red, green, blue of sRGB
-
-
-class PartNames(NamedTuple):
-    """What a file says: the name of the part, of each leaf's feature, and whether that cuts."""
-
-    part: str
-    features: tuple[str, ...]
-    cuts: tuple[bool, ...]
-
-    @staticmethod
-    def of(program: Program, part: str = NAMELESS, features: tuple[str, ...] | None = None) -> PartNames:
-        """`features` are by default named by their roles."""
-        features = tuple(labels(program, roles=hole_roles(program))) if features is None else features
-        return PartNames(spell(part) or NAMELESS, features, tuple(sign < 0 for sign in signs(program)))
-
-
-def spell(name: str) -> str:
-    """A name in the letters that every reader of STEP knows, the printable ones of ASCII."""
-    plain = unicodedata.normalize("NFKD", name)
-    return "".join(c if " " <= c <= "~" else "_" for c in plain if not unicodedata.combining(c)).strip()
 
 
 def write_named(shape: Any, path: Path, program: Program, names: PartNames) -> bool:
@@ -72,7 +48,7 @@ def _fill(document: Any, shape: Any, program: Program, names: PartNames) -> None
         colours.SetColor(label, quantity.Quantity_Color(*colour, quantity.Quantity_TOC_sRGB), tools.XCAFDoc_ColorSurf)
 
 
-def name_faces(shape: Any, program: Program, names: PartNames) -> Iterator[tuple[Any, str, tuple[float, float, float]]]:
+def name_faces(shape: Any, program: Program, names: PartNames) -> Iterator[tuple[Any, str, Colour]]:
     """Each face of a shape with the name of its feature and its colour; the first of several features that lie in it."""
     faces, points = _faces_and_points(shape, longest(leaves(program)))
     if not faces:
@@ -80,9 +56,8 @@ def name_faces(shape: Any, program: Program, names: PartNames) -> Iterator[tuple
     off = np.abs(np.stack([program_sdf(leaf, points) for leaf in leaves(program)]))
     near: np.ndarray = off <= ON * longest(leaves(program))
     owners = np.where(np.any(near, axis=0), np.argmax(near, axis=0), len(off))
-    kinds = [(name, CUT if cuts else ADDED) for name, cuts in zip(names.features, names.cuts, strict=True)] + [("blend", BLENDED)]
     for face, owner in zip(faces, owners.tolist(), strict=True):
-        yield face, *kinds[owner]
+        yield face, *names.feature(owner)
 
 
 def _faces_and_points(shape: Any, size: float) -> tuple[list[Any], np.ndarray]:

@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import IO, NamedTuple
 
 from imdim.export.hole_names import hole_roles
+from imdim.export.part_names import NAMELESS, PartNames, spell
 from imdim.export.step import StepError, path_beside, step_volume, write_stages
-from imdim.export.step_names import NAMELESS, PartNames, spell
 from imdim.install import install_command
 from imdim.program.codec import constraints_of, edges_of, from_json, parse, read_folded
 from imdim.program.roles import labels
