@@ -98,10 +98,22 @@ def surface_with_edges(program: Program, features: Sequence[EdgeFeature], segmen
     """The surface of a program with its edge features, and for each of its faces [f] the number of the leaf that made it; what a blend made
     belongs to the leaf of the first face of its edge."""
     blends = blend_solids(program, features)
-    pieces = [*(p for p in blends.pieces if not p.cuts), *(p for p in blends.pieces if p.cuts)]
-    made_by = [features[p.feature].edges[p.edge][0].leaf for p in pieces for _ in leaves(p.solid)]
     surface, owners = surface_with_owners(join_blends(program, blends), segments)
+    made_by = [features[p.feature].edges[p.edge][0].leaf for p in _in_order(blends) for _ in leaves(p.solid)]
     return surface, np.array([*range(sum(1 for _ in leaves(program))), *made_by])[owners]
+
+
+def surface_with_blends(program: Program, blends: Blends, segments: int = SEGMENTS) -> tuple[trimesh.Trimesh, np.ndarray]:
+    """The surface of a program with `blends`, and for each of its faces [f] the number of the leaf that made it; the number of the feature
+    after those of the leaves for what a blend made."""
+    surface, owners = surface_with_owners(join_blends(program, blends), segments)
+    count = sum(1 for _ in leaves(program))
+    return surface, np.array([*range(count), *(count + p.feature for p in _in_order(blends) for _ in leaves(p.solid))])[owners]
+
+
+def _in_order(blends: Blends) -> list[BlendSolid]:
+    """The pieces as `join_blends` joins them."""
+    return [*(p for p in blends.pieces if not p.cuts), *(p for p in blends.pieces if p.cuts)]
 
 
 def join_blends(program: Program, blends: Blends) -> Program:

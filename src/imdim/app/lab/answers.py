@@ -7,6 +7,7 @@ from imdim.app.lab.edits import ConstrainedProgram
 from imdim.app.lab.protocol import Message
 from imdim.app.lab.solving import Lock, violations
 from imdim.app.lab.state import CurvePoint, State
+from imdim.program import codec
 from imdim.program.cost import count
 from imdim.program.front import Choice
 
@@ -20,7 +21,8 @@ def take_snapshot(state: State, task: str, message: Message, locks: frozenset[Lo
     """The program of a snapshot is the one that goes on; curves, strip and front grow."""
     values = message.values
     program, constraints = protocol.read_document(values["document"])
-    live = state.live = ConstrainedProgram(program, constraints, locks)
+    edges = codec.edges_of(values["document"])
+    live = state.live = ConstrainedProgram(program, constraints, locks, edges, task != "continue" or bool(edges))
     state.stage = values["stage"]
     if task in FREE:
         state.proof, state.proved = values["proof"] or state.proof, program

@@ -12,7 +12,6 @@ from imdim.app.lab.edits import ConstrainedProgram, LabEditError
 from imdim.app.lab.state import History, State
 from imdim.program.constraints import ConstraintError
 from imdim.program.front import Choice
-from imdim.program.tree import leaves
 from imdim.reconstruction.config import first_line
 
 
@@ -47,13 +46,16 @@ class Document:
         """One more primitive, the first one too."""
         with self.lock:
             self._commit("add", edits.with_added(self.theory, op, part))
-            self.state.selected = self._size() - 1
+            self.state.selected = self._size() - 1 - len(self.theory.edges if self.theory else ())
         self.changed("selection")
 
     def load(self, choice: Choice) -> None:
         """A program of the front or of the strip becomes the person's."""
         with self.lock:
-            self._commit("choice", ConstrainedProgram(choice.program))
+            theory = self.theory
+            is_same = theory is not None and theory.program == choice.program
+            edges = theory.edges if theory is not None and is_same else ()
+            self._commit("choice", ConstrainedProgram(choice.program, edges=edges, knows_edges=is_same))
 
     def undo(self) -> None:
         self._step_history(self.history.undo)
@@ -62,7 +64,7 @@ class Document:
         self._step_history(self.history.redo)
 
     def select(self, leaf: int | None) -> None:
-        """A primitive by its number, or none."""
+        """A primitive by its number, a feature of edges by a number after those, or nothing."""
         with self.lock:
             self.state.selected = leaf if leaf is not None and 0 <= leaf < self._size() else None
         self.changed("selection")
@@ -86,7 +88,7 @@ class Document:
             self.state.selected = None
 
     def _size(self) -> int:
-        return sum(1 for _ in leaves(self.theory.program)) if self.theory else 0
+        return self.theory.size if self.theory else 0
 
     def _program_to(self, what: str) -> ConstrainedProgram | None:
         """The program that is shown; where there is none, that is said."""

@@ -12,11 +12,13 @@ from imdim.app.lab.edits import ConstrainedProgram
 from imdim.app.lab.solving import violations
 from imdim.delivery.evaluate import target_distances
 from imdim.export.preview import ramp
+from imdim.geometry.edge_solids import blend_solids, surface_with_blends
 from imdim.geometry.lowering import lower
 from imdim.geometry.pose import Pose
 from imdim.geometry.sampling import subsample
-from imdim.geometry.solid import primitive_to_manifold, surface_with_owners, to_trimesh
+from imdim.geometry.solid import primitive_to_manifold, to_trimesh
 from imdim.program.constraints import WORLD, Constraint, Ref
+from imdim.program.edges import describe_edges
 from imdim.program.roles import labels, signs
 from imdim.program.tree import Primitive, Program, fold, leaves, map_leaves, map_lengths
 from imdim.relations.residuals import HOLDS
@@ -34,13 +36,14 @@ VIOLATED = HOLDS * 10
 
 Colour = tuple[int, int, int]
 ADDS: tuple[Colour, ...] = ((86, 140, 196), (104, 164, 206), (70, 120, 178), (126, 176, 200), (92, 132, 170))
-CUT, CLIP, SELECTED = (214, 72, 66), (226, 170, 60), (255, 190, 30)
+CUT, CLIP, BLENDED, SELECTED = (214, 72, 66), (226, 170, 60), (96, 176, 150), (255, 190, 30)
 HELD_COLOUR, BROKEN_COLOUR, POINT_COLOUR = (24, 140, 84), (208, 30, 40), (30, 34, 42)
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A mesh to draw: the faces that leaf number `leaf` gives the solid, or the whole of a cutter, which is translucent."""
+    """A mesh to draw: the faces that leaf number `leaf` gives the solid, or that a feature of edges does, whose numbers follow those of the
+    leaves; or the whole of a cutter, which is translucent."""
 
     leaf: int
     vertices: np.ndarray
@@ -89,9 +92,9 @@ def colours(program: Program) -> list[Colour]:
 def scene(theory: ConstrainedProgram, frame: Frame, selected: int | None) -> Drawing:
     """The solid as it is to be drawn."""
     program = theory.program
-    parts, tints = list(leaves(program)), colours(program)
+    parts, tints = list(leaves(program)), [*colours(program), *[BLENDED] * len(theory.edges)]
     segments = FINE if len(parts) <= MANY else COARSE
-    surface, owners = surface_with_owners(enlarge_cutters(program), segments)
+    surface, owners = surface_with_blends(enlarge_cutters(program), blend_solids(program, theory.edges), segments)
     at = place(frame, surface.vertices)
     pieces = [_piece(leaf, at, surface.faces[owners == leaf], tints[leaf], leaf == selected) for leaf in np.unique(owners).tolist()]
     ghosts: list[Piece] = []
@@ -158,5 +161,11 @@ def distance_map(target: Target, surface: trimesh.Trimesh, frame: Frame) -> tupl
 
 
 def names(theory: ConstrainedProgram) -> list[str]:
-    """What each leaf is called."""
-    return labels(theory.program, theory.constraints)
+    """What each leaf, and after them each feature of edges, is called."""
+    return [*labels(theory.program, theory.constraints), *map(describe_edges, theory.edges)]
+
+
+def middle_of(scene: Drawing, number: int) -> np.ndarray | None:
+    """Where [3] in the view a feature of edges is written beside: the vertex of it that is farthest up; None where none of it is seen."""
+    piece = next((p for p in scene.pieces if p.leaf == number), None)
+    return None if piece is None else piece.vertices[np.argmax(piece.vertices[:, 2])]

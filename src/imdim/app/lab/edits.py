@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 from imdim.app.lab.solving import TURN, Lock, follow_constraints
+from imdim.geometry.edges import find_edges, has_room
+from imdim.geometry.lowering import lower
 from imdim.program.constraints import AXES, RULES, WORLD, Constraint, Ref, check_all, read_ref
-from imdim.program.paths import at, leaf_paths, replace_at, without
+from imdim.program.edges import EdgeFeature, describe_edges, renumber_edges
+from imdim.program.paths import at, leaf_paths, replace_at
+from imdim.program.paths import without as prune
 from imdim.program.tree import SIZE_NAMES, Combine, Op, Primitive, Program, leaves, map_leaves
 
 TURNS = ("rx", "ry", "rz")
@@ -19,11 +24,23 @@ class LabEditError(ValueError):
 
 @dataclass(frozen=True)
 class ConstrainedProgram:
-    """A program, the constraints on its numbers, and the numbers that are locked."""
+    """A program, the constraints on its numbers, the numbers that are locked, and the blends of its edges, and whether they are known."""
 
     program: Program
     constraints: tuple[Constraint, ...] = ()
     locks: frozenset[Lock] = frozenset()
+    edges: tuple[EdgeFeature, ...] = ()
+    knows_edges: bool = True
+
+    @property
+    def size(self) -> int:
+        """How many things a person may select: primitives, and after them the features of edges."""
+        return sum(1 for _ in leaves(self.program)) + len(self.edges)
+
+    def edge_feature(self, number: int | None) -> int | None:
+        """Which feature of edges the thing with that number is, None for a primitive and for nothing."""
+        first = self.size - len(self.edges)
+        return None if number is None or not first <= number < self.size else number - first
 
 
 @dataclass(frozen=True)
@@ -99,11 +116,39 @@ def with_added(theory: ConstrainedProgram | None, op: Op, part: Primitive) -> Co
     return replace(theory, program=Combine(op, theory.program, part))
 
 
+def with_edge_size(theory: ConstrainedProgram, feature: int, which: int, value: float) -> ConstrainedProgram:
+    """One size of a feature of edges changed: a fillet's radius, or a distance of a chamfer. Raises LabEditError where an edge of it has no
+    room for that."""
+    before = theory.edges[feature]
+    try:
+        changed = replace(before, sizes=tuple(float(value) if k == which else size for k, size in enumerate(before.sizes)))
+    except ValueError as error:
+        raise LabEditError(str(error)) from error
+    tight = _tight(theory.program, changed) - _tight(theory.program, before)
+    if tight:
+        raise LabEditError(f"{describe_edges(changed)}: {len(tight)} of them have no room for it")
+    return replace(theory, edges=(*theory.edges[:feature], changed, *theory.edges[feature + 1 :]))
+
+
+def _tight(program: Program, feature: EdgeFeature) -> set[int]:
+    """The edges of a feature that are none of the program, or too narrow for it."""
+    found, solid = find_edges(program, [feature]), lower(program)
+    return {k for _, k in found.missing} | {edge.edge for edge in found.edges if not has_room(solid, edge)}
+
+
+def without(theory: ConstrainedProgram, number: int) -> ConstrainedProgram:
+    """The theory without one of the things that can be selected."""
+    feature = theory.edge_feature(number)
+    if feature is None:
+        return without_leaf(theory, number)
+    return replace(theory, edges=theory.edges[:feature] + theory.edges[feature + 1 :])
+
+
 def without_leaf(theory: ConstrainedProgram, leaf: int) -> ConstrainedProgram:
     """The theory without a primitive, and without what was said of it. What was cut out of it alone goes with it."""
     order = list(leaves(theory.program))
     marked = map_leaves(theory.program, lambda i, p: replace(p, center=(float(i), 0.0, 0.0)))
-    left = without(marked, [leaf_paths(theory.program)[leaf][0]])
+    left = prune(marked, [leaf_paths(theory.program)[leaf][0]])
     if left is None:
         raise LabEditError("the last primitive cannot be removed")
     kept = [round(p.center[0]) for p in leaves(left)]
@@ -111,7 +156,13 @@ def without_leaf(theory: ConstrainedProgram, leaf: int) -> ConstrainedProgram:
     program = map_leaves(left, lambda i, _: order[kept[i]])
     constraints = tuple(c for c in (_renumber(c, number) for c in theory.constraints) if c is not None)
     locks = frozenset(Lock(number[lock.leaf], lock.name) for lock in theory.locks if lock.leaf in number)
-    return ConstrainedProgram(program, constraints, locks)
+    return ConstrainedProgram(program, constraints, locks, _edges_left(theory.edges, number), theory.knows_edges)
+
+
+def _edges_left(features: Sequence[EdgeFeature], number: Mapping[int, int]) -> tuple[EdgeFeature, ...]:
+    """The features of edges whose primitives are numbered anew, those edges that lose one left out."""
+    kept = [(f, tuple(edge for edge in f.edges if all(face.leaf in number for face in edge))) for f in features]
+    return renumber_edges([replace(f, edges=edges) for f, edges in kept if edges], number)
 
 
 def _renumber(constraint: Constraint, number: dict[int, int]) -> Constraint | None:

@@ -23,8 +23,9 @@ from imdim.app.lab.style import BRAND
 from imdim.app.lab.uploads import limit_uploads
 from imdim.app.lab.view import SceneView
 from imdim.delivery.evaluate import Scores, evaluate
+from imdim.geometry.edge_solids import blend_solids, join_blends
 from imdim.program.cost import count
-from imdim.program.tree import leaves
+from imdim.program.tree import Program
 from imdim.target.target import Frame
 
 SCORE_SAMPLES = 5_000
@@ -114,8 +115,7 @@ class Page:
     def _select_by(self, step: int) -> None:
         theory, now = self.session.theory, self.session.state.selected
         if theory is not None:
-            size = sum(1 for _ in leaves(theory.program))
-            self.session.select((now + step) % size if now is not None else (0 if step > 0 else size - 1))
+            self.session.select((now + step) % theory.size if now is not None else (0 if step > 0 else theory.size - 1))
 
     def _draw_again(self) -> None:
         self._drawing.poke("program")
@@ -155,9 +155,11 @@ class Page:
             self._scene = drawing.scene(theory, frame, selected)
             over = drawing.overlay(theory, frame)
             self.view.draw(self._scene, over)
-            self.view.name(
-                None if selected is None else over.points[selected], drawing.names(theory)[selected] if selected is not None else ""
-            )
+            at = None
+            if selected is not None:
+                drawn = theory.edge_feature(selected) is None
+                at = over.points[selected] if drawn else drawing.middle_of(self._scene, selected)
+            self.view.name(at, drawing.names(theory)[selected] if selected is not None else "")
         self.edit.draw(theory, selected)
         self.tree.draw(theory, selected, self.edit.unit)
         self.relate.draw(theory, selected)
@@ -201,7 +203,7 @@ class Page:
             choices = list(state.front or state.seen)
         if theory is not None and target is not None and scene is not None and len(scene.surface.faces):
             if theory != self._scored:
-                self._scores, self._scored = evaluate(drawing.enlarge_cutters(theory.program), target, SCORE_SAMPLES), theory
+                self._scores, self._scored = evaluate(_with_edges(theory), target, SCORE_SAMPLES), theory
                 self._draw_state()
             if self.view.shown["Distance map"]:
                 points, tints, top = drawing.distance_map(target, scene.surface, Frame.of(target))
@@ -214,3 +216,8 @@ class Page:
         bar = "linear-gradient(90deg,rgb(222,226,230),rgb(250,214,140),rgb(244,142,60),rgb(204,40,40),rgb(96,0,30))"
         text = f'<div style="height:10px;border-radius:5px;background:{bar}"></div>0 to {top:.3g} {self.edit.unit} from the result'
         self.show.scale.content = f'<div style="padding:0 12px 8px;font-size:12.5px;color:#343a40">{text}</div>'
+
+
+def _with_edges(theory: ConstrainedProgram) -> Program:
+    """The program as it is drawn."""
+    return join_blends(drawing.enlarge_cutters(theory.program), blend_solids(theory.program, theory.edges))

@@ -17,7 +17,7 @@ from functools import lru_cache
 import viser
 from PIL import Image
 
-from imdim.app.lab.drawing import Colour, colours, names
+from imdim.app.lab.drawing import BLENDED, Colour, colours, names
 from imdim.app.lab.edits import ConstrainedProgram, numbers
 from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.solving import Lock
@@ -25,6 +25,7 @@ from imdim.export.openscad import to_openscad
 from imdim.export.preview import thumbnail
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.cost import count
+from imdim.program.edges import EdgeFeature, describe_edges
 from imdim.program.front import Choice
 from imdim.program.nary import fold_nary
 from imdim.program.tree import OPS, Op, Primitive, Program
@@ -79,6 +80,8 @@ def tree(theory: ConstrainedProgram | None, selected: int | None, unit: str) -> 
         )
 
     body = fold_nary(theory.program, leaf, {op: block(op) for op in OPS})
+    first = theory.size - len(theory.edges)
+    body += "".join(_edge_feature(first + i, f, first + i == selected) for i, f in enumerate(theory.edges))
     return clickable("Primitive", f'<div role="tree" style="font-size:12px;line-height:1.35">{body}</div>')
 
 
@@ -90,6 +93,14 @@ def _leaf(i: int, part: Primitive, name: str, tint: Colour, selected: bool, lock
         f'<button type="button" role="treeitem" data-n="{i}" aria-selected="{str(selected).lower()}" '
         f'style="{_BUTTON}background:{_back(selected)};color:#212529">{dot} <b>{i} {html.escape(name)}</b> {part.kind}'
         f'<br><span style="color:#343a40">{", ".join(texts)}</span></button>'
+    )
+
+
+def _edge_feature(number: int, feature: EdgeFeature, selected: bool) -> str:
+    dot = f'<span style="display:inline-block;width:9px;height:9px;border-radius:2px;background:rgb{BLENDED}"></span>'
+    return (
+        f'<button type="button" role="treeitem" data-n="{number}" aria-selected="{str(selected).lower()}" '
+        f'style="{_BUTTON}background:{_back(selected)};color:#212529">{dot} <b>{describe_edges(feature)}</b></button>'
     )
 
 

@@ -20,5 +20,6 @@ def request(task: str, target: Target, settings: Settings, theory: ConstrainedPr
     message = protocol.target_message(target)
     values["settings"] = {k: v for k, v in asdict(settings).items() if k not in PLACES}
     if theory is not None:
-        values["document"] = codec.to_json(theory.program, None, theory.constraints)
+        values["find_edges"] = not theory.knows_edges
+        values["document"] = codec.to_json(theory.program, None, theory.constraints, edges=theory.edges)
     return Message(task, {**message.values, **values}, message.arrays)

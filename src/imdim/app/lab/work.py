@@ -58,17 +58,19 @@ def solve(request: Message, now: Now) -> Iterator[Message]:
     target = protocol.target_of(request)
     program, constraints = protocol.read_document(request.values["document"])
     locks = [solving.Lock(int(leaf), str(name)) for leaf, name in request.values["locks"]]
-    start = now()
+    start, edges = now(), codec.edges_of(request.values["document"])
     for solved in solving.finish(program, constraints, locks, target):
         error = solving.misfit(solved, target)
-        yield _snapshot(Snapshot("solve", solved, error, now() - start, constraints=constraints))
+        yield _snapshot(Snapshot("solve", solved, error, now() - start, constraints=constraints, edges=edges))
 
 
 def relate(request: Message, now: Now) -> Iterator[Message]:
     """The relations that the numbers of a program support."""
     target = protocol.target_of(request)
-    program, constraints = relations_of(protocol.read_document(request.values["document"])[0])
-    yield _snapshot(Snapshot("relate", program, solving.misfit(program, target), 0.0, constraints=constraints))
+    document = request.values["document"]
+    program, constraints = relations_of(protocol.read_document(document)[0])
+    edges = codec.edges_of(document)
+    yield _snapshot(Snapshot("relate", program, solving.misfit(program, target), 0.0, constraints=constraints, edges=edges))
 
 
 def files(request: Message, now: Now) -> Iterator[Message]:
@@ -77,8 +79,9 @@ def files(request: Message, now: Now) -> Iterator[Message]:
     program, constraints = protocol.read_document(request.values["document"])
     front = protocol.read_front(request.values["front"])
     settings = _settings(request)
-    chains = set_edges_aside(target).chains if settings.language == "cad" else ()
-    edges = find_edge_features(program, chains, target).features
+    edges = codec.edges_of(request.values["document"])
+    if request.values.get("find_edges", False) and settings.language == "cad":
+        edges = find_edge_features(program, set_edges_aside(target).chains, target).features
     run = RunRecord(target.name, {}, request.values["stop"], settings.seed, asdict(settings))
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "part"
@@ -146,7 +149,7 @@ def _to_messages(snapshots: Iterator[Snapshot]) -> Iterator[Message]:
 def _snapshot(snapshot: Snapshot) -> Message:
     values: dict[str, Any] = {
         "stage": snapshot.stage,
-        "document": codec.to_json(snapshot.program, None, snapshot.constraints),
+        "document": codec.to_json(snapshot.program, None, snapshot.constraints, edges=snapshot.edges),
         "error": float(snapshot.error),
         "seconds": snapshot.seconds,
         "stop": snapshot.stop,

@@ -15,12 +15,14 @@ from imdim.app.lab.outline_picture import draw_outline
 from imdim.app.lab.session import Session
 from imdim.app.lab.solving import Lock
 from imdim.app.lab.style import BLUE, GREY, RED
+from imdim.program.edges import SIZES_OF, EdgeFeature
 from imdim.program.tree import OPS, SIMPLE, SIZE_NAMES, Op, Primitive, envelope, leaves
 from imdim.target.target import Frame
 
-NOTHING = "Select a primitive in the picture, the tree or the code."
+NOTHING = "Select a primitive or a rounded edge in the picture, the tree or the code."
 LOCKED = "\N{LOCK}"
 NEW_SIZE = 0.15  # of the diagonal
+EDGE_STEP = 1e-3  # of the sizes of blends, in the unit
 DIGITS = 4  # of the part's size that inputs show
 UNITS = {"unspecified": "", "millimeter": "mm", "centimeter": "cm", "meter": "m", "inch": "in", "foot": "ft", "micron": "µm"}
 
@@ -64,9 +66,9 @@ class EditPanel:
         return UNITS[self.units.value]
 
     def remove(self) -> None:
-        leaf = self._session.state.selected
-        if leaf is not None:
-            self._session.edit("remove", lambda theory: edits.without_leaf(theory, leaf))
+        number = self._session.state.selected
+        if number is not None:
+            self._session.edit("remove", lambda theory: edits.without(theory, number))
 
     def _add(self) -> None:
         target = self._session.state.target
@@ -77,7 +79,11 @@ class EditPanel:
         self._session.add(self.op.value, part)
 
     def draw(self, theory: ConstrainedProgram | None, selected: int | None) -> None:
-        """The numbers of the selected primitive; inputs stay while the primitive is the same, so that typing is not disturbed."""
+        """The numbers of what is selected; inputs stay while that is the same, so that typing is not disturbed."""
+        feature = None if theory is None else theory.edge_feature(selected)
+        if theory is not None and selected is not None and feature is not None:
+            self._draw_edges(theory.edges[feature], feature, selected)
+            return
         parts = [] if theory is None else list(leaves(theory.program))
         if theory is None or selected is None or selected >= len(parts):
             if self._shown is not None:
@@ -114,6 +120,25 @@ class EditPanel:
             self._locks = self._gui.add_button_group("Lock", tuple(_lockable(part)), hint="A locked number is not moved by the solver")
             self._ear.press(self._locks, lambda value: self._lock(leaf, value.removeprefix(LOCKED)))
             self._heard += [*self._inputs.values(), self._locks]
+
+    def _draw_edges(self, edges: EdgeFeature, feature: int, number: int) -> None:
+        """The sizes of a feature of edges."""
+        words = SIZES_OF[edges.kind][: len(edges.sizes)]
+        key = (number, f"{edges.kind} {len(edges.edges)} {self.unit} {words}")
+        if key != self._shown:
+            self._clear()
+            with self._numbers:
+                self._gui.add_html(_edge_heading(edges))
+                for which, word in enumerate(words):
+                    self._inputs[word] = box = self._gui.add_number(f"{word} {self.unit}".strip(), 0.0, min=0.0, step=EDGE_STEP)
+                    self._ear.hear(box, lambda value, which=which: self._resize_edges(feature, which, float(value)))
+            self._locks, self._heard = None, [*self._inputs.values()]
+            self._shown = key
+        for word, size in zip(words, edges.sizes, strict=True):
+            self._ear.show(self._inputs[word], size, 0.5 * EDGE_STEP)
+
+    def _resize_edges(self, feature: int, which: int, value: float) -> None:
+        self._session.edit(f"number edge {feature} {which}", lambda theory: edits.with_edge_size(theory, feature, which, value))
 
     def _input(self, leaf: int, part: Primitive, number: Number) -> viser.GuiNumberHandle[float]:
         sign = "°" if number.unit == "degrees" else self.unit
@@ -156,6 +181,11 @@ def new_primitive(kind: str, frame: Frame) -> Primitive:
 
 def _lockable(part: Primitive) -> list[str]:
     return list(dict.fromkeys(n.lock for n in edits.numbers(part)))
+
+
+def _edge_heading(edges: EdgeFeature) -> str:
+    many = f"{len(edges.edges)} edge{'s' if len(edges.edges) > 1 else ''}"
+    return f'<div style="padding:0 12px 6px;font-size:13px;color:#212529"><b>{edges.kind}</b> of {many}</div>'
 
 
 def _heading(leaf: int, part: Primitive, name: str) -> str:
