@@ -95,10 +95,24 @@ def test_settings_bring_their_seed(monkeypatch):
     def box_found(target, settings, rng):
         yield Snapshot("finished", box(1, 1, 1), rng.bit_generator.seed_seq.entropy, 0.0)
 
+    compiled = []
     monkeypatch.setattr(module.pipeline, "reconstruct", box_found)
+    monkeypatch.setattr(module.first_run, "compile_kernels", compiled.append)
     mesh = trimesh.creation.box()
     assert imdim.reconstruct(mesh, imdim.Settings(seed=5)).error == 5
     assert imdim.reconstruct(mesh, imdim.Settings(seed=5), seed=6).error == 6
+    assert compiled == [sys.stderr] * 2
+
+
+def test_what_somebody_has_changed_is_not_replaced(found, tmp_path):
+    found.save(tmp_path / "out", step_limit_s=0.0)
+    text = tmp_path / "out" / "program.scad"
+    text.write_text("mine")
+    with pytest.raises(OSError, match=r"program\.scad changed since it was written"):
+        found.save(tmp_path / "out", step_limit_s=0.0)
+    assert text.read_text() == "mine"
+    found.save(tmp_path / "out", step_limit_s=0.0, force=True)
+    assert text.read_text() == found.to_openscad()
 
 
 def test_the_package_shows_what_users_need_and_is_typed():

@@ -119,7 +119,7 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None, quiet: bool 
     for note in target.notes if not quiet else ():
         sys.stderr.write(f"imdim: {target.name}: {note}\n")
     if reconstruct is None:
-        from imdim.app.first_run import compile_kernels
+        from imdim.delivery.first_run import compile_kernels
 
         reconstruct = pipeline.reconstruct
         start += compile_kernels(StringIO() if quiet else sys.stderr)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import html
 import os
+import sys
 import tempfile
 import webbrowser
 from collections.abc import Mapping
@@ -19,7 +20,8 @@ import numpy as np
 import trimesh
 from manifold3d import Manifold
 
-from imdim.delivery.deliver import STEP_LIMIT_S, RunRecord, compose_texts, deliver
+from imdim.delivery import first_run
+from imdim.delivery.deliver import STEP_LIMIT_S, RunRecord, check_untouched, compose_texts, deliver
 from imdim.delivery.finish import FinishedProgram, finish
 from imdim.export.edge_text import do_edges_matter
 from imdim.export.step_worker import finish_step, start_step, stop_step
@@ -66,12 +68,15 @@ class Reconstruction:
         page = html.escape(self._page, quote=True)
         return f'<iframe srcdoc="{page}" sandbox="allow-scripts" style="width:100%;height:{PAGE_HEIGHT}px;border:0"></iframe>'
 
-    def save(self, folder: str | Path, step_limit_s: float = STEP_LIMIT_S) -> dict[str, Any]:
+    def save(self, folder: str | Path, step_limit_s: float = STEP_LIMIT_S, force: bool = False) -> dict[str, Any]:
         """Write all results into `folder`, whole or not at all; returns the report, which is report.json there.
 
         STEP is skipped, and the report says why, where OpenCASCADE is missing, fails or takes longer than `step_limit_s`.
-        Raises OutputError when the folder cannot be written or holds files that are no results.
+        Raises OutputError when the folder cannot be written, holds files that are no results, or, unless told to `force`, earlier results
+        that somebody has changed.
         """
+        if not force:
+            check_untouched(Path(folder))
         run = RunRecord(self.settings.input or self.target.name, self.stages, self.stop, self.seed, asdict(self.settings), self.proof)
         target = replace(self.target, notes=(*self.target.notes, *self.notes))
         rest = {"constraints": self.constraints, "front": self.front, "edges": self.edges}
@@ -148,7 +153,8 @@ def reconstruct(
 ) -> Reconstruction:
     """Reconstruct a file (see `readers.FORMATS`), points [n, 3], points with normals [n, 6], or a trimesh.
 
-    `seed`, where given, goes before that of the `settings`. Raises InputError, one line, for a part that cannot be used, and ConfigError
+    `seed`, where given, goes before that of the `settings`. The first call on a machine compiles before the budget starts, and says so on
+    stderr. Raises InputError, one line, for a part that cannot be used, and ConfigError
     for settings that cannot.
     """
     settings = check(settings or Settings())
@@ -159,6 +165,7 @@ def reconstruct(
     else:
         target = part if isinstance(part, Target) else target_from(part)
     stages: dict[str, float] = {}
+    first_run.compile_kernels(sys.stderr)
     last = pipeline.exhaust(pipeline.reconstruct(target, settings, np.random.default_rng(seed)), stages)
     found = (last.program, last.edges, last.constraints, last.front, last.error, last.stop or "finished", last.proof, last.notes)
     return Reconstruction(target, *found, settings=settings, seed=seed, stages=stages)

@@ -9,7 +9,7 @@ import sys
 FIRST = """
 import sys
 from numba import njit
-from imdim.app import first_run
+from imdim.delivery import first_run
 
 @njit
 def kernel(number):
@@ -23,7 +23,7 @@ print(first_run.compile_kernels(sys.stderr))
 LATE = """
 import json, sys
 from numba.core.dispatcher import Dispatcher
-from imdim.app import first_run
+from imdim.delivery import first_run
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.outline import Outline, circle
 from imdim.program.tree import Combine, Primitive
