@@ -165,6 +165,30 @@ def test_results_that_were_changed_by_hand_are_replaced_only_by_force(part, tmp_
     assert changed.read_bytes() != mine[name]
 
 
+def test_a_person_who_stops_the_search_gets_the_best_so_far(part, tmp_path, capsys):
+    def stopped(target, settings, rng):
+        yield Snap("seeding", Primitive("sphere", (1.0,)), 0.5, 0.25)
+        yield Snap("search", BOX, 0.125, 1.0)
+        raise KeyboardInterrupt
+
+    settings = Settings(input=str(part), output=str(tmp_path / "out"))
+    assert run(lambda: settings, stopped) == 0
+    said = capsys.readouterr()
+    assert "imdim: stopped; the best program so far is written" in said.err
+    assert "1 primitive, volume IoU 1.0000" in said.out
+    assert "(stopped: by hand)" in said.out
+
+
+def test_a_person_who_stops_before_there_is_a_program_gets_nothing(part, tmp_path, capsys):
+    def stopped(target, settings, rng):
+        raise KeyboardInterrupt
+        yield
+
+    assert run(lambda: Settings(input=str(part), output=str(tmp_path / "out")), stopped) == 130
+    assert "interrupted, nothing was written" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_step_file_that_took_too_long_comes_with_the_command_that_writes_it(tmp_path):
     files = {"program.step": "skipped: OpenCASCADE took more than 1 s", "program.ucad": "skipped: µcad has no polygons"}
     lines = summary({**REPORT, "files": files}, tmp_path).splitlines()

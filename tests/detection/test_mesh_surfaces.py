@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
+from tests.deadlines import PASSED
 from tests.planted import ALONG_X, PARTS, box, carriers, common, cone, cut, cylinder, ellipsoid, mesh_of, same, sphere, torus, union
 
 from imdim.detection.mesh_surfaces import detect_patches
@@ -133,3 +134,9 @@ def test_coplanar_faces_are_one_plane():
     top = [p for p in planes if abs(p.surface.axis[2]) > 0.9 and abs(p.surface.point[2] - 5) < 1e-9]
     assert [p.area for p in top] == pytest.approx([800])
     assert len(planes) == 9
+
+
+def test_past_the_deadline_no_curved_surface_is_looked_for():
+    mesh = mesh_of(CASES["egg on a plate"], 64)
+    patches = detect_patches(mesh, PASSED)
+    assert {patch.surface.kind for patch in patches} == {"plane"}

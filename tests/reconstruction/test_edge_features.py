@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.deadlines import PASSED
 
 from imdim.delivery.finish import finish
 from imdim.detection.blends import find_chains
@@ -113,3 +114,11 @@ def test_two_distances_keep_their_sides() -> None:
     assert found.sizes == pytest.approx((0.5, 1.0))
     assert all(one.name == "+z" for one, _ in found.edges)
     assert math.isclose(to_manifold(plate).volume() - solid_with_edges(plate, [found]).volume(), 240 * 4 - target.mesh.volume, rel_tol=1e-3)
+
+
+def test_without_time_for_a_second_look_edges_stay_on() -> None:
+    target = target_of(BRACKET, EdgeFeature("chamfer", (0.8,), RIMS))
+    aside = set_edges_aside(target, PASSED)
+    assert aside.target is target
+    assert (aside.chains, aside.kept) == ((), ())
+    assert aside.patches

@@ -271,3 +271,18 @@ def test_numbers_are_not_bent_towards_facets():
     (funnel,) = leaves(last.program)
     assert funnel.outline is not None
     assert {round(v[0], 9) for loop in funnel.outline.loops for v in loop} == {100.0, 97.0, 200.0, 197.0}
+
+
+def test_bodies_that_no_time_is_left_for_become_their_boxes():
+    """By a clock of which the first body takes all."""
+    sizes = [(9.0 - i, 2.0, 1.0) for i in range(6)]
+    bodies = [mesh_of(cylinder(9.0, 4.0, (0.0, -40.0, 0.0))), *(trimesh.creation.box(size) for size in sizes)]
+    for i, body in enumerate(bodies):
+        body.apply_translation((0.0, 10.0 * i, 0.0))
+    target = target_from(trimesh.util.concatenate(bodies))
+    seconds = iter(range(1, 1_000_000))
+    last = list(reconstruct(target, Settings(budget_s=0.0), np.random.default_rng(0), lambda: float(next(seconds))))[-1]
+    assert last.stop == "budget_spent"
+    assert last.proof == "not proved: time ran out"
+    found = [tuple(round(length, 6) for length in leaf.size) for leaf in leaves(last.program)]
+    assert sorted(size for size in found if size in sizes) == sorted(sizes)

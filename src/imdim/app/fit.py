@@ -125,7 +125,7 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None, quiet: bool 
         start += compile_kernels(StringIO() if quiet else sys.stderr)
     left = max(settings.budget_s - stages["loading"], LEAST_S)
     snapshots = reconstruct(target, replace(settings, budget_s=left), np.random.default_rng(settings.seed))
-    last = pipeline.exhaust(snapshots if quiet else show_progress(snapshots, left), stages)
+    last = pipeline.exhaust(_until_stopped(snapshots if quiet else show_progress(snapshots, left)), stages)
     said = {key: printable(value) if isinstance(value, str) else value for key, value in asdict(settings).items()}
     run = RunRecord(said["input"], stages, last.stop or "finished", settings.seed, said, last.proof)
     for note in last.notes if not quiet else ():
@@ -136,6 +136,19 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None, quiet: bool 
     step_limit_s = min(max(left - DELIVERY_S, LEAST_S + STEP_SHARE * settings.budget_s), STEP_LIMIT_S)
     finish_by = Deadline(start + settings.budget_s - FILES_S)
     return deliver(last.program, target, folder, run, settings.segments, step_limit_s, last.constraints, last.front, finish_by, last.edges)
+
+
+def _until_stopped(snapshots: Iterator[Snapshot]) -> Iterator[Snapshot]:
+    """The snapshots; where a person stops the search, those so far, the last of them once more as one that was stopped."""
+    last = None
+    try:
+        for last in snapshots:
+            yield last
+    except KeyboardInterrupt:
+        if last is None:
+            raise
+        sys.stderr.write("imdim: stopped; the best program so far is written (press Ctrl-C again to write nothing)\n")
+        yield replace(last, stop="by hand")
 
 
 def summary(report: Mapping[str, Any], folder: Path) -> str:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import trimesh
 
+from imdim.deadline import NEVER, Deadline
 from imdim.detection.chord_corners import onto_corners
 from imdim.detection.facets import Facets, Growing, MeshSurfaceConfig, facets_of, points_of
 from imdim.detection.fit_ellipsoid import DRAWN, level_axes
@@ -31,17 +32,21 @@ class Shown(NamedTuple):
     members: np.ndarray
 
 
-def detect_patches(mesh: trimesh.Trimesh) -> list[Patch]:
-    """Carriers with their visible pieces, curved ones first, each kind by falling area."""
-    return [shown.patch for shown in detect_shown(facets_of(mesh))]
+def detect_patches(mesh: trimesh.Trimesh, deadline: Deadline = NEVER) -> list[Patch]:
+    """Carriers with their visible pieces, curved ones first, each kind by falling area.
+
+    No more curved ones are looked for past the `deadline`: what they would have explained shows planes.
+    """
+    return [shown.patch for shown in detect_shown(facets_of(mesh), deadline)]
 
 
-def detect_shown(facets: Facets) -> list[Shown]:
+def detect_shown(facets: Facets, deadline: Deadline = NEVER) -> list[Shown]:
     """As `detect_patches`, with the facets that show each; no facet shows two."""
     config = MeshSurfaceConfig()
-    curved, free = _find_curved(facets, np.ones(len(facets.areas), bool), config)
+    curved, free = _find_curved(facets, np.ones(len(facets.areas), bool), config, deadline)
     # corners where two tessellations cut each other lie on chords: what the strict pass leaves gets a second one
-    more, free = _find_curved(facets, free, replace(config, on_surface=config.loose, max_failures=config.max_failures // 3))
+    looser = replace(config, on_surface=config.loose, max_failures=config.max_failures // 3)
+    more, free = _find_curved(facets, free, looser, deadline)
     exact = [Shown(_level(onto_corners(patch, facets.diagonal), facets.diagonal), members) for patch, members in curved + more]
     return sorted(exact, key=lambda s: -s.patch.area) + _planes(facets, free, config)
 
@@ -51,7 +56,7 @@ def _level(patch: Patch, diagonal: float) -> Patch:
     return replace(patch, surface=level_axes(patch.surface, DRAWN * diagonal)) if patch.surface.kind == "ellipsoid" else patch
 
 
-def _find_curved(facets: Facets, free: np.ndarray, config: MeshSurfaceConfig) -> tuple[list[Shown], np.ndarray]:
+def _find_curved(facets: Facets, free: np.ndarray, config: MeshSurfaceConfig, deadline: Deadline) -> tuple[list[Shown], np.ndarray]:
     """Curved patches among the `free` facets [u], and the facets that stay free."""
     smooth = (facets.angles > 1e-3) & (facets.angles < np.radians(config.smooth_deg))
     neighbours: list[list[int]] = [[] for _ in facets.areas]
@@ -63,6 +68,8 @@ def _find_curved(facets: Facets, free: np.ndarray, config: MeshSurfaceConfig) ->
     for seed in np.argsort(-facets.areas, kind="stable"):
         if not state.free[seed] or len(neighbours[seed]) == 0:
             continue
+        if deadline.has_passed():
+            break
         found = _grow_from(int(seed), state)
         if found is None:
             failures += 1

@@ -14,6 +14,7 @@ import numpy as np
 import trimesh
 from manifold3d import Manifold
 
+from imdim.deadline import NEVER, Deadline
 from imdim.detection.blends import Blend, Chain, chains_among
 from imdim.detection.facets import facets_of
 from imdim.detection.mesh_surfaces import detect_patches, detect_shown
@@ -56,17 +57,23 @@ class SetAside(NamedTuple):
     kept: tuple[Chain, ...] = ()
 
 
-def set_edges_aside(target: Target) -> SetAside:
-    """The target without its fillets and chamfers; a cloud, or a mesh that bounds no solid, as it is."""
+def set_edges_aside(target: Target, deadline: Deadline = NEVER) -> SetAside:
+    """The target without its fillets and chamfers; a cloud, or a mesh that bounds no solid, as it is.
+
+    They stay on where less time is left until the `deadline` than was spent: surfaces of the sharp part have to be found once more.
+    """
     if target.mesh is None or not target.is_solid:
         return SetAside(target)
+    began = deadline.now()
     facets = facets_of(target.mesh)
-    shown = detect_shown(facets)
+    shown = detect_shown(facets, deadline)
+    if deadline.left() < deadline.now() - began:
+        return SetAside(target, patches=[s.patch for s in shown])
     chains = chains_among(target.mesh, facets, shown)
     sharp = sharpen(target.mesh, chains) if chains else None
     if sharp is None or not sharp.chains:
         return SetAside(target, patches=[s.patch for s in shown], kept=tuple(chains))
-    patches = _without_echoes(detect_patches(sharp.mesh), sharp.mesh)
+    patches = _without_echoes(detect_patches(sharp.mesh, deadline), sharp.mesh)
     return SetAside(with_mesh(target, sharp.mesh), tuple(sharp.chains), patches, tuple(sharp.kept))
 
 

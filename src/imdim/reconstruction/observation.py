@@ -185,7 +185,7 @@ def _surfaces(body: UnitBody, rng: np.random.Generator, deadline: Deadline) -> t
     """What the target shows, for a cloud the planes that its faces only imply, and its noise."""
     unit = body.target
     if unit.mesh is not None:
-        return detect_patches(unit.mesh) if body.patches is None else body.patches, [], body.noise
+        return detect_patches(unit.mesh, deadline) if body.patches is None else body.patches, [], body.noise
     patches, noise = detect_cloud(unit.points, unit.normals, body.noise, rng, deadline=deadline)
     return patches, closing_planes(patches, noise.spacing), noise
 

@@ -51,6 +51,7 @@ GUESSING = ("auto", "policy")  # methods that may answer from the points alone w
 UNKNOWN = 1.0  # error of a program whose body shows no inside
 NO_INSIDE = "not proved: the noisy cloud shows no inside, this is a guess from its points alone"
 NO_TIME = "not proved: time ran out before the cloud showed its inside, this is a guess from its points alone"
+NO_TIME_LEFT = "not proved: time ran out"
 JOINT_ERROR = 2e-3  # of the volume, that a shorter program of all bodies at once may cost
 
 
@@ -191,6 +192,10 @@ def _by_body(target: Target, work: _Work, left_out: list[InputError]) -> Iterato
     bodies = split_bodies(target)
     done: list[_BodyState] = []
     for i, body in enumerate(bodies):
+        if done and work.budget.end_of("search").has_passed():
+            done += [_box_state(rest) for rest in bodies[i:]]
+            yield _together("boxes", done)
+            break
         state = None
         try:
             for state in _body(body, work, 1 / (len(bodies) - i)):
@@ -200,6 +205,18 @@ def _by_body(target: Target, work: _Work, left_out: list[InputError]) -> Iterato
         done += [state] if state else []
     if not left_out and 1 < len(done) <= MOST_JOINT:
         yield from _jointly(target, work, _together(done[-1].stage, done))
+
+
+def _box_state(body: Target) -> _BodyState:
+    """The box of a body that no time is left for. It holds the body, so that its error is what it has beyond that."""
+    low, high = np.min(body.points, axis=0), np.max(body.points, axis=0)
+    if body.mesh is not None:
+        low, high = np.min(body.mesh.vertices, axis=0), np.max(body.mesh.vertices, axis=0)
+    x, y, z = (float(v) for v in (low + high) / 2)
+    box, whole = Primitive("box", (*(float(v) for v in high - low),), (x, y, z)), float(np.prod(high - low))
+    volume = float(body.mesh.volume) if body.mesh is not None and body.is_solid else whole
+    error = abs(whole - volume) / volume
+    return _BodyState("boxes", box, error, volume, lambda _: error, (Choice(box, error),), NO_TIME_LEFT, CUT)
 
 
 def _jointly(target: Target, work: _Work, apart: _BodyState) -> Iterator[_BodyState]:
@@ -266,10 +283,12 @@ def _proof(proofs: list[str]) -> str:
 def _body(body: Target, work: _Work, share: float = 1.0) -> Iterator[_BodyState]:
     """Better and better programs of one body without its fillets and chamfers; it may take a share of the time left."""
     unit, frame = in_unit_frame(body)
-    aside = set_edges_aside(unit) if work.settings.language == "cad" else SetAside(unit)
+    detect_by = work.budget.part_of("detect", share)
+    aside = set_edges_aside(unit, detect_by) if work.settings.language == "cad" else SetAside(unit)
+    cut = body.mesh is not None and detect_by.has_passed()
     chains, kept = (tuple(place_chain(chain, frame) for chain in found) for found in (aside.chains, aside.kept))
     for state in _sharp_body(body, UnitBody.of(aside.target, work.rng, aside.patches), frame, work, share):
-        yield replace(state, chains=chains, kept=kept)
+        yield replace(state, chains=chains, kept=kept, stop=CUT if cut else state.stop)
 
 
 def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, share: float) -> Iterator[_BodyState]:

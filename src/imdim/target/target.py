@@ -23,6 +23,7 @@ __all__ = ["Frame", "InputError", "Target", "frame_meta", "in_unit_frame", "load
 
 SURFACE_SAMPLES = 20_000
 SAMPLE_SEED = 0
+LEAST_SAMPLES, FULLY_SAMPLED = 500, 100  # of each of very many bodies; so many bodies have all
 MIN_POINTS = 50
 MAX_POINTS = 100_000
 LARGEST = 1e30  # squares of coordinates and of their inverses stay finite
@@ -149,7 +150,8 @@ def split_bodies(target: Target) -> list[Target]:
     if len(groups) == 1:
         return [target]
     bodies = (compact(target.mesh.vertices, target.mesh.faces[faces]) for faces in groups)
-    return [_mesh_target(f"{target.name} body {i}", *body, target.is_solid, target.notes) for i, body in enumerate(bodies, 1)]
+    samples = max(SURFACE_SAMPLES * FULLY_SAMPLED // max(len(groups), FULLY_SAMPLED), LEAST_SAMPLES)
+    return [_mesh_target(f"{target.name} body {i}", *body, target.is_solid, target.notes, samples) for i, body in enumerate(bodies, 1)]
 
 
 def _target(raw: Raw, name: str, max_points: int) -> Target:
@@ -174,8 +176,10 @@ def _check_numbers(points: np.ndarray, name: str) -> None:
         raise InputError(f"{name}: all {len(points)} points lie in one place, the box measures {extent:.3g}")
 
 
-def _mesh_target(name: str, vertices: np.ndarray, faces: np.ndarray, is_solid: bool, notes: Iterable[str]) -> Target:
-    points, normals = sample_surface(vertices, faces, SURFACE_SAMPLES, np.random.default_rng(SAMPLE_SEED))
+def _mesh_target(
+    name: str, vertices: np.ndarray, faces: np.ndarray, is_solid: bool, notes: Iterable[str], samples: int = SURFACE_SAMPLES
+) -> Target:
+    points, normals = sample_surface(vertices, faces, samples, np.random.default_rng(SAMPLE_SEED))
     return Target(name, points, normals, trimesh.Trimesh(vertices, faces, process=False), is_solid, tuple(notes))
 
 
