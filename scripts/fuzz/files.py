@@ -91,7 +91,7 @@ def fuzz(args: argparse.Namespace) -> int:
 def keep(args: argparse.Namespace, kind: str, i: int) -> None:
     args.keep.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
-        (args.keep / f"{kind}-{i}{KINDS[kind].suffix}").write_bytes(Worker.here(Path(folder), args.seed).keep_files(kind, i))
+        (args.keep / f"{kind}-{i}{KINDS[kind].suffix}").write_bytes(Worker.here(Path(folder), args.seed).made(kind, i))
 
 
 class Supervised:
@@ -200,7 +200,7 @@ class Worker:
         return mutated(data, other, KINDS[kind].form, rng)
 
     def case(self, kind: str, i: int) -> str:
-        return self.tried(kind, self.keep_files(kind, i))
+        return self.tried(kind, self.made(kind, i))
 
     def tried(self, kind: str, data: bytes) -> str:
         """`read`, `refused`, or what went wrong."""

@@ -89,7 +89,8 @@ def delivered(folder: Path) -> list[bytes]:
     texts = {
         p.name: p.read_text() for p in sorted((folder / "delivered").iterdir()) if p.name.startswith("program.") and p.suffix != ".step"
     }
-    rows = [line.split()[:2] for line in edit.list_names(folder / "delivered" / "program.json").splitlines()]
+    names, _, _ = edit.list_names(folder / "delivered" / "program.json").partition("\n\n")  # the holes come behind
+    rows = [line.split()[:2] for line in names.splitlines()]
     values = {name: float(value) + 1 if name.endswith("count") else float(value) * 1.05 for name, value in rows}
     return [json.dumps({"texts": texts, "set": [f"{name}={value}"]}).encode() for name, value in values.items()]
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from kind import Kind, refused
 from learning import policies, read_policy, read_sample, read_state, samples, states
+from odd_shapes import load_named, names, objects, offs, plys, polygons, print_files, scenes
 from programs import delivered, edit, export, fronts, programs, read_front, read_program
 from shapes import load, meshes, npys, npzs, pcds, ply_clouds, texts
 
@@ -31,6 +32,12 @@ KINDS: Mapping[str, Kind] = {
     "ply_cloud": Kind(".ply", "bytes", 40, ply_clouds, load),
     "3mf": Kind(".3mf", "zip", 70, meshes("3mf"), load),
     "glb": Kind(".glb", "glb", 70, meshes("glb"), load),
+    "obj_objects": Kind(".obj", "bytes", 50, objects, load),
+    "off_polygons": Kind(".off", "bytes", 40, polygons(offs), load),
+    "ply_polygons": Kind(".ply", "bytes", 60, polygons(plys), load),
+    "3mf_print": Kind(".3mf", "zip", 40, print_files, load),
+    "glb_scene": Kind(".glb", "glb", 70, scenes, load),
+    "name": Kind(".name", "bytes", 30, names, load_named),
     "xyz": Kind(".xyz", "bytes", 40, texts, load),
     "csv": Kind(".csv", "bytes", 40, texts, load),
     "pcd": Kind(".pcd", "bytes", 80, pcds, load),
