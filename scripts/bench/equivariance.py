@@ -3,9 +3,9 @@ mirrored.
 
     OMP_NUM_THREADS=1 python scripts/bench/equivariance.py PART... [--budget 40] [--language cad] [--variants turned subdivided ...]
 
-Each part is reconstructed as it is and in each variant, which bound the same solid up to a similarity. Told are the features and the IoU with
-the variant's own mesh; the last line counts how many have as many features as the part itself, and the largest change of their IoU. Exit
-status 1: fewer than 95 % have as many, or an IoU changed by more than 5e-4.
+Each part is reconstructed as it is and in each variant, which bound the same solid up to a similarity. Told are the features and the IoU
+with the variant's own mesh; the last line counts how many have as many features as the part itself, and the largest change of their IoU.
+Exit status 1: fewer than 95 % have as many, or an IoU changed by more than 5e-4.
 """
 
 from __future__ import annotations
