@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from tests.planted import box, cut, cylinder, mesh_of
 
-from imdim.program.cost import count_numbers, reading_length
 from imdim.program.outline import Outline, circle
 from imdim.program.tree import Primitive, Program
 from imdim.reconstruction.observation import Observation, UnitBody, observe
-from imdim.reconstruction.plain_program import is_plainer, may_be_plain
+from imdim.reconstruction.plain_program import count_numbers, is_plainer, may_be_plain, reading_length
 from imdim.target.target import target_from
 
 RECTANGLE = tuple((x, y, 0.0) for x, y in ((-0.4, -0.3), (0.4, -0.3), (0.4, 0.3), (-0.4, 0.3)))
@@ -23,12 +22,24 @@ def plate() -> Observation:
     return observe(UnitBody.of(target_from(mesh_of(PLAIN)), np.random.default_rng(0)), 2.5e-4, np.random.default_rng(0), outlines=True)
 
 
-def test_lengths_of_one_size_are_one_number() -> None:
-    assert count_numbers(box(2.0, 3.0, 2.0)) == 2
-    assert count_numbers(PLAIN) == 6  # 0.8, 0.6, 0.1; of cutters the radius, the place in x, and that in y, which is their height too
-    assert count_numbers(DRAWN) == 6  # 0.1; half of 0.8 and of 0.6; where holes begin and end in x, and their place in y
-    assert reading_length(PLAIN) == 5 + 6
-    assert reading_length(DRAWN) == 1 + 6 + 0.5 * 8
+HALF = np.array([0.4, 0.3, 0.05])
+
+
+def test_numbers_say_where_faces_are() -> None:
+    assert count_numbers(box(0.8, 0.6, 0.1), -HALF, HALF) == 3
+    assert (
+        count_numbers(PLAIN, -HALF, HALF) == 4
+    )  # of cutters the place in y: in x it is half of 0.6, their radius half of 0.1, and they end outside
+    assert count_numbers(DRAWN, -HALF, HALF) == 6  # arcs begin and end at 0.25 and 0.35 in place of 0.3
+    assert count_numbers(Primitive("sphere", (0.1,), (0.2, 0.0, 0.0)), -HALF, HALF) == 2
+    assert reading_length(PLAIN, -HALF, HALF) == 5 + 4
+    assert reading_length(DRAWN, -HALF, HALF) == 1 + 6 + 0.5 * 8
+
+
+def test_a_turned_frame_has_the_numbers_of_its_own_directions() -> None:
+    turned = Primitive("box", (0.6, 0.8, 0.1), (0.0, 0.0, 0.0), (0.0, 0.0, 90.0))
+    assert count_numbers(turned, -HALF, HALF) == 3
+    assert count_numbers(Primitive("box", (2.0, 0.8, 0.1), rotation=(0.0, 0.0, 90.0)), -HALF, HALF) == 2  # it ends outside
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 
 from imdim.program.tree import KINDS, OPS, Op, Primitive, Program, fold, leaves
 
@@ -40,8 +39,6 @@ class Counts:
 
 FREE_CURVES, CURVE = 4, 0.1  # curves that an outline has for nothing, as many as a box; what each further one costs, in primitives
 DRAWN = 0.5  # of a curve: what the plainest outline costs more than one of the six kinds
-ONE_LENGTH = 1e-4  # of the largest one, within which two lengths are the same number
-CURVE_KIND = 0.5  # of a number: that a curve is a line or an arc
 CURVE_PRICES = {"description": CURVE, "primitives": 0.0}  # of a primitive, by what is counted: curves too, or primitives alone
 
 
@@ -75,23 +72,6 @@ def describe_size(primitives: int, curves: int | None = None) -> str:
 
 def _number(count: int, what: str) -> str:
     return f"{count} {what}{'' if count == 1 else 's'}"
-
-
-def count_numbers(program: Program) -> int:
-    """How many different lengths a program is made of: sizes, places and vertices, of either sign, but for those that are nothing."""
-    lengths: list[float] = []
-    for leaf in leaves(program):
-        lengths += [*leaf.size, *leaf.center]
-        lengths += [] if leaf.outline is None else [c for loop in leaf.outline.loops for x, y, _ in loop for c in (x, y)]
-    size = max(map(abs, lengths))
-    told = sorted(abs(v) / size for v in lengths if abs(v) > ONE_LENGTH * size)
-    return sum(b - a > ONE_LENGTH for a, b in pairwise([0.0, *told]))
-
-
-def reading_length(program: Program) -> float:
-    """How much there is to read in a program, in numbers: its leaves and their lengths, and what kind each curve of an outline is."""
-    counts = count(program)
-    return counts.primitives + count_numbers(program) + CURVE_KIND * counts.curves
 
 
 def cost(program: Program) -> int:
