@@ -11,8 +11,10 @@ from tests.planted import box, cut, cylinder
 
 from imdim.app.cli import main
 from imdim.app.export import find_document
+from imdim.geometry.solid import to_manifold
 from imdim.program import codec
 from imdim.program.constraints import Constraint, Ref
+from imdim.program.tree import Combine
 
 PLATE = cut(box(80, 50, 6), cylinder(3, 8, (-20, 0, 0)), cylinder(3, 8, (20, 0, 0)))
 SAME = Constraint("equal", (Ref(1, "r"), Ref(2, "r")), name="hole_radius")
@@ -129,3 +131,20 @@ def test_a_document_of_a_few_lines_that_unfolds_to_thousands_of_primitives_is_li
     path.write_text(json.dumps({**plain, "version": 3, "program": node}))
     assert main(["edit", str(path), "--list"]) == 0
     assert [line.split()[1:] for line in capsys.readouterr().out.splitlines()] == [["2", "how", "many", "copies", "there", "are"]] * 13
+
+
+def test_what_the_last_digits_open_is_not_told_of_the_edit(tmp_path, capsys):
+    """program.json leaves a gap of 1e-10 between two blocks, which its texts have no digits for."""
+    path = tmp_path / "out" / "program.json"
+    path.parent.mkdir()
+    blocks = Combine("union", box(20, 20, 10), box(20, 20, 10, (0, 0, 10 + 1e-10)))
+    assert len(to_manifold(blocks).decompose()) == 2
+    path.write_text(codec.dumps(blocks, codec.Meta()))
+    name = next(line.split()[0] for line in listed(path, capsys) if "length along x of primitive 0" in line)
+    assert main(["edit", str(path), "--set", f"{name}=25", "--strict", "-o", str(tmp_path / "new")]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "in kind as before: 1 body"
+
+
+def listed(path, capsys):
+    assert main(["edit", str(path), "--list"]) == 0
+    return capsys.readouterr().out.splitlines()

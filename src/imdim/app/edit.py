@@ -62,7 +62,7 @@ def edit_program(source: Path, values: dict[str, float], folder: Path, step: boo
 
     Raises ConfigError, and then nothing was written; where `strict` also for a solid with other bodies, through-holes or voids.
     """
-    from imdim.export.edit import change_values, lost_edges, solid_of, write
+    from imdim.export.edit import change_values, lost_edges, restate, solid_of, write
     from imdim.export.edit_report import EditReport
 
     if folder.resolve() == source.resolve().parent:
@@ -70,8 +70,9 @@ def edit_program(source: Path, values: dict[str, float], folder: Path, step: boo
     with refusing(source):
         before = _open(source)
         after = change_values(before, values)
-        solids = solid_of(before), solid_of(after)
-        report = EditReport.of(*solids, lost_edges(before, after))
+        start = restate(before)
+        solids = solid_of(start), solid_of(after)
+        report = EditReport.of(*solids, lost_edges(start, after))
         if strict and report.changes_in_kind:
             raise ValueError(f"{', '.join(f'{n} = {v:g}' for n, v in values.items())}: {report.changes_in_kind}")
         files = write(after, folder, STEP_LIMIT_S if step else 0.0, solids)

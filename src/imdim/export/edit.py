@@ -76,18 +76,35 @@ def change_values(delivered: Delivered, values: Mapping[str, float]) -> Delivere
         rest = {name: value for name, value in values.items() if name not in counts}
         return change_values(recounted, rest) if rest else recounted
     _check_values(delivered, values)
-    texts = {file: _rewrite(text, values) for file, text in delivered.texts.items()}
-    said = ", ".join(f"{name} = {plain(value)}" for name, value in values.items())
     try:
-        exact = read_openscad(texts["program.scad"])
-        for number, leaf in enumerate(leaves(exact)):
-            _check_outline(number, leaf)
-        program = round_program(exact)
-        verify(program, delivered.constraints, AGREE)
-        folded = None if delivered.folded is None else _refold(delivered.folded, exact, program)
-        program = program if folded is None else expand(folded)
+        return _read_anew(delivered, values)
     except ValueError as error:
+        said = ", ".join(f"{name} = {plain(value)}" for name, value in values.items())
         raise EditError(f"{said}: {error}") from None
+
+
+def restate(delivered: Delivered) -> Delivered:
+    """The program with its numbers as its texts have them, which is what an edit begins from.
+
+    They differ from those of program.json by their last digits; where faces all but meet, these decide whether there is a gap.
+    Raises EditError where the texts do not say the program.
+    """
+    try:
+        return _read_anew(delivered, {})
+    except ValueError as error:
+        raise EditError(f"program.scad: {error}") from None
+
+
+def _read_anew(delivered: Delivered, values: Mapping[str, float]) -> Delivered:
+    """What the texts say with some names at other values; raises a one-line ValueError where that is nothing."""
+    texts = {file: _rewrite(text, values) for file, text in delivered.texts.items()}
+    exact = read_openscad(texts["program.scad"])
+    for number, leaf in enumerate(leaves(exact)):
+        _check_outline(number, leaf)
+    program = round_program(exact)
+    verify(program, delivered.constraints, AGREE)
+    folded = None if delivered.folded is None else _refold(delivered.folded, exact, program)
+    program = program if folded is None else expand(folded)
     notes = hole_notes(delivered.program, delivered.folded), hole_notes(program, folded)
     texts = {file: renew_notes(text, *notes) for file, text in texts.items()}
     edges = with_sizes(delivered.edges, values)
