@@ -68,7 +68,7 @@ def test_a_results_folder_or_a_text_in_it_names_the_program(source, capsys, name
 def test_without_a_folder_it_says_what_it_needs(source, tmp_path):
     command = [sys.executable, "-m", "imdim.app.cli", "edit", source, "--set", "holes=3"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=60)
-    assert (done.returncode, done.stderr) == (2, "imdim: imdim edit needs --set NAME=VALUE and -o FOLDER, or --list\n")
+    assert (done.returncode, done.stderr) == (2, "imdim: imdim edit needs --set NAME=VALUE or --untie NAME, and -o FOLDER, or --list\n")
 
 
 @pytest.mark.parametrize(
@@ -148,3 +148,18 @@ def test_what_the_last_digits_open_is_not_told_of_the_edit(tmp_path, capsys):
 def listed(path, capsys):
     assert main(["edit", str(path), "--list"]) == 0
     return capsys.readouterr().out.splitlines()
+
+
+def test_ties_are_listed_and_broken(source, tmp_path, capsys):
+    assert "ties (--untie NAME)\nhole_diameter of primitive 1, 2\n" in "\n".join([*listed(source, capsys), ""])
+    arguments = ["--untie", "hole_diameter", "--set", "hole2_diameter=7", "-o", str(tmp_path / "new")]
+    assert main(["edit", str(source), *arguments]) == 0
+    said = capsys.readouterr().out
+    assert "hole_diameter is now hole_diameter (primitive 1), hole2_diameter (primitive 2)\n" in said
+    sizes = [part["size"] for part in json.loads((tmp_path / "new" / "program.json").read_text())["program"]["parts"]]
+    assert (sizes[1]["r"], sizes[2]["r"]) == (3, 3.5)
+    assert not any("ties" in line for line in listed(tmp_path / "new" / "program.json", capsys))
+    for wrong, message in (("hole_diameter=1,x", "expected NAME or NAME=PRIMITIVE"), ("plate_width", "nothing to untie")):
+        assert main(["edit", str(source), "--untie", wrong, "-o", str(tmp_path / "other")]) == 2
+        assert message in (error := capsys.readouterr().err)
+        assert error.count("\n") == 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -49,6 +50,7 @@ _MEANING: Mapping[str, str] = {
 _ACROSS = ("r", "r_bottom", "r_top")  # radii that are measured as diameters
 _DIMENSIONS = frozenset(("circle", "radius", "diameter", "length", "width", "chamfer", "depth", "height", "distance", "second"))
 COUNTED = "sides"
+NAMED = re.compile(r"^([A-Za-z_]\w*) = (-?[\d.]+(?:e[+-]?\d+)?)(mm)?(;?)$", re.MULTILINE)
 SIZES = frozenset(name for names in SIZE_NAMES.values() for name in names)
 
 Feature = tuple[int, str]  # the primitive's number, and the name of a size or of a coordinate; those of an outline are counted
@@ -139,6 +141,14 @@ def meanings(delivered: Delivered) -> dict[str, str]:
     return out | dict.fromkeys(delivered.counts, "how many copies there are")
 
 
+def tied_sizes(delivered: Delivered, name: str) -> list[Feature]:
+    """The sizes of primitives that are the named value, or half of it; more than one where they are tied."""
+    if any(name in feature.size_names for feature in delivered.edges):
+        return []
+    across, equal, _ = _followers(delivered, name)
+    return [feature for feature in (*across, *equal) if feature[1] in SIZES]
+
+
 def is_size(delivered: Delivered, name: str) -> bool:
     """Whether some size is the named value, or the name is that of a diameter or of a size of an outline."""
     return not _DIMENSIONS.isdisjoint(name.split("_")) or any(feature in SIZES for _, feature in _followers(delivered, name)[1])
@@ -147,6 +157,11 @@ def is_size(delivered: Delivered, name: str) -> bool:
 def is_count(name: str) -> bool:
     """Whether a named value is a whole number: the sides of a polygon."""
     return COUNTED in name.split("_")
+
+
+def read_values(text: str) -> dict[str, float]:
+    """The names at the head of a text, with their values."""
+    return {found[1]: float(found[2]) for found in NAMED.finditer(text)}
 
 
 def _followers(delivered: Delivered, name: str) -> tuple[list[Feature], list[Feature], list[Feature]]:

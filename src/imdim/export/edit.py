@@ -15,7 +15,7 @@ from pathlib import Path
 
 from manifold3d import Manifold
 
-from imdim.export.delivered import AGREE, LOOPS, Delivered, EditError, is_size, read, texts_of
+from imdim.export.delivered import AGREE, LOOPS, NAMED, Delivered, EditError, is_size, read, read_values, texts_of
 from imdim.export.edge_text import with_edge_sizes
 from imdim.export.edit_report import picture_of
 from imdim.export.folder import FILES, replacing
@@ -41,7 +41,6 @@ from imdim.relations.residuals import verify
 
 LARGEST_VOLUME = 1e30  # mesh files hold single precision
 
-_NAMED = re.compile(r"^([A-Za-z_]\w*) = (-?[\d.]+(?:e[+-]?\d+)?)(mm)?(;?)$", re.MULTILINE)
 _SEGMENTS = re.compile(r"^\$fn = (\d{1,18});$", re.MULTILINE)
 
 
@@ -56,12 +55,12 @@ def open_delivered(document: object, texts: Mapping[str, str]) -> Delivered:
     if "program.scad" not in texts:
         named = with_edge_sizes(parametrise(program, constraints, program, folded), edges)
         texts = texts_of(program, named, folded, SEGMENTS, edges)
-    values = _values(texts["program.scad"])
+    values = read_values(texts["program.scad"])
     found = _SEGMENTS.search(texts["program.scad"])
     segments = int(found[1]) if found else SEGMENTS
     if not 3 <= segments <= MAX_SEGMENTS:
         raise EditError(f"program.scad: $fn must lie in 3..{MAX_SEGMENTS}, got {found[1][:20] if found else segments}")
-    counts = {n: int(c) for file in LOOPS if folded and file in texts for n, c in _values(texts[file]).items() if n not in values}
+    counts = {n: int(c) for file in LOOPS if folded and file in texts for n, c in read_values(texts[file]).items() if n not in values}
     delivered = Delivered(program, meta_of(document), constraints, texts, values, segments, folded, counts, edges)
     _check_same(delivered)
     return delivered
@@ -148,7 +147,7 @@ def with_counts(delivered: Delivered, counts: Mapping[str, float]) -> Delivered:
         program=program,
         constraints=constraints,
         texts=texts,
-        values=_values(texts["program.scad"]),
+        values=read_values(texts["program.scad"]),
         folded=after,
         counts=named.counts,
         edges=edges,
@@ -225,17 +224,13 @@ def write(delivered: Delivered, folder: Path, step_limit_s: float = 0.0, solids:
     return {**files, **skipped}
 
 
-def _values(text: str) -> dict[str, float]:
-    return {found[1]: float(found[2]) for found in _NAMED.finditer(text)}
-
-
 def _check_same(delivered: Delivered) -> None:
     """Refuse texts that say something else than the document: an edit would undo what was changed in one of them."""
     if not _agree(delivered.program, read(delivered, {})):
         raise ValueError("program.scad beside it describes another program: one of them was changed by hand")
     both = {**delivered.values, **delivered.counts}
     expected = {file: both if file in LOOPS else delivered.values for file in delivered.texts}
-    other = next((file for file, text in delivered.texts.items() if _values(text) != expected[file]), None)
+    other = next((file for file, text in delivered.texts.items() if read_values(text) != expected[file]), None)
     if other is not None:
         raise ValueError(f"{other} beside it begins with other names or values than program.scad: one of them was changed by hand")
 
@@ -289,4 +284,4 @@ def _rewrite(text: str, values: Mapping[str, float]) -> str:
         name, _, unit, end = found.groups(default="")
         return f"{name} = {to_fixed_point(plain(values[name]))}{unit}{end}" if name in values else found[0]
 
-    return _NAMED.sub(line, text)
+    return NAMED.sub(line, text)

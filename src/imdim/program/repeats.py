@@ -8,11 +8,11 @@ that the first copy comes first.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 
-from imdim.program.motions import Motion, after, mirror, move_program, step, turn
+from imdim.program.motions import Motion, after, mirror, move_leaf, move_program, step, turn
 from imdim.program.tree import Op, Primitive, Program, Vec3, combine_all, leaves
 
 REPEATS: Mapping[str, str] = {
@@ -113,6 +113,36 @@ def _copies(repeat: Repeat) -> Iterator[Program]:
     own = list(_copies(inner)) if isinstance(inner, Repeat) and inner.join == repeat.join else [expand(inner)]
     for motion in repeat.motions():
         yield from (move_program(program, motion) for program in own)
+
+
+def write_out(folded: Folded, numbers: Collection[int]) -> Folded:
+    """With the copies of those repeats, counted as `repeats` does, one by one, and what repeats within them too; the leaves as they are."""
+    count = iter(range(sum(1 for _ in repeats(folded))))
+
+    def write(part: Folded, all_of_them: bool) -> Folded:
+        if isinstance(part, Primitive):
+            return part
+        if isinstance(part, Group):
+            return Group(part.op, tuple(piece for n, p in enumerate(part.parts) for piece in _spread(part.op, n, write(p, all_of_them))))
+        wanted = next(count) in numbers or all_of_them
+        inner = write(part.part, wanted)
+        if not wanted:
+            return replace(part, part=inner)
+        return Group(part.join, tuple(_moved(inner, motion) for motion in part.motions()))
+
+    return write(folded, False)
+
+
+def _spread(op: Op, number: int, part: Folded) -> tuple[Folded, ...]:
+    """The parts of a group within a group where that says the same."""
+    joins: Op = "intersection" if op == "intersection" else "union"
+    spread = isinstance(part, Group) and part.op == joins and (number > 0 or op != "difference")
+    return part.parts if spread else (part,)  # type: ignore[union-attr]
+
+
+def _moved(folded: Folded, motion: Motion) -> Folded:
+    """What holds no repeats, elsewhere."""
+    return rebuilt(folded, lambda _, leaf: move_leaf(leaf, motion), lambda _, repeat: repeat)
 
 
 def size(folded: Folded) -> int:
