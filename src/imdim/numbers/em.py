@@ -15,11 +15,12 @@ import numpy as np
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
 from imdim.geometry.finish.overshoot import overshoot
-from imdim.geometry.lowering import Lowered, lower
+from imdim.geometry.lowering import Lowered, Outlines, lower
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.face_coordinates import lift_numbers, shift_leaves, step_maps
-from imdim.numbers.likelihood import Noise, Share, SurfaceSamples, shares
+from imdim.numbers.likelihood import MOST_SAMPLES, Noise, Share, SurfaceSamples, shares
 from imdim.numbers.normal_equations import blocks
+from imdim.numbers.outline_coordinates import OutlineCoordinates, center_leaf, outline_coordinates
 from imdim.numbers.shared_rotations import TURNS, align_rotations, frames, map_shared_turns
 from imdim.program.tree import Primitive, Program, leaves, map_leaves
 
@@ -40,6 +41,7 @@ class EMConfig:
     worse: float = 0.02  # nats per point above the best round at which the work ends
     support: float = 12.0  # points that must show a direction of the numbers' space; it is held otherwise
     through: float = 6.0  # how far ends reach beyond what they meet; 0 leaves them
+    samples: int = MOST_SAMPLES  # of the surface that show; where they are further apart than the noise is wide, ends of thin walls drift
     parallel_deg: float = 2.0  # leaves whose directions differ by less are taken to be parallel
 
 
@@ -60,7 +62,7 @@ def maximise_likelihood(
 
     Past the `deadline` (by default never) they stay as they are by then, and only the noise is fitted.
     """
-    config = config or EMConfig()
+    config, program = config or EMConfig(), map_leaves(program, lambda _, leaf: center_leaf(leaf))
     if config.through and not deadline.has_passed() and sum(1 for _ in leaves(program)) <= MOST_LET_THROUGH:
         reach = config.through * noise.sigma
         program = overshoot(clip_program(program, points, 2 * reach), reach=reach, deadline=deadline)
@@ -70,7 +72,7 @@ def maximise_likelihood(
     best = FittedProgram(program, noise, np.inf, 0)
     for done in range(config.rounds):
         trial = lift_numbers(program, start, numbers)
-        shown = SurfaceSamples.of(trial, noise.sigma)
+        shown = SurfaceSamples.of(trial, noise.sigma, config.samples)
         share = shares(points, shown, noise)
         if share.nll < best.nll:
             best = FittedProgram(trial, noise, share.nll, done)
@@ -78,10 +80,10 @@ def maximise_likelihood(
         if not len(shown.points) or share.nll > best.nll + config.worse:
             break
         if deadline.has_passed():
-            return _in_its_noise(best, points, share.noise)
+            return _in_its_noise(best, points, share.noise, config.samples)
         calmer = share.noise.sigma < (1 - config.calmer) * noise.sigma
         noise = share.noise
-        numbers, longest = _maximisation_step(numbers, member, shown, share, config)
+        numbers, program, longest = _maximisation_step(numbers, program, member, shown, share, config)
         if longest < config.still * noise.sigma and not calmer:
             break
     return best
@@ -107,11 +109,11 @@ def _clip(leaf: Primitive, corners: np.ndarray) -> Primitive:
     return replace(leaf, size=tuple(size), center=tuple(center.tolist()))
 
 
-def _in_its_noise(likely: FittedProgram, points: np.ndarray, noise: Noise) -> FittedProgram:
+def _in_its_noise(likely: FittedProgram, points: np.ndarray, noise: Noise, samples: int) -> FittedProgram:
     """The program with the noise that explains the points beside it, `noise` or later ones: under a first guess that is too small two
     sheets are likelier than the one surface that they blur into."""
     for _ in range(NOISE_ROUNDS):
-        share = shares(points, SurfaceSamples.of(likely.program, noise.sigma), noise)
+        share = shares(points, SurfaceSamples.of(likely.program, noise.sigma, samples), noise)
         if share.nll >= likely.nll:
             break
         likely, noise = replace(likely, noise=noise, nll=share.nll), share.noise
@@ -119,11 +121,11 @@ def _in_its_noise(likely: FittedProgram, points: np.ndarray, noise: Noise) -> Fi
 
 
 def _maximisation_step(
-    numbers: Lowered, member: np.ndarray, shown: SurfaceSamples, share: Share, config: EMConfig
-) -> tuple[Lowered, float]:
-    """The maximisation step, and the longest move of a face in it.
+    numbers: Lowered, program: Program, member: np.ndarray, shown: SurfaceSamples, share: Share, config: EMConfig
+) -> tuple[Lowered, Program, float]:
+    """The maximisation step, the program with its outlines after it, and the longest move of a face in it.
 
-    Unknowns are the faces' coordinates of each leaf without its rotation, and one rotation per frame.
+    Unknowns are the faces' coordinates of each leaf without its rotation, one rotation per frame, and the coordinates of outlines.
     """
     leaf, _, tangent, _ = kernels.program_tangent(numbers, shown.points)
     k, groups = len(numbers.kinds), int(member.max(initial=-1)) + 1
@@ -138,10 +140,80 @@ def _maximisation_step(
             at = TURNS * k + 3 * member[i]
             basis[i, :, at : at + 3] = turns[i] / size
     whole = np.einsum("kai,kab,kbj->ij", basis, matrix, basis, optimize=True)
+    slope = np.einsum("kai,ka->i", basis, gradient)
+    drawn = _add_outlines(numbers, program, shown, share, (leaf, tangent, basis), (whole, slope))
+    whole, slope = drawn.matrix, drawn.gradient
     # along those eigenvectors that enough points show, longer than asked: where walls blur, each round goes a part of the way
     values, vectors = np.linalg.eigh(whole)
     vectors, values = vectors[:, values >= config.support], values[values >= config.support]
-    step = -RELAXED * vectors @ ((vectors.T @ np.einsum("kai,ka->i", basis, gradient)) / values)
+    step = -RELAXED * vectors @ ((vectors.T @ slope) / values)
     longest = float(np.abs(step).max(initial=0.0))
     step *= min(1.0, config.far * share.noise.sigma / max(longest, 1e-300))
-    return shift_leaves(numbers, np.einsum("kaj,j->ka", basis, step)), longest
+    program, outlines = _move_outlines(program, drawn.outlines, step)
+    moved = shift_leaves(numbers, np.einsum("kaj,j->ka", basis, step[: basis.shape[2]]))
+    return (replace(moved, outlines=outlines) if drawn.outlines else moved), program, longest
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """Normal equations with unknowns for outlines behind the others: leaf, coordinates, and the first unknown of each outline."""
+
+    matrix: np.ndarray
+    gradient: np.ndarray
+    outlines: list[tuple[int, OutlineCoordinates, int]]
+
+
+def _add_outlines(
+    numbers: Lowered,
+    program: Program,
+    shown: SurfaceSamples,
+    share: Share,
+    rows: tuple[np.ndarray, np.ndarray, np.ndarray],
+    equations: tuple[np.ndarray, np.ndarray],
+) -> _Drawn:
+    """The `equations` of all other unknowns with those of the outlines; `rows` are each sample's leaf, its tangent [m, 9], and the leaves'
+    basis [k, 9, p]."""
+    (leaf, tangent, basis), (matrix, gradient) = rows, equations
+    found = []
+    for i, part in enumerate(leaves(program)):
+        if part.outline is None:
+            continue
+        coordinates = outline_coordinates(part.outline, part.kind == "revolve")
+        own = np.flatnonzero(leaf == i)
+        places, normals = _in_plane(part.kind, numbers.centers[i], numbers.rotations[i], shown.points[own], shown.normals[own])
+        moves = -coordinates.rows(places, normals)
+        weighed = share.mass[own, None] * moves
+        others = np.zeros((len(own), len(matrix)))
+        others[:, : basis.shape[2]] = tangent[own] @ basis[i]
+        across = others.T @ weighed
+        found.append((i, coordinates, len(matrix)))
+        matrix = np.block([[matrix, across], [across.T, moves.T @ weighed]])
+        gradient = np.concatenate([gradient, weighed.T @ share.offset[own]])
+    return _Drawn(matrix, gradient, found)
+
+
+def _in_plane(
+    kind: str, center: np.ndarray, rotation: np.ndarray, points: np.ndarray, normals: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points and normals [n, 3] in the plane of an outline [n, 2]; what stands on an end face has a normal of length 0."""
+    local, along = (points - center) @ rotation, normals @ rotation
+    if kind == "extrude":
+        return local[:, :2], along[:, :2]
+    radius = np.hypot(local[:, 0], local[:, 1])
+    outward = (local[:, :2] * along[:, :2]).sum(1) / np.maximum(radius, 1e-300)
+    return np.column_stack([radius, local[:, 2]]), np.column_stack([outward, along[:, 2]])
+
+
+def _move_outlines(program: Program, drawn: list[tuple[int, OutlineCoordinates, int]], step: np.ndarray) -> tuple[Program, Outlines]:
+    """The program and its outlines after a step; an outline that would bound nothing stays."""
+    after = {i: c.outline for i, c, _ in drawn}
+    for i, coordinates, first in drawn:
+        try:
+            moved = coordinates.move(step[first : first + coordinates.count])
+            low, _ = moved.bounds
+            if low[0] >= 0 or coordinates.outline.bounds[0][0] < 0:
+                after[i] = moved
+        except ValueError:
+            continue
+    moved = map_leaves(program, lambda i, leaf: replace(leaf, outline=after[i]) if i in after else leaf)
+    return moved, Outlines.of([*leaves(moved)])

@@ -47,14 +47,14 @@ class SurfaceSamples:
     skin: float
 
     @staticmethod
-    def of(program: Program, sigma: float) -> SurfaceSamples:
-        """About one sample per square of APART * `sigma`, within limits, spread evenly: chance would make a density of lumps, which is
-        less likely than an even one, and less so where two sheets lie in one, so that thin walls would vanish."""
+    def of(program: Program, sigma: float, most: int = MOST_SAMPLES) -> SurfaceSamples:
+        """About one sample per square of APART * `sigma`, at most `most` that show, spread evenly: chance would make a density of lumps,
+        which is less likely than an even one, and less so where two sheets lie in one, so that thin walls would vanish."""
         parts = list(leaves(program))
         areas = np.array([surface_area(p.kind, p.size, p.outline) for p in parts])
         glance = len(_visible(program, parts, _counts(areas, LEAST_DRAWN), GAP * sigma)[0]) / LEAST_DRAWN
         # every other sample of an even set is not even: their number has to be right at once
-        wanted = np.clip(areas.sum() / (APART * sigma) ** 2, LEAST_DRAWN, min(MOST_SAMPLES / max(glance, 1e-3), MOST_DRAWN))
+        wanted = np.clip(areas.sum() / (APART * sigma) ** 2, LEAST_DRAWN, min(most / max(glance, 1e-3), most / MOST_SAMPLES * MOST_DRAWN))
         points, normals = _visible(program, parts, _counts(areas, wanted), GAP * sigma)
         area = len(points) / wanted * float(areas.sum())
         thin = ~kernels.inside(program, points - GAP * sigma * normals)

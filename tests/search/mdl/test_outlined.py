@@ -17,9 +17,10 @@ BLOCK = box(60, 40, 8, (30, 20, 0))
 
 
 def test_numbers_of_an_outline_are_counted():
-    """Six vertices and six of arcs more: twelve vertices and six bulges, three for its plane, one height; five vertices on an axis."""
-    assert numbers(PLATE) == 12 * 2 + 6 + 3 + 1
-    assert numbers(PULLEY) == 5 * 2 + 4 + 1
+    """Eight vertices and two arcs, of which six lines along x or y join one coordinate each, two circles of three numbers each, four for
+    its plane and its turn, one height; five vertices, of which three level lines join one coordinate each, on an axis, and no angle."""
+    assert numbers(PLATE) == 8 * 2 + 2 - 6 + 2 * 3 + 4 + 1
+    assert numbers(PULLEY) == 5 * 2 - 3 + 4
 
 
 def test_the_outline_explains_its_cloud_better_than_its_box():

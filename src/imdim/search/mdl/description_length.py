@@ -11,8 +11,8 @@ import math
 import numpy as np
 
 from imdim.numbers.likelihood import Noise, SurfaceSamples, shares
-from imdim.program.outline import Outline
-from imdim.program.tree import SIZE_NAMES, Program, leaves
+from imdim.numbers.outline_coordinates import outline_coordinates
+from imdim.program.tree import FULL_TURN, SIZE_NAMES, Primitive, Program, leaves
 
 # numbers that say where a kind lies; of an outline its own say the rest
 PLACE = {"box": 6, "ellipsoid": 6, "sphere": 3, "cylinder": 5, "cone": 5, "torus": 5, "extrude": 3, "revolve": 4}
@@ -27,10 +27,17 @@ def description_length(program: Program, points: np.ndarray, noise: Noise, fitte
 
 
 def numbers(program: Program) -> int:
-    """How many numbers say where the primitives lie and how large they are."""
-    return sum(PLACE[p.kind] + len(SIZE_NAMES[p.kind]) + _drawn_numbers(p.outline) for p in leaves(program))
+    """How many numbers say where the primitives lie and how large they are; of an outline, what lies along an axis of its plane or on the
+    axis that it is turned about needs fewer."""
+    return sum(_numbers(leaf) for leaf in leaves(program))
 
 
-def _drawn_numbers(outline: Outline | None) -> int:
-    """Two for each vertex, and one for each arc."""
-    return 0 if outline is None else sum(2 + (bulge != 0) for loop in outline.loops for _, _, bulge in loop)
+def _numbers(leaf: Primitive) -> int:
+    if leaf.outline is None:
+        return PLACE[leaf.kind] + len(SIZE_NAMES[leaf.kind])
+    turned = leaf.kind == "revolve"
+    whole = turned and leaf.size[0] == FULL_TURN
+    free = outline_coordinates(leaf.outline, turned).count
+    # the coordinates of an extrusion's vertices tell how it is turned about its axis, unless some of them are one
+    spun = not turned and free < sum(2 + (bulge != 0) for loop in leaf.outline.loops for _, _, bulge in loop)
+    return PLACE[leaf.kind] + (not whole) + spun + free
