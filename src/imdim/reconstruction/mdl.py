@@ -36,7 +36,7 @@ MOST_POINTS = 8192
 QUICK_POINTS = 4096
 FITTED = 3  # starts whose numbers are fitted before one is chosen
 QUICK = EMConfig()
-CAREFUL = EMConfig(rounds=60, still=0.004, calmer=0.003)  # walls that blur thin or thicken slowly, as the noise grows or falls
+CAREFUL = EMConfig(rounds=60, still=0.004, calmer=0.003, samples=40_000)  # walls that blur thin or thicken slowly, as the noise grows or falls
 SAME = 2e-3  # nats per point, what the samples of the surface leave in doubt
 
 
@@ -155,6 +155,6 @@ def _hold_relations(likely: FittedProgram, points: np.ndarray, deadline: Deadlin
         return likely.program, ()
     plain = map_leaves(likely.program, lambda _, leaf: canonical(leaf))
     found = discover(plain, points, deadline)
-    after = shares(points, SurfaceSamples.of(found.program, likely.noise.sigma), likely.noise).nll
+    after = shares(points, SurfaceSamples.of(found.program, likely.noise.sigma, CAREFUL.samples), likely.noise).nll
     worth = 0.5 * len(found.constraints) * math.log(len(points)) / len(points)
     return (found.program, found.constraints) if after < likely.nll + worth else (likely.program, ())
