@@ -12,7 +12,8 @@ from imdim.detection.noise import ENOUGH_POINTS, EXACT
 from imdim.geometry.sampling import surface_points
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.cost import count
-from imdim.program.tree import Primitive
+from imdim.program.outline import Outline
+from imdim.program.tree import Primitive, leaves
 from imdim.reconstruction import mdl, methods
 from imdim.reconstruction.config import Settings
 from imdim.reconstruction.mdl import most_likely, reconstruct_unlabelled
@@ -50,6 +51,17 @@ def test_a_planted_part_comes_back_from_noise_and_strays(name, share):
     assert volume_iou(to_manifold(last.program), to_manifold(truth)) >= 0.96
     assert count(last.program).primitives <= 1.5 * count(truth).primitives
     assert not last.proof
+
+
+def test_a_turned_part_in_noise_is_one_outline_unless_csg_is_asked_for():
+    profile = Outline((((0, -20, 0), (18, -20, 0), (18, -5, 0), (7, 5, 0), (7, 20, 0), (0, 20, 0)),))
+    truth = Primitive("revolve", (360.0,), (3.0, -2.0, 5.0), (90.0, 0.0, 0.0), profile)
+    seen, frame = seen_of(cloud(truth, 0.005, outliers=0.02))
+    start = [Primitive("box", (0.1, 0.1, 0.1))]
+    drawn, plain = (frame.undo(most_likely(start, seen, NEVER, drawn=allowed).program) for allowed in (True, False))
+    assert [leaf.kind for leaf in leaves(drawn)] == ["revolve"]
+    assert volume_iou(to_manifold(drawn), to_manifold(truth)) > 0.975
+    assert all(leaf.outline is None for leaf in leaves(plain))
 
 
 def test_strays_do_not_widen_the_body():

@@ -18,7 +18,7 @@ from imdim.numbers.likelihood import Noise, SurfaceSamples, shares
 from imdim.numbers.symmetry_normal_form import canonical
 from imdim.program.constraints import Constraint
 from imdim.program.rewrite.simplify import reduce_program
-from imdim.program.tree import Program, leaves, map_leaves
+from imdim.program.tree import Primitive, Program, leaves, map_leaves
 from imdim.reconstruction.observation import Observation, UnitBody
 from imdim.reconstruction.policy_beam import proposals
 from imdim.relations.discover import discover
@@ -34,9 +34,12 @@ if TYPE_CHECKING:
 
 MOST_POINTS = 8192
 QUICK_POINTS = 4096
+MOST_DRAWN = 16  # outlines that the points show, of which more than one may go through the same walls
 FITTED = 3  # starts whose numbers are fitted before one is chosen
 QUICK = EMConfig()
-CAREFUL = EMConfig(rounds=60, still=0.004, calmer=0.003, samples=40_000)  # walls that blur thin or thicken slowly, as the noise grows or falls
+CAREFUL = EMConfig(
+    rounds=60, still=0.004, calmer=0.003, samples=40_000
+)  # walls that blur thin or thicken slowly, as the noise grows or falls
 SAME = 2e-3  # nats per point, what the samples of the surface leave in doubt
 
 
@@ -51,7 +54,7 @@ class NoisyFit:
 
 
 def reconstruct_unlabelled(
-    body: UnitBody, policy: Policy | None, choose_by: Deadline, fit_by: Deadline = NEVER, calm: bool = False
+    body: UnitBody, policy: Policy | None, choose_by: Deadline, fit_by: Deadline = NEVER, calm: bool = False, drawn: bool = False
 ) -> NoisyFit | None:
     """A program of a noisy cloud of which detection cannot tell the inside, from its points and the policy's beam; both in the unit frame.
 
@@ -64,32 +67,37 @@ def reconstruct_unlabelled(
     found = [p.program for p in proposals(policy, points, noise.sigma, deadline=choose_by)]
     if not found or not noise.blurs:
         return NoisyFit(found[0], (), choose_by.has_passed()) if found else None
-    return _NoisyCloud.of(points, noise.sigma).find_shortest(found, choose_by, fit_by)
+    return _NoisyCloud.of(points, noise.sigma, drawn=drawn).find_shortest(found, choose_by, fit_by)
 
 
-def most_likely(programs: Sequence[Program], seen: Observation, choose_by: Deadline, fit_by: Deadline = NEVER) -> NoisyFit:
+def most_likely(
+    programs: Sequence[Program], seen: Observation, choose_by: Deadline, fit_by: Deadline = NEVER, drawn: bool = False
+) -> NoisyFit:
     """The program that tells a noisy cloud in the shortest description, with the relations that the points support.
 
     `programs`, of which the last is tried in any case, are where the search for it starts; all lend their primitives.
-    The search ends at `choose_by`, and the numbers of its program are fitted until `fit_by` (by default to the end).
+    Outlines are among
+    them if they may be `drawn`. The search ends at `choose_by`, and the numbers of its program are fitted until `fit_by` (by default to
+    the end).
     """
     shared = find_shared_axes([p.surface.axis for p in seen.patches], [p.area for p in seen.patches])
-    return _NoisyCloud.of(seen.target.points, seen.noise.sigma, shared).find_shortest(programs, choose_by, fit_by)
+    return _NoisyCloud.of(seen.target.points, seen.noise.sigma, shared, drawn=drawn).find_shortest(programs, choose_by, fit_by)
 
 
 @dataclass(frozen=True)
 class _NoisyCloud:
-    """A noisy cloud: points [n, 3], the deviation of their noise, the part's directions as columns [3, 3]."""
+    """A noisy cloud: points [n, 3], the deviation of their noise, the part's directions as columns [3, 3]; outlines if `drawn`."""
 
     points: np.ndarray
     sigma: float
     axes: np.ndarray
+    drawn: bool
 
     @staticmethod
-    def of(points: np.ndarray, sigma: float, *known: np.ndarray) -> _NoisyCloud:
+    def of(points: np.ndarray, sigma: float, *known: np.ndarray, drawn: bool) -> _NoisyCloud:
         """With the clearest of the directions: those `known` from surfaces, those of the points, and the given axes."""
         frames = [*known, main_axes(points[:QUICK_POINTS]), np.eye(3)]
-        return _NoisyCloud(points, sigma, clearest_axes(points, frames, 2 * sigma))
+        return _NoisyCloud(points, sigma, clearest_axes(points, frames, 2 * sigma), drawn)
 
     @cached_property
     def quick(self) -> np.ndarray:
@@ -105,8 +113,8 @@ class _NoisyCloud:
 
     def find_shortest(self, programs: Sequence[Program], choose_by: Deadline, fit_by: Deadline) -> NoisyFit:
         """The program with the shortest description, by a search from one primitive, then from the best of `programs`, then from both."""
-        found = outlines(self.points, self.axes, self.sigma, deadline=choose_by)
-        found = distinct(found, self._cloud) if found else []
+        found = outlines(self.points, self.axes, self.sigma, deadline=choose_by, drawn=self.drawn)
+        found = self._best_drawn(distinct(found, self._cloud)) if found else []
         seen = [*found, *compounds(found, self._cloud, self.sigma)]
         candidates = [*seen, *dict.fromkeys(leaf for p in programs for leaf in leaves(p))]
         best = self._search(programs, candidates, choose_by)
@@ -115,6 +123,13 @@ class _NoisyCloud:
         shorter = reduce_program(best.program, deadline=fit_by)
         program, constraints = _hold_relations(_fit(shorter, points, best.noise, fit_by, CAREFUL), points, fit_by)
         return NoisyFit(program, constraints, cut or fit_by.has_passed())
+
+    def _best_drawn(self, found: Sequence[Primitive]) -> list[Primitive]:
+        """Without all but the MOST_DRAWN outlines that alone describe the points in the shortest way."""
+        rough = FittedProgram(found[0], Noise(self.sigma), np.inf, 0)
+        drawn = [p for p in found if p.outline is not None]
+        kept = set(best_by_mdl(drawn, self._draws, rough, MOST_DRAWN)) if len(drawn) > MOST_DRAWN else set(drawn)
+        return [p for p in found if p.outline is None or p in kept]
 
     def _search(self, programs: Sequence[Program], candidates: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The result of two searches with the shorter description. What grows from one primitive is quick and stays short; of `programs`,

@@ -323,7 +323,7 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
     last = _state(simple, seen, frame)
     yield last
     if settings.solver:
-        fitted, found = _solve(simple, seen, choose_by, fit_by)
+        fitted, found = _solve(simple, seen, choose_by, fit_by, settings.language == "cad")
         last = _state(fitted, seen, frame)
         found = None if found is None else scale_constraints(found, 1 / frame.scale)
         last = replace(last, program=snap_numbers(last.program, seen, frame, fit_by), found=found)
@@ -343,12 +343,14 @@ def _state(step: MethodStep, seen: Observation, frame: Frame) -> _BodyState:
     return _BodyState(step.stage, frame.undo(step.program), error, volume, measure, front, step.proof, step.stop)
 
 
-def _solve(step: MethodStep, seen: Observation, choose_by: Deadline, fit_by: Deadline) -> tuple[MethodStep, tuple[Constraint, ...] | None]:
+def _solve(
+    step: MethodStep, seen: Observation, choose_by: Deadline, fit_by: Deadline, drawn: bool
+) -> tuple[MethodStep, tuple[Constraint, ...] | None]:
     """The step with fitted numbers; of a noisy cloud with a program of other primitives perhaps, which no proof is of, and with the
     relations that its points support."""
     if not seen.noisy:
         return replace(step, stage="solve", program=fit_numbers(step.program, seen, fit_by)), None
-    told = most_likely([*step.others, step.program], seen, choose_by, fit_by)
+    told = most_likely([*step.others, step.program], seen, choose_by, fit_by, drawn)
     return replace(step, stage="solve", program=told.program, proof="").cut_if(told.cut), told.constraints
 
 
@@ -366,7 +368,9 @@ def _guess(body: UnitBody, work: _Work, share: float, cut: bool) -> tuple[Method
     if not (cut or work.guesses):
         return None
     asked = work.guesses and (work.settings.method == "policy" or time_to_propose(work.budget))
-    told = reconstruct_unlabelled(body, work.policy() if asked else None, *_times(work.budget, share), calm=cut)
+    told = reconstruct_unlabelled(
+        body, work.policy() if asked else None, *_times(work.budget, share), calm=cut, drawn=work.settings.language == "cad"
+    )
     if told is None:
         return None
     step = MethodStep("policy", told.program, UNKNOWN, proof=NO_TIME if cut else NO_INSIDE)

@@ -24,6 +24,7 @@ from imdim.program.paths import leaf_paths, without
 from imdim.program.sequence import SignedSequence, Step, map_terms, to_program, to_sequence
 from imdim.program.tree import Combine, Primitive, Program
 from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PartTableCache, PointScene
+from imdim.search.mdl.candidates.drawn import redraw
 from imdim.search.mdl.candidates.residual import alternatives, hollows, missing, trim
 from imdim.search.mdl.candidates.rim import rims
 from imdim.search.mdl.candidates.shell_slot import shells, stadiums
@@ -138,6 +139,7 @@ class _Changes:
                     *alternatives(cloud.points[own], axes, cloud),
                     *_taper(part),
                     *stadiums(part, sigma),
+                    *redraw(part),
                 ]
                 if op == "union" and own.any():
                     out += [*_hollow(part, value[own], cloud, sigma), *rims(part, cloud.points, sigma)]

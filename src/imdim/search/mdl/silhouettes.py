@@ -16,6 +16,7 @@ from imdim.deadline import NEVER, Deadline
 from imdim.geometry.rotations import frame_from_axis
 from imdim.geometry.sampling import subsample
 from imdim.program.tree import Primitive
+from imdim.search.mdl.candidates.drawn import extruded_outlines, turned_outlines
 from imdim.search.mdl.candidates.residual import place
 from imdim.search.mdl.curve_ransac import (
     BAND,
@@ -67,8 +68,10 @@ class _View:
         return out
 
 
-def outlines(points: np.ndarray, axes: np.ndarray, sigma: float, seed: int = 0, deadline: Deadline = NEVER) -> list[Primitive]:
-    """Cylinders, cones and boxes for `points` [n, 3] with noise of deviation `sigma`, of which some may be wrong.
+def outlines(
+    points: np.ndarray, axes: np.ndarray, sigma: float, seed: int = 0, deadline: Deadline = NEVER, drawn: bool = False
+) -> list[Primitive]:
+    """Cylinders, cones and boxes for `points` [n, 3] with noise of deviation `sigma`, if `drawn` solids of outlines too; some may be wrong.
 
     `axes` [3, 3] has the part's directions as columns. Past the `deadline` (by default never) nothing more is looked for.
     """
@@ -88,8 +91,12 @@ def outlines(points: np.ndarray, axes: np.ndarray, sigma: float, seed: int = 0, 
                 found.append(center)
         # a cone casts no circle
         middle = np.quantile(local[:, view.across], OUTERMOST, axis=0).mean(0)
-        for center in _apart([*_apart(found, 2 * sigma)[:MOST_LINES], middle], 2 * sigma):
+        centers = _apart([*_apart(found, 2 * sigma)[:MOST_LINES], middle], 2 * sigma)
+        for center in centers:
             out += [] if deadline.has_passed() else _profile(view, center, rng)
+        if drawn and not deadline.has_passed():
+            out += turned_outlines(points, axes, k, centers, sigma)
+            out += extruded_outlines(points, axes, k, _levels(local[:, k], sigma), sigma, deadline)
     return out
 
 

@@ -1,0 +1,138 @@
+"""Outlines that a noisy cloud shows: turned about axes, from all points by radius and height, and extruded, from those between two levels.
+
+A wall stands on its outline in both views, whatever its shape; `curve_tracing` finds the closed curves, `curve_fitting` draws them.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from itertools import combinations, product
+from operator import itemgetter
+
+import numpy as np
+from scipy import ndimage
+
+from imdim.deadline import NEVER, Deadline
+from imdim.geometry import kernels
+from imdim.geometry.lowering import Outlines
+from imdim.geometry.rotations import euler_from_matrix, frame_from_axis
+from imdim.geometry.surface import vec
+from imdim.numbers.outline_coordinates import center_leaf
+from imdim.program.outline import Loop, Outline, check_crossings, loop_area
+from imdim.program.plain_outlines import to_simple
+from imdim.program.tree import FULL_TURN, Primitive
+from imdim.search.mdl.curve_fitting import fit_outline
+from imdim.search.mdl.curve_tracing import find_sides, trace_borders
+
+SECTORS = 12  # of a turn
+ALL_AROUND = 0.6  # of the sectors that so many points would fill: what is turned
+BESIDE = 2.0  # deviations of the noise about a level or an axis that hide what else is there
+FEWEST = 120  # points that show an outline
+MOST_LEVELS = 6  # of which all pairs are looked at
+BORNE = 0.5  # share of an outline's points, and of the points meant, that must be near one another
+NEAR = 2.5  # deviations of the noise
+MOST_REDRAWN = 6
+
+
+def turned_outlines(points: np.ndarray, axes: np.ndarray, k: int, centers: Iterable[np.ndarray], sigma: float) -> Iterator[Primitive]:
+    """Solids turned about lines along column `k` of `axes` [3, 3] through the `centers` [2] in the other two."""
+    frame, local = frame_from_axis(axes[:, k]), points @ axes
+    across = [(k + 1) % 3, (k + 2) % 3]
+    for center in centers:
+        arm = local[:, across] - center
+        profile = np.column_stack([np.hypot(*arm.T), local[:, k]])
+        profile = profile[_is_all_around(profile, np.arctan2(arm[:, 1], arm[:, 0]), sigma)]
+        for outline in _draw(profile, sigma, turned=True):
+            middle = np.zeros(3)
+            middle[across] = center
+            leaf = Primitive("revolve", (FULL_TURN,), vec(axes @ middle), euler_from_matrix(frame), outline)
+            yield simplest(leaf)
+
+
+def extruded_outlines(
+    points: np.ndarray, axes: np.ndarray, k: int, levels: list[float], sigma: float, deadline: Deadline = NEVER
+) -> Iterator[Primitive]:
+    """Solids extruded along column `k` of `axes` [3, 3] between two of the `levels`, given in their order."""
+    frame = np.roll(axes, -(k + 1), axis=1)
+    frame = frame * np.array([1.0, 1.0, np.sign(np.linalg.det(frame))])
+    local, side = points @ frame, frame[:, 2] @ axes[:, k]
+    levels = sorted(float(side) * level for level in levels)
+    pairs = [*combinations(range(len(levels)), 2)]
+    if len(levels) > MOST_LEVELS:
+        pairs = [(i, j) for i, j in pairs if j == i + 1 or (i == 0 and j == len(levels) - 1)]
+    off = np.abs(local[:, 2, None] - np.array(levels)).min(1, initial=np.inf) > BESIDE * sigma
+    for i, j in pairs:
+        if deadline.has_passed():
+            return
+        between = off & (local[:, 2] > levels[i]) & (local[:, 2] < levels[j])
+        drawn = _draw(local[between, :2], sigma, turned=False)
+        heights = [(levels[i], levels[j])]
+        if i > 0 or j < len(levels) - 1:
+            heights.append((levels[0], levels[-1]))
+        for outline, (bottom, top) in product(drawn, heights):
+            center = frame[:, 2] * (bottom + top) / 2
+            yield simplest(Primitive("extrude", (top - bottom,), vec(center), euler_from_matrix(frame), outline))
+
+
+def redraw(leaf: Primitive) -> Iterator[Primitive]:
+    """The leaf with an outline of one vertex fewer, of one arc drawn straight, or without a hole: what changes it least."""
+    if leaf.outline is None:
+        return
+    loops, options = leaf.outline.loops, list[tuple[float, tuple[Loop, ...]]]()
+    for i, loop in enumerate(loops):
+        before, behind = loops[:i], loops[i + 1 :]
+        options += [(far, (*before, new, *behind)) for far, new in _plainer(loop)]
+        options += [(abs(loop_area(loop)) ** 0.5, before + behind)] if len(loops) > 1 else []
+    for _, option in heapq.nsmallest(MOST_REDRAWN, options, key=itemgetter(0)):
+        try:
+            outline = Outline(option)
+            check_crossings(outline)
+            yield simplest(replace(leaf, outline=outline))
+        except ValueError:
+            continue
+
+
+def _plainer(loop: Loop) -> Iterator[tuple[float, Loop]]:
+    """The loop without one of its vertices or with one arc drawn straight, and how far that moves it."""
+    for k, (x, y, bulge) in enumerate(loop):
+        (ax, ay, _), (bx, by, _) = loop[k - 1], loop[(k + 1) % len(loop)]
+        if len(loop) > 3:
+            chord = max(math.dist((ax, ay), (bx, by)), 1e-300)
+            yield abs((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / chord, loop[:k] + loop[k + 1 :]
+        if bulge:
+            yield abs(bulge) * math.dist((x, y), (bx, by)) / 2, (*loop[:k], (x, y, 0.0), *loop[k + 1 :])
+
+
+def simplest(leaf: Primitive) -> Primitive:
+    """One of the six kinds that numbers alone describe, where an outline is one of them."""
+    leaf = center_leaf(leaf)
+    return to_simple(leaf) or leaf
+
+
+def _is_all_around(profile: np.ndarray, angle: np.ndarray, sigma: float) -> np.ndarray:
+    """Mask [n] of the points whose neighbours in the `profile` [n, 2] lie all around the axis."""
+    cell = np.floor((profile - profile.min(0)) / (BESIDE * sigma)).astype(int)
+    sector = np.minimum(((angle / (2 * np.pi) + 0.5) * SECTORS).astype(int), SECTORS - 1)
+    count = np.zeros((*(cell.max(0) + 1), SECTORS))
+    np.add.at(count, (cell[:, 0], cell[:, 1], sector), 1)
+    count = ndimage.convolve(count, np.ones((3, 3, 1)), mode="constant")
+    filled, total = (count > 0.5).sum(2), count.sum(2)
+    share = filled / (SECTORS * (1 - (1 - 1 / SECTORS) ** np.maximum(total, 1.0)))
+    return share[cell[:, 0], cell[:, 1]] > ALL_AROUND
+
+
+def _draw(points: np.ndarray, sigma: float, turned: bool) -> list[Outline]:
+    """The outlines that `points` [n, 2] of a plane may show; none where few of them do, or it shows in few."""
+    if len(points) < FEWEST:
+        return []
+    weight = 1 / np.maximum(points[:, 0], BESIDE * sigma) if turned else np.ones(len(points))
+    found = find_sides(points, weight, sigma, turned)
+    fitted = (fit_outline(trace_borders(sides), sides.cell, points, sigma, turned) for sides in found)
+    return [outline for outline in dict.fromkeys(fitted) if outline and _share_near(outline, points, NEAR * sigma) > BORNE]
+
+
+def _share_near(outline: Outline, points: np.ndarray, reach: float) -> float:
+    return float((np.abs(kernels.outline_sdf(Outlines.pack([outline]).curves, points)) < reach).mean())

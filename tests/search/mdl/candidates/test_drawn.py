@@ -1,0 +1,73 @@
+"""Outlines proposed from noisy points: turned and extruded solids come back, and plainer ones are offered."""
+
+import numpy as np
+import pytest
+
+from imdim.geometry.sampling import surface_points
+from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.program.outline import Outline, circle
+from imdim.program.tree import Primitive
+from imdim.search.mdl.candidates.drawn import extruded_outlines, redraw, turned_outlines
+
+NOZZLE = Primitive(
+    "revolve",
+    (360.0,),
+    (3.0, -2.0, 5.0),
+    (90.0, 0.0, 0.0),
+    Outline((((0, -20, 0), (18, -20, 0), (18, -5, 0), (7, 5, 0), (7, 20, 0), (0, 20, 0)),)),
+)
+ANGLE = Primitive(
+    "extrude",
+    (30.0,),
+    (0.0, 0.0, 2.0),
+    (0.0, 0.0, 0.0),
+    Outline((((-30, -20, 0), (30, -20, 0), (30, -8, 0), (-18, -8, 0), (-18, 20, 0), (-30, 20, 0)), circle(3, 20, -14))),
+)
+
+
+def cloud(leaf, sigma, count=8000):
+    rng = np.random.default_rng(0)
+    points, _ = surface_points(leaf, count, rng)
+    stray = rng.permutation(count)[: count // 50]
+    points[stray] = rng.uniform(points.min(0), points.max(0), (len(stray), 3))
+    return points + rng.normal(0, sigma, points.shape)
+
+
+def best_iou(found, leaf):
+    return max(volume_iou(to_manifold(p), to_manifold(leaf)) for p in found)
+
+
+def test_a_turned_part_is_one_outline():
+    sigma = 0.3
+    found = [*turned_outlines(cloud(NOZZLE, sigma), np.eye(3), 1, [np.array([5.0, 3.0])], sigma)]
+    assert best_iou(found, NOZZLE) > 0.97
+    best = max(found, key=lambda p: best_iou([p], NOZZLE))
+    assert best.outline is not None
+    assert best.outline.curve_count <= 8
+
+
+def test_an_extrusion_between_two_levels_is_one_outline():
+    sigma = 0.3
+    found = [*extruded_outlines(cloud(ANGLE, sigma), np.eye(3), 2, [-13.0, 17.0], sigma)]
+    assert best_iou(found, ANGLE) > 0.95
+
+
+def test_what_does_not_go_all_around_is_not_turned():
+    sigma = 0.3
+    block = Primitive("box", (60.0, 40.0, 30.0))
+    assert best_iou([*turned_outlines(cloud(block, sigma), np.eye(3), 2, [np.zeros(2)], sigma), ANGLE], block) < 0.9
+
+
+def test_plainer_outlines_are_offered_the_nearest_first():
+    notched = Outline((((0, 0, 0), (10, 0, 0), (10.2, 5, 0), (10, 10, 0), (0, 10, 0)), circle(1, 5, 5)))
+    offered = [*redraw(Primitive("extrude", (4.0,), outline=notched))]
+    assert offered[0].outline is not None
+    assert offered[0].outline.loops[0] == tuple((x - 5.1 + 0.1, y - 5, b) for x, y, b in ((0, 0, 0), (10, 0, 0), (10, 10, 0), (0, 10, 0)))
+    assert any(p.outline is not None and len(p.outline.loops) == 1 for p in offered)
+    assert [*redraw(Primitive("box", (1.0, 1.0, 1.0)))] == []
+
+
+def test_a_rectangle_becomes_a_box():
+    five = Outline((((0, 0, 0), (10, 0, 0), (10, 5, 0), (10, 8, 0), (0, 8, 0)),))
+    boxes = [p for p in redraw(Primitive("extrude", (4.0,), outline=five)) if p.kind == "box"]
+    assert boxes[0].size == pytest.approx((10, 8, 4))
