@@ -28,6 +28,7 @@ from imdim.search.mdl.description_length import description_length
 from imdim.search.mdl.primitive_selection import Cloud, distinct
 from imdim.search.mdl.search import REFIT, best_by_mdl, search_shortest, tables_of_subsample
 from imdim.search.mdl.silhouettes import outlines
+from imdim.target.target import sample_surface
 
 if TYPE_CHECKING:
     from imdim.learn.policy import Policy
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 MOST_POINTS = 8192
 QUICK_POINTS = 4096
 MOST_DRAWN = 16  # outlines that the points show, of which more than one may go through the same walls
+SCANNED = 1000  # points of a scanned mesh
+DEVIATION = 4e-3  # of its diagonal, by which real things leave what was drawn
 FITTED = 3  # starts whose numbers are fitted before one is chosen
 QUICK = EMConfig()
 CAREFUL = EMConfig(
@@ -68,6 +71,23 @@ def reconstruct_unlabelled(
     if not found or not noise.blurs:
         return NoisyFit(found[0], (), choose_by.has_passed()) if found else None
     return _NoisyCloud.of(points, noise.sigma, drawn=drawn).find_shortest(found, choose_by, fit_by)
+
+
+def reconstruct_scan(
+    body: UnitBody, policy: Policy | None, rng: np.random.Generator, choose_by: Deadline, fit_by: Deadline, drawn: bool
+) -> NoisyFit | None:
+    """A program of a scanned mesh in its unit frame, from points of its surface; None where nothing is left of them.
+
+    Rounded edges, bulges and dents of a real thing are no features: they count as noise, and since they go on over many facets, few points
+    say as much of it as many do. Time as for `most_likely`.
+    """
+    mesh = body.target.mesh
+    if mesh is None:
+        return None
+    points, _ = sample_surface(mesh.vertices, np.asarray(mesh.faces), SCANNED, rng)
+    sigma = max(body.noise.sigma, DEVIATION)
+    found = [p.program for p in proposals(policy, points, sigma, deadline=choose_by)]
+    return _NoisyCloud.of(points, sigma, drawn=drawn).find_shortest(found, choose_by, fit_by) if found else None
 
 
 def most_likely(

@@ -13,8 +13,9 @@ from imdim.deadline import NEVER, Deadline
 from imdim.detection.cloud_surfaces import detect_cloud
 from imdim.detection.faceting import volume_between
 from imdim.detection.implied_planes import closing_planes
+from imdim.detection.mesh_noise import measure_mesh_noise
 from imdim.detection.mesh_surfaces import detect_patches
-from imdim.detection.noise import EXACT, NoiseModel, measure_noise
+from imdim.detection.noise import NoiseModel, measure_noise
 from imdim.geometry import kernels
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.geometry.surface import Patch, Surface
@@ -53,11 +54,17 @@ class UnitBody:
     def of(unit: Target, rng: np.random.Generator, patches: list[Patch] | None = None) -> UnitBody:
         """A body that is in its unit frame, with its noise measured, and the `patches` of a mesh if they are known."""
         if unit.mesh is not None:
-            return UnitBody(unit, EXACT, patches)
+            patches = detect_patches(unit.mesh) if patches is None else patches
+            return UnitBody(unit, measure_mesh_noise(patches, float(np.sqrt(unit.mesh.area / len(unit.mesh.faces)))), patches)
         noise, kept = measure_noise(unit.points, rng)
         if len(kept) < len(unit.points):
             unit = replace(unit, points=unit.points[kept], normals=None if unit.normals is None else unit.normals[kept])
         return UnitBody(unit, noise)
+
+    @property
+    def scanned(self) -> bool:
+        """Whether this is a mesh that noise shook."""
+        return self.target.mesh is not None and self.noise.sigma > 0
 
 
 @dataclass(frozen=True)

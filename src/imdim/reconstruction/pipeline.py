@@ -16,11 +16,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
+from manifold3d import Manifold
 
 from imdim.deadline import Deadline
 from imdim.detection.blends import Chain
 from imdim.geometry.finish.overshoot import without_strays
-from imdim.geometry.solid import to_manifold
+from imdim.geometry.solid import mesh_to_manifold, to_manifold
 from imdim.install import install_command
 from imdim.program.constraints import Constraint, scale_constraints
 from imdim.program.cost import CURVE_PRICES, count, weigh
@@ -35,7 +36,7 @@ from imdim.reconstruction.config import LEARNING, ConfigError, Settings, check_c
 from imdim.reconstruction.edge_features import SetAside, describe_kept, find_edge_features, place_chain, set_edges_aside
 from imdim.reconstruction.fitting import find_relations, fit_numbers, snap_numbers
 from imdim.reconstruction.hole_ends import complete_holes
-from imdim.reconstruction.mdl import most_likely, reconstruct_unlabelled
+from imdim.reconstruction.mdl import most_likely, reconstruct_scan, reconstruct_unlabelled
 from imdim.reconstruction.methods import CUT, METHODS, Method, MethodStep, PolicyOf, Run, evolve_from, time_to_propose
 from imdim.reconstruction.observation import Observation, UnitBody, UnseenError, observe
 from imdim.reconstruction.policy_beam import load, load_if_any
@@ -50,6 +51,7 @@ MOST_JOINT = 8  # bodies
 GUESSING = ("auto", "policy")  # methods that may answer from the points alone where detection sees no inside
 UNKNOWN = 1.0  # error of a program whose body shows no inside
 NO_INSIDE = "not proved: the noisy cloud shows no inside, this is a guess from its points alone"
+SCANNED = "not proved: the mesh is a scan, its program is the likeliest by points of its surface"
 NO_TIME = "not proved: time ran out before the cloud showed its inside, this is a guess from its points alone"
 NO_TIME_LEFT = "not proved: time ran out"
 JOINT_ERROR = 2e-3  # of the volume, that a shorter program of all bodies at once may cost
@@ -294,6 +296,10 @@ def _body(body: Target, work: _Work, share: float = 1.0) -> Iterator[_BodyState]
 def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, share: float) -> Iterator[_BodyState]:
     """Programs of one body as it is `observed` in its unit frame."""
     budget, settings = work.budget, work.settings
+    solid = _solid_of(observed) if observed.scanned and work.guesses else None
+    if solid is not None and (state := _scanned_body(observed, solid, frame, work, share)) is not None:
+        yield state
+        return
     try:
         detect_by, label_by = budget.part_of("detect", share), budget.part_of("label", share)
         outlines, curve = settings.language == "cad", CURVE_PRICES[settings.objective]
@@ -329,6 +335,31 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
         last = replace(last, program=snap_numbers(last.program, seen, frame, fit_by), found=found)
     cut = seen.cut or fit_by.has_passed()
     yield _finish_state(replace(last, stop=CUT) if cut else last, step.others, seen, frame, budget)
+
+
+def _solid_of(observed: UnitBody) -> Manifold | None:
+    """The solid that a body's mesh bounds, if it bounds one."""
+    try:
+        return None if observed.target.mesh is None else mesh_to_manifold(observed.target.mesh)
+    except ValueError:
+        return None
+
+
+def _scanned_body(observed: UnitBody, solid: Manifold, frame: Frame, work: _Work, share: float) -> _BodyState | None:
+    """The program of a scanned body, judged by the points of its surface; its error is the volume in which it differs from the solid."""
+    policy = work.policy() if time_to_propose(work.budget) else None
+    told = reconstruct_scan(observed, policy, work.rng, *_times(work.budget, share), work.settings.language == "cad")
+    if told is None:
+        return None
+
+    def measure(program: Program) -> float:
+        made = to_manifold(frame.apply(program))
+        return ((made - solid).volume() + (solid - made).volume()) / solid.volume()
+
+    program = frame.undo(told.program)
+    error = measure(program)
+    state = _BodyState("solve", program, error, solid.volume() / frame.scale**3, measure, (Choice(program, error),), SCANNED)
+    return replace(state, stop=CUT if told.cut else "finished", found=scale_constraints(told.constraints, 1 / frame.scale))
 
 
 def _state(step: MethodStep, seen: Observation, frame: Frame) -> _BodyState:

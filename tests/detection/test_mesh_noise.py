@@ -1,0 +1,53 @@
+"""The noise of meshes: none of a drawn part, however fine its facets, and that of one whose corners were shaken."""
+
+import numpy as np
+import pytest
+import trimesh
+from tests.planted import PARTS, mesh_of
+
+from imdim.deadline import NEVER
+from imdim.detection.mesh_noise import measure_mesh_noise
+from imdim.detection.mesh_surfaces import detect_patches
+from imdim.detection.noise import EXACT
+from imdim.program.cost import count
+from imdim.program.tree import leaves
+from imdim.reconstruction.mdl import reconstruct_scan
+from imdim.reconstruction.observation import UnitBody
+from imdim.target.target import in_unit_frame, target_from
+
+
+def shaken_block(sigma):
+    """A block of 60 x 40 x 30 in some 1,500 triangles, with corners moved by `sigma`."""
+    mesh = trimesh.creation.box((60.0, 40.0, 30.0))
+    while len(mesh.faces) < 1500:
+        mesh = mesh.subdivide()
+    moved = mesh.vertices + np.random.default_rng(0).normal(0, sigma, mesh.vertices.shape)
+    return trimesh.Trimesh(moved, mesh.faces)
+
+
+def body_of(mesh):
+    unit, frame = in_unit_frame(target_from(mesh))
+    return UnitBody.of(unit, np.random.default_rng(0)), frame
+
+
+@pytest.mark.parametrize("name", ["L bracket", "plate with four holes"])
+def test_a_drawn_part_has_no_noise(name):
+    body, _ = body_of(mesh_of(PARTS[name]))
+    assert body.noise is EXACT
+    assert not body.scanned
+
+
+def test_a_fine_mesh_of_a_drawn_part_has_no_noise():
+    assert measure_mesh_noise(detect_patches(shaken_block(0.0)), 0.01) is EXACT
+    assert measure_mesh_noise([], 0.01) is EXACT
+
+
+def test_a_shaken_block_is_a_scan_and_comes_back_as_one():
+    body, frame = body_of(shaken_block(0.15))
+    assert body.scanned
+    told = reconstruct_scan(body, None, np.random.default_rng(0), NEVER, NEVER, drawn=True)
+    assert told is not None
+    program = frame.undo(told.program)
+    assert count(program).primitives == 1
+    (leaf,) = leaves(program)
+    assert sorted(leaf.size) == pytest.approx([30, 40, 60], abs=0.4)
