@@ -15,7 +15,7 @@ from imdim.numbers.em import EMConfig, clip_program, maximise_likelihood
 from imdim.numbers.likelihood import Noise
 from imdim.numbers.refine import refine
 from imdim.numbers.shared_rotations import align_rotations, frames, map_shared_turns
-from imdim.program.outline import Outline, are_near
+from imdim.program.outline import Outline, are_near, check_crossings, circle
 from imdim.program.tree import Primitive, leaves, map_leaves
 
 RING = cut(cylinder(20, 6), cylinder(15, 12))
@@ -179,3 +179,14 @@ def test_more_samples_keep_the_ends_of_thin_walls():
         (_, low), (_, high) = leaf.outline.bounds
         heights.append(high - low)
     assert abs(heights[1] - 42) < 0.6 * abs(heights[0] - 42)
+
+
+def test_no_step_makes_an_outline_cross_itself():
+    """Two holes of an outline, of a part in which they are one."""
+    around = ((-20, -15, 0.0), (20, -15, 0.0), (20, 15, 0.0), (-20, 15, 0.0))
+    start = Primitive("extrude", (10.0,), outline=Outline((around, circle(6, -6.6), circle(6, 6.6))))
+    truth = cut(box(40, 30, 10), cylinder(6, 20, (-5.0, 0.0, 0.0)), cylinder(6, 20, (5.0, 0.0, 0.0)))
+    found = maximise_likelihood(start, cloud(truth, sigma=0.8), Noise(0.8))
+    (leaf,) = leaves(found.program)
+    assert leaf.outline is not None
+    check_crossings(leaf.outline)

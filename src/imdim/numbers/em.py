@@ -22,6 +22,7 @@ from imdim.numbers.likelihood import MOST_SAMPLES, Noise, Share, SurfaceSamples,
 from imdim.numbers.normal_equations import blocks
 from imdim.numbers.outline_coordinates import OutlineCoordinates, center_leaf, outline_coordinates
 from imdim.numbers.shared_rotations import TURNS, align_rotations, frames, map_shared_turns
+from imdim.program.outline import check_crossings
 from imdim.program.tree import Primitive, Program, leaves, map_leaves
 
 MOST_LET_THROUGH = 40  # leaves; the booleans that ask which ends only just meet grow with the square
@@ -205,11 +206,12 @@ def _in_plane(
 
 
 def _move_outlines(program: Program, drawn: list[tuple[int, OutlineCoordinates, int]], step: np.ndarray) -> tuple[Program, Outlines]:
-    """The program and its outlines after a step; an outline that would bound nothing stays."""
+    """The program and its outlines after a step; an outline that would bound nothing or cross itself stays."""
     after = {i: c.outline for i, c, _ in drawn}
     for i, coordinates, first in drawn:
         try:
             moved = coordinates.move(step[first : first + coordinates.count])
+            check_crossings(moved)
             low, _ = moved.bounds
             if low[0] >= 0 or coordinates.outline.bounds[0][0] < 0:
                 after[i] = moved
