@@ -83,6 +83,25 @@ def test_the_results_are_written_and_named(part, tmp_path, capsys):
     assert (stages["seeding"], stages["search"]) == pytest.approx((0.25, 1.25))
 
 
+def test_lengths_in_inches_are_written_in_millimetres(part, tmp_path, capsys):
+    def larger_found(target, settings, rng):
+        assert target.mesh.extents == pytest.approx((25.4, 50.8, 76.2))
+        assert target.mesh.bounds[0] == pytest.approx((-12.7, -25.4, 0.0))
+        yield Snap("search", Primitive("box", (25.4, 50.8, 76.2), (0.0, 0.0, 38.1)), 0.0, 1.5, "finished")
+
+    out = tmp_path / "out"
+    assert run(lambda: Settings(input=str(part), output=str(out), units="inch", origin="base"), larger_found) == 0
+    said = capsys.readouterr().err
+    assert "imdim: box.stl: Lengths are read as inches: each becomes 25.4 millimetres.\n" in said
+    assert "imdim: box.stl: Moved by 0, 0, 38.1: origin=base.\n" in said
+    report, program = (json.loads((out / name).read_text()) for name in ("report.json", "program.json"))
+    assert report["scores"]["volume_iou"] == pytest.approx(1.0)
+    assert (report["target"]["units"], program["units"]) == ("millimeter", "millimeter")
+    assert trimesh.load_mesh(out / "mesh.stl").extents == pytest.approx((25.4, 50.8, 76.2))
+    assert run(lambda: Settings(input=str(part), output=str(tmp_path / "plain")), box_found) == 0
+    assert json.loads((tmp_path / "plain" / "program.json").read_text())["units"] == "unspecified"
+
+
 def test_features_and_curves_are_told_where_there_are_outlines(tmp_path, capsys):
     part = tmp_path / "bracket.stl"
     to_trimesh(to_manifold(BORED)).export(part)

@@ -104,6 +104,14 @@ def test_copies_have_names_of_their_own_and_blends_are_one_node(tmp_path):
     )
 
 
+def test_3mf_says_the_units_of_the_program(tmp_path):
+    write_meshes(to_manifold(KNOWN["box"][0]), tmp_path, units="inch")
+    with zipfile.ZipFile(tmp_path / "mesh.3mf") as package:
+        assert b'unit="inch"' in package.read("3D/3dmodel.model")
+    inches = to_manifold(KNOWN["box"][0]).volume()
+    assert load_target(tmp_path / "mesh.3mf").mesh.volume == pytest.approx(25.4**3 * inches)
+
+
 def test_a_3mf_has_an_object_for_each_body_with_its_name(tmp_path):
     apart = union(box(5, 5, 48, (40.0, 0.0, 0.0)), box(10, 20, 30))
     write_meshes(to_manifold(apart), tmp_path, NamedFeatures.of('a "b" <c>', apart))

@@ -13,7 +13,8 @@ from imdim.export.step import StepError, read_step, step_volume, to_shape, write
 from imdim.export.step_booleans import ocp
 from imdim.geometry.finish.overshoot import overshoot
 from imdim.geometry.solid import volume
-from imdim.program.codec import dumps
+from imdim.program.codec import Meta, dumps
+from imdim.program.edges import EdgeFeature, Face
 from imdim.program.outline import Outline
 from imdim.program.tree import Combine, Primitive
 
@@ -44,6 +45,18 @@ def test_faces_are_analytic(tmp_path):
 def test_round_faces_are_analytic(name, kind, tmp_path):
     write_step(KNOWN[name][0], tmp_path / "part.step")
     assert surface_kinds(tmp_path / "part.step") == {kind: 1}
+
+
+def test_step_is_in_millimetres_whatever_the_document_is_in(tmp_path):
+    plate, boss = Primitive("box", (4.0, 4.0, 0.5)), Primitive("cylinder", (0.8, 1.2), (0.0, 0.0, 0.8))
+    rim = EdgeFeature("chamfer", (0.1,), tuple((Face(0, "+z"), Face(0, side)) for side in ("+x", "-x", "+y", "-y")))
+    for units in ("inch", "unspecified"):
+        (tmp_path / f"{units}.json").write_text(dumps(Combine("union", plate, boss), Meta(units), edges=[rim]))
+        job = step_worker.start_step(tmp_path / f"{units}.json", tmp_path / f"{units}.step")
+        exported = step_worker.finish_step(job, 120.0)
+        assert (exported.edges, exported.sharp) == (4, 0)
+    inches, plain = (step_volume(tmp_path / f"{units}.step") for units in ("inch", "unspecified"))
+    assert inches == pytest.approx(25.4**3 * plain, rel=1e-6)
 
 
 @pytest.mark.parametrize("name", ["core left standing", "bracket"])

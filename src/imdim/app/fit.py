@@ -108,6 +108,7 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None, quiet: bool 
     from imdim.deadline import Deadline
     from imdim.delivery.deliver import STEP_LIMIT_S, RunRecord, check_untouched, check_writable, deliver
     from imdim.reconstruction import pipeline
+    from imdim.target.placement import place
     from imdim.target.target import load_target, printable
 
     folder, start = Path(settings.output), time.perf_counter()
@@ -115,6 +116,7 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None, quiet: bool 
     if not force:
         check_untouched(folder)
     target = load_piped(sys.stdin.buffer.read()) if settings.input == "-" else load_target(settings.input)
+    target = place(target, settings.units, settings.origin)
     stages = {"loading": time.perf_counter() - start}
     for note in target.notes if not quiet else ():
         sys.stderr.write(f"imdim: {target.name}: {note}\n")

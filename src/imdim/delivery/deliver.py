@@ -81,7 +81,7 @@ def deliver(
             _write_front(front or [Choice(given)], given, meta, partial)
         with exporting(partial, Path(target.name).stem) as job:
             with _time(seconds, "meshes"):
-                write_meshes(solid, partial, _named(found, Path(target.name).stem))
+                write_meshes(solid, partial, _named(found, Path(target.name).stem), meta.units)
             with _time(seconds, "scores"):
                 scores = evaluate_file(partial / "program.scad", target, segments=segments)
                 kept = DeliveryLoss.of(given, sharp, target, segments)
@@ -139,7 +139,7 @@ def export(
         drawn = do_edges_matter(to_manifold(program, segments).volume(), solid.volume())
         _write(compose_texts(found, meta, segments, drawn), partial)
         with exporting(partial, folder.resolve().name) as job:
-            write_meshes(solid, partial, _named(found, folder.resolve().name))
+            write_meshes(solid, partial, _named(found, folder.resolve().name), meta.units)
             shown = html.content(_read(partial / "program.json"), named=found.parameters, segments=segments)
             (partial / "report.html").write_text(html.page(shown), encoding="utf-8")
             skipped = finish_or_skip_step(job, step_limit_s, {}) | unwritten(program)

@@ -188,6 +188,7 @@ def _target(target: Target, scores: Scores) -> dict[str, Any]:
         "kind": kind,
         "points": len(target.points),
         "faces": faces,
+        "units": target.units,
         "diagonal": number(scores.diagonal),
         "notes": list(target.notes),
     }

@@ -34,6 +34,7 @@ from imdim.program.front import Choice
 from imdim.program.tree import Program
 from imdim.reconstruction import pipeline
 from imdim.reconstruction.config import Settings, check
+from imdim.target.placement import place
 from imdim.target.target import Target, frame_meta, load_target, target_from
 
 PAGE_HEIGHT = 640  # pixels of the page in a notebook
@@ -154,8 +155,8 @@ def reconstruct(
     """Reconstruct a file (see `readers.FORMATS`), points [n, 3], points with normals [n, 6], or a trimesh.
 
     `seed`, where given, goes before that of the `settings`. The first call on a machine compiles before the budget starts, and says so on
-    stderr. Raises InputError, one line, for a part that cannot be used, and ConfigError
-    for settings that cannot.
+    stderr. Where the `settings` say what lengths are (`units`), they become millimetres, those of the result's `target` too. Raises
+    InputError, one line, for a part that cannot be used, and ConfigError for settings that cannot.
     """
     settings = check(settings or Settings())
     seed = settings.seed if seed is None else seed
@@ -164,6 +165,7 @@ def reconstruct(
         settings, target = replace(settings, input=part), load_target(part)
     else:
         target = part if isinstance(part, Target) else target_from(part)
+    target = place(target, settings.units, settings.origin)
     stages: dict[str, float] = {}
     first_run.compile_kernels(sys.stderr)
     last = pipeline.exhaust(pipeline.reconstruct(target, settings, np.random.default_rng(seed)), stages)

@@ -213,7 +213,8 @@ def write(delivered: Delivered, folder: Path, step_limit_s: float = 0.0, solids:
         for file, text in texts.items():
             (partial / file).write_text(text, encoding="utf-8")
         name = folder.resolve().name
-        write_meshes(solid, partial, NamedFeatures.of(name, delivered.program, delivered.edges, delivered.constraints, delivered.folded))
+        named = NamedFeatures.of(name, delivered.program, delivered.edges, delivered.constraints, delivered.folded)
+        write_meshes(solid, partial, named, delivered.meta.units)
         if solids is not None:
             picture_of(*solids).save(partial / "edit.png")
         skipped: dict[str, str] = {}

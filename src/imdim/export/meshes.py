@@ -30,6 +30,7 @@ from imdim.program.edges import EdgeFeature
 from imdim.program.repeats import Folded
 from imdim.program.roles import labels
 from imdim.program.tree import Program, leaves
+from imdim.program.units import UNSPECIFIED
 
 # STL and GLB hold single precision: what collapses there is removed before, while the solid stays closed
 SINGLE_PRECISION = 1e-6
@@ -52,14 +53,16 @@ class NamedFeatures(NamedTuple):
         return NamedFeatures(program, tuple(edges), PartNames.of(program, name, tuple(features)))
 
 
-def write_meshes(solid: Manifold, folder: Path, named: NamedFeatures | None = None) -> None:
-    """Write `mesh.stl`, `mesh.glb` and `mesh.3mf` into an existing folder; raises ValueError for an empty solid, OSError as usual."""
+def write_meshes(solid: Manifold, folder: Path, named: NamedFeatures | None = None, units: str = UNSPECIFIED) -> None:
+    """Write `mesh.stl`, `mesh.glb` and `mesh.3mf`, which alone says the `units`, into an existing folder; raises ValueError for an empty
+    solid, OSError as usual."""
     mesh = to_trimesh(solid)
     if not len(mesh.faces):
         raise ValueError("an empty solid has no mesh to write")
     clean = solid.simplify(SINGLE_PRECISION * diagonal(mesh.vertices))
     mesh, name = to_trimesh(clean), NAMELESS if named is None else named.names.part
-    data = {"stl": stl_bytes(mesh), "glb": glb_bytes(mesh, named), "3mf": threemf_bytes([to_trimesh(b) for b in clean.decompose()], name)}
+    bodies = [to_trimesh(body) for body in clean.decompose()]
+    data = {"stl": stl_bytes(mesh), "glb": glb_bytes(mesh, named), "3mf": threemf_bytes(bodies, name, units)}
     for suffix, content in data.items():
         (folder / f"mesh.{suffix}").write_bytes(content)
 
@@ -109,11 +112,11 @@ def assign_faces(mesh: trimesh.Trimesh, program: Program, edges: Sequence[EdgeFe
     return np.minimum(first, sum(1 for _ in leaves(program)))
 
 
-def threemf_bytes(bodies: Sequence[trimesh.Trimesh], name: str = NAMELESS) -> bytes:
-    """3MF core package with one object for each body, the largest first and called as the part, lengths as mm."""
+def threemf_bytes(bodies: Sequence[trimesh.Trimesh], name: str = NAMELESS, units: str = UNSPECIFIED) -> bytes:
+    """3MF core package with one object for each body, the largest first and called as the part; unspecified lengths are millimetres."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as package:
-        for path, text in (("[Content_Types].xml", _TYPES), ("_rels/.rels", _RELATIONS), ("3D/3dmodel.model", _model(bodies, name))):
+        for path, text in (("[Content_Types].xml", _TYPES), ("_rels/.rels", _RELATIONS), ("3D/3dmodel.model", _model(bodies, name, units))):
             # a fixed date, for the same bytes every time
             entry = zipfile.ZipInfo(path, date_time=(1980, 1, 1, 0, 0, 0))
             entry.compress_type = zipfile.ZIP_DEFLATED
@@ -133,11 +136,12 @@ _RELATIONS = f"""{_XML}<Relationships xmlns="http://schemas.openxmlformats.org/p
 """
 
 
-def _model(bodies: Sequence[trimesh.Trimesh], name: str) -> str:
+def _model(bodies: Sequence[trimesh.Trimesh], name: str, units: str) -> str:
     ranked = sorted(bodies, key=lambda body: (-body.volume, *body.bounds.ravel()))
     objects = "\n".join(_object(i, body, name if i == 1 else f"{name} ({i})") for i, body in enumerate(ranked, 1))
     items = "".join(f'<item objectid="{i}"/>' for i in range(1, len(ranked) + 1))
-    return f"""{_XML}<model unit="millimeter" xml:lang="en-US" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">
+    unit = "millimeter" if units == UNSPECIFIED else units
+    return f"""{_XML}<model unit="{unit}" xml:lang="en-US" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">
 <metadata name="Title">{escape(name)}</metadata>
 <metadata name="Application">IMDIM</metadata>
 <resources>{objects}</resources>

@@ -1,6 +1,7 @@
 """STEP export in a process of its own: OpenCASCADE can take minutes or crash on a hard shape, and must not take the other results along.
 
-``python -m imdim.export.step_worker PROGRAM.json OUT.step [NAME]`` writes the file and prints its re-read volume; a failure is one line on
+``python -m imdim.export.step_worker PROGRAM.json OUT.step [NAME]`` writes the file, in millimetres whatever the units of the document,
+and prints its re-read volume; a failure is one line on
 stderr.
 A part with edge features is written, and told, twice: sharp, then with as many of them as OpenCASCADE can blend. If it fails on these the
 sharp one stays. It ends with the process that started it, however that ends: its standard input closes then.
@@ -22,8 +23,11 @@ from imdim.export.hole_names import hole_roles
 from imdim.export.part_names import NAMELESS, PartNames, spell
 from imdim.export.step import StepError, path_beside, step_volume, write_stages
 from imdim.install import install_command
-from imdim.program.codec import constraints_of, edges_of, from_json, parse, read_folded
+from imdim.program.codec import constraints_of, edges_of, from_json, meta_of, parse, read_folded
+from imdim.program.edges import scale_edges
 from imdim.program.roles import labels
+from imdim.program.tree import Primitive, map_leaves, map_lengths
+from imdim.program.units import to_millimetres
 
 
 class Exported(NamedTuple):
@@ -137,6 +141,11 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
+def _scale(leaf: Primitive, factor: float) -> Primitive:
+    x, y, z = (c * factor for c in leaf.center)
+    return leaf if factor == 1 else map_lengths(leaf, lambda s: s * factor, (x, y, z))
+
+
 def main(document: str, out: str, name: str = NAMELESS) -> None:
     """The worker's side."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -144,7 +153,9 @@ def main(document: str, out: str, name: str = NAMELESS) -> None:
         read = parse(Path(document).read_text(encoding="utf-8"))
         program = from_json(read)
         features = labels(program, constraints_of(read), read_folded(read), hole_roles(program))
-        for edges, sharp in write_stages(program, Path(out), edges_of(read), PartNames.of(program, name, tuple(features))):
+        names, factor = PartNames.of(program, name, tuple(features)), to_millimetres(meta_of(read).units)
+        program, edges_in = map_leaves(program, lambda _, leaf: _scale(leaf, factor)), scale_edges(edges_of(read), factor)
+        for edges, sharp in write_stages(program, Path(out), edges_in, names):
             sys.stdout.write(f"{step_volume(Path(out))!r} {len(edges)} {len(sharp)}\n")
             sys.stdout.flush()
     except (StepError, OSError) as error:

@@ -22,6 +22,7 @@ from imdim.program.edges import EdgeFeature, check_edges
 from imdim.program.node_codec import MAX_DEPTH, MAX_PRIMITIVES, encode_folded, program_node, read_node, text_lines
 from imdim.program.repeats import Folded, expand, repeats
 from imdim.program.tree import Program, Vec3, leaves
+from imdim.program.units import MILLIMETRES, UNSPECIFIED
 
 FORMAT = "imdim-csg"
 # plain, with constraints, with repeats, with outlines, with edge features
@@ -29,7 +30,7 @@ VERSIONS = VERSION, CONSTRAINED, REPEATED, OUTLINES, EDGES = 1, 2, 3, 4, 5
 MAX_CONSTRAINTS = 10_000
 MAX_CHARACTERS = 8 * 1024 * 1024
 MAX_BRACKETS = 500_000  # seven programs of 10,000 primitives have 350,000
-UNITS = ("unspecified", "micron", "millimeter", "centimeter", "meter", "inch", "foot")
+UNITS = (UNSPECIFIED, *MILLIMETRES)
 CONVENTION = {"axes": "right-handed", "rotation": "Rz @ Ry @ Rx, degrees"}
 
 

@@ -20,6 +20,7 @@ from typing import Any, TypeVar, get_type_hints
 from imdim.export.numbers import MAX_SEGMENTS
 from imdim.install import install_command
 from imdim.program.cost import CURVE_PRICES
+from imdim.program.units import ORIGINS, READ_AS
 
 T = TypeVar("T")
 LANGUAGES = ("csg", "cad")
@@ -61,6 +62,8 @@ class Settings:
     objective: str = "description"
     size_weight: float = 2.5e-4
     segments: int = 96
+    units: str = "auto"
+    origin: str = "keep"
     logdir: str = ""
     checkpoint: str = ""
     stump_checkpoint: str = ""
@@ -81,6 +84,9 @@ MEANINGS: Mapping[str, str] = {
     " objective=primitives these alone",
     "size_weight": "the share of the volume that one more primitive must set right; larger gives shorter and cruder programs",
     "segments": "facets per circle in meshes",
+    "units": "what the lengths of the file are: mm, cm, m or inch, which become millimetres; auto: what the file says, else as they are",
+    "origin": "where the part is put: origin=keep where it is, origin=center the middle of its box at 0, 0, 0,"
+    " origin=base the middle of the lowest side of that",
     "logdir": "where method=evolve writes tensorboard's event files; empty: nowhere",
     "checkpoint": "the policy, a file; empty: the shipped one; none: no policy",
     "stump_checkpoint": "the network of method=stump-net, a file; empty: the shipped one; none: random starts",
@@ -207,8 +213,8 @@ def check(settings: Settings) -> Settings:
 
 
 def check_choices(settings: Settings) -> None:
-    """Raise ConfigError for a language that nothing is written in, or an objective that nothing is priced by."""
-    for key, known in (("language", LANGUAGES), ("objective", OBJECTIVES)):
+    """Raise ConfigError for a language, an objective, a unit or an origin that is none of those known."""
+    for key, known in (("language", LANGUAGES), ("objective", OBJECTIVES), ("units", READ_AS), ("origin", ORIGINS)):
         if getattr(settings, key) not in known:
             raise ConfigError(f"unknown {key} {getattr(settings, key)!r}; known are {', '.join(known)}")
 

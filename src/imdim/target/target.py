@@ -15,6 +15,7 @@ import trimesh
 
 from imdim.program.codec import Meta
 from imdim.program.tree import Primitive, Program, Vec3, map_leaves, map_lengths
+from imdim.program.units import UNSPECIFIED
 from imdim.target.bodies import compact, face_normals, split_faces
 from imdim.target.readers import InputError, Raw, read
 from imdim.target.repair import clean_mesh
@@ -26,6 +27,7 @@ SAMPLE_SEED = 0
 LEAST_SAMPLES, FULLY_SAMPLED = 500, 100  # of each of very many bodies; so many bodies have all
 MIN_POINTS = 50
 MAX_POINTS = 100_000
+SAY_UNITS = (".3mf",)  # files that do, and are read as millimetres
 LARGEST = 1e30  # squares of coordinates and of their inverses stay finite
 
 
@@ -36,7 +38,7 @@ class Target:
     `points` [n, 3] float64 lie on the surface; `normals` [n, 3] are unit and point outward, or None where the file had none.
     `mesh` is None for a cloud. `is_solid` says that the mesh is closed, encloses a positive volume and is oriented
     outward, so that "inside" is exact; otherwise it is the generalised winding number's opinion. `notes` say, one sentence
-    each, what loading had to change.
+    each, what loading had to change. `units` is a word of 3MF: "millimeter", or "unspecified" where nobody said.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Target:
     mesh: trimesh.Trimesh | None
     is_solid: bool
     notes: tuple[str, ...] = ()
+    units: str = UNSPECIFIED
 
 
 @dataclass(frozen=True)
@@ -103,7 +106,7 @@ def in_unit_frame(target: Target) -> tuple[Target, Frame]:
 def frame_meta(target: Target) -> Meta:
     """What files say of the target's frame."""
     frame = Frame.of(target)
-    return Meta(center=frame.center, scale=frame.scale)
+    return Meta(target.units, frame.center, frame.scale)
 
 
 def load_target(path: str | Path, max_points: int = MAX_POINTS) -> Target:
@@ -113,7 +116,8 @@ def load_target(path: str | Path, max_points: int = MAX_POINTS) -> Target:
     """
     path = Path(path)
     try:
-        return _target(read(path), printable(path.name), max_points)
+        target = _target(read(path), printable(path.name), max_points)
+        return replace(target, units="millimeter") if path.suffix.lower() in SAY_UNITS else target
     except InputError as error:
         raise InputError(printable(str(error))) from error
 
@@ -136,7 +140,8 @@ def target_from(points_or_mesh: np.ndarray | trimesh.Trimesh, name: str = "targe
 
 def with_mesh(target: Target, mesh: trimesh.Trimesh) -> Target:
     """A mesh target with another mesh, which bounds a solid, and points on that."""
-    return _mesh_target(target.name, np.asarray(mesh.vertices, float), np.asarray(mesh.faces), True, target.notes)
+    changed = _mesh_target(target.name, np.asarray(mesh.vertices, float), np.asarray(mesh.faces), True, target.notes)
+    return replace(changed, units=target.units)
 
 
 def split_bodies(target: Target) -> list[Target]:

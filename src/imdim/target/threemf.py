@@ -14,11 +14,12 @@ from xml.parsers import expat
 
 import numpy as np
 
+from imdim.program.units import MILLIMETRES
+
 MAX_FACES = 20_000_000
 MAX_COPIES = 100_000
 MODEL = "3d/3dmodel.model"
 BETWEEN = "\n"  # a namespace and a name
-MILLIMETRES = {"micron": 0.001, "millimeter": 1.0, "centimeter": 10.0, "inch": 25.4, "foot": 304.8, "meter": 1000.0}
 ASIDE = ("support", "solidsupport", "other")  # kinds of objects that are no part of the solid (section 4.1)
 PLACE = np.vstack([np.eye(3), np.zeros(3)])  # a transform [4, 3] of rows: p @ rows[:3] + rows[3]
 

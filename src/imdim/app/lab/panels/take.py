@@ -57,7 +57,8 @@ def in_units(document: bytes, units: str) -> bytes:
     parsed = codec.parse(document)
     meta = codec.meta_of(parsed)
     named = codec.Meta(units, meta.center, meta.scale)
-    return codec.dumps(codec.from_json(parsed), named, codec.constraints_of(parsed), codec.read_folded(parsed)).encode()
+    program, folded, edges = codec.from_json(parsed), codec.read_folded(parsed), codec.edges_of(parsed)
+    return codec.dumps(program, named, codec.constraints_of(parsed), folded, edges).encode()
 
 
 class ShowPanel:
