@@ -27,9 +27,7 @@ HALF = np.array([0.4, 0.3, 0.05])
 
 def test_numbers_say_where_faces_are() -> None:
     assert count_numbers(box(0.8, 0.6, 0.1), -HALF, HALF) == 3
-    assert (
-        count_numbers(PLAIN, -HALF, HALF) == 4
-    )  # of cutters the place in y alone: 0.3 and 0.05 were there, and they end outside
+    assert count_numbers(PLAIN, -HALF, HALF) == 4  # of cutters the place in y alone: 0.3 and 0.05 were there, and they end outside
     assert count_numbers(DRAWN, -HALF, HALF) == 6  # arcs begin and end at 0.25 and 0.35 in place of 0.3
     assert count_numbers(Primitive("sphere", (0.1,), (0.2, 0.0, 0.0)), -HALF, HALF) == 2
     assert reading_length(PLAIN, -HALF, HALF) == 5 + 4
