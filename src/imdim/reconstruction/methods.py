@@ -100,7 +100,9 @@ def auto(run: Run) -> Iterator[MethodStep]:
     for best in _search_all(run):
         yield best
     if best is not None and run.settings.synthesis and _may_be_plain(run, best):
-        plain = _last(_search_all(replace(run, seen=run.seen.without_outlines, rng=run.rng.spawn(1)[0])))
+        # evolution shortens what is long, and a long program is not taken
+        settings = replace(run.settings, evolution=False)
+        plain = _last(_search_all(replace(run, seen=run.seen.without_outlines, settings=settings, rng=run.rng.spawn(1)[0])))
         if plain is not None and is_plainer(plain.program, best.program, run.seen):
             yield replace(plain, others=(*best.others, best.program, *plain.others))
 
