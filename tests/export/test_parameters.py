@@ -19,7 +19,7 @@ from imdim.export.parameters import Parameters, parametrise
 from imdim.export.script import to_script
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.program.constraints import Constraint, Ref
-from imdim.program.tree import Program, leaves
+from imdim.program.tree import Primitive, Program, leaves
 from imdim.relations.discover import exact_relations
 
 # A plate on the ground with a boss, four holes in the corners, a bore through the boss; cutters end where the plate and the boss end.
@@ -199,3 +199,10 @@ def test_coordinates_of_outlines_that_no_name_moves_are_free():
     assert bored.free_numbers(40.0) == slotted.free_numbers(40.0) == [24]  # of eight corners and two holes, which are two arcs each
     assert parametrise(BORED, (), BORED).free_numbers(40.0) == [0]
     assert Parameters.none(box(1.0, 1.0, 1.0)).free_numbers(40.0) == []
+
+
+def test_the_point_of_a_cone_has_no_name():
+    sunk = cut(box(40, 40, 10), Primitive("cone", (0.0, 8.0, 8.0), (0.0, 0.0, 4.0)))
+    delivered, parameters = parametrised(sunk)
+    assert all(parameters.values.values())
+    assert read_openscad(to_openscad(delivered, 48, parameters)) == delivered

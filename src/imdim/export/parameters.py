@@ -261,7 +261,9 @@ def _constant_loops(p: Primitive) -> tuple[DrawnLoop, ...]:
 def _names(program: Program, label: Sequence[str], system: LinearSystem, solved: _Solved, bores: BoreWords) -> dict[int, str]:
     """Names of all sizes that follow from nothing, and of the places that others need; in the order of the text, leaf by leaf."""
     parts, sign = list(leaves(program)), signs(program)
-    sizes = [6 * i + c for i, p in enumerate(parts) for c, value in enumerate(p.size) if p.kind != "revolve" or value < FULL_TURN]
+    # a full turn and the point of a cone are no sizes that one would measure
+    measured = [(6 * i + c, value, p.kind) for i, p in enumerate(parts) for c, value in enumerate(p.size)]
+    sizes = [v for v, value, kind in measured if value and (kind != "revolve" or value < FULL_TURN)]
     needed = {w for row in solved.values() for w, _ in row} | {v for v in sizes if v not in solved}
     drawn = {v for loops in system.drawn.values() for loop in loops for number in numbers_of(loop) for v in number.row}
     needed |= drawn - solved.keys()
