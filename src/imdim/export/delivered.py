@@ -127,12 +127,13 @@ def meanings(delivered: Delivered) -> dict[str, str]:
     Primitives are counted from 0 in the order of program.json, as constraints count them.
     """
     out: dict[str, str] = {}
+    before = dict(_numbers(read(delivered, {})))
     for name, value in delivered.values.items():
         blended = [describe_edges(f) for f in delivered.edges if name in f.size_names]
         if blended:
             out[name] = f"size of {blended[0]}"
             continue
-        across, equal, moved = _followers(delivered, name)
+        across, equal, moved = _followers(delivered, name, before)
         meant = [(leaf, _MEANING[f].replace("radius", "diameter")) for leaf, f in across] + [(leaf, _MEANING[f]) for leaf, f in equal]
         words = dict.fromkeys(word for _, word in meant)
         is_what = [f"{word} of primitive {_some([str(leaf) for leaf, its in meant if its == word])}" for word in words]
@@ -141,17 +142,22 @@ def meanings(delivered: Delivered) -> dict[str, str]:
     return out | dict.fromkeys(delivered.counts, "how many copies there are")
 
 
-def tied_sizes(delivered: Delivered, name: str) -> list[Feature]:
-    """The sizes of primitives that are the named value, or half of it; more than one where they are tied."""
-    if any(name in feature.size_names for feature in delivered.edges):
-        return []
-    across, equal, _ = _followers(delivered, name)
-    return [feature for feature in (*across, *equal) if feature[1] in SIZES]
+def tied_sizes(delivered: Delivered) -> dict[str, list[Feature]]:
+    """For each name the sizes of primitives that are its value, or half of it; more than one where they are tied."""
+    before = dict(_numbers(read(delivered, {})))
+    blended = {name for feature in delivered.edges for name in feature.size_names}
+    out: dict[str, list[Feature]] = {}
+    for name in delivered.values:
+        across, equal, _ = ([], [], []) if name in blended else _followers(delivered, name, before)
+        out[name] = [feature for feature in (*across, *equal) if feature[1] in SIZES]
+    return out
 
 
 def is_size(delivered: Delivered, name: str) -> bool:
     """Whether some size is the named value, or the name is that of a diameter or of a size of an outline."""
-    return not _DIMENSIONS.isdisjoint(name.split("_")) or any(feature in SIZES for _, feature in _followers(delivered, name)[1])
+    return not _DIMENSIONS.isdisjoint(name.split("_")) or any(
+        feature in SIZES for _, feature in _followers(delivered, name, dict(_numbers(read(delivered, {}))))[1]
+    )
 
 
 def is_count(name: str) -> bool:
@@ -164,10 +170,9 @@ def read_values(text: str) -> dict[str, float]:
     return {found[1]: float(found[2]) for found in NAMED.finditer(text)}
 
 
-def _followers(delivered: Delivered, name: str) -> tuple[list[Feature], list[Feature], list[Feature]]:
-    """The radii that are half the named value, the numbers that are it, and the others that move with it."""
+def _followers(delivered: Delivered, name: str, before: Mapping[Feature, float]) -> tuple[list[Feature], list[Feature], list[Feature]]:
+    """The radii that are half the named value, the numbers that are it, and the others that move with it; `before` has all as they are."""
     value = delivered.values[name]
-    before = dict(_numbers(read(delivered, {name: value})))
     step = 1.0 if is_count(name) else PROBE * (abs(value) or longest(leaves(delivered.program)))
     after, step = _probe(delivered, name, step)
     slack = AGREE * abs(step)

@@ -27,7 +27,7 @@ def untie(delivered: Delivered, name: str, apart: Collection[int] | None = None)
     have one, and the others another. Raises EditError where nothing is tied, and where it cannot be untied."""
     if name not in delivered.values:
         raise EditError(f"no parameter {name!r} to untie; --list has them")
-    tied = tied_sizes(delivered, name)
+    tied = tied_sizes(delivered)[name]
     group = _groups(name, tied, apart)
     folded = delivered.folded
     constraints = [c for constraint in delivered.constraints for c in _split(constraint, group)]
@@ -51,17 +51,16 @@ def untie(delivered: Delivered, name: str, apart: Collection[int] | None = None)
 
 def list_ties(delivered: Delivered) -> dict[str, list[Feature]]:
     """The names that several sizes share, with these."""
-    tied = {name: tied_sizes(delivered, name) for name in delivered.values}
-    return {name: sizes for name, sizes in tied.items() if len({leaf for leaf, _ in sizes}) > 1}
+    return {name: sizes for name, sizes in tied_sizes(delivered).items() if len({leaf for leaf, _ in sizes}) > 1}
 
 
 def new_names(before: Delivered, after: Delivered) -> dict[str, dict[str, list[int]]]:
     """For each name of the program before whose sizes have other names now, these, with the primitives that they are sizes of."""
-    now = {feature: name for name in after.values for feature in tied_sizes(after, name)}
+    now = {feature: name for name, sizes in tied_sizes(after).items() for feature in sizes}
     out: dict[str, dict[str, list[int]]] = {}
-    for name in before.values:
+    for name, sizes in tied_sizes(before).items():
         names: dict[str, list[int]] = {}
-        for feature in tied_sizes(before, name):
+        for feature in sizes:
             if feature in now:
                 names.setdefault(now[feature], []).append(feature[0])
         if names and list(names) != [name]:
@@ -133,8 +132,8 @@ def _named(delivered: Delivered, folded: Folded | None, constraints: Sequence[Co
 
 def _still_tied(delivered: Delivered, group: Mapping[Feature, int]) -> set[int]:
     """Primitives of several groups whose sizes share a name; none where there are none."""
-    for name in delivered.values:
-        mine = {feature: group[feature] for feature in tied_sizes(delivered, name) if feature in group}
+    for sizes in tied_sizes(delivered).values():
+        mine = {feature: group[feature] for feature in sizes if feature in group}
         if len(set(mine.values())) > 1:
             return {leaf for leaf, _ in mine}
     return set()
