@@ -19,11 +19,12 @@ demo: .venv/use
 test: .venv/develop .venv/kernels
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
-# compiled once here: two workers with a browser each, and the processes that they keep ready, would all compile at the same time
+# compiled once here: two workers with a browser each, and the processes that they keep ready, would all compile at the same time; a cloud
+# that compiles takes most of its time for that, and ends with status 3, as a result that is not the part
 .venv/kernels: .venv/develop $(shell find src -name '*.py')
 	@echo "Compiling the search's kernels (up to a minute)"
 	@for asked in bracket.stl "bracket.stl language=csg" bracket_cloud.ply; do \
-		$(BIN)/python infer.py input=dataset/examples/$$asked output=out/kernels budget_s=20 >/dev/null; done
+		$(BIN)/python infer.py input=dataset/examples/$$asked output=out/kernels budget_s=20 >/dev/null || test $$? = 3 || exit 1; done
 	@touch $@
 
 check: lint test

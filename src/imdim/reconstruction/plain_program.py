@@ -20,7 +20,7 @@ from imdim.reconstruction.observation import Observation
 
 MOST_CURVES = 40  # of drawings: so many are no dozen primitives
 MOST_PRIMITIVES = 12  # of a program that is read primitive by primitive
-MORE = 1.1  # times as much to read as in the drawings, that primitives may be
+MORE = 1.25  # times as much to read as in the drawings, that primitives may be
 SAME = 0.8  # of a primitive's price: by how much less of the part they may be
 CURVE_KIND = 0.5  # of a number: that a curve is a line or an arc
 ONE_NUMBER = 1e-4  # of the part's size, within which two numbers are one
