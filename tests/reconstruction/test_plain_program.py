@@ -7,7 +7,7 @@ from tests.planted import box, cut, cylinder, mesh_of
 from imdim.program.outline import Outline, circle
 from imdim.program.tree import Primitive, Program
 from imdim.reconstruction.observation import Observation, UnitBody, observe
-from imdim.reconstruction.plain_program import count_numbers, is_plainer, may_be_plain, reading_length
+from imdim.reconstruction.plain_program import count_directions, count_numbers, is_plainer, may_be_plain, reading_length
 from imdim.target.target import target_from
 
 RECTANGLE = tuple((x, y, 0.0) for x, y in ((-0.4, -0.3), (0.4, -0.3), (0.4, 0.3), (-0.4, 0.3)))
@@ -30,8 +30,15 @@ def test_numbers_say_where_faces_are() -> None:
     assert count_numbers(PLAIN, -HALF, HALF) == 4  # of cutters the place in y alone: 0.3 and 0.05 were there, and they end outside
     assert count_numbers(DRAWN, -HALF, HALF) == 6  # arcs begin and end at 0.25 and 0.35 in place of 0.3
     assert count_numbers(Primitive("sphere", (0.1,), (0.2, 0.0, 0.0)), -HALF, HALF) == 2
-    assert reading_length(PLAIN, -HALF, HALF) == 5 + 4
-    assert reading_length(DRAWN, -HALF, HALF) == 1 + 6 + 0.5 * 8
+    assert reading_length(PLAIN, -HALF, HALF) == 5 + 4 + 3
+    assert reading_length(DRAWN, -HALF, HALF) == 1 + 6 + 3 + 0.5 * 8
+
+
+def test_tilted_boxes_have_directions_of_their_own() -> None:
+    tilted = Primitive("box", (0.1, 0.1, 0.1), (0.2, 0.0, 0.0), (0.0, 0.0, 30.0))
+    assert count_directions(PLAIN) == count_directions(DRAWN) == 3
+    assert count_directions(cut(PLAIN, tilted)) == 5
+    assert count_directions(Primitive("sphere", (0.1,))) == 0
 
 
 def test_a_turned_frame_has_the_numbers_of_its_own_directions() -> None:

@@ -18,11 +18,13 @@ from imdim.program.cost import count
 from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.observation import Observation
 
-MOST_CURVES = 40  # of drawings: so many are no dozen primitives
+MOST_CURVES = 24  # of drawings: what has more is no dozen primitives
 MOST_PRIMITIVES = 12  # of a program that is read primitive by primitive
 MORE = 1.25  # times as much to read as in the drawings, that primitives may be
 SAME = 0.8  # of a primitive's price: by how much less of the part they may be
 CURVE_KIND = 0.5  # of a number: that a curve is a line or an arc
+AXES_OF = {"box": (0, 1, 2), "extrude": (0, 1, 2), "ellipsoid": (0, 1, 2), "sphere": ()}  # of others the third
+ONE_WAY = 1e-6  # of the cosine between two directions, from which they are two
 ONE_NUMBER = 1e-4  # of the part's size, within which two numbers are one
 OUTSIDE = 1e-3  # of the part's size, beyond it: where a cutter ends there nothing is to be read
 
@@ -45,10 +47,22 @@ def is_plainer(plain: Program, drawn: Program, seen: Observation) -> bool:
 
 
 def reading_length(program: Program, low: np.ndarray, high: np.ndarray) -> float:
-    """How much there is to read in the program of a part that fills a box from `low` [3] to `high` [3], in numbers: its leaves and their
-    numbers, and the kind of each curve."""
+    """How much there is to read in the program of a part that fills a box from `low` [3] to `high` [3], in numbers: its leaves, their
+    numbers and their directions, and the kind of each curve."""
     counts = count(program)
-    return counts.primitives + count_numbers(program, low, high) + CURVE_KIND * counts.curves
+    return counts.primitives + count_numbers(program, low, high) + count_directions(program) + CURVE_KIND * counts.curves
+
+
+def count_directions(program: Program) -> int:
+    """How many different directions, of either sense, the axes of a program's leaves have: three of what has corners, one of what is round,
+    none of a ball. Slanted walls are lines of a drawing, but tilted boxes without one."""
+    turns = lower(program).rotations
+    axes = [turn[:, k] for turn, leaf in zip(turns, leaves(program), strict=True) for k in AXES_OF.get(leaf.kind, (2,))]
+    known: list[np.ndarray] = []
+    for axis in axes:
+        if all(abs(float(axis @ other)) < 1 - ONE_WAY for other in known):
+            known.append(axis)
+    return len(known)
 
 
 def count_numbers(program: Program, low: np.ndarray, high: np.ndarray) -> int:
