@@ -52,7 +52,8 @@ FAR_BETTER = 0.5  # of the misfit of the search's program
 
 @dataclass(frozen=True)
 class Run:
-    """One body to be explained: what is seen of it, and what the method may use. `share` is its part of the time that a stage has left."""
+    """One body to be explained: what is seen of it, and what the method may use. `share` is its part of the time that a stage has left.
+    `blended` if its fillets and chamfers were set aside."""
 
     seen: Observation
     settings: Settings
@@ -60,6 +61,7 @@ class Run:
     budget: Budget
     rng: np.random.Generator
     share: float = 1.0
+    blended: bool = False
 
     def part_of(self, stage: Stage) -> Deadline:
         """When this body's part of the time is spent that the stage may take from now on."""
@@ -108,8 +110,11 @@ def auto(run: Run) -> Iterator[MethodStep]:
 
 
 def _may_be_plain(run: Run, drawn: MethodStep) -> bool:
-    """Whether primitives alone may tell what was drawn, and are counted as more than that; and there is time to look for them."""
-    wanted = run.settings.objective != "primitives" and run.seen.evidence.exact and may_be_plain(drawn.program)
+    """Whether primitives alone may tell what was drawn, and are counted as more than that; and there is time to look for them.
+
+    What has blends stays drawn: their edges lie between the walls of one drawing, and not between faces of many boxes.
+    """
+    wanted = run.settings.objective != "primitives" and not run.blended and run.seen.evidence.exact and may_be_plain(drawn.program)
     return wanted and not run.part_of("starts").has_passed()
 
 

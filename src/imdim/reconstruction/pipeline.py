@@ -289,12 +289,12 @@ def _body(body: Target, work: _Work, share: float = 1.0) -> Iterator[_BodyState]
     aside = set_edges_aside(unit, detect_by) if work.settings.language == "cad" else SetAside(unit)
     cut = body.mesh is not None and detect_by.has_passed()
     chains, kept = (tuple(place_chain(chain, frame) for chain in found) for found in (aside.chains, aside.kept))
-    for state in _sharp_body(body, UnitBody.of(aside.target, work.rng, aside.patches), frame, work, share):
+    for state in _sharp_body(body, UnitBody.of(aside.target, work.rng, aside.patches), frame, work, share, bool(chains)):
         yield replace(state, chains=chains, kept=kept, stop=CUT if cut else state.stop)
 
 
-def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, share: float) -> Iterator[_BodyState]:
-    """Programs of one body as it is `observed` in its unit frame."""
+def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, share: float, blended: bool = False) -> Iterator[_BodyState]:
+    """Programs of one body as it is `observed` in its unit frame; `blended` if edges were set aside."""
     budget, settings = work.budget, work.settings
     solid = _solid_of(observed) if observed.scanned and work.guesses else None
     if solid is not None and (state := _scanned_body(observed, solid, frame, work, share)) is not None:
@@ -316,7 +316,7 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
         yield replace(state, front=(Choice(state.program, UNKNOWN),), found=scale_constraints(found, 1 / frame.scale))
         return
     step = None
-    for step in work.method(Run(seen, settings, work.policy, budget, work.rng, share)):
+    for step in work.method(Run(seen, settings, work.policy, budget, work.rng, share, blended)):
         yield _state(step, seen, frame)
     if step is None:
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")
