@@ -80,7 +80,7 @@ def test_relations_that_change_the_solid_are_refused(monkeypatch):
 
 
 def test_an_overshoot_into_material_is_held_back(monkeypatch):
-    monkeypatch.setattr(delivery, "overshoot", lambda program, folded, deadline: grown(program, 0))
+    monkeypatch.setattr(delivery, "overshoot", lambda program, folded, deadline, kept: grown(program, 0))
     assert finish(PLATE).program == PLATE
 
 

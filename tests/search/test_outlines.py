@@ -135,7 +135,7 @@ def reconstructed(program, **settings):
 
 @pytest.mark.parametrize(("planted", "curves"), [(PLATE, 13), (ANGLE, 6), (KNOB, 6)])
 def test_a_planted_outline_comes_back_as_one_feature(planted, curves):
-    found = reconstructed(planted)
+    found = reconstructed(planted, objective="primitives")
     (leaf,) = leaves(found)
     assert leaf.kind == planted.kind
     assert curves_of(leaf) == curves
@@ -145,7 +145,7 @@ def test_a_planted_outline_comes_back_as_one_feature(planted, curves):
 def test_an_outline_is_cut_by_an_outline():
     pocket = Primitive("extrude", (4.0,), (3.0, -2.0, 7.0), (0.0, 0.0, 0.0), Outline((rounded(30, 20, 4),)))
     plate = Primitive("extrude", (6.0,), (3.0, -2.0, 5.0), (0.0, 0.0, 0.0), Outline((rounded(60, 40, 8),)))
-    found = reconstructed(Combine("difference", plate, pocket))
+    found = reconstructed(Combine("difference", plate, pocket), objective="primitives")
     assert len(list(leaves(found))) == 2
     assert volume_iou(to_manifold(found, 64), to_manifold(Combine("difference", plate, pocket), 64)) > 0.999
 

@@ -23,7 +23,7 @@ def upload(name, data, max_points=100_000):
     return Message("open", {"name": name, "max_points": max_points}, {"data": np.frombuffer(data, np.uint8)})
 
 
-@pytest.mark.parametrize(("language", "size", "choices"), [("csg", 7, 3), ("cad", 2, 2)])
+@pytest.mark.parametrize(("language", "size", "choices"), [("csg", 7, 3), ("cad", 7, 2)])
 def test_a_run_tells_its_programs(pool, heard, language, size, choices):
     pool.submit(request(budget_s=120.0, language=language), heard)
     assert heard.last().kind == "done"
@@ -108,7 +108,7 @@ def test_runs_wait_for_their_turn_and_can_leave_the_queue(pool, heard):
 @pytest.mark.parametrize(
     ("name", "data", "says"),
     [
-        ("part.stl", b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 8, "part.stl: not a readable STL file"),
+        ("part.stl", b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 8, "part.stl: not a whole STL file"),
         ("part.stl", b"", "part.stl: the file is empty (0 bytes)"),
         ("nan.xyz", b"nan nan nan\n" * 100, "nan.xyz: "),
         ("part.exe", b"MZ", "part.exe: unknown format '.exe'"),

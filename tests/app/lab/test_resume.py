@@ -28,9 +28,9 @@ def iou(program, truth=None):
 
 
 def go_on(program, rates=RATES):
-    """All snapshots, by a clock that passes 0.1 s at each look, so that the machine's pace decides nothing."""
+    """All snapshots, by a clock that passes 2 ms at each look, so that the machine's pace decides nothing."""
     ticks = count()
-    return list(resume.resume_evolution(TARGET, program, SETTINGS, rates, lambda: next(ticks) * 0.1))
+    return list(resume.resume_evolution(TARGET, program, SETTINGS, rates, lambda: next(ticks) * 0.002))
 
 
 @pytest.fixture(scope="module")
