@@ -7,7 +7,7 @@ from tests.app.lab.page.browser import in_the_lab
 
 pytestmark = in_the_lab
 JUNK = {
-    "picture.stl": "not a readable STL file",
+    "picture.stl": "not a whole STL file",
     "empty.stl": "empty (0 bytes)",
     "nan.xyz": "not finite",
     "huge.stl": "200 MB are too large, at most 64 MB can be uploaded",
