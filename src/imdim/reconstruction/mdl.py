@@ -95,8 +95,7 @@ def most_likely(
 ) -> NoisyFit:
     """The program that tells a noisy cloud in the shortest description, with the relations that the points support.
 
-    `programs`, of which the last is tried in any case, are where the search for it starts; all lend their primitives.
-    Outlines are among
+    `programs`, of which the last is tried in any case, are where the search for it starts; all lend their primitives. Outlines are among
     them if they may be `drawn`. The search ends at `choose_by`, and the numbers of its program are fitted until `fit_by` (by default to
     the end).
     """

@@ -44,18 +44,19 @@ class UnseenError(InputError):
 
 @dataclass(frozen=True)
 class UnitBody:
-    """A body in its unit frame, and a cloud's noise there; of a crowded cloud so many points that they show its faces."""
+    """A body in its unit frame, its noise there, a mesh's `patches`; of a crowded cloud so many points that they show its faces."""
 
     target: Target
     noise: NoiseModel
     patches: list[Patch] | None = None
 
     @staticmethod
-    def of(unit: Target, rng: np.random.Generator, patches: list[Patch] | None = None) -> UnitBody:
-        """A body that is in its unit frame, with its noise measured, and the `patches` of a mesh if they are known."""
+    def of(unit: Target, rng: np.random.Generator, patches: list[Patch] | None = None, detect_by: Deadline = NEVER) -> UnitBody:
+        """A body that is in its unit frame, with its noise measured, and the `patches` of a mesh: those given, or those found until
+        `detect_by` (by default all)."""
         if unit.mesh is not None:
-            patches = detect_patches(unit.mesh) if patches is None else patches
-            return UnitBody(unit, measure_mesh_noise(patches, float(np.sqrt(unit.mesh.area / len(unit.mesh.faces)))), patches)
+            patches = detect_patches(unit.mesh, detect_by) if patches is None else patches
+            return UnitBody(unit, measure_mesh_noise(unit.mesh, patches), patches)
         noise, kept = measure_noise(unit.points, rng)
         if len(kept) < len(unit.points):
             unit = replace(unit, points=unit.points[kept], normals=None if unit.normals is None else unit.normals[kept])
@@ -191,8 +192,8 @@ def _corners(unit: Target, patches: list[Patch], noise: NoiseModel) -> np.ndarra
 def _surfaces(body: UnitBody, rng: np.random.Generator, deadline: Deadline) -> tuple[list[Patch], list[Surface], NoiseModel]:
     """What the target shows, for a cloud the planes that its faces only imply, and its noise."""
     unit = body.target
-    if unit.mesh is not None:
-        return detect_patches(unit.mesh, deadline) if body.patches is None else body.patches, [], body.noise
+    if body.patches is not None:
+        return body.patches, [], body.noise
     patches, noise = detect_cloud(unit.points, unit.normals, body.noise, rng, deadline=deadline)
     return patches, closing_planes(patches, noise.spacing), noise
 

@@ -196,6 +196,7 @@ def _by_body(target: Target, work: _Work, left_out: list[InputError]) -> Iterato
     for i, body in enumerate(bodies):
         if done and work.budget.end_of("search").has_passed():
             done += [_box_state(rest) for rest in bodies[i:]]
+            work.notes.append(f"no time was left for {len(bodies) - i} of {len(bodies)} bodies: they are boxes")
             yield _together("boxes", done)
             break
         state = None
@@ -289,7 +290,7 @@ def _body(body: Target, work: _Work, share: float = 1.0) -> Iterator[_BodyState]
     aside = set_edges_aside(unit, detect_by) if work.settings.language == "cad" else SetAside(unit)
     cut = body.mesh is not None and detect_by.has_passed()
     chains, kept = (tuple(place_chain(chain, frame) for chain in found) for found in (aside.chains, aside.kept))
-    for state in _sharp_body(body, UnitBody.of(aside.target, work.rng, aside.patches), frame, work, share, bool(chains)):
+    for state in _sharp_body(body, UnitBody.of(aside.target, work.rng, aside.patches, detect_by), frame, work, share, bool(chains)):
         yield replace(state, chains=chains, kept=kept, stop=CUT if cut else state.stop)
 
 
