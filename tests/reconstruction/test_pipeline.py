@@ -267,6 +267,10 @@ def test_a_run_is_cut_where_its_method_says_so_not_where_a_deadline_was_asked(cu
 def test_numbers_are_not_bent_towards_facets():
     """A funnel whose wall is thin beside what its facets leave out of it: an evolution that may fit facets takes radii of 199.9."""
     wall = cut(Primitive("cone", (200.0, 100.0, 200.0)), Primitive("cone", (197.0, 97.0, 200.0)))
+    outer, inner = leaves(snapshots(mesh_of(wall, 64))[-1].program)
+    assert outer.size == (200.0, 100.0, 200.0)
+    bottom, top, height = inner.size  # which goes on beyond the bottom
+    assert (top, (bottom - top) / height) == (97.0, 0.5)
     *_, last = reconstruct(target_from(mesh_of(wall, 64)), Settings(objective="primitives"), np.random.default_rng(0))
     (funnel,) = leaves(last.program)
     assert funnel.outline is not None

@@ -40,9 +40,8 @@ SCANNED = 1000  # points of a scanned mesh
 DEVIATION = 4e-3  # of its diagonal, by which real things leave what was drawn
 FITTED = 3  # starts whose numbers are fitted before one is chosen
 QUICK = EMConfig()
-CAREFUL = EMConfig(
-    rounds=60, still=0.004, calmer=0.003, samples=40_000
-)  # walls that blur thin or thicken slowly, as the noise grows or falls
+# walls that blur thin or thicken slowly, as the noise grows or falls
+CAREFUL = EMConfig(rounds=60, still=0.004, calmer=0.003, samples=40_000)
 SAME = 2e-3  # nats per point, what the samples of the surface leave in doubt
 
 

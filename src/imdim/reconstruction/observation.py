@@ -127,10 +127,7 @@ class Observation:
     @cached_property
     def solid(self) -> Manifold | None:
         """The solid that the body's mesh bounds; None for a cloud, and for a mesh that bounds none."""
-        try:
-            return None if self.target.mesh is None else mesh_to_manifold(self.target.mesh)
-        except ValueError:
-            return None
+        return find_solid(self.target)
 
     def iou(self, program: Program) -> float | None:
         """Volume IoU of a program with the solid, by exact booleans; None where there is no solid."""
@@ -143,6 +140,14 @@ class Observation:
 
     def _size_price(self, program: Program) -> float:
         return self.size_weight * weigh(program, self.curve)
+
+
+def find_solid(target: Target) -> Manifold | None:
+    """The solid that a target's mesh bounds; None for a cloud, and for a mesh that bounds none."""
+    try:
+        return None if target.mesh is None else mesh_to_manifold(target.mesh)
+    except ValueError:
+        return None
 
 
 def observe(

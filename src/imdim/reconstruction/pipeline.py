@@ -21,7 +21,7 @@ from manifold3d import Manifold
 from imdim.deadline import Deadline
 from imdim.detection.blends import Chain
 from imdim.geometry.finish.overshoot import without_strays
-from imdim.geometry.solid import mesh_to_manifold, to_manifold
+from imdim.geometry.solid import to_manifold
 from imdim.install import install_command
 from imdim.program.constraints import Constraint, scale_constraints
 from imdim.program.cost import CURVE_PRICES, count, weigh
@@ -38,7 +38,7 @@ from imdim.reconstruction.fitting import find_relations, fit_numbers, snap_numbe
 from imdim.reconstruction.hole_ends import complete_holes
 from imdim.reconstruction.mdl import most_likely, reconstruct_scan, reconstruct_unlabelled
 from imdim.reconstruction.methods import CUT, METHODS, Method, MethodStep, PolicyOf, Run, evolve_from, time_to_propose
-from imdim.reconstruction.observation import Observation, UnitBody, UnseenError, observe
+from imdim.reconstruction.observation import Observation, UnitBody, UnseenError, find_solid, observe
 from imdim.reconstruction.policy_beam import load, load_if_any
 from imdim.reconstruction.preserve import preserve
 from imdim.search.evolve.population import EvolutionConfig
@@ -297,7 +297,7 @@ def _body(body: Target, work: _Work, share: float = 1.0) -> Iterator[_BodyState]
 def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, share: float, blended: bool = False) -> Iterator[_BodyState]:
     """Programs of one body as it is `observed` in its unit frame; `blended` if edges were set aside."""
     budget, settings = work.budget, work.settings
-    solid = _solid_of(observed) if observed.scanned and work.guesses else None
+    solid = find_solid(observed.target) if observed.scanned and work.guesses else None
     if solid is not None and (state := _scanned_body(observed, solid, frame, work, share)) is not None:
         yield state
         return
@@ -336,14 +336,6 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
         last = replace(last, program=snap_numbers(last.program, seen, frame, fit_by), found=found)
     cut = seen.cut or fit_by.has_passed()
     yield _finish_state(replace(last, stop=CUT) if cut else last, step.others, seen, frame, budget)
-
-
-def _solid_of(observed: UnitBody) -> Manifold | None:
-    """The solid that a body's mesh bounds, if it bounds one."""
-    try:
-        return None if observed.target.mesh is None else mesh_to_manifold(observed.target.mesh)
-    except ValueError:
-        return None
 
 
 def _scanned_body(observed: UnitBody, solid: Manifold, frame: Frame, work: _Work, share: float) -> _BodyState | None:
