@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from imdim.geometry.solid import to_manifold, to_trimesh
+from imdim.program.outline import Outline, circle
 from imdim.program.tree import Combine as Join
 from imdim.program.tree import Primitive, Program, combine_all
 from imdim.target.target import Target, sample_surface, target_from
@@ -40,7 +41,20 @@ def _knob() -> Program:
     return Join("difference", grooved, Primitive("cylinder", (4.0, 30.0), (0.0, 0.0, -30.0)))
 
 
-PROGRAMS: Mapping[str, Callable[[], Program]] = {"Bracket": _bracket, "Flange": _flange, "Knob": _knob}
+def _lever() -> Program:
+    """A drawn arm, two rounded ends joined by straight tangents, with a slot, a hub at the thick end and a hole at the thin one."""
+    (large, small), reach = (20.0, 10.0), 60.0
+    lean = float(np.arccos((large - small) / reach))  # of the radii to where the tangents touch
+    touch = [(at + r * float(np.cos(lean)), r * float(np.sin(lean))) for at, r in ((0.0, large), (reach, small))]
+    (x0, y0), (x1, y1) = touch
+    rim = ((x0, -y0, 0.0), (x1, -y1, float(np.tan(lean / 2))), (x1, y1, 0.0), (x0, y0, float(np.tan((np.pi - lean) / 2))))
+    slot = ((24.0, -4.0, 0.0), (42.0, -4.0, 1.0), (42.0, 4.0, 0.0), (24.0, 4.0, 1.0))
+    arm = Primitive("extrude", (8.0,), outline=Outline((rim, slot, circle(4.0, reach))))
+    hub = Primitive("cylinder", (14.0, 12.0), (0.0, 0.0, 9.0))
+    return Join("difference", Join("union", arm, hub), Primitive("cylinder", (8.0, 60.0)))
+
+
+PROGRAMS: Mapping[str, Callable[[], Program]] = {"Bracket": _bracket, "Flange": _flange, "Knob": _knob, "Lever": _lever}
 NAMES = (*PROGRAMS, "Bracket, scanned")
 
 

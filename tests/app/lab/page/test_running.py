@@ -30,8 +30,8 @@ def test_the_method_that_was_chosen_runs(phone):
 
 
 def test_a_part_is_drawn_where_nothing_else_is_asked_for(phone):
-    phone.choose("Example", "Flange")
-    phone.says("Flange")
+    phone.choose("Example", "Lever")
+    phone.says("Lever")
     phone.run()
     assert phone.status("features") == "2, 12 curves"
     assert phone.status("primitives") == ""

@@ -52,7 +52,7 @@ def test_programs_are_the_part(files):
 @pytest.mark.parametrize("label", ["STL", "GLB", "3MF"])
 def test_meshes_are_the_part(files, label):
     mesh = trimesh.load(files[label], force="mesh")
-    mesh.merge_vertices(merge_norm=True)
+    mesh.merge_vertices(merge_norm=True, merge_tex=True)
     assert mesh.is_watertight
     assert mesh.volume == pytest.approx(EXACT, rel=2e-3)
 
