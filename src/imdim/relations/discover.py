@@ -45,7 +45,8 @@ FLOOR = 2e-6  # share of the part's diagonal below which no number counts as kno
 MIN_SUPPORT = 6.0  # what fewer points show is not shown, as in `refine`
 SIGNIFICANCE = 1e-4  # of the test by which a relation is given up
 ROUND, ROUND_DEG = 1e-4, 0.1  # the finest grid of round numbers, of the power of ten below the part's size; and in degrees
-FIRM = 1e6  # points' worth that hold a round number
+FIRM, FIRMER = 1e4, 1e9  # points' worth that hold a round number, and one on a grid that is so many times as coarse:
+COARSER = 100
 REVIEWS = 8  # relations that are given up at most
 SPANNED = 1e-6  # weights in combinations of rows that vanish
 TRANSITIVE = ("parallel", "equal", "coaxial", "concentric")
@@ -101,19 +102,21 @@ def exact_relations(program: Program, deadline: Deadline = NEVER) -> Discovery:
 
 
 def _firm_where_round(program: Program, length: float) -> Normal:
-    """A metric in which sizes, places and directions that are round weigh so much that the others come to them."""
+    """A metric in which sizes, places and directions that are round weigh so much that the others come to them, and what is rounder by
+    far more than that: of a bolt circle one hole is at 30, 0, and another at 15, 25.98, where rounding has put it."""
     finest = ROUND * 10.0 ** np.floor(np.log10(length))
     weights = []
     for p in leaves(program):
-        sizes = [_is_round(value, finest, length) for value in (*p.size, *(1.0,) * (3 - len(p.size)))]
-        center, turn = all(_is_round(v, finest, length) for v in p.center), all(_is_round(v, ROUND_DEG, 360.0) for v in p.rotation)
-        weights.append([*sizes, *[center] * 3, *[turn] * 3])
+        lengths = [_firmness((value,), finest, length) for value in (*p.size, *(1.0,) * (3 - len(p.size)), *p.center)]
+        weights.append([*lengths, *[_firmness(p.rotation, ROUND_DEG, 360.0)] * 3])
     metric = uniform(len(weights))
-    return replace(metric, matrix=metric.matrix * np.where(weights, FIRM, 1.0)[:, :, None])
+    return replace(metric, matrix=metric.matrix * np.array(weights)[:, :, None])
 
 
-def _is_round(value: float, grid: float, scale: float) -> bool:
-    return abs(value - grid * round(value / grid)) <= SAME * scale
+def _firmness(values: Sequence[float], finest: float, scale: float) -> float:
+    """What numbers weigh that are all on a grid, 1 for those on none."""
+    on = (all(abs(v - grid * round(v / grid)) <= SAME * scale for v in values) for grid in (COARSER * finest, finest))
+    return next((weight for weight, round_ in zip((FIRMER, FIRM), on, strict=True) if round_), 1.0)
 
 
 def _choose(
