@@ -1,4 +1,4 @@
-"""Primitives alone are taken for drawings where there is hardly more to read in them, and the part is the same."""
+"""Plainer features are taken for drawings where there is hardly more to read in them, and the part is the same."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def test_a_turned_frame_has_the_numbers_of_its_own_directions() -> None:
     [
         (PLAIN, DRAWN, True),
         (cut(box(0.8, 0.6, 0.1), *(cylinder(0.05, 0.2, (x, y, 0.0)) for x, y in HOLES[:3])), DRAWN, False),  # another part
-        (DRAWN, DRAWN, False),  # no primitives alone
+        (DRAWN, DRAWN, False),  # nothing plainer
         (cut(PLAIN, *(cylinder(0.05, 0.2, (x, y, 0.0)) for x, y in HOLES * 2)), DRAWN, False),  # more than a dozen
         (cut(PLAIN, *(cylinder(0.01 + 0.001 * k, 0.2 + 0.01 * k, HOLES[0] + (0.0,)) for k in range(6))), DRAWN, False),  # more to read
     ],
@@ -62,8 +62,20 @@ def test_which_program_is_taken(plate: Observation, plain: Program, drawn: Progr
     assert is_plainer(plain, drawn, plate) is is_taken
 
 
-def test_primitives_are_looked_for_where_little_is_drawn() -> None:
-    assert may_be_plain(DRAWN)
-    assert not may_be_plain(PLAIN)
-    many = Outline((RECTANGLE, *(circle(0.01, -0.35 + 0.02 * k, 0.0) for k in range(37))))
-    assert not may_be_plain(Primitive("extrude", (0.1,), outline=many))
+def test_primitives_are_looked_for_where_they_may_be_few() -> None:
+    assert may_be_plain(DRAWN, -HALF, HALF)
+    assert not may_be_plain(PLAIN, -HALF, HALF)
+    many = Outline((RECTANGLE, *(circle(0.01 + 1e-4 * k, -0.35 + 0.02 * k, 0.0) for k in range(37))))
+    assert not may_be_plain(Primitive("extrude", (0.1,), outline=many), -HALF, HALF)  # 38 features for one drawing
+    windows = [(-0.35 + 0.04 * k, 0.0) for k in range(18)]
+    row = Outline((RECTANGLE, *(tuple((x + u, y + v, 0.0) for u, v in ((0, 0), (0, 0.1), (0.02, 0.1), (0.02, 0))) for x, y in windows)))
+    assert may_be_plain(Primitive("extrude", (0.1,), outline=row), -HALF, HALF)  # as many, but four curves for each
+
+
+def test_turned_drawings_need_a_primitive_for_each_wall() -> None:
+    steps = [(0.0, 0.0), *((0.4 - 0.02 * (k // 2), 0.05 * ((k + 1) // 2)) for k in range(30)), (0.0, 0.75)]
+    stepped = Primitive("revolve", (360.0,), outline=Outline((tuple((r, z, 0.0) for r, z in steps),)))
+    half = np.array([0.4, 0.4, 0.375])
+    assert not may_be_plain(stepped, -half, half)
+    cone = Primitive("revolve", (360.0,), outline=Outline((((0.0, 0.0, 0.0), (0.4, 0.0, 0.0), (0.2, 0.75, 0.0), (0.0, 0.75, 0.0)),)))
+    assert may_be_plain(cone, -half, half)

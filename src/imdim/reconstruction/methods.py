@@ -16,8 +16,11 @@ import numpy as np
 from imdim.baselines import stump_net as stump_nets
 from imdim.baselines.stump import stumps
 from imdim.deadline import Deadline
+from imdim.geometry.solid import to_manifold
 from imdim.program.cost import count
 from imdim.program.front import Choice
+from imdim.program.rewrite.separation import hoist_cuts, separate_loops
+from imdim.program.rewrite.simplify import reduce_program
 from imdim.program.tree import Program, leaves
 from imdim.reconstruction.budget import Budget, Stage
 from imdim.reconstruction.config import Settings
@@ -46,6 +49,7 @@ LONG = 40  # primitives; so is one whose program is this long, which evolution s
 POOR_IF_CUT = 0.01  # of the volume; a search that was cut short and leaves more is compared with the decision tree
 TOUCH = EvolutionConfig(generations=60, patience=10)
 WORTH_MORE = 0.5  # of a primitive's price; error that a search goes on for although no fewer primitives can do
+NOTHING = 1e-7  # of the volume, of which a cut that takes no more takes nothing
 PROPOSE_S = 6.0  # what loading torch and writing a beam take of the processor; the solver works without it where less is left
 FAR_BETTER = 0.5  # of the misfit of the search's program
 
@@ -96,26 +100,38 @@ Method = Callable[[Run], Iterator[MethodStep]]
 def auto(run: Run) -> Iterator[MethodStep]:
     """The structure search and a short evolution; the decision tree and the policy where these leave much; proofs, which end it early.
 
-    Where the search draws little, it is asked for primitives alone too.
+    What the search draws is taken apart, and primitives alone are looked for, where that leaves hardly more to read.
     """
     best: MethodStep | None = None
     for best in _search_all(run):
         yield best
-    if best is not None and run.settings.synthesis and _may_be_plain(run, best):
-        # evolution shortens what is long, and a long program is not taken
-        settings = replace(run.settings, evolution=False)
-        plain = _last(_search_all(replace(run, seen=run.seen.without_outlines, settings=settings, rng=run.rng.spawn(1)[0])))
+    # what has blends stays drawn: their edges lie between the walls of one drawing, and not between faces of many features
+    if best is None or run.settings.objective == "primitives" or run.blended or not run.seen.evidence.exact:
+        return
+    for source in (_separate, _search_primitives):
+        plain = source(run, best)
         if plain is not None and is_plainer(plain.program, best.program, run.seen):
-            yield replace(plain, others=(*best.others, best.program, *plain.others))
+            best = replace(plain, others=(*best.others, best.program, *plain.others))
+            yield best
 
 
-def _may_be_plain(run: Run, drawn: MethodStep) -> bool:
-    """Whether primitives alone may tell what was drawn, and are counted as more than that; and there is time to look for them.
+def _separate(run: Run, drawn: MethodStep) -> MethodStep | None:
+    """The same with holes and islands of drawings as features of their own."""
+    if not has_outlines(drawn.program):
+        return None
+    solid = to_manifold(drawn.program)
+    apart = hoist_cuts(separate_loops(drawn.program), lambda cut: (to_manifold(cut) ^ solid).volume() < NOTHING * solid.volume())
+    return replace(drawn, program=reduce_program(apart, run.budget.end_of("search")))
 
-    What has blends stays drawn: their edges lie between the walls of one drawing, and not between faces of many boxes.
-    """
-    wanted = run.settings.objective != "primitives" and not run.blended and run.seen.evidence.exact and may_be_plain(drawn.program)
-    return wanted and not run.part_of("starts").has_passed()
+
+def _search_primitives(run: Run, drawn: MethodStep) -> MethodStep | None:
+    """What primitives alone tell, where they may and there is time to look for them."""
+    wanted = run.settings.synthesis and may_be_plain(drawn.program, *run.seen.families.arrangement.bounds)
+    if not wanted or run.part_of("starts").has_passed():
+        return None
+    # evolution shortens what is long, and a long program is not taken
+    settings = replace(run.settings, evolution=False)
+    return _last(_search_all(replace(run, seen=run.seen.without_outlines, settings=settings, rng=run.rng.spawn(1)[0])))
 
 
 def _last(steps: Iterator[MethodStep]) -> MethodStep | None:

@@ -1,13 +1,14 @@
-"""Whether a part is told by drawings or by primitives alone.
+"""Whether a part is told by few drawings or by more and plainer features.
 
 One outline may stand for a dozen primitives, and a search that counts features always draws. But a plate with two holes is a box and two
-cylinders to those who edit it: each has its own numbers, and moves by itself. So a short program of primitives is taken where there is
-hardly more to read in it, and the part is the same. What is to read is counted as in a minimum description length (Rissanen 1978), with
-one for each feature and number and half of one for the kind of a curve.
+cylinders to those who edit it: each has its own numbers, and moves by itself. So a program of plainer features is taken where there is
+hardly more to read in it - or, where it has more than a dozen of them, clearly less - and the part is the same. What is to read is counted
+as in a minimum description length (Rissanen 1978), with one for each feature and number and half of one for the kind of a curve.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from itertools import pairwise
 
@@ -15,12 +16,12 @@ import numpy as np
 
 from imdim.geometry.lowering import lower
 from imdim.program.cost import count
+from imdim.program.outline import Curve, arc_center, arc_radius
 from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.observation import Observation
 
-MOST_CURVES = 24  # of drawings: what has more is no dozen primitives
-MOST_PRIMITIVES = 12  # of a program that is read primitive by primitive
-MORE = 1.25  # times as much to read as in the drawings, that primitives may be
+FEW = 12  # features, which are read one by one
+MORE, LESS = 1.25, 0.85  # times as much to read as in the drawings: what few plain features, and what more of them, may have
 SAME = 0.8  # of a primitive's price: by how much less of the part they may be
 CURVE_KIND = 0.5  # of a number: that a curve is a line or an arc
 AXES_OF = {"box": (0, 1, 2), "extrude": (0, 1, 2), "ellipsoid": (0, 1, 2), "sphere": ()}  # of others the third
@@ -29,21 +30,57 @@ ONE_NUMBER = 1e-4  # of the part's size, within which two numbers are one
 OUTSIDE = 1e-3  # of the part's size, beyond it: where a cutter ends there nothing is to be read
 
 
-def may_be_plain(drawn: Program) -> bool:
-    """Whether a program has outlines, and so few curves that primitives may tell the part."""
-    return 0 < count(drawn).curves <= MOST_CURVES
+def may_be_plain(drawn: Program, low: np.ndarray, high: np.ndarray) -> bool:
+    """Whether a program has outlines, and primitives may tell the part, which fills a box from `low` [3] to `high` [3]: not where even as
+    many as its walls need at least are too many."""
+    counts = count(drawn)
+    if not counts.curves:
+        return False
+    fewest = sum(map(_fewest_primitives, leaves(drawn)))
+    length = reading_length(drawn, low, high)
+    return length - counts.primitives - CURVE_KIND * counts.curves + fewest <= _most(fewest) * length
 
 
 def is_plainer(plain: Program, drawn: Program, seen: Observation) -> bool:
-    """Whether primitives are to be preferred to drawings."""
-    counts = count(plain)
-    if counts.curves or counts.primitives > MOST_PRIMITIVES:
-        return False
+    """Whether a program of plainer features is to be preferred to drawings."""
     low, high = seen.families.arrangement.bounds
-    if reading_length(plain, low, high) > MORE * reading_length(drawn, low, high):
+    before = reading_length(drawn, low, high)
+    if plain == drawn or reading_length(plain, low, high) > _most(count(plain).primitives) * before:
         return False
-    have, before = seen.iou(plain), seen.iou(drawn)
-    return have is not None and before is not None and have >= before - SAME * seen.size_weight
+    have, had = seen.iou(plain), seen.iou(drawn)
+    return have is not None and had is not None and have >= had - SAME * seen.size_weight
+
+
+def _most(features: int) -> float:
+    return MORE if features <= FEW else LESS
+
+
+def _fewest_primitives(leaf: Primitive) -> int:
+    """How many of the six kinds at least have the walls of a leaf: a round wall, or four straight ones of an extrusion, is of one."""
+    if leaf.outline is None:
+        return 1
+    curves = leaf.outline.curves
+    arcs = {(*arc_center(curve), arc_radius(curve)) for curve in curves if curve[4]}
+    lines = {_carrier(curve) for curve in curves if not curve[4]}
+    extent = np.abs([curve[:4] for curve in curves]).max()
+    round_walls = _distinct(arcs, ONE_NUMBER * extent)
+    if leaf.kind == "revolve":
+        return max(1, round_walls + _distinct({line for line in lines if abs(line[0]) > ONE_WAY}, ONE_NUMBER * extent))
+    return max(1, round_walls + -(-_distinct(lines, ONE_NUMBER * extent) // 4))
+
+
+def _carrier(line: Curve) -> tuple[float, float, float]:
+    """Unit normal of a line, of either sense, and its distance from the origin along that."""
+    x, y, u, v, _ = line
+    length = math.dist((x, y), (u, v))
+    a, b = (v - y) / length, (x - u) / length
+    if (round(a, 9), b) < (0, 0):
+        a, b = -a, -b
+    return a, b, a * x + b * y
+
+
+def _distinct(rows: set[tuple[float, float, float]], tolerance: float) -> int:
+    return len({tuple(round(v / tolerance) for v in row) for row in rows})
 
 
 def reading_length(program: Program, low: np.ndarray, high: np.ndarray) -> float:

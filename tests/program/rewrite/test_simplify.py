@@ -21,6 +21,10 @@ PIPE = Primitive("cylinder", (0.5, 3.0))
 STUB = Primitive("cylinder", (0.6, 4.0), (0.0, 0.0, 1.0))
 NEXT = Primitive("box", (2.0, 2.0, 2.0), (0.0, 2.0, 0.0))
 SLAB = Primitive("box", (9.0, 9.0, 2.0), (0.0, 0.0, 1.5))
+HOLE = Primitive("box", (2.0, 3.0, 2.0), (1.0, 0.0, 1.5))
+POCKET = Primitive("box", (2.0, 3.0, 1.5), (1.0, 0.0, 1.75))
+FLOOR = Primitive("box", (4.0, 9.0, 0.5), (1.0, 0.0, 0.75))
+GROOVE = Primitive("box", (9.0, 9.0, 1.0), (0.0, 7.0, 2.0))
 
 
 def cut(a: Program, *others: Program) -> Program:
@@ -42,6 +46,10 @@ RULES = {
     "(A - B) | B is A | B": (unite(cut(BLOCK, ROD), ROD), unite(BLOCK, ROD)),
     "(A | B) - B is A - B": (cut(unite(BLOCK, SIDE), SIDE), cut(BLOCK, SIDE)),
     "A & (A - B) is A - B": (meet(BLOCK, cut(BLOCK, ROD)), cut(BLOCK, ROD)),
+    "(A - B - C) | F is A - D - C where F is a floor of A that fills the end of B and is apart from C": (
+        unite(cut(SLAB, HOLE, GROOVE), FLOOR),
+        cut(SLAB, POCKET, GROOVE),
+    ),
     "A | (A & B) is A": (unite(SIDE, meet(SIDE, CORE)), SIDE),
     "A - (A & B) is A - B": (cut(BLOCK, meet(BLOCK, SIDE)), cut(BLOCK, SIDE)),
     "A - (A - B) is A & B": (cut(BLOCK, cut(BLOCK, SIDE)), meet(BLOCK, SIDE)),

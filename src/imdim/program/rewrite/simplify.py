@@ -79,7 +79,7 @@ def _rewrite(program: Program, prover: ContainmentProver) -> Program | None:
 def _union(terms: list[Program], prover: ContainmentProver) -> Program | None:
     terms = _uncovered(terms, prover.contains)
     terms = [_without_filled_cuts(t, [*terms[:i], *terms[i + 1 :]], prover) for i, t in enumerate(terms)]
-    terms = _fuse_all("union", terms)
+    terms = _fuse_all("union", _without_floors(terms, prover))
     return combine_all("union", terms) if terms else None
 
 
@@ -89,6 +89,28 @@ def _without_filled_cuts(term: Program, others: list[Program], prover: Containme
     taken = [[c, _fuse_pair("intersection", c, base)] for c in cuts]
     filled = [any(t and prover.contains(other, t) for t in both for other in others) for both in taken]
     return combine_all("difference", [base, *(c for c, gone in zip(cuts, filled, strict=True) if not gone)])
+
+
+def _without_floors(terms: list[Program], prover: ContainmentProver) -> list[Program]:
+    """(X - C) | F is X - D where X holds F, and D is what F leaves of C: a floor in holes that go through makes pockets of them."""
+    floors: set[int] = set()
+    out = list(terms)
+    for i in range(len(out)):
+        for j in range(len(out)):
+            pockets = None if j == i or j in floors or i in floors else _pockets(out[i], out[j], prover)
+            if pockets is not None:
+                out[i] = pockets
+                floors.add(j)
+    return [term for i, term in enumerate(out) if i not in floors]
+
+
+def _pockets(term: Program, floor: Program, prover: ContainmentProver) -> Program | None:
+    base, cuts = spine(term)
+    cuts = [c for cut in cuts for c in parts(cut, "union")]
+    if not cuts or not prover.contains(base, floor):
+        return None
+    left = [cut if prover.disjoint(cut, floor) else _fuse_pair("difference", cut, floor) for cut in cuts]
+    return None if any(cut is None for cut in left) else combine_all("difference", [base, *(cut for cut in left if cut is not None)])
 
 
 def _product(factors: list[Program], cuts: list[Program], prover: ContainmentProver) -> Program | None:

@@ -1,0 +1,51 @@
+"""Drawings taken apart: loops that are features of their own become features.
+
+An outline of a plate may hold its four bolt holes and fifteen windows, and one of islands a row of ribs. To whom it is a part, a plate is a
+plate, and its holes are cut into it: each has its own numbers, is moved by itself, and a row of them is one loop of a script.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+from imdim.program.outline import Loop, Outline, regions
+from imdim.program.plain_outlines import to_simple
+from imdim.program.rewrite.containment_rules import parts, spine
+from imdim.program.tree import OPS, Combine, Primitive, Program, combine_all, fold
+
+
+def separate_loops(program: Program) -> Program:
+    """The same solid, with each area of an outline as a feature, and each hole of it that one of the six kinds cuts cut by that.
+
+    What is neither circle nor rectangle stays in its outline. A cutter is as deep as what it cuts; whoever delivers it lets it stand out.
+    """
+    return fold(program, lambda _, leaf: _separate(leaf), {op: partial(Combine, op) for op in OPS})
+
+
+def hoist_cuts(program: Program, is_free: Callable[[Program], bool]) -> Program:
+    """(A - C) | B as (A | B) - C, body first and then what is cut into it, for each cut that `is_free`: none of it is in the solid, so it
+    takes nothing from B."""
+    base, cuts = spine(program)
+    bases: list[Program] = []
+    for term in parts(base, "union"):
+        inner, own = spine(term)
+        each = [cut for joined in own for cut in parts(joined, "union")]
+        free = [is_free(cut) for cut in each]
+        bases.append(combine_all("difference", [inner, *(cut for cut, out in zip(each, free, strict=True) if not out)]))
+        cuts = [*(cut for cut, out in zip(each, free, strict=True) if out), *cuts]
+    return combine_all("difference", [combine_all("union", bases), *cuts])
+
+
+def _separate(leaf: Primitive) -> Program:
+    if leaf.outline is None:
+        return leaf
+    return combine_all("union", [_separate_holes(leaf, outer, holes) for outer, *holes in regions(leaf.outline)])
+
+
+def _separate_holes(leaf: Primitive, outer: Loop, holes: list[Loop]) -> Program:
+    cutters = {hole: to_simple(replace(leaf, outline=Outline((hole,)))) for hole in holes}
+    kept = [hole for hole, cutter in cutters.items() if cutter is None]
+    body = replace(leaf, outline=Outline((outer, *kept)))
+    return combine_all("difference", [to_simple(body) or body, *(cutter for cutter in cutters.values() if cutter is not None)])
