@@ -22,7 +22,7 @@ SOURCE = Path(__file__).parents[2] / "dataset" / "examples" / "bracket.scad"
 SAME = 0.999
 
 EDITS = {
-    "holes further out": ({"plate_hole_spacing_x": 102.0}, {"[-48,": "[-51,", "[48,": "[51,"}),
+    "holes further out": ({"m8_hole_spacing": 102.0}, {"[-48,": "[-51,", "[48,": "[51,"}),
     "larger bore": ({"bore": 22.0}, {"r = 10, h = 44": "r = 11, h = 44", "r1 = 10, r2 = 14, h = 8": "r1 = 11, r2 = 14, h = 8"}),
     "larger nipple": ({"ball_radius": 8.0}, {"sphere(r = 5)": "sphere(r = 8)"}),
     "higher boss": (

@@ -31,9 +31,7 @@ def add_repeats(system: LinearSystem, folded: Folded, parts: Sequence[Primitive]
         elif repeat.kind in ("linear", "grid"):
             _add_steps(system, repeat, first, own)
         elif repeat.kind == "mirror":
-            axis = world_axis(repeat.axis)
-            for j, a in product(range(own), range(3)):
-                system.rows.append({6 * (first + own + j) + 3 + a: 1.0, 6 * (first + j) + 3 + a: 1.0 if a == axis else -1.0})
+            _add_mirror(system, repeat, first, own)
         else:
             _add_circle(system, repeat, first, own, parts)
 
@@ -56,6 +54,20 @@ def _add_steps(system: LinearSystem, repeat: Repeat, first: int, own: int) -> No
 def _word(repeat: Repeat, axis: int) -> str:
     plain = repeat.kind == "linear" and sum(map(bool, repeat.steps[0])) == 1
     return "spacing" if plain else f"spacing_{'xyz'[axis]}"
+
+
+def _add_mirror(system: LinearSystem, repeat: Repeat, first: int, own: int) -> None:
+    """Each leaf as far from the plane as its image; what is equally far apart has one spacing."""
+    axis = world_axis(repeat.axis)
+    spacings: dict[float, int] = {}
+    for j, a in product(range(own), range(3)):
+        image, source = 6 * (first + own + j) + 3 + a, 6 * (first + j) + 3 + a
+        system.rows.append({image: 1.0, source: 1.0 if a == axis else -1.0})
+        apart = system.start[image] - system.start[source]
+        if a == axis and abs(apart) > ZERO * system.length:
+            key = round(abs(apart) / system.length, 9)
+            spacing = spacings[key] if key in spacings else spacings.setdefault(key, system.new(first + j, "spacing", abs(apart)))
+            system.rows.append({image: 1.0, source: -1.0, spacing: -math.copysign(1.0, apart)})
 
 
 def _add_circle(system: LinearSystem, repeat: Repeat, first: int, own: int, parts: Sequence[Primitive]) -> None:

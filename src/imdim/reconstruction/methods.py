@@ -19,7 +19,7 @@ from imdim.deadline import Deadline
 from imdim.geometry.solid import to_manifold
 from imdim.program.cost import count
 from imdim.program.front import Choice
-from imdim.program.rewrite.separation import hoist_cuts, separate_loops
+from imdim.program.rewrite.separation import hoist_cuts, separate_loops, straighten
 from imdim.program.rewrite.simplify import reduce_program
 from imdim.program.tree import Program, leaves
 from imdim.reconstruction.budget import Budget, Stage
@@ -29,6 +29,7 @@ from imdim.reconstruction.fitting import POOR
 from imdim.reconstruction.observation import SAMPLES, Observation
 from imdim.reconstruction.plain_program import is_plainer, may_be_plain
 from imdim.reconstruction.policy_beam import misfit, proposals
+from imdim.reconstruction.preserve import is_same
 from imdim.reconstruction.proof import Proofs
 from imdim.search.counterexamples import Sharpener, transfer
 from imdim.search.evolve.population import EvolutionConfig, Generation
@@ -50,6 +51,7 @@ POOR_IF_CUT = 0.01  # of the volume; a search that was cut short and leaves more
 TOUCH = EvolutionConfig(generations=60, patience=10)
 WORTH_MORE = 0.5  # of a primitive's price; error that a search goes on for although no fewer primitives can do
 NOTHING = 1e-7  # of the volume, of which a cut that takes no more takes nothing
+HIDDEN = 1e-5  # of it, by which solids of two forms of one program may differ
 PROPOSE_S = 6.0  # what loading torch and writing a beam take of the processor; the solver works without it where less is left
 FAR_BETTER = 0.5  # of the misfit of the search's program
 
@@ -116,12 +118,14 @@ def auto(run: Run) -> Iterator[MethodStep]:
 
 
 def _separate(run: Run, drawn: MethodStep) -> MethodStep | None:
-    """The same with holes and islands of drawings as features of their own."""
+    """The same with holes and islands of drawings as features of their own, and boxes for what looks like one from outside."""
     if not has_outlines(drawn.program):
         return None
     solid = to_manifold(drawn.program)
     apart = hoist_cuts(separate_loops(drawn.program), lambda cut: (to_manifold(cut) ^ solid).volume() < NOTHING * solid.volume())
-    return replace(drawn, program=reduce_program(apart, run.budget.end_of("search")))
+    deadline = run.budget.end_of("search")
+    apart = straighten(reduce_program(apart, deadline), lambda trial: not deadline.has_passed() and is_same(drawn.program, trial, HIDDEN))
+    return replace(drawn, program=apart)
 
 
 def _search_primitives(run: Run, drawn: MethodStep) -> MethodStep | None:

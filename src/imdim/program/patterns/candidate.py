@@ -83,7 +83,7 @@ def first_leaf(node: Node) -> Primitive:
 
 
 def pairs(bench: Bench, parts: list[Node], left: list[int]) -> list[RepeatCandidate]:
-    """Pairs of parts that one plane or one step takes to each other, as long as two primitives or more are saved."""
+    """Pairs of parts that one plane or one step takes to each other, as long as two primitives or more, or a drawing, are saved."""
     found: list[RepeatCandidate] = []
     for group in classes(parts, left, bench.tolerance):
         for i, j in combinations(group, 2):
@@ -94,7 +94,7 @@ def pairs(bench: Bench, parts: list[Node], left: list[int]) -> list[RepeatCandid
     out: list[RepeatCandidate] = []
     while True:
         best = max((_largest(bench, parts, found, p.repeat) for p in found), key=lambda c: c.saved, default=None)
-        if best is None or sum(parts[row[0]].size for row in best.members) < 2:
+        if best is None or sum(parts[row[0]].writing for row in best.members) < 2:
             return out
         out.append(best)
         used = {i for row in best.members for i in row}
@@ -122,7 +122,7 @@ def _largest(bench: Bench, parts: list[Node], pairs: list[RepeatCandidate], like
         if not used & set(pair.members[0]) and bench.same_motions(pair.repeat, like):
             used |= set(pair.members[0])
             rows.append(_facing(parts, pair, rows[0].members[0][0]) if rows and like.kind == "mirror" else pair)
-    saved = sum(parts[r.members[0][0]].size for r in rows) * NUMBERS - COSTS[like.kind]
+    saved = sum(parts[r.members[0][0]].writing for r in rows) * NUMBERS - COSTS[like.kind]
     return RepeatCandidate(like, tuple(r.members[0] for r in rows), tuple(r.orders[0] for r in rows), saved + (like.kind == "mirror") * 2.5)
 
 

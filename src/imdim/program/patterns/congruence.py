@@ -37,6 +37,11 @@ class Node:
         """How many leaves there are."""
         return len(self.leaves)
 
+    @property
+    def writing(self) -> int:
+        """What there is to write, in leaves: an outline is as much again as the leaf that it is of."""
+        return sum(1 + (leaf.outline is not None) for _, leaf in self.leaves)
+
     @cached_property
     def depth(self) -> int:
         """Operations inside each other."""

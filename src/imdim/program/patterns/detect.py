@@ -41,7 +41,8 @@ class Folding:
 def fold_repeats(program: Program, tolerance: float | None = None) -> Folding | None:
     """The program with its repeated parts written once; None where nothing repeats.
 
-    A repeat saves two primitives or more. `tolerance` is the length by which numbers may move, `TOLERANCE` of the part's size if None.
+    A repeat saves two primitives or a drawing, or more. `tolerance` is the length by which numbers may move, `TOLERANCE` of the part's size
+    if None.
     """
     parts = list(leaves(program))
     exact = TOLERANCE * extent(program)
@@ -129,7 +130,7 @@ class _FoldSearch:
             out += self._of_class(parts, group)
         left = [i for i in left if not any(i in row for c in out for row in c.members)]
         both = (*self._merge(out), *pairs(self.bench, parts, left))
-        return [c for c in both if (c.repeat.number - 1) * sum(parts[row[0]].size for row in c.members) >= 2]
+        return [c for c in both if (c.repeat.number - 1) * sum(parts[row[0]].writing for row in c.members) >= 2]
 
     def _of_class(self, parts: list[Node], group: list[int]) -> Iterator[RepeatCandidate]:
         while len(group) > 2:

@@ -6,14 +6,18 @@ plate, and its holes are cut into it: each has its own numbers, is moved by itse
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
-from imdim.program.outline import Loop, Outline, regions
+from imdim.program.outline import Loop, Outline, flatten_loop, loop_curves, regions
 from imdim.program.plain_outlines import to_simple
 from imdim.program.rewrite.containment_rules import parts, spine
-from imdim.program.tree import OPS, Combine, Primitive, Program, combine_all, fold
+from imdim.program.tree import OPS, Combine, Primitive, Program, combine_all, fold, leaves, map_leaves
+
+SEGMENTS = 96  # of a circle, whose extent is that of its corners
+RIGHT_ANGLES = 6  # digits of the tangent of a direction, by which directions are the same
 
 
 def separate_loops(program: Program) -> Program:
@@ -36,6 +40,43 @@ def hoist_cuts(program: Program, is_free: Callable[[Program], bool]) -> Program:
         bases.append(combine_all("difference", [inner, *(cut for cut, out in zip(each, free, strict=True) if not out)]))
         cuts = [*(cut for cut, out in zip(each, free, strict=True) if out), *cuts]
     return combine_all("difference", [combine_all("union", bases), *cuts])
+
+
+def straighten(program: Program, is_same: Callable[[Program], bool]) -> Program:
+    """Boxes in place of drawings whose other walls are hidden, such as a rib's end in the round boss that it leans on, where `is_same` says
+    that the solid stays."""
+    for i, leaf in enumerate(leaves(program)):
+        trials = (_with_leaf(program, i, box) for box in _boxes_around(leaf))
+        program = next(filter(is_same, trials), program)
+    return program
+
+
+def _with_leaf(program: Program, number: int, leaf: Primitive) -> Program:
+    return map_leaves(program, lambda i, old: leaf if i == number else old)
+
+
+def _boxes_around(leaf: Primitive) -> Iterator[Primitive]:
+    """The boxes around an extruded loop along its longest lines, one each way."""
+    if leaf.kind != "extrude" or leaf.outline is None:
+        return
+    loop, *holes = leaf.outline.loops
+    if holes:
+        return
+    lines = sorted((c for c in loop_curves(loop) if not c[4]), key=lambda c: -math.dist(c[:2], c[2:4]))
+    seen: set[float] = set()
+    for x, y, u, v, _ in lines:
+        turn = math.atan2(v - y, u - x) % (math.pi / 2)
+        if (key := round(math.sin(4 * turn) + 2 * math.cos(4 * turn), RIGHT_ANGLES)) in seen:
+            continue
+        seen.add(key)
+        c, s = math.cos(turn), math.sin(turn)
+        along, across = zip(*((c * px + s * py, c * py - s * px) for px, py in flatten_loop(loop, SEGMENTS)), strict=True)
+        corners = [
+            (a, b) for a, b in ((min(along), min(across)), (max(along), min(across)), (max(along), max(across)), (min(along), max(across)))
+        ]
+        box = to_simple(replace(leaf, outline=Outline((tuple((c * a - s * b, s * a + c * b, 0.0) for a, b in corners),))))
+        if box is not None:
+            yield box
 
 
 def _separate(leaf: Primitive) -> Program:
