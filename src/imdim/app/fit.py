@@ -28,6 +28,7 @@ Reconstruct = Callable[["Target", Settings, "np.random.Generator"], "Iterator[Sn
 
 DELIVERY_S = 6.0
 FILES_S = 5.0  # of these, for the files of a program that is finished
+WRITING_S, WRITING_SHARE = 1.5, 0.25  # for scores and pictures, which take that long whatever the part; at most that share of a budget
 LEAST_S = 1.0  # for the reconstruction, however long loading took
 STEP_SHARE = 0.03  # of the budget, which STEP may take beyond it
 MOST_SAID = 6  # groups of holes on the screen; the report has all
@@ -125,7 +126,7 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None, quiet: bool 
 
         reconstruct = pipeline.reconstruct
         start += compile_kernels(StringIO() if quiet else sys.stderr)
-    left = max(settings.budget_s - stages["loading"], LEAST_S)
+    left = max(settings.budget_s - stages["loading"] - min(WRITING_S, WRITING_SHARE * settings.budget_s), LEAST_S)
     snapshots = reconstruct(target, replace(settings, budget_s=left), np.random.default_rng(settings.seed))
     last = pipeline.exhaust(_until_stopped(snapshots if quiet else show_progress(snapshots, left)), stages)
     said = {key: printable(value) if isinstance(value, str) else value for key, value in asdict(settings).items()}
