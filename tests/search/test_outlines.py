@@ -1,5 +1,6 @@
 """Outlines as candidate families: plane arrangements, the best region, and planted parts that come back as one outline."""
 
+from contextlib import suppress
 from dataclasses import replace
 from itertools import product
 
@@ -94,6 +95,25 @@ def _share_of_best(seed, price):
     assert region.curves == count_curves(found, region.inside)
     check_crossings(Outline(trace_loops(found, region.inside)))
     return value(region.inside) / max(value(np.array(bits, bool)) for bits in product((False, True), repeat=found.faces))
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-6, 3e-5, 6e-4, -6e-4])
+def test_a_circle_that_a_line_all_but_touches_is_whole(off):
+    """The wide hole of a fan holder is as wide as the frame beside it, but for half a thousandth: it was left out."""
+    walls = Walls(
+        np.array([[1.0, 0.0]]),
+        np.array([0.25 - off]),
+        np.zeros((1, 2)),
+        np.array([0.25]),
+        np.array([[-0.5, -0.5], [0.5, 0.5]]),
+        ((0, 0), (0, 1)),
+    )
+    found = make_plane("extrude", 0, np.zeros(3), np.eye(3), walls)
+    areas = []
+    for face in range(found.faces):
+        with suppress(ValueError):  # what is around it touches itself where they touch
+            areas.append(Outline(trace_loops(found, np.arange(found.faces) == face)).area)
+    assert min(abs(area - np.pi * 0.25**2) for area in areas) < 4e-4
 
 
 def test_what_wins_nothing_has_no_region():

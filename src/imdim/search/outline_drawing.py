@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
@@ -59,15 +60,28 @@ def _loop(plane: OutlinePlane, ring: list[tuple[int, bool]], exact: bool) -> Loo
     start = next((i for i in range(len(ring)) if wall[i] != wall[i - 1]), None)
     lines = len(plane.walls.offsets)
     if start is None:
-        center, radius = plane.walls.centers[wall[0] - lines], plane.walls.radii[wall[0] - lines]
-        return circle(float(radius), float(center[0]), float(center[1]))
+        return _circle(plane, wall[0] - lines)
     runs = list(_same_wall(ring[start:] + ring[:start], wall[start:] + wall[:start]))
     corners = [_corner(plane, runs[i - 1], runs[i], exact) for i in range(len(runs))]
     passed = [
         (run, a, b) for run, a, b in zip(runs, corners, [*corners[1:], corners[0]], strict=True) if not np.allclose(a, b, 0, NO_LENGTH)
     ]
+    whole = max(runs, key=partial(_turn_along, plane))
+    if not passed and _turn_along(plane, whole) > math.pi:  # a circle that a line all but touches comes back to the corner it left
+        return _circle(plane, int(plane.segments.wall[whole[0][0]]) - lines)
     vertices = [v for run, begin, end in passed for v in _vertices(plane, run, begin, end)]
     return tuple(vertices) if len(vertices) > 2 or any(b for _, _, b in vertices) else None
+
+
+def _circle(plane: OutlinePlane, at: int) -> Loop:
+    center = plane.walls.centers[at]
+    return circle(float(plane.walls.radii[at]), float(center[0]), float(center[1]))
+
+
+def _turn_along(plane: OutlinePlane, run: list[tuple[int, bool]]) -> float:
+    """By how much a run of pieces of one wall turns, 0 for a line."""
+    at = int(plane.segments.wall[run[0][0]]) - len(plane.walls.offsets)
+    return 0.0 if at < 0 else sum(float(plane.segments.length[s]) for s, _ in run) / float(plane.walls.radii[at])
 
 
 def _same_wall(ring: list[tuple[int, bool]], wall: list[int]) -> Iterator[list[tuple[int, bool]]]:
@@ -96,8 +110,8 @@ def _vertices(plane: OutlinePlane, run: list[tuple[int, bool]], begin: np.ndarra
     (x, y), at = begin.tolist(), int(plane.segments.wall[run[0][0]]) - len(plane.walls.offsets)
     if at < 0:
         return [(x, y, 0.0)]
-    center, radius = plane.walls.centers[at], float(plane.walls.radii[at])
-    about = sum(float(plane.segments.length[s]) for s, _ in run) / radius * (1 if run[0][1] else -1)
+    center = plane.walls.centers[at]
+    about = _turn_along(plane, run) * (1 if run[0][1] else -1)
     (ax, ay), (bx, by) = begin - center, end - center
     turn = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
     turn += 2 * math.pi * round((about - turn) / (2 * math.pi))
