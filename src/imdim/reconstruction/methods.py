@@ -21,7 +21,7 @@ from imdim.program.cost import count
 from imdim.program.front import Choice
 from imdim.program.rewrite.separation import hoist_cuts, separate_loops, straighten
 from imdim.program.rewrite.simplify import reduce_program
-from imdim.program.tree import Program, leaves
+from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.budget import Budget, Stage
 from imdim.reconstruction.config import Settings
 from imdim.reconstruction.evolution import evolve_observation, log_generations, seeds_of
@@ -121,11 +121,21 @@ def _separate(run: Run, drawn: MethodStep) -> MethodStep | None:
     """The same with holes and islands of drawings as features of their own, and boxes for what looks like one from outside."""
     if not has_outlines(drawn.program):
         return None
-    solid = to_manifold(drawn.program)
-    apart = hoist_cuts(separate_loops(drawn.program), lambda cut: (to_manifold(cut) ^ solid).volume() < NOTHING * solid.volume())
-    deadline = run.budget.end_of("search")
-    apart = straighten(reduce_program(apart, deadline), lambda trial: not deadline.has_passed() and is_same(drawn.program, trial, HIDDEN))
-    return replace(drawn, program=apart)
+    deadline, solid = run.budget.end_of("search"), to_manifold(drawn.program)
+    nothing = NOTHING * solid.volume()
+
+    def is_free(cut: Program) -> bool:
+        return (to_manifold(cut) ^ solid).volume() < nothing
+
+    def may_hide(leaf: Primitive, box: Primitive) -> bool:
+        if deadline.has_passed():
+            return False
+        more = to_manifold(box) - to_manifold(leaf)
+        filled = (more ^ solid).volume()
+        return min(filled, more.volume() - filled) < HIDDEN * solid.volume()
+
+    apart = reduce_program(hoist_cuts(separate_loops(drawn.program), is_free), deadline)
+    return replace(drawn, program=straighten(apart, may_hide, lambda trial: is_same(drawn.program, trial, HIDDEN)))
 
 
 def _search_primitives(run: Run, drawn: MethodStep) -> MethodStep | None:
