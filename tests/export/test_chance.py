@@ -9,7 +9,7 @@ from imdim.export.edit import change_values, open_delivered, solid_of
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.codec import dumps, parse
 from imdim.program.constraints import Constraint, Ref
-from imdim.program.tree import Combine, Primitive
+from imdim.program.tree import Combine, Primitive, combine_all
 from imdim.reconstruction.fitting import relations_of
 
 
@@ -42,6 +42,18 @@ def test_where_cuts_end_in_the_air_binds_nothing():
         wanted = Combine("difference", part(thickness, ball=0.1), Primitive("box", (1.0, 1.0, 1.0), (0.0, 0.0, 90.0)))
         got, meant = solid_of(after), to_manifold(wanted, SEGMENTS)
         assert volume_iou(got.trim_by_plane((1.0, 0.0, 0.0), -10.0), meant.trim_by_plane((1.0, 0.0, 0.0), -10.0)) > 1 - 1e-6
+
+
+def test_holes_that_end_in_one_face_go_through_a_thicker_plate():
+    """Both ends of two holes lie in the plate's faces: they are level with these, and not with each other."""
+    plate, holes = Primitive("box", (20.0, 10.0, 3.0)), [Primitive("cylinder", (2.0, 3.0), (x, 0.0, 0.0)) for x in (-6.0, 6.0)]
+    program = combine_all("difference", [plate, *holes])
+    level = Constraint("coplanar", (Ref(1, "-z"), Ref(2, "-z")), name="level")
+    flush = Constraint("coplanar", (Ref(0, "+z"), Ref(1, "+z"), Ref(2, "+z")), name="flush")
+    tall = Constraint("equal", (Ref(1, "h"), Ref(2, "h")), name="hole_height")
+    assert [c.of for c in without_chance(program, [level, flush, tall])] == [flush.of]
+    thicker = solid_of(change_values(delivered(program, [level, flush, tall]), {"plate_thickness": 8.0}))
+    assert thicker.genus() == 2
 
 
 def test_equal_sizes_are_tied_within_one_role():

@@ -1,7 +1,7 @@
 """Which relations hold by chance: what the numbers say and no designer meant. An edit is not to be bound by them.
 
 That a ball and a hole measure the same is chance, and so is a face at the level of the middle of something else, or a place in the air
-where a cut ends that goes through.
+where a cut ends that goes through. Two holes that end in one face are level by that face, not by each other.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ def without_chance(program: Program, constraints: Sequence[Constraint]) -> tuple
     roles, air = roles_of(program), _in_the_air(program)
     out: list[Constraint] = []
     for constraint in constraints:
+        meant = [ref for ref in constraint.of if ref not in air or air[ref] in constraint.of]
         if constraint.kind in ("aligned", "coplanar"):
             mixed = constraint.kind == "aligned" and len({bool(ref.feature) for ref in constraint.of}) > 1
-            out += [] if mixed else _of_some(constraint, [ref for ref in constraint.of if ref not in air])
+            out += [] if mixed else _of_some(constraint, meant)
         elif constraint.kind == "equal" and all(ref.leaf != WORLD for ref in constraint.of):
-            meant = [ref for ref in constraint.of if ref not in air]
             groups = dict.fromkeys((roles[ref.leaf], ref.feature) for ref in meant)
             for group in groups:
                 out += _of_some(constraint, [ref for ref in meant if (roles[ref.leaf], ref.feature) == group])
@@ -37,9 +37,13 @@ def _of_some(constraint: Constraint, of: Sequence[Ref]) -> list[Constraint]:
     return [replace(constraint, of=tuple(of))] if len(of) > 1 else []
 
 
-def _in_the_air(program: Program) -> set[Ref]:
-    """The ends of cuts beyond what they cut, and the sizes across them."""
+def _in_the_air(program: Program) -> dict[Ref, Ref | None]:
+    """The ends of cuts where they leave what they cut, each with the face that it lies in, None beyond it; and the sizes across them."""
     parts, sign = list(leaves(program)), signs(program)
-    ends = [s.own for s in seats(program) if sign[s.own.leaf] < 0 and not s.word and s.own.column >= 0 and sticks_out(s, parts)]
-    faces = {Ref(end.leaf, end.local) for end in ends}
-    return faces | {Ref(end.leaf, SIZE_NAMES[parts[end.leaf].kind][end.column]) for end in ends}
+    found: dict[Ref, Ref | None] = {}
+    for seat in seats(program):
+        end, face = seat.own, seat.face
+        if sign[end.leaf] < 0 and not seat.word and end.column >= 0:
+            found[Ref(end.leaf, end.local)] = None if sticks_out(seat, parts) else Ref(face.leaf, face.local)
+            found[Ref(end.leaf, SIZE_NAMES[parts[end.leaf].kind][end.column])] = None
+    return found

@@ -33,7 +33,7 @@ def test_a_part_is_drawn_where_nothing_else_is_asked_for(phone):
     phone.choose("Example", "Lever")
     phone.says("Lever")
     phone.run()
-    assert phone.status("features") == "2, 12 curves"
+    assert phone.status("features") == "4, 8 curves"
     assert phone.status("primitives") == ""
 
 
