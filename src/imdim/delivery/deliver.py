@@ -22,12 +22,13 @@ from imdim.delivery.finish import FinishedProgram, finish, finish_flat
 from imdim.delivery.report import RunRecord, dumps, report_of
 from imdim.delivery.verdict import judge
 from imdim.export import html
-from imdim.export.delivered import texts_of, unwritten
-from imdim.export.edge_text import do_edges_matter
+from imdim.export.delivered import Delivered, texts_of, unwritten
+from imdim.export.edge_text import do_edges_matter, with_edge_sizes
 from imdim.export.folder import DIGESTS, FILES, OutputError, check_untouched, check_writable, digests_of, replacing
 from imdim.export.meshes import NamedFeatures, write_meshes
 from imdim.export.numbers import round_program
 from imdim.export.openscad_reader import read_openscad
+from imdim.export.parameters import parametrise
 from imdim.export.preview import preview
 from imdim.export.step_worker import exporting, finish_or_skip_step
 from imdim.geometry.census import census_of
@@ -59,12 +60,13 @@ def deliver(
     front: Sequence[Choice] = (),
     finish_by: Deadline = NEVER,
     edges: Sequence[EdgeFeature] = (),
+    named: Delivered | None = None,
 ) -> dict[str, Any]:
     """Write all results for `program` (in the target's units) into `folder`, whole or not at all; returns the report.
 
     `constraints` hold for `program` (see `relations.discover`). `front` holds programs from crude to exact, `program` among them; without
     it `front.json` holds the program alone. Past `finish_by` (by default never) the program is finished no further (`finish`).
-    `edges` are edge features of `program`.
+    `edges` are edge features of `program`. A program that is `named` already is written with its own texts, and finished no further.
 
     STEP is skipped, and the report says why, where OpenCASCADE is missing, fails or takes longer than `step_limit_s`.
     Raises OutputError when the folder cannot be written or holds foreign files, ValueError when the program is empty.
@@ -72,12 +74,12 @@ def deliver(
     seconds: dict[str, float] = {}
     with replacing(folder) as partial:
         with _time(seconds, "program"):
-            given, found = program, finish(program, constraints, finish_by, edges)
+            given, found = program, finish(program, constraints, finish_by, edges) if named is None else _keep(named)
             program = found.program
             meta = frame_meta(target)
             sharp, solid = to_manifold(program, segments), solid_with_edges(program, found.edges, segments)
             drawn = do_edges_matter(sharp.volume(), solid.volume())
-            _write(compose_texts(found, meta, segments, drawn, finish_by), partial)
+            _write(compose_texts(found, meta, segments, drawn, finish_by) | ({} if named is None else dict(named.texts)), partial)
             _write_front(front or [Choice(given)], given, meta, partial)
         with exporting(partial, Path(target.name).stem) as job:
             with _time(seconds, "meshes"):
@@ -151,6 +153,12 @@ def compose_texts(found: FinishedProgram, meta: Meta, segments: int, drawn: bool
     """program.json and the texts of a program by their names; program.scad draws edges where they are `drawn`."""
     document = program_text(found.program, meta, found.constraints, found.folded, found.edges)
     return {"program.json": document, **texts_of(found.program, found.parameters, found.folded, segments, found.edges, drawn, deadline)}
+
+
+def _keep(named: Delivered) -> FinishedProgram:
+    """What has its texts already, as it is."""
+    parameters = with_edge_sizes(parametrise(named.program, named.constraints, named.program, named.folded), named.edges)
+    return FinishedProgram(named.program, named.constraints, parameters, named.folded, named.edges)
 
 
 def _named(found: FinishedProgram, name: str) -> NamedFeatures:

@@ -31,13 +31,14 @@ MOST_GATHERED = 150  # primitives of a program
 @dataclass(frozen=True)
 class FinishedProgram:
     """`folded`, which `program` is the expansion of, has the repeats, None if there are none. `constraints` hold for `program`, and `edges`
-    are of its faces."""
+    are of its faces. `order` has for each leaf its number in the program that was finished."""
 
     program: Program
     constraints: tuple[Constraint, ...]
     parameters: Parameters
     folded: Folded | None
     edges: tuple[EdgeFeature, ...] = ()
+    order: tuple[int, ...] = ()
 
     def with_edges(self, edges: Sequence[EdgeFeature]) -> FinishedProgram:
         """The program with edge features of it, whose sizes have names too."""
@@ -60,8 +61,9 @@ def finish(
         delivered = finish_flat(program, deadline=deadline, edges=edges)
         constraints = without_loose(program, constraints, delivered)
         named = parametrise(program, constraints, delivered)
-        return FinishedProgram(delivered, rebase_constraints(delivered, constraints), named, None).with_edges(edges)
-    given, carried = folding.program, _renumber(constraints, folding.order)
+        order = tuple(range(count(program).primitives))
+        return FinishedProgram(delivered, rebase_constraints(delivered, constraints), named, None, order=order).with_edges(edges)
+    given, carried = folding.program, renumber_constraints(constraints, folding.order)
     constraints = _without_rows(holding(given, carried), folding.folded)
     place = {old: new for new, old in enumerate(folding.order)}
     edges = renumber_edges(edges, place)
@@ -69,7 +71,7 @@ def finish(
     delivered = expand(folded)
     constraints = without_loose(given, constraints, delivered, folded)
     named = parametrise(given, constraints, delivered, folded)
-    return FinishedProgram(delivered, rebase_constraints(delivered, constraints), named, folded).with_edges(edges)
+    return FinishedProgram(delivered, rebase_constraints(delivered, constraints), named, folded, order=folding.order).with_edges(edges)
 
 
 def finish_flat(program: Program, folded: Folded | None = None, deadline: Deadline = NEVER, edges: Sequence[EdgeFeature] = ()) -> Program:
@@ -137,7 +139,7 @@ def _without_rows(constraints: Sequence[Constraint], folded: Folded) -> tuple[Co
     return tuple(out)
 
 
-def _renumber(constraints: Sequence[Constraint], order: Sequence[int]) -> tuple[Constraint, ...]:
+def renumber_constraints(constraints: Sequence[Constraint], order: Sequence[int]) -> tuple[Constraint, ...]:
     """The constraints of a program whose leaf i was number ``order[i]`` before."""
     number = {old: new for new, old in enumerate(order)} | {WORLD: WORLD}
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from imdim.deadline import NEVER, Deadline
 from imdim.export.cadquery import to_cadquery
@@ -54,6 +55,20 @@ NAMED = re.compile(r"^([A-Za-z_]\w*) = (-?[\d.]+(?:e[+-]?\d+)?)(mm)?(;?)$", re.M
 SIZES = frozenset(name for names in SIZE_NAMES.values() for name in names)
 
 Feature = tuple[int, str]  # the primitive's number, and the name of a size or of a coordinate; those of an outline are counted
+
+
+class Followers(NamedTuple):
+    """What follows a name: radii that are half its value, numbers that are it, others that move with it."""
+
+    across: list[Feature]
+    equal: list[Feature]
+    moved: list[Feature]
+
+    def meant(self) -> dict[str, list[int]]:
+        """What its value is, in words, and the primitives that it is that of."""
+        across = [(leaf, _MEANING[f].replace("radius", "diameter")) for leaf, f in self.across]
+        found = across + [(leaf, _MEANING[f]) for leaf, f in self.equal]
+        return {word: [leaf for leaf, its in found if its == word] for word in dict.fromkeys(word for _, word in found)}
 
 
 class EditError(ValueError):
@@ -127,36 +142,34 @@ def meanings(delivered: Delivered) -> dict[str, str]:
     Primitives are counted from 0 in the order of program.json, as constraints count them.
     """
     out: dict[str, str] = {}
-    before = dict(_numbers(read(delivered, {})))
-    for name, value in delivered.values.items():
+    for name, found in find_followers(delivered).items():
         blended = [describe_edges(f) for f in delivered.edges if name in f.size_names]
         if blended:
             out[name] = f"size of {blended[0]}"
             continue
-        across, equal, moved = _followers(delivered, name, before)
-        meant = [(leaf, _MEANING[f].replace("radius", "diameter")) for leaf, f in across] + [(leaf, _MEANING[f]) for leaf, f in equal]
-        words = dict.fromkeys(word for _, word in meant)
-        is_what = [f"{word} of primitive {_some([str(leaf) for leaf, its in meant if its == word])}" for word in words]
-        follow = [f"moves {_some([f'{leaf}.{feature}' for leaf, feature in moved])}"] if moved else []
-        out[name] = "; ".join(is_what + follow) or f"nothing follows {plain(value)}"
+        is_what = [f"{word} of primitive {_some(list(map(str, of)))}" for word, of in found.meant().items()]
+        follow = [f"moves {_some([f'{leaf}.{feature}' for leaf, feature in found.moved])}"] if found.moved else []
+        out[name] = "; ".join(is_what + follow) or f"nothing follows {plain(delivered.values[name])}"
     return out | dict.fromkeys(delivered.counts, "how many copies there are")
 
 
 def tied_sizes(delivered: Delivered) -> dict[str, list[Feature]]:
     """For each name the sizes of primitives that are its value, or half of it; more than one where they are tied."""
+    found = find_followers(delivered)
+    return {name: [feature for feature in (*f.across, *f.equal) if feature[1] in SIZES] for name, f in found.items()}
+
+
+def find_followers(delivered: Delivered) -> dict[str, Followers]:
+    """What follows each name but those of counts; sizes of edge features have no followers among primitives."""
     before = dict(_numbers(read(delivered, {})))
     blended = {name for feature in delivered.edges for name in feature.size_names}
-    out: dict[str, list[Feature]] = {}
-    for name in delivered.values:
-        across, equal, _ = ([], [], []) if name in blended else _followers(delivered, name, before)
-        out[name] = [feature for feature in (*across, *equal) if feature[1] in SIZES]
-    return out
+    return {name: Followers([], [], []) if name in blended else _followers(delivered, name, before) for name in delivered.values}
 
 
 def is_size(delivered: Delivered, name: str) -> bool:
     """Whether some size is the named value, or the name is that of a diameter or of a size of an outline."""
     return not _DIMENSIONS.isdisjoint(name.split("_")) or any(
-        feature in SIZES for _, feature in _followers(delivered, name, dict(_numbers(read(delivered, {}))))[1]
+        feature in SIZES for _, feature in _followers(delivered, name, dict(_numbers(read(delivered, {})))).equal
     )
 
 
@@ -170,8 +183,8 @@ def read_values(text: str) -> dict[str, float]:
     return {found[1]: float(found[2]) for found in NAMED.finditer(text)}
 
 
-def _followers(delivered: Delivered, name: str, before: Mapping[Feature, float]) -> tuple[list[Feature], list[Feature], list[Feature]]:
-    """The radii that are half the named value, the numbers that are it, and the others that move with it; `before` has all as they are."""
+def _followers(delivered: Delivered, name: str, before: Mapping[Feature, float]) -> Followers:
+    """What follows a name; `before` has all numbers as they are."""
     value = delivered.values[name]
     step = 1.0 if is_count(name) else PROBE * (abs(value) or longest(leaves(delivered.program)))
     after, step = _probe(delivered, name, step)
@@ -181,7 +194,7 @@ def _followers(delivered: Delivered, name: str, before: Mapping[Feature, float])
     equal = [f for f, way in moved.items() if f not in drawn and max(abs(way - step), abs(before[f] - value)) <= slack]
     moved = {f: way for f, way in moved.items() if f not in drawn} | dict.fromkeys([(leaf, "outline") for leaf, _ in drawn], step)
     across = [f for f, way in moved.items() if f[1] in _ACROSS and max(abs(2 * way - step), abs(2 * before[f] - value)) <= slack]
-    return across, equal, [f for f in moved if f not in equal and f not in across]
+    return Followers(across, equal, [f for f in moved if f not in equal and f not in across])
 
 
 def _probe(delivered: Delivered, name: str, step: float) -> tuple[dict[Feature, float], float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from imdim.app.lab import protocol
+from imdim.app.lab import naming, protocol
 from imdim.app.lab.edits import ConstrainedProgram
 from imdim.app.lab.protocol import Message
 from imdim.app.lab.solving import Lock, violations
@@ -22,7 +22,8 @@ def take_snapshot(state: State, task: str, message: Message, locks: frozenset[Lo
     values = message.values
     program, constraints = protocol.read_document(values["document"])
     edges = codec.edges_of(values["document"])
-    live = state.live = ConstrainedProgram(program, constraints, locks, edges, task != "continue" or bool(edges))
+    named = values.get("named") and naming.from_values(values["named"], constraints)
+    live = state.live = ConstrainedProgram(program, constraints, locks, edges, task != "continue" or bool(edges), named or None)
     state.stage = values["stage"]
     if task in FREE:
         state.proof, state.proved = values["proof"] or state.proof, program
@@ -32,7 +33,7 @@ def take_snapshot(state: State, task: str, message: Message, locks: frozenset[Lo
     if task in TRACED:
         state.trace = [*state.trace, _step(live, values["seconds"], values["error"])][-MOST_STEPS:]
     if task in FREE:
-        _see(state, Choice(program, values["error"]))
+        _see(state, Choice(live.found, values["error"]))
         state.front = protocol.read_front(values["front"]) or state.front
 
 

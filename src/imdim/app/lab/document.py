@@ -9,14 +9,19 @@ from typing import Any
 
 from imdim.app.lab import edits
 from imdim.app.lab.edits import ConstrainedProgram, LabEditError
-from imdim.app.lab.state import History, State
+from imdim.app.lab.naming import name_as_it_is
+from imdim.app.lab.parameters import hold_value, list_parameters, read_number, report_edit, set_value, untie_name
+from imdim.app.lab.state import History, ParameterEdit, State
+from imdim.export.delivered import EditError
 from imdim.program.constraints import ConstraintError
 from imdim.program.front import Choice
 from imdim.reconstruction.config import first_line
+from imdim.target.target import frame_meta
 
 
 class Document:
-    """See the module. `changed` is told what changed and must not block: "target", "program", "selection", "run", "front", "notice"."""
+    """See the module. `changed` is told what changed and must not block: "target", "program", "selection", "run", "front", "notice",
+    "names"."""
 
     def __init__(self, changed: Callable[..., None]) -> None:
         self.changed = changed
@@ -36,11 +41,63 @@ class Document:
                 return False
             try:
                 after = change(theory)
-            except (LabEditError, ConstraintError) as error:
+            except (LabEditError, EditError, ConstraintError) as error:
                 self._say("error", first_line(error))
                 return False
             self._commit(what, after)
         return True
+
+    def set_parameter(self, name: str, text: str, strict: bool = False) -> None:
+        """A name at another value, as a person typed it. What the edit does to the solid is told by `report`."""
+        with self.lock:
+            before = self.theory
+            if self.edit(f"parameter {name}", lambda theory: set_value(theory, name, read_number(text), strict)):
+                if before is not None and self.theory is not None and self.theory is not before:
+                    self.state.edited = ParameterEdit(f"{name} = {read_number(text):g}", before, self.theory)
+                return
+            self.state.refused += 1
+        self.changed("names")
+
+    def report(self) -> None:
+        """Say what the last edit of a parameter did to the solid; nothing where another one came since."""
+        with self.lock:
+            edit, self.state.edited = self.state.edited, None
+        if edit is None or edit.before.names is None or edit.after.names is None:
+            return
+        lost = len(edit.before.constraints) - len(edit.after.constraints)
+        changed, line = report_edit(edit.before.names.delivered, edit.after.names.delivered, max(lost, 0))
+        with self.lock:
+            if self.theory is edit.after:
+                self._say("warning" if changed else "info", f"{edit.what}: {line}")
+
+    def hold_parameter(self, number: int) -> None:
+        """Have the solver keep what the row with that number says, or let it go."""
+        with self.lock:
+            rows = [] if self.theory is None else list_parameters(self.theory)
+            if number < len(rows) and rows[number].locks:
+                self.edit("lock", lambda theory: hold_value(theory, rows[number]))
+
+    def untie_parameter(self, number: int) -> None:
+        """Give each feature that shares the name of that row one of its own."""
+        with self.lock:
+            rows = [] if self.theory is None else list_parameters(self.theory)
+            if number < len(rows) and rows[number].tied:
+                name = rows[number].name
+                if self.edit(f"untie {name}", lambda theory: untie_name(theory, name)):
+                    self._say("info", f"{name} is untied: each feature has a name of its own")
+
+    def give_names(self) -> None:
+        """Names for the program in hand, which takes its time where it is long."""
+        with self.lock:
+            theory, target = self.history.theory, self.state.target
+            if theory is None or target is None or self.state.live is not None or theory.names is not None:
+                return
+        named = name_as_it_is(theory.program, theory.constraints, theory.edges, frame_meta(target))
+        with self.lock:
+            if self.history.theory is not theory:
+                return
+            self.history.name(named)
+        self.changed("names")
 
     def add(self, op: Any, part: Any) -> None:
         """One more primitive, the first one too."""

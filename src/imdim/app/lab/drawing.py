@@ -19,7 +19,7 @@ from imdim.geometry.sampling import subsample
 from imdim.geometry.solid import primitive_to_manifold, to_trimesh
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.edges import describe_edges
-from imdim.program.roles import labels, signs
+from imdim.program.roles import signs
 from imdim.program.tree import Primitive, Program, fold, leaves, map_leaves, map_lengths
 from imdim.relations.residuals import HOLDS
 from imdim.target.target import Frame, Target
@@ -162,7 +162,7 @@ def distance_map(target: Target, surface: trimesh.Trimesh, frame: Frame) -> tupl
 
 def names(theory: ConstrainedProgram) -> list[str]:
     """What each leaf, and after them each feature of edges, is called."""
-    return [*labels(theory.program, theory.constraints), *map(describe_edges, theory.edges)]
+    return [*theory.labels, *map(describe_edges, theory.edges)]
 
 
 def middle_of(scene: Drawing, number: int) -> np.ndarray | None:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from imdim.app.lab.naming import NamedProgram
 from imdim.app.lab.solving import TURN, Lock, follow_constraints
 from imdim.geometry.edges import find_edges, has_room
 from imdim.geometry.lowering import lower
@@ -13,6 +14,7 @@ from imdim.program.constraints import AXES, RULES, WORLD, Constraint, Ref, check
 from imdim.program.edges import EdgeFeature, describe_edges, renumber_edges
 from imdim.program.paths import at, leaf_paths, replace_at
 from imdim.program.paths import without as prune
+from imdim.program.roles import labels
 from imdim.program.tree import SIZE_NAMES, Combine, Op, Primitive, Program, leaves, map_leaves
 
 TURNS = ("rx", "ry", "rz")
@@ -24,13 +26,32 @@ class LabEditError(ValueError):
 
 @dataclass(frozen=True)
 class ConstrainedProgram:
-    """A program, the constraints on its numbers, the numbers that are locked, and the blends of its edges, and whether they are known."""
+    """A program, the constraints on its numbers, the numbers that are locked, and the blends of its edges, and whether they are known.
+
+    `named` has names for its numbers, or for those that it had before it was changed."""
 
     program: Program
     constraints: tuple[Constraint, ...] = ()
     locks: frozenset[Lock] = frozenset()
     edges: tuple[EdgeFeature, ...] = ()
     knows_edges: bool = True
+    named: NamedProgram | None = field(default=None, compare=False)
+
+    @property
+    def names(self) -> NamedProgram | None:
+        """The names of its numbers, None where it has none yet."""
+        return self.named if self.named is not None and self.named.is_of(self.program, self.constraints, self.edges) else None
+
+    @property
+    def labels(self) -> list[str]:
+        """What each primitive is called."""
+        return labels(self.program, self.constraints) if self.names is None else list(self.names.labels)
+
+    @property
+    def found(self) -> Program:
+        """What a run found, where this is its finished form; else the program."""
+        origin = None if self.names is None else self.names.origin
+        return self.program if origin is None else origin
 
     @property
     def size(self) -> int:

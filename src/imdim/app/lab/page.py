@@ -13,6 +13,7 @@ from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.jobs import WorkerPool
 from imdim.app.lab.panels.browse import CurvesPanel, FrontPanel, TreePanel
 from imdim.app.lab.panels.edit import EditPanel
+from imdim.app.lab.panels.parameters import ParametersPanel
 from imdim.app.lab.panels.relate import RelatePanel
 from imdim.app.lab.panels.run import RunPanel, StatusPanel
 from imdim.app.lab.panels.take import ShowPanel, TakePanel
@@ -30,10 +31,11 @@ from imdim.target.target import Frame
 
 SCORE_SAMPLES = 5_000
 SCORE_AFTER_S = 0.4, 1.0  # the picture has the core for itself until then: after an edit, and while a run goes on
+NAME_AFTER_S = 0.25  # as do the names of a program, and the report of an edit
 COMING = "\N{HORIZONTAL ELLIPSIS}"  # what is being measured
 SAID_S = 10.0  # that an error stays on the picture
 SCORE_NICE = 10  # and where it takes longer, it still goes first
-LEFT, RIGHT = 300, 320  # pixels
+LEFT, RIGHT = 320, 320  # pixels
 
 
 class Page:
@@ -42,6 +44,7 @@ class Page:
     def __init__(self, client: viser.ClientHandle, pool: WorkerPool, limits: UploadLimits, ear: InputQueue) -> None:
         self._client, self._ear = client, ear
         self._drawing = Refresher(self._draw_at_once, "draw")
+        self._naming = Refresher(self._name, "name", lambda: NAME_AFTER_S, SCORE_NICE)
         self._scoring = Refresher(self._score, "score", lambda: SCORE_AFTER_S[self.session.state.live is not None], SCORE_NICE)
         self.session = Session(pool, self._drawing.poke, limits)
         self.view = SceneView(client, ear, lambda leaf: self.session.select(None if self.session.state.selected == leaf else leaf))
@@ -59,6 +62,7 @@ class Page:
         self._ear.close()
         self.view.close()
         self._drawing.close()
+        self._naming.close()
         self._scoring.close()
 
     def _build(self) -> None:
@@ -69,6 +73,9 @@ class Page:
         gui.main_panel.set_width(RIGHT)
         self.status = StatusPanel(gui, session, ear)
         renderers.add_clicks(gui, "Primitive", ear, session.select)
+        upper, lower = gui.add_panel(), gui.add_panel()
+        self.parameters = ParametersPanel(gui, upper, session, ear)
+        self.parameters.listen(gui, ear, self.view.light_up)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Run"):
             self.run = RunPanel(gui, session, ear)
@@ -80,7 +87,6 @@ class Page:
             self.show = ShowPanel(gui, self.view, ear, lambda: self._scoring.poke("map"))
         with tabs.add_tab("Take"):
             self.take = TakePanel(self._client, session, ear, lambda: self.edit.units.value)
-        upper, lower = gui.add_panel(), gui.add_panel()
         self.tree = TreePanel(gui, upper)
         self.front, self.curves = FrontPanel(gui, lower, session, ear), CurvesPanel(gui, lower)
         upper.dock_left()
@@ -138,6 +144,9 @@ class Page:
             self._scene = None
         if topics & {"program", "selection", "target"}:
             self._draw_program(theory, selected)
+            self._naming.poke("names")
+        elif "names" in topics:
+            self._draw_texts(theory, selected)
         self._draw_state()
         if topics & {"run", "target"}:
             self.curves.draw(state.trace)
@@ -160,9 +169,19 @@ class Page:
                 drawn = theory.edge_feature(selected) is None
                 at = over.points[selected] if drawn else drawing.middle_of(self._scene, selected)
             self.view.name(at, drawing.names(theory)[selected] if selected is not None else "")
+        self._draw_texts(theory, selected)
+
+    def _draw_texts(self, theory: ConstrainedProgram | None, selected: int | None) -> None:
+        """What is read of the program."""
+        self.parameters.draw(theory, selected, self.edit.unit)
         self.edit.draw(theory, selected)
         self.tree.draw(theory, selected, self.edit.unit)
         self.relate.draw(theory, selected)
+
+    def _name(self, _: Set[str]) -> None:
+        """What the last edit did, and names for the program, which may wait for the picture."""
+        self.session.report()
+        self.session.give_names()
 
     def _draw_state(self) -> None:
         with self._stating:
@@ -210,7 +229,7 @@ class Page:
                 self.view.draw_map(points, tints)
                 self._say_scale(top)
         if topics & {"front"}:
-            self.front.draw(choices, None if theory is None else theory.program)
+            self.front.draw(choices, None if theory is None else theory.found)
 
     def _say_scale(self, top: float) -> None:
         bar = "linear-gradient(90deg,rgb(222,226,230),rgb(250,214,140),rgb(244,142,60),rgb(204,40,40),rgb(96,0,30))"

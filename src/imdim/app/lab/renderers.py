@@ -21,7 +21,7 @@ from imdim.app.lab.drawing import BLENDED, Colour, colours, names
 from imdim.app.lab.edits import ConstrainedProgram, numbers
 from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.solving import Lock
-from imdim.export.openscad import to_openscad
+from imdim.export.openscad import OUTLINE, to_openscad
 from imdim.export.preview import thumbnail
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.cost import count
@@ -33,6 +33,8 @@ from imdim.program.tree import OPS, Op, Primitive, Program
 PICTURE = 60  # pixels
 PICTURE_SEGMENTS = 24
 _SHAPE = re.compile(r"\b(cube|sphere|cylinder|rotate_extrude|linear_extrude)\(")
+
+LEFT_OUT = f"// outline(): {OUTLINE.count(chr(10))} lines that draw what follows; the copy has them\n"
 
 CLICKS = 10_000  # numbers that can be clicked on; how often that was done is counted in front of them
 # passes the number of what was clicked on to the input with that label, as if it had been typed
@@ -110,13 +112,16 @@ def _number(value: float, of: str, unit: str) -> str:
 
 
 def code(theory: ConstrainedProgram | None, selected: int | None) -> str:
-    """The program as OpenSCAD; lines of primitives are buttons that select them."""
+    """The program as OpenSCAD, as it is downloaded, with a button that copies all of it; lines of primitives are buttons that select them.
+
+    Of the functions that draw outlines a line of comment stands here, the copy has them."""
     if theory is None:
         return note("No program yet.")
-    lines, leaf = [], 0
-    for line in to_openscad(theory.program).splitlines():
+    whole = to_openscad(theory.program) if theory.names is None else theory.names.delivered.texts["program.scad"]
+    lines, leaf, most = [], 0, len(theory.labels)
+    for line in whole.replace(OUTLINE, LEFT_OUT).splitlines():
         text = html.escape(line) or "&nbsp;"
-        if not _SHAPE.search(line):
+        if leaf == most or not _SHAPE.search(line):
             lines.append(f'<div style="padding:0 4px">{text}</div>')
             continue
         back = "#fff3bf" if leaf == selected else "transparent"
@@ -126,7 +131,22 @@ def code(theory: ConstrainedProgram | None, selected: int | None) -> str:
         )
         leaf += 1
     body = f'<div style="font:11.5px/1.5 monospace;white-space:pre;overflow-x:auto;color:#343a40">{"".join(lines)}</div>'
-    return clickable("Primitive", body)
+    return copy_button(whole) + clickable("Primitive", body)
+
+
+def copy_button(text: str) -> str:
+    """A button that puts a text on the clipboard, or selects it where a page may not do that."""
+    script = (
+        "const t=this.nextElementSibling,b=this,say=(w)=>{b.textContent=w;setTimeout(()=>b.textContent='Copy all',2000)};"
+        "const old=()=>{t.style.display='block';t.select();const ok=document.execCommand('copy');t.style.display='none';"
+        "say(ok?'Copied':'Not allowed here')};"
+        "navigator.clipboard?navigator.clipboard.writeText(t.value).then(()=>say('Copied'),old):old()"
+    )
+    look = "border:1px solid #ced4da;border-radius:4px;background:#f8f9fa;color:#212529;font:inherit;padding:2px 10px;cursor:pointer"
+    return (
+        f'<div style="padding:4px 12px 6px;font-size:12px"><button type="button" class="lab-copy" onclick="{html.escape(script)}" '
+        f'style="{look}">Copy all</button><textarea readonly class="lab-program" style="display:none">{html.escape(text)}</textarea></div>'
+    )
 
 
 def strip(choices: Sequence[Choice], shown: Program | None) -> str:
@@ -183,6 +203,12 @@ def add_clicks(gui: viser.GuiApi, label: str, ear: InputQueue, clicked: Callable
     """
     gui.add_html('<i class="lab-unseen"></i>')
     ear.hear(gui.add_number(label, 0, step=1), lambda number: clicked(int(number) % CLICKS))
+
+
+def add_texts(gui: viser.GuiApi, label: str, ear: InputQueue, told: Callable[[str], object]) -> None:
+    """The input called `label` that scripts of the page write into, which nobody sees. `told` gets the text after its count."""
+    gui.add_html(f'<i class="lab-unseen" data-to="{label}"></i>')
+    ear.hear(gui.add_text(label, ""), lambda text: told(text.partition(" ")[2]))
 
 
 def note(line: str) -> str:

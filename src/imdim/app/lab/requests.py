@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from imdim.app.lab import protocol
+from imdim.app.lab import naming, protocol
 from imdim.app.lab.edits import ConstrainedProgram
 from imdim.app.lab.protocol import Message
 from imdim.program import codec
@@ -21,5 +21,6 @@ def request(task: str, target: Target, settings: Settings, theory: ConstrainedPr
     values["settings"] = {k: v for k, v in asdict(settings).items() if k not in PLACES}
     if theory is not None:
         values["find_edges"] = not theory.knows_edges
+        values["named"] = naming.to_values(theory.names) if theory.names is not None and theory.names.is_final else None
         values["document"] = codec.to_json(theory.program, None, theory.constraints, edges=theory.edges)
     return Message(task, {**message.values, **values}, message.arrays)

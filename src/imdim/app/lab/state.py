@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import PurePosixPath
 
 from imdim.app.lab.edits import ConstrainedProgram
+from imdim.app.lab.naming import NamedProgram
 from imdim.program.front import Choice
 from imdim.program.tree import Program
 from imdim.target.target import Target
@@ -33,9 +34,20 @@ class CurvePoint:
     violation: float
 
 
+@dataclass(frozen=True, eq=False)
+class ParameterEdit:
+    """What a person set, in words, and the theories before and after it."""
+
+    what: str
+    before: ConstrainedProgram
+    after: ConstrainedProgram
+
+
 @dataclass
 class State:
-    """What the page draws. `live` is the program of a run that goes on; `seen` are programs that it went through, with their errors."""
+    """What the page draws. `live` is the program of a run that goes on; `seen` are programs that it went through, with their errors.
+
+    `edited` is the last edit of a parameter until it is reported; `refused` counts what was typed in vain."""
 
     target: Target | None = None
     live: ConstrainedProgram | None = None
@@ -45,10 +57,12 @@ class State:
     stop: str = ""
     proof: str = ""  # what a run says of its program `proved`
     proved: Program | None = None
-    notice: tuple[str, str] = ("", "")  # "info" or "error", and one line
+    notice: tuple[str, str] = ("", "")  # "info", "warning" or "error", and one line
     trace: list[CurvePoint] = field(default_factory=list)
     seen: list[Choice] = field(default_factory=list)
     front: tuple[Choice, ...] = ()
+    edited: ParameterEdit | None = None
+    refused: int = 0
 
 
 def printable_name(name: str) -> str:
@@ -68,6 +82,10 @@ class History:
     _last: tuple[str, float] = ("", 0.0)
 
     @property
+    def can_redo(self) -> bool:
+        return bool(self._future)
+
+    @property
     def theory(self) -> ConstrainedProgram | None:
         """The present one, None before the first."""
         return self._past[-1][1] if self._past else None
@@ -78,7 +96,8 @@ class History:
 
     def push(self, what: str, theory: ConstrainedProgram, now: float = 0.0) -> None:
         """The next theory. One that continues the same edit takes the place of the one before, so that undo takes the whole edit back."""
-        if self.theory == theory:
+        shown = self.theory
+        if shown is not None and shown == theory and theory.named in (None, shown.named):
             return
         same = what.startswith("number ") and self._last[0] == what and now - self._last[1] < ONE_EDIT_S and self.can_undo
         if same:
@@ -87,6 +106,11 @@ class History:
         self._future.clear()
         self._last = (what, now)
         self.revision += 1
+
+    def name(self, named: NamedProgram) -> None:
+        """The present theory with names, which is no step."""
+        what, theory = self._past[-1]
+        self._past[-1] = what, replace(theory, named=named)
 
     def undo(self) -> str | None:
         """Back by one; what was undone, None where nothing can be."""

@@ -6,6 +6,7 @@ import html
 
 BLUE, GREY, RED = (24, 100, 171), (73, 80, 87), (201, 42, 42)  # buttons; white on them has a contrast of 5.5 and more
 BRAND = (13, 54, 93)  # the toolkit draws text in a lighter shade of it, near BLUE
+LINK = "#1864ab"
 MUTED = "#495057"  # labels, 8.2 on white
 SHEET = 55  # per cent of a narrow window's height that the controls take at most
 
@@ -21,6 +22,15 @@ _CSS = f"""
 .lab-status tr {{ display: flex; gap: 6px }}
 .lab-status tr.wide {{ grid-column: 1 / -1 }}
 .lab-status td {{ padding: 0 }}
+.lab-row {{ display: grid; grid-template-columns: minmax(0, 1fr) 78px 22px 24px 40px; gap: 0 4px; align-items: center; padding: 2px 4px;
+  margin: 1px 0; border-radius: 4px; font-size: 12px; color: #212529; cursor: default }}
+.lab-row:hover, .lab-row:focus-within, .lab-row[data-marked] {{ background: #fff3bf }}
+.lab-name {{ font-weight: 600; overflow: hidden; text-overflow: ellipsis; white-space: nowrap }}
+.lab-row input {{ width: 100%; border: 1px solid #ced4da; border-radius: 4px; padding: 1px 4px; font: inherit; text-align: right;
+  color: #212529; background: #fff }}
+.lab-row button {{ border: 0; background: none; font: inherit; color: {LINK}; cursor: pointer; padding: 1px 2px; border-radius: 4px }}
+.lab-row button:hover, .lab-row button[aria-pressed=true] {{ background: #ffe066 }}
+.lab-drives {{ grid-column: 1 / -1; color: {MUTED}; font-size: 11px; overflow: hidden; text-overflow: ellipsis; white-space: nowrap }}
 .lab-status .wide td + td {{ min-width: 0; overflow: hidden; text-overflow: ellipsis; white-space: nowrap }}
 @media (max-width: 36em) {{
   #root div:has(> {_SHEET}) {{ flex-direction: column }}
@@ -42,9 +52,10 @@ if (!window.labDrops) {
     input.dispatchEvent(new Event('change', { bubbles: true }));
   });
 }"""
-_NOTHING = "data:image/gif;base64,R0lGODlhAQABAAAAACH5BAEKAAEALAAAAAABAAEAAAICTAEAOw=="
+NOTHING = "data:image/gif;base64,R0lGODlhAQABAAAAACH5BAEKAAEALAAAAAABAAEAAAICTAEAOw=="
 
 
-def style() -> str:
-    """HTML to put on the page once; scripts in it run only as handlers, so an empty picture carries one."""
-    return f'<style>{_CSS}</style><img alt="" src="{_NOTHING}" style="display:none" onload="{html.escape(_DROP, quote=True)}">'
+def style(*scripts: str) -> str:
+    """HTML to put on the page once, with `scripts`, which run only as handlers, so that an empty picture carries them."""
+    run = html.escape("\n".join((_DROP, *scripts)), quote=True)
+    return f'<style>{_CSS}</style><img alt="" src="{NOTHING}" style="display:none" onload="{run}">'

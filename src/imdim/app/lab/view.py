@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
 import viser
 
-from imdim.app.lab.drawing import POINT_COLOUR, Colour, Drawing, Overlay, Piece
+from imdim.app.lab.drawing import POINT_COLOUR, SELECTED, Colour, Drawing, Overlay, Piece
 from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.points import Points
 
@@ -44,6 +44,7 @@ class SceneView:
         self._turning = threading.Event()
         self._over: Overlay | None = None
         self._named: tuple[bytes, str] | None = None
+        self._lit: frozenset[int] = frozenset()
         self.shown = dict(LAYERS)
         self._lock = threading.RLock()  # a person switches layers, a run draws, and distances come when they are measured
         client.camera.on_update(lambda _: self._cloud.stir())
@@ -98,11 +99,23 @@ class SceneView:
         handle.on_click(self._ear.then(lambda leaf=piece.leaf: self._clicked(leaf)))
         self._meshes[name] = (piece, handle)
 
+    def light_up(self, leaves: Collection[int]) -> None:
+        """Show what belongs to these primitives and edge features in the colour of what is selected, and nothing else so."""
+        with self._lock:
+            changed = self._lit ^ frozenset(leaves)
+            self._lit = frozenset(leaves)
+            with self._client.atomic():
+                for name, (piece, node) in self._meshes.items():
+                    if piece.leaf in changed:
+                        node.color = self._colour(name, piece)
+
     def _opacity(self, name: str, piece: Piece) -> float | None:
         through = self.shown["Constraints"] or self.shown["Distance map"]
         return SEEN_THROUGH if through and name.startswith("/solid/") else piece.opacity
 
     def _colour(self, name: str, piece: Piece) -> Colour:
+        if piece.leaf in self._lit:
+            return SELECTED
         return UNDER_MAP if self.shown["Distance map"] and name.startswith("/solid/") else piece.colour
 
     def close(self) -> None:
@@ -177,7 +190,7 @@ class SceneView:
     def forget(self) -> None:
         """Another target: nothing of the old one stays."""
         with self._lock, self._client.atomic():
-            self._named = None
+            self._named, self._lit = None, frozenset()
             self._cloud.forget()
             self.draw(None, None)
             self._remove(*self._others)

@@ -14,10 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from imdim.app.lab import protocol, resume, solving
+from imdim.app.lab import naming, protocol, resume, solving
 from imdim.app.lab.protocol import Message
+from imdim.deadline import NEVER
 from imdim.delivery.deliver import RunRecord, deliver
 from imdim.delivery.evaluate import evaluate
+from imdim.delivery.finish import finish, renumber_constraints
+from imdim.export.edit import open_delivered
 from imdim.geometry.winding import winding_number
 from imdim.program import codec
 from imdim.program.constraints import ConstraintError
@@ -26,13 +29,15 @@ from imdim.reconstruction.config import ConfigError, Settings, check, first_line
 from imdim.reconstruction.edge_features import find_edge_features, set_edges_aside
 from imdim.reconstruction.fitting import relations_of
 from imdim.reconstruction.pipeline import Snapshot, reconstruct, reconstruct_best
+from imdim.relations.residuals import rebase_constraints
 from imdim.search.kernels import add_axial_density
 from imdim.target.readers import FORMATS
-from imdim.target.target import InputError, Target, load_target
+from imdim.target.target import InputError, Target, frame_meta, load_target
 
 Now = Callable[[], float]
 SHOWN_EVERY_S = 0.05  # an evolution makes generations faster than they can be drawn
 STEP_LIMIT_S = 120.0
+FINISH_S = 10.0  # after which a program is finished no further
 
 
 def open_file(request: Message, now: Now) -> Iterator[Message]:
@@ -43,7 +48,7 @@ def open_file(request: Message, now: Now) -> Iterator[Message]:
 def fit(request: Message, now: Now) -> Iterator[Message]:
     """A reconstruction from nothing."""
     target, settings = protocol.target_of(request), _settings(request)
-    yield from _to_messages(reconstruct(target, settings, np.random.default_rng(settings.seed), now))
+    yield from _to_messages(reconstruct(target, settings, np.random.default_rng(settings.seed), now), target)
 
 
 def go_on(request: Message, now: Now) -> Iterator[Message]:
@@ -51,7 +56,7 @@ def go_on(request: Message, now: Now) -> Iterator[Message]:
     target, settings = protocol.target_of(request), _settings(request)
     program, _ = protocol.read_document(request.values["document"])
     config = resume.Rates(**request.values.get("rates", {}))
-    yield from _to_messages(resume.resume_evolution(target, program, settings, config, now))
+    yield from _to_messages(resume.resume_evolution(target, program, settings, config, now), target)
 
 
 def solve(request: Message, now: Now) -> Iterator[Message]:
@@ -84,9 +89,10 @@ def files(request: Message, now: Now) -> Iterator[Message]:
     if request.values.get("find_edges", False) and settings.language == "cad":
         edges = find_edge_features(program, set_edges_aside(target).chains, target).features
     run = RunRecord(target.name, {}, request.values["stop"], settings.seed, asdict(settings))
+    named = request.values["named"] and open_delivered(request.values["named"]["document"], request.values["named"]["texts"])
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "part"
-        deliver(program, target, folder, run, settings.segments, STEP_LIMIT_S, constraints, front, edges=edges)
+        deliver(program, target, folder, run, settings.segments, STEP_LIMIT_S, constraints, front, edges=edges, named=named or None)
         arrays = {path.name: np.frombuffer(path.read_bytes(), np.uint8) for path in sorted(folder.iterdir())}
     yield Message("files", {}, arrays)
 
@@ -134,17 +140,28 @@ def _settings(request: Message) -> Settings:
     return check(merge(Settings, request.values.get("settings", {})))
 
 
-def _to_messages(snapshots: Iterator[Snapshot]) -> Iterator[Message]:
-    """Snapshots as messages; of those that follow each other at once only the last, and all that say why a run ended."""
+def _to_messages(snapshots: Iterator[Snapshot], target: Target) -> Iterator[Message]:
+    """Snapshots as messages; of those that follow each other at once only the last, and all that say why a run ended, which are finished
+    as they will be delivered."""
     last = 0.0
     kept: Snapshot | None = None
     for snapshot in snapshots:
         kept = snapshot
         if snapshot.stop or time.perf_counter() - last > SHOWN_EVERY_S:
             last, kept = time.perf_counter(), None
-            yield _snapshot(snapshot)
+            yield _finished(snapshot, target) if snapshot.stop else _snapshot(snapshot)
     if kept is not None:
         yield _snapshot(kept)
+
+
+def _finished(snapshot: Snapshot, target: Target) -> Message:
+    """The last snapshot of a run: its program with the order, the numbers and the names that files have."""
+    by = NEVER.ahead(FINISH_S)
+    found = finish(snapshot.program, snapshot.constraints, by, snapshot.edges)
+    constraints = rebase_constraints(found.program, renumber_constraints(snapshot.constraints, found.order))
+    named = naming.name_finished(found, frame_meta(target), constraints, snapshot.program)
+    message = _snapshot(replace(snapshot, program=found.program, constraints=constraints, edges=found.edges))
+    return Message(message.kind, {**message.values, "named": naming.to_values(named)}, message.arrays)
 
 
 def _snapshot(snapshot: Snapshot) -> Message:

@@ -13,12 +13,19 @@ from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.resume import Rates
 from imdim.app.lab.session import Session
 from imdim.app.lab.style import BLUE, GREY, MUTED, style
+from imdim.app.lab.table import SCRIPT
 from imdim.reconstruction.config import LANGUAGES, Settings
 from imdim.reconstruction.methods import METHODS
 
 NONE = "none"
 STATES = {"": "ready", "waiting": "waiting for its turn", "running": "running", "paused": "paused"}
 SHORT = ("state", "primitives", "features", "volume", "error")  # two of these fit on a line
+TINTS = {
+    "": "",
+    "error": "color:#a61e1e;background:#fff0f0",
+    "warning": "color:#7a4100;background:#fff4e0",
+    "info": "color:#0b5345;background:#e8f7f1",
+}
 NOTICE = 37  # pixels of a message of one line, kept free: what stands below must not move while somebody reaches for it
 HINT = "Or drop it anywhere on the page: STL, OBJ, OFF, PLY, 3MF, GLB, XYZ, TXT, CSV, PCD, NPY, NPZ"
 
@@ -92,7 +99,7 @@ class StatusPanel:
 
     def __init__(self, gui: viser.GuiApi, session: Session, ear: InputQueue) -> None:
         self._session = session
-        gui.add_html(style())
+        gui.add_html(style(SCRIPT))
         self._text = gui.add_html("")
         upload = gui.add_upload_button("Open a file", hint=HINT, color=GREY)
         upload.on_upload(lambda event: ear.do(lambda file=event.target.value: session.open_upload(file.name, file.content)))
@@ -114,6 +121,6 @@ def _row(name: str, value: str) -> str:
 
 
 def _said(kind: str, line: str) -> str:
-    tint = "color:#a61e1e;background:#fff0f0" if kind == "error" else "color:#0b5345;background:#e8f7f1"
+    tint = TINTS[kind]
     box = f'<div class="lab-notice" style="{tint};border-radius:6px;padding:6px 8px;margin:6px 0 0">{html.escape(line)}</div>'
     return f'<div role="alert" style="min-height:{NOTICE}px">{box if line else ""}</div>'

@@ -1,0 +1,59 @@
+"""The parameter table: the first panel, what a person changes most."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+
+import viser
+
+from imdim.app.lab import renderers
+from imdim.app.lab.edits import ConstrainedProgram
+from imdim.app.lab.input_queue import InputQueue
+from imdim.app.lab.parameters import ParameterRow, list_parameters
+from imdim.app.lab.session import Session
+from imdim.app.lab.table import ACTIONS, parameter_table
+
+NONE_YET = "No program yet: press Start. Its dimensions stand here then, by name."
+COMING = "The dimensions get their names when the run is done."
+NO_NAMES = "This program has no named dimensions."
+STRICT = "Refuse what opens, closes or parts"
+HINT = "Refuse an edit after which the part has other bodies, through-holes or voids"
+
+
+class ParametersPanel:
+    """See the module."""
+
+    def __init__(self, gui: viser.GuiApi, panel: viser.PanelHandle, session: Session, ear: InputQueue) -> None:
+        self._session, self._rows = session, list[ParameterRow]()
+        with panel.add_tab("Parameters"):
+            self._table = gui.add_html(renderers.note(NONE_YET))
+            self.strict = gui.add_checkbox(STRICT, False, hint=HINT, visible=False)
+        ear.hear(self.strict, lambda _: None)
+
+    def listen(self, gui: viser.GuiApi, ear: InputQueue, show: Callable[[Collection[int]], None]) -> None:
+        """Add the inputs by which the page tells of the table, to a place that is always there. `show` gets the features of a row."""
+        renderers.add_clicks(gui, "Parameter", ear, self._act)
+        renderers.add_texts(gui, "ParameterValue", ear, self._set)
+        renderers.add_texts(gui, "ParameterRow", ear, lambda text: show(self._shown_by(text)))
+
+    def _set(self, text: str) -> None:
+        name, _, value = text.partition("=")
+        self._session.set_parameter(name, value, self.strict.value)
+
+    def _act(self, number: int) -> None:
+        row, action = divmod(number, ACTIONS)
+        (self._session.untie_parameter if action else self._session.hold_parameter)(row)
+
+    def _shown_by(self, text: str) -> Collection[int]:
+        number = int(text) if text.isdecimal() else -1
+        return self._rows[number].shown if 0 <= number < len(self._rows) else ()
+
+    def draw(self, theory: ConstrainedProgram | None, selected: int | None, unit: str) -> None:
+        """The rows of the program that is shown."""
+        self._rows = [] if theory is None else list_parameters(theory)
+        self.strict.visible = bool(self._rows)
+        if self._rows:
+            self._table.content = parameter_table(self._rows, unit, selected, self._session.state.refused)
+        else:
+            is_coming = theory is not None and theory.names is None
+            self._table.content = renderers.note(NONE_YET if theory is None else COMING if is_coming else NO_NAMES)

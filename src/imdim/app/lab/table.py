@@ -1,0 +1,101 @@
+"""The parameter table as HTML: one row for each named number, with its unit, its lock, and what it drives.
+
+What happens in it goes through inputs that nobody sees (`renderers`): a value that is set as text, the row that the pointer is on as its
+number, a lock and a tie as clicks. The table is drawn anew where a value changes, so the script of the page puts the focus back.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+
+from imdim.app.lab.parameters import ParameterRow
+from imdim.app.lab.renderers import clickable
+from imdim.app.lab.style import NOTHING
+
+ACTIONS = 2  # that a row has buttons for: to hold and to untie
+DIGITS = 9  # that texts keep
+_OPEN, _CLOSED, _UNTIE = "\N{OPEN LOCK}", "\N{LOCK}", "untie"
+
+# installed once; inputs of the table are told apart by what they are called
+SCRIPT = """
+if (!window.labTable) {
+  const T = window.labTable = { count: 0, row: -1, pinned: -1, focus: null, typed: null };
+  const rowOf = (e) => { const r = e.target.closest?.('.lab-parameter [data-row]'); return r ? Number(r.dataset.row) : -1; };
+  const nameOf = (e) => e.target.matches?.('.lab-parameter input[data-name]') ? e.target.dataset.name : null;
+  const send = (to, text) => {
+    const input = document.querySelector(`.lab-unseen[data-to='${to}']`)?.parentElement.nextElementSibling?.querySelector('input');
+    if (!input) return;
+    Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(input, `${++T.count} ${text}`);
+    input.dispatchEvent(new Event('input', { bubbles: true }));
+  };
+  const show = (row) => {
+    if (row === T.row) return;
+    T.row = row;
+    clearTimeout(T.later);
+    T.later = setTimeout(() => send('ParameterRow', row), 80);
+  };
+  const pin = (row) => { T.pinned = row; show(row); };
+  document.addEventListener('pointerover', (e) => { const row = rowOf(e); show(row < 0 ? T.pinned : row); });
+  document.addEventListener('click', (e) => { const row = rowOf(e); if (row >= 0) pin(row); });
+  document.addEventListener('pointerdown', (e) => { if (rowOf(e) < 0) { T.focus = null; pin(-1); } });
+  document.addEventListener('focusin', (e) => { T.focus = nameOf(e); if (T.focus) pin(rowOf(e)); });
+  document.addEventListener('input', (e) => { const name = nameOf(e); if (name) T.typed = [name, e.target.value]; });
+  document.addEventListener('change', (e) => {
+    const name = nameOf(e);
+    if (name) { T.typed = null; send('ParameterValue', `${name}=${e.target.value}`); }
+  });
+  document.addEventListener('keydown', (e) => {
+    if (!nameOf(e) || e.key !== 'Escape') return;
+    e.target.value = e.target.defaultValue;
+    T.typed = T.focus = null;
+    e.target.blur();
+    pin(-1);
+  });
+  T.drawn = () => {
+    if (!T.focus || document.activeElement !== document.body) return;
+    const input = document.querySelector(`.lab-parameter input[data-name='${T.focus}']`);
+    if (!input) return;
+    input.focus({ preventScroll: true });
+    if (T.typed?.[0] === T.focus) input.value = T.typed[1]; else input.select();
+  };
+}"""
+
+
+def parameter_table(rows: Sequence[ParameterRow], unit: str, selected: int | None, refused: int) -> str:
+    """The table; rows of what is selected are marked. `refused` makes it another one, in which what was typed in vain is gone."""
+    body = "".join(_row(i, row, unit, selected is not None and selected in row.shown) for i, row in enumerate(rows))
+    ready = f'<img alt="" src="{NOTHING}" style="display:none" onload="window.labTable?.drawn()">'
+    return clickable("Parameter", f'<div data-refused="{refused}">{body}</div>{ready}')
+
+
+def _row(number: int, row: ParameterRow, unit: str, marked: bool) -> str:
+    name, drives = html.escape(row.name), html.escape(row.drives)
+    sign = {"length": unit, "degrees": "°", "count": "×"}[row.unit]
+    value = f"{row.value:.{DIGITS}g}"
+    return (
+        f'<div class="lab-row" data-row="{number}"{" data-marked" if marked else ""}>'
+        f'<label class="lab-name" title="{name}">{name}</label>'
+        f'<input data-name="{name}" aria-label="{name}" value="{value}" inputmode="decimal" autocomplete="off" spellcheck="false">'
+        f'<span class="lab-unit">{sign}</span>{_lock(number, row)}{_untie(number, row)}'
+        f'<span class="lab-drives" title="{drives}">{drives}</span></div>'
+    )
+
+
+def _lock(number: int, row: ParameterRow) -> str:
+    if not row.locks:
+        return '<span title="The solver never changes this number"></span>'
+    says = f"Let the solver change {row.name}" if row.locked else f"Keep {row.name} fixed for the solver"
+    return _button(ACTIONS * number, says, _CLOSED if row.locked else _OPEN, row.locked)
+
+
+def _untie(number: int, row: ParameterRow) -> str:
+    if not row.tied:
+        return "<span></span>"
+    return _button(ACTIONS * number + 1, f"Untie {row.name}: each feature gets a number of its own", _UNTIE, None)
+
+
+def _button(number: int, says: str, text: str, pressed: bool | None) -> str:
+    state = "" if pressed is None else f' aria-pressed="{str(pressed).lower()}"'
+    label = html.escape(says)
+    return f'<button type="button" data-n="{number}" title="{label}" aria-label="{label}"{state}>{text}</button>'
