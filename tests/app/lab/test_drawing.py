@@ -125,7 +125,7 @@ def stairs(html, name):
 
 def test_the_curves_are_stairs_on_scales_of_their_own():
     html = plots.curves([CurvePoint(2.0, 0.1, 3, 0.0), CurvePoint(4.0, 0.0, 2, 1e-3)])
-    error, size, violation = (stairs(html, name) for name in ("error", "primitives", "violation of constraints"))
+    error, size, violation = (stairs(html, name) for name in ("error", "primitives", "relations off by"))
     for curve in (error, size, violation):
         (start, last), high = (plots.LEFT + (plots.WIDE - plots.LEFT - plots.RIGHT) * t for t in (0.5, 1.0)), curve[:, 1]
         assert curve[:, 0] == pytest.approx([start, last, last], abs=0.1)

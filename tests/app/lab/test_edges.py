@@ -9,12 +9,11 @@ from imdim.app.lab.answers import take_snapshot
 from imdim.app.lab.document import Document
 from imdim.app.lab.drawing import BLENDED, SELECTED
 from imdim.app.lab.edits import ConstrainedProgram
-from imdim.app.lab.panels.take import in_units
 from imdim.app.lab.requests import request
 from imdim.app.lab.state import State
 from imdim.geometry.edge_solids import solid_with_edges
 from imdim.geometry.solid import to_trimesh
-from imdim.program.codec import dumps, edges_of, meta_of, parse
+from imdim.program.codec import edges_of, parse
 from imdim.program.edges import EdgeFeature, Face
 from imdim.program.front import Choice
 from imdim.program.tree import Combine, Primitive
@@ -101,9 +100,3 @@ def test_the_fit_tells_edges_the_solver_keeps_them_and_files_have_them():
     for theory, count in ((fewer, 1), (unknown, 2)):
         (files,) = work.files(request("files", TARGET, Settings(), theory, front=front, stop="finished"), lambda: 0.0)
         assert len(edges_of(parse(files.arrays["program.json"].tobytes().decode()))) == count
-
-
-def test_a_document_taken_away_has_units_and_its_edges():
-    taken = parse(in_units(dumps(PART, edges=[CHAMFER, FILLET]).encode(), "inch"))
-    assert meta_of(taken).units == "inch"
-    assert edges_of(taken) == (CHAMFER, FILLET)

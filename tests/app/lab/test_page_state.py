@@ -16,7 +16,7 @@ def test_a_thread_that_was_held_up_does_not_put_an_old_status_over_a_new_one():
     written, state = [], {"volume": "old"}
     held, go_on = threading.Event(), threading.Event()
 
-    def draw(lines, notice):
+    def draw(part, lines, notice):
         if lines == "old":
             held.set()
             go_on.wait(0.5)
@@ -24,8 +24,9 @@ def test_a_thread_that_was_held_up_does_not_put_an_old_status_over_a_new_one():
 
     page = Page.__new__(Page)
     page._stating, page._told = threading.Lock(), ("", "")
-    page.session = SimpleNamespace(state=SimpleNamespace(notice=("info", "")))
+    page.session = SimpleNamespace(state=SimpleNamespace(notice=("info", ""), target=None))
     page.status = SimpleNamespace(draw=draw)
+    page.run = page.edit = page.take = SimpleNamespace(draw_state=lambda: None)
     page._lines = lambda: state["volume"]
     slow = threading.Thread(target=page._draw_state)
     slow.start()

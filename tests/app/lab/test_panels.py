@@ -50,14 +50,14 @@ def test_settings_and_rates_are_those_of_the_page(panel):
 def test_a_selected_extrusion_shows_its_numbers_and_its_outline(server):
     ear = Ear(server.get_event_loop())
     with server.gui.add_tab_group().add_tab("Edit") as tab:
-        panel = edit.EditPanel(server.gui, tab, SimpleNamespace(), ear, lambda: None)
+        panel = edit.EditPanel(server.gui, tab, SimpleNamespace(), ear)
     shown: list[str] = []
     build, panel._gui = panel._gui.add_html, SimpleNamespace(**{name: getattr(server.gui, name) for name in GUI})
     panel._gui.add_html = lambda html: shown.append(html) or build(html)
-    panel.draw(ConstrainedProgram(BORED), 0)
+    panel.draw(ConstrainedProgram(BORED), 0, "mm")
     assert [*panel._inputs] == ["h", "x", "y", "z", "rx", "ry", "rz"]
     assert sum("<svg" in html for html in shown) == 1
-    panel.draw(ConstrainedProgram(BORED), 1)
+    panel.draw(ConstrainedProgram(BORED), 1, "mm")
     assert [*panel._inputs][:2] == ["r", "h"]
     assert sum("<svg" in html for html in shown) == 1
     assert panel.kind.options == SIMPLE

@@ -121,7 +121,7 @@ def test_the_solver_gets_locks_and_keeps_them(session, pool):
     pool.say("snapshot", snapshot(constraints=CONSTRAINTS))
     pool.say("done")
     assert session.theory.locks == {Lock(1, "r")}
-    assert session.state.notice[1].startswith("solved")
+    assert session.state.notice[1].startswith("fitted")
 
 
 def test_evolution_goes_on_from_what_is_shown(session, pool):

@@ -41,7 +41,7 @@ def final_message(task: str, theory: ConstrainedProgram | None) -> str:
     """The line that a person reads when a task has done its work, "" where the program says it all."""
     found = len(theory.constraints) if theory else 0
     related = f"{found} relation{'' if found == 1 else 's'} found" if found else "no relations found"
-    return {"solve": "solved: all constraints and locks hold", "relate": related}.get(task, "")
+    return {"solve": "fitted: all relations hold, and what is locked stayed", "relate": related}.get(task, "")
 
 
 def _step(live: ConstrainedProgram, seconds: float, error: float) -> CurvePoint:

@@ -12,7 +12,7 @@ from imdim.app.lab.edits import ConstrainedProgram
 from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.jobs import WorkerPool
 from imdim.app.lab.panels.browse import CurvesPanel, FrontPanel, TreePanel
-from imdim.app.lab.panels.edit import EditPanel
+from imdim.app.lab.panels.edit import FIT, EditPanel
 from imdim.app.lab.panels.parameters import ParametersPanel
 from imdim.app.lab.panels.relate import RelatePanel
 from imdim.app.lab.panels.run import RunPanel, StatusPanel
@@ -35,6 +35,7 @@ NAME_AFTER_S = 0.25  # as do the names of a program, and the report of an edit
 COMING = "\N{HORIZONTAL ELLIPSIS}"  # what is being measured
 SAID_S = 10.0  # that an error stays on the picture
 SCORE_NICE = 10  # and where it takes longer, it still goes first
+UNIT = "mm"  # files that say another are read in it, and what says none is taken for it
 LEFT, RIGHT = 320, 320  # pixels
 
 
@@ -80,13 +81,13 @@ class Page:
         with tabs.add_tab("Run"):
             self.run = RunPanel(gui, session, ear)
         with tabs.add_tab("Edit") as place:
-            self.edit = EditPanel(gui, place, session, ear, self._draw_again)
-        with tabs.add_tab("Relate"):
+            self.edit = EditPanel(gui, place, session, ear)
+        with tabs.add_tab("Relations"):
             self.relate = RelatePanel(gui, session, ear, self._draw_again)
         with tabs.add_tab("View"):
             self.show = ShowPanel(gui, self.view, ear, lambda: self._scoring.poke("map"))
-        with tabs.add_tab("Take"):
-            self.take = TakePanel(self._client, session, ear, lambda: self.edit.units.value)
+        with tabs.add_tab("Download"):
+            self.take = TakePanel(self._client, session, ear)
         self.tree = TreePanel(gui, upper)
         self.front, self.curves = FrontPanel(gui, lower, session, ear), CurvesPanel(gui, lower)
         upper.dock_left()
@@ -102,7 +103,7 @@ class Page:
             ("Pause or resume", "P", None, lambda: session.resume() if session.running == "paused" else session.pause()),
             ("One step", "N", None, self.run.step),
             ("Stop", "X", None, session.stop),
-            ("Let the solver finish", "L", None, session.solve),
+            (FIT, "L", None, session.solve),
             ("Undo", "Z", "cmd/ctrl", session.undo),
             ("Redo", "Y", "cmd/ctrl", session.redo),
             ("Select the next primitive", "J", None, lambda: self._select_by(1)),
@@ -110,7 +111,7 @@ class Page:
             ("Select nothing", "escape", None, lambda: session.select(None)),
             ("Remove the selected primitive", "delete", None, self.edit.remove),
             ("Distance map on or off", "M", None, lambda: self.show.toggle("Distance map")),
-            ("Control points and constraints on or off", "O", None, lambda: self.show.toggle("Constraints")),
+            ("Centres and relations on or off", "O", None, lambda: self.show.toggle("Relations")),
             ("Cutters on or off", "C", None, lambda: self.show.toggle("Cutters")),
             ("Show the whole part", "F", None, self.view.look),
         )
@@ -140,7 +141,7 @@ class Page:
         if "target" in topics and target is not None:
             self.view.forget()
             self.view.draw_cloud(drawing.cloud(target, Frame.of(target)))
-            self.run.draw(target.name)
+            self.run.draw(target.name, state.units)
             self._scene = None
         if topics & {"program", "selection", "target"}:
             self._draw_program(theory, selected)
@@ -173,10 +174,10 @@ class Page:
 
     def _draw_texts(self, theory: ConstrainedProgram | None, selected: int | None) -> None:
         """What is read of the program."""
-        self.parameters.draw(theory, selected, self.edit.unit)
-        self.edit.draw(theory, selected)
-        self.tree.draw(theory, selected, self.edit.unit)
-        self.relate.draw(theory, selected)
+        self.parameters.draw(theory, selected, UNIT)
+        self.edit.draw(theory, selected, UNIT)
+        self.tree.draw(theory, selected, UNIT)
+        self.relate.draw(theory, selected, UNIT)
 
     def _name(self, _: Set[str]) -> None:
         """What the last edit did, and names for the program, which may wait for the picture."""
@@ -185,8 +186,11 @@ class Page:
 
     def _draw_state(self) -> None:
         with self._stating:
-            kind, line = notice = self.session.state.notice
-            self.status.draw(self._lines(), notice)
+            state = self.session.state
+            kind, line = notice = state.notice
+            self.status.draw(state.target.name if state.target else "", self._lines(), notice)
+            for panel in (self.run, self.edit, self.take):
+                panel.draw_state()
             if kind == "error" and line and notice is not self._told:
                 self._client.add_notification("That did not work", line, color="red", auto_close_seconds=SAID_S)
             self._told = notice
@@ -201,16 +205,15 @@ class Page:
             lines.append(("stage", f"{state.task}: {state.stage}{ended}{spent}"))
         if theory is None or self._scene is None:
             return lines
-        unit = f" {self.edit.unit}³" if self.edit.unit else ""
         counts = count(theory.program)
         size = ("features", f"{counts.primitives}, {counts.curves} curves") if counts.curves else ("primitives", str(counts.primitives))
-        lines += [size, ("volume", f"{self._scene.volume:.5g}{unit}")]
+        lines += [size, ("volume", f"{self._scene.volume:.5g} {UNIT}³")]
         # a row that came and went would move all that stands below it away from under the pointer
         error = distance = COMING
         if self._scores is not None and self._scored == theory:
             scores = self._scores
             far = scores.relative(scores.to_result)
-            error = "no closed target" if scores.volume_iou is None else f"{1 - scores.volume_iou:.2%} (1 - IoU)"
+            error = "no closed target" if scores.volume_iou is None else f"{1 - scores.volume_iou:.2%} of volume"
             distance = f"mean {far.mean:.2%}, max {far.max:.2%}"
         proved = state.proof if state.proved == theory.program else ""
         return [*lines, ("error", error), ("distance", distance), ("proof", proved)]
@@ -233,7 +236,7 @@ class Page:
 
     def _say_scale(self, top: float) -> None:
         bar = "linear-gradient(90deg,rgb(222,226,230),rgb(250,214,140),rgb(244,142,60),rgb(204,40,40),rgb(96,0,30))"
-        text = f'<div style="height:10px;border-radius:5px;background:{bar}"></div>0 to {top:.3g} {self.edit.unit} from the result'
+        text = f'<div style="height:10px;border-radius:5px;background:{bar}"></div>0 to {top:.3g} {UNIT} from the result'
         self.show.scale.content = f'<div style="padding:0 12px 8px;font-size:12.5px;color:#343a40">{text}</div>'
 
 

@@ -12,6 +12,7 @@ from typing import Literal
 
 from imdim.app.lab.edits import ConstrainedProgram, LabEditError
 from imdim.app.lab.naming import NamedProgram
+from imdim.app.lab.relation_words import join_words, name_leaves
 from imdim.app.lab.solving import Lock
 from imdim.export.delivered import Delivered, Feature, is_count
 from imdim.export.edit import change_values, lost_edges, restate, solid_of
@@ -100,13 +101,8 @@ def report_edit(before: Delivered, after: Delivered, lost: int = 0) -> tuple[boo
 
 
 def name_features(numbers: Iterable[int], theory: ConstrainedProgram) -> str:
-    """Primitives by what they are called, with their numbers where several are called so: "plate", "hole (3, 4)"."""
-    labels = theory.labels
-    groups: dict[str, list[int]] = {}
-    for number in dict.fromkeys(numbers):
-        groups.setdefault(labels[number], []).append(number)
-    words = [label if labels.count(label) == 1 else f"{label} ({', '.join(map(str, of))})" for label, of in groups.items()]
-    return ", ".join(words[:MOST_NAMED]) + (f" and {len(words) - MOST_NAMED} more" if len(words) > MOST_NAMED else "")
+    """Primitives by what they are called, not all where these are many."""
+    return join_words(name_leaves(numbers, theory.labels, MOST_NAMED))
 
 
 def _row(theory: ConstrainedProgram, named: NamedProgram, name: str) -> ParameterRow:

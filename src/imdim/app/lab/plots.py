@@ -23,7 +23,7 @@ def front(choices: Sequence[Choice], shown: Program | None) -> str:
     """Error against size; each point loads its program."""
     known = [(i, count(c.program), c.error, c.program == shown) for i, c in enumerate(choices, 1) if c.error is not None]
     if not known:
-        return note("The front of error against size appears when a run has one.")
+        return note("Error against size is drawn here when a run has found programs of several sizes.")
     tall, low = 190, 30
     sizes, logs = [k[1].primitives for k in known], [math.log10(max(k[2], 1e-6)) for k in known]
     x0, x1, y0, y1 = min(sizes) - 0.5, max(sizes) + 0.5, math.floor(min(logs) - 0.1), math.ceil(max(logs) + 0.1)
@@ -53,13 +53,13 @@ def front(choices: Sequence[Choice], shown: Program | None) -> str:
 def curves(steps: Sequence[CurvePoint]) -> str:
     """Error, primitives and the largest violation of a constraint over the seconds of a run, one above the other."""
     if not steps:
-        return note("Error, size and violation of the constraints are drawn here while a run goes on.")
+        return note("Error, size, and how far relations are off are drawn here while a run goes on.")
     seconds, end = [s.seconds for s in steps], max(steps[-1].seconds, 1e-3)
     x = [LEFT + t / end * (WIDE - LEFT - RIGHT) for t in seconds]
     rows = (
         _curve(0, "error", x, [s.error for s in steps], True),
         _curve(1, "primitives", x, [float(s.primitives) for s in steps], False),
-        _curve(2, "violation of constraints", x, [s.violation for s in steps], True),
+        _curve(2, "relations off by", x, [s.violation for s in steps], True),
     )
     low = 3 * HIGH + 13
     foot = f'<text x="{LEFT}" y="{low}">0</text><text x="{WIDE - RIGHT}" y="{low}" text-anchor="end">{end:.3g} s</text>'

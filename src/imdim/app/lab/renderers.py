@@ -20,6 +20,7 @@ from PIL import Image
 from imdim.app.lab.drawing import BLENDED, Colour, colours, names
 from imdim.app.lab.edits import ConstrainedProgram, numbers
 from imdim.app.lab.input_queue import InputQueue
+from imdim.app.lab.relation_words import say_relation
 from imdim.app.lab.solving import Lock
 from imdim.export.openscad import OUTLINE, to_openscad
 from imdim.export.preview import thumbnail
@@ -28,7 +29,7 @@ from imdim.program.cost import count
 from imdim.program.edges import EdgeFeature, describe_edges
 from imdim.program.front import Choice
 from imdim.program.nary import fold_nary
-from imdim.program.tree import OPS, Op, Primitive, Program
+from imdim.program.tree import OPS, Op, Primitive, Program, leaves
 
 PICTURE = 60  # pixels
 PICTURE_SEGMENTS = 24
@@ -178,15 +179,16 @@ def _render_thumbnail(program: Program) -> str:
     return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
 
 
-def relations(theory: ConstrainedProgram | None, off: Sequence[float], tolerance: float, chosen: int) -> str:
-    """The constraints with whether they hold; each a button that chooses it."""
+def relations(theory: ConstrainedProgram | None, off: Sequence[float], tolerance: float, chosen: int, unit: str) -> str:
+    """The constraints in words, with whether they hold; each a button that chooses it."""
     if theory is None or not theory.constraints:
-        return note("No constraints. Add one, or look for relations.")
+        return note("No relations. Add one, or look for relations.")
+    labels, parts = theory.labels, list(leaves(theory.program))
     rows = "".join(
         f'<button type="button" data-n="{i}" aria-pressed="{str(i == chosen).lower()}" style="{_BUTTON}background:{_back(i == chosen)};'
-        f'color:{"#212529" if far <= tolerance else "#c92a2a"}">'
-        f"<b>{i} {html.escape(c.kind)}</b> {html.escape(c.name)}<br>{html.escape(str(c).removeprefix(c.kind + ' of '))}"
-        f"{'' if far <= tolerance else f' &#9888; off by {far:.2g}'}</button>"
+        f'color:{"#212529" if far <= tolerance else "#c92a2a"}" '
+        f'title="{html.escape(str(c))}">{html.escape(say_relation(c, labels, parts, unit))}'
+        f"{'' if far <= tolerance else f' &#9888; does not hold, off by {far:.2%} of the part'}</button>"
         for i, (c, far) in enumerate(zip(theory.constraints, off, strict=True))
     )
     return clickable("Constraint", f'<div style="font-size:12px;line-height:1.35">{rows}</div>')

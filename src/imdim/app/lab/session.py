@@ -18,6 +18,8 @@ from imdim.app.lab.requests import request
 from imdim.app.lab.resume import Rates
 from imdim.app.lab.state import History, MiB, State, UploadLimits, printable_name
 from imdim.reconstruction.config import ConfigError, Settings, check
+from imdim.target.placement import place
+from imdim.target.readers import InputError
 from imdim.target.target import Target
 
 
@@ -28,6 +30,7 @@ class Session(Document):
         super().__init__(changed)
         self.pool, self.limits, self.settings = pool, limits or UploadLimits(), Settings()
         self._job: Job | None = None
+        self._as_read: Target | None = None
         self._downloads = Downloads()
 
     # --- what is there -------------------------------------------------------------------------------------------------
@@ -58,10 +61,25 @@ class Session(Document):
         """What is open makes room: its task ends, its program and its undo go."""
         with self.lock:
             self._end_job()
+            self._as_read = target
             self.state, self.history, self._downloads = State(target=target), History(self.history.revision + 1), Downloads()
             notes = " ".join(target.notes)
             self.state.notice = ("info", f"{target.name}: {notes}" if notes else "")
         self.changed("target", "program", "run", "front", "notice", "selection")
+
+    def set_units(self, units: str) -> None:
+        """What the lengths of the file are, by the setting `units`: the target is read anew, in millimetres."""
+        with self.lock:
+            as_read = self._as_read
+            if as_read is None or units == self.state.units:
+                return
+            try:
+                placed = place(as_read, units)
+            except InputError as error:
+                return self._say("error", str(error))
+            self.open_target(placed)
+            self._as_read, self.state.units = as_read, units
+        self.changed("target")
 
     def open_upload(self, name: str, data: bytes) -> None:
         """A file becomes the target; another process reads it."""

@@ -50,6 +50,7 @@ class State:
     `edited` is the last edit of a parameter until it is reported; `refused` counts what was typed in vain."""
 
     target: Target | None = None
+    units: str = "auto"  # what its file's lengths were read as
     live: ConstrainedProgram | None = None
     selected: int | None = None
     stage: str = ""

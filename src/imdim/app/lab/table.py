@@ -15,7 +15,13 @@ from imdim.app.lab.style import NOTHING
 
 ACTIONS = 2  # that a row has buttons for: to hold and to untie
 DIGITS = 9  # that texts keep
-_OPEN, _CLOSED, _UNTIE = "\N{OPEN LOCK}", "\N{LOCK}", "untie"
+# drawn, since not every machine has a font with locks
+_BODY = '<rect x="3" y="7" width="10" height="7" rx="1" fill="currentColor"/>'
+_ICON = '<svg width="14" height="14" viewBox="0 0 16 16" aria-hidden="true" style="display:block">{}{}</svg>'
+_OPEN, _CLOSED = (
+    _ICON.format(_BODY, f'<path d="{shackle}" fill="none" stroke="currentColor" stroke-width="1.6"/>')
+    for shackle in ("M5.5 7V3.5a2.5 2.5 0 0 1 5 0V4.5", "M5.5 7V4.5a2.5 2.5 0 0 1 5 0V7")
+)
 
 # installed once; inputs of the table are told apart by what they are called
 SCRIPT = """
@@ -92,7 +98,7 @@ def _lock(number: int, row: ParameterRow) -> str:
 def _untie(number: int, row: ParameterRow) -> str:
     if not row.tied:
         return "<span></span>"
-    return _button(ACTIONS * number + 1, f"Untie {row.name}: each feature gets a number of its own", _UNTIE, None)
+    return _button(ACTIONS * number + 1, f"Untie {row.name}: each feature gets a number of its own", "untie", None)
 
 
 def _button(number: int, says: str, text: str, pressed: bool | None) -> str:

@@ -13,7 +13,7 @@ from imdim.app.lab.drawing import POINT_COLOUR, SELECTED, Colour, Drawing, Overl
 from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.points import Points
 
-LAYERS: Mapping[str, bool] = {"Solid": True, "Cutters": True, "Points": True, "Distance map": False, "Constraints": False}
+LAYERS: Mapping[str, bool] = {"Solid": True, "Cutters": True, "Points": True, "Distance map": False, "Relations": False}
 SEEN_THROUGH = 0.3  # opacity of the solid where constraints or distances are shown, many of which lie inside it
 TURN_DEG, TURN_S = 1.0, 0.05
 MAP_SIZE, UNDER_MAP = (
@@ -59,7 +59,7 @@ class SceneView:
         """One of LAYERS on or off."""
         with self._lock:
             self.shown[layer] = visible
-            if layer in ("Constraints", "Distance map"):
+            if layer in ("Relations", "Distance map"):
                 for name, (piece, node) in self._meshes.items():
                     node.opacity, node.color = self._opacity(name, piece), self._colour(name, piece)
                 self._overlay()
@@ -110,7 +110,7 @@ class SceneView:
                         node.color = self._colour(name, piece)
 
     def _opacity(self, name: str, piece: Piece) -> float | None:
-        through = self.shown["Constraints"] or self.shown["Distance map"]
+        through = self.shown["Relations"] or self.shown["Distance map"]
         return SEEN_THROUGH if through and name.startswith("/solid/") else piece.opacity
 
     def _colour(self, name: str, piece: Piece) -> Colour:
@@ -142,7 +142,7 @@ class SceneView:
         """Only where it is seen: what is new in the view costs the browser more than all that moves in it."""
         self._remove("/points/controls", "/constraints/links")
         overlay = self._over
-        if overlay is None or not self.shown["Constraints"]:
+        if overlay is None or not self.shown["Relations"]:
             return
         self._others["/points/controls"] = self._points("/points/controls", overlay.points, POINT_COLOUR, 0.045)
         if len(overlay.segments):
@@ -208,7 +208,7 @@ _LAYER_OF: Mapping[str, str] = {
     "solid": "Solid",
     "cutters": "Cutters",
     "map": "Distance map",
-    "points": "Constraints",
-    "constraints": "Constraints",
+    "points": "Relations",
+    "constraints": "Relations",
     "label": "Solid",
 }

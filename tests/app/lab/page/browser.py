@@ -124,8 +124,19 @@ class LabPage:
 
     def select(self, leaf):
         """By a click in the tree."""
+        self.tab("Program")
         self.page.locator(f".lab-primitive [role=treeitem][data-n='{leaf}']").click()
         self.page.wait_for_selector(f".lab-primitive [data-n='{leaf}'][aria-selected=true]")
+
+    def parameters(self):
+        """The values of the table by their names."""
+        boxes = self.page.locator(".lab-row input").evaluate_all("all => all.map((e) => [e.dataset.name, e.value])")
+        return {name: float(value) for name, value in boxes}
+
+    def set_parameter(self, name, value):
+        """By hand, in the table."""
+        self.box(name).fill(value)
+        self.box(name).press("Enter")
 
     def press_folder(self, name):
         """Open or close it."""
@@ -138,7 +149,7 @@ class LabPage:
         self.page.wait_for_timeout(HAND_MS)
         self.field("Value").fill(value)
         self.page.wait_for_timeout(HAND_MS)
-        self.press("Add the constraint")
+        self.press("Add the relation")
 
     def undo(self, steps=1):
         for _ in range(steps):

@@ -23,6 +23,7 @@ def done(browser, server):
     page.wait_for_picture(lambda picture: inked(picture) > 3000)
     assert red(page.picture()) == 0
     page.choose("Language", "csg")
+    page.tab("Program")
     page.run()
     yield page
     page.close()

@@ -27,7 +27,7 @@ def test_a_chamfer_is_selected_and_changed(phone, tmp_path):
     phone.keys("j", "j")  # the box, and after it the chamfer
     phone.box("distance mm").fill("3")
     phone.measures(volume(3.0))
-    phone.page.locator(".lab-primitive [data-n]", has_text="chamfer 3 of 4 edges").wait_for(state="attached")
+    phone.page.locator(".lab-row", has_text="chamfer 3 of 4 edges").wait_for(state="attached")
     phone.keys("Control+z")
     phone.measures(volume(2.0))
     phone.keys("Escape")

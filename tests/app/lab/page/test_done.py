@@ -1,17 +1,19 @@
 """What a person sees when a run is done, in pixels and in numbers, and how they find their way in it."""
 
+import re
+
 import pytest
 from tests.app.lab.page.browser import EXACT, blue, changed, green, hot, in_the_lab, inked, red
 
 pytestmark = in_the_lab
 PLATE = 80 * 50 * 8
-CURVES = {"error": (194, 37, 92), "primitives": (24, 100, 171), "violation of constraints": (43, 138, 62)}
+CURVES = {"error": (194, 37, 92), "primitives": (24, 100, 171), "relations off by": (43, 138, 62)}
 
 
 def test_the_solid_appears_with_its_cutters(done):
     done.wait_for_picture(lambda picture: blue(picture) > 20_000 and red(picture) > 800)
     done.measures(EXACT)
-    done.says("IoU")
+    done.says("of volume")
     assert done.status("primitives") == "7"
     assert float(done.status("error").split("%")[0]) < 0.1
     assert "minimal" in done.status("proof")
@@ -21,13 +23,13 @@ def test_the_curves_tell_how_the_run_went(done):
     done.tab("Curves")
     said = [done.page.locator(f"[data-curve='{name}'] text").first.text_content() for name in CURVES]
     assert float(said[0].removeprefix("error: ")) < 0.01
-    assert said[1:] == ["primitives: 7", "violation of constraints: none"]
+    assert said[1:] == ["primitives: 7", "relations off by: none"]
     seen = done.picture_of("svg[aria-label='curves of the run']")
     for name, ink in CURVES.items():
         _, columns = (abs(seen - ink).max(axis=2) < 40).nonzero()
         assert len(columns), f"{name} is not drawn"
         assert columns.max() - columns.min() > 0.2 * seen.shape[1], "from its first program to its last"
-    done.tab("Front")
+    done.tab("Alternatives")
 
 
 @pytest.mark.parametrize("place", ["svg [role=button][data-n='1'] circle >> nth=-1", ".lab-choice button[data-n='1'] img"])
@@ -51,7 +53,7 @@ def test_a_click_in_the_picture_selects_in_tree_and_code(done):
     leaf = row.get_attribute("data-n")
     assert "boss" in row.inner_text()
     done.tab("Code")
-    assert "r = 14" in page.locator(".lab-primitive [aria-pressed=true]").inner_text()
+    assert "r = boss_diameter/2" in page.locator(".lab-primitive [aria-pressed=true]").inner_text()
     done.tab("Edit")
     page.get_by_text(f"{leaf} boss, cylinder").wait_for()
     done.tab("Run")
@@ -65,7 +67,7 @@ def test_a_click_in_the_code_selects_in_tree_and_picture(done):
     done.wait_for_picture(lambda picture: red(picture) < 6000)
     before = red(done.picture())
     done.tab("Code")
-    done.page.locator(".lab-primitive button", has_text="r = 14").click()
+    done.page.locator(".lab-primitive button", has_text="r = boss_diameter/2").click()
     done.tab("Program")
     done.page.wait_for_selector(".lab-primitive [role=treeitem][aria-selected=true] >> text=boss")
     done.wait_for_picture(lambda picture: red(picture) > before + 2000)
@@ -80,7 +82,7 @@ def test_layers_are_shown_and_hidden(done):
     done.wait_for_picture(lambda picture: blue(picture) == 0 and red(picture) == 0)
     done.keys("o")  # control points and constraints
     done.wait_for_picture(lambda picture: green(picture) > 50)
-    done.box("Constraints").uncheck()
+    done.box("Relations").uncheck()
     done.box("Points").uncheck()
     done.wait_for_picture(lambda picture: inked(picture) < 1000)
     done.keys("m")  # the distance map
@@ -158,11 +160,41 @@ CONTRAST = """() => {
   return poor; }"""
 
 
-def test_all_text_is_readable(done):
+PRIVATE = ("lambda", "iou", "elitism", "mutation", "constraint", "theory", "lock:", "take")
+
+
+def test_all_text_is_readable_and_in_words_that_users_know(done):
     """WCAG 2.2, 1.4.3: a contrast of at least 4.5."""
-    for name in ("Edit", "Relate", "View", "Take", "Code", "Curves", "Program", "Front", "Run"):
+    for name in ("Edit", "Relations", "View", "Download", "Code", "Curves", "Parameters", "Program", "Alternatives", "Run"):
         done.tab(name)
         assert done.page.evaluate(CONTRAST) == [], name
+        words = set(re.findall(r"[a-z:]+", done.page.locator("body").inner_text().lower()))
+        assert words.isdisjoint(PRIVATE), (name, words.intersection(PRIVATE))
+
+
+def test_the_tab_is_called_by_the_part(done):
+    assert done.page.title() == "Bracket - IMDIM lab"
+
+
+def test_buttons_can_be_pressed_where_they_do_something(done):
+    def can(name):
+        return done.page.get_by_role("button", name=name, exact=True).is_enabled()
+
+    done.tab("Run")
+    assert done.page.get_by_role("button", name="Step", exact=True).count() == 1
+    assert done.page.get_by_role("button", name="Pause", exact=True).count() == 0, "nothing runs"
+    done.tab("Edit")
+    assert can("Fit the numbers to the part")
+    assert not can("Remove the selected")
+    done.select(1)
+    done.page.wait_for_function(
+        "[...document.querySelectorAll('button')].some((b) => b.textContent === 'Remove the selected' && !b.disabled)"
+    )
+    done.keys("Escape")
+    done.tab("Relations")
+    assert not can("Remove the relation")
+    assert can("Look for relations")
+    done.tab("Run")
 
 
 def test_a_large_and_a_narrow_window_show_part_and_controls(done):

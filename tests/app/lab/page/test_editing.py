@@ -37,20 +37,8 @@ def test_a_radius_is_edited_and_the_edit_undone_and_redone(done):
     done.measures(EXACT)
 
 
-def test_numbers_have_the_unit_that_was_chosen(done):
-    done.select(3)
-    done.tab("Edit")
-    done.choose("Units", "inch")
-    assert done.box("r in").input_value() == "3"
-    done.page.wait_for_selector(".lab-primitive [data-n='3'] >> text=r 3 in")
-    assert done.status("volume").endswith("in³")
-    done.choose("Units", "millimeter")
-    done.box("r mm").wait_for()
-    done.keys("Escape")
-
-
 def test_a_constraint_is_added_and_the_solver_finishes_under_it(done):
-    done.tab("Relate")
+    done.tab("Relations")
     rows = done.page.locator(".lab-constraint [data-n]").count()
     assert rows > 5
     done.relate("value", "1.r", "13")
@@ -59,7 +47,7 @@ def test_a_constraint_is_added_and_the_solver_finishes_under_it(done):
     assert "off by" in added.inner_text()
     done.keys("l")  # let the solver finish
     done.measures(SLIMMER)
-    done.notice("solved: all constraints and locks hold")
+    done.notice("fitted: all relations hold")
     done.tab("Edit")
     done.select(3)
     done.box("r mm").fill("5")  # the next edit keeps it
@@ -71,15 +59,14 @@ def test_a_constraint_is_added_and_the_solver_finishes_under_it(done):
 
 
 def test_a_constraint_is_removed_and_found_again(done):
-    done.tab("Relate")
-    every, radii = done.page.locator(".lab-constraint [data-n]"), done.page.locator(".lab-constraint [data-n]", has_text="3.r")
-    done.press("Remove the constraint")
-    done.notice("no constraint is chosen")
+    done.tab("Relations")
+    every, radii = done.page.locator(".lab-constraint [data-n]"), done.page.locator(".lab-constraint [data-n]", has_text="equal diameter")
+    assert done.page.get_by_role("button", name="Remove the relation", exact=True).is_disabled(), "none is chosen"
     rows = every.count()
     radii.click()
     done.page.wait_for_selector(".lab-constraint [aria-pressed=true]")
-    assert "3.r, 4.r, 5.r, 6.r" in done.page.locator(".lab-constraint [aria-pressed=true]").inner_text()
-    done.press("Remove the constraint")
+    assert "hole2 (3, 4, 5, 6) have equal diameter" in done.page.locator(".lab-constraint [aria-pressed=true]").inner_text()
+    done.press("Remove the relation")
     radii.wait_for(state="detached")
     assert every.count() == rows - 1
     done.tab("Edit")
@@ -88,7 +75,7 @@ def test_a_constraint_is_removed_and_found_again(done):
     done.measures(EXACT - WIDER)  # the other holes are free now
     done.undo()
     done.measures(EXACT)
-    done.tab("Relate")
+    done.tab("Relations")
     done.press("Look for relations")
     done.notice("relations found")
     radii.wait_for()
@@ -141,9 +128,9 @@ def test_a_locked_number_stays_where_the_solver_moves_the_others_back(done):
     done.select(3)
     done.box("r mm").fill("5")
     done.measures(SLIMMER - 4 * WIDER)
-    done.press("Let the solver finish")
+    done.press("Fit the numbers to the part")
     done.measures(SLIMMER)
-    done.notice("solved: all constraints and locks hold")
+    done.notice("fitted: all relations hold")
     done.keys("Escape")
     done.undo(4)
     done.measures(EXACT)

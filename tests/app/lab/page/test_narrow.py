@@ -25,10 +25,11 @@ def test_a_file_is_opened_and_reconstructed(phone, tmp_path):
     phone.run()
     phone.wait_for_picture(lambda picture: blue(picture) > 8_000)
     page.mouse.click(left + across / 2, top + down * 0.53)
-    page.get_by_role("button", name="Expand panel Program").click()
+    page.get_by_role("button", name="Expand panel Parameters").click()
+    phone.tab("Program")
     page.wait_for_selector(".lab-primitive [aria-selected=true]")
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
-    page.get_by_role("button", name="Collapse panel Program").click()
+    page.get_by_role("button", name="Collapse panel Parameters").click()
 
 
 def test_it_is_edited_and_related(phone):
@@ -38,7 +39,7 @@ def test_it_is_edited_and_related(phone):
     phone.wait_for_volume(2999, 3001)
     phone.press("sx")
     page.get_by_role("button", name=LOCKED + "sx", exact=True).wait_for()
-    phone.tab("Relate")
+    phone.tab("Relations")
     rows = page.locator(".lab-constraint [data-n]").count()
     phone.relate("value", "0.sy", "20")
     page.locator(f".lab-constraint [data-n='{rows}']").wait_for()

@@ -63,10 +63,10 @@ def test_an_evolution_goes_on_from_an_edited_program(done):
     done.select(3)
     done.keys("Delete")
     done.says("primitives6")
-    done.press_folder("Evolve from here")
+    done.press_folder("Search on from here")
     done.box("Seconds").fill("300")
-    done.box("Population").fill("16")
-    done.press("Continue from this program")
+    done.box("Programs at once").fill("16")
+    done.press("Search on from this program")
     done.says("continue: evolve")
     done.says("primitives7")  # a child has a hole where one is missing
     done.press("Stop")
@@ -74,7 +74,7 @@ def test_an_evolution_goes_on_from_an_edited_program(done):
     done.says("continue: evolve (")  # stopped, or it was good enough before
     assert done.status("primitives") == "7", "what was found so far stays"
     done.box("Seconds").fill("60")
-    done.press_folder("Evolve from here")
+    done.press_folder("Search on from here")
     done.keys("Control+z")
     done.says("primitives6")
     done.keys("Control+z", "Escape")
@@ -94,11 +94,11 @@ def test_two_run_the_third_waits_and_a_closed_page_makes_room(done, phone, brows
     done.select(1)
     done.tab("Edit")
     done.box("r mm").fill("13")
-    done.press("Let the solver finish")
+    done.press("Fit the numbers to the part")
     done.says("waiting for its turn, 0 before it")
     working = _workers(server.pid)
     leaving.close()
-    done.notice("solved: all constraints and locks hold")
+    done.notice("fitted: all relations hold")
     done.measures(EXACT)
     end = time.monotonic() + WAIT_MS / 1000
     while working <= _workers(server.pid):

@@ -11,6 +11,7 @@ from PIL import Image
 from tests.app.lab.page.browser import EXACT, WAIT_MS, in_the_lab
 
 from imdim.app.lab.panels.take import FORMATS
+from imdim.export.delivered import read_values
 from imdim.export.openscad_reader import read_openscad
 from imdim.geometry.solid import volume
 from imdim.program import codec
@@ -23,7 +24,7 @@ BUTTONS = ("JSON", "OpenSCAD", "STEP", "build123d", "CadQuery", "STL", "GLB", "3
 @pytest.fixture(scope="module")
 def files(done, tmp_path_factory):
     folder, found = tmp_path_factory.mktemp("taken"), {}
-    done.tab("Take")
+    done.tab("Download")
     for label in BUTTONS:
         with done.page.expect_download() as waiting:
             done.press(f"Download {label}")
@@ -37,9 +38,27 @@ def test_all_formats_have_a_button():
     assert set(FORMATS) == set(BUTTONS)
 
 
+def test_files_are_called_by_the_part(files):
+    endings = ["json", "scad", "step", "build123d.py", "cadquery.py", "stl", "glb", "3mf", "png", "html"]
+    assert [path.name for path in files.values()] == [f"Bracket.{ending}" for ending in endings]
+
+
+def test_the_table_and_the_code_are_those_of_the_files(done, files):
+    text = files["OpenSCAD"].read_text()
+    done.tab("Parameters")
+    named = read_values(text)
+    assert len(named) >= 9
+    table = done.parameters()
+    assert {name: table[name] for name in named} == named
+    assert set(table) - set(named) == {"hole2_count_x", "hole2_count_y"}, "of the texts with loops"
+    done.tab("Code")
+    assert done.page.locator(".lab-program").text_content() == text
+    done.tab("Program")
+
+
 def test_programs_are_the_part(files):
     document = codec.parse(files["JSON"].read_bytes())
-    assert codec.meta_of(document).units == "millimeter"
+    assert codec.meta_of(document).units == "unspecified", "nobody said what the lengths are"
     assert len(codec.constraints_of(document)) > 5
     for program in (codec.from_json(document), read_openscad(files["OpenSCAD"].read_text())):
         assert volume(program, 512) == pytest.approx(EXACT, rel=1e-4)
@@ -105,7 +124,7 @@ def test_the_report_opens_anywhere(files, browser):
 
 def test_it_is_taken_in_a_narrow_window_too(done, files):
     done.page.set_viewport_size({"width": 390, "height": 844})
-    done.tab("Take")
+    done.tab("Download")
     with done.page.expect_download() as waiting:
         done.press("Download JSON")
     assert waiting.value.path().read_bytes() == files["JSON"].read_bytes()

@@ -35,7 +35,7 @@ class FrontPanel:
     def __init__(self, gui: viser.GuiApi, panel: viser.PanelHandle, session: Session, ear: InputQueue) -> None:
         self._session = session
         self._choices: list[Choice] = []
-        with panel.add_tab("Front"):
+        with panel.add_tab("Alternatives"):
             self._strip = gui.add_html("")
             renderers.add_clicks(gui, "Choice", ear, self._load)
             self._plot = gui.add_html("")

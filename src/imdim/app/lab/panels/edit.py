@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import viser
 
@@ -12,6 +11,7 @@ from imdim.app.lab.drawing import names
 from imdim.app.lab.edits import ConstrainedProgram, Number
 from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.outline_picture import draw_outline
+from imdim.app.lab.panels.buttons import enable
 from imdim.app.lab.session import Session
 from imdim.app.lab.solving import Lock
 from imdim.app.lab.style import BLUE, GREY, RED
@@ -24,7 +24,7 @@ LOCKED = "\N{LOCK}"
 NEW_SIZE = 0.15  # of the diagonal
 EDGE_STEP = 1e-3  # of the sizes of blends, in the unit
 DIGITS = 4  # of the part's size that inputs show
-UNITS = {"unspecified": "", "millimeter": "mm", "centimeter": "cm", "meter": "m", "inch": "in", "foot": "ft", "micron": "µm"}
+FIT = "Fit the numbers to the part"
 
 
 class EditPanel:
@@ -36,9 +36,9 @@ class EditPanel:
         place: viser.GuiTabHandle,
         session: Session,
         ear: InputQueue,
-        unit_changed: Callable[[], None],
     ) -> None:
         self._gui, self._place, self._session, self._ear = gui, place, session, ear
+        self.unit = ""
         self._shown: tuple[int, str] | None = None
         self._locks: viser.GuiButtonGroupHandle | None = None
         self._inputs: dict[str, viser.GuiNumberHandle[float]] = {}
@@ -48,22 +48,17 @@ class EditPanel:
         with self._numbers:
             gui.add_html(renderers.note(NOTHING))
         self.follow = gui.add_checkbox("Keep relations", True, hint="What the constraints relate to an edited number moves along")
-        self.steps = gui.add_button_group("History", ("Undo", "Redo"))
-        ear.press(self.steps, lambda step: session.undo() if step == "Undo" else session.redo())
-        solve = gui.add_button("Let the solver finish", color=BLUE, hint="Fits the numbers; constraints and locks hold")
-        ear.press(solve, lambda _: session.solve())
+        self._undo, self._redo = (gui.add_button(word, color=GREY, disabled=True) for word in ("Undo", "Redo"))
+        ear.press(self._undo, lambda _: session.undo())
+        ear.press(self._redo, lambda _: session.redo())
+        self._solve = gui.add_button(FIT, color=BLUE, hint="Relations hold, and what is locked stays", disabled=True)
+        ear.press(self._solve, lambda _: session.solve())
         with gui.add_folder("Add or remove"):
             self.kind = gui.add_dropdown("Kind", SIMPLE, initial_value="cylinder")
             self.op = gui.add_dropdown("Joined by", OPS)
             ear.press(gui.add_button("Add", color=GREY), lambda _: self._add())
-            ear.press(gui.add_button("Remove the selected", color=RED), lambda _: self.remove())
-        self.units = gui.add_dropdown("Units", tuple(UNITS), initial_value="millimeter")
-        ear.hear(self.units, lambda _: unit_changed())
-
-    @property
-    def unit(self) -> str:
-        """Its sign."""
-        return UNITS[self.units.value]
+            self._remove = gui.add_button("Remove the selected", color=RED, disabled=True)
+            ear.press(self._remove, lambda _: self.remove())
 
     def remove(self) -> None:
         number = self._session.state.selected
@@ -78,8 +73,16 @@ class EditPanel:
         part = new_primitive(self.kind.value, frame)
         self._session.add(self.op.value, part)
 
-    def draw(self, theory: ConstrainedProgram | None, selected: int | None) -> None:
-        """The numbers of what is selected; inputs stay while that is the same, so that typing is not disturbed."""
+    def draw_state(self) -> None:
+        """What the buttons can do now."""
+        enable(self._undo, self._session.history.can_undo)
+        enable(self._redo, self._session.history.can_redo)
+
+    def draw(self, theory: ConstrainedProgram | None, selected: int | None, unit: str) -> None:
+        """The numbers of what is selected, in `unit`; inputs stay while that is the same, so that typing is not disturbed."""
+        self.unit = unit
+        enable(self._solve, theory is not None)
+        enable(self._remove, theory is not None and selected is not None)
         feature = None if theory is None else theory.edge_feature(selected)
         if theory is not None and selected is not None and feature is not None:
             self._draw_edges(theory.edges[feature], feature, selected)

@@ -1,4 +1,4 @@
-"""Constraints: those there are, whether they hold, new ones, and the search for more."""
+"""Relations: those there are, whether they hold, new ones, and the search for more."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from imdim.app.lab import edits, renderers
 from imdim.app.lab.drawing import VIOLATED
 from imdim.app.lab.edits import ConstrainedProgram
 from imdim.app.lab.input_queue import InputQueue
+from imdim.app.lab.panels.buttons import enable
 from imdim.app.lab.session import Session
 from imdim.app.lab.solving import violations
 from imdim.app.lab.style import GREY, RED
@@ -25,16 +26,18 @@ class RelatePanel:
         self._chosen = -1
         self._list = gui.add_html("")
         renderers.add_clicks(gui, "Constraint", ear, self._choose)
-        remove = gui.add_button("Remove the constraint", color=RED, hint="The one that was clicked in the list")
-        ear.press(remove, lambda _: self._remove())
-        ear.press(gui.add_button("Look for relations", color=GREY), lambda _: session.relate())
-        with gui.add_folder("Add a constraint"):
+        self._off = gui.add_button("Remove the relation", color=RED, hint="The one that was clicked in the list", disabled=True)
+        ear.press(self._off, lambda _: self._remove())
+        self._look = gui.add_button("Look for relations", color=GREY, disabled=True)
+        ear.press(self._look, lambda _: session.relate())
+        with gui.add_folder("Add a relation"):
             self._hint = gui.add_html("")
             self.kind = gui.add_dropdown("Relation", tuple(RULES), initial_value="equal")
             self.of = gui.add_text("Of", "", hint="Features, as in 2.r, 3.r")
             self.about = gui.add_text("About", "", hint="An axis, as in world.z or 0.z, where the kind needs one")
             self.value = gui.add_number("Value", 0.0, step=0.001)
-            ear.press(gui.add_button("Add the constraint", color=GREY), lambda _: self._add())
+            self._more = gui.add_button("Add the relation", color=GREY, disabled=True)
+            ear.press(self._more, lambda _: self._add())
 
     def _choose(self, number: int) -> None:
         self._chosen = number
@@ -52,12 +55,15 @@ class RelatePanel:
         if self._session.edit("constraint", lambda theory: edits.without_constraint(theory, number)):
             self._choose(-1)
 
-    def draw(self, theory: ConstrainedProgram | None, selected: int | None) -> None:
+    def draw(self, theory: ConstrainedProgram | None, selected: int | None, unit: str) -> None:
         """The list, and the features that the selected primitive offers."""
         if theory is None or self._chosen >= len(theory.constraints):
             self._chosen = -1
         off = [] if theory is None else violations(theory.program, theory.constraints)
-        self._list.content = renderers.relations(theory, off, VIOLATED, self._chosen)
+        self._list.content = renderers.relations(theory, off, VIOLATED, self._chosen, unit)
+        enable(self._off, self._chosen >= 0)
+        enable(self._look, theory is not None)
+        enable(self._more, theory is not None)
         parts = [] if theory is None else list(leaves(theory.program))
         text = "Select a primitive to see the names of its features."
         if selected is not None and selected < len(parts):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import json
 from collections.abc import Callable
 from typing import Any
 
@@ -10,15 +11,18 @@ import viser
 
 from imdim.app.lab.examples import NAMES
 from imdim.app.lab.input_queue import InputQueue
+from imdim.app.lab.panels.buttons import enable, offer
 from imdim.app.lab.resume import Rates
 from imdim.app.lab.session import Session
-from imdim.app.lab.style import BLUE, GREY, MUTED, style
+from imdim.app.lab.style import BLUE, GREY, MUTED, NOTHING, style
 from imdim.app.lab.table import SCRIPT
+from imdim.program.units import READ_AS
 from imdim.reconstruction.config import LANGUAGES, Settings
 from imdim.reconstruction.methods import METHODS
 
 NONE = "none"
 STATES = {"": "ready", "waiting": "waiting for its turn", "running": "running", "paused": "paused"}
+OFFERED = {"": ("Step",), "waiting": ("Stop",), "running": ("Pause", "Stop"), "paused": ("Resume", "Stop", "Step")}
 SHORT = ("state", "primitives", "features", "volume", "error")  # two of these fit on a line
 TINTS = {
     "": "",
@@ -39,22 +43,26 @@ class RunPanel:
         ear.hear(self.example, self._open)
         self.start = self._button(gui, "Start", lambda: session.start(self.settings()), BLUE)
         with gui.add_folder(None):
-            self.go = gui.add_button_group("Run", ("Pause", "Resume", "Step", "Stop"))
+            self.go = gui.add_button_group("Run", OFFERED[""])
             ear.press(self.go, self._on_press)
         with gui.add_folder("Settings"):
-            self.method = gui.add_dropdown("Method", tuple(METHODS), hint="auto searches, proves and repairs; evolve breeds")
+            self.method = gui.add_dropdown("Method", tuple(METHODS), hint="auto searches, proves and repairs; evolve changes at random")
             self.language = gui.add_dropdown(
                 "Language", LANGUAGES, initial_value=Settings.language, hint="cad: primitives and outlines; csg: the six primitives alone"
             )
             self.budget = gui.add_number("Seconds", 60.0, min=1.0, max=3600.0, step=1.0, hint="Time budget; a pause does not count")
-            self.price = gui.add_number("Lambda", 2.5e-4, min=1e-6, max=0.5, step=1e-5, hint="Price of a primitive, a share of the volume")
-            self.seed = gui.add_number("Seed", 0, min=0, max=2**31 - 1, step=1)
-        with gui.add_folder("Evolve from here", expand_by_default=False):
-            self.mutation = gui.add_slider("Mutation", 0.0, 1.0, 0.05, Rates.mutation, hint="Share of children mutated; others crossed")
-            self.elitism = gui.add_slider("Elitism", 0.0, 1.0, 0.05, Rates.elitism, hint="Share of parents from the fitter half")
-            self.population = gui.add_number("Population", Rates.population, min=8, max=512, step=8)
-            self.tolerance = gui.add_number("Tolerance", Rates.tolerance, min=1e-6, max=0.1, step=1e-5, hint="Error that is good enough")
-            self._button(gui, "Continue from this program", lambda: session.go_on(self.settings(), self.rates()))
+            self.price = gui.add_number(
+                "Complexity price", 2.5e-4, min=1e-6, max=0.5, step=1e-5, hint="What one more primitive must gain, as a share of the volume"
+            )
+            self.seed = gui.add_number("Random seed", 0, min=0, max=2**31 - 1, step=1, hint="The same seed gives the same result")
+            self.units = gui.add_dropdown("Units", READ_AS, hint="What the lengths of the file are; they become mm, and a run starts anew")
+            ear.hear(self.units, session.set_units)
+        with gui.add_folder("Search on from here", expand_by_default=False):
+            self.mutation = gui.add_slider("Random changes", 0.0, 1.0, 0.05, Rates.mutation, hint="Share of new programs; others mix two")
+            self.elitism = gui.add_slider("Best first", 0.0, 1.0, 0.05, Rates.elitism, hint="Share that comes of the better half")
+            self.population = gui.add_number("Programs at once", Rates.population, min=8, max=512, step=8)
+            self.tolerance = gui.add_number("Good enough", Rates.tolerance, min=1e-6, max=0.1, step=1e-5, hint="Error, of the part's size")
+            self._on = self._button(gui, "Search on from this program", lambda: session.go_on(self.settings(), self.rates()))
 
     def _button(self, gui: viser.GuiApi, label: str, call: Callable[[], None], color: tuple[int, int, int] = GREY) -> viser.GuiButtonHandle:
         button = gui.add_button(label, color=color)
@@ -65,9 +73,15 @@ class RunPanel:
         if name != NONE:
             self._session.open_example(name)
 
-    def draw(self, part: str) -> None:
-        """The example that is open, none where a file is: the browser tells of a choice only where it changes one."""
+    def draw(self, part: str, units: str) -> None:
+        """The example that is open, none where a file is: the browser tells of a choice only where it changes one. And its units."""
         self._ear.show(self.example, part if part in NAMES else NONE)
+        self._ear.show(self.units, units)
+
+    def draw_state(self) -> None:
+        """What the buttons can do now."""
+        offer(self.go, OFFERED[self._session.running])
+        enable(self._on, self._session.theory is not None)
 
     def _on_press(self, what: str) -> None:
         {"Pause": self._session.pause, "Resume": self._session.resume, "Step": self.step, "Stop": self._session.stop}[what]()
@@ -100,12 +114,14 @@ class StatusPanel:
     def __init__(self, gui: viser.GuiApi, session: Session, ear: InputQueue) -> None:
         self._session = session
         gui.add_html(style(SCRIPT))
-        self._text = gui.add_html("")
+        self._text, self._title = gui.add_html(""), gui.add_html("")
         upload = gui.add_upload_button("Open a file", hint=HINT, color=GREY)
         upload.on_upload(lambda event: ear.do(lambda file=event.target.value: session.open_upload(file.name, file.content)))
 
-    def draw(self, lines: list[tuple[str, str]], notice: tuple[str, str]) -> None:
-        """The state of the run, name and value a line, and the last message."""
+    def draw(self, part: str, lines: list[tuple[str, str]], notice: tuple[str, str]) -> None:
+        """The state of the run, name and value a line, and the last message; the tab of the browser is called by the part."""
+        title = html.escape(f"document.title={json.dumps(f'{part} - IMDIM lab' if part else 'IMDIM lab')}", quote=True)
+        self._title.content = f'<img alt="" src="{NOTHING}" style="display:none" onload="{title}">'
         state = STATES[self._session.running]
         if self._session.running == "waiting":
             state += f", {self._session.waiting_behind} before it"
