@@ -1,6 +1,6 @@
 """Pictures of the live lab for the README: ``python scripts/lab/screenshots.py [part.stl] [-o docs]``.
 
-Writes ``lab.png`` (a run in progress), ``lab-done.png`` (a primitive selected after it, with the distance map) and ``lab-small.png`` (a
+Writes ``lab.png`` (a run in progress), ``lab-done.png`` (a dimension chosen after it) and ``lab-small.png`` (a
 window of 390 x 844). Needs a Chromium and the extras ``[lab,dev]``; everything stays on this machine.
 """
 
@@ -32,15 +32,14 @@ def _large(browser: Browser, url: str, folder: Path) -> None:
     page = _opened(browser, url, 1280, 720)
     tab(page, "Curves")
     press(page, "Step")  # to the first program, and stand there
-    says(page, "statepaused.*IoU")
+    says(page, "statepaused.*of volume")
     page.mouse.move(640, 650)  # off the button, which would show its hint
     page.wait_for_timeout(2500)
     _save(page, folder / "lab.png")
     press(page, "Resume")
-    says(page, "stateready.*fit: finished.*IoU")
-    tab(page, "Front")
-    page.locator(".lab-primitive [role=treeitem]").first.click()
-    tab(page, "Edit")
+    says(page, "stateready.*fit: finished.*of volume")
+    tab(page, "Alternatives")
+    page.locator(".lab-row .lab-name").nth(3).click()
     page.wait_for_timeout(2500)
     _save(page, folder / "lab-done.png")
     page.close()
@@ -50,7 +49,7 @@ def _small(browser: Browser, url: str, folder: Path) -> None:
     page = _opened(browser, url, 390, 844)
     press(page, "Start")
     page.mouse.move(195, 60)  # off the button, which would show its hint
-    says(page, "volume.*IoU")
+    says(page, "volume.*of volume")
     page.wait_for_timeout(2500)
     _save(page, folder / "lab-small.png")
     page.close()

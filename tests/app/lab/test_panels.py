@@ -27,7 +27,7 @@ def server():
 @pytest.fixture
 def panel(server):
     ear = Ear(server.get_event_loop())
-    yield run.RunPanel(server.gui, SimpleNamespace(), ear)
+    yield run.RunPanel(server.gui, SimpleNamespace(set_units=None), ear)
     ear.close()
 
 

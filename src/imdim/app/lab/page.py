@@ -36,7 +36,7 @@ COMING = "\N{HORIZONTAL ELLIPSIS}"  # what is being measured
 SAID_S = 10.0  # that an error stays on the picture
 SCORE_NICE = 10  # and where it takes longer, it still goes first
 UNIT = "mm"  # files that say another are read in it, and what says none is taken for it
-LEFT, RIGHT = 320, 320  # pixels
+LEFT, RIGHT = 310, 320  # pixels
 
 
 class Page:

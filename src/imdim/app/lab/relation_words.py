@@ -28,7 +28,7 @@ def name_leaves(numbers: Iterable[int], labels: Sequence[str], most: int = 10_00
     groups: dict[str, list[int]] = {}
     for number in dict.fromkeys(numbers):
         groups.setdefault(labels[number], []).append(number)
-    words = [label if labels.count(label) == 1 else f"{label} ({', '.join(map(str, of))})" for label, of in groups.items()]
+    words = [label if labels.count(label) == 1 else f"{label} ({', '.join(map(str, sorted(of)))})" for label, of in groups.items()]
     return words if len(words) <= most else [*words[:most], f"{len(words) - most} more"]
 
 

@@ -187,9 +187,7 @@ def test_buttons_can_be_pressed_where_they_do_something(done):
     assert can("Fit the numbers to the part")
     assert not can("Remove the selected")
     done.select(1)
-    done.page.wait_for_function(
-        "[...document.querySelectorAll('button')].some((b) => b.textContent === 'Remove the selected' && !b.disabled)"
-    )
+    done.page.locator("button:enabled", has_text="Remove the selected").wait_for()
     done.keys("Escape")
     done.tab("Relations")
     assert not can("Remove the relation")

