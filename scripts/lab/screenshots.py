@@ -32,12 +32,12 @@ def _large(browser: Browser, url: str, folder: Path) -> None:
     page = _opened(browser, url, 1280, 720)
     tab(page, "Curves")
     press(page, "Step")  # to the first program, and stand there
-    says(page, "statepaused.*of volume")
+    says(page, "statepaused.*of the volume")
     page.mouse.move(640, 650)  # off the button, which would show its hint
     page.wait_for_timeout(2500)
     _save(page, folder / "lab.png")
     press(page, "Resume")
-    says(page, "stateready.*fit: finished.*of volume")
+    says(page, "stateready.*fit: finished.*of the volume")
     tab(page, "Alternatives")
     page.locator(".lab-row .lab-name").nth(3).click()
     page.wait_for_timeout(2500)
@@ -49,7 +49,7 @@ def _small(browser: Browser, url: str, folder: Path) -> None:
     page = _opened(browser, url, 390, 844)
     press(page, "Start")
     page.mouse.move(195, 60)  # off the button, which would show its hint
-    says(page, "volume.*of volume")
+    says(page, "volume.*of the volume")
     page.wait_for_timeout(2500)
     _save(page, folder / "lab-small.png")
     page.close()

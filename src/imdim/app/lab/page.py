@@ -36,7 +36,7 @@ COMING = "\N{HORIZONTAL ELLIPSIS}"  # what is being measured
 SAID_S = 10.0  # that an error stays on the picture
 SCORE_NICE = 10  # and where it takes longer, it still goes first
 UNIT = "mm"  # files that say another are read in it, and what says none is taken for it
-LEFT, RIGHT = 310, 320  # pixels
+LEFT, RIGHT = 304, 328  # pixels
 
 
 class Page:
@@ -213,7 +213,7 @@ class Page:
         if self._scores is not None and self._scored == theory:
             scores = self._scores
             far = scores.relative(scores.to_result)
-            error = "no closed target" if scores.volume_iou is None else f"{1 - scores.volume_iou:.2%} of volume"
+            error = "no closed target" if scores.volume_iou is None else f"{1 - scores.volume_iou:.2%} of the volume"
             distance = f"mean {far.mean:.2%}, max {far.max:.2%}"
         proved = state.proof if state.proved == theory.program else ""
         return [*lines, ("error", error), ("distance", distance), ("proof", proved)]

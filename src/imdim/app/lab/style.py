@@ -23,7 +23,7 @@ _CSS = f"""
 .lab-status tr {{ display: flex; gap: 6px }}
 .lab-status tr.wide {{ grid-column: 1 / -1 }}
 .lab-status td {{ padding: 0 }}
-.lab-row {{ display: grid; grid-template-columns: minmax(0, 1fr) 78px 22px 24px 40px; gap: 0 4px; align-items: center; padding: 1px 4px;
+.lab-row {{ display: grid; grid-template-columns: minmax(0, 1fr) 64px 20px 22px; gap: 0 4px; align-items: center; padding: 1px 4px;
   margin: 0; border-radius: 4px; font-size: 12px; color: #212529; cursor: default }}
 .lab-row:hover, .lab-row:focus-within, .lab-row[data-marked] {{ background: #fff3bf }}
 .lab-name {{ font-weight: 600; overflow: hidden; text-overflow: ellipsis; white-space: nowrap }}
@@ -31,8 +31,10 @@ _CSS = f"""
   text-align: right; color: #212529; background: #fff }}
 .lab-row button {{ border: 0; background: none; font: inherit; color: {LINK}; cursor: pointer; padding: 1px 2px; border-radius: 4px }}
 .lab-row button:hover, .lab-row button[aria-pressed=true] {{ background: #ffe066 }}
-.lab-drives {{ grid-column: 1 / -1; color: {MUTED}; font-size: 11px; line-height: 1.25; overflow: hidden; text-overflow: ellipsis;
+.lab-drives {{ grid-column: 1 / 3; color: {MUTED}; font-size: 11px; line-height: 1.25; overflow: hidden; text-overflow: ellipsis;
   white-space: nowrap }}
+.lab-drives + button {{ grid-column: 3 / -1; text-align: right }}
+.lab-drives:last-child {{ grid-column: 1 / -1 }}
 .lab-status .wide td + td {{ min-width: 0; overflow: hidden; text-overflow: ellipsis; white-space: nowrap }}
 @media (max-width: 36em) {{
   #root div:has(> {_SHEET}) {{ flex-direction: column }}

@@ -83,8 +83,8 @@ def _row(number: int, row: ParameterRow, unit: str, marked: bool) -> str:
         f'<div class="lab-row" data-row="{number}"{" data-marked" if marked else ""}>'
         f'<label class="lab-name" title="{name}">{name}</label>'
         f'<input data-name="{name}" aria-label="{name}" value="{value}" inputmode="decimal" autocomplete="off" spellcheck="false">'
-        f'<span class="lab-unit">{sign}</span>{_lock(number, row)}{_untie(number, row)}'
-        f'<span class="lab-drives" title="{drives}">{drives}</span></div>'
+        f'<span class="lab-unit">{sign}</span>{_lock(number, row)}'
+        f'<span class="lab-drives" title="{drives}">{drives}</span>{_untie(number, row)}</div>'
     )
 
 
@@ -97,7 +97,7 @@ def _lock(number: int, row: ParameterRow) -> str:
 
 def _untie(number: int, row: ParameterRow) -> str:
     if not row.tied:
-        return "<span></span>"
+        return ""
     return _button(ACTIONS * number + 1, f"Untie {row.name}: each feature gets a number of its own", "untie", None)
 
 

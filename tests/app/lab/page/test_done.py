@@ -13,7 +13,7 @@ CURVES = {"error": (194, 37, 92), "primitives": (24, 100, 171), "relations off b
 def test_the_solid_appears_with_its_cutters(done):
     done.wait_for_picture(lambda picture: blue(picture) > 20_000 and red(picture) > 800)
     done.measures(EXACT)
-    done.says("of volume")
+    done.says("of the volume")
     assert done.status("primitives") == "7"
     assert float(done.status("error").split("%")[0]) < 0.1
     assert "minimal" in done.status("proof")

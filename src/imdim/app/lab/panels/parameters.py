@@ -16,7 +16,7 @@ from imdim.app.lab.table import ACTIONS, parameter_table
 NONE_YET = "No program yet: press Start. Its dimensions stand here then, by name."
 COMING = "The dimensions get their names when the run is done."
 NO_NAMES = "This program has no named dimensions."
-STRICT = "Refuse what opens, closes or parts"
+STRICT = "Strict"
 HINT = "Refuse an edit after which the part has other bodies, through-holes or voids"
 
 

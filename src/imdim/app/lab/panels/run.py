@@ -23,7 +23,7 @@ from imdim.reconstruction.methods import METHODS
 NONE = "none"
 STATES = {"": "ready", "waiting": "waiting for its turn", "running": "running", "paused": "paused"}
 OFFERED = {"": ("Step",), "waiting": ("Stop",), "running": ("Pause", "Stop"), "paused": ("Resume", "Stop", "Step")}
-SHORT = ("state", "primitives", "features", "volume", "error")  # two of these fit on a line
+SHORT = ("state", "primitives", "features", "volume")  # two of these fit on a line
 TINTS = {
     "": "",
     "error": "color:#a61e1e;background:#fff0f0",
