@@ -4,12 +4,13 @@ import pytest
 from tests.app.lab.test_edges import TARGET
 from tests.app.lab.test_edges import THEORY as BLENDED
 
-from imdim.app.lab import edits, naming, protocol, renderers
+from imdim.app.lab import edits, naming, protocol, renderers, work
 from imdim.app.lab.document import Document
 from imdim.app.lab.edits import ConstrainedProgram, LabEditError
 from imdim.app.lab.examples import PROGRAMS, example
 from imdim.app.lab.parameters import hold_value, list_parameters, read_number, report_edit, set_value, untie_name
 from imdim.app.lab.relation_words import say_relation
+from imdim.app.lab.requests import request
 from imdim.app.lab.solving import Lock
 from imdim.app.lab.table import parameter_table
 from imdim.delivery.finish import finish, renumber_constraints
@@ -17,8 +18,10 @@ from imdim.export.delivered import EditError, meanings, read_values
 from imdim.export.edit import change_values, open_delivered
 from imdim.export.openscad_reader import read_openscad
 from imdim.geometry.solid import volume
+from imdim.program import codec
 from imdim.program.constraints import Constraint, Ref
-from imdim.program.tree import Primitive, leaves
+from imdim.program.tree import Combine, Primitive, combine_all, leaves
+from imdim.reconstruction.config import Settings
 from imdim.reconstruction.fitting import relations_of
 from imdim.relations.residuals import rebase_constraints
 from imdim.target.target import frame_meta
@@ -101,6 +104,28 @@ def test_a_tie_is_broken_and_stays_so(theory):
     wider = set_value(apart, "hole2_diameter", 10.0)
     assert sorted(p.size[0] for p in leaves(wider.program))[:4] == [3.0, 3.0, 3.0, 5.0]
     assert wider.names.is_final, "it is downloaded as it is, not tied again"
+
+
+def test_files_are_the_program_as_it_is_shown(theory):
+    apart = set_value(untie_name(theory, "hole_diameter"), "hole2_diameter", 10.0)
+    (files,) = work.files(request("files", BRACKET, Settings(), apart, front=[], stop="edited"), lambda: 0.0)
+    own = apart.names.delivered
+    for name, text in own.texts.items():
+        assert files.arrays[name].tobytes().decode() == text
+    assert codec.from_json(codec.parse(files.arrays["program.json"].tobytes())) == own.program
+
+
+def test_a_finished_program_says_which_primitive_was_which():
+    holes = [Primitive("cylinder", (3.0, 20.0), (x, y, 0.0)) for x, y in ((30.0, 17.0), (-30.0, -17.0), (30.0, -17.0), (-30.0, 17.0))]
+    drilled = Combine("difference", Primitive("box", (80.0, 50.0, 8.0)), combine_all("union", holes))
+    program, constraints = relations_of(drilled)
+    found = finish(program, constraints)
+    before = list(leaves(program))
+    assert sorted(found.order) == list(range(len(before)))
+    assert found.order != tuple(sorted(found.order)), "it tells something here"
+    for part, old in zip(leaves(found.program), found.order, strict=True):
+        assert part.kind == before[old].kind
+        assert part.center[:2] == pytest.approx(before[old].center[:2], abs=1e-3)
 
 
 def test_a_lock_holds_what_a_name_is_the_value_of(theory):

@@ -31,7 +31,7 @@ from imdim.target.target import Frame
 
 SCORE_SAMPLES = 5_000
 SCORE_AFTER_S = 0.4, 1.0  # the picture has the core for itself until then: after an edit, and while a run goes on
-NAME_AFTER_S = 0.25  # as do the names of a program, and the report of an edit
+NAME_AFTER_S = 0.4  # as do the names of a program, and the report of an edit
 COMING = "\N{HORIZONTAL ELLIPSIS}"  # what is being measured
 SAID_S = 10.0  # that an error stays on the picture
 SCORE_NICE = 10  # and where it takes longer, it still goes first
