@@ -114,7 +114,7 @@ def test_texts_of_nothing():
 
 def test_names_of_constraints_are_no_markup():
     theory = ConstrainedProgram(THEORY.program, (Constraint("equal", (Ref(2, "r"), Ref(3, "r")), name="<b>x"),))
-    assert "<b>x" not in renderers.relations(theory, [0.0], 1e-6, -1)
+    assert "<b>x" not in renderers.relations(theory, [0.0], 1e-6, -1, "mm")
 
 
 def stairs(html, name):
@@ -133,12 +133,12 @@ def test_the_curves_are_stairs_on_scales_of_their_own():
     assert error[0, 1] < error[-1, 1], "an error that falls is drawn downwards"
     assert size[0, 1] < size[-1, 1]
     assert violation[0, 1] > violation[-1, 1]
-    for said in ("error: none", "primitives: 2", "violation of constraints: 0.001", "4 s"):
+    for said in ("error: none", "primitives: 2", "relations off by: 0.001", "4 s"):
         assert said in html
     assert 'data-curve="error"' in plots.curves([CurvePoint(0.0, 0.0, 1, 0.0)]), "one program, at once"
 
 
 def test_the_chosen_constraint_is_marked():
-    html = renderers.relations(THEORY, [0.0] * len(THEORY.constraints), 1e-6, 2)
+    html = renderers.relations(THEORY, [0.0] * len(THEORY.constraints), 1e-6, 2, "mm")
     assert html.split('aria-pressed="true"')[0].rsplit('data-n="', 1)[1].startswith('2"')
     assert html.count('aria-pressed="true"') == 1
