@@ -25,10 +25,22 @@ _VECTOR = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItem
 _NAME = {"type": "string", "pattern": "^([A-Za-z_][A-Za-z0-9_]{0,99})?$"}
 
 _VERTEX = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 3}
+_ELLIPSE = {
+    "type": "object",
+    "required": ["rx", "ry"],
+    "additionalProperties": False,
+    "properties": {
+        "rx": {"type": "number", "exclusiveMinimum": 0},
+        "ry": {"type": "number", "exclusiveMinimum": 0},
+        "center": {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2},
+        "angle": {"type": "number"},
+    },
+}
 _OUTLINE = {
-    "description": "Closed loops of vertices [x, y] or [x, y, bulge]: a curve turns by 4 atan(bulge) up to the next vertex, 0 is a line.",
+    "description": "Closed loops: vertices [x, y] or [x, y, bulge], where a curve turns by 4 atan(bulge) up to the next vertex and 0 is a"
+    " line; or an ellipse by its semi-axes, its centre and the degrees from x to the first semi-axis.",
     "type": "array",
-    "items": {"type": "array", "items": _VERTEX, "minItems": 2, "maxItems": MOST_CURVES},
+    "items": {"oneOf": [{"type": "array", "items": _VERTEX, "minItems": 2, "maxItems": MOST_CURVES}, _ELLIPSE]},
     "minItems": 1,
     "maxItems": MOST_CURVES,
 }

@@ -6,7 +6,7 @@ Rotations and centres are deliberately odd: a closed form does not depend on the
 
 import math
 
-from imdim.program.outline import Loop, Outline, circle, rectangle
+from imdim.program.outline import Loop, Outline, circle, ellipse, rectangle
 from imdim.program.tree import Combine, Primitive, Program, combine_all
 
 TILT = (20.0, -35.0, 50.0)
@@ -115,6 +115,19 @@ DRAWN: dict[str, tuple[Program, float]] = {
     "part of a torus with a core": (
         turn(200.0, circle(0.2, 0.5), circle(0.1, 0.5)),
         math.radians(200) * 0.5 * math.pi * (0.04 - 0.01),
+    ),
+    "elliptic tube": (
+        extrude(0.5, ellipse(0.5, 0.3, 0.05, -0.02, 25.0), ellipse(0.22, 0.4, 0.05, -0.02, 115.0)),
+        0.5 * math.pi * (0.15 - 0.088),
+    ),
+    "plate with an elliptic window": (
+        extrude(0.4, OBLONG, ellipse(0.15, 0.25, 0.1, 0.02), ellipse(0.1, 0.05, 0.12, 0.05, -30.0)),
+        0.4 * (0.6 - math.pi * 0.0375 + math.pi * 0.005),
+    ),
+    "turned ellipse": (turn(360.0, ellipse(0.2, 0.12, 0.5, 0.05, 30.0)), 2 * math.pi * 0.5 * math.pi * 0.024),
+    "part of a turned ellipse with a bore": (
+        turn(200.0, ellipse(0.12, 0.2, 0.5, 0.05), circle(0.1, 0.5, 0.06)),
+        math.radians(200) * 0.5 * math.pi * (0.024 - 0.01),
     ),
     "drilled extrusion": (
         Combine("difference", Primitive("extrude", (0.4,), outline=Outline((SQUARE,))), BORE),

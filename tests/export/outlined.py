@@ -2,7 +2,7 @@
 
 import math
 
-from imdim.program.outline import Outline, circle, rectangle
+from imdim.program.outline import Outline, circle, ellipse, rectangle
 from imdim.program.tree import Combine, Primitive, Program, Vec3
 
 TILT, AWAY = (20.0, -35.0, 50.0), (3.0, -2.0, 1.0)
@@ -43,6 +43,14 @@ KNOB = Primitive(
 BEND = Primitive(  # a quarter of a ring whose section is a D with a hole
     "revolve", (90.0,), (0.0, -60.0, 3.0), (40.0, 10.0, -25.0), Outline((((12.0, -4.0, 1.0), (12.0, 4.0, 0.0)), circle(1.5, 14)))
 )
+OVAL = Primitive(  # an elliptic plate with an elliptic window, a hole beside it and an elliptic island in the window
+    "extrude",
+    (3.0,),
+    AWAY,
+    TILT,
+    Outline((ellipse(30, 18, 2, 1, 20), ellipse(6, 9, 5, 2), circle(3, -14, -4), ellipse(2, 1, 5, 2, -40))),
+)
+HANDLE = Primitive("revolve", (90.0,), (0.0, -60.0, 3.0), (40.0, 10.0, -25.0), Outline((ellipse(4, 6, 14, 1, 10),)))
 ISLAND = Primitive(  # a hole with an island in it, beside another area
     "extrude", (3.0,), AWAY, TILT, Outline((rectangle(20, 20).loops[0], circle(8), circle(3), circle(2, 20, 4)))
 )
@@ -58,6 +66,8 @@ OUTLINED_PARTS: dict[str, tuple[Program, float]] = {
     "plate": (PLATE, _PLATE_AREA * 4),
     "knob": (KNOB, _KNOB),
     "bend": (BEND, _BEND),
+    "oval": (OVAL, 3 * math.pi * (540 - 54 - 9 + 2)),
+    "handle": (HANDLE, math.pi / 2 * 14 * math.pi * 24),
     "island": (ISLAND, 3 * (400 - math.pi * 64 + math.pi * 9 + math.pi * 4)),
     "slotted": (Combine("difference", PLATE, SLOT), (_PLATE_AREA - _SLOT_AREA) * 4),
     "all": (

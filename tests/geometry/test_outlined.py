@@ -19,8 +19,9 @@ from imdim.geometry.pose import radii
 from imdim.geometry.sampling import bounding_radius, even_surface, leaf_surface, surface_points
 from imdim.geometry.solid import primitive_to_manifold
 from imdim.geometry.surface_map import surface_area
+from imdim.program.ellipse import Ellipse, ellipse_distance, holds_point
 from imdim.program.motions import mirror, move_leaf, turn
-from imdim.program.outline import Outline, circle, flatten_loop, rectangle
+from imdim.program.outline import Outline, circle, flatten_loop, has_ellipse, rectangle
 from imdim.program.tree import OUTLINED, Combine, Primitive
 
 STEP = 0.012
@@ -108,7 +109,53 @@ def test_points_on_chords_and_levels_of_vertices_lie_on_the_right_side():
     assert (kernels.outline_sdf(Outlines.pack([halves]).curves, turned)[:6] < 0).all()
 
 
-@pytest.mark.parametrize("leaf", DRAWN_LEAVES, ids=lambda p: f"{p.kind}{p.size}")
+RINGED = [leaf for leaf in DRAWN_LEAVES if leaf.outline and not has_ellipse(leaf.outline)]
+OVAL = [leaf for leaf in DRAWN_LEAVES if leaf.outline and has_ellipse(leaf.outline)]
+
+
+@pytest.mark.parametrize("leaf", OVAL, ids=lambda p: f"{p.kind}{p.size}")
+def test_torch_has_the_derivative_by_every_number_of_an_ellipse(leaf):
+    points = torch.from_numpy(np.random.default_rng(1).uniform(-0.9, 0.9, (60, 3)))
+    kinds, params = pack(leaf)
+    outlines = Outlines.of([leaf])
+    drawn = torch.tensor(outlines.curves[:, :5], requires_grad=True)
+    weight = torch.linspace(0.2, 1.0, len(points), dtype=torch.float64)
+
+    def measure(curves: torch.Tensor) -> torch.Tensor:
+        return sdf.leaf_table(kinds, torch.from_numpy(params), points, outlines, curves)[0] @ weight
+
+    (slope,) = torch.autograd.grad(measure(drawn), drawn)
+    for i in np.flatnonzero(outlines.curves[:, 7] < 0).tolist():
+        for k in range(5):
+            steps = torch.zeros_like(drawn)
+            steps[i, k] = 1e-6
+            with torch.no_grad():
+                difference = float(measure(drawn + steps) - measure(drawn - steps)) / 2e-6
+            assert float(slope[i, k]) == pytest.approx(difference, abs=1e-5), (i, k)
+
+
+def test_the_foot_on_an_ellipse_is_the_nearest_of_its_points():
+    rng = np.random.default_rng(4)
+    turns = np.linspace(0, 2 * np.pi, 200_001)
+    for rx, ry in [(1.0, 1.0), (1.0, 0.999999), (2.0, 0.3), (0.02, 1.0), *rng.uniform(0.1, 1.0, (6, 2)).tolist()]:
+        e = Ellipse(rx, ry, 0.1, -0.2, float(rng.uniform(-180, 180)))
+        (c, s), (a, b) = e.along, (rx * np.cos(turns), ry * np.sin(turns))
+        ring = np.column_stack([0.1 + c * a - s * b, -0.2 + s * a + c * b])
+        flat = rng.uniform(-1.5, 1.5, (60, 2))
+        axes = rng.uniform(-1.2, 1.2, 30)
+        flat[:20] = np.column_stack([0.1 + c * axes[:20], -0.2 + s * axes[:20]])  # on the first axis, between the foci too
+        flat[20:30] = np.column_stack([0.1 - s * axes[20:], -0.2 + c * axes[20:]])
+        flat[30] = 0.1, -0.2
+        away = KDTree(ring).query(flat)[0]
+        found = kernels.outline_sdf(Outlines.pack([Outline((e,))]).curves, flat)
+        # the ring's points are up to 6e-5 apart
+        clear = away > 0.01
+        np.testing.assert_allclose(np.abs(found)[clear], away[clear], atol=2e-7)
+        np.testing.assert_allclose([ellipse_distance(e, (x, y)) for x, y in flat.tolist()], np.abs(found), atol=1e-12)
+        np.testing.assert_array_equal(found < 0, [holds_point(e, x, y) for x, y in flat.tolist()])
+
+
+@pytest.mark.parametrize("leaf", RINGED, ids=lambda p: f"{p.kind}{p.size}")
 def test_torch_has_the_derivative_by_every_vertex(leaf):
     points = torch.from_numpy(np.random.default_rng(1).uniform(-0.9, 0.9, (60, 3)))
     kinds, params = pack(leaf)
@@ -201,11 +248,12 @@ def test_outlines_do_not_say_which_way_they_run():
     flat = rng.uniform(-1, 1, (300, 2))
     for _ in range(10):
         outline = random_outline(rng)
-        back = Outline(tuple(tuple((x, y, -b) for x, y, b in _from_last(loop)) for loop in outline.loops))
+        rings = ((loop, isinstance(loop, Ellipse)) for loop in outline.loops)
+        back = Outline(tuple(loop if oval else tuple((x, y, -b) for x, y, b in _from_last(loop)) for loop, oval in rings))
         one, other = (kernels.outline_sdf(Outlines.pack([o]).curves, flat) for o in (outline, back))
         np.testing.assert_allclose(one, other, atol=1e-12)
 
 
 def _from_last(loop):
-    """The vertices backwards, each with the bulge of the curve that led to it."""
+    """The vertices backwards, each with the bulge of the curve that led to it; there are none of an ellipse."""
     return [(*loop[i][:2], loop[i - 1][2]) for i in range(len(loop) - 1, -1, -1)]

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from imdim.program.outline import Loop, Outline, circle, flatten_loop
+from imdim.program.outline import Loop, Outline, circle, ellipse, flatten_loop
 from imdim.program.tree import Primitive, Vec3
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -22,8 +22,11 @@ def random_loop(rng: np.random.Generator, x: float, y: float, radius: float) -> 
 
 
 def random_outline(rng: np.random.Generator, x: float = 0.0) -> Outline:
-    """A ring about (x, 0) within 0.6, sometimes with a round hole and an island in that."""
-    loops = [random_loop(rng, x, 0.0, 0.6)]
+    """A ring or an ellipse about (x, 0) within 0.6, sometimes with a round hole and an island in that."""
+    ring = random_loop(rng, x, 0.0, 0.6)
+    own = np.random.default_rng(int(1e6 * abs(ring[0][0])))
+    semi_axes = own.uniform(0.25, 0.55, 2).tolist()
+    loops = [ellipse(*semi_axes, x, 0.0, float(own.uniform(-90, 90))) if own.random() < 0.3 else ring]
     if rng.random() < 0.6:
         loops.append(circle(0.09, x + 0.01, -0.01))
     if len(loops) == 2 and rng.random() < 0.5:

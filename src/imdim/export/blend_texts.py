@@ -16,7 +16,8 @@ from imdim.export.drawn_vertex import DrawnPolygon
 from imdim.export.numbers import Expression, Rounding, weighted_sum, write_expression, write_sizes
 from imdim.export.parameters import Parameters
 from imdim.program.edges import EdgeFeature, Face, name_edges, wall_curve
-from imdim.program.outline import arc_middle, loop_curves
+from imdim.program.ellipse import Ellipse
+from imdim.program.outline import arc_middle, ring_curves
 from imdim.program.tree import Primitive, Program, leaves
 
 FACES = '''def as_placed(point, center, turn):
@@ -212,7 +213,8 @@ class _Faces:
         curve, outline = wall_curve(leaf, face.name), self._rounding.primitive(leaf).outline
         assert curve is not None
         assert outline is not None
-        places = {(i, k): arc_middle(c) for i, loop in enumerate(outline.loops) for k, c in enumerate(loop_curves(loop))}
+        rings = [(i, loop) for i, loop in enumerate(outline.loops) if not isinstance(loop, Ellipse)]
+        places = {(i, k): arc_middle(c) for i, loop in rings for k, c in enumerate(ring_curves(loop))}
         i, k = min(places, key=lambda at: math.dist(places[at], arc_middle(curve)))
         drawn = self._named.outlines[number]
         ring = drawn[i] if len(drawn) == len(outline.loops) else None

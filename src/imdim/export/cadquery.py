@@ -14,7 +14,7 @@ from imdim.export.chains import Chains
 from imdim.export.loops import Loop
 from imdim.export.numbers import Expression, Rounding, plain, write_expression, write_moves
 from imdim.export.parameters import Parameters
-from imdim.export.script import CURVES, helpers, standard_imports
+from imdim.export.script import CURVES, ELLIPSE, helpers, standard_imports
 from imdim.program.edges import EdgeFeature
 from imdim.program.repeats import Folded, Repeat
 from imdim.program.tree import Op, Primitive, Program, Vec3, leaves
@@ -104,10 +104,7 @@ def make_ellipsoid(x, y, z):
 ''',
 }
 
-_OUTLINES = {
-    "": "\n"
-    + CURVES
-    + '''def draw(plane, loops):
+_DRAW = '''def draw(plane, loops):
     """An outer loop and its holes as closed wires."""
     sketch = cq.Workplane(plane)
     for loop in loops:
@@ -119,7 +116,21 @@ _OUTLINES = {
     return sketch
 
 
-''',
+'''
+
+_DRAW_WITH_ELLIPSES = _DRAW.replace(
+    "        drawn = list",
+    """\
+        if isinstance(loop, tuple):
+            rx, ry, x, y, angle = loop
+            sketch = sketch.moveTo(x, y).ellipse(rx, ry, angle)
+            continue
+        drawn = list""",
+)
+
+_OUTLINES = {
+    "ring": "\n" + CURVES + _DRAW,
+    "ellipse": "\n" + ELLIPSE + CURVES + _DRAW_WITH_ELLIPSES,
     "extrude": '''
 def extruded(height, *areas):
     """Areas, each an outer loop and its holes, from -height / 2 to height / 2 along z."""

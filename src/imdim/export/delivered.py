@@ -19,6 +19,8 @@ from imdim.export.ucad import to_ucad
 from imdim.program.codec import Meta
 from imdim.program.constraints import Constraint
 from imdim.program.edges import EdgeFeature, describe_edges
+from imdim.program.ellipse import Ellipse
+from imdim.program.outline import Loop
 from imdim.program.repeats import Folded
 from imdim.program.tree import SIZE_NAMES, Program, leaves, longest
 
@@ -211,7 +213,15 @@ def _numbers(program: Program) -> Iterator[tuple[Feature, float]]:
         for feature, number in zip((*SIZE_NAMES[p.kind], "x", "y", "z"), (*p.size, *p.center), strict=True):
             yield (i, feature), number
         if p.outline is not None:
-            yield from (((i, str(k)), v) for k, v in enumerate(v for loop in p.outline.loops for vertex in loop for v in vertex))
+            yield from (((i, str(k)), v) for k, v in enumerate(v for loop in p.outline.loops for v in _loop_numbers(loop)))
+
+
+def _loop_numbers(loop: Loop) -> Iterator[float]:
+    """The numbers of a loop's vertices, or of an ellipse."""
+    if isinstance(loop, Ellipse):
+        yield from (loop.rx, loop.ry, loop.x, loop.y, loop.angle)
+    else:
+        yield from (v for vertex in loop for v in vertex)
 
 
 def _some(words: Sequence[str], most: int = 8) -> str:

@@ -1,6 +1,7 @@
 """Outlines as the texts write them: lists of loops, of vertices ``[x, y]`` from which a line runs, and ``[x, y, bulge]`` for an arc.
 
-A circle is ``ring(r, x, y)`` and a regular polygon ``ngon(sides, r, x, y, angle)``, functions of each text. In place of a bulge a vertex
+A circle is ``ring(r, x, y)``, an ellipse ``ellipse(rx, ry, x, y, angle)`` and a regular polygon ``ngon(sides, r, x, y, angle)``, functions
+of each text. In place of a bulge a vertex
 may have ``[x, y, way]``, the centre that the arc runs about and 1 for counter-clockwise or -1; ``[r, way]``, its radius, and if both its
 ends are written at one place, that is its centre, and the lines beside it touch it; ``[r]`` if it rounds the corner that is written at
 both; ``"before"`` or ``"after"``, the curve that it touches; or ``bend(angle)``, the degrees by which it turns. ``reach(r, d)`` is how far
@@ -15,7 +16,8 @@ from fractions import Fraction
 
 from imdim.export.drawn_vertex import Bend, BendAngle, BendRadius, Center, DrawnPolygon, DrawnVertex, Touching, turn_round
 from imdim.export.numbers import SIGNIFICANT_DIGITS, Expression, Rounding, plain, weighted_sum, write_expression
-from imdim.export.parameters import DrawnLoop
+from imdim.export.parameters import DrawnLoop, constant_loop
+from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Loop, regions, reverse_loop
 from imdim.program.tree import Primitive
 
@@ -32,7 +34,11 @@ def write_regions(leaf: Primitive, drawn: Sequence[DrawnLoop], rounding: Roundin
         return []
     pairs = dict(_pairs(leaf, drawn, rounding))
     oriented = pairs | {reverse_loop(loop): _reversed(written) for loop, written in pairs.items()}
-    return [_list(_loop(oriented[loop], loop[0][2], rounding) for loop in region) for region in regions(outline)]
+    return [_list(_loop(oriented[loop], _way(loop), rounding) for loop in region) for region in regions(outline)]
+
+
+def _way(loop: Loop) -> float:
+    return 1.0 if isinstance(loop, Ellipse) else loop[0][2]
 
 
 def _pairs(leaf: Primitive, drawn: Sequence[DrawnLoop], rounding: Rounding) -> list[tuple[Loop, DrawnLoop]]:
@@ -41,13 +47,13 @@ def _pairs(leaf: Primitive, drawn: Sequence[DrawnLoop], rounding: Rounding) -> l
     assert rounded is not None
     fewer = any(isinstance(ring, tuple) and len(loop) != len(ring) for loop, ring in zip(rounded.loops, drawn, strict=False))
     if fewer or len(rounded.loops) != len(drawn):
-        drawn = [tuple(DrawnVertex(Expression((), x), Expression((), y), b) for x, y, b in loop) for loop in rounded.loops]
+        drawn = list(map(constant_loop, rounded.loops))
     return list(zip(rounded.loops, drawn, strict=True))
 
 
 def _reversed(loop: DrawnLoop) -> DrawnLoop:
-    """As `reverse_loop` has it; the corners of a regular polygon follow from its centre, either way."""
-    if isinstance(loop, DrawnPolygon):
+    """As `reverse_loop` has it; the corners of a regular polygon follow from its centre, either way, and an ellipse has none."""
+    if not isinstance(loop, tuple):
         return loop
     bulges = [turn_round(v.bulge) for v in reversed(loop)]
     return tuple(replace(v, bulge=b) for v, b in zip([loop[0], *reversed(loop[1:])], bulges, strict=True))
@@ -59,11 +65,12 @@ def _loop(loop: DrawnLoop, way: float, rounding: Rounding) -> str:
     def write(e: Expression) -> str:
         return write_expression(e, rounding.length)
 
-    if isinstance(loop, DrawnPolygon):
-        written = [*map(write, (loop.sides, loop.radius, loop.x, loop.y)), write_expression(loop.angle, rounding.angle)]
+    if not isinstance(loop, tuple):
+        *lengths, angle = loop.numbers()
+        written = [*map(write, lengths), write_expression(angle, rounding.angle)]
         while written[-1] == "0":
             written.pop()
-        return f"ngon({', '.join(written)})"
+        return f"{'ngon' if isinstance(loop, DrawnPolygon) else 'ellipse'}({', '.join(written)})"
     if len(loop) == 2 and abs(way) == 1 and loop[0].bulge == loop[1].bulge == way and loop[0].y == loop[1].y:
         (a, b), half = (v.x for v in loop), Fraction(1, 2)
         radius, x = weighted_sum((b, half), (a, -half)), weighted_sum((a, half), (b, half))

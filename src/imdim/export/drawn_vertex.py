@@ -113,17 +113,36 @@ class DrawnPolygon(Generic[T]):
         yield from (self.sides, self.radius, self.x, self.y, self.angle)
 
 
-DrawnRing = tuple[DrawnVertex[T], ...] | DrawnPolygon[T]
+@dataclass(frozen=True)
+class DrawnEllipse(Generic[T]):
+    """An ellipse: both semi-axes, the centre, and the degrees from the x axis to the first semi-axis."""
+
+    rx: T
+    ry: T
+    x: T
+    y: T
+    angle: T
+
+    def map(self, change: Callable[[T], U]) -> DrawnEllipse[U]:
+        """With all numbers changed."""
+        return DrawnEllipse(*map(change, self.numbers()))
+
+    def numbers(self) -> Iterator[T]:
+        """All numbers."""
+        yield from (self.rx, self.ry, self.x, self.y, self.angle)
+
+
+DrawnRing = tuple[DrawnVertex[T], ...] | DrawnPolygon[T] | DrawnEllipse[T]
 
 
 def map_ring(ring: DrawnRing[T], change: Callable[[T], U]) -> DrawnRing[U]:
     """A loop with all numbers changed."""
-    return ring.map(change) if isinstance(ring, DrawnPolygon) else tuple(v.map(change) for v in ring)
+    return tuple(v.map(change) for v in ring) if isinstance(ring, tuple) else ring.map(change)
 
 
 def numbers_of(ring: DrawnRing[T]) -> Iterator[T]:
     """All numbers of a loop but bulges."""
-    yield from ring.numbers() if isinstance(ring, DrawnPolygon) else (number for v in ring for number in v.numbers())
+    yield from (number for v in ring for number in v.numbers()) if isinstance(ring, tuple) else ring.numbers()
 
 
 def turn_round(bend: Bend[T]) -> Bend[T]:

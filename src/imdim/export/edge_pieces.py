@@ -10,7 +10,7 @@ import numpy as np
 from imdim.geometry.edge_solids import BlendSolid
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.surface import vec
-from imdim.program.outline import Outline, Vertex, curve_bounds, loop_curves, reverse_loop
+from imdim.program.outline import Outline, Vertex, curve_bounds, loop_curves, reverse_ring
 from imdim.program.tree import Primitive, Program
 
 ONE_WAY = 1e-12  # by which the cosine between two directions of one line may be off
@@ -69,4 +69,4 @@ def _loop_in(first: Primitive, part: Program) -> tuple[Vertex, ...]:
     world = np.asarray(part.center) + loop[:, :2] @ own[:, :2].T
     flat = (world - first.center) @ turn[:, :2]
     placed = tuple((float(x), float(y), float(b) if same else -float(b)) for (x, y), b in zip(flat, loop[:, 2], strict=True))
-    return placed if same else reverse_loop(placed)
+    return placed if same else reverse_ring(placed)

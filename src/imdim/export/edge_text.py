@@ -77,7 +77,7 @@ def draw_edges(
         sizes.append(tuple(next(rest) for _ in leaf.size))
         centers.append(tuple(next(rest) for _ in range(3)))
         assert leaf.outline is not None
-        outlines.append(tuple(tuple(DrawnVertex(next(rest), next(rest), b) for _, _, b in loop) for loop in leaf.outline.loops))
+        outlines.append(tuple(tuple(DrawnVertex(next(rest), next(rest), b) for _, _, b in ring) for ring in leaf.outline.rings))
     named = Parameters(dict(values), tuple(sizes), tuple(centers), outlines=tuple(outlines))
     return DrawnEdges(tuple(features), tuple(pieces), named, tuple(stuck), matter)
 
@@ -152,7 +152,7 @@ def _numbers(pieces: Sequence[BlendSolid]) -> np.ndarray:
     out: list[float] = []
     for leaf in _leaves(pieces):
         assert leaf.outline is not None
-        out += [*leaf.size, *leaf.center, *(c for loop in leaf.outline.loops for x, y, _ in loop for c in (x, y))]
+        out += [*leaf.size, *leaf.center, *(c for ring in leaf.outline.rings for x, y, _ in ring for c in (x, y))]
     return np.array(out)
 
 

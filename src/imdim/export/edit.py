@@ -32,8 +32,9 @@ from imdim.geometry.solid import SEGMENTS
 from imdim.program.codec import constraints_of, dumps, edges_of, from_json, meta_of, read_folded
 from imdim.program.constraints import Constraint, ConstraintError
 from imdim.program.edges import describe_size, name_edges, with_sizes
+from imdim.program.ellipse import Ellipse
 from imdim.program.node_codec import MAX_PRIMITIVES
-from imdim.program.outline import Loop, Outline, are_near, check_crossings, reverse_loop
+from imdim.program.outline import Loop, Outline, are_near, check_crossings, reverse_ring
 from imdim.program.patterns.edit import recount_constraints, recount_edges, recount_repeats, refit_repeats
 from imdim.program.repeats import Folded, expand, repeats, size, with_leaves
 from imdim.program.tree import Primitive, Program, leaves, longest
@@ -256,9 +257,11 @@ def _agree_drawn(a: Outline | None, b: Outline | None, slack: float) -> bool:
 
 
 def _agree_loops(a: Loop, b: Loop, slack: float) -> bool:
+    if isinstance(a, Ellipse) or isinstance(b, Ellipse):
+        return are_near(Outline((a,)), Outline((b,)), slack)
     if len(a) != len(b):
         return False
-    for run in (b, reverse_loop(b)):
+    for run in (b, reverse_ring(b)):
         nearest = min(range(len(run)), key=lambda k: math.dist(a[0][:2], run[k][:2]))
         for k in (0, nearest):
             turned = Outline((run[k:] + run[:k],))

@@ -5,6 +5,7 @@ Leaves are counted from 0, copies included, as constraints and program.json coun
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -14,7 +15,8 @@ from imdim.export.parameters import Parameters
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.solid import primitive_to_manifold, to_trimesh
 from imdim.program.constraints import RULES, WORLD, Constraint, Ref
-from imdim.program.outline import Curve, Loop, Outline, arc_radius, loop_curves
+from imdim.program.ellipse import Ellipse, ellipse_point
+from imdim.program.outline import Curve, Loop, Outline, arc_radii, arc_radius, ring_curves
 from imdim.program.repeats import Folded, Repeat, repeats, size, starts
 from imdim.program.tree import SIZE_NAMES, Op, Primitive, Program, fold, leaves
 
@@ -56,14 +58,18 @@ def leaf_values(program: Program, labels: Sequence[str], named: Parameters) -> l
 def outline_values(outline: Outline) -> dict[str, Any]:
     """The number of curves, the corners of the box, the radii of arcs, largest first, and an SVG path whose y points up."""
     low, high = outline.bounds
-    radii = sorted({_digits(arc_radius(curve)) for curve in outline.curves if curve[4]}, reverse=True)
+    radii = sorted({_digits(radius) for radius in arc_radii(outline)}, reverse=True)
     path = " ".join(_path(loop) for loop in outline.loops)
     return {"curves": outline.curve_count, "low": list(map(_digits, low)), "high": list(map(_digits, high)), "radii": radii, "path": path}
 
 
 def _path(loop: Loop) -> str:
+    if isinstance(loop, Ellipse):
+        (x, y), (u, v) = ((_digits(c) for c in ellipse_point(loop, t)) for t in (0.0, math.pi))
+        half = f"A {_digits(loop.rx)} {_digits(loop.ry)} {_digits(loop.angle)} 0 1"
+        return f"M {x} {y} {half} {u} {v} {half} {x} {y} Z"
     x, y, _ = loop[0]
-    return " ".join([f"M {_digits(x)} {_digits(y)}", *map(_step, loop_curves(loop)), "Z"])
+    return " ".join([f"M {_digits(x)} {_digits(y)}", *map(_step, ring_curves(loop)), "Z"])
 
 
 def _step(curve: Curve) -> str:

@@ -12,7 +12,8 @@ from decimal import Decimal
 from fractions import Fraction
 from functools import partial
 
-from imdim.program.outline import Loop, Outline
+from imdim.program.ellipse import Ellipse
+from imdim.program.outline import Loop, Outline, ellipse
 from imdim.program.tree import Primitive, Program, leaves, longest, map_leaves
 
 SIGNIFICANT_DIGITS = 9
@@ -58,13 +59,18 @@ class Rounding:
         Bulges, which are ratios, keep nine decimals.
         """
         loops = [self._loop(loop) for loop in outline.loops]
-        kept = tuple(loop for loop in loops if len(loop) > 2 or (len(loop) == 2 and loop[0][2] + loop[1][2] != 0))
+        kept = tuple(loop for loop in loops if loop is not None)
         return Outline(kept) if kept else outline
 
-    def _loop(self, loop: Loop) -> Loop:
+    def _loop(self, loop: Loop) -> Loop | None:
+        """The loop, or None where no more than a line is left."""
+        if isinstance(loop, Ellipse):
+            rx, ry = (float(self.size(r)) for r in (loop.rx, loop.ry))
+            return ellipse(rx, ry, float(self.length(loop.x)), float(self.length(loop.y)), float(self.angle(loop.angle)))
         rounded = [(float(self.length(x)), float(self.length(y)), round(b, SIGNIFICANT_DIGITS) + 0.0) for x, y, b in loop]
         following = [*rounded[1:], rounded[0]]
-        return tuple(vertex for vertex, after in zip(rounded, following, strict=True) if vertex[:2] != after[:2])
+        kept = tuple(vertex for vertex, after in zip(rounded, following, strict=True) if vertex[:2] != after[:2])
+        return kept if len(kept) > 2 or (len(kept) == 2 and kept[0][2] + kept[1][2] != 0) else None
 
     def primitive(self, leaf: Primitive) -> Primitive:
         """The primitive that the rounded texts describe."""

@@ -21,6 +21,7 @@ from imdim.geometry.solid import SEGMENTS
 from imdim.program.cost import count
 from imdim.program.edges import describe_edges
 from imdim.program.nary import fold_nary
+from imdim.program.outline import has_ellipse
 from imdim.program.repeats import Folded, Group, Repeat, expand, starts
 from imdim.program.tree import OPS, Primitive, Program, leaves
 
@@ -74,6 +75,13 @@ function curve_points(loop, i) = let(a = place(loop, i), half = half_turn(loop, 
 ) [a, for (k = [floor(from + 1e-4) + 1 : 1 : last]) c + r * [cos(k * step), way * sin(k * step)]];
 """
 
+# what the module above is given for an ellipse
+ELLIPSE = """\
+// An ellipse by its semi-axes, the first at an angle.
+function ellipse(rx, ry, x = 0, y = 0, angle = 0) =
+  [for (k = [0 : $fn - 1]) [x, y] + turned([rx * cos(360 * k / $fn), ry * sin(360 * k / $fn)], angle)];
+"""
+
 SWITCH = {
     True: "edges = true; // false leaves the chamfers and fillets below out",
     False: "edges = false; // true draws the chamfers and fillets below too",
@@ -107,7 +115,18 @@ def to_openscad(program: Program, segments: int = SEGMENTS, parameters: Paramete
     head = named.head(rounding.size, end=";", counted=False)
     if edges is None or not edges.pieces:
         return "\n".join([f"$fn = {segments};", "", *head, *_definitions(program), *lines, ""])
-    return "\n".join([f"$fn = {segments};", "", *head, *_switch(edges), "", OUTLINE, *_with_blends(lines, edges, rounding), ""])
+    return "\n".join(
+        [
+            f"$fn = {segments};",
+            "",
+            *head,
+            *_switch(edges),
+            "",
+            *(_definitions(program) or [OUTLINE]),
+            *_with_blends(lines, edges, rounding),
+            "",
+        ]
+    )
 
 
 def _switch(edges: DrawnEdges) -> list[str]:
@@ -150,7 +169,8 @@ def to_openscad_loops(folded: Folded, segments: int, named: Parameters) -> str:
 
 def _definitions(program: Program) -> list[str]:
     """What the text needs before its first statement."""
-    return [OUTLINE] if any(leaf.outline for leaf in leaves(program)) else []
+    outlines = [leaf.outline for leaf in leaves(program) if leaf.outline]
+    return [OUTLINE + (ELLIPSE if any(map(has_ellipse, outlines)) else "")] if outlines else []
 
 
 def _primitive(leaf: Primitive, rounding: Rounding, named: Parameters, number: int, center: Sequence[Expression]) -> list[str]:

@@ -16,9 +16,9 @@ from collections.abc import Callable, Container, Iterator, Mapping
 from typing import Any
 
 from imdim.export.bends import SIDES, Arc, regular_polygon, to_loop
-from imdim.export.openscad import OUTLINE, SWITCH, WHERE_DRAWN
+from imdim.export.openscad import ELLIPSE, OUTLINE, SWITCH, WHERE_DRAWN
 from imdim.program import fields
-from imdim.program.outline import MOST_CURVES, Loop, Outline, circle
+from imdim.program.outline import MOST_CURVES, Loop, Outline, circle, ellipse
 from imdim.program.tree import OPS, Op, Primitive, Program, Vec3, combine_all
 
 _ASSIGNMENT = re.compile(r"([A-Za-z_]\w*) = (.+);")
@@ -49,7 +49,8 @@ def read_openscad(text: str, given: Mapping[str, float] | None = None, blended: 
     open_blocks: list[tuple[Op | None, list[Program]]] = [("union", [])]
     values: Values = {}
     # as many lines as before, so that messages count them as the file does
-    text = text.replace(OUTLINE, "\n" * OUTLINE.count("\n"), 1)
+    for ours in (OUTLINE, ELLIPSE):
+        text = text.replace(ours, "\n" * ours.count("\n"), 1)
     for number, line in _statements(text):
         assigned = _ASSIGNMENT.fullmatch(line)
         begun: Op | None = next((op for op in OPS if line == f"{op}() {{"), None)
@@ -152,6 +153,8 @@ def _loop(node: ast.expr, values: Values, number: int) -> Loop:
         numbers = [_value(entry, values, number) for entry in node.args]
         if node.func.id == "ring" and len(numbers) in (1, 3):
             return circle(*numbers)
+        if node.func.id == "ellipse" and 2 <= len(numbers) <= 5:
+            return ellipse(*numbers)
         if node.func.id == "ngon" and 2 <= len(numbers) <= 5:
             return _drawn(lambda: regular_polygon(*numbers), number)
     vertices = [_vertex(v, values, number) for v in _elements(node, number)]

@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from imdim.program.outline import Curve, Loop, Outline, Point, arc_center, arc_radius, circle_of, loop_curves, nesting
+from imdim.program.ellipse import Ellipse
+from imdim.program.outline import Curve, Loop, Outline, Point, arc_center, arc_radius, circle_of, nesting, ring_curves
 
 HALF = 1e-6  # of a bulge, by which a half turn may differ from 1
 QUARTER = math.tan(math.pi / 8)  # the bulge of a quarter turn
@@ -93,19 +94,19 @@ class Regular:
 
 
 class OutlineJoints:
-    """The joints of each loop, None for a circle or a regular polygon.
+    """The joints of each loop, None for a circle, an ellipse or a regular polygon.
 
-    `holes` says which loops bound holes, and `slack` within what numbers are one.
+    `holes` says which loops bound holes, `slack` within what numbers are one, and `centers` are those of circles and ellipses.
     """
 
     def __init__(self, outline: Outline, slack: float) -> None:
         self.outline, self.slack = outline, slack
         self.holes = [sign < 0 for sign in nesting(outline.loops)]
-        self._centers = [c[:2] for c in map(circle_of, outline.loops) if c]
+        self.centers = [center for center in map(_center, outline.loops) if center]
         self.regular = [regular_of(loop, slack) for loop in outline.loops]
         self.loops: list[list[Joint] | None] = []
         for loop, hole, regular in zip(outline.loops, self.holes, self.regular, strict=True):
-            self.loops.append(None if regular or circle_of(loop) else self._joints(loop_curves(loop), hole))
+            self.loops.append(None if regular or isinstance(loop, Ellipse) or circle_of(loop) else self._joints(ring_curves(loop), hole))
 
     def all(self) -> Iterator[Joint]:
         """The joints of all loops."""
@@ -211,7 +212,7 @@ class OutlineJoints:
 
     def _is_end(self, arc: DrawnArc, corner: Point | None, before: Curve, after: Curve) -> bool:
         """Whether an arc between two lines that touch it rounds no corner, or lies about a hole."""
-        if corner is not None and not any(math.dist(center, arc.center) <= self.slack for center in self._centers):
+        if corner is not None and not any(math.dist(center, arc.center) <= self.slack for center in self.centers):
             return False
         return all(abs(_distance(line, arc.center) - arc.radius) <= self.slack for line in (before, after))
 
@@ -232,10 +233,18 @@ class OutlineJoints:
         return corner if length > 0 and abs(far) <= self.slack else None
 
 
+def _center(loop: Loop) -> Point | None:
+    """The centre of a circle or an ellipse."""
+    if isinstance(loop, Ellipse):
+        return loop.x, loop.y
+    found = circle_of(loop)
+    return found and found[:2]
+
+
 def regular_of(loop: Loop, slack: float) -> Regular | None:
     """The regular polygon that a loop of lines is, within `slack`; rectangles along the axes are none."""
     n = len(loop)
-    if n < 3 or any(bulge for _, _, bulge in loop):
+    if isinstance(loop, Ellipse) or n < 3 or any(bulge for _, _, bulge in loop):
         return None
     x, y = (sum(v[axis] for v in loop) / n for axis in (X, Y))
     radius = sum(math.hypot(u - x, v - y) for u, v, _ in loop) / n

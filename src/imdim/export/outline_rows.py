@@ -15,13 +15,26 @@ from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
 
-from imdim.export.drawn_vertex import Bend, BendAngle, BendRadius, Center, DrawnPolygon, DrawnRing, DrawnVertex, Reach, Touching, turn_round
+from imdim.export.drawn_vertex import (
+    Bend,
+    BendAngle,
+    BendRadius,
+    Center,
+    DrawnEllipse,
+    DrawnPolygon,
+    DrawnRing,
+    DrawnVertex,
+    Reach,
+    Touching,
+    turn_round,
+)
 from imdim.export.outline_joints import HALF, DrawnArc, DrawnCurve, DrawnLine, Joint, OutlineJoints, Regular, Row, X, Y, sum_rows
 from imdim.export.outline_walls import EXACT, RoundWall, bind_coaxial
 from imdim.export.seats import FlatWall
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.design_values import is_level
-from imdim.program.outline import Outline, circle_of
+from imdim.program.ellipse import Ellipse
+from imdim.program.outline import Loop, Outline, circle_of
 from imdim.program.repeats import Folded, instances
 from imdim.program.tree import Primitive
 
@@ -94,6 +107,8 @@ def _mirrored(loop: DrawnRing[Sum]) -> DrawnRing[Sum]:
             return replace(v.bulge, x=other_side(v.bulge.x))
         return turn_round(v.bulge) if isinstance(v.bulge, Touching) else v.bulge
 
+    if isinstance(loop, DrawnEllipse):
+        return replace(loop, x=other_side(loop.x), angle=other_side(loop.angle))
     if isinstance(loop, DrawnPolygon):
         return replace(loop, x=other_side(loop.x), angle=Sum(sum_rows((loop.angle.row, -1.0)), 180.0 - loop.angle.value))
     bulges = [bend(v) for v in reversed(loop)]
@@ -104,7 +119,14 @@ def _mirrored(loop: DrawnRing[Sum]) -> DrawnRing[Sum]:
 
 def _constant(outline: Outline | None) -> Drawn:
     assert outline is not None
-    return tuple(tuple(DrawnVertex(Sum({}, x), Sum({}, y), b) for x, y, b in loop) for loop in outline.loops)
+
+    def constant(loop: Loop) -> DrawnRing[Sum]:
+        if isinstance(loop, Ellipse):
+            rx, ry, x, y, angle = (Sum({}, v) for v in (loop.rx, loop.ry, loop.x, loop.y, loop.angle))
+            return DrawnEllipse(rx, ry, x, y, angle)
+        return tuple(DrawnVertex(Sum({}, x), Sum({}, y), b) for x, y, b in loop)
+
+    return tuple(map(constant, outline.loops))
 
 
 class _Corner(NamedTuple):
@@ -137,7 +159,7 @@ class _Dimensions:
     def _add_places(self) -> None:
         """One variable for each place of lines, of circles and of arcs; two that lie alike about the middle are an extent."""
         self._add_lines()
-        rounds = [c[:2] for c in map(circle_of, self.outline.loops) if c] + [r.center for r in self.joints.regular if r]
+        rounds = [*self.joints.centers, *(r.center for r in self.joints.regular if r)]
         centers = [(axis, c[axis]) for c in rounds for axis in (X, Y)]
         self._add("center", centers, ("hole_spacing_x", "hole_spacing_y"), ("hole_x", "hole_y"))
         self._add_arcs(rounds)
@@ -375,10 +397,12 @@ class _Dimensions:
         return tuple(map(self._ring, range(len(self.outline.loops))))
 
     def _ring(self, i: int) -> DrawnRing[Sum]:
-        regular, joints = self.joints.regular[i], self.joints.loops[i]
+        regular, joints, loop = self.joints.regular[i], self.joints.loops[i], self.outline.loops[i]
         if regular is not None:
             return self._polygon(regular)
-        return self._circle(i) if joints is None else self._vertices(joints, self.outline.loops[i])
+        if isinstance(loop, Ellipse):
+            return self._ellipse(loop, self.joints.holes[i])
+        return self._circle(i) if joints is None else self._vertices(joints, loop)
 
     def _vertices(self, joints: Sequence[Joint], loop: Sequence[tuple[float, float, float]]) -> tuple[DrawnVertex[Sum], ...]:
         chamfered = self._chamfers(joints)
@@ -462,6 +486,7 @@ class _Dimensions:
     def _circle(self, i: int) -> tuple[DrawnVertex[Sum], ...]:
         loop, found = self.outline.loops[i], circle_of(self.outline.loops[i])
         assert found is not None
+        assert not isinstance(loop, Ellipse)
         *center, radius = found
         at = [self._place("center", axis, center[axis]) for axis in (X, Y)]
         size = self._circle_size(i)
@@ -469,12 +494,27 @@ class _Dimensions:
         return tuple(DrawnVertex(Sum(x, v[0]), Sum(y, v[1]), v[2]) for (x, y), v in zip(rows, loop, strict=True))
 
     def _polygon(self, regular: Regular) -> DrawnPolygon[Sum]:
-        x, y = (Sum(self._place("center", axis, regular.center[axis]), regular.center[axis]) for axis in (X, Y))
-        plain = abs(math.remainder(regular.angle, PLAIN_ANGLE)) <= HALF
-        angle = round(regular.angle / PLAIN_ANGLE) * PLAIN_ANGLE if plain else round(regular.angle, ANGLE_DECIMALS)
-        turned = {} if plain else {self.system.new_angle(self.leaf, "polygon_angle", angle): 1.0}
         sides = Sum(self._shared("sides", regular.sides), regular.sides)
-        return DrawnPolygon(sides, Sum(self._radius("polygon_radius", regular.radius), regular.radius), x, y, Sum(turned, angle))
+        radius = Sum(self._radius("polygon_radius", regular.radius), regular.radius)
+        return DrawnPolygon(sides, radius, *self._center_of(regular.center), self._angle("polygon_angle", regular.angle))
+
+    def _ellipse(self, loop: Ellipse, hole: bool) -> DrawnEllipse[Sum]:
+        """An ellipse by its length and width; holes have their own."""
+        prefix = "tube_" if self.part.kind == "revolve" else "hole_" if hole else ""
+        rows = (sum_rows((self._radius(prefix + word, 2 * r), 0.5)) for word, r in (("length", loop.rx), ("width", loop.ry)))
+        rx, ry = (Sum(row, r) for row, r in zip(rows, (loop.rx, loop.ry), strict=True))
+        return DrawnEllipse(rx, ry, *self._center_of((loop.x, loop.y)), self._angle("ellipse_angle", loop.angle))
+
+    def _center_of(self, center: tuple[float, float]) -> tuple[Sum, Sum]:
+        x, y = (Sum(self._place("center", axis, center[axis]), center[axis]) for axis in (X, Y))
+        return x, y
+
+    def _angle(self, word: str, angle: float) -> Sum:
+        """An angle in degrees, with a name where it is none that one would draw."""
+        if abs(math.remainder(angle, PLAIN_ANGLE)) <= HALF:
+            return Sum({}, round(angle / PLAIN_ANGLE) * PLAIN_ANGLE)
+        angle = round(angle, ANGLE_DECIMALS)
+        return Sum({self.system.new_angle(self.leaf, word, angle): 1.0}, angle)
 
     def _circle_size(self, i: int) -> Row:
         found = circle_of(self.outline.loops[i])

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
-from imdim.export.drawn_vertex import BendRadius, DrawnPolygon, DrawnRing, DrawnVertex, map_ring, numbers_of
+from imdim.export.drawn_vertex import BendRadius, DrawnEllipse, DrawnRing, DrawnVertex, map_ring, numbers_of
 from imdim.export.elimination import MOST_NAMED, LinearSystem, vector
 from imdim.export.hole_names import BoreWords, Notes, hole_notes, hole_roles
 from imdim.export.loops import Loop, loop_of
@@ -20,6 +20,8 @@ from imdim.export.outline_rows import Sum
 from imdim.export.outline_walls import EXACT
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
+from imdim.program.ellipse import Ellipse
+from imdim.program.outline import Loop as OutlineLoop
 from imdim.program.repeats import Folded, Repeat, repeats
 from imdim.program.roles import labels, signs, size_word, unique
 from imdim.program.tree import FULL_TURN, Primitive, Program, leaves, longest
@@ -72,7 +74,7 @@ class Parameters:
 
 def _count_free(loop: DrawnLoop, zero: float) -> int:
     numbers, turns = list(numbers_of(loop)), list[float]()
-    if isinstance(loop, DrawnPolygon):
+    if not isinstance(loop, tuple):
         numbers.pop()  # its angle is a name, or one that everyone draws
     else:
         turns = [math.degrees(4 * math.atan(v.bulge)) for v in loop if isinstance(v.bulge, int | float)]
@@ -132,7 +134,7 @@ def _share_corners(named: Parameters) -> Parameters:
         return two if len(one.terms) == 1 and not one.constant else one
 
     def corners(loop: DrawnLoop) -> DrawnLoop:
-        if isinstance(loop, DrawnPolygon):
+        if not isinstance(loop, tuple):
             return loop
         out = list(loop)
         for i, v in enumerate(loop):
@@ -255,7 +257,15 @@ def _outline(leaf: int, p: Primitive, system: LinearSystem, solved: _Solved, nam
 
 def _constant_loops(p: Primitive) -> tuple[DrawnLoop, ...]:
     loops = () if p.outline is None else p.outline.loops
-    return tuple(tuple(DrawnVertex(Expression((), x), Expression((), y), b) for x, y, b in loop) for loop in loops)
+    return tuple(map(constant_loop, loops))
+
+
+def constant_loop(loop: OutlineLoop) -> DrawnLoop:
+    """A loop whose numbers follow no name."""
+    if isinstance(loop, Ellipse):
+        rx, ry, x, y, angle = constants((loop.rx, loop.ry, loop.x, loop.y, loop.angle))
+        return DrawnEllipse(rx, ry, x, y, angle)
+    return tuple(DrawnVertex(Expression((), x), Expression((), y), b) for x, y, b in loop)
 
 
 def _names(program: Program, label: Sequence[str], system: LinearSystem, solved: _Solved, bores: BoreWords) -> dict[int, str]:
@@ -292,6 +302,7 @@ RESERVED = (
     "export_step",
     "ring",
     "ngon",
+    "ellipse",
     "reach",
     "bend",
     "outline",

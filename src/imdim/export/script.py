@@ -17,6 +17,7 @@ from imdim.export.numbers import Expression, Rounding, plain, write_expression, 
 from imdim.export.parameters import Parameters
 from imdim.program.edges import EdgeFeature
 from imdim.program.motions import Motion, move_leaf
+from imdim.program.outline import has_ellipse
 from imdim.program.repeats import Folded, Group, Repeat, starts
 from imdim.program.tree import Op, Primitive, Program, leaves
 
@@ -111,9 +112,14 @@ def curves(loop):
 
 '''
 
-_FACE = (
-    CURVES
-    + '''def face(outer, *holes):
+ELLIPSE = '''def ellipse(rx, ry, x=0, y=0, angle=0):
+    """A loop that is an ellipse, its first semi-axis at an angle in degrees."""
+    return rx, ry, x, y, angle
+
+
+'''
+
+_FACE = '''def face(outer, *holes):
     """The area in a loop, without its holes."""
     area = make_face([Line(*curve) if len(curve) == 2 else ThreePointArc(*curve) for curve in curves(outer)])
     for hole in holes:
@@ -122,7 +128,20 @@ _FACE = (
 
 
 '''
-)
+
+_FACE_WITH_ELLIPSES = '''def face(outer, *holes):
+    """The area in a loop, without its holes."""
+    if isinstance(outer, tuple):
+        rx, ry, x, y, angle = outer
+        area = Pos(x, y) * Rot(0, 0, angle) * Ellipse(rx, ry)
+    else:
+        area = make_face([Line(*curve) if len(curve) == 2 else ThreePointArc(*curve) for curve in curves(outer)])
+    for hole in holes:
+        area -= face(hole)
+    return area
+
+
+'''
 
 _EXTRUDED = '''def extruded(height, *areas):
     """Areas, each an outer loop and its holes, from -height / 2 to height / 2 along z."""
@@ -138,9 +157,10 @@ _TURNED = '''def turned(angle, *areas):
 
 '''
 
-_HELPERS = {"": _FACE, "extrude": _EXTRUDED, "revolve": _TURNED}
+_HELPERS = {"ring": CURVES + _FACE, "ellipse": ELLIPSE + CURVES + _FACE_WITH_ELLIPSES, "extrude": _EXTRUDED, "revolve": _TURNED}
 _RARE = (
     "Axis",
+    "Ellipse",
     "Line",
     "Part",
     "Plane",
@@ -228,9 +248,10 @@ _IMPORTS: Mapping[str, Mapping[str, set[str]]] = {
 
 
 def helpers(program: Program, texts: Mapping[str, str]) -> list[str]:
-    """The definitions that the outlines of a program need: those that all do, and those of their kinds."""
+    """The definitions that the outlines of a program need: of loops, "ellipse" where there is one, else "ring", and of their kinds."""
     kinds = {leaf.kind for leaf in leaves(program) if leaf.outline is not None}
-    return [text.rstrip("\n") + "\n\n" for kind, text in texts.items() if kinds and (not kind or kind in kinds)]
+    kinds |= {"ellipse" if any(leaf.outline and has_ellipse(leaf.outline) for leaf in leaves(program)) else "ring"} if kinds else set()
+    return [text.rstrip("\n") + "\n\n" for kind, text in texts.items() if kind in kinds]
 
 
 class _Script(Chains):

@@ -22,7 +22,8 @@ from imdim.geometry.edges import find_edges
 from imdim.geometry.solid import exact_rotation
 from imdim.install import install_command
 from imdim.program.edges import EdgeFeature
-from imdim.program.outline import Curve, Loop, arc_center, arc_radius, circle_of, loop_curves, regions
+from imdim.program.ellipse import Ellipse
+from imdim.program.outline import Curve, Loop, arc_center, arc_radius, circle_of, regions, ring_curves
 from imdim.program.tree import FULL_TURN, Primitive, Program, Vec3, leaves, longest
 
 # OpenCASCADE takes points closer than 1e-7 for one, so a part needs to be a good deal larger
@@ -144,7 +145,9 @@ def _face(region: tuple[Loop, ...], place: Callable[[float, float], Vec3], norma
     """The plane face in an outer loop, without its holes; `place` puts a point of the outline into the plane across `normal`."""
     api, gp = ocp("BRepBuilderAPI"), ocp("gp")
     plane = gp.gp_Pln(gp.gp_Pnt(*place(0.0, 0.0)), gp.gp_Dir(*normal))
-    wires = [_wire(loop, place, normal) for loop in region]
+    # an ellipse runs no way of its own, a hole runs clockwise
+    back = (-normal[0], -normal[1], -normal[2])
+    wires = [_wire(loop, place, back if k and isinstance(loop, Ellipse) else normal) for k, loop in enumerate(region)]
     made = api.BRepBuilderAPI_MakeFace(plane, wires[0], True)
     for hole in wires[1:]:
         made.Add(hole)
@@ -153,6 +156,8 @@ def _face(region: tuple[Loop, ...], place: Callable[[float, float], Vec3], norma
 
 def _wire(loop: Loop, place: Callable[[float, float], Vec3], normal: Vec3) -> Any:
     api, gp = ocp("BRepBuilderAPI"), ocp("gp")
+    if isinstance(loop, Ellipse):
+        return api.BRepBuilderAPI_MakeWire(api.BRepBuilderAPI_MakeEdge(_oval(loop, place, normal)).Edge()).Wire()
     round_one = circle_of(loop)
     if round_one is not None:
         x, y, radius = round_one
@@ -161,9 +166,19 @@ def _wire(loop: Loop, place: Callable[[float, float], Vec3], normal: Vec3) -> An
         return api.BRepBuilderAPI_MakeWire(api.BRepBuilderAPI_MakeEdge(circle).Edge()).Wire()
     corners = [api.BRepBuilderAPI_MakeVertex(gp.gp_Pnt(*place(x, y))).Vertex() for x, y, _ in loop]
     wire = api.BRepBuilderAPI_MakeWire()
-    for curve, start, end in zip(loop_curves(loop), corners, [*corners[1:], corners[0]], strict=True):
+    for curve, start, end in zip(ring_curves(loop), corners, [*corners[1:], corners[0]], strict=True):
         wire.Add(api.BRepBuilderAPI_MakeEdge(_carrier(curve, place, normal), start, end).Edge())
     return wire.Wire()
+
+
+def _oval(loop: Ellipse, place: Callable[[float, float], Vec3], normal: Vec3) -> Any:
+    """An ellipse about its longer semi-axis, as OpenCASCADE wants it."""
+    gp = ocp("gp")
+    longer = loop if loop.rx >= loop.ry else Ellipse(loop.ry, loop.rx, loop.x, loop.y, loop.angle + 90)
+    c, s = longer.along
+    along = np.array(place(loop.x + c, loop.y + s)) - place(loop.x, loop.y)
+    frame = gp.gp_Ax2(gp.gp_Pnt(*place(loop.x, loop.y)), gp.gp_Dir(*normal), gp.gp_Dir(*map(float, along)))
+    return gp.gp_Elips(frame, longer.rx, longer.ry)
 
 
 def _carrier(curve: Curve, place: Callable[[float, float], Vec3], normal: Vec3) -> Any:

@@ -18,8 +18,9 @@ import numpy as np
 
 from imdim.geometry.kernels import inside
 from imdim.geometry.lowering import Lowered, lower
+from imdim.program.ellipse import Ellipse
 from imdim.program.holes import Hole, HoleSection
-from imdim.program.outline import Loop, circle_of, loop_curves
+from imdim.program.outline import Loop, circle_of, ring_curves
 from imdim.program.tree import FULL_TURN, Primitive, Program, Vec3, leaves, longest
 
 COAXIAL = 2e-4  # of the largest size, within which walls have one axis
@@ -99,14 +100,14 @@ def _walls(leaf: int, p: Primitive, numbers: Lowered) -> Iterator[Wall]:
                 yield wall(x, y, -half, half, (flats / 2, flats / 2), 6, angle)
     elif p.kind == "revolve" and p.size[0] == FULL_TURN:
         assert p.outline is not None
-        for r, z, s, w, bulge in (c for loop in p.outline.loops for c in loop_curves(loop)):
+        for r, z, s, w, bulge in (c for ring in p.outline.rings for c in ring_curves(ring)):
             if not bulge and abs(w - z) > SKIN * max(r, s) and max(r, s) > 0:
                 yield wall(0.0, 0.0, min(z, w), max(z, w), (r, s) if z < w else (s, r))
 
 
 def _hexagon(loop: Loop) -> tuple[float, float, float, float] | None:
     """Centre, width across flats and angle of a corner of a loop that is a regular hexagon, else None."""
-    if len(loop) != 6 or any(bulge for _, _, bulge in loop):
+    if isinstance(loop, Ellipse) or len(loop) != 6 or any(bulge for _, _, bulge in loop):
         return None
     corners = np.array(loop)[:, :2]
     center = corners.mean(0)
@@ -129,12 +130,12 @@ def _plane_faces(parts: Sequence[Primitive], numbers: Lowered) -> tuple[np.ndarr
         elif p.kind in ("cylinder", "cone", "extrude"):
             ends = [(2, side * p.size[-1] / 2) for side in (-1, 1)]
         elif p.kind == "revolve" and p.outline is not None:
-            ends = [(2, z) for z in sorted({y for loop in p.outline.loops for _, y, _ in loop})]
+            ends = [(2, z) for z in sorted({y for ring in p.outline.rings for _, y, _ in ring})]
         for axis, at in ends:
             points.append(center + turn[:, axis] * at)
             normals.append(turn[:, axis])
         if p.kind == "extrude" and p.outline is not None:
-            for x, y, u, v, bulge in p.outline.curves:
+            for x, y, u, v, bulge in (c for ring in p.outline.rings for c in ring_curves(ring)):
                 if not bulge:
                     points.append(center + turn[:, 0] * x + turn[:, 1] * y)
                     normals.append((turn[:, 0] * (v - y) - turn[:, 1] * (u - x)) / math.hypot(u - x, v - y))

@@ -173,11 +173,46 @@ def _ellipsoid(s, x, y, z, out):
 
 
 @njit(nogil=True, cache=True)
+def _beside_ellipse(ux, uy, ratio, cx, cy, x, y):
+    """Whether an ellipse about (cx, cy), with a first axis (ux, uy) and its semi-axes in this `ratio`, holds a point; the point's foot on
+    it and the outward normal there (see `ellipse.ellipse_foot`)."""
+    length = math.sqrt(ux * ux + uy * uy)
+    c, s, rx, ry = ux / length, uy / length, length / 2, ratio * length / 2
+    u, v = c * (x - cx) + s * (y - cy), c * (y - cy) - s * (x - cx)
+    if rx >= ry:
+        p, q = _ellipse_foot(rx, ry, abs(u), abs(v))
+    else:
+        q, p = _ellipse_foot(ry, rx, abs(v), abs(u))
+    p, q = math.copysign(p, u), math.copysign(q, v)
+    held = (u / rx) ** 2 + (v / ry) ** 2 < 1.0
+    mx, my = p * ry / rx, q * rx / ry
+    return held, cx + c * p - s * q, cy + s * p + c * q, c * mx - s * my, s * mx + c * my
+
+
+@njit(nogil=True, cache=True)
+def _ellipse_foot(rx, ry, x, y):
+    """As `ellipse.ellipse_foot`, for rx >= ry."""
+    r, p, q = (rx / ry) ** 2, rx * x / (ry * ry), y / ry
+    w = max(q, p - r + 1.0)
+    if q == 0.0 and w <= 0.0:
+        cosine = p / (r - 1.0) if r > 1.0 else 0.0
+        return rx * cosine, ry * math.sqrt(1.0 - cosine * cosine)
+    for _ in range(60):
+        a, b = p / (w + r - 1.0), q / w
+        step = (a * a + b * b - 1.0) / (2.0 * (a * a / (w + r - 1.0) + b * b / w))
+        w += step
+        if step <= 1e-15 * w:
+            break
+    a, b = p / (w + r - 1.0), q / w
+    return rx * a / math.sqrt(a * a + b * b), ry * b / math.sqrt(a * a + b * b)
+
+
+@njit(nogil=True, cache=True)
 def _outline(curves, x, y, turned):
     """Signed distance of a point of the plane to the loops of `curves` [c, 8], and its derivatives.
 
     The parity of crossings is that of the chords, turned for each arc that has the point between it and its chord (see
-    `outline.is_in_loop`). Lines along the axis of what is `turned` bound nothing.
+    `outline.is_in_loop`), and for each ellipse that holds the point. Lines along the axis of what is `turned` bound nothing.
     """
     nearest2, odd, fx, fy, nx, ny = np.inf, False, 0.0, 0.0, 0.0, 0.0
     for i in range(len(curves)):
@@ -185,6 +220,15 @@ def _outline(curves, x, y, turned):
         if turned and ax == 0.0 and ex == 0.0 and bulge == 0.0:
             continue
         ux, uy, wx, wy = ex - ax, ey - ay, x - ax, y - ay
+        if radius < 0.0:
+            held, px, py, mx, my = _beside_ellipse(ux, uy, abs(bulge), cx, cy, x, y)
+            if held:
+                odd = not odd
+            mx, my = math.copysign(1.0, bulge) * mx, math.copysign(1.0, bulge) * my
+            d2 = (x - px) ** 2 + (y - py) ** 2
+            if d2 < nearest2:
+                nearest2, fx, fy, nx, ny = d2, px, py, mx, my
+            continue
         falls = ey < ay or (ey == ay and ex < ax)
         side = uy * (x - ex) - ux * (y - ey) if falls else ux * wy - uy * wx
         left = side > 0 or (side == 0 and uy == 0)

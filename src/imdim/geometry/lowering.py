@@ -7,13 +7,15 @@ push their union, intersection, difference. Outlines are one list of curves, of 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
-from imdim.program.outline import Outline, arc_center, arc_radius
+from imdim.program.ellipse import Ellipse
+from imdim.program.outline import Curve, Outline, arc_center, arc_radius, has_ellipse, loop_curves, nesting
 from imdim.program.tree import KINDS, OPS, SIZE_NAMES, Op, Primitive, Program, fold, leaves, map_leaves
 
 OP_CODES: dict[Op, int] = {op: -1 - i for i, op in enumerate(OPS)}
@@ -33,7 +35,11 @@ def pack_all(parts: Sequence[Primitive]) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class Outlines:
-    """`curves` [c, 8] of all leaves: start x and y, end x and y, bulge, and an arc's centre and radius; leaf i has `spans` [k, 2]."""
+    """`curves` [c, 8] of all leaves: start x and y, end x and y, bulge, and an arc's centre and radius; leaf i has `spans` [k, 2].
+
+    An ellipse has both ends of its first axis, the ratio of the second semi-axis to the first one in place of the bulge, negative where it
+    bounds a hole, its centre, and minus the first semi-axis in place of the radius.
+    """
 
     curves: np.ndarray
     spans: np.ndarray
@@ -45,10 +51,36 @@ class Outlines:
     @staticmethod
     def pack(outlines: Sequence[Outline | None]) -> Outlines:
         """One entry a leaf, None for one that is not drawn."""
-        lists = [[] if outline is None else outline.curves for outline in outlines]
+        lists = [[] if outline is None else _rows(outline) for outline in outlines]
         ends = np.cumsum([0, *map(len, lists)])
-        rows = [(*c, *(arc_center(c) if c[4] else (0.0, 0.0)), arc_radius(c) if c[4] else 0.0) for curves in lists for c in curves]
+        rows = [row for rows in lists for row in rows]
         return Outlines(np.array(rows, float).reshape(-1, 8), np.stack([ends[:-1], ends[1:]], axis=1).astype(np.int64))
+
+
+def _rows(outline: Outline) -> list[tuple[float, ...]]:
+    if not has_ellipse(outline):
+        return [_row(curve) for curve in outline.curves]
+    # other curves say by the way that they run where a hole is
+    sides = zip(outline.loops, nesting(outline.loops), strict=True)
+    return [_ellipse_row(c, side) if isinstance(c, Ellipse) else _row(c) for loop, side in sides for c in loop_curves(loop)]
+
+
+def _ellipse_row(e: Ellipse, side: int) -> tuple[float, ...]:
+    (c, s), (rx, x, y) = e.along, (e.rx, e.x, e.y)
+    return x - rx * c, y - rx * s, x + rx * c, y + rx * s, side * e.ry / rx, x, y, -rx
+
+
+def _row(curve: Curve | Ellipse) -> tuple[float, ...]:
+    assert not isinstance(curve, Ellipse)
+    return (*curve, *(arc_center(curve) if curve[4] else (0.0, 0.0)), arc_radius(curve) if curve[4] else 0.0)
+
+
+def row_curve(row: np.ndarray) -> Curve | Ellipse:
+    """The curve that a row [8] of `Outlines` stands for."""
+    x, y, u, v, bulge, cx, cy, radius = row.tolist()
+    if radius < 0:
+        return Ellipse(-radius, abs(bulge) * -radius, cx, cy, math.degrees(math.atan2(v - y, u - x)))
+    return x, y, u, v, bulge
 
 
 NO_OUTLINES = Outlines(np.empty((0, 8)), np.empty((0, 2), np.int64))

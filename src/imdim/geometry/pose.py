@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imdim.geometry.lowering import Lowered
+from imdim.geometry.lowering import Lowered, row_curve
 from imdim.geometry.rotations import skew
 from imdim.program.constraints import WORLD, Ref
 from imdim.program.outline import curve_bounds
@@ -119,8 +119,8 @@ def radii(numbers: Lowered) -> np.ndarray:
 
 def _drawn_radius(numbers: Lowered, leaf: int) -> float:
     """Bounding radius of an extruded or turned outline: that of the box or cylinder about its frame which holds it."""
-    rows = numbers.outlines.curves[slice(*numbers.outlines.spans[leaf]), :5].tolist()
-    (left, low), (right, high) = curve_bounds([tuple(row) for row in rows])
+    rows = numbers.outlines.curves[slice(*numbers.outlines.spans[leaf])]
+    (left, low), (right, high) = curve_bounds(list(map(row_curve, rows)))
     beside, reach = max(-left, right), max(-low, high)
     along = numbers.sizes[leaf, 0] / 2 if KINDS[numbers.kinds[leaf]] == "extrude" else 0.0
     return math.hypot(beside, reach, along)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -34,6 +35,8 @@ __all__ = [
     "unpack",
 ]
 
+NEWTON = 40  # steps to the foot on an ellipse, most of which change nothing any more
+
 SDF_OPS: Mapping[Op, Callable[[Tensor, Tensor], Tensor]] = {
     "union": torch.minimum,
     "intersection": torch.maximum,
@@ -44,10 +47,12 @@ SDF_OPS: Mapping[Op, Callable[[Tensor, Tensor], Tensor]] = {
 def leaf_table(kinds: np.ndarray, params: Tensor, points: Tensor, outlines: Outlines = NO_OUTLINES, curves: Tensor | None = None) -> Tensor:
     """Signed distances [..., k, n] of `points` [..., n, 3] to the leaves `kinds` [k], `params` [..., k, 9]; leading axes broadcast.
 
-    `curves` [c, 5] (both ends and bulge) stand in for those of the `outlines`, where a derivative by them is wanted.
+    `curves` [c, 5] (both ends and bulge, of an ellipse as `Outlines` has them) stand in for those of the `outlines`, where a derivative
+    by them is wanted.
     """
     local = to_local(params, points)
     drawn = params.new_tensor(outlines.curves[:, :5]) if curves is None else curves
+    is_ellipse = torch.as_tensor(outlines.curves[:, 7] < 0, device=params.device)
     rows: list[Tensor] = [params.new_empty(0)] * len(kinds)
     for kind in np.unique(kinds):
         members = np.flatnonzero(kinds == kind)
@@ -57,8 +62,9 @@ def leaf_table(kinds: np.ndarray, params: Tensor, points: Tensor, outlines: Outl
         if (name := KINDS[kind]) in LOCAL_SDF:
             values = LOCAL_SDF[name](places, sizes)
         else:
-            own = [drawn[slice(*outlines.spans[leaf])] for leaf in members]
-            values = torch.stack([OUTLINED_SDF[name](places[..., i, :, :], sizes[..., i, :, :], c) for i, c in enumerate(own)], -2)
+            spans = [slice(*outlines.spans[leaf]) for leaf in members]
+            drawings = [_Drawing(drawn[span][~is_ellipse[span]], drawn[span][is_ellipse[span]]) for span in spans]
+            values = torch.stack([OUTLINED_SDF[name](places[..., i, :, :], sizes[..., i, :, :], d) for i, d in enumerate(drawings)], -2)
         for row, leaf in enumerate(members):
             rows[leaf] = values[..., row, :]
     return torch.stack(rows, -2)
@@ -130,8 +136,59 @@ def _ellipsoid(q: Tensor, size: Tensor) -> Tensor:
     return torch.where(central, deepest, torch.maximum(k0 * (k0 - 1) / torch.where(central, 1.0, k1), deepest))
 
 
-def _outline(x: Tensor, y: Tensor, curves: Tensor, turned: bool = False) -> Tensor:
-    """Signed distances [..., n] of points of the plane to the loops of `curves` [c, 5].
+class _Drawing(NamedTuple):
+    """The `curves` [c, 5] of one outline and its `ellipses` [e, 5]: both ends of the first axis and the ratio of the semi-axes."""
+
+    curves: Tensor
+    ellipses: Tensor
+
+
+def _outline(x: Tensor, y: Tensor, drawing: _Drawing, turned: bool = False) -> Tensor:
+    """Signed distances [..., n] of points of the plane to the loops of a drawing: to the nearest one, and inside where an odd number of
+    them hold a point."""
+    distance, odd = x.new_full(x.shape, math.inf), torch.zeros_like(x, dtype=torch.bool)
+    if len(drawing.curves):
+        distance, odd = _rings(x, y, drawing.curves, turned)
+    for ellipse in drawing.ellipses:
+        beside, held = _ellipse(x, y, ellipse)
+        distance, odd = torch.minimum(distance, beside), odd ^ held
+    return distance * torch.where(odd, -1.0, 1.0)
+
+
+def _ellipse(x: Tensor, y: Tensor, ellipse: Tensor) -> tuple[Tensor, Tensor]:
+    """Distances [..., n] to one ellipse [5], and whether it holds the points; see `ellipse.ellipse_foot`.
+
+    The foot's eccentric angle is taken as a constant: it is where the distance is least, so that its own derivative adds nothing.
+    """
+    start, end, ratio = ellipse[:2], ellipse[2:4], ellipse[4].abs()
+    center, axis = (start + end) / 2, (end - start) / 2
+    rx = vector_norm(axis)
+    c, s, ry = axis[0] / rx, axis[1] / rx, ratio * rx
+    u, v = c * (x - center[0]) + s * (y - center[1]), c * (y - center[1]) - s * (x - center[0])
+    with torch.no_grad():
+        cosine, sine = _foot_angle(u.abs(), v.abs(), rx, ry) if rx >= ry else _foot_angle(v.abs(), u.abs(), ry, rx)[::-1]
+        cosine, sine = torch.where(u < 0, -cosine, cosine), torch.where(v < 0, -sine, sine)
+    away = torch.stack([u - rx * cosine, v - ry * sine], -1)
+    return vector_norm(away, dim=-1), (u / rx) ** 2 + (v / ry) ** 2 < 1
+
+
+def _foot_angle(x: Tensor, y: Tensor, rx: Tensor, ry: Tensor) -> tuple[Tensor, Tensor]:
+    """Cosines and sines of the feet's eccentric angles, for x, y >= 0 and rx >= ry."""
+    r, p, q = (rx / ry) ** 2, rx * x / ry**2, y / ry
+    w = torch.maximum(q, p - r + 1)
+    between = (q == 0) & (w <= 0)  # the foci, where the root is 0
+    w = torch.where(between, 1.0, w)
+    for _ in range(NEWTON):
+        a, b = p / (w + r - 1), q / w
+        w = w + ((a * a + b * b - 1) / (2 * (a * a / (w + r - 1) + b * b / w))).clamp_min(0).nan_to_num(0.0)
+    a, b = p / (w + r - 1), q / w
+    length = torch.hypot(a, b).clamp_min(1e-300)
+    inner = torch.where(r > 1, p / (r - 1).clamp_min(1e-300), 0.0)
+    return torch.where(between, inner, a / length), torch.where(between, (1 - inner**2).clamp_min(0).sqrt(), b / length)
+
+
+def _rings(x: Tensor, y: Tensor, curves: Tensor, turned: bool) -> tuple[Tensor, Tensor]:
+    """Distances [..., n] to the loops of `curves` [c, 5], and whether an odd number of them hold the points.
 
     The parity of crossings is that of the chords, turned for each arc that has the point between it and its chord (see
     `outline.is_in_loop`). Lines along the axis of what is `turned` bound nothing.
@@ -158,7 +215,7 @@ def _outline(x: Tensor, y: Tensor, curves: Tensor, turned: bool = False) -> Tens
     crossed = ((start[:, 1] > p[..., 1]) != (end[:, 1] > p[..., 1])) & left
     between = arc & (away < radius) & (left == ((bulge > 0) == falls))
     odd = (crossed.sum(-1) + between.sum(-1)) % 2 == 1
-    return torch.where(arc, to_arc, to_line).amin(-1) * torch.where(odd, -1.0, 1.0)
+    return torch.where(arc, to_arc, to_line).amin(-1), odd
 
 
 def _left_of(p: Tensor, start: Tensor, chord: Tensor) -> Tensor:
@@ -166,19 +223,19 @@ def _left_of(p: Tensor, start: Tensor, chord: Tensor) -> Tensor:
     return chord[:, 0] * (p[..., 1] - start[:, 1]) - chord[:, 1] * (p[..., 0] - start[:, 0])
 
 
-def _extrude(q: Tensor, size: Tensor, curves: Tensor) -> Tensor:
-    return _from_faces(torch.stack([_outline(q[..., 0], q[..., 1], curves), q[..., 2].abs() - size[..., 0] / 2], -1))
+def _extrude(q: Tensor, size: Tensor, drawing: _Drawing) -> Tensor:
+    return _from_faces(torch.stack([_outline(q[..., 0], q[..., 1], drawing), q[..., 2].abs() - size[..., 0] / 2], -1))
 
 
-def _revolve(q: Tensor, size: Tensor, curves: Tensor) -> Tensor:
+def _revolve(q: Tensor, size: Tensor, drawing: _Drawing) -> Tensor:
     """In its own half plane a point has the outline, where that is turned; else the nearer of the two end faces."""
     rho, z, angle = vector_norm(q[..., :2], dim=-1), q[..., 2], torch.deg2rad(size[..., 0])
-    whole = _outline(rho, z, curves, turned=True)
+    whole = _outline(rho, z, drawing, turned=True)
     at = torch.atan2(q[..., 1], q[..., 0]) % (2 * math.pi)
     # what lies farther round than a right angle has the axis as the nearest of an end face, if that is in the outline
     depth = rho * torch.sin(torch.minimum(at, angle - at).clamp(0, math.pi / 2))
     off = torch.minimum(at - angle, 2 * math.pi - at).clamp_min(0)
-    beyond = vector_norm(torch.stack([_outline(rho * torch.cos(off), z, curves).clamp_min(0), rho * torch.sin(off)], -1), dim=-1)
+    beyond = vector_norm(torch.stack([_outline(rho * torch.cos(off), z, drawing).clamp_min(0), rho * torch.sin(off)], -1), dim=-1)
     part = torch.where(at <= angle, torch.maximum(whole, -depth), beyond)
     return torch.where(size[..., 0] >= FULL_TURN, whole, part)
 
@@ -193,5 +250,5 @@ LOCAL_SDF: Mapping[str, Callable[[Tensor, Tensor], Tensor]] = {
     "ellipsoid": _ellipsoid,
 }
 
-# As above for the kinds that are drawn, one leaf: local points [..., n, 3], sizes [..., 1, 3] and curves [c, 5].
-OUTLINED_SDF: Mapping[str, Callable[[Tensor, Tensor, Tensor], Tensor]] = {"extrude": _extrude, "revolve": _revolve}
+# As above for the kinds that are drawn, one leaf: local points [..., n, 3], sizes [..., 1, 3] and its drawing.
+OUTLINED_SDF: Mapping[str, Callable[[Tensor, Tensor, _Drawing], Tensor]] = {"extrude": _extrude, "revolve": _revolve}

@@ -12,9 +12,11 @@ from functools import lru_cache
 import numpy as np
 
 from imdim.geometry.kernels import outline_sdf
-from imdim.geometry.lowering import Outlines
+from imdim.geometry.lowering import Outlines, row_curve
 from imdim.program.outline import Outline, curve_bounds, orient_loops
 from imdim.program.tree import FULL_TURN
+
+MEANS = 12  # steps of the arithmetic-geometric mean, each of which doubles the digits
 
 
 def face_areas(kind: str, size: tuple[float, ...], outline: Outline) -> np.ndarray:
@@ -24,9 +26,9 @@ def face_areas(kind: str, size: tuple[float, ...], outline: Outline) -> np.ndarr
         return np.append(size[0] * lengths, ends)
     # Pappus' first theorem: an arc's middle is r (sin b - sin a) / turn beside its centre
     turn, start = 4 * np.arctan(curves[:, 4]), _start_angles(curves)
-    is_arc = turn != 0
+    is_arc, is_ellipse = turn != 0, curves[:, 7] < 0
     beside = curves[:, 7] * (np.sin(start + turn) - np.sin(start)) / np.where(is_arc, turn, 1.0)
-    middle = np.where(is_arc, curves[:, 5] + beside, (curves[:, 0] + curves[:, 2]) / 2)
+    middle = np.where(is_arc & ~is_ellipse, curves[:, 5] + beside, (curves[:, 0] + curves[:, 2]) / 2)
     return np.append(math.radians(size[0]) * middle * lengths, ends)
 
 
@@ -34,9 +36,12 @@ def sampling_areas(kind: str, size: tuple[float, ...], outline: Outline) -> np.n
     """Areas [c + 2] of what the points of each face are drawn from."""
     width, height = np.ptp(np.array(outline.bounds), axis=0)
     ends = _ends(kind, size, float(width * height))
+    # even eccentric angles of an ellipse are as far apart as those of the circle about it, at most
+    semi_axis = -_curves(outline)[:, 7] * np.maximum(1.0, np.abs(_curves(outline)[:, 4]))
+    lengths = np.where(semi_axis > 0, 2 * math.pi * semi_axis, _lengths(outline))
     if kind == "extrude":
-        return np.append(size[0] * _lengths(outline), ends)
-    return np.append(math.radians(size[0]) * _widest(outline) * _lengths(outline), ends)
+        return np.append(size[0] * lengths, ends)
+    return np.append(math.radians(size[0]) * _widest(outline) * lengths, ends)
 
 
 def map_swept(kind: str, size: tuple[float, ...], outline: Outline, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -44,7 +49,9 @@ def map_swept(kind: str, size: tuple[float, ...], outline: Outline, u: np.ndarra
     areas, count = sampling_areas(kind, size, outline), len(_curves(outline))
     face = np.minimum(np.searchsorted(np.cumsum(areas) / areas.sum(), u[:, 0], side="right"), count + 1)
     flat, normal = _on_curves(outline, np.minimum(face, count - 1), u[:, 1])
-    share = np.ones(len(u)) if kind == "extrude" else flat[:, 0] / np.maximum(_widest(outline), 1e-300)[np.minimum(face, count - 1)]
+    share = _even_share(_curves(outline)[np.minimum(face, count - 1)], u[:, 1])
+    if kind == "revolve":
+        share *= flat[:, 0] / np.maximum(_widest(outline), 1e-300)[np.minimum(face, count - 1)]
     on_end = face >= count
     low, high = np.array(outline.bounds)
     flat[on_end] = low + (high - low) * u[on_end, 1:]
@@ -69,12 +76,24 @@ def _curves(outline: Outline) -> np.ndarray:
 @lru_cache(256)
 def _widest(outline: Outline) -> np.ndarray:
     """The largest x [c] of each curve."""
-    return np.array([curve_bounds([tuple(row[:5])])[1][0] for row in _curves(outline).tolist()])
+    return np.array([curve_bounds([row_curve(row)])[1][0] for row in _curves(outline)])
 
 
 def _lengths(outline: Outline) -> np.ndarray:
     x, y, u, v, bulge, _, _, radius = _curves(outline).T
-    return np.where(bulge != 0, radius * np.abs(4 * np.arctan(bulge)), np.hypot(u - x, v - y))
+    lengths = np.where(bulge != 0, radius * np.abs(4 * np.arctan(bulge)), np.hypot(u - x, v - y))
+    return np.where(radius < 0, ellipse_length(-radius, -radius * np.abs(bulge)), lengths)
+
+
+def ellipse_length(rx: np.ndarray, ry: np.ndarray) -> np.ndarray:
+    """The lengths [c] of ellipses of these semi-axes [c]: 2 pi over the arithmetic-geometric mean of the semi-axes, times the squares of
+    the larger one less half the sums of its differences (Gauss; Abramowitz & Stegun, 17.6)."""
+    a, b = np.maximum(rx, ry), np.minimum(rx, ry)
+    rest, power = a * a - (a * a - b * b) / 2, 1.0
+    for _ in range(MEANS):
+        a, b, half = (a + b) / 2, np.sqrt(np.maximum(a * b, 0.0)), (a - b) / 2
+        rest, power = rest - power * half * half, 2 * power
+    return 2 * math.pi * rest / np.where(a == 0, 1.0, a)
 
 
 def _start_angles(curves: np.ndarray) -> np.ndarray:
@@ -95,4 +114,26 @@ def _on_curves(outline: Outline, which: np.ndarray, along: np.ndarray) -> tuple[
     is_arc = (bulge != 0)[:, None]
     points = np.where(is_arc, np.column_stack([cx, cy]) + radius[:, None] * ray, np.column_stack([x, y]) + along[:, None] * chord)
     right = np.column_stack([chord[:, 1], -chord[:, 0]]) / np.linalg.norm(chord, axis=1)[:, None]
-    return points, np.where(is_arc, np.sign(bulge)[:, None] * ray, right)
+    normals = np.where(is_arc, np.sign(bulge)[:, None] * ray, right)
+    return _move_to_ellipses(curves, along, points, normals) if (radius < 0).any() else (points, normals)
+
+
+def _move_to_ellipses(curves: np.ndarray, along: np.ndarray, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Those of curves [n, 8] that are ellipses at even eccentric angles, the others as they are."""
+    x, y, u, v, ratio, cx, cy, _ = curves.T
+    axis, angle = np.column_stack([u - x, v - y]) / 2, 2 * math.pi * along
+    across = np.abs(ratio)[:, None] * np.column_stack([-axis[:, 1], axis[:, 0]])
+    cosine, sine = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    outward = cosine * axis * np.abs(ratio)[:, None] + sine * across / np.maximum(np.abs(ratio), 1e-300)[:, None]
+    outward *= np.sign(ratio)[:, None] / np.maximum(np.linalg.norm(outward, axis=1), 1e-300)[:, None]
+    is_ellipse = curves[:, 7:] < 0
+    moved = np.column_stack([cx, cy]) + cosine * axis + sine * across
+    return np.where(is_ellipse, moved, points), np.where(is_ellipse, outward, normals)
+
+
+def _even_share(curves: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """The share [n] of the points at these places along curves [n, 8] to keep, so that they lie evenly: even angles of an ellipse are
+    dense about its tips."""
+    rx, ry, angle = -curves[:, 7], curves[:, 7] * curves[:, 4], 2 * math.pi * along
+    speed = np.hypot(rx * np.sin(angle), ry * np.cos(angle)) / np.maximum(np.maximum(rx, np.abs(ry)), 1e-300)
+    return np.where(rx > 0, speed, 1.0)

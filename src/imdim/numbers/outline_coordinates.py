@@ -1,7 +1,8 @@
 """Coordinates of an outline that move on their own: what a fit may change without a line along x or y losing its direction.
 
 A vertex has two, x and y, and an arc the height over its chord; a line exactly along an axis of the plane joins those of its ends, a full
-circle has its centre and radius, and what lies on the axis of a turned outline stays there. All are lengths.
+circle has its centre and radius, and what lies on the axis of a turned outline stays there. An ellipse has its centre, and both semi-axes
+grow alike. All are lengths.
 """
 
 from __future__ import annotations
@@ -15,16 +16,19 @@ from numba import njit
 
 from imdim.geometry.lowering import Outlines
 from imdim.geometry.rotations import matrix_from_euler
-from imdim.program.outline import Loop, Outline, circle_of
+from imdim.program.ellipse import Ellipse
+from imdim.program.outline import Loop, Outline, Ring, circle_of
 from imdim.program.tree import Primitive
 
 MOST_BENT = 3.0  # bulge of an arc; a step makes none rounder
+LEAST_AXIS = 0.1  # of a semi-axis, which a step leaves
 SMALL = 1e-6  # half an arc's turn, in radians, below which it is a line
 
 
 @dataclass(frozen=True)
 class OutlineCoordinates:
-    """`map` [3 v, p] takes steps of the coordinates to those of all vertices, x, y and an arc's height, loop after loop."""
+    """`map` [3 v, p] takes steps of the coordinates to those of all vertices, x, y and an arc's height, loop after loop; an ellipse counts
+    as a vertex, its centre, with what its semi-axes grow by as the height."""
 
     outline: Outline
     map: np.ndarray
@@ -57,7 +61,7 @@ def outline_coordinates(outline: Outline, turned: bool) -> OutlineCoordinates:
     for loop in outline.loops:
         if circle_of(loop):
             circles.append(first)
-        else:
+        elif not isinstance(loop, Ellipse):
             _join_slots(loop, 3 * first, slots, fixed, turned)
         first += len(loop)
     columns = []
@@ -67,7 +71,7 @@ def outline_coordinates(outline: Outline, turned: bool) -> OutlineCoordinates:
             columns.append((members, scale[members]))
     for c in circles:
         x, y = [3 * c, 3 * c + 3], [3 * c + 1, 3 * c + 4]
-        away = np.sign(loop_vertex(outline, c + 1)[0] - loop_vertex(outline, c)[0])
+        away = np.sign(loop_vertex(outline, c + 1)[0] - loop_vertex(outline, c)[0])  # a circle's are vertices
         columns += [(x, np.ones(2)), (y, np.ones(2)), (x, np.array([-away, away]))]
     table = np.zeros((len(slots), len(columns)))
     for j, (members, by) in enumerate(columns):
@@ -76,8 +80,8 @@ def outline_coordinates(outline: Outline, turned: bool) -> OutlineCoordinates:
 
 
 def loop_vertex(outline: Outline, index: int) -> tuple[float, float, float]:
-    """The vertex of this index, loop after loop."""
-    return [v for loop in outline.loops for v in loop][index]
+    """The vertex of this index, loop after loop, ellipses counted."""
+    return [v for loop in outline.loops for v in ([(loop.x, loop.y, 0.0)] if isinstance(loop, Ellipse) else loop)][index]
 
 
 def center_leaf(leaf: Primitive) -> Primitive:
@@ -91,7 +95,7 @@ def center_leaf(leaf: Primitive) -> Primitive:
     return replace(leaf, center=tuple(center.tolist()), outline=leaf.outline.shift(-x, -y))
 
 
-def _join_slots(loop: Loop, first: int, slots: list[int], fixed: set[int], turned: bool) -> None:
+def _join_slots(loop: Ring, first: int, slots: list[int], fixed: set[int], turned: bool) -> None:
     """Give coordinates that a line along x or y holds together one slot, and note the `fixed` ones."""
     n = len(loop)
     for i, (x, y, bulge) in enumerate(loop):
@@ -108,6 +112,10 @@ def _join_slots(loop: Loop, first: int, slots: list[int], fixed: set[int], turne
 
 
 def _move_loop(loop: Loop, moves: list[list[float]]) -> Loop:
+    if isinstance(loop, Ellipse):
+        ((dx, dy, grown),) = moves
+        rx, ry = (max(r + grown, LEAST_AXIS * r) for r in (loop.rx, loop.ry))
+        return replace(loop, rx=rx, ry=ry, x=loop.x + dx, y=loop.y + dy)
     corners = [(x + dx, y + dy) for (x, y, _), (dx, dy, _) in zip(loop, moves, strict=True)]
     out = []
     for i, ((x, y, bulge), (_, _, by)) in enumerate(zip(loop, moves, strict=True)):
@@ -134,11 +142,19 @@ def _vertex_rows(curves, following, points, normals):  # pragma: no cover - comp
     for j in range(len(points)):
         nearest2, i, at = np.inf, 0, 0.0
         for c in range(len(curves)):
-            d2, t = _place_on(curves[c], points[j, 0], points[j, 1])
+            if curves[c, 7] < 0.0:
+                d2, t = _place_on_ellipse(curves[c], points[j, 0], points[j, 1])
+            else:
+                d2, t = _place_on(curves[c], points[j, 0], points[j, 1])
             if d2 < nearest2:
                 nearest2, i, at = d2, c, t
         nx, ny, half = normals[j, 0], normals[j, 1], 2 * math.atan(curves[i, 4])
         ux, uy = curves[i, 2] - curves[i, 0], curves[i, 3] - curves[i, 1]
+        if curves[i, 7] < 0.0:
+            cosine, sine, length = math.cos(at), math.sin(at), math.sqrt(ux * ux + uy * uy)
+            out[j, 3 * i], out[j, 3 * i + 1] = nx, ny
+            out[j, 3 * i + 2] = (nx * (cosine * ux - sine * uy) + ny * (cosine * uy + sine * ux)) / length
+            continue
         along, aside, along_by, aside_by = _arc(at, half)
         # a point of a curve is start + along * chord + aside * chord turned left
         ex, ey = along * nx + aside * ny, along * ny - aside * nx
@@ -171,6 +187,17 @@ def _place_on(curve, x, y):  # pragma: no cover - compiled
         at = min(max(angle / abs(turn), 0.0), 1.0)
     along, aside, _, _ = _arc(at, 2 * math.atan(bulge))
     return (wx - along * ux + aside * uy) ** 2 + (wy - along * uy - aside * ux) ** 2, at
+
+
+@njit(nogil=True, cache=True)
+def _place_on_ellipse(curve, x, y):  # pragma: no cover - compiled
+    """Squared distance of a point near an ellipse from the point on it at the same eccentric angle, and that angle."""
+    ax, ay, bx, by, ratio, cx, cy, _ = curve
+    ux, uy, wx, wy = (bx - ax) / 2, (by - ay) / 2, x - cx, y - cy
+    square, across = ux * ux + uy * uy, abs(ratio)
+    p, q = (wx * ux + wy * uy) / square, (wy * ux - wx * uy) / (across * square)
+    away = max(math.sqrt(p * p + q * q), 1e-300)
+    return ((p - p / away) ** 2 + (across * (q - q / away)) ** 2) * square, math.atan2(q, p)
 
 
 @njit(nogil=True, cache=True)

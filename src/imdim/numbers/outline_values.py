@@ -15,18 +15,21 @@ import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.design_values import decimal, grids, is_level, round_to_grid
+from imdim.numbers.ellipse_values import snap_ellipse
+from imdim.program.ellipse import Ellipse
 from imdim.program.outline import (
     Curve,
     Loop,
     Outline,
     Point,
+    Ring,
     arc_center,
     arc_radius,
     check_crossings,
     circle,
     circle_of,
     loop_area,
-    loop_curves,
+    ring_curves,
 )
 from imdim.program.tree import Primitive
 
@@ -84,13 +87,46 @@ def snap_outline(outline: Outline, tolerance: float, offset: Point = (0.0, 0.0))
     """
     placed = outline.shift(*offset)
     try:
-        loops = _Snapping(placed.loops, tolerance).loops()
-        snapped = Outline(tuple(tuple((_tidy(x - offset[0]), _tidy(y - offset[1]), b) for x, y, b in loop) for loop in loops))
+        snapped = Outline(tuple(_tidy_loop(loop, *offset) for loop in _snap_loops(placed, tolerance)))
         check_crossings(snapped)
     except (ValueError, ZeroDivisionError):
         return outline
-    same_way = all(circle_of(b) or loop_area(a) * loop_area(b) > 0 for a, b in zip(outline.loops, snapped.loops, strict=True))
+    same_way = all(
+        isinstance(b, Ellipse) or circle_of(b) or loop_area(a) * loop_area(b) > 0 for a, b in zip(outline.loops, snapped.loops, strict=True)
+    )
     return snapped if same_way else outline
+
+
+def _snap_loops(outline: Outline, tolerance: float) -> Iterator[Loop]:
+    """The loops with round numbers; ellipses after the others, so that they take the centres and sizes that these have."""
+    rings = _Snapping(tuple(outline.rings), tolerance).loops() if outline.rings else []
+    circles = [found for found in map(circle_of, rings) if found]
+    centers, lengths = [c[:2] for c in circles], [c[2] for c in circles]
+    widths = _widths(outline, tolerance)
+    left = iter(rings)
+    for loop in outline.loops:
+        if not isinstance(loop, Ellipse):
+            yield next(left)
+            continue
+        snapped = snap_ellipse(loop, tolerance, widths, centers, lengths)
+        if isinstance(snapped, Ellipse):
+            centers.append((snapped.x, snapped.y))
+            lengths += [snapped.rx, snapped.ry]
+        yield snapped
+
+
+def _widths(outline: Outline, tolerance: float) -> list[float]:
+    """The grids, coarsest first, that numbers of an outline may be rounded to."""
+    (left, low), (right, high) = outline.bounds
+    largest = max(abs(v) for v in (left, low, right, high))
+    return grids(max(largest, 4 * tolerance), 0.1 * tolerance)
+
+
+def _tidy_loop(loop: Loop, dx: float, dy: float) -> Loop:
+    """The loop moved back by an offset."""
+    if isinstance(loop, Ellipse):
+        return replace(loop, x=_tidy(loop.x - dx), y=_tidy(loop.y - dy))
+    return tuple((_tidy(x - dx), _tidy(y - dy), b) for x, y, b in loop)
 
 
 def snap_leaf(leaf: Primitive, tolerance: float) -> Primitive:
@@ -109,8 +145,7 @@ def snap_leaf(leaf: Primitive, tolerance: float) -> Primitive:
     size = max(right - left, high - low)
     middle = (_round_middle(left, right, offset[0], size) if across else 0.0, _round_middle(low, high, offset[1], size))
     a, b, c = (_tidy(float(v)) for v in leaf.center + rotation @ ((*middle, 0.0) if across else (0.0, 0.0, middle[1])))
-    loops = tuple(tuple((_tidy(x - middle[0]), _tidy(y - middle[1]), bulge) for x, y, bulge in loop) for loop in snapped.loops)
-    return replace(leaf, center=(a, b, c), outline=Outline(loops))
+    return replace(leaf, center=(a, b, c), outline=Outline(tuple(_tidy_loop(loop, *middle) for loop in snapped.loops)))
 
 
 def _round_middle(low: float, high: float, offset: float, size: float) -> float:
@@ -132,18 +167,16 @@ def unit(degrees: float) -> Point:
 class _Snapping:
     """The carriers of `given` loops, changed step by step; `carriers[i][k]` is that of curve k of loop i."""
 
-    given: tuple[Loop, ...]
+    given: tuple[Ring, ...]
     tolerance: float
     carriers: list[list[Carrier]] = field(init=False)
     widths: list[float] = field(init=False)
 
     def __post_init__(self) -> None:
-        (left, low), (right, high) = Outline(self.given).bounds
-        largest = max(abs(v) for v in (left, low, right, high))
-        self.widths = grids(max(largest, 4 * self.tolerance), 0.1 * self.tolerance)
-        self.carriers = [[_carrier(curve) for curve in loop_curves(loop)] for loop in self.given]
+        self.widths = _widths(Outline(self.given), self.tolerance)
+        self.carriers = [[_carrier(curve) for curve in ring_curves(loop)] for loop in self.given]
 
-    def loops(self) -> list[Loop]:
+    def loops(self) -> list[Ring]:
         """The loops with all numbers round; raises ValueError where curves no longer meet."""
         touching = [self._touching(row) for row in self.carriers]
         self._turn_lines()
@@ -173,7 +206,7 @@ class _Snapping:
         apart = math.dist(a.center, b.center)
         return apart > self.tolerance and abs(apart - _tangent_distance(a, b)) <= self.tolerance
 
-    def _is_circle(self, loop: Loop, row: Sequence[Carrier]) -> bool:
+    def _is_circle(self, loop: Ring, row: Sequence[Carrier]) -> bool:
         a, b = row[0], row[-1]
         return len(loop) == 2 and isinstance(a, Arc) and isinstance(b, Arc) and a.sense == b.sense and self._one_circle(a, b)
 
@@ -244,9 +277,9 @@ class _Snapping:
             for (i, k, line), offset in zip(alike, offsets, strict=True):
                 self.carriers[i][k] = replace(line, offset=self._round_offset(line.normal, offset, hubs))
 
-    def _settle_ends(self, row: list[Carrier], loop: Loop) -> None:
+    def _settle_ends(self, row: list[Carrier], loop: Ring) -> None:
         """A line that leans at no round angle between two along the axes has round ends on these: the radii and levels of a cone."""
-        for k, (line, curve) in enumerate(zip(row, loop_curves(loop), strict=True)):
+        for k, (line, curve) in enumerate(zip(row, ring_curves(loop), strict=True)):
             before, after = row[k - 1], row[(k + 1) % len(row)]
             ends = [other for other in (before, after) if isinstance(other, Line) and 0.0 in other.normal]
             if not isinstance(line, Line) or 0.0 in line.normal or len(ends) < 2 or _fold(line.degrees, STEPS_DEG[0]) == 0:
@@ -334,12 +367,12 @@ class _Snapping:
 
     # --- vertices -----------------------------------------------------------------------------------------------------
 
-    def _circle(self, row: Sequence[Carrier]) -> Loop:
+    def _circle(self, row: Sequence[Carrier]) -> Ring:
         arc = row[0]
         assert isinstance(arc, Arc)
         return circle(arc.radius, *arc.center)
 
-    def _meet(self, loop: Loop, row: Sequence[Carrier], touches: Sequence[bool]) -> Loop:
+    def _meet(self, loop: Ring, row: Sequence[Carrier], touches: Sequence[bool]) -> Ring:
         """The loop with its vertices where carriers meet; a vertex between two edges on one line goes."""
         kept = [k for k, carrier in enumerate(row) if not _goes_on(row[k - 1], carrier)]
         if len(kept) < 2:

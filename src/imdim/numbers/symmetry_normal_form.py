@@ -16,8 +16,9 @@ import numpy as np
 
 from imdim.geometry.axes import SYMMETRIES
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler, skew
+from imdim.program.ellipse import Ellipse
 from imdim.program.motions import is_round
-from imdim.program.outline import Outline, reverse_loop
+from imdim.program.outline import Loop, Outline, reverse_ring
 from imdim.program.tree import Primitive, Vec3
 
 AXIAL = ("cylinder", "cone", "torus")
@@ -66,7 +67,13 @@ def along_axis(primitive: Primitive, axis: np.ndarray) -> Primitive:
 
 
 def _upside_down(outline: Outline) -> Outline:
-    return Outline(tuple(reverse_loop(tuple((x, -y + 0.0, -b + 0.0) for x, y, b in loop)) for loop in outline.loops))
+    return Outline(tuple(_flip(loop) for loop in outline.loops))
+
+
+def _flip(loop: Loop) -> Loop:
+    if isinstance(loop, Ellipse):
+        return replace(loop, y=-loop.y + 0.0, angle=-loop.angle + 0.0)
+    return reverse_ring(tuple((x, -y + 0.0, -b + 0.0) for x, y, b in loop))
 
 
 def in_frame(primitive: Primitive, frame: np.ndarray) -> Primitive:

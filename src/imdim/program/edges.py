@@ -7,8 +7,8 @@ primitive           names of its faces
 ==================  ==========================================================================================
 box                 ``+x``, ``-x``, ``+y``, ``-y``, ``+z``, ``-z``
 cylinder, cone      ``+z``, ``-z`` and ``side``
-extrude             ``+z``, ``-z`` and, for curve k of loop i, ``wall[i][k]``
-revolve             for curve k of loop i ``wall[i][k]``
+extrude             ``+z``, ``-z`` and, for curve k of loop i, ``wall[i][k]``; none for an ellipse
+revolve             for curve k of loop i ``wall[i][k]``; none for an ellipse
 sphere, torus, ...  ``side``
 ==================  ==========================================================================================
 
@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 from itertools import count
 from typing import Literal, NamedTuple
 
+from imdim.program.ellipse import Ellipse
 from imdim.program.fields import shorten
 from imdim.program.outline import Curve, loop_curves
 from imdim.program.tree import Primitive
@@ -86,19 +87,22 @@ def read_face(text: object) -> Face:
 
 
 def wall_curve(leaf: Primitive, name: str) -> Curve | None:
-    """The curve of an outline that a name like ``wall[0][3]`` means, None where there is none."""
+    """The line or arc of an outline that a name like ``wall[0][3]`` means, None where there is none: blends of the walls of ellipses are
+    not known."""
     match = _WALL.fullmatch(name)
     if match is None or leaf.outline is None:
         return None
     loops, i, k = leaf.outline.loops, int(match[1]), int(match[2])
-    return loop_curves(loops[i])[k] if i < len(loops) and k < len(loops[i]) else None
+    curve = loop_curves(loops[i])[k] if i < len(loops) and k < len(loops[i]) else None
+    return None if isinstance(curve, Ellipse) else curve
 
 
 def faces_of(leaf: Primitive) -> list[str]:
     """The names of a primitive's faces."""
     planes = [sign + axis for axis in _PLANES.get(leaf.kind, "") for sign in "+-"]
     if leaf.outline is not None:
-        return planes + [f"wall[{i}][{k}]" for i, loop in enumerate(leaf.outline.loops) for k in range(len(loop))]
+        rings = [(i, loop) for i, loop in enumerate(leaf.outline.loops) if not isinstance(loop, Ellipse)]
+        return planes + [f"wall[{i}][{k}]" for i, loop in rings for k in range(len(loop))]
     return planes if leaf.kind == "box" else [*planes, "side"]
 
 

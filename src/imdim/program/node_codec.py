@@ -10,7 +10,8 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any, cast
 
 from imdim.program import fields
-from imdim.program.outline import MOST_CURVES, Outline, Vertex, check_crossings
+from imdim.program.ellipse import Ellipse
+from imdim.program.outline import MOST_CURVES, Loop, Outline, Vertex, check_crossings, ellipse
 from imdim.program.repeats import JOINS, REPEATS, Folded, Group, Repeat, size
 from imdim.program.tree import KINDS, OPS, OUTLINED, SIZE_NAMES, Op, Primitive, Program, Vec3, fold
 
@@ -64,8 +65,14 @@ def text_lines(node: dict[str, Any], indent: str) -> Iterator[str]:
 
 def _leaf(p: Primitive) -> dict[str, Any]:
     sizes = {name: float(value) for name, value in zip(SIZE_NAMES[p.kind], p.size, strict=True)}
-    drawn = {} if p.outline is None else {"outline": [[_vertex(vertex) for vertex in loop] for loop in p.outline.loops]}
+    drawn = {} if p.outline is None else {"outline": [_loop(loop) for loop in p.outline.loops]}
     return {"kind": p.kind, "size": sizes, **drawn, "center": [float(v) for v in p.center], "rotation": [float(v) for v in p.rotation]}
+
+
+def _loop(loop: Loop) -> list[list[float]] | dict[str, Any]:
+    if isinstance(loop, Ellipse):
+        return {"rx": float(loop.rx), "ry": float(loop.ry), "center": [float(loop.x), float(loop.y)], "angle": float(loop.angle)}
+    return [_vertex(vertex) for vertex in loop]
 
 
 def _vertex(vertex: Vertex) -> list[float]:
@@ -199,18 +206,26 @@ def _read_primitive(node: object, path: str) -> Primitive:
 
 
 def _read_outline(value: object, path: str) -> Outline:
-    """Loops of vertices [x, y] or [x, y, bulge]; those that touch or cross themselves or each other are refused."""
+    """Loops of vertices [x, y] or [x, y, bulge], and ellipses; those that touch or cross themselves or each other are refused."""
     loops = _read_list(value, path, "loops")
-    vertices = [_read_list(loop, f"{path}[{i}]", "vertices") for i, loop in enumerate(loops)]
-    if (total := sum(map(len, vertices))) > MOST_CURVES:
+    if (total := sum(len(loop) if isinstance(loop, list) else 1 for loop in loops)) > MOST_CURVES:
         raise ValueError(f"{path}: at most {MOST_CURVES} curves, got {total}")
-    rings = [tuple(_read_vertex(v, f"{path}[{i}][{k}]") for k, v in enumerate(ring)) for i, ring in enumerate(vertices)]
+    read = tuple(_read_loop(loop, f"{path}[{i}]") for i, loop in enumerate(loops))
     try:
-        outline = Outline(tuple(rings))
+        outline = Outline(read)
         check_crossings(outline)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     return outline
+
+
+def _read_loop(value: object, path: str) -> Loop:
+    if not isinstance(value, dict):
+        return tuple(_read_vertex(v, f"{path}[{k}]") for k, v in enumerate(_read_list(value, path, "vertices")))
+    given = fields.record(value, path, ("rx", "ry"), ("center", "angle"))
+    rx, ry, angle = (fields.number(given.get(key, 0.0), f"{path}.{key}") for key in ("rx", "ry", "angle"))
+    x, y = _read_pair(fields.number)(given.get("center", [0.0, 0.0]), f"{path}.center")
+    return ellipse(rx, ry, x, y, angle)
 
 
 def _read_list(value: object, path: str, what: str) -> list[object]:

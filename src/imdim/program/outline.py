@@ -1,20 +1,34 @@
-"""Outlines: closed loops of lines and arcs in a plane, what extrusions and turned solids are drawn from.
+"""Outlines: closed loops in a plane, what extrusions and turned solids are drawn from.
 
-A loop is a ring of vertices ``(x, y, bulge)``. The curve from a vertex to the next is a line where the bulge is 0 and else the arc that
-turns by ``4 atan(bulge)``, counter-clockwise where it is positive: DXF's polyline, three numbers a curve, whose ends always meet. Two
-vertices of bulge 1 are a circle. A point belongs to the outline where an odd number of loops hold it: outer loops, holes, islands in holes.
+A loop is a ring of vertices ``(x, y, bulge)``, or one whole ellipse. The curve from a vertex to the next is a line where the bulge is 0
+and else the arc that turns by ``4 atan(bulge)``, counter-clockwise where it is positive: DXF's polyline, three numbers a curve, whose ends
+always meet. Two vertices of bulge 1 are a circle. A point belongs to the outline where an odd number of loops hold it: outer loops, holes,
+islands in holes.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
+
+from imdim.program.ellipse import (
+    Ellipse,
+    are_near_ellipses,
+    check_ellipse,
+    ellipse_conic,
+    ellipse_distance,
+    ellipse_extent,
+    ellipse_point,
+    holds_point,
+    meet_conic,
+)
 
 Point = tuple[float, float]
 Vertex = tuple[float, float, float]
-Loop = tuple[Vertex, ...]
+Ring = tuple[Vertex, ...]
+Loop = Ring | Ellipse
 Curve = tuple[float, float, float, float, float]  # x and y of the start and of the end, bulge
 
 MOST_CURVES = 2000  # of one outline
@@ -26,7 +40,8 @@ LEAST_BULGE, MOST_BULGE = 1e-9, 1e9  # of an arc whose centre, or whose ends, ca
 
 @dataclass(frozen=True, slots=True)
 class Outline:
-    """`loops` of two or more vertices each; raises ValueError, a line that names loop and curve, for loops that bound nothing."""
+    """`loops`: rings of two or more vertices each, and ellipses. Raises ValueError, a line that names loop and curve, for loops that bound
+    nothing."""
 
     loops: tuple[Loop, ...]
 
@@ -39,9 +54,14 @@ class Outline:
             _check_loop(i, loop)
 
     @property
-    def curves(self) -> list[Curve]:
+    def curves(self) -> list[Curve | Ellipse]:
         """The curves of all loops, loop after loop."""
         return [curve for loop in self.loops for curve in loop_curves(loop)]
+
+    @property
+    def rings(self) -> list[Ring]:
+        """The loops that have vertices."""
+        return [loop for loop in self.loops if not isinstance(loop, Ellipse)]
 
     @property
     def curve_count(self) -> int:
@@ -60,15 +80,15 @@ class Outline:
 
     def map_lengths(self, change: Callable[[float], float]) -> Outline:
         """With all coordinates changed by one factor."""
-        return Outline(tuple(tuple((change(x), change(y), b) for x, y, b in loop) for loop in self.loops))
+        return Outline(tuple(_scale_loop(loop, change) for loop in self.loops))
 
     def shift(self, dx: float, dy: float) -> Outline:
         """Moved in its plane."""
-        return Outline(tuple(tuple((x + dx, y + dy, b) for x, y, b in loop) for loop in self.loops))
+        return Outline(tuple(shift_loop(loop, dx, dy) for loop in self.loops))
 
     def mirror(self) -> Outline:
         """The image in the y axis, loops turned round so that they run as before."""
-        return Outline(tuple(reverse_loop(tuple((-x, y, -b) for x, y, b in loop)) for loop in self.loops))
+        return Outline(tuple(_mirror_loop(loop) for loop in self.loops))
 
 
 def rectangle(width: float, height: float) -> Outline:
@@ -77,14 +97,43 @@ def rectangle(width: float, height: float) -> Outline:
     return Outline((((-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)),))
 
 
-def circle(radius: float, x: float = 0.0, y: float = 0.0) -> Loop:
+def circle(radius: float, x: float = 0.0, y: float = 0.0) -> Ring:
     """A circle as a loop of two half arcs, counter-clockwise."""
     return ((x - radius, y, 1.0), (x + radius, y, 1.0))
 
 
+def ellipse(rx: float, ry: float, x: float = 0.0, y: float = 0.0, angle: float = 0.0) -> Loop:
+    """An ellipse as a loop, its first semi-axis at `angle` degrees; a circle where both are equal. ValueError for what is none."""
+    return circle(rx, x, y) if rx == ry and rx > 0 else Ellipse(rx, ry, x, y, angle)
+
+
+def shift_loop(loop: Loop, dx: float, dy: float) -> Loop:
+    """Moved in its plane."""
+    if isinstance(loop, Ellipse):
+        return replace(loop, x=loop.x + dx, y=loop.y + dy)
+    return tuple((x + dx, y + dy, b) for x, y, b in loop)
+
+
+def _scale_loop(loop: Loop, change: Callable[[float], float]) -> Loop:
+    if isinstance(loop, Ellipse):
+        return Ellipse(change(loop.rx), change(loop.ry), change(loop.x), change(loop.y), loop.angle)
+    return tuple((change(x), change(y), b) for x, y, b in loop)
+
+
+def _mirror_loop(loop: Loop) -> Loop:
+    if isinstance(loop, Ellipse):
+        return replace(loop, x=-loop.x + 0.0, angle=-loop.angle + 0.0)
+    return reverse_ring(tuple((-x, y, -b) for x, y, b in loop))
+
+
+def has_ellipse(outline: Outline) -> bool:
+    """Whether one of the loops is an ellipse."""
+    return len(outline.rings) < len(outline.loops)
+
+
 def circle_of(loop: Loop) -> tuple[float, float, float] | None:
     """Centre and radius of a loop that is one circle, else None."""
-    if len(loop) != 2 or loop[0][2] != loop[1][2] or abs(loop[0][2]) != 1:
+    if isinstance(loop, Ellipse) or len(loop) != 2 or loop[0][2] != loop[1][2] or abs(loop[0][2]) != 1:
         return None
     (ax, ay, _), (bx, by, _) = loop
     return (ax + bx) / 2, (ay + by) / 2, math.hypot(bx - ax, by - ay) / 2
@@ -96,29 +145,49 @@ def are_near(a: Outline | None, b: Outline | None, tolerance: float) -> bool:
         return a is b
     if [len(loop) for loop in a.loops] != [len(loop) for loop in b.loops]:
         return False
+    return all(_are_near_curves(c, d, tolerance) for c, d in zip(a.curves, b.curves, strict=True))
+
+
+def _are_near_curves(c: Curve | Ellipse, d: Curve | Ellipse, tolerance: float) -> bool:
+    if isinstance(c, Ellipse) or isinstance(d, Ellipse):
+        return isinstance(c, Ellipse) and isinstance(d, Ellipse) and are_near_ellipses(c, d, tolerance)
     # an arc's height is half its chord times its bulge
-    return all(
-        math.dist(c[:4], d[:4]) <= tolerance and abs(c[4] - d[4]) * math.dist(c[:2], c[2:4]) / 2 <= tolerance
-        for c, d in zip(a.curves, b.curves, strict=True)
-    )
+    return math.dist(c[:4], d[:4]) <= tolerance and abs(c[4] - d[4]) * math.dist(c[:2], c[2:4]) / 2 <= tolerance
 
 
-def loop_curves(loop: Loop) -> list[Curve]:
-    """The curves of one loop, in order."""
-    return [(x, y, u, v, b) for (x, y, b), (u, v, _) in zip(loop, (*loop[1:], loop[0]), strict=True)]
+def loop_curves(loop: Loop) -> Sequence[Curve | Ellipse]:
+    """The curves of one loop, in order; an ellipse is its own."""
+    return [loop] if isinstance(loop, Ellipse) else ring_curves(loop)
+
+
+def ring_curves(ring: Ring) -> list[Curve]:
+    """The curves from vertex to vertex, in order."""
+    return [(x, y, u, v, b) for (x, y, b), (u, v, _) in zip(ring, (*ring[1:], ring[0]), strict=True)]
+
+
+def start_of(loop: Loop) -> Point:
+    """A point on a loop: its first vertex, or where the first semi-axis of an ellipse ends."""
+    return ellipse_point(loop, 0.0) if isinstance(loop, Ellipse) else loop[0][:2]
 
 
 def reverse_loop(loop: Loop) -> Loop:
-    """The same loop run the other way, from the same vertex."""
+    """The same loop run the other way, from the same vertex; an ellipse runs no way of its own."""
+    return loop if isinstance(loop, Ellipse) else reverse_ring(loop)
+
+
+def reverse_ring(loop: Ring) -> Ring:
+    """As `reverse_loop`, of vertices."""
     bulges = [-b for _, _, b in reversed(loop)]
     corners = [loop[0], *reversed(loop[1:])]
     return tuple((x, y, b) for (x, y, _), b in zip(corners, bulges, strict=True))
 
 
 def loop_area(loop: Loop) -> float:
-    """Signed area, positive for a loop that runs counter-clockwise."""
+    """Signed area, positive for a loop that runs counter-clockwise, and of an ellipse."""
+    if isinstance(loop, Ellipse):
+        return math.pi * loop.rx * loop.ry
     out = 0.0
-    for x, y, u, v, b in loop_curves(loop):
+    for x, y, u, v, b in ring_curves(loop):
         out += (x * v - u * y) / 2
         if b:
             radius, turn = arc_radius((x, y, u, v, b)), 4 * math.atan(b)
@@ -126,7 +195,7 @@ def loop_area(loop: Loop) -> float:
     return out
 
 
-def curve_bounds(curves: Sequence[Curve]) -> tuple[Point, Point]:
+def curve_bounds(curves: Sequence[Curve | Ellipse]) -> tuple[Point, Point]:
     """Low and high corner of one or more curves."""
     xs, ys = zip(*(p for curve in curves for p in _extremes(curve)), strict=True)
     return (min(xs), min(ys)), (max(xs), max(ys))
@@ -136,6 +205,11 @@ def arc_radius(curve: Curve) -> float:
     """Radius of an arc."""
     x, y, u, v, b = curve
     return math.hypot(u - x, v - y) * (1 + b * b) / (4 * abs(b))
+
+
+def arc_radii(outline: Outline) -> list[float]:
+    """The radii of all arcs, in their order."""
+    return [arc_radius(curve) for ring in outline.rings for curve in ring_curves(ring) if curve[4]]
 
 
 def arc_center(curve: Curve) -> Point:
@@ -157,8 +231,10 @@ def is_in_loop(loop: Loop, x: float, y: float) -> bool:
     A point on a chord counts as a little right of it, or above a level one. The side is reckoned along the chord upward whichever way the
     curve runs, so that both halves of a circle agree on it.
     """
+    if isinstance(loop, Ellipse):
+        return holds_point(loop, x, y)
     odd = False
-    for ax, ay, bx, by, bulge in loop_curves(loop):
+    for ax, ay, bx, by, bulge in ring_curves(loop):
         falls = (by, bx) < (ay, ax)
         px, py, qx, qy = (bx, by, ax, ay) if falls else (ax, ay, bx, by)
         side = (qx - px) * (y - py) - (qy - py) * (x - px)
@@ -173,7 +249,7 @@ def is_in_loop(loop: Loop, x: float, y: float) -> bool:
 
 
 def orient_loops(loops: Sequence[Loop]) -> tuple[Loop, ...]:
-    """Outer loops counter-clockwise, holes clockwise: what is inside lies on the left of every curve."""
+    """Outer loops counter-clockwise, holes clockwise: what is inside lies on the left of every curve. Ellipses stay as they are."""
     return tuple(
         loop if (loop_area(loop) > 0) == (sign > 0) else reverse_loop(loop) for loop, sign in zip(loops, nesting(loops), strict=True)
     )
@@ -181,17 +257,18 @@ def orient_loops(loops: Sequence[Loop]) -> tuple[Loop, ...]:
 
 def regions(outline: Outline) -> list[tuple[Loop, ...]]:
     """The separate areas of an outline: each its outer loop, counter-clockwise, and behind it its holes, clockwise."""
-    oriented = sorted(orient_loops(outline.loops), key=lambda loop: abs(loop_area(loop)))
-    outer = [[loop] for loop in oriented if loop_area(loop) > 0]
-    for hole in (loop for loop in oriented if loop_area(loop) < 0):
+    oriented = zip(orient_loops(outline.loops), nesting(outline.loops), strict=True)
+    ordered = sorted(oriented, key=lambda pair: abs(loop_area(pair[0])))
+    outer = [[loop] for loop, side in ordered if side > 0]
+    for hole in (loop for loop, side in ordered if side < 0):
         # the smallest outer loop that holds a hole is the one around it
-        next((area for area in outer if is_in_loop(area[0], *hole[0][:2])), outer[-1]).append(hole)
+        next((area for area in outer if is_in_loop(area[0], *start_of(hole))), outer[-1]).append(hole)
     return [tuple(area) for area in reversed(outer)]
 
 
 def nesting(loops: Sequence[Loop]) -> list[int]:
     """1 for outer loops and islands, -1 for holes: by how many other loops hold a vertex."""
-    depth = [sum(is_in_loop(other, *loop[0][:2]) for other in loops if other is not loop) for loop in loops]
+    depth = [sum(is_in_loop(other, *start_of(loop)) for other in loops if other is not loop) for loop in loops]
     return [1 if d % 2 == 0 else -1 for d in depth]
 
 
@@ -202,10 +279,13 @@ def _signs(loops: Sequence[Loop]) -> list[int]:
 
 def flatten_loop(loop: Loop, segments: int) -> list[Point]:
     """The corners of a polygon whose vertices lie on the loop. Those of an arc are its ends and where the corners of a regular polygon of
-    so many `segments` lie, the first along x from the centre, so that walls on one circle have the same facets, whatever drew them."""
+    so many `segments` lie, the first along x from the centre, so that walls on one circle have the same facets, whatever drew them. Those
+    of an ellipse are these stretched."""
+    if isinstance(loop, Ellipse):
+        return [ellipse_point(loop, 2 * math.pi * k / segments) for k in range(segments)]
     out: list[Point] = []
     step = 2 * math.pi / segments
-    for curve in loop_curves(loop):
+    for curve in ring_curves(loop):
         x, y, _, _, b = curve
         out.append((x, y))
         if b:
@@ -227,15 +307,25 @@ def check_crossings(outline: Outline) -> None:
     tolerance = TOUCHING * _extent(outline)
     named = [(i, k, c) for i, loop in enumerate(outline.loops) for k, c in enumerate(loop_curves(loop))]
     for i, k, curve in named:
-        if math.dist(curve[:2], curve[2:4]) <= tolerance:
+        if isinstance(curve, Ellipse):
+            if min(curve.rx, curve.ry) <= tolerance:
+                raise ValueError(f"loop {i} is too narrow: a semi-axis is shorter than {TOUCHING:g} of the outline's extent")
+        elif math.dist(curve[:2], curve[2:4]) <= tolerance:
             raise ValueError(f"loop {i} curve {k} is too short: its ends are nearer than {TOUCHING:g} of the outline's extent")
     boxes = [_box(curve, tolerance) for _, _, curve in named]
     for (m, (i, k, a)), (n, (j, other, b)) in combinations(enumerate(named), 2):
         if boxes[m][0] > boxes[n][1] or boxes[n][0] > boxes[m][1] or boxes[m][2] > boxes[n][3] or boxes[n][2] > boxes[m][3]:
             continue
-        shared = {c for c in ((a[0], a[1]), (a[2], a[3])) if c in ((b[0], b[1]), (b[2], b[3]))} if i == j else set()
-        if any(_apart(a, b, _nearest(p, shared)) > tolerance for p in meeting_points(a, b, tolerance)):
+        if _meets_apart(a, b, tolerance, i == j):
             raise ValueError(f"loop {i} curve {k} crosses or touches loop {j} curve {other}")
+
+
+def _meets_apart(a: Curve | Ellipse, b: Curve | Ellipse, tolerance: float, same_loop: bool) -> bool:
+    """Whether two curves meet other than in a vertex that they share."""
+    if isinstance(a, Ellipse) or isinstance(b, Ellipse):
+        return bool(meeting_points(a, b, tolerance))
+    shared = {c for c in ((a[0], a[1]), (a[2], a[3])) if c in ((b[0], b[1]), (b[2], b[3]))} if same_loop else set()
+    return any(_apart(a, b, _nearest(p, shared)) > tolerance for p in meeting_points(a, b, tolerance))
 
 
 def _apart(a: Curve, b: Curve, away: float) -> float:
@@ -248,10 +338,10 @@ def _apart(a: Curve, b: Curve, away: float) -> float:
 def _bring_to_unit(outline: Outline) -> Outline:
     """The outline times a power of two, so exactly, with an extent of 1/2 to 1: no square of it leaves the range of numbers."""
     for i, loop in enumerate(outline.loops):
-        for k, (_, _, bulge) in enumerate(loop):
+        for k, (_, _, bulge) in enumerate(() if isinstance(loop, Ellipse) else loop):
             if bulge and not LEAST_BULGE <= abs(bulge) <= MOST_BULGE:
                 raise ValueError(f"loop {i} curve {k} needs a bulge of 0 or between {LEAST_BULGE:g} and {MOST_BULGE:g}, got {bulge:g}")
-    extent, farthest = _extent(outline), max(abs(v) for loop in outline.loops for x, y, _ in loop for v in (x, y))
+    extent, farthest = _extent(outline), max(abs(v) for corner in outline.bounds for v in corner)
     if not math.isfinite(extent) or TOUCHING * extent < math.ulp(farthest):
         raise ValueError(f"coordinates up to {farthest:g} cannot tell what touches in an outline that measures {extent:g}")
     power = math.frexp(extent)[1]
@@ -266,10 +356,27 @@ def _nearest(point: Point, others: set[Point]) -> float:
     return min((math.dist(point, q) for q in others), default=math.inf)
 
 
-def meeting_points(a: Curve, b: Curve, tolerance: float) -> list[Point]:
+def meeting_points(a: Curve | Ellipse, b: Curve | Ellipse, tolerance: float) -> list[Point]:
     """Where two curves cross or touch; where they run along each other, ends of one that lie on the other."""
+    if isinstance(a, Ellipse) or isinstance(b, Ellipse):
+        one, other = (a, b) if isinstance(a, Ellipse) else (b, a)
+        assert isinstance(one, Ellipse)
+        ends = [ellipse_point(other, 0.0)] if isinstance(other, Ellipse) else [other[:2], other[2:4]]
+        points = [*ends, *meet_conic(one, _conic_of(other))]
+        return [p for p in points if _distance(one, p) <= tolerance and _distance(other, p) <= tolerance]
     points = [p for p in (a[:2], a[2:4]) if _distance(b, p) <= tolerance] + [p for p in (b[:2], b[2:4]) if _distance(a, p) <= tolerance]
     return points + [p for p in _carrier_crossings(a, b) if _distance(a, p) <= tolerance and _distance(b, p) <= tolerance]
+
+
+def _conic_of(curve: Curve | Ellipse) -> tuple[float, float, float, float, float, float]:
+    """Factors of x x, x y, y y, x, y and 1 whose sum is 0 on the whole line, circle or ellipse of a curve."""
+    if isinstance(curve, Ellipse):
+        return ellipse_conic(curve)
+    if curve[4]:
+        (x, y), radius = arc_center(curve), arc_radius(curve)
+        return 1.0, 0.0, 1.0, -2 * x, -2 * y, x * x + y * y - radius * radius
+    x, y, u, v, _ = curve
+    return 0.0, 0.0, 0.0, y - v, u - x, x * v - u * y
 
 
 def _carrier_crossings(a: Curve, b: Curve) -> Iterator[Point]:
@@ -309,8 +416,10 @@ def _circle_circle(p: Point, r: float, q: Point, s: float) -> Iterator[Point]:
     yield p[0] + along * ux + half * uy, p[1] + along * uy - half * ux
 
 
-def _distance(curve: Curve, point: Point) -> float:
+def _distance(curve: Curve | Ellipse, point: Point) -> float:
     """Distance of a point to a curve."""
+    if isinstance(curve, Ellipse):
+        return ellipse_distance(curve, point)
     x, y, u, v, b = curve
     ends = min(math.dist((x, y), point), math.dist((u, v), point))
     if not b:
@@ -325,8 +434,13 @@ def _distance(curve: Curve, point: Point) -> float:
     return min(ends, abs(away - radius)) if ((u - x) * (py - y) - (v - y) * (px - x)) * b <= 0 else ends
 
 
-def _extremes(curve: Curve) -> Iterator[Point]:
-    """The ends of a curve, and the points of an arc that are farthest along the axes."""
+def _extremes(curve: Curve | Ellipse) -> Iterator[Point]:
+    """The ends of a curve, and the points of an arc that are farthest along the axes; of an ellipse corners of its bounding box."""
+    if isinstance(curve, Ellipse):
+        across, up = ellipse_extent(curve)
+        yield curve.x - across, curve.y - up
+        yield curve.x + across, curve.y + up
+        return
     x, y, u, v, b = curve
     yield x, y
     yield u, v
@@ -337,15 +451,21 @@ def _extremes(curve: Curve) -> Iterator[Point]:
                 yield px, py
 
 
-def _box(curve: Curve, margin: float) -> tuple[float, float, float, float]:
+def _box(curve: Curve | Ellipse, margin: float) -> tuple[float, float, float, float]:
     xs, ys = zip(*_extremes(curve), strict=True)
     return min(xs) - margin, max(xs) + margin, min(ys) - margin, max(ys) + margin
 
 
 def _check_loop(i: int, loop: Loop) -> None:
+    if isinstance(loop, Ellipse):
+        try:
+            check_ellipse(loop)
+        except ValueError as error:
+            raise ValueError(f"loop {i}: {error}") from None
+        return
     if len(loop) < 2:
         raise ValueError(f"loop {i} has {len(loop)} vertices; it needs 2 or more")
-    for k, (x, y, u, v, b) in enumerate(loop_curves(loop)):
+    for k, (x, y, u, v, b) in enumerate(ring_curves(loop)):
         if not all(map(math.isfinite, (x, y, b))):
             raise ValueError(f"loop {i} curve {k} needs finite numbers, got {(x, y, b)}")
         if (x, y) == (u, v):

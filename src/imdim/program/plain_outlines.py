@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
+from imdim.program.ellipse import Ellipse
 from imdim.program.motions import euler
-from imdim.program.outline import Loop, Point, circle_of
+from imdim.program.outline import Loop, Point, Ring, circle_of
 from imdim.program.rewrite.containment import along, axes
 from imdim.program.tree import FULL_TURN, Primitive
 
@@ -17,7 +18,7 @@ def to_simple(leaf: Primitive) -> Primitive | None:
     if leaf.outline is None:
         return leaf
     loop, *others = leaf.outline.loops
-    if others:
+    if others or isinstance(loop, Ellipse):
         return None
     if leaf.kind == "extrude":
         return _extruded_circle(leaf, loop) or _extruded_rectangle(leaf, loop)
@@ -32,7 +33,7 @@ def _extruded_circle(leaf: Primitive, loop: Loop) -> Primitive | None:
     return Primitive("cylinder", (radius, leaf.size[0]), _moved(leaf, (x, y, 0.0)), leaf.rotation)
 
 
-def _extruded_rectangle(leaf: Primitive, loop: Loop) -> Primitive | None:
+def _extruded_rectangle(leaf: Primitive, loop: Ring) -> Primitive | None:
     """A box; one whose edges lean in the plane of the outline is turned by as much more."""
     found = _rectangle(loop)
     if found is None:
@@ -56,7 +57,7 @@ def _turned_circle(leaf: Primitive, loop: Loop) -> Primitive | None:
     return Primitive("torus", (max(major, minor), minor), _moved(leaf, (0.0, 0.0, height)), leaf.rotation)
 
 
-def _turned_rectangle(leaf: Primitive, loop: Loop) -> Primitive | None:
+def _turned_rectangle(leaf: Primitive, loop: Ring) -> Primitive | None:
     """A cylinder, where one edge is on the axis."""
     found = _rectangle(loop)
     if found is None or min(x for x, _, _ in loop) != 0:
@@ -67,7 +68,7 @@ def _turned_rectangle(leaf: Primitive, loop: Loop) -> Primitive | None:
     return Primitive("cylinder", (2 * x, height if uz == 0 else width), _moved(leaf, (0.0, 0.0, z)), leaf.rotation)
 
 
-def _rectangle(loop: Loop) -> tuple[Point, Point, float, float] | None:
+def _rectangle(loop: Ring) -> tuple[Point, Point, float, float] | None:
     """Middle, direction of the first edge, and both edges of a loop that is a rectangle."""
     if len(loop) != 4 or any(bulge for _, _, bulge in loop):
         return None

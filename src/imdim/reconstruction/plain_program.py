@@ -16,7 +16,8 @@ import numpy as np
 
 from imdim.geometry.lowering import lower
 from imdim.program.cost import count
-from imdim.program.outline import Curve, arc_center, arc_radius
+from imdim.program.ellipse import Ellipse
+from imdim.program.outline import Curve, Outline, arc_center, arc_radius
 from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.observation import Observation
 
@@ -132,11 +133,21 @@ def _others(leaf: Primitive, at: np.ndarray) -> Iterator[float]:
     x, y, z = map(float, at)
     if leaf.kind == "extrude":
         assert leaf.outline is not None
-        yield from (v for loop in leaf.outline.loops for u, w, _ in loop for v in (x + u, y + w))
+        yield from (v for u, w in _places(leaf.outline) for v in (x + u, y + w))
+        yield from _semi_axes(leaf.outline)
     elif leaf.kind == "revolve":
         assert leaf.outline is not None
-        yield from (x, y, *(v for loop in leaf.outline.loops for r, h, _ in loop for v in (r, z + h)))
+        yield from (x, y, *(v for r, h in _places(leaf.outline) for v in (r, z + h)), *_semi_axes(leaf.outline))
     elif leaf.kind in ("cylinder", "cone"):
         yield from (x, y, *leaf.size[:-1])
     elif leaf.kind != "box":
         yield from (x, y, z, *leaf.size)
+
+
+def _places(outline: Outline) -> list[tuple[float, float]]:
+    """Vertices, and the centres of ellipses."""
+    return [v for loop in outline.loops for v in ([(loop.x, loop.y)] if isinstance(loop, Ellipse) else [v[:2] for v in loop])]
+
+
+def _semi_axes(outline: Outline) -> list[float]:
+    return [r for loop in outline.loops if isinstance(loop, Ellipse) for r in (loop.rx, loop.ry)]

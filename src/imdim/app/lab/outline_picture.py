@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from imdim.program.outline import Loop, Outline, arc_radius, loop_curves
+import math
+
+from imdim.program.ellipse import Ellipse, ellipse_point
+from imdim.program.outline import Loop, Outline, arc_radii, arc_radius, ring_curves
 from imdim.program.tree import Primitive
 
 SIDE = 180.0  # of the picture, in pixels
@@ -30,8 +33,12 @@ def draw_outline(part: Primitive, unit: str) -> str:
 
 def _path(loop: Loop, scale: float, dx: float, dy: float) -> str:
     """One loop as an SVG path, whose y runs downwards."""
+    if isinstance(loop, Ellipse):
+        ends = [f"{x * scale + dx:.3f} {dy - y * scale:.3f}" for x, y in (ellipse_point(loop, t) for t in (0.0, math.pi))]
+        half = f"A{loop.rx * scale:.3f} {loop.ry * scale:.3f} {-loop.angle:.3f} 0 0"
+        return f"M{ends[0]} {half} {ends[1]} {half} {ends[0]} Z"
     steps = [f"M{loop[0][0] * scale + dx:.3f} {dy - loop[0][1] * scale:.3f}"]
-    for curve in loop_curves(loop):
+    for curve in ring_curves(loop):
         _, _, x, y, bulge = curve
         end = f"{x * scale + dx:.3f} {dy - y * scale:.3f}"
         radius = arc_radius(curve) * scale if bulge else 0.0
@@ -40,15 +47,18 @@ def _path(loop: Loop, scale: float, dx: float, dy: float) -> str:
 
 
 def _describe(outline: Outline, width: float, height: float, unit: str) -> str:
-    curves = outline.curves
     lines = [f"{_length(width, unit)} × {_length(height, unit)}, {outline.curve_count} curves"]
     radii: list[float] = []
-    for radius in sorted(arc_radius(curve) for curve in curves if curve[4]):
+    for radius in sorted(arc_radii(outline)):
         if not radii or radius - radii[-1] > SAME * max(width, height):
             radii.append(radius)
     if radii:
         more = f" and {len(radii) - MOST_RADII} more" if len(radii) > MOST_RADII else ""
         lines.append(f"radii {', '.join(_length(r, unit) for r in radii[:MOST_RADII])}{more}")
+    found = [f"{_length(2 * e.rx, unit)} × {_length(2 * e.ry, unit)}" for e in outline.loops if isinstance(e, Ellipse)]
+    if found:
+        more = f" and {len(found) - MOST_RADII} more" if len(found) > MOST_RADII else ""
+        lines.append(f"ellipses {', '.join(found[:MOST_RADII])}{more}")
     return "<br>".join(lines)
 
 

@@ -8,16 +8,17 @@ from __future__ import annotations
 
 import math
 
+from imdim.program.ellipse import Ellipse, are_near_ellipses
 from imdim.program.motions import Motion, is_round, move_leaf
-from imdim.program.outline import Loop, Outline, Point, loop_curves
+from imdim.program.outline import Loop, Outline, Point, Ring, ring_curves
 from imdim.program.rewrite.containment import along, axes, dot
 from imdim.program.tree import Primitive, Vec3
 from imdim.program.vectors import minus
 
 
 def anchor_of(p: Primitive, outline: Outline) -> Vec3:
-    """A point that moves along with the solid: the mean of an extrusion's vertices; of turned ones on the axis, or in the middle between
-    the ends."""
+    """A point that moves along with the solid: the mean of an extrusion's vertices and of ellipses' centres; of turned ones on the axis,
+    or in the middle between the ends."""
     x, y = _mean(outline)
     u, v, w = axes(p)
     if p.kind == "extrude":
@@ -30,14 +31,23 @@ def anchor_of(p: Primitive, outline: Outline) -> Vec3:
 
 
 def _mean(outline: Outline) -> Point:
-    vertices = [vertex for loop in outline.loops for vertex in loop]
+    vertices = [vertex for loop in outline.loops for vertex in ([(loop.x, loop.y)] if isinstance(loop, Ellipse) else loop)]
     return math.fsum(v[0] for v in vertices) / len(vertices), math.fsum(v[1] for v in vertices) / len(vertices)
 
 
 def lengths_of(p: Primitive, outline: Outline) -> tuple[float, ...]:
-    """Lengths that no motion changes: the height or how far the outermost vertex turns, and the chords by their length."""
-    turned = math.radians(p.size[0]) * max(x for loop in outline.loops for x, _, _ in loop) if p.kind == "revolve" else p.size[0]
-    return (turned, *sorted(math.hypot(u - x, v - y) for x, y, u, v, _ in outline.curves))
+    """Lengths that no motion changes: the height or how far the outermost vertex turns, the chords by their length, and semi-axes."""
+    turned = math.radians(p.size[0]) * _reach(outline) if p.kind == "revolve" else p.size[0]
+    chords = sorted(math.hypot(u - x, v - y) for ring in outline.rings for x, y, u, v, _ in ring_curves(ring))
+    semi_axes = sorted(r for loop in outline.loops if isinstance(loop, Ellipse) for r in sorted((loop.rx, loop.ry)))
+    return (turned, *chords, *semi_axes)
+
+
+def _reach(outline: Outline) -> float:
+    """How far vertices lie from the axis of what is turned, and ellipses reach."""
+    return max(
+        [*(x for ring in outline.rings for x, _, _ in ring), *(e.x + max(e.rx, e.ry) for e in outline.loops if isinstance(e, Ellipse))]
+    )
 
 
 def is_outlined_moved(a: Primitive, b: Primitive, motion: Motion, tolerance: float) -> bool:
@@ -66,9 +76,19 @@ def _extruded_loops(a: Primitive, b: Primitive, tolerance: float) -> list[Loop] 
         at = along(along(off, u, p), v, q)
         return dot(at, x), dot(at, y), dot(at, z)
 
-    placed = [[(*place(p, q), facing * bulge) for p, q, bulge in loop] for loop in a.outline.loops]
-    far = max(abs(point[2]) for loop in placed for point in loop)
-    return None if far > tolerance else [tuple((p, q, bulge) for p, q, _, bulge in loop) for loop in placed]
+    ends = [(e.x + c * e.rx, e.y + s * e.rx) for e in a.outline.loops if isinstance(e, Ellipse) for c, s in (e.along,)]
+    vertices = [(p, q) for ring in a.outline.rings for p, q, _ in ring]
+    if max(abs(place(p, q)[2]) for p, q in (*vertices, *ends)) > tolerance:
+        return None
+
+    def place_loop(loop: Loop) -> Loop:
+        if not isinstance(loop, Ellipse):
+            return tuple((*place(p, q)[:2], facing * bulge) for p, q, bulge in loop)
+        (c, s), (p, q, _) = loop.along, place(loop.x, loop.y)
+        tip = place(loop.x + c, loop.y + s)
+        return Ellipse(loop.rx, loop.ry, p, q, math.degrees(math.atan2(tip[1] - q, tip[0] - p)))
+
+    return [place_loop(loop) for loop in a.outline.loops]
 
 
 def _turned_loops(a: Primitive, b: Primitive, tolerance: float) -> list[Loop] | None:
@@ -76,7 +96,7 @@ def _turned_loops(a: Primitive, b: Primitive, tolerance: float) -> list[Loop] | 
     assert a.outline is not None
     (u, _, w), (x, y, z) = axes(a), axes(b)
     off, facing = minus(a.center, b.center), math.copysign(1.0, dot(w, z))
-    radius = max(p for loop in a.outline.loops for p, _, _ in loop)
+    radius = _reach(a.outline)
     beside = math.hypot(dot(off, x), dot(off, y)) + radius * math.dist(w, (facing * z[0], facing * z[1], facing * z[2]))
     if beside > tolerance:
         return None
@@ -87,7 +107,13 @@ def _turned_loops(a: Primitive, b: Primitive, tolerance: float) -> list[Loop] | 
         if radius * math.dist(u, first) > tolerance:
             return None
     height = dot(off, z)
-    return [tuple((p, height + facing * q, facing * bulge) for p, q, bulge in loop) for loop in a.outline.loops]
+
+    def place_loop(loop: Loop) -> Loop:
+        if isinstance(loop, Ellipse):
+            return Ellipse(loop.rx, loop.ry, loop.x, height + facing * loop.y, facing * loop.angle)
+        return tuple((p, height + facing * q, facing * bulge) for p, q, bulge in loop)
+
+    return [place_loop(loop) for loop in a.outline.loops]
 
 
 def _same_loops(a: list[Loop], b: tuple[Loop, ...], tolerance: float) -> bool:
@@ -102,6 +128,8 @@ def _same_loops(a: list[Loop], b: tuple[Loop, ...], tolerance: float) -> bool:
 
 def _same_loop(a: Loop, b: Loop, tolerance: float) -> bool:
     """Whether two loops run through the same places, from whichever vertex and either way."""
+    if isinstance(a, Ellipse) or isinstance(b, Ellipse):
+        return isinstance(a, Ellipse) and isinstance(b, Ellipse) and are_near_ellipses(a, b, tolerance)
     if len(a) != len(b):
         return False
     nodes, others = _nodes(a), _nodes(b)
@@ -115,9 +143,9 @@ def _same_loop(a: Loop, b: Loop, tolerance: float) -> bool:
     return False
 
 
-def _nodes(loop: Loop) -> list[Point]:
+def _nodes(loop: Ring) -> list[Point]:
     """The vertices, and after each the middle of its curve."""
     out: list[Point] = []
-    for x, y, u, v, bulge in loop_curves(loop):
+    for x, y, u, v, bulge in ring_curves(loop):
         out += [(x, y), ((x + u + bulge * (v - y)) / 2, (y + v - bulge * (u - x)) / 2)]
     return out

@@ -10,6 +10,7 @@ import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.surface import Surface
+from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Curve, arc_center, arc_radius
 from imdim.program.tree import Primitive
 from imdim.search.arrangement import Arrangement, span_along
@@ -59,8 +60,10 @@ class Carriers:
         ends = self._free_ends(center, axes[:, 2], leaf.size[-1]) if leaf.kind in ("cylinder", "cone") else 0
         return ends + self._free_wall(leaf, center, axes[:, 2])
 
-    def _free_side(self, leaf: Primitive, axes: np.ndarray, curve: Curve) -> int:
+    def _free_side(self, leaf: Primitive, axes: np.ndarray, curve: Curve | Ellipse) -> int:
         """Whether the face that one curve of an outline draws lies on nothing; of turned ones only planes and cylinders are known."""
+        if isinstance(curve, Ellipse):
+            return 1
         x, y, u, v, bulge = curve
         across = leaf.kind == "extrude"
         side = axes[:, 1] if across else axes[:, 2]

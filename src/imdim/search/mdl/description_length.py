@@ -39,5 +39,5 @@ def _numbers(leaf: Primitive) -> int:
     whole = turned and leaf.size[0] == FULL_TURN
     free = outline_coordinates(leaf.outline, turned).count
     # the coordinates of an extrusion's vertices tell how it is turned about its axis, unless some of them are one
-    spun = not turned and free < sum(2 + (bulge != 0) for loop in leaf.outline.loops for _, _, bulge in loop)
+    spun = not turned and free < sum(2 + (bulge != 0) for ring in leaf.outline.rings for _, _, bulge in ring)
     return PLACE[leaf.kind] + (not whole) + spun + free

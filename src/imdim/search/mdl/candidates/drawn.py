@@ -21,6 +21,7 @@ from imdim.geometry.lowering import Outlines
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis
 from imdim.geometry.surface import vec
 from imdim.numbers.outline_coordinates import center_leaf
+from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Loop, Outline, check_crossings, loop_area
 from imdim.program.plain_outlines import to_simple
 from imdim.program.tree import FULL_TURN, Primitive
@@ -97,6 +98,8 @@ def redraw(leaf: Primitive) -> Iterator[Primitive]:
 
 def _plainer(loop: Loop) -> Iterator[tuple[float, Loop]]:
     """The loop without one of its vertices or with one arc drawn straight, and how far that moves it."""
+    if isinstance(loop, Ellipse):
+        return
     for k, (x, y, bulge) in enumerate(loop):
         (ax, ay, _), (bx, by, _) = loop[k - 1], loop[(k + 1) % len(loop)]
         if len(loop) > 3:
