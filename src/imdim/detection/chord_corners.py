@@ -15,7 +15,7 @@ import numpy as np
 from imdim.detection.fit_surface import fit_surface
 from imdim.geometry.surface import Patch, signed_distance
 
-BENT_ONE_WAY = ("sphere", "cylinder", "cone", "ellipsoid")  # all of whose chords lie on one side
+BENT_ONE_WAY = ("sphere", "cylinder", "cone", "ellipsoid", "elliptic")  # all of whose chords lie on one side
 EXACT = 2e-6  # of the diagonal: what single precision leaves of corners that lie on a surface
 INNER = 0.25  # share of the points, the innermost, that each round leaves out
 LEAST_SHARE, LEAST_POINTS = 0.5, 9  # of a patch's points, that must lie on the surface; nine fix an ellipsoid

@@ -70,7 +70,8 @@ def level_axes(surface: Surface, tolerance: float) -> Surface:
 
 
 def ellipsoid_residual(center: np.ndarray, frame: np.ndarray, sizes: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Signed distances [n] and their derivatives [n, 9] with respect to the step of `move_ellipsoid`.
+    """Signed distances [n] and their derivatives [n, 9] with respect to the step of `move_ellipsoid`; of an elliptic cylinder with an
+    infinite third semi-axis, along which nothing changes.
 
     The derivatives are those on the surface, where the field is exact.
     """

@@ -22,6 +22,8 @@ def starts(kind: str, points: np.ndarray, normals: np.ndarray | None) -> list[Su
     if kind == "ellipsoid":
         ball = _sphere(points)
         return [quadric_ellipsoid(points) or make_ellipsoid(np.asarray(ball.point), np.eye(3), np.repeat(ball.sizes, 3))]
+    if kind == "elliptic":
+        raise ValueError("an elliptic cylinder is fitted from a start")
     if normals is None:
         return _sweep_axes(kind, points) + (_by_own_normals(points) if kind == "torus" and len(points) >= 16 else [])
     normals = np.asarray(normals, float)

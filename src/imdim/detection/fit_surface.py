@@ -10,19 +10,22 @@ import numpy as np
 from imdim.detection.fit_ellipsoid import ellipsoid_residual, make_ellipsoid, move_ellipsoid
 from imdim.detection.fit_start import basis, starts
 from imdim.geometry.sampling import subsample
-from imdim.geometry.surface import SURFACE_KINDS, Surface, signed_distance, vec
+from imdim.geometry.surface import FRAMED, SURFACE_KINDS, Surface, make_elliptic, signed_distance, vec
 
-MIN_POINTS = {"plane": 3, "sphere": 4, "cylinder": 5, "cone": 6, "torus": 7, "ellipsoid": 9}
+MIN_POINTS = {"plane": 3, "sphere": 4, "cylinder": 5, "cone": 6, "torus": 7, "ellipsoid": 9, "elliptic": 7}
 # columns of the step that each way of holding the axis leaves out
 _FROZEN: dict[str, tuple[int, ...]] = {"": (), "axis": (2, 3), "line": (0, 1, 2, 3)}
-_FROZEN_FRAME: dict[str, tuple[int, ...]] = {"": (), "axis": (3, 4, 5)}  # of an ellipsoid, which has no line
+_FROZEN_FRAME: dict[str, dict[str, tuple[int, ...]]] = {
+    "ellipsoid": {"": (), "axis": (3, 4, 5)},  # which has no line
+    "elliptic": {"": (), "axis": (3, 4), "line": (0, 1, 2, 3, 4)},
+}
 
 
 @dataclass(frozen=True)
 class _SurfaceState:
     """Moving frame of the iteration: a point, an axis and the kind's numbers; a cone is (radius at `point`, half angle of either sign).
 
-    An ellipsoid alone has a `frame` [3, 3], its semi-axes.
+    An ellipsoid and an elliptic cylinder have a `frame` [3, 3], their semi-axes, the third `sizes` of the latter being infinite.
     """
 
     kind: str
@@ -48,7 +51,7 @@ def fit_surface(
     With `scale` the fit is robust: Tukey's biweight that ignores points farther than 3 `scale`, and the rms is the weighted one.
     With `hold` of "axis" the start's direction (an ellipsoid's three) is kept, with "line" the start's whole axis of revolution (a torus
     still slides along it).
-    Raises ValueError for an unknown kind, too few points or numbers that are not finite.
+    Raises ValueError for an unknown kind, too few points or numbers that are not finite, and for an elliptic cylinder without a start.
     """
     points = np.asarray(points, float)
     _check(kind, points)
@@ -59,7 +62,7 @@ def fit_surface(
     if kind == "plane":
         surface, rms = _fit_plane(local, begin, reach, hold)
     else:
-        frozen = (_FROZEN_FRAME if kind == "ellipsoid" else _FROZEN)[hold]
+        frozen = _FROZEN_FRAME.get(kind, _FROZEN)[hold]
         surface, rms = _best_of(kind, [begin] if begin else starts(kind, local, normals), local, reach, iterations, frozen)
     return _unscale(surface, middle, size), rms * size
 
@@ -133,8 +136,8 @@ def _best_of(
 
 def _state(surface: Surface) -> _SurfaceState:
     point, axis = np.asarray(surface.point, float), np.asarray(surface.axis, float)
-    if surface.kind == "ellipsoid":
-        return _SurfaceState("ellipsoid", point, axis, np.asarray(surface.sizes, float), surface.frame)
+    if surface.kind in FRAMED:
+        return _SurfaceState(surface.kind, point, axis, surface.semi_axes, surface.frame)
     if surface.kind != "cone":
         return _SurfaceState(surface.kind, point, axis, np.asarray(surface.sizes, float))
     # the points' middle is the origin: a reference circle at its height keeps slender cones well conditioned
@@ -145,6 +148,9 @@ def _state(surface: Surface) -> _SurfaceState:
 def _surface(state: _SurfaceState, local: np.ndarray) -> Surface:
     if state.kind == "ellipsoid":
         return make_ellipsoid(state.point, state.frame, state.sizes)
+    if state.kind == "elliptic":
+        along = state.frame[:, 2]
+        return make_elliptic(state.point - (state.point @ along) * along, along, state.frame[:, 0], state.sizes)
     sizes = tuple(float(abs(s)) for s in state.sizes)
     if state.kind != "cone":
         point = state.point
@@ -202,9 +208,9 @@ def _loss(distance: np.ndarray, scale: float | None) -> float:
 def _move(state: _SurfaceState, step: np.ndarray) -> _SurfaceState:
     if state.kind == "sphere":
         return _SurfaceState("sphere", state.point + step[:3], state.axis, state.sizes + step[3:])
-    if state.kind == "ellipsoid":
+    if state.kind in FRAMED:
         point, frame, sizes = move_ellipsoid(state.point, state.frame, state.sizes, step)
-        return _SurfaceState("ellipsoid", point, frame[:, 2], sizes, frame)
+        return _SurfaceState(state.kind, point, frame[:, 2], sizes, frame)
     u, v = basis(state.axis)
     point = state.point + step[0] * u + step[1] * v
     axis = state.axis + step[2] * u + step[3] * v
@@ -216,7 +222,7 @@ def _move(state: _SurfaceState, step: np.ndarray) -> _SurfaceState:
 
 def _residual(state: _SurfaceState, local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Signed distances [n] and their derivatives [n, p] with respect to the step of `_move`."""
-    if state.kind == "ellipsoid":
+    if state.kind in FRAMED:
         return ellipsoid_residual(state.point, state.frame, state.sizes, local)
     q = local - state.point
     if state.kind == "sphere":

@@ -8,6 +8,7 @@ import numpy as np
 
 from imdim.detection.facets import Facets, Growing, points_of
 from imdim.detection.fit_ellipsoid import lies_on, quadric_ellipsoid
+from imdim.detection.fit_elliptic import elliptic_guesses
 from imdim.detection.fit_surface import fit_surface
 from imdim.detection.mesh_support import members_of
 from imdim.geometry.surface import Surface, vec
@@ -32,6 +33,7 @@ def hypotheses(seed: int, state: Growing) -> list[tuple[float, Surface]]:
     # where strips and trios explain all around them, the fits that take longest could explain no more
     if len(ring) >= 8 and any(len(members_of(guess, state, 1.0, ring)) == len(ring) for _, guess in out):
         return out
+    out += [(0.97, s) for s in elliptic_guesses(seed, near, state)]
     if len(ring) >= 4:
         points, point_normals = _corner_normals(facets, ring)
         # a small ring keeps clear of cuts, a wide one is more exact

@@ -9,16 +9,17 @@ import numpy as np
 
 from imdim.detection.facets import Facets, Growing, MeshSurfaceConfig, points_of
 from imdim.detection.fit_ellipsoid import lies_on
+from imdim.detection.fit_elliptic import turn_elliptic
 from imdim.detection.fit_surface import MIN_POINTS, fit_surface
 from imdim.geometry.rotations import frame_from_axis
 from imdim.geometry.sampling import subsample
-from imdim.geometry.surface import Surface, is_spindle, normals, signed_distance, unit, vec
+from imdim.geometry.surface import FRAMED, Surface, is_spindle, normals, signed_distance, unit, vec
 
 # facets along a patch; four circles of corners may lie on a torus by mere symmetry, three similar ellipses on an ellipsoid
 LEAST_STEPS = {"sphere": 2.5, "torus": 4.5, "ellipsoid": 3.5}
 LEAN = 0.6  # of what it leans by at a corner: what a facet may lean by in its middle
 LEVEL = math.radians(2.0)  # beside that
-LEAST_TURN = {"ellipsoid": 30.0}  # degrees, on the ball; any smooth surface is one for less
+LEAST_TURN = {"ellipsoid": 30.0, "elliptic": 60.0}  # degrees, on the ball; any smooth surface is one for less
 
 
 def settle(guess: Surface, state: Growing) -> tuple[Surface, np.ndarray] | None:
@@ -43,7 +44,7 @@ def settle(guess: Surface, state: Growing) -> tuple[Surface, np.ndarray] | None:
     if not believable(surface, members, facets):
         return None
     surface = _polish(surface, facets, members, config)
-    was_drawn = surface.kind != "ellipsoid" or lies_on(surface, points_of(facets, members), facets.diagonal)
+    was_drawn = surface.kind not in FRAMED or lies_on(surface, points_of(facets, members), facets.diagonal)
     return (surface, members) if was_drawn else None
 
 
@@ -56,11 +57,12 @@ def _fit_carrier(
     is not good a robust one follows those on the curve.
     """
     hold = ""
-    if surface.kind == "cylinder":
+    if surface.kind in ("cylinder", "elliptic"):
         n = facets.normals[members] * np.sqrt(facets.areas[members])[:, None]
         spread, vectors = np.linalg.eigh(n.T @ n)
         if spread[1] > 1e-3 * spread[2]:
-            surface, hold = replace(surface, axis=vec(vectors[:, 0])), "axis"
+            axis, hold = vectors[:, 0] * np.sign(vectors[:, 0] @ surface.axis), "axis"
+            surface = turn_elliptic(surface, axis) if surface.kind == "elliptic" else replace(surface, axis=vec(vectors[:, 0]))
     tolerance = config.on_surface * facets.diagonal
     fitted, rms = fit_surface(surface.kind, points, start=surface, iterations=12, hold=hold)
     if rms > 0.3 * tolerance:
@@ -71,7 +73,7 @@ def _fit_carrier(
 def _polish(surface: Surface, facets: Facets, members: np.ndarray, config: MeshSurfaceConfig) -> Surface:
     """Reweighted twice with the scale of the better half: a design's corners are exact but for those that cuts made."""
     points = points_of(facets, members)
-    hold = "axis" if surface.kind == "cylinder" else ""
+    hold = "axis" if surface.kind in ("cylinder", "elliptic") else ""
     for _ in range(2):
         scale = 3 * float(np.median(np.abs(signed_distance(surface, points)))) + 1e-7 * facets.diagonal
         polished, rms = fit_surface(surface.kind, points, start=surface, scale=scale, iterations=12, hold=hold)
@@ -122,7 +124,7 @@ def _following(surface: Surface, corners: np.ndarray, facing: np.ndarray, blur: 
     """
     probes = np.concatenate([corners, corners.mean(1, keepdims=True)], axis=1)
     direction = normals(surface, probes.reshape(-1, 3))
-    if surface.kind == "ellipsoid":
+    if surface.kind in FRAMED:
         direction, facing = to_ball(surface, direction), to_ball(surface, facing)
     along = np.abs(np.einsum("tci,ti->tc", direction.reshape(probes.shape), facing))
     if surface.kind == "cone":
@@ -133,8 +135,9 @@ def _following(surface: Surface, corners: np.ndarray, facing: np.ndarray, blur: 
 
 
 def to_ball(surface: Surface, direction: np.ndarray) -> np.ndarray:
-    """Normals [n, 3] of an ellipsoid as they are on the unit ball that it is stretched from, in its frame."""
-    return unit((direction @ surface.frame) * surface.sizes)
+    """Normals [n, 3] of an ellipsoid, or an elliptic cylinder, as they are on the unit ball, or the round one, that it is stretched from,
+    in its frame."""
+    return unit((direction @ surface.frame) * (*surface.sizes, 1.0)[:3])
 
 
 def _without_flats(surface: Surface, members: np.ndarray, fine: np.ndarray, along: np.ndarray, state: Growing) -> np.ndarray:
@@ -155,14 +158,14 @@ def _without_flats(surface: Surface, members: np.ndarray, fine: np.ndarray, alon
 
 def believable(surface: Surface, members: np.ndarray, facets: Facets) -> bool:
     """Enough facets for the turn they make: two coarse strips are a chamfer, not a cylinder."""
-    least = {"cylinder": 3, "cone": 3, "sphere": 6, "torus": 8, "ellipsoid": 12}[surface.kind]
+    least = {"cylinder": 3, "cone": 3, "sphere": 6, "torus": 8, "ellipsoid": 12, "elliptic": 7}[surface.kind]
     if surface.kind == "cone" and surface.sizes[0] > 1.35:
         least = 8  # nearly flat
     if len(members) < least:
         return False
     if surface.kind in LEAST_STEPS and _least_steps(surface, members, facets) < LEAST_STEPS[surface.kind]:
         return False
-    n = facets.normals[members] if surface.kind != "ellipsoid" else to_ball(surface, facets.normals[members])
+    n = to_ball(surface, facets.normals[members]) if surface.kind in FRAMED else facets.normals[members]
     turn = np.arccos(np.clip((n @ n.T).min() if len(n) < 800 else -1.0, -1, 1))
     return turn > np.radians(LEAST_TURN.get(surface.kind, 4.0))
 

@@ -10,6 +10,7 @@ from itertools import chain
 import numpy as np
 
 from imdim.detection.fit_ellipsoid import level_axes
+from imdim.detection.fit_elliptic import turn_elliptic
 from imdim.detection.fit_surface import MIN_POINTS, fit_surface
 from imdim.geometry.sampling import subsample
 from imdim.geometry.surface import AXISLESS, Patch, Surface, is_spindle, signed_distance, vec
@@ -115,13 +116,15 @@ def _turn(item: _Item, direction: np.ndarray) -> bool:
         return True
     # turn about the patch, not about a far point of the carrier
     middle = item.points.mean(0)
-    point = item.foot(middle) if item.surface.kind == "cylinder" else item.point
+    point = item.foot(middle) if item.surface.kind in ("cylinder", "elliptic") else item.point
+    if item.surface.kind == "elliptic":
+        return item.refit(replace(turn_elliptic(item.surface, direction), point=vec(point)), "axis")
     return item.refit(replace(item.surface, axis=vec(direction), point=vec(point)), "axis")
 
 
 def _share_axes(firm: list[_Item]) -> None:
     """Axes of revolution that are parallel and near become one line; centres of spheres near a line move onto it."""
-    heads = _share(firm, ("cylinder", "cone", "torus"), _onto_line)
+    heads = _share(firm, ("cylinder", "cone", "torus", "elliptic"), _onto_line)
     for item in firm:
         if item.surface.kind == "sphere":
             for head in heads:

@@ -11,9 +11,10 @@ cylinder   a point on the axis      axis                                        
 cone       apex                     from the apex into the nappe that is used   (half_angle_rad,)
 torus      centre                   axis                                        (r_major, r_minor)
 ellipsoid  centre                   along the third semi-axis                   (rx, ry, rz)
+elliptic   a point on the axis      axis                                        (rx, ry)
 =========  =======================  ==========================================  ================
 
-An ellipsoid alone also has `across`, the unit vector along its first semi-axis.
+An ellipsoid and an elliptic cylinder also have `across`, the unit vector along the first semi-axis.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ import numpy as np
 
 from imdim.program.tree import Vec3
 
-SURFACE_KINDS = ("plane", "sphere", "cylinder", "cone", "torus", "ellipsoid")
+SURFACE_KINDS = ("plane", "sphere", "cylinder", "cone", "torus", "ellipsoid", "elliptic")
 AXISLESS = ("sphere", "ellipsoid")  # whose axis is none that other surfaces of a part share
+FRAMED = ("ellipsoid", "elliptic")  # that have semi-axes
 CLOSED_KINDS = ("sphere", "torus", "ellipsoid")  # that bound a solid by themselves
 
 
@@ -42,9 +44,14 @@ class Surface:
 
     @property
     def frame(self) -> np.ndarray:
-        """The rotation [3, 3] whose columns are an ellipsoid's semi-axes."""
+        """The rotation [3, 3] whose columns are the semi-axes, the third the axis of an elliptic cylinder."""
         x, z = np.asarray(self.across), np.asarray(self.axis)
         return np.stack([x, np.cross(z, x), z], axis=1)
+
+    @property
+    def semi_axes(self) -> np.ndarray:
+        """The semi-axes [3] of a FRAMED kind; an elliptic cylinder's third is infinite."""
+        return np.array(self.sizes if self.kind == "ellipsoid" else (*self.sizes, np.inf))
 
 
 @dataclass(frozen=True)
@@ -67,6 +74,11 @@ def vec(v: np.ndarray) -> Vec3:
     return (float(v[0]), float(v[1]), float(v[2]))
 
 
+def make_elliptic(point: np.ndarray, axis: np.ndarray, across: np.ndarray, semi_axes: np.ndarray) -> Surface:
+    """The elliptic cylinder about a line through `point` [3] along a unit `axis` [3], its first semi-axis along `across`."""
+    return Surface("elliptic", vec(point), vec(axis), (float(semi_axes[0]), float(semi_axes[1])), vec(across))
+
+
 def is_spindle(surface: Surface) -> bool:
     """Whether this is a torus that crosses itself, r_minor > r_major, which no primitive is."""
     return surface.kind == "torus" and surface.sizes[1] > surface.sizes[0]
@@ -75,8 +87,8 @@ def is_spindle(surface: Surface) -> bool:
 def signed_distance(surface: Surface, points: np.ndarray) -> np.ndarray:
     """Signed distance [n] of `points` [n, 3]: negative on the side of the axis or centre, and behind a plane's normal.
 
-    The cone is the single nappe along +axis; its distance is exact outside the apex region. The ellipsoid's is that of its own field,
-    |q| (|q| - 1) / |gradient|, exact to second order near the surface.
+    The cone is the single nappe along +axis; its distance is exact outside the apex region. The ellipsoid's and the elliptic cylinder's
+    are those of their own fields, |q| (|q| - 1) / |gradient|, exact to second order near the surface.
     """
     q = np.asarray(points, float) - surface.point
     axis = np.asarray(surface.axis)
@@ -84,8 +96,8 @@ def signed_distance(surface: Surface, points: np.ndarray) -> np.ndarray:
         return q @ axis
     if surface.kind == "sphere":
         return np.linalg.norm(q, axis=1) - surface.sizes[0]
-    if surface.kind == "ellipsoid":
-        level, slope = ellipsoid_field(q @ surface.frame, np.asarray(surface.sizes))
+    if surface.kind in FRAMED:
+        level, slope = ellipsoid_field(q @ surface.frame, surface.semi_axes)
         return (level - 1) * np.where(slope > 0, level / np.maximum(slope, 1e-300), min(surface.sizes))
     h = q @ axis
     rho = np.sqrt(np.maximum((q * q).sum(1) - h * h, 0.0))
@@ -106,8 +118,8 @@ def normals(surface: Surface, points: np.ndarray) -> np.ndarray:
         return np.broadcast_to(axis, q.shape)
     if surface.kind == "sphere":
         return unit(q)
-    if surface.kind == "ellipsoid":
-        return unit((q @ surface.frame) / np.square(surface.sizes)) @ surface.frame.T
+    if surface.kind in FRAMED:
+        return unit((q @ surface.frame) / np.square(surface.semi_axes)) @ surface.frame.T
     h = q @ axis
     radial = unit(q - h[:, None] * axis)
     if surface.kind == "cylinder":

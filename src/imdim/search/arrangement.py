@@ -100,6 +100,9 @@ def _outer(curved: Sequence[Surface], box: np.ndarray, reach: float) -> np.ndarr
         if surface.kind == "cylinder":
             center = center + ((box.mean(0) - center) @ axis) * axis
             extent = surface.sizes[0] * np.sqrt(np.maximum(1 - axis**2, 0))
+        elif surface.kind == "elliptic":
+            center = center + ((box.mean(0) - center) @ axis) * axis
+            extent = np.linalg.norm(surface.frame[:, :2] * surface.sizes, axis=1)
         elif surface.kind == "ellipsoid":
             extent = np.linalg.norm(surface.frame * surface.sizes, axis=1)
         else:
@@ -227,7 +230,7 @@ def _propose_offsets(surface: Surface, v: np.ndarray) -> list[tuple[float, float
         return [(1e3, at)] if along > PARALLEL or along < ORTHOGONAL else []
     if surface.kind in AXISLESS:
         return [(1.0, at)]
-    radius = surface.sizes[0]
+    radius = float(np.linalg.norm(v @ surface.frame[:, :2] * surface.sizes)) if surface.kind == "elliptic" else surface.sizes[0]
     if surface.kind == "torus":
         return [(1.0, at), (0.5, at - surface.sizes[1]), (0.5, at + surface.sizes[1])] if along > PARALLEL else []
     return [(1.0, at), (0.5, at - radius), (0.5, at + radius)] if along < ORTHOGONAL else []

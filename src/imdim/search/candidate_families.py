@@ -17,6 +17,8 @@ import numpy as np
 
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis
 from imdim.geometry.surface import Surface, vec
+from imdim.program.ellipse import Ellipse
+from imdim.program.outline import Outline
 from imdim.program.tree import Primitive
 from imdim.search.arrangement import Arrangement
 from imdim.search.cells import Cells
@@ -213,13 +215,26 @@ def closed_solid(surface: Surface) -> Primitive:
 
 
 def _cap(surface: Surface, direction: np.ndarray, lo: float, hi: float) -> Primitive:
-    """The cylinder or cone between two planes perpendicular to its axis; a cone starts at its apex at the earliest."""
+    """The cylinder, elliptic or not, or cone between two planes perpendicular to its axis; a cone starts at its apex at the earliest."""
     point = np.asarray(surface.point)
     at = float(point @ direction)
     radii = surface.sizes
+    if surface.kind == "elliptic":
+        return elliptic_solid(surface, direction, lo, hi)
     if surface.kind == "cone":
         opens_up = float(np.asarray(surface.axis) @ direction) > 0
         lo, hi = (max(lo, at), hi) if opens_up else (lo, min(hi, at))
         radii = tuple(abs(end - at) * math.tan(surface.sizes[0]) for end in (lo, hi))
     center = point - at * direction + (lo + hi) / 2 * direction
     return Primitive(surface.kind, (*radii, hi - lo), vec(center), euler_from_matrix(frame_from_axis(direction)))
+
+
+def elliptic_solid(surface: Surface, direction: np.ndarray, lo: float, hi: float) -> Primitive:
+    """The extruded ellipse of an elliptic cylinder between two offsets along its axis, or against it."""
+    frame = frame_from_axis(direction)
+    across = np.asarray(surface.across) @ frame
+    point = np.asarray(surface.point)
+    center = point + ((lo + hi) / 2 - float(point @ direction)) * direction
+    rx, ry = surface.sizes
+    loop = Ellipse(rx, ry, angle=math.degrees(math.atan2(across[1], across[0]))).plain
+    return Primitive("extrude", (hi - lo,), vec(center), euler_from_matrix(frame), Outline((loop,)))

@@ -21,6 +21,7 @@ from imdim.program.cost import cost
 from imdim.program.rewrite.containment_rules import ContainmentProver
 from imdim.program.rewrite.simplify import reduce_program
 from imdim.program.tree import Combine, Primitive, Program, combine_all
+from imdim.search.candidate_families import elliptic_solid
 from imdim.search.decision_tree import Leaf, Split, Tree
 
 PARALLEL_SINE = math.sin(math.radians(0.5))  # planes closer than this to parallel, or to a right angle, share a box
@@ -141,6 +142,8 @@ def _solid(surface: Surface, bounds: _Bounds) -> Primitive:
         return Primitive("sphere", surface.sizes, surface.point)
     if surface.kind == "ellipsoid":
         return Primitive("ellipsoid", surface.sizes, surface.point, _tidy(euler_from_matrix(surface.frame)))
+    if surface.kind == "elliptic":
+        return elliptic_solid(surface, axis, *bounds.extent(axis, bounds.margin))
     rotation = _tidy(euler_from_matrix(frame_from_axis(axis)))
     if surface.kind == "torus":
         return Primitive("torus", surface.sizes, surface.point, rotation)
