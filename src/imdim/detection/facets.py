@@ -102,6 +102,7 @@ class MeshSurfaceConfig:
     max_planes: int = 160
     least_plane: float = 2e-7  # of the squared diagonal
     same_plane_deg: float = 0.3
+    elliptic: bool = True  # whether elliptic cylinders are looked for: only outlines can say them
 
 
 @dataclass

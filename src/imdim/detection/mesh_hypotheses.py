@@ -33,7 +33,8 @@ def hypotheses(seed: int, state: Growing) -> list[tuple[float, Surface]]:
     # where strips and trios explain all around them, the fits that take longest could explain no more
     if len(ring) >= 8 and any(len(members_of(guess, state, 1.0, ring)) == len(ring) for _, guess in out):
         return out
-    out += [(0.97, s) for s in elliptic_guesses(seed, near, state)]
+    if state.config.elliptic:
+        out += [(0.97, s) for s in elliptic_guesses(seed, near, state)]
     if len(ring) >= 4:
         points, point_normals = _corner_normals(facets, ring)
         # a small ring keeps clear of cuts, a wide one is more exact

@@ -32,17 +32,17 @@ class Shown(NamedTuple):
     members: np.ndarray
 
 
-def detect_patches(mesh: trimesh.Trimesh, deadline: Deadline = NEVER) -> list[Patch]:
-    """Carriers with their visible pieces, curved ones first, each kind by falling area.
+def detect_patches(mesh: trimesh.Trimesh, deadline: Deadline = NEVER, elliptic: bool = True) -> list[Patch]:
+    """Carriers with their visible pieces, curved ones first, each kind by falling area; elliptic cylinders where these are asked for.
 
     No more curved ones are looked for past the `deadline`: what they would have explained shows planes.
     """
-    return [shown.patch for shown in detect_shown(facets_of(mesh), deadline)]
+    return [shown.patch for shown in detect_shown(facets_of(mesh), deadline, elliptic)]
 
 
-def detect_shown(facets: Facets, deadline: Deadline = NEVER) -> list[Shown]:
+def detect_shown(facets: Facets, deadline: Deadline = NEVER, elliptic: bool = True) -> list[Shown]:
     """As `detect_patches`, with the facets that show each; no facet shows two."""
-    config = MeshSurfaceConfig()
+    config = MeshSurfaceConfig(elliptic=elliptic)
     curved, free = _find_curved(facets, np.ones(len(facets.areas), bool), config, deadline)
     # corners where two tessellations cut each other lie on chords: what the strict pass leaves gets a second one
     looser = replace(config, on_surface=config.loose, max_failures=config.max_failures // 3)

@@ -51,11 +51,13 @@ class UnitBody:
     patches: list[Patch] | None = None
 
     @staticmethod
-    def of(unit: Target, rng: np.random.Generator, patches: list[Patch] | None = None, detect_by: Deadline = NEVER) -> UnitBody:
+    def of(
+        unit: Target, rng: np.random.Generator, patches: list[Patch] | None = None, detect_by: Deadline = NEVER, outlines: bool = True
+    ) -> UnitBody:
         """A body that is in its unit frame, with its noise measured, and the `patches` of a mesh: those given, or those found until
-        `detect_by` (by default all)."""
+        `detect_by` (by default all), elliptic cylinders if programs may have `outlines`."""
         if unit.mesh is not None:
-            patches = detect_patches(unit.mesh, detect_by) if patches is None else patches
+            patches = detect_patches(unit.mesh, detect_by, elliptic=outlines) if patches is None else patches
             return UnitBody(unit, measure_mesh_noise(unit.mesh, patches), patches)
         noise, kept = measure_noise(unit.points, rng)
         if len(kept) < len(unit.points):

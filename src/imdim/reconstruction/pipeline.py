@@ -290,7 +290,8 @@ def _body(body: Target, work: _Work, share: float = 1.0) -> Iterator[_BodyState]
     aside = set_edges_aside(unit, detect_by) if work.settings.language == "cad" else SetAside(unit)
     cut = body.mesh is not None and detect_by.has_passed()
     chains, kept = (tuple(place_chain(chain, frame) for chain in found) for found in (aside.chains, aside.kept))
-    for state in _sharp_body(body, UnitBody.of(aside.target, work.rng, aside.patches, detect_by), frame, work, share, bool(chains)):
+    observed = UnitBody.of(aside.target, work.rng, aside.patches, detect_by, work.settings.language == "cad")
+    for state in _sharp_body(body, observed, frame, work, share, bool(chains)):
         yield replace(state, chains=chains, kept=kept, stop=CUT if cut else state.stop)
 
 

@@ -26,6 +26,8 @@ from imdim.search.group_sums import Slots
 from imdim.search.kernels import axial_best, best_box, box_best, merge_slabs
 from imdim.search.outline_families import NO_PLANES, OutlineCells, PricedPlanes
 
+ALONG_AXIS = 1 - 1e-12  # largest component of a direction along an axis of the world
+
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
@@ -230,11 +232,19 @@ def _cap(surface: Surface, direction: np.ndarray, lo: float, hi: float) -> Primi
 
 
 def elliptic_solid(surface: Surface, direction: np.ndarray, lo: float, hi: float) -> Primitive:
-    """The extruded ellipse of an elliptic cylinder between two offsets along its axis, or against it."""
-    frame = frame_from_axis(direction)
-    across = np.asarray(surface.across) @ frame
+    """The extruded ellipse of an elliptic cylinder between two offsets along its axis, or against it.
+
+    Along an axis of the world it is drawn in the world's frame, elsewhere in that of its own semi-axes, the longer one first.
+    """
+    rx, ry = surface.sizes
+    own = frame_from_axis(direction)
+    across = own.T @ surface.across
+    angle = math.degrees(math.atan2(across[1], across[0]))
+    loop = Ellipse(rx, ry, angle=angle).plain
+    if np.abs(direction).max() < ALONG_AXIS:
+        turned = math.radians(angle if rx >= ry else angle + 90)
+        u = math.cos(turned) * own[:, 0] + math.sin(turned) * own[:, 1]
+        own, loop = np.column_stack([u, np.cross(direction, u), direction]), Ellipse(max(rx, ry), min(rx, ry))
     point = np.asarray(surface.point)
     center = point + ((lo + hi) / 2 - float(point @ direction)) * direction
-    rx, ry = surface.sizes
-    loop = Ellipse(rx, ry, angle=math.degrees(math.atan2(across[1], across[0]))).plain
-    return Primitive("extrude", (hi - lo,), vec(center), euler_from_matrix(frame), Outline((loop,)))
+    return Primitive("extrude", (hi - lo,), vec(center), euler_from_matrix(own), Outline((loop,)))
