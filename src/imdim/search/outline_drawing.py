@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Loop, Outline, Vertex, check_crossings, circle, orient_loops
 from imdim.search.outline_plane import OutlinePlane, cross_walls
 
@@ -74,7 +75,11 @@ def _loop(plane: OutlinePlane, ring: list[tuple[int, bool]], exact: bool) -> Loo
 
 
 def _circle(plane: OutlinePlane, at: int) -> Loop:
+    """A whole circle or ellipse."""
     center = plane.walls.centers[at]
+    if (axes := plane.walls.ovals.get(at)) is not None:
+        (rx, ry), angle = np.linalg.norm(axes, axis=0).tolist(), math.degrees(math.atan2(axes[1, 0], axes[0, 0]))
+        return Ellipse(rx, ry, float(center[0]), float(center[1]), angle).plain
     return circle(float(plane.walls.radii[at]), float(center[0]), float(center[1]))
 
 

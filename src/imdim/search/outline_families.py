@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -30,6 +30,8 @@ from imdim.search.outline_region import best_region, count_curves
 CURVE_OF_WIDER, HARMLESS = 1e-3, 1e-6  # of a face that matters: what a curve costs, and a harmless face wins, where an outline is widened
 SAME_AXIS = 4e-4  # of the unit frame, within which two axes are one
 MOST_WALLS = 90  # of one plane; the faces grow with the square
+CLEAR = 1.5e-3  # of the unit frame, that other walls keep from an ellipse
+RING = 720  # points of an ellipse, where other walls are looked for
 TUBE = 2  # cylinders about an axis that need no turned outline
 
 
@@ -55,10 +57,13 @@ def _extruded(arrangement: Arrangement) -> Iterator[OutlinePlane | None]:
         across = [b for b, d in enumerate(arrangement.directions) if b != a and abs(d.vector @ direction.vector) < ORTHOGONAL]
         lines = [(b, k) for b in across for k in np.flatnonzero(arrangement.directions[b].detected).tolist()]
         rounds = [c for c, s in enumerate(arrangement.curved) if arrangement.axis_of[c] == a and s.kind == "cylinder"]
-        if not across or len(lines) + len(rounds) < 3 or len(lines) + len(rounds) > MOST_WALLS:
+        ovals = [c for c, s in enumerate(arrangement.curved) if arrangement.axis_of[c] == a and s.kind == "elliptic"]
+        count = len(lines) + len(rounds) + len(ovals)
+        if not across or (count < 3 and len(ovals) < 2) or count > MOST_WALLS:
             continue
         frame = _frame_across(direction.vector, arrangement.directions[across[0]].vector)
-        yield make_plane("extrude", a, np.zeros(3), frame, _walls_across(arrangement, frame[:, :2], lines, rounds))
+        walls = _walls_across(arrangement, frame[:, :2], lines, rounds)
+        yield make_plane("extrude", a, np.zeros(3), frame, _add_ovals(walls, arrangement, frame[:, :2], ovals))
 
 
 def _walls_across(arrangement: Arrangement, axes: np.ndarray, lines: Sequence[tuple[int, int]], rounds: Sequence[int]) -> Walls:
@@ -70,6 +75,40 @@ def _walls_across(arrangement: Arrangement, axes: np.ndarray, lines: Sequence[tu
     radii = np.array([arrangement.curved[c].sizes[0] for c in rounds])
     corners = _corners(arrangement.bounds) @ axes
     return Walls(normals, offsets, centers, radii, np.stack([corners.min(0), corners.max(0)]), (*lines, *((c, None) for c in rounds)))
+
+
+def _add_ovals(walls: Walls, arrangement: Arrangement, axes: np.ndarray, ovals: Sequence[int]) -> Walls:
+    """With those elliptic cylinders that no other wall comes near: only whole ellipses can be drawn."""
+    for c in ovals:
+        surface = arrangement.curved[c]
+        center, semi_axes = np.asarray(surface.point) @ axes, (surface.frame[:, :2] * surface.sizes).T @ axes
+        index = len(walls.radii)
+        wider = replace(
+            walls,
+            centers=np.concatenate([walls.centers, center[None]]),
+            radii=np.append(walls.radii, max(surface.sizes)),
+            columns=(*walls.columns, (c, None)),
+            ovals={**walls.ovals, index: semi_axes.T},
+        )
+        ring = wider.around(index, np.linspace(0, 2 * np.pi, RING, endpoint=False))
+        walls = walls if _comes_near(walls, ring) else wider
+    return walls
+
+
+def _comes_near(walls: Walls, ring: np.ndarray) -> bool:
+    """Whether one of the walls crosses a ring of points [n, 2], or all but touches it."""
+    off = [ring @ normal - offset for normal, offset in zip(walls.normals, walls.offsets, strict=True)]
+    for circle, (center, radius) in enumerate(zip(walls.centers, walls.radii, strict=True)):
+        away = ring - center
+        if circle in walls.ovals:
+            semi_axes = walls.ovals[circle]
+            local = away @ np.linalg.inv(semi_axes).T
+            level = np.linalg.norm(local, axis=1)
+            slope = np.linalg.norm(local @ np.linalg.inv(semi_axes), axis=1)
+            off.append((level - 1) * level / np.maximum(slope, 1e-300))
+        else:
+            off.append(np.linalg.norm(away, axis=1) - radius)
+    return any(d.min() < CLEAR and d.max() > -CLEAR for d in off)
 
 
 def _turned(arrangement: Arrangement) -> Iterator[OutlinePlane | None]:

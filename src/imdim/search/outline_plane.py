@@ -8,8 +8,8 @@ named as cells are, by the side of every wall that a point lies on, so that each
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 
@@ -25,6 +25,7 @@ TANGENT, MOST = 3e-4, 8e-4  # of the unit frame: by how much a wall that is mean
 SAGITTA = 0.012  # of the radius, between these: the circle is drawn through the corners of facets
 SAME_NODE, BEYOND = 6e-4, 1e-3  # of the unit frame: within which crossings are one, and where pieces are told apart that leave one
 ARC_CORNERS = 9  # of an arc where it stands for a polygon
+OVAL_CORNERS = 65  # of half an ellipse, where it stands for one
 ASIDE = 1.5e-4  # of the unit frame, from a segment to the points that tell its faces
 WINDOW = -1  # the wall of segments on the edge of what is searched
 OUTSIDE = -1  # the face there
@@ -34,6 +35,9 @@ AXIS = WINDOW  # the window's left edge, which is the axis of what is turned
 @dataclass(frozen=True)
 class Walls:
     """Lines ``normal . p = offset`` [l, 2], [l] and circles [c, 2], [c] of a plane, and the window [2, 2] that is looked at.
+
+    A circle that `ovals` has the semi-axes of, as columns [2, 2], is an ellipse. No other wall may come near it: only whole ellipses can be
+    drawn.
 
     `columns` says by which codes of cells the sides are known: (direction, offset index) for a line between slabs, else (curved surface,
     None).
@@ -45,11 +49,19 @@ class Walls:
     radii: np.ndarray
     window: np.ndarray
     columns: tuple[tuple[int, int | None], ...]
+    ovals: Mapping[int, np.ndarray] = field(default_factory=dict)
+
+    def around(self, circle: int, turns: np.ndarray) -> np.ndarray:
+        """The points [n, 2] of a circle, or an ellipse, at angles [n]."""
+        ray = np.stack([np.cos(turns), np.sin(turns)], axis=-1)
+        return self.centers[circle] + (ray @ self.ovals[circle].T if circle in self.ovals else self.radii[circle] * ray)
 
     def sides(self, points: np.ndarray) -> np.ndarray:
         """Flags [n, l + c] of points [n, 2]: in front of a line, within a circle."""
         front = points @ self.normals.T > self.offsets
         within = np.linalg.norm(points[:, None] - self.centers, axis=2) < self.radii
+        for circle, axes in self.ovals.items():
+            within[:, circle] = np.linalg.norm((points - self.centers[circle]) @ np.linalg.inv(axes).T, axis=1) < 1
         return np.concatenate([front, within], axis=1)
 
     def sides_of(self, cells: Cells) -> np.ndarray:
@@ -164,7 +176,10 @@ def _cut(walls: Walls) -> tuple[np.ndarray, list[_Piece]]:
     crossings = list(_crossings(walls))
     # a circle that nothing crosses, or once, still needs two nodes
     for c, (center, radius) in enumerate(zip(walls.centers, walls.radii, strict=True)):
-        crossings += [(_circle(walls, c), _circle(walls, c), center + side * radius * np.eye(2)[0]) for side in (-1.0, 1.0)]
+        ends = (
+            walls.around(c, np.array([np.pi, 0.0])) if c in walls.ovals else [center + side * radius * np.eye(2)[0] for side in (-1.0, 1.0)]
+        )
+        crossings += [(_circle(walls, c), _circle(walls, c), end) for end in ends]
     points = np.array([p for _, _, p in crossings])
     low, high = walls.window[0] - SAME_NODE, walls.window[1] + SAME_NODE
     inside = ((points >= low) & (points <= high)).all(1)
@@ -217,6 +232,8 @@ def cross_walls(walls: Walls, a: int, b: int) -> list[np.ndarray]:
 def _cross(walls: Walls, i: int, j: int) -> list[np.ndarray]:
     normals, offsets = _lines(walls)
     lines = len(offsets)
+    if {i - lines, j - lines} & walls.ovals.keys():
+        return []
     if i >= lines:
         return _circle_crossings(walls, i - lines, j - lines)
     if j < lines:
@@ -277,6 +294,8 @@ def _pieces_of(walls: Walls, wall: int, members: np.ndarray, nodes: np.ndarray) 
         ordered, at = members[order].tolist(), at[order].tolist()
         return [(name, (a, b), (s, t)) for a, b, s, t in zip(ordered, ordered[1:], at, at[1:], strict=False)]
     away = nodes[members] - walls.centers[wall - lines]
+    if wall - lines in walls.ovals:
+        away = away @ np.linalg.inv(walls.ovals[wall - lines]).T
     at = np.arctan2(away[:, 1], away[:, 0])
     order = np.argsort(at)
     ordered, at = members[order].tolist(), at[order].tolist()
@@ -299,6 +318,8 @@ def _look_beside(walls: Walls, nodes: np.ndarray, pieces: Sequence[_Piece]) -> t
     if len(walls.radii):
         middle = np.where(round_[:, None], walls.centers[circle] + radius[:, None] * outward, middle)
     length = np.where(round_, radius, 1.0) * (at[:, 1] - at[:, 0])
+    for i in np.flatnonzero(round_ & np.isin(circle, list(walls.ovals))).tolist():
+        middle[i], left[i], length[i] = _look_beside_oval(walls, int(circle[i]), float(turn[i]))
     aside = np.minimum(ASIDE, 0.25 * length)[:, None] * left
     points = np.stack([middle + aside, middle - aside], axis=1).reshape(-1, 2)
     sides = walls.sides(points)
@@ -306,6 +327,15 @@ def _look_beside(walls: Walls, nodes: np.ndarray, pieces: Sequence[_Piece]) -> t
     sides[2 * own, wall[own]], sides[2 * own + 1, wall[own]] = True, False
     inside = ((points > walls.window[0]) & (points < walls.window[1])).all(1)
     return length, sides, inside.reshape(-1, 2)
+
+
+def _look_beside_oval(walls: Walls, circle: int, turn: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """The point [2] of an ellipse at an angle, the normal [2] to its inside there, and half its length."""
+    axes = walls.ovals[circle]
+    outward = np.linalg.inv(axes).T @ (math.cos(turn), math.sin(turn))
+    ring = walls.around(circle, np.linspace(0, np.pi, OVAL_CORNERS))
+    half = float(np.linalg.norm(np.diff(ring, axis=0), axis=1).sum())
+    return walls.around(circle, np.array([turn]))[0], -outward / np.linalg.norm(outward), half
 
 
 def _rings(walls: Walls, nodes: np.ndarray, pieces: Sequence[_Piece], length: np.ndarray) -> np.ndarray:
@@ -335,9 +365,13 @@ def _walk(walls: Walls, piece: _Piece, reach: float, forwards: bool) -> np.ndarr
         at = wall if wall >= 0 else len(walls.offsets) + WINDOW - wall
         x, y = normals[at]
         return offsets[at] * normals[at] + (start + reach if forwards else end - reach) * np.array([y, -x])
-    radius = walls.radii[wall - len(walls.offsets)]
+    circle = wall - len(walls.offsets)
+    if circle in walls.ovals:
+        turn = reach / float(walls.radii[circle])
+        return walls.around(circle, np.array([start + turn if forwards else end - turn]))[0]
+    radius = walls.radii[circle]
     turn = start + reach / radius if forwards else end - reach / radius
-    return walls.centers[wall - len(walls.offsets)] + radius * np.array([math.cos(turn), math.sin(turn)])
+    return walls.centers[circle] + radius * np.array([math.cos(turn), math.sin(turn)])
 
 
 @dataclass(frozen=True)
@@ -356,9 +390,8 @@ class _Polygons:
             corners = [self.nodes[a], self.nodes[b]]
             if wall >= len(self.walls.offsets):
                 at = wall - len(self.walls.offsets)
-                turns = np.linspace(start, end, ARC_CORNERS + 2)[1:-1]
-                arc = self.walls.centers[at] + self.walls.radii[at] * np.stack([np.cos(turns), np.sin(turns)], axis=1)
-                corners[1:1] = list(arc)
+                turns = np.linspace(start, end, (OVAL_CORNERS if at in self.walls.ovals else ARC_CORNERS) + 2)[1:-1]
+                corners[1:1] = list(self.walls.around(at, turns))
             if member % 2:
                 corners.reverse()
             edges += pairwise(corners)
