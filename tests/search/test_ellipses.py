@@ -109,6 +109,34 @@ def test_slim_tips_are_no_flats():
     np.testing.assert_allclose(found["elliptic"], [(4.0, 30.0)], rtol=1e-5)
 
 
+def stitched(below: int, above: int) -> trimesh.Trimesh:
+    """An elliptic disc whose upper rim has another number of corners than the lower one, as modellers write them."""
+    low, high = (2 * np.pi * np.arange(n) / n for n in (below, above))
+    rims = [np.column_stack([15 * np.cos(t), 8 * np.sin(t), np.full(len(t), z)]) for t, z in ((low, 0.0), (high, 10.0))]
+    faces, i, j = [], 0, 0
+    while i < below or j < above:
+        a, b = i % below, below + j % above
+        if j == above or (i < below and (i + 1) / below <= (j + 1) / above):
+            faces.append((a, (i + 1) % below, b))
+            i += 1
+        else:
+            faces.append((a, below + (j + 1) % above, b))
+            j += 1
+    middles = below + above, below + above + 1
+    faces += [((k + 1) % below, k, middles[0]) for k in range(below)]
+    faces += [(below + k, below + (k + 1) % above, middles[1]) for k in range(above)]
+    return trimesh.Trimesh(np.concatenate([*rims, [(0.0, 0.0, 0.0), (0.0, 0.0, 10.0)]]), faces, process=False)
+
+
+def test_rims_of_other_corners_are_one_ellipse():
+    mesh = stitched(82, 79)
+    assert mesh.is_volume
+    for turn in (np.eye(4), trimesh.transformations.random_rotation_matrix(np.random.default_rng(2).random(3))):
+        found = sizes_of(mesh.copy().apply_transform(turn))
+        assert list(found) == ["elliptic"]
+        np.testing.assert_allclose(found["elliptic"], [(8.0, 15.0)], rtol=1e-5)
+
+
 def test_a_circle_stays_one_and_other_smooth_walls_are_no_ellipses():
     assert sizes_of(mesh_of(extrude(10.0, circle(20.0)))).keys() == {"cylinder"}
     turns = np.linspace(0, 2 * np.pi, 96, endpoint=False)

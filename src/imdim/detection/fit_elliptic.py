@@ -10,11 +10,12 @@ from imdim.detection.facets import Growing, points_of
 from imdim.detection.fit_ellipsoid import DRAWN, lies_on
 from imdim.geometry.surface import Surface, make_elliptic, unit, vec
 
-ALONG = 1e-3  # sine, by which the normals of strips may leave the plane across the axis
+ALONG, NEAR_AXIS = 0.01, 0.03  # sine, by which normals may leave the plane across an axis: one that they share, one that two of them have
+NEAR_CUTS = 10  # times as far off as drawn corners may be those of a chain, whose axis is not exact yet
 CHAINS = (14, 60)  # strips that a guess is made from: few keep clear of cuts and of other walls, many are more exact
 LEAST_CORNERS = 8  # of the section, five of which fix an ellipse
-SAME_CORNER = 1e-6  # of the diagonal, within which corners of the section are one
-MOST_AXES = 3
+SAME_CORNER = 1e-4  # of the diagonal, within which corners of the section are one
+MOST_AXES, SAME_AXIS = 3, 0.9995  # of a seed, and the cosine above which two are one
 
 
 def elliptic_guesses(seed: int, near: list[int], state: Growing) -> list[Surface]:
@@ -24,17 +25,21 @@ def elliptic_guesses(seed: int, near: list[int], state: Growing) -> list[Surface
     axes: list[np.ndarray] = []
     for other in near:
         axis = unit(np.cross(facets.normals[seed], facets.normals[other]))
-        if len(axes) < MOST_AXES and not any(abs(axis @ known) > 1 - ALONG for known in axes):
+        if len(axes) < MOST_AXES and not any(abs(axis @ known) > SAME_AXIS for known in axes):
             axes.append(axis)
     for axis in axes:
-        chain = _chain(seed, axis, state)
+        whole = _chain(seed, axis, NEAR_AXIS, state)
         for most in CHAINS:
-            section = _section(points_of(facets, chain[:most]), axis, facets.diagonal)
-            found = _through(section, axis, facets.diagonal) if len(section) >= LEAST_CORNERS else None
+            chain = whole[:most]
+            # triangles between corners that do not lie above each other lean a little, one way and the other
+            shared = np.linalg.svd(facets.normals[chain] * np.sqrt(facets.areas[chain])[:, None], full_matrices=False)[2][-1]
+            chain = chain[np.abs(facets.normals[chain] @ shared) < ALONG]
+            section = _section(points_of(facets, chain), shared, facets.diagonal) if len(chain) else np.empty((0, 2))
+            found = _through(section, shared, facets.diagonal) if len(section) >= LEAST_CORNERS else None
             if found is not None:
                 out.append(found)
                 break
-            if len(chain) <= most:
+            if len(whole) <= most:
                 break
     return out
 
@@ -64,13 +69,13 @@ def fit_conic(section: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] 
     return None if level * values[0] <= 0 else (center * size + middle, axes, size * np.sqrt(level / values))
 
 
-def _chain(seed: int, axis: np.ndarray, state: Growing) -> np.ndarray:
-    """The seed and the free strips along an axis that go on from it, nearest first."""
+def _chain(seed: int, axis: np.ndarray, slack: float, state: Growing) -> np.ndarray:
+    """The seed and the free strips along an axis, to within a sine, that go on from it, nearest first."""
     found, known = [seed], {seed}
     for n in found:
         if len(found) >= CHAINS[-1]:
             break
-        fresh = [m for m in state.neighbours[n] if m not in known and state.free[m] and abs(state.facets.normals[m] @ axis) < ALONG]
+        fresh = [m for m in state.neighbours[n] if m not in known and state.free[m] and abs(state.facets.normals[m] @ axis) < slack]
         known.update(fresh)
         found += fresh
     return np.array(found)
@@ -95,7 +100,7 @@ def _through(section: np.ndarray, axis: np.ndarray, diagonal: float) -> Surface 
     center, turned, semi_axes = found
     plane = _across(axis)
     surface = make_elliptic(plane @ center, axis, plane @ turned[:, 0], semi_axes)
-    return surface if lies_on(surface, section @ plane.T, diagonal) else None
+    return surface if lies_on(surface, section @ plane.T, NEAR_CUTS * diagonal) else None
 
 
 def _is_round(section: np.ndarray, diagonal: float) -> bool:

@@ -9,7 +9,6 @@ import numpy as np
 
 from imdim.detection.facets import Facets, Growing, MeshSurfaceConfig, points_of
 from imdim.detection.fit_ellipsoid import lies_on
-from imdim.detection.fit_elliptic import turn_elliptic
 from imdim.detection.fit_surface import MIN_POINTS, fit_surface
 from imdim.geometry.rotations import frame_from_axis
 from imdim.geometry.sampling import subsample
@@ -57,12 +56,11 @@ def _fit_carrier(
     is not good a robust one follows those on the curve.
     """
     hold = ""
-    if surface.kind in ("cylinder", "elliptic"):
+    if surface.kind == "cylinder":
         n = facets.normals[members] * np.sqrt(facets.areas[members])[:, None]
         spread, vectors = np.linalg.eigh(n.T @ n)
         if spread[1] > 1e-3 * spread[2]:
-            axis, hold = vectors[:, 0] * np.sign(vectors[:, 0] @ surface.axis), "axis"
-            surface = turn_elliptic(surface, axis) if surface.kind == "elliptic" else replace(surface, axis=vec(vectors[:, 0]))
+            surface, hold = replace(surface, axis=vec(vectors[:, 0])), "axis"
     tolerance = config.on_surface * facets.diagonal
     fitted, rms = fit_surface(surface.kind, points, start=surface, iterations=12, hold=hold)
     if rms > 0.3 * tolerance:
@@ -73,7 +71,7 @@ def _fit_carrier(
 def _polish(surface: Surface, facets: Facets, members: np.ndarray, config: MeshSurfaceConfig) -> Surface:
     """Reweighted twice with the scale of the better half: a design's corners are exact but for those that cuts made."""
     points = points_of(facets, members)
-    hold = "axis" if surface.kind in ("cylinder", "elliptic") else ""
+    hold = "axis" if surface.kind == "cylinder" else ""
     for _ in range(2):
         scale = 3 * float(np.median(np.abs(signed_distance(surface, points)))) + 1e-7 * facets.diagonal
         polished, rms = fit_surface(surface.kind, points, start=surface, scale=scale, iterations=12, hold=hold)
