@@ -17,7 +17,7 @@ import numpy as np
 from imdim.geometry.lowering import lower
 from imdim.program.cost import count
 from imdim.program.ellipse import Ellipse
-from imdim.program.outline import Curve, Outline, arc_center, arc_radius
+from imdim.program.outline import Curve, Outline, arc_center, arc_radius, has_ellipse, ring_curves
 from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.observation import Observation
 
@@ -52,15 +52,17 @@ def is_plainer(plain: Program, drawn: Program, seen: Observation) -> bool:
     return have is not None and had is not None and have >= had - SAME * seen.size_weight
 
 
-def _most(features: int) -> float:
+def _most(features: float) -> float:
     return MORE if features <= FEW else LESS
 
 
-def _fewest_primitives(leaf: Primitive) -> int:
+def _fewest_primitives(leaf: Primitive) -> float:
     """How many of the six kinds at least have the walls of a leaf: a round wall, or four straight ones of an extrusion, is of one."""
     if leaf.outline is None:
         return 1
-    curves = leaf.outline.curves
+    if has_ellipse(leaf.outline):
+        return math.inf  # which none of the six kinds has
+    curves = [curve for ring in leaf.outline.rings for curve in ring_curves(ring)]
     arcs = {(*arc_center(curve), arc_radius(curve)) for curve in curves if curve[4]}
     lines = {_carrier(curve) for curve in curves if not curve[4]}
     extent = np.abs([curve[:4] for curve in curves]).max()

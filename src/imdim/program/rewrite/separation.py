@@ -11,7 +11,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
-from imdim.program.outline import Loop, Outline, flatten_loop, loop_curves, regions
+from imdim.program.ellipse import Ellipse
+from imdim.program.outline import Loop, Outline, flatten_loop, regions, ring_curves
 from imdim.program.plain_outlines import to_simple
 from imdim.program.rewrite.containment_rules import parts, spine
 from imdim.program.tree import OPS, Combine, Primitive, Program, combine_all, fold, leaves, map_leaves
@@ -56,13 +57,13 @@ def _with_leaf(program: Program, number: int, leaf: Primitive) -> Program:
 
 
 def _boxes_around(leaf: Primitive) -> Iterator[Primitive]:
-    """The boxes around an extruded loop along its longest lines, one each way."""
+    """The boxes around an extruded ring along its longest lines, one each way."""
     if leaf.kind != "extrude" or leaf.outline is None:
         return
     loop, *holes = leaf.outline.loops
-    if holes:
+    if holes or isinstance(loop, Ellipse):
         return
-    lines = sorted((c for c in loop_curves(loop) if not c[4]), key=lambda c: -math.dist(c[:2], c[2:4]))
+    lines = sorted((c for c in ring_curves(loop) if not c[4]), key=lambda c: -math.dist(c[:2], c[2:4]))
     seen: set[float] = set()
     for x, y, u, v, _ in lines:
         turn = math.atan2(v - y, u - x) % (math.pi / 2)
