@@ -139,6 +139,7 @@ def test_rims_of_other_corners_are_one_ellipse():
 
 def test_a_circle_stays_one_and_other_smooth_walls_are_no_ellipses():
     assert sizes_of(mesh_of(extrude(10.0, circle(20.0)))).keys() == {"cylinder"}
+    assert sizes_of(mesh_of(extrude(10.0, ellipse(20.0, 19.995)))).keys() == {"cylinder"}
     turns = np.linspace(0, 2 * np.pi, 96, endpoint=False)
     reach = 20 + 2 * np.cos(3 * turns)
     cam = tuple((float(r * math.cos(t)), float(r * math.sin(t)), 0.0) for r, t in zip(reach, turns, strict=True))

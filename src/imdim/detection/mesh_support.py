@@ -18,6 +18,8 @@ from imdim.geometry.surface import FRAMED, Surface, is_spindle, normals, signed_
 LEAST_STEPS = {"sphere": 2.5, "torus": 4.5, "ellipsoid": 3.5}
 LEAN = 0.6  # of what it leans by at a corner: what a facet may lean by in its middle
 LEVEL = math.radians(2.0)  # beside that
+MOSTLY = 0.75  # of its corners, that lie on an elliptic cylinder
+UNROUND = 4e-4  # of the diagonal, by which the semi-axes of an ellipse differ; with less a circle does it
 LEAST_TURN = {"ellipsoid": 30.0, "elliptic": 60.0}  # degrees, on the ball; any smooth surface is one for less
 
 
@@ -43,7 +45,9 @@ def settle(guess: Surface, state: Growing) -> tuple[Surface, np.ndarray] | None:
     if not believable(surface, members, facets):
         return None
     surface = _polish(surface, facets, members, config)
-    was_drawn = surface.kind not in FRAMED or lies_on(surface, points_of(facets, members), facets.diagonal)
+    # the corners of an ellipse that lie on chords are few: cuts across the axis leave theirs on it
+    share = MOSTLY if surface.kind == "elliptic" else 0.5
+    was_drawn = surface.kind not in FRAMED or lies_on(surface, points_of(facets, members), facets.diagonal, share)
     return (surface, members) if was_drawn else None
 
 
@@ -91,6 +95,8 @@ def _sane(surface: Surface, diagonal: float) -> bool:
     if surface.kind == "cone":
         return 0.01 < surface.sizes[0] < 1.56
     if is_spindle(surface):
+        return False
+    if surface.kind == "elliptic" and abs(surface.sizes[0] - surface.sizes[1]) < UNROUND * diagonal:
         return False
     # a sphere or torus far larger than the part is a flat with noise; long gentle arcs are drawn with cylinders
     largest = 6.0 if surface.kind == "cylinder" else 2.0
