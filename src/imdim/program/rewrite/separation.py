@@ -18,7 +18,7 @@ from imdim.program.rewrite.containment_rules import parts, spine
 from imdim.program.tree import OPS, Combine, Primitive, Program, combine_all, fold, leaves, map_leaves
 
 SEGMENTS = 96  # of a circle, whose extent is that of its corners
-RIGHT_ANGLES = 6  # digits of the tangent of a direction, by which directions are the same
+DIGITS = 6  # of a direction, which right angles leave as it is
 
 
 def separate_loops(program: Program) -> Program:
@@ -64,12 +64,12 @@ def _boxes_around(leaf: Primitive) -> Iterator[Primitive]:
     if holes or isinstance(loop, Ellipse):
         return
     lines = sorted((c for c in ring_curves(loop) if not c[4]), key=lambda c: -math.dist(c[:2], c[2:4]))
-    seen: set[float] = set()
+    seen: set[tuple[float, float]] = set()
     for x, y, u, v, _ in lines:
         turn = math.atan2(v - y, u - x) % (math.pi / 2)
-        if (key := round(math.sin(4 * turn) + 2 * math.cos(4 * turn), RIGHT_ANGLES)) in seen:
+        if (way := (round(math.cos(4 * turn), DIGITS), round(math.sin(4 * turn), DIGITS))) in seen:
             continue
-        seen.add(key)
+        seen.add(way)
         c, s = math.cos(turn), math.sin(turn)
         along, across = zip(*((c * px + s * py, c * py - s * px) for px, py in flatten_loop(loop, SEGMENTS)), strict=True)
         corners = [
