@@ -267,11 +267,11 @@ def _apart(hole: PlantedHole, found: dict[str, Any]) -> float:
 
 def _thicken(folder: Path, holes: list[PlantedHole], thickness: float) -> dict[str, Any]:
     """Of through holes how many there are and how many stay so; parts without a name for the thickness are counted."""
-    from imdim.app.edit import _open
+    from imdim.app.edit import open_results
     from imdim.export.edit import EditError, change_values
     from imdim.geometry.kernels import inside
 
-    delivered = _open(folder / "program.json")
+    delivered = open_results(folder / "program.json")
     names = [
         n
         for n, v in delivered.values.items()

@@ -26,7 +26,8 @@ def _run_command(argv: Sequence[str] | None) -> int:
     parser = argparse.ArgumentParser(prog="imdim", description=ABOUT, epilog="`imdim fit --help` tells more.")
     parser.add_argument("--version", action="version", version=f"imdim {version('imdim')}")
     about = "fit: reconstruct one part; batch: every part of a folder; export: write one program of a front.json; "
-    about += "edit: change named numbers of a program; lab: watch, correct and download in a browser page"
+    about += "edit: change named numbers of a program; lab: watch, correct and download in a browser page; "
+    about += "mcp: serve language-model agents"
     parser.add_argument("command", choices=list(COMMANDS), help=about)
     parser.add_argument("arguments", nargs=argparse.REMAINDER, help="arguments of the command")
     given = parser.parse_args(argv)
@@ -109,13 +110,27 @@ def _lab(argv: Sequence[str]) -> int:
     return _run("imdim.app.lab.server", argv)
 
 
+def _mcp(argv: Sequence[str]) -> int:
+    from imdim.reconstruction.config import require_extra
+
+    require_extra("agent", "imdim mcp", "mcp")
+    return _run("imdim.app.agent.server", argv)
+
+
 def _run(module: str, argv: Sequence[str]) -> int:
     """The `main` of a module that reads its own arguments."""
     return import_module(module).main(argv)
 
 
 _edit, _batch = (partial(_run, f"imdim.app.{module}") for module in ("edit", "batch.run"))
-COMMANDS: Mapping[str, Callable[[Sequence[str]], int]] = {"fit": _fit, "batch": _batch, "export": _export, "edit": _edit, "lab": _lab}
+COMMANDS: Mapping[str, Callable[[Sequence[str]], int]] = {
+    "fit": _fit,
+    "batch": _batch,
+    "export": _export,
+    "edit": _edit,
+    "lab": _lab,
+    "mcp": _mcp,
+}
 
 if __name__ == "__main__":
     sys.exit(main())

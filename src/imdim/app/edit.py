@@ -54,7 +54,7 @@ def list_names(source: Path) -> str:
     from imdim.export.hole_names import hole_groups
     from imdim.export.untie import list_ties
 
-    delivered = _open(source)
+    delivered = open_results(source)
     values = {**delivered.values, **delivered.counts}
     rows = [(name, f"{values[name]:.9g}", meaning) for name, meaning in meanings(delivered).items()]
     names, values = (max((len(row[i]) for row in rows), default=0) for i in (0, 1))
@@ -85,7 +85,7 @@ def edit_program(
     if folder.resolve() == source.resolve().parent:
         raise ConfigError(f"output folder {folder} is that of {source.name}, whose report would be lost: give another")
     with refusing(source):
-        before = _open(source)
+        before = open_results(source)
         untied = reduce(lambda one, tie: untie(one, *tie), apart.items(), before)
         after = change_values(untied, values)
         start = restate(before)
@@ -102,7 +102,8 @@ def _spell(names: Mapping[str, Sequence[int]]) -> str:
     return ", ".join(f"{name} (primitive {', '.join(map(str, of))})" for name, of in names.items())
 
 
-def _open(source: Path) -> Delivered:
+def open_results(source: Path) -> Delivered:
+    """The program in `source`, a program.json, with the texts beside it. Raises ConfigError."""
     from imdim.export.delivered import TEXTS
     from imdim.export.edit import open_delivered
     from imdim.program import codec

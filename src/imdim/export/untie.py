@@ -10,14 +10,10 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from imdim.export.delivered import Delivered, EditError, Feature, read_values, texts_of, tied_sizes
-from imdim.export.edge_text import with_edge_sizes
-from imdim.export.elimination import without_loose
-from imdim.export.openscad_reader import are_drawn
-from imdim.export.parameters import parametrise
+from imdim.export.delivered import Delivered, EditError, Feature, tied_sizes
+from imdim.export.reword import reword
 from imdim.program.constraints import LENGTHS_OF, Constraint, Ref
 from imdim.program.repeats import Folded, Repeat, expand, repeats, size, write_out
-from imdim.program.roles import name_constraints
 from imdim.program.tree import leaves
 from imdim.relations.residuals import holding
 
@@ -103,6 +99,11 @@ def _within(first: int, repeat: Repeat, group: Mapping[Feature, int]) -> set[int
     return max(found, key=len)
 
 
+def describe_repeats(folded: Folded) -> list[Constraint]:
+    """What the repeats of a program say of their copies, as constraints on its primitives."""
+    return [constraint for first, repeat in repeats(folded) for constraint in _said_by(first, repeat, {})]
+
+
 def _said_by(first: int, repeat: Repeat, group: Mapping[Feature, int]) -> Iterator[Constraint]:
     """What a repeat says of its copies but for the sizes that are untied, as constraints."""
     own, parts = size(repeat.part), list(leaves(expand(repeat)))
@@ -118,16 +119,7 @@ def _said_by(first: int, repeat: Repeat, group: Mapping[Feature, int]) -> Iterat
 
 def _named(delivered: Delivered, folded: Folded | None, constraints: Sequence[Constraint]) -> Delivered:
     """The program with those repeats and constraints, its texts written anew."""
-    program = delivered.program if folded is None else expand(folded)
-    kept = name_constraints(without_loose(program, constraints, program, folded), program)
-    named = with_edge_sizes(parametrise(program, kept, program, folded), delivered.edges)
-    written = texts_of(program, named, folded, delivered.segments, delivered.edges, are_drawn(delivered.texts["program.scad"]))
-    looped = {"program.loops.scad"} if folded is None else set[str]()
-    texts = {file: text for file, text in written.items() if file in delivered.texts and file not in looped}
-    values = read_values(texts["program.scad"])
-    return replace(
-        delivered, program=program, constraints=kept, texts=texts, values=values, folded=folded, counts=named.counts, edges=delivered.edges
-    )
+    return reword(delivered, delivered.program if folded is None else expand(folded), folded, constraints, delivered.edges)
 
 
 def _still_tied(delivered: Delivered, group: Mapping[Feature, int]) -> set[int]:
