@@ -63,7 +63,7 @@ def run_fit(pool: WorkerPool, target: Target, settings: Settings, progress: Prog
             break
         if message is not None or seconds - told >= TOLD_EVERY_S:
             told = seconds
-            progress(min(seconds, settings.budget_s), settings.budget_s, said)
+            progress(seconds, max(settings.budget_s, seconds), said)
     if last is None:
         raise ValueError(f"the fit found no program: {stop}")
     program, constraints = protocol.read_document(last["document"])

@@ -113,6 +113,7 @@ class AgentSession:
         return StatusReply(
             folder=self.workplace.root.name,
             part=part,
+            part_size=[] if now.target is None else shorten_all(np.ptp(_corners(now.target), axis=0).tolist()),
             program=now.source,
             features=0 if program is None else program.size,
             size=size,
@@ -523,6 +524,10 @@ def _measure(delivered: Delivered, target: Target | None) -> MeasuredProgram:
     measured = MeasuredProgram(delivered, target)
     _ = measured.solid
     return measured
+
+
+def _corners(target: Target) -> np.ndarray:
+    return target.points if target.mesh is None else np.asarray(target.mesh.vertices)
 
 
 def _deliver(found: FinishedProgram, target: Target) -> Delivered:
