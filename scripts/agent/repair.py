@@ -4,7 +4,8 @@
 
 It is not told what is wrong. It compares sizes, removes what explains nothing, adds what the left-out regions look like, moves the numbers
 that bring the program nearer, and undoes what does not help. What it exports is judged here: by the exact IoU with the true part, and by
-whether it has the names that the true program has, with their values, and no primitives more. The exit status is 0 where at least 8 of 10 are repaired.
+whether it has the names that the true program has, with their values, and no primitives more. The exit status is 0 where at least 8 of 10
+are repaired.
 """
 
 from __future__ import annotations
@@ -82,9 +83,8 @@ async def repair(client: Client) -> None:
     for _ in range(MOST_ROUNDS):
         if await client.iou() >= ENOUGH:
             break
-        if await _remove_extra(client) or await _add_missing(client) or await _move_number(client):
-            continue
-        break
+        if not (await _remove_extra(client) or await _extend(client) or await _add_missing(client) or await _move_number(client)):
+            break
     await _remove_idle(client)
     await _tie_alike(client)
     await _relate(client)
@@ -123,6 +123,21 @@ async def _remove_idle(client: Client) -> None:
             return
 
 
+async def _extend(client: Client) -> bool:
+    """A feature beside the largest left-out region that need only be longer or thicker, after which nothing is left to do."""
+    regions = [r for r in (await client.call("measure"))["regions"] if r["verdict"] == "left out"]
+    if not regions:
+        return False
+    low, high = regions[0]["low"], regions[0]["high"]
+    beside = {int(i) for i in (await client.call("explain", low=low, high=high))["features"]}
+    if not await _move_number(client, beside):
+        return False
+    if await client.iou() >= ENOUGH:
+        return True
+    await client.call("undo")
+    return False
+
+
 async def _add_missing(client: Client) -> bool:
     """What the boxes of the left-out regions may be: a box or a cylinder along an axis, added or cut; the one that makes up for most."""
     measured = await client.call("measure")
@@ -155,12 +170,12 @@ def _shapes(low: Sequence[float], high: Sequence[float], beyond: float) -> Itera
     yield {"kind": "box", "size": dict(zip(("sx", "sy", "sz"), size, strict=True)), "center": center}
 
 
-async def _move_number(client: Client) -> bool:
-    """The number, of those with names and of features that lie off the part, whose change helps most."""
+async def _move_number(client: Client, chosen: set[int] | None = None) -> bool:
+    """The number whose change helps most, of those with names and of features that lie off the part; or of the `chosen` features."""
     before, length = await client.iou(), max((await client.call("status"))["part_size"])
-    numbers = [(row["name"], row["value"], abs(row["value"])) for row in (await client.call("parameters"))["parameters"]]
-    features = (await client.call("features"))["features"]
-    tolerance = (await client.call("measure"))["tolerance"]
+    numbers = [(row["name"], row["value"], abs(row["value"])) for row in (await client.call("parameters"))["parameters"] if chosen is None]
+    features = [f for f in (await client.call("features"))["features"] if chosen is None or f["id"] in chosen]
+    tolerance = (await client.call("measure"))["tolerance"] if chosen is None else -1.0
     for feature in [f for f in features if f["off_max"] > tolerance and f["kind"] not in ("fillet", "chamfer")]:
         numbers += [
             (f"{feature['id']}.{n}", v, length if n in "xyz" else v)
@@ -244,7 +259,8 @@ def judge(mistake: SeededMistake, folder: Path) -> tuple[float, list[str]]:
     primitives more than it needs."""
     delivered = open_results(folder / "program.json")
     has: Mapping[str, float] = {**delivered.values, **delivered.counts}
-    lost = [n for n, v in mistake.names().items() if n not in has or abs(has[n] - v) > SAME_NAME * max(abs(v), 1.0)]
+    # of two places that mirror each other a name has that of the first, which may be either
+    lost = [n for n, v in mistake.names().items() if n not in has or abs(abs(has[n]) - abs(v)) > SAME_NAME * max(abs(v), 1.0)]
     more = sum(1 for _ in leaves(delivered.program)) - sum(1 for _ in leaves(mistake.true))
     wrong = [f"without {name}" for name in lost] + ([f"{more} primitives more"] if more > 0 else [])
     return volume_iou(to_manifold(mistake.true), to_manifold(delivered.program)), wrong

@@ -6,8 +6,10 @@ what the program is; the others are written out, and what they say of their copi
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from imdim.app.lab import edits, solving
 from imdim.app.lab.edits import ConstrainedProgram
@@ -18,7 +20,9 @@ from imdim.export.edit import change_values
 from imdim.export.numbers import Rounding
 from imdim.export.reword import reword
 from imdim.export.untie import describe_repeats
+from imdim.geometry.holes import find_holes
 from imdim.geometry.lowering import lower
+from imdim.geometry.solid import exact_rotation
 from imdim.program.constraints import AXES, Constraint, Ref, check_all, scale_constraints
 from imdim.program.edges import EdgeFeature, scale_edges
 from imdim.program.node_codec import MAX_PRIMITIVES, read_node
@@ -211,13 +215,17 @@ def scale(delivered: Delivered, factor: float) -> Delivered:
     return restructure(delivered, program, scale_constraints(delivered.constraints, factor), scale_edges(delivered.edges, factor), folded)
 
 
-def refit(delivered: Delivered, target: Target, locks: Collection[Lock], only: Collection[int] | None = None) -> Delivered:
+def refit(
+    delivered: Delivered, target: Target, locks: Collection[Lock], only: Collection[int] | None = None, turn: bool = False
+) -> Delivered:
     """Sizes and places of primitives fitted to the part while relations and locks hold; where `only` is given the others stay.
 
-    Raises ConstraintError where these conflict. Drawings stay as they are.
+    Orientations move only if they may `turn`; drawings and the hidden ends of through-holes, of which the part shows nothing, stay.
+    Raises ConstraintError where relations and locks conflict.
     """
     parts = list(leaves(delivered.program))
-    held = set(locks)
+    held = {*locks, *_hidden_ends(delivered.program)}
+    held |= set() if turn else {Lock(i, TURN) for i in range(len(parts))}
     if only is not None:
         held |= {lock for i, p in enumerate(parts) if i not in only for lock in locks_of(i, p)}
     said = [] if delivered.folded is None else describe_repeats(delivered.folded)
@@ -225,6 +233,17 @@ def refit(delivered: Delivered, target: Target, locks: Collection[Lock], only: C
     *_, program = solving.finish(delivered.program, rows, sorted(held), target)
     rounder = program if target.mesh is None else _settle(delivered.program, program)
     return renumber_values(delivered, rounder if len(holding(rounder, rows)) == len(holding(program, rows)) else program)
+
+
+def _hidden_ends(program: Program) -> Iterator[Lock]:
+    """Length and place along the axis of what makes through-holes and nothing else."""
+    parts = list(leaves(program))
+    for i in {i for hole in find_holes(program) if hole.through for section in hole.sections for i in section.leaves}:
+        if "h" in SIZE_NAMES[parts[i].kind] and parts[i].outline is None:
+            along = np.abs(exact_rotation(parts[i])[:, 2])
+            yield Lock(i, "h")
+            if along.max() == 1:
+                yield Lock(i, AXES[int(along.argmax())])
 
 
 def _settle(before: Program, solved: Program) -> Program:

@@ -20,8 +20,8 @@ def shorten_all(values: Iterable[float]) -> list[float]:
 
 @dataclass(frozen=True)
 class StatusReply:
-    """`part` is what is measured against, `size` the box of the program along x, y, z, `notes` what reading the part said; `undo` and `redo`
-    are the steps that can be taken back and again. `files` are the meshes, clouds and results folders that can be opened."""
+    """`part` is what is measured against, `size` the box of the program along x, y, z, `notes` what reading the part said. `undo` and
+    `redo` are steps that can be taken back and again, `files` the meshes, clouds and results folders that can be opened."""
 
     folder: str
     part: str

@@ -66,6 +66,7 @@ MOST_NAMES = 60
 DOES = {"union": "add", "difference": "cut", "intersection": "clip"}
 OPS: dict[str, Op] = {"add": "union", "cut": "difference", "clip": "intersection"}
 LONGEST_S = 600.0
+WORSE = 1e-6  # IoU that a fit may cost: its last digits
 MOVED = 1e-9  # share of a number by which it is another one
 
 Id = Annotated[int, Field(ge=0, description="a feature's id, as features lists it")]
@@ -414,13 +415,16 @@ class AgentSession:
     def refit(
         self,
         only: Annotated[list[Id], Field(description="the features whose numbers may move; all where empty")] = [],  # noqa: B006 - read only
+        turn: Annotated[bool, Field(description="let orientations move too")] = False,
     ) -> ChangeReply:
-        """Fit sizes and places of primitives to the part, while relations and locks hold. It goes to what is near: no more than a few per
-        cent of the part. Drawings and edges stay as they are."""
+        """Fit sizes and places of primitives to the part, while relations and locks hold; it goes a few per cent of the part at most.
+        Drawings and edges stay. A result that is farther from the part, or opens, closes or parts something, is refused."""
         target, program = self._part(), self._program()
-        chosen = self._ids(only)
-        after = changes.refit(program.delivered, target, self._now.held, chosen or None)
-        return self._change("refit", after)
+        after = changes.refit(program.delivered, target, self._now.held, self._ids(only) or None, turn)
+        fitted = MeasuredProgram(after, target)
+        if (program.iou or 0.0) - (fitted.iou or 0.0) > WORSE:
+            raise EditError(f"refit finds nothing nearer: the IoU would be {fitted.iou:.6f}, and is {program.iou:.6f}")
+        return self._change("refit", after, strict=True)
 
     def relate(self) -> ChangeReply:
         """Look for relations and repeats among the numbers: equal holes share a name, rows have a spacing and a count. Ids may change."""
