@@ -270,7 +270,7 @@ def judge(mistake: SeededMistake, folder: Path) -> tuple[float, list[str]]:
 async def connect(folder: Path):
     """A client of a server of its own."""
     server = StdioServerParameters(command=sys.executable, args=["-m", "imdim.app.cli", "mcp", str(folder)], env=dict(os.environ))
-    async with stdio_client(server) as streams, ClientSession(*streams) as session:
+    async with stdio_client(server, sys.__stderr__ or sys.stderr) as streams, ClientSession(*streams) as session:
         await session.initialize()
         yield Client(session)
 

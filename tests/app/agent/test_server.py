@@ -38,7 +38,7 @@ def talk(folder, conversation):
     server = mcp.StdioServerParameters(command=sys.executable, args=["-m", "imdim.app.cli", "mcp", str(folder)], env=dict(os.environ))
 
     async def run():
-        async with stdio_client(server) as streams, mcp.ClientSession(*streams) as client:
+        async with stdio_client(server, sys.__stderr__) as streams, mcp.ClientSession(*streams) as client:
             await client.initialize()
             await conversation(client)
 
@@ -110,7 +110,7 @@ def test_the_tools_over_stdio(folder):
 
 def test_the_conversation_of_the_page_goes_as_it_says(folder):
     page = (ROOT / "docs/agents.md").read_text(encoding="utf-8")
-    calls = re.findall(r"^> (\w+) (\{.*\})\n((?:[^>\n].*\n)*)", page.split("## A conversation")[1], re.MULTILINE)
+    calls = re.findall(r"^> (\w+) (\{.*\})\n((?:[^>`\n].*\n)*)", page.split("## A conversation")[1], re.MULTILINE)
     assert len(calls) >= 6
 
     async def conversation(client):

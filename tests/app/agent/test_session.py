@@ -147,6 +147,19 @@ def test_a_repeat_is_added_and_a_copy_removed(opened):
     assert opened._program().delivered.folded is None
 
 
+def test_what_is_added_before_the_cuts_is_cut_too(opened):
+    opened.lock(["2.x"])
+    boss = {"kind": "cylinder", "size": {"r": 5, "h": 2}, "center": [20, 0, 2]}
+    assert opened.add("add", boss).kind == "2 through-holes became 1"
+    opened.undo()
+    added = opened.add("add", boss, before_cuts=True)
+    assert (added.kind, added.notes, added.volume) == ("", ["it is feature 1"], added.volume_before)
+    assert [f.kind for f in opened.features().features] == ["box", "cylinder", "cylinder", "cylinder"]
+    assert opened.parameters("hole_diameter").parameters[0].ties == [2, 3]
+    with pytest.raises(ValueError, match=r"3\.x is locked"):
+        opened.set({"3.x": 0})
+
+
 def test_removing_keeps_other_repeats(opened):
     for y in (15, -15):
         opened.add("cut", {"repeat": "linear", "count": 3, "step": [10, 0, 0], "part": {**HOLE, "center": [-10, y, 0]}})

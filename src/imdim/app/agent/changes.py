@@ -23,8 +23,8 @@ from imdim.export.untie import describe_repeats
 from imdim.geometry.holes import find_holes
 from imdim.geometry.lowering import lower
 from imdim.geometry.solid import exact_rotation
-from imdim.program.constraints import AXES, Constraint, Ref, check_all, scale_constraints
-from imdim.program.edges import EdgeFeature, scale_edges
+from imdim.program.constraints import AXES, WORLD, Constraint, Ref, check_all, scale_constraints
+from imdim.program.edges import EdgeFeature, renumber_edges, scale_edges
 from imdim.program.node_codec import MAX_PRIMITIVES, read_node
 from imdim.program.patterns.edit import refit_repeats
 from imdim.program.repeats import Folded, Group, Repeat, expand, rebuilt, repeats, size, with_leaves, write_out
@@ -65,15 +65,37 @@ def _are_alike(one: Program, other: Program) -> bool:
     )
 
 
-def add_feature(delivered: Delivered, op: Op, feature: object) -> Delivered:
-    """One more feature, joined to all that is there: a node of the file format, a repeat too. Raises a one-line ValueError."""
+def add_feature(delivered: Delivered, op: Op, feature: object, before_cuts: bool = False) -> tuple[Delivered, int]:
+    """One more feature, a node of the file format, a repeat too; and the number of its first primitive.
+
+    It is joined to all that is there, or to what is there `before_cuts` are made, which go through it too. Raises a one-line ValueError.
+    """
     part = read_node(feature, "feature")
     folded = _fold(delivered)
     if size(folded) + size(part) > MAX_PRIMITIVES:
         raise EditError(f"{size(folded) + size(part)} primitives, more than {MAX_PRIMITIVES}")
-    after = Group(op, (*folded.parts, part)) if isinstance(folded, Group) and folded.op == op else Group(op, (folded, part))
+    after, first = _join(folded, op, part, before_cuts)
+    more = size(part)
+    place = {i: i if i < first else i + more for i in range(size(folded))} | {WORLD: WORLD}
+    constraints = [
+        replace(
+            c,
+            of=tuple(ref._replace(leaf=place[ref.leaf]) for ref in c.of),
+            about=c.about and c.about._replace(leaf=place[c.about.leaf]),
+        )
+        for c in delivered.constraints
+    ]
     repeated = after if any(repeats(after)) else None
-    return restructure(delivered, expand(after), delivered.constraints, delivered.edges, repeated)
+    return restructure(delivered, expand(after), constraints, renumber_edges(delivered.edges, place), repeated), first
+
+
+def _join(folded: Folded, op: Op, part: Folded, before_cuts: bool) -> tuple[Folded, int]:
+    """What is there with one more part, and the number of its first leaf."""
+    if before_cuts and isinstance(folded, Group) and folded.op == "difference":
+        kept, first = _join(folded.parts[0], op, part, before_cuts)
+        return Group("difference", (kept, *folded.parts[1:])), first
+    same = isinstance(folded, Group) and folded.op == op
+    return Group(op, (*folded.parts, part) if same and isinstance(folded, Group) else (folded, part)), size(folded)
 
 
 def _fold(delivered: Delivered) -> Folded:

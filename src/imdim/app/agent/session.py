@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
@@ -74,6 +74,9 @@ Ids = Annotated[list[Id], Field(min_length=1, max_length=200)]
 Vector = Annotated[list[float], Field(min_length=3, max_length=3, description="x, y, z in the part's units")]
 
 
+NamedLocks = tuple[str, tuple[Lock, ...]]  # what is locked, as it was asked for, and its numbers
+
+
 @dataclass(frozen=True, eq=False)
 class AgentStep:
     """What was done, and what there is since then: the part, the program and what is locked. `locks` has each locked name with its numbers
@@ -82,7 +85,7 @@ class AgentStep:
     what: str
     target: Target | None = None
     measured: MeasuredProgram | None = None
-    locks: tuple[tuple[str, tuple[Lock, ...]], ...] = ()
+    locks: tuple[NamedLocks, ...] = ()
     source: str = ""
 
     @property
@@ -396,13 +399,15 @@ class AgentSession:
                 "extrude h and revolve angle, with outline as loops of [x, y] or [x, y, bulge]; rotation is in degrees about x, y, z"
             ),
         ],
+        before_cuts: Annotated[bool, Field(description="join it to what is there before cuts are made, which go through it too")] = False,
     ) -> ChangeReply:
-        """Add one more feature. Its id is the last of the primitives."""
-        program = self._program()
-        after = changes.add_feature(program.delivered, OPS[does], feature)
-        first, last = sum(1 for _ in leaves(program.delivered.program)), sum(1 for _ in leaves(after.program)) - 1
-        said = f"it is feature {first}" if first == last else f"it is features {first} to {last}"
-        return self._change(f"{does} {feature.get('kind', 'features')}", after, notes=[said])
+        """Add one more feature; the answer has its id. Later ids move up."""
+        program, now = self._program(), self._now
+        after, first = changes.add_feature(program.delivered, OPS[does], feature, before_cuts)
+        more = sum(1 for _ in leaves(after.program)) - sum(1 for _ in leaves(program.delivered.program))
+        said = f"it is feature {first}" if more == 1 else f"it is features {first} to {first + more - 1}"
+        locks = _relabel((name, tuple(Lock(k.leaf + more * (k.leaf >= first), k.name) for k in of)) for name, of in now.locks)
+        return self._change(f"{does} {feature.get('kind', 'features')}", after, notes=[said], locks=locks)
 
     def remove(self, ids: Ids) -> ChangeReply:
         """Remove features; what was cut out of one of them alone goes with it. Later ids move down."""
@@ -495,7 +500,7 @@ class AgentSession:
         after: Delivered,
         strict: bool = False,
         notes: Sequence[str] = (),
-        locks: tuple[tuple[str, tuple[Lock, ...]], ...] | None = None,
+        locks: tuple[NamedLocks, ...] | None = None,
     ) -> ChangeReply:
         """Make `after` the program, as one step. Raises EditError, changing nothing, where it moves what is locked or leaves no solid."""
         now, program = self._now, self._program()
@@ -562,12 +567,17 @@ def _locked_number(part: Primitive, name: str) -> tuple[float, ...]:
     return (part.center[AXES.index(name)],) if name in AXES else (part.size[SIZE_NAMES[part.kind].index(name)],)
 
 
-def _locks_left(step: AgentStep, program: MeasuredProgram, after: Delivered) -> tuple[tuple[str, tuple[Lock, ...]], ...]:
+def _locks_left(step: AgentStep, program: MeasuredProgram, after: Delivered) -> tuple[NamedLocks, ...]:
     """The locks of the primitives that are still there, told by their own numbers."""
     place: dict[Primitive, int] = {part: i for i, part in enumerate(leaves(after.program))}
     parts = list(leaves(program.delivered.program))
     left = [(name, tuple(Lock(place[parts[k.leaf]], k.name) for k in locks if parts[k.leaf] in place)) for name, locks in step.locks]
-    return tuple((name, locks) for name, locks in left if locks)
+    return _relabel(left)
+
+
+def _relabel(locks: Iterable[NamedLocks]) -> tuple[NamedLocks, ...]:
+    """Locks of renumbered primitives: those that were named by a feature and a number are so again, those without any are left out."""
+    return tuple((f"{of[0].leaf}.{of[0].name}" if _is_reference(name) else name, of) for name, of in locks if of)
 
 
 def _numbers(part: Primitive) -> dict[str, float]:
