@@ -53,5 +53,5 @@ bench-gate: .venv/use
 
 .venv/develop: pyproject.toml constraints.txt | .venv/bin/python
 	@echo "Installing into .venv (some 2 GB, a few minutes the first time)"
-	$(PIP) -e '.[step,learn,lab,dev]'
+	$(PIP) -e '.[step,learn,lab,agent,dev]'
 	@touch $@ .venv/use

@@ -108,6 +108,34 @@ def test_the_tools_over_stdio(folder):
     assert told[0][1] == "starting"
 
 
+def test_a_fit_that_the_client_cancels_keeps_nothing(folder):
+    mcp = pytest.importorskip("mcp")
+    told = []
+
+    async def hear(seconds, total, message):
+        told.append(message)
+
+    async def conversation(client):
+        for path in ("part.stl", "plate"):
+            await client.call_tool("open", {"path": path})
+        number = client._request_id  # the official client tells it nowhere else
+        fitting = asyncio.create_task(client.call_tool("fit", {"budget_s": 600}, progress_callback=hear))
+        while not told:
+            await asyncio.sleep(0.05)
+        cancelled = mcp.types.CancelledNotification(
+            method="notifications/cancelled", params=mcp.types.CancelledNotificationParams(requestId=number)
+        )
+        await client.send_notification(mcp.types.ClientNotification(cancelled))
+        with pytest.raises(mcp.McpError, match="cancelled"):
+            await fitting
+        while (status := await client.call_tool("status", {})).isError:
+            assert "another call is going on" in status.content[0].text
+            await asyncio.sleep(0.05)
+        assert status.structuredContent["undo"][0] == "open plate"
+
+    talk(folder, conversation)
+
+
 def test_the_conversation_of_the_page_goes_as_it_says(folder):
     page = (ROOT / "docs/agents.md").read_text(encoding="utf-8")
     calls = re.findall(r"^> (\w+) (\{.*\})\n((?:[^>`\n].*\n)*)", page.split("## A conversation")[1], re.MULTILINE)
