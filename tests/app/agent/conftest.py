@@ -5,6 +5,7 @@ from tests.planted import box, cut, cylinder
 
 from imdim.app.agent.session import AgentSession
 from imdim.app.agent.workplace import Workplace
+from imdim.app.lab.jobs import WorkerPool
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program import codec
 from imdim.program.constraints import Constraint, Ref
@@ -24,7 +25,8 @@ def folder(tmp_path):
 
 
 @pytest.fixture
-def session(folder):
+def session(folder, monkeypatch):
+    monkeypatch.setattr(WorkerPool, "prepare", lambda pool: None)  # a process is started by those who fit
     out = AgentSession(Workplace(folder))
     yield out
     out.close()
