@@ -5,7 +5,7 @@ import pytest
 from tests.planted import box, cut, cylinder, mesh_of
 
 from imdim.program.outline import Outline, circle
-from imdim.program.tree import Primitive, Program
+from imdim.program.tree import Primitive, Program, combine_all
 from imdim.reconstruction.observation import Observation, UnitBody, observe
 from imdim.reconstruction.plain_program import count_directions, count_numbers, is_plainer, may_be_plain, reading_length
 from imdim.target.target import target_from
@@ -79,3 +79,16 @@ def test_turned_drawings_need_a_primitive_for_each_wall() -> None:
     assert not may_be_plain(stepped, -half, half)
     cone = Primitive("revolve", (360.0,), outline=Outline((((0.0, 0.0, 0.0), (0.4, 0.0, 0.0), (0.2, 0.75, 0.0), (0.0, 0.75, 0.0)),)))
     assert may_be_plain(cone, -half, half)
+
+
+def test_a_regular_polygon_is_read_by_its_count_of_sides() -> None:
+    """A nut is a hexagon, and not the intersection of three turned boxes."""
+    corners = tuple((0.4 * np.cos(t), 0.4 * np.sin(t), 0.0) for t in np.radians(60.0 * np.arange(6)))
+    nut = Primitive("extrude", (0.1,), outline=Outline((corners, circle(0.2, 0.0, 0.0))))
+    half = np.array([0.4, 0.4 * np.sin(np.pi / 3), 0.05])
+    assert count_numbers(nut, -half, half) == 3  # the radius of the corners, that of the hole, the thickness
+    assert reading_length(nut, -half, half) == 1 + 3 + 3 + 0.5 * 2
+    across = 0.8 * np.sin(np.pi / 3)
+    boxes = [Primitive("box", (2.0, across, 0.1), rotation=(0.0, 0.0, turn)) for turn in (0.0, 60.0, 120.0)]
+    turned = cut(combine_all("intersection", list(boxes)), cylinder(0.2, 0.2))
+    assert reading_length(turned, -half, half) > 1.25 * reading_length(nut, -half, half)

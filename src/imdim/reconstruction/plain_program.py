@@ -14,10 +14,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from imdim.export.outline_joints import Regular, regular_of
 from imdim.geometry.lowering import lower
 from imdim.program.cost import count
 from imdim.program.ellipse import Ellipse
-from imdim.program.outline import Curve, Outline, arc_center, arc_radius, has_ellipse, ring_curves
+from imdim.program.outline import Curve, Loop, Outline, arc_center, arc_radius, has_ellipse, ring_curves
 from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.observation import Observation
 
@@ -39,7 +40,7 @@ def may_be_plain(drawn: Program, low: np.ndarray, high: np.ndarray) -> bool:
         return False
     fewest = sum(map(_fewest_primitives, leaves(drawn)))
     length = reading_length(drawn, low, high)
-    return length - counts.primitives - CURVE_KIND * counts.curves + fewest <= _most(fewest) * length
+    return length - counts.primitives - CURVE_KIND * _count_kinds(drawn) + fewest <= _most(fewest) * length
 
 
 def is_plainer(plain: Program, drawn: Program, seen: Observation) -> bool:
@@ -89,8 +90,18 @@ def _distinct(rows: set[tuple[float, float, float]], tolerance: float) -> int:
 def reading_length(program: Program, low: np.ndarray, high: np.ndarray) -> float:
     """How much there is to read in the program of a part that fills a box from `low` [3] to `high` [3], in numbers: its leaves, their
     numbers and their directions, and the kind of each curve."""
-    counts = count(program)
-    return counts.primitives + count_numbers(program, low, high) + count_directions(program) + CURVE_KIND * counts.curves
+    read = count(program).primitives + count_numbers(program, low, high) + count_directions(program)
+    return read + CURVE_KIND * _count_kinds(program)
+
+
+def _count_kinds(program: Program) -> int:
+    """Curves of all outlines, a regular polygon, which is told by its count of sides, as one."""
+    loops = [loop for leaf in leaves(program) if leaf.outline for loop in leaf.outline.loops]
+    return count(program).curves - sum(regular.sides - 1 for loop in loops if (regular := _regular(loop)))
+
+
+def _regular(loop: Loop) -> Regular | None:
+    return None if isinstance(loop, Ellipse) else regular_of(loop, ONE_NUMBER * max(abs(v) for vertex in loop for v in vertex[:2]))
 
 
 def count_directions(program: Program) -> int:
@@ -136,10 +147,10 @@ def _others(leaf: Primitive, at: np.ndarray) -> Iterator[float]:
     if leaf.kind == "extrude":
         assert leaf.outline is not None
         yield from (v for u, w in _places(leaf.outline) for v in (x + u, y + w))
-        yield from _semi_axes(leaf.outline)
+        yield from _radii(leaf.outline)
     elif leaf.kind == "revolve":
         assert leaf.outline is not None
-        yield from (x, y, *(v for r, h in _places(leaf.outline) for v in (r, z + h)), *_semi_axes(leaf.outline))
+        yield from (x, y, *(v for r, h in _places(leaf.outline) for v in (r, z + h)), *_radii(leaf.outline))
     elif leaf.kind in ("cylinder", "cone"):
         yield from (x, y, *leaf.size[:-1])
     elif leaf.kind != "box":
@@ -147,9 +158,22 @@ def _others(leaf: Primitive, at: np.ndarray) -> Iterator[float]:
 
 
 def _places(outline: Outline) -> list[tuple[float, float]]:
-    """Vertices, and the centres of ellipses."""
-    return [v for loop in outline.loops for v in ([(loop.x, loop.y)] if isinstance(loop, Ellipse) else [v[:2] for v in loop])]
+    """Vertices, and the centres of ellipses and regular polygons."""
+    out: list[tuple[float, float]] = []
+    for loop in outline.loops:
+        if isinstance(loop, Ellipse):
+            out.append((loop.x, loop.y))
+        elif regular := _regular(loop):
+            out.append(regular.center)
+        else:
+            out += [vertex[:2] for vertex in loop]
+    return out
 
 
-def _semi_axes(outline: Outline) -> list[float]:
-    return [r for loop in outline.loops if isinstance(loop, Ellipse) for r in (loop.rx, loop.ry)]
+def _radii(outline: Outline) -> Iterator[float]:
+    """Of ellipses and regular polygons."""
+    for loop in outline.loops:
+        if isinstance(loop, Ellipse):
+            yield from (loop.rx, loop.ry)
+        elif regular := _regular(loop):
+            yield regular.radius
