@@ -6,7 +6,7 @@ where a cut ends that goes through. Two holes that end in one face are level by 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from imdim.export.seats import seats, sticks_out
@@ -20,7 +20,7 @@ def without_chance(program: Program, constraints: Sequence[Constraint]) -> tuple
     roles, air = roles_of(program), _in_the_air(program)
     out: list[Constraint] = []
     for constraint in constraints:
-        meant = [ref for ref in constraint.of if ref not in air or air[ref] in constraint.of]
+        meant = _seen(constraint.of, air)
         if constraint.kind in ("aligned", "coplanar"):
             mixed = constraint.kind == "aligned" and len({bool(ref.feature) for ref in constraint.of}) > 1
             out += [] if mixed else _of_some(constraint, meant)
@@ -31,6 +31,12 @@ def without_chance(program: Program, constraints: Sequence[Constraint]) -> tuple
         else:
             out.append(constraint)
     return tuple(constraints) if out == list(constraints) else name_constraints(out, program)
+
+
+def _seen(of: Sequence[Ref], air: Mapping[Ref, Ref | None]) -> list[Ref]:
+    """Without ends in the air; where a cut ends in a face that is not among them, that face in its place."""
+    seen = (ref if ref not in air or air[ref] in of else air[ref] for ref in of)
+    return list(dict.fromkeys(ref for ref in seen if ref is not None))
 
 
 def _of_some(constraint: Constraint, of: Sequence[Ref]) -> list[Constraint]:
