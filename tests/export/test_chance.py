@@ -57,6 +57,15 @@ def test_holes_that_end_in_one_face_go_through_a_thicker_plate():
     assert thicker.genus() == 2
 
 
+def test_features_level_by_way_of_a_cut_stay_level():
+    """The hole ends in the face of the second plate, and was level with the first one: the plates are level with each other."""
+    plates = combine_all("union", [Primitive("box", (20.0, 10.0, 3.0)), Primitive("box", (8.0, 8.0, 3.0), (12.0, 0.0, 0.0))])
+    program = combine_all("difference", [plates, Primitive("cylinder", (1.0, 3.0), (14.0, 0.0, 0.0))])
+    chain = [Constraint("coplanar", (Ref(a, "-z"), Ref(b, "-z")), name=f"level_{a}_{b}") for a, b in ((0, 2), (2, 1))]
+    kept = {c.of for c in without_chance(program, chain)}
+    assert (Ref(0, "-z"), Ref(1, "-z")) in kept
+
+
 def test_equal_sizes_are_tied_within_one_role():
     program = part()
     equal = Constraint("equal", (Ref(1, "r"), Ref(2, "r")), name="ball_hole_radius")
