@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from imdim.app.agent import changes
+from imdim.app.agent.locks import NamedLocks, check_locks, find_locks, is_reference, keep_locks, shift_locks
 from imdim.app.agent.measured import MeasuredProgram
 from imdim.app.agent.replies import (
     ChangeReply,
@@ -41,10 +42,10 @@ from imdim.app.export import find_document
 from imdim.app.lab import edits
 from imdim.app.lab.drawing import roles
 from imdim.app.lab.jobs import WorkerPool
-from imdim.app.lab.solving import TURN, Lock
+from imdim.app.lab.solving import Lock
 from imdim.delivery.finish import FinishedProgram, finish
 from imdim.delivery.verdict import JudgedRegion
-from imdim.export.delivered import Delivered, EditError, find_followers, meanings, texts_of
+from imdim.export.delivered import Delivered, EditError, meanings, texts_of
 from imdim.export.edit import change_values, lost_edges, open_delivered, write
 from imdim.export.edit_report import EditReport
 from imdim.export.folder import OutputError
@@ -52,8 +53,8 @@ from imdim.export.hole_names import hole_groups
 from imdim.export.untie import list_ties, new_names, untie
 from imdim.geometry.solid import SEGMENTS
 from imdim.program import codec
-from imdim.program.constraints import AXES, RULES, describe, read_ref
-from imdim.program.tree import SIZE_NAMES, Op, Primitive, leaves
+from imdim.program.constraints import RULES, describe, read_ref
+from imdim.program.tree import Op, Primitive, leaves
 from imdim.reconstruction.config import ConfigError, Settings, check
 from imdim.reconstruction.fitting import relations_of
 from imdim.target.placement import place
@@ -66,15 +67,11 @@ MOST_NAMES = 60
 DOES = {"union": "add", "difference": "cut", "intersection": "clip"}
 OPS: dict[str, Op] = {"add": "union", "cut": "difference", "clip": "intersection"}
 LONGEST_S = 600.0
-WORSE = 1e-6  # IoU that a fit may cost: its last digits
-MOVED = 1e-9  # share of a number by which it is another one
+WORSE = 1e-6  # IoU, or share of the mean distance, that a fit may cost: the last digits
 
 Id = Annotated[int, Field(ge=0, description="a feature's id, as features lists it")]
 Ids = Annotated[list[Id], Field(min_length=1, max_length=200)]
 Vector = Annotated[list[float], Field(min_length=3, max_length=3, description="x, y, z in the part's units")]
-
-
-NamedLocks = tuple[str, tuple[Lock, ...]]  # what is locked, as it was asked for, and its numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,7 +299,7 @@ class AgentSession:
         for name in values:
             if name in locked:
                 raise EditError(f"{name} is locked: unlock it first")
-        direct = {name: value for name, value in values.items() if name not in before.values and _is_reference(name)}
+        direct = {name: value for name, value in values.items() if name not in before.values and is_reference(name)}
         after = change_values(before, {k: v for k, v in values.items() if k not in direct}) if len(direct) < len(values) else before
         for name, value in direct.items():
             ref = read_ref(name)
@@ -356,27 +353,11 @@ class AgentSession:
         locks = dict(now.locks)
         for name in names:
             if locked:
-                locks[name] = self._locks_of(program.delivered, name)
+                locks[name] = find_locks(program.delivered, name)
             elif locks.pop(name, None) is None:
                 raise EditError(f"{name} is not locked")
         self._push(replace(now, what=f"{'lock' if locked else 'unlock'} {', '.join(names)}", locks=tuple(locks.items())))
         return self.status()
-
-    def _locks_of(self, d: Delivered, name: str) -> tuple[Lock, ...]:
-        if name in d.values:
-            across, equal, moved = find_followers(d)[name]
-            known = [*across, *equal] or moved
-            locks = tuple(Lock(*feature) for feature in sorted(known) if feature[1] != "outline")
-            if not locks:
-                raise EditError(f"{name} is a number of a drawing or of an edge, which nothing but set changes: it needs no lock")
-            return locks
-        if not _is_reference(name):
-            raise EditError(f"no parameter {name!r} to lock")
-        ref, parts = read_ref(name), list(leaves(d.program))
-        known = [] if not 0 <= ref.leaf < len(parts) else [*SIZE_NAMES[parts[ref.leaf].kind], *AXES, TURN]
-        if ref.feature not in known:
-            raise EditError(f"no number {name} to lock; primitive {ref.leaf} has {', '.join(known) or 'none: there is no such primitive'}")
-        return (Lock(ref.leaf, ref.feature),)
 
     def scale(self, factor: Annotated[float, Field(gt=0, description="25.4 makes millimetres of inches")]) -> ChangeReply:
         """Multiply all lengths of the program, as where they were taken for another unit."""
@@ -406,7 +387,7 @@ class AgentSession:
         after, first = changes.add_feature(program.delivered, OPS[does], feature, before_cuts)
         more = sum(1 for _ in leaves(after.program)) - sum(1 for _ in leaves(program.delivered.program))
         said = f"it is feature {first}" if more == 1 else f"it is features {first} to {first + more - 1}"
-        locks = _relabel((name, tuple(Lock(k.leaf + more * (k.leaf >= first), k.name) for k in of)) for name, of in now.locks)
+        locks = shift_locks(now.locks, first, more)
         return self._change(f"{does} {feature.get('kind', 'features')}", after, notes=[said], locks=locks)
 
     def remove(self, ids: Ids) -> ChangeReply:
@@ -415,7 +396,7 @@ class AgentSession:
         chosen = self._ids(ids)
         after = changes.remove_features(program.delivered, chosen)
         names = ", ".join(program.names[i] for i in chosen)
-        return self._change(f"remove {names}", after, locks=_locks_left(now, program, after))
+        return self._change(f"remove {names}", after, locks=keep_locks(now.locks, program.delivered.program, after.program))
 
     def refit(
         self,
@@ -427,8 +408,11 @@ class AgentSession:
         target, program = self._part(), self._program()
         after = changes.refit(program.delivered, target, self._now.held, self._ids(only) or None, turn)
         fitted = MeasuredProgram(after, target)
-        if (program.iou or 0.0) - (fitted.iou or 0.0) > WORSE:
-            raise EditError(f"refit finds nothing nearer: the IoU would be {fitted.iou:.6f}, and is {program.iou:.6f}")
+        if program.iou is not None and fitted.iou is not None:
+            if program.iou - fitted.iou > WORSE:
+                raise EditError(f"refit finds nothing nearer: the IoU would be {fitted.iou:.6f}, and is {program.iou:.6f}")
+        elif (would := fitted.scores.to_result.mean) > (now := program.scores.to_result.mean) * (1 + WORSE):
+            raise EditError(f"refit finds nothing nearer: the part's points would be {would:.6g} off on average, and are {now:.6g}")
         return self._change("refit", after, strict=True)
 
     def relate(self) -> ChangeReply:
@@ -505,7 +489,7 @@ class AgentSession:
         """Make `after` the program, as one step. Raises EditError, changing nothing, where it moves what is locked or leaves no solid."""
         now, program = self._now, self._program()
         if locks is None:
-            _check_locks(now, program.delivered, after)
+            check_locks(now.locks, program.delivered.program, after.program)
         measured = _measure(after, now.target)
         same = program.size == measured.size
         report = EditReport.of(program.solid, measured.solid, lost_edges(program.delivered, after) if same else ())
@@ -543,41 +527,6 @@ def _deliver(found: FinishedProgram, target: Target) -> Delivered:
     meta = frame_meta(target)
     document = codec.to_json(found.program, meta, found.constraints, found.folded, found.edges)
     return open_delivered(document, texts_of(found.program, found.parameters, found.folded, SEGMENTS, found.edges))
-
-
-def _is_reference(name: str) -> bool:
-    try:
-        return bool(read_ref(name).feature) and read_ref(name).leaf >= 0
-    except ValueError:
-        return False
-
-
-def _check_locks(step: AgentStep, before: Delivered, after: Delivered) -> None:
-    old, new = list(leaves(before.program)), list(leaves(after.program))
-    for name, locks in step.locks:
-        for lock in locks:
-            had, has = _locked_number(old[lock.leaf], lock.name), _locked_number(new[lock.leaf], lock.name)
-            if any(abs(a - b) > MOVED * max(1.0, abs(a)) for a, b in zip(had, has, strict=True)):
-                raise EditError(f"{name} is locked, and this would move it: unlock it first")
-
-
-def _locked_number(part: Primitive, name: str) -> tuple[float, ...]:
-    if name == TURN:
-        return part.rotation
-    return (part.center[AXES.index(name)],) if name in AXES else (part.size[SIZE_NAMES[part.kind].index(name)],)
-
-
-def _locks_left(step: AgentStep, program: MeasuredProgram, after: Delivered) -> tuple[NamedLocks, ...]:
-    """The locks of the primitives that are still there, told by their own numbers."""
-    place: dict[Primitive, int] = {part: i for i, part in enumerate(leaves(after.program))}
-    parts = list(leaves(program.delivered.program))
-    left = [(name, tuple(Lock(place[parts[k.leaf]], k.name) for k in locks if parts[k.leaf] in place)) for name, locks in step.locks]
-    return _relabel(left)
-
-
-def _relabel(locks: Iterable[NamedLocks]) -> tuple[NamedLocks, ...]:
-    """Locks of renumbered primitives: those that were named by a feature and a number are so again, those without any are left out."""
-    return tuple((f"{of[0].leaf}.{of[0].name}" if _is_reference(name) else name, of) for name, of in locks if of)
 
 
 def _numbers(part: Primitive) -> dict[str, float]:

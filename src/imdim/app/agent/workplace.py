@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path, PureWindowsPath
 
 from imdim.reconstruction.config import ConfigError, one_line
 from imdim.target.readers import FORMATS
 
 MOST_LISTED = 50
+MOST_SEEN = 20_000  # of a folder, which may be a person's whole home
 
 
 class Workplace:
@@ -54,8 +56,9 @@ class Workplace:
         return message.replace(f"{self.root}/", "").replace(str(self.root), ".")
 
     def list_parts(self) -> list[str]:
-        """Meshes, clouds and results folders, hidden ones left out, at most MOST_LISTED."""
-        found = sorted(path for path in self.root.rglob("*") if not any(p.startswith(".") for p in path.relative_to(self.root).parts))
+        """Meshes, clouds and results folders, hidden ones left out, at most MOST_LISTED of the first MOST_SEEN files and folders."""
+        seen = islice(self.root.rglob("*"), MOST_SEEN)
+        found = sorted(path for path in seen if not any(p.startswith(".") for p in path.relative_to(self.root).parts))
         results = [path.parent for path in found if path.name == "program.json"]
         parts = [p for p in found if p.suffix.lower() in FORMATS and p.is_file() and p.parent not in results]
         return [str(p.relative_to(self.root)) for p in sorted({*parts, *results})][:MOST_LISTED]
