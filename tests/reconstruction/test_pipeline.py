@@ -34,6 +34,9 @@ def reconstructed(name: str, language: str = "cad") -> list[Snapshot]:
     return snapshots(mesh_of(PARTS[name]), language=language)
 
 
+TAKEN_APART = ("plate with four holes", "open box")  # drawn first, and as features of their own hardly more to read
+
+
 def iou(program: Program, truth: Program) -> float:
     return volume_iou(to_manifold(program), to_manifold(truth))
 
@@ -52,7 +55,7 @@ def test_a_planted_part_comes_back(name, language):
 def test_snapshots_tell_the_run(name, language):
     """A program that was searched for among the six primitives is proved minimal; a drawing, or what it was taken apart to, is not."""
     run = reconstructed(name, language)
-    drawn = any(leaf.outline for s in run for leaf in leaves(s.program)) and run[-1].proof == ""
+    drawn = any(leaf.outline for leaf in leaves(run[-1].program)) or (language == "cad" and name in TAKEN_APART)
     stages, proofs = [s.stage for s in run], [] if drawn else ["proof"]
     assert [s for i, s in enumerate(stages) if i == 0 or stages[i - 1] != s] == ["search", *proofs, "simplify", "solve", "finished"]
     assert run[-1].proof == ("proved minimal over these candidates" if proofs else "")

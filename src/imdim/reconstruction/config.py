@@ -81,7 +81,7 @@ MEANINGS: Mapping[str, str] = {
     " or stump-net (CSG-Stump, to compare with)",
     "language": "what programs are made of: language=cad of six primitives and extruded and turned outlines, language=csg of the six alone",
     "objective": "what the search counts beside the error: objective=description primitives and the curves of outlines,"
-    " and a dozen primitives are taken for drawings where they read as well; objective=primitives primitives alone",
+    " and plainer features are taken for drawings where they read as well; objective=primitives primitives alone",
     "size_weight": "the share of the volume that one more primitive must set right; larger gives shorter and cruder programs",
     "segments": "facets per circle in meshes",
     "units": "what the lengths of the file are: mm, cm, m or inch, which become millimetres; auto: what the file says, else as they are",

@@ -125,7 +125,7 @@ def _separate(run: Run, drawn: MethodStep) -> MethodStep | None:
     nothing = NOTHING * solid.volume()
 
     def is_free(cut: Program) -> bool:
-        return (to_manifold(cut) ^ solid).volume() < nothing
+        return not deadline.has_passed() and (to_manifold(cut) ^ solid).volume() < nothing
 
     def may_hide(leaf: Primitive, box: Primitive) -> bool:
         if deadline.has_passed():
