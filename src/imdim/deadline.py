@@ -16,6 +16,11 @@ class Deadline:
     # looked up when a deadline is made: scripts/processor.py puts another clock there
     now: Callable[[], float] = field(default_factory=lambda: time.perf_counter, repr=False)
 
+    @staticmethod
+    def of_process(seconds: float) -> Deadline:
+        """One so many seconds of the processor from now: what else the machine does changes nothing of what is done by then."""
+        return Deadline(time.process_time() + seconds, time.process_time)
+
     def has_passed(self) -> bool:
         return self.now() > self.at
 

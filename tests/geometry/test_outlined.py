@@ -257,3 +257,16 @@ def test_outlines_do_not_say_which_way_they_run():
 def _from_last(loop):
     """The vertices backwards, each with the bulge of the curve that led to it; there are none of an ellipse."""
     return [(*loop[i][:2], loop[i - 1][2]) for i in range(len(loop) - 1, -1, -1)]
+
+
+@pytest.mark.parametrize("kind", OUTLINED)
+def test_inside_is_the_sign_of_the_distance(kind: str) -> None:
+    rng = np.random.default_rng(11)
+    for leaf in drawn_leaves(kind, 12):
+        program = Combine("difference", leaf, Primitive("sphere", (0.3,), (0.1, 0.2, 0.0)))
+        reach = bounding_radius(leaf)
+        points = leaf.center + rng.uniform(-reach, reach, (4000, 3))
+        values = kernels.program_sdf(program, points)
+        held = kernels.inside(program, points)
+        assert 0 < held.sum() < len(held)
+        assert (held == (values < 0))[np.abs(values) > 1e-12].all()

@@ -259,7 +259,7 @@ def test_a_run_is_cut_where_its_method_says_so_not_where_a_deadline_was_asked(cu
         hands[0] = 55.0
         assert run.budget.end_of("search").has_passed()
         low, high = (f(run.seen.target.points, axis=0) for f in (np.min, np.max))
-        yield MethodStep("boxed", box(*(high - low).tolist(), ((low + high) / 2).tolist())).cut_if(cut)
+        yield MethodStep("boxed", box(*(high - low).tolist(), tuple(((low + high) / 2).tolist()))).cut_if(cut)
 
     monkeypatch.setitem(METHODS, "boxed", boxed)
     target, settings = target_from(mesh_of(box(40, 30, 10, (100.0, 0.0, 0.0)))), Settings(method="boxed", budget_s=100.0)

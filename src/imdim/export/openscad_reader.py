@@ -13,6 +13,7 @@ import math
 import operator
 import re
 from collections.abc import Callable, Container, Iterator, Mapping
+from functools import lru_cache
 from typing import Any
 
 from imdim.export.bends import SIDES, Arc, regular_polygon, to_loop
@@ -219,9 +220,14 @@ def _entries(node: ast.AST, values: Values, number: int) -> tuple[float, ...]:
 
 def _parse(text: str, number: int) -> ast.expr:
     try:
-        return ast.parse(text.strip(), mode="eval").body
+        return _tree_of(text.strip())
     except (SyntaxError, RecursionError, MemoryError):
         raise ValueError(f"line {number} is not flat OpenSCAD of ours: {text!r}") from None
+
+
+@lru_cache(4096)  # one text is read for many values of its names
+def _tree_of(text: str) -> ast.expr:
+    return ast.parse(text, mode="eval").body
 
 
 def _value(node: ast.AST, values: Values, number: int) -> float:

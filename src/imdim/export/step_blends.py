@@ -18,7 +18,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from imdim.deadline import NEVER, Deadline
+from imdim.deadline import Deadline
 from imdim.export.step_booleans import StepError, boolean, copy_shape, merge_faces, ocp, shape_volume, solids_in
 from imdim.geometry.edge_solids import Blends, join_blends, sweep_blends
 from imdim.geometry.edges import BlendedEdge, has_room
@@ -67,7 +67,7 @@ def blend_shape(shape: Any, program: Program, stretches: Sequence[BlendedEdge], 
 
     Feature by feature; where one fails because of those before it, those that failed come first in a second trial.
     """
-    deadline = Deadline(NEVER.now() + PATIENCE_S)
+    deadline = Deadline.of_process(PATIENCE_S)
     edges, features = _numbers(stretches), list(dict.fromkeys(s.feature for s in stretches))
     blended, sharp = _blend_in_order(shape, program, stretches, features, deadline)
     failed = {feature for feature, _ in sharp}
@@ -158,6 +158,7 @@ class _State:
     def __init__(self, shape: Any, program: Program) -> None:
         self.shape, self._program = shape, program
         self._blended: list[BlendedEdge] = []
+        self._known: np.ndarray | None = None
         self._volume, self._exact = shape_volume(shape, VOLUME_ERROR), to_manifold(program).volume()
         self._slack = ROUNDING * longest(leaves(program))
 
@@ -165,7 +166,7 @@ class _State:
         """Blend stretches of features of one kind; whether that was done, else nothing is changed."""
         # of a copy, since what fails may leave other tolerances behind
         before = copy_shape(self.shape)
-        chosen = _lying_on(before, stretches, self._slack)
+        chosen = _lying_on(before, stretches, self._slack, self._places())
         shape = _try(before, chosen, stretches) if chosen else None
         if shape is None or solids_in(shape) != solids_in(before) or not ocp("BRepCheck").BRepCheck_Analyzer(shape).IsValid():
             return False
@@ -175,12 +176,18 @@ class _State:
         allowed = OFF * abs(expected) + _corner_volume(stretches, after) + NOISE * volume
         if abs(volume - self._volume - expected) > allowed:
             return False
-        self.shape, self._blended, self._volume, self._exact = shape, after, volume, exact
+        self.shape, self._blended, self._volume, self._exact, self._known = shape, after, volume, exact, None
         return True
+
+    def _places(self) -> np.ndarray:
+        """The points of the shape's edges, which those of its copies have too, in the same order."""
+        if self._known is None:
+            self._known = np.array([_places_on(edge) for edge, _ in _edges(self.shape)]).reshape(-1, len(PLACES), 3)
+        return self._known
 
     def split(self, stretches: list[BlendedEdge]) -> list[list[BlendedEdge]]:
         """The chains of some stretches, or of one chain its pieces, which share no edge of the shape; none where there is one piece."""
-        one = [pair for lying in _lying_on(self.shape, stretches, self._slack) for pair in combinations(lying.on, 2)]
+        one = [pair for lying in _lying_on(self.shape, stretches, self._slack, self._places()) for pair in combinations(lying.on, 2)]
         ends = np.array([[s.end(0), s.end(1)] for s in stretches])
         gaps = np.linalg.norm(ends[:, None, :, None] - ends[None, :, None], axis=-1).min((2, 3))
         near = np.argwhere(gaps < JOINED * stretches[0].size).tolist()
@@ -226,29 +233,36 @@ def _group(stretches: list[BlendedEdge], pairs: Sequence[Sequence[int]]) -> list
     return [[stretches[k] for k in np.flatnonzero(label == g)] for g in range(found)]
 
 
-def _lying_on(shape: Any, stretches: Sequence[BlendedEdge], slack: float) -> list[_Lying]:
-    """The edges of a shape that lie whole on stretches."""
-    edges = list(_edges(shape))
-    if not edges:
+def _lying_on(shape: Any, stretches: Sequence[BlendedEdge], slack: float, places: np.ndarray) -> list[_Lying]:
+    """The edges of a shape that lie whole on stretches; `places` [e, p, 3] are points of its edges."""
+    if not len(places):
         return []
-    points = np.concatenate([edge.points for edge in edges])
-    near = np.array([s.distances(points) <= AWAY * s.size + slack for s in stretches]).reshape(len(stretches), len(edges), -1)
+    points = places.reshape(-1, 3)
+    near = np.array([s.distances(points) <= AWAY * s.size + slack for s in stretches]).reshape(len(stretches), len(places), -1)
     owned, whole = np.any(near[:, :, 1:-1], axis=2), np.all(np.any(near, axis=0), axis=1)
-    return [_Lying(edges[k], tuple(np.flatnonzero(owned[:, k]).tolist())) for k in np.flatnonzero(whole)]
+    return [
+        _Lying(_ShapeEdge(edge, faces, places[k]), tuple(np.flatnonzero(owned[:, k]).tolist()))
+        for k, (edge, faces) in enumerate(_edges(shape))
+        if whole[k]
+    ]
 
 
-def _edges(shape: Any) -> Iterator[_ShapeEdge]:
-    """The edges of a shape in which two faces meet."""
-    kinds, topods = ocp("TopAbs").TopAbs_ShapeEnum, ocp("TopoDS").TopoDS
+def _edges(shape: Any) -> Iterator[tuple[Any, tuple[Any, Any]]]:
+    """The edges of a shape in which two faces meet, with these."""
+    kinds, topods, tool = ocp("TopAbs").TopAbs_ShapeEnum, ocp("TopoDS").TopoDS, ocp("BRep").BRep_Tool
     found = _shape_map()
     ocp("TopExp").TopExp.MapShapesAndAncestors_s(shape, kinds.TopAbs_EDGE, kinds.TopAbs_FACE, found)
     for number in range(1, found.Size() + 1):
         edge, faces = topods.Edge(found.FindKey(number)), [topods.Face(face) for face in found.FindFromIndex(number)]
-        if len(faces) == 2 and not faces[0].IsSame(faces[1]) and not ocp("BRep").BRep_Tool.Degenerated_s(edge):
-            curve = ocp("BRepAdaptor").BRepAdaptor_Curve(edge)
-            low, high = curve.FirstParameter(), curve.LastParameter()
-            at = [curve.Value(float(t)) for t in low + (high - low) * PLACES]
-            yield _ShapeEdge(edge, (faces[0], faces[1]), np.array([(p.X(), p.Y(), p.Z()) for p in at]))
+        if len(faces) == 2 and not faces[0].IsSame(faces[1]) and not tool.Degenerated_s(edge):
+            yield edge, (faces[0], faces[1])
+
+
+def _places_on(edge: Any) -> list[tuple[float, float, float]]:
+    curve = ocp("BRepAdaptor").BRepAdaptor_Curve(edge)
+    low, high = curve.FirstParameter(), curve.LastParameter()
+    at = [curve.Value(float(t)) for t in low + (high - low) * PLACES]
+    return [(p.X(), p.Y(), p.Z()) for p in at]
 
 
 def _shape_map() -> Any:

@@ -98,7 +98,7 @@ def build(program: Program, place: Callable[[Primitive], Any]) -> Any:
     if _fits(plain, volume, CLOSE) and solids_in(plain) <= bodies:
         return merge_faces(plain, volume)
     best = plain if _fits(plain, volume, ROUGH) else None
-    deadline = Deadline(NEVER.now() + PATIENCE_S)
+    deadline = Deadline.of_process(PATIENCE_S)
     for first in FIRST_WAYS if volume > 0 else ():
         if best is not None and deadline.has_passed():
             break

@@ -37,8 +37,8 @@ def program_sdf(program: Program | Lowered, points: np.ndarray) -> np.ndarray:
 
 
 def inside(program: Program | Lowered, points: np.ndarray) -> np.ndarray:
-    """Whether each of `points` [n, 3] lies in the open solid, bool [n]."""
-    return program_sdf(program, points) < 0
+    """Whether each of `points` [n, 3] lies in the open solid, bool [n]: the sign of `program_sdf`, known long before its value."""
+    return _program_inside(*_arguments(program, points))
 
 
 def program_tangent(program: Program | Lowered, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -258,6 +258,33 @@ def _outline(curves, x, y, turned):
     if d > 1e-9 * length:
         return sign * d, sign * (x - fx) / d, sign * (y - fy) / d
     return sign * d, nx / length, ny / length
+
+
+@njit(nogil=True)
+def _count_crossings(curves, turned, u, v, odd):
+    """Turn `odd` [n] over for each curve that a ray from a point (u, v) [n] crosses: the parity that `_outline` has, a curve at a time."""
+    for i in range(len(curves)):
+        ax, ay, ex, ey, bulge, cx, cy, radius = curves[i]
+        ux, uy = ex - ax, ey - ay
+        if radius < 0.0:
+            length2 = ux * ux + uy * uy
+            across = bulge * bulge
+            for j in range(len(u)):
+                x, y = u[j] - cx, v[j] - cy
+                a, b = x * ux + y * uy, y * ux - x * uy
+                odd[j] ^= (a * a + b * b / across) * 4.0 < length2 * length2
+            continue
+        if turned and ax == 0.0 and ex == 0.0 and bulge == 0.0:
+            continue
+        falls = ey < ay or (ey == ay and ex < ax)
+        ox, oy, sign = (ex, ey, -1.0) if falls else (ax, ay, 1.0)
+        flat, inner = uy == 0, (bulge > 0) == falls
+        for j in range(len(u)):
+            side = sign * (ux * (v[j] - oy) - uy * (u[j] - ox))
+            left = (side > 0) | ((side == 0) & flat)
+            odd[j] ^= ((ay > v[j]) != (ey > v[j])) & left
+            if bulge != 0.0:
+                odd[j] ^= ((u[j] - cx) ** 2 + (v[j] - cy) ** 2 < radius * radius) & (left == inner)
 
 
 @njit(nogil=True, cache=True)
@@ -480,6 +507,41 @@ def _program_values(code, kinds, sizes, centers, rotations, curves, spans, point
             code, _leaf_table(kinds, sizes, centers, rotations, curves, spans, part)
         )
     return value, owner
+
+
+@njit(nogil=True)
+def _fill_signs(kind, s, curves, center, rotation, points, row):
+    """Write -1 for points [n, 3] in the open solid of an extruded or turned outline, and 1 for others."""
+    n = len(points)
+    u, v, odd = np.empty(n), np.empty(n), np.zeros(n, np.bool_)
+    for j in range(n):
+        x, y, z = _to_local(center, rotation, points[j])
+        u[j], v[j] = (x, y) if kind == EXTRUDE else (math.sqrt(x * x + y * y), z)
+        at = 0.0
+        if kind == REVOLVE and s[0] < 360.0:
+            at = math.degrees(math.atan2(y, x))
+            at += 360.0 if at < 0 else 0.0
+        row[j] = 1.0 if (abs(z) >= s[0] / 2 if kind == EXTRUDE else s[0] < 360.0 and at >= s[0]) else -1.0
+    _count_crossings(curves, kind == REVOLVE, u, v, odd)
+    for j in range(n):
+        row[j] = row[j] if odd[j] else 1.0
+
+
+@njit(nogil=True, cache=True)
+def _program_inside(code, kinds, sizes, centers, rotations, curves, spans, points):
+    n, block = len(points), 1024
+    held = np.empty(n, np.bool_)
+    for start in range(0, n, block):
+        part = points[start : start + block]
+        table, xyz = np.empty((len(kinds), len(part))), np.ascontiguousarray(part.T)
+        for i in range(len(kinds)):
+            of = _curves_of(i, kinds, curves, spans)
+            if kinds[i] >= EXTRUDE:
+                _fill_signs(kinds[i], sizes[i], of, centers[i], rotations[i], part, table[i])
+            else:
+                _fill_row(kinds[i], sizes[i], of, centers[i], rotations[i], xyz[0], xyz[1], xyz[2], table[i])
+        held[start : start + block] = _fold(code, table)[0] < 0
+    return held
 
 
 @njit(nogil=True, cache=True)

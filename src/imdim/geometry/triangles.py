@@ -14,6 +14,7 @@ import trimesh
 from numba import njit
 
 LEAF = 4
+AT_MOST = 1 + 1e-9  # of a bound, so that rounding excludes nothing
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,12 @@ def triangle_tree(mesh: trimesh.Trimesh) -> TriangleTree:
 
 def distances(tree: TriangleTree, points: np.ndarray) -> np.ndarray:
     """Unsigned distance [n] of each of `points` [n, 3] to the nearest triangle."""
-    return _distances(tree.corners, tree.starts, tree.low, tree.high, np.ascontiguousarray(points, np.float64))
+    points = np.ascontiguousarray(points, np.float64)
+    # what is near one point is near the next one in this order, and bounds the search for its nearest triangle
+    order = np.argsort(morton(_unit(points))) if len(points) else np.arange(0)
+    out = np.empty(len(points))
+    out[order] = _distances(tree.corners, tree.starts, tree.low, tree.high, points[order])
+    return out
 
 
 def _unit(points: np.ndarray) -> np.ndarray:
@@ -82,6 +88,9 @@ def _distances(corners, starts, low, high, points):  # pragma: no cover - compil
     for i in range(points.shape[0]):
         p = points[i]
         best = np.inf
+        if i:
+            step = math.sqrt((p[0] - points[i - 1, 0]) ** 2 + (p[1] - points[i - 1, 1]) ** 2 + (p[2] - points[i - 1, 2]) ** 2)
+            best = ((out[i - 1] + step) * AT_MOST) ** 2
         stack[0] = 1
         top = 1
         while top:

@@ -33,6 +33,9 @@ SHOWN = 8192  # points of a target that numbers and relations are judged by
 SNAP_LOSS = 1e-4  # of the volume IoU with a mesh, that rounder numbers may cost: typed ones cost none
 MOST_RELATED = 120  # primitives; the time that relations take grows with the square
 RELATE_ERROR, RELATE_MOVE = 1e-2, 1e-5  # shares of mean distance and diagonal that relations may cost
+JUDGING = 6000  # points by which what rounding changes of the solid is told
+SLACK = 1.5  # times the limits: what they may be off by, since they are told by points
+CAUTIONS = (1.0, 2.0, 4.0)  # by which the limits are divided until the solid is kept
 SNAP_TRIES = 10  # programs that are made to find which rounder primitives can stand together
 MOST_ROWS = 256  # distances of all points to one primitive, that are kept while numbers are rounded
 VALUES: Mapping[Op, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {  # of a program at some points, from those of its parts
@@ -94,7 +97,7 @@ def _mean_distance(program: Program, points: np.ndarray) -> float:
 def snap_numbers(program: Program, seen: Observation, frame: Frame, deadline: Deadline = NEVER) -> Program:
     """A program in the body's units with the numbers that its designer may have typed there, as far as time allows.
 
-    Snapping is judged by the distance of surface points, which is fast; the volume it changed decides whether it was too bold.
+    Snapping is judged by the distance of surface points, which is fast, and so is the volume it changed; exact booleans judge the outcome.
     """
     exact, points, to_unit = seen.target.mesh is not None, _surface_points(seen), frame.apply
     limit = 2e-3 if exact else 1e-2
@@ -109,30 +112,58 @@ def snap_numbers(program: Program, seen: Observation, frame: Frame, deadline: De
     plain = map_leaves(program, lambda _, leaf: canonical(leaf))
     if deadline.has_passed():
         return plain
-    most = SNAP_CHANGE if exact else 10 * SNAP_CHANGE
 
-    plain_solid = to_manifold(to_unit(plain))
-    before = None if seen.solid is None else volume_iou(plain_solid, seen.solid)
+    def rounded(bears: Callable[[Program], bool]) -> Program:
+        out = plain
+        for boldness in (1.0, 0.1, 0.01) if exact else (1.0, 0.3):
+            if deadline.has_passed():
+                break
+            config = SnapConfig(max_move=(1e-3 if exact else 2e-3) * boldness, abs_tolerance=(2e-6 if exact else 2e-5) * boldness)
+            old, new = list(leaves(out)), list(leaves(snap(out, distance, config=config, deadline=deadline)))
+            changes = [(i, leaf) for i, leaf in enumerate(new) if leaf != old[i]]
+            out = accept_changes(out, changes, _with_leaf, lambda trial: not deadline.has_passed() and bears(trial), SNAP_TRIES)
+            if list(leaves(out)) == new:
+                break
+        return out
 
-    def bears(trial: Program) -> bool:
-        if deadline.has_passed():
+    judge = _SolidJudge(to_unit(plain), seen)
+    for caution in CAUTIONS:
+        out = rounded(lambda trial, caution=caution: judge.seems_kept(to_unit(trial), caution))
+        if out == plain or judge.keeps(to_unit(out)):
+            return out
+    return plain
+
+
+class _SolidJudge:
+    """Tells whether programs with rounder numbers have the solid of `plain`, and miss that of a mesh by no more than it does."""
+
+    def __init__(self, plain: Program, seen: Observation) -> None:
+        self.solid, self.target = to_manifold(plain), seen.solid
+        self.most = SNAP_CHANGE if seen.target.mesh is not None else 10 * SNAP_CHANGE
+        self.iou = 0.0 if self.target is None else volume_iou(self.solid, self.target)
+        points = subsample(seen.target.points, JUDGING)
+        # a row of the distances of all points to a leaf serves all programs that have it
+        self.values_of = lru_cache(MOST_ROWS)(lambda leaf: kernels.program_sdf(leaf, points))
+        self.values = self._values(plain)
+        self.thickness = self.solid.volume() / max(self.solid.surface_area(), 1e-300)
+
+    def _values(self, program: Program) -> np.ndarray:
+        return fold(program, lambda _, leaf: self.values_of(leaf), VALUES)
+
+    def seems_kept(self, trial: Program, caution: float) -> bool:
+        """Whether the distances of the target's points say so, by limits divided by `caution`: what lies between two surfaces is their mean
+        distance times their area, up to a tenth where they are as near as here."""
+        values = self._values(trial)
+        changed = float(np.abs(values - self.values).mean()) / self.thickness
+        lost = float((np.abs(values) - np.abs(self.values)).mean()) / self.thickness
+        return changed * caution < self.most and (self.target is None or lost * caution < SNAP_LOSS)
+
+    def keeps(self, trial: Program) -> bool:
+        """Whether exact booleans say so."""
+        solid = to_manifold(trial)
+        if self.target is not None and self.iou - volume_iou(solid, self.target) >= SLACK * SNAP_LOSS:
             return False
-        solid = to_manifold(to_unit(trial))
-        if 1 - volume_iou(plain_solid, solid) >= most:
-            return False
-        return before is None or seen.solid is None or before - volume_iou(solid, seen.solid) < SNAP_LOSS
-
-    out = plain
-    for boldness in (1.0, 0.1, 0.01) if exact else (1.0, 0.3):
-        if deadline.has_passed():
-            break
-        config = SnapConfig(max_move=(1e-3 if exact else 2e-3) * boldness, abs_tolerance=(2e-6 if exact else 2e-5) * boldness)
-        old, new = list(leaves(out)), list(leaves(snap(out, distance, config=config, deadline=deadline)))
-        changes = [(i, leaf) for i, leaf in enumerate(new) if leaf != old[i]]
-        out = accept_changes(out, changes, _with_leaf, bears, SNAP_TRIES)
-        if list(leaves(out)) == new:
-            break
-    return out
+        return 1 - volume_iou(self.solid, solid) < SLACK * self.most
 
 
 def _with_leaf(program: Program, change: tuple[int, Primitive]) -> Program:

@@ -16,7 +16,7 @@ import numpy as np
 from imdim.baselines import stump_net as stump_nets
 from imdim.baselines.stump import stumps
 from imdim.deadline import Deadline
-from imdim.geometry.solid import to_manifold
+from imdim.geometry.solid import to_manifold, volume
 from imdim.program.cost import count
 from imdim.program.front import Choice
 from imdim.program.rewrite.separation import hoist_cuts, separate_loops, straighten
@@ -29,7 +29,6 @@ from imdim.reconstruction.fitting import POOR
 from imdim.reconstruction.observation import SAMPLES, Observation
 from imdim.reconstruction.plain_program import is_plainer, may_be_plain
 from imdim.reconstruction.policy_beam import misfit, proposals
-from imdim.reconstruction.preserve import is_same
 from imdim.reconstruction.proof import Proofs
 from imdim.search.counterexamples import Sharpener, transfer
 from imdim.search.evolve.population import EvolutionConfig, Generation
@@ -135,7 +134,7 @@ def _separate(run: Run, drawn: MethodStep) -> MethodStep | None:
         return min(filled, more.volume() - filled) < HIDDEN * solid.volume()
 
     apart = reduce_program(hoist_cuts(separate_loops(drawn.program), is_free), deadline)
-    return replace(drawn, program=straighten(apart, may_hide, lambda trial: is_same(drawn.program, trial, HIDDEN)))
+    return replace(drawn, program=straighten(apart, may_hide, volume, HIDDEN * solid.volume()))
 
 
 def _search_primitives(run: Run, drawn: MethodStep) -> MethodStep | None:

@@ -113,9 +113,16 @@ class Observation:
 
     def error(self, program: Program) -> float:
         """Volume in which the body and a program differ over the samples, relative to the body's."""
-        samples = self.samples
-        inside = kernels.inside(program, samples.points)
-        return float(np.where(inside, samples.w_out, samples.w_in).sum()) / self.cells.volume
+        if program not in self._errors:
+            samples = self.samples
+            inside = kernels.inside(program, samples.points)
+            self._errors[program] = float(np.where(inside, samples.w_out, samples.w_in).sum()) / self.cells.volume
+        return self._errors[program]
+
+    @cached_property
+    def _errors(self) -> dict[Program, float]:
+        """What `error` has told: each step of a run asks for the one before it."""
+        return {}
 
     @cached_property
     def faceting(self) -> float:

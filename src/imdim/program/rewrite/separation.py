@@ -43,12 +43,23 @@ def hoist_cuts(program: Program, is_free: Callable[[Program], bool]) -> Program:
     return combine_all("difference", [combine_all("union", bases), *cuts])
 
 
-def straighten(program: Program, may_hide: Callable[[Primitive, Primitive], bool], is_same: Callable[[Program], bool]) -> Program:
-    """Boxes in place of drawings whose other walls are hidden, such as a rib's end in the round boss that it leans on, where `is_same` says
-    that the solid stays. It is asked only where a leaf's box, by what it has more than the leaf, `may_hide` in the solid or beside it."""
+def straighten(
+    program: Program, may_hide: Callable[[Primitive, Primitive], bool], volume: Callable[[Program], float], tolerance: float
+) -> Program:
+    """Boxes in place of drawings whose other walls are hidden, such as a rib's end in the round boss that it leans on, where they change
+    the `volume` by no more than `tolerance`. It is asked only where a leaf's box, by what it has more than the leaf, `may_hide` in the
+    solid or beside it."""
+    known: float | None = None
     for i, leaf in enumerate(leaves(program)):
-        trials = (_with_leaf(program, i, box) for box in _boxes_around(leaf) if may_hide(leaf, box))
-        program = next(filter(is_same, trials), program)
+        for box in _boxes_around(leaf):
+            if not may_hide(leaf, box):
+                continue
+            # more of one leaf makes the solid nowhere less, or nowhere more: what changed is the change of volume
+            known = volume(program) if known is None else known
+            trial = _with_leaf(program, i, box)
+            if abs((filled := volume(trial)) - known) <= tolerance:
+                program, known = trial, filled
+                break
     return program
 
 
