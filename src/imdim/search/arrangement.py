@@ -15,6 +15,7 @@ from itertools import combinations, islice
 import numpy as np
 
 from imdim.geometry.surface import AXISLESS, CLOSED_KINDS, Surface, signed_distance
+from imdim.search.kernels import mark_inside_cylinder
 
 PARALLEL = 1 - 1e-6  # cosine above which two axes are one direction (0.08 degrees)
 ORTHOGONAL = 1.5e-3  # largest cosine of a right angle
@@ -247,5 +248,10 @@ def _axis_index(surface: Surface, vectors: list[np.ndarray]) -> int:
 def codes(arrangement: Arrangement, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Slab indices [n, directions] int16 and inside flags [n, curved] bool of `points` [n, 3]."""
     slabs = np.stack([d.bins(points) for d in arrangement.directions], axis=1).astype(np.int16)
-    inside = [signed_distance(surface, points) < 0 for surface in arrangement.curved]
-    return slabs, np.array(inside, bool).reshape(-1, len(points)).T.copy()
+    points, inside = np.ascontiguousarray(points), np.empty((len(points), len(arrangement.curved)), bool)
+    for column, surface in zip(inside.T, arrangement.curved, strict=True):
+        if surface.kind == "cylinder":
+            mark_inside_cylinder(column, points, np.array(surface.point), np.array(surface.axis), surface.sizes[0])
+        else:
+            column[:] = signed_distance(surface, points) < 0
+    return slabs, inside

@@ -58,15 +58,27 @@ def add_box_density(total, points, axes, x_edges, x_steps, y_edges, y_steps, z_e
 def add_axial_density(total, points, origin, frame, radii, radial_steps, heights, height_steps) -> None:
     """Add to `total` [n] the density at `points` [n, 3] that is a product of steps in the distance from an axis, the third row of `frame`
     [3, 3] through `origin` [3], and along it from the world's origin, the same all about the axis."""
+    farthest2 = radii[-1] * radii[-1]
     for i in range(len(points)):
         p = points[i]
+        x, y, z = p[0] - origin[0], p[1] - origin[1], p[2] - origin[2]
+        u = x * frame[0, 0] + y * frame[0, 1] + z * frame[0, 2]
+        v = x * frame[1, 0] + y * frame[1, 1] + z * frame[1, 2]
+        if u * u + v * v > farthest2:  # as most points are from the axis of a hole
+            continue
         value = _step_at(heights, height_steps, p[0] * frame[2, 0] + p[1] * frame[2, 1] + p[2] * frame[2, 2])
         if value > 0.0:
-            x, y, z = p[0] - origin[0], p[1] - origin[1], p[2] - origin[2]
-            u = x * frame[0, 0] + y * frame[0, 1] + z * frame[0, 2]
-            v = x * frame[1, 0] + y * frame[1, 1] + z * frame[1, 2]
             rho = max(np.hypot(u, v), 1e-12)
             total[i] += value * _step_at(radii, radial_steps, rho) / (2 * np.pi * rho)
+
+
+@njit(nogil=True, cache=True)
+def mark_inside_cylinder(inside, points, origin, axis, radius) -> None:
+    """Write to `inside` [n] which of `points` [n, 3] lie nearer than `radius` to the line through `origin` [3] along a unit `axis` [3]."""
+    for i in range(len(points)):
+        x, y, z = points[i, 0] - origin[0], points[i, 1] - origin[1], points[i, 2] - origin[2]
+        h = x * axis[0] + y * axis[1] + z * axis[2]
+        inside[i] = x * x + y * y + z * z - h * h < radius * radius
 
 
 @njit(nogil=True, cache=True)
