@@ -181,7 +181,7 @@ def _add_outlines(
             continue
         coordinates = outline_coordinates(part.outline, part.kind == "revolve")
         own = np.flatnonzero(leaf == i)
-        places, normals = _in_plane(part.kind, numbers.centers[i], numbers.rotations[i], shown.points[own], shown.normals[own])
+        places, normals = in_plane(part.kind, numbers.centers[i], numbers.rotations[i], shown.points[own], shown.normals[own])
         moves = -coordinates.rows(places, normals)
         weighed = share.mass[own, None] * moves
         others = np.zeros((len(own), len(matrix)))
@@ -193,10 +193,10 @@ def _add_outlines(
     return _Drawn(matrix, gradient, found)
 
 
-def _in_plane(
+def in_plane(
     kind: str, center: np.ndarray, rotation: np.ndarray, points: np.ndarray, normals: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points and normals [n, 3] in the plane of an outline [n, 2]; what stands on an end face has a normal of length 0."""
+    """Points and normals [n, 3] in the plane of the outline of a leaf [n, 2]; what stands on an end face has a normal of length 0."""
     local, along = (points - center) @ rotation, normals @ rotation
     if kind == "extrude":
         return local[:, :2], along[:, :2]

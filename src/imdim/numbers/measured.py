@@ -1,0 +1,91 @@
+"""The numbers of a program as a noisy cloud measures them, under relations that hold exactly, and how well it knows each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from imdim.deadline import NEVER, Deadline
+from imdim.geometry import kernels
+from imdim.numbers.information import Coordinates, bends_of, inform, measure_spread
+from imdim.numbers.likelihood import Noise, SurfaceSamples
+from imdim.program.tree import Program
+
+MAD = 1.4826  # from the median of absolute normal deviations to their standard deviation
+NORMAL_95 = 1.959964  # standard deviations to either side that hold 95 % of a normal distribution
+ROUNDS = 5
+STILL = 0.1  # of a standard error, below which a step ends the work
+FAR = 3.0  # deviations of the noise, that a step moves a number by at most
+SUPPORT = 6.0  # points that must show a direction of the numbers' space, as in `refine`
+SHOWN = 1e-3  # share of a number that may lie in directions that are not shown
+DEPENDENT = 1e-9  # singular values of relations, relative to the largest
+SAMPLES = 16_000  # of the surface
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The `program` that its points are likeliest for. In the coordinates [p] of `start`: its `shift` from there, their `covariance`
+    [p, p], and an orthonormal basis [p, q] of what the points do not show."""
+
+    start: Coordinates
+    program: Program
+    shift: np.ndarray
+    covariance: np.ndarray
+    hidden: np.ndarray
+    noise: Noise
+
+    def half_widths(self, slopes: np.ndarray) -> np.ndarray:
+        """Half of the 95 % interval of each number with these derivatives [n, p], in its units; infinite for what the points do not show."""
+        variance = np.einsum("ni,ij,nj->n", slopes, self.covariance, slopes)
+        size = np.linalg.norm(slopes, axis=1)
+        hidden = np.linalg.norm(slopes @ self.hidden, axis=1) > SHOWN * size
+        return np.where(hidden, np.inf, NORMAL_95 * np.sqrt(np.maximum(variance, 0.0)))
+
+
+def measure(program: Program, points: np.ndarray, rows: np.ndarray, deadline: Deadline = NEVER, rounds: int = ROUNDS) -> Measured:
+    """`program` moved to make `points` [n, 3] likeliest, as long as combinations `rows` [m, p] of its coordinates stay as they are.
+
+    Newton's method. Past the `deadline` (by default never) there is one more round at the most.
+    """
+    start = Coordinates.of(program)
+    basis = _null_space(rows, start.count)
+    length = float(np.linalg.norm(np.ptp(points, axis=0)))
+    noise = _calm(program, points)
+    shift, at = np.zeros(basis.shape[1]), program
+    covariance, hidden = np.zeros((len(shift), len(shift))), np.eye(len(shift))
+    for done in range(rounds):
+        now = Coordinates.of(at)
+        shown = SurfaceSamples.of(at, noise.sigma, SAMPLES)
+        if not len(shown.points):
+            break
+        bends = bends_of(now.numbers, shown.points, shown.normals, length)
+        told = inform(points, shown, bends, now.tangents(shown) @ basis, noise)
+        values, vectors = np.linalg.eigh(told.curvature)
+        seen = values * noise.sigma**2 >= SUPPORT
+        inverse = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
+        covariance, hidden = inverse @ told.scatter @ inverse, vectors[:, ~seen]
+        step = inverse @ told.slope
+        noise = told.noise
+        step *= min(1.0, FAR * noise.sigma / max(float(np.abs(step).max(initial=0.0)), 1e-300))
+        shift += step
+        at = start.move(basis @ shift)
+        still = np.abs(step) <= STILL * np.sqrt(np.maximum(np.diagonal(covariance), 0.0)) + 1e-12 * length
+        if still.all() or deadline.has_passed() or done == rounds - 1:
+            covariance *= measure_spread(told.places, told.residual)
+            break
+    return Measured(start, at, basis @ shift, basis @ covariance @ basis.T, basis @ hidden, noise)
+
+
+def _calm(program: Program, points: np.ndarray) -> Noise:
+    """The noise by the distances of the points."""
+    return Noise(max(MAD * float(np.median(np.abs(kernels.program_sdf(program, points)))), 1e-9))
+
+
+def _null_space(rows: np.ndarray, count: int) -> np.ndarray:
+    """An orthonormal basis [count, q] of what leaves all `rows` [m, count] as they are."""
+    if not len(rows):
+        return np.eye(count)
+    _, values, vectors = np.linalg.svd(rows / np.maximum(np.linalg.norm(rows, axis=1), 1e-300)[:, None])
+    rank = int((values > DEPENDENT * values.max(initial=0.0)).sum())
+    return vectors[rank:].T
