@@ -130,7 +130,7 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None, quiet: bool 
     snapshots = reconstruct(target, replace(settings, budget_s=left), np.random.default_rng(settings.seed))
     last = pipeline.exhaust(_until_stopped(snapshots if quiet else show_progress(snapshots, left)), stages)
     said = {key: printable(value) if isinstance(value, str) else value for key, value in asdict(settings).items()}
-    run = RunRecord(said["input"], stages, last.stop or "finished", settings.seed, said, last.proof)
+    run = RunRecord(said["input"], stages, last.stop or "finished", settings.seed, said, last.proof, last.noisy)
     for note in last.notes if not quiet else ():
         sys.stderr.write(f"imdim: {note}\n")
     target = replace(target, notes=(*target.notes, *last.notes))

@@ -19,6 +19,7 @@ from manifold3d import Manifold
 from imdim.deadline import NEVER, Deadline
 from imdim.delivery.evaluate import DeliveryLoss, evaluate_file
 from imdim.delivery.finish import FinishedProgram, finish, finish_flat
+from imdim.delivery.intervals import state_intervals, with_remarks
 from imdim.delivery.report import RunRecord, dumps, report_of
 from imdim.delivery.verdict import judge
 from imdim.export import html
@@ -79,7 +80,10 @@ def deliver(
             meta = frame_meta(target)
             sharp, solid = to_manifold(program, segments), solid_with_edges(program, found.edges, segments)
             drawn = do_edges_matter(sharp.volume(), solid.volume())
-            _write(compose_texts(found, meta, segments, drawn, finish_by) | ({} if named is None else dict(named.texts)), partial)
+            intervals = state_intervals(found, target, finish_by) if run.noisy else None
+            texts = compose_texts(found, meta, segments, drawn, finish_by) | ({} if named is None else dict(named.texts))
+            texts["program.scad"] = with_remarks(texts["program.scad"], intervals or {})
+            _write(texts, partial)
             _write_front(front or [Choice(given)], given, meta, partial)
         with exporting(partial, Path(target.name).stem) as job:
             with _time(seconds, "meshes"):
@@ -105,7 +109,8 @@ def deliver(
         if found.folded is None:
             skipped["program.loops.scad"] = "skipped: no part repeats"
         files = {name: skipped.get(name, "written") for name in FILES}
-        report = report_of(found, target, scores, kept, verdict, volumes, files, run, seconds, drawn, list(_parted(solid, target)))
+        parted = list(_parted(solid, target))
+        report = report_of(found, target, scores, kept, verdict, volumes, files, run, seconds, drawn, parted, intervals)
         report[DIGESTS] = digests_of(partial)
         (partial / "report.json").write_text(dumps(report), encoding="utf-8")
         (partial / "report.html").write_text(html.page(shown, report, _read(partial / "front.json")), encoding="utf-8")

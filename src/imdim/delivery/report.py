@@ -15,6 +15,7 @@ from typing import Any
 
 from imdim.delivery.evaluate import DeliveryLoss, Distances, Scores
 from imdim.delivery.finish import FinishedProgram
+from imdim.delivery.intervals import Interval
 from imdim.delivery.verdict import JudgedRegion, SurfaceVerdict, describe_shares
 from imdim.export.elimination import MOST_NAMED
 from imdim.export.hole_names import hole_groups, hole_roles
@@ -37,7 +38,8 @@ PACKAGES = ("imdim", "numpy", "scipy", "numba", "torch", "trimesh", "manifold3d"
 class RunRecord:
     """How a program was found: the input as given, seconds per stage, why it stopped, the seed, and the settings as plain values.
 
-    `proof` says whether it was proved minimal, and why not; it is empty where the method does not ask.
+    `proof` says whether it was proved minimal, and why not; it is empty where the method does not ask. `noisy` is whether its numbers are
+    measured off a noisy cloud or scan, rather than exact.
     """
 
     input: str
@@ -46,6 +48,7 @@ class RunRecord:
     seed: int
     settings: Mapping[str, Any] = field(default_factory=dict)
     proof: str = ""
+    noisy: bool = False
 
 
 def report_of(
@@ -60,9 +63,11 @@ def report_of(
     delivery: Mapping[str, float],
     drawn: bool = True,
     left_out: Sequence[str] = (),
+    intervals: Mapping[str, Interval] | None = None,
 ) -> dict[str, Any]:
     """The report as plain values; lengths in model units, `volumes` per file in cubed ones, `delivery` in seconds per step; `drawn` says
-    whether program.scad draws the edges, and `left_out`, a sentence each, what the program lacks."""
+    whether program.scad draws the edges, and `left_out`, a sentence each, what the program lacks. `intervals` are
+    those of the names of a program that is measured off a noisy cloud."""
     program, constraints, folded = delivered.program, delivered.constraints, delivered.folded
     counts = count(program)
     return {
@@ -85,6 +90,7 @@ def report_of(
         "left_out": [*left_out, *_left_out(program)],
         "constraints": [{"name": c.name, "kind": c.kind, "says": str(c)} for c in constraints],
         "parameters": {name: number(value) for name, value in delivered.parameters.values.items()},
+        **({} if intervals is None else {"intervals": {name: _interval(interval) for name, interval in intervals.items()}}),
         "scores": _scores(scores),
         "verdict": _verdict(verdict),
         "found": {"volume_iou": number(kept.found), "iou_with_delivered": number(kept.delivered)},
@@ -191,6 +197,16 @@ def _target(target: Target, scores: Scores) -> dict[str, Any]:
         "units": target.units,
         "diagonal": number(scores.diagonal),
         "notes": list(target.notes),
+    }
+
+
+def _interval(interval: Interval) -> dict[str, Any]:
+    return {
+        "says": str(interval),
+        "value": number(interval.value),
+        "measured": number(interval.measured),
+        "half": number(interval.half),
+        "snapped": interval.snapped,
     }
 
 

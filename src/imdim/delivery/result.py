@@ -45,7 +45,7 @@ class Reconstruction:
     """What was found for `target`, in its units.
 
     `constraints` hold for `program`, and `edges` are fillets and chamfers of it. `front` holds programs from crude to exact, `error`,
-    `stop`, `proof` and `notes` are as a `pipeline.Snapshot`'s. `stages` are seconds.
+    `stop`, `proof`, `notes` and `noisy` are as a `pipeline.Snapshot`'s. `stages` are seconds.
     """
 
     target: Target
@@ -60,6 +60,7 @@ class Reconstruction:
     settings: Settings
     seed: int
     stages: Mapping[str, float]
+    noisy: bool = False
 
     def __repr__(self) -> str:
         return f"<{self.target.name}: {count(self.program)}, error {self.error:.3g}, {sum(self.stages.values()):.1f} s ({self.stop})>"
@@ -78,7 +79,8 @@ class Reconstruction:
         """
         if not force:
             check_untouched(Path(folder))
-        run = RunRecord(self.settings.input or self.target.name, self.stages, self.stop, self.seed, asdict(self.settings), self.proof)
+        name = self.settings.input or self.target.name
+        run = RunRecord(name, self.stages, self.stop, self.seed, asdict(self.settings), self.proof, self.noisy)
         target = replace(self.target, notes=(*self.target.notes, *self.notes))
         rest = {"constraints": self.constraints, "front": self.front, "edges": self.edges}
         return deliver(self.program, target, Path(folder), run, self.settings.segments, step_limit_s, **rest)
@@ -170,4 +172,4 @@ def reconstruct(
     first_run.compile_kernels(sys.stderr)
     last = pipeline.exhaust(pipeline.reconstruct(target, settings, np.random.default_rng(seed)), stages)
     found = (last.program, last.edges, last.constraints, last.front, last.error, last.stop or "finished", last.proof, last.notes)
-    return Reconstruction(target, *found, settings=settings, seed=seed, stages=stages)
+    return Reconstruction(target, *found, settings=settings, seed=seed, stages=stages, noisy=last.noisy)

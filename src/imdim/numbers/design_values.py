@@ -17,6 +17,8 @@ from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.symmetry_normal_form import AXIAL, EXACT
 from imdim.program.tree import Primitive, envelope
 
+COARSE = 20.0  # half-widths of an interval, that a grid must be wide: it then holds one of its numbers by chance one time in ten
+FINE = 0.1  # of a half-width, by which a number may be rounded without a claim
 LENGTH = 3  # classes 0, 1, 2 are positions along x, y, z
 UNUSED = -1
 
@@ -36,8 +38,13 @@ class Values:
     def of(leaves: list[Primitive]) -> Values:
         """Read the leaves, whose rotations must be canonical."""
         readings = [_reading(p) for p in leaves]
-        numbers = [reading.matrix @ _row(p) for reading, p in zip(readings, leaves, strict=True)]
+        numbers = [reading.matrix @ row_of(p) for reading, p in zip(readings, leaves, strict=True)]
         return Values(tuple(leaves), np.concatenate(numbers), np.concatenate([reading.classes for reading in readings]))
+
+    @property
+    def matrices(self) -> list[np.ndarray]:
+        """Of each leaf the matrix [6, 6] from (sizes, centre) to its values."""
+        return [_reading(p).matrix for p in self.leaves]
 
     def primitives(self) -> list[Primitive]:
         """The leaves with these numbers; raises ValueError where a size is not positive."""
@@ -52,7 +59,7 @@ class Values:
 
     def _leaf(self, i: int, p: Primitive) -> Primitive:
         numbers, reading = self.numbers[6 * i : 6 * i + 6], _reading(p)
-        if np.array_equal(numbers, reading.matrix @ _row(p)):
+        if np.array_equal(numbers, reading.matrix @ row_of(p)):
             return p
         # sums of decimal numbers are decimal again
         row = [decimal(v) for v in (reading.inverse @ numbers).tolist()]
@@ -65,7 +72,7 @@ class Values:
         return replace(self, numbers=numbers)
 
 
-def _row(p: Primitive) -> np.ndarray:
+def row_of(p: Primitive) -> np.ndarray:
     """Sizes, padded with zeros, and centre [6]."""
     return np.array([*p.size, *(0.0,) * (3 - len(p.size)), *p.center])
 
@@ -168,3 +175,15 @@ def grids(largest: float, finest: float) -> list[float]:
 def round_to_grid(number: float, grid: float) -> float:
     """The multiple of `grid` next to `number`, free of binary residue."""
     return decimal(round(number / grid) * grid)
+
+
+def grid_of(value: float, finest: float) -> float:
+    """The coarsest decimal grid, 1 or 5 times a power of ten, that `value` is on; 0 where it is on none as wide as `finest`."""
+    exponent = math.floor(math.log10(max(abs(value), finest)))
+    widths = (digit * 10.0**e for e in range(exponent, math.floor(math.log10(finest)) - 1, -1) for digit in (5.0, 1.0))
+    return next((w for w in widths if w >= finest and abs(value - round_to_grid(value, w)) <= 1e-9 * max(abs(value), w)), 0.0)
+
+
+def is_designed(value: float, measured: float, half: float) -> bool:
+    """Whether a number within the 95 % interval `half` about what was `measured` is so round that a person rather than chance chose it."""
+    return abs(value - measured) <= half and half > 0 and grid_of(value, COARSE * half) > 0

@@ -193,9 +193,7 @@ def _add_outlines(
     return _Drawn(matrix, gradient, found)
 
 
-def in_plane(
-    kind: str, center: np.ndarray, rotation: np.ndarray, points: np.ndarray, normals: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def in_plane(kind: str, center: np.ndarray, rotation: np.ndarray, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Points and normals [n, 3] in the plane of the outline of a leaf [n, 2]; what stands on an end face has a normal of length 0."""
     local, along = (points - center) @ rotation, normals @ rotation
     if kind == "extrude":

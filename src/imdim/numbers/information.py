@@ -17,7 +17,7 @@ from scipy.sparse import csr_matrix
 from scipy.spatial import KDTree
 
 from imdim.geometry import kernels
-from imdim.geometry.lowering import Lowered, Outlines, lower
+from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.pose import radii
 from imdim.numbers.em import in_plane
 from imdim.numbers.face_coordinates import lift_numbers, shift_leaves

@@ -36,7 +36,7 @@ class Measured:
     noise: Noise
 
     def half_widths(self, slopes: np.ndarray) -> np.ndarray:
-        """Half of the 95 % interval of each number with these derivatives [n, p], in its units; infinite for what the points do not show."""
+        """Half of the 95 % interval of each number with these derivatives [n, p], in its units; infinite where no points show it."""
         variance = np.einsum("ni,ij,nj->n", slopes, self.covariance, slopes)
         size = np.linalg.norm(slopes, axis=1)
         hidden = np.linalg.norm(slopes @ self.hidden, axis=1) > SHOWN * size

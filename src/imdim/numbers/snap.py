@@ -38,6 +38,7 @@ class SnapConfig:
     reviews: int = 12  # bold roundings of one grid that are looked at singly
     tries: int = 32  # evaluations that one round of proposals may cost
     max_calls: int = 300  # evaluations in all
+    equalise: bool = True  # whether values that nearly agree are made equal, on no other evidence
 
 
 def snap(
@@ -57,7 +58,7 @@ def snap(
     parts = _snap_rotations(list(leaves(program)), judge, config)
     values = Values.of(parts)
     largest = span(parts)
-    for share in (0.1, 0.3, 1.0):
+    for share in (0.1, 0.3, 1.0) if config.equalise else ():
         changes = clusters(values, share * config.max_move * largest)
         values = accept_changes(values, changes, Values.with_numbers, judge.bears, config.tries)
     values = _round(values, judge, config, largest)

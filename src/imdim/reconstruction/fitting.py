@@ -11,9 +11,13 @@ from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
 from imdim.geometry.finish.hidden_ends import shorten_cones
 from imdim.geometry.finish.pattern_outlier import regularise_outliers
+from imdim.geometry.lowering import lower
 from imdim.geometry.metrics import diagonal
 from imdim.geometry.sampling import subsample
 from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.numbers.information import Coordinates
+from imdim.numbers.measured import measure
+from imdim.numbers.measured_leaves import MeasuredLeaves
 from imdim.numbers.refine import RefineConfig, refine
 from imdim.numbers.snap import SnapConfig, accept_changes, snap
 from imdim.numbers.symmetry_normal_form import canonical
@@ -23,6 +27,7 @@ from imdim.program.tree import Op, Primitive, Program, fold, leaves, map_leaves
 from imdim.reconstruction.observation import Observation
 from imdim.reconstruction.preserve import is_same, preserve
 from imdim.relations.discover import exact_relations, hold_constraints
+from imdim.relations.residuals import rows_of
 from imdim.target.target import Frame, Target
 
 POOR = 0.05  # of the volume; a search that leaves more is compared with the decision tree
@@ -30,6 +35,7 @@ SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may move
 SAME_CONES = 2e-5  # of the volume, that cones may change that begin where they are seen
 LIKE = 2e-4  # of the diagonal, within which primitives are equal
 SHOWN = 8192  # points of a target that numbers and relations are judged by
+ROUNDED = 1e-2  # of the part, by which a number is rounded at most, if its interval is that wide
 SNAP_LOSS = 1e-4  # of the volume IoU with a mesh, that rounder numbers may cost: typed ones cost none
 MOST_RELATED = 120  # primitives; the time that relations take grows with the square
 RELATE_ERROR, RELATE_MOVE = 1e-2, 1e-5  # shares of mean distance and diagonal that relations may cost
@@ -164,6 +170,24 @@ class _SolidJudge:
         if self.target is not None and self.iou - volume_iou(solid, self.target) >= SLACK * SNAP_LOSS:
             return False
         return 1 - volume_iou(self.solid, solid) < SLACK * self.most
+
+
+def snap_measured(program: Program, found: Sequence[Constraint], seen: Observation, frame: Frame, deadline: Deadline = NEVER) -> Program:
+    """A program of a noisy cloud in the body's units, its numbers as the points measure them under the relations `found`, and rounded where
+    their intervals allow; as far as time allows."""
+    plain = map_leaves(program, lambda _, leaf: canonical(leaf))
+    if deadline.has_passed():
+        return plain
+    rows = rows_of(found, lower(plain)).jacobian
+    start = Coordinates.of(plain)
+    known = measure(
+        plain, frame.to_world(subsample(seen.target.points, SHOWN)), np.pad(rows, ((0, 0), (0, start.count - rows.shape[1]))), deadline
+    )
+    if 1 - volume_iou(to_manifold(plain), to_manifold(known.program)) >= 10 * SNAP_CHANGE:
+        return plain
+    bounds = MeasuredLeaves.of(known)
+    config = SnapConfig(max_move=ROUNDED, equalise=False)
+    return snap(known.program, lambda trial: 0.0 if bounds.allow(trial) else np.inf, config=config, deadline=deadline)
 
 
 def _with_leaf(program: Program, change: tuple[int, Primitive]) -> Program:

@@ -34,7 +34,7 @@ from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.choices import choices_beside, few, unite_fronts
 from imdim.reconstruction.config import LEARNING, ConfigError, Settings, check_choices, lacking, require_extra
 from imdim.reconstruction.edge_features import SetAside, describe_kept, find_edge_features, place_chain, set_edges_aside
-from imdim.reconstruction.fitting import find_relations, fit_numbers, snap_numbers
+from imdim.reconstruction.fitting import find_relations, fit_numbers, snap_measured, snap_numbers
 from imdim.reconstruction.hole_ends import complete_holes
 from imdim.reconstruction.mdl import most_likely, reconstruct_scan, reconstruct_unlabelled
 from imdim.reconstruction.methods import CUT, METHODS, Method, MethodStep, PolicyOf, Run, evolve_from, time_to_propose
@@ -65,7 +65,8 @@ class Snapshot:
     "stagnation". That one has the `front`, programs from crude to exact, of which `program` is one, and the `constraints` that hold for it;
     an evolution shows its front as it goes. `proof` says whether the program was proved minimal, and why not; it is empty where the
     method does not ask. The last one's `notes` say, a sentence each, what was left out, and its `edges` are the target's fillets and
-    chamfers, which were set aside: the program is that of the sharp part, and `error` is relative to it.
+    chamfers, which were set aside: the program is that of the sharp part, and `error` is relative to it. `noisy` is whether its numbers are
+    measured off a noisy cloud or a scan.
     """
 
     stage: str
@@ -78,13 +79,14 @@ class Snapshot:
     proof: str = ""
     notes: tuple[str, ...] = ()
     edges: tuple[EdgeFeature, ...] = ()
+    noisy: bool = False
 
 
 @dataclass(frozen=True)
 class _BodyState:
     """A program of one body without its `chains` of fillets and chamfers, but with those `kept`, it and the `volume` in the body's units;
     `error` is relative to that, as `measure` gives it for any program of its structure. `found` are the relations that its points support,
-    None if they were not asked. `stop` is as a step's."""
+    None if they were not asked. `stop` is as a step's, `noisy` as a snapshot's."""
 
     stage: str
     program: Program
@@ -97,6 +99,7 @@ class _BodyState:
     found: tuple[Constraint, ...] | None = None
     chains: tuple[Chain, ...] = ()
     kept: tuple[Chain, ...] = ()
+    noisy: bool = False
 
 
 @dataclass(frozen=True)
@@ -167,7 +170,8 @@ def _snapshots(states: Iterable[_BodyState], target: Target, work: _Work, left_o
         *([describe_kept(last.kept)] if last.kept else []),
     )
     stop = CUT if solver and relate_by.has_passed() else last.stop
-    yield Snapshot("finished", program, error, work.budget.seconds(), stop, front, constraints, last.proof, notes, edges.features)
+    spent, found = work.budget.seconds(), edges.features
+    yield Snapshot("finished", program, error, spent, stop, front, constraints, last.proof, notes, found, last.noisy)
 
 
 def _policy_of(settings: Settings, notes: list[str]) -> PolicyOf:
@@ -252,7 +256,8 @@ def _together(stage: str, states: list[_BodyState]) -> _BodyState:
     stop, proof = _stop([s.stop for s in states]), _proof([s.proof for s in states])
     error, volume = _mean_error([s.error for s in states], states), sum(s.volume for s in states)
     chains, kept = (tuple(chain for found in each for chain in found) for each in zip(*((s.chains, s.kept) for s in states), strict=True))
-    return _BodyState(stage, program, error, volume, lambda p: _error(p, states), tuple(front), proof, stop, states[0].found, chains, kept)
+    state = _BodyState(stage, program, error, volume, lambda p: _error(p, states), tuple(front), proof, stop, states[0].found, chains, kept)
+    return replace(state, noisy=any(s.noisy for s in states))
 
 
 def _error(program: Program, states: Sequence[_BodyState]) -> float:
@@ -315,7 +320,8 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
         state = _BodyState(
             step.stage, frame.undo(step.program), UNKNOWN, volume / frame.scale**3, lambda _: UNKNOWN, (), step.proof, step.stop
         )
-        yield replace(state, front=(Choice(state.program, UNKNOWN),), found=scale_constraints(found, 1 / frame.scale))
+        front, found = (Choice(state.program, UNKNOWN),), scale_constraints(found, 1 / frame.scale)
+        yield replace(state, front=front, found=found, noisy=observed.noise.blurs)
         return
     step = None
     for step in work.method(Run(seen, settings, work.policy, budget, work.rng, share, blended)):
@@ -334,7 +340,10 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
         fitted, found = _solve(simple, seen, choose_by, fit_by, settings.language == "cad")
         last = _state(fitted, seen, frame)
         found = None if found is None else scale_constraints(found, 1 / frame.scale)
-        last = replace(last, program=snap_numbers(last.program, seen, frame, fit_by), found=found)
+        if found is None:
+            last = replace(last, program=snap_numbers(last.program, seen, frame, fit_by))
+        else:
+            last = replace(last, program=snap_measured(last.program, found, seen, frame, fit_by), found=found, noisy=True)
     cut = seen.cut or fit_by.has_passed()
     yield _finish_state(replace(last, stop=CUT) if cut else last, step.others, seen, frame, budget)
 
@@ -353,7 +362,8 @@ def _scanned_body(observed: UnitBody, solid: Manifold, frame: Frame, work: _Work
     program = frame.undo(told.program)
     error = measure(program)
     state = _BodyState("solve", program, error, solid.volume() / frame.scale**3, measure, (Choice(program, error),), SCANNED)
-    return replace(state, stop=CUT if told.cut else "finished", found=scale_constraints(told.constraints, 1 / frame.scale))
+    found = scale_constraints(told.constraints, 1 / frame.scale)
+    return replace(state, stop=CUT if told.cut else "finished", found=found, noisy=True)
 
 
 def _state(step: MethodStep, seen: Observation, frame: Frame) -> _BodyState:
