@@ -20,7 +20,8 @@ from imdim.export.numbers import Expression, plain
 from imdim.geometry.sampling import subsample
 from imdim.numbers.design_values import is_designed
 from imdim.numbers.information import Coordinates
-from imdim.numbers.measured import Measured, measure
+from imdim.numbers.measured import measure
+from imdim.numbers.measured_leaves import MeasuredLeaves
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Curve, Outline, arc_center, arc_radius, loop_curves
 from imdim.program.tree import leaves
@@ -60,27 +61,49 @@ class _Reading:
     slope: np.ndarray
 
 
+@dataclass(frozen=True)
+class NameReadings:
+    """How the names of a program are read from its numbers: the derivatives of each name by the coordinates of `start` [n, p], which
+    of them are `told` [n] by sums of names alone, and the combinations `bound` [m, p] of coordinates that names and relations hold together."""
+
+    start: Coordinates
+    slopes: np.ndarray
+    told: np.ndarray
+    bound: np.ndarray
+
+    @staticmethod
+    def of(found: FinishedProgram) -> NameReadings | None:
+        """None where no number of the program is a sum of names alone."""
+        names, start = list(found.parameters.values), Coordinates.of(found.program)
+        length = max(map(abs, found.parameters.values.values()), default=0.0)
+        rows = list(_rows(found, start, names, SAME * length))
+        if not rows:
+            return None
+        sums, slopes = (np.array(column) for column in zip(*rows, strict=True))
+        left, values, right = np.linalg.svd(sums)
+        rank = int((values > SAME * values[0]).sum())
+        held = rows_of(found.constraints, start.numbers).jacobian
+        # combinations of numbers that no change of names would change
+        bound = np.concatenate([np.pad(held, ((0, 0), (0, start.count - held.shape[1]))), left[:, rank:].T @ slopes])
+        by_name = (right[:rank].T / values[:rank]) @ left[:, :rank].T @ slopes
+        return NameReadings(start, by_name, np.linalg.norm(right[rank:], axis=0) < TOLD, bound)
+
+
 def state_intervals(found: FinishedProgram, target: Target, deadline: Deadline = NEVER) -> dict[str, Interval]:
     """The interval of each name of `found` that the points of `target` show; none of what a reader would have to add up.
 
     Past the `deadline` (by default never) the points are asked once and not until the numbers settle.
     """
-    names = list(found.parameters.values)
-    start = Coordinates.of(found.program)
-    length = max(map(abs, found.parameters.values.values()), default=0.0)
-    told = list(_rows(found, start, names, SAME * length))
-    if not told:
+    readings = NameReadings.of(found)
+    if readings is None:
         return {}
-    sums, slopes = (np.array(column) for column in zip(*told, strict=True))
-    # what the sums of names cannot say stays as it is: these numbers are bound to each other
-    left, values, right = np.linalg.svd(sums)
-    rank = int((values > SAME * values[0]).sum())
-    held = rows_of(found.constraints, start.numbers).jacobian
-    bound = np.concatenate([np.pad(held, ((0, 0), (0, start.count - held.shape[1]))), left[:, rank:].T @ slopes])
-    by_name = (right[:rank].T / values[:rank]) @ left[:, :rank].T @ slopes
-    known = measure(found.program, _points(target), bound, deadline)
-    shown = np.linalg.norm(right[rank:], axis=0) < TOLD
-    return dict(_intervals(found.parameters.values, known, by_name, shown))
+    known = measure(found.program, _points(target), readings.bound, deadline)
+    half = np.where(readings.told, known.half_widths(readings.slopes), np.inf)
+    values = found.parameters.values
+    measured = np.array(list(values.values())) + readings.slopes @ known.shift
+    common = MeasuredLeaves.of(known).common
+    numbers = zip(values.items(), measured.tolist(), half.tolist(), strict=True)
+    return {n: Interval(v, m, h, is_designed(v, m, h, common)) for (n, v), m, h in numbers if np.isfinite(h)}
 
 
 def with_remarks(text: str, intervals: Mapping[str, Interval]) -> str:
@@ -90,13 +113,6 @@ def with_remarks(text: str, intervals: Mapping[str, Interval]) -> str:
         if interval.snapped:
             text = re.sub(rf"^(?={re.escape(name)} = )", lambda _, i=interval: f"// {i}\n", text, count=1, flags=re.MULTILINE)
     return text
-
-
-def _intervals(values: Mapping[str, float], known: Measured, slopes: np.ndarray, shown: np.ndarray) -> Iterator[tuple[str, Interval]]:
-    half = known.half_widths(slopes)
-    for (name, value), moved, width, told in zip(values.items(), slopes @ known.shift, half, shown, strict=True):
-        if told and np.isfinite(width):
-            yield name, Interval(value, value + float(moved), float(width), is_designed(value, value + float(moved), float(width)))
 
 
 def _points(target: Target) -> np.ndarray:

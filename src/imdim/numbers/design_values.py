@@ -18,6 +18,10 @@ from imdim.numbers.symmetry_normal_form import AXIAL, EXACT
 from imdim.program.tree import Primitive, envelope
 
 COARSE = 20.0  # half-widths of an interval, that a grid must be wide: it then holds one of its numbers by chance one time in ten
+APART = 4.0  # half-widths of an interval, that numbers of a grid on which the whole part lies must be apart
+ON_GRID = 0.9  # share of a part's numbers that are on its grid
+SURE = 7.0  # logarithm of the odds for a grid
+NORMAL_95 = 1.959964  # standard deviations to either side that hold 95 % of a normal distribution
 FINE = 0.1  # of a half-width, by which a number may be rounded without a claim
 LENGTH = 3  # classes 0, 1, 2 are positions along x, y, z
 UNUSED = -1
@@ -184,6 +188,30 @@ def grid_of(value: float, finest: float) -> float:
     return next((w for w in widths if w >= finest and abs(value - round_to_grid(value, w)) <= 1e-9 * max(abs(value), w)), 0.0)
 
 
-def is_designed(value: float, measured: float, half: float) -> bool:
-    """Whether a number within the 95 % interval `half` about what was `measured` is so round that a person rather than chance chose it."""
-    return abs(value - measured) <= half and half > 0 and grid_of(value, COARSE * half) > 0
+def common_grid(measured: np.ndarray, half: np.ndarray) -> float:
+    """The decimal grid on which the numbers of a part, `measured` [n] with 95 % intervals `half` [n], lie so well that it was made on it;
+    0 where they tell of none. By the odds of that over numbers from anywhere; some of them may be off it all the same."""
+    known = np.isfinite(half) & (half > 0) & (measured != 0)
+    measured, deviation = measured[known], half[known] / NORMAL_95
+    if not len(measured):
+        return 0.0
+    best, found = SURE, 0.0
+    for grid in grids(float(np.abs(measured).max()), float(deviation.min())):
+        off = measured - np.round(measured / grid) * grid
+        near = np.exp(-0.5 * (off / deviation) ** 2) / (math.sqrt(2 * math.pi) * deviation)
+        odds = float(np.log(ON_GRID * np.maximum(near * grid, 1.0 * (grid < deviation)) + 1 - ON_GRID).sum())
+        if odds > best:
+            best, found = odds, grid
+    return found
+
+
+def finest_grid(half: np.ndarray | float, common: float) -> np.ndarray:
+    """The finest grid that a number with a 95 % interval `half` may be rounded to in a part whose numbers lie on the `common` one."""
+    coarse = COARSE * np.asarray(half, float)
+    return np.minimum(coarse, np.maximum(common, APART * np.asarray(half, float))) if common else coarse
+
+
+def is_designed(value: float, measured: float, half: float, common: float) -> bool:
+    """Whether a number within the 95 % interval `half` about what was `measured` is so round, in a part whose numbers lie on the `common`
+    grid, that a person rather than chance chose it."""
+    return abs(value - measured) <= half and 0 < half < np.inf and grid_of(value, float(finest_grid(half, common))) > 0

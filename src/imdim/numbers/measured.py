@@ -8,12 +8,12 @@ import numpy as np
 
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
+from imdim.numbers.design_values import NORMAL_95
 from imdim.numbers.information import Coordinates, bends_of, inform, measure_spread
 from imdim.numbers.likelihood import Noise, SurfaceSamples
 from imdim.program.tree import Program
 
 MAD = 1.4826  # from the median of absolute normal deviations to their standard deviation
-NORMAL_95 = 1.959964  # standard deviations to either side that hold 95 % of a normal distribution
 ROUNDS = 5
 STILL = 0.1  # of a standard error, below which a step ends the work
 FAR = 3.0  # deviations of the noise, that a step moves a number by at most

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
-from imdim.numbers.design_values import COARSE, FINE, UNUSED, Values, grid_of, row_of
+from imdim.numbers.design_values import FINE, UNUSED, Values, common_grid, finest_grid, grids, is_designed, round_to_grid, row_of
 from imdim.numbers.measured import Measured
 from imdim.program.motions import is_round
 from imdim.program.outline import Outline
-from imdim.program.tree import Primitive, Program, leaves
+from imdim.program.tree import Primitive, Program, leaves, map_leaves
 
 FLAT = 0.9  # cosine between two poses of one leaf: beyond that it was written in another frame, and nothing is compared
 EXACT = 1e-12  # of the largest number, within which nothing has moved
@@ -20,11 +20,13 @@ EXACT = 1e-12  # of the largest number, within which nothing has moved
 
 @dataclass(frozen=True)
 class MeasuredLeaves:
-    """The leaves of a measured program, and half-widths [k] of 95 % intervals of any numbers of one by their derivatives."""
+    """The leaves of a measured program, half-widths [k, 3] of the 95 % intervals of their turns, as lengths at their bounding radii, and
+    the grid on which most numbers lie, 0 where there is none."""
 
     known: Measured
     parts: tuple[Primitive, ...]
     turns: np.ndarray
+    common: float
 
     @staticmethod
     def of(known: Measured) -> MeasuredLeaves:
@@ -32,7 +34,9 @@ class MeasuredLeaves:
         slopes = np.zeros((3 * len(parts), known.start.count))
         for i in range(len(parts)):
             slopes[3 * i : 3 * i + 3, 9 * i + 6 : 9 * i + 9] = np.eye(3)
-        return MeasuredLeaves(known, parts, known.half_widths(slopes).reshape(-1, 3))
+        bare = MeasuredLeaves(known, parts, known.half_widths(slopes).reshape(-1, 3), 0.0)
+        half = np.concatenate([bare._half_widths(i, np.eye(6)) for i in range(len(parts))])
+        return replace(bare, common=common_grid(np.concatenate([row_of(p) for p in parts]), half))
 
     def allow(self, trial: Program) -> bool:
         """Whether each number of the program is the one measured, but for digits that say nothing, or one that its interval holds and
@@ -43,15 +47,41 @@ class MeasuredLeaves:
         turn = _turn(trial, own)
         if turn is None or (np.abs(turn) * self.known.start.radii[leaf] > self.turns[leaf] + EXACT).any():
             return False
-        moved = row_of(trial) - row_of(own)
-        half = self._half_widths(leaf, np.eye(6))
-        if (np.abs(moved) > half + EXACT * self.known.start.radii[leaf]).any():
-            return False
+        off, half = np.abs(row_of(trial) - row_of(own)), self._half_widths(leaf, np.eye(6))
         values = Values.of([trial])
         used, (matrix,) = values.classes != UNUSED, values.matrices
-        measured, half = matrix @ row_of(own), self._half_widths(leaf, matrix)
-        pairs = zip(values.numbers[used].tolist(), measured[used].tolist(), half[used].tolist(), strict=True)
-        return all(_is_allowed(*pair) for pair in pairs) and self._allows_outline(leaf, trial.outline, own.outline)
+        read, measured = values.numbers, matrix @ row_of(own)
+        wide = self._half_widths(leaf, matrix)
+        if (off > half + self._nothing(leaf)).any() or (np.abs(read - measured)[used] > wide[used] + self._nothing(leaf)).any():
+            return False
+        own_sums, as_read = self._allowed(row_of(trial), row_of(own), half), self._allowed(read, measured, wide)
+        # of two ends, their distance and their middle two say all
+        either = all(own_sums[group].sum() + (as_read[group].sum() if spans else 0) >= len(group) for group, spans in _groups(matrix, used))
+        return either and self._allows_outline(leaf, trial.outline, own.outline)
+
+    def round_sizes(self, program: Program) -> Program:
+        """The program with sizes, then places, on the coarsest grids that are allowed: ends need not be round for what lies between."""
+
+        def rounded(leaf: int, part: Primitive) -> Primitive:
+            half = self._half_widths(leaf, np.eye(6))
+            for number in (*range(len(part.size)), 3, 4, 5):
+                value = float(row_of(self.parts[leaf])[number])
+                for round_value in _offers(value, float(half[number]), self.common):
+                    trial = _with_number(part, number, round_value)
+                    if self._allows(leaf, trial, self.parts[leaf]):
+                        part = trial
+                        break
+            return part
+
+        return map_leaves(program, rounded)
+
+    def _allowed(self, values: np.ndarray, measured: np.ndarray, half: np.ndarray) -> np.ndarray:
+        """Which values [n] differ from what was measured by digits that say nothing, or are too round to be there by chance."""
+        triples = list(zip(values.tolist(), measured.tolist(), half.tolist(), strict=True))
+        return np.array([abs(v - m) <= FINE * h or is_designed(v, m, h, self.common) for v, m, h in triples])
+
+    def _nothing(self, leaf: int) -> float:
+        return EXACT * float(self.known.start.radii[leaf])
 
     def _half_widths(self, leaf: int, matrix: np.ndarray) -> np.ndarray:
         """Of combinations [n, 6] of the sizes and the centre of a leaf."""
@@ -73,9 +103,29 @@ class MeasuredLeaves:
         return bool((np.abs(moved).ravel() <= self.known.half_widths(slopes) + EXACT).all())
 
 
-def _is_allowed(value: float, measured: float, half: float) -> bool:
-    off = abs(value - measured)
-    return off <= FINE * half or (off <= half and grid_of(value, COARSE * half) > 0)
+def _groups(matrix: np.ndarray, used: np.ndarray) -> Iterator[tuple[list[int], bool]]:
+    """The numbers of a leaf that are read together: a size and a place as two ends, each other one by itself."""
+    for i in np.flatnonzero(used):
+        others = np.flatnonzero(matrix[i])
+        if len(others) == 1 or i == others[0]:
+            yield others.tolist(), len(others) > 1
+
+
+def _offers(value: float, half: float, common: float) -> Iterator[float]:
+    """The multiples of decimal grids within `half` of a value, the coarsest first."""
+    if not 0 < half < np.inf or not value:
+        return
+    finest = float(finest_grid(half, common))
+    for grid in grids(10 * max(abs(value), finest), finest):
+        if grid >= finest and 0 < abs(round_to_grid(value, grid) - value) <= half:
+            yield round_to_grid(value, grid)
+
+
+def _with_number(part: Primitive, number: int, value: float) -> Primitive:
+    if number < 3:
+        return replace(part, size=tuple(value if i == number else s for i, s in enumerate(part.size)))
+    x, y, z = (value if i == number - 3 else c for i, c in enumerate(part.center))
+    return replace(part, center=(x, y, z))
 
 
 def _vertices(outline: Outline) -> list[Sequence[float]]:

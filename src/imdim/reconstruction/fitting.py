@@ -187,7 +187,7 @@ def snap_measured(program: Program, found: Sequence[Constraint], seen: Observati
         return plain
     bounds = MeasuredLeaves.of(known)
     config = SnapConfig(max_move=ROUNDED, equalise=False)
-    return snap(known.program, lambda trial: 0.0 if bounds.allow(trial) else np.inf, config=config, deadline=deadline)
+    return bounds.round_sizes(snap(known.program, lambda trial: 0.0 if bounds.allow(trial) else np.inf, config=config, deadline=deadline))
 
 
 def _with_leaf(program: Program, change: tuple[int, Primitive]) -> Program:
