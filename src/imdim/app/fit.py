@@ -165,6 +165,9 @@ def summary(report: Mapping[str, Any], folder: Path) -> str:
     lines += _verdict_lines(report)
     same = report["found"]["iou_with_delivered"]
     lines += [f"  delivered differs from found: IoU {same:.4f}"] if 1 - same > DIFFERS else []
+    said = [f"{name} {interval['says']}" for name, interval in report.get("intervals", {}).items()]
+    more = f" and {len(said) - MOST_SAID} more" if len(said) > MOST_SAID else ""
+    lines += [f"  {'measured':<8} {', '.join(said[:MOST_SAID])}{more} (95 %)"] if said else []
     said = [repeat["says"] for repeat in report.get("repeats", [])]
     lines += [f"  {'repeats':<8} {'; '.join(said)}"] if said else []
     said = [group["says"] for group in report.get("holes", [])]

@@ -63,8 +63,11 @@ class _Reading:
 
 @dataclass(frozen=True)
 class NameReadings:
-    """How the names of a program are read from its numbers: the derivatives of each name by the coordinates of `start` [n, p], which
-    of them are `told` [n] by sums of names alone, and the combinations `bound` [m, p] of coordinates that names and relations hold together."""
+    """How the names of a program are read from its numbers.
+
+    `slopes` [n, p] are the derivatives of each name by the coordinates of `start`, `told` [n] whether sums of names alone tell it, and
+    `bound` [m, p] the combinations of coordinates that names and relations hold together.
+    """
 
     start: Coordinates
     slopes: np.ndarray

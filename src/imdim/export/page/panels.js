@@ -138,7 +138,8 @@ function sheets(data, select) {
   if (report && report.verdict) out.push(verdictSheet(report.verdict));
   if (front && front.choices.length) out.push(frontSheet(front));
   if (data.names.length) {
-    const names = data.names.map((n) => ({ ...n, says: shortNumber(n.value) }));
+    const stated = (data.report && data.report.intervals) || {}; // of a noisy cloud: how well it knows each
+    const names = data.names.map((n) => ({ ...n, says: n.name in stated ? stated[n.name].says : shortNumber(n.value) }));
     out.push(sheet("Names", element("p", { class: "quiet" }, "Change one and all that follows it moves: see program.scad."), picks(names, select)));
   }
   if (data.edges && data.edges.length) out.push(sheet("Edges", picks(data.edges.map((e) => ({ name: e.says, says: "", leaves: e.leaves })), select)));
