@@ -17,13 +17,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from planting import mesh_of, planted, write_csv
+import trimesh
+from planting import planted, write_csv
 from processor import CLOCKS, rule_the_clock
 
 import imdim
 from imdim.delivery.finish import FinishedProgram, finish
 from imdim.delivery.intervals import Interval, NameReadings, state_intervals
 from imdim.geometry.rotations import matrix_from_euler
+from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.numbers.design_values import row_of
 from imdim.numbers.em import maximise_likelihood
 from imdim.numbers.likelihood import Noise
@@ -39,6 +41,7 @@ from imdim.target.target import Target, in_unit_frame, target_from
 BESIDE = 0.05  # of the part's diagonal, within which a primitive of the part has to be
 ALONG = 0.99  # cosine between directions
 SAME = 1e-6  # by which a number is another
+SEGMENTS = 720  # of a circle
 SHAKE = 0.004  # of the diagonal, by which given numbers are moved
 
 
@@ -91,7 +94,7 @@ def main() -> None:
         for number in range(given.parts):
             rng = np.random.default_rng([given.seed, number])
             part = _regrid(planted(rng, 1 + number % 4), given.grid, rng)
-            points, _ = scan(mesh_of(part), Condition(noise=noise / 100), rng)
+            points, _ = scan(_mesh_of(part), Condition(noise=noise / 100), rng)
             target = target_from(points, f"part {number}")
             found = _shaken(part, target, rng) if given.given else _reconstructed(target, given.budget)
             rows += _rows(number, noise, part, found, state_intervals(found, target))
@@ -100,6 +103,11 @@ def main() -> None:
     for noise in sorted({r.noise for r in rows}):
         print(_line([r for r in rows if r.noise == noise]))
     print("all:", _line(rows))
+
+
+def _mesh_of(part: Program) -> trimesh.Trimesh:
+    """The part with circles so fine that their chords lie within the narrowest interval."""
+    return to_trimesh(to_manifold(part, SEGMENTS))
 
 
 def _regrid(part: Program, grid: float, rng: np.random.Generator) -> Program:
@@ -143,7 +151,7 @@ def _rows(number: int, noise: float, part: Program, found: FinishedProgram, stat
     if readings is None:
         return
     own, start = list(leaves(part)), readings.start
-    length = float(np.linalg.norm(np.ptp(mesh_of(part).vertices, axis=0)))
+    length = float(np.linalg.norm(np.ptp(_mesh_of(part).vertices, axis=0)))
     moves, unknown = np.zeros(start.count), np.ones(start.count, bool)
     for i, leaf in enumerate(leaves(found.program)):
         offers = [row_of(p) - row_of(leaf) for p in map(canonical, own) if _is_alike(canonical(leaf), p)]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 
@@ -63,14 +65,15 @@ class MeasuredLeaves:
         """The program with sizes, then places, on the coarsest grids that are allowed: ends need not be round for what lies between."""
 
         def rounded(leaf: int, part: Primitive) -> Primitive:
-            half = self._half_widths(leaf, np.eye(6))
+            half, own = self._half_widths(leaf, np.eye(6)), row_of(self.parts[leaf])
+            (matrix,) = Values.of([part]).matrices
             for number in (*range(len(part.size)), 3, 4, 5):
-                value = float(row_of(self.parts[leaf])[number])
-                for round_value in _offers(value, float(half[number]), self.common):
-                    trial = _with_number(part, number, round_value)
-                    if self._allows(leaf, trial, self.parts[leaf]):
-                        part = trial
-                        break
+                # where both ends were rounded, what lies between was not: it starts again from what was measured
+                others = [i for i in np.flatnonzero(matrix[number]).tolist() if i != number]
+                anew = reduce(lambda p, i: _with_number(p, i, _trimmed(float(own[i]), float(half[i]))), others, part)
+                offers = _offers(float(own[number]), float(half[number]), self.common)
+                trials = (_with_number(start, number, value) for value in offers for start in (part, anew))
+                part = next((trial for trial in trials if self._allows(leaf, trial, self.parts[leaf])), part)
             return part
 
         return map_leaves(program, rounded)
@@ -119,6 +122,11 @@ def _offers(value: float, half: float, common: float) -> Iterator[float]:
     for grid in grids(10 * max(abs(value), finest), finest):
         if grid >= finest and 0 < abs(round_to_grid(value, grid) - value) <= half:
             yield round_to_grid(value, grid)
+
+
+def _trimmed(value: float, half: float) -> float:
+    """A value without the digits that say nothing."""
+    return round_to_grid(value, 10.0 ** math.floor(math.log10(2 * FINE * half))) if 0 < half < np.inf else value
 
 
 def _with_number(part: Primitive, number: int, value: float) -> Primitive:
