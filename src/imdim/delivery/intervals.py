@@ -87,7 +87,8 @@ class NameReadings:
         rank = int((values > SAME * values[0]).sum())
         held = rows_of(found.constraints, start.numbers).jacobian
         # combinations of numbers that no change of names would change
-        bound = np.concatenate([np.pad(held, ((0, 0), (0, start.count - held.shape[1]))), left[:, rank:].T @ slopes])
+        held, turns = np.pad(held, ((0, 0), (0, start.count - held.shape[1]))), _fixed_turns(found, start)
+        bound = np.concatenate([held, turns, left[:, rank:].T @ slopes])
         by_name = (right[:rank].T / values[:rank]) @ left[:, :rank].T @ slopes
         return NameReadings(start, by_name, np.linalg.norm(right[rank:], axis=0) < TOLD, bound)
 
@@ -156,6 +157,20 @@ def _readings(found: FinishedProgram, start: Coordinates) -> Iterator[tuple[Expr
                 yield from _of_ring(ring, loop)
 
 
+def _fixed_turns(found: FinishedProgram, start: Coordinates) -> np.ndarray:
+    """The derivatives [m, p] of what arcs turn by that keep it whatever the names are: they touch the lines beside them."""
+    drawn = [(i, rings) for i, rings in enumerate(found.parameters.outlines) if rings]
+    out = [
+        curve["bulge"].slope
+        for i, rings in drawn
+        for ring, loop in zip(rings, _outline_readings(start, i), strict=True)
+        if isinstance(ring, tuple) and len(ring) == len(loop)
+        for vertex, curve in zip(ring, loop, strict=True)
+        if isinstance(vertex.bulge, int | float) and "bulge" in curve
+    ]
+    return np.array(out).reshape(-1, start.count)
+
+
 def _unit(count: int, at: int) -> np.ndarray:
     out = np.zeros(count)
     out[at] = 1.0
@@ -222,5 +237,5 @@ def _numbers_of(curve: Curve | Ellipse) -> dict[str, float]:
     out = {"x": curve[0], "y": curve[1]}
     if curve[4]:
         out["center_x"], out["center_y"] = arc_center(curve)
-        out["r"] = arc_radius(curve)
+        out["r"], out["bulge"] = arc_radius(curve), curve[4]
     return out

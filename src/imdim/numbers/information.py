@@ -24,7 +24,7 @@ from imdim.numbers.face_coordinates import lift_numbers, shift_leaves
 from imdim.numbers.likelihood import NEIGHBOURS, WIDE, Noise, SurfaceSamples
 from imdim.numbers.outline_coordinates import OutlineCoordinates, outline_coordinates
 from imdim.program.outline import check_crossings
-from imdim.program.tree import Program, leaves, map_leaves
+from imdim.program.tree import KINDS, Program, leaves, map_leaves
 
 BESIDE = 1e-4  # of the part, between which normals are compared
 BENT = 0.2  # how far normals that near may differ on one smooth surface
@@ -55,6 +55,19 @@ class Coordinates:
     @cached_property
     def radii(self) -> np.ndarray:
         return radii(self.numbers)
+
+    @cached_property
+    def twice(self) -> list[int]:
+        """Coordinates of drawn leaves that say what those of their outlines say: where it lies in its plane, and how it is turned there if
+        no wall keeps it along an axis."""
+        out: list[int] = []
+        for leaf, own, _ in self.outlines:
+            if KINDS[self.numbers.kinds[leaf]] == "revolve":
+                out.append(9 * leaf + 5)
+                continue
+            free = sum(2 + (bulge != 0) for ring in own.outline.rings for _, _, bulge in ring)
+            out += [9 * leaf + 3, 9 * leaf + 4] + ([9 * leaf + 8] if own.count >= free else [])
+        return out
 
     def move(self, step: np.ndarray) -> Program:
         """The program after a step [count]; an outline that would bound nothing or cross itself stays."""

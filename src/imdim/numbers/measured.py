@@ -17,7 +17,8 @@ MAD = 1.4826  # from the median of absolute normal deviations to their standard 
 ROUNDS = 5
 STILL = 0.1  # of a standard error, below which a step ends the work
 FAR = 3.0  # deviations of the noise, that a step moves a number by at most
-SUPPORT = 6.0  # points that must show a direction of the numbers' space, as in `refine`
+SUPPORT = 6.0  # points that must show a direction of the numbers' space for a step along it, as in `refine`
+LEAST = 0.05  # points that must show it to say how well it is known
 SHOWN = 1e-3  # share of a number that may lie in directions that are not shown
 DEPENDENT = 1e-9  # singular values of relations, relative to the largest
 SAMPLES = 16_000  # of the surface
@@ -49,7 +50,7 @@ def measure(program: Program, points: np.ndarray, rows: np.ndarray, deadline: De
     Newton's method. Past the `deadline` (by default never) there is one more round at the most.
     """
     start = Coordinates.of(program)
-    basis = _null_space(rows, start.count)
+    basis = _null_space(np.concatenate([rows, np.eye(start.count)[start.twice]]), start.count)
     length = float(np.linalg.norm(np.ptp(points, axis=0)))
     noise = _calm(program, points)
     shift, at = np.zeros(basis.shape[1]), program
@@ -62,10 +63,11 @@ def measure(program: Program, points: np.ndarray, rows: np.ndarray, deadline: De
         bends = bends_of(now.numbers, shown.points, shown.normals, length)
         told = inform(points, shown, bends, now.tangents(shown) @ basis, noise)
         values, vectors = np.linalg.eigh(told.curvature)
-        seen = values * noise.sigma**2 >= SUPPORT
+        points_worth = values * noise.sigma**2
+        seen, shown_well = points_worth >= LEAST, points_worth >= SUPPORT
         inverse = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
         covariance, hidden = inverse @ told.scatter @ inverse, vectors[:, ~seen]
-        step = inverse @ told.slope
+        step = (vectors[:, shown_well] / values[shown_well]) @ (vectors[:, shown_well].T @ told.slope)
         noise = told.noise
         step *= min(1.0, FAR * noise.sigma / max(float(np.abs(step).max(initial=0.0)), 1e-300))
         shift += step

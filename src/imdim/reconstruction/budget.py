@@ -10,7 +10,20 @@ from typing import Literal, NamedTuple
 from imdim.deadline import Deadline
 
 Stage = Literal[
-    "detect", "label", "search", "noisy_search", "starts", "seeds", "resume", "prove", "choose", "propose", "fit", "relate", "front"
+    "detect",
+    "label",
+    "search",
+    "noisy_search",
+    "starts",
+    "seeds",
+    "resume",
+    "prove",
+    "choose",
+    "propose",
+    "likely",
+    "fit",
+    "relate",
+    "front",
 ]
 
 
@@ -32,6 +45,7 @@ SHARES: Mapping[Stage, Share] = {
     "prove": Share(0.6),  # a search that took all of its own leaves some for the last proof
     "choose": Share(0.7),  # a noisy cloud's program is chosen
     "propose": Share(0.82, 0.5),  # the policy's programs, until numbers must be fitted
+    "likely": Share(0.77),  # the numbers of a noisy cloud's program are fitted, and what is left is for measuring how well they are known
     "fit": Share(0.82),  # programs are short and their numbers fitted
     "relate": Share(0.88),  # the search for relations ends
     "front": Share(0.92),  # later no other choices are looked for

@@ -337,7 +337,8 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
     last = _state(simple, seen, frame)
     yield last
     if settings.solver:
-        fitted, found = _solve(simple, seen, choose_by, fit_by, settings.language == "cad")
+        solve_by = budget.part_of("likely", share) if seen.noisy else fit_by
+        fitted, found = _solve(simple, seen, choose_by, solve_by, settings.language == "cad")
         last = _state(fitted, seen, frame)
         found = None if found is None else scale_constraints(found, 1 / frame.scale)
         if found is None:

@@ -1,0 +1,130 @@
+"""What a noisy cloud says of numbers: by closed forms for how well, and by planted numbers for which."""
+
+import numpy as np
+import pytest
+from tests.planted import box, cut, cylinder, sphere
+
+from imdim.geometry.sampling import surface_points
+from imdim.numbers.design_values import common_grid, grid_of, is_designed
+from imdim.numbers.information import Coordinates, bends_of, measure_spread
+from imdim.numbers.measured import NORMAL_95, measure
+from imdim.numbers.measured_leaves import MeasuredLeaves
+from imdim.program.outline import Outline, circle
+from imdim.program.tree import Primitive, leaves
+
+SIGMA = 0.2
+FREE = np.zeros((0, 9))
+
+
+def cloud(program, n=6000, sigma=SIGMA, seed=0):
+    rng = np.random.default_rng(seed)
+    return surface_points(program, n, rng)[0] + rng.normal(0, sigma, (n, 3))
+
+
+def test_the_interval_of_a_height_is_that_of_two_means():
+    block = box(40, 30, 20)
+    known = measure(block, cloud(block), FREE)
+    # each face has its share of the points; those within a deviation or two of an edge tell less
+    face = 6000 * 40 * 30 / (2 * (40 * 30 + 40 * 20 + 30 * 20))
+    height = np.eye(9)[2:3]
+    half = known.half_widths(height)[0]
+    assert half == pytest.approx(NORMAL_95 * SIGMA * np.sqrt(2 / face), rel=0.15)
+    assert abs(known.shift[2]) < half
+    assert known.noise.sigma == pytest.approx(SIGMA, rel=0.05)
+
+
+def test_the_measured_numbers_are_those_of_the_part_and_not_those_given():
+    ring = cut(cylinder(20, 8), cylinder(6, 30))
+    wrong = cut(cylinder(20.3, 8.2), cylinder(5.8, 30))
+    known = measure(wrong, cloud(ring), FREE.repeat(2, 1))
+    outer, inner = leaves(known.program)
+    half = known.half_widths(np.eye(18)[[0, 1, 9]])
+    assert (np.abs(np.array([*outer.size, inner.size[0]]) - [20, 8, 6]) < half).all()
+    assert half.max() < 0.1
+
+
+def test_what_no_point_shows_has_no_interval_and_stays():
+    ring = cut(cylinder(20, 8), cylinder(6, 30))
+    known = measure(ring, cloud(ring), FREE.repeat(2, 1))
+    assert np.isinf(known.half_widths(np.eye(18)[10:11]))[0]  # the height of the bore
+    assert [*leaves(known.program)][1].size[1] == pytest.approx(30, abs=1e-6)
+
+
+def test_relations_hold_and_narrow_the_intervals():
+    block = box(40, 30, 20)
+    points, difference = cloud(block), np.zeros((1, 9))
+    difference[0, :2] = 1.0, -1.0  # the length stays ten more than the width
+    free, bound = measure(block, points, FREE), measure(block, points, difference)
+    size = next(leaves(bound.program)).size
+    assert size[0] - size[1] == pytest.approx(10, abs=1e-9)
+    assert bound.half_widths(np.eye(9)[:1])[0] < 0.8 * free.half_widths(np.eye(9)[:1])[0]
+
+
+def test_curvature_of_a_ball_and_of_a_flat_face():
+    rng = np.random.default_rng(0)
+    normals = rng.normal(size=(50, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    bends = bends_of(sphere(5), 5 * normals, normals, 10.0)
+    truth = (np.eye(3) - normals[:, :, None] * normals[:, None, :]) / 5
+    assert np.abs(bends - truth).max() < 1e-3
+    face = np.column_stack([rng.uniform(-9, 9, (50, 2)), np.full(50, 10.0)])
+    assert not bends_of(box(20, 20, 20), face, np.tile([0.0, 0.0, 1.0], (50, 1)), 30.0).any()
+
+
+def test_noise_of_single_points_spreads_nothing_and_dents_do():
+    rng = np.random.default_rng(0)
+    points = np.column_stack([rng.uniform(0, 10, (4000, 2)), np.zeros(4000)])
+    assert measure_spread(points, rng.normal(size=4000)) == 1.0
+    dents = rng.normal(size=(10, 10))[tuple(points[:, :2].astype(int).T)]  # forty points share each
+    assert 10 < measure_spread(points, dents) < 60
+
+
+def test_coordinates_move_a_drawn_leaf_as_they_say():
+    square = ((-10.0, -5.0, 0.0), (10.0, -5.0, 0.0), (10.0, 5.0, 0.0), (-10.0, 5.0, 0.0))
+    plate = Primitive("extrude", (4.0,), (1.0, 2.0, 3.0), (10.0, 20.0, 30.0), Outline((square, circle(2.0))))
+    start = Coordinates.of(plate)
+    step = np.random.default_rng(0).normal(0, 1e-3, start.count)
+    moved = next(leaves(start.move(step)))
+    assert moved.size[0] == pytest.approx(4 + step[0])
+    assert moved.outline is not None
+    assert moved.outline != plate.outline
+    assert start.move(0 * step) == plate
+
+
+@pytest.mark.parametrize(("value", "finest", "grid"), [(40, 0.1, 10), (17.5, 0.1, 0.5), (17.53, 0.1, 0), (0.05, 0.01, 0.05), (-3, 0.2, 1)])
+def test_the_grid_of_a_number(value, finest, grid):
+    assert grid_of(value, finest) == pytest.approx(grid)
+
+
+def test_a_part_tells_its_grid_and_numbers_from_anywhere_tell_none():
+    rng = np.random.default_rng(0)
+    half = np.full(8, 0.05)
+    designed = np.round(rng.uniform(10, 60, 8) * 2) / 2
+    assert common_grid(designed + rng.normal(0, 0.025, 8), half) == 0.5
+    assert [common_grid(rng.uniform(10, 60, 8), half) for _ in range(50)].count(0.0) >= 48
+
+
+def test_a_round_number_is_designed_where_the_interval_holds_it_and_no_other():
+    assert is_designed(8.0, 7.99, 0.012, 0.0)
+    assert not is_designed(8.0, 7.98, 0.012, 0.0)  # outside
+    assert not is_designed(8.0, 7.9, 0.3, 0.0)  # a half would do as well
+    assert is_designed(8.5, 8.45, 0.1, 0.5)
+    assert not is_designed(8.5, 8.45, 0.2, 0.5)
+
+
+def test_rounding_goes_as_far_as_the_intervals():
+    block = box(40, 30.25, 20)
+    bounds = MeasuredLeaves.of(measure(block, cloud(block), FREE))
+    own = bounds.parts[0]
+    half = bounds.known.half_widths(np.eye(9)[:3])
+
+    def with_size(*size):
+        return Primitive("box", size, own.center, own.rotation)
+
+    assert bounds.allow(own)
+    assert bounds.allow(with_size(own.size[0] + 0.04 * half[0], *own.size[1:]))
+    assert not bounds.allow(with_size(own.size[0] + 2 * half[0], *own.size[1:]))
+    rounded = next(leaves(bounds.round_sizes(bounds.known.program)))
+    assert rounded.size[0] == 40
+    assert rounded.size[2] == 20
+    assert not bounds.allow(with_size(40, 30, 20))
