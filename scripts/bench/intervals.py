@@ -23,7 +23,7 @@ from processor import CLOCKS, rule_the_clock
 
 import imdim
 from imdim.delivery.finish import FinishedProgram, finish
-from imdim.delivery.intervals import Interval, NameReadings, state_intervals
+from imdim.delivery.intervals import StatedInterval, NameReadings, state_intervals
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.numbers.design_values import row_of
@@ -146,7 +146,7 @@ def _shaken(part: Program, target: Target, rng: np.random.Generator) -> Finished
     return finish(*find_relations(program, target, found))
 
 
-def _rows(number: int, noise: float, part: Program, found: FinishedProgram, stated: dict[str, Interval]) -> Iterator[Row]:
+def _rows(number: int, noise: float, part: Program, found: FinishedProgram, stated: dict[str, StatedInterval]) -> Iterator[Row]:
     readings = NameReadings.of(found)
     if readings is None:
         return

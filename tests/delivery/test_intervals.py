@@ -9,7 +9,7 @@ from tests.planted import box, cut
 
 from imdim.delivery.deliver import deliver
 from imdim.delivery.finish import finish
-from imdim.delivery.intervals import Interval, state_intervals, with_remarks
+from imdim.delivery.intervals import StatedInterval, state_intervals, with_remarks
 from imdim.delivery.report import RunRecord
 from imdim.export.openscad_reader import read_openscad
 from imdim.geometry.sampling import surface_points
@@ -57,9 +57,9 @@ def test_the_dimensions_of_an_outline_have_intervals():
 @pytest.mark.parametrize(
     ("interval", "words"),
     [
-        (Interval(8.0, 7.987, 0.0124, True), "8 (measured 7.987 +- 0.012)"),
-        (Interval(7.99, 7.9871, 0.0124, False), "7.987 +- 0.012"),
-        (Interval(1200.0, 1203.4, 26.0, True), "1200 (measured 1203 +- 26)"),
+        (StatedInterval(8.0, 7.987, 0.0124, True), "8 (measured 7.987 +- 0.012)"),
+        (StatedInterval(7.99, 7.9871, 0.0124, False), "7.987 +- 0.012"),
+        (StatedInterval(1200.0, 1203.4, 26.0, True), "1200 (measured 1203 +- 26)"),
     ],
 )
 def test_an_interval_in_words(interval, words):
@@ -68,7 +68,7 @@ def test_an_interval_in_words(interval, words):
 
 def test_remarks_stand_above_snapped_names_and_change_no_number():
     text = "$fn = 96;\n\nplate_length = 60;\nplate_length_2 = 7.5;\n\ncube([plate_length, plate_length_2, 1], center = true);\n"
-    stated = {"plate_length": Interval(60.0, 60.013, 0.02, True), "plate_length_2": Interval(7.5, 7.51, 0.2, False)}
+    stated = {"plate_length": StatedInterval(60.0, 60.013, 0.02, True), "plate_length_2": StatedInterval(7.5, 7.51, 0.2, False)}
     remarked = with_remarks(text, stated)
     assert remarked == text.replace("plate_length = 60;", "// 60 (measured 60.013 +- 0.02)\nplate_length = 60;", 1)
     assert read_openscad(remarked) == read_openscad(text)

@@ -60,7 +60,7 @@ def test_asking_changes_nothing():
 
 
 def test_stages_end_one_after_the_other():
-    ends = [SHARES[stage].by for stage in ("detect", "label", "search", "prove", "choose", "fit", "relate", "front")]
+    ends = [SHARES[stage].by for stage in ("detect", "label", "search", "prove", "choose", "likely", "fit", "relate", "front")]
     assert ends == sorted(ends)
     assert all(0 < share.of <= 1 and 0 < share.by < 1 for share in SHARES.values())
 

@@ -36,7 +36,7 @@ DIGITS = 2  # significant digits of an interval
 
 
 @dataclass(frozen=True)
-class Interval:
+class StatedInterval:
     """A name's `value` in the program, what the points measured, and half of the 95 % interval about that, all in the name's unit.
 
     `snapped` is whether the value is a number that the interval holds, and too round to be there by chance.
@@ -54,7 +54,7 @@ class Interval:
 
 
 @dataclass(frozen=True)
-class _Reading:
+class _ReadNumber:
     """A number of the program that a name may be read from: its `value` and its derivatives `slope` [p] by the coordinates."""
 
     value: float
@@ -93,7 +93,7 @@ class NameReadings:
         return NameReadings(start, by_name, np.linalg.norm(right[rank:], axis=0) < TOLD, bound)
 
 
-def state_intervals(found: FinishedProgram, target: Target, deadline: Deadline = NEVER) -> dict[str, Interval]:
+def state_intervals(found: FinishedProgram, target: Target, deadline: Deadline = NEVER) -> dict[str, StatedInterval]:
     """The interval of each name of `found` that the points of `target` show; none of what a reader would have to add up.
 
     Past the `deadline` (by default never) the points are asked once and not until the numbers settle.
@@ -107,10 +107,10 @@ def state_intervals(found: FinishedProgram, target: Target, deadline: Deadline =
     measured = np.array(list(values.values())) + readings.slopes @ known.shift
     common = MeasuredLeaves.of(known).common
     numbers = zip(values.items(), measured.tolist(), half.tolist(), strict=True)
-    return {n: Interval(v, m, h, is_designed(v, m, h, common)) for (n, v), m, h in numbers if np.isfinite(h)}
+    return {n: StatedInterval(v, m, h, is_designed(v, m, h, common)) for (n, v), m, h in numbers if np.isfinite(h)}
 
 
-def with_remarks(text: str, intervals: Mapping[str, Interval]) -> str:
+def with_remarks(text: str, intervals: Mapping[str, StatedInterval]) -> str:
     """The OpenSCAD text of a program with a comment above each name that was snapped: what was measured. It stays true when the value is
     changed."""
     for name, interval in intervals.items():
@@ -141,16 +141,16 @@ def _rows(found: FinishedProgram, start: Coordinates, names: Sequence[str], zero
             yield row, reading.slope
 
 
-def _readings(found: FinishedProgram, start: Coordinates) -> Iterator[tuple[Expression, list[_Reading]]]:
+def _readings(found: FinishedProgram, start: Coordinates) -> Iterator[tuple[Expression, list[_ReadNumber]]]:
     """The expressions of sizes, places and outlines beside the numbers that they may stand for."""
     named, drawn = found.parameters, {leaf: (own, first) for leaf, own, first in start.outlines}
     for i, part in enumerate(leaves(found.program)):
         for column, expression in enumerate(named.sizes[i]):
-            yield expression, [_Reading(part.size[column], _unit(start.count, 9 * i + column))]
+            yield expression, [_ReadNumber(part.size[column], _unit(start.count, 9 * i + column))]
         for axis, expression in enumerate(named.centers[i]):
             slope = np.zeros(start.count)
             slope[9 * i + 3 : 9 * i + 6] = start.numbers.rotations[i][axis]
-            yield expression, [_Reading(part.center[axis], slope)]
+            yield expression, [_ReadNumber(part.center[axis], slope)]
         if i in drawn and named.outlines and len(named.outlines[i]) == len(drawn[i][0].outline.loops):
             loops = _outline_readings(start, i)
             for ring, loop in zip(named.outlines[i], loops, strict=True):
@@ -177,10 +177,10 @@ def _unit(count: int, at: int) -> np.ndarray:
     return out
 
 
-_Loop = Sequence[Mapping[str, _Reading]]  # of each curve of a loop: where it begins, and an arc's centre and radius
+_Loop = Sequence[Mapping[str, _ReadNumber]]  # of each curve of a loop: where it begins, and an arc's centre and radius
 
 
-def _of_ring(ring: DrawnRing[Expression], loop: _Loop) -> Iterator[tuple[Expression, list[_Reading]]]:
+def _of_ring(ring: DrawnRing[Expression], loop: _Loop) -> Iterator[tuple[Expression, list[_ReadNumber]]]:
     """The expressions of a loop beside the numbers that they may stand for, the likeliest first: a corner that an arc rounds is none of its
     vertices, but lies on the lines through those."""
     if isinstance(ring, DrawnPolygon | DrawnEllipse):
@@ -215,7 +215,7 @@ def _outline_readings(start: Coordinates, leaf: int) -> list[_Loop]:
                 for word, of in slope.items():
                     of[first + column] = (a[word] - b[word]) / (2 * step)
     pairs = [list(zip(loop, into, strict=True)) for loop, into in zip(at, slopes, strict=True)]
-    return [[{word: _Reading(value, slope[word]) for word, value in c.items()} for c, slope in loop] for loop in pairs]
+    return [[{word: _ReadNumber(value, slope[word]) for word, value in c.items()} for c, slope in loop] for loop in pairs]
 
 
 def _numbers(outline: Outline) -> list[list[dict[str, float]]]:

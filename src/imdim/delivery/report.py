@@ -15,7 +15,7 @@ from typing import Any
 
 from imdim.delivery.evaluate import DeliveryLoss, Distances, Scores
 from imdim.delivery.finish import FinishedProgram
-from imdim.delivery.intervals import Interval
+from imdim.delivery.intervals import StatedInterval
 from imdim.delivery.verdict import JudgedRegion, SurfaceVerdict, describe_shares
 from imdim.export.elimination import MOST_NAMED
 from imdim.export.hole_names import hole_groups, hole_roles
@@ -63,7 +63,7 @@ def report_of(
     delivery: Mapping[str, float],
     drawn: bool = True,
     left_out: Sequence[str] = (),
-    intervals: Mapping[str, Interval] | None = None,
+    intervals: Mapping[str, StatedInterval] | None = None,
 ) -> dict[str, Any]:
     """The report as plain values; lengths in model units, `volumes` per file in cubed ones, `delivery` in seconds per step; `drawn` says
     whether program.scad draws the edges, and `left_out`, a sentence each, what the program lacks. `intervals` are
@@ -200,7 +200,7 @@ def _target(target: Target, scores: Scores) -> dict[str, Any]:
     }
 
 
-def _interval(interval: Interval) -> dict[str, Any]:
+def _interval(interval: StatedInterval) -> dict[str, Any]:
     return {
         "says": str(interval),
         "value": number(interval.value),
