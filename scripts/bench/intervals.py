@@ -23,7 +23,7 @@ from processor import CLOCKS, rule_the_clock
 
 import imdim
 from imdim.delivery.finish import FinishedProgram, finish
-from imdim.delivery.intervals import StatedInterval, NameReadings, state_intervals
+from imdim.delivery.intervals import NameReadings, StatedInterval, state_intervals
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.numbers.design_values import row_of
@@ -170,7 +170,7 @@ def _is_alike(leaf: Primitive, other: Primitive) -> bool:
     """Whether two leaves are of one kind and look one way."""
     a, b = matrix_from_euler(leaf.rotation), matrix_from_euler(other.rotation)
     turned = abs(a[:, 2] @ b[:, 2]) if is_round(leaf) else min(np.abs(np.diagonal(a.T @ b)))
-    return leaf.kind == other.kind and (leaf.kind == "sphere" or turned > ALONG)
+    return leaf.kind == other.kind and (leaf.kind == "sphere" or float(turned) > ALONG)
 
 
 def _line(rows: list[Row]) -> str:
