@@ -9,6 +9,7 @@ from scipy.spatial import KDTree
 
 from imdim.detection.fit_ellipsoid import make_ellipsoid, quadric_ellipsoid
 from imdim.geometry.axes import half_sphere
+from imdim.geometry.rows import dot_rows
 from imdim.geometry.surface import Surface
 
 
@@ -93,7 +94,7 @@ def _cylinder(points: np.ndarray, axis: np.ndarray) -> Surface:
 def _meridian(points: np.ndarray, point: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     q = points - point
     h = q @ axis
-    return np.sqrt(np.maximum((q * q).sum(1) - h * h, 0.0)), h
+    return np.sqrt(np.maximum(dot_rows(q, q) - h * h, 0.0)), h
 
 
 def _cone(points: np.ndarray, point: np.ndarray, axis: np.ndarray) -> Surface:

@@ -9,6 +9,7 @@ import numpy as np
 
 from imdim.detection.fit_ellipsoid import ellipsoid_residual, make_ellipsoid, move_ellipsoid
 from imdim.detection.fit_start import basis, starts
+from imdim.geometry.rows import lengths
 from imdim.geometry.sampling import subsample
 from imdim.geometry.surface import FRAMED, SURFACE_KINDS, Surface, make_elliptic, signed_distance, vec
 
@@ -226,7 +227,7 @@ def _residual(state: _SurfaceState, local: np.ndarray) -> tuple[np.ndarray, np.n
         return ellipsoid_residual(state.point, state.frame, state.sizes, local)
     q = local - state.point
     if state.kind == "sphere":
-        length = np.sqrt((q * q).sum(1))
+        length = lengths(q)
         return length - state.sizes[0], np.column_stack([-q / np.maximum(length, 1e-12)[:, None], -np.ones(len(q))])
     u, v = basis(state.axis)
     qu, qv, h = q @ u, q @ v, q @ state.axis

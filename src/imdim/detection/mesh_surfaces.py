@@ -20,6 +20,7 @@ from imdim.detection.facets import Facets, Growing, MeshSurfaceConfig, facets_of
 from imdim.detection.fit_ellipsoid import DRAWN, level_axes
 from imdim.detection.mesh_hypotheses import hypotheses, ring_of
 from imdim.detection.mesh_support import members_of, sagitta, settle
+from imdim.geometry.rows import dot_rows
 from imdim.geometry.surface import CLOSED_KINDS, Patch, Surface, normals, vec
 
 FLAT_ACROSS = 1e-4  # sine, by which normals leave a plane
@@ -109,7 +110,7 @@ def _is_strip(facing: np.ndarray) -> bool:
 
 def _patch(surface: Surface, facets: Facets, members: np.ndarray) -> Patch:
     points = points_of(facets, members)
-    facing = (normals(surface, facets.centers[members]) * facets.normals[members]).sum(1) * facets.areas[members]
+    facing = dot_rows(normals(surface, facets.centers[members]), facets.normals[members]) * facets.areas[members]
     return Patch(surface, points, float(facets.areas[members].sum()), 1 if facing.sum() > 0 else -1)
 
 

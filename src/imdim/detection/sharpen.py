@@ -15,6 +15,7 @@ import trimesh
 from manifold3d import Error, Manifold
 
 from imdim.detection.blends import Chain
+from imdim.geometry.rows import lengths
 from imdim.geometry.solid import solid_of, to_trimesh
 from imdim.geometry.surface import Surface, normals, signed_distance
 
@@ -127,7 +128,7 @@ def _placed(points: np.ndarray, faces: Sequence[Surface], reach: np.ndarray, tol
     """Points [n, 3] moved onto `faces`, and whether each [n] came there within its `reach`."""
     placed = _onto(points, faces)
     off = np.max([np.abs(signed_distance(face, placed)) for face in faces], axis=0)
-    return placed, (off < tolerance) & (np.linalg.norm(placed - points, axis=1) < reach)
+    return placed, (off < tolerance) & (lengths(placed - points) < reach)
 
 
 def _other_planes(mesh: trimesh.Trimesh, of_blend: np.ndarray, carriers: dict[int, dict[Surface, None]]) -> Iterator[tuple[int, Surface]]:

@@ -17,6 +17,7 @@ from imdim.geometry.faces import carrier, corners
 from imdim.geometry.kernels import inside
 from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.rotations import frame_from_axis
+from imdim.geometry.rows import lengths
 from imdim.geometry.surface import Surface
 from imdim.program.edges import EdgeFeature, EdgeKind
 from imdim.program.tree import Program, leaves, longest
@@ -106,7 +107,7 @@ class BlendedEdge:
             middle = (self.stretch.low + self.stretch.high) / 2
             t = middle + np.remainder(np.arctan2(local[:, 1], local[:, 0]) - middle + math.pi, 2 * math.pi) - math.pi
         nearest = t if self.stretch.is_closed else np.clip(t, self.stretch.low, self.stretch.high)
-        return np.linalg.norm(points - self.track.at(nearest, np.zeros((len(points), 2))), axis=1)
+        return lengths(points - self.track.at(nearest, np.zeros((len(points), 2))))
 
     def end(self, k: int) -> np.ndarray:
         """The point [3] in which the stretch begins, k = 0, or ends."""

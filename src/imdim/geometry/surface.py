@@ -24,6 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imdim.geometry.rows import dot_rows, lengths
 from imdim.program.tree import Vec3
 
 SURFACE_KINDS = ("plane", "sphere", "cylinder", "cone", "torus", "ellipsoid", "elliptic")
@@ -95,12 +96,12 @@ def signed_distance(surface: Surface, points: np.ndarray) -> np.ndarray:
     if surface.kind == "plane":
         return q @ axis
     if surface.kind == "sphere":
-        return np.linalg.norm(q, axis=1) - surface.sizes[0]
+        return lengths(q) - surface.sizes[0]
     if surface.kind in FRAMED:
         level, slope = ellipsoid_field(q @ surface.frame, surface.semi_axes)
         return (level - 1) * np.where(slope > 0, level / np.maximum(slope, 1e-300), min(surface.sizes))
     h = q @ axis
-    rho = np.sqrt(np.maximum((q * q).sum(1) - h * h, 0.0))
+    rho = np.sqrt(np.maximum(dot_rows(q, q) - h * h, 0.0))
     if surface.kind == "cylinder":
         return rho - surface.sizes[0]
     if surface.kind == "cone":
@@ -133,9 +134,9 @@ def normals(surface: Surface, points: np.ndarray) -> np.ndarray:
 
 def ellipsoid_field(local: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """|q / s| and |q / s^2| of points q [n, 3] in the frame of an ellipsoid of semi-axes s [3]."""
-    return np.linalg.norm(local / sizes, axis=1), np.linalg.norm(local / sizes**2, axis=1)
+    return lengths(local / sizes), lengths(local / sizes**2)
 
 
 def unit(v: np.ndarray) -> np.ndarray:
     """Vectors [..., 3] made 1 long, those of no length left."""
-    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-300)
+    return v / np.maximum(lengths(v), 1e-300)[..., None]

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from imdim.geometry.rotations import euler_from_matrix
+from imdim.geometry.rows import lengths
 from imdim.geometry.surface import Surface, vec
 from imdim.program.cost import charged_curves
 from imdim.program.outline import Outline
@@ -103,11 +104,11 @@ def _comes_near(walls: Walls, ring: np.ndarray) -> bool:
         if circle in walls.ovals:
             semi_axes = walls.ovals[circle]
             local = away @ np.linalg.inv(semi_axes).T
-            level = np.linalg.norm(local, axis=1)
-            slope = np.linalg.norm(local @ np.linalg.inv(semi_axes), axis=1)
+            level = lengths(local)
+            slope = lengths(local @ np.linalg.inv(semi_axes))
             off.append((level - 1) * level / np.maximum(slope, 1e-300))
         else:
-            off.append(np.linalg.norm(away, axis=1) - radius)
+            off.append(lengths(away) - radius)
     return any(d.min() < CLEAR and d.max() > -CLEAR for d in off)
 
 

@@ -18,6 +18,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
+from imdim.geometry.rows import lengths
 from imdim.search.cells import Cells
 from imdim.search.outline_kernels import Graph
 
@@ -59,9 +60,9 @@ class Walls:
     def sides(self, points: np.ndarray) -> np.ndarray:
         """Flags [n, l + c] of points [n, 2]: in front of a line, within a circle."""
         front = points @ self.normals.T > self.offsets
-        within = np.linalg.norm(points[:, None] - self.centers, axis=2) < self.radii
+        within = lengths(points[:, None] - self.centers) < self.radii
         for circle, axes in self.ovals.items():
-            within[:, circle] = np.linalg.norm((points - self.centers[circle]) @ np.linalg.inv(axes).T, axis=1) < 1
+            within[:, circle] = lengths((points - self.centers[circle]) @ np.linalg.inv(axes).T) < 1
         return np.concatenate([front, within], axis=1)
 
     def sides_of(self, cells: Cells) -> np.ndarray:
@@ -129,7 +130,7 @@ class OutlinePlane:
         if self.kind == "extrude":
             return away @ self.frame[:, :2]
         height = away @ self.frame[:, 1]
-        return np.stack([np.linalg.norm(away - height[:, None] * self.frame[:, 1], axis=1), height], axis=1)
+        return np.stack([lengths(away - height[:, None] * self.frame[:, 1]), height], axis=1)
 
     def faces_of(self, cells: Cells) -> np.ndarray:
         """The face [m] of each cell: of a sliver that tangents and merged crossings leave no room for, the face that fewest walls part it

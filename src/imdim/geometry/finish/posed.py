@@ -11,6 +11,7 @@ import numpy as np
 from manifold3d import Manifold
 
 from imdim.geometry.finish.section import CHECK_SEGMENTS, flatten
+from imdim.geometry.rows import dot_rows
 from imdim.geometry.solid import exact_rotation, primitive_to_manifold
 from imdim.program.outline import Outline
 from imdim.program.tree import OUTLINED, Primitive, envelope
@@ -83,10 +84,10 @@ _HALF: Mapping[str, Callable[[tuple[float, ...]], tuple[float, float, float]]] =
 # Whether local points [n, 3] lie inside, for the convex kinds: all corners inside means the whole region inside
 _CONVEX: Mapping[str, Callable[[tuple[float, ...], np.ndarray], Any]] = {
     "box": lambda s, q: (np.abs(q) <= np.array(s) / 2).all(axis=1),
-    "sphere": lambda s, q: (q * q).sum(axis=1) <= s[0] ** 2,
+    "sphere": lambda s, q: dot_rows(q, q) <= s[0] ** 2,
     "cylinder": lambda s, q: (np.hypot(q[:, 0], q[:, 1]) <= s[0]) & (np.abs(q[:, 2]) <= s[1] / 2),
     "cone": lambda s, q: (np.hypot(q[:, 0], q[:, 1]) <= s[0] + (s[1] - s[0]) * (q[:, 2] / s[2] + 0.5)) & (np.abs(q[:, 2]) <= s[2] / 2),
-    "ellipsoid": lambda s, q: ((q / np.array(s)) ** 2).sum(axis=1) <= 1,
+    "ellipsoid": lambda s, q: dot_rows(q / np.array(s), q / np.array(s)) <= 1,
 }
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry.rotations import frame_from_axis
+from imdim.geometry.rows import lengths
 from imdim.geometry.sampling import subsample
 from imdim.program.tree import Primitive
 from imdim.search.mdl.candidates.drawn import extruded_outlines, turned_outlines
@@ -128,7 +129,7 @@ def _circles(view: _View, rng: np.random.Generator, deadline: Deadline) -> list[
             free &= ~_beside_line(shadow, np.reshape(ends, (2, 2)), 2 * width)
             continue
         center, radius = circle
-        away = np.abs(np.linalg.norm(shadow - center, axis=1) - radius)
+        away = np.abs(lengths(shadow - center) - radius)
         inner, outer = away < width, (away >= width) & (away < 2 * width)
         free &= ~(inner | outer)
         if sure(inner, outer) and _bends(shadow[inner] - center, shadow[outer] - center, radius, view.sigma):
@@ -155,7 +156,7 @@ def _bends(inner: np.ndarray, outer: np.ndarray, radius: float, sigma: float) ->
 
 def _ends(view: _View, center: np.ndarray, radius: float) -> tuple[float, float] | None:
     """Where a cylinder's wall begins and ends."""
-    away = np.abs(np.linalg.norm(view.local[:, view.across] - center, axis=1) - radius)
+    away = np.abs(lengths(view.local[:, view.across] - center) - radius)
     height = view.local[:, view.k]
     width = BAND * view.sigma
     return find_filled_stretch(height[away < width], height[(away >= width) & (away < 2 * width)], view.sigma)
@@ -163,7 +164,7 @@ def _ends(view: _View, center: np.ndarray, radius: float) -> tuple[float, float]
 
 def _profile(view: _View, center: np.ndarray, rng: np.random.Generator) -> list[Primitive]:
     """Cones and cylinders about an axis: lines of the half plane of distances from the axis and heights."""
-    profile = np.column_stack([np.linalg.norm(view.local[:, view.across] - center, axis=1), view.local[:, view.k]])
+    profile = np.column_stack([lengths(view.local[:, view.across] - center), view.local[:, view.k]])
     weight, free = crowding(profile, view.sigma), np.ones(len(profile), bool)
     out: list[Primitive] = []
     for _ in range(MOST):

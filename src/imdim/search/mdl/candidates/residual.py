@@ -15,6 +15,7 @@ from scipy.spatial import KDTree
 
 from imdim.geometry import kernels
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler
+from imdim.geometry.rows import lengths
 from imdim.geometry.sampling import surface_points
 from imdim.geometry.surface import vec
 from imdim.program.tree import Primitive, Program
@@ -193,7 +194,7 @@ def _round(points: np.ndarray, off: float) -> tuple[np.ndarray, float, np.ndarra
         return None
 
     def borne(center: np.ndarray, radius: float) -> np.ndarray:
-        return np.abs(np.linalg.norm(points - center, axis=1) - radius) < 0.5 * off
+        return np.abs(lengths(points - center) - radius) < 0.5 * off
 
     center, radius = max(zip(centers[small], radii[small], strict=True), key=lambda found: np.count_nonzero(borne(*found)))
     for _ in range(2):
