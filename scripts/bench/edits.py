@@ -19,8 +19,9 @@ import numpy as np
 import trimesh
 from manifold3d import Manifold
 
-from imdim.export.delivered import TEXTS, Delivered, EditError, is_count
+from imdim.export.delivered import TEXTS, Delivered, EditError
 from imdim.export.edit import change_values, open_delivered, solid_of
+from imdim.export.parameters import is_count
 from imdim.geometry.solid import mesh_to_manifold, volume_iou
 from imdim.program import codec
 from imdim.program.cost import count

@@ -25,9 +25,10 @@ from typing import NamedTuple
 import numpy as np
 from manifold3d import Manifold
 
-from imdim.export.delivered import TEXTS, Delivered, EditError, is_count
+from imdim.export.delivered import TEXTS, Delivered, EditError
 from imdim.export.edit import change_values, lost_edges, open_delivered, restate, solid_of
 from imdim.export.edit_report import EditReport
+from imdim.export.parameters import is_count
 from imdim.geometry import kernels
 from imdim.geometry.solid import exact_rotation, surface_with_owners
 from imdim.program import codec

@@ -36,6 +36,7 @@ def test_the_edited_folder(source, tmp_path, capsys):
         "program.scad",
         "program.py",
         "program.cq.py",
+        "program.FCMacro",
         "program.ucad",
         "mesh.stl",
         "mesh.glb",

@@ -52,6 +52,7 @@ def test_the_results_folder_is_that_of_the_command(found, part, tmp_path):
     for text, name in ((found.to_json(), "program.json"), (found.to_openscad(), "program.scad"), (found.to_build123d(), "program.py")):
         assert text == (tmp_path / "out" / name).read_text(), name
     assert found.to_cadquery() == (tmp_path / "out" / "program.cq.py").read_text()
+    assert found.to_freecad() == (tmp_path / "out" / "program.FCMacro").read_text()
 
 
 def test_texts_have_names_and_hold_the_solid(found):

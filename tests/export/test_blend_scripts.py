@@ -13,7 +13,7 @@ from imdim.export.blend_texts import FACES, WALLS
 from imdim.export.cadquery import to_cadquery
 from imdim.export.delivered import texts_of
 from imdim.export.edit import change_values, open_delivered
-from imdim.export.script import CURVES, standard_imports, to_script
+from imdim.export.script import CURVES, RINGS, standard_imports, to_script
 from imdim.geometry.edge_solids import solid_with_edges
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.solid import to_manifold
@@ -157,7 +157,7 @@ def test_faces_without_edges_are_left_out():
 
 def scope(*texts: str) -> dict:
     out: dict = {}
-    exec(standard_imports([CURVES, FACES]) + CURVES + "".join(texts), out)
+    exec(standard_imports([RINGS, CURVES, FACES]) + RINGS + CURVES + "".join(texts), out)
     return out
 
 

@@ -30,9 +30,9 @@ def opened(program):
 
 def test_each_text_says_once_what_holes_there_are():
     delivered = opened(BORED)
-    assert set(delivered.texts) == {"program.scad", "program.loops.scad", "program.py", "program.cq.py", "program.ucad"}
+    assert set(delivered.texts) == {"program.scad", "program.loops.scad", "program.py", "program.cq.py", "program.FCMacro", "program.ucad"}
     for name, text in delivered.texts.items():
-        mark = "#" if name.endswith(".py") else "//"
+        mark = "//" if name.endswith(("scad", "ucad")) else "#"
         said = [line.strip() for line in text.split("\n") if SAID in line]
         assert said == [f"{mark} {SAID}"], name
 
@@ -40,7 +40,7 @@ def test_each_text_says_once_what_holes_there_are():
 def test_a_comment_stands_where_python_and_openscad_read_over_it():
     delivered = opened(BORED)
     assert list(leaves(read_openscad(delivered.texts["program.scad"]))) == list(leaves(delivered.program))
-    for name in ("program.py", "program.cq.py"):
+    for name in ("program.py", "program.cq.py", "program.FCMacro"):
         compile(delivered.texts[name], name, "exec")
     flat = to_cadquery(BORED)
     compile(flat, "flat", "exec")

@@ -188,7 +188,7 @@ def opened(program):
 def test_every_delivered_part_is_the_same_solid(name):
     program, exact = OUTLINED_PARTS[name]
     delivered = opened(program)
-    assert set(delivered.texts) == {"program.scad", "program.py", "program.cq.py"}
+    assert set(delivered.texts) == {"program.scad", "program.py", "program.cq.py", "program.FCMacro"}
     assert volume(delivered.program, 1024) == pytest.approx(exact, rel=1e-4)
     assert meanings(delivered)  # a full turn cannot be probed upwards
 

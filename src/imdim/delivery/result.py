@@ -108,6 +108,10 @@ class Reconstruction:
         """The program as a CadQuery script, with named parameters."""
         return self._texts["program.cq.py"]
 
+    def to_freecad(self) -> str:
+        """The program as a FreeCAD macro, with a spreadsheet of named parameters."""
+        return self._texts["program.FCMacro"]
+
     def to_step(self, path: str | Path, limit_s: float = 60.0) -> Path:
         """Write a STEP file with analytic faces, in mm; returns its path.
 

@@ -7,7 +7,7 @@ finished part that lies on both faces is one of the feature, so that the blends 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -125,13 +125,19 @@ class BlendTexts:
     has_walls: bool
 
     @staticmethod
-    def of(program: Program, features: Sequence[EdgeFeature], named: Parameters, rounding: Rounding) -> BlendTexts:
-        """The texts; sizes that are among the names of `named` have lines already."""
+    def of(
+        program: Program,
+        features: Sequence[EdgeFeature],
+        named: Parameters,
+        rounding: Rounding,
+        change: Callable[[EdgeFeature], str] = lambda feature: f"{feature.kind}_edges",
+    ) -> BlendTexts:
+        """The texts; sizes that are among the names of `named` have lines already. `change` is the function that blends edges."""
         if not all(feature.name for feature in features):
             features = name_edges(features, {*named.values, *named.counts})
         sizes = [(name, size) for f in features for name, size in zip(f.size_names, f.sizes, strict=True) if name not in named.values]
         faces = _Faces(list(leaves(program)), named, rounding)
-        calls = [line for feature in features for line in _calls(feature, faces)]
+        calls = [line for feature in features for line in _calls(feature, faces, change(feature))]
         walls = any(_loop_of(face) for feature in features for edge in feature.edges for face in edge)
         return BlendTexts([f"{name} = {rounding.size(size)}" for name, size in sizes], calls, walls)
 
@@ -145,14 +151,14 @@ class BlendTexts:
         return [text.rstrip("\n") + "\n\n" for text in texts] if self.calls else []
 
 
-def _calls(feature: EdgeFeature, faces: _Faces) -> list[str]:
+def _calls(feature: EdgeFeature, faces: _Faces, change: str) -> list[str]:
     """The call for one feature, or where it has two distances one for each face that the first lies along."""
     pairs = [(one, f"    ({faces.write((one,))}, {faces.write(others)}),") for one, others in _gather(feature, faces)]
     sizes = ", ".join(feature.size_names)
     lines: list[str] = []
     for first in dict.fromkeys(one if len(feature.sizes) > 1 else None for one, _ in pairs):
         its = [text for one, text in pairs if first in (one, None)]
-        lines += [f"part = blended(part, {feature.kind}_edges, [{sizes}], [", *its, "])"]
+        lines += [f"part = blended(part, {change}, [{sizes}], [", *its, "])"]
     return lines
 
 

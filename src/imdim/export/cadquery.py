@@ -14,7 +14,7 @@ from imdim.export.chains import Chains
 from imdim.export.loops import Loop
 from imdim.export.numbers import Expression, Rounding, plain, write_expression, write_moves
 from imdim.export.parameters import Parameters
-from imdim.export.script import CURVES, ELLIPSE, helpers, standard_imports
+from imdim.export.script import CURVES, ELLIPSE, RINGS, helpers, standard_imports
 from imdim.program.edges import EdgeFeature
 from imdim.program.repeats import Folded, Repeat
 from imdim.program.tree import Op, Primitive, Program, Vec3, leaves
@@ -129,8 +129,8 @@ _DRAW_WITH_ELLIPSES = _DRAW.replace(
 )
 
 _OUTLINES = {
-    "ring": "\n" + CURVES + _DRAW,
-    "ellipse": "\n" + ELLIPSE + CURVES + _DRAW_WITH_ELLIPSES,
+    "ring": "\n" + RINGS + CURVES + _DRAW,
+    "ellipse": "\n" + ELLIPSE + RINGS + CURVES + _DRAW_WITH_ELLIPSES,
     "extrude": '''
 def extruded(height, *areas):
     """Areas, each an outer loop and its holes, from -height / 2 to height / 2 along z."""

@@ -10,10 +10,11 @@ from typing import NamedTuple
 from imdim.deadline import NEVER, Deadline
 from imdim.export.cadquery import to_cadquery
 from imdim.export.edge_text import draw_edges
+from imdim.export.freecad import to_freecad
 from imdim.export.numbers import plain
 from imdim.export.openscad import to_openscad, to_openscad_loops
 from imdim.export.openscad_reader import read_openscad
-from imdim.export.parameters import Parameters
+from imdim.export.parameters import Parameters, is_count
 from imdim.export.script import to_script
 from imdim.export.ucad import to_ucad
 from imdim.program.codec import Meta
@@ -24,8 +25,8 @@ from imdim.program.outline import Loop
 from imdim.program.repeats import Folded
 from imdim.program.tree import SIZE_NAMES, Program, leaves, longest
 
-TEXTS = ("program.scad", "program.loops.scad", "program.py", "program.cq.py", "program.ucad")
-LOOPS = TEXTS[1:]
+LOOPS = ("program.loops.scad", "program.py", "program.cq.py", "program.ucad")  # which have counts among their names
+TEXTS = ("program.scad", *LOOPS, "program.FCMacro")
 AGREE = 1e-6  # of the largest size: the nine digits of each number of a text, summed up along its expressions
 
 DRAWING_S = 6.0  # for the names that blends follow
@@ -52,7 +53,6 @@ _MEANING: Mapping[str, str] = {
 }
 _ACROSS = ("r", "r_bottom", "r_top")  # radii that are measured as diameters
 _DIMENSIONS = frozenset(("circle", "radius", "diameter", "length", "width", "chamfer", "depth", "height", "distance", "second"))
-COUNTED = "sides"
 NAMED = re.compile(r"^([A-Za-z_]\w*) = (-?[\d.]+(?:e[+-]?\d+)?)(mm)?(;?)$", re.MULTILINE)
 SIZES = frozenset(name for names in SIZE_NAMES.values() for name in names)
 
@@ -119,6 +119,7 @@ def texts_of(
         "program.scad": sharp if drawn is None else to_openscad(program, segments, named, drawn),
         "program.py": to_script(program, named, folded, edges),
         "program.cq.py": to_cadquery(program, named, folded, edges),
+        "program.FCMacro": to_freecad(program, named, edges),
     }
     if "program.ucad" not in unwritten(program):
         texts["program.ucad"] = to_ucad(program, named, folded)
@@ -173,11 +174,6 @@ def is_size(delivered: Delivered, name: str) -> bool:
     return not _DIMENSIONS.isdisjoint(name.split("_")) or any(
         feature in SIZES for _, feature in _followers(delivered, name, dict(_numbers(read(delivered, {})))).equal
     )
-
-
-def is_count(name: str) -> bool:
-    """Whether a named value is a whole number: the sides of a polygon."""
-    return COUNTED in name.split("_")
 
 
 def read_values(text: str) -> dict[str, float]:

@@ -24,7 +24,7 @@ from imdim.program.tree import Primitive
 
 def write_loops(leaf: Primitive, drawn: Sequence[DrawnLoop], rounding: Rounding) -> list[str]:
     """The loops of an outlined leaf, of the expressions that `drawn` says; nothing for other leaves."""
-    return [_loop(loop, 1.0, rounding) for _, loop in _pairs(leaf, drawn, rounding)] if leaf.outline else []
+    return [_loop(loop, 1.0, rounding) for _, loop in pair_loops(leaf, drawn, rounding)] if leaf.outline else []
 
 
 def write_regions(leaf: Primitive, drawn: Sequence[DrawnLoop], rounding: Rounding) -> list[str]:
@@ -32,7 +32,7 @@ def write_regions(leaf: Primitive, drawn: Sequence[DrawnLoop], rounding: Roundin
     outline = rounding.primitive(leaf).outline
     if outline is None:
         return []
-    pairs = dict(_pairs(leaf, drawn, rounding))
+    pairs = dict(pair_loops(leaf, drawn, rounding))
     oriented = pairs | {reverse_loop(loop): _reversed(written) for loop, written in pairs.items()}
     return [_list(_loop(oriented[loop], _way(loop), rounding) for loop in region) for region in regions(outline)]
 
@@ -41,8 +41,8 @@ def _way(loop: Loop) -> float:
     return 1.0 if isinstance(loop, Ellipse) else loop[0][2]
 
 
-def _pairs(leaf: Primitive, drawn: Sequence[DrawnLoop], rounding: Rounding) -> list[tuple[Loop, DrawnLoop]]:
-    """Rounded loops and what is written for them: numbers where rounding left out curves."""
+def pair_loops(leaf: Primitive, drawn: Sequence[DrawnLoop], rounding: Rounding) -> list[tuple[Loop, DrawnLoop]]:
+    """The rounded loops of an outlined leaf and what is written for them: numbers where rounding left out curves."""
     rounded = rounding.primitive(leaf).outline
     assert rounded is not None
     fewer = any(isinstance(ring, tuple) and len(loop) != len(ring) for loop, ring in zip(rounded.loops, drawn, strict=False))
@@ -71,13 +71,22 @@ def _loop(loop: DrawnLoop, way: float, rounding: Rounding) -> str:
         while written[-1] == "0":
             written.pop()
         return f"{'ngon' if isinstance(loop, DrawnPolygon) else 'ellipse'}({', '.join(written)})"
-    if len(loop) == 2 and abs(way) == 1 and loop[0].bulge == loop[1].bulge == way and loop[0].y == loop[1].y:
-        (a, b), half = (v.x for v in loop), Fraction(1, 2)
-        radius, x = weighted_sum((b, half), (a, -half)), weighted_sum((a, half), (b, half))
-        if radius.constant >= 0:
-            written = list(map(write, (radius, x, loop[0].y)))
-            return f"ring({', '.join(written[:1] if written[1:] == ['0', '0'] else written)})"
+    ring = circle_sums(loop, way)
+    if ring is not None:
+        written = list(map(write, ring))
+        return f"ring({', '.join(written[:1] if written[1:] == ['0', '0'] else written)})"
     return _list(_list(_vertex(v, rounding)) for v in loop)
+
+
+def circle_sums(loop: DrawnLoop, way: float) -> tuple[Expression, Expression, Expression] | None:
+    """Radius and centre of a loop of two half arcs whose bulges are `way`; None for any other."""
+    if not isinstance(loop, tuple) or len(loop) != 2 or abs(way) != 1:
+        return None
+    if not (loop[0].bulge == loop[1].bulge == way and loop[0].y == loop[1].y):
+        return None
+    (a, b), half = (v.x for v in loop), Fraction(1, 2)
+    radius, x = weighted_sum((b, half), (a, -half)), weighted_sum((a, half), (b, half))
+    return (radius, x, loop[0].y) if radius.constant >= 0 else None
 
 
 def _vertex(v: DrawnVertex[Expression], rounding: Rounding) -> list[str]:

@@ -26,6 +26,7 @@ FILES = (
     "program.step",
     "program.py",
     "program.cq.py",
+    "program.FCMacro",
     "program.ucad",
     "mesh.stl",
     "mesh.glb",
@@ -37,7 +38,7 @@ FILES = (
     "report.html",
 )
 LONGEST_NAME = 150  # bytes of a results folder's name that its hidden neighbours repeat; file systems allow 255
-EDITABLE = ("program.json", "program.scad", "program.loops.scad", "program.py", "program.cq.py", "program.ucad")  # by hand
+EDITABLE = tuple(file for file in FILES if file.startswith("program.") and file != "program.step")  # by hand
 DIGESTS = "digests"  # of these, in the report
 EARLIER = "-earlier"  # how the name of results ends that stand aside while new ones take their place
 

@@ -122,7 +122,7 @@ def simple_fraction(value: float) -> Fraction | float:
     return fraction if abs(float(fraction) - value) < 1e-9 else value
 
 
-def weighted_sum(*parts: tuple[Expression, Fraction]) -> Expression:
+def weighted_sum(*parts: tuple[Expression, Fraction | float]) -> Expression:
     """Expressions times factors, in the order in which their names first stand."""
     total: dict[str, Fraction | float] = {}
     for expression, factor in parts:

@@ -28,6 +28,7 @@ from imdim.program.tree import FULL_TURN, Primitive, Program, leaves, longest
 
 ZERO = 1e-9
 ROUND = 1e-4  # degrees, by which a turn may miss a quarter
+COUNTED = "sides"  # the word in the names of counts that are among the lengths
 FAINT = 1e-7  # a coefficient whose term files do not keep
 
 
@@ -39,7 +40,8 @@ class Parameters:
     """`values` of the names in the order of the text; for each leaf the expressions of its sizes, of its centre, and of its loops.
 
     `counts` are the names that say how often parts repeat, `loops` the repeats in the order of `repeats`. The names in `angles` are
-    degrees, all others lengths. `notes` are comments above leaves, which say what holes they make.
+    degrees, all others lengths. `notes` are comments above leaves, which say what holes they make; `labels` what the leaves are called, if
+    that is known.
     """
 
     values: dict[str, float] = field(default_factory=dict)
@@ -50,6 +52,7 @@ class Parameters:
     angles: frozenset[str] = frozenset()
     outlines: tuple[tuple[DrawnLoop, ...], ...] = ()
     notes: Notes = field(default_factory=dict)
+    labels: tuple[str, ...] = ()
 
     @staticmethod
     def none(program: Program, folded: Folded | None = None) -> Parameters:
@@ -98,7 +101,7 @@ def parametrise(
         return Parameters.none(delivered, folded)
     label = labels(program, constraints, folded, hole_roles(delivered))
     named = _parametrise(program, constraints, delivered, folded, values or {}, label)
-    return replace(named, notes=hole_notes(delivered, folded))
+    return replace(named, notes=hole_notes(delivered, folded), labels=tuple(label))
 
 
 def _parametrise(
@@ -289,6 +292,11 @@ def _is_across(v: int, system: LinearSystem, parts: Sequence[Primitive]) -> bool
         and parts[system.leaf_of(v)].kind in ("cylinder", "cone")
         and system.extras[v - system.extra][1].endswith("diameter")
     )
+
+
+def is_count(name: str) -> bool:
+    """Whether a named value is a whole number: the sides of a polygon."""
+    return COUNTED in name.split("_")
 
 
 # Words that mean something else in OpenSCAD or in the Python script.

@@ -38,7 +38,7 @@ _HEAD = '''"""CSG program as a build123d script: pip install build123d, then run
 
 '''
 
-CURVES = '''def ring(r, x=0, y=0):
+RINGS = '''def ring(r, x=0, y=0):
     """A circle as a loop of two half arcs."""
     return [[x - r, y, 1], [x + r, y, 1]]
 
@@ -59,7 +59,9 @@ def ngon(sides, r, x=0, y=0, angle=0):
     return [[x + r * cos(turn), y + r * sin(turn)] for turn in turns]
 
 
-def curves(loop):
+'''
+
+CURVES = '''def curves(loop):
     """Start, middle and end of each curve of a closed loop; a line, from a vertex [x, y], has no middle.
 
     From a vertex [x, y, bulge] runs an arc that turns by 4 atan(bulge), counter-clockwise where that is positive. In place of the
@@ -157,7 +159,12 @@ _TURNED = '''def turned(angle, *areas):
 
 '''
 
-_HELPERS = {"ring": CURVES + _FACE, "ellipse": ELLIPSE + CURVES + _FACE_WITH_ELLIPSES, "extrude": _EXTRUDED, "revolve": _TURNED}
+_HELPERS = {
+    "ring": RINGS + CURVES + _FACE,
+    "ellipse": ELLIPSE + RINGS + CURVES + _FACE_WITH_ELLIPSES,
+    "extrude": _EXTRUDED,
+    "revolve": _TURNED,
+}
 _RARE = (
     "Axis",
     "Ellipse",
@@ -242,7 +249,8 @@ def standard_imports(body: Sequence[str]) -> str:
 
 
 _IMPORTS: Mapping[str, Mapping[str, set[str]]] = {
-    "def curves(": {"cmath": {"exp", "phase"}, "math": {"asin", "atan", "cos", "pi", "radians", "sin", "sqrt", "tan"}},
+    "def curves(": {"cmath": {"exp", "phase"}, "math": {"asin", "atan", "pi", "tan"}},
+    "def ring(": {"math": {"cos", "pi", "radians", "sin", "sqrt", "tan"}},
     "def as_placed(": {"cmath": {"exp"}, "math": {"dist", "hypot", "inf", "radians"}},
 }
 

@@ -442,7 +442,7 @@ class AgentSession:
         folder: Annotated[str, Field(description="a new folder, or one with earlier results, relative to the folder of the server")],
         step: Annotated[bool, Field(description="STEP too, which takes seconds")] = False,
     ) -> ExportReply:
-        """Write the program as JSON, OpenSCAD, build123d, CadQuery and µcad texts, and as STL, GLB and 3MF meshes."""
+        """Write the program as JSON, OpenSCAD, build123d, CadQuery, FreeCAD and µcad texts, and as STL, GLB and 3MF meshes."""
         where, program = self.workplace.write_path(folder), self._program()
         files = write(program.delivered, where, STEP_LIMIT_S if step else 0.0)
         return ExportReply(folder, files)

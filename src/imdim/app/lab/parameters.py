@@ -14,9 +14,10 @@ from imdim.app.lab.edits import ConstrainedProgram, LabEditError
 from imdim.app.lab.naming import NamedProgram
 from imdim.app.lab.relation_words import join_words, name_leaves
 from imdim.app.lab.solving import Lock
-from imdim.export.delivered import Delivered, Feature, is_count
+from imdim.export.delivered import Delivered, Feature
 from imdim.export.edit import change_values, lost_edges, restate, solid_of
 from imdim.export.edit_report import EditReport
+from imdim.export.parameters import is_count
 from imdim.export.untie import untie
 from imdim.program.edges import describe_edges
 from imdim.program.tree import SIZE_NAMES, leaves

@@ -18,7 +18,7 @@ from imdim.program import codec
 
 pytestmark = in_the_lab
 needs_openscad = pytest.mark.skipif(shutil.which("openscad") is None, reason="OpenSCAD is not installed")
-BUTTONS = ("JSON", "OpenSCAD", "STEP", "build123d", "CadQuery", "STL", "GLB", "3MF", "PNG", "HTML report")
+BUTTONS = ("JSON", "OpenSCAD", "STEP", "build123d", "CadQuery", "FreeCAD", "STL", "GLB", "3MF", "PNG", "HTML report")
 
 
 @pytest.fixture(scope="module")
@@ -66,6 +66,7 @@ def test_programs_are_the_part(files):
     ast.parse(files["build123d"].read_text())
     assert "import cadquery" in files["CadQuery"].read_text()
     ast.parse(files["CadQuery"].read_text())
+    ast.parse(files["FreeCAD"].read_text())
 
 
 @pytest.mark.parametrize("label", ["STL", "GLB", "3MF"])

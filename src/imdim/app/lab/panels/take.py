@@ -23,6 +23,7 @@ FORMATS: Mapping[str, str] = {
     "STEP": "program.step",
     "build123d": "program.py",
     "CadQuery": "program.cq.py",
+    "FreeCAD": "program.FCMacro",
     "STL": "mesh.stl",
     "GLB": "mesh.glb",
     "3MF": "mesh.3mf",
