@@ -61,7 +61,7 @@ def main(argv: Sequence[str]) -> int:
 def _lines(text: str, name: str) -> list[str]:
     """Names and features, the changed name among them; what is left out is three dots."""
     lines = text.replace(", center = true", "").splitlines()
-    values = [line for line in lines if re.match(r"[a-z]\w* = ", line)]
+    values = [line.partition(" //")[0] for line in lines if re.match(r"[a-z]\w* = ", line)]
     drawn = [
         _PLACE.sub("", _PLACE.sub("", line)).strip()
         for line in lines

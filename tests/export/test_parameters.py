@@ -72,7 +72,7 @@ def test_names_say_what_they_are():
     assert parameters.values["hole_diameter"] == 6
     assert uses(parameters, "hole_diameter") == 4
     text = to_openscad(delivered, 48, parameters)
-    assert "hole_diameter = 6;" in text.splitlines()
+    assert "hole_diameter = 6; // [3:0.1:12]" in text.splitlines()
     assert text.count("r = hole_diameter/2") == 4
     assert parametrised(ROW)[1].values["hole_spacing"] == 20
     assert parametrised(FLANGE)[1].values["bolt_circle"] == pytest.approx(60)

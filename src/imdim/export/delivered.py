@@ -53,7 +53,7 @@ _MEANING: Mapping[str, str] = {
 }
 _ACROSS = ("r", "r_bottom", "r_top")  # radii that are measured as diameters
 _DIMENSIONS = frozenset(("circle", "radius", "diameter", "length", "width", "chamfer", "depth", "height", "distance", "second"))
-NAMED = re.compile(r"^([A-Za-z_]\w*) = (-?[\d.]+(?:e[+-]?\d+)?)(mm)?(;?)$", re.MULTILINE)
+NAMED = re.compile(r"^([A-Za-z_]\w*) = (-?[\d.]+(?:e[+-]?\d+)?)(mm)?(;?)( // \[[^\]\n]*\])?$", re.MULTILINE)
 SIZES = frozenset(name for names in SIZE_NAMES.values() for name in names)
 
 Feature = tuple[int, str]  # the primitive's number, and the name of a size or of a coordinate; those of an outline are counted

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from manifold3d import Manifold
 
+from imdim.export.customizer import slider
 from imdim.export.delivered import AGREE, LOOPS, NAMED, Delivered, EditError, is_size, read, read_values, texts_of
 from imdim.export.edge_text import with_edge_sizes
 from imdim.export.edit_report import picture_of
@@ -285,7 +286,10 @@ def _check_values(delivered: Delivered, values: Mapping[str, float]) -> None:
 
 def _rewrite(text: str, values: Mapping[str, float]) -> str:
     def line(found: re.Match[str]) -> str:
-        name, _, unit, end = found.groups(default="")
-        return f"{name} = {to_fixed_point(plain(values[name]))}{unit}{end}" if name in values else found[0]
+        name, _, unit, end, range_ = found.groups(default="")
+        if name not in values:
+            return found[0]
+        number = to_fixed_point(plain(values[name]))
+        return f"{name} = {number}{unit}{end}{slider(name, number) if range_ else ''}"
 
     return NAMED.sub(line, text)

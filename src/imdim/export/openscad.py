@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 
+from imdim.export.customizer import customizer_head
 from imdim.export.drawing import write_loops
 from imdim.export.edge_text import DrawnEdges
 from imdim.export.hole_names import write_notes
@@ -112,7 +113,7 @@ def to_openscad(program: Program, segments: int = SEGMENTS, parameters: Paramete
         return _primitive(leaf, rounding, named, number, named.centers[number])
 
     lines = fold_nary(program, line, {op: _block(op) for op in OPS})
-    head = named.head(rounding.size, end=";", counted=False)
+    head = customizer_head(named, rounding.size, counted=False)
     if edges is None or not edges.pieces:
         return "\n".join([f"$fn = {segments};", "", *head, *_definitions(program), *lines, ""])
     return "\n".join(
@@ -163,7 +164,7 @@ def to_openscad_loops(folded: Folded, segments: int, named: Parameters) -> str:
     rounding = Rounding.of(program)
     writer = _Writer(rounding, named)
     body = writer.lines(folded, 0)
-    head = named.head(rounding.size, end=";")
+    head = customizer_head(named, rounding.size)
     return "\n".join([f"$fn = {segments};", "", *head, *_definitions(program), *writer.modules, *body, ""])
 
 

@@ -35,6 +35,7 @@ _OPERATORS: Mapping[type, Callable[[float, float], float]] = {
     ast.Div: operator.truediv,
 }
 
+_SECTION = re.compile(r"^/\* \[[^\]]*\] \*/$")  # of OpenSCAD's Customizer
 _SWITCHES = tuple(SWITCH[drawn].partition("//")[0].strip() for drawn in (True, False))
 
 Values = dict[str, float]
@@ -85,7 +86,7 @@ def _statements(text: str) -> Iterator[tuple[int, str]]:
     """The lines without comments, those of one list in one, each with the number of its first."""
     begun, first = "", 1
     for number, raw in enumerate(text.splitlines(), start=1):
-        line = raw.partition("//")[0].strip()
+        line = _SECTION.sub("", raw).partition("//")[0].strip()
         first, begun = (number, line) if not begun else (first, f"{begun} {line}")
         if begun.count("[") <= begun.count("]"):
             yield first, begun

@@ -60,7 +60,10 @@ class Parameters:
         parts = list(leaves(program))
         sizes, centers = tuple(constants(p.size) for p in parts), tuple(constants(p.center) for p in parts)
         bare = Parameters({}, sizes, centers, outlines=tuple(map(_constant_loops, parts)))
-        return bare if folded is None else _add_loops(bare, folded, labels(program, (), folded), longest(parts))[0]
+        if folded is None:
+            return bare
+        label = labels(program, (), folded)
+        return _add_loops(replace(bare, labels=tuple(label)), folded, label, longest(parts))[0]
 
     def free_numbers(self, length: float) -> list[int]:
         """For each leaf with an outline, how many numbers follow no name, of its vertices and centres, radii, and angles of arcs but for
