@@ -39,7 +39,7 @@ def test_all_formats_have_a_button():
 
 
 def test_files_are_called_by_the_part(files):
-    endings = ["json", "scad", "step", "build123d.py", "cadquery.py", "stl", "glb", "3mf", "png", "html"]
+    endings = ["json", "scad", "step", "build123d.py", "cadquery.py", "FCMacro", "stl", "glb", "3mf", "png", "html"]
     assert [path.name for path in files.values()] == [f"Bracket.{ending}" for ending in endings]
 
 
