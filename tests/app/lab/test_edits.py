@@ -97,6 +97,21 @@ def test_constraints_are_read_as_they_are_written():
         edits.read_constraint("same", "1.r, 2.r")
 
 
+def test_a_relation_holds_from_the_moment_it_is_added():
+    wider = edits.with_number(THEORY, 1, "r", 4.0)
+    value = edits.read_constraint("value", "2.r", "", 3.5)
+    moved = edits.with_constraint(ConstrainedProgram(wider.program), value)
+    assert [p.size[0] for p in leaves(moved.program)][1:] == [4.0, 3.5]
+    assert violations(moved.program, moved.constraints) == pytest.approx([0.0], abs=1e-9)
+    assert edits.with_constraint(moved, edits.read_constraint("value", "1.r", "", 4.0)).program == moved.program, "it held"
+
+
+def test_a_relation_that_cannot_hold_is_refused():
+    locked = edits.with_lock(ConstrainedProgram(PART), Lock(1, "r"), True)
+    with pytest.raises(ConstraintError, match="cannot hold together"):
+        edits.with_constraint(locked, edits.read_constraint("value", "1.r", "", 9.0))
+
+
 def test_undo_and_redo():
     history = History()
     steps = [THEORY, edits.with_number(THEORY, 1, "r", 4.0), edits.with_number(THEORY, 1, "r", 5.0)]

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -51,7 +53,7 @@ def test_locked_numbers_stay_to_the_last_digit(bracket):
 
 def test_what_contradicts_a_lock_is_named(bracket):
     theory, target = bracket
-    rounder = edits.with_constraint(theory, Constraint("value", (Ref(1, "r"),), value=20.0))
+    rounder = replace(theory, constraints=(*theory.constraints, Constraint("value", (Ref(1, "r"),), value=20.0)))
     with pytest.raises(ConstraintError, match=r"cannot hold together"):
         solved(rounder, target, [Lock(1, "r")])
 

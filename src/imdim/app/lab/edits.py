@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from imdim.app.lab.naming import NamedProgram
-from imdim.app.lab.solving import TURN, Lock, follow_constraints
+from imdim.app.lab.solving import TURN, Lock, follow_constraints, violations
 from imdim.geometry.edges import find_edges, has_room
 from imdim.geometry.lowering import lower
 from imdim.program.constraints import AXES, RULES, WORLD, Constraint, Ref, check_all, read_ref
@@ -16,6 +16,7 @@ from imdim.program.paths import at, leaf_paths, replace_at
 from imdim.program.paths import without as prune
 from imdim.program.roles import labels
 from imdim.program.tree import SIZE_NAMES, Combine, Op, Primitive, Program, leaves, map_leaves
+from imdim.relations.hold import MET
 
 TURNS = ("rx", "ry", "rz")
 
@@ -211,10 +212,15 @@ def read_constraint(kind: str, of: str, about: str = "", value: float = 0.0) -> 
 
 
 def with_constraint(theory: ConstrainedProgram, constraint: Constraint) -> ConstrainedProgram:
-    """One more constraint, well-formed; whether it holds is another matter."""
-    constraints = (*theory.constraints, constraint)
-    check_all(constraints, list(leaves(theory.program)))
-    return replace(theory, constraints=constraints)
+    """One more constraint, and the program moved by as little as it takes to hold, locked numbers held.
+
+    Raises ConstraintError where it is not well-formed, or cannot hold beside the others and the locks.
+    """
+    constraints, program = (*theory.constraints, constraint), theory.program
+    check_all(constraints, list(leaves(program)))
+    if max(violations(program, constraints)) > MET:
+        program = follow_constraints(program, constraints, sorted(theory.locks))
+    return replace(theory, program=program, constraints=constraints)
 
 
 def without_constraint(theory: ConstrainedProgram, number: int) -> ConstrainedProgram:
