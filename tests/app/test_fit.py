@@ -52,6 +52,7 @@ class Snap:
     proof: str = "proved minimal over these candidates"
     notes: tuple = ()
     edges: tuple = ()
+    noisy: bool = False
 
 
 def box_found(target, settings, rng):

@@ -82,7 +82,9 @@ class _SnapJudge:
 
     def error_of(self, parts: Sequence[Primitive]) -> float:
         self.left -= 1
-        return self.error(_rebuilt(self.program, parts)) if self.left >= 0 and not self.deadline.has_passed() else float("inf")
+        if self.left >= 0 and self.deadline.has_passed():
+            self.left = -1  # which is not to be asked again for each of many proposals
+        return self.error(_rebuilt(self.program, parts)) if self.left >= 0 else float("inf")
 
     def bears(self, values: Values) -> bool:
         parts = values.primitives_or_none()

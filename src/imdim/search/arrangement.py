@@ -248,7 +248,7 @@ def _axis_index(surface: Surface, vectors: list[np.ndarray]) -> int:
 def codes(arrangement: Arrangement, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Slab indices [n, directions] int16 and inside flags [n, curved] bool of `points` [n, 3]."""
     slabs = np.stack([d.bins(points) for d in arrangement.directions], axis=1).astype(np.int16)
-    points, inside = np.ascontiguousarray(points), np.empty((len(points), len(arrangement.curved)), bool)
+    points, inside = np.ascontiguousarray(points), np.empty((len(points), len(arrangement.curved)), bool, order="F")
     for column, surface in zip(inside.T, arrangement.curved, strict=True):
         if surface.kind == "cylinder":
             mark_inside_cylinder(column, points, np.array(surface.point), np.array(surface.axis), surface.sizes[0])

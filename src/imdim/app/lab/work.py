@@ -30,7 +30,7 @@ from imdim.reconstruction.edge_features import find_edge_features, set_edges_asi
 from imdim.reconstruction.fitting import relations_of
 from imdim.reconstruction.pipeline import Snapshot, reconstruct, reconstruct_best
 from imdim.relations.residuals import rebase_constraints
-from imdim.search.kernels import add_axial_density
+from imdim.search.kernels import add_axial_density, mark_inside_cylinder
 from imdim.target.readers import FORMATS
 from imdim.target.target import InputError, Target, frame_meta, load_target
 
@@ -203,5 +203,6 @@ def warm_rest() -> None:
     _, constraints = relations_of(last.program)
     for solved in solving.finish(last.program, constraints, [solving.Lock(0, "x")], target):
         solving.misfit(solved, target)
-    ends, steps = np.array([0.0, 1.0]), np.ones(1)
-    add_axial_density(np.zeros(1), np.zeros((1, 3)), np.zeros(3), np.eye(3), ends, steps, ends, steps)  # a box has no axes
+    ends, steps = np.array([0.0, 1.0]), np.ones(1)  # a box has no axes
+    add_axial_density(np.zeros(1), np.zeros((1, 3)), np.zeros(3), np.eye(3), ends, steps, ends, steps)
+    mark_inside_cylinder(np.zeros(1, bool), np.zeros((1, 3)), np.zeros(3), np.zeros(3), 1.0)
