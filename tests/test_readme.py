@@ -1,19 +1,18 @@
 """The README is short, its commands run, and its figures stand in the results."""
 
-import json
 import re
 import shlex
 import tomllib
 from pathlib import Path
 
 import pytest
+from tests.bundled import find_bracket_at_once
 
 import imdim
 from imdim.app import cli
 from imdim.export.folder import FILES
 from imdim.geometry.solid import to_manifold
-from imdim.program.codec import constraints_of, from_json, loads
-from imdim.reconstruction.pipeline import Snapshot
+from imdim.program.codec import loads
 from imdim.target.readers import FORMATS
 
 ROOT = Path(__file__).parents[1]
@@ -26,15 +25,7 @@ MOST_WORDS = 800
 @pytest.fixture
 def reader(tmp_path, monkeypatch):
     """A folder with the bundled part, in which the program that the search finds of it is found at once."""
-    (tmp_path / "dataset").symlink_to(ROOT / "dataset")
-    document = json.loads((ROOT / "examples/bracket_program.json").read_text(encoding="utf-8"))
-
-    def find_bracket(target, settings, rng):
-        assert target.name == "bracket.stl"
-        yield Snapshot("finished", from_json(document), 0.001, 1.0, "finished", constraints=constraints_of(document))
-
-    monkeypatch.setattr("imdim.reconstruction.pipeline.reconstruct", find_bracket)
-    monkeypatch.setattr("imdim.delivery.first_run.compile_kernels", lambda stream: 0.0)
+    find_bracket_at_once(tmp_path, monkeypatch)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -9,10 +9,10 @@ import json
 from pathlib import Path
 
 import pytest
+from tests.bundled import find_bracket_at_once
 
-from imdim.program.codec import constraints_of, from_json, loads
+from imdim.program.codec import loads
 from imdim.program.tree import Program
-from imdim.reconstruction.pipeline import Snapshot
 
 ROOT = Path(__file__).parents[2]
 NOTEBOOK = json.loads((ROOT / "examples/first_fit.ipynb").read_text(encoding="utf-8"))
@@ -34,15 +34,7 @@ def run(cells: list[str]) -> list[str]:
 
 @pytest.mark.parametrize("started_in", [".", "examples"])
 def test_its_cells_run_in_order(started_in, tmp_path, monkeypatch, capsys):
-    document = json.loads((ROOT / "examples/bracket_program.json").read_text(encoding="utf-8"))
-
-    def find_bracket(target, settings, rng):
-        assert target.name == "bracket.stl"
-        yield Snapshot("finished", from_json(document), 0.001, 1.0, "finished", constraints=constraints_of(document))
-
-    monkeypatch.setattr("imdim.reconstruction.pipeline.reconstruct", find_bracket)
-    monkeypatch.setattr("imdim.delivery.first_run.compile_kernels", lambda stream: 0.0)
-    (tmp_path / "dataset").symlink_to(ROOT / "dataset")
+    find_bracket_at_once(tmp_path, monkeypatch)
     home = tmp_path / started_in
     home.mkdir(exist_ok=True)
     monkeypatch.chdir(home)

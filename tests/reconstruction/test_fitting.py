@@ -8,8 +8,9 @@ from tests.planted import box, cut, cylinder, mesh_of
 from imdim.deadline import NEVER
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.program.tree import leaves
+from imdim.reconstruction import fitting
 from imdim.reconstruction.config import Settings
-from imdim.reconstruction.fitting import fit_numbers, snap_numbers
+from imdim.reconstruction.fitting import SNAP_CHANGE, SNAP_LOSS, fit_numbers, snap_numbers
 from imdim.reconstruction.observation import UnitBody, observe
 from imdim.target.target import in_unit_frame, target_from
 
@@ -54,3 +55,35 @@ def test_an_odd_hole_becomes_like_its_fellows():
     seen = observe(UnitBody.of(unit, rng), Settings().size_weight, rng)
     alike = frame.undo(fit_numbers(frame.apply(found), seen))
     assert list(leaves(snap_numbers(alike, seen, frame)))[4] == holes[3]
+
+
+def judged(truth, plain):
+    unit, frame = in_unit_frame(target_from(mesh_of(truth)))
+    rng = np.random.default_rng(0)
+    seen = observe(UnitBody.of(unit, rng), Settings().size_weight, rng)
+    return fitting._SolidJudge(frame.apply(plain), seen), frame
+
+
+@pytest.mark.parametrize(
+    ("thickness", "kept"), [(6 * (1 + 0.5 * SNAP_LOSS), True), (6 * (1 + 4 * SNAP_LOSS), False), (6 * (1 - SNAP_CHANGE), False)]
+)
+def test_points_and_booleans_say_the_same_of_a_plate(thickness, kept):
+    truth = cut(box(40, 30, 6), cylinder(3, 8))
+    judge, frame = judged(truth, truth)
+    trial = frame.apply(cut(box(40, 30, thickness), cylinder(3, 8)))
+    assert judge.seems_kept(trial, 1.0) == kept
+    assert judge.keeps(trial) == kept
+    assert not judge.seems_kept(trial, 4.0)
+
+
+def test_what_booleans_refuse_is_tried_more_cautiously_and_then_left(monkeypatch):
+    tried = []
+    seems = fitting._SolidJudge.seems_kept
+    monkeypatch.setattr(
+        fitting._SolidJudge, "seems_kept", lambda judge, trial, caution: tried.append(caution) or seems(judge, trial, caution)
+    )
+    monkeypatch.setattr(fitting._SolidJudge, "keeps", lambda judge, trial: False)
+    found = cut(box(40.0004, 29.9998, 6.0001), cylinder(3.0002, 8))
+    plate, hole = leaves(rounded(found, mesh_of(cut(box(40, 30, 6), cylinder(3, 8)))))
+    assert (plate, hole) == tuple(leaves(found))
+    assert list(dict.fromkeys(tried)) == list(fitting.CAUTIONS)

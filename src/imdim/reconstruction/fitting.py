@@ -104,6 +104,7 @@ def snap_numbers(program: Program, seen: Observation, frame: Frame, deadline: De
     """A program in the body's units with the numbers that its designer may have typed there, as far as time allows.
 
     Snapping is judged by the distance of surface points, which is fast, and so is the volume it changed; exact booleans judge the outcome.
+    What even the greatest caution does not keep is not rounded.
     """
     exact, points, to_unit = seen.target.mesh is not None, _surface_points(seen), frame.apply
     limit = 2e-3 if exact else 1e-2
