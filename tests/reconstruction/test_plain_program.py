@@ -7,7 +7,7 @@ from tests.planted import box, cut, cylinder, mesh_of
 from imdim.program.outline import Outline, circle
 from imdim.program.tree import Primitive, Program, combine_all
 from imdim.reconstruction.observation import Observation, UnitBody, observe
-from imdim.reconstruction.plain_program import count_directions, count_numbers, is_plainer, may_be_plain, reading_length
+from imdim.reconstruction.plain_program import count_directions, count_numbers, folded_length, is_plainer, may_be_plain, reading_length
 from imdim.target.target import target_from
 
 RECTANGLE = tuple((x, y, 0.0) for x, y in ((-0.4, -0.3), (0.4, -0.3), (0.4, 0.3), (-0.4, 0.3)))
@@ -60,6 +60,18 @@ def test_a_turned_frame_has_the_numbers_of_its_own_directions() -> None:
 )
 def test_which_program_is_taken(plate: Observation, plain: Program, drawn: Program, is_taken: bool) -> None:
     assert is_plainer(plain, drawn, plate) is is_taken
+
+
+def test_a_grid_of_holes_is_read_once() -> None:
+    """Twenty-four holes are one of them with two counts and steps; as loops of a drawing each says where it is."""
+    places = [(-0.35 + 0.14 * i, -0.24 + 0.16 * k) for i in range(6) for k in range(4)]
+    drawn = Primitive("extrude", (0.1,), outline=Outline((RECTANGLE, *(circle(0.03, x, y) for x, y in places))))
+    plain = cut(box(0.8, 0.6, 0.1), *(cylinder(0.03, 0.2, (x, y, 0.0)) for x, y in places))
+    first = cut(box(0.8, 0.6, 0.1), cylinder(0.03, 0.2, (*places[0], 0.0)))
+    assert folded_length(plain, -HALF, HALF) == reading_length(first, -HALF, HALF) + 4
+    assert reading_length(plain, -HALF, HALF) > 0.85 * reading_length(drawn, -HALF, HALF)
+    seen = observe(UnitBody.of(target_from(mesh_of(plain)), np.random.default_rng(0)), 2.5e-4, np.random.default_rng(0), outlines=True)
+    assert is_plainer(plain, drawn, seen)
 
 
 def test_primitives_are_looked_for_where_they_may_be_few() -> None:

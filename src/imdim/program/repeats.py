@@ -115,6 +115,15 @@ def _copies(repeat: Repeat) -> Iterator[Program]:
         yield from (move_program(program, motion) for program in own)
 
 
+def first_copies(folded: Folded) -> Folded:
+    """What is written: of each repeat the first copy alone."""
+    if isinstance(folded, Primitive):
+        return folded
+    if isinstance(folded, Repeat):
+        return first_copies(folded.part)
+    return Group(folded.op, tuple(map(first_copies, folded.parts)))
+
+
 def write_out(folded: Folded, numbers: Collection[int]) -> Folded:
     """With the copies of those repeats, counted as `repeats` does, one by one, and what repeats within them too; the leaves as they are."""
     count = iter(range(sum(1 for _ in repeats(folded))))

@@ -3,7 +3,8 @@
 One outline may stand for a dozen primitives, and a search that counts features always draws. But a plate with two holes is a box and two
 cylinders to those who edit it: each has its own numbers, and moves by itself. So a program of plainer features is taken where there is
 hardly more to read in it - or, where it has more than a dozen of them, clearly less - and the part is the same. What is to read is counted
-as in a minimum description length (Rissanen 1978), with one for each feature and number and half of one for the kind of a curve.
+as in a minimum description length (Rissanen 1978), with one for each feature and number and half of one for the kind of a curve. A row,
+grid or circle of copies is read once, with its counts and steps: sixty holes of a grid are no more than one.
 """
 
 from __future__ import annotations
@@ -19,11 +20,16 @@ from imdim.geometry.lowering import lower
 from imdim.program.cost import count
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Curve, Loop, Outline, arc_center, arc_radius, has_ellipse, ring_curves
+from imdim.program.patterns.detect import extent, fold_repeats
+from imdim.program.repeats import expand, first_copies, repeats
 from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.observation import Observation
 
 FEW = 12  # features, which are read one by one
 MORE, LESS = 1.25, 0.85  # times as much to read as in the drawings: what few plain features, and what more of them, may have
+FAR_LESS = 0.65  # the same where copies are read once, however many they are
+NEAR = 2e-4  # of the program's size, by which copies may differ whose numbers are not fitted yet
+PER_DIRECTION = 2  # numbers that say how copies go on one way: a count and a step
 SAME = 0.8  # of a primitive's price: by how much less of the part they may be
 CURVE_KIND = 0.5  # of a number: that a curve is a line or an arc
 AXES_OF = {"box": (0, 1, 2), "extrude": (0, 1, 2), "ellipsoid": (0, 1, 2), "sphere": ()}  # of others the third
@@ -46,11 +52,16 @@ def may_be_plain(drawn: Program, low: np.ndarray, high: np.ndarray) -> bool:
 def is_plainer(plain: Program, drawn: Program, seen: Observation) -> bool:
     """Whether a program of plainer features is to be preferred to drawings."""
     low, high = seen.families.arrangement.bounds
-    before = reading_length(drawn, low, high)
-    if plain == drawn or reading_length(plain, low, high) > _most(count(plain).primitives) * before:
+    if plain == drawn or not _reads_shorter(plain, drawn, low, high):
         return False
     have, had = seen.iou(plain), seen.iou(drawn)
     return have is not None and had is not None and have >= had - SAME * seen.size_weight
+
+
+def _reads_shorter(plain: Program, drawn: Program, low: np.ndarray, high: np.ndarray) -> bool:
+    if reading_length(plain, low, high) <= _most(count(plain).primitives) * reading_length(drawn, low, high):
+        return True
+    return folded_length(plain, low, high) <= FAR_LESS * folded_length(drawn, low, high)
 
 
 def _most(features: float) -> float:
@@ -92,6 +103,15 @@ def reading_length(program: Program, low: np.ndarray, high: np.ndarray) -> float
     numbers and their directions, and the kind of each curve."""
     read = count(program).primitives + count_numbers(program, low, high) + count_directions(program)
     return read + CURVE_KIND * _count_kinds(program)
+
+
+def folded_length(program: Program, low: np.ndarray, high: np.ndarray) -> float:
+    """`reading_length` of a program whose repeated parts are written once."""
+    folding = fold_repeats(program, NEAR * extent(program))
+    if folding is None:
+        return reading_length(program, low, high)
+    directions = sum(len(repeat.counts) for _, repeat in repeats(folding.folded))
+    return reading_length(expand(first_copies(folding.folded)), low, high) + PER_DIRECTION * directions
 
 
 def _count_kinds(program: Program) -> int:
