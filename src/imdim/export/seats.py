@@ -117,10 +117,17 @@ def _seats_of_ends(
                 if end.column >= 0 and _is_inside(pairs, near, other, parts, slack):
                     yield Seat(other, face, "depth")
         elif end.leaf > 0:
+            spanned = next((e for e in near if e.leaf < end.leaf and _is_spanned(pairs, e, end, parts, slack)), None)
+            if spanned is not None:  # what goes from face to face goes on doing so
+                yield Seat(end, spanned, "")
+                continue
             bases = [e for e in near if e.leaf < end.leaf and _holds(pairs, e, other, parts, slack)]
             face = _passed(bases, end, parts, -slack)
             if face is not None and not any(_holds(pairs, e, end, parts, slack) for e in near):
-                yield Seat(other, face, "")
+                # what begins at the carrier's far face begins there however thick the carrier is
+                far = pairs[face.leaf, face.axis, -face.side]
+                through = abs(_place(far, parts) - _place(other, parts)) <= slack
+                yield Seat(other, far if through else face, "")
                 if end.column >= 0:
                     yield Seat(end, face, "height")
 
@@ -147,6 +154,12 @@ def _holds(pairs: _Ends, e: End, end: End, parts: list[Primitive], slack: float)
     """Whether an end lies within a leaf, or at its face."""
     low, high = _span(pairs, e, parts)
     return low - slack <= _place(end, parts) <= high + slack
+
+
+def _is_spanned(pairs: _Ends, e: End, end: End, parts: list[Primitive], slack: float) -> bool:
+    """Whether two leaves begin and end in the same planes."""
+    own, other = _span(pairs, e, parts), _span(pairs, end, parts)
+    return abs(own[0] - other[0]) <= slack and abs(own[1] - other[1]) <= slack
 
 
 def _span(pairs: _Ends, e: End, parts: list[Primitive]) -> tuple[float, float]:

@@ -20,6 +20,7 @@ from manifold3d import Manifold
 
 from imdim.deadline import Deadline
 from imdim.detection.blends import Chain
+from imdim.geometry.finish.datum_ends import begin_at_datums
 from imdim.geometry.finish.overshoot import without_strays
 from imdim.geometry.solid import to_manifold
 from imdim.install import install_command
@@ -342,7 +343,8 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
         last = _state(fitted, seen, frame)
         found = None if found is None else scale_constraints(found, 1 / frame.scale)
         if found is None:
-            last = replace(last, program=snap_numbers(last.program, seen, frame, fit_by))
+            rounded = snap_numbers(last.program, seen, frame, fit_by)
+            last = replace(last, program=preserve(rounded, begin_at_datums(rounded, fit_by)))
         else:
             last = replace(last, program=snap_measured(last.program, found, seen, frame, fit_by), found=found, noisy=True)
     cut = seen.cut or fit_by.has_passed()

@@ -1,0 +1,123 @@
+"""Bosses, pins and ribs that begin where a person lets them begin: at the outer face behind what carries them.
+
+The end of a boss that lies in its plate is seen nowhere, and a search leaves it anywhere in there. People draw what stands on a plate from
+the face that the whole part lies on, and a bar that crosses another one from side to side. So the hidden end of an added part goes on to
+the part's outermost face, where the solid stays what it is. What stands on another boss, or is hidden nearly all the way, is left alone:
+it is drawn from where it is seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from manifold3d import Manifold
+
+from imdim.deadline import NEVER, Deadline
+from imdim.geometry import kernels
+from imdim.geometry.finish.extend import Face, between, length, plane_faces
+from imdim.geometry.finish.section import CHECK_SEGMENTS
+from imdim.geometry.lowering import lower
+from imdim.geometry.solid import exact_rotation, primitive_to_manifold, to_manifold
+from imdim.program.paths import leaf_paths, without
+from imdim.program.roles import signs
+from imdim.program.tree import Primitive, Program, leaves, longest, map_leaves
+
+ALIGNED = 1e-9  # by which the cosine to one of the world's axes may lack of 1
+TOUCH = 1e-6  # of the largest size: two places are one
+NOTHING = 1e-6  # of what is added, that may change the solid
+PROBE, PROBES = 1e-3, 7  # how far beyond an end material is looked for, of the largest size, and at how many points each way
+RIM = 0.495  # of a width: from where to where; there may be thin walls alone
+ROW = 1e-4  # of the largest size, within which parts are alike
+SEEN_DOWN, SEEN = 0.22, 1 / 3  # of the length that the part would have: how much of it has to be seen, on a base and elsewhere
+DOWN = (2, -1)  # the way that the base looks
+PRISMS = ("box", "cylinder", "extrude")  # which keep their section
+
+
+@dataclass(frozen=True)
+class _End:
+    """A plane face of leaf number `leaf` that looks along the world's `axis` to `side`, and how far out that way it is."""
+
+    leaf: int
+    face: Face
+    axis: int
+    side: int
+    place: float
+
+
+def begin_at_datums(program: Program, deadline: Deadline = NEVER) -> Program:
+    """The same solid, whose added boxes, cylinders and extrusions go on through the material to the part's outer face.
+
+    Those that are alike but for where they stand move together or not at all. Past the `deadline` (by default never) the others stay.
+    """
+    parts = list(leaves(program))
+    slack = TOUCH * longest(parts)
+    ends = list(_ends(program))
+    outermost = {way: max(e.place for e in ends if (e.axis, e.side) == way) for way in {(e.axis, e.side) for e in ends}}
+    solid: Manifold | None = None
+    for row in _alike([e for e in ends if parts[e.leaf].kind in PRISMS], parts, slack):
+        more = outermost[row[0].axis, row[0].side] - row[0].place
+        if more <= slack or deadline.has_passed():
+            continue
+        parts = list(leaves(program))
+        if not all(_is_buried(program, parts[e.leaf], e.face, PROBE * longest(parts)) for e in row):
+            continue
+        solid = to_manifold(program, CHECK_SEGMENTS) if solid is None else solid
+        longer = {e.leaf: between(parts[e.leaf], e.face, -length(parts[e.leaf], e.face), more) for e in row}
+        # of parts that are alike one tells how much is seen
+        if not _is_seen(program, solid, longer[row[0].leaf], row[0]):
+            continue
+        trial = map_leaves(program, lambda i, leaf, longer=longer: longer.get(i, leaf))
+        added = sum(primitive_to_manifold(between(parts[e.leaf], e.face, 0.0, more), CHECK_SEGMENTS).volume() for e in row)
+        # added parts that become longer make the solid nowhere less: its volume tells
+        if abs(to_manifold(trial, CHECK_SEGMENTS).volume() - solid.volume()) <= NOTHING * added:
+            program = trial
+    return program
+
+
+def _ends(program: Program) -> Iterator[_End]:
+    for i, (part, sign) in enumerate(zip(leaves(program), signs(program), strict=True)):
+        frame = exact_rotation(part)
+        for face in plane_faces(part) if sign > 0 else ():
+            direction = frame[:, face[0]] * face[1]
+            axis = int(np.abs(direction).argmax())
+            if abs(direction[axis]) > 1 - ALIGNED:
+                side = 1 if direction[axis] > 0 else -1
+                yield _End(i, face, axis, side, side * part.center[axis] + length(part, face) / 2)
+
+
+def _alike(ends: Sequence[_End], parts: Sequence[Primitive], slack: float) -> list[list[_End]]:
+    """Ends of parts of one kind and size that look one way from one level, as rows."""
+    rows: dict[tuple[object, ...], list[_End]] = {}
+    for e in ends:
+        part = parts[e.leaf]
+        numbers = (*part.size, e.place, *(() if part.outline is None else np.ravel(part.outline.bounds)))
+        key = (part.kind, e.axis, e.side, e.face[0], *(round(v / (ROW / TOUCH * slack)) for v in numbers))
+        rows.setdefault(key, []).append(e)
+    return list(rows.values())
+
+
+def _is_buried(program: Program, part: Primitive, face: Face, out: float) -> bool:
+    """Whether material goes on somewhere beyond an end, by a distance `out`."""
+    flat = np.stack(np.meshgrid(*2 * [np.linspace(-RIM, RIM, PROBES)]), axis=-1).reshape(-1, 2)
+    across = [axis for axis in range(3) if axis != face[0]]
+    if part.outline is not None:
+        low, high = np.array(part.outline.bounds)
+        flat = (low + high) / 2 + flat * (high - low)
+    else:
+        flat = flat * ([part.size[axis] for axis in across] if part.kind == "box" else [2 * part.size[0]] * 2)
+    local = np.empty((len(flat), 3))
+    local[:, across] = flat
+    local[:, face[0]] = face[1] * (length(part, face) / 2 + out)
+    return bool(kernels.inside(lower(program), local @ exact_rotation(part).T + part.center).any())
+
+
+def _is_seen(program: Program, solid: Manifold, longer: Primitive, end: _End) -> bool:
+    """Whether enough of the length shows that a part would have: that along which the solid is there by this part alone."""
+    rest = without(program, {leaf_paths(program)[end.leaf][0]})
+    shown = solid if rest is None else solid - to_manifold(rest, CHECK_SEGMENTS)
+    if shown.volume() <= NOTHING * solid.volume():
+        return False
+    places = np.asarray(shown.to_mesh().vert_properties, np.float64)[:, end.axis]
+    return float(np.ptp(places)) >= (SEEN_DOWN if (end.axis, end.side) == DOWN else SEEN) * length(longer, end.face)
