@@ -1,0 +1,94 @@
+"""Hidden ends of what is added go on to the part's outer face, where a person draws it from."""
+
+import pytest
+from tests.deadlines import PASSED
+from tests.planted import box, cut, cylinder
+
+from imdim.export.seats import seats
+from imdim.geometry.finish.datum_ends import begin_at_datums
+from imdim.geometry.solid import to_manifold
+from imdim.program.outline import Outline, circle
+from imdim.program.tree import Primitive, Program, combine_all, leaves
+
+PLATE = box(60.0, 40.0, 4.0, (0.0, 0.0, 2.0))  # from 0 to 4
+
+
+def join(*parts: Program) -> Program:
+    return combine_all("union", list(parts))
+
+
+def span(leaf: Primitive, axis: int = 2) -> tuple[float, float]:
+    size = leaf.size[axis] if leaf.kind == "box" else leaf.size[-1]
+    return leaf.center[axis] - size / 2, leaf.center[axis] + size / 2
+
+
+def changed(program: Program) -> Program:
+    """What it becomes; the solid stays."""
+    after = begin_at_datums(program)
+    a, b = to_manifold(program), to_manifold(after)
+    assert (a - b).volume() + (b - a).volume() < 1e-9 * a.volume()
+    return after
+
+
+@pytest.mark.parametrize(
+    "boss",
+    [
+        cylinder(5.0, 8.0, (10.0, 5.0, 7.0)),
+        box(6.0, 6.0, 8.0, (10.0, 5.0, 7.0)),
+        Primitive("extrude", (8.0,), (10.0, 5.0, 7.0), outline=Outline((circle(4.0), circle(2.0)))),
+    ],
+    ids=lambda leaf: leaf.kind,
+)
+def test_a_boss_begins_at_the_base(boss: Primitive) -> None:
+    after = list(leaves(changed(join(PLATE, boss))))
+    assert span(after[1]) == pytest.approx((0.0, 11.0))
+    assert after[0] == PLATE
+
+
+def test_a_boss_with_a_hole_through_it_does() -> None:
+    after = list(leaves(changed(cut(join(PLATE, cylinder(5.0, 8.0, (0.0, 0.0, 7.0))), cylinder(2.0, 20.0)))))
+    assert span(after[1]) == pytest.approx((0.0, 11.0))
+
+
+def test_a_bar_crosses_another_one_from_side_to_side() -> None:
+    after = list(leaves(changed(join(box(60.0, 10.0, 10.0), box(10.0, 21.0, 10.0, (0.0, 14.5, 0.0))))))
+    assert span(after[1], 1) == pytest.approx((-5.0, 25.0))
+
+
+def test_what_is_hidden_nearly_all_the_way_stays() -> None:
+    tower = cylinder(5.0, 50.0, (0.0, 0.0, 25.0))
+    cap = cylinder(4.0, 3.0, (0.0, 0.0, 50.5))
+    assert changed(join(PLATE, tower, cap)) == join(PLATE, tower, cap)
+
+
+def test_what_has_no_material_below_it_stays() -> None:
+    over_a_pocket = join(cut(PLATE, box(20.0, 20.0, 2.0)), box(30.0, 10.0, 4.0, (0.0, 0.0, 5.0)))
+    assert changed(over_a_pocket) == over_a_pocket
+    beyond_the_edge = join(PLATE, cylinder(5.0, 8.0, (30.0, 0.0, 7.0)))
+    assert changed(beyond_the_edge) == beyond_the_edge
+
+
+def test_alike_parts_move_together_or_not_at_all() -> None:
+    pins = [cylinder(2.0, 8.0, (x, 0.0, 7.0)) for x in (-20.0, 0.0, 20.0)]
+    moved = list(leaves(changed(join(PLATE, *pins))))[1:]
+    assert [span(leaf) for leaf in moved] == [pytest.approx((0.0, 11.0))] * 3
+    hollow = join(cut(PLATE, box(4.0, 4.0, 2.0, (20.0, 0.0, 0.0))), *pins)
+    assert changed(hollow) == hollow
+
+
+def test_slanted_parts_and_late_ones_stay() -> None:
+    slanted = join(PLATE, Primitive("cylinder", (3.0, 10.0), (0.0, 0.0, 6.0), (0.0, 20.0, 0.0)))
+    assert changed(slanted) == slanted
+    straight = join(PLATE, cylinder(5.0, 8.0, (10.0, 5.0, 7.0)))
+    assert begin_at_datums(straight, PASSED) == straight
+
+
+def test_ends_at_both_faces_of_a_carrier_follow_both() -> None:
+    """A bar as high as the one that it crosses stays so when that becomes higher."""
+    found = {(s.own.leaf, s.own.side, s.face.leaf, s.face.side, s.word) for s in seats(join(box(60.0, 10.0, 10.0), box(10.0, 40.0, 10.0)))}
+    assert {(1, -1, 0, -1, ""), (1, 1, 0, 1, "")} <= found
+
+
+def test_an_end_in_the_base_face_stays_there() -> None:
+    found = {(s.own.leaf, s.own.side, s.face.leaf, s.face.side, s.word) for s in seats(join(PLATE, cylinder(5.0, 11.0, (10.0, 5.0, 5.5))))}
+    assert found == {(1, -1, 0, -1, ""), (1, 1, 0, 1, "height")}
