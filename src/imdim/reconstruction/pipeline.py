@@ -30,6 +30,7 @@ from imdim.program.edges import EdgeFeature
 from imdim.program.front import Choice
 from imdim.program.outline import regions
 from imdim.program.rewrite.simplify import reduce_program
+from imdim.program.rewrite.stacks import stack_turned_parts
 from imdim.program.tree import Primitive, Program, combine_all, leaves, map_leaves
 from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.choices import choices_beside, few, unite_fronts
@@ -344,7 +345,8 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
         found = None if found is None else scale_constraints(found, 1 / frame.scale)
         if found is None:
             rounded = snap_numbers(last.program, seen, frame, fit_by)
-            last = replace(last, program=preserve(rounded, begin_at_datums(rounded, fit_by)))
+            stacked = preserve(rounded, stack_turned_parts(rounded))
+            last = replace(last, program=preserve(stacked, begin_at_datums(stacked, fit_by)))
         else:
             last = replace(last, program=snap_measured(last.program, found, seen, frame, fit_by), found=found, noisy=True)
     cut = seen.cut or fit_by.has_passed()
