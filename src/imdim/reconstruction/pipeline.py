@@ -21,6 +21,7 @@ from manifold3d import Manifold
 from imdim.deadline import Deadline
 from imdim.detection.blends import Chain
 from imdim.geometry.finish.datum_ends import begin_at_datums
+from imdim.geometry.finish.late_cuts import cut_last
 from imdim.geometry.finish.overshoot import without_strays
 from imdim.geometry.solid import to_manifold
 from imdim.install import install_command
@@ -344,13 +345,18 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
         last = _state(fitted, seen, frame)
         found = None if found is None else scale_constraints(found, 1 / frame.scale)
         if found is None:
-            rounded = snap_numbers(last.program, seen, frame, fit_by)
-            stacked = preserve(rounded, stack_turned_parts(rounded))
-            last = replace(last, program=preserve(stacked, begin_at_datums(stacked, fit_by)))
+            last = replace(last, program=_arrange(snap_numbers(last.program, seen, frame, fit_by), fit_by))
         else:
             last = replace(last, program=snap_measured(last.program, found, seen, frame, fit_by), found=found, noisy=True)
     cut = seen.cut or fit_by.has_passed()
     yield _finish_state(replace(last, stop=CUT) if cut else last, step.others, seen, frame, budget)
+
+
+def _arrange(program: Program, deadline: Deadline) -> Program:
+    """The same solid as a person writes it: turned parts as stacks, body first and then its cuts, and bosses that begin at the base."""
+    stacked = preserve(program, stack_turned_parts(program))
+    flat = cut_last(stacked, deadline)
+    return preserve(flat, begin_at_datums(flat, deadline))
 
 
 def _scanned_body(observed: UnitBody, solid: Manifold, frame: Frame, work: _Work, share: float) -> _BodyState | None:
