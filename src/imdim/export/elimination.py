@@ -86,7 +86,8 @@ class LinearSystem:
         flush = {ref for c in constraints if c.kind in ("coplanar", "aligned") for ref in c.of}
         found = list(seats(program))
         for own, face, word in found:
-            if not own.local or Ref(own.leaf, own.local) not in flush:
+            # what equal bosses have in common is how far they stand out
+            if word == "height" or not own.local or Ref(own.leaf, own.local) not in flush:
                 system._add_seat(own.leaf, system._place(own, 1.0) | system._place(face, -1.0), word)
         seated = {(seat.own.leaf, seat.own.axis, seat.own.side) for seat in found}
         for own, wall, word in seats_at_walls(program, system.walls):
