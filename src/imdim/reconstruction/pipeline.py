@@ -20,6 +20,7 @@ from manifold3d import Manifold
 
 from imdim.deadline import Deadline
 from imdim.detection.blends import Chain
+from imdim.geometry.finish.cutter_walls import open_films
 from imdim.geometry.finish.datum_ends import begin_at_datums
 from imdim.geometry.finish.late_cuts import cut_last
 from imdim.geometry.finish.overshoot import without_strays
@@ -336,6 +337,8 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
     short = preserve(home, reduce_program(home, deadline=fit_by))
     if settings.language == "cad" and seen.solid is not None and not fit_by.has_passed():
         short = complete_holes(short, seen.patches, seen.iou, seen.exact_price)
+    opened = _open_films(frame.undo(short), seen, frame, fit_by)
+    short = short if opened is None else frame.apply(opened)
     simple = replace(step, stage="simplify", program=short, error=None, front=())
     last = _state(simple, seen, frame)
     yield last
@@ -348,6 +351,8 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
             last = replace(last, program=_arrange(snap_numbers(last.program, seen, frame, fit_by), fit_by))
         else:
             last = replace(last, program=snap_measured(last.program, found, seen, frame, fit_by), found=found, noisy=True)
+        # rounding may part what met
+        last = replace(last, program=_open_films(last.program, seen, frame, fit_by) or last.program)
     cut = seen.cut or fit_by.has_passed()
     yield _finish_state(replace(last, stop=CUT) if cut else last, step.others, seen, frame, budget)
 
@@ -357,6 +362,14 @@ def _arrange(program: Program, deadline: Deadline) -> Program:
     stacked = preserve(program, stack_turned_parts(program))
     flat = cut_last(stacked, deadline)
     return preserve(flat, begin_at_datums(flat, deadline))
+
+
+def _open_films(program: Program, seen: Observation, frame: Frame, deadline: Deadline) -> Program | None:
+    """The program, in the body's units, whose cutters go on past films that are not the body's; None where it has none, or nobody knows."""
+    if seen.solid is None:
+        return None
+    opened = open_films(program, seen.solid.scale((1 / frame.scale,) * 3).translate(frame.center), deadline)
+    return None if opened is program else opened
 
 
 def _scanned_body(observed: UnitBody, solid: Manifold, frame: Frame, work: _Work, share: float) -> _BodyState | None:

@@ -30,26 +30,31 @@ def matters(program: Program, placed: list[PosedPrimitive], index: int, region: 
     return _shows_at_probes(program, placed, index, region) or _decides(program, placed, index, PosedPrimitive(region))
 
 
-def _shows_at_probes(program: Program, placed: list[PosedPrimitive], index: int, region: Primitive) -> bool:
-    """Whether a point of the region shows it, by the primitives' true surfaces and by those that their polyhedra have at least."""
-    points, code, size = _probes(region), postfix(program), diagonal(placed)
+def matters_at(program: Program, placed: list[PosedPrimitive], index: int, points: np.ndarray, held: bool = False) -> np.ndarray:
+    """Whether the program's solid depends at `points` [n, 3] on primitive `index`, bool [n]; the others are taken by their true surfaces, or
+    by those that their polyhedra have at least (`held`)."""
+    size, k = diagonal(placed), int(held)
     kinds = np.array([KINDS.index(part.leaf.kind) for part in placed])
     kinds[index] = KINDS.index("sphere")
     centers = np.array([part.leaf.center for part in placed])
     rotations = np.stack([part.rotation for part in placed])
-    shows = np.ones(len(points), bool)
-    for k in (0, 1) if len(points) else ():
-        sizes, outlines = np.stack([part.sizes[k] for part in placed]), Outlines.pack([part.outlines[k] for part in placed])
-        # a ball that holds everything in the primitive's place, and one that holds nothing
-        both = []
-        for radius in (4 * size, 1e-9 * size):
-            sizes[index], centers[index] = radius, points[0] + (0.0 if radius > size else 2 * size)
-            both.append(kernels.inside(Lowered(code, kinds, sizes, centers, rotations, outlines), points))
-        shows &= both[0] != both[1]
-    return bool(shows.any())
+    sizes, outlines = np.stack([part.sizes[k] for part in placed]), Outlines.pack([part.outlines[k] for part in placed])
+    reach = size + np.ptp(points, axis=0).sum() if len(points) else size
+    # a ball that holds everything in the primitive's place, and one that holds nothing
+    both = []
+    for radius in (4 * reach, 1e-9 * reach):
+        sizes[index], centers[index] = radius, (points[0] if len(points) else 0.0) + (0.0 if radius > reach else 2 * reach)
+        both.append(kernels.inside(Lowered(postfix(program), kinds, sizes, centers, rotations, outlines), points))
+    return both[0] != both[1]
 
 
-def _probes(region: Primitive) -> np.ndarray:
+def _shows_at_probes(program: Program, placed: list[PosedPrimitive], index: int, region: Primitive) -> bool:
+    """Whether a point of the region shows it, by the primitives' true surfaces and by those that their polyhedra have at least."""
+    points = probes(region)
+    return bool(len(points) and (matters_at(program, placed, index, points) & matters_at(program, placed, index, points, held=True)).any())
+
+
+def probes(region: Primitive) -> np.ndarray:
     """At most PROBES points [n, 3] strewn evenly over a box, cylinder, cone or extrusion, away from its rim (after Roberts 2018)."""
     u = (np.arange(1, PROBES + 1)[:, None] * np.array([0.8191725134, 0.6710436067, 0.5497004779])) % 1.0
     if region.kind == "box":
@@ -75,11 +80,18 @@ class _Open:
 
 
 def _decides(program: Program, placed: list[PosedPrimitive], index: int, region: PosedPrimitive) -> bool:
-    """`matters` by exact booleans: what is left of the region after each operation above the primitive."""
+    """`matters` by exact booleans."""
+    left = zone_within(program, placed, index, region, region.solid)
+    return left if isinstance(left, bool) else left.volume() > NOTHING * region.solid.volume()
+
+
+def zone_within(program: Program, placed: list[PosedPrimitive], index: int, held_by: PosedPrimitive, region: Manifold) -> Manifold | bool:
+    """Where in a `region`, which the box of `held_by` holds, the solid depends on primitive `index`: everywhere (True), nowhere (False), or
+    in a solid. It is what is left of the region after each operation above the primitive."""
     plain: Mapping[Op, Callable[[_Local, _Local], _Local]] = {
         "union": _union,
         "intersection": _intersection,
-        "difference": lambda keep, cut: _difference(keep, cut, region.solid),
+        "difference": lambda keep, cut: _difference(keep, cut, region),
     }
 
     def combined(op: Op, a: Any, b: Any) -> _Local | _Open:
@@ -89,23 +101,22 @@ def _decides(program: Program, placed: list[PosedPrimitive], index: int, region:
             return _Open(plain["difference" if op == "union" else "intersection"](b.where, a))
         return plain[op](a, b)
 
-    values = [_Open(True) if i == index else _restrict(part, region) for i, part in enumerate(placed)]
+    values = [_Open(True) if i == index else _restrict(part, held_by, region) for i, part in enumerate(placed)]
     root = fold(program, lambda i, _: values[i], {op: partial(combined, op) for op in plain})
-    left = root.where if isinstance(root, _Open) else root
-    return left if isinstance(left, bool) else left.volume() > NOTHING * region.solid.volume()
+    return root.where if isinstance(root, _Open) else root
 
 
 # A part of the program inside one small region: everywhere (True), nowhere (False), or a solid inside it.
 _Local = bool | Manifold
 
 
-def _restrict(part: PosedPrimitive, region: PosedPrimitive) -> _Local:
-    if apart(part, region):
+def _restrict(part: PosedPrimitive, held_by: PosedPrimitive, region: Manifold) -> _Local:
+    if apart(part, held_by):
         return False
-    if holds(part, region):
+    if holds(part, held_by):
         return True
     # booleans are put off until somebody asks for their volume
-    return part.solid ^ region.solid
+    return part.solid ^ region
 
 
 def _union(a: _Local, b: _Local) -> _Local:

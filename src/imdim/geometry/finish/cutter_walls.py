@@ -1,0 +1,316 @@
+"""Cutters whose wall or end runs along a face of what they cut, or stops a hair before it: they go on past the material instead.
+
+Where the outline of a cutter follows a face of the solid, what is left there is as thick as the two curves differ by: nothing, or a film
+far thinner than anything that was measured. It closes what is open, though its volume does not show. `overshoot` moves plane ends that
+only just meet; here the target is known, so that a film may be told from a thin wall that is meant.
+
+A curve of a cutter's outline is free if the cutter would change nothing just beyond it, from the thickness of a film on, and it is needed
+if the cutter takes something away right behind it. A run of free curves of which one is needed is replaced by a line further out, to which
+the lines beside the run are prolonged. Points tell where that may be. Exact booleans over all of the solid decide: nothing may be added,
+and what goes may not be the target's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+
+import numpy as np
+from manifold3d import Manifold
+
+from imdim.deadline import NEVER, Deadline
+from imdim.geometry.finish.active_zone import matters_at, probes, zone_within
+from imdim.geometry.finish.extend import Face, between, beyond, length, plane_faces, within
+from imdim.geometry.finish.posed import PosedPrimitive
+from imdim.geometry.solid import exact_rotation
+from imdim.program.ellipse import Ellipse
+from imdim.program.outline import (
+    Curve,
+    Loop,
+    Outline,
+    Point,
+    Ring,
+    arc_center,
+    arc_radius,
+    check_crossings,
+    circle,
+    circle_of,
+    curve_bounds,
+    nesting,
+    orient_loops,
+    ring_curves,
+)
+from imdim.program.roles import signs
+from imdim.program.tree import Primitive, Program, leaves, map_leaves
+
+FILM = 1e-3  # of the target's diagonal: the thickest that is taken for a film
+BEHIND = 1e-4  # of it, behind a wall, where a cutter that needs the wall takes something away
+REACH = 2e-2  # of it: a cutter goes on by the power of ten below that
+STEPS = 4  # from there to where a film ends, at which the cutter may matter
+ACROSS, ALONG, ABOUT = (
+    8,
+    5,
+    12,
+)  # points of a wall along its curve, along the axis that it is swept along, and about that it is turned about
+LEANING = 0.3  # least cosine between a line that is prolonged and the way out
+OWN = 0.1  # of what a move takes away: the share that may be the target's, whose facets lie inside its curves
+NOTHING = 1e-6  # of the target's volume
+INSIDE = (0.05, 0.2, 0.5)  # of FILM, out of a wall: where a film shows
+MORE_CURVES = 2  # that opening a film may take
+
+
+def open_films(program: Program, solid: Manifold, deadline: Deadline = NEVER) -> Program:
+    """`program` whose cutters go on past faces of the material that they run along or all but reach, where the target `solid` is open too.
+
+    Both are in one frame. The program itself where there is nothing to open. Its solid only loses what is not the target's. Past the
+    `deadline` (by default never) the other cutters stay.
+    """
+    judge = _Judge.of(solid)
+    for i in [i for i, sign in enumerate(signs(program)) if sign < 0]:
+        if deadline.has_passed():
+            break
+        program = _open_ends(program, i, judge)
+        if list(leaves(program))[i].outline is not None:
+            program = _open_walls(program, i, judge)
+    return program
+
+
+@dataclass(frozen=True)
+class _Judge:
+    """The target, its volume and diagonal, and the step by which cutters go on."""
+
+    solid: Manifold
+    volume: float
+    size: float
+    step: float
+
+    @staticmethod
+    def of(solid: Manifold) -> _Judge:
+        corners = np.array(solid.bounding_box()).reshape(2, 3)
+        size = float(np.linalg.norm(corners[1] - corners[0]))
+        return _Judge(solid, solid.volume(), size, 10.0 ** math.floor(math.log10(REACH * size)))
+
+    def allows(self, program: Program, i: int, leaf: Primitive) -> bool:
+        """Whether `leaf` may take the place of cutter `i`: it takes away what that does, and beyond it nothing that is the target's."""
+        placed = [PosedPrimitive(p) for p in leaves(program)]
+        old, new = placed[i], PosedPrimitive(leaf)
+        if (old.solid - new.solid).volume() > NOTHING * self.volume:
+            return False
+        further = new.solid - old.solid
+        zone = zone_within(program, placed, i, new, further)
+        gone = zone if isinstance(zone, Manifold) else further if zone else Manifold()
+        return (gone ^ self.solid).volume() <= max(OWN * gone.volume(), NOTHING * self.volume)
+
+
+def _open_ends(program: Program, i: int, judge: _Judge) -> Program:
+    """With the plane ends of cutter `i` that a film parts from the open moved past it."""
+    for face in plane_faces(list(leaves(program))[i]):
+        if _ends_at_film(program, i, face, judge):
+            leaf = list(leaves(program))[i]
+            further = between(leaf, face, -length(leaf, face), judge.step)
+            if judge.allows(program, i, further):
+                program = _with(program, i, further)
+    return program
+
+
+def _ends_at_film(program: Program, i: int, face: Face, judge: _Judge) -> bool:
+    """Whether cutter `i` would change something before its end as far as a film goes, and nothing beyond; and does behind it."""
+    leaf, placed = list(leaves(program))[i], [PosedPrimitive(p) for p in leaves(program)]
+    film, behind = FILM * judge.size, BEHIND * judge.size
+
+    def shows(region: Primitive) -> bool:
+        return bool(matters_at(program, placed, i, probes(region)).any())
+
+    if length(leaf, face) < 4 * film or not shows(within(leaf, face, behind)):
+        return False
+    return shows(beyond(leaf, face, INSIDE[0] * film, film)) and not shows(beyond(leaf, face, film, judge.step))
+
+
+def _open_walls(program: Program, i: int, judge: _Judge) -> Program:
+    """With the walls of the outline of cutter `i` further out where a film or nothing parts them from the open."""
+    outline = list(leaves(program))[i].outline
+    assert outline is not None
+    for k, (loop, side) in enumerate(zip(outline.loops, nesting(outline.loops), strict=True)):
+        while side > 0 and not isinstance(loop, Ellipse):
+            opened = _open_wall(program, i, k, judge)
+            if opened is program:
+                break
+            program = opened
+    return program
+
+
+def _open_wall(program: Program, i: int, k: int, judge: _Judge) -> Program:
+    """With one run of walls over loop `k` further out; the program itself where none may be."""
+    leaf = list(leaves(program))[i]
+    assert leaf.outline is not None
+    ring = orient_loops(leaf.outline.loops)[k]
+    assert not isinstance(ring, Ellipse)
+    for wider in _wider(ring, _look_beyond(program, i, ring_curves(ring), judge), judge.step):
+        redrawn = _redrawn(leaf, k, wider)
+        if redrawn is not None and judge.allows(program, i, redrawn):
+            return _with(program, i, redrawn)
+    return program
+
+
+def _with(program: Program, i: int, leaf: Primitive) -> Program:
+    return map_leaves(program, lambda j, p: leaf if j == i else p)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """For each curve of a loop whether it is `free`, whether it is free and `needed`, and whether it is both and a `film` is before it."""
+
+    free: tuple[bool, ...]
+    needed: tuple[bool, ...]
+    film: tuple[bool, ...]
+
+
+def _look_beyond(program: Program, i: int, curves: Sequence[Curve], judge: _Judge) -> _Seen:
+    """What points tell of the walls over curves of cutter `i`."""
+    leaf, placed = list(leaves(program))[i], [PosedPrimitive(p) for p in leaves(program)]
+    rotation = exact_rotation(leaf)
+    walls = [_wall(leaf, curve) for curve in curves]
+
+    def matters(which: Sequence[int], out: float) -> list[int]:
+        """Those of the walls so far out of which the cutter would matter."""
+        if not which:
+            return []
+        points = np.concatenate([walls[k][0] + out * walls[k][1] for k in which]) @ rotation.T + leaf.center
+        found = matters_at(program, placed, i, points).reshape(len(which), -1).any(1)
+        return [k for k, shows in zip(which, found.tolist(), strict=True) if shows]
+
+    free = list(range(len(curves)))
+    for out in np.linspace(FILM * judge.size, judge.step, STEPS).tolist():
+        stuck = matters(free, out)
+        free = [k for k in free if k not in stuck]
+    needed = matters(free, -BEHIND * judge.size)
+    film = {k for share in INSIDE for k in matters(needed, share * FILM * judge.size)}
+    numbers = range(len(curves))
+    return _Seen(tuple(k in free for k in numbers), tuple(k in needed for k in numbers), tuple(k in film for k in numbers))
+
+
+def _wall(leaf: Primitive, curve: Curve) -> tuple[np.ndarray, np.ndarray]:
+    """Points [n, 3] of the wall over a curve, in the local frame, and the outward normals [n, 3] there."""
+    flat, out = _along(curve)
+    if leaf.kind == "extrude":
+        levels = leaf.size[0] * ((np.arange(ALONG) + 0.5) / ALONG - 0.5)
+        points = [np.column_stack([flat, np.full(len(flat), z)]) for z in levels]
+        return np.concatenate(points), np.concatenate([np.column_stack([out, np.zeros(len(out))])] * ALONG)
+    turns = np.radians(leaf.size[0]) * (np.arange(ABOUT) + 0.5) / ABOUT
+    return _turn(flat, turns), _turn(out, turns)
+
+
+def _turn(flat: np.ndarray, turns: np.ndarray) -> np.ndarray:
+    """Vectors [n, 2] of the half plane (radius, height), turned by angles [t] about the axis [t n, 3]."""
+    return np.concatenate([np.column_stack([flat[:, 0] * math.cos(t), flat[:, 0] * math.sin(t), flat[:, 1]]) for t in turns])
+
+
+def _along(curve: Curve) -> tuple[np.ndarray, np.ndarray]:
+    """Points [n, 2] of a curve, and the normals [n, 2] to the right of it."""
+    x, y, u, v, bulge = curve
+    share = (np.arange(ACROSS)[:, None] + 0.5) / ACROSS
+    if not bulge:
+        normal = np.array([v - y, x - u]) / math.hypot(u - x, v - y)
+        return (1 - share) * (x, y) + share * (u, v), np.repeat(normal[None], ACROSS, axis=0)
+    cx, cy = arc_center(curve)
+    angle = math.atan2(y - cy, x - cx) + 4 * math.atan(bulge) * share[:, 0]
+    ray = np.column_stack([np.cos(angle), np.sin(angle)])
+    return np.array([cx, cy]) + arc_radius(curve) * ray, math.copysign(1.0, bulge) * ray
+
+
+def _wider(ring: Ring, seen: _Seen, step: float) -> list[Ring]:
+    """Rings with a run of free curves that are needed further out, those of fewest curves first; of more only where there is a film."""
+    if not any(seen.needed):
+        return []
+    if all(seen.free):
+        return [_around(ring, step)]
+    found: list[Ring] = []
+    for first, count in _runs(seen.free):
+        inner = [k for k in range(count) if seen.needed[(first + k) % len(ring)]]
+        film = any(seen.film[(first + k) % len(ring)] for k in range(count))
+        for start, end in dict.fromkeys([(inner[0], inner[-1] + 1), (0, count)]) if inner else ():
+            moved = _straighten(ring, (first + start) % len(ring), end - start, step)
+            found += [moved] if moved and len(moved) <= len(ring) + MORE_CURVES * film else []
+    return sorted(found, key=len)
+
+
+def _runs(flags: Sequence[bool]) -> Iterator[tuple[int, int]]:
+    """Start and length of each run of true flags round a ring that has a false one."""
+    start = next(k for k, flag in enumerate(flags) if not flag)
+    turned = [(start + k) % len(flags) for k in range(len(flags))]
+    for flag, run in groupby(turned, lambda k: flags[k]):
+        members = list(run)
+        if flag:
+            yield members[0], len(members)
+
+
+def _around(ring: Ring, step: float) -> Ring:
+    """A ring round another: a larger circle round a circle, else a rectangle."""
+    found = circle_of(ring)
+    if found is not None:
+        x, y, radius = found
+        return circle(radius + step, x, y)
+    (left, low), (right, high) = curve_bounds(ring_curves(ring))
+    left, low, right, high = left - step, low - step, right + step, high + step
+    return ((left, low, 0.0), (right, low, 0.0), (right, high, 0.0), (left, high, 0.0))
+
+
+def _straighten(ring: Ring, first: int, count: int, step: float) -> Ring | None:
+    """The ring with a line beyond the `count` curves from number `first` in their place; the lines beside them are prolonged to it, and
+    where an arc is beside them a line leads there. None where that line has no length."""
+    n = len(ring)
+    curves = ring_curves(ring)
+    run, before, after = [curves[(first + k) % n] for k in range(count)], curves[first - 1], curves[(first + count) % n]
+    start, end = np.array(run[0][:2]), np.array(run[-1][2:4])
+    if not (reach := float(np.linalg.norm(end - start))):
+        return None
+    along = (end - start) / reach
+    out = np.array([along[1], -along[0]])
+    _, (_, highest) = _bounds_in(run, along, out, start)
+    height = max(highest, 0.0) + step
+    lead_out, lead_in = _lead(before, 1.0, out), _lead(after, -1.0, out)
+    begin = start + height * (out if lead_out is None else lead_out)
+    close = end + height * (out if lead_in is None else lead_in)
+    if (close - begin) @ along <= step:
+        return None
+    kept = [ring[(first + count + k) % n] for k in range(1, n - count)]
+    x, y, bulge = ring[(first + count) % n]
+    head = [] if lead_out is not None else [(*map(float, start), 0.0)]
+    tail = [(*map(float, close), 0.0), (x, y, bulge)] if lead_in is None else [(*map(float, close), bulge)]
+    return (*head, (*map(float, begin), 0.0), *tail, *kept)  # type: ignore[return-value]
+
+
+def _lead(curve: Curve, way: float, out: np.ndarray) -> np.ndarray | None:
+    """By how much [2] a line beside a run, passed forwards or back (`way`), moves on per unit of the way `out` [2]; None for an arc and for
+    a line that hardly leads there."""
+    x, y, u, v, bulge = curve
+    ray = way * np.array([u - x, v - y]) / math.hypot(u - x, v - y)
+    return None if bulge or ray @ out < LEANING else ray / (ray @ out)
+
+
+def _bounds_in(run: Sequence[Curve], along: np.ndarray, out: np.ndarray, start: np.ndarray) -> tuple[Point, Point]:
+    """Low and high corner of curves in the frame of a chord."""
+
+    def turn(x: float, y: float) -> Point:
+        away = np.array([x, y]) - start
+        return float(away @ along), float(away @ out)
+
+    # the frame is left-handed: arcs turn the other way
+    return curve_bounds([(*turn(x, y), *turn(u, v), -bulge) for x, y, u, v, bulge in run])
+
+
+def _redrawn(leaf: Primitive, k: int, ring: Loop) -> Primitive | None:
+    """The leaf with another loop number `k`, the box of its outline about its centre; None where curves cross."""
+    assert leaf.outline is not None
+    try:
+        outline = Outline(tuple(ring if j == k else loop for j, loop in enumerate(leaf.outline.loops)))
+        (left, low), (right, high) = outline.bounds
+        x, y = (left + right) / 2 if leaf.kind == "extrude" else 0.0, (low + high) / 2
+        local = np.array([x, y, 0.0]) if leaf.kind == "extrude" else np.array([0.0, 0.0, y])
+        a, b, c = (leaf.center + exact_rotation(leaf) @ local).tolist()
+        check_crossings(outline)
+        return replace(leaf, center=(a, b, c), outline=outline.shift(-x, -y))
+    except ValueError:
+        return None
