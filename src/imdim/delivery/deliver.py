@@ -18,6 +18,7 @@ from manifold3d import Manifold
 
 from imdim.deadline import NEVER, Deadline
 from imdim.delivery.evaluate import DeliveryLoss, evaluate_file
+from imdim.delivery.films import find_film
 from imdim.delivery.finish import FinishedProgram, finish, finish_flat
 from imdim.delivery.intervals import state_intervals, with_remarks
 from imdim.delivery.report import RunRecord, dumps, report_of
@@ -109,8 +110,9 @@ def deliver(
         if found.folded is None:
             skipped["program.loops.scad"] = "skipped: no part repeats"
         files = {name: skipped.get(name, "written") for name in FILES}
-        parted = list(_parted(solid, target))
-        report = report_of(found, target, scores, kept, verdict, volumes, files, run, seconds, drawn, parted, intervals)
+        film = find_film(surface, target, scores.to_target.max)
+        faults = [*_parted(solid, target), *([] if film is None else [str(film)])]
+        report = report_of(found, target, scores, kept, verdict, volumes, files, run, seconds, drawn, faults, intervals)
         report[DIGESTS] = digests_of(partial)
         (partial / "report.json").write_text(dumps(report), encoding="utf-8")
         (partial / "report.html").write_text(html.page(shown, report, _read(partial / "front.json")), encoding="utf-8")

@@ -368,7 +368,8 @@ def _open_films(program: Program, seen: Observation, frame: Frame, deadline: Dea
     """The program, in the body's units, whose cutters go on past films that are not the body's; None where it has none, or nobody knows."""
     if seen.solid is None:
         return None
-    opened = open_films(program, seen.solid.scale((1 / frame.scale,) * 3).translate(frame.center), deadline)
+    solid = seen.solid.scale((1 / frame.scale, 1 / frame.scale, 1 / frame.scale)).translate(frame.center)
+    opened = open_films(program, solid, deadline)
     return None if opened is program else opened
 
 

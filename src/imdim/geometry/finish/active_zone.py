@@ -31,8 +31,8 @@ def matters(program: Program, placed: list[PosedPrimitive], index: int, region: 
 
 
 def matters_at(program: Program, placed: list[PosedPrimitive], index: int, points: np.ndarray, held: bool = False) -> np.ndarray:
-    """Whether the program's solid depends at `points` [n, 3] on primitive `index`, bool [n]; the others are taken by their true surfaces, or
-    by those that their polyhedra have at least (`held`)."""
+    """Whether the program's solid depends at `points` [n, 3] on primitive `index`, bool [n]; the others are taken by their true surfaces,
+    or by those that their polyhedra have at least (`held`)."""
     size, k = diagonal(placed), int(held)
     kinds = np.array([KINDS.index(part.leaf.kind) for part in placed])
     kinds[index] = KINDS.index("sphere")

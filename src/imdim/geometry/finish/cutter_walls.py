@@ -22,7 +22,7 @@ from manifold3d import Manifold
 
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.active_zone import matters_at, probes, zone_within
-from imdim.geometry.finish.extend import Face, between, beyond, length, plane_faces, within
+from imdim.geometry.finish.extend import Face, between, length, plane_faces, within
 from imdim.geometry.finish.posed import PosedPrimitive
 from imdim.geometry.solid import exact_rotation
 from imdim.program.ellipse import Ellipse
@@ -57,7 +57,8 @@ ACROSS, ALONG, ABOUT = (
 LEANING = 0.3  # least cosine between a line that is prolonged and the way out
 OWN = 0.1  # of what a move takes away: the share that may be the target's, whose facets lie inside its curves
 NOTHING = 1e-6  # of the target's volume
-INSIDE = (0.05, 0.2, 0.5)  # of FILM, out of a wall: where a film shows
+SHOWS = 2e-3  # of the target's surface: the two sides of a film that is worth more curves
+INSIDE = (1e-3, 1e-2, 0.05, 0.2, 0.5)  # of FILM, out of a wall: where a film shows
 MORE_CURVES = 2  # that opening a film may take
 
 
@@ -93,7 +94,8 @@ class _Judge:
         return _Judge(solid, solid.volume(), size, 10.0 ** math.floor(math.log10(REACH * size)))
 
     def allows(self, program: Program, i: int, leaf: Primitive) -> bool:
-        """Whether `leaf` may take the place of cutter `i`: it takes away what that does, and beyond it nothing that is the target's."""
+        """Whether `leaf` may take the place of cutter `i`: it takes away what that does, and beyond it nothing that is the target's. One of
+        more curves has to open a film that shows."""
         placed = [PosedPrimitive(p) for p in leaves(program)]
         old, new = placed[i], PosedPrimitive(leaf)
         if (old.solid - new.solid).volume() > NOTHING * self.volume:
@@ -101,31 +103,33 @@ class _Judge:
         further = new.solid - old.solid
         zone = zone_within(program, placed, i, new, further)
         gone = zone if isinstance(zone, Manifold) else further if zone else Manifold()
+        if _curves(leaf) > _curves(old.leaf) and gone.surface_area() < SHOWS * self.solid.surface_area():
+            return False
         return (gone ^ self.solid).volume() <= max(OWN * gone.volume(), NOTHING * self.volume)
 
 
+def _curves(leaf: Primitive) -> int:
+    return 0 if leaf.outline is None else leaf.outline.curve_count
+
+
 def _open_ends(program: Program, i: int, judge: _Judge) -> Program:
-    """With the plane ends of cutter `i` that a film parts from the open moved past it."""
+    """With the plane ends of cutter `i` that a film parts from the open moved past it; ends that only meet a face are for `overshoot`."""
     for face in plane_faces(list(leaves(program))[i]):
-        if _ends_at_film(program, i, face, judge):
-            leaf = list(leaves(program))[i]
-            further = between(leaf, face, -length(leaf, face), judge.step)
-            if judge.allows(program, i, further):
-                program = _with(program, i, further)
+        leaf = list(leaves(program))[i]
+        if length(leaf, face) < 4 * FILM * judge.size:
+            continue
+        further = between(leaf, face, -length(leaf, face), judge.step)
+        if any(_look_beyond(program, i, [_end(leaf, face, judge)], judge).film) and judge.allows(program, i, further):
+            program = _with(program, i, further)
     return program
 
 
-def _ends_at_film(program: Program, i: int, face: Face, judge: _Judge) -> bool:
-    """Whether cutter `i` would change something before its end as far as a film goes, and nothing beyond; and does behind it."""
-    leaf, placed = list(leaves(program))[i], [PosedPrimitive(p) for p in leaves(program)]
-    film, behind = FILM * judge.size, BEHIND * judge.size
-
-    def shows(region: Primitive) -> bool:
-        return bool(matters_at(program, placed, i, probes(region)).any())
-
-    if length(leaf, face) < 4 * film or not shows(within(leaf, face, behind)):
-        return False
-    return shows(beyond(leaf, face, INSIDE[0] * film, film)) and not shows(beyond(leaf, face, film, judge.step))
+def _end(leaf: Primitive, face: Face, judge: _Judge) -> _Wall:
+    """Points of a plane end."""
+    out = face[1] * exact_rotation(leaf)[:, face[0]]
+    points = probes(within(leaf, face, BEHIND * judge.size))
+    top = leaf.center @ out + length(leaf, face) / 2
+    return _Wall(points + (top - points @ out)[:, None] * out, np.repeat(out[None], len(points), axis=0))
 
 
 def _open_walls(program: Program, i: int, judge: _Judge) -> Program:
@@ -147,7 +151,8 @@ def _open_wall(program: Program, i: int, k: int, judge: _Judge) -> Program:
     assert leaf.outline is not None
     ring = orient_loops(leaf.outline.loops)[k]
     assert not isinstance(ring, Ellipse)
-    for wider in _wider(ring, _look_beyond(program, i, ring_curves(ring), judge), judge.step):
+    seen = _look_beyond(program, i, [_wall(leaf, curve) for curve in ring_curves(ring)], judge)
+    for wider in _wider(ring, seen, judge.step):
         redrawn = _redrawn(leaf, k, wider)
         if redrawn is not None and judge.allows(program, i, redrawn):
             return _with(program, i, redrawn)
@@ -159,47 +164,56 @@ def _with(program: Program, i: int, leaf: Primitive) -> Program:
 
 
 @dataclass(frozen=True)
+class _Wall:
+    """Points [n, 3] of a wall or an end of a cutter, and the normals `out` [n, 3] of it there."""
+
+    points: np.ndarray
+    out: np.ndarray
+
+
+@dataclass(frozen=True)
 class _Seen:
-    """For each curve of a loop whether it is `free`, whether it is free and `needed`, and whether it is both and a `film` is before it."""
+    """For each wall whether it is `free`, whether it is free and `needed`, and whether it is both and a `film` is before it."""
 
     free: tuple[bool, ...]
     needed: tuple[bool, ...]
     film: tuple[bool, ...]
 
 
-def _look_beyond(program: Program, i: int, curves: Sequence[Curve], judge: _Judge) -> _Seen:
-    """What points tell of the walls over curves of cutter `i`."""
-    leaf, placed = list(leaves(program))[i], [PosedPrimitive(p) for p in leaves(program)]
-    rotation = exact_rotation(leaf)
-    walls = [_wall(leaf, curve) for curve in curves]
+def _look_beyond(program: Program, i: int, walls: Sequence[_Wall], judge: _Judge) -> _Seen:
+    """What points tell of walls of cutter `i`."""
+    placed = [PosedPrimitive(p) for p in leaves(program)]
 
     def matters(which: Sequence[int], out: float) -> list[int]:
         """Those of the walls so far out of which the cutter would matter."""
         if not which:
             return []
-        points = np.concatenate([walls[k][0] + out * walls[k][1] for k in which]) @ rotation.T + leaf.center
-        found = matters_at(program, placed, i, points).reshape(len(which), -1).any(1)
-        return [k for k, shows in zip(which, found.tolist(), strict=True) if shows]
+        found = matters_at(program, placed, i, np.concatenate([walls[k].points + out * walls[k].out for k in which]))
+        ends = np.cumsum([len(walls[k].points) for k in which])[:-1]
+        return [k for k, shows in zip(which, np.split(found, ends), strict=True) if shows.any()]
 
-    free = list(range(len(curves)))
+    free = list(range(len(walls)))
     for out in np.linspace(FILM * judge.size, judge.step, STEPS).tolist():
         stuck = matters(free, out)
         free = [k for k in free if k not in stuck]
     needed = matters(free, -BEHIND * judge.size)
     film = {k for share in INSIDE for k in matters(needed, share * FILM * judge.size)}
-    numbers = range(len(curves))
+    numbers = range(len(walls))
     return _Seen(tuple(k in free for k in numbers), tuple(k in needed for k in numbers), tuple(k in film for k in numbers))
 
 
-def _wall(leaf: Primitive, curve: Curve) -> tuple[np.ndarray, np.ndarray]:
-    """Points [n, 3] of the wall over a curve, in the local frame, and the outward normals [n, 3] there."""
+def _wall(leaf: Primitive, curve: Curve) -> _Wall:
+    """Points of the wall over a curve of an outlined leaf."""
     flat, out = _along(curve)
     if leaf.kind == "extrude":
-        levels = leaf.size[0] * ((np.arange(ALONG) + 0.5) / ALONG - 0.5)
-        points = [np.column_stack([flat, np.full(len(flat), z)]) for z in levels]
-        return np.concatenate(points), np.concatenate([np.column_stack([out, np.zeros(len(out))])] * ALONG)
-    turns = np.radians(leaf.size[0]) * (np.arange(ABOUT) + 0.5) / ABOUT
-    return _turn(flat, turns), _turn(out, turns)
+        levels = np.repeat(leaf.size[0] * ((np.arange(ALONG) + 0.5) / ALONG - 0.5), ACROSS)
+        points = np.column_stack([np.tile(flat, (ALONG, 1)), levels])
+        normals = np.column_stack([np.tile(out, (ALONG, 1)), np.zeros(len(levels))])
+    else:
+        turns = np.radians(leaf.size[0]) * (np.arange(ABOUT) + 0.5) / ABOUT
+        points, normals = _turn(flat, turns), _turn(out, turns)
+    rotation = exact_rotation(leaf)
+    return _Wall(points @ rotation.T + leaf.center, normals @ rotation.T)
 
 
 def _turn(flat: np.ndarray, turns: np.ndarray) -> np.ndarray:
