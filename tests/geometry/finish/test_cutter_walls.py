@@ -20,7 +20,7 @@ HAIR = 0.01  # by which a cutter is too short, of parts some 50 long
 STADIUM = Outline((((-20.0, -10.0, 0.0), (20.0, -10.0, 1.0), (20.0, 10.0, 0.0), (-20.0, 10.0, 1.0)),))
 
 
-def cut(body: Primitive, cutter: Primitive) -> Program:
+def cut(body: Program, cutter: Primitive) -> Program:
     return Combine("difference", body, cutter)
 
 
