@@ -4,11 +4,14 @@ carriers over them needs: tolerances, and which facets are free with their smoot
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import trimesh
 from numba import njit
 from scipy.sparse import csr_array
+
+FEW = 64  # facets, of which each is looked up by itself
 
 
 @dataclass(frozen=True)
@@ -28,8 +31,22 @@ class Facets:
     angles: np.ndarray
     diagonal: float
 
+    @cached_property
+    def _by_facet(self) -> tuple[np.ndarray, np.ndarray]:
+        """The triangles [f] facet after facet, and where each facet's begin [u + 1]."""
+        return np.argsort(self.facet_of, kind="stable"), np.cumsum(np.append(0, np.bincount(self.facet_of, minlength=len(self.areas))))
+
+    @cached_property
+    def distinct(self) -> tuple[np.ndarray, np.ndarray]:
+        """The distinct corners [v, 3], in order, and for each triangle [f, 3] their numbers."""
+        points, place = np.unique(self.corners.reshape(-1, 3), axis=0, return_inverse=True)
+        return points, place.reshape(-1, 3)
+
     def triangles(self, facets: np.ndarray) -> np.ndarray:
         """Indices of the triangles of the given facets."""
+        if len(facets) < FEW:
+            order, starts = self._by_facet
+            return np.sort(np.concatenate([order[starts[i] : starts[i + 1]] for i in set(facets.tolist())] or [order[:0]]))
         chosen = np.zeros(len(self.areas), bool)
         chosen[facets] = True
         return np.flatnonzero(chosen[self.facet_of])
@@ -117,5 +134,6 @@ class Growing:
 
 
 def points_of(facets: Facets, chosen: np.ndarray) -> np.ndarray:
-    """Distinct corners [n, 3] of the chosen facets."""
-    return np.unique(facets.corners[facets.triangles(chosen)].reshape(-1, 3), axis=0)
+    """Distinct corners [n, 3] of the chosen facets, in order."""
+    points, place = facets.distinct
+    return points[np.unique(place[facets.triangles(chosen)])]

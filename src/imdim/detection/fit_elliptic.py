@@ -8,6 +8,7 @@ import numpy as np
 
 from imdim.detection.facets import Growing, points_of
 from imdim.detection.fit_ellipsoid import DRAWN, lies_on
+from imdim.detection.fit_start import cross
 from imdim.geometry.surface import Surface, make_elliptic, unit, vec
 
 ALONG, NEAR_AXIS = 0.01, 0.03  # sine, by which normals may leave the plane across an axis: one that they share, one that two of them have
@@ -24,7 +25,7 @@ def elliptic_guesses(seed: int, near: list[int], state: Growing) -> list[Surface
     facets, out = state.facets, list[Surface]()
     axes: list[np.ndarray] = []
     for other in near:
-        axis = unit(np.cross(facets.normals[seed], facets.normals[other]))
+        axis = unit(cross(facets.normals[seed], facets.normals[other]))
         if len(axes) < MOST_AXES and not any(abs(axis @ known) > SAME_AXIS for known in axes):
             axes.append(axis)
     for axis in axes:

@@ -12,6 +12,8 @@ from imdim.geometry.axes import half_sphere
 from imdim.geometry.rows import dot_rows
 from imdim.geometry.surface import Surface
 
+_UNIT = np.eye(3)
+
 
 def starts(kind: str, points: np.ndarray, normals: np.ndarray | None) -> list[Surface]:
     """One or more guesses of a sphere, cylinder, cone, torus or ellipsoid through `points` [n, 3], best unknown.
@@ -66,13 +68,13 @@ def _sphere(points: np.ndarray) -> Surface:
 
 
 def basis(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    seed = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    u = _cross(axis, seed)
-    u /= np.linalg.norm(u)
-    return u, _cross(axis, u)
+    """Two unit vectors [3] across an axis [3]."""
+    u = cross(axis, _UNIT[int(np.abs(axis).argmin())])
+    u /= math.sqrt(u @ u)
+    return u, cross(axis, u)
 
 
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Of two vectors [3]; np.cross takes most of a fit's time to sort out its axes."""
     (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -34,6 +35,11 @@ class _SurfaceState:
     axis: np.ndarray
     sizes: np.ndarray
     frame: np.ndarray = field(default_factory=lambda: np.eye(3))
+
+    @cached_property
+    def across(self) -> tuple[np.ndarray, np.ndarray]:
+        """Two unit vectors [3] across the axis."""
+        return basis(self.axis)
 
 
 def fit_surface(
@@ -180,9 +186,11 @@ def _descend(
             jacobian[:, frozen] = 0.0
         weighted = jacobian * weight[:, None]
         normal, slope = weighted.T @ jacobian, weighted.T @ distance
-        if np.abs(slope).max(initial=0.0) < 1e-14 * len(local):
+        if np.abs(slope).max() < 1e-14 * len(local):
             break
-        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-9 * (1 + np.trace(normal))), -slope)
+        damped, size = normal.copy(), normal.diagonal()
+        damped.ravel()[:: len(slope) + 1] += damping * (size + 1e-9 * (1 + size.sum()))
+        step = np.linalg.solve(damped, -slope)
         trial = _move(state, step)
         new_distance, new_jacobian = _residual(trial, local)
         new_cost = _loss(new_distance, scale)
@@ -212,10 +220,10 @@ def _move(state: _SurfaceState, step: np.ndarray) -> _SurfaceState:
     if state.kind in FRAMED:
         point, frame, sizes = move_ellipsoid(state.point, state.frame, state.sizes, step)
         return _SurfaceState(state.kind, point, frame[:, 2], sizes, frame)
-    u, v = basis(state.axis)
+    u, v = state.across
     point = state.point + step[0] * u + step[1] * v
     axis = state.axis + step[2] * u + step[3] * v
-    axis /= np.linalg.norm(axis)
+    axis /= math.sqrt(axis @ axis)
     if state.kind == "torus":
         return _SurfaceState("torus", point + step[4] * state.axis, axis, state.sizes + step[5:])
     return _SurfaceState(state.kind, point, axis, state.sizes + step[4:])
@@ -229,21 +237,29 @@ def _residual(state: _SurfaceState, local: np.ndarray) -> tuple[np.ndarray, np.n
     if state.kind == "sphere":
         length = lengths(q)
         return length - state.sizes[0], np.column_stack([-q / np.maximum(length, 1e-12)[:, None], -np.ones(len(q))])
-    u, v = basis(state.axis)
+    u, v = state.across
     qu, qv, h = q @ u, q @ v, q @ state.axis
     rho = np.hypot(qu, qv)
-    ru, rv = qu / np.maximum(rho, 1e-12), qv / np.maximum(rho, 1e-12)
-    one = np.ones(len(q))
+    least = np.maximum(rho, 1e-12)
+    ru, rv = qu / least, qv / least
     if state.kind == "cylinder":
-        return rho - state.sizes[0], np.column_stack([-ru, -rv, -h * ru, -h * rv, -one])
+        return rho - state.sizes[0], _columns(-ru, -rv, -h * ru, -h * rv, -1.0)
     if state.kind == "cone":
         radius, angle = state.sizes
         c, s = math.cos(angle), math.sin(angle)
         turn = -(h * c + rho * s)
-        jacobian = np.column_stack([-ru * c, -rv * c, turn * ru, turn * rv, -c * one, -(rho - radius) * s - h * c])
-        return (rho - radius) * c - h * s, jacobian
+        return (rho - radius) * c - h * s, _columns(-ru * c, -rv * c, turn * ru, turn * rv, -c, -(rho - radius) * s - h * c)
     out = rho - state.sizes[0]
     length = np.hypot(out, h)
-    g, k = out / np.maximum(length, 1e-12), h / np.maximum(length, 1e-12)
+    least = np.maximum(length, 1e-12)
+    g, k = out / least, h / least
     turn = k * rho - g * h
-    return length - state.sizes[1], np.column_stack([-g * ru, -g * rv, turn * ru, turn * rv, -k, -g, -one])
+    return length - state.sizes[1], _columns(-g * ru, -g * rv, turn * ru, turn * rv, -k, -g, -1.0)
+
+
+def _columns(first: np.ndarray, *others: np.ndarray | float) -> np.ndarray:
+    """Columns [n] side by side, numbers in all their rows."""
+    out = np.empty((len(first), 1 + len(others)))
+    for k, column in enumerate((first, *others)):
+        out[:, k] = column
+    return out

@@ -134,14 +134,16 @@ def _placed(points: np.ndarray, faces: Sequence[Surface], reach: np.ndarray, tol
 def _other_planes(mesh: trimesh.Trimesh, of_blend: np.ndarray, carriers: dict[int, dict[Surface, None]]) -> Iterator[tuple[int, Surface]]:
     """The planes of flat faces in which a vertex of a blend lies too, where these are none of its blends' sides: where a chain ends."""
     others = np.flatnonzero(~of_blend & np.isin(mesh.faces, list(carriers)).any(axis=1))
+    # each look at an array of the mesh asks whether it has changed
+    corners, faces, facing = np.asarray(mesh.vertices), np.asarray(mesh.faces), np.asarray(mesh.face_normals)
     for t in others:
-        normal, point = mesh.face_normals[t], mesh.triangles[t].mean(0)
-        for vertex in mesh.faces[t]:
-            faces = carriers.get(int(vertex))
-            if faces is None:
+        normal, point = facing[t], corners[faces[t]].mean(0)
+        for vertex in faces[t]:
+            beside = carriers.get(int(vertex))
+            if beside is None:
                 continue
-            at = mesh.vertices[vertex][None]
-            along = [abs(float(normals(f, at)[0] @ normal)) for f in faces]
+            at = corners[vertex][None]
+            along = [abs(float(normals(f, at)[0] @ normal)) for f in beside]
             if max(along) < 0.95:
                 yield int(vertex), Surface("plane", tuple(point.tolist()), tuple(normal.tolist()))
 

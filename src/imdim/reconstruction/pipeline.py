@@ -424,8 +424,9 @@ def _finish_state(last: _BodyState, others: Sequence[Program], seen: Observation
 
 
 def _guess(body: UnitBody, work: _Work, share: float, cut: bool) -> tuple[MethodStep, tuple[Constraint, ...]] | None:
-    """A program of a cloud from its points alone, and its relations; of a calm one only where time `cut` its detection short."""
-    if not (cut or work.guesses):
+    """A program of a cloud from its points alone, and its relations; of a calm one only where time `cut` its detection short. None of a
+    mesh, for which the policy need not be loaded."""
+    if body.target.mesh is not None or not (cut or work.guesses):
         return None
     asked = work.guesses and (work.settings.method == "policy" or time_to_propose(work.budget))
     told = reconstruct_unlabelled(
