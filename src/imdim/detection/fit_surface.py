@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -178,21 +179,17 @@ def _descend(
 ) -> tuple[_SurfaceState, float]:
     """Levenberg-Marquardt; the weights are renewed after every accepted step."""
     damping = 1e-3
-    distance, jacobian = _residual(state, local)
+    distance, slopes = _residual(state, local)
     weight = _tukey(distance, scale)
     cost = _loss(distance, scale)
+    normal, slope = _equations(distance, slopes(), weight, () if state.kind == "sphere" else frozen)
     for _ in range(iterations):
-        if state.kind != "sphere":
-            jacobian[:, frozen] = 0.0
-        weighted = jacobian * weight[:, None]
-        normal, slope = weighted.T @ jacobian, weighted.T @ distance
         if np.abs(slope).max() < 1e-14 * len(local):
             break
         damped, size = normal.copy(), normal.diagonal()
         damped.ravel()[:: len(slope) + 1] += damping * (size + 1e-9 * (1 + size.sum()))
-        step = np.linalg.solve(damped, -slope)
-        trial = _move(state, step)
-        new_distance, new_jacobian = _residual(trial, local)
+        trial = _move(state, np.linalg.solve(damped, -slope))
+        new_distance, slopes = _residual(trial, local)
         new_cost = _loss(new_distance, scale)
         if not new_cost < cost:
             damping *= 8
@@ -200,12 +197,20 @@ def _descend(
                 break
             continue
         gain = cost - new_cost
-        state, distance, jacobian, cost = trial, new_distance, new_jacobian, new_cost
+        state, distance, cost = trial, new_distance, new_cost
         weight = _tukey(distance, scale)
         damping = max(damping / 6, 1e-12)
         if gain < 1e-11 * cost:
             break
+        normal, slope = _equations(distance, slopes(), weight, () if state.kind == "sphere" else frozen)
     return state, _rms(distance, weight)
+
+
+def _equations(distance: np.ndarray, jacobian: np.ndarray, weight: np.ndarray, frozen: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """The normal equations of a step, [p, p] and [p], without the columns that are `frozen`."""
+    jacobian[:, frozen] = 0.0
+    weighted = jacobian * weight[:, None]
+    return weighted.T @ jacobian, weighted.T @ distance
 
 
 def _loss(distance: np.ndarray, scale: float | None) -> float:
@@ -229,32 +234,44 @@ def _move(state: _SurfaceState, step: np.ndarray) -> _SurfaceState:
     return _SurfaceState(state.kind, point, axis, state.sizes + step[4:])
 
 
-def _residual(state: _SurfaceState, local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Signed distances [n] and their derivatives [n, p] with respect to the step of `_move`."""
+def _residual(state: _SurfaceState, local: np.ndarray) -> tuple[np.ndarray, Callable[[], np.ndarray]]:
+    """Signed distances [n], and what gives their derivatives [n, p] with respect to the step of `_move`: a step that is refused needs
+    none."""
     if state.kind in FRAMED:
-        return ellipsoid_residual(state.point, state.frame, state.sizes, local)
+        distance, jacobian = ellipsoid_residual(state.point, state.frame, state.sizes, local)
+        return distance, lambda: jacobian
     q = local - state.point
     if state.kind == "sphere":
         length = lengths(q)
-        return length - state.sizes[0], np.column_stack([-q / np.maximum(length, 1e-12)[:, None], -np.ones(len(q))])
+        return length - state.sizes[0], lambda: np.column_stack([-q / np.maximum(length, 1e-12)[:, None], -np.ones(len(q))])
     u, v = state.across
     qu, qv, h = q @ u, q @ v, q @ state.axis
     rho = np.hypot(qu, qv)
+    if state.kind == "cylinder":
+        distance = rho - state.sizes[0]
+    elif state.kind == "cone":
+        distance = (rho - state.sizes[0]) * math.cos(state.sizes[1]) - h * math.sin(state.sizes[1])
+    else:
+        distance = np.hypot(rho - state.sizes[0], h) - state.sizes[1]
+    return distance, lambda: _slopes(state, qu, qv, h, rho)
+
+
+def _slopes(state: _SurfaceState, qu: np.ndarray, qv: np.ndarray, h: np.ndarray, rho: np.ndarray) -> np.ndarray:
+    """Derivatives [n, p] of a cylinder's, a cone's or a torus's distances, by coordinates across and along the axis, and the radius [n]."""
     least = np.maximum(rho, 1e-12)
     ru, rv = qu / least, qv / least
     if state.kind == "cylinder":
-        return rho - state.sizes[0], _columns(-ru, -rv, -h * ru, -h * rv, -1.0)
+        return _columns(-ru, -rv, -h * ru, -h * rv, -1.0)
     if state.kind == "cone":
         radius, angle = state.sizes
         c, s = math.cos(angle), math.sin(angle)
         turn = -(h * c + rho * s)
-        return (rho - radius) * c - h * s, _columns(-ru * c, -rv * c, turn * ru, turn * rv, -c, -(rho - radius) * s - h * c)
+        return _columns(-ru * c, -rv * c, turn * ru, turn * rv, -c, -(rho - radius) * s - h * c)
     out = rho - state.sizes[0]
-    length = np.hypot(out, h)
-    least = np.maximum(length, 1e-12)
+    least = np.maximum(np.hypot(out, h), 1e-12)
     g, k = out / least, h / least
     turn = k * rho - g * h
-    return length - state.sizes[1], _columns(-g * ru, -g * rv, turn * ru, turn * rv, -k, -g, -1.0)
+    return _columns(-g * ru, -g * rv, turn * ru, turn * rv, -k, -g, -1.0)
 
 
 def _columns(first: np.ndarray, *others: np.ndarray | float) -> np.ndarray:
