@@ -14,6 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy.spatial import KDTree
 
 from imdim.export.verdict_colours import COLOURS, VERDICTS, ColouredTarget
+from imdim.geometry.rows import dot_rows
 from imdim.geometry.triangles import TriangleTree, distances, triangle_tree
 from imdim.target.target import Target
 
@@ -114,28 +115,39 @@ def _camera(points: np.ndarray, pixels: int = PANEL * SUPERSAMPLE) -> Camera:
 
 
 def _shoot_mesh(mesh: trimesh.Trimesh, camera: Camera) -> Shot:
-    rows, columns = np.mgrid[0 : camera.pixels, 0 : camera.pixels].reshape(2, -1)
     half = camera.pixels / 2
     # embree works in single precision: cast in pixel units around the origin
     local = trimesh.Trimesh((mesh.vertices - camera.center) @ camera.axes.T * camera.scale, mesh.faces, process=False)
+    rows, columns = _pixels_of(np.asarray(local.vertices), camera.pixels)
     above = float(local.vertices[:, 2].max()) + 10.0
     origins = np.column_stack([columns + 0.5 - half, half - rows - 0.5, np.full(len(rows), above)])
     hit = np.asarray(local.ray.intersects_first(origins, np.broadcast_to([0.0, 0.0, -1.0], origins.shape)))
-    seen = (hit >= 0).reshape(camera.pixels, camera.pixels)
-    face = hit[hit >= 0]
-    flat = _drop_rays(origins[hit >= 0], local, face)
+    met = hit >= 0
+    seen = np.zeros((camera.pixels, camera.pixels), bool)
+    seen[rows[met], columns[met]] = True
+    face = hit[met]
+    flat = _drop_rays(origins[met], local, face)
     normals = local.face_normals[face]
     points = flat / camera.scale @ camera.axes + camera.center
     return Shot(seen, points, _facing(normals) @ camera.axes, _creases(seen, normals, flat[:, 2]), face)
 
 
+def _pixels_of(vertices: np.ndarray, pixels: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns [k] of the pixels in the box of projected vertices [n, 3], row after row: rays through others meet nothing."""
+    (left, low), (right, high) = vertices[:, :2].min(0) + pixels / 2, vertices[:, :2].max(0) + pixels / 2
+    ends = [(pixels - high, pixels - low), (left, right)]
+    (first, last), (begin, end) = ((max(int(a) - 2, 0), min(int(b) + 3, pixels)) for a, b in ends)
+    rows, columns = np.mgrid[first:last, begin:end].reshape(2, -1)
+    return rows, columns
+
+
 def _drop_rays(origins: np.ndarray, local: trimesh.Trimesh, face: np.ndarray) -> np.ndarray:
     """The points [k, 3] of the faces right below `origins`; within the face's range of z where it stands almost upright."""
-    corners = np.asarray(local.vertices)[local.faces[face]]
-    normals = local.face_normals[face]
-    steep = np.where(np.abs(normals[:, 2]) < 1e-6, 1e-6, normals[:, 2])
-    z = corners[:, 0, 2] - ((origins[:, :2] - corners[:, 0, :2]) * normals[:, :2]).sum(axis=1) / steep
-    return np.column_stack([origins[:, :2], np.clip(z, corners[:, :, 2].min(axis=1), corners[:, :, 2].max(axis=1))])
+    corners, facing = np.asarray(local.vertices)[local.faces], np.asarray(local.face_normals)
+    first, depth = corners[:, 0], corners[:, :, 2]
+    steep = np.where(np.abs(facing[:, 2]) < 1e-6, 1e-6, facing[:, 2])
+    z = first[face, 2] - ((origins[:, :2] - first[face, :2]) * facing[face, :2]).sum(axis=1) / steep[face]
+    return np.column_stack([origins[:, :2], np.clip(z, depth.min(axis=1)[face], depth.max(axis=1)[face])])
 
 
 def _facing(normals: np.ndarray) -> np.ndarray:
@@ -149,7 +161,7 @@ def _creases(seen: np.ndarray, normals: np.ndarray, depth: np.ndarray) -> np.nda
     full_normals[seen], full_depth[seen] = normals, depth
     rim = np.zeros(seen.shape, bool)
     for axis in (0, 1):
-        bend = (full_normals * np.roll(full_normals, 1, axis)).sum(axis=2) < CREASE_COSINE
+        bend = dot_rows(full_normals, np.roll(full_normals, 1, axis)) < CREASE_COSINE
         jump = np.abs(full_depth - np.roll(full_depth, 1, axis)) > 12.0
         rim |= bend | jump
     return rim[seen]
