@@ -10,10 +10,9 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import trimesh
 from manifold3d import Manifold
 from scipy.spatial import KDTree
 
@@ -23,6 +22,9 @@ from imdim.geometry.solid import SEGMENTS, surface_with_owners, to_manifold
 from imdim.program.edges import EdgeFeature, EdgeKind
 from imdim.program.outline import Outline, Vertex
 from imdim.program.tree import FULL_TURN, Combine, Primitive, Program, Vec3, combine_all, leaves
+
+if TYPE_CHECKING:
+    import trimesh
 
 BEYOND = 0.25  # of a blend's size, by which its section goes past the two faces, so that no skin stays
 GO_ON = 2.0  # times its size, by which a blend goes on where its edge ends in the air

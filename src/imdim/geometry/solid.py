@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from manifold3d import CrossSection, Error, FillRule, Manifold, Mesh64, OpType
 
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.program.nary import fold_nary
 from imdim.program.outline import Outline, flatten_loop
 from imdim.program.tree import FULL_TURN, Op, Primitive, Program
+
+if TYPE_CHECKING:
+    import trimesh  # half a second, which the process that writes STEP does without
 
 SEGMENTS = 96
 
@@ -114,6 +117,8 @@ def to_trimesh(solid: Manifold) -> trimesh.Trimesh:
 
 
 def _trimesh(mesh: Mesh64) -> trimesh.Trimesh:
+    import trimesh
+
     return trimesh.Trimesh(np.array(mesh.vert_properties, np.float64)[:, :3], np.array(mesh.tri_verts, np.int64), process=False)
 
 
