@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import groupby
 
 import numpy as np
@@ -96,7 +97,7 @@ class _Judge:
     def allows(self, program: Program, i: int, leaf: Primitive) -> bool:
         """Whether `leaf` may take the place of cutter `i`: it takes away what that does, and beyond it nothing that is the target's. One of
         more curves has to open a film that shows."""
-        placed = [PosedPrimitive(p) for p in leaves(program)]
+        placed = _posed(program)
         old, new = placed[i], PosedPrimitive(leaf)
         if (old.solid - new.solid).volume() > NOTHING * self.volume:
             return False
@@ -159,6 +160,12 @@ def _open_wall(program: Program, i: int, k: int, judge: _Judge) -> Program:
     return program
 
 
+@lru_cache(maxsize=2)
+def _posed(program: Program) -> list[PosedPrimitive]:
+    """The leaves in their places, which every wall asks for."""
+    return [PosedPrimitive(leaf) for leaf in leaves(program)]
+
+
 def _with(program: Program, i: int, leaf: Primitive) -> Program:
     return map_leaves(program, lambda j, p: leaf if j == i else p)
 
@@ -182,7 +189,7 @@ class _Seen:
 
 def _look_beyond(program: Program, i: int, walls: Sequence[_Wall], judge: _Judge) -> _Seen:
     """What points tell of walls of cutter `i`."""
-    placed = [PosedPrimitive(p) for p in leaves(program)]
+    placed = _posed(program)
 
     def matters(which: Sequence[int], out: float) -> list[int]:
         """Those of the walls so far out of which the cutter would matter."""
