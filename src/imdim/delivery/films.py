@@ -19,7 +19,7 @@ from imdim.target.target import Target
 
 FAR = 5.0  # of FILM: what lies no farther from the target stands for something of it
 SAMPLES = 4000  # points of a solid's surface
-LEAST = 1e-3  # share of the surface
+LEAST = 2.5e-3  # share of the surface: tips of wedges are thin too
 DEPTHS = 24  # steps in which a film's thickness is measured, each 3/4 of the one before
 
 
