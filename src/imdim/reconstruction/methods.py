@@ -6,6 +6,7 @@ fitting and rounding come after it and are the same for all (`pipeline`).
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -19,6 +20,7 @@ from imdim.deadline import Deadline
 from imdim.geometry.solid import to_manifold, volume
 from imdim.program.cost import count
 from imdim.program.front import Choice
+from imdim.program.rewrite.rims import separate_rims
 from imdim.program.rewrite.separation import hoist_cuts, separate_loops, straighten
 from imdim.program.rewrite.simplify import reduce_program
 from imdim.program.tree import Primitive, Program, leaves
@@ -27,7 +29,7 @@ from imdim.reconstruction.config import Settings
 from imdim.reconstruction.evolution import evolve_observation, log_generations, seeds_of
 from imdim.reconstruction.fitting import POOR
 from imdim.reconstruction.observation import SAMPLES, Observation
-from imdim.reconstruction.plain_program import is_plainer, may_be_plain
+from imdim.reconstruction.plain_program import SAME, is_plainer, may_be_plain
 from imdim.reconstruction.policy_beam import misfit, proposals
 from imdim.reconstruction.proof import Proofs
 from imdim.search.counterexamples import Sharpener, transfer
@@ -109,7 +111,7 @@ def auto(run: Run) -> Iterator[MethodStep]:
     # what has blends stays drawn: their edges lie between the walls of one drawing, and not between faces of many features
     if best is None or run.settings.objective == "primitives" or run.blended or not run.seen.evidence.exact:
         return
-    for source in (_separate, _search_primitives):
+    for source in (_separate, _separate_rims, _search_primitives):
         plain = source(run, best)
         if plain is not None and is_plainer(plain.program, best.program, run.seen):
             best = replace(plain, others=(*best.others, best.program, *plain.others))
@@ -120,7 +122,13 @@ def _separate(run: Run, drawn: MethodStep) -> MethodStep | None:
     """The same with holes and islands of drawings as features of their own, and boxes for what looks like one from outside."""
     if not has_outlines(drawn.program):
         return None
-    deadline, solid = run.budget.end_of("search"), to_manifold(drawn.program)
+    deadline = run.budget.end_of("search")
+    return replace(drawn, program=_lay_bare(separate_loops(drawn.program), drawn.program, deadline))
+
+
+def _lay_bare(apart: Program, drawn: Program, deadline: Deadline) -> Program:
+    """A program that was taken `apart` with its cuts behind its body, and with boxes for what looks like one from outside of what is `drawn`."""
+    solid = to_manifold(drawn)
     nothing = NOTHING * solid.volume()
 
     def is_free(cut: Program) -> bool:
@@ -133,8 +141,22 @@ def _separate(run: Run, drawn: MethodStep) -> MethodStep | None:
         filled = (more ^ solid).volume()
         return min(filled, more.volume() - filled) < HIDDEN * solid.volume()
 
-    apart = reduce_program(hoist_cuts(separate_loops(drawn.program), is_free), deadline)
-    return replace(drawn, program=straighten(apart, may_hide, volume, HIDDEN * solid.volume()))
+    return straighten(reduce_program(hoist_cuts(apart, is_free), deadline), may_hide, volume, HIDDEN * solid.volume())
+
+
+def _separate_rims(run: Run, best: MethodStep) -> MethodStep | None:
+    """The same with notches, teeth and lobes of rims as features of their own, and its loops too."""
+    if not has_outlines(best.program):
+        return None
+    deadline = run.budget.end_of("search")
+
+    def misfit(program: Program) -> float:
+        iou = None if deadline.has_passed() else run.seen.iou(program)
+        return math.inf if iou is None else 1 - iou
+
+    apart = separate_loops(best.program)
+    parted = separate_rims(apart, misfit, SAME * run.seen.size_weight)
+    return None if parted == apart else replace(best, program=_lay_bare(parted, best.program, deadline))
 
 
 def _search_primitives(run: Run, drawn: MethodStep) -> MethodStep | None:
