@@ -15,6 +15,7 @@ from imdim.geometry.lowering import lower
 from imdim.geometry.metrics import diagonal
 from imdim.geometry.sampling import subsample
 from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.numbers.circles import round_circles
 from imdim.numbers.information import Coordinates
 from imdim.numbers.measured import measure
 from imdim.numbers.measured_leaves import MeasuredLeaves
@@ -131,7 +132,7 @@ def snap_numbers(program: Program, seen: Observation, frame: Frame, deadline: De
             out = accept_changes(out, changes, _with_leaf, lambda trial: not deadline.has_passed() and bears(trial), SNAP_TRIES)
             if list(leaves(out)) == new:
                 break
-        return out
+        return round_circles(plain, out, lambda trial: not deadline.has_passed() and bears(trial))
 
     judge = _SolidJudge(to_unit(plain), seen)
     for caution in CAUTIONS:

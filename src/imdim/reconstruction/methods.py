@@ -127,7 +127,7 @@ def _separate(run: Run, drawn: MethodStep) -> MethodStep | None:
 
 
 def _lay_bare(apart: Program, drawn: Program, deadline: Deadline) -> Program:
-    """A program that was taken `apart` with its cuts behind its body, and with boxes for what looks like one from outside of what is `drawn`."""
+    """A program that was taken `apart`, its cuts behind its body and with boxes for what looks like one from outside of what is `drawn`."""
     solid = to_manifold(drawn)
     nothing = NOTHING * solid.volume()
 
@@ -155,7 +155,9 @@ def _separate_rims(run: Run, best: MethodStep) -> MethodStep | None:
         return math.inf if iou is None else 1 - iou
 
     apart = separate_loops(best.program)
-    parted = separate_rims(apart, misfit, SAME * run.seen.size_weight)
+    mesh = run.seen.target.mesh
+    corners = np.zeros((0, 3)) if mesh is None else np.asarray(mesh.vertices)
+    parted = separate_rims(apart, misfit, SAME * run.seen.size_weight, corners)
     return None if parted == apart else replace(best, program=_lay_bare(parted, best.program, deadline))
 
 

@@ -32,12 +32,14 @@ from imdim.program.outline import (
     ring_curves,
 )
 from imdim.program.plain_outlines import to_simple
+from imdim.program.rewrite.containment import axes
 from imdim.program.tree import OPS, Combine, Primitive, Program, combine_all, fold, leaves
 
 LEAST = 3  # pieces that are alike
 SLACK = 1e-3  # of a loop's extent, by which what is alike, or lies on one line or circle, may differ: facets are chords of round walls
 EVEN = 3e-4  # of it, by which pieces may be off that are then placed evenly
 ROUND = 4e-3  # of it, by which some of a circle may be off that is drawn as chords: a search is not particular about where a short one ends
+SAME = 2e-5  # of it, within which corners of a mesh are equally far away
 SQUARE = 1e-3  # of a cosine
 SUNK = 0.25  # of a box's depth, by which it goes on past a round rim
 
@@ -93,13 +95,16 @@ class _Feature:
     rings: tuple[Ring, ...]
 
 
-def separate_rims(program: Program, misfit: Callable[[Program], float], slack: float) -> Program:
+def separate_rims(program: Program, misfit: Callable[[Program], float], slack: float, corners: np.ndarray) -> Program:
     """The program with alike notches, teeth or lobes of extruded loops as features of their own, three or more of a kind, wherever its
-    `misfit` grows by no more than `slack`. The shortest of several ways is taken, and of those the one that fits best."""
+    `misfit` grows by no more than `slack`. The shortest of several ways is taken, and of those the one that fits best.
+
+    `corners` [n, 3] are those of the mesh, which lie on round walls where the middles of their facets do not; there may be none.
+    """
     tried: set[Primitive] = set()
     while (leaf := next((leaf for leaf in leaves(program) if leaf.kind == "extrude" and leaf not in tried), None)) is not None:
         tried.add(leaf)
-        trials = [_replace_leaf(program, leaf, form) for form in _forms(leaf)]
+        trials = [_replace_leaf(program, leaf, form) for form in _forms(leaf, _in_plane(leaf, corners))]
         if not trials:
             continue
         most = misfit(program) + slack
@@ -117,7 +122,13 @@ def _length(program: Program) -> int:
     return sum(1 if leaf.outline is None else 1 + leaf.outline.curve_count for leaf in leaves(program))
 
 
-def _forms(leaf: Primitive) -> Iterator[Program]:
+def _in_plane(leaf: Primitive, points: np.ndarray) -> np.ndarray:
+    """Where points [n, 3] beside an extrusion are in the plane of its outline, [m, 2]."""
+    local = (points - np.array(leaf.center)) @ np.array(axes(leaf)).T
+    return local[np.abs(local[:, 2]) <= (0.5 + SLACK) * leaf.size[0], :2]
+
+
+def _forms(leaf: Primitive, corners: np.ndarray) -> Iterator[Program]:
     """The leaf with the features of one of its loops taken off."""
     assert leaf.outline is not None
     if len(areas := regions(leaf.outline)) > 1:
@@ -132,7 +143,7 @@ def _forms(leaf: Primitive) -> Iterator[Program]:
         if isinstance(loop, Ellipse):
             continue
         others = [hole for k, hole in enumerate(holes) if k != i - 1]
-        for base, features in _ways(loop if i == 0 else reverse_ring(loop)):
+        for base, features in _ways(loop if i == 0 else reverse_ring(loop), corners):
             added, cut = ([solid(ring) for f in features if f.inward is inward for ring in f.rings] for inward in (False, True))
             if i == 0:
                 yield combine_all("difference", [combine_all("union", [solid(base, *others), *added]), *cut])
@@ -144,13 +155,13 @@ def _forms(leaf: Primitive) -> Iterator[Program]:
                 yield combine_all("difference", [solid(outer, *others), solid(base), *added])
 
 
-def _ways(ring: Ring) -> Iterator[tuple[Ring, list[_Feature]]]:
+def _ways(ring: Ring, corners: np.ndarray) -> Iterator[tuple[Ring, list[_Feature]]]:
     """A loop, counter-clockwise, as simpler ones and their features."""
     extent = max(max(axis) - min(axis) for axis in zip(*((x, y) for x, y, _ in ring), strict=True))
     slack, curves = SLACK * extent, ring_curves(ring)
     for groups in _choices(_alike(list(_pieces(ring, slack)), slack), len(ring)):
         pieces = [piece for group in groups for piece in group]
-        for base in _bases(ring, pieces, slack):
+        for base in _bases(ring, pieces, corners, slack):
             tips = [arc_middle(curves[(p.first + p.count // 2) % len(ring)]) for p in pieces]
             # what only rounds a corner is no feature
             if all(is_in_loop(base.ring, *tip) is p.inward for p, tip in zip(pieces, tips, strict=True)) and not _crosses(base.ring):
@@ -234,13 +245,13 @@ def _curves_of(piece: _Piece, n: int) -> list[int]:
 # --- what is left ----------------------------------------------------------------------------------------------------
 
 
-def _bases(ring: Ring, pieces: Sequence[_Piece], slack: float) -> Iterator[_Base]:
+def _bases(ring: Ring, pieces: Sequence[_Piece], corners: np.ndarray, slack: float) -> Iterator[_Base]:
     """Loops without the pieces: a circle that all of the rest lies on, or the rest's lines and arcs, which go on until they meet."""
     curves = ring_curves(ring)
     gone = {i: piece.first for piece in pieces for i in _curves_of(piece, len(curves))}
     kept = [i for i in range(len(curves)) if i not in gone]
     joints = {curves[i][:2] for i in range(len(curves)) if gone.get(i) is None or gone.get(i) != gone.get(i - 1 if i else len(curves) - 1)}
-    for rim in _circles(sorted(joints), [arc_middle(curves[i]) for i in kept], [piece.at for piece in pieces], slack):
+    for rim in _circles(sorted(joints), [arc_middle(curves[i]) for i in kept], [piece.at for piece in pieces], corners, slack):
         yield _Base(circle(rim.radius, *rim.center), {piece.first: rim for piece in pieces})
     closed = _close(curves, kept, slack) if len(kept) > 1 else None
     if closed is not None:
@@ -249,9 +260,11 @@ def _bases(ring: Ring, pieces: Sequence[_Piece], slack: float) -> Iterator[_Base
         yield _Base(_squared(ends, slack), {first: runs.get(k) for first, k in before.items()})
 
 
-def _circles(points: Sequence[Point], middles: Sequence[Point], hubs: Sequence[Point], slack: float) -> Iterator[_Circle]:
-    """The circles on which points lie, and the `middles` of what is between some of them: through them on average, through most, and around
-    them. Their centre is that of the circle on which the `hubs` lie, if they do."""
+def _circles(
+    points: Sequence[Point], middles: Sequence[Point], hubs: Sequence[Point], corners: np.ndarray, slack: float
+) -> Iterator[_Circle]:
+    """The circles on which points lie, and the `middles` of what is between some of them: that on which corners lie, or those through the
+    points on average, through most, and around them. Their centre is that of the circle on which the `hubs` lie, if they do."""
     if len(points) < LEAST:
         return
     center, reach = _center(hubs)
@@ -260,7 +273,13 @@ def _circles(points: Sequence[Point], middles: Sequence[Point], hubs: Sequence[P
     reach, between = _distances(points, center), _distances(middles, center)
     off = np.abs(np.concatenate([reach, between]) - np.median(reach))
     if np.median(off) <= slack and off.max() <= ROUND / SLACK * slack:
-        yield from {_Circle(center, float(radius)): None for radius in (reach.mean(), np.median(reach), reach.max())}
+        near = np.sort(_distances(corners, center))
+        near = near[np.abs(near - np.median(reach)) <= ROUND / SLACK * slack]
+        ends = np.searchsorted(near, near + SAME / SLACK * slack, side="right")
+        most = int(np.argmax(ends - np.arange(len(near)))) if len(near) else 0
+        shared = near[most : ends[most]] if len(near) else near
+        radii = (shared.mean(),) if len(shared) >= 2 * LEAST else (reach.mean(), np.median(reach), reach.max())
+        yield from {_Circle(center, float(radius)): None for radius in radii}
 
 
 def _center(points: Sequence[Point]) -> tuple[Point, np.ndarray]:
@@ -270,8 +289,8 @@ def _center(points: Sequence[Point]) -> tuple[Point, np.ndarray]:
     return (float(x), float(y)), _distances(points, (float(x), float(y)))
 
 
-def _distances(points: Sequence[Point], center: Point) -> np.ndarray:
-    return np.array([math.dist(p, center) for p in points])
+def _distances(points: Sequence[Point] | np.ndarray, center: Point) -> np.ndarray:
+    return np.linalg.norm(np.reshape(points, (-1, 2)) - center, axis=1)
 
 
 def _close(curves: Sequence[Curve], kept: Sequence[int], slack: float) -> tuple[Ring, dict[int, _Carrier]] | None:
