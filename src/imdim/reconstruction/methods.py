@@ -31,6 +31,7 @@ from imdim.reconstruction.fitting import POOR
 from imdim.reconstruction.observation import SAMPLES, Observation
 from imdim.reconstruction.plain_program import SAME, is_plainer, may_be_plain
 from imdim.reconstruction.policy_beam import misfit, proposals
+from imdim.reconstruction.preserve import is_same
 from imdim.reconstruction.proof import Proofs
 from imdim.search.counterexamples import Sharpener, transfer
 from imdim.search.evolve.population import EvolutionConfig, Generation
@@ -146,18 +147,19 @@ def _lay_bare(apart: Program, drawn: Program, deadline: Deadline) -> Program:
 
 def _separate_rims(run: Run, best: MethodStep) -> MethodStep | None:
     """The same with notches, teeth and lobes of rims as features of their own, and its loops too."""
-    if not has_outlines(best.program):
+    deadline, mesh, slack = run.budget.end_of("search"), run.seen.target.mesh, SAME * run.seen.size_weight
+    had = run.seen.iou(best.program)
+    if not has_outlines(best.program) or mesh is None or had is None:
         return None
-    deadline = run.budget.end_of("search")
+    apart = separate_loops(best.program)
 
     def misfit(program: Program) -> float:
-        iou = None if deadline.has_passed() else run.seen.iou(program)
-        return math.inf if iou is None else 1 - iou
+        if deadline.has_passed():
+            return math.inf
+        lost = had - (run.seen.iou(program) or 0.0)
+        return min(lost, slack) if lost > slack and is_same(apart, program, slack) else lost
 
-    apart = separate_loops(best.program)
-    mesh = run.seen.target.mesh
-    corners = np.zeros((0, 3)) if mesh is None else np.asarray(mesh.vertices)
-    parted = separate_rims(apart, misfit, SAME * run.seen.size_weight, corners)
+    parted = separate_rims(apart, misfit, slack, np.asarray(mesh.vertices))
     return None if parted == apart else replace(best, program=_lay_bare(parted, best.program, deadline))
 
 

@@ -24,6 +24,7 @@ from imdim.program.patterns.detect import extent, fold_repeats
 from imdim.program.repeats import expand, first_copies, repeats
 from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.observation import Observation
+from imdim.reconstruction.preserve import is_same
 
 FEW = 12  # features, which are read one by one
 MORE, LESS = 1.25, 0.85  # times as much to read as in the drawings: what few plain features, and what more of them, may have
@@ -54,8 +55,11 @@ def is_plainer(plain: Program, drawn: Program, seen: Observation) -> bool:
     low, high = seen.families.arrangement.bounds
     if plain == drawn or not _reads_shorter(plain, drawn, low, high):
         return False
-    have, had = seen.iou(plain), seen.iou(drawn)
-    return have is not None and had is not None and have >= had - SAME * seen.size_weight
+    have, had, slack = seen.iou(plain), seen.iou(drawn), SAME * seen.size_weight
+    if have is None or had is None:
+        return False
+    # arcs end between the corners of the circles that they are of
+    return have >= had - slack or is_same(plain, drawn, slack)
 
 
 def _reads_shorter(plain: Program, drawn: Program, low: np.ndarray, high: np.ndarray) -> bool:

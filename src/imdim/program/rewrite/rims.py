@@ -41,7 +41,8 @@ EVEN = 3e-4  # of it, by which pieces may be off that are then placed evenly
 ROUND = 4e-3  # of it, by which some of a circle may be off that is drawn as chords: a search is not particular about where a short one ends
 SAME = 2e-5  # of it, within which corners of a mesh are equally far away
 SQUARE = 1e-3  # of a cosine
-SUNK = 0.25  # of a box's depth, by which it goes on past a round rim
+ROUND_DEG = 0.1  # of which angles of the first of evenly placed pieces are multiples
+SUNK = 0.25  # of a box's depth, by which it goes on at least past where its corners are on a round rim
 
 
 @dataclass(frozen=True)
@@ -405,6 +406,8 @@ def _around(pieces: list[_Piece], rim: _Circle, even: float) -> list[_Piece]:
     count = round(2 * math.pi / gap) if gap > 0 else 0
     if count:
         phase = _angle((sum(math.cos(count * a) for a in angles), sum(math.sin(count * a) for a in angles)), (0.0, 0.0))
+        first = math.radians(ROUND_DEG * round(math.degrees(phase / count) / ROUND_DEG))
+        phase = count * first if abs(count * first - phase) * far[0] <= SAME / EVEN * even * count else phase
         at_even = [(phase + 2 * math.pi * round((count * a - phase) / (2 * math.pi))) / count for a in angles]
         if all(abs(a - b) * far[0] <= even for a, b in zip(angles, at_even, strict=True)):
             angles = at_even
@@ -438,7 +441,8 @@ def _along(pieces: list[_Piece], rim: _Line, even: float) -> list[_Piece]:
 
 
 def _reach(piece: _Piece, carrier: _Carrier) -> float:
-    """How far a box goes from its floor: to a straight rim, which whoever delivers it lets it pass, and past a round one."""
+    """How far a box goes from its floor: to a straight rim, which whoever delivers it lets it pass; to as far behind a round one, so that
+    its middle is on that, or past where its corners are on it if that is farther."""
     if carrier is None:
         return piece.depth
     if isinstance(carrier, _Line):
@@ -446,8 +450,9 @@ def _reach(piece: _Piece, carrier: _Carrier) -> float:
         return _dot(normal, _minus(carrier.point, piece.at)) / _dot(normal, piece.out)
     x, y = _minus(piece.at, carrier.center)
     ahead, aside = _dot(piece.out, (x, y)), abs(x * piece.out[1] - y * piece.out[0]) + piece.width / 2
-    rim = math.sqrt(max(carrier.radius**2 - aside**2, 0.0)) if ahead < 0 else -carrier.radius
-    return -ahead - rim + SUNK * piece.depth
+    if ahead >= 0:
+        return 2 * (carrier.radius - ahead)
+    return max(2 * (-ahead - carrier.radius), -ahead - math.sqrt(max(carrier.radius**2 - aside**2, 0.0)) + SUNK * piece.depth)
 
 
 def _rectangle(piece: _Piece, reach: float) -> Ring:
