@@ -279,8 +279,9 @@ def _circles(
         ends = np.searchsorted(near, near + SAME / SLACK * slack, side="right")
         most = int(np.argmax(ends - np.arange(len(near)))) if len(near) else 0
         shared = near[most : ends[most]] if len(near) else near
-        radii = (shared.mean(),) if len(shared) >= 2 * LEAST else (reach.mean(), np.median(reach), reach.max())
-        yield from {_Circle(center, float(radius)): None for radius in radii}
+        known = shared if len(shared) >= 2 * LEAST else reach
+        radii = (known.mean(),) if np.ptp(known) <= SAME / SLACK * slack else (known.mean(), np.median(known), known.max())
+        yield from (_Circle(center, float(radius)) for radius in radii)
 
 
 def _center(points: Sequence[Point]) -> tuple[Point, np.ndarray]:
