@@ -20,8 +20,9 @@ from imdim.deadline import Deadline
 from imdim.geometry.solid import to_manifold, volume
 from imdim.program.cost import count
 from imdim.program.front import Choice
+from imdim.program.rewrite.hidden_arcs import without_hidden_arcs
 from imdim.program.rewrite.rims import separate_rims
-from imdim.program.rewrite.separation import hoist_cuts, separate_loops, straighten
+from imdim.program.rewrite.separation import hoist_cuts, separate_holes, separate_loops, straighten
 from imdim.program.rewrite.simplify import reduce_program
 from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.budget import Budget, Stage
@@ -123,14 +124,14 @@ def _separate(run: Run, drawn: MethodStep) -> MethodStep | None:
     """The same with holes and islands of drawings as features of their own, and boxes for what looks like one from outside."""
     if not has_outlines(drawn.program):
         return None
-    deadline = run.budget.end_of("search")
-    return replace(drawn, program=_lay_bare(separate_loops(drawn.program), drawn.program, deadline))
+    return replace(drawn, program=_lay_bare(drawn.program, drawn.program, run.budget.end_of("search")))
 
 
 def _lay_bare(apart: Program, drawn: Program, deadline: Deadline) -> Program:
-    """A program that was taken `apart`, its cuts behind its body and with boxes for what looks like one from outside of what is `drawn`."""
+    """A program that was taken `apart` with each loop as a feature, cuts behind the body, and without what is hidden in the solid that is
+    `drawn`: arcs where lines run into round parts, and walls of what looks like a box from outside."""
     solid = to_manifold(drawn)
-    nothing = NOTHING * solid.volume()
+    nothing, hidden = NOTHING * solid.volume(), HIDDEN * solid.volume()
 
     def is_free(cut: Program) -> bool:
         return not deadline.has_passed() and (to_manifold(cut) ^ solid).volume() < nothing
@@ -140,9 +141,11 @@ def _lay_bare(apart: Program, drawn: Program, deadline: Deadline) -> Program:
             return False
         more = to_manifold(box) - to_manifold(leaf)
         filled = (more ^ solid).volume()
-        return min(filled, more.volume() - filled) < HIDDEN * solid.volume()
+        return min(filled, more.volume() - filled) < hidden
 
-    return straighten(reduce_program(hoist_cuts(apart, is_free), deadline), may_hide, volume, HIDDEN * solid.volume())
+    cut_last = hoist_cuts(separate_holes(apart), is_free)
+    whole = cut_last if deadline.has_passed() else without_hidden_arcs(cut_last, volume, hidden)
+    return straighten(reduce_program(hoist_cuts(separate_loops(whole), is_free), deadline), may_hide, volume, hidden)
 
 
 def _separate_rims(run: Run, best: MethodStep) -> MethodStep | None:

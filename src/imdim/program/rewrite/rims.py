@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 
@@ -33,6 +32,7 @@ from imdim.program.outline import (
 )
 from imdim.program.plain_outlines import to_simple
 from imdim.program.rewrite.containment import axes
+from imdim.program.rewrite.joints import Joint, angle_at, close_ring, direction, dot, join, left, minus
 from imdim.program.tree import OPS, Combine, Primitive, Program, combine_all, fold, leaves
 
 LEAST = 3  # pieces that are alike
@@ -194,10 +194,10 @@ def _box(before: Curve, floor: Curve, after: Curve, slack: float) -> _Piece | No
     """Two walls and what is between them, a line square to both or half an arc that touches them."""
     if before[4] or after[4]:
         return None
-    width, along, out = math.dist(floor[:2], floor[2:4]), _direction(floor), _direction(after)
-    if max(abs(_dot(along, out)), abs(_dot(along, _direction(before))), 1 + _dot(_direction(before), out)) > SQUARE:
+    width, along, out = math.dist(floor[:2], floor[2:4]), direction(floor), direction(after)
+    if max(abs(dot(along, out)), abs(dot(along, direction(before))), 1 + dot(direction(before), out)) > SQUARE:
         return None
-    inward = _dot(_left(along), out) < 0
+    inward = dot(left(along), out) < 0
     depth = max(math.dist(wall[:2], wall[2:4]) for wall in (before, after))
     if not floor[4]:
         return _Piece(0, 3, inward, arc_middle(floor), 0.0, width, depth, out)
@@ -299,78 +299,30 @@ def _close(curves: Sequence[Curve], kept: Sequence[int], slack: float) -> tuple[
     """A ring of the curves that are kept, and of each of these behind which there is a gap what goes on through that; None where those
     beside a gap neither go on in each other nor meet."""
     n = len(curves)
-    corners: list[Point | None] = []  # behind each kept curve; None where it goes on
+    joints: list[Joint] = []
     for i, k in zip(kept, (*kept[1:], kept[0]), strict=True):
-        if k == (i + 1) % n:
-            corners.append(curves[k][:2])
-        elif _is_one(curves[i], curves[k], slack):
-            corners.append(None)
-        elif (corner := _corner(curves[i], curves[k], slack)) is not None:
-            corners.append(corner)
-        else:
+        joint = Joint(curves[k][:2]) if k == (i + 1) % n else join(curves[i], curves[k], slack)
+        if joint is None:
             return None
-    first = next((j for j, corner in enumerate(corners) if corner is not None), None)
-    if first is None:
+        joints.append(joint)
+    closed = close_ring([curves[i] for i in kept], joints)
+    if closed is None:
         return None
-    vertices: list[tuple[float, float, float]] = []
-    carriers: dict[int, _Carrier] = {}
-    start, run = corners[first], list[int]()
-    for j in (*range(first + 1, len(kept)), *range(first + 1)):
-        run.append(kept[j])
-        if (corner := corners[j]) is not None:
-            assert start is not None
-            vertices.append((*start, _bulge([curves[i] for i in run])))
-            carriers |= dict.fromkeys(run[:-1], _carrier(curves[run[0]], curves[run[-1]]))
-            start, run = corner, []
-    return (tuple(vertices), carriers) if len(vertices) > 1 else None
-
-
-def _is_one(a: Curve, b: Curve, slack: float) -> bool:
-    """Whether b goes on where a goes."""
-    if bool(a[4]) != bool(b[4]):
-        return False
-    if a[4]:
-        return a[4] * b[4] > 0 and math.dist(arc_center(a), arc_center(b)) <= slack and abs(arc_radius(a) - arc_radius(b)) <= slack
-    ahead, normal = _direction(a), _left(_direction(a))
-    off = [_dot(normal, _minus(p, a[:2])) for p in (b[:2], b[2:4])]
-    return max(map(abs, off)) <= slack and _dot(ahead, _minus(b[:2], a[2:4])) > 0 and _dot(ahead, _direction(b)) > 0
-
-
-def _corner(a: Curve, b: Curve, slack: float) -> Point | None:
-    """Where a line goes on to, and another one comes from."""
-    if a[4] or b[4]:
-        return None
-    (dx, dy), (ex, ey) = _direction(a), _direction(b)
-    cross = dx * ey - dy * ex
-    if abs(cross) < SQUARE:
-        return None
-    gx, gy = _minus(b[:2], a[2:4])
-    ahead, back = (gx * ey - gy * ex) / cross, (gx * dy - gy * dx) / cross
-    return (a[2] + ahead * dx, a[3] + ahead * dy) if ahead > -slack and back < slack else None
-
-
-def _bulge(run: Sequence[Curve]) -> float:
-    """Of the curve from the start of the first to the end of the last, which go on in each other."""
-    if len(run) == 1 or not run[0][4]:
-        return run[0][4]
-    center, way = arc_center(run[0]), math.copysign(1.0, run[0][4])
-    turns = [4 * math.atan(curve[4]) for curve in run]
-    for a, b in pairwise(run):
-        turns.append(way * (way * (_angle(b[:2], center) - _angle(a[2:4], center)) % (2 * math.pi)))
-    return math.tan(sum(turns) / 4)
+    ring, runs = closed
+    return ring, {kept[j]: _carrier(curves[kept[run[0]]], curves[kept[run[-1]]]) for run in runs for j in run[:-1]}
 
 
 def _carrier(first: Curve, last: Curve) -> _Carrier:
     if first[4]:
         return _Circle(arc_center(first), arc_radius(first))
-    return _Line(first[:2], _direction((*first[:2], *last[2:4], 0.0)))
+    return _Line(first[:2], direction((*first[:2], *last[2:4], 0.0)))
 
 
 def _squared(ring: Ring, slack: float) -> Ring:
     """A ring that is nearly a rectangle as one."""
     if len(ring) != 4 or any(bulge for _, _, bulge in ring):
         return ring
-    ux, uy = _direction(max(ring_curves(ring), key=lambda c: math.dist(c[:2], c[2:4])))
+    ux, uy = direction(max(ring_curves(ring), key=lambda c: math.dist(c[:2], c[2:4])))
     local = sorted((ux * x + uy * y, ux * y - uy * x) for x, y, _ in ring)
     (left, right), (low, high) = ((sum(v[:2]) / 2, sum(v[2:]) / 2) for v in ([a for a, _ in local], sorted(b for _, b in local)))
     corners = [(a, b) for a, b in ((left, low), (right, low), (right, high), (left, high))]
@@ -399,14 +351,14 @@ def _features(group: Sequence[_Piece], carriers: dict[int, _Carrier], even: floa
 
 def _around(pieces: list[_Piece], rim: _Circle, even: float) -> list[_Piece]:
     """Pieces about a circle's centre, at one distance from it and at multiples of one angle."""
-    far, angles = [math.dist(p.at, rim.center) for p in pieces], [_angle(p.at, rim.center) for p in pieces]
+    far, angles = [math.dist(p.at, rim.center) for p in pieces], [angle_at(p.at, rim.center) for p in pieces]
     if max(far) - min(far) <= 2 * even:
         far = [sum(far) / len(far)] * len(far)
     turns = sorted(a % (2 * math.pi) for a in angles)
     gap = min((b - a) % (2 * math.pi) for a, b in zip(turns, (*turns[1:], turns[0]), strict=True))
     count = round(2 * math.pi / gap) if gap > 0 else 0
     if count:
-        phase = _angle((sum(math.cos(count * a) for a in angles), sum(math.sin(count * a) for a in angles)), (0.0, 0.0))
+        phase = angle_at((sum(math.cos(count * a) for a in angles), sum(math.sin(count * a) for a in angles)), (0.0, 0.0))
         first = math.radians(ROUND_DEG * round(math.degrees(phase / count) / ROUND_DEG))
         phase = count * first if abs(count * first - phase) * far[0] <= SAME / EVEN * even * count else phase
         at_even = [(phase + 2 * math.pi * round((count * a - phase) / (2 * math.pi))) / count for a in angles]
@@ -415,7 +367,7 @@ def _around(pieces: list[_Piece], rim: _Circle, even: float) -> list[_Piece]:
     out: list[_Piece] = []
     for piece, r, a in zip(pieces, far, angles, strict=True):
         ray = math.cos(a), math.sin(a)
-        at, way = (rim.center[0] + r * ray[0], rim.center[1] + r * ray[1]), _dot(piece.out, ray)
+        at, way = (rim.center[0] + r * ray[0], rim.center[1] + r * ray[1]), dot(piece.out, ray)
         radial = 1 - abs(way) <= SQUARE
         out.append(replace(piece, at=at, out=(math.copysign(1.0, way) * ray[0], math.copysign(1.0, way) * ray[1]) if radial else piece.out))
     return out
@@ -423,9 +375,9 @@ def _around(pieces: list[_Piece], rim: _Circle, even: float) -> list[_Piece]:
 
 def _along(pieces: list[_Piece], rim: _Line, even: float) -> list[_Piece]:
     """Pieces beside a line, at one distance from it and at equal steps along it."""
-    (ux, uy), normal = rim.direction, _left(rim.direction)
-    pieces = sorted(pieces, key=lambda p: _dot(rim.direction, p.at))
-    along, off = ([_dot(v, _minus(p.at, rim.point)) for p in pieces] for v in (rim.direction, normal))
+    (ux, uy), normal = rim.direction, left(rim.direction)
+    pieces = sorted(pieces, key=lambda p: dot(rim.direction, p.at))
+    along, off = ([dot(v, minus(p.at, rim.point)) for p in pieces] for v in (rim.direction, normal))
     if max(off) - min(off) <= 2 * even:
         off = [sum(off) / len(off)] * len(off)
     steps = np.linspace(along[0], along[-1], len(along))
@@ -433,7 +385,7 @@ def _along(pieces: list[_Piece], rim: _Line, even: float) -> list[_Piece]:
         along = steps.tolist()
     out: list[_Piece] = []
     for piece, a, b in zip(pieces, along, off, strict=True):
-        at, way = (rim.point[0] + a * ux - b * uy, rim.point[1] + a * uy + b * ux), _dot(piece.out, normal)
+        at, way = (rim.point[0] + a * ux - b * uy, rim.point[1] + a * uy + b * ux), dot(piece.out, normal)
         square = 1 - abs(way) <= SQUARE
         out.append(
             replace(piece, at=at, out=(math.copysign(1.0, way) * normal[0], math.copysign(1.0, way) * normal[1]) if square else piece.out)
@@ -447,10 +399,10 @@ def _reach(piece: _Piece, carrier: _Carrier) -> float:
     if carrier is None:
         return piece.depth
     if isinstance(carrier, _Line):
-        normal = _left(carrier.direction)
-        return _dot(normal, _minus(carrier.point, piece.at)) / _dot(normal, piece.out)
-    x, y = _minus(piece.at, carrier.center)
-    ahead, aside = _dot(piece.out, (x, y)), abs(x * piece.out[1] - y * piece.out[0]) + piece.width / 2
+        normal = left(carrier.direction)
+        return dot(normal, minus(carrier.point, piece.at)) / dot(normal, piece.out)
+    x, y = minus(piece.at, carrier.center)
+    ahead, aside = dot(piece.out, (x, y)), abs(x * piece.out[1] - y * piece.out[0]) + piece.width / 2
     if ahead >= 0:
         return 2 * (carrier.radius - ahead)
     return max(2 * (-ahead - carrier.radius), -ahead - math.sqrt(max(carrier.radius**2 - aside**2, 0.0)) + SUNK * piece.depth)
@@ -460,29 +412,3 @@ def _rectangle(piece: _Piece, reach: float) -> Ring:
     (x, y), (ux, uy), half = piece.at, piece.out, piece.width / 2
     corners = ((0.0, half), (0.0, -half), (reach, -half), (reach, half))
     return tuple((x + a * ux - b * uy, y + a * uy + b * ux, 0.0) for a, b in corners)
-
-
-# --- plane vectors ---------------------------------------------------------------------------------------------------
-
-
-def _minus(a: Point, b: Point) -> Point:
-    return a[0] - b[0], a[1] - b[1]
-
-
-def _dot(a: Point, b: Point) -> float:
-    return a[0] * b[0] + a[1] * b[1]
-
-
-def _left(v: Point) -> Point:
-    return -v[1], v[0]
-
-
-def _direction(curve: Curve) -> Point:
-    """Of the chord."""
-    x, y, u, v, _ = curve
-    length = math.dist((x, y), (u, v))
-    return (u - x) / length, (v - y) / length
-
-
-def _angle(p: Point, center: Point) -> float:
-    return math.atan2(p[1] - center[1], p[0] - center[0])

@@ -7,12 +7,12 @@ plate, and its holes are cut into it: each has its own numbers, is moved by itse
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
 from imdim.program.ellipse import Ellipse
-from imdim.program.outline import Loop, Outline, flatten_loop, regions, ring_curves
+from imdim.program.outline import Loop, Outline, flatten_loop, is_in_loop, regions, ring_curves, start_of
 from imdim.program.plain_outlines import to_simple
 from imdim.program.rewrite.containment_rules import parts, spine
 from imdim.program.tree import OPS, Combine, Primitive, Program, combine_all, fold, leaves, map_leaves
@@ -27,6 +27,11 @@ def separate_loops(program: Program) -> Program:
     What is neither circle nor rectangle stays in its outline. A cutter is as deep as what it cuts; whoever delivers it lets it stand out.
     """
     return fold(program, lambda _, leaf: _separate(leaf), {op: partial(Combine, op) for op in OPS})
+
+
+def separate_holes(program: Program) -> Program:
+    """As `separate_loops`, but areas stay together that are drawn together, unless one is in another."""
+    return fold(program, lambda _, leaf: _separate_all_holes(leaf), {op: partial(Combine, op) for op in OPS})
 
 
 def hoist_cuts(program: Program, is_free: Callable[[Program], bool]) -> Program:
@@ -94,11 +99,20 @@ def _boxes_around(leaf: Primitive) -> Iterator[Primitive]:
 def _separate(leaf: Primitive) -> Program:
     if leaf.outline is None:
         return leaf
-    return combine_all("union", [_separate_holes(leaf, outer, holes) for outer, *holes in regions(leaf.outline)])
+    return combine_all("union", [_separate_holes(leaf, [outer], holes) for outer, *holes in regions(leaf.outline)])
 
 
-def _separate_holes(leaf: Primitive, outer: Loop, holes: list[Loop]) -> Program:
+def _separate_all_holes(leaf: Primitive) -> Program:
+    if leaf.outline is None:
+        return leaf
+    outers, holes = zip(*((outer, holes) for outer, *holes in regions(leaf.outline)), strict=True)
+    if any(is_in_loop(a, *start_of(b)) for a in outers for b in outers if a is not b):
+        return leaf
+    return _separate_holes(leaf, outers, [hole for own in holes for hole in own])
+
+
+def _separate_holes(leaf: Primitive, outers: Sequence[Loop], holes: Sequence[Loop]) -> Program:
     cutters = {hole: to_simple(replace(leaf, outline=Outline((hole,)))) for hole in holes}
     kept = [hole for hole, cutter in cutters.items() if cutter is None]
-    body = replace(leaf, outline=Outline((outer, *kept)))
+    body = replace(leaf, outline=Outline((*outers, *kept)))
     return combine_all("difference", [to_simple(body) or body, *(cutter for cutter in cutters.values() if cutter is not None)])
