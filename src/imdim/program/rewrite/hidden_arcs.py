@@ -12,7 +12,7 @@ from itertools import permutations
 
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Curve, Loop, Outline, Point, Ring, arc_center, arc_radius, check_crossings, orient_loops, ring_curves
-from imdim.program.rewrite.joints import Joint, close_ring, join
+from imdim.program.rewrite.joints import CurveJoint, close_ring, join
 from imdim.program.tree import Primitive, Program, leaves, map_leaves
 
 SLACK = 1e-4  # of an outline's extent, within which arcs are of one circle, and lines are one
@@ -87,7 +87,7 @@ def _without(rings: Sequence[Ring], curves: Sequence[Curve], circles: Sequence[S
         first += len(ring)
     before = {after: number for number, after in behind.items()}
     gone = {number for circle in circles for number in circle}
-    joints = {number: Joint(curves[after][:2]) for number, after in behind.items() if number not in gone}
+    joints = {number: CurveJoint(curves[after][:2]) for number, after in behind.items() if number not in gone}
     for circle in circles:
         into, out_of = [before[i] for i in circle], [behind[i] for i in circle]
         if (
@@ -106,11 +106,11 @@ def _without(rings: Sequence[Ring], curves: Sequence[Curve], circles: Sequence[S
     return _trace(curves, behind, joints)
 
 
-def _pair(ends: Sequence[Curve], starts: Sequence[Curve], arc: Curve, slack: float) -> list[tuple[int, Joint]] | None:
+def _pair(ends: Sequence[Curve], starts: Sequence[Curve], arc: Curve, slack: float) -> list[tuple[int, CurveJoint]] | None:
     """For each of some curves that end at a circle the number of that which starts there and that it goes on in, inside of the circle."""
     center, radius = arc_center(arc), arc_radius(arc)
 
-    def meets(a: Curve, b: Curve) -> Joint | None:
+    def meets(a: Curve, b: Curve) -> CurveJoint | None:
         joint = join(a, b, slack)
         inside = joint is not None and (joint.corner is None or math.dist(joint.corner, center) <= radius + slack)
         return joint if inside else None
@@ -122,7 +122,7 @@ def _pair(ends: Sequence[Curve], starts: Sequence[Curve], arc: Curve, slack: flo
     return None
 
 
-def _trace(curves: Sequence[Curve], behind: dict[int, int], joints: dict[int, Joint]) -> list[Loop] | None:
+def _trace(curves: Sequence[Curve], behind: dict[int, int], joints: dict[int, CurveJoint]) -> list[Loop] | None:
     """The rings of curves that follow each other."""
     left, out = set(joints), list[Loop]()
     while left:

@@ -12,21 +12,21 @@ from imdim.program.outline import Curve, Point, Ring, arc_center, arc_radius
 SQUARE = 1e-3  # of a sine, below which two lines meet too far away
 
 
-class Joint(NamedTuple):
+class CurveJoint(NamedTuple):
     """Where a curve ends and the next one starts; None where the two are one."""
 
     corner: Point | None
 
 
-def join(a: Curve, b: Curve, slack: float) -> Joint | None:
+def join(a: Curve, b: Curve, slack: float) -> CurveJoint | None:
     """How a goes on into b, lengths being equal within `slack`; None where it does not."""
     if _is_one(a, b, slack):
-        return Joint(None)
+        return CurveJoint(None)
     corner = _corner(a, b, slack)
-    return None if corner is None else Joint(corner)
+    return None if corner is None else CurveJoint(corner)
 
 
-def close_ring(curves: Sequence[Curve], joints: Sequence[Joint]) -> tuple[Ring, list[list[int]]] | None:
+def close_ring(curves: Sequence[Curve], joints: Sequence[CurveJoint]) -> tuple[Ring, list[list[int]]] | None:
     """The ring of curves that are joined so, `joints[j]` being behind curve j, and by their numbers those that each of its curves is made
     of; None where all are one, or two make nothing."""
     first = next((j for j, joint in enumerate(joints) if joint.corner is not None), None)
@@ -51,7 +51,7 @@ def _is_one(a: Curve, b: Curve, slack: float) -> bool:
         return False
     if a[4]:
         return a[4] * b[4] > 0 and math.dist(arc_center(a), arc_center(b)) <= slack and abs(arc_radius(a) - arc_radius(b)) <= slack
-    ahead, normal = direction(a), left(direction(a))
+    ahead, normal = direction(a), turn_left(direction(a))
     off = [dot(normal, minus(p, a[:2])) for p in (b[:2], b[2:4])]
     return max(map(abs, off)) <= slack and dot(ahead, minus(b[:2], a[2:4])) > 0 and dot(ahead, direction(b)) > 0
 
@@ -90,7 +90,7 @@ def dot(a: Point, b: Point) -> float:
     return a[0] * b[0] + a[1] * b[1]
 
 
-def left(v: Point) -> Point:
+def turn_left(v: Point) -> Point:
     """The vector turned to its left."""
     return -v[1], v[0]
 

@@ -32,7 +32,7 @@ from imdim.program.outline import (
 )
 from imdim.program.plain_outlines import to_simple
 from imdim.program.rewrite.containment import axes
-from imdim.program.rewrite.joints import Joint, angle_at, close_ring, direction, dot, join, left, minus
+from imdim.program.rewrite.joints import CurveJoint, angle_at, close_ring, direction, dot, join, minus, turn_left
 from imdim.program.tree import OPS, Combine, Primitive, Program, combine_all, fold, leaves
 
 LEAST = 3  # pieces that are alike
@@ -46,7 +46,7 @@ SUNK = 0.25  # of a box's depth, by which it goes on at least past where its cor
 
 
 @dataclass(frozen=True)
-class _Piece:
+class _RimPiece:
     """`count` curves of a loop from number `first` on, which go into what the loop holds if `inward`, and else stand out of it.
 
     Round: an arc about `at` of a `radius`. A box: two walls square to the curve between them, its middle `at`, `width` apart; `out` is the
@@ -64,7 +64,7 @@ class _Piece:
 
 
 @dataclass(frozen=True)
-class _Line:
+class _StraightRim:
     """What goes on from `point` in a unit `direction`, what the loop holds on its left."""
 
     point: Point
@@ -72,12 +72,12 @@ class _Line:
 
 
 @dataclass(frozen=True)
-class _Circle:
+class _RoundRim:
     center: Point
     radius: float
 
 
-_Carrier = _Line | _Circle | None  # of a gap; None where its neighbours meet in a corner
+_Carrier = _StraightRim | _RoundRim | None  # of a gap; None where its neighbours meet in a corner
 
 
 @dataclass(frozen=True)
@@ -180,35 +180,35 @@ def _crosses(ring: Ring) -> bool:
 # --- pieces ----------------------------------------------------------------------------------------------------------
 
 
-def _pieces(ring: Ring, slack: float) -> Iterator[_Piece]:
+def _pieces(ring: Ring, slack: float) -> Iterator[_RimPiece]:
     curves = ring_curves(ring)
     for i, curve in enumerate(curves):
         if curve[4]:
-            yield _Piece(i, 1, curve[4] < 0, arc_center(curve), arc_radius(curve))
+            yield _RimPiece(i, 1, curve[4] < 0, arc_center(curve), arc_radius(curve))
         box = _box(curves[i - 1], curve, curves[(i + 1) % len(curves)], slack) if len(curves) > 4 else None
         if box is not None:
             yield replace(box, first=(i - 1) % len(curves))
 
 
-def _box(before: Curve, floor: Curve, after: Curve, slack: float) -> _Piece | None:
+def _box(before: Curve, floor: Curve, after: Curve, slack: float) -> _RimPiece | None:
     """Two walls and what is between them, a line square to both or half an arc that touches them."""
     if before[4] or after[4]:
         return None
     width, along, out = math.dist(floor[:2], floor[2:4]), direction(floor), direction(after)
     if max(abs(dot(along, out)), abs(dot(along, direction(before))), 1 + dot(direction(before), out)) > SQUARE:
         return None
-    inward = dot(left(along), out) < 0
+    inward = dot(turn_left(along), out) < 0
     depth = max(math.dist(wall[:2], wall[2:4]) for wall in (before, after))
     if not floor[4]:
-        return _Piece(0, 3, inward, arc_middle(floor), 0.0, width, depth, out)
+        return _RimPiece(0, 3, inward, arc_middle(floor), 0.0, width, depth, out)
     if abs(abs(floor[4]) - 1) * width > slack or (floor[4] < 0) is not inward:
         return None
-    return _Piece(0, 3, inward, arc_center(floor), width / 2, width, depth, out)
+    return _RimPiece(0, 3, inward, arc_center(floor), width / 2, width, depth, out)
 
 
-def _alike(pieces: Sequence[_Piece], slack: float) -> list[list[_Piece]]:
+def _alike(pieces: Sequence[_RimPiece], slack: float) -> list[list[_RimPiece]]:
     """Groups of pieces that are alike; arcs of one circle, which are a rim, are none."""
-    groups: list[list[_Piece]] = []
+    groups: list[list[_RimPiece]] = []
     for piece in pieces:
         group = next((group for group in groups if _are_alike(group[0], piece, slack)), None)
         if group is None:
@@ -218,15 +218,15 @@ def _alike(pieces: Sequence[_Piece], slack: float) -> list[list[_Piece]]:
     return [group for group in groups if len(group) >= LEAST and any(math.dist(p.at, group[0].at) > slack for p in group)]
 
 
-def _are_alike(a: _Piece, b: _Piece, slack: float) -> bool:
+def _are_alike(a: _RimPiece, b: _RimPiece, slack: float) -> bool:
     sizes = zip((a.radius, a.width, a.depth), (b.radius, b.width, b.depth), strict=True)
     return (a.count, a.inward) == (b.count, b.inward) and all(abs(s - t) <= slack for s, t in sizes)
 
 
-def _choices(groups: list[list[_Piece]], n: int) -> Iterator[list[list[_Piece]]]:
+def _choices(groups: list[list[_RimPiece]], n: int) -> Iterator[list[list[_RimPiece]]]:
     """Each group alone whose pieces share no curve, and as many of them together as do not."""
     taken: set[int] = set()
-    chosen: list[list[_Piece]] = []
+    chosen: list[list[_RimPiece]] = []
     for group in sorted(groups, key=lambda group: -len(group) * group[0].count):
         curves = [i for piece in group for i in _curves_of(piece, n)]
         if len(set(curves)) < len(curves):
@@ -239,14 +239,14 @@ def _choices(groups: list[list[_Piece]], n: int) -> Iterator[list[list[_Piece]]]
         yield chosen
 
 
-def _curves_of(piece: _Piece, n: int) -> list[int]:
+def _curves_of(piece: _RimPiece, n: int) -> list[int]:
     return [(piece.first + k) % n for k in range(piece.count)]
 
 
 # --- what is left ----------------------------------------------------------------------------------------------------
 
 
-def _bases(ring: Ring, pieces: Sequence[_Piece], corners: np.ndarray, slack: float) -> Iterator[_Base]:
+def _bases(ring: Ring, pieces: Sequence[_RimPiece], corners: np.ndarray, slack: float) -> Iterator[_Base]:
     """Loops without the pieces: a circle that all of the rest lies on, or the rest's lines and arcs, which go on until they meet."""
     curves = ring_curves(ring)
     gone = {i: piece.first for piece in pieces for i in _curves_of(piece, len(curves))}
@@ -258,12 +258,12 @@ def _bases(ring: Ring, pieces: Sequence[_Piece], corners: np.ndarray, slack: flo
     if closed is not None:
         ends, runs = closed
         before = {piece.first: max((k for k in kept if k < piece.first), default=kept[-1]) for piece in pieces}
-        yield _Base(_squared(ends, slack), {first: runs.get(k) for first, k in before.items()})
+        yield _Base(_square(ends, slack), {first: runs.get(k) for first, k in before.items()})
 
 
 def _circles(
     points: Sequence[Point], middles: Sequence[Point], hubs: Sequence[Point], corners: np.ndarray, slack: float
-) -> Iterator[_Circle]:
+) -> Iterator[_RoundRim]:
     """The circles on which points lie, and the `middles` of what is between some of them: that on which corners lie, or those through the
     points on average, through most, and around them. Their centre is that of the circle on which the `hubs` lie, if they do."""
     if len(points) < LEAST:
@@ -281,7 +281,7 @@ def _circles(
         shared = near[most : ends[most]] if len(near) else near
         known = shared if len(shared) >= 2 * LEAST else reach
         radii = (known.mean(),) if np.ptp(known) <= SAME / SLACK * slack else (known.mean(), np.median(known), known.max())
-        yield from (_Circle(center, float(radius)) for radius in radii)
+        yield from (_RoundRim(center, float(radius)) for radius in radii)
 
 
 def _center(points: Sequence[Point]) -> tuple[Point, np.ndarray]:
@@ -299,9 +299,9 @@ def _close(curves: Sequence[Curve], kept: Sequence[int], slack: float) -> tuple[
     """A ring of the curves that are kept, and of each of these behind which there is a gap what goes on through that; None where those
     beside a gap neither go on in each other nor meet."""
     n = len(curves)
-    joints: list[Joint] = []
+    joints: list[CurveJoint] = []
     for i, k in zip(kept, (*kept[1:], kept[0]), strict=True):
-        joint = Joint(curves[k][:2]) if k == (i + 1) % n else join(curves[i], curves[k], slack)
+        joint = CurveJoint(curves[k][:2]) if k == (i + 1) % n else join(curves[i], curves[k], slack)
         if joint is None:
             return None
         joints.append(joint)
@@ -314,11 +314,11 @@ def _close(curves: Sequence[Curve], kept: Sequence[int], slack: float) -> tuple[
 
 def _carrier(first: Curve, last: Curve) -> _Carrier:
     if first[4]:
-        return _Circle(arc_center(first), arc_radius(first))
-    return _Line(first[:2], direction((*first[:2], *last[2:4], 0.0)))
+        return _RoundRim(arc_center(first), arc_radius(first))
+    return _StraightRim(first[:2], direction((*first[:2], *last[2:4], 0.0)))
 
 
-def _squared(ring: Ring, slack: float) -> Ring:
+def _square(ring: Ring, slack: float) -> Ring:
     """A ring that is nearly a rectangle as one."""
     if len(ring) != 4 or any(bulge for _, _, bulge in ring):
         return ring
@@ -334,12 +334,12 @@ def _squared(ring: Ring, slack: float) -> Ring:
 # --- features --------------------------------------------------------------------------------------------------------
 
 
-def _features(group: Sequence[_Piece], carriers: dict[int, _Carrier], even: float) -> Iterator[_Feature]:
+def _features(group: Sequence[_RimPiece], carriers: dict[int, _Carrier], even: float) -> Iterator[_Feature]:
     """Pieces that are alike, as circles and rectangles, evenly placed where they are within `even`."""
     radius, width = (sum(size) / len(group) for size in zip(*((p.radius, p.width) for p in group), strict=True))
     for carrier in dict.fromkeys(carriers[p.first] for p in group):
         own = [replace(p, radius=radius, width=width) for p in group if carriers[p.first] == carrier]
-        if isinstance(carrier, _Circle):
+        if isinstance(carrier, _RoundRim):
             own = _around(own, carrier, even)
         elif carrier is not None:
             own = _along(own, carrier, even)
@@ -349,7 +349,7 @@ def _features(group: Sequence[_Piece], carriers: dict[int, _Carrier], even: floa
             yield _Feature(piece.inward, tuple(rings))
 
 
-def _around(pieces: list[_Piece], rim: _Circle, even: float) -> list[_Piece]:
+def _around(pieces: list[_RimPiece], rim: _RoundRim, even: float) -> list[_RimPiece]:
     """Pieces about a circle's centre, at one distance from it and at multiples of one angle."""
     far, angles = [math.dist(p.at, rim.center) for p in pieces], [angle_at(p.at, rim.center) for p in pieces]
     if max(far) - min(far) <= 2 * even:
@@ -364,7 +364,7 @@ def _around(pieces: list[_Piece], rim: _Circle, even: float) -> list[_Piece]:
         at_even = [(phase + 2 * math.pi * round((count * a - phase) / (2 * math.pi))) / count for a in angles]
         if all(abs(a - b) * far[0] <= even for a, b in zip(angles, at_even, strict=True)):
             angles = at_even
-    out: list[_Piece] = []
+    out: list[_RimPiece] = []
     for piece, r, a in zip(pieces, far, angles, strict=True):
         ray = math.cos(a), math.sin(a)
         at, way = (rim.center[0] + r * ray[0], rim.center[1] + r * ray[1]), dot(piece.out, ray)
@@ -373,9 +373,9 @@ def _around(pieces: list[_Piece], rim: _Circle, even: float) -> list[_Piece]:
     return out
 
 
-def _along(pieces: list[_Piece], rim: _Line, even: float) -> list[_Piece]:
+def _along(pieces: list[_RimPiece], rim: _StraightRim, even: float) -> list[_RimPiece]:
     """Pieces beside a line, at one distance from it and at equal steps along it."""
-    (ux, uy), normal = rim.direction, left(rim.direction)
+    (ux, uy), normal = rim.direction, turn_left(rim.direction)
     pieces = sorted(pieces, key=lambda p: dot(rim.direction, p.at))
     along, off = ([dot(v, minus(p.at, rim.point)) for p in pieces] for v in (rim.direction, normal))
     if max(off) - min(off) <= 2 * even:
@@ -383,7 +383,7 @@ def _along(pieces: list[_Piece], rim: _Line, even: float) -> list[_Piece]:
     steps = np.linspace(along[0], along[-1], len(along))
     if np.abs(steps - along).max() <= even:
         along = steps.tolist()
-    out: list[_Piece] = []
+    out: list[_RimPiece] = []
     for piece, a, b in zip(pieces, along, off, strict=True):
         at, way = (rim.point[0] + a * ux - b * uy, rim.point[1] + a * uy + b * ux), dot(piece.out, normal)
         square = 1 - abs(way) <= SQUARE
@@ -393,13 +393,13 @@ def _along(pieces: list[_Piece], rim: _Line, even: float) -> list[_Piece]:
     return out
 
 
-def _reach(piece: _Piece, carrier: _Carrier) -> float:
+def _reach(piece: _RimPiece, carrier: _Carrier) -> float:
     """How far a box goes from its floor: to a straight rim, which whoever delivers it lets it pass; to as far behind a round one, so that
     its middle is on that, or past where its corners are on it if that is farther."""
     if carrier is None:
         return piece.depth
-    if isinstance(carrier, _Line):
-        normal = left(carrier.direction)
+    if isinstance(carrier, _StraightRim):
+        normal = turn_left(carrier.direction)
         return dot(normal, minus(carrier.point, piece.at)) / dot(normal, piece.out)
     x, y = minus(piece.at, carrier.center)
     ahead, aside = dot(piece.out, (x, y)), abs(x * piece.out[1] - y * piece.out[0]) + piece.width / 2
@@ -408,7 +408,7 @@ def _reach(piece: _Piece, carrier: _Carrier) -> float:
     return max(2 * (-ahead - carrier.radius), -ahead - math.sqrt(max(carrier.radius**2 - aside**2, 0.0)) + SUNK * piece.depth)
 
 
-def _rectangle(piece: _Piece, reach: float) -> Ring:
+def _rectangle(piece: _RimPiece, reach: float) -> Ring:
     (x, y), (ux, uy), half = piece.at, piece.out, piece.width / 2
     corners = ((0.0, half), (0.0, -half), (reach, -half), (reach, half))
     return tuple((x + a * ux - b * uy, y + a * uy + b * ux, 0.0) for a, b in corners)

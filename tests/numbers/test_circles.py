@@ -1,0 +1,54 @@
+"""Circles that rounding has parted are circles again, of a round radius, unless that is not borne."""
+
+import math
+
+import pytest
+
+from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.numbers.circles import round_circles
+from imdim.program.tree import Primitive, Program, combine_all, leaves, map_leaves
+
+DISC = Primitive("cylinder", (20.0, 5.0), (3.0, 4.0, 2.5))
+
+
+def bores(radius: float, count: int = 10, size: float = 2.0001, digits: int | None = None, kind: str = "cylinder") -> Program:
+    """A disc with bores, or teeth, on a circle about it."""
+    out: list[Program] = [DISC]
+    for k in range(count):
+        angle = 2 * math.pi * k / count
+        x, y = (c + radius * f(angle) for c, f in ((3.0, math.cos), (4.0, math.sin)))
+        at = (x, y, 2.5) if digits is None else (round(x, digits), round(y, digits), 2.5)
+        turn = (0.0, 0.0, 0.0) if kind == "cylinder" else (0.0, 0.0, math.degrees(angle))
+        out.append(Primitive(kind, (size, 6.0) if kind == "cylinder" else (4.0, size, 6.0), at, turn))
+    return combine_all("difference", out)
+
+
+def radii(program: Program) -> list[float]:
+    return [math.dist(leaf.center[:2], DISC.center[:2]) for leaf in leaves(program)][1:]
+
+
+@pytest.mark.parametrize("kind", ["cylinder", "box"])
+def test_what_rounding_has_parted_is_a_circle_again(kind: str) -> None:
+    before, after = bores(15.50009, kind=kind), bores(15.50009, size=2.0, digits=1, kind=kind)
+    out = round_circles(before, after, lambda trial: all(abs(r - 15.50009) < 0.002 for r in radii(trial)))
+    assert radii(out) == pytest.approx([15.5] * 10, abs=1e-9)
+    assert [leaf.size for leaf in leaves(out)] == [leaf.size for leaf in leaves(after)]
+    assert volume_iou(to_manifold(out), to_manifold(bores(15.5, size=2.0, kind=kind))) == pytest.approx(1.0, abs=1e-7)
+
+
+def test_the_circle_goes_with_its_hub() -> None:
+    before, after = bores(15.5), bores(15.5, digits=1)
+    moved = map_leaves(after, lambda i, leaf: leaf if i else Primitive("cylinder", leaf.size, (3.001, 4.0, 2.5)))
+    out = round_circles(before, moved, lambda trial: True)
+    assert [math.dist(leaf.center[:2], (3.001, 4.0)) for leaf in leaves(out)][1:] == pytest.approx([16.0] * 10, abs=0.6)
+    assert len({round(math.dist(leaf.center[:2], (3.001, 4.0)), 9) for leaf in leaves(out)}) == 2
+
+
+def test_what_is_not_borne_stays() -> None:
+    before, after = bores(15.5), bores(15.5, digits=1)
+    assert round_circles(before, after, lambda trial: False) == after
+
+
+def test_what_is_on_no_circle_stays_rounded() -> None:
+    before, after = bores(15.5, digits=2), bores(15.5, digits=1)
+    assert round_circles(before, after, lambda trial: True) == after
