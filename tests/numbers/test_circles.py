@@ -44,6 +44,23 @@ def test_the_circle_goes_with_its_hub() -> None:
     assert len({round(math.dist(leaf.center[:2], (3.001, 4.0)), 9) for leaf in leaves(out)}) == 2
 
 
+def row(angle: float, digits: int | None = None) -> Program:
+    """A disc with a row of bores along some direction."""
+    places = [(10.0 * k * math.cos(angle), 10.0 * k * math.sin(angle), 2.5) for k in range(5)]
+    at = places if digits is None else [(round(x, digits), round(y, digits), 2.5) for x, y, _ in places]
+    return combine_all("difference", [DISC, *(Primitive("cylinder", (2.0 if digits else 2.0001, 6.0), center) for center in at)])
+
+
+def test_a_slanting_row_stays_one() -> None:
+    out = round_circles(row(0.4), row(0.4, 1), lambda trial: True)
+    assert [leaf.center for leaf in leaves(out)] == [leaf.center for leaf in leaves(row(0.4))]
+    assert [leaf.size for leaf in leaves(out)] == [leaf.size for leaf in leaves(row(0.4, 1))]
+
+
+def test_a_row_along_an_axis_is_rounded_place_by_place() -> None:
+    assert round_circles(row(0.0), row(0.0, 1), lambda trial: False) == row(0.0, 1)
+
+
 def test_what_is_not_borne_stays() -> None:
     before, after = bores(15.5), bores(15.5, digits=1)
     assert round_circles(before, after, lambda trial: False) == after

@@ -1,4 +1,5 @@
-"""Circles of equal primitives, rounded as circles: places on one are round numbers at a few angles only, and rounding each parts them."""
+"""Circles and slanting rows of equal primitives, rounded as such: places on one are round numbers at a few angles only, and rounding each
+place by itself parts them."""
 
 from __future__ import annotations
 
@@ -20,17 +21,21 @@ ON_AXIS = 1e-6  # of it, within which an axis is that of another leaf
 
 
 def round_circles(before: Program, after: Program, bears: Callable[[Program], bool]) -> Program:
-    """`after`, which is `before` with rounder numbers, with the circles that this parted: the copies of one leaf have its sizes again and
-    stand about one centre at one distance, the roundest that `bears`. A circle that bears none stays parted."""
+    """`after`, which is `before` with rounder numbers, with the circles, slanting rows and slanting grids that this parted.
+
+    The copies of one leaf on a circle have its sizes again and stand about one centre at one distance, the roundest that `bears`; those of a
+    row or grid stand where they stood. What bears none stays parted.
+    """
     folding = fold_repeats(before)
     size = extent(before)
     for number, repeat in () if folding is None else repeats(folding.folded):
-        if repeat.kind != "circular" or not isinstance(repeat.part, Primitive):
+        slants = any(sum(abs(c) > SAME * size for c in step) > 1 for step in repeat.steps)
+        if not (repeat.kind == "circular" or slants) or not isinstance(repeat.part, Primitive):
             continue
         assert folding is not None
         members = folding.order[number : number + repeat.number]
-        new = list(leaves(after))
-        for trial in _circles(repeat, list(leaves(before)), new, members, size):
+        old, new = list(leaves(before)), list(leaves(after))
+        for trial in [_row(repeat, old, new, members)] if slants else _circles(repeat, old, new, members, size):
             if all(_is_as(trial[i], new[i], SAME * size) for i in members):
                 break
             whole = map_leaves(after, lambda i, leaf, trial=trial: trial.get(i, leaf))
@@ -57,6 +62,14 @@ def _circles(
         if abs(rounded - radius) <= MOST * size:
             placed = replace(leaf, center=plus(plus(hub, lift), times(unit(arm), rounded)))
             yield {i: move_leaf(placed, turn(hub, repeat.axis, repeat.angle * (k - first))) for k, i in enumerate(members)}
+
+
+def _row(repeat: Repeat, old: list[Primitive], new: list[Primitive], members: tuple[int, ...]) -> dict[int, Primitive]:
+    """The members where they stood, but for how far along the axes of the world that the row does not go."""
+    first = new[members[0]]
+    moves = [any(step[a] for step in repeat.steps) for a in range(3)]
+    centers = [tuple(old[i].center[a] if moves[a] else first.center[a] for a in range(3)) for i in members]
+    return {i: replace(old[i], size=first.size, center=(x, y, z)) for i, (x, y, z) in zip(members, centers, strict=True)}
 
 
 def _hub(repeat: Repeat, old: list[Primitive], new: list[Primitive], members: tuple[int, ...], size: float) -> Vec3:
