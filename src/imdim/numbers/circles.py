@@ -23,8 +23,8 @@ ON_AXIS = 1e-6  # of it, within which an axis is that of another leaf
 def round_circles(before: Program, after: Program, bears: Callable[[Program], bool]) -> Program:
     """`after`, which is `before` with rounder numbers, with the circles, slanting rows and slanting grids that this parted.
 
-    The copies of one leaf on a circle have its sizes again and stand about one centre at one distance, the roundest that `bears`; those of a
-    row or grid stand where they stood. What bears none stays parted.
+    The copies of one leaf on a circle have its sizes again and stand about one centre at one distance, the roundest that `bears`; those of
+    a row or grid stand where they stood. What bears none stays parted.
     """
     folding = fold_repeats(before)
     size = extent(before)

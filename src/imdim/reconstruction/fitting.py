@@ -37,6 +37,7 @@ SAME_CONES = 2e-5  # of the volume, that cones may change that begin where they 
 LIKE = 2e-4  # of the diagonal, within which primitives are equal
 SHOWN = 8192  # points of a target that numbers and relations are judged by
 ROUNDED = 1e-2  # of the part, by which a number is rounded at most, if its interval is that wide
+SNAP_DEG = 3.0  # by which a rotation is rounded at most
 SNAP_LOSS = 1e-4  # of the volume IoU with a mesh, that rounder numbers may cost: typed ones cost none
 MOST_RELATED = 120  # primitives; the time that relations take grows with the square
 RELATE_ERROR, RELATE_MOVE = 1e-2, 1e-5  # shares of mean distance and diagonal that relations may cost
@@ -126,7 +127,9 @@ def snap_numbers(program: Program, seen: Observation, frame: Frame, deadline: De
         for boldness in (1.0, 0.1, 0.01) if exact else (1.0, 0.3):
             if deadline.has_passed():
                 break
-            config = SnapConfig(max_move=(1e-3 if exact else 2e-3) * boldness, abs_tolerance=(2e-6 if exact else 2e-5) * boldness)
+            move, loss = (1e-3, 2e-6) if exact else (2e-3, 2e-5)
+            # corners of a drawn wall lie on the ends of what cuts it: they do not tell that it turns
+            config = SnapConfig(max_move=move * boldness, abs_tolerance=loss * boldness, max_deg=SNAP_DEG * boldness)
             old, new = list(leaves(out)), list(leaves(snap(out, distance, config=config, deadline=deadline)))
             changes = [(i, leaf) for i, leaf in enumerate(new) if leaf != old[i]]
             out = accept_changes(out, changes, _with_leaf, lambda trial: not deadline.has_passed() and bears(trial), SNAP_TRIES)
