@@ -93,18 +93,33 @@ def test_what_detection_missed_is_seen_in_the_points():
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
 
 
-def test_a_search_from_one_primitive_comes_first_and_the_likelier_program_is_told(monkeypatch):
+def test_searches_start_from_one_part_of_each_kind_and_from_a_program_and_the_shortest_is_told(monkeypatch):
     truth = cut(union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(4, 20, (-12.0, 5.0, 0.0)))
     starts = []
-
-    def unchanged(likely, *_):
-        starts.append(count(likely.program).primitives)
-        return likely
-
-    monkeypatch.setattr(mdl, "search_shortest", unchanged)
-    found = told([truth], cloud(truth), Deadline(0.5, lambda: float(len(starts))))
-    assert starts[:2] == [1, 3]  # the second is too late to be changed, yet not forgotten
+    monkeypatch.setattr(mdl, "shorten", lambda likely, *_: starts.append(likely.program) or iter(()))
+    found = told([truth], cloud(truth), NEVER)
+    assert [count(p).primitives for p in starts] == [1, 3, 3]  # the last time with what the others found
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
+    starts.clear()
+    told([truth], cloud(truth), NEVER, drawn=True)
+    assert [leaf.kind for p in starts for leaf in leaves(p)][1:2] == ["extrude"]
+
+
+def test_the_next_round_is_that_of_the_search_which_promises_most_and_what_falls_behind_is_given_up():
+    told_of = []
+
+    def lineage(name, *lengths):
+        def rounds():
+            for length in lengths[1:]:
+                told_of.append(name)
+                yield name, length
+
+        return mdl._Lineage(name, lengths[0], rounds())
+
+    # of those that have had a round, b promises -5.5, a -5.4, c is where a is already
+    lineages = [lineage("a", -1.0, -5.0, -5.2), lineage("b", 0.0, -4.0, -5.1, -5.3), lineage("c", -4.99, -4.995, -9.0)]
+    assert mdl._NoisyCloud._in_turn(lineages) == ["b", "a", "c"]
+    assert told_of == ["a", "b", "c", "a", "b", "b"] or told_of == ["a", "b", "c", "b", "a", "b"]
 
 
 def test_what_is_too_much_goes_and_relations_hold():

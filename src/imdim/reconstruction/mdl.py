@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -26,7 +27,7 @@ from imdim.search.mdl.batched_likelihood import PartTableCache
 from imdim.search.mdl.candidates.shell_slot import compounds
 from imdim.search.mdl.description_length import description_length
 from imdim.search.mdl.primitive_selection import Cloud, distinct
-from imdim.search.mdl.search import REFIT, best_by_mdl, search_shortest, tables_of_subsample
+from imdim.search.mdl.search import REFIT, best_by_mdl, shorten, tables_of_subsample
 from imdim.search.mdl.silhouettes import outlines
 from imdim.target.target import sample_surface
 
@@ -40,8 +41,10 @@ SCANNED = 1000  # points of a scanned mesh
 DEVIATION = 4e-3  # of its diagonal, by which real things leave what was drawn
 FITTED = 3  # starts whose numbers are fitted before one is chosen
 QUICK = EMConfig()
+BEGUN = EMConfig(rounds=8)
 # walls that blur thin or thicken slowly, as the noise grows or falls
 CAREFUL = EMConfig(rounds=60, still=0.004, calmer=0.003, samples=40_000)
+AHEAD = 2.0  # rounds like its last one that a search is given credit for
 SAME = 2e-3  # nats per point, what the samples of the surface leave in doubt
 
 
@@ -150,30 +153,68 @@ class _NoisyCloud:
         return [p for p in found if p.outline is None or p in kept]
 
     def _search(self, programs: Sequence[Program], candidates: Sequence[Program], deadline: Deadline) -> FittedProgram:
-        """The result of two searches with the shorter description. What grows from one primitive is quick and stays short; of `programs`,
-        which are long, the best start is known at least where time is out."""
+        """The shortest that several searches come to which share the time: from the best primitive, the best drawing of each kind and the best of
+        `programs`. What grows from one part is quick and stays short; of `programs`, which are long, the best is known at least where
+        time is out. In the end what the others found is lent to the best.
+        """
         if deadline.has_passed() or not candidates:
             return self._start(programs, deadline)
-        first = self._start(candidates, deadline)
-        grown = self._search_from(first, candidates, deadline)
-        second = self._start(programs, deadline)
-        if second.program == first.program:
-            return grown
-        best, other = sorted((grown, self._search_from(second, candidates, deadline)), key=self._length)
-        return self._search_from(best, [*leaves(other.program)], deadline)
+        singles = [p for p in candidates if isinstance(p, Primitive)]
+        plain = [p for p in candidates if all(leaf.outline is None for leaf in leaves(p))]
+        groups = [([p for p in singles if p.outline is None], plain)]
+        groups += [([p for p in singles if p.outline is not None and p.kind == kind], candidates) for kind in ("revolve", "extrude")]
+        starts = [(self._first(some, deadline), lent) for some, lent in groups if some]
+        starts.append((self._start(programs, deadline), candidates))
+        best, *others = self._in_turn([_Lineage(s, self._length(s), self._shorten(s, lent, deadline)) for s, lent in starts])
+        lent = [leaf for other in others for leaf in leaves(other.program)]
+        return deque([best, *(found for found, _ in self._shorten(best, lent, deadline))], maxlen=1).pop() if lent else best
 
-    def _search_from(self, start: FittedProgram, candidates: Sequence[Program], deadline: Deadline) -> FittedProgram:
-        return search_shortest(start, self.quick, candidates, self.axes, deadline, self._draws)
+    @staticmethod
+    def _in_turn(lineages: list[_Lineage]) -> list[FittedProgram]:
+        """What the lineages come to, the shortest first. The next round is that of the one which promises the most by what it won in its
+        last, and what promises less than another has is given up."""
+        going = list(lineages)
+        while going:
+            most = min(going, key=lambda lineage: lineage.promised)
+            if not most.advance() or most.promised > min(lineage.length for lineage in lineages):
+                going.remove(most)
+        return [lineage.best for lineage in sorted(lineages, key=lambda lineage: lineage.length)]
 
-    def _start(self, starts: Sequence[Program], deadline: Deadline) -> FittedProgram:
-        """The likeliest of several programs, with its numbers fitted."""
+    def _shorten(self, start: FittedProgram, candidates: Sequence[Program], deadline: Deadline) -> Iterator[tuple[FittedProgram, float]]:
+        return shorten(start, self.quick, candidates, self.axes, deadline, self._draws)
+
+    def _first(self, starts: Sequence[Program], deadline: Deadline) -> FittedProgram:
+        """The likeliest of several programs, with its numbers fitted as far as a search needs them."""
         rough = FittedProgram(starts[-1], Noise(self.sigma), np.inf, 0)
         few = best_by_mdl([*dict.fromkeys(starts)], self._draws, rough, FITTED)
-        start = min((maximise_likelihood(p, self.quick, rough.noise, REFIT, deadline) for p in few), key=self._length)
-        return start if deadline.has_passed() else _fit(start.program, self.quick, start.noise, deadline)
+        return min((maximise_likelihood(p, self.quick, rough.noise, REFIT, deadline) for p in few), key=self._length)
+
+    def _start(self, programs: Sequence[Program], deadline: Deadline) -> FittedProgram:
+        """The likeliest of several programs, with its numbers fitted."""
+        start = self._first(programs, deadline)
+        return start if deadline.has_passed() else _fit(start.program, self.quick, start.noise, deadline, BEGUN)
 
     def _length(self, likely: FittedProgram) -> float:
         return description_length(likely.program, self.quick, likely.noise, likely.nll)
+
+
+@dataclass
+class _Lineage:
+    """One of several searches: its `best` program so far, how long that takes, and the `rounds` that shorten it."""
+
+    best: FittedProgram
+    length: float
+    rounds: Iterator[tuple[FittedProgram, float]]
+    promised: float = -math.inf
+
+    def advance(self) -> bool:
+        """Have another round; whether that found anything."""
+        found = next(self.rounds, None)
+        if found is None:
+            return False
+        won = self.length - found[1]
+        (self.best, self.length), self.promised = found, found[1] - AHEAD * won
+        return True
 
 
 def _fit(program: Program, points: np.ndarray, noise: Noise, deadline: Deadline, config: EMConfig = QUICK) -> FittedProgram:

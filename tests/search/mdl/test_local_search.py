@@ -7,7 +7,7 @@ import pytest
 
 from imdim.deadline import NEVER, Deadline
 from imdim.program.sequence import Step
-from imdim.search.mdl.local_search import Stage, own_moves, pack_choices, search_locally, uses
+from imdim.search.mdl.local_search import Stage, improvements, merge, own_moves, pack_choices, search_locally, uses
 
 A, B, C = Step("union", 7), Step("difference", 8), Step("difference", 9)
 
@@ -54,6 +54,35 @@ def test_a_round_that_time_cuts_short_changes_nothing(times, reached):
 def test_nothing_proposed_leaves_the_start():
     given = search_locally((1, 1.0), lambda _: [], [Stage(as_it_is, 1)], lambda _: [], lambda *_: 0.0, 9, NEVER)
     assert given == (1, 1.0)
+
+
+def test_what_else_won_is_tried_on_top_of_the_best():
+    """Sets of numbers, of which those up to 3 are worth having: each alone wins, and one round takes them all."""
+
+    def propose(chosen):
+        return [chosen | {n} for n in range(8)]
+
+    def worth_of(tried):
+        return [-sum(4 - n for n in chosen) for chosen in tried]
+
+    start = (frozenset(), 0.0)
+    given = (start, propose, [Stage(as_it_is, 8)], worth_of, lambda *_: 0.0, 9, NEVER)
+    assert next(improvements(*given))[0] == {0}
+    rounds = list(improvements(*given, frozenset.union))
+    assert rounds == [({0, 1, 2, 3}, -10)]
+    assert list(improvements(*given, lambda *_: None))[-1] == rounds[-1]
+
+
+def test_changes_of_one_sequence_are_merged():
+    more, other, turned = Step("union", 1), Step("difference", 2), Step("union", 8)
+    before = (A, B, C)
+    assert merge((A, B, C, more), (A, other, B, C), before) == (A, other, B, C, more)
+    assert merge((A, C), (A, turned, C), before) is None  # what is gone is not turned
+    assert merge((A, more, C), (A, turned, C, other), before) == (A, more, C, other)  # nor is what was exchanged
+    assert merge((A, B, C, more), (A, turned, C), before) == (A, turned, C, more)
+    assert merge((A, B, C, more), (A, C), before) == (A, C, more)
+    assert merge((A, B, C, more), (A, B, more, C), before) is None  # a term stands there once
+    assert merge((A, C, B), (B, C), (A, B, C)) is None  # a cut comes first
 
 
 def test_single_changes_begin_with_a_union():

@@ -16,7 +16,7 @@ from imdim.program.tree import leaves
 from imdim.search.mdl import batched_likelihood as mixture_module
 from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PartTableCache, PointScene
 from imdim.search.mdl.description_length import description_length
-from imdim.search.mdl.search import _shortest, best_by_mdl, search_shortest
+from imdim.search.mdl.search import _shortest, best_by_mdl, shorten
 from imdim.search.mdl.silhouettes import outlines
 
 PART = cut(union(box(40, 30, 6), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(3, 40, (-12.0, 0.0, 0.0)))
@@ -28,7 +28,11 @@ def cloud(program, n=8000, sigma=0.4, seed=0):
 
 
 def settled(program, points, sigma=0.4, lent=()):
-    return search_shortest(maximise_likelihood(program, points, Noise(1.2 * sigma)), points, list(lent), np.eye(3), NEVER)
+    return shortest(maximise_likelihood(program, points, Noise(1.2 * sigma)), points, list(lent))
+
+
+def shortest(likely, points, lent, deadline=NEVER):
+    return [likely, *(found for found, _ in shorten(likely, points, lent, np.eye(3), deadline))][-1]
 
 
 def scene_of(program, points, sigma=0.4):
@@ -105,7 +109,7 @@ def test_what_noise_explains_is_dropped_and_what_it_does_not_stays():
 def test_a_program_that_nothing_is_left_of_is_a_start_too():
     points, block = cloud(box(20, 14, 9)), box(20, 14, 9)
     gone = FittedProgram(cut(block, box(30, 30, 30)), Noise(0.4), np.inf, 0)
-    assert search_shortest(gone, points, [block], np.eye(3), NEVER).program.kind == "box"
+    assert shortest(gone, points, [block]).program.kind == "box"
     assert best_by_mdl([gone.program, block], PartTableCache(points), gone, 1) == [block]
 
 
@@ -148,4 +152,26 @@ def test_a_slab_with_round_ends_is_found_from_a_box():
 
 def test_no_time_leaves_the_program():
     likely = maximise_likelihood(PART, cloud(PART, 2000), Noise(0.4))
-    assert search_shortest(likely, cloud(PART, 2000), [], np.eye(3), PASSED) is likely
+    assert shortest(likely, cloud(PART, 2000), [], PASSED) is likely
+
+
+def test_each_program_is_shorter_than_the_one_before():
+    points = cloud(PART)
+    start = maximise_likelihood(box(40, 30, 6), points, Noise(0.5))
+    lengths = [length for _, length in shorten(start, points, outlines(points, np.eye(3), 0.4), np.eye(3), NEVER)]
+    assert lengths
+    assert (np.diff([description_length(start.program, points, start.noise), *lengths]) < 0).all()
+
+
+def test_two_short_cuts_become_one_that_goes_through():
+    points = cloud(cut(box(40, 30, 16), box(50, 8, 6)))
+    found = settled(cut(box(40, 30, 16), union(box(20, 8, 6, (-12.0, 0.0, 0.0)), box(20, 8, 6, (12.0, 0.0, 0.0)))), points)
+    assert [p.kind for p in leaves(found.program)] == ["box", "box"]
+
+
+def test_what_several_changes_win_is_won_in_one_round():
+    bored = cut(box(60, 40, 8), union(cylinder(4, 20, (-20.0, 8.0, 0.0)), cylinder(4, 20, (20.0, -8.0, 0.0))))
+    points = cloud(bored)
+    lent = [cylinder(4, 20, (x, y, 0.0)) for x, y in ((-20.0, 8.0), (20.0, -8.0))]
+    first, _ = next(shorten(maximise_likelihood(box(60, 40, 8), points, Noise(0.4)), points, lent, np.eye(3), NEVER))
+    assert count(first.program).primitives == 3

@@ -49,7 +49,8 @@ def find_sides(points: np.ndarray, weight: np.ndarray, sigma: float, turned: boo
     """The sides of the closed curves through `points` [n, 2] that count by their `weight` [n], the same with all crowds inside, and
     the crowds alone: both skins of a thin wall are one crowd. None of them where nothing is inside or the points are too few.
 
-    If `turned`, x is the distance from an axis, across which the curves go on as their mirror image.
+    If `turned`, x is the distance from an axis, across which the curves go on as their mirror image. What is closed all around is then
+    inside: no scan shows a cavity that nothing leads to, while a shell of any thickness about a solid fits its noise or its small features.
     """
     seen = _see_density(points, weight / weight.mean(), sigma, turned)
     if seen is None:
@@ -60,7 +61,15 @@ def find_sides(points: np.ndarray, weight: np.ndarray, sigma: float, turned: boo
     if len(pairs):
         inside = _choose_sides(pairs, weights, int(basins.max()) + 1, int(basins[-1, -1]))[basins]
     crowds = _find_crowds(seen.density)
-    return [Sides(found, seen.origin, seen.cell) for found in (inside, inside | crowds, crowds) if found.any()]
+    found = [_fill_cavities(sides) if turned else sides for sides in (inside, inside | crowds, crowds)]
+    return [Sides(sides, seen.origin, seen.cell) for sides in found if sides.any()]
+
+
+def _fill_cavities(inside: np.ndarray) -> np.ndarray:
+    """The mask [a, b] with all that it and the axis, before its first row, enclose."""
+    filled = ndimage.binary_fill_holes(np.pad(inside, ((1, 0), (0, 0)), constant_values=True))
+    assert isinstance(filled, np.ndarray)
+    return filled[1:]
 
 
 def _see_density(points: np.ndarray, weight: np.ndarray, sigma: float, turned: bool) -> _Density | None:

@@ -6,6 +6,7 @@ alone. A sequence then has the indices of parts as its terms: a choice.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from operator import itemgetter
 from typing import Generic, NamedTuple, TypeVar
@@ -40,23 +41,43 @@ def search_locally(
     rounds: int,
     deadline: Deadline,
 ) -> tuple[S, float]:
-    """A state that nothing proposed improves, and its objective; `start` has both.
+    """The last state of `improvements`: one that nothing proposed improves, and its objective."""
+    return deque([start, *improvements(start, propose, stages, objective, worth, rounds, deadline)], maxlen=1).pop()
+
+
+def improvements(
+    start: tuple[S, float],
+    propose: Callable[[S], Sequence[S]],
+    stages: Sequence[Stage[S]],
+    objective: Objective[S],
+    worth: Callable[[S, S], float],
+    rounds: int,
+    deadline: Deadline,
+    join: Callable[[S, S], S | None] | None = None,
+) -> Iterator[tuple[S, float]]:
+    """States, each better than the one before, with their objectives, until nothing proposed improves; `start` has both.
 
     `propose` gives changed states, the most promising first. Each of the `stages` fits the foremost and ranks them anew. The first whose
     objective is lower than the best's by more than `worth(best, trial)` takes its place. A round that time cuts short changes nothing.
+    What else improved the state before is tried on top: `join(best, trial)` gives the best with the trial's change too, None where there
+    is no such state, and the last of the stages fits it.
     """
     best, cost = start
     for _ in range(rounds):
         if deadline.has_passed():
-            break
+            return
         trials = [(trial, np.inf) for trial in propose(best)]
         for stage in stages:
             trials = _rank([trial for trial, _ in trials], stage, objective, deadline)
-        better = next(((trial, after) for trial, after in trials if after < cost - worth(best, trial)), None)
-        if better is None:
-            break
-        best, cost = better
-    return best, cost
+        better = [(trial, after) for trial, after in trials if after < cost - worth(best, trial)]
+        if not better:
+            return
+        (best, cost), *others = better
+        for other, _ in others:
+            joined = join(best, other) if join else None
+            both = _rank([joined], stages[-1], objective, deadline) if joined else []
+            best, cost = next(((trial, after) for trial, after in both if after < cost - worth(best, trial)), (best, cost))
+        yield best, cost
 
 
 def _rank(trials: Sequence[S], stage: Stage[S], objective: Objective[S], deadline: Deadline) -> list[tuple[S, float]]:
@@ -96,6 +117,21 @@ def uses(term: T, sequence: SignedSequence[T]) -> Iterator[SignedSequence[T]]:
             yield (*sequence[:at], Step(op, term), *sequence[at:])
     for i, step in enumerate(sequence):
         yield (*sequence[:i], Step(step.op, term), *sequence[i + 1 :])
+
+
+def merge(ours: SignedSequence[T], theirs: SignedSequence[T], before: SignedSequence[T]) -> SignedSequence[T] | None:
+    """`ours` with what `theirs` puts in, leaves out and turns, both being changes of the sequence `before`; None where that changes
+    nothing or begins with a cut. Terms stand in a sequence once; changes of their order are left out."""
+    was, has = ({step.term: step.op for step in s} for s in (before, theirs))
+    turned: dict[T, Op] = {term: op for term, op in has.items() if was.get(term, op) != op}
+    out = [Step(turned.get(step.term, step.op), step.term) for step in ours if step.term in has or step.term not in was]
+    for i, step in enumerate(theirs):
+        terms = [s.term for s in out]
+        if step.term not in was and step.term not in terms:
+            behind = next((terms.index(s.term) + 1 for s in reversed(theirs[:i]) if s.term in terms), 0)
+            out.insert(behind, step)
+    merged = tuple(out)
+    return merged if _proper(merged) and merged != ours else None
 
 
 def _proper(sequence: SignedSequence[T]) -> bool:

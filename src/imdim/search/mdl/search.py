@@ -22,14 +22,15 @@ from imdim.numbers.likelihood import SurfaceSamples
 from imdim.program.cost import count
 from imdim.program.paths import leaf_paths, without
 from imdim.program.sequence import SignedSequence, Step, map_terms, to_program, to_sequence
-from imdim.program.tree import Combine, Primitive, Program
+from imdim.program.tree import Combine, Primitive, Program, leaves, map_leaves
 from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PartTableCache, PointScene
 from imdim.search.mdl.candidates.drawn import redraw
 from imdim.search.mdl.candidates.residual import alternatives, hollows, missing, trim
 from imdim.search.mdl.candidates.rim import rims
 from imdim.search.mdl.candidates.shell_slot import shells, stadiums
+from imdim.search.mdl.candidates.span import prolong, span
 from imdim.search.mdl.description_length import description_length, numbers
-from imdim.search.mdl.local_search import Choice, Stage, own_moves, search_locally, uses
+from imdim.search.mdl.local_search import Choice, Stage, improvements, merge, own_moves, uses
 from imdim.search.mdl.primitive_selection import Cloud, distinct
 
 ROUNDS = 40
@@ -45,42 +46,74 @@ WORTH = 2e-3  # nats per point, what the samples of the surface leave in doubt; 
 UNEXPLAINED = (3.0, 2.2)  # deviations of the noise
 OWN = 3.0  # deviations of the noise, within which a primitive explains a point
 BLURRED = 0.3  # deviations of the noise by which both skins of a wall must lie off their middle to be told from one
+ALIKE = 4.0  # deviations of the noise by which sections of parts may differ that one part spans
 TAPER = 0.05  # of a radius
-FIRST = EMConfig(rounds=2, through=0.0)
+FIRST = EMConfig(rounds=2, through=0.0, samples=4000)
 REFIT = EMConfig(rounds=4, through=0.0)
 
 
-def search_shortest(
+def shorten(
     likely: FittedProgram,
     points: np.ndarray,
     candidates: Sequence[Program],
     axes: np.ndarray,
     deadline: Deadline,
     draws: PartTableCache | None = None,
-) -> FittedProgram:
-    """The program with the changes that shorten the description of `points` [n, 3], each the best of its round.
+) -> Iterator[tuple[FittedProgram, float]]:
+    """Programs that describe `points` [n, 3] in ever shorter ways, each after the best changes of a round, and how long they take.
 
     `axes` [3, 3] has the part's directions as columns. Sequences of more than LONGEST steps stay as they are. `draws` of the
     `tables_of_subsample` points keep for other calls what was computed for single parts.
     """
     if deadline.has_passed():
-        return likely
+        return
     area = SurfaceSamples.of(likely.program, likely.noise.sigma).area
     scene = PointScene(draws or tables_of_subsample(points), likely.noise, area, len(points))
     changes = _Changes(Cloud.of(points, likely.noise.sigma), scene, candidates, axes)
 
-    def fit(points: np.ndarray, config: EMConfig) -> Callable[[FittedProgram], list[FittedProgram]]:
-        return lambda trial: [maximise_likelihood(trial.program, points, trial.noise, config, deadline)]
+    def fit(points: np.ndarray, config: EMConfig) -> Callable[[_Trial], list[_Trial]]:
+        return lambda trial: [trial.fitted(lambda p: maximise_likelihood(p, points, trial.likely.noise, config, deadline))]
 
-    def lengths(tried: Sequence[FittedProgram]) -> list[float]:
-        return [description_length(t.program, points, t.noise, t.nll) for t in tried]
+    def lengths(tried: Sequence[_Trial]) -> list[float]:
+        return [description_length(t.likely.program, points, t.likely.noise, t.likely.nll) for t in tried]
 
+    start = _Trial(likely, (), (), ())
     stages = Stage(fit(points[::FEWER], FIRST), TRIED), Stage(fit(points, REFIT), REFITTED)
-    return search_locally((likely, lengths([likely])[0]), changes.promising, stages, lengths, _worth, ROUNDS, deadline)[0]
+    begin = start, lengths([start])[0]
+    for trial, length in improvements(begin, changes.promising, stages, lengths, _worth, ROUNDS, deadline, _join):
+        yield trial.likely, length
 
 
-def _worth(best: FittedProgram, trial: FittedProgram) -> float:
-    return 0.0 if numbers(trial.program) < numbers(best.program) else WORTH
+@dataclass(frozen=True)
+class _Trial:
+    """A program that one round of the search has tried: the sequence `choice` of `parts`, which have their fitted numbers in the `likely`
+    program, and the choice `before` that it is a change of."""
+
+    likely: FittedProgram
+    choice: Choice
+    parts: tuple[Program, ...]
+    before: Choice
+
+    def fitted(self, fit: Callable[[Program], FittedProgram]) -> _Trial:
+        likely = fit(self.likely.program)
+        new = leaves(likely.program)
+        parts = tuple(map_leaves(part, lambda _, leaf: next(new)) for part in self.parts)
+        return replace(self, likely=likely, parts=parts)
+
+
+def _join(best: _Trial, other: _Trial) -> _Trial | None:
+    """The best with the change that makes the other out of the sequence before."""
+    choice = merge(best.choice, other.choice, best.before)
+    if choice is None:
+        return None
+    part = {step.term: p for trial in (other, best) for step, p in zip(trial.choice, trial.parts, strict=True)}
+    parts = tuple(part[step.term] for step in choice)
+    program = to_program(tuple(Step(step.op, p) for step, p in zip(choice, parts, strict=True)))
+    return _Trial(replace(best.likely, program=program), choice, parts, best.before)
+
+
+def _worth(best: _Trial, trial: _Trial) -> float:
+    return 0.0 if numbers(trial.likely.program) < numbers(best.likely.program) else WORTH
 
 
 def tables_of_subsample(points: np.ndarray) -> PartTableCache:
@@ -104,24 +137,46 @@ class _Changes:
     lent: Sequence[Program]
     axes: np.ndarray
 
-    def promising(self, best: FittedProgram) -> list[FittedProgram]:
+    def promising(self, found: _Trial) -> list[_Trial]:
         """Changed programs, not fitted, the shortest description first; none of sequences of more than LONGEST steps."""
+        best = found.likely
         steps = to_sequence(best.program, apart=True)
         if len(steps) > LONGEST:
             return []
+        spans = self._spans(best, steps)
         offered = [*self._guesses(best, steps), *self.lent]
         compound = [p for p in offered if isinstance(p, Combine)]
-        others = [*distinct([p for p in offered if isinstance(p, Primitive)], self.cloud), *compound, *_drop_leaves(steps)]
+        others = [*distinct([p for p in offered if isinstance(p, Primitive)], self.cloud), *compound, *_drop_leaves(steps), *spans]
         mixture = BatchedLikelihood.of(self.scene, [part for _, part in steps], others)
         start: Choice = tuple(Step(op, i) for i, (op, _) in enumerate(steps))
         new = (c for i in range(len(steps), len(mixture.parts)) for c in uses(i, start))
         # a wall is no cut: what is left of it in its middle would stand alone
         walls = {i for i, part in enumerate(mixture.parts) if isinstance(part, Combine) and part.op == "difference"}
         moves = [*own_moves(start), *(c for c in new if all(s.positive or s.term not in walls for s in c))]
+        moves += [c for at, part in enumerate(spans, len(mixture.parts) - len(spans)) for c in _in_place_of(spans[part], at, start)]
         glance = [start, *(moves[i - 1] for i in _shortest(mixture.lengths([start, *moves], GLANCE), LOOKED))]
         lengths = mixture.lengths(glance)
         kept = [glance[i] for i in _shortest(lengths, TRIED) if lengths[i] < lengths[0] + SLACK]
-        return [replace(best, program=to_program(map_terms(choice, mixture.parts.__getitem__))) for choice in kept]
+        return [self._trial(best, choice, mixture.parts, start) for choice in kept]
+
+    def _trial(self, best: FittedProgram, choice: Choice, parts: Sequence[Program], before: Choice) -> _Trial:
+        chosen = map_terms(choice, parts.__getitem__)
+        return _Trial(replace(best, program=to_program(chosen)), choice, tuple(part for _, part in chosen), before)
+
+    def _spans(self, best: FittedProgram, steps: SignedSequence[Program]) -> dict[Primitive, list[tuple[int, int]]]:
+        """Parts that could do the work of two steps, with these; the first of the two is the one that each is made of."""
+        out: dict[Primitive, list[tuple[int, int]]] = {}
+        for i, (op, part) in enumerate(steps):
+            others = [j for j, other in enumerate(steps) if j != i and other.op == op]
+            if not isinstance(part, Primitive) or not others:
+                continue
+            for long in prolong(part, self.cloud) if op == "difference" else ():
+                out.setdefault(long, []).extend((i, j) for j in others)
+            for j in others:
+                other = steps[j].term
+                if isinstance(other, Primitive) and (both := span(part, other, ALIKE * best.noise.sigma)) is not None:
+                    out.setdefault(both, []).append((i, j))
+        return out
 
     def _guesses(self, best: FittedProgram, steps: SignedSequence[Program]) -> list[Program]:
         """What might be missing, and other shapes for the points of each primitive of the sequence."""
@@ -144,6 +199,12 @@ class _Changes:
                 if op == "union" and own.any():
                     out += [*_hollow(part, value[own], cloud, sigma), *rims(part, cloud.points, sigma)]
         return out
+
+
+def _in_place_of(pairs: Sequence[tuple[int, int]], term: int, start: Choice) -> Iterator[Choice]:
+    """The term in the place of the first of two steps, without the second."""
+    for i, j in pairs:
+        yield tuple(Step(op, term if at == i else old) for at, (op, old) in enumerate(start) if at != j)
 
 
 def _hollow(part: Primitive, value: np.ndarray, cloud: Cloud, sigma: float) -> list[Program]:

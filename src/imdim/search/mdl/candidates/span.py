@@ -1,0 +1,63 @@
+"""One part in the place of two: a cut made so long that it goes through the part, and what spans two parts of the same section.
+
+A search that changes one part at a time does not get there: two short cuts from either side do what one does that goes through, and
+neither can be left out before the other is long.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from imdim.geometry.rotations import matrix_from_euler
+from imdim.program.tree import Primitive
+from imdim.search.mdl.candidates.residual import ENDS, LOOK, resize
+from imdim.search.mdl.primitive_selection import Cloud
+
+STRAIGHT = {"box": ENDS["box"], "cylinder": ENDS["cylinder"], "extrude": ((2, 0),)}  # local axis and slot of the size along it
+LEVEL = np.cos(np.radians(3.0))  # of directions that are one
+OUTERMOST = (0.01, 0.99)  # quantiles of coordinates, beyond which points may be strays
+
+
+def prolong(cut: Primitive, cloud: Cloud) -> Iterator[Primitive]:
+    """The cut with its ends out of the cloud, along each axis along which its walls are straight, at one end and at both."""
+    rotation = matrix_from_euler(cut.rotation)
+    out = LOOK * cloud.diagonal
+    beyond = np.quantile((cloud.points - cut.center) @ rotation, OUTERMOST, axis=0) + out * np.array([[-1.0], [1.0]])
+    for k, slot in STRAIGHT.get(cut.kind, ()):
+        ends = np.array([-0.5, 0.5]) * cut.size[slot]
+        far = np.array([min(ends[0], beyond[0, k]), max(ends[1], beyond[1, k])])
+        options = (far[0], ends[1]), (ends[0], far[1]), tuple(far)
+        for low, high in dict.fromkeys(options):
+            if high - low > cut.size[slot] + out:
+                yield _with_ends(cut, rotation, k, slot, low, high)
+
+
+def span(a: Primitive, b: Primitive, near: float) -> Primitive | None:
+    """`a` made so long that it reaches over `b`, where that is of its kind and section, to within `near`; None where it is not."""
+    if a.kind != b.kind or a.kind not in STRAIGHT or a.outline is not None:
+        return None
+    rotation = matrix_from_euler(a.rotation)
+    turned = np.abs(rotation.T @ matrix_from_euler(b.rotation))
+    apart = rotation.T @ (np.array(b.center) - a.center)
+    if a.kind == "cylinder":
+        other = np.array([b.size[0], b.size[0], b.size[1] / 2]) if turned[2, 2] > LEVEL else None
+        mine = np.array([a.size[0], a.size[0], a.size[1] / 2])
+    else:
+        order = turned.argmax(1)
+        other = np.array(b.size)[order] / 2 if turned.max(1).min() > LEVEL else None
+        mine = np.array(a.size) / 2
+    if other is None:
+        return None
+    for k, slot in STRAIGHT[a.kind]:
+        across = [j for j in range(3) if j != k]
+        if (np.abs(apart[across]) + np.abs(mine - other)[across] < near).all():
+            return _with_ends(a, rotation, k, slot, min(-mine[k], apart[k] - other[k]), max(mine[k], apart[k] + other[k]))
+    return None
+
+
+def _with_ends(part: Primitive, rotation: np.ndarray, k: int, slot: int, low: float, high: float) -> Primitive:
+    size = np.array(part.size, float)
+    size[slot] = high - low
+    return resize(part, size, np.array(part.center) + (low + high) / 2 * rotation[:, k])
