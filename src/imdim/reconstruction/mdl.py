@@ -153,35 +153,38 @@ class _NoisyCloud:
         return [p for p in found if p.outline is None or p in kept]
 
     def _search(self, programs: Sequence[Program], candidates: Sequence[Program], deadline: Deadline) -> FittedProgram:
-        """The shortest that several searches come to which share the time: from the best primitive, the best drawing of each kind and the best of
-        `programs`. What grows from one part is quick and stays short; of `programs`, which are long, the best is known at least where
-        time is out. In the end what the others found is lent to the best.
+        """The shortest that several searches come to which share the time: from the best primitive, from the best drawing of each kind and
+        from the best of `programs`. What grows from one part is quick and stays short; of `programs`, which are long, the best is known at
+        least where time is out. In the end what the others found is lent to the best.
         """
         if deadline.has_passed() or not candidates:
             return self._start(programs, deadline)
         singles = [p for p in candidates if isinstance(p, Primitive)]
         plain = [p for p in candidates if all(leaf.outline is None for leaf in leaves(p))]
-        groups = [([p for p in singles if p.outline is None], plain)]
-        groups += [([p for p in singles if p.outline is not None and p.kind == kind], candidates) for kind in ("revolve", "extrude")]
+        # with what the others begin with each would become as they are
+        drawn = [[p for p in singles if p.outline is not None and p.kind == kind] for kind in ("revolve", "extrude")]
+        groups = [([p for p in singles if p.outline is None], plain), *((own, [*plain, *own]) for own in drawn)]
         starts = [(self._first(some, deadline), lent) for some, lent in groups if some]
         starts.append((self._start(programs, deadline), candidates))
         best, *others = self._in_turn([_Lineage(s, self._length(s), self._shorten(s, lent, deadline)) for s, lent in starts])
-        lent = [leaf for other in others for leaf in leaves(other.program)]
-        return deque([best, *(found for found, _ in self._shorten(best, lent, deadline))], maxlen=1).pop() if lent else best
+        lent = [*candidates, *(leaf for other in others for leaf in leaves(other.program))]
+        return deque([best, *(found for found, _ in self._shorten(best, lent, deadline))], maxlen=1).pop()
 
     @staticmethod
     def _in_turn(lineages: list[_Lineage]) -> list[FittedProgram]:
         """What the lineages come to, the shortest first. The next round is that of the one which promises the most by what it won in its
-        last, and what promises less than another has is given up."""
+        last, until none promises more than one has."""
         going = list(lineages)
         while going:
             most = min(going, key=lambda lineage: lineage.promised)
-            if not most.advance() or most.promised > min(lineage.length for lineage in lineages):
+            if most.promised > min(lineage.length for lineage in lineages):
+                break
+            if not most.advance():
                 going.remove(most)
         return [lineage.best for lineage in sorted(lineages, key=lambda lineage: lineage.length)]
 
     def _shorten(self, start: FittedProgram, candidates: Sequence[Program], deadline: Deadline) -> Iterator[tuple[FittedProgram, float]]:
-        return shorten(start, self.quick, candidates, self.axes, deadline, self._draws)
+        return shorten(start, self.quick, candidates, self.axes, deadline)
 
     def _first(self, starts: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The likeliest of several programs, with its numbers fitted as far as a search needs them."""

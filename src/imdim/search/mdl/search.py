@@ -28,7 +28,7 @@ from imdim.search.mdl.candidates.drawn import redraw
 from imdim.search.mdl.candidates.residual import alternatives, hollows, missing, trim
 from imdim.search.mdl.candidates.rim import rims
 from imdim.search.mdl.candidates.shell_slot import shells, stadiums
-from imdim.search.mdl.candidates.span import prolong, span
+from imdim.search.mdl.candidates.span import prolong, slots, span
 from imdim.search.mdl.description_length import description_length, numbers
 from imdim.search.mdl.local_search import Choice, Stage, improvements, merge, own_moves, uses
 from imdim.search.mdl.primitive_selection import Cloud, distinct
@@ -67,9 +67,7 @@ def shorten(
     """
     if deadline.has_passed():
         return
-    area = SurfaceSamples.of(likely.program, likely.noise.sigma).area
-    scene = PointScene(draws or tables_of_subsample(points), likely.noise, area, len(points))
-    changes = _Changes(Cloud.of(points, likely.noise.sigma), scene, candidates, axes)
+    changes = _Changes(Cloud.of(points, likely.noise.sigma), draws or tables_of_subsample(points), candidates, axes)
 
     def fit(points: np.ndarray, config: EMConfig) -> Callable[[_Trial], list[_Trial]]:
         return lambda trial: [trial.fitted(lambda p: maximise_likelihood(p, points, trial.likely.noise, config, deadline))]
@@ -130,10 +128,10 @@ def best_by_mdl(programs: Sequence[Program], draws: PartTableCache, likely: Fitt
 
 @dataclass(frozen=True)
 class _Changes:
-    """What a program of a `cloud` could become: its parts, the `candidates` ones and guesses along `axes`, judged over the `scene`."""
+    """What a program of a `cloud` could become: its parts, the `lent` ones and guesses along `axes`, judged by the points of `draws`."""
 
     cloud: Cloud
-    scene: PointScene
+    draws: PartTableCache
     lent: Sequence[Program]
     axes: np.ndarray
 
@@ -147,7 +145,9 @@ class _Changes:
         offered = [*self._guesses(best, steps), *self.lent]
         compound = [p for p in offered if isinstance(p, Combine)]
         others = [*distinct([p for p in offered if isinstance(p, Primitive)], self.cloud), *compound, *_drop_leaves(steps), *spans]
-        mixture = BatchedLikelihood.of(self.scene, [part for _, part in steps], others)
+        area = SurfaceSamples.of(best.program, best.noise.sigma).area
+        scene = PointScene(self.draws, best.noise, area, len(self.cloud.points))
+        mixture = BatchedLikelihood.of(scene, [part for _, part in steps], others)
         start: Choice = tuple(Step(op, i) for i, (op, _) in enumerate(steps))
         new = (c for i in range(len(steps), len(mixture.parts)) for c in uses(i, start))
         # a wall is no cut: what is left of it in its middle would stand alone
@@ -196,6 +196,8 @@ class _Changes:
                     *stadiums(part, sigma),
                     *redraw(part),
                 ]
+                if op == "difference":
+                    out += slots(part, cloud)
                 if op == "union" and own.any():
                     out += [*_hollow(part, value[own], cloud, sigma), *rims(part, cloud.points, sigma)]
         return out

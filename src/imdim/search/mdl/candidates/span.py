@@ -6,6 +6,7 @@ neither can be left out before the other is long.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -32,6 +33,14 @@ def prolong(cut: Primitive, cloud: Cloud) -> Iterator[Primitive]:
         for low, high in dict.fromkeys(options):
             if high - low > cut.size[slot] + out:
                 yield _with_ends(cut, rotation, k, slot, low, high)
+
+
+def slots(hole: Primitive, cloud: Cloud) -> Iterator[Primitive]:
+    """Boxes about as wide as a round hole, which go through the part: what lies along a narrow slot is first found as a hole."""
+    if hole.kind == "cylinder":
+        radius, height = hole.size
+        side = math.sqrt(math.pi) * radius
+        yield from prolong(Primitive("box", (side, side, height), hole.center, hole.rotation), cloud)
 
 
 def span(a: Primitive, b: Primitive, near: float) -> Primitive | None:
