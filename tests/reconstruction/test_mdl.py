@@ -102,7 +102,7 @@ def test_searches_start_from_one_part_of_each_kind_and_from_a_program_and_the_sh
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
     starts.clear()
     told([truth], cloud(truth), NEVER, drawn=True)
-    assert [leaf.kind for p in starts for leaf in leaves(p)][1:2] == ["extrude"]
+    assert [p.kind for p in starts if count(p).primitives == 1][1:] == ["revolve", "extrude"]
 
 
 def test_the_next_round_is_that_of_the_search_which_promises_most_and_what_falls_behind_is_given_up():
