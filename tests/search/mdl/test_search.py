@@ -17,7 +17,7 @@ from imdim.program.tree import leaves
 from imdim.search.mdl import batched_likelihood as mixture_module
 from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PartTableCache, PointScene
 from imdim.search.mdl.description_length import description_length
-from imdim.search.mdl.search import _shortest, best_by_mdl, shorten
+from imdim.search.mdl.search import _in_place_of, _shortest, best_by_mdl, shorten
 from imdim.search.mdl.silhouettes import outlines
 
 PART = cut(union(box(40, 30, 6), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(3, 40, (-12.0, 0.0, 0.0)))
@@ -168,6 +168,12 @@ def test_two_short_cuts_become_one_that_goes_through():
     points = cloud(cut(box(40, 30, 16), box(50, 8, 6)))
     found = settled(cut(box(40, 30, 16), union(box(20, 8, 6, (-12.0, 0.0, 0.0)), box(20, 8, 6, (12.0, 0.0, 0.0)))), points)
     assert [p.kind for p in leaves(found.program)] == ["box", "box"]
+
+
+def test_one_part_takes_the_place_of_two_but_no_cut_comes_first():
+    start = tuple(Step(op, i) for i, op in enumerate(("union", "difference", "union", "difference")))
+    pairs = [(1, 3), (3, 1), (0, 2), (2, 0)]
+    assert [[step.term for step in choice] for choice in _in_place_of(pairs, 9, start)] == [[0, 9, 2], [0, 2, 9], [9, 1, 3]]
 
 
 def test_what_several_changes_win_is_won_in_one_round():

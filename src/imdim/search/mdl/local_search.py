@@ -122,9 +122,9 @@ def uses(term: T, sequence: SignedSequence[T]) -> Iterator[SignedSequence[T]]:
 def merge(ours: SignedSequence[T], theirs: SignedSequence[T], before: SignedSequence[T]) -> SignedSequence[T] | None:
     """`ours` with what `theirs` puts in, leaves out and turns, both being changes of the sequence `before`; None where that changes
     nothing or begins with a cut. Terms stand in a sequence once; changes of their order are left out."""
-    was, has = ({step.term: step.op for step in s} for s in (before, theirs))
-    turned: dict[T, Op] = {term: op for term, op in has.items() if was.get(term, op) != op}
-    out = [Step(turned.get(step.term, step.op), step.term) for step in ours if step.term in has or step.term not in was]
+    was, has = {step.term: step for step in before}, {step.term: step for step in theirs}
+    turned = {term: step for term, step in has.items() if term in was and was[term] != step}
+    out = [turned.get(step.term, step) for step in ours if step.term in has or step.term not in was]
     for i, step in enumerate(theirs):
         terms = [s.term for s in out]
         if step.term not in was and step.term not in terms:

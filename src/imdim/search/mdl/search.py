@@ -204,9 +204,11 @@ class _Changes:
 
 
 def _in_place_of(pairs: Sequence[tuple[int, int]], term: int, start: Choice) -> Iterator[Choice]:
-    """The term in the place of the first of two steps, without the second."""
+    """The term in the place of the first of two steps, without the second, unless a cut would come first."""
     for i, j in pairs:
-        yield tuple(Step(op, term if at == i else old) for at, (op, old) in enumerate(start) if at != j)
+        choice = tuple(Step(op, term if at == i else old) for at, (op, old) in enumerate(start) if at != j)
+        if choice[0].positive:
+            yield choice
 
 
 def _hollow(part: Primitive, value: np.ndarray, cloud: Cloud, sigma: float) -> list[Program]:

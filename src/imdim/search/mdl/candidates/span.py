@@ -17,7 +17,7 @@ from imdim.search.mdl.candidates.residual import ENDS, LOOK, resize
 from imdim.search.mdl.primitive_selection import Cloud
 
 STRAIGHT = {"box": ENDS["box"], "cylinder": ENDS["cylinder"], "extrude": ((2, 0),)}  # local axis and slot of the size along it
-LEVEL = np.cos(np.radians(3.0))  # of directions that are one
+LEVEL = math.cos(math.radians(3.0))  # of directions that are one
 OUTERMOST = (0.01, 0.99)  # quantiles of coordinates, beyond which points may be strays
 
 
@@ -27,10 +27,9 @@ def prolong(cut: Primitive, cloud: Cloud) -> Iterator[Primitive]:
     out = LOOK * cloud.diagonal
     beyond = np.quantile((cloud.points - cut.center) @ rotation, OUTERMOST, axis=0) + out * np.array([[-1.0], [1.0]])
     for k, slot in STRAIGHT.get(cut.kind, ()):
-        ends = np.array([-0.5, 0.5]) * cut.size[slot]
-        far = np.array([min(ends[0], beyond[0, k]), max(ends[1], beyond[1, k])])
-        options = (far[0], ends[1]), (ends[0], far[1]), tuple(far)
-        for low, high in dict.fromkeys(options):
+        half = cut.size[slot] / 2
+        bottom, top = min(-half, float(beyond[0, k])), max(half, float(beyond[1, k]))
+        for low, high in dict.fromkeys([(bottom, half), (-half, top), (bottom, top)]):
             if high - low > cut.size[slot] + out:
                 yield _with_ends(cut, rotation, k, slot, low, high)
 
@@ -62,7 +61,8 @@ def span(a: Primitive, b: Primitive, near: float) -> Primitive | None:
     for k, slot in STRAIGHT[a.kind]:
         across = [j for j in range(3) if j != k]
         if (np.abs(apart[across]) + np.abs(mine - other)[across] < near).all():
-            return _with_ends(a, rotation, k, slot, min(-mine[k], apart[k] - other[k]), max(mine[k], apart[k] + other[k]))
+            low, high = min(-mine[k], apart[k] - other[k]), max(mine[k], apart[k] + other[k])
+            return _with_ends(a, rotation, k, slot, float(low), float(high))
     return None
 
 
