@@ -153,9 +153,9 @@ class _NoisyCloud:
         return [p for p in found if p.outline is None or p in kept]
 
     def _search(self, programs: Sequence[Program], candidates: Sequence[Program], deadline: Deadline) -> FittedProgram:
-        """The shortest that several searches come to which share the time: from the best primitive, from the best drawing of each kind and
-        from the best of `programs`. What grows from one part is quick and stays short; of `programs`, which are long, the best is known at
-        least where time is out. In the end what the others found is lent to the best.
+        """The shortest that several searches come to which share the time: from the best primitive or wall, from the best drawing of each
+        kind and from the best of `programs`. What grows from one part is quick and stays short; of `programs`, which are long, the best is
+        known at least where time is out. In the end what the others found is lent to the best.
         """
         if deadline.has_passed() or not candidates:
             return self._start(programs, deadline)
@@ -163,7 +163,7 @@ class _NoisyCloud:
         plain = [p for p in candidates if all(leaf.outline is None for leaf in leaves(p))]
         # with what the others begin with each would become as they are
         drawn = [[p for p in singles if p.outline is not None and p.kind == kind] for kind in ("revolve", "extrude")]
-        groups = [([p for p in singles if p.outline is None], plain), *((own, [*plain, *own]) for own in drawn)]
+        groups = [(plain, plain), *((own, [*plain, *own]) for own in drawn)]
         starts = [(self._first(some, deadline), lent) for some, lent in groups if some]
         starts.append((self._start(programs, deadline), candidates))
         best, *others = self._in_turn([_Lineage(s, self._length(s), self._shorten(s, lent, deadline)) for s, lent in starts])
