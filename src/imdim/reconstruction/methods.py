@@ -13,13 +13,15 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from manifold3d import Manifold
 
 from imdim.baselines import stump_net as stump_nets
 from imdim.baselines.stump import stumps
 from imdim.deadline import Deadline
-from imdim.geometry.solid import to_manifold, volume
+from imdim.geometry.solid import SEGMENTS, to_manifold, volume
 from imdim.program.cost import count
 from imdim.program.front import Choice
+from imdim.program.rewrite.cells import end_cuts_with_the_solid, propose_cells
 from imdim.program.rewrite.hidden_arcs import without_hidden_arcs
 from imdim.program.rewrite.rims import separate_rims
 from imdim.program.rewrite.separation import hoist_cuts, separate_holes, separate_loops, straighten
@@ -30,7 +32,7 @@ from imdim.reconstruction.config import Settings
 from imdim.reconstruction.evolution import evolve_observation, log_generations, seeds_of
 from imdim.reconstruction.fitting import POOR
 from imdim.reconstruction.observation import SAMPLES, Observation
-from imdim.reconstruction.plain_program import SAME, is_plainer, may_be_plain
+from imdim.reconstruction.plain_program import SAME, is_plainer, may_be_plain, repeats_plainly
 from imdim.reconstruction.policy_beam import misfit, proposals
 from imdim.reconstruction.preserve import is_same
 from imdim.reconstruction.proof import Proofs
@@ -38,6 +40,7 @@ from imdim.search.counterexamples import Sharpener, transfer
 from imdim.search.evolve.population import EvolutionConfig, Generation
 from imdim.search.mdl.primitive_selection import Cloud
 from imdim.search.minimal_ranges import tidy
+from imdim.search.outline_areas import draw_area
 from imdim.search.sequence import to_program
 from imdim.search.structure import StructureConfig
 from imdim.search.structure import search as search_structure
@@ -55,6 +58,8 @@ TOUCH = EvolutionConfig(generations=60, patience=10)
 WORTH_MORE = 0.5  # of a primitive's price; error that a search goes on for although no fewer primitives can do
 NOTHING = 1e-7  # of the volume, of which a cut that takes no more takes nothing
 HIDDEN = 1e-5  # of it, by which solids of two forms of one program may differ
+FINE_SEGMENTS = 8 * SEGMENTS
+FACETS = 1e-3  # of the volume, by which the corners of arcs may make solids differ
 PROPOSE_S = 6.0  # what loading torch and writing a beam take of the processor; the solver works without it where less is left
 FAR_BETTER = 0.5  # of the misfit of the search's program
 
@@ -105,7 +110,8 @@ Method = Callable[[Run], Iterator[MethodStep]]
 def auto(run: Run) -> Iterator[MethodStep]:
     """The structure search and a short evolution; the decision tree and the policy where these leave much; proofs, which end it early.
 
-    What the search draws is taken apart, and primitives alone are looked for, where that leaves hardly more to read.
+    What the search draws is taken apart, and primitives alone are looked for, where that leaves hardly more to read; walls and bars become
+    the pockets and windows between them, where these repeat.
     """
     best: MethodStep | None = None
     for best in _search_all(run):
@@ -118,6 +124,46 @@ def auto(run: Run) -> Iterator[MethodStep]:
         if plain is not None and is_plainer(plain.program, best.program, run.seen):
             best = replace(plain, others=(*best.others, best.program, *plain.others))
             yield best
+    repeated = _repeat_cells(run, best)
+    if repeated is not None:
+        yield repeated
+
+
+def _repeat_cells(run: Run, best: MethodStep) -> MethodStep | None:
+    """The same with cavities in place of the walls between them, and plates with windows in place of bars, where these repeat and so there
+    is less to read."""
+    drawn, low, high = run.settings.language == "cad", *run.seen.families.arrangement.bounds
+    deadline, solid = run.budget.end_of("search"), None
+    start = program = end_cuts_with_the_solid(best.program)
+    found = True
+    while found:
+        found = False
+        for proposal in propose_cells(program, draw_area):
+            if deadline.has_passed():
+                break
+            if (has_outlines(proposal) and not drawn) or not repeats_plainly(proposal, program, low, high):
+                continue
+            if not _are_one_solid(proposal, start):
+                continue
+            solid = to_manifold(start) if solid is None else solid
+            tidied = _tidy_cuts(proposal, solid, deadline)
+            if repeats_plainly(tidied, program, low, high):
+                program, found = tidied, True
+                break
+    if program == start:
+        return None
+    return replace(best, program=program, others=(*best.others, best.program), proof="")
+
+
+def _are_one_solid(a: Program, b: Program) -> bool:
+    """Whether two programs differ by no more than HIDDEN: as circles of more segments, where arcs that end elsewhere have other corners."""
+    for segments in (SEGMENTS, FINE_SEGMENTS):
+        one, other = to_manifold(a, segments), to_manifold(b, segments)
+        volumes = one.volume(), other.volume()  # each by itself first, as in `volume_iou`
+        differ = sum(volumes) - 2 * (one ^ other).volume()
+        if differ <= HIDDEN * volumes[1] or differ > FACETS * volumes[1]:
+            return differ <= HIDDEN * volumes[1]
+    return False
 
 
 def _separate(run: Run, drawn: MethodStep) -> MethodStep | None:
@@ -131,10 +177,7 @@ def _lay_bare(apart: Program, drawn: Program, deadline: Deadline) -> Program:
     """A program that was taken `apart` with each loop as a feature, cuts behind the body, and without what is hidden in the solid that is
     `drawn`: arcs where lines run into round parts, and walls of what looks like a box from outside."""
     solid = to_manifold(drawn)
-    nothing, hidden = NOTHING * solid.volume(), HIDDEN * solid.volume()
-
-    def is_free(cut: Program) -> bool:
-        return not deadline.has_passed() and (to_manifold(cut) ^ solid).volume() < nothing
+    hidden = HIDDEN * solid.volume()
 
     def may_hide(leaf: Primitive, box: Primitive) -> bool:
         if deadline.has_passed():
@@ -143,9 +186,9 @@ def _lay_bare(apart: Program, drawn: Program, deadline: Deadline) -> Program:
         filled = (more ^ solid).volume()
         return min(filled, more.volume() - filled) < hidden
 
-    cut_last = hoist_cuts(separate_holes(apart), is_free)
+    cut_last = hoist_cuts(separate_holes(apart), _is_free_of(solid, deadline))
     whole = cut_last if deadline.has_passed() else without_hidden_arcs(cut_last, volume, hidden)
-    return straighten(reduce_program(hoist_cuts(separate_loops(whole), is_free), deadline), may_hide, volume, hidden)
+    return straighten(_tidy_cuts(separate_loops(whole), solid, deadline), may_hide, volume, hidden)
 
 
 def _separate_rims(run: Run, best: MethodStep) -> MethodStep | None:
@@ -164,6 +207,17 @@ def _separate_rims(run: Run, best: MethodStep) -> MethodStep | None:
 
     parted = separate_rims(apart, misfit, slack, np.asarray(mesh.vertices))
     return None if parted == apart else replace(best, program=_lay_bare(parted, best.program, deadline))
+
+
+def _tidy_cuts(program: Program, solid: Manifold, deadline: Deadline) -> Program:
+    """A program of a solid with its cuts behind the body."""
+    return reduce_program(hoist_cuts(program, _is_free_of(solid, deadline)), deadline)
+
+
+def _is_free_of(solid: Manifold, deadline: Deadline) -> Callable[[Program], bool]:
+    """Whether a cut takes nothing from a solid; past the `deadline` none is known to."""
+    nothing = NOTHING * solid.volume()
+    return lambda cut: not deadline.has_passed() and (to_manifold(cut) ^ solid).volume() < nothing
 
 
 def _search_primitives(run: Run, drawn: MethodStep) -> MethodStep | None:

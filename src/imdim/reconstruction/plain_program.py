@@ -22,12 +22,14 @@ from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Curve, Loop, Outline, arc_center, arc_radius, has_ellipse, ring_curves
 from imdim.program.patterns.detect import extent, fold_repeats
 from imdim.program.repeats import expand, first_copies, repeats
+from imdim.program.rewrite.cells import count_runs
 from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.observation import Observation
 from imdim.reconstruction.preserve import is_same
 
 FEW = 12  # features, which are read one by one
 MORE, LESS = 1.25, 0.85  # times as much to read as in the drawings: what few plain features, and what more of them, may have
+CLEARLY = 0.95  # times as much to read, copies read once, as walls and bars have: what more than FEW cells in their place may have
 FAR_LESS = 0.65  # the same where copies are read once, however many they are
 NEAR = 2e-4  # of the program's size, by which copies may differ whose numbers are not fitted yet
 PER_DIRECTION = 2  # numbers that say how copies go on one way: a count and a step
@@ -60,6 +62,15 @@ def is_plainer(plain: Program, drawn: Program, seen: Observation) -> bool:
         return False
     # arcs end between the corners of the circles that they are of
     return have >= had - slack or is_same(plain, drawn, slack)
+
+
+def repeats_plainly(cells: Program, walls: Program, low: np.ndarray, high: np.ndarray) -> bool:
+    """Whether a program of repeated cells is to be preferred to one of the same solid, which fills a box from `low` [3] to `high` [3], with
+    the walls between them: with copies read once, and the runs of what is united and cut, it reads shorter; clearly so where it has more
+    than FEW features."""
+    share = 1.0 if count(cells).primitives <= FEW else CLEARLY
+    after, before = (folded_length(program, low, high) + count_runs(program) for program in (cells, walls))
+    return after < share * before
 
 
 def _reads_shorter(plain: Program, drawn: Program, low: np.ndarray, high: np.ndarray) -> bool:
