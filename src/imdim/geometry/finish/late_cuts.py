@@ -29,6 +29,8 @@ def cut_last(program: Program, deadline: Deadline = NEVER) -> Program:
     A cut that another part fills again ends where that part begins, and what a cut leaves standing in the body is joined to it. Past the
     `deadline` (by default never) the other cuts stay.
     """
+    if deadline.has_passed() or isinstance(program, Primitive):
+        return program
     solid = to_manifold(program, CHECK_SEGMENTS)
     for _ in range(ROUNDS):
         flatter = program if deadline.has_passed() else _cut_late(_join_islands(program), deadline)
