@@ -66,6 +66,11 @@ def test_what_is_not_borne_stays() -> None:
     assert round_circles(before, after, lambda trial: False) == after
 
 
+def test_a_circle_that_rounding_keeps_is_not_rounded_on() -> None:
+    before, after = bores(15.456, count=4), bores(15.46, count=4)
+    assert round_circles(before, after, lambda trial: True) == after
+
+
 def test_what_is_on_no_circle_stays_rounded() -> None:
     before, after = bores(15.5, digits=2), bores(15.5, digits=1)
     assert round_circles(before, after, lambda trial: True) == after

@@ -16,7 +16,7 @@ from imdim.program.tree import Primitive, Program, Vec3, leaves, map_leaves
 from imdim.program.vectors import minus, plus, times, unit
 
 SAME = 1e-9  # of the part's size
-MOST, FINEST = 1e-3, 1e-5  # of it: by how much a radius is rounded at most, and to what at least
+MOST, FINEST = 1e-3, 1e-6  # of it: by how much a radius is rounded at most, and to what at least
 ON_AXIS = 1e-6  # of it, within which an axis is that of another leaf
 
 
@@ -35,11 +35,11 @@ def round_circles(before: Program, after: Program, bears: Callable[[Program], bo
         assert folding is not None
         members = folding.order[number : number + repeat.number]
         old, new = list(leaves(before)), list(leaves(after))
+        if not slants and _stand_on_one(repeat, old, new, members, size):
+            continue
         for trial in [_row(repeat, old, new, members)] if slants else _circles(repeat, old, new, members, size):
-            if all(_is_as(trial[i], new[i], SAME * size) for i in members):
-                break
             whole = map_leaves(after, lambda i, leaf, trial=trial: trial.get(i, leaf))
-            if bears(whole):
+            if whole == after or bears(whole):
                 after = whole
                 break
     return after
@@ -80,6 +80,13 @@ def _hub(repeat: Repeat, old: list[Primitive], new: list[Primitive], members: tu
         if i not in members and math.hypot(*aside) <= ON_AXIS * size and abs(dot(axes(leaf)[2], repeat.axis)) > 1 - SAME:
             return new[i].center
     return repeat.point
+
+
+def _stand_on_one(repeat: Repeat, old: list[Primitive], new: list[Primitive], members: tuple[int, ...], size: float) -> bool:
+    """Whether rounding has left a circle one."""
+    hub, first = _hub(repeat, old, new, members, size), new[members[0]]
+    copies = [move_leaf(first, turn(hub, repeat.axis, repeat.angle * k)) for k in range(len(members))]
+    return all(_is_as(copy, new[i], SAME * size) for copy, i in zip(copies, members, strict=True))
 
 
 def _is_as(a: Primitive, b: Primitive, slack: float) -> bool:

@@ -123,11 +123,10 @@ def snap_numbers(program: Program, seen: Observation, frame: Frame, deadline: De
         return plain
 
     def rounded(bears: Callable[[Program], bool]) -> Program:
-        out = plain
+        out, move, loss = plain, *((1e-3, 2e-6) if exact else (2e-3, 2e-5))
         for boldness in (1.0, 0.1, 0.01) if exact else (1.0, 0.3):
             if deadline.has_passed():
                 break
-            move, loss = (1e-3, 2e-6) if exact else (2e-3, 2e-5)
             # corners of a drawn wall lie on the ends of what cuts it: they do not tell that it turns
             config = SnapConfig(max_move=move * boldness, abs_tolerance=loss * boldness, max_deg=SNAP_DEG * boldness)
             old, new = list(leaves(out)), list(leaves(snap(out, distance, config=config, deadline=deadline)))
@@ -135,7 +134,10 @@ def snap_numbers(program: Program, seen: Observation, frame: Frame, deadline: De
             out = accept_changes(out, changes, _with_leaf, lambda trial: not deadline.has_passed() and bears(trial), SNAP_TRIES)
             if list(leaves(out)) == new:
                 break
-        return round_circles(plain, out, lambda trial: not deadline.has_passed() and bears(trial))
+        if deadline.has_passed():
+            return out
+        most = (1 + SnapConfig().rel_tolerance) * min(distance(plain), distance(out)) + loss
+        return round_circles(plain, out, lambda trial: not deadline.has_passed() and distance(trial) <= most and bears(trial))
 
     judge = _SolidJudge(to_unit(plain), seen)
     for caution in CAUTIONS:
