@@ -57,6 +57,16 @@ def test_an_odd_hole_becomes_like_its_fellows():
     assert list(leaves(snap_numbers(alike, seen, frame)))[4] == holes[3]
 
 
+def test_copies_are_rounded_together():
+    """A tray with numbers in thousandths, of which rounder ones of all its pockets cost more than they may: no single pocket has them."""
+    pockets = [box(36.668, 17.4, 51.846, (39.068 * i, 19.8 * j, 1.6)) for i in (-1, 0, 1) for j in (-0.5, 0.5)]
+    slots = [box(13.0227, 44.0, 17.682, (39.068 * i, 0.0, 17.682 * j)) for i in (-1, 0, 1) for j in (-1, 1)]
+    tray = cut(box(119.604, 42.0, 53.046), *pockets, *slots)
+    _, *found = leaves(rounded(tray, mesh_of(tray)))
+    assert len({leaf.size for leaf in found[:6]}) == 1
+    assert len({leaf.size for leaf in found[6:]}) == 1
+
+
 def judged(truth, plain):
     unit, frame = in_unit_frame(target_from(mesh_of(truth)))
     rng = np.random.default_rng(0)

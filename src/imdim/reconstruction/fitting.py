@@ -24,7 +24,8 @@ from imdim.numbers.snap import SnapConfig, accept_changes, snap
 from imdim.numbers.symmetry_normal_form import canonical
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
-from imdim.program.tree import Op, Primitive, Program, fold, leaves, map_leaves
+from imdim.program.outline import are_near
+from imdim.program.tree import Op, Primitive, Program, fold, leaves, longest, map_leaves
 from imdim.reconstruction.observation import Observation
 from imdim.reconstruction.preserve import is_same, preserve
 from imdim.relations.discover import exact_relations, hold_constraints
@@ -34,6 +35,7 @@ from imdim.target.target import Frame, Target
 POOR = 0.05  # of the volume; a search that leaves more is compared with the decision tree
 SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may move
 SAME_CONES = 2e-5  # of the volume, that cones may change that begin where they are seen
+SAME_SIZE = 1e-6  # of a length, within which leaves are copies of one: what a mesh's single precision leaves of equal ones
 LIKE = 2e-4  # of the diagonal, within which primitives are equal
 SHOWN = 8192  # points of a target that numbers and relations are judged by
 ROUNDED = 1e-2  # of the part, by which a number is rounded at most, if its interval is that wide
@@ -131,7 +133,8 @@ def snap_numbers(program: Program, seen: Observation, frame: Frame, deadline: De
             config = SnapConfig(max_move=move * boldness, abs_tolerance=loss * boldness, max_deg=SNAP_DEG * boldness)
             old, new = list(leaves(out)), list(leaves(snap(out, distance, config=config, deadline=deadline)))
             changes = [(i, leaf) for i, leaf in enumerate(new) if leaf != old[i]]
-            out = accept_changes(out, changes, _with_leaf, lambda trial: not deadline.has_passed() and bears(trial), SNAP_TRIES)
+            alike = _group_copies(old, changes)
+            out = accept_changes(out, alike, _with_leaves, lambda trial: not deadline.has_passed() and bears(trial), SNAP_TRIES)
             if list(leaves(out)) == new:
                 break
         if deadline.has_passed():
@@ -197,8 +200,24 @@ def snap_measured(program: Program, found: Sequence[Constraint], seen: Observati
     return bounds.round_sizes(snap(known.program, lambda trial: 0.0 if bounds.allow(trial) else np.inf, config=config, deadline=deadline))
 
 
-def _with_leaf(program: Program, change: tuple[int, Primitive]) -> Program:
-    return map_leaves(program, lambda i, leaf: change[1] if i == change[0] else leaf)
+def _group_copies(old: Sequence[Primitive], changes: Sequence[tuple[int, Primitive]]) -> list[dict[int, Primitive]]:
+    """Changes of leaves by number, those of leaves that were of one kind and size together: copies are rounded as one, or not at all."""
+    groups: list[dict[int, Primitive]] = []
+    for i, leaf in changes:
+        known = next((group for group in groups if _are_copies(old[i], old[next(iter(group))])), None)
+        if known is None:
+            groups.append({i: leaf})
+        else:
+            known[i] = leaf
+    return groups
+
+
+def _are_copies(a: Primitive, b: Primitive) -> bool:
+    return a.kind == b.kind and are_near(a.outline, b.outline, SAME_SIZE * longest([a])) and np.allclose(a.size, b.size, SAME_SIZE, 0)
+
+
+def _with_leaves(program: Program, changes: Mapping[int, Primitive]) -> Program:
+    return map_leaves(program, lambda i, leaf: changes.get(i, leaf))
 
 
 def _surface_points(seen: Observation) -> np.ndarray:
