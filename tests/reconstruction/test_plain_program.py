@@ -7,7 +7,7 @@ from tests.planted import box, cut, cylinder, mesh_of
 from imdim.program.outline import Outline, circle
 from imdim.program.tree import Primitive, Program, combine_all
 from imdim.reconstruction.observation import Observation, UnitBody, observe
-from imdim.reconstruction.plain_program import count_directions, count_numbers, folded_length, is_plainer, may_be_plain, reading_length
+from imdim.reconstruction.plain_program import count_directions, count_numbers, length_read_once, is_plainer, may_be_plain, reading_length
 from imdim.target.target import target_from
 
 RECTANGLE = tuple((x, y, 0.0) for x, y in ((-0.4, -0.3), (0.4, -0.3), (0.4, 0.3), (-0.4, 0.3)))
@@ -68,7 +68,7 @@ def test_a_grid_of_holes_is_read_once() -> None:
     drawn = Primitive("extrude", (0.1,), outline=Outline((RECTANGLE, *(circle(0.03, x, y) for x, y in places))))
     plain = cut(box(0.8, 0.6, 0.1), *(cylinder(0.03, 0.2, (x, y, 0.0)) for x, y in places))
     first = cut(box(0.8, 0.6, 0.1), cylinder(0.03, 0.2, (*places[0], 0.0)))
-    assert folded_length(plain, -HALF, HALF) == reading_length(first, -HALF, HALF) + 4
+    assert length_read_once(plain, -HALF, HALF) == reading_length(first, -HALF, HALF) + 4
     assert reading_length(plain, -HALF, HALF) > 0.85 * reading_length(drawn, -HALF, HALF)
     seen = observe(UnitBody.of(target_from(mesh_of(plain)), np.random.default_rng(0)), 2.5e-4, np.random.default_rng(0), outlines=True)
     assert is_plainer(plain, drawn, seen)

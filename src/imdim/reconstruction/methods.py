@@ -119,8 +119,9 @@ def auto(run: Run) -> Iterator[MethodStep]:
     # what has blends stays drawn: their edges lie between the walls of one drawing, and not between faces of many features
     if best is None or run.settings.objective == "primitives" or run.blended or not run.seen.evidence.exact:
         return
+    drawn = best
     for source in (_separate, _separate_rims, _search_primitives):
-        plain = source(run, best)
+        plain = source(run, drawn if source is _search_primitives else best)
         if plain is not None and is_plainer(plain.program, best.program, run.seen):
             best = replace(plain, others=(*best.others, best.program, *plain.others))
             yield best

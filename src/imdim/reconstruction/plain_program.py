@@ -30,7 +30,7 @@ from imdim.reconstruction.preserve import is_same
 FEW = 12  # features, which are read one by one
 MORE, LESS = 1.25, 0.85  # times as much to read as in the drawings: what few plain features, and what more of them, may have
 CLEARLY = 0.95  # times as much to read, copies read once, as walls and bars have: what more than FEW cells in their place may have
-FAR_LESS = 0.65  # the same where copies are read once, however many they are
+FAR_LESS, SLIGHTLY = 0.65, 0.9  # the same where copies are read once, however many they are: of a dozen drawings, and of more
 NEAR = 2e-4  # of the program's size, by which copies may differ whose numbers are not fitted yet
 PER_DIRECTION = 2  # numbers that say how copies go on one way: a count and a step
 SAME = 0.8  # of a primitive's price: by how much less of the part they may be
@@ -69,14 +69,16 @@ def repeats_plainly(cells: Program, walls: Program, low: np.ndarray, high: np.nd
     the walls between them: with copies read once, and the runs of what is united and cut, it reads shorter; clearly so where it has more
     than FEW features."""
     share = 1.0 if count(cells).primitives <= FEW else CLEARLY
-    after, before = (folded_length(program, low, high) + count_runs(program) for program in (cells, walls))
+    after, before = (length_read_once(program, low, high) + count_runs(program) for program in (cells, walls))
     return after < share * before
 
 
 def _reads_shorter(plain: Program, drawn: Program, low: np.ndarray, high: np.ndarray) -> bool:
     if reading_length(plain, low, high) <= _most(count(plain).primitives) * reading_length(drawn, low, high):
         return True
-    return folded_length(plain, low, high) <= FAR_LESS * folded_length(drawn, low, high)
+    # where even the drawings are many features, no more of them are to be feared
+    share = FAR_LESS if count(drawn).primitives <= FEW else SLIGHTLY
+    return length_read_once(plain, low, high) <= share * length_read_once(drawn, low, high)
 
 
 def _most(features: float) -> float:
@@ -120,7 +122,7 @@ def reading_length(program: Program, low: np.ndarray, high: np.ndarray) -> float
     return read + CURVE_KIND * _count_kinds(program)
 
 
-def folded_length(program: Program, low: np.ndarray, high: np.ndarray) -> float:
+def length_read_once(program: Program, low: np.ndarray, high: np.ndarray) -> float:
     """`reading_length` of a program whose repeated parts are written once."""
     folding = fold_repeats(program, NEAR * extent(program))
     if folding is None:

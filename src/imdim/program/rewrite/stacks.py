@@ -40,7 +40,7 @@ class _Turned(NamedTuple):
 
 
 @dataclass(frozen=True)
-class _Wall:
+class _RoundWall:
     """A round wall of radius `start` + `slope` z from z = `low` to `high` along an axis."""
 
     low: float
@@ -51,7 +51,7 @@ class _Wall:
     def radius(self, z: float) -> float:
         return self.start + self.slope * z
 
-    def is_like(self, other: _Wall, slack: float) -> bool:
+    def is_like(self, other: _RoundWall, slack: float) -> bool:
         """Whether both are of one cylinder or cone, as far as either goes."""
         ends = (min(self.low, other.low), max(self.high, other.high))
         return all(abs(self.radius(z) - other.radius(z)) <= slack for z in ends)
@@ -62,8 +62,8 @@ class _Slab(NamedTuple):
 
     low: float
     high: float
-    inner: _Wall | None
-    outer: _Wall
+    inner: _RoundWall | None
+    outer: _RoundWall
 
 
 def stack_turned_parts(program: Program) -> Program:
@@ -143,17 +143,17 @@ def _evaluate(program: Program, held: Sequence[np.ndarray]) -> np.ndarray:
     return fold(program, lambda i, _: held[i], {"union": np.logical_or, "intersection": np.logical_and, "difference": lambda a, b: a & ~b})
 
 
-def _wall(leaf: Primitive, axis: _Axis) -> _Wall:
+def _wall(leaf: Primitive, axis: _Axis) -> _RoundWall:
     x, y, z = (c - p for c, p in zip(leaf.center, axis.point, strict=True))
     middle, height = dot((x, y, z), axis.direction), leaf.size[-1]
     bottom, top = leaf.size[0], leaf.size[-2]
     if dot(axes(leaf)[2], axis.direction) < 0:
         bottom, top = top, bottom
     slope = (top - bottom) / height
-    return _Wall(middle - height / 2, middle + height / 2, (bottom + top) / 2 - slope * middle, slope)
+    return _RoundWall(middle - height / 2, middle + height / 2, (bottom + top) / 2 - slope * middle, slope)
 
 
-def _crossings(walls: Sequence[_Wall]) -> Iterator[float]:
+def _crossings(walls: Sequence[_RoundWall]) -> Iterator[float]:
     for a, b in combinations(walls, 2):
         if a.slope != b.slope:
             z = (b.start - a.start) / (a.slope - b.slope)
@@ -161,16 +161,16 @@ def _crossings(walls: Sequence[_Wall]) -> Iterator[float]:
                 yield z
 
 
-def _pieces(walls: Sequence[_Wall], slack: float) -> list[_Wall]:
+def _pieces(walls: Sequence[_RoundWall], slack: float) -> list[_RoundWall]:
     """One cylinder or cone for each wall, from bottom to top. A cylinder goes on through what is wider above and below it, and is one with
     those that it meets there."""
-    joined: list[_Wall] = []
+    joined: list[_RoundWall] = []
     for wall in walls:
         if joined and abs(joined[-1].high - wall.low) <= slack and joined[-1].is_like(wall, slack):
             joined[-1] = replace(joined[-1], high=wall.high)
         else:
             joined.append(wall)
-    out: list[_Wall] = []
+    out: list[_RoundWall] = []
     for i, wall in enumerate(joined):
         if wall.slope == 0:
             below, above = joined[:i][::-1], joined[i + 1 :]
@@ -187,15 +187,15 @@ def _pieces(walls: Sequence[_Wall], slack: float) -> list[_Wall]:
     return out
 
 
-def _is_wider(wall: _Wall, cylinder: _Wall, slack: float) -> bool:
+def _is_wider(wall: _RoundWall, cylinder: _RoundWall, slack: float) -> bool:
     return min(wall.radius(wall.low), wall.radius(wall.high)) >= cylinder.start - slack
 
 
-def _holds(long: _Wall, short: _Wall, slack: float) -> bool:
+def _holds(long: _RoundWall, short: _RoundWall, slack: float) -> bool:
     return long.low <= short.low + slack and long.high >= short.high - slack
 
 
-def _leaf(wall: _Wall, axis: _Axis, digits: int) -> Primitive:
+def _leaf(wall: _RoundWall, axis: _Axis, digits: int) -> Primitive:
     low, high = (round(z, digits) for z in (wall.low, wall.high))
     x, y, z = (p + d * (low + high) / 2 for p, d in zip(axis.point, axis.direction, strict=True))
     bottom, top = (max(round(wall.radius(end), digits), 0.0) for end in (wall.low, wall.high))
