@@ -7,7 +7,7 @@ from tests.planted import box, cut, cylinder, mesh_of
 from imdim.program.outline import Outline, circle
 from imdim.program.tree import Primitive, Program, combine_all
 from imdim.reconstruction.observation import Observation, UnitBody, observe
-from imdim.reconstruction.plain_program import count_directions, count_numbers, length_read_once, is_plainer, may_be_plain, reading_length
+from imdim.reconstruction.plain_program import count_directions, count_numbers, is_plainer, length_read_once, may_be_plain, reading_length
 from imdim.target.target import target_from
 
 RECTANGLE = tuple((x, y, 0.0) for x, y in ((-0.4, -0.3), (0.4, -0.3), (0.4, 0.3), (-0.4, 0.3)))
