@@ -81,6 +81,18 @@ def test_what_primitives_tell_as_well_is_not_drawn():
     assert [leaf.kind for leaf in leaves(counted("plate with four holes").program)] == ["extrude"]
 
 
+def test_a_tray_has_pockets_and_no_walls_across_them():
+    """Six equal pockets, where five features are enough, which are what is found if features are counted."""
+    places = [(x, y) for x in (-32.0, 0.0, 32.0) for y in (-16.5, 16.5)]
+    tray = cut(box(100, 70, 20), *(box(30, 31, 20, (x, y, 2.0)) for x, y in places))
+    body, *pockets = leaves(snapshots(mesh_of(tray))[-1].program)
+    assert body.size == (100.0, 70.0, 20.0)
+    assert sorted(pocket.center[:2] for pocket in pockets) == places
+    assert {pocket.size[:2] for pocket in pockets} == {(30.0, 31.0)}
+    *_, fewest = reconstruct(target_from(mesh_of(tray)), Settings(objective="primitives"), np.random.default_rng(0))
+    assert count(fewest.program).primitives < 7
+
+
 def counted(name: str) -> Snapshot:
     """What is found where a drawing counts as one primitive."""
     *_, last = reconstruct(target_from(mesh_of(PARTS[name])), Settings(objective="primitives"), np.random.default_rng(0))

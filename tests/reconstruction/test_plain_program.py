@@ -2,12 +2,20 @@
 
 import numpy as np
 import pytest
-from tests.planted import box, cut, cylinder, mesh_of
+from tests.planted import box, cut, cylinder, mesh_of, union
 
 from imdim.program.outline import Outline, circle
 from imdim.program.tree import Primitive, Program, combine_all
 from imdim.reconstruction.observation import Observation, UnitBody, observe
-from imdim.reconstruction.plain_program import count_directions, count_numbers, is_plainer, length_read_once, may_be_plain, reading_length
+from imdim.reconstruction.plain_program import (
+    count_directions,
+    count_numbers,
+    is_plainer,
+    length_read_once,
+    may_be_plain,
+    reading_length,
+    repeats_plainly,
+)
 from imdim.target.target import target_from
 
 RECTANGLE = tuple((x, y, 0.0) for x, y in ((-0.4, -0.3), (0.4, -0.3), (0.4, 0.3), (-0.4, 0.3)))
@@ -72,6 +80,21 @@ def test_a_grid_of_holes_is_read_once() -> None:
     assert reading_length(plain, -HALF, HALF) > 0.85 * reading_length(drawn, -HALF, HALF)
     seen = observe(UnitBody.of(target_from(mesh_of(plain)), np.random.default_rng(0)), 2.5e-4, np.random.default_rng(0), outlines=True)
     assert is_plainer(plain, drawn, seen)
+
+
+def test_cells_are_read_once_and_walls_in_their_order() -> None:
+    """A grid of pockets reads shorter than two long ones and two walls in them; six of three widths and places don't."""
+    body = box(0.8, 0.6, 0.1)
+    cells = cut(body, *(box(0.22, 0.24, 0.08, (x, y, 0.01)) for x in (-0.26, 0.0, 0.26) for y in (-0.14, 0.14)))
+    long = cut(body, *(box(0.74, 0.24, 0.08, (0.0, y, 0.01)) for y in (-0.14, 0.14)))
+    walls = union(long, *(box(0.04, 0.52, 0.08, (x, 0.0, 0.01)) for x in (-0.13, 0.13)))
+    assert repeats_plainly(cells, walls, -HALF, HALF)
+    assert not repeats_plainly(walls, cells, -HALF, HALF)
+    assert not repeats_plainly(cells, cells, -HALF, HALF)
+    columns = ((-0.37, -0.21), (-0.17, 0.0), (0.05, 0.37))
+    unlike = cut(body, *(box(b - a, 0.24, 0.08, ((a + b) / 2, y, 0.01)) for a, b in columns for y in (-0.14, 0.14)))
+    parted = union(long, *(box(b - a, 0.52, 0.08, ((a + b) / 2, 0.0, 0.01)) for a, b in ((-0.21, -0.17), (0.0, 0.05))))
+    assert not repeats_plainly(unlike, parted, -HALF, HALF)
 
 
 def test_primitives_are_looked_for_where_they_may_be_few() -> None:
