@@ -121,7 +121,7 @@ def auto(run: Run) -> Iterator[MethodStep]:
         return
     drawn = best
     for source in (_separate, _separate_rims, _search_primitives):
-        plain = source(run, drawn if source is _search_primitives else best)
+        plain = source(run, drawn if source is _search_primitives and has_outlines(best.program) else best)
         if plain is not None and is_plainer(plain.program, best.program, run.seen):
             best = replace(plain, others=(*best.others, best.program, *plain.others))
             yield best
