@@ -16,6 +16,7 @@ from manifold3d import Manifold
 
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
+from imdim.geometry.finish.active_zone import probes
 from imdim.geometry.finish.extend import Face, between, length, plane_faces
 from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.lowering import lower
@@ -63,12 +64,15 @@ def begin_at_datums(program: Program, deadline: Deadline = NEVER) -> Program:
         parts = list(leaves(program))
         if not all(_is_buried(program, parts[e.leaf], e.face, PROBE * longest(parts)) for e in row):
             continue
-        solid = to_manifold(program, CHECK_SEGMENTS) if solid is None else solid
         longer = {e.leaf: between(parts[e.leaf], e.face, -length(parts[e.leaf], e.face), more) for e in row}
+        trial = map_leaves(program, lambda i, leaf, longer=longer: longer.get(i, leaf))
+        # points are cheap, and most ends may not go on
+        if any(_shows(program, trial, probes(between(parts[e.leaf], e.face, 0.0, more))) for e in row):
+            continue
+        solid = to_manifold(program, CHECK_SEGMENTS) if solid is None else solid
         # of parts that are alike one tells how much is seen
         if not _is_seen(program, solid, longer[row[0].leaf], row[0]):
             continue
-        trial = map_leaves(program, lambda i, leaf, longer=longer: longer.get(i, leaf))
         added = sum(primitive_to_manifold(between(parts[e.leaf], e.face, 0.0, more), CHECK_SEGMENTS).volume() for e in row)
         # added parts that become longer make the solid nowhere less: its volume tells
         if abs(to_manifold(trial, CHECK_SEGMENTS).volume() - solid.volume()) <= NOTHING * added:
@@ -111,6 +115,11 @@ def _is_buried(program: Program, part: Primitive, face: Face, out: float) -> boo
     local[:, across] = flat
     local[:, face[0]] = face[1] * (length(part, face) / 2 + out)
     return bool(kernels.inside(lower(program), local @ exact_rotation(part).T + part.center).any())
+
+
+def _shows(program: Program, trial: Program, points: np.ndarray) -> bool:
+    """Whether two programs differ at some of points [n, 3]."""
+    return bool((kernels.inside(lower(program), points) != kernels.inside(lower(trial), points)).any())
 
 
 def _is_seen(program: Program, solid: Manifold, longer: Primitive, end: _End) -> bool:
