@@ -90,13 +90,7 @@ def _without(rings: Sequence[Ring], curves: Sequence[Curve], circles: Sequence[S
     joints = {number: CurveJoint(curves[after][:2]) for number, after in behind.items() if number not in gone}
     for circle in circles:
         into, out_of = [before[i] for i in circle], [behind[i] for i in circle]
-        if (
-            gone.intersection(
-                into,
-            )
-            or gone.intersection(out_of)
-            or len(circle) > MOST
-        ):
+        if gone.intersection(into) or gone.intersection(out_of) or len(circle) > MOST:
             return None
         pairs = _pair([curves[i] for i in into], [curves[i] for i in out_of], curves[circle[0]], slack)
         if pairs is None:
