@@ -50,11 +50,8 @@ FILM = 1e-3  # of the target's diagonal: the thickest that is taken for a film
 BEHIND = 1e-4  # of it, behind a wall, where a cutter that needs the wall takes something away
 REACH = 2e-2  # of it: a cutter goes on by the power of ten below that
 STEPS = 4  # from there to where a film ends, at which the cutter may matter
-ACROSS, ALONG, ABOUT = (
-    8,
-    5,
-    12,
-)  # points of a wall along its curve, along the axis that it is swept along, and about that it is turned about
+# points of a wall: along its curve, along the axis that it is swept along, and about the one that it is turned about
+ACROSS, ALONG, ABOUT = 8, 5, 12
 LEANING = 0.3  # least cosine between a line that is prolonged and the way out
 OWN = 0.1  # of what a move takes away: the share that may be the target's, whose facets lie inside its curves
 NOTHING = 1e-6  # of the target's volume
