@@ -79,6 +79,12 @@ def test_noise_of_single_points_spreads_nothing_and_dents_do():
     assert 10 < measure_spread(points, dents) < 60
 
 
+@pytest.mark.filterwarnings("error")
+def test_points_that_fall_together_tell_of_no_neighbours():
+    """A program that is far from its points: many are nearest to one place of it."""
+    assert measure_spread(np.zeros((400, 3)), np.random.default_rng(0).normal(size=400)) == 1.0
+
+
 def test_coordinates_move_a_drawn_leaf_as_they_say():
     square = ((-10.0, -5.0, 0.0), (10.0, -5.0, 0.0), (10.0, 5.0, 0.0), (-10.0, 5.0, 0.0))
     plate = Primitive("extrude", (4.0,), (1.0, 2.0, 3.0), (10.0, 20.0, 30.0), Outline((square, circle(2.0))))

@@ -145,7 +145,8 @@ def measure_spread(points: np.ndarray, residual: np.ndarray) -> float:
     eighth = float(np.median(np.asarray(tree.query(points[:: max(1, len(points) // 500)], k=NEAR[0] + 1)[0])[:, -1]))
     found = 1.0
     for count in NEAR:
-        if 4 * count > len(points):
+        # of points that fall together on the surface there are no neighbours at a distance
+        if 4 * count > len(points) or eighth == 0:
             break
         reach = eighth * np.sqrt(count / NEAR[0])
         pairs = tree.query_pairs(reach, output_type="ndarray")
