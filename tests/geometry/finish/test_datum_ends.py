@@ -55,6 +55,12 @@ def test_a_bar_crosses_another_one_from_side_to_side() -> None:
     assert span(after[1], 1) == pytest.approx((-5.0, 25.0))
 
 
+def test_a_rib_between_two_walls_keeps_the_length_that_is_seen() -> None:
+    walls, rib = join(box(60.0, 4.0, 20.0), box(60.0, 4.0, 20.0, (0.0, 30.0, 0.0))), box(6.0, 13.0, 6.0, (0.0, 7.5, 0.0))  # from 1 to 14
+    assert changed(join(walls, rib)) == join(walls, rib)
+    assert span(list(leaves(changed(join(box(60.0, 4.0, 20.0), rib))))[1], 1) == pytest.approx((-2.0, 14.0))  # all that stands out
+
+
 def test_what_is_hidden_nearly_all_the_way_stays() -> None:
     tower = cylinder(5.0, 50.0, (0.0, 0.0, 25.0))
     cap = cylinder(4.0, 3.0, (0.0, 0.0, 50.5))

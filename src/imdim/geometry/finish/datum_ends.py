@@ -2,13 +2,14 @@
 
 The end of a boss that lies in its plate is seen nowhere, and a search leaves it anywhere in there. People draw what stands on a plate from
 the face that the whole part lies on, and a bar that crosses another one from side to side. So the hidden end of an added part goes on to
-the part's outermost face, where the solid stays what it is. What stands on another boss, or is hidden nearly all the way, is left alone:
-it is drawn from where it is seen.
+the part's lowest face, and of what reaches the part's side to the opposite side, where the solid stays what it is. What stands on another
+boss, or is hidden nearly all the way, and a rib between two walls, is left alone: it is drawn from where it is seen.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,6 +63,8 @@ def begin_at_datums(program: Program, deadline: Deadline = NEVER) -> Program:
         if more <= slack or deadline.has_passed():
             continue
         parts = list(leaves(program))
+        if (row[0].axis, row[0].side) != DOWN and not all(_begins_outside(parts[e.leaf], e, outermost, slack) for e in row):
+            continue
         if not all(_is_buried(program, parts[e.leaf], e.face, PROBE * longest(parts)) for e in row):
             continue
         longer = {e.leaf: between(parts[e.leaf], e.face, -length(parts[e.leaf], e.face), more) for e in row}
@@ -100,6 +103,12 @@ def _alike(ends: Sequence[_End], parts: Sequence[Primitive], slack: float) -> li
         key = (part.kind, e.axis, e.side, e.face[0], *(round(v / (ROW / TOUCH * slack)) for v in numbers))
         rows.setdefault(key, []).append(e)
     return list(rows.values())
+
+
+def _begins_outside(part: Primitive, end: _End, outermost: Mapping[tuple[int, int], float], slack: float) -> bool:
+    """Whether the other end of a part lies in the outermost face already."""
+    opposite = length(part, end.face) / 2 - end.side * part.center[end.axis]
+    return abs(opposite - outermost.get((end.axis, -end.side), math.inf)) <= slack
 
 
 def _is_buried(program: Program, part: Primitive, face: Face, out: float) -> bool:
