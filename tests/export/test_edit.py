@@ -47,7 +47,7 @@ def delivered_of(program: Program):
     ("program", "values"),
     [
         (MOUNT, {"hole_diameter": 8.5}),
-        (MOUNT, {"plate_thickness": 15.0, "hole_x": -25.0, "boss_height": 3.5}),
+        (MOUNT, {"plate_thickness": 15.0, "hole_spacing_x": 50.0, "boss_height": 3.5}),
         (ROW, {"hole_spacing": 17.0}),
         (FLANGE, {"bolt_circle": 66.0, "hole_diameter": 8.0}),
         (PARTS["L bracket"], {"plate_thickness": 9.0}),
@@ -128,7 +128,7 @@ def test_names_say_what_they_are_and_what_follows():
     said = meanings(delivered_of(MOUNT))
     assert said["hole_diameter"] == "diameter of primitive 2, 3, 4, 5"
     assert said["plate_thickness"].startswith("length along z of primitive 0; moves 0.z, 1.z, 2.h")
-    assert said["hole_x"] == "centre along x of primitive 2, 3; moves 4.x, 5.x"
+    assert said["hole_spacing_x"] == "moves 2.x, 3.x, 4.x, 5.x"
     assert "1.x" in meanings(delivered_of(FLANGE))["bolt_circle"]
 
 

@@ -10,11 +10,12 @@ by as much as they do, and what stands on something stays on it (`seats`).
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from imdim.export.datums import Datum, Tie, ties
 from imdim.export.diameters import add_diameters
 from imdim.export.outline_rows import Drawn, add_outlines
 from imdim.export.repeat_rows import add_repeats
@@ -29,6 +30,7 @@ ZERO = 1e-9  # coefficients
 HALVES = 1e-6  # by which a coefficient may miss a half that it stands for: the digits of files
 MOST_NAMED = 1000  # primitives, copies counted, of a program with names: equations are dense, and so many take 0.4 GB
 SLOPE = 1e-6  # of a constraint's own slopes, that it may have with respect to a name
+SHELL = ("wall", "floor")  # what pockets leave, and are as large as that allows
 PATTERNS = ("linear", "circular")
 _RANKS = {"center": 0, "radius": 2, "circle": 2, "diameter": 3}  # by the last part of a word, the last are eliminated last
 
@@ -37,9 +39,10 @@ _RANKS = {"center": 0, "radius": 2, "circle": 2, "diameter": 3}  # by the last p
 class LinearSystem:
     """Equations [m, n] that hold at `start` [n]; variables from `extra` on are those of patterns, each with its first leaf and a word.
 
-    `ties` are equations for the numbers of one leaf, that are to bind no others. `length` is the largest size. `drawn` says of leaves with
-    outlines what the vertices are, `heights` which variable is the height of turned ones whose centre is at half of it. `angles` are
-    variables in degrees.
+    `ties` are equations for the numbers of one leaf, that are to bind no others, `places` such for the coordinates of its centre alone, or,
+    if they say so, for the spacing of the row or grid that begins with it.
+    `length` is the largest size. `drawn` says of leaves with outlines what the vertices are, `heights` which variable is the height of
+    turned ones whose centre is at half of it. `angles` are variables in degrees.
     """
 
     start: list[float]
@@ -47,6 +50,7 @@ class LinearSystem:
     length: float
     rows: list[dict[int, float]] = field(default_factory=list)
     ties: list[tuple[int, dict[int, float]]] = field(default_factory=list)
+    places: list[tuple[int, dict[int, float], bool]] = field(default_factory=list)
     extras: list[tuple[int, str]] = field(default_factory=list)
     drawn: dict[int, Drawn] = field(default_factory=dict)
     walls: list[FlatWall] = field(default_factory=list)
@@ -87,7 +91,7 @@ class LinearSystem:
         found = list(seats(program))
         for own, face, word in found:
             # what equal bosses have in common is how far they stand out
-            if word == "height" or not own.local or Ref(own.leaf, own.local) not in flush:
+            if word == "height" or Ref(own.leaf, own.local) not in flush:
                 system._add_seat(own.leaf, system._place(own, 1.0) | system._place(face, -1.0), word)
         seated = {(seat.own.leaf, seat.own.axis, seat.own.side) for seat in found}
         for own, wall, word in seats_at_walls(program, system.walls):
@@ -96,6 +100,7 @@ class LinearSystem:
                 for v, factor in wall.row.items():
                     row[v] = row.get(v, 0.0) - factor
                 system._add_seat(own.leaf, row, word)
+        system._add_places(ties(program, constraints))
         for leaf in system.heights:
             # otherwise what is turned grows upwards, as seen along its own axis
             system.ties += [(leaf, system._place(end, 1.0)) for end in ends_of(leaf, parts[leaf], numbers) if end.local == "-z"]
@@ -104,7 +109,7 @@ class LinearSystem:
     def solve(self) -> dict[int, dict[int, float]]:
         """Each number that follows from others, with their coefficients; a constant makes up the rest. Those are wholes and halves, but
         for places on a circle; what would follow by others stays a number."""
-        equations = [*self.rows, *(row for _, row in self.ties)]
+        equations = [*self.rows, *(row for _, row in self.ties), *(row for _, row, _ in self.places)]
         matrix = np.array([self._dense(row) for row in equations]).reshape(-1, len(self.start))
         pivots: dict[int, int] = {}
         for v, i in self._pivots(matrix):
@@ -120,19 +125,33 @@ class LinearSystem:
         """Which number follows from which equation of `matrix`, in which each is eliminated before the next is asked for."""
         order = self._order()
         yield from self._plain_pivots(matrix, order)
-        for i, (leaf, _) in enumerate(self.ties, start=len(self.rows)):
-            own = next((v for v in order if v // 6 == leaf and v < self.extra and abs(matrix[i, v]) > ZERO), None)
-            if own is not None:
-                yield own, i
+        own = [[v for v in order if v // 6 == leaf and v < self.extra] for leaf, _ in self.ties]
+        spacings = [v for v in order if self._is_spacing(v)]
+        firsts = {self.leaf_of(v) for v in spacings}
+        for leaf, _, with_spacing in self.places:
+            own.append([*(6 * leaf + 5 - i for i in range(3)), *(spacings if with_spacing and leaf in firsts else [])])
+        for i, among in enumerate(own, start=len(self.rows)):
+            held = (v for v in among if abs(matrix[i, v]) > ZERO)
+            v = next((v for v in held if not self._is_spacing(v) or all(map(_is_plain, matrix[i] / matrix[i, v]))), None)
+            if v is not None:
+                yield v, i
 
     def _plain_pivots(self, matrix: np.ndarray, order: list[int]) -> Iterator[tuple[int, int]]:
         free = np.arange(len(matrix)) < len(self.rows)
-        for v in order if self.rows else []:
+        places = [v for v in order if v < self.extra and v % 6 > 2]
+        # how far apart flush parts are follows from their sizes, if it does so by halves
+        spacings = [v for v in order if self._is_spacing(v)]
+        early = len(places) + len(spacings)
+        for number, v in enumerate([*places, *spacings, *(v for v in order if v not in places)] if self.rows else []):
             column = np.where(free, np.abs(matrix[:, v]), 0.0)
             pivot = int(column.argmax())
-            if column[pivot] > ZERO:
+            is_early = len(places) <= number < early
+            if column[pivot] > ZERO and (not is_early or all(map(_is_plain, matrix[pivot] / matrix[pivot, v]))):
                 yield v, pivot
                 free[pivot] = False
+
+    def _is_spacing(self, v: int) -> bool:
+        return v >= self.extra and self.extras[v - self.extra][1].startswith("spacing")
 
     def _dense(self, row: dict[int, float]) -> np.ndarray:
         out = np.zeros(len(self.start))
@@ -175,6 +194,29 @@ class LinearSystem:
             away = sum(factor * self.start[v] for v, factor in row.items())
             row[self.new(leaf, word, abs(away))] = -math.copysign(1.0, away)
         self.ties.append((leaf, row))
+
+    def _add_places(self, found: Iterable[Tie]) -> None:
+        """Where features lie from their datums; ties of one key share a name."""
+        shared: dict[tuple[str, tuple[int, float]], int] = {}
+        for tie in found:
+            row = self._datum(tie.own, 1.0)
+            for v, factor in self._datum(tie.datum, -1.0).items():
+                row[v] = row.get(v, 0.0) + factor
+            if tie.word:
+                key = (tie.word, tie.key) if tie.key is not None else None
+                v = shared.get(key) if key is not None else None
+                v = self.new(tie.named, tie.word, abs(tie.value)) if v is None else v
+                if key is not None:
+                    shared[key] = v
+                row[v] = -math.copysign(1.0, tie.value)
+            if tie.word in SHELL:
+                self.ties.insert(0, (tie.own.leaf, row))
+            else:
+                self.places.append((tie.own.leaf, row, tie.at_corner))
+
+    def _datum(self, datum: Datum, sign: float) -> dict[int, float]:
+        """The position of what a distance is measured from, times `sign`."""
+        return {6 * datum.leaf + 3 + datum.axis: sign} if datum.end is None else self._place(datum.end, sign)
 
     def _ground_leaf(self, first: Primitive, numbers: Lowered) -> Iterator[dict[int, float]]:
         """Where the first leaf stands on a plane through the origin: it keeps standing there."""

@@ -12,12 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from imdim.geometry import kernels
 from imdim.geometry.lowering import Lowered, lower
 from imdim.program.roles import signs
-from imdim.program.tree import Primitive, Program, envelope, leaves, longest
+from imdim.program.tree import Primitive, Program, envelope, fold, leaves, longest
 
 ALIGNED = 1e-7  # how far a direction may be off the world's axes
 TOUCH = 1e-9  # of the largest size
+INSIDE = 1e-6  # of a region: its corners are looked at so far inside
 
 
 class End(NamedTuple):
@@ -31,6 +33,47 @@ class End(NamedTuple):
     side: int
     column: int
     local: str
+
+
+class _CutAway:
+    """Where other cuts have taken all of an added leaf away."""
+
+    def __init__(self, program: Program, parts: Sequence[Primitive], numbers: Lowered, boxes: Sequence[tuple[np.ndarray, np.ndarray]]):
+        self._parts, self._numbers = parts, numbers
+        self._boxes = np.array(boxes)  # [n, 2, 3]
+        self._cuts = cuts_of_each(program)
+
+    def where(self, leaf: int, cut: int) -> bool:
+        """Whether nothing of a leaf is left where a `cut` meets it, for what other cuts take there."""
+        low = np.maximum(self._boxes[leaf, 0], self._boxes[cut, 0])
+        high = np.minimum(self._boxes[leaf, 1], self._boxes[cut, 1])
+        others = [c for c in self._cuts[leaf] if c != cut]
+        slack = INSIDE * (high - low)
+        boxes = self._boxes[others].reshape(-1, 2, 3)
+        around = (boxes[:, 0] <= low + slack).all(1) & (boxes[:, 1] >= high - slack).all(1)
+        corners = np.array(list(product(*zip(low + slack, high - slack, strict=True))))
+        return any(self._holds(others[i], corners) for i in np.flatnonzero(around))
+
+    def _holds(self, leaf: int, points: np.ndarray) -> bool:
+        """Whether a convex leaf holds all of points [n, 3]."""
+        part = self._parts[leaf]
+        return part.outline is None and part.kind != "torus" and bool(kernels.inside(lower(part), points).all())
+
+
+_Taken = list[tuple[int, list[int]]]  # leaves with what is taken from them
+
+
+def cuts_of_each(program: Program) -> list[list[int]]:
+    """For each leaf the leaves that are taken from it, in order of leaves."""
+
+    def cut(a: _Taken, b: _Taken) -> _Taken:
+        taken = [leaf for leaf, _ in b]
+        return [(leaf, cuts + taken) for leaf, cuts in a] + b
+
+    def both(a: _Taken, b: _Taken) -> _Taken:
+        return a + b
+
+    return [cuts for _, cuts in fold(program, lambda i, _: [(i, [])], {"union": both, "intersection": both, "difference": cut})]
 
 
 class Seat(NamedTuple):
@@ -52,34 +95,23 @@ class FlatWall(NamedTuple):
 
 
 def seats(program: Program) -> Iterator[Seat]:
-    """Of cuts and of what stands on something the faces that their ends follow; what has no ends along an axis, such as a ball, follows
-    the one feature in whose side it sits."""
+    """Of cuts and of what stands on something the faces that their ends follow."""
     parts, numbers, sign = list(leaves(program)), lower(program), signs(program)
     ends = [e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers)]
-    boxes = [_reach(p, numbers.rotations[i]) for i, p in enumerate(parts)]
-    slack = TOUCH * longest(parts)
-    found = list(_seats_of_ends(parts, sign, ends, boxes, slack))
-    yield from found
-    standing = {(s.own.leaf, s.own.axis): s.own for s in found if sign[s.own.leaf] > 0 and not s.word}
-    for leaf, axis in product(range(1, len(parts)), range(3)):
-        if any((e.leaf, e.axis) == (leaf, axis) for e in ends):
-            continue
-        low, high = boxes[leaf]
-        carriers = [own for (i, a), own in standing.items() if i != leaf and a == axis and _overlap(boxes[i], boxes[leaf])]
-        middle = [own for own in carriers if boxes[own.leaf][0][axis] < (low + high)[axis] / 2 < boxes[own.leaf][1][axis]]
-        if len(middle) == 1:
-            yield Seat(End(leaf, axis, 1, -1, ""), middle[0], "")
+    boxes = [reach_of(p, numbers.rotations[i]) for i, p in enumerate(parts)]
+    gone = _CutAway(program, parts, numbers, boxes)
+    yield from _seats_of_ends(parts, sign, ends, boxes, TOUCH * longest(parts), gone)
 
 
 def seats_at_walls(program: Program, walls: Sequence[FlatWall]) -> Iterator[tuple[End, FlatWall, str]]:
     """Of cuts that enter an extrusion from its side the walls that their ends follow, and the end that lies inside it, as so deep."""
     parts, numbers, sign = list(leaves(program)), lower(program), signs(program)
     pairs = {(e.leaf, e.axis, e.side): e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers)}
-    boxes = [_reach(p, numbers.rotations[i]) for i, p in enumerate(parts)]
+    boxes = [reach_of(p, numbers.rotations[i]) for i, p in enumerate(parts)]
     slack = TOUCH * longest(parts)
     for end in (e for e in pairs.values() if sign[e.leaf] < 0 and e.column >= 0):
         other = pairs[end.leaf, end.axis, -end.side]
-        place, depth = (end.side * _place(e, parts) for e in (end, other))
+        place, depth = (end.side * place_of(e, parts) for e in (end, other))
         met = [w for w in walls if (w.axis, w.side) == (end.axis, end.side) and sign[w.leaf] > 0]
         entered = [w for w in met if depth < end.side * w.place - slack and end.side * w.place <= place + slack]
         entered = [w for w in entered if _meet(boxes[w.leaf], boxes[end.leaf], end.axis)]
@@ -93,15 +125,16 @@ def seats_at_walls(program: Program, walls: Sequence[FlatWall]) -> Iterator[tupl
 
 def sticks_out(seat: Seat, parts: list[Primitive]) -> bool:
     """Whether an end lies beyond the face that it follows, and not in it."""
-    return abs(_place(seat.own, parts) - _place(seat.face, parts)) > TOUCH * longest(parts)
-
-
-def _overlap(a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray]) -> bool:
-    return bool((np.minimum(a[1], b[1]) > np.maximum(a[0], b[0])).all())
+    return abs(place_of(seat.own, parts) - place_of(seat.face, parts)) > TOUCH * longest(parts)
 
 
 def _seats_of_ends(
-    parts: list[Primitive], sign: list[int], ends: list[End], boxes: list[tuple[np.ndarray, np.ndarray]], slack: float
+    parts: list[Primitive],
+    sign: list[int],
+    ends: list[End],
+    boxes: list[tuple[np.ndarray, np.ndarray]],
+    slack: float,
+    gone: _CutAway,
 ) -> Iterator[Seat]:
     pairs = {(e.leaf, e.axis, e.side): e for e in ends}
     for end in ends:
@@ -111,6 +144,7 @@ def _seats_of_ends(
         beside = (e for e in facing if _beside(pairs, e, end, parts, least))
         near = [e for e in beside if _meet(boxes[e.leaf], boxes[end.leaf], end.axis)]
         if sign[end.leaf] < 0:
+            near = [e for e in near if not gone.where(e.leaf, end.leaf)]
             face = _passed(near, end, parts, slack)
             if face is not None and not _is_inside(pairs, near, end, parts, slack):
                 yield Seat(end, face, "")
@@ -126,7 +160,7 @@ def _seats_of_ends(
             if face is not None and not any(_holds(pairs, e, end, parts, slack) for e in near):
                 # what begins at the carrier's far face begins there however thick the carrier is
                 far = pairs[face.leaf, face.axis, -face.side]
-                through = abs(_place(far, parts) - _place(other, parts)) <= slack
+                through = abs(place_of(far, parts) - place_of(other, parts)) <= slack
                 yield Seat(other, far if through else face, "")
                 if end.column >= 0:
                     yield Seat(end, face, "height")
@@ -140,20 +174,20 @@ def _beside(pairs: _Ends, e: End, end: End, parts: list[Primitive], slack: float
 
 def _passed(faces: list[End], end: End, parts: list[Primitive], slack: float) -> End | None:
     """The face next behind an end that it passes or, with `slack`, meets."""
-    place = end.side * _place(end, parts)
-    passed = [e for e in faces if e.side * _place(e, parts) <= place + slack]
-    return max(passed, key=lambda e: e.side * _place(e, parts), default=None)
+    place = end.side * place_of(end, parts)
+    passed = [e for e in faces if e.side * place_of(e, parts) <= place + slack]
+    return max(passed, key=lambda e: e.side * place_of(e, parts), default=None)
 
 
 def _is_inside(pairs: _Ends, near: list[End], end: End, parts: list[Primitive], slack: float) -> bool:
     """Whether an end lies within some leaf."""
-    return any(low + slack < _place(end, parts) < high - slack for low, high in (_span(pairs, e, parts) for e in near))
+    return any(low + slack < place_of(end, parts) < high - slack for low, high in (_span(pairs, e, parts) for e in near))
 
 
 def _holds(pairs: _Ends, e: End, end: End, parts: list[Primitive], slack: float) -> bool:
     """Whether an end lies within a leaf, or at its face."""
     low, high = _span(pairs, e, parts)
-    return low - slack <= _place(end, parts) <= high + slack
+    return low - slack <= place_of(end, parts) <= high + slack
 
 
 def _is_spanned(pairs: _Ends, e: End, end: End, parts: list[Primitive], slack: float) -> bool:
@@ -164,7 +198,7 @@ def _is_spanned(pairs: _Ends, e: End, end: End, parts: list[Primitive], slack: f
 
 def _span(pairs: _Ends, e: End, parts: list[Primitive]) -> tuple[float, float]:
     """Where a leaf begins and ends along the axis of one of its faces."""
-    return _place(pairs[e.leaf, e.axis, -1], parts), _place(pairs[e.leaf, e.axis, 1], parts)
+    return place_of(pairs[e.leaf, e.axis, -1], parts), place_of(pairs[e.leaf, e.axis, 1], parts)
 
 
 def ends_of(leaf: int, p: Primitive, numbers: Lowered) -> Iterator[End]:
@@ -188,7 +222,8 @@ def world_axis(direction: np.ndarray) -> int | None:
 _Ends = Mapping[tuple[int, int, int], End]  # by leaf, axis and side
 
 
-def _place(end: End, parts: list[Primitive]) -> float:
+def place_of(end: End, parts: Sequence[Primitive]) -> float:
+    """Where an end lies along its axis."""
     p = parts[end.leaf]
     if end.column >= 0:
         return p.center[end.axis] + end.side * p.size[end.column] / 2
@@ -197,7 +232,7 @@ def _place(end: End, parts: list[Primitive]) -> float:
     return p.center[end.axis] + end.side * own * p.outline.bounds[own > 0][1]
 
 
-def _reach(p: Primitive, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def reach_of(p: Primitive, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Low and high corner [3] of a box around a leaf."""
     p = envelope(p)
     radius = sum(p.size) if p.kind == "torus" else max(p.size)

@@ -22,7 +22,7 @@ from imdim.deadline import Deadline
 from imdim.detection.blends import Chain
 from imdim.geometry.finish.cutter_walls import open_films
 from imdim.geometry.finish.datum_ends import begin_at_datums
-from imdim.geometry.finish.late_cuts import cut_last
+from imdim.geometry.finish.late_cuts import cut_last, lead_with_body
 from imdim.geometry.finish.overshoot import without_strays
 from imdim.geometry.solid import to_manifold
 from imdim.install import install_command
@@ -358,10 +358,10 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
 
 
 def _arrange(program: Program, deadline: Deadline) -> Program:
-    """The same solid as a person writes it: turned parts as stacks, body first and then its cuts, and bosses that begin at the base."""
+    """The same solid as a person writes it: turned parts as stacks, the body first and its cuts last, and bosses that begin at the base."""
     stacked = preserve(program, stack_turned_parts(program))
     flat = cut_last(stacked, deadline)
-    return preserve(flat, begin_at_datums(flat, deadline))
+    return lead_with_body(preserve(flat, begin_at_datums(flat, deadline)))
 
 
 def _open_films(program: Program, seen: Observation, frame: Frame, deadline: Deadline) -> Program | None:

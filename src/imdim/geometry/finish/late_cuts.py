@@ -33,7 +33,7 @@ def cut_last(program: Program, deadline: Deadline = NEVER) -> Program:
         return program
     solid = to_manifold(program, CHECK_SEGMENTS)
     for _ in range(ROUNDS):
-        flatter = program if deadline.has_passed() else _cut_late(_join_islands(program), deadline)
+        flatter = program if deadline.has_passed() else _cut_late(_join_islands(program, solid), deadline)
         made = to_manifold(flatter, CHECK_SEGMENTS)
         if flatter == program or (made - solid).volume() + (solid - made).volume() > NOTHING * solid.volume():
             break
@@ -41,15 +41,67 @@ def cut_last(program: Program, deadline: Deadline = NEVER) -> Program:
     return program
 
 
-def _join_islands(program: Program) -> Program:
-    """a - (b - c) as (a - b) | c, for what stands in the body that is cut."""
+def lead_with_body(program: Program) -> Program:
+    """The same solid, whose joined parts begin with the one that fills the largest box: what the others stand on, and are placed by."""
+    base, cuts = spine(program)
+    terms = parts(base, "union")
+    if len(terms) < 2:
+        return program
+    boxes = [np.ptp(np.reshape(to_manifold(term, CHECK_SEGMENTS).bounding_box(), (2, 3)), axis=0) for term in terms]
+    sizes = [float(np.prod(box)) for box in boxes]
+    body = next(i for i, size in enumerate(sizes) if size >= max(sizes) * (1 - NOTHING))
+    if body == 0:
+        return program
+    return combine_all("difference", [combine_all("union", [terms[body], *terms[:body], *terms[body + 1 :]]), *cuts])
+
+
+def _join_islands(program: Program, solid: Manifold) -> Program:
+    """a - (b - c) as (a - b) | c, for what stands in the body that is cut.
+
+    What rises above the body, or above what a later cut leaves of it, ends where the `solid` does; a later cut that had no more to do than
+    that goes.
+    """
     base, cuts = spine(program)
     for i, node in enumerate(cuts):
         cutter, left = spine(node)
-        if left and all(_stands_in(island, base) for island in left):
+        islands = [_end_inside(island, base, solid) for island in left]
+        if left and all(island is not None for island in islands):
             first, later = combine_all("difference", [base, *cuts[:i], cutter]), cuts[i + 1 :]
-            return combine_all("difference", [combine_all("union", [first, *left]), *later])
+            joined = combine_all("union", [first, *(island for island in islands if island is not None)])
+            return combine_all("difference", [joined, *_needed(joined, later, solid)])
     return program
+
+
+def _end_inside(island: Program, body: Program, solid: Manifold) -> Program | None:
+    """What stands in a body, shorter where it rises above what the `solid` has of it; None for what lies beside the body too."""
+    if _stands_in(island, body):
+        return island
+    if not isinstance(island, Primitive) or island.kind not in AXES:
+        return None
+    own = primitive_to_manifold(island, CHECK_SEGMENTS)
+    seen = own ^ solid
+    if seen.is_empty():
+        return None
+    ends, least = [], NOTHING * own.volume()
+    for axis in AXES[island.kind]:
+        low, high = ends_of(island, axis)
+        first, last = _extent(seen, island, axis)
+        for k, (end, new) in enumerate(((low, first), (high, last))):
+            shorter = stretch(island, axis, (new, high) if k == 0 else (low, new))
+            if abs(end - new) > NOTHING * max(island.size) and (seen - primitive_to_manifold(shorter, CHECK_SEGMENTS)).volume() <= least:
+                ends.append(shorter)
+    return next((shorter for shorter in ends if _stands_in(shorter, body)), None)
+
+
+def _needed(joined: Program, later: list[Program], solid: Manifold) -> list[Program]:
+    """The later cuts without those that take nothing that the `solid` has not lost already."""
+    kept = list(later)
+    for cut in later:
+        rest = [other for other in kept if other is not cut]
+        made = to_manifold(combine_all("difference", [joined, *rest]), CHECK_SEGMENTS)
+        if (made - solid).volume() + (solid - made).volume() <= NOTHING * solid.volume():
+            kept = rest
+    return kept
 
 
 def _stands_in(island: Program, body: Program) -> bool:
@@ -97,11 +149,7 @@ def _cut_after(cut: Program, body: Manifold, beside: Manifold, joined: Manifold)
 def _shorten(cut: Primitive, axis: int, air: Manifold, joined: Manifold) -> Primitive:
     """The cut with ends where the `air` ends that it makes, where it meets material beyond."""
     low, high = ends_of(cut, axis)
-    direction = exact_rotation(cut)[:, axis]
-    direction = direction if direction[np.abs(direction).argmax()] > 0 else -direction
-    places = np.asarray(air.to_mesh64().vert_properties)[:, :3] @ direction
-    decimals = DIGITS - int(np.ceil(np.log10(max(cut.size))))
-    first, last = (round(float(place), decimals) for place in (places.min(), places.max()))
+    first, last = _extent(air, cut, axis)
     ends = [low, high]
     for k, (end, new) in enumerate(((low, first), (high, last))):
         if abs(end - new) <= NOTHING * max(cut.size):
@@ -110,3 +158,12 @@ def _shorten(cut: Primitive, axis: int, air: Manifold, joined: Manifold) -> Prim
         if (spare ^ joined).volume() > NOTHING * spare.volume():
             ends[k] = new
     return stretch(cut, axis, (ends[0], ends[1]))
+
+
+def _extent(solid: Manifold, part: Primitive, axis: int) -> tuple[float, float]:
+    """From where to where a solid reaches along an axis of a part, as `ends_of` counts, to some digits of the part's size."""
+    direction = exact_rotation(part)[:, axis]
+    direction = direction if direction[np.abs(direction).argmax()] > 0 else -direction
+    places = np.asarray(solid.to_mesh64().vert_properties)[:, :3] @ direction
+    decimals = DIGITS - int(np.ceil(np.log10(max(part.size))))
+    return round(float(places.min()), decimals), round(float(places.max()), decimals)

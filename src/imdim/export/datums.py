@@ -1,0 +1,195 @@
+"""From where features are measured: walls of pockets, distances from edges and middles of what carries them, spacings of pairs.
+
+A designer places what lies near an edge from that edge, what lies in the middle by the middle, heights from the base, and the rest from
+the face or middle that is the origin. A pocket that leaves thin walls of one thickness all about is as large as these allow; two features
+that mirror each other, and two equal holes side by side, have a spacing. Each of these is a soft equation (`Tie`): it says what is free,
+and gives way to all relations that were found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from imdim.export.seats import End, cuts_of_each, ends_of, place_of, reach_of
+from imdim.geometry.lowering import lower
+from imdim.program.constraints import WORLD, Constraint
+from imdim.program.roles import signs
+from imdim.program.tree import Primitive, Program, leaves, longest
+
+TOUCH = 1e-9  # of the largest size
+THIN = 0.2  # of a pocket's size: a thicker wall is what the pocket leaves, and no size of its own
+AT_CORNER = 1.5  # of the width of an added feature: so near an edge a row or grid follows that edge; the spacing of holes is another part's
+AT_EDGE = 1 / 3  # of a carrier's size, within which an edge is what something is measured from
+UP = 2
+FACES = {(0, -1): "left", (0, 1): "right", (1, -1): "front", (1, 1): "back", (2, -1): "bottom", (2, 1): "top"}
+
+
+class Datum(NamedTuple):
+    """What a distance along a world axis is measured between: an end of a leaf, or its middle."""
+
+    leaf: int
+    axis: int
+    end: End | None = None
+
+
+@dataclass(frozen=True)
+class Tie:
+    """`own` lies `value` beyond `datum` along the axis: a dimension of leaf `named` if it has a `word`, one for all ties of one `key`.
+
+    What stays `at_corner` does so where the middle of its row or grid is known, too.
+    """
+
+    own: Datum
+    datum: Datum
+    value: float
+    named: int = 0
+    word: str = ""
+    key: tuple[int, float] | None = None
+    at_corner: bool = False
+
+
+def ties(program: Program, constraints: Sequence[Constraint]) -> Iterator[Tie]:
+    """Walls, spacings and places, those that are meant most first."""
+    parts, numbers, sign = list(leaves(program)), lower(program), signs(program)
+    ends = {(e.leaf, e.axis, e.side): e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers) if e.column >= 0}
+    boxes = [reach_of(p, numbers.rotations[i]) for i, p in enumerate(parts)]
+    slack = TOUCH * longest(parts)
+    carriers = list(_carriers(program, parts, sign, boxes, slack))
+    lowest = min((float(box[0][UP]) for box, s in zip(boxes, sign, strict=True) if s > 0), default=0.0)
+    yield from _walls(parts, sign, ends, carriers, slack)
+    placed = []
+    for leaf, axis in product(range(1, len(parts)), range(3)):
+        drawn = any(parts[i].outline is not None and (i, axis, 1) not in ends for i in (leaf, *carriers[leaf][:1]))
+        if carriers[leaf] and not drawn:  # the middle of a drawing is anywhere
+            tie = _place(leaf, carriers[leaf][0], axis, parts, boxes, ends, lowest, slack)
+            placed.append(replace(tie, at_corner=tie.at_corner and sign[leaf] > 0))
+    yield from _share_insets([tie for tie in placed if tie.at_corner], slack)
+    yield from _spacings(parts, constraints, carriers, slack)
+    yield from _pitches(parts, sign, boxes, carriers, slack)
+    yield from (tie for tie in placed if not tie.at_corner)
+
+
+_Ends = Mapping[tuple[int, int, int], End]  # by leaf, axis and side
+_Boxes = Sequence[tuple[np.ndarray, np.ndarray]]  # low and high corner [3] of each leaf
+
+
+def _carriers(program: Program, parts: Sequence[Primitive], sign: Sequence[int], boxes: _Boxes, slack: float) -> Iterator[list[int]]:
+    """For each leaf the added ones that its middle lies in, the smallest first; what is added is carried by what comes before it, and by
+    the pocket that it stands in."""
+    cuts = cuts_of_each(program)
+    for leaf, (low, high) in enumerate(boxes):
+        middle = (low + high) / 2
+        if sign[leaf] < 0:
+            may = [i for i, s in enumerate(sign) if s > 0]
+        else:
+            may = [i for i in range(leaf) if sign[i] > 0 or (parts[i].kind == "box" and i not in cuts[leaf])]
+        within = [i for i in may if (boxes[i][0] - slack <= middle).all() and (middle <= boxes[i][1] + slack).all()]
+        yield sorted(within, key=lambda i: float(np.prod(boxes[i][1] - boxes[i][0])))
+
+
+def _walls(parts: Sequence[Primitive], sign: Sequence[int], ends: _Ends, carriers: Sequence[list[int]], slack: float) -> Iterator[Tie]:
+    for leaf, part in enumerate(parts):
+        carrier = next((c for c in carriers[leaf] if parts[c].kind == "box"), None)
+        if sign[leaf] > 0 or part.kind != "box" or carrier is None:
+            continue
+        shell: list[tuple[int, int, float, str]] = []
+        floors: list[tuple[int, int, float, str]] = []
+        for axis in range(3):
+            if (carrier, axis, 1) not in ends or (leaf, axis, 1) not in ends:
+                continue
+            low, high = (side * (place_of(ends[carrier, axis, side], parts) - place_of(ends[leaf, axis, side], parts)) for side in (-1, 1))
+            size = part.size[ends[leaf, axis, 1].column]
+            thin = [(side, gap) for side, gap in ((-1, low), (1, high)) if slack < gap <= THIN * size]
+            if len(thin) == 2 and abs(low - high) <= slack:
+                shell += [(axis, side, low, "wall") for side, _ in thin]
+            elif len(thin) == 1 and min(low, high) <= slack:
+                floors += [(axis, *thin[0], "floor")]
+        # what is open on one side has a depth, unless thin walls all about it make it a shell
+        for axis, side, gap, word in shell + (floors if len(shell) == 4 else []):
+            own, face = ends[leaf, axis, side], ends[carrier, axis, side]
+            yield Tie(Datum(leaf, axis, own), Datum(carrier, axis, face), -side * gap, carrier, word, (carrier, round(gap / slack / 2)))
+
+
+def _spacings(parts: Sequence[Primitive], constraints: Sequence[Constraint], carriers: Sequence[list[int]], slack: float) -> Iterator[Tie]:
+    """Of two leaves on one carrier that have a third midway how far they are apart along the axis across."""
+    for c in constraints:
+        opposite = (c.kind == "symmetric" and len(c.of) == 3) or (c.kind == "circular" and len(c.of) == 2)
+        a, b = (ref.leaf for ref in c.of[:2]) if opposite else (WORLD, WORLD)
+        if min(a, b) < 0 or carriers[a][:1] != carriers[b][:1]:
+            continue
+        apart = np.subtract(parts[b].center, parts[a].center)
+        along = np.flatnonzero(np.abs(apart) > slack).tolist()
+        for axis in along:
+            word = "spacing" if len(along) == 1 else f"spacing_{'xyz'[axis]}"
+            for own, other, way in ((b, a, 1.0), (a, b, -1.0)):
+                yield Tie(Datum(own, axis), Datum(other, axis), way * float(apart[axis]), min(a, b), word, (-1 - min(a, b), axis))
+
+
+def _pitches(parts: Sequence[Primitive], sign: Sequence[int], boxes: _Boxes, carriers: Sequence[list[int]], slack: float) -> Iterator[Tie]:
+    """Of two equal round cuts side by side, where no third is, how far they are apart, if the further one is nearer to the other than to
+    an edge."""
+    twins: dict[object, list[int]] = {}
+    for leaf, (part, s) in enumerate(zip(parts, sign, strict=True)):
+        if s < 0 and part.kind == "cylinder" and carriers[leaf]:
+            key = (carriers[leaf][0], part.size[0], *np.round((boxes[leaf][1] - boxes[leaf][0]) / slack / 2))
+            twins.setdefault(key, []).append(leaf)
+    for a, b in (pair for pair in twins.values() if len(pair) == 2):
+        apart = np.subtract(parts[b].center, parts[a].center)
+        along = np.flatnonzero(np.abs(apart) > slack).tolist()
+        if len(along) != 1:
+            continue
+        low, high = (side[along[0]] for side in boxes[carriers[a][0]])
+        to_edge = [min(parts[i].center[along[0]] - low, high - parts[i].center[along[0]]) for i in (a, b)]
+        first, last = (a, b) if to_edge[0] <= to_edge[1] else (b, a)
+        step = float(apart[along[0]]) * (1 if last == b else -1)
+        if abs(step) < max(to_edge):
+            yield Tie(Datum(last, along[0]), Datum(first, along[0]), step, min(a, b), "spacing")
+
+
+def _share_insets(corners: Sequence[Tie], slack: float) -> Iterator[Tie]:
+    """Ties at corners; a leaf that is as far from two edges has one inset."""
+    for tie in corners:
+        key = (tie.own.leaf, round(abs(tie.value) / slack / 2))
+        alike = [t for t in corners if (t.own.leaf, round(abs(t.value) / slack / 2)) == key]
+        yield replace(tie, word="inset", key=key) if len(alike) == 2 else tie
+
+
+def _place(leaf: int, carrier: int, axis: int, parts: Sequence[Primitive], boxes: _Boxes, ends: _Ends, lowest: float, slack: float) -> Tie:
+    """Where a leaf lies in its carrier: in the middle, so far from an edge, or from the middle."""
+    middle = parts[leaf].center[axis] - parts[carrier].center[axis]
+    if abs(middle) <= slack:
+        return Tie(Datum(leaf, axis), Datum(carrier, axis), 0.0)
+    from_middle = Tie(Datum(leaf, axis), Datum(carrier, axis), float(middle), leaf, "xyz"[axis])
+    if (carrier, axis, 1) not in ends:
+        return from_middle
+    faces = {side: ends[carrier, axis, side] for side in (-1, 1)}
+    owns = {side: ends.get((leaf, axis, side)) for side in (-1, 1)}
+    if parts[leaf].outline is None and parts[leaf].kind != "box":
+        owns = dict.fromkeys(owns)  # what is round is measured to its axis, and to the middle of its length
+
+    def inset(side: int) -> float:
+        own = owns[side]
+        at = parts[leaf].center[axis] if own is None else place_of(own, parts)
+        return side * (place_of(faces[side], parts) - at)
+
+    room = place_of(faces[1], parts) - place_of(faces[-1], parts)
+    near = min((-1, 1), key=lambda side: (abs(inset(side)), side))
+    grounded = [side for side in (-1, 1) if abs(place_of(faces[side], parts)) <= slack]
+    if axis == UP and abs(place_of(faces[-1], parts) - lowest) <= slack:
+        near = -1  # heights are above the base
+    elif abs(inset(near)) > AT_EDGE * room:
+        if abs(parts[carrier].center[axis]) <= slack:
+            return from_middle
+        near = grounded[0] if grounded else near
+    far = inset(near)
+    own = Datum(leaf, axis, owns[near])
+    if abs(far) <= slack:
+        return Tie(own, Datum(carrier, axis, faces[near]), 0.0)
+    to_middle = near * (place_of(faces[near], parts) - parts[leaf].center[axis])
+    at_corner = 0 < to_middle <= AT_CORNER * (boxes[leaf][1] - boxes[leaf][0])[axis]
+    return Tie(own, Datum(carrier, axis, faces[near]), -near * far, leaf, f"from_{FACES[axis, near]}", at_corner=at_corner)
