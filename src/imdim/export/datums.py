@@ -8,6 +8,7 @@ and gives way to all relations that were found.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -81,15 +82,17 @@ _Boxes = Sequence[tuple[np.ndarray, np.ndarray]]  # low and high corner [3] of e
 def _carriers(program: Program, parts: Sequence[Primitive], sign: Sequence[int], boxes: _Boxes, slack: float) -> Iterator[list[int]]:
     """For each leaf the added ones that its middle lies in, the smallest first; what is added is carried by what comes before it, and by
     the pocket that it stands in."""
-    cuts = cuts_of_each(program)
-    for leaf, (low, high) in enumerate(boxes):
-        middle = (low + high) / 2
-        if sign[leaf] < 0:
-            may = [i for i, s in enumerate(sign) if s > 0]
-        else:
-            may = [i for i in range(leaf) if sign[i] > 0 or (parts[i].kind == "box" and i not in cuts[leaf])]
-        within = [i for i in may if (boxes[i][0] - slack <= middle).all() and (middle <= boxes[i][1] + slack).all()]
-        yield sorted(within, key=lambda i: float(np.prod(boxes[i][1] - boxes[i][0])))
+    cuts, bounds = cuts_of_each(program), np.array(boxes)  # [n, 2, 3]
+    volumes, middles = np.prod(bounds[:, 1] - bounds[:, 0], axis=1), bounds.mean(1)
+    added = np.array(sign) > 0
+    pockets = np.array([not a and p.kind == "box" for a, p in zip(added, parts, strict=True)])
+    for leaf, middle in enumerate(middles):
+        before = np.arange(len(parts)) < leaf
+        stands_in = pockets & before
+        stands_in[cuts[leaf]] = False
+        may = (added & before) | stands_in if added[leaf] else added
+        within = np.flatnonzero(may & (bounds[:, 0] - slack <= middle).all(1) & (middle <= bounds[:, 1] + slack).all(1))
+        yield within[np.argsort(volumes[within], kind="stable")].tolist()
 
 
 def _walls(parts: Sequence[Primitive], sign: Sequence[int], ends: _Ends, carriers: Sequence[list[int]], slack: float) -> Iterator[Tie]:
@@ -153,10 +156,9 @@ def _pitches(parts: Sequence[Primitive], sign: Sequence[int], boxes: _Boxes, car
 
 def _share_insets(corners: Sequence[Tie], slack: float) -> Iterator[Tie]:
     """Ties at corners; a leaf that is as far from two edges has one inset."""
-    for tie in corners:
-        key = (tie.own.leaf, round(abs(tie.value) / slack / 2))
-        alike = [t for t in corners if (t.own.leaf, round(abs(t.value) / slack / 2)) == key]
-        yield replace(tie, word="inset", key=key) if len(alike) == 2 else tie
+    keys = [(tie.own.leaf, round(abs(tie.value) / slack / 2)) for tie in corners]
+    often = Counter(keys)
+    yield from (replace(tie, word="inset", key=key) if often[key] == 2 else tie for tie, key in zip(corners, keys, strict=True))
 
 
 def _place(leaf: int, carrier: int, axis: int, parts: Sequence[Primitive], boxes: _Boxes, ends: _Ends, lowest: float, slack: float) -> Tie:
