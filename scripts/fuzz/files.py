@@ -65,13 +65,13 @@ def fuzz(args: argparse.Namespace) -> int:
     whole = sum(KINDS[kind].share for kind in args.kinds)
     wanted = {kind: round(args.cases * KINDS[kind].share / whole) for kind in args.kinds}
     wanted[args.kinds[-1]] += args.cases - sum(wanted.values())
-    start, tally, found, slowest = time.monotonic(), Counter[tuple[str, str]](), [], 0.0
+    start, tally, found, slowest = time.monotonic(), Counter[tuple[str, str]](), [], (0.0, "")
     worker = Supervised(args)
     try:
         for kind, count in wanted.items():
             for i in range(count):
                 outcome, seconds = worker.ask(kind, i)
-                slowest = max(slowest, seconds)
+                slowest = max(slowest, (seconds, f"{kind} {i}"))
                 word = outcome.split(":")[0]
                 tally[kind, word] += 1
                 if word not in ("read", "refused"):
@@ -82,8 +82,9 @@ def fuzz(args: argparse.Namespace) -> int:
     finally:
         worker.stop()
     print(
-        f"{sum(tally.values())} cases in {time.monotonic() - start:.0f} s, seed {args.seed}; {len(found)} found; slowest {slowest:.1f} s; "
-        f"most memory beyond the start {worker.peak:.0f} MiB"
+        f"{sum(tally.values())} cases of {len(args.kinds)} kinds in {time.monotonic() - start:.0f} s, seed {args.seed}; "
+        f"{len(found)} found; "
+        f"slowest {slowest[0]:.1f} s ({slowest[1]}); most memory beyond the start {worker.peak:.0f} MiB"
     )
     return 1 if found else 0
 

@@ -16,14 +16,26 @@ def kernel(number):
     return 2 * number
 
 first_run._reconstruct_small_part = lambda: kernel(1)
+first_run._cores = lambda: 1
 print(first_run.compile_kernels(sys.stderr))
 """
 
-# Lists the kernels that a reconstruction makes ready itself after the small part has been reconstructed.
-LATE = """
+# A first fit that somebody stops.
+STOPPED = FIRST.replace("lambda: kernel(1)", "lambda: 1 / 0")
+
+READY = """
 import json, sys
 from numba.core.dispatcher import Dispatcher
 from imdim.delivery import first_run
+
+def ready():
+    loaded = [m for name, m in sys.modules.items() if name.startswith("imdim")]
+    kernels = {id(f): f for m in loaded for f in vars(m).values() if isinstance(f, Dispatcher)}
+    return {f"{f.__module__}.{f.__name__}{s}" for f in kernels.values() for s in f.signatures}
+"""
+
+# Lists the kernels that a reconstruction makes ready itself after the small part has been reconstructed.
+LATE = f"""{READY}
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.outline import Outline, circle
 from imdim.program.tree import Combine, Primitive
@@ -31,17 +43,21 @@ from imdim.reconstruction.config import Settings
 from imdim.reconstruction.pipeline import reconstruct_best
 from imdim.target.target import target_from
 
-def ready():
-    loaded = [m for name, m in sys.modules.items() if name.startswith("imdim")]
-    kernels = {id(f): f for m in loaded for f in vars(m).values() if isinstance(f, Dispatcher)}
-    return {f"{f.__module__}.{f.__name__}{s}" for f in kernels.values() for s in f.signatures}
-
 first_run._reconstruct_small_part()
 before = ready()
 plate = ((-9.0, -5.0, 0.0), (9.0, -5.0, 0.0), (9.0, 5.0, 0.0), (0.0, 8.0, 0.5), (-9.0, 5.0, 0.0))
 part = Combine("union", Primitive("extrude", (2.0,), outline=Outline((plate, circle(1.5, 5.0)))), Primitive("cylinder", (2.0, 6.0)))
 reconstruct_best(target_from(to_trimesh(to_manifold(part))), Settings(budget_s=30.0))
 print(json.dumps([len(before), sorted(ready() - before)]))
+"""
+
+
+# Lists the kernels that the second process makes ready, and those that the first one needs.
+HALVES = f"""{READY}
+first_run.compile_second_half()
+theirs = ready()
+first_run._reconstruct_small_part()
+print(json.dumps([sorted(theirs), sorted(ready())]))
 """
 
 
@@ -59,6 +75,20 @@ def test_the_first_run_says_that_it_compiles_and_the_second_does_not(tmp_path):
     assert float(first.stdout) > 0.1
     second = run(FIRST, NUMBA_CACHE_DIR=str(tmp_path))
     assert second.stderr == ""
+
+
+def test_a_first_run_that_was_stopped_is_no_first_run(tmp_path):
+    stopped = subprocess.run(
+        [sys.executable, "-c", STOPPED], capture_output=True, text=True, timeout=300, env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    )
+    assert "ZeroDivisionError" in stopped.stderr
+    assert "imdim: compiled in " in run(FIRST, NUMBA_CACHE_DIR=str(tmp_path)).stderr
+
+
+def test_the_second_process_compiles_what_the_first_one_will_need():
+    theirs, ours = json.loads(run(HALVES).stdout.splitlines()[-1])
+    assert len(theirs) > 8
+    assert set(theirs) <= set(ours), "what nobody needs would be compiled in vain"
 
 
 def test_hardly_a_kernel_is_left_to_compile_within_the_budget():

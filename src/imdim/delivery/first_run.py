@@ -1,17 +1,31 @@
-"""Before the first fit on a machine its kernels are compiled, outside the budget and with a word about it; later runs load them."""
+"""Before the first fit on a machine its kernels are compiled, outside the budget and with a word about it; later runs load them.
+
+Where there is a second core another process compiles those that say what a program is worth, while this one compiles those that look for
+programs, and comes to the others when they are done. They meet in numba's cache, in which files appear whole.
+"""
 
 from __future__ import annotations
 
+import gc
+import os
+import subprocess
+import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from numba import njit
 from numba.core import event
 
 if TYPE_CHECKING:
+    from imdim.program.tree import Combine
     from imdim.target.target import Target
 
-KERNELS = 260  # about so many, to say how far it is
+ALONE_S, SHARED_S = 40, 20  # what it takes on one core and on two, to say so
+KERNELS = 270  # about so many there are, to say how far it is,
+LEFT_TO_ONE = 0.6  # and the share of them that one of two processes compiles
 SHOWN_EVERY_S = 0.2
 
 
@@ -22,14 +36,81 @@ def _first_run_mark(number):  # pragma: no cover - compiled
 
 
 def compile_kernels(stream: TextIO) -> float:
-    """Compile what a fit needs unless this machine has it, and say so on `stream`; the seconds that it took."""
+    """Compile what a fit needs unless this machine has it, and say so on `stream`; the seconds that it took.
+
+    Where that is stopped half-way, the next run goes on with it.
+    """
     start, before = time.perf_counter(), _misses()
     _first_run_mark(1)
     if _misses() > before:
-        with _Counter(stream) as counter:
-            _reconstruct_small_part()
+        alone = _cores() < 2
+        try:
+            with _uncollected(), _Counter(stream, alone) as counter, _helper(alone):
+                _reconstruct_small_part()
+        except BaseException:
+            _forget_mark()
+            raise
         counter.conclude(time.perf_counter() - start)
     return time.perf_counter() - start
+
+
+def compile_second_half() -> None:
+    """Compile the kernels that say what a program is worth, in the order in which a first run comes to them."""
+    import numpy as np
+
+    from imdim.geometry import kernels
+    from imdim.geometry.triangles import distances, triangle_tree
+    from imdim.search.exact.columns import distinct_boxes, keep_maximal
+    from imdim.search.front.fitness import SampledTarget, Scorer
+
+    part, target, words = _small_part(), _small_target(), np.ones((1, 1), np.uint64)
+    points, volumes = target.points[:64], np.ones(64)
+    kernels.inside(part, points)
+    distinct_boxes(words, words, words, words, words, words, 1)
+    keep_maximal(words)
+    kernels.program_sdf(part, points)
+    Scorer(SampledTarget(points, 1.0, points, volumes, 0.0 * volumes)).score([part])
+    if target.mesh is not None:
+        distances(triangle_tree(target.mesh), points)
+
+
+@contextmanager
+def _helper(alone: bool) -> Iterator[None]:
+    """Another process that compiles the second half, unless there is no core for it; it never outlives the block."""
+    if alone:
+        yield
+        return
+    process = subprocess.Popen(
+        [sys.executable, "-m", __name__], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()
+
+
+def _cores() -> int:
+    """That this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Without Python's collector of cycles: the compiler makes many small objects, and a sixth of the time goes into looking for those."""
+    was = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was:
+            gc.enable()
+
+
+def _forget_mark() -> None:
+    """Let the next run compile what this one did not get to."""
+    for path in Path(_first_run_mark.stats.cache_path).glob(f"*{_first_run_mark.__name__}*"):  # type: ignore[attr-defined]
+        path.unlink(missing_ok=True)
 
 
 def _misses() -> int:
@@ -39,8 +120,10 @@ def _misses() -> int:
 class _Counter(event.Listener):
     """Counts what numba compiles, and tells of it if there is anything: on a terminal in place."""
 
-    def __init__(self, stream: TextIO) -> None:
+    def __init__(self, stream: TextIO, alone: bool) -> None:
         self._stream, self._shown, self._count = stream, 0.0, 0
+        self._how_long = f"about {ALONE_S} s of a core" if alone else f"about {SHARED_S} s on two cores"
+        self._kernels = KERNELS if alone else round(LEFT_TO_ONE * KERNELS)
 
     def __enter__(self) -> _Counter:
         event.register("numba:compile", self)
@@ -51,7 +134,7 @@ class _Counter(event.Listener):
 
     def on_start(self, event: Any) -> None:
         if not self._count:
-            self._stream.write("imdim: first run on this machine: compiling, before the clock starts (about 40 s of a core)\n")
+            self._stream.write(f"imdim: first run on this machine: compiling, before the clock starts ({self._how_long})\n")
             self._stream.flush()
             self._count = 1
 
@@ -59,7 +142,7 @@ class _Counter(event.Listener):
         self._count += 1
         if self._stream.isatty() and time.perf_counter() > self._shown + SHOWN_EVERY_S:
             self._shown = time.perf_counter()
-            self._stream.write(f"\r  {self._count} of about {KERNELS} kernels\r")
+            self._stream.write(f"\r  {self._count} of about {self._kernels} kernels\r")
             self._stream.flush()
 
     def conclude(self, seconds: float) -> None:
@@ -76,20 +159,29 @@ def _reconstruct_small_part() -> None:
     from imdim.reconstruction.config import Settings
     from imdim.reconstruction.pipeline import reconstruct_best
 
-    target = _small_part()
+    target = _small_target()
     for language in ("cad", "csg"):
         found = reconstruct_best(target, Settings(budget_s=600.0, language=language))
         evaluate(found.program, target, samples=100)
     winding_number(to_trimesh(to_manifold(found.program)), target.points[:1])
 
 
-def _small_part() -> Target:
+def _small_target() -> Target:
     from imdim.geometry.solid import to_manifold, to_trimesh
+    from imdim.target.target import target_from
+
+    return target_from(to_trimesh(to_manifold(_small_part())), "first run")
+
+
+def _small_part() -> Combine:
     from imdim.program.outline import Outline, circle
     from imdim.program.tree import Combine, Primitive
-    from imdim.target.target import target_from
 
     plate = ((-8.0, -3.0, 0.0), (8.0, -3.0, 1.0), (8.0, 3.0, 0.0), (-8.0, 3.0, 0.0))  # x, y, bulge: 1 is half a circle
     link = Primitive("extrude", (4.0,), outline=Outline((plate, circle(1.0, 8.0))))
-    pocket = Primitive("box", (4.0, 3.0, 2.0), center=(-4.0, 0.0, 1.5))
-    return target_from(to_trimesh(to_manifold(Combine("difference", link, pocket))), "first run")
+    return Combine("difference", link, Primitive("box", (4.0, 3.0, 2.0), center=(-4.0, 0.0, 1.5)))
+
+
+if __name__ == "__main__":
+    with _uncollected():
+        compile_second_half()

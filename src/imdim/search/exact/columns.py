@@ -47,7 +47,7 @@ def maximal_columns(families: Families, left: np.ndarray, right: np.ndarray) -> 
         a, b, c = (tables[axis] for axis in axes)
         if len(a.left) * len(b.left) * len(c.left) > MOST_BOXES:
             raise TooManyError(f"{len(a.left) * len(b.left) * len(c.left)} boxes in one frame, at most {MOST_BOXES} are listed")
-        rows, places, full = _boxes(a.left, a.right, b.left, b.right, c.left, c.right, MOST_DISTINCT)
+        rows, places, full = distinct_boxes(a.left, a.right, b.left, b.right, c.left, c.right, MOST_DISTINCT)
         if full:
             raise TooManyError(f"more than {MOST_DISTINCT} distinct boxes")
         kept = _maximal(rows, np.arange(len(rows)))
@@ -102,7 +102,7 @@ def _holds(row: np.ndarray, other: np.ndarray) -> bool:
 
 
 @njit(nogil=True, cache=True)
-def _boxes(
+def distinct_boxes(
     al: np.ndarray, ar: np.ndarray, bl: np.ndarray, br: np.ndarray, cl: np.ndarray, cr: np.ndarray, most: int
 ) -> tuple[np.ndarray, np.ndarray, bool]:
     """Distinct columns [n, words] of the products of three axes' ranges, with one place [n, 3] each; whether there were too many."""
@@ -150,11 +150,11 @@ def _maximal(rows: np.ndarray, distinct: np.ndarray) -> np.ndarray:
     """Indices, out of those of the `distinct` rows, of the rows that no other row holds, the fullest first."""
     counts = np.bitwise_count(rows[distinct]).sum(1)
     order = distinct[np.argsort(-counts.astype(np.int64), kind="stable")]
-    return order[_drop_dominated(np.ascontiguousarray(rows[order]))]
+    return order[keep_maximal(np.ascontiguousarray(rows[order]))]
 
 
 @njit(nogil=True, cache=True)
-def _drop_dominated(rows: np.ndarray) -> np.ndarray:
+def keep_maximal(rows: np.ndarray) -> np.ndarray:
     """Which rows, fullest first, no row before them holds. Only kept rows that hold the rarest of a row's bits are looked at."""
     n, words = rows.shape
     keep = np.zeros(n, np.bool_)
