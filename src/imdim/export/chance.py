@@ -12,7 +12,7 @@ from dataclasses import replace
 from imdim.export.seats import seats, sticks_out
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.roles import name_constraints, roles_of, signs
-from imdim.program.tree import SIZE_NAMES, Program, leaves
+from imdim.program.tree import SIZE_NAMES, Program, leaves, longest
 
 
 def without_chance(program: Program, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
@@ -46,10 +46,11 @@ def _of_some(constraint: Constraint, of: Sequence[Ref]) -> list[Constraint]:
 def _in_the_air(program: Program) -> dict[Ref, Ref | None]:
     """The ends of cuts where they leave what they cut, each with the face that it lies in, None beyond it; and the sizes across them."""
     parts, sign = list(leaves(program)), signs(program)
+    largest = longest(parts)
     found: dict[Ref, Ref | None] = {}
     for seat in seats(program):
         end, face = seat.own, seat.face
         if sign[end.leaf] < 0 and not seat.word and end.column >= 0:
-            found[Ref(end.leaf, end.local)] = None if sticks_out(seat, parts) else Ref(face.leaf, face.local)
+            found[Ref(end.leaf, end.local)] = None if sticks_out(seat, parts, largest) else Ref(face.leaf, face.local)
             found[Ref(end.leaf, SIZE_NAMES[parts[end.leaf].kind][end.column])] = None
     return found

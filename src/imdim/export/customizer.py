@@ -6,7 +6,7 @@ A slider snaps to its steps, so the value itself has to lie on one: steps are po
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection
 from decimal import Decimal
 
 from imdim.export.parameters import Parameters, is_count
@@ -21,10 +21,10 @@ EDGES = "edges"  # the section of fillets and chamfers
 def customizer_head(named: Parameters, number: Callable[[float], str], counted: bool = True) -> list[str]:
     """As `Parameters.head` for OpenSCAD, with a line above each section and a slider behind each value that can have one."""
     out: list[str] = []
-    section = ""
+    section, labels = "", set(named.labels)
     for line in named.head(number, end=";", counted=counted):
         name, _, text = line.removesuffix(";").partition(" = ")
-        if line and (found := _section(name, named.labels) or section) != section:
+        if line and (found := _section(name, labels) or section) != section:
             section = found
             out.append(f"/* [{section.replace('_', ' ').capitalize()}] */")
         out.append(line + slider(name, text, is_copies=name in named.counts) if line else line)
@@ -59,11 +59,9 @@ def _plain(number: Decimal) -> str:
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 
-def _section(name: str, labels: Iterable[str]) -> str:
+def _section(name: str, labels: Collection[str]) -> str:
     """The longest label that a name begins with, empty where it begins with none."""
-    return max(_begins(name, labels), key=len, default="")
-
-
-def _begins(name: str, labels: Iterable[str]) -> Iterator[str]:
-    yield from (label for label in labels if name.startswith(f"{label}_"))
-    yield from (EDGES for kind in EDGE_KINDS if name.startswith(kind))
+    words = name.split("_")
+    begins = ("_".join(words[:count]) for count in range(len(words) - 1, 0, -1))
+    label = next((begin for begin in begins if begin in labels), "")
+    return max(label, EDGES if name.startswith(tuple(EDGE_KINDS)) else "", key=len)

@@ -117,7 +117,8 @@ def constraint_values(constraints: Sequence[Constraint], labels: Sequence[str]) 
 
 def name_values(named: Parameters, folded: Folded) -> list[dict[str, Any]]:
     """Of each name its value and the leaves that follow it."""
-    values = [{"name": name, "value": value, "leaves": _followers(name, named)} for name, value in named.values.items()]
+    followers = _followers(named)
+    values = [{"name": name, "value": value, "leaves": followers.get(name, [])} for name, value in named.values.items()]
     copies: dict[str, list[int]] = {}
     for (first, repeat), loop in zip(repeats(folded), named.loops, strict=False):
         for name in loop.counts:
@@ -125,9 +126,13 @@ def name_values(named: Parameters, folded: Folded) -> list[dict[str, Any]]:
     return values + [{"name": name, "value": count, "leaves": copies.get(name, [])} for name, count in named.counts.items()]
 
 
-def _followers(name: str, named: Parameters) -> list[int]:
-    rows = zip(named.sizes, named.centers, strict=True)
-    return [i for i, (a, b) in enumerate(rows) if any(t.name == name for e in (*a, *b) for t in e.terms)]
+def _followers(named: Parameters) -> dict[str, list[int]]:
+    """Of each name that some leaf follows those leaves."""
+    found: dict[str, list[int]] = {}
+    for i, (sizes, center) in enumerate(zip(named.sizes, named.centers, strict=True)):
+        for name in {term.name for expression in (*sizes, *center) for term in expression.terms}:
+            found.setdefault(name, []).append(i)
+    return found
 
 
 def _number(name: str, value: float, expression: Expression) -> dict[str, Any]:

@@ -123,9 +123,28 @@ def seats_at_walls(program: Program, walls: Sequence[FlatWall]) -> Iterator[tupl
             yield other, entered[0], "depth"
 
 
-def sticks_out(seat: Seat, parts: list[Primitive]) -> bool:
-    """Whether an end lies beyond the face that it follows, and not in it."""
-    return abs(place_of(seat.own, parts) - place_of(seat.face, parts)) > TOUCH * longest(parts)
+def sticks_out(seat: Seat, parts: list[Primitive], largest: float) -> bool:
+    """Whether an end lies beyond the face that it follows, and not in it; `largest` is the largest size of all parts."""
+    return abs(place_of(seat.own, parts) - place_of(seat.face, parts)) > TOUCH * largest
+
+
+class _Faces:
+    """Faces of leaves that add, which look one way along one axis, as arrays: a program of hundreds has tens of thousands of pairs."""
+
+    def __init__(self, faces: list[End], pairs: _Ends, parts: list[Primitive], boxes: list[tuple[np.ndarray, np.ndarray]]) -> None:
+        self.faces = faces
+        self._leaves = np.array([e.leaf for e in faces])
+        self._spans = np.array([_span(pairs, e, parts) for e in faces])
+        self._boxes = np.array([boxes[e.leaf] for e in faces])
+
+    def near(self, end: End, span: tuple[float, float], box: tuple[np.ndarray, np.ndarray], slack: float) -> list[End]:
+        """Those of other leaves that share area with the `box` of an end's leaf as seen along the axis, and a length along it with its
+        `span`, or touch there where `slack` is negative."""
+        across = [i for i in range(3) if i != end.axis]
+        (low, high), (starts, stops) = box, self._spans.T
+        seen = (np.minimum(self._boxes[:, 1], high) > np.maximum(self._boxes[:, 0], low))[:, across].all(axis=1)
+        beside = np.minimum(stops, span[1]) > np.maximum(starts, span[0]) + slack
+        return [self.faces[k] for k in np.flatnonzero(seen & beside & (self._leaves != end.leaf))]
 
 
 def _seats_of_ends(
@@ -137,12 +156,16 @@ def _seats_of_ends(
     gone: _CutAway,
 ) -> Iterator[Seat]:
     pairs = {(e.leaf, e.axis, e.side): e for e in ends}
+    adding: dict[tuple[int, int], list[End]] = {}
+    for e in ends:
+        if sign[e.leaf] > 0 and e.column >= 0:
+            adding.setdefault((e.axis, e.side), []).append(e)
+    facing = {way: _Faces(faces, pairs, parts, boxes) for way, faces in adding.items()}
     for end in ends:
         other = pairs[end.leaf, end.axis, -end.side]
         least = slack if sign[end.leaf] < 0 else -2 * slack
-        facing = [e for e in ends if (e.axis, e.side) == (end.axis, end.side) and sign[e.leaf] > 0 and e.leaf != end.leaf and e.column >= 0]
-        beside = (e for e in facing if _beside(pairs, e, end, parts, least))
-        near = [e for e in beside if _meet(boxes[e.leaf], boxes[end.leaf], end.axis)]
+        faces = facing.get((end.axis, end.side))
+        near = [] if faces is None else faces.near(end, _span(pairs, end, parts), boxes[end.leaf], least)
         if sign[end.leaf] < 0:
             near = [e for e in near if not gone.where(e.leaf, end.leaf)]
             face = _passed(near, end, parts, slack)
@@ -164,12 +187,6 @@ def _seats_of_ends(
                 yield Seat(other, far if through else face, "")
                 if end.column >= 0:
                     yield Seat(end, face, "height")
-
-
-def _beside(pairs: _Ends, e: End, end: End, parts: list[Primitive], slack: float) -> bool:
-    """Whether two leaves share a length along the axis, or touch there where `slack` is negative."""
-    (low, high), (own_low, own_high) = (_span(pairs, x, parts) for x in (e, end))
-    return min(high, own_high) > max(low, own_low) + slack
 
 
 def _passed(faces: list[End], end: End, parts: list[Primitive], slack: float) -> End | None:
