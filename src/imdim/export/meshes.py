@@ -137,7 +137,7 @@ _RELATIONS = f"""{_XML}<Relationships xmlns="http://schemas.openxmlformats.org/p
 
 
 def _model(bodies: Sequence[trimesh.Trimesh], name: str, units: str) -> str:
-    ranked = sorted(bodies, key=lambda body: (-body.volume, *body.bounds.ravel()))
+    ranked = sorted(bodies, key=lambda body: (-_volume(body), *body.bounds.ravel()))
     objects = "\n".join(_object(i, body, name if i == 1 else f"{name} ({i})") for i, body in enumerate(ranked, 1))
     items = "".join(f'<item objectid="{i}"/>' for i in range(1, len(ranked) + 1))
     unit = "millimeter" if units == UNSPECIFIED else units
@@ -148,6 +148,12 @@ def _model(bodies: Sequence[trimesh.Trimesh], name: str, units: str) -> str:
 <build>{items}</build>
 </model>
 """
+
+
+def _volume(body: trimesh.Trimesh) -> float:
+    """Of what lies within; a body may be a scrap without volume, about whose centre of mass trimesh warns."""
+    a, b, c = np.moveaxis(body.triangles, 1, 0)
+    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
 
 
 def _object(number: int, mesh: trimesh.Trimesh, name: str) -> str:
