@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 from tests.planted import PARTS, box, common, cut, cylinder, mesh_of, union
 
+from imdim.deadline import Deadline
 from imdim.delivery import finish as delivery
 from imdim.delivery.finish import finish
 from imdim.geometry.solid import volume
@@ -41,6 +42,13 @@ def test_mirrored_parts_of_an_intersection_do_not_all_leave_one_end_to_the_other
 def test_what_keeps_the_solid_is_taken():
     longer = map_leaves(PLATE, lambda _, p: replace(p, size=(p.size[0], 9.0)) if p.kind == "cylinder" else p)
     assert preserve(PLATE, longer) == longer
+
+
+def test_without_time_a_step_is_taken_whole_or_not():
+    over = Deadline(0.0, lambda: 1.0)
+    longer = map_leaves(PLATE, lambda _, p: replace(p, size=(p.size[0], 9.0)) if p.kind == "cylinder" else p)
+    assert preserve(PLATE, longer, deadline=over) == longer
+    assert preserve(PLATE, grown(longer, 1), deadline=over) == PLATE
 
 
 def test_what_changes_the_solid_is_held_back_alone():

@@ -81,7 +81,9 @@ def finish_flat(program: Program, folded: Folded | None = None, deadline: Deadli
     alike = None if folded is None else [[i for i, _ in copies] for copies in copies_of(folded).values()]
     named = {(face.leaf, plane_face(face.name)) for feature in edges for edge in feature.edges for face in edge}
     kept = {(leaf, face) for leaf, face in named if face is not None}
-    return preserve(round_program(program), round_program(overshoot(program, folded, deadline=deadline, kept=kept)), together=alike)
+    return preserve(
+        round_program(program), round_program(overshoot(program, folded, deadline=deadline, kept=kept)), together=alike, deadline=deadline
+    )
 
 
 def _foldings(program: Program, deadline: Deadline) -> list[Folding]:

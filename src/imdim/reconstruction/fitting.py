@@ -119,7 +119,9 @@ def snap_numbers(program: Program, seen: Observation, frame: Frame, deadline: De
         values = fold(to_unit(trial), lambda _, leaf: values_of(leaf), VALUES)
         return float(np.minimum(np.abs(values), limit).mean())
 
-    program = preserve(program, shorten_cones(program), SAME_CONES)
+    if deadline.has_passed():
+        return map_leaves(program, lambda _, leaf: canonical(leaf))
+    program = preserve(program, shorten_cones(program), SAME_CONES, deadline=deadline)
     plain = map_leaves(program, lambda _, leaf: canonical(leaf))
     if deadline.has_passed():
         return plain

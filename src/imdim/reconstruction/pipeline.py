@@ -358,10 +358,15 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
 
 
 def _arrange(program: Program, deadline: Deadline) -> Program:
-    """The same solid as a person writes it: turned parts as stacks, the body first and its cuts last, and bosses that begin at the base."""
-    stacked = preserve(program, stack_turned_parts(program))
+    """The same solid as a person writes it: turned parts as stacks, the body first and its cuts last, and bosses that begin at the base; as
+    far as time allows."""
+    if deadline.has_passed():
+        return program
+    stacked = preserve(program, stack_turned_parts(program), deadline=deadline)
     flat = cut_last(stacked, deadline)
-    return lead_with_body(preserve(flat, begin_at_datums(flat, deadline)))
+    if not deadline.has_passed():
+        flat = preserve(flat, begin_at_datums(flat, deadline), deadline=deadline)
+    return lead_with_body(flat)
 
 
 def _open_films(program: Program, seen: Observation, frame: Frame, deadline: Deadline) -> Program | None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry.lowering import postfix
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.numbers.snap import accept_changes
@@ -18,11 +19,17 @@ COARSE, FINE = 48, 192  # facets of a circle; the fine ones decide where the coa
 TRIES = 24  # solids that are made to find what of a step can be taken
 
 
-def preserve(before: Program, after: Program, tolerance: float = SAME, together: Sequence[Sequence[int]] | None = None) -> Program:
+def preserve(
+    before: Program,
+    after: Program,
+    tolerance: float = SAME,
+    together: Sequence[Sequence[int]] | None = None,
+    deadline: Deadline = NEVER,
+) -> Program:
     """`after` if its solid is that of `before` up to `tolerance` of the volume, else as much of it as keeps the solid.
 
     Of a step that changed numbers alone, primitives are held back by halves; those of one row of `together` move at once or not at all.
-    Another structure is taken whole or not.
+    Another structure is taken whole or not, and so is any step past the `deadline` (by default never).
     """
     old, new = list(leaves(before)), list(leaves(after))
     if is_same(before, after, tolerance):
@@ -39,7 +46,7 @@ def preserve(before: Program, after: Program, tolerance: float = SAME, together:
     halves = [moved[: len(moved) // 2], moved[len(moved) // 2 :]]
     out = before
     for half in halves:
-        out = accept_changes(out, half, with_row, lambda trial: is_same(before, trial, tolerance), TRIES // 2)
+        out = accept_changes(out, half, with_row, lambda trial: not deadline.has_passed() and is_same(before, trial, tolerance), TRIES // 2)
     return out
 
 
