@@ -106,10 +106,10 @@ class Supervised:
         self.folder = Path(tempfile.mkdtemp(prefix="fuzz-"))
         command = [sys.executable, __file__, "--worker", str(self.folder), "--seed", str(self.args.seed)]
         self.process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, start_new_session=True
+            command, bufsize=0, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True
         )
         assert self.process.stdout is not None
-        if self.process.stdout.readline() != "ready\n":
+        if self.process.stdout.readline() != b"ready\n":
             raise SystemExit("fuzz: the worker does not start")
         self.start_mib = resident_mib(self.process.pid)
 
@@ -117,9 +117,9 @@ class Supervised:
         """What a case led to, and seconds."""
         assert self.process.stdin is not None
         assert self.process.stdout is not None
+        self.process.stdin.write(f"{kind} {i}\n".encode())
+        self.process.stdout.readline()  # the case is made, which is the fuzzer's time
         start, before = time.monotonic(), processor_s(self.process.pid)
-        self.process.stdin.write(f"{kind} {i}\n")
-        self.process.stdin.flush()
         while not select.select([self.process.stdout], [], [], 0.02)[0]:
             grown = resident_mib(self.process.pid) - self.start_mib
             self.peak = max(self.peak, grown)
@@ -145,14 +145,16 @@ class Supervised:
 
 
 def work(folder: Path, seed: int) -> int:
-    """The worker's side: a line with kind and number in, a line with the outcome out."""
+    """The worker's side: a line with kind and number in, a line when the case is made and one with the outcome out."""
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     worker = Worker.here(folder, seed)
     print("ready", file=answers, flush=True)
     for line in sys.stdin:
         kind, i = line.split()
-        print(json.dumps(worker.case(kind, int(i))), file=answers, flush=True)
+        data = worker.made(kind, int(i))
+        print("made", file=answers, flush=True)
+        print(json.dumps(worker.tried(kind, data)), file=answers, flush=True)
     return 0
 
 
