@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -194,9 +195,43 @@ def test_a_person_who_stops_the_search_gets_the_best_so_far(part, tmp_path, caps
     settings = Settings(input=str(part), output=str(tmp_path / "out"))
     assert run(lambda: settings, stopped) == 0
     said = capsys.readouterr()
-    assert "imdim: stopped; the best program so far is written" in said.err
+    assert "imdim: stopped by hand; the best program so far is written" in said.err
     assert "1 primitive, volume IoU 1.0000" in said.out
     assert "(stopped: by hand)" in said.out
+
+
+SEARCHING = """
+import sys, time
+from imdim.app.fit import main
+from imdim.app.orderly import run_in_order
+from imdim.program.tree import Primitive
+from imdim.reconstruction.config import Settings
+from imdim.reconstruction.pipeline import Snapshot
+
+def search(target, settings, rng):
+    yield Snapshot("search", Primitive("box", (1.0, 2.0, 3.0)), 0.0, 1.0)
+    print("searching", flush=True)
+    time.sleep(60)
+
+settings = Settings(input=sys.argv[1], output=sys.argv[2])
+sys.exit(run_in_order(lambda: main(lambda: settings, search)))
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_in_the_middle_of_the_search_gets_the_best_so_far(part, tmp_path, number):
+    before = signal.signal(number, signal.SIG_DFL)  # a suite under nohup ignores it, and its children would
+    command = [sys.executable, "-c", SEARCHING, part, tmp_path / "out"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    signal.signal(number, before)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "searching\n"
+    os.kill(process.pid, number)
+    out, said = process.communicate(timeout=120)
+    assert process.returncode == 128 + number
+    assert f"imdim: stopped by {signal.Signals(number).name}; the best program so far is written\n" in said
+    assert "1 primitive, volume IoU 1.0000" in out
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["stop"] == f"by {signal.Signals(number).name}"
 
 
 def test_a_person_who_stops_before_there_is_a_program_gets_nothing(part, tmp_path, capsys):

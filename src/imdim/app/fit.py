@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import time
 import traceback
@@ -13,6 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
+from imdim.app.orderly import SIGNALS, EndSignal
 from imdim.app.piped import STDIN, load_piped
 from imdim.app.progress import show_progress
 from imdim.program.cost import describe_size
@@ -28,7 +30,10 @@ Reconstruct = Callable[["Target", Settings, "np.random.Generator"], "Iterator[Sn
 
 DELIVERY_S = 6.0
 FILES_S = 5.0  # of these, for the files of a program that is finished
-WRITING_S, WRITING_SHARE = 1.5, 0.25  # for scores and pictures, which take that long whatever the part; at most that share of a budget
+WRITING_S, WRITING_SHARE = (
+    2.0,
+    0.4,
+)  # for texts, scores and pictures, which take that long whatever the part; at most that share of a budget
 LEAST_S = 1.0  # for the reconstruction, however long loading took
 STEP_SHARE = 0.03  # of the budget, which STEP may take beyond it
 MOST_SAID = 6  # groups of holes on the screen; the report has all
@@ -38,6 +43,8 @@ EXPORT_S = 20  # for STEP, by `imdim export`
 BAD_INPUT = 2
 LEFT_OUT = 3  # results were written, but most of the part's surface is not in them
 INTERRUPTED = 130
+BY_HAND = "by hand"
+ENDED = {f"by {signal.Signals(number).name}": 128 + number for number in SIGNALS}  # how a search was stopped, and the exit status then
 
 
 def main(
@@ -48,7 +55,7 @@ def main(
     force: bool = False,
 ) -> int:
     """Compose settings and fit; the exit status: 0 fine, 2 for input, settings or an output that cannot be used (one line on stderr), 3
-    for a result that leaves most of the part's surface out.
+    for a result that leaves most of the part's surface out, 128 and its number where a signal ended the search, whose best was written.
 
     Stdout gets a summary, with `as_json` the report in its place; `quiet` leaves out progress, notes and summary. With `force` earlier
     results are replaced even where somebody has changed them.
@@ -67,6 +74,8 @@ def main(
         sys.stdout.write(_dumps(report))
     elif not quiet:
         sys.stdout.write(summary(report, Path(settings.output)))
+    if report["stop"] in ENDED:
+        return ENDED[report["stop"]]
     return LEFT_OUT if is_left_out(report) else 0
 
 
@@ -134,24 +143,25 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None, quiet: bool 
     for note in last.notes if not quiet else ():
         sys.stderr.write(f"imdim: {note}\n")
     target = replace(target, notes=(*target.notes, *last.notes))
-    left = settings.budget_s - (time.perf_counter() - start)
+    left = 0.0 if last.stop in ENDED else settings.budget_s - (time.perf_counter() - start)  # who sends signals does not wait long
     # the other files take a few seconds; STEP, which may be slow, gets what is left
     step_limit_s = min(max(left - DELIVERY_S, LEAST_S + STEP_SHARE * settings.budget_s), STEP_LIMIT_S)
-    finish_by = Deadline(start + settings.budget_s - FILES_S)
+    finish_by = Deadline(time.perf_counter() + left - FILES_S)
     return deliver(last.program, target, folder, run, settings.segments, step_limit_s, last.constraints, last.front, finish_by, last.edges)
 
 
 def _until_stopped(snapshots: Iterator[Snapshot]) -> Iterator[Snapshot]:
-    """The snapshots; where a person stops the search, those so far, the last of them once more as one that was stopped."""
+    """The snapshots; where a person or a signal stops the search, those so far, the last of them once more as one that was stopped."""
     last = None
     try:
         for last in snapshots:
             yield last
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, EndSignal) as asked:
         if last is None:
             raise
-        sys.stderr.write("imdim: stopped; the best program so far is written (press Ctrl-C again to write nothing)\n")
-        yield replace(last, stop="by hand")
+        stop, again = (f"by {asked.signal}", "") if isinstance(asked, EndSignal) else (BY_HAND, " (press Ctrl-C again to write nothing)")
+        sys.stderr.write(f"imdim: stopped {stop}; the best program so far is written{again}\n")
+        yield replace(last, stop=stop)
 
 
 def summary(report: Mapping[str, Any], folder: Path) -> str:
