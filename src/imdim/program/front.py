@@ -62,7 +62,7 @@ def from_json(document: object) -> tuple[list[Choice], Meta]:
 
 
 def _read(entry: object, i: int) -> Choice:
-    if not isinstance(entry, dict) or not isinstance(entry.get("error"), int | float | None) or "document" not in entry:
+    if not isinstance(entry, dict) or not {"error", "document"} <= entry.keys() or not isinstance(entry["error"], int | float | None):
         raise ValueError(f"$.choices[{i}]: expected an error and a document")
     try:
         return Choice(program_from_json(entry["document"]), entry["error"])
