@@ -19,6 +19,11 @@ from typing import TYPE_CHECKING, Any, TextIO
 from numba import njit
 from numba.core import event
 
+try:
+    import resource
+except ImportError:  # where there are no such limits
+    resource = None
+
 if TYPE_CHECKING:
     from imdim.program.tree import Combine
     from imdim.target.target import Target
@@ -95,11 +100,18 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def _is_space_limited() -> bool:
+    """Whether this process may not have as many addresses as it likes."""
+    return resource is not None and resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY
+
+
 @contextmanager
 def _uncollected() -> Iterator[None]:
-    """Without Python's collector of cycles: the compiler makes many small objects, and a sixth of the time goes into looking for those."""
-    was = gc.isenabled()
-    gc.disable()
+    """Without Python's collector of cycles, unless memory is limited: the compiler makes many small objects, and a sixth of its time goes
+    into looking through them."""
+    was = gc.isenabled() and not _is_space_limited()
+    if was:
+        gc.disable()
     try:
         yield
     finally:

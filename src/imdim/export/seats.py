@@ -128,7 +128,7 @@ def sticks_out(seat: Seat, parts: list[Primitive], largest: float) -> bool:
     return abs(place_of(seat.own, parts) - place_of(seat.face, parts)) > TOUCH * largest
 
 
-class _Faces:
+class _FacingEnds:
     """Faces of leaves that add, which look one way along one axis, as arrays: a program of hundreds has tens of thousands of pairs."""
 
     def __init__(self, faces: list[End], pairs: _Ends, parts: list[Primitive], boxes: list[tuple[np.ndarray, np.ndarray]]) -> None:
@@ -160,7 +160,7 @@ def _seats_of_ends(
     for e in ends:
         if sign[e.leaf] > 0 and e.column >= 0:
             adding.setdefault((e.axis, e.side), []).append(e)
-    facing = {way: _Faces(faces, pairs, parts, boxes) for way, faces in adding.items()}
+    facing = {way: _FacingEnds(faces, pairs, parts, boxes) for way, faces in adding.items()}
     for end in ends:
         other = pairs[end.leaf, end.axis, -end.side]
         least = slack if sign[end.leaf] < 0 else -2 * slack
