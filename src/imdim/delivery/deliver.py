@@ -86,9 +86,10 @@ def deliver(
             texts["program.scad"] = with_remarks(texts["program.scad"], intervals or {})
             _write(texts, partial)
             _write_front(front or [Choice(given)], given, meta, partial)
-        with exporting(partial, Path(target.name).stem) as job:
+            called = _named(found, Path(target.name).stem)
+        with exporting(partial, Path(target.name).stem, called.names.features) as job:
             with _time(seconds, "meshes"):
-                write_meshes(solid, partial, _named(found, Path(target.name).stem), meta.units)
+                write_meshes(solid, partial, called, meta.units)
             with _time(seconds, "scores"):
                 scores = evaluate_file(partial / "program.scad", target, segments=segments)
                 kept = DeliveryLoss.of(given, sharp, target, segments)
@@ -147,8 +148,9 @@ def export(
         solid = solid_with_edges(program, found.edges, segments)
         drawn = do_edges_matter(to_manifold(program, segments).volume(), solid.volume())
         _write(compose_texts(found, meta, segments, drawn), partial)
-        with exporting(partial, folder.resolve().name) as job:
-            write_meshes(solid, partial, _named(found, folder.resolve().name), meta.units)
+        called = _named(found, folder.resolve().name)
+        with exporting(partial, folder.resolve().name, called.names.features) as job:
+            write_meshes(solid, partial, called, meta.units)
             shown = html.content(_read(partial / "program.json"), named=found.parameters, segments=segments)
             (partial / "report.html").write_text(html.page(shown), encoding="utf-8")
             skipped = finish_or_skip_step(job, step_limit_s, {}) | unwritten(program)

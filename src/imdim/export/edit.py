@@ -221,7 +221,7 @@ def write(delivered: Delivered, folder: Path, step_limit_s: float = 0.0, solids:
             picture_of(*solids).save(partial / "edit.png")
         skipped: dict[str, str] = {}
         if step_limit_s:
-            with exporting(partial, name) as job:
+            with exporting(partial, name, named.names.features) as job:
                 skipped = finish_or_skip_step(job, step_limit_s, {})
         files = {file: "written" for file in FILES if (partial / file).exists()}
     return {**files, **skipped}

@@ -15,15 +15,14 @@ from itertools import combinations, groupby
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
+from manifold3d import Manifold
 
 from imdim.deadline import Deadline
 from imdim.export.step_booleans import StepError, boolean, copy_shape, merge_faces, ocp, shape_volume, solids_in
-from imdim.geometry.edge_solids import Blends, join_blends, sweep_blends
+from imdim.geometry.edge_solids import BlendSolid, sweep_blends
 from imdim.geometry.edges import BlendedEdge, has_room
 from imdim.geometry.lowering import lower
-from imdim.geometry.solid import to_manifold
+from imdim.geometry.solid import COMBINE, to_manifold
 from imdim.program.tree import Program, leaves, longest
 
 AWAY = 1e-3  # of a blend's size, within which an edge of the shape lies on one of the program
@@ -91,7 +90,7 @@ def _sweep(
 ) -> tuple[Any, tuple[EdgeNumber, ...]]:
     """The shape with those edges that are sharp blended by booleans with their swept sections, and the edges that stay sharp."""
     done = [s for s in stretches if (s.feature, s.edge) not in sharp]
-    exact = to_manifold(join_blends(program, Blends(sweep_blends(done), ())))
+    exact = _blended(to_manifold(program), sweep_blends(done))
     volume, failed = shape_volume(shape, VOLUME_ERROR), list[EdgeNumber]()
     numbers = lower(program)
     for number in sharp:
@@ -112,6 +111,14 @@ def _sweep(
             continue
         shape, volume, exact = tried, found, after
     return merge_faces(shape, volume), tuple(failed)
+
+
+def _blended(solid: Manifold, pieces: Sequence[BlendSolid]) -> Manifold:
+    """The exact solid with what blends fill in and cut off: its own booleans are done once for all of them."""
+    fills = [to_manifold(piece.solid) for piece in pieces if not piece.cuts]
+    cuts = [to_manifold(piece.solid) for piece in pieces if piece.cuts]
+    filled = COMBINE["union"]([solid, *fills]) if fills else solid
+    return COMBINE["difference"]([filled, *cuts]) if cuts else filled
 
 
 def _boolean(shape: Any, tool: Any, cuts: bool) -> Any:
@@ -156,10 +163,11 @@ class _State:
     """A shape, and what is blended in it."""
 
     def __init__(self, shape: Any, program: Program) -> None:
-        self.shape, self._program = shape, program
+        self.shape = shape
         self._blended: list[BlendedEdge] = []
         self._known: np.ndarray | None = None
-        self._volume, self._exact = shape_volume(shape, VOLUME_ERROR), to_manifold(program).volume()
+        self._volume, self._solid = shape_volume(shape, VOLUME_ERROR), to_manifold(program)
+        self._exact = self._solid.volume()
         self._slack = ROUNDING * longest(leaves(program))
 
     def blend(self, stretches: Sequence[BlendedEdge]) -> bool:
@@ -171,7 +179,7 @@ class _State:
         if shape is None or solids_in(shape) != solids_in(before) or not ocp("BRepCheck").BRepCheck_Analyzer(shape).IsValid():
             return False
         after = [*self._blended, *stretches]
-        exact = to_manifold(join_blends(self._program, Blends(sweep_blends(after), ()))).volume()
+        exact = _blended(self._solid, sweep_blends(after)).volume()
         volume, expected = shape_volume(shape, VOLUME_ERROR), exact - self._exact
         allowed = OFF * abs(expected) + _corner_volume(stretches, after) + NOISE * volume
         if abs(volume - self._volume - expected) > allowed:
@@ -227,6 +235,10 @@ def _blend_feature(state: _State, stretches: list[BlendedEdge], deadline: Deadli
 
 
 def _group(stretches: list[BlendedEdge], pairs: Sequence[Sequence[int]]) -> list[list[BlendedEdge]]:
+    # a quarter of a second, which a part without edge features does without
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
     count = len(stretches)
     rows, columns = np.array(pairs, dtype=int).reshape(-1, 2).T
     found, label = connected_components(coo_matrix((np.ones(len(rows), bool), (rows, columns)), shape=(count, count)), directed=False)
@@ -253,9 +265,12 @@ def _edges(shape: Any) -> Iterator[tuple[Any, tuple[Any, Any]]]:
     found = _shape_map()
     ocp("TopExp").TopExp.MapShapesAndAncestors_s(shape, kinds.TopAbs_EDGE, kinds.TopAbs_FACE, found)
     for number in range(1, found.Size() + 1):
-        edge, faces = topods.Edge(found.FindKey(number)), [topods.Face(face) for face in found.FindFromIndex(number)]
-        if len(faces) == 2 and not faces[0].IsSame(faces[1]) and not tool.Degenerated_s(edge):
-            yield edge, (faces[0], faces[1])
+        edge, faces = topods.Edge(found.FindKey(number)), found.FindFromIndex(number)
+        if faces.Size() != 2:
+            continue
+        one, two = topods.Face(faces.First()), topods.Face(faces.Last())  # to go through the list takes a hundred times as long
+        if not one.IsSame(two) and not tool.Degenerated_s(edge):
+            yield edge, (one, two)
 
 
 def _places_on(edge: Any) -> list[tuple[float, float, float]]:

@@ -22,7 +22,7 @@ from imdim.program.tree import OPS, Op, Primitive, Program, leaves, longest
 ROUGH = 1e-2  # relative volume that a shape may be off if there is no better one
 CLOSE = 5e-4  # relative volume that a shape may be off, the error of `_Exact` included
 INTEGRATION_ERROR = 1e-5  # relative
-FINER = 3  # facets per circle of the finer exact solid, over those of the coarser one
+FINER = 2  # facets per circle of the finer exact solid, over those of the coarser one
 
 # shares of the largest size; what a gap may have to be closed
 FUZZY = (0.0, 3e-8, 3e-7, 3e-6, 3e-5, 2e-4)
@@ -75,6 +75,9 @@ class _Exact(NamedTuple):
         return len(set(group))
 
 
+_Combine = Callable[[list[_Exact]], _Exact]
+
+
 class _Pair(NamedTuple):
     shape: Any
     exact: _Exact
@@ -92,7 +95,8 @@ def build(program: Program, place: Callable[[Primitive], Any]) -> Any:
     """
     largest = longest(leaves(program))
     solids = [_exact_leaf(leaf) for leaf in leaves(program)]
-    exact = fold_nary(program, lambda i, _: solids[i], {op: _exact(op) for op in OPS})
+    exact_of = {op: _exact(op) for op in OPS}
+    exact = fold_nary(program, lambda i, _: solids[i], exact_of)
     volume, bodies = exact.volume(), exact.bodies(largest)
     plain, failure = _build_plain(program, place)
     if _fits(plain, volume, CLOSE) and solids_in(plain) <= bodies:
@@ -102,7 +106,8 @@ def build(program: Program, place: Callable[[Primitive], Any]) -> Any:
     for first in FIRST_WAYS if volume > 0 else ():
         if best is not None and deadline.has_passed():
             break
-        shape = _build_checked(program, lambda i, leaf: _Pair(place(leaf), solids[i], 0), first, deadline if best is not None else NEVER)
+        patience = deadline if best is not None else NEVER
+        shape = _build_checked(program, lambda i, leaf: _Pair(place(leaf), solids[i], 0), exact_of, first, patience)
         if shape is None:
             continue
         if best is None or not _fits(best, volume, CLOSE) or solids_in(shape) < solids_in(best):
@@ -123,19 +128,23 @@ def _build_plain(program: Program, place: Callable[[Primitive], Any]) -> tuple[A
     return shape, "OpenCASCADE built an invalid or empty solid"
 
 
-def _build_checked(program: Program, place: Callable[[int, Primitive], _Pair], first: _Way, deadline: Deadline) -> Any:
+def _build_checked(
+    program: Program, place: Callable[[int, Primitive], _Pair], exact_of: Mapping[Op, _Combine], first: _Way, deadline: Deadline
+) -> Any:
     """The shape whose booleans were compared one by one and done `first` that way; None where no way does or time is up."""
     ways = (first, *(way for way in WAYS if way != first))
-    combine: Mapping[Op, Callable[[list[_Pair]], _Pair]] = {op: _checked(op, ways, longest(leaves(program)), deadline) for op in OPS}
+    combine: Mapping[Op, Callable[[list[_Pair]], _Pair]] = {
+        op: _checked(op, exact_of[op], ways, longest(leaves(program)), deadline) for op in OPS
+    }
     try:
         return fold_nary(program, place, combine).shape
     except _StuckError:
         return None
 
 
-def _checked(op: Op, ways: tuple[_Way, ...], largest: float, deadline: Deadline) -> Callable[[list[_Pair]], _Pair]:
+def _checked(op: Op, combine: _Combine, ways: tuple[_Way, ...], largest: float, deadline: Deadline) -> Callable[[list[_Pair]], _Pair]:
     def run(parts: list[_Pair]) -> _Pair:
-        exact = _exact(op)([part.exact for part in parts])
+        exact = combine([part.exact for part in parts])
         volume, bodies = exact.volume(), exact.bodies(largest)
         # what came in pieces may stay so
         allowed = bodies + sum(part.spare for part in parts)
@@ -171,8 +180,17 @@ def _exact_leaf(leaf: Primitive) -> _Exact:
     return _Exact(*(primitive_to_manifold(leaf, n * SEGMENTS) for n in (1, FINER)))
 
 
-def _exact(op: Op) -> Callable[[list[_Exact]], _Exact]:
-    return lambda parts: _Exact(COMBINE[op]([part.coarse for part in parts]), COMBINE[op]([part.fine for part in parts]))
+def _exact(op: Op) -> _Combine:
+    """The boolean of exact solids, done once for the same ones: a program is built in several ways."""
+    done: dict[tuple[int, ...], tuple[list[_Exact], _Exact]] = {}  # by their identities, which they keep while they are in here
+
+    def run(parts: list[_Exact]) -> _Exact:
+        key = tuple(map(id, parts))
+        if key not in done:
+            done[key] = parts, _Exact(COMBINE[op]([part.coarse for part in parts]), COMBINE[op]([part.fine for part in parts]))
+        return done[key][1]
+
+    return run
 
 
 def _plain(op: Op) -> Callable[[list[Any]], Any]:

@@ -1,19 +1,20 @@
 """STEP export in a process of its own: OpenCASCADE can take minutes or crash on a hard shape, and must not take the other results along.
 
-``python -m imdim.export.step_worker PROGRAM.json OUT.step [NAME]`` writes the file, in millimetres whatever the units of the document,
-and prints its re-read volume; a failure is one line on
-stderr.
+``python -m imdim.export.step_worker PROGRAM.json OUT.step [NAME [FEATURES]]`` writes the file, in millimetres whatever the units of the
+document, and prints its re-read volume; a failure is one line on stderr. FEATURES are the names of the features, as a list in JSON; by
+default they are found once more.
 A part with edge features is written, and told, twice: sharp, then with as many of them as OpenCASCADE can blend. If it fails on these the
 sharp one stays. It ends with the process that started it, however that ends: its standard input closes then.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
@@ -28,6 +29,8 @@ from imdim.program.edges import scale_edges
 from imdim.program.roles import labels
 from imdim.program.tree import Primitive, map_leaves, map_lengths
 from imdim.program.units import to_millimetres
+
+MOST_CALLED = 60_000  # characters of the names that a command carries: systems allow an argument of 128 KiB
 
 
 class Exported(NamedTuple):
@@ -48,11 +51,14 @@ class StepJob(NamedTuple):
     lifeline: IO[bytes] | None = None
 
 
-def start_step(document: Path, out: Path, name: str = NAMELESS) -> StepJob:
-    """Start exporting the program.json `document` as a part called `name`; raises StepError when OpenCASCADE is not installed."""
+def start_step(document: Path, out: Path, name: str = NAMELESS, features: Sequence[str] = ()) -> StepJob:
+    """Start exporting the program.json `document` as a part called `name`, its features as these or, of none, by their roles; raises
+    StepError when OpenCASCADE is not installed."""
     if find_spec("OCP") is None:
         raise StepError(f"no STEP without OpenCASCADE: {install_command('step')}")
     command = [sys.executable, "-m", __spec__.name, str(document), str(out), spell(name)]
+    called = json.dumps(list(features))
+    command += [called] if features and len(called) < MOST_CALLED else []
     theirs, ours = os.pipe()  # no pipe of the process itself: waiting for its output would close that
     with os.fdopen(theirs, "rb") as end:
         process = subprocess.Popen(command, stdin=end, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -107,10 +113,10 @@ def _end(job: StepJob) -> None:
 
 
 @contextmanager
-def exporting(folder: Path, name: str = NAMELESS) -> Iterator[StepJob | StepError]:
+def exporting(folder: Path, name: str = NAMELESS, features: Sequence[str] = ()) -> Iterator[StepJob | StepError]:
     """The export of the program.json in `folder`, running beside the other work; it never outlives the block."""
     try:
-        job = start_step(folder / "program.json", folder / "program.step", name)
+        job = start_step(folder / "program.json", folder / "program.step", name, features)
     except StepError as error:
         yield error
         return
@@ -146,13 +152,13 @@ def _scale(leaf: Primitive, factor: float) -> Primitive:
     return leaf if factor == 1 else map_lengths(leaf, lambda s: s * factor, (x, y, z))
 
 
-def main(document: str, out: str, name: str = NAMELESS) -> None:
+def main(document: str, out: str, name: str = NAMELESS, called: str = "") -> None:
     """The worker's side."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         read = parse(Path(document).read_text(encoding="utf-8"))
         program = from_json(read)
-        features = labels(program, constraints_of(read), read_folded(read), hole_roles(program))
+        features = json.loads(called or "[]") or labels(program, constraints_of(read), read_folded(read), hole_roles(program))
         names, factor = PartNames.of(program, name, tuple(features)), to_millimetres(meta_of(read).units)
         program, edges_in = map_leaves(program, lambda _, leaf: _scale(leaf, factor)), scale_edges(edges_of(read), factor)
         for edges, sharp in write_stages(program, Path(out), edges_in, names):

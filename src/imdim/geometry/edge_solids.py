@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from manifold3d import Manifold
-from scipy.spatial import KDTree
 
 from imdim.geometry.edges import BlendedEdge, Interval, Track, find_edges, meet_faces
 from imdim.geometry.rotations import euler_from_matrix
@@ -180,6 +179,8 @@ def _corners(swept: Sequence[BlendedEdge]) -> Iterator[BlendSolid]:
     ends = [(s, k) for s in swept if not s.stretch.is_closed for k in (0, 1) if not s.goes_on[k]]
     if not ends:
         return
+    from scipy.spatial import KDTree  # a fifth of a second, which the process that writes STEP does without where no edges are blended
+
     at = np.array([s.end(k) for s, k in ends])
     near = KDTree(at).query_pairs(MEET * max(s.size for s, _ in ends), output_type="ndarray")
     for i, j in near[np.lexsort(near.T[::-1])].tolist():
