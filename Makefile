@@ -7,6 +7,8 @@
 PYTHON ?= python3
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt
+# to bytecode, as an installation that is not editable is: where Python is told to write none, each process does it again in half a second
+COMPILED := @$(BIN)/python -m compileall -q src
 # one thread per process: several processes share the cores
 export OMP_NUM_THREADS ?= 1
 
@@ -23,6 +25,7 @@ test: .venv/develop .venv/kernels
 # that compiles takes most of its time for that, and ends with status 3, as a result that is not the part
 .venv/kernels: .venv/develop $(shell find src -name '*.py')
 	@echo "Compiling the search's kernels (up to a minute)"
+	$(COMPILED)
 	@for asked in bracket.stl "bracket.stl language=csg" bracket_cloud.ply; do \
 		$(BIN)/python infer.py input=dataset/examples/$$asked output=out/kernels budget_s=20 >/dev/null || test $$? = 3 || exit 1; done
 	@touch $@
@@ -49,9 +52,11 @@ bench-gate: .venv/use
 .venv/use: pyproject.toml constraints.txt | .venv/bin/python
 	@echo "Installing into .venv (some 2 GB, a few minutes the first time)"
 	$(PIP) -e '.[step,learn]'
+	$(COMPILED)
 	@touch $@
 
 .venv/develop: pyproject.toml constraints.txt | .venv/bin/python
 	@echo "Installing into .venv (some 2 GB, a few minutes the first time)"
 	$(PIP) -e '.[step,learn,lab,agent,dev]'
+	$(COMPILED)
 	@touch $@ .venv/use

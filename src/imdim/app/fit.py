@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import sys
 import time
@@ -40,6 +41,7 @@ MOST_SAID = 6  # groups of holes on the screen; the report has all
 DIFFERS = 1e-3  # of the volume IoU, from which delivery says that it did not keep what was found
 SAID_REGIONS, LEAST_SAID = 3, 1e-3  # regions on the screen, and the share of the surface from which one is named
 EXPORT_S = 20  # for STEP, by `imdim export`
+RARELY = 20_000  # objects more, at which Python looks for cycles of dead ones: at its own 700 that is 2 to 3 % of a fit
 BAD_INPUT = 2
 LEFT_OUT = 3  # results were written, but most of the part's surface is not in them
 INTERRUPTED = 130
@@ -61,6 +63,7 @@ def main(
     results are replaced even where somebody has changed them.
     """
     sys.excepthook = one_line
+    gc.set_threshold(RARELY, *gc.get_threshold()[1:])
     try:
         settings = name_output(settings_of())
         report = _fit_or_refuse(settings, reconstruct, quiet, force)
