@@ -8,7 +8,7 @@ from tests.search.planted_families import planted, random_candidates
 
 from imdim.search.candidate_families import Candidate
 from imdim.search.group_sums import Slots
-from imdim.search.kernels import axial_best, best_box, best_interval, merge_slabs
+from imdim.search.kernels import axial_best, best_box, best_interval, merge_slabs, slabs_of
 
 
 def slow_interval(sums: np.ndarray) -> float:
@@ -122,3 +122,16 @@ def every_sum(grid):
         (-1) ** (3 - a - b - c) * prefix[(lo, hi)[a][0], (lo, hi)[b][1], (lo, hi)[c][2]] for a in (0, 1) for b in (0, 1) for c in (0, 1)
     )
     return float(sums.max())
+
+
+@pytest.mark.parametrize("edges", [2, 3, 50])
+@pytest.mark.parametrize("points", [40, 4000])
+def test_slabs_are_those_of_a_binary_search(edges, points):
+    # few points are halved for, many start from a table; what lies on an edge, or a bit beside it, is where rounding would show
+    rng = np.random.default_rng(edges)
+    for scale in (1e-6, 1.0, 1e3):
+        offsets = np.sort(scale * rng.normal(size=edges))
+        offsets[-1] = np.nextafter(offsets[-2], np.inf) if edges == 3 else offsets[-1]
+        near = [offsets, np.nextafter(offsets, np.inf), np.nextafter(offsets, -np.inf), 1e9 * offsets]
+        at = np.concatenate([rng.uniform(offsets[0] - scale, offsets[-1] + scale, points), *near])
+        np.testing.assert_array_equal(slabs_of(offsets, at), np.clip(np.searchsorted(offsets, at) - 1, 0, edges - 2))

@@ -167,6 +167,7 @@ def _reconstruct_small_part() -> None:
     """From a mesh to scores: a plate with a slot, a hole and a rounded end, which takes outlines, cutters and round faces."""
     from imdim.delivery.evaluate import evaluate
     from imdim.geometry.solid import to_manifold, to_trimesh
+    from imdim.geometry.visible import faces_seen
     from imdim.geometry.winding import winding_number
     from imdim.reconstruction.config import Settings
     from imdim.reconstruction.pipeline import reconstruct_best
@@ -175,7 +176,9 @@ def _reconstruct_small_part() -> None:
     for language in ("cad", "csg"):
         found = reconstruct_best(target, Settings(budget_s=600.0, language=language))
         evaluate(found.program, target, samples=100)
-    winding_number(to_trimesh(to_manifold(found.program)), target.points[:1])
+    surface = to_trimesh(to_manifold(found.program))
+    winding_number(surface, target.points[:1])
+    faces_seen(surface.triangles, 1, 1)
 
 
 def _small_target() -> Target:

@@ -1,6 +1,6 @@
 """One picture of a result: the target, the result, the target coloured by its distance to the result, and by what became of it.
 
-Meshes are ray cast with embree, clouds are drawn as discs; no display and no GL are needed.
+Meshes are drawn with a depth buffer, clouds as discs; no display and no GL are needed.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from scipy.spatial import KDTree
 from imdim.export.verdict_colours import COLOURS, VERDICTS, ColouredTarget
 from imdim.geometry.rows import dot_rows
 from imdim.geometry.triangles import TriangleTree, distances, triangle_tree
+from imdim.geometry.visible import faces_seen
 from imdim.target.target import Target
 
 PANEL = 480  # pixels, square
@@ -70,7 +71,7 @@ def preview(target: Target, result: trimesh.Trimesh, worst: float, verdict: Colo
     tree = triangle_tree(result)
     diagonal = float(np.linalg.norm(np.ptp(bodies[0], axis=0)))
     top = max(worst, SMALLEST_RANGE * diagonal)
-    # rays and distances leave the interpreter to the other panel
+    # faces and distances are looked for without the interpreter, which the other panel has meanwhile
     with ThreadPoolExecutor(1) as beside:
         second = beside.submit(lambda: _paint(_shoot_mesh(result, camera), RESULT_COLOUR))
         mesh = target.mesh if verdict is None or verdict.mesh is None else verdict.mesh
@@ -116,38 +117,24 @@ def _camera(points: np.ndarray, pixels: int = PANEL * SUPERSAMPLE) -> Camera:
 
 def _shoot_mesh(mesh: trimesh.Trimesh, camera: Camera) -> Shot:
     half = camera.pixels / 2
-    # embree works in single precision: cast in pixel units around the origin
     local = trimesh.Trimesh((mesh.vertices - camera.center) @ camera.axes.T * camera.scale, mesh.faces, process=False)
-    rows, columns = _pixels_of(np.asarray(local.vertices), camera.pixels)
-    above = float(local.vertices[:, 2].max()) + 10.0
-    origins = np.column_stack([columns + 0.5 - half, half - rows - 0.5, np.full(len(rows), above)])
-    hit = np.asarray(local.ray.intersects_first(origins, np.broadcast_to([0.0, 0.0, -1.0], origins.shape)))
-    met = hit >= 0
-    seen = np.zeros((camera.pixels, camera.pixels), bool)
-    seen[rows[met], columns[met]] = True
-    face = hit[met]
-    flat = _drop_rays(origins[met], local, face)
+    placed = np.asarray(local.vertices) * [1.0, -1.0, 1.0] + [half, half, 0.0]
+    owner = faces_seen(placed[local.faces], camera.pixels, camera.pixels)
+    seen = owner >= 0
+    face, (rows, columns) = owner[seen], np.nonzero(seen)
+    flat = _drop_rays(np.column_stack([columns + 0.5 - half, half - rows - 0.5]), local, face)
     normals = local.face_normals[face]
     points = flat / camera.scale @ camera.axes + camera.center
     return Shot(seen, points, _facing(normals) @ camera.axes, _creases(seen, normals, flat[:, 2]), face)
 
 
-def _pixels_of(vertices: np.ndarray, pixels: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns [k] of the pixels in the box of projected vertices [n, 3], row after row: rays through others meet nothing."""
-    (left, low), (right, high) = vertices[:, :2].min(0) + pixels / 2, vertices[:, :2].max(0) + pixels / 2
-    ends = [(pixels - high, pixels - low), (left, right)]
-    (first, last), (begin, end) = ((max(int(a) - 2, 0), min(int(b) + 3, pixels)) for a, b in ends)
-    rows, columns = np.mgrid[first:last, begin:end].reshape(2, -1)
-    return rows, columns
-
-
 def _drop_rays(origins: np.ndarray, local: trimesh.Trimesh, face: np.ndarray) -> np.ndarray:
-    """The points [k, 3] of the faces right below `origins`; within the face's range of z where it stands almost upright."""
+    """The points [k, 3] of the faces right below `origins` [k, 2]; within the face's range of z where it stands almost upright."""
     corners, facing = np.asarray(local.vertices)[local.faces], np.asarray(local.face_normals)
     first, depth = corners[:, 0], corners[:, :, 2]
     steep = np.where(np.abs(facing[:, 2]) < 1e-6, 1e-6, facing[:, 2])
-    z = first[face, 2] - ((origins[:, :2] - first[face, :2]) * facing[face, :2]).sum(axis=1) / steep[face]
-    return np.column_stack([origins[:, :2], np.clip(z, depth.min(axis=1)[face], depth.max(axis=1)[face])])
+    z = first[face, 2] - ((origins - first[face, :2]) * facing[face, :2]).sum(axis=1) / steep[face]
+    return np.column_stack([origins, np.clip(z, depth.min(axis=1)[face], depth.max(axis=1)[face])])
 
 
 def _facing(normals: np.ndarray) -> np.ndarray:

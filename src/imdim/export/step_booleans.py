@@ -95,7 +95,7 @@ def build(program: Program, place: Callable[[Primitive], Any]) -> Any:
     """
     largest = longest(leaves(program))
     solids = [_exact_leaf(leaf) for leaf in leaves(program)]
-    exact_of = {op: _exact(op) for op in OPS}
+    exact_of: Mapping[Op, _Combine] = {op: _exact(op) for op in OPS}
     exact = fold_nary(program, lambda i, _: solids[i], exact_of)
     volume, bodies = exact.volume(), exact.bodies(largest)
     plain, failure = _build_plain(program, place)

@@ -15,7 +15,7 @@ from itertools import combinations, islice
 import numpy as np
 
 from imdim.geometry.surface import AXISLESS, CLOSED_KINDS, Surface, signed_distance
-from imdim.search.kernels import mark_inside_cylinder
+from imdim.search.kernels import mark_inside_cylinder, slabs_of
 
 PARALLEL = 1 - 1e-6  # cosine above which two axes are one direction (0.08 degrees)
 ORTHOGONAL = 1.5e-3  # largest cosine of a right angle
@@ -34,7 +34,7 @@ class Direction:
 
     def bins(self, points: np.ndarray) -> np.ndarray:
         """Index [n] of the slab between consecutive offsets that holds each of `points` [n, 3]."""
-        return np.clip(np.searchsorted(self.offsets, points @ self.vector) - 1, 0, len(self.offsets) - 2)
+        return slabs_of(self.offsets, points @ self.vector)
 
 
 @dataclass(frozen=True)

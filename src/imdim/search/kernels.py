@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+TABLE = 1024  # even steps between the first and the last edge of slabs, and how many points pay for them
+
 
 @njit(nogil=True, cache=True)
 def best_interval(sums: np.ndarray) -> tuple[float, int, int]:
@@ -70,6 +72,29 @@ def add_axial_density(total, points, origin, frame, radii, radial_steps, heights
         if value > 0.0:
             rho = max(np.hypot(u, v), 1e-12)
             total[i] += value * _step_at(radii, radial_steps, rho) / (2 * np.pi * rho)
+
+
+@njit(nogil=True, cache=True)
+def slabs_of(edges: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """The slab [n] between consecutive `edges` [e >= 2], sorted, that holds each of `at` [n], an edge being in the one before it; the first
+    and the last slab hold what is beyond. A table of even steps says where to begin, which takes a fifth of the time of halving."""
+    out = np.empty(len(at), np.int64)
+    last = len(edges) - 2
+    if len(at) < TABLE:
+        for i in range(len(at)):
+            out[i] = min(max(np.searchsorted(edges, at[i]) - 1, 0), last)
+        return out
+    low, steps = edges[0], TABLE / max(edges[-1] - edges[0], 1e-300)
+    table = np.empty(TABLE + 1, np.int64)
+    for k in range(TABLE + 1):
+        # a step early, so that rounding passes no edge
+        table[k] = max(np.searchsorted(edges, low + (k - 1) / steps) - 1, 0)
+    for i in range(len(at)):
+        slab = min(table[min(max(int((at[i] - low) * steps), 0), TABLE)], last)
+        while slab < last and edges[slab + 1] < at[i]:
+            slab += 1
+        out[i] = slab
+    return out
 
 
 @njit(nogil=True, cache=True)
