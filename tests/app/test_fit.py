@@ -170,20 +170,22 @@ def imdim_fit(source, folder):
     return run_in_order(lambda: run(lambda: Settings(input=str(source), output=str(folder)), box_found))
 
 
-@pytest.mark.parametrize("name", ["program.scad", "program.json", "program.py"])
-def test_results_that_were_changed_by_hand_are_replaced_only_by_force(part, tmp_path, capsys, name):
-    settings = Settings(input=str(part), output=str(tmp_path / "out"))
+def test_results_that_were_changed_by_hand_are_replaced_only_by_force(part, tmp_path, capsys):
+    folder = tmp_path / "out"
+    settings = Settings(input=str(part), output=str(folder))
     assert run(lambda: settings, box_found) == 0
     assert run(lambda: settings, box_found) == 0  # nobody changed them
-    changed = tmp_path / "out" / name
-    changed.write_text(changed.read_text() + "\n")
-    mine = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
-    capsys.readouterr()
-    assert run(lambda: settings, box_found) == 2
-    assert capsys.readouterr().err.endswith(f"{name} changed since it was written: give another folder, or --force\n")
-    assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == mine
+    written = {path.name: path.read_bytes() for path in folder.iterdir()}
+    for name in ("program.scad", "program.json", "program.py"):
+        (folder / name).write_bytes(written[name] + b"\n")
+        capsys.readouterr()
+        assert run(lambda: settings, box_found) == 2
+        assert capsys.readouterr().err.endswith(f"{name} changed since it was written: give another folder, or --force\n")
+        assert {path.name: path.read_bytes() for path in folder.iterdir()} == {**written, name: written[name] + b"\n"}
+        (folder / name).write_bytes(written[name])
+    (folder / "program.py").write_bytes(b"mine")
     assert run(lambda: settings, box_found, force=True) == 0
-    assert changed.read_bytes() != mine[name]
+    assert (folder / "program.py").read_bytes() == written["program.py"]
 
 
 def test_a_person_who_stops_the_search_gets_the_best_so_far(part, tmp_path, capsys):
