@@ -238,6 +238,8 @@ def test_the_tree_by_keyboard(opened, report):
 def test_the_tables_have_the_numbers(opened, report):
     tab = opened(report)
     said = json.loads((report.parent / "report.json").read_text())
+    for closed in tab.locator("#sheets summary").all():
+        closed.click()
     text = tab.locator("#sheets").inner_text()
     assert f"{said['scores']['volume_iou']:.6g}" in text
     for name in (*said["parameters"], *said["files"], "proved minimal"):
@@ -246,6 +248,23 @@ def test_the_tables_have_the_numbers(opened, report):
     assert dots.count() == 2
     dots.nth(0).click()
     assert "--pick 1" in tab.locator("#sheets code").inner_text()
+
+
+def test_the_program_leads_and_files_are_links(opened, report, tmp_path):
+    tab = opened(report)
+    heads = tab.locator("#sheets h2, #sheets summary").all_inner_texts()
+    assert heads[:2] == ["Names", "Files"]
+    assert heads[-4:] == ["Volumes", "Seconds", "Run", "Versions"]
+    assert "written" not in tab.locator("#sheets details").first.inner_text()
+    links = {link.inner_text(): link.get_attribute("href") for link in tab.locator("#sheets .sheet a").all()}
+    files = json.loads((report.parent / "report.json").read_text())["files"]
+    assert set(links) == {name for name, said in files.items() if said == "written"} - {"report.html"}
+    assert [href for href in links.values() if not (report.parent / href).is_file()] == []
+    alone = tmp_path / "bracket.html"  # as it is downloaded from the lab, beside no other file
+    alone.write_bytes(report.read_bytes())
+    tab = opened(alone)
+    assert tab.locator("#sheets .sheet a").count() == 0
+    assert "program.scad" in tab.locator("#sheets").inner_text()
 
 
 def test_a_repeat_shows_all_its_copies(opened, tmp_path):
@@ -283,7 +302,7 @@ def test_a_hostile_name_is_shown_and_does_nothing(opened, report, tmp_path):
     assert tab.title() == f"{name} - IMDIM report"
     assert tab.locator("h1").inner_text() == name
     assert tab.locator("img").count() == 0
-    assert tab.locator("#sheets").inner_text().count(name) == 4
+    assert tab.locator("#sheets").evaluate("e => e.textContent").count(name) == 4
 
 
 def test_without_webgl_the_numbers_are_there(opened, report, tmp_path):

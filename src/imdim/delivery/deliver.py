@@ -26,7 +26,7 @@ from imdim.delivery.verdict import judge
 from imdim.export import html
 from imdim.export.delivered import Delivered, texts_of, unwritten
 from imdim.export.edge_text import do_edges_matter, with_edge_sizes
-from imdim.export.folder import DIGESTS, FILES, OutputError, check_untouched, check_writable, digests_of, replacing
+from imdim.export.folder import DIGESTS, EDIT_PICTURE, FILES, OutputError, check_untouched, check_writable, digests_of, replacing
 from imdim.export.meshes import NamedFeatures, write_meshes
 from imdim.export.numbers import round_program
 from imdim.export.openscad_reader import read_openscad
@@ -110,7 +110,7 @@ def deliver(
         skipped |= unwritten(program)
         if found.folded is None:
             skipped["program.loops.scad"] = "skipped: no part repeats"
-        files = {name: skipped.get(name, "written") for name in FILES}
+        files = {name: skipped.get(name, "written") for name in FILES if name != EDIT_PICTURE}
         film = find_film(surface, target, scores.to_target.max)
         faults = [*_parted(solid, target), *([] if film is None else [str(film)])]
         report = report_of(found, target, scores, kept, verdict, volumes, files, run, seconds, drawn, faults, intervals)

@@ -19,7 +19,7 @@ from imdim.export.customizer import slider
 from imdim.export.delivered import AGREE, LOOPS, NAMED, Delivered, EditError, is_size, read, read_values, texts_of
 from imdim.export.edge_text import with_edge_sizes
 from imdim.export.edit_report import picture_of
-from imdim.export.folder import FILES, replacing
+from imdim.export.folder import EDIT_PICTURE, FILES, replacing
 from imdim.export.hole_names import hole_notes, renew_notes
 from imdim.export.meshes import NamedFeatures, write_meshes
 from imdim.export.numbers import MAX_SEGMENTS, Rounding, plain, round_program, to_fixed_point
@@ -218,7 +218,7 @@ def write(delivered: Delivered, folder: Path, step_limit_s: float = 0.0, solids:
         named = NamedFeatures.of(name, delivered.program, delivered.edges, delivered.constraints, delivered.folded)
         write_meshes(solid, partial, named, delivered.meta.units)
         if solids is not None:
-            picture_of(*solids).save(partial / "edit.png")
+            picture_of(*solids).save(partial / EDIT_PICTURE)
         skipped: dict[str, str] = {}
         if step_limit_s:
             with exporting(partial, name, named.names.features) as job:

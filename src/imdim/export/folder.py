@@ -19,6 +19,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+EDIT_PICTURE = "edit.png"  # of an edit alone: a fit writes none
 FILES = (
     "program.json",
     "program.scad",
@@ -32,7 +33,7 @@ FILES = (
     "mesh.glb",
     "mesh.3mf",
     "preview.png",
-    "edit.png",
+    EDIT_PICTURE,
     "front.json",
     "report.json",
     "report.html",

@@ -35,6 +35,11 @@ function sheet(title, ...content) {
   return element("section", { class: "sheet" }, element("h2", {}, title), ...content);
 }
 
+/** What few look at: closed until its title is pressed. */
+function folded(title, ...content) {
+  return element("details", { class: "sheet" }, element("summary", {}, title), ...content);
+}
+
 function figures(list, data) {
   const { report } = data;
   const shown = [["Primitives", String(data.leaves.length)]];
@@ -147,7 +152,23 @@ function sheets(data, select) {
   if (data.constraints.length) {
     out.push(sheet("Constraints", picks(data.constraints.map((c) => ({ ...c, name: c.name || c.kind, says: constraintText(c) })), select)));
   }
-  return report ? [...out, ...reportSheets(report)] : out;
+  return report ? [...leading(out, report), ...reportSheets(report)] : out;
+}
+
+/** What is made of the program comes first: its names and its files. */
+function leading(out, report) {
+  const names = out.filter((box) => box.querySelector("h2").textContent === "Names");
+  return [...names, filesSheet(report.files), ...out.filter((box) => !names.includes(box))];
+}
+
+/** The files beside this page, as links where the page lies beside them: one that was sent alone has no others. */
+function filesSheet(files) {
+  const isBeside = location.pathname.endsWith("/report.html");
+  const rows = Object.entries(files).map(([name, said]) => [
+    isBeside && said === "written" && name !== "report.html" ? element("a", { href: encodeURIComponent(name) }, name) : name,
+    said,
+  ]);
+  return sheet("Files", table(rows));
 }
 
 /** What became of the target's surface: shares, and the regions that are not exact. */
@@ -178,11 +199,10 @@ function reportSheets(report) {
     ),
     sheet("Target", table(target)),
     sheet("Program", table([...size, ["operations", operations], ...counts]), repeatList(report)),
-    sheet("Volumes", listed(report.volumes)),
-    sheet("Seconds", listed({ ...timing.stages_s, ...prefixed("delivery: ", timing.delivery_s), total: timing.total_s })),
-    sheet("Files", table(Object.entries(report.files))),
-    sheet("Run", listed({ input: report.input, stop: report.stop, proof: report.proof, seed: report.seed, ...report.settings })),
-    sheet("Versions", table(Object.entries(report.versions))),
+    folded("Volumes", listed(report.volumes)),
+    folded("Seconds", listed({ ...timing.stages_s, ...prefixed("delivery: ", timing.delivery_s), total: timing.total_s })),
+    folded("Run", listed({ input: report.input, stop: report.stop, proof: report.proof, seed: report.seed, ...report.settings })),
+    folded("Versions", table(Object.entries(report.versions))),
   ];
 }
 
