@@ -30,7 +30,7 @@ def test_what_is_there(opened):
     assert status.volume == pytest.approx(80 * 50 * 6 - 2 * bore(6), rel=1e-5)
     features = opened.features()
     assert [(f.name, f.does) for f in features.features] == [("plate", "add"), ("hole", "cut"), ("hole", "cut")]
-    assert features.features[1].numbers == {"r": 3, "h": 8, "x": -20, "y": 0, "z": 0, "rx": 0, "ry": 0, "rz": 0}
+    assert features.features[1].numbers == {"r": 3, "h": 8, "x": -20, "y": 0, "z": 0, "turn_x": 0, "turn_y": 0, "turn_z": 0}
     assert len(features.holes) == 1
     assert "2 x" in features.holes[0]
     assert "(features 1, 2)" in features.holes[0]

@@ -55,7 +55,7 @@ def test_a_selected_extrusion_shows_its_numbers_and_its_outline(server):
     build, panel._gui = panel._gui.add_html, SimpleNamespace(**{name: getattr(server.gui, name) for name in GUI})
     panel._gui.add_html = lambda html: shown.append(html) or build(html)
     panel.draw(ConstrainedProgram(BORED), 0, "mm")
-    assert [*panel._inputs] == ["h", "x", "y", "z", "rx", "ry", "rz"]
+    assert [*panel._inputs] == ["h", "x", "y", "z", "turn_x", "turn_y", "turn_z"]
     assert sum("<svg" in html for html in shown) == 1
     panel.draw(ConstrainedProgram(BORED), 1, "mm")
     assert [*panel._inputs][:2] == ["r", "h"]

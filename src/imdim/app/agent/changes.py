@@ -204,7 +204,7 @@ def drop_relation(delivered: Delivered, number: int) -> Delivered:
 
 
 def set_number(delivered: Delivered, leaf: int, name: str, value: float, locks: Collection[Lock]) -> Delivered:
-    """One number of a primitive, by the name that a lock has (or "rx", "ry", "rz"); what relations tie to it follows."""
+    """One number of a primitive, by the name that a lock has (or "turn_x", "turn_y", "turn_z"); what relations tie to it follows."""
     parts = list(leaves(delivered.program))
     if not 0 <= leaf < len(parts):
         raise EditError(f"no primitive {leaf}; there are {len(parts)}, counted from 0")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -32,11 +33,16 @@ MAP_POINTS = 20_000
 SMALLEST_RANGE = 1e-3  # of the diagonal: a perfect result is not to look patchy
 LIFT = 2e-3  # of the view: what is translucent lies before faces that it shares, cutters inside what they cut, or both show in patches
 SKIN = 1e-6  # by which cutters are drawn larger: caps that lie in the face they cut through would leave a film there
+CAP_OF = -2  # the number of what is no feature's: it cannot be clicked
 VIOLATED = HOLDS * 10
+MOST_FACES = 300_000  # of a part that is drawn as it is; of a larger one points are
+SLIVER = 1e-5  # of the diagonal: narrower faces have no direction
+SHARP_RAD = math.radians(25.0)  # between two faces: their edge is drawn
 
 Colour = tuple[int, int, int]
 ADDS: tuple[Colour, ...] = ((86, 140, 196), (104, 164, 206), (70, 120, 178), (126, 176, 200), (92, 132, 170))
 CUT, CLIP, BLENDED, SELECTED = (214, 72, 66), (226, 170, 60), (96, 176, 150), (255, 190, 30)
+ORIGINAL, EDGE, CAP = (190, 194, 200), (52, 58, 64), (84, 98, 116)
 HELD_COLOUR, BROKEN_COLOUR, POINT_COLOUR = (24, 140, 84), (208, 30, 40), (30, 34, 42)
 
 
@@ -54,9 +60,11 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """The solid in `pieces`, cutters and clippers in `ghosts`; the solid's `surface` and `volume` in the target's units."""
+    """The solid in `pieces`, its sharp edges [m, 2, 3] in `edges`, cutters and clippers in `ghosts`; the solid's `surface` and `volume` in
+    the target's units."""
 
     pieces: list[Piece]
+    edges: np.ndarray
     ghosts: list[Piece]
     surface: trimesh.Trimesh
     volume: float
@@ -102,7 +110,7 @@ def scene(theory: ConstrainedProgram, frame: Frame, selected: int | None) -> Dra
         if role != "union" or leaf == selected:
             tint, opacity = (SELECTED, 0.45) if leaf == selected else (tints[leaf], 0.22)
             ghosts.append(_ghost(leaf, parts[leaf], frame, -LIFT if role == "difference" else LIFT, tint, opacity))
-    return Drawing(pieces, ghosts, surface, float(surface.volume) if len(surface.faces) else 0.0)
+    return Drawing(pieces, sharp_edges(at, surface), ghosts, surface, float(surface.volume) if len(surface.faces) else 0.0)
 
 
 def enlarge_cutters(program: Program) -> Program:
@@ -146,6 +154,24 @@ def _links(constraint: Constraint, pose: Pose) -> list[np.ndarray]:
 
 def _place(ref: Ref, pose: Pose) -> np.ndarray:
     return pose.position(ref).value if ref.side else pose.center(ref.leaf).value
+
+
+def sharp_edges(at: np.ndarray, surface: trimesh.Trimesh) -> np.ndarray:
+    """The edges [m, 2, 3] of a surface, whose vertices are drawn `at` [n, 3], where its faces turn by more than SHARP_RAD."""
+    if not len(surface.faces):
+        return np.zeros((0, 2, 3), np.float32)
+    ends = surface.vertices[surface.face_adjacency_edges]
+    least = surface.area_faces[surface.face_adjacency].min(axis=1)
+    is_wide = least > SLIVER * surface.scale * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    return at[surface.face_adjacency_edges[is_wide & (surface.face_adjacency_angles > SHARP_RAD)]]
+
+
+def original(target: Target, frame: Frame) -> tuple[Piece, np.ndarray] | None:
+    """The target's own surface, and its sharp edges [m, 2, 3]; None for clouds, and for meshes of too many faces."""
+    if target.mesh is None or len(target.mesh.faces) > MOST_FACES:
+        return None
+    at = place(frame, target.mesh.vertices)
+    return Piece(-1, at, np.asarray(target.mesh.faces), ORIGINAL), sharp_edges(at, target.mesh)
 
 
 def cloud(target: Target, frame: Frame) -> np.ndarray:

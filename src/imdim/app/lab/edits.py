@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import contextlib
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from imdim.app.lab.naming import NamedProgram
+from imdim.app.lab.relation_words import ROUND_SIZES, say_relation
 from imdim.app.lab.solving import TURN, Lock, follow_constraints, violations
 from imdim.geometry.edges import find_edges, has_room
 from imdim.geometry.lowering import lower
-from imdim.program.constraints import AXES, RULES, WORLD, Constraint, Ref, check_all, read_ref
+from imdim.program.constraints import AXES, LENGTHS_OF, RULES, WORLD, Constraint, ConstraintError, Ref, check_all, read_ref
 from imdim.program.edges import EdgeFeature, describe_edges, renumber_edges
 from imdim.program.paths import at, leaf_paths, replace_at
 from imdim.program.paths import without as prune
@@ -18,7 +21,7 @@ from imdim.program.roles import labels
 from imdim.program.tree import SIZE_NAMES, Combine, Op, Primitive, Program, leaves, map_leaves
 from imdim.relations.hold import MET
 
-TURNS = ("rx", "ry", "rz")
+TURNS = ("turn_x", "turn_y", "turn_z")  # apart from the sizes of an ellipsoid, rx, ry and rz
 
 
 class LabEditError(ValueError):
@@ -67,7 +70,7 @@ class ConstrainedProgram:
 
 @dataclass(frozen=True)
 class Number:
-    """One number of a primitive: `name` as in a lock (or "rx", "ry", "rz"), its `value`, a length or an angle in degrees.
+    """One number of a primitive: `name` as in a lock (or one of TURNS), its `value`, a length or an angle in degrees.
 
     The angle of a turned outline is a size, in degrees."""
 
@@ -214,13 +217,57 @@ def read_constraint(kind: str, of: str, about: str = "", value: float = 0.0) -> 
 def with_constraint(theory: ConstrainedProgram, constraint: Constraint) -> ConstrainedProgram:
     """One more constraint, and the program moved by as little as it takes to hold, locked numbers held.
 
-    Raises ConstraintError where it is not well-formed, or cannot hold beside the others and the locks.
+    Raises ConstraintError where it is not well-formed, LabEditError where it cannot hold beside the others and the locks.
     """
-    constraints, program = (*theory.constraints, constraint), theory.program
-    check_all(constraints, list(leaves(program)))
-    if max(violations(program, constraints)) > MET:
-        program = follow_constraints(program, constraints, sorted(theory.locks))
-    return replace(theory, program=program, constraints=constraints)
+    return _moved(replace(theory, constraints=(*theory.constraints, constraint)), constraint)
+
+
+def _moved(theory: ConstrainedProgram, asked: Constraint) -> ConstrainedProgram:
+    """The theory with its program moved to where its constraints hold, of which one was `asked` for."""
+    parts = list(leaves(theory.program))
+    check_all(theory.constraints, parts)
+    if max(violations(theory.program, theory.constraints)) <= MET:
+        return theory
+    for held in (*_held_first(parts, asked), frozenset[Lock]()):
+        with contextlib.suppress(ConstraintError):
+            return replace(theory, program=follow_constraints(theory.program, theory.constraints, sorted(theory.locks | held)))
+    words = say_relation(asked, theory.labels, parts, "")
+    raise LabEditError(f"{words}: cannot hold beside the other relations and what is locked")
+
+
+def _held_first(parts: Sequence[Primitive], asked: Constraint) -> Iterator[frozenset[Lock]]:
+    """What a person expects to stay when something is `asked` for, the most first: the first of its features and all sizes that it does not
+    name, so that the others come to it as they are; then the first feature alone."""
+    first, named = asked.of[0].leaf, {(ref.leaf, ref.feature) for ref in asked.of}
+    stays = frozenset(Lock(first, name) for name in (*LENGTHS_OF[parts[first].kind], *AXES, TURN) if len(asked.of) > 1)
+    sizes = frozenset(Lock(i, name) for i, part in enumerate(parts) for name in LENGTHS_OF[part.kind] if (i, name) not in named)
+    yield stays | sizes
+    yield stays
+
+
+def amount_of(constraint: Constraint) -> float | None:
+    """The distance, or the diameter or length, that a person knows a constraint by; None where it says none."""
+    if not RULES[constraint.kind].has_value:
+        return None
+    return abs(constraint.value) * _times(constraint)
+
+
+def with_amount(theory: ConstrainedProgram, number: int, amount: float) -> ConstrainedProgram:
+    """A constraint at another distance or size, on the same side, and the program moved by as little as it takes.
+
+    Raises LabEditError where that cannot hold beside the others and the locks.
+    """
+    if not 0 <= number < len(theory.constraints) or amount_of(theory.constraints[number]) is None:
+        raise LabEditError("no relation with a distance or a size is chosen: click one in the list")
+    before = theory.constraints[number]
+    after = replace(before, value=math.copysign(amount / _times(before), before.value))
+    constraints = (*theory.constraints[:number], after, *theory.constraints[number + 1 :])
+    return _moved(replace(theory, constraints=constraints), after)
+
+
+def _times(constraint: Constraint) -> float:
+    """Of round things the diameter is said where the program has the radius."""
+    return 2.0 if constraint.kind == "value" and constraint.of[0].feature in ROUND_SIZES else 1.0
 
 
 def without_constraint(theory: ConstrainedProgram, number: int) -> ConstrainedProgram:

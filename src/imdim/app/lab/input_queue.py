@@ -23,6 +23,7 @@ class InputQueue:
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop, self._hand = loop, ThreadPoolExecutor(1, "hand")
+        self._last: dict[str, Callable[[], object]] = {}  # what is wanted last, of what comes faster than it is done
         self._owed: dict[int, int] = {}  # of each input that is heard, what came and is not done yet
 
     def hear(self, handle: Any, act: Callable[[Any], object]) -> None:
@@ -40,6 +41,29 @@ class InputQueue:
             self.do(act)
 
         return came
+
+    def given(self, act: Callable[[Any], object]) -> Callable[[Any], Coroutine[Any, Any, None]]:
+        """A listener that calls `act` with the event."""
+
+        async def came(event: Any) -> None:
+            self.do(lambda: act(event))
+
+        return came
+
+    def now(self, act: Callable[[Any], object]) -> Callable[[Any], Coroutine[Any, Any, None]]:
+        """A listener that calls `act` with the event at once, which must not block."""
+
+        async def came(event: Any) -> None:
+            act(event)
+
+        return came
+
+    def do_last(self, what: str, act: Callable[[], object]) -> None:
+        """Call `act` after all that was done before, unless `what` is wanted otherwise until then."""
+        is_due = what in self._last
+        self._last[what] = act
+        if not is_due:
+            self.do(lambda: self._last.pop(what)())
 
     def do(self, act: Callable[[], object]) -> None:
         """Call `act` after all that was done before."""

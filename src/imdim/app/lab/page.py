@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Set
+from functools import partial
 
+import numpy as np
 import viser
 
 from imdim.app.lab import drawing, renderers
+from imdim.app.lab.camera import STANDARD_VIEWS
 from imdim.app.lab.edits import ConstrainedProgram
+from imdim.app.lab.ground import Ground
+from imdim.app.lab.handle_view import HandleView
 from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.jobs import WorkerPool
 from imdim.app.lab.panels.browse import CurvesPanel, FrontPanel, TreePanel
@@ -16,8 +21,10 @@ from imdim.app.lab.panels.edit import FIT, EditPanel
 from imdim.app.lab.panels.parameters import ParametersPanel
 from imdim.app.lab.panels.relate import RelatePanel
 from imdim.app.lab.panels.run import RunPanel, StatusPanel
-from imdim.app.lab.panels.take import ShowPanel, TakePanel
+from imdim.app.lab.panels.show import ShowPanel
+from imdim.app.lab.panels.take import TakePanel
 from imdim.app.lab.refresher import Refresher
+from imdim.app.lab.section import Section, cut_drawing, cut_original, cut_points
 from imdim.app.lab.session import Session
 from imdim.app.lab.state import UploadLimits
 from imdim.app.lab.style import BRAND
@@ -27,7 +34,7 @@ from imdim.delivery.evaluate import Scores, evaluate
 from imdim.geometry.edge_solids import blend_solids, join_blends
 from imdim.program.cost import count
 from imdim.program.tree import Program
-from imdim.target.target import Frame
+from imdim.target.target import Frame, Target
 
 SCORE_SAMPLES = 5_000
 SCORE_AFTER_S = 0.4, 1.0  # the picture has the core for itself until then: after an edit, and while a run goes on
@@ -48,8 +55,9 @@ class Page:
         self._naming = Refresher(self._name, "name", lambda: NAME_AFTER_S, SCORE_NICE)
         self._scoring = Refresher(self._score, "score", lambda: SCORE_AFTER_S[self.session.state.live is not None], SCORE_NICE)
         self.session = Session(pool, self._drawing.poke, limits)
-        self.view = SceneView(client, ear, lambda leaf: self.session.select(None if self.session.state.selected == leaf else leaf))
+        self.view = SceneView(client, ear, lambda click: self.relate.picks.click(click, self._drawn, UNIT))
         self._scene: drawing.Drawing | None = None
+        self._drawn: drawing.Drawing | None = None  # the same, cut open where there is a section
         self._scored: ConstrainedProgram | None = None
         self._scores: Scores | None = None
         self._told = ("", "")
@@ -74,6 +82,7 @@ class Page:
         gui.main_panel.set_width(RIGHT)
         self.status = StatusPanel(gui, session, ear)
         renderers.add_clicks(gui, "Primitive", ear, session.select)
+        renderers.add_clicks(gui, "Fitting", ear, lambda number: self.relate.picks.choose(number))
         upper, lower = gui.add_panel(), gui.add_panel()
         self.parameters = ParametersPanel(gui, upper, session, ear)
         self.parameters.listen(gui, ear, self.view.light_up)
@@ -82,10 +91,13 @@ class Page:
             self.run = RunPanel(gui, session, ear)
         with tabs.add_tab("Edit") as place:
             self.edit = EditPanel(gui, place, session, ear)
+        self.handles = HandleView(self._client, self.view.camera, session, ear, lambda: self.edit.follow.value)
         with tabs.add_tab("Relations"):
-            self.relate = RelatePanel(gui, session, ear, self._draw_again)
+            self.relate = RelatePanel(gui, session, ear, self.view, self._draw_again)
         with tabs.add_tab("View"):
-            self.show = ShowPanel(gui, self.view, ear, lambda: self._scoring.poke("map"))
+            self.show = ShowPanel(
+                gui, self.view, self.handles, ear, lambda: self._scoring.poke("map"), lambda: self._drawing.poke("section")
+            )
         with tabs.add_tab("Download"):
             self.take = TakePanel(self._client, session, ear)
         self.tree = TreePanel(gui, upper)
@@ -108,12 +120,16 @@ class Page:
             ("Redo", "Y", "cmd/ctrl", session.redo),
             ("Select the next primitive", "J", None, lambda: self._select_by(1)),
             ("Select the previous primitive", "K", None, lambda: self._select_by(-1)),
-            ("Select nothing", "escape", None, lambda: session.select(None)),
+            ("Select nothing", "escape", None, self._select_nothing),
             ("Remove the selected primitive", "delete", None, self.edit.remove),
             ("Distance map on or off", "M", None, lambda: self.show.toggle("Distance map")),
             ("Centres and relations on or off", "O", None, lambda: self.show.toggle("Relations")),
             ("Cutters on or off", "C", None, lambda: self.show.toggle("Cutters")),
-            ("Show the whole part", "F", None, self.view.look),
+            ("Grid and axes on or off", "G", None, lambda: self.show.toggle("Grid and axes")),
+            ("Original on or off", "T", None, lambda: self.show.toggle("Original")),
+            ("Section on or off", "I", None, self.show.toggle_section),
+            ("Show the whole part", "F", None, self.view.camera.look),
+            *((f"Look from: {name}", str(i), None, partial(self.view.camera.look, name)) for i, name in enumerate(STANDARD_VIEWS)),
         )
         for label, key, modifier, call in keys:
             command = gui.add_command(label, hotkey=key, modifier=modifier)  # type: ignore[arg-type]
@@ -124,8 +140,18 @@ class Page:
         if theory is not None:
             self.session.select((now + step) % theory.size if now is not None else (0 if step > 0 else theory.size - 1))
 
+    def _select_nothing(self) -> None:
+        self.relate.picks.forget(UNIT)
+        self.session.select(None)
+
     def _draw_again(self) -> None:
         self._drawing.poke("program")
+
+    def _measure_map(self) -> None:
+        self._scoring.poke("map")
+
+    def _cut_again(self) -> None:
+        self._drawing.poke("section")
 
     # --- drawing, each in a thread of its own ----------------------------------------------------------------------------
 
@@ -140,10 +166,15 @@ class Page:
             target, selected = state.target, state.selected
         if "target" in topics and target is not None:
             self.view.forget()
-            self.view.draw_cloud(drawing.cloud(target, Frame.of(target)))
+            frame, ground = Frame.of(target), Ground.of(target)
+            self.view.draw_ground(ground, frame)
+            self.show.say_grid(ground.step, UNIT)
+            self._draw_target(target, frame)
             self.run.draw(target.name, state.units)
             self._scene = None
-        if topics & {"program", "selection", "target"}:
+        elif "section" in topics and target is not None:
+            self._draw_target(target, Frame.of(target))
+        if topics & {"program", "selection", "target", "section"}:
             self._draw_program(theory, selected)
             self._naming.poke("names")
         elif "names" in topics:
@@ -154,21 +185,44 @@ class Page:
         if topics & {"program", "front", "target"}:
             self._scoring.poke("front", "score")
 
+    def _draw_target(self, target: Target, frame: Frame) -> None:
+        """The part as it was read, cut open where there is a section."""
+        cut, whole = self._section_of(target), drawing.original(target, frame)
+        if whole is None:
+            points = drawing.cloud(target, frame)
+            self.view.draw_cloud(points if cut is None else cut_points(points, *cut, frame))
+        else:
+            pieces, edges = ([whole[0]], whole[1]) if cut is None else cut_original(*whole, *cut, frame)
+            self.view.draw_original(pieces, edges)
+
+    def _section_of(self, target: Target) -> tuple[Section, float] | None:
+        """The section, and where its plane is, which is said."""
+        section = self.show.section()
+        if section is None:
+            return None
+        level = section.level(np.min(target.points, axis=0), np.max(target.points, axis=0))
+        self.show.say_section(section, level, UNIT)
+        return section, level
+
     def _draw_program(self, theory: ConstrainedProgram | None, selected: int | None) -> None:
         target = self.session.state.target
         if theory is None or target is None:
-            self._scene = None
+            self._scene = self._drawn = None
             self.view.draw(None, None)
             self.view.name(None, "")
+            self.handles.draw(None, None, None)
         else:
             frame = Frame.of(target)
             self._scene = drawing.scene(theory, frame, selected)
             over = drawing.overlay(theory, frame)
-            self.view.draw(self._scene, over)
+            cut = self._section_of(target)
+            self._drawn = self._scene if cut is None else cut_drawing(self._scene, *cut, frame)
+            self.view.draw(self._drawn, over)
             at = None
             if selected is not None:
                 drawn = theory.edge_feature(selected) is None
                 at = over.points[selected] if drawn else drawing.middle_of(self._scene, selected)
+            self.handles.draw(theory if self.session.state.live is None else None, selected, frame)
             self.view.name(at, drawing.names(theory)[selected] if selected is not None else "")
         self._draw_texts(theory, selected)
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
+import numpy as np
+
+from imdim.geometry.rotations import matrix_from_euler
 from imdim.program.constraints import AXES_OF, WORLD, Constraint, Ref
 from imdim.program.tree import Primitive
 
@@ -22,6 +25,10 @@ _SIZES: Mapping[str, str] = {
     "rz": "radius along z",
 }
 
+_SIDES = (("left", "right"), ("front", "back"), ("bottom", "top"))  # by axis, of what looks down it and up it
+UPRIGHT = 1 - 1e-9  # cosine
+ROUND_SIZES = frozenset(name for name, word in _SIZES.items() if "diameter" in word)  # of which twice is said
+
 
 def name_leaves(numbers: Iterable[int], labels: Sequence[str], most: int = 10_000) -> list[str]:
     """Primitives by what they are called, with their numbers where several are called so: "plate", "hole (3, 4)"; at most so many names."""
@@ -35,6 +42,13 @@ def name_leaves(numbers: Iterable[int], labels: Sequence[str], most: int = 10_00
 def join_words(words: Sequence[str]) -> str:
     """ "a", "a and b", "a, b and c"."""
     return " and ".join(filter(None, (", ".join(words[:-1]), words[-1]))) if words else "nothing"
+
+
+def name_side(part: Primitive, ref: Ref) -> str:
+    """A plane face by where it looks, as in the standard views: "top", "left"; by its axis where it is tilted."""
+    outward = ref.side * matrix_from_euler(part.rotation)[:, ref.axis]
+    axis = int(np.argmax(np.abs(outward)))
+    return _SIDES[axis][bool(outward[axis] > 0)] if abs(outward[axis]) > UPRIGHT else ref.feature
 
 
 def say_relation(constraint: Constraint, labels: Sequence[str], parts: Sequence[Primitive], unit: str) -> str:
@@ -52,12 +66,12 @@ class _Speaker:
         return name_leaves((ref.leaf for ref in refs if ref.leaf != WORLD), self._labels)
 
     def thing(self, ref: Ref) -> str:
-        """A feature: a primitive for its centre or its only axis, "the +z face of plate", "the x axis of plate", "the z axis"."""
+        """A feature: a primitive for its centre or its only axis, "the top face of plate", "the x axis of plate", "the z axis"."""
         if ref.leaf == WORLD:
             return f"the {ref.feature} axis"
         whole = self.things([ref])[0]
         if ref.side:
-            return f"the {ref.feature} face of {whole}"
+            return f"the {name_side(self._parts[ref.leaf], ref)} face of {whole}"
         return whole if not ref.feature or len(AXES_OF[self._parts[ref.leaf].kind]) == 1 else f"the {ref.feature} axis of {whole}"
 
     def each(self, refs: Iterable[Ref]) -> list[str]:
@@ -77,7 +91,7 @@ def _say_equal(c: Constraint, s: _Speaker) -> str:
 
 
 def _say_value(c: Constraint, s: _Speaker) -> str:
-    twice = 2 if "diameter" in _SIZES[c.of[0].feature] else 1
+    twice = 2 if c.of[0].feature in ROUND_SIZES else 1
     return f"{_SIZES[c.of[0].feature]} of {s.thing(Ref(c.of[0].leaf))} is {s.length(twice * c.value)}"
 
 

@@ -57,7 +57,7 @@ _PRESSED = (
     "on('pointercancel',()=>end.abort())"
 )
 _BY_KEY = f"if(event.detail)return;{_FORWARD}tell()"
-_BUTTON = "display:block;width:100%;text-align:left;border:0;font:inherit;cursor:pointer;border-radius:4px;padding:2px 4px;margin:1px 0;"
+BUTTON = "display:block;width:100%;text-align:left;border:0;font:inherit;cursor:pointer;border-radius:4px;padding:2px 4px;margin:1px 0;"
 
 
 def clickable(label: str, content: str) -> str:
@@ -94,7 +94,7 @@ def _leaf(i: int, part: Primitive, name: str, tint: Colour, selected: bool, lock
     dot = f'<span style="display:inline-block;width:9px;height:9px;border-radius:2px;background:rgb{tint}"></span>'
     return (
         f'<button type="button" role="treeitem" data-n="{i}" aria-selected="{str(selected).lower()}" '
-        f'style="{_BUTTON}background:{_back(selected)};color:#212529">{dot} <b>{i} {html.escape(name)}</b> {part.kind}'
+        f'style="{BUTTON}background:{_back(selected)};color:#212529">{dot} <b>{i} {html.escape(name)}</b> {part.kind}'
         f'<br><span style="color:#343a40">{", ".join(texts)}</span></button>'
     )
 
@@ -103,7 +103,7 @@ def _edge_feature(number: int, feature: EdgeFeature, selected: bool) -> str:
     dot = f'<span style="display:inline-block;width:9px;height:9px;border-radius:2px;background:rgb{BLENDED}"></span>'
     return (
         f'<button type="button" role="treeitem" data-n="{number}" aria-selected="{str(selected).lower()}" '
-        f'style="{_BUTTON}background:{_back(selected)};color:#212529">{dot} <b>{describe_edges(feature)}</b></button>'
+        f'style="{BUTTON}background:{_back(selected)};color:#212529">{dot} <b>{describe_edges(feature)}</b></button>'
     )
 
 
@@ -126,7 +126,7 @@ def code(theory: ConstrainedProgram | None, selected: int | None) -> str:
             lines.append(f'<div style="padding:0 4px">{text}</div>')
             continue
         back = "#fff3bf" if leaf == selected else "transparent"
-        style = f"{_BUTTON}white-space:pre;background:{back};color:#212529;width:auto;min-width:100%;padding:0 4px;margin:0"
+        style = f"{BUTTON}white-space:pre;background:{back};color:#212529;width:auto;min-width:100%;padding:0 4px;margin:0"
         lines.append(
             f'<button type="button" data-n="{leaf}" aria-pressed="{str(leaf == selected).lower()}" style="{style}">{text}</button>'
         )
@@ -185,7 +185,7 @@ def relations(theory: ConstrainedProgram | None, off: Sequence[float], tolerance
         return note("No relations. Add one, or look for relations.")
     labels, parts = theory.labels, list(leaves(theory.program))
     rows = "".join(
-        f'<button type="button" data-n="{i}" aria-pressed="{str(i == chosen).lower()}" style="{_BUTTON}background:{_back(i == chosen)};'
+        f'<button type="button" data-n="{i}" aria-pressed="{str(i == chosen).lower()}" style="{BUTTON}background:{_back(i == chosen)};'
         f'color:{"#212529" if far <= tolerance else "#c92a2a"}" '
         f'title="{html.escape(str(c))}">{html.escape(say_relation(c, labels, parts, unit))}'
         f"{'' if far <= tolerance else f' &#9888; does not hold, off by {far:.2%} of the part'}</button>"

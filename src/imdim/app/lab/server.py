@@ -14,13 +14,13 @@ from pathlib import Path
 
 import viser
 
+from imdim.app.lab.camera import light
 from imdim.app.lab.examples import NAMES
 from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.jobs import GiB, PoolLimits, WorkerPool
 from imdim.app.lab.origin_guard import MOST_PAGES, Rules, guarding
 from imdim.app.lab.page import Page
 from imdim.app.lab.state import MiB, UploadLimits
-from imdim.app.lab.view import light
 from imdim.reconstruction.config import ConfigError
 from imdim.target.target import InputError, Target, load_target
 

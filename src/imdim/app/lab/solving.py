@@ -28,6 +28,7 @@ SHOWN = 8192  # points that the solver sees
 COARSEST, FINER, FINEST = 0.02, 0.3, 4e-6  # robust scales, of the diagonal: the first is what an edit may be off
 INSET, SAME_WAY = 5e-3, 0.97  # of the diagonal, and a cosine: how far facets cut a surface short, and turn away from it
 DIGITS = 10  # of the part's size, and of a degree, that a solved number keeps
+CLOSER = 0.95  # of how far constraints were off before, after another round of steps towards them
 STRAYS = 0.02  # of the diagonal: no point counts as farther away
 
 
@@ -75,7 +76,12 @@ def follow_constraints(program: Program, constraints: Sequence[Constraint], lock
     """The program moved by as little as the constraints need, locked numbers held; raises ConstraintError where they conflict."""
     start = lower(program)
     rows, length = [*constraints, *lock_constraints(program, locks)], extent(start)
-    numbers = onto(start, rows, length, uniform(len(start.kinds)))
+    numbers, off = start, math.inf
+    while True:  # each step is as long as a primitive is large at most, and what goes farther takes several rounds
+        numbers = onto(numbers, rows, length, uniform(len(start.kinds)))
+        before, off = off, float(np.abs(rows_of(rows, numbers).residual).max(initial=0.0))
+        if off <= MET * length or off > CLOSER * before:
+            break
     _check(numbers, rows, constraints, length)
     return _plain(lift_numbers(program, start, numbers), length)
 

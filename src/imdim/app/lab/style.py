@@ -18,6 +18,7 @@ _CSS = f"""
 :root, :root[data-mantine-color-scheme] {{ --mantine-color-dimmed: {MUTED} !important }}
 .mantine-Notification-description {{ color: {MUTED} !important }}
 {_UPLOAD}, div:has(> .lab-unseen) + div {{ display: none }}
+.mantine-Slider-markLabel {{ color: {MUTED} !important }}
 .mantine-Button-root:disabled {{ color: {MUTED} !important }}
 .lab-status tbody {{ display: grid; grid-template-columns: 1fr 1fr; gap: 1px 12px }}
 .lab-status tr {{ display: flex; gap: 6px }}

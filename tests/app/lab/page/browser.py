@@ -15,11 +15,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from imdim.app.lab.camera import AWAY, STANDARD_VIEWS
+from imdim.app.lab.drawing import SPAN
+
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 WAIT_MS = 120_000  # for what takes a second on a machine that has nothing else to do
 COARSE = "?fixedDpr=0.5"  # a quarter of the pixels: without a graphics card they are what takes the time
 in_the_lab = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 # Chromium fills the address bar of each window with pages of its own, half a second of a core
+FIELD_OF_VIEW = math.radians(75.0)  # of the toolkit's camera
 HAND_MS = 200  # a hand takes from one input to the next: the toolkit gathers messages for 50 ms and keeps the last of a kind
 BARE = ("--no-sandbox", "--disable-features=WebUIOmniboxPopup,WebUIOmniboxAimPopup,WebUIOmniboxFullPopup")
 EXACT = 80 * 50 * 8 + math.pi * 14**2 * 16 - 4 * math.pi * 9 * 8 - math.pi * 64 * 24  # the volume of the example "Bracket"
@@ -122,6 +126,36 @@ class LabPage:
         """A text input, which the toolkit does not tie to its label."""
         return self.page.locator("label", has_text=re.compile(f"^{label}$")).locator("xpath=../../..").locator("input")
 
+    def spot(self, frame, point):
+        """The pixel at which a point of the part is seen from the corner that the view begins at."""
+        left, top, width, height = self.view()
+        away = AWAY * np.array(STANDARD_VIEWS["Corner"][0]) / np.linalg.norm(STANDARD_VIEWS["Corner"][0])
+        back = away / np.linalg.norm(away)
+        right = np.cross([0.0, 0.0, 1.0], back) / np.linalg.norm(np.cross([0.0, 0.0, 1.0], back))
+        seen = np.stack([right, np.cross(back, right), back]) @ (frame.to_unit(np.array(point, float)) * SPAN - away)
+        size = height / 2 / math.tan(FIELD_OF_VIEW / 2)
+        return left + width / 2 - size * seen[0] / seen[2], top + height / 2 + size * seen[1] / seen[2]
+
+    def click_spot(self, frame, point, key=None):
+        """Click what is seen of a point of the part, with a key held."""
+        if key:
+            self.page.keyboard.down(key)
+        self.page.mouse.click(*self.spot(frame, point))
+        if key:
+            self.page.keyboard.up(key)
+
+    def drag_spot(self, frame, start, end):
+        """Drag what is seen of one point to another."""
+        self.page.mouse.move(*self.spot(frame, start))
+        self.page.mouse.down()
+        self.page.mouse.move(*self.spot(frame, end), steps=8)
+        self.page.wait_for_timeout(HAND_MS)
+        self.page.mouse.up()
+
+    def measured(self, text):
+        """Wait until that is measured."""
+        self.page.wait_for_function("t => document.querySelector('.lab-measured')?.textContent === t", arg=text)
+
     def select(self, leaf):
         """By a click in the tree."""
         self.tab("Program")
@@ -144,6 +178,8 @@ class LabPage:
 
     def relate(self, kind, of, value):
         """Add a constraint that has a value."""
+        if not self.box("Relation").is_visible():
+            self.press_folder("Write a relation")
         self.choose("Relation", kind)
         self.field("Of").fill(of)
         self.page.wait_for_timeout(HAND_MS)
@@ -224,6 +260,16 @@ def inked(picture):
 def hot(picture):
     """Far off, in the colours of the distance map."""
     return int((picture[..., 0] - picture[..., 1] > 100).sum())
+
+
+def purple(picture):
+    """Faces that were clicked."""
+    return int(((picture[..., 2] - picture[..., 1] > 60) & (picture[..., 0] - picture[..., 1] > 15)).sum())
+
+
+def slate(picture):
+    """Where the part is cut open: dark, and hardly blue."""
+    return int(((picture.max(axis=2) < 125) & (picture[..., 2] - picture[..., 0] > 8) & (picture[..., 2] - picture[..., 0] < 45)).sum())
 
 
 def changed(picture, before):

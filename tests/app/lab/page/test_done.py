@@ -2,6 +2,7 @@
 
 import re
 
+import numpy as np
 import pytest
 from tests.app.lab.page.browser import EXACT, blue, changed, green, hot, in_the_lab, inked, red
 
@@ -101,6 +102,58 @@ def test_layers_are_shown_and_hidden(done):
     done.keys("c")  # the cutters
     done.wait_for_picture(lambda picture: blue(picture) > 20_000 and red(picture) > 800 and green(picture) == 0)
     done.tab("Run")
+
+
+def test_the_original_is_seen_beside_the_solid(done):
+    done.tab("View")
+    done.box("Solid").uncheck()
+    done.box("Cutters").uncheck()
+    done.wait_for_picture(lambda picture: inked(picture) < 1000)
+    done.keys("t")
+    done.wait_for_picture(lambda picture: inked(picture) > 10_000 and blue(picture) == 0)  # grey
+    done.keys("t")
+    done.wait_for_picture(lambda picture: inked(picture) < 1000)
+    done.box("Solid").check()
+    done.box("Cutters").check()
+    done.tab("Run")
+
+
+def test_the_part_stands_on_a_grid_with_axes(done):
+    bare = done.picture()
+    done.keys("g")
+    done.wait_for_picture(lambda picture: changed(picture, bare) > 500)
+    done.tab("View")
+    done.page.get_by_text("The lines of the grid are 5 mm apart.").wait_for()
+    done.box("Grid and axes").uncheck()
+    done.wait_for_picture(lambda picture: changed(picture, bare) < 200)
+    done.tab("Run")
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "across", "down", "slack"), [("Front", "1", 80, 24, 0.22), ("Top", "2", 80, 50, 0.08), ("Right", "3", 50, 24, 0.22)]
+)
+def test_it_is_looked_at_from_the_standard_sides(done, name, key, across, down, slack):
+    """Of the bracket, 80 x 50 mm with its boss 24 mm high, each side shows two lengths, the nearer one larger."""
+    done.tab("View")
+
+    def is_seen(picture):
+        return abs(seen_ratio(picture) * down / across - 1) < slack
+
+    done.press(name)
+    done.wait_for_picture(is_seen)
+    done.keys("0")
+    done.wait_for_picture(lambda picture: not is_seen(picture))
+    done.keys(key)
+    done.wait_for_picture(is_seen)
+    done.press("Corner")
+    done.wait_for_picture(lambda picture: not is_seen(picture))
+    done.tab("Run")
+
+
+def seen_ratio(picture):
+    """Width over height of what is seen."""
+    rows, columns = (picture.min(axis=2) < 235).nonzero()
+    return (np.ptp(columns) + 1) / (np.ptp(rows) + 1) if len(rows) else 0.0
 
 
 def test_the_view_is_turned_by_hand_and_by_itself_and_found_again(done):

@@ -1,9 +1,9 @@
-"""Download the part, in every format; and what the 3D view shows."""
+"""Download the part, in every format."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import viser
@@ -14,7 +14,6 @@ from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.panels.buttons import enable
 from imdim.app.lab.session import Session
 from imdim.app.lab.style import GREY
-from imdim.app.lab.view import LAYERS, SceneView
 from imdim.target.readers import FORMATS as READABLE
 
 FORMATS: Mapping[str, str] = {
@@ -71,27 +70,3 @@ def file_name(part: str, name: str) -> str:
     """What a file of a part is called on the person's disk: "bracket.scad" for "program.scad" of "bracket.stl"."""
     stem = re.sub(r"[^\w.-]+", "_", Path(part).stem if Path(part).suffix[1:].lower() in FORMATS_READ else part).strip("_.")
     return f"{stem or 'part'}{_ENDINGS.get(name, Path(name).suffix)}"
-
-
-class ShowPanel:
-    """Layers of the view."""
-
-    def __init__(self, gui: viser.GuiApi, view: SceneView, ear: InputQueue, changed: Callable[[], None]) -> None:
-        self._view, self._ear, self._changed = view, ear, changed
-        self._boxes = {layer: gui.add_checkbox(layer, shown) for layer, shown in LAYERS.items()}
-        for layer, box in self._boxes.items():
-            ear.hear(box, lambda on, layer=layer: self._switch(layer, on))
-        self.scale = gui.add_html("")
-        ear.hear(gui.add_checkbox("Turn slowly", False), view.turn)
-        ear.press(gui.add_button("Show the whole part", color=GREY), lambda _: view.look())
-
-    def _switch(self, layer: str, on: bool) -> None:
-        self._view.show(layer, on)
-        if layer == "Distance map" and on:
-            self._changed()
-
-    def toggle(self, layer: str) -> None:
-        """On where it is off, by key."""
-        on = not self._view.shown[layer]
-        self._ear.show(self._boxes[layer], on)
-        self._switch(layer, on)
