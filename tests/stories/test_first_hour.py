@@ -155,7 +155,7 @@ def test_an_agent_fits_and_edits_over_mcp(story, tmp_path):
             assert not given.isError, given.content[0].text
         listed = (await client.call_tool("parameters", {})).structuredContent
         name = next(word for word in re.findall(r"\w*hole_diameter", json.dumps(listed)))
-        for tool, arguments in (("set", {"values": {name: 8}}), ("export", {"path": "out"})):
+        for tool, arguments in (("set", {"values": {name: 8}}), ("export", {"folder": "out"})):
             given = await client.call_tool(tool, arguments)
             assert not given.isError, given.content[0].text
 

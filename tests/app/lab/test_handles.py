@@ -7,7 +7,7 @@ import pytest
 
 from imdim.app.lab import edits
 from imdim.app.lab.edits import ConstrainedProgram
-from imdim.app.lab.handles import dragged_by, find_handles, nice_step
+from imdim.app.lab.handles import find_handles, measure_drag, nice_step
 from imdim.geometry import kernels
 from imdim.program.outline import Outline, circle, rectangle
 from imdim.program.tree import SIMPLE, SIZE_NAMES, Primitive, leaves
@@ -62,9 +62,11 @@ def test_a_drag_is_read_along_its_direction():
         there = start + far * direction  # nearer to the eye than its plane, or farther
         across = (start - eye) / np.linalg.norm(start - eye)
         seen = eye + (there - eye) * ((start - eye) @ across) / ((there - eye) @ across)
-        assert dragged_by(start, seen, direction, eye) == pytest.approx(far)
-        assert dragged_by(start, seen + 0.5 * np.cross(direction, across), direction, eye) == pytest.approx(far, abs=0.3), "beside the line"
-    assert dragged_by(start, start + 0.1, (start - eye) / np.linalg.norm(start - eye), eye) == 0.0
+        assert measure_drag(start, seen, direction, eye) == pytest.approx(far)
+        assert measure_drag(start, seen + 0.5 * np.cross(direction, across), direction, eye) == pytest.approx(far, abs=0.3), (
+            "beside the line"
+        )
+    assert measure_drag(start, start + 0.1, (start - eye) / np.linalg.norm(start - eye), eye) == 0.0
 
 
 def test_numbers_go_in_round_steps():

@@ -34,7 +34,7 @@ def light(scene: viser.SceneApi) -> None:
     scene.add_light_directional("/lights/key", intensity=KEY, position=(1.5, -3.5, 4.0))
 
 
-class Camera:
+class PageCamera:
     """Looks at the middle of the part, from one of STANDARD_VIEWS, or turning round it."""
 
     def __init__(self, camera: viser.CameraHandle, at_once: Callable[[], AbstractContextManager[object]]) -> None:

@@ -13,11 +13,11 @@ import trimesh
 import viser
 
 from imdim.app.lab import edits
-from imdim.app.lab.camera import Camera
+from imdim.app.lab.camera import PageCamera
 from imdim.app.lab.drawing import SPAN
 from imdim.app.lab.edits import ConstrainedProgram
 from imdim.app.lab.ground import AXES as TINTS
-from imdim.app.lab.handles import Handle, dragged_by, find_handles, nice_step
+from imdim.app.lab.handles import Handle, find_handles, measure_drag, nice_step
 from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.session import Session
 from imdim.program.constraints import ConstraintError
@@ -45,7 +45,9 @@ class _Drag:
 class HandleView:
     """See the module. `follows` says whether relations are kept."""
 
-    def __init__(self, client: viser.ClientHandle, camera: Camera, session: Session, ear: InputQueue, follows: Callable[[], bool]) -> None:
+    def __init__(
+        self, client: viser.ClientHandle, camera: PageCamera, session: Session, ear: InputQueue, follows: Callable[[], bool]
+    ) -> None:
         self._client, self._camera, self._session, self._ear, self._follows = client, camera, session, ear, follows
         self._nodes: dict[str, viser.MeshHandle] = {}
         self._handles: dict[str, Handle] = {}
@@ -128,7 +130,7 @@ class HandleView:
         if drag is None or target is None:
             return
         frame = Frame.of(target)
-        far = dragged_by(drag.grabbed, end, drag.handle.direction, self._camera.position) / SPAN / frame.scale
+        far = measure_drag(drag.grabbed, end, drag.handle.direction, self._camera.position) / SPAN / frame.scale
         step = nice_step(1.0 / frame.scale / STEPS)
         value = round((drag.handle.value + drag.gain * far) / step) * step
         value = round(value, max(0, 2 - math.floor(math.log10(step))))

@@ -100,7 +100,7 @@ def nice_step(length: float) -> float:
     return next(times * ten for times in (5, 2, 1) if times * ten <= length * (1 + 1e-9))
 
 
-def dragged_by(start: np.ndarray, now: np.ndarray, direction: np.ndarray, eye: np.ndarray) -> float:
+def measure_drag(start: np.ndarray, now: np.ndarray, direction: np.ndarray, eye: np.ndarray) -> float:
     """How far along `direction` [3] a handle goes that was grabbed at `start` [3], where the pointer is seen at `now` [3] from `eye` [3]:
     to where the line that it moves on comes nearest to the pointer's ray. 0 where it is looked at from its end."""
     ray = (now - eye) / np.linalg.norm(now - eye)

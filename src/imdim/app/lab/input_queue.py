@@ -42,7 +42,7 @@ class InputQueue:
 
         return came
 
-    def given(self, act: Callable[[Any], object]) -> Callable[[Any], Coroutine[Any, Any, None]]:
+    def pass_event(self, act: Callable[[Any], object]) -> Callable[[Any], Coroutine[Any, Any, None]]:
         """A listener that calls `act` with the event."""
 
         async def came(event: Any) -> None:

@@ -22,12 +22,14 @@ from imdim.app.lab.edits import ConstrainedProgram, numbers
 from imdim.app.lab.input_queue import InputQueue
 from imdim.app.lab.relation_words import say_relation
 from imdim.app.lab.solving import Lock
+from imdim.export.hole_names import hole_groups
 from imdim.export.openscad import OUTLINE, to_openscad
 from imdim.export.preview import thumbnail
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.cost import count
 from imdim.program.edges import EdgeFeature, describe_edges
 from imdim.program.front import Choice
+from imdim.program.hole_groups import HoleGroup
 from imdim.program.nary import fold_nary
 from imdim.program.tree import OPS, Op, Primitive, Program, leaves
 
@@ -85,7 +87,23 @@ def tree(theory: ConstrainedProgram | None, selected: int | None, unit: str) -> 
     body = fold_nary(theory.program, leaf, {op: block(op) for op in OPS})
     first = theory.size - len(theory.edges)
     body += "".join(_edge_feature(first + i, f, first + i == selected) for i, f in enumerate(theory.edges))
+    holes = "" if theory.names is None else "".join(_hole(group, selected) for group in _find_holes(theory.program))
+    if holes:
+        body += f'<div style="color:#495057;font-weight:600;margin-top:6px">holes</div>{holes}'
     return clickable("Primitive", f'<div role="tree" style="font-size:12px;line-height:1.35">{body}</div>')
+
+
+@lru_cache(maxsize=8)
+def _find_holes(program: Program) -> tuple[HoleGroup, ...]:
+    return hole_groups(program)
+
+
+def _hole(group: HoleGroup, selected: int | None) -> str:
+    """What a drawing would say of equal holes; a button that selects what makes the first."""
+    return (
+        f'<button type="button" class="lab-hole" data-n="{group.leaves[0]}" style="{BUTTON}background:{_back(selected in group.leaves)};'
+        f'color:#212529">{html.escape(str(group))}</button>'
+    )
 
 
 def _leaf(i: int, part: Primitive, name: str, tint: Colour, selected: bool, locks: frozenset[Lock], unit: str) -> str:

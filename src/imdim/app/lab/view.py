@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import viser
 
-from imdim.app.lab.camera import Camera
+from imdim.app.lab.camera import PageCamera
 from imdim.app.lab.drawing import CAP_OF, EDGE, LIFT, POINT_COLOUR, SELECTED, SPAN, Colour, Drawing, Overlay, Piece
 from imdim.app.lab.ground import Ground
 from imdim.app.lab.input_queue import InputQueue
@@ -61,7 +61,7 @@ class SceneView:
         self.shown = dict(LAYERS)
         self._lock = threading.RLock()  # a person switches layers, a run draws, and distances come when they are measured
         client.camera.on_update(lambda _: self._cloud.stir())
-        self.camera = Camera(client.camera, client.atomic)
+        self.camera = PageCamera(client.camera, client.atomic)
 
     def show(self, layer: str, visible: bool) -> None:
         """One of LAYERS on or off."""
@@ -106,7 +106,7 @@ class SceneView:
             visible=self.shown[_LAYER_OF[name.split("/")[1]]],
         )
         for key in () if piece.leaf == CAP_OF else (None, *ADDING):
-            handle.on_click(modifier=key)(self._ear.given(lambda event, leaf=piece.leaf: self._click(leaf, event)))
+            handle.on_click(modifier=key)(self._ear.pass_event(lambda event, leaf=piece.leaf: self._click(leaf, event)))
         self._meshes[name] = (piece, handle)
 
     def _click(self, leaf: int, event: viser.SceneNodePointerEvent[viser.MeshHandle]) -> None:

@@ -64,6 +64,16 @@ def test_a_click_in_the_picture_selects_in_tree_and_code(done):
     page.wait_for_function("!document.querySelector('.lab-primitive [aria-selected=true]')")
 
 
+def test_holes_are_listed_as_a_drawing_says_them(done):
+    done.tab("Program")
+    said = done.page.locator(".lab-hole")
+    said.first.wait_for()
+    assert any(text.startswith("4 x ") and "diameter 6, through" in text for text in said.all_inner_texts())
+    said.filter(has_text="4 x ").click()
+    done.page.wait_for_selector(".lab-primitive [data-n='3'][aria-selected=true]")
+    done.keys("Escape")
+
+
 def test_a_click_in_the_code_selects_in_tree_and_picture(done):
     done.wait_for_picture(lambda picture: red(picture) < 6000)
     before = red(done.picture())
