@@ -4,9 +4,12 @@ import re
 import subprocess
 import sys
 import tomllib
+from importlib.metadata import distribution
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 from tests.planted import box, cut, cylinder
 
 from imdim.geometry.solid import to_manifold, to_trimesh
@@ -63,3 +66,33 @@ def test_the_base_requires_nothing_that_learns_and_make_installs_it():
     installs = re.findall(r"\$\(PIP\) -e '\.\[(.*)\]'", (ROOT / "Makefile").read_text())
     assert len(installs) == 2
     assert all("learn" in extras.split(",") for extras in installs)
+
+
+def test_it_is_imported_in_a_tenth_of_a_second():
+    """Of the processor, the quickest of three: what is heavy is loaded where it is used."""
+    script = "import time; start = time.process_time(); import imdim; dir(imdim); print(time.process_time() - start)"
+    took = [float(run(script).stdout) for _ in range(3)]
+    assert min(took) < 0.1
+    loaded = run(
+        "import imdim; print(*(m for m in ('numpy', 'scipy', 'numba', 'trimesh', 'torch') if m in sys.modules and sys.modules[m]))"
+    )
+    assert loaded.stdout.split() == []
+
+
+def test_the_base_is_small():
+    """What `pip install imdim` puts on the disk, with all that it requires, by the files that each package lists, bytecode aside: most are
+    llvmlite (180 MB) and SciPy (114 MB)."""
+    sizes: dict[str, int] = {}
+    todo = [requirement for requirement in PROJECT["dependencies"] if "extra ==" not in requirement]
+    while todo:
+        wanted = Requirement(todo.pop())
+        if canonicalize_name(wanted.name) in sizes or (wanted.marker is not None and not wanted.marker.evaluate({"extra": ""})):
+            continue
+        found = distribution(wanted.name)
+        files = [found.locate_file(file) for file in found.files or ()]
+        there = [path for path in map(Path, map(str, files)) if path.is_file() and path.suffix != ".pyc"]
+        sizes[canonicalize_name(wanted.name)] = sum(path.stat().st_size for path in there)
+        todo += found.requires or ()
+    own = sum(path.stat().st_size for path in (ROOT / "src").rglob("*") if path.is_file() and path.suffix != ".pyc")
+    assert {"numpy", "scipy", "numba"} <= set(sizes)
+    assert (sum(sizes.values()) + own) / 1e6 < 500, sizes

@@ -110,6 +110,14 @@ def test_pictures_are_small_and_shown():
     assert max(there.values()) < 200_000
 
 
+def test_results_say_of_which_code_they_are():
+    """Each section of the results with a table names a commit."""
+    sections = re.split(r"^## ", (ROOT / "benchmarks/results.md").read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]
+    tables = [section for section in sections if re.search(r"^\| --- ", section, re.MULTILINE)]
+    assert len(tables) > 8
+    assert [section.splitlines()[0] for section in tables if not re.search(r"\b(?=\w*\d)[0-9a-f]{7}\b", section)] == []
+
+
 def test_the_formats_page_lists_what_the_code_knows():
     text = (ROOT / "docs/formats.md").read_text(encoding="utf-8")
     rows = {line.split("|")[1].strip(" `"): line for line in text.splitlines() if line.startswith("| `")}
