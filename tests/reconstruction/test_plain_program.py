@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from tests.planted import box, cut, cylinder, mesh_of, union
 
+from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Outline, circle
 from imdim.program.tree import Primitive, Program, combine_all
 from imdim.reconstruction.observation import Observation, UnitBody, observe
@@ -127,3 +128,11 @@ def test_a_regular_polygon_is_read_by_its_count_of_sides() -> None:
     boxes = [Primitive("box", (2.0, across, 0.1), rotation=(0.0, 0.0, turn)) for turn in (0.0, 60.0, 120.0)]
     turned = cut(combine_all("intersection", list(boxes)), cylinder(0.2, 0.2))
     assert reading_length(turned, -half, half) > 1.25 * reading_length(nut, -half, half)
+
+
+def test_an_ellipse_alone_is_read_as_a_circle_is() -> None:
+    """An elliptic hole has two radii where a round one has one, and no more."""
+    half = np.array([0.5, 0.4, 0.05])
+    plate, round_hole = box(1.0, 0.8, 0.1), cylinder(0.2, 0.1)
+    oval = Primitive("extrude", (0.1,), outline=Outline((Ellipse(0.3, 0.2),)))
+    assert reading_length(cut(plate, oval), -half, half) == reading_length(cut(plate, round_hole), -half, half) + 1

@@ -132,9 +132,12 @@ def length_read_once(program: Program, low: np.ndarray, high: np.ndarray) -> flo
 
 
 def _count_kinds(program: Program) -> int:
-    """Curves of all outlines, a regular polygon, which is told by its count of sides, as one."""
-    loops = [loop for leaf in leaves(program) if leaf.outline for loop in leaf.outline.loops]
-    return count(program).curves - sum(regular.sides - 1 for loop in loops if (regular := _regular(loop)))
+    """Curves of all outlines, a regular polygon, which is told by its count of sides, as one. An ellipse alone is the kind of its feature,
+    as a circle is that of a cylinder."""
+    drawings = [leaf.outline.loops for leaf in leaves(program) if leaf.outline]
+    alone = sum(len(loops) == 1 and isinstance(loops[0], Ellipse) for loops in drawings)
+    sides = sum(regular.sides - 1 for loops in drawings for loop in loops if (regular := _regular(loop)))
+    return count(program).curves - alone - sides
 
 
 def _regular(loop: Loop) -> Regular | None:

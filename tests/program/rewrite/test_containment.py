@@ -7,6 +7,8 @@ from outlined_samples import random_drawn
 from program_samples import inside, inside_primitive, random_primitive, random_program
 
 from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
+from imdim.program.ellipse import Ellipse
+from imdim.program.outline import Outline
 from imdim.program.rewrite.containment import bounding_radius, contains, disjoint, reach, same
 from imdim.program.rewrite.containment_rules import ContainmentProver
 from imdim.program.rewrite.fusion import fuse
@@ -188,3 +190,20 @@ def test_proofs_about_programs_are_not_contradicted_by_points():
             assert not (in_a & in_b).any()
     assert held > 50
     assert apart > 50
+
+
+def test_an_extruded_ellipse_holds_smaller_ones_of_its_plane() -> None:
+    def elliptic(rx: float, ry: float, x: float = 0.0, angle: float = 0.0, height: float = 2.0) -> Primitive:
+        return placed(Primitive("extrude", (height,), outline=Outline((Ellipse(rx, ry, x, 0.0, angle),))))
+
+    outer = elliptic(3.0, 2.0)
+    assert contains(outer, outer)
+    assert contains(outer, elliptic(2.0, 3.0, angle=90.0))
+    assert contains(outer, elliptic(2.0, 1.0, x=0.5))
+    assert not contains(outer, elliptic(2.8, 1.9, x=0.5))
+    assert not contains(outer, elliptic(3.0, 2.0, angle=10.0))
+    assert not contains(outer, elliptic(2.0, 1.0, height=2.1))
+    assert not contains(elliptic(2.0, 1.0, height=4.0), outer)
+    taller = fuse("union", outer, replace(outer, center=placed(Primitive("box", (1.0, 1.0, 1.0), (0.0, 0.0, 1.5))).center))
+    assert taller is not None
+    assert taller.size == pytest.approx((3.5,))

@@ -6,6 +6,7 @@ import pytest
 from tests.planted import box, cut, cylinder
 
 from imdim.geometry.solid import to_manifold, volume, volume_iou
+from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Outline, circle
 from imdim.program.rewrite.separation import hoist_cuts, separate_loops, straighten
 from imdim.program.rewrite.simplify import reduce_program
@@ -38,13 +39,24 @@ def kinds(program) -> list[str]:
         (tuple(ring(k, 0, k + 0.5, 3) for k in range(5)), ["box"] * 5),
         ((ring(0, 0, 6, 6), ring(1, 1, 5, 5), ring(2, 2, 4, 4)), ["box", "box", "box"]),  # an island in a hole
         ((circle(2.0), circle(1.0)), ["cylinder", "cylinder"]),
+        ((ring(0, 0, 4, 3), Ellipse(1.0, 0.5, 2.0, 1.5, 30.0)), ["box", "extrude"]),
+        ((Ellipse(3.0, 2.0), Ellipse(2.5, 1.5)), ["extrude", "extrude"]),
     ],
-    ids=["plate", "round plate", "slot", "ribs", "island", "tube"],
+    ids=["plate", "round plate", "slot", "ribs", "island", "tube", "elliptic hole", "elliptic tube"],
 )
 def test_loops_become_features(loops, found, place) -> None:
     drawn = drawing(*loops, **place)
     program = separate_loops(drawn)
     assert sorted(kinds(program)) == sorted(found)
+    assert same(program, drawn)
+
+
+def test_an_elliptic_tube_with_a_floor_becomes_a_cup() -> None:
+    """The floor, drawn as a second plate, joins the outer wall, and the hole that went through is a pocket."""
+    wall, bore = Ellipse(3.0, 2.0), Ellipse(2.5, 1.5)
+    drawn = Combine("union", drawing(wall, bore, height=8.0), drawing(wall, center=(0.0, 0.0, -3.75)))
+    program = reduce_program(separate_loops(drawn))
+    assert [leaf.size for leaf in leaves(program)] == [(8.0,), (7.5,)]
     assert same(program, drawn)
 
 

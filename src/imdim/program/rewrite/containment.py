@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 
+from imdim.program.ellipse import Ellipse
 from imdim.program.tree import Primitive, Vec3, envelope
 from imdim.program.vectors import cross
 
@@ -24,8 +25,10 @@ def contains(outer: Primitive, inner: Primitive, slack: float = SLACK) -> bool:
     """Whether `inner` surely lies in `outer`, sticking out by at most `slack` of the smaller bounding radius."""
     if outer == inner:
         return True
-    # nothing is known of what an outline holds; what it is held by is its envelope
-    return outer.outline is None and _overshoot(outer, envelope(inner)) <= _length(outer, envelope(inner), slack)
+    # of what outlines hold nothing is known but of ellipses; what an outline is held by is its envelope
+    if outer.outline is not None:
+        return _elliptic_overshoot(outer, inner) <= _length(envelope(outer), envelope(inner), slack)
+    return _overshoot(outer, envelope(inner)) <= _length(outer, envelope(inner), slack)
 
 
 def disjoint(a: Primitive, b: Primitive, slack: float = SLACK) -> bool:
@@ -64,6 +67,29 @@ def dot(a: Vec3, b: Vec3) -> float:
 def along(p: Vec3, direction: Vec3, t: float) -> Vec3:
     """p + t * direction."""
     return (p[0] + t * direction[0], p[1] + t * direction[1], p[2] + t * direction[2])
+
+
+def _elliptic_overshoot(outer: Primitive, inner: Primitive) -> float:
+    """A bound on how far an extruded ellipse sticks out of another one that is drawn in the same plane; infinite for anything else."""
+    ellipses = [_lone_ellipse(p) for p in (outer, inner)]
+    if None in ellipses or outer.rotation != inner.rotation:
+        return math.inf
+    a, b = (ellipse.plain for ellipse in ellipses if ellipse is not None)
+    x, y, w = (dot(along(inner.center, outer.center, -1.0), axis) for axis in axes(outer))
+    (c, s), dx, dy = a.along, x + b.x - a.x, y + b.y - a.y
+    off = math.hypot((c * dx + s * dy) / a.rx, (c * dy - s * dx) / a.ry)
+    turned = abs(math.sin(math.radians(a.angle - b.angle))) * abs(b.rx - b.ry)
+    # as of a disc of radius 1, to which the outer one is shrunk
+    beside = (off + max(b.rx / a.rx, b.ry / a.ry) + turned / min(a.rx, a.ry) - 1.0) * max(a.rx, a.ry)
+    return max(beside, abs(w) + (inner.size[0] - outer.size[0]) / 2)
+
+
+def _lone_ellipse(p: Primitive) -> Ellipse | None:
+    """The only loop of an extrusion, where that is an ellipse."""
+    if p.kind != "extrude" or p.outline is None:
+        return None
+    loop, *others = p.outline.loops
+    return loop if isinstance(loop, Ellipse) and not others else None
 
 
 # --- how far one sticks out of the other -----------------------------------------------------------------------------

@@ -1,18 +1,19 @@
 """Pairs of primitives whose union, intersection or difference is again one primitive.
 
 All rules are one idea: shorten or lengthen a primitive along one of its axes, and prove that the result is the pair.
-A box has three such axes, a cylinder and a cone (its wall continued) their own.
+A box has three such axes, a cylinder, a cone (its wall continued) and an extrusion their own.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 from imdim.program.rewrite import containment
 from imdim.program.rewrite.containment import along, axes, contains, dot, reach
 from imdim.program.tree import Op, Primitive
 
-_AXES_OF = {"box": (0, 1, 2), "cylinder": (2,), "cone": (2,)}
+_AXES_OF = {"box": (0, 1, 2), "cylinder": (2,), "cone": (2,), "extrude": (2,)}
 
 
 @lru_cache(maxsize=1 << 16)
@@ -82,6 +83,8 @@ def _between(p: Primitive, axis: int, low: float, high: float) -> Primitive | No
         return Primitive("box", (*p.size[:axis], high - low, *p.size[axis + 1 :]), center, p.rotation)
     if p.kind == "cylinder":
         return Primitive("cylinder", (p.size[0], high - low), center, p.rotation)
+    if p.kind == "extrude":
+        return replace(p, size=(high - low,), center=center)
     bottom, top, h = p.size
     radii = [bottom + (top - bottom) * (t / h + 0.5) for t in (low, high)]
     if min(radii) < -1e-12 * max(radii) or max(radii) <= 0:

@@ -22,9 +22,9 @@ DIGITS = 6  # of a direction, which right angles leave as it is
 
 
 def separate_loops(program: Program) -> Program:
-    """The same solid, with each area of an outline as a feature, and each hole of it that one of the six kinds cuts cut by that.
+    """The same solid, with each area of an outline as a feature, and each hole of it cut that is one of the six kinds or an ellipse.
 
-    What is neither circle nor rectangle stays in its outline. A cutter is as deep as what it cuts; whoever delivers it lets it stand out.
+    What is neither stays in its outline. A cutter is as deep as what it cuts; whoever delivers it lets it stand out.
     """
     return fold(program, lambda _, leaf: _separate(leaf), {op: partial(Combine, op) for op in OPS})
 
@@ -112,7 +112,12 @@ def _separate_all_holes(leaf: Primitive) -> Program:
 
 
 def _separate_holes(leaf: Primitive, outers: Sequence[Loop], holes: Sequence[Loop]) -> Program:
-    cutters = {hole: to_simple(replace(leaf, outline=Outline((hole,)))) for hole in holes}
+    cutters = {hole: _cutter(replace(leaf, outline=Outline((hole,))), hole) for hole in holes}
     kept = [hole for hole, cutter in cutters.items() if cutter is None]
     body = replace(leaf, outline=Outline((*outers, *kept)))
     return combine_all("difference", [to_simple(body) or body, *(cutter for cutter in cutters.values() if cutter is not None)])
+
+
+def _cutter(alone: Primitive, hole: Loop) -> Primitive | None:
+    """What cuts a hole that is drawn `alone`; an ellipse is one curve of five numbers, as plain to read as a circle."""
+    return alone if isinstance(hole, Ellipse) and alone.kind == "extrude" else to_simple(alone)
