@@ -98,3 +98,26 @@ def test_ends_at_both_faces_of_a_carrier_follow_both() -> None:
 def test_an_end_in_the_base_face_stays_there() -> None:
     found = {(s.own.leaf, s.own.side, s.face.leaf, s.face.side, s.word) for s in seats(join(PLATE, cylinder(5.0, 11.0, (10.0, 5.0, 5.5))))}
     assert found == {(1, -1, 0, -1, ""), (1, 1, 0, 1, "height")}
+
+
+def test_a_collar_and_the_pin_on_it_go_back_to_the_faces_that_they_stand_on() -> None:
+    """A search may let all of them begin at the base; a collar of half a millimetre is drawn upon its plate, and a pin upon its collar."""
+    collar, pin = cylinder(5.5, 4.5, (10.0, 5.0, 2.25)), cylinder(4.0, 8.0, (10.0, 5.0, 4.0))
+    after = list(leaves(changed(cut(join(PLATE, collar, pin), cylinder(2.0, 20.0, (10.0, 5.0, 0.0))))))
+    assert span(after[1]) == pytest.approx((4.0, 4.5))
+    assert span(after[2]) == pytest.approx((4.5, 8.0))
+    again = list(leaves(begin_at_datums(join(*after[:3]))))
+    assert again == after[:3]
+
+
+def test_a_pin_upon_a_boss_that_begins_at_the_base_does_so_too() -> None:
+    boss, pin = cylinder(6.0, 8.0, (10.0, 5.0, 7.0)), cylinder(4.0, 10.0, (10.0, 5.0, 15.0))
+    after = list(leaves(changed(join(PLATE, boss, pin))))
+    assert span(after[1]) == pytest.approx((0.0, 11.0))
+    assert span(after[2]) == pytest.approx((0.0, 20.0))
+
+
+def test_an_end_in_a_round_part_stays_where_no_face_is() -> None:
+    """A bar comes out of the wall of a disc at no place that it could be drawn from."""
+    bar, disc = box(40.0, 4.0, 4.0, (10.0, 0.0, 2.0)), cylinder(10.0, 4.0, (0.0, 0.0, 2.0))  # both begin at -10
+    assert changed(join(disc, bar)) == join(disc, bar)

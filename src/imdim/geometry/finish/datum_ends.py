@@ -3,7 +3,8 @@
 The end of a boss that lies in its plate is seen nowhere, and a search leaves it anywhere in there. People draw what stands on a plate from
 the face that the whole part lies on, and a bar that crosses another one from side to side. So the hidden end of an added part goes on to
 the part's lowest face, and of what reaches the part's side to the opposite side, where the solid stays what it is. What stands on another
-boss, or is hidden nearly all the way, and a rib between two walls, is left alone: it is drawn from where it is seen.
+boss that does not go there, or is hidden nearly all the way, is drawn from where it is seen: its end goes back to there. A rib between two
+walls is left alone.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from imdim.geometry.lowering import lower
 from imdim.geometry.solid import exact_rotation, primitive_to_manifold, to_manifold
 from imdim.program.paths import leaf_paths, without
 from imdim.program.roles import signs
-from imdim.program.tree import Primitive, Program, leaves, longest, map_leaves
+from imdim.program.tree import Primitive, Program, combine_all, leaves, longest, map_leaves
 
 ALIGNED = 1e-9  # by which the cosine to one of the world's axes may lack of 1
 TOUCH = 1e-6  # of the largest size: two places are one
@@ -34,6 +35,7 @@ RIM = 0.495  # of a width: from where to where; there may be thin walls alone
 ROW = 1e-4  # of the largest size, within which parts are alike
 SEEN_DOWN, SEEN = 0.22, 1 / 3  # of the length that the part would have: how much of it has to be seen, on a base and elsewhere
 DOWN = (2, -1)  # the way that the base looks
+STOREYS = 3  # of parts that stand on each other
 PRISMS = ("box", "cylinder", "extrude")  # which keep their section
 
 
@@ -49,16 +51,57 @@ class _End:
 
 
 def begin_at_datums(program: Program, deadline: Deadline = NEVER) -> Program:
-    """The same solid, whose added boxes, cylinders and extrusions go on through the material to the part's outer face.
+    """The same solid, whose added boxes, cylinders and extrusions go on through the material to the part's outer face, or back to the face
+    that they stand on.
 
     Those that are alike but for where they stand move together or not at all. Past the `deadline` (by default never) the others stay.
     """
-    parts = list(leaves(program))
-    slack = TOUCH * longest(parts)
-    ends = list(_ends(program))
-    outermost = {way: max(e.place for e in ends if (e.axis, e.side) == way) for way in {(e.axis, e.side) for e in ends}}
+    for _ in range(STOREYS):
+        back = _go_back(program, deadline)
+        if back == program:
+            break
+        program = back
+    return _go_out(program, deadline)
+
+
+def _go_back(program: Program, deadline: Deadline) -> Program:
+    """With parts that begin in the outer face and are hidden nearly all the way, or stand on what does not begin there, beginning in the face
+    from which they are seen."""
+    slack = TOUCH * longest(leaves(program))
+    solid = to_manifold(program, CHECK_SEGMENTS)
+    bounds = solid.bounding_box()
+    for row in _rows(program, slack):
+        parts, ends, first = list(leaves(program)), list(_ends(program)), row[0]
+        outer = bounds[first.axis + 3] if first.side > 0 else -bounds[first.axis]
+        if deadline.has_passed():
+            return program
+        # of parts that are alike one tells how much is seen
+        shown = _shown(program, solid, first) if first.place >= outer - slack else None
+        hidden = 0.0 if shown is None else first.place - shown[1]
+        if shown is None or hidden <= slack or not any(_is_at(e, first, shown[1], slack) for e in ends):
+            continue
+        if _is_enough(shown, parts[first.leaf], first) and _is_carried(ends, parts, first, hidden):
+            continue
+        shorter = {e.leaf: between(parts[e.leaf], e.face, -length(parts[e.leaf], e.face), -hidden) for e in row}
+        trial = map_leaves(program, lambda i, leaf, shorter=shorter: shorter.get(i, leaf))
+        lost = sum(primitive_to_manifold(between(parts[e.leaf], e.face, -hidden, 0.0), CHECK_SEGMENTS).volume() for e in row)
+        # added parts that become shorter make the solid nowhere more
+        if abs(to_manifold(trial, CHECK_SEGMENTS).volume() - solid.volume()) <= NOTHING * lost:
+            program = trial
+    return program
+
+
+def _is_at(face: _End, end: _End, place: float, slack: float) -> bool:
+    """Whether a face looks against an `end` at a `place` on its way, so that what has that end may stand on it."""
+    return face.leaf != end.leaf and (face.axis, face.side) == (end.axis, -end.side) and abs(face.place + place) <= slack
+
+
+def _go_out(program: Program, deadline: Deadline) -> Program:
+    """With parts that begin in the outer face, where what is hidden of them may go on to there."""
+    slack = TOUCH * longest(leaves(program))
+    outermost = _outermost(list(_ends(program)))
     solid: Manifold | None = None
-    for row in _alike([e for e in ends if parts[e.leaf].kind in PRISMS], parts, slack):
+    for row in _rows(program, slack):
         more = outermost[row[0].axis, row[0].side] - row[0].place
         if more <= slack or deadline.has_passed():
             continue
@@ -74,13 +117,28 @@ def begin_at_datums(program: Program, deadline: Deadline = NEVER) -> Program:
             continue
         solid = to_manifold(program, CHECK_SEGMENTS) if solid is None else solid
         # of parts that are alike one tells how much is seen
-        if not _is_seen(program, solid, longer[row[0].leaf], row[0]):
+        shown = _shown(program, solid, row[0])
+        if shown is None or not _is_enough(shown, longer[row[0].leaf], row[0]):
+            continue
+        if not _is_carried(list(_ends(program)), parts, row[0], row[0].place - shown[1]):
             continue
         added = sum(primitive_to_manifold(between(parts[e.leaf], e.face, 0.0, more), CHECK_SEGMENTS).volume() for e in row)
         # added parts that become longer make the solid nowhere less: its volume tells
         if abs(to_manifold(trial, CHECK_SEGMENTS).volume() - solid.volume()) <= NOTHING * added:
             program = trial
     return program
+
+
+def _rows(program: Program, slack: float) -> list[list[_End]]:
+    """Ends of parts that keep their section, those first that are the farthest out: they carry the others."""
+    parts = list(leaves(program))
+    rows = _alike([e for e in _ends(program) if parts[e.leaf].kind in PRISMS], parts, slack)
+    return sorted(rows, key=lambda row: -row[0].place)
+
+
+def _outermost(ends: Sequence[_End]) -> dict[tuple[int, int], float]:
+    """How far out the farthest of some ends is, each way."""
+    return {way: max(e.place for e in ends if (e.axis, e.side) == way) for way in {(e.axis, e.side) for e in ends}}
 
 
 def _ends(program: Program) -> Iterator[_End]:
@@ -131,11 +189,27 @@ def _shows(program: Program, trial: Program, points: np.ndarray) -> bool:
     return bool((kernels.inside(lower(program), points) != kernels.inside(lower(trial), points)).any())
 
 
-def _is_seen(program: Program, solid: Manifold, longer: Primitive, end: _End) -> bool:
-    """Whether enough of the length shows that a part would have: that along which the solid is there by this part alone."""
+def _shown(program: Program, solid: Manifold, end: _End) -> tuple[float, float] | None:
+    """From where to where, outward, the solid is there by one part alone; None where it is nowhere."""
     rest = without(program, {leaf_paths(program)[end.leaf][0]})
     shown = solid if rest is None else solid - to_manifold(rest, CHECK_SEGMENTS)
     if shown.volume() <= NOTHING * solid.volume():
+        return None
+    places = end.side * np.asarray(shown.to_mesh().vert_properties, np.float64)[:, end.axis]
+    return float(places.min()), float(places.max())
+
+
+def _is_enough(shown: tuple[float, float], part: Primitive, end: _End) -> bool:
+    """Whether enough shows of the length that a part has, to draw it from the outer face."""
+    return shown[1] - shown[0] >= (SEEN_DOWN if (end.axis, end.side) == DOWN else SEEN) * length(part, end.face)
+
+
+def _is_carried(ends: Sequence[_End], parts: Sequence[Primitive], end: _End, hidden: float) -> bool:
+    """Whether what a part stands in, where it comes out `hidden` behind its end, begins in the outer face as well."""
+    slack = TOUCH * longest(parts)
+    most = _outermost(ends)[end.axis, end.side]
+    carriers = [parts[e.leaf] for e in ends if e.leaf != end.leaf and (e.axis, e.side) == (end.axis, end.side) and most - e.place <= slack]
+    if not carriers:
         return False
-    places = np.asarray(shown.to_mesh().vert_properties, np.float64)[:, end.axis]
-    return float(np.ptp(places)) >= (SEEN_DOWN if (end.axis, end.side) == DOWN else SEEN) * length(longer, end.face)
+    skin = between(parts[end.leaf], end.face, -hidden, PROBE * longest(parts) - hidden)
+    return bool(kernels.inside(lower(combine_all("union", carriers)), probes(skin)).all())
