@@ -58,8 +58,7 @@ TOUCH = EvolutionConfig(generations=60, patience=10)
 WORTH_MORE = 0.5  # of a primitive's price; error that a search goes on for although no fewer primitives can do
 NOTHING = 1e-7  # of the volume, of which a cut that takes no more takes nothing
 HIDDEN = 1e-5  # of it, by which solids of two forms of one program may differ
-FINE_SEGMENTS = 8 * SEGMENTS
-FACETS = 1e-3  # of the volume, by which the corners of arcs may make solids differ
+FINELY = (SEGMENTS, 8 * SEGMENTS)  # of a circle, by which forms of one program are compared: arcs that end elsewhere have other corners
 PROPOSE_S = 6.0  # what loading torch and writing a beam take of the processor; the solver works without it where less is left
 FAR_BETTER = 0.5  # of the misfit of the search's program
 
@@ -144,7 +143,7 @@ def _repeat_cells(run: Run, best: MethodStep) -> MethodStep | None:
                 break
             if (has_outlines(proposal) and not drawn) or not repeats_plainly(proposal, program, low, high):
                 continue
-            if not _are_one_solid(proposal, start):
+            if not is_same(start, proposal, HIDDEN, FINELY):
                 continue
             solid = to_manifold(start) if solid is None else solid
             tidied = _tidy_cuts(proposal, solid, deadline)
@@ -154,17 +153,6 @@ def _repeat_cells(run: Run, best: MethodStep) -> MethodStep | None:
     if program == start:
         return None
     return replace(best, program=program, others=(*best.others, best.program), proof="")
-
-
-def _are_one_solid(a: Program, b: Program) -> bool:
-    """Whether two programs differ by no more than HIDDEN: as circles of more segments, where arcs that end elsewhere have other corners."""
-    for segments in (SEGMENTS, FINE_SEGMENTS):
-        one, other = to_manifold(a, segments), to_manifold(b, segments)
-        volumes = one.volume(), other.volume()  # each by itself first, as in `volume_iou`
-        differ = sum(volumes) - 2 * (one ^ other).volume()
-        if differ <= HIDDEN * volumes[1] or differ > FACETS * volumes[1]:
-            return differ <= HIDDEN * volumes[1]
-    return False
 
 
 def _separate(run: Run, drawn: MethodStep) -> MethodStep | None:

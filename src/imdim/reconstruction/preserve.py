@@ -16,6 +16,7 @@ from imdim.program.tree import Program, leaves, map_leaves
 
 SAME = 5e-4  # of the volume, in which solids may differ and still count as one
 COARSE, FINE = 48, 192  # facets of a circle; the fine ones decide where the coarse say no: what is turned has its corners elsewhere
+FAR = 0.05  # of the volume, in which solids differ by more than their facets
 TRIES = 24  # solids that are made to find what of a step can be taken
 
 
@@ -50,11 +51,15 @@ def preserve(
     return out
 
 
-def is_same(before: Program, after: Program, tolerance: float = SAME) -> bool:
-    """Whether two programs are one solid up to a share of its volume."""
+def is_same(before: Program, after: Program, tolerance: float = SAME, segments: Sequence[int] = (COARSE, FINE)) -> bool:
+    """Whether two programs are one solid up to a share of its volume, for one of some numbers of `segments` of a circle, few ones first."""
     if list(leaves(before)) == list(leaves(after)) and _alike(before, after):
         return True
-    return any(volume_difference(before, after, segments) <= tolerance for segments in (COARSE, FINE))
+    for number in segments:
+        differ = volume_difference(before, after, number)
+        if differ <= tolerance or differ > FAR:
+            return differ <= tolerance
+    return False
 
 
 def _alike(a: Program, b: Program) -> bool:

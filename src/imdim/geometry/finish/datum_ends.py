@@ -65,8 +65,8 @@ def begin_at_datums(program: Program, deadline: Deadline = NEVER) -> Program:
 
 
 def _go_back(program: Program, deadline: Deadline) -> Program:
-    """With parts that begin in the outer face and are hidden nearly all the way, or stand on what does not begin there, beginning in the face
-    from which they are seen."""
+    """With parts that begin in the outer face, and are hidden nearly all the way or stand on what does not begin there, beginning in the
+    face from which they are seen."""
     slack = TOUCH * longest(leaves(program))
     solid = to_manifold(program, CHECK_SEGMENTS)
     bounds = solid.bounding_box()
@@ -212,4 +212,4 @@ def _is_carried(ends: Sequence[_End], parts: Sequence[Primitive], end: _End, hid
     if not carriers:
         return False
     skin = between(parts[end.leaf], end.face, -hidden, PROBE * longest(parts) - hidden)
-    return bool(kernels.inside(lower(combine_all("union", carriers)), probes(skin)).all())
+    return bool(kernels.inside(lower(combine_all("union", [*carriers])), probes(skin)).all())
