@@ -24,6 +24,7 @@ from imdim.geometry.finish.cutter_walls import open_films
 from imdim.geometry.finish.datum_ends import begin_at_datums
 from imdim.geometry.finish.late_cuts import cut_last, lead_with_body
 from imdim.geometry.finish.overshoot import without_strays
+from imdim.geometry.finish.parted import part_bodies
 from imdim.geometry.finish.rails import part_at_posts
 from imdim.geometry.solid import to_manifold
 from imdim.install import install_command
@@ -44,7 +45,7 @@ from imdim.reconstruction.hole_ends import complete_holes
 from imdim.reconstruction.mdl import most_likely, reconstruct_scan, reconstruct_unlabelled
 from imdim.reconstruction.methods import CUT, FINELY, HIDDEN, METHODS, Method, MethodStep, PolicyOf, Run, evolve_from, time_to_propose
 from imdim.reconstruction.observation import Observation, UnitBody, UnseenError, find_solid, observe
-from imdim.reconstruction.plain_program import length_read_once
+from imdim.reconstruction.plain_program import is_hardly_longer
 from imdim.reconstruction.policy_beam import load, load_if_any
 from imdim.reconstruction.preserve import is_same, preserve
 from imdim.search.evolve.population import EvolutionConfig
@@ -360,21 +361,22 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
 
 
 def _arrange(program: Program, deadline: Deadline) -> Program:
-    """The same solid as a person writes it: turned parts as stacks, the body first and its cuts last, bosses that begin at the base, and
-    rails between posts; as far as time allows."""
+    """The same solid as a person writes it: turned parts as stacks, the body first and its cuts last, bodies that are cut in two as two,
+    bosses that begin at the base, and rails between posts; as far as time allows."""
     if deadline.has_passed():
         return program
-    stacked = preserve(program, stack_turned_parts(program), deadline=deadline)
-    carried = cut_last(stacked, deadline)
+    bounds = np.reshape(to_manifold(program).bounding_box(), (2, 3))
+
+    def is_plainer(new: Program, old: Program) -> bool:
+        return is_hardly_longer(new, old, *bounds) and is_same(old, new, HIDDEN, FINELY)
+
+    flat = cut_last(preserve(program, stack_turned_parts(program), deadline=deadline), deadline)
+    apart = part_bodies(flat, is_plainer, deadline)
+    flat = flat if apart == flat else cut_last(apart, deadline)
     if not deadline.has_passed():
-        carried = preserve(carried, begin_at_datums(carried, deadline), deadline=deadline)
-    bounds = np.reshape(to_manifold(carried).bounding_box(), (2, 3))
-
-    def is_better(new: Program, old: Program) -> bool:
-        return length_read_once(new, *bounds) < length_read_once(old, *bounds) and is_same(old, new, HIDDEN, FINELY)
-
+        flat = preserve(flat, begin_at_datums(flat, deadline), deadline=deadline)
     # posts have come down to the base
-    return lead_with_body(part_at_posts(carried, is_better, deadline))
+    return lead_with_body(part_at_posts(flat, is_plainer, deadline))
 
 
 def _open_films(program: Program, seen: Observation, frame: Frame, deadline: Deadline) -> Program | None:

@@ -55,7 +55,7 @@ def may_be_plain(drawn: Program, low: np.ndarray, high: np.ndarray) -> bool:
 def is_plainer(plain: Program, drawn: Program, seen: Observation) -> bool:
     """Whether a program of plainer features is to be preferred to drawings."""
     low, high = seen.families.arrangement.bounds
-    if plain == drawn or not _reads_shorter(plain, drawn, low, high):
+    if plain == drawn or not is_hardly_longer(plain, drawn, low, high):
         return False
     have, had, slack = seen.iou(plain), seen.iou(drawn), SAME * seen.size_weight
     if have is None or had is None:
@@ -73,7 +73,9 @@ def repeats_plainly(cells: Program, walls: Program, low: np.ndarray, high: np.nd
     return after < share * before
 
 
-def _reads_shorter(plain: Program, drawn: Program, low: np.ndarray, high: np.ndarray) -> bool:
+def is_hardly_longer(plain: Program, drawn: Program, low: np.ndarray, high: np.ndarray) -> bool:
+    """Whether there is hardly more to read in plainer features than in what they stand for - or, where they are many, clearly less - in the
+    program of a part that fills a box from `low` [3] to `high` [3]."""
     if reading_length(plain, low, high) <= _most(count(plain).primitives) * reading_length(drawn, low, high):
         return True
     # where even the drawings are many features, no more of them are to be feared

@@ -30,14 +30,14 @@ DIGITS = 9  # of the extent, that computed ends are rounded to
 FEWEST, MOST = 2, 12  # rails
 
 
-def part_at_posts(program: Program, is_better: Callable[[Program, Program], bool], deadline: Deadline = NEVER) -> Program:
-    """The program with rails in place of extruded outlines that posts cover in places, wherever `is_better` of the new program and the old
+def part_at_posts(program: Program, is_plainer: Callable[[Program, Program], bool], deadline: Deadline = NEVER) -> Program:
+    """The program with rails in place of extruded outlines that posts cover in places, wherever `is_plainer` of the new program and the old
     one holds; that has to tell too whether both are one solid. Past the `deadline` (by default never) the others stay."""
     for leaf in [leaf for leaf in _added(program) if leaf.kind == "extrude"]:
         rails = None if deadline.has_passed() else _rails(leaf, [other for other in _added(program) if other != leaf])
         if rails:
             trial = fold(program, lambda _, old, own=leaf, new=rails: new if old == own else old, {op: partial(Combine, op) for op in OPS})
-            program = trial if is_better(trial, program) else program
+            program = trial if is_plainer(trial, program) else program
     return program
 
 
