@@ -3,7 +3,7 @@
 from tests.deadlines import PASSED
 from tests.planted import box, cut, cylinder
 
-from imdim.geometry.finish.late_cuts import cut_last
+from imdim.geometry.finish.late_cuts import cut_last, lead_with_body
 from imdim.geometry.solid import to_manifold
 from imdim.program.rewrite.containment_rules import parts, spine
 from imdim.program.tree import Primitive, Program, combine_all
@@ -59,3 +59,22 @@ def test_what_cannot_be_cut_last_stays() -> None:
     early = cut(box(40.0, 40.0, 4.0), box(20.0, 20.0, 9.0), cut(box(10.0, 60.0, 9.0), box(4.0, 70.0, 9.0)))
     assert to_manifold(cut_last(early)).volume() == to_manifold(early).volume()
     assert cut_last(join(CUP, TUBE), PASSED) == join(CUP, TUBE)
+
+
+def test_posts_that_rise_above_their_tray_end_where_one_sees_them_end() -> None:
+    """The second pocket, which had cut them off, goes."""
+    body, pocket = box(60.0, 40.0, 20.0, (0.0, 0.0, 10.0)), box(54.0, 34.0, 20.0, (0.0, 0.0, 14.0))
+    posts = [cylinder(4.0, 26.0, (x, 0.0, 13.0)) for x in (-15.0, 15.0)]
+    above = box(50.0, 30.0, 12.0, (0.0, 0.0, 20.0))  # from 14 on
+    joined, cuts = flat(cut(body, cut(pocket, *posts), above))
+    assert joined[0] == cut(body, pocket)
+    assert joined[1:] == [cylinder(4.0, 14.0, (x, 0.0, 7.0)) for x in (-15.0, 15.0)]
+    assert cuts == []
+
+
+def test_a_body_comes_first_and_the_others_in_their_order() -> None:
+    body, boss, pin = box(60.0, 40.0, 5.0), cylinder(5.0, 9.0), cylinder(3.0, 20.0, (20.0, 0.0, 0.0))
+    hole = cylinder(1.0, 30.0)
+    assert lead_with_body(cut(join(boss, cut(body, hole), pin), hole)) == cut(join(cut(body, hole), boss, pin), hole)
+    assert lead_with_body(join(body, boss)) == join(body, boss)
+    assert lead_with_body(boss) == boss
