@@ -116,8 +116,8 @@ def merge(schema: type[T], values: Mapping[str, Any]) -> T:
     try:
         merged = OmegaConf.merge(OmegaConf.structured(schema), OmegaConf.create(_escape(dict(values))))
         return OmegaConf.to_object(merged)  # type: ignore[return-value]
-    except OmegaConfBaseException as error:
-        where = error.full_key or ", ".join(key for key, value in values.items() if not isinstance(value, Mapping))
+    except (OmegaConfBaseException, OverflowError) as error:  # of an integer of hundreds of digits
+        where = getattr(error, "full_key", "") or ", ".join(key for key, value in values.items() if not isinstance(value, Mapping))
         raise ConfigError(f"setting {where}: {first_line(error)}") from error
 
 
