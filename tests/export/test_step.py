@@ -94,6 +94,15 @@ def test_a_process_of_its_own_gives_the_volume_or_the_reason(tmp_path, monkeypat
     assert sorted(path.name for path in tmp_path.glob("*.step")) == ["good.step"]
 
 
+def test_faces_have_the_names_that_are_handed_over(tmp_path):
+    (tmp_path / "program.json").write_text(dumps(KNOWN["drilled block"][0]))
+    handed, own = ["slab", "bore"], []
+    for names, out in ((handed, "handed.step"), (own, "own.step")):
+        step_worker.finish_step(step_worker.start_step(tmp_path / "program.json", tmp_path / out, "part", names), 120.0)
+    text, plain = ((tmp_path / out).read_text() for out in ("handed.step", "own.step"))
+    assert all(f"'{name}'" in text and f"'{name}'" not in plain for name in handed)
+
+
 def test_an_export_ends_with_the_process_that_started_it(tmp_path):
     (tmp_path / "program.json").write_text(dumps(KNOWN["drilled block"][0]))
     job = step_worker.start_step(tmp_path / "program.json", tmp_path / "out.step")
