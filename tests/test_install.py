@@ -1,12 +1,14 @@
 """What messages tell people to type, for each way in which the package may have been installed."""
 
 import json
+import subprocess
 import sys
 from importlib import metadata
 from pathlib import Path
 
 import pytest
 
+import imdim
 from imdim import install
 
 
@@ -59,3 +61,8 @@ def test_the_interpreter_is_named_where_pip_is_another_ones(monkeypatch):
     assert install.install_command("step") == f'{sys.executable} -m pip install "imdim[step]"'
     monkeypatch.setattr(install, "find_spec", lambda name: None)
     assert install.install_command("step") == 'uv pip install "imdim[step]"'
+
+
+def test_python_m_is_the_command():
+    said = subprocess.run([sys.executable, "-m", "imdim", "--version"], capture_output=True, text=True, check=True).stdout
+    assert said == f"imdim {imdim.__version__}\n"

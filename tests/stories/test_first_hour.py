@@ -36,7 +36,7 @@ HOLES = 2 * math.pi * 9 * 6
 
 def imdim(*arguments, cwd, status=0):
     """What a command of the shell prints."""
-    command = [sys.executable, "-m", "imdim.app.cli", *map(str, arguments)]
+    command = [sys.executable, "-m", "imdim", *map(str, arguments)]
     done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=1800, check=False)
     assert done.returncode == status, done.stdout + done.stderr
     return done.stdout + done.stderr

@@ -36,3 +36,13 @@ def test_a_thread_that_was_held_up_does_not_put_an_old_status_over_a_new_one():
     go_on.set()
     slow.join(WAIT_S)
     assert written[-1] == "new"
+
+
+@pytest.mark.parametrize(
+    ("task", "stage", "said"), [("fit", "", "fit: finding surfaces"), ("fit", "search", "fit: search"), ("solve", "", "solve: begun")]
+)
+def test_a_task_that_has_told_nothing_yet_has_a_line(task, stage, said):
+    page = Page.__new__(Page)
+    state = SimpleNamespace(target=None, stop="", stage=stage, task=task, trace=[])
+    page.session, page._scene = SimpleNamespace(state=state, theory=None, running="running"), None
+    assert page._lines() == [("stage", said)]

@@ -39,6 +39,7 @@ from imdim.target.target import Frame, Target
 SCORE_SAMPLES = 5_000
 SCORE_AFTER_S = 0.4, 1.0  # the picture has the core for itself until then: after an edit, and while a run goes on
 NAME_AFTER_S = 0.4  # as do the names of a program, and the report of an edit
+BEGUN = {"fit": "finding surfaces", "open": "reading the file", "files": "writing the files"}  # of tasks that have told nothing yet
 COMING = "\N{HORIZONTAL ELLIPSIS}"  # what is being measured
 SAID_S = 10.0  # that an error stays on the picture
 SCORE_NICE = 10  # and where it takes longer, it still goes first
@@ -256,7 +257,7 @@ class Page:
         if self.session.running or state.stop:
             ended = f" ({state.stop.replace('_', ' ')})" if state.stop not in ("", state.stage) else ""
             spent = f", {state.trace[-1].seconds:.1f} s" if state.trace else ""
-            lines.append(("stage", f"{state.task}: {state.stage}{ended}{spent}"))
+            lines.append(("stage", f"{state.task}: {state.stage or BEGUN.get(state.task, 'begun')}{ended}{spent}"))
         if theory is None or self._scene is None:
             return lines
         counts = count(theory.program)

@@ -171,7 +171,7 @@ class Session(Document):
         with self.lock:
             self._end_job()
             task = self.state.task = asked.kind
-            self.state.stop = ""
+            self.state.stop = self.state.stage = ""
             if task in answers.FREE:
                 self.state.proof = ""
             if task in answers.TRACED:

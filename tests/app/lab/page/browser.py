@@ -137,7 +137,9 @@ class LabPage:
         return left + width / 2 - size * seen[0] / seen[2], top + height / 2 + size * seen[1] / seen[2]
 
     def click_spot(self, frame, point, key=None):
-        """Click what is seen of a point of the part, with a key held."""
+        """Click what is seen of a point of the part, with a key held; the toolkit's word on WebGL must not lie over it."""
+        self.page.evaluate("document.querySelectorAll('.mantine-Notification-closeButton').forEach((e) => e.click())")
+        self.page.wait_for_function("!document.querySelector('.mantine-Notification-root')")
         if key:
             self.page.keyboard.down(key)
         self.page.mouse.click(*self.spot(frame, point))

@@ -4,9 +4,10 @@ import pytest
 from tests.app.lab.page.browser import in_the_lab
 
 from imdim.geometry.edge_solids import solid_with_edges
-from imdim.geometry.solid import to_trimesh
+from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.edges import EdgeFeature, Face
 from imdim.program.tree import Primitive
+from imdim.target.target import Frame, target_from
 
 pytestmark = in_the_lab
 BLOCK = Primitive("box", (40.0, 30.0, 10.0))
@@ -24,7 +25,7 @@ def test_a_chamfer_is_selected_and_changed(phone, tmp_path):
     phone.run()
     assert phone.volume() == pytest.approx(volume(2.0), rel=1e-3)
     phone.tab("Edit")
-    phone.keys("j", "j")  # the box, and after it the chamfer
+    phone.click_spot(Frame.of(target_from(to_trimesh(to_manifold(BLOCK)), "block")), (0.0, -14.0, 4.0))  # the edge in front
     phone.box("distance mm").fill("3")
     phone.measures(volume(3.0))
     phone.page.locator(".lab-row", has_text="chamfer 3 of 4 edges").wait_for(state="attached")

@@ -37,8 +37,6 @@ def test_a_file_is_opened_and_reconstructed(phone, tmp_path):
 
 def test_faces_are_measured_and_the_part_is_cut_open_by_tapping(phone):
     frame = Frame.of(target_from(trimesh.creation.box((30, 20, 10)), "cube"))
-    for close in phone.page.locator(".mantine-Notification-closeButton").all():  # the toolkit's word on WebGL, over the part
-        close.click()
     phone.keys("Escape")
     phone.tab("Relations")
     phone.box(KEEP).check()
