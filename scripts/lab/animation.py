@@ -1,7 +1,8 @@
 """A fit in the live lab as an animation: ``python scripts/lab/animation.py [part.stl] [-o docs/lab.gif]``.
 
-A real lab in a real Chromium: the part is opened, reconstructed, one dimension is changed, two faces are measured, and the part is cut
-open. Waiting is shortened to at most half a second a picture. Needs a Chromium and the extras ``[lab,dev]``; all stays on this machine.
+A real lab in a real Chromium: the part is opened, reconstructed, one dimension is changed, two faces are measured, and it is
+cut open. Waiting is shortened to at most half a second a picture. Needs a Chromium and the extras ``[lab,dev]``; everything stays on this
+machine.
 """
 
 from __future__ import annotations
