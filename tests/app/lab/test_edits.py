@@ -141,3 +141,14 @@ def test_keystrokes_in_one_number_are_one_edit():
     assert radii(history.theory)[0] == 12.0
     history.undo()
     assert history.theory == THEORY
+
+
+def test_a_drag_is_one_step_however_long_it_takes():
+    history = History()
+    history.push("found", THEORY)
+    for i, what in enumerate(("drag 1", "drag 1", "drag 2")):
+        history.push(what, edits.with_number(THEORY, 1, "r", 4.0 + i), 10.0 * i)
+    history.undo()
+    assert radii(history.theory) == [5.0, 3.0]
+    history.undo()
+    assert history.theory == THEORY

@@ -53,6 +53,7 @@ class HandleView:
         self._handles: dict[str, Handle] = {}
         self._of: tuple[int, str] | None = None
         self._drag: _Drag | None = None
+        self._drags = 0  # so far
         self._lock = threading.RLock()
         self._shown = True
 
@@ -110,6 +111,7 @@ class HandleView:
         theory, target = self._session.theory, self._session.state.target
         with self._lock:
             handle = self._handles.get(name)
+            self._drags += 1
             if theory is not None and target is not None and handle is not None:
                 self._drag = _Drag(leaf, handle, at, self._gain(theory, leaf, handle, TRIAL / Frame.of(target).scale))
 
@@ -137,5 +139,5 @@ class HandleView:
         if drag.handle.axis is None and value <= 0:
             return
         follow = self._follows()
-        what = f"number {drag.leaf} {drag.handle.name}"
+        what = f"drag {self._drags}"  # one step to undo, however long it takes
         self._session.edit(what, lambda theory: edits.with_number(theory, drag.leaf, drag.handle.name, value, follow))

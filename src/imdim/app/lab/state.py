@@ -100,8 +100,8 @@ class History:
         shown = self.theory
         if shown is not None and shown == theory and theory.named in (None, shown.named):
             return
-        same = what.startswith("number ") and self._last[0] == what and now - self._last[1] < ONE_EDIT_S and self.can_undo
-        if same:
+        is_soon = what.startswith("drag ") or (what.startswith("number ") and now - self._last[1] < ONE_EDIT_S)
+        if is_soon and self._last[0] == what and self.can_undo:
             self._past.pop()
         self._past = [*self._past, (what, theory)][-MOST:]
         self._future.clear()
