@@ -18,7 +18,7 @@ import trimesh
 from tests.drawn import BORED
 
 from imdim.app.cli import main as imdim
-from imdim.app.fit import EXPORT_S, LEFT_OUT, fit, one_line, summary
+from imdim.app.fit import EXPORT_S, NOT_THE_PART, fit, one_line, summary
 from imdim.app.fit import main as run
 from imdim.app.orderly import run_in_order
 from imdim.app.piped import guess_format, load_piped
@@ -461,11 +461,35 @@ def test_what_is_mostly_left_out_does_not_end_well(tmp_path, capsys):
     tower.apply_translation((0.0, 0.0, 13.5))
     tower.export(tmp_path / "tower.stl")
     settings = Settings(input=str(tmp_path / "tower.stl"), output=str(tmp_path / "out"))
-    assert run(lambda: settings, box_found) == LEFT_OUT
+    assert run(lambda: settings, box_found) == NOT_THE_PART
     said = capsys.readouterr().out
     assert "  verdict  left out: " in said
     assert said.endswith("this is not the part: most of its surface is left out\n")
     assert (tmp_path / "out" / "program.scad").is_file()
+
+
+def test_a_cloud_that_the_program_does_not_explain_does_not_end_well(tmp_path, capsys):
+    """A plate for a fence of bars: no point is far from its surface, and by distances nothing is wrong."""
+    rng = np.random.default_rng(0)
+    bars = [
+        trimesh.creation.box((0.4, 2.0, 0.15), transform=trimesh.transformations.translation_matrix((x, 0, 0)))
+        for x in (-0.9, -0.3, 0.3, 0.9)
+    ]
+    points = trimesh.sample.sample_surface(trimesh.util.concatenate(bars), 8192, seed=1)[0]
+    np.save(tmp_path / "fence.npy", points + rng.normal(0, 0.02, points.shape))
+
+    def plate_found(target, settings, rng):
+        yield Snap("finished", Primitive("box", (2.2, 2.0, 0.15)), 0.0, 1.0, "finished")
+
+    settings = Settings(input=str(tmp_path / "fence.npy"), output=str(tmp_path / "out"))
+    assert run(lambda: settings, plate_found) == NOT_THE_PART
+    said = capsys.readouterr().out
+    assert "  verdict  not explained: " in said
+    assert "  doubt    the program does not explain the points" in said
+    assert said.endswith("this is not the part: the program does not explain what was measured\n")
+    told = json.loads((tmp_path / "out" / "report.json").read_text())["verdict"]
+    assert told["explanation"]["gain"] < 0
+    assert told["doubts"]
 
 
 def test_regions_that_are_alike_are_told_once() -> None:

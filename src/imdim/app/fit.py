@@ -43,7 +43,12 @@ SAID_REGIONS, LEAST_SAID = 3, 1e-3  # regions on the screen, and the share of th
 EXPORT_S = 20  # for STEP, by `imdim export`
 RARELY = 20_000  # objects more, at which Python looks for cycles of dead ones: at its own 700 that is 2 to 3 % of a fit
 BAD_INPUT = 2
-LEFT_OUT = 3  # results were written, but most of the part's surface is not in them
+NOT_THE_PART = 3  # results were written, but a script is not to take them for the part
+ENDINGS = {
+    "left out": "this is not the part: most of its surface is left out",
+    "not explained": "this is not the part: the program does not explain what was measured",
+    "partial": "this is the part at best in part: what was measured bears out no more",
+}
 INTERRUPTED = 130
 BY_HAND = "by hand"
 ENDED = {f"by {signal.Signals(number).name}": 128 + number for number in SIGNALS}  # how a search was stopped, and the exit status then
@@ -57,7 +62,7 @@ def main(
     force: bool = False,
 ) -> int:
     """Compose settings and fit; the exit status: 0 fine, 2 for input, settings or an output that cannot be used (one line on stderr), 3
-    for a result that leaves most of the part's surface out, 128 and its number where a signal ended the search, whose best was written.
+    for a result that is not the part (`ENDINGS`), 128 and its number where a signal ended the search, whose best was written.
 
     Stdout gets a summary, with `as_json` the report in its place; `quiet` leaves out progress, notes and summary. With `force` earlier
     results are replaced even where somebody has changed them.
@@ -79,7 +84,7 @@ def main(
         sys.stdout.write(summary(report, Path(settings.output)))
     if report["stop"] in ENDED:
         return ENDED[report["stop"]]
-    return LEFT_OUT if is_left_out(report) else 0
+    return NOT_THE_PART if ending_of(report) else 0
 
 
 def name_output(settings: Settings) -> Settings:
@@ -196,13 +201,13 @@ def summary(report: Mapping[str, Any], folder: Path) -> str:
         f"  {what:<8} {folder / name}"
         for what, name in (("picture", "preview.png"), ("page", "report.html"), ("program", "program.scad"), ("report", "report.json"))
     ]
-    lines += ["this is not the part: most of its surface is left out"] if is_left_out(report) else []
+    lines += [ending_of(report)] if ending_of(report) else []
     return "\n".join(lines) + "\n"
 
 
-def is_left_out(report: Mapping[str, Any]) -> bool:
-    """Whether the program says little of the part: most of its surface is left out."""
-    return report.get("verdict", {}).get("overall") == "left out"
+def ending_of(report: Mapping[str, Any]) -> str:
+    """Why the result is not to be taken for the part; empty where it may be."""
+    return ENDINGS.get(report.get("verdict", {}).get("overall"), "")
 
 
 def _verdict_lines(report: Mapping[str, Any]) -> list[str]:
@@ -219,6 +224,7 @@ def _verdict_lines(report: Mapping[str, Any]) -> list[str]:
     said = "; ".join(parts[:SAID_REGIONS])
     lines = [f"  {'verdict':<8} {verdict['overall']}: {verdict['says']}"]
     lines += [f"  {'where':<8} {said}{more}"] if said else []
+    lines += [f"  {'doubt':<8} {said}" for said in verdict.get("doubts", [])]
     budget = report.get("settings", {}).get("budget_s")
     helps = verdict["overall"] != "exact" and report["stop"] == "budget_spent" and budget
     return lines + ([f"  {'hint':<8} the time ended the search: try --budget {2 * budget:g}"] if helps else [])

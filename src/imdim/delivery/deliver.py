@@ -97,7 +97,7 @@ def deliver(
                 text = (partial / "program.scad").read_text(encoding="utf-8")
                 delivered = to_manifold(read_openscad(text, blended=True), segments)
                 surface = to_trimesh(delivered)
-                verdict = judge(target, surface, segments)
+                verdict = judge(target, surface, segments, program, run.noisy)
                 coloured = verdict.colour(target)
             with _time(seconds, "preview"):
                 preview(target, surface, scores.to_result.max, coloured).save(partial / "preview.png")

@@ -14,6 +14,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from imdim.delivery.evaluate import DeliveryLoss, Distances, Scores
+from imdim.delivery.explanation import Explanation
 from imdim.delivery.finish import FinishedProgram
 from imdim.delivery.intervals import StatedInterval
 from imdim.delivery.verdict import JudgedRegion, SurfaceVerdict, describe_shares
@@ -221,14 +222,24 @@ def _scores(scores: Scores) -> dict[str, Any]:
 
 
 def _verdict(verdict: SurfaceVerdict) -> dict[str, Any]:
-    """What became of the target's surface, shares of 1; `regions` are those that are not exact, the largest first."""
+    """What became of the target's surface, shares of 1, and what speaks against the program of a cloud or a scan; `regions` are those that
+    are not exact, the largest first."""
+    told = verdict.explanation
     return {
         "overall": verdict.overall,
         "says": describe_shares(verdict),
         "shares": {name: number(share) for name, share in verdict.shares.items()},
         "tolerance": number(verdict.tolerance),
+        "doubts": list(verdict.doubts),
+        **({} if told is None else {"explanation": _explanation(told)}),
+        **({} if verdict.borne_out is None else {"borne_out": number(verdict.borne_out)}),
         "regions": [_region(region) for region in verdict.regions],
     }
+
+
+def _explanation(told: Explanation) -> dict[str, Any]:
+    """How the program explains a cloud: nats per point, and shares of its own surface."""
+    return {name: number(getattr(told, name)) for name in ("gain", "shown_gain", "bare", "blurred")}
 
 
 def _region(region: JudgedRegion) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 from imdim.detection.cloud_normals import estimate_normals
 from imdim.detection.faceting import ON_SURFACE, chord_heights
 from imdim.detection.facets import Facets, MeshSurfaceConfig, facets_of
-from imdim.detection.noise import measure_noise
+from imdim.detection.noise import NoiseModel, measure_noise
 from imdim.geometry.metrics import diagonal
 from imdim.geometry.refine import split_edges
 from imdim.geometry.sampling import subsample
@@ -34,7 +34,7 @@ class SurfaceElements:
     `points`, unit `normals` [n, 3] (of either sign where `oriented` is False) and `areas` [n]; `tolerance` [n] is how far the surface meant
     may lie from the one given. `links` [m, 2] are neighbours, `lengths` [m] the edges between them, `smooth` [m] tells whether the surface
     goes on without an edge there. `facet` [n] are of `facets`, the target's flat ones, and `mesh` has a face for each element; both are
-    None for a cloud.
+    None for a cloud, which has a `noise`.
     """
 
     points: np.ndarray
@@ -48,6 +48,7 @@ class SurfaceElements:
     facets: Facets | None
     oriented: bool
     mesh: trimesh.Trimesh | None
+    noise: NoiseModel | None = None
 
     def corners(self, chosen: np.ndarray) -> np.ndarray:
         """Points [k, 3] around the chosen elements [n] bool."""
@@ -111,4 +112,5 @@ def _of_cloud(target: Target, segments: int) -> SurfaceElements:
         facets=None,
         oriented=target.normals is not None,
         mesh=None,
+        noise=noise,
     )

@@ -1,8 +1,11 @@
-"""What became of each region of a target's surface: it is exact, approximated or left out.
+"""What became of each region of a target's surface: it is exact, approximated or left out; and whether the program explains a cloud.
 
 Exact is what lies no farther from the delivered solid than the target itself leaves open: the noise of a cloud, the chords of a mesh. The
 rest is approximated where the solid runs beside it at a small share of its own width, and left out where the solid runs elsewhere: a
 missing wall, hole, tooth or letter has nothing beside it that faces its way.
+
+Of a cloud, distances say nothing of the inside. Where the program does not explain it (`explanation`), no surface is exact only for lying
+near. A scan's surface may leave the program as real things leave what was drawn, and no farther.
 """
 
 from __future__ import annotations
@@ -15,12 +18,15 @@ import numpy as np
 import trimesh
 from scipy.spatial import KDTree
 
+from imdim.delivery.explanation import Explanation, explain, share_borne_out
 from imdim.delivery.region_kind import Recognised, bent_two_ways, find_teeth, find_text, is_freeform
 from imdim.delivery.surface_elements import SurfaceElements, elements_of
+from imdim.detection.mesh_noise import DEVIATION
 from imdim.export.verdict_colours import VERDICTS, ColouredTarget
 from imdim.geometry.metrics import diagonal
 from imdim.geometry.solid import SEGMENTS
 from imdim.geometry.triangles import TriangleTree, distances, triangle_tree
+from imdim.program.tree import Program
 from imdim.target.bodies import components
 from imdim.target.target import Target
 
@@ -30,6 +36,8 @@ ALONG = 0.5  # cosine between a normal and the way to the result: it runs beside
 STEP = 0.25  # of the tolerance: what the slope of the distance is measured over
 WHOLE = 0.99  # share of the surface that is exact, from which a part is
 MOSTLY = 0.5  # share that is left out, from which a result is none
+BORNE_OUT = 0.9  # share of a scan's surface that a program must run along; what it leaves out else is more than dents and bulges
+BARE = 0.05  # share of a result's surface that no point is near, from which it is a result in part
 LEAST_TOLD = 1e-4  # share of the surface: a smaller region is not listed
 MOST_TOLD = 40  # regions
 ROUNDING = 1e-9
@@ -57,20 +65,39 @@ class JudgedRegion:
 @dataclass(frozen=True, eq=False)
 class SurfaceVerdict:
     """`shares` of the surface by verdict; `tolerance`, its median over the surface, in model units; `regions` that are not exact, the
-    largest first; `codes` [n], places in VERDICTS, of the `elements`."""
+    largest first; `codes` [n], places in VERDICTS, of the `elements`. `explanation` is how the program explains a cloud, `borne_out` the
+    share of a scanned mesh that runs along it, where that was asked."""
 
     shares: Mapping[str, float]
     tolerance: float
     regions: tuple[JudgedRegion, ...]
     elements: SurfaceElements
     codes: np.ndarray
+    explanation: Explanation | None = None
+    borne_out: float | None = None
 
     @property
     def overall(self) -> str:
-        """One word for the part: "left out" where most of it is, "exact" where nearly all is."""
+        """One word for the part: "left out" where most of it is, "not explained" where the program tells a cloud's points worse than their
+        neighbours do or runs along less than half of a scan, "partial" where too much of its own surface has no points or too much of a
+        scan runs elsewhere, "exact" where nearly all of the part is."""
         if self.shares["left out"] > MOSTLY:
             return "left out"
-        return "exact" if self.shares["exact"] >= WHOLE else "approximated"
+        told, borne_out = self.explanation, 1.0 if self.borne_out is None else self.borne_out
+        if borne_out < MOSTLY or (told is not None and told.shown_gain < 0):
+            return "not explained"
+        if borne_out < BORNE_OUT or (told is not None and (told.gain < 0 or told.bare > BARE)):
+            return "partial"
+        whole = self.shares["exact"] >= WHOLE and (told is None or told.bare <= 1 - WHOLE)
+        return "exact" if whole else "approximated"
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What speaks against a program of a cloud or a scan, a sentence each."""
+        doubts = [] if self.explanation is None else [*_doubts(self.explanation)]
+        if self.borne_out is not None and self.borne_out < BORNE_OUT:
+            doubts.append(f"the program runs along {percent(self.borne_out)} of the scan: what it leaves is more than dents and bulges")
+        return tuple(doubts)
 
     def colour(self, target: Target) -> ColouredTarget:
         """`target`, which the verdict is on, as pictures draw it."""
@@ -80,9 +107,11 @@ class SurfaceVerdict:
         return ColouredTarget(elements.mesh, codes, {name: percent(share) for name, share in self.shares.items()})
 
 
-def judge(target: Target, result: trimesh.Trimesh, segments: int = SEGMENTS) -> SurfaceVerdict:
+def judge(
+    target: Target, result: trimesh.Trimesh, segments: int = SEGMENTS, program: Program | None = None, scanned: bool = False
+) -> SurfaceVerdict:
     """The verdict on each region of `target`, by the surface of a result that has `segments` edges per circle; all of it is left out where
-    that is empty."""
+    that is empty. With the `program` of the result, it is asked too whether that explains a cloud, or a mesh that was `scanned`."""
     elements = elements_of(target, segments)
     tree = triangle_tree(result) if len(result.faces) else None
     if tree is not None:
@@ -90,6 +119,13 @@ def judge(target: Target, result: trimesh.Trimesh, segments: int = SEGMENTS) -> 
         codes = _judge_elements(elements, far, tree)
     else:
         far, codes = np.full(len(elements.points), np.inf), np.full(len(elements.points), LEFT_OUT)
+    told = None if program is None or elements.noise is None else explain(program, elements.points, elements.noise)
+    borne_out = None
+    if program is not None and scanned and elements.mesh is not None:
+        deviation = DEVIATION * diagonal(elements.points)
+        borne_out = share_borne_out(program, elements.points, elements.normals, elements.areas, deviation)
+    if told is not None:
+        codes = np.where((codes == EXACT) & _doubted(told, elements.points), APPROXIMATED, codes)
     found = list(_recognise(elements, codes != EXACT))
     for one in found:
         # teeth that are not followed are left out as a whole, tips and roots with the flanks
@@ -97,9 +133,23 @@ def judge(target: Target, result: trimesh.Trimesh, segments: int = SEGMENTS) -> 
     areas = np.bincount(codes, elements.areas, len(VERDICTS))
     shares = areas / areas.sum()
     regions = sorted(_regions(elements, codes, _furthest(elements, codes, far, tree), found), key=lambda region: -region.share)[:MOST_TOLD]
-    return SurfaceVerdict(
-        dict(zip(VERDICTS, shares.tolist(), strict=True)), float(np.median(elements.tolerance)), tuple(regions), elements, codes
-    )
+    shares = dict(zip(VERDICTS, shares.tolist(), strict=True))
+    return SurfaceVerdict(shares, float(np.median(elements.tolerance)), tuple(regions), elements, codes, told, borne_out)
+
+
+def _doubted(told: Explanation, points: np.ndarray) -> np.ndarray:
+    """Which of the points [n, 3] of a cloud show the program no more than something else that runs past them."""
+    thin = told.is_blurred(points)
+    return thin | told.is_told_worse(points) if told.shown_gain < 0 else thin
+
+
+def _doubts(told: Explanation) -> Iterator[str]:
+    if told.shown_gain < 0:
+        yield "the program does not explain the points: a smooth sheet through their neighbours tells them better than its surface does"
+    if told.bare > 1 - WHOLE:
+        yield f"no point is near {percent(told.bare)} of the program's surface: nobody saw it, or it is not there"
+    if told.blurred > 1 - WHOLE:
+        yield f"{percent(told.blurred)} of the program's surface is on walls thinner than the noise: their thickness is not known"
 
 
 def _judge_elements(elements: SurfaceElements, far: np.ndarray, tree: TriangleTree) -> np.ndarray:

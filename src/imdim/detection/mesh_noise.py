@@ -11,6 +11,7 @@ from imdim.detection.noise import EXACT, NoiseModel
 from imdim.geometry.surface import Patch, signed_distance
 
 SHAKEN = 1e-4  # of the diagonal, off which half the surface lies: that of a drawn part lies on its carriers to what its file rounds
+DEVIATION = 4e-3  # of its diagonal, by which a real thing leaves what was drawn: bulges, dents, rounded edges
 EXPLAINED = 0.95  # of the surface: carriers explain a drawn part whole, though where cuts cross its facets corners lie on chords
 
 

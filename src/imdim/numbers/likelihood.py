@@ -68,12 +68,13 @@ class SurfaceSamples:
 @dataclass(frozen=True)
 class Share:
     """What the points say of each sample: `mass` [m] is how many of them it answers for, `offset` [m] their mean distance along its
-    normal. `noise` is what explains them best, `nll` the negative logarithm of their density, a mean per point."""
+    normal. `noise` is what explains them best, `logs` [n] the logarithms of their densities, `nll` their negative mean."""
 
     mass: np.ndarray
     offset: np.ndarray
     noise: Noise
     nll: float
+    logs: np.ndarray
 
 
 def shares(points: np.ndarray, shown: SurfaceSamples, noise: Noise) -> Share:
@@ -82,15 +83,16 @@ def shares(points: np.ndarray, shown: SurfaceSamples, noise: Noise) -> Share:
     wide = max(noise.sigma, WIDE * shown.spacing)
     peak = math.log((1 - noise.clutter) / max(m, 1)) - 1.5 * math.log(2 * math.pi) - math.log(noise.sigma) - 2 * math.log(wide)
     if m == 0:
-        return Share(np.zeros(0), np.zeros(0), noise, -math.log(noise.clutter / box))
+        log = math.log(noise.clutter / box)
+        return Share(np.zeros(0), np.zeros(0), noise, -log, np.full(len(points), log))
     near = np.asarray(KDTree(shown.points).query(points, k=min(NEIGHBOURS, m), distance_upper_bound=4 * wide)[1]).reshape(len(points), -1)
     clutter = math.exp(math.log(noise.clutter / box) - peak)
-    mass, moment, square, log = _shares(points, shown.points, shown.normals, near, noise.sigma, wide, clutter)
+    mass, moment, square, log, logs = _shares(points, shown.points, shown.normals, near, noise.sigma, wide, clutter)
     held = float(mass.sum())
     offset = np.divide(moment, mass, out=np.zeros(m), where=mass > 1e-12)
     sigma = math.sqrt(square / held) if held > 0 else noise.sigma
     clutter = min(max(1 - held / len(points), 1e-3), 0.5)
-    return Share(mass, offset, Noise(sigma, clutter), -(log / len(points) + peak))
+    return Share(mass, offset, Noise(sigma, clutter), -(log / len(points) + peak), logs + peak)
 
 
 def _counts(areas: np.ndarray, wanted: float) -> np.ndarray:
@@ -119,7 +121,7 @@ def _shares(points, samples, normals, near, sigma, wide, clutter):  # pragma: no
     m = len(samples)
     mass, moment = np.zeros(m), np.zeros(m)
     square, log = 0.0, 0.0
-    density, along = np.empty(k), np.empty(k)
+    logs, density, along = np.empty(n), np.empty(k), np.empty(k)
     for i in range(n):
         total = clutter
         for j in range(k):
@@ -135,11 +137,12 @@ def _shares(points, samples, normals, near, sigma, wide, clutter):  # pragma: no
             along[j] = a
             density[j] = math.exp(-0.5 * (a * a / (sigma * sigma) + max(b - a * a, 0.0) / (wide * wide)))
             total += density[j]
-        log += math.log(total)
+        logs[i] = math.log(total)
+        log += logs[i]
         for j in range(k):
             if density[j] > 0:
                 r = density[j] / total
                 mass[near[i, j]] += r
                 moment[near[i, j]] += r * along[j]
                 square += r * along[j] * along[j]
-    return mass, moment, square, log
+    return mass, moment, square, log, logs

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from imdim.deadline import NEVER, Deadline
+from imdim.detection.mesh_noise import DEVIATION
 from imdim.geometry.axes import clearest_axes, find_shared_axes, main_axes
 from imdim.geometry.sampling import subsample
 from imdim.numbers.em import EMConfig, FittedProgram, maximise_likelihood
@@ -38,7 +39,6 @@ MOST_POINTS = 8192
 QUICK_POINTS = 4096
 MOST_DRAWN = 16  # outlines that the points show, of which more than one may go through the same walls
 SCANNED = 1000  # points of a scanned mesh
-DEVIATION = 4e-3  # of its diagonal, by which real things leave what was drawn
 FITTED = 3  # starts whose numbers are fitted before one is chosen
 QUICK = EMConfig()
 BEGUN = EMConfig(rounds=8)

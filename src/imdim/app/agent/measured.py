@@ -111,7 +111,7 @@ class MeasuredProgram:
     @cached_property
     def verdict(self) -> SurfaceVerdict:
         """What became of each region of the part's surface."""
-        return judge(self.part, self.surface, self.delivered.segments)
+        return judge(self.part, self.surface, self.delivered.segments, self.delivered.program)
 
     @cached_property
     def scores(self) -> Scores:

@@ -140,8 +140,8 @@ class ChangeReply:
 
 @dataclass(frozen=True)
 class MeasureReply:
-    """`verdict` is exact, approximated or left out, `shares` the share of the surface that is each. Distances go from the part to the
-    program and back."""
+    """`verdict` is exact, approximated or left out, of a cloud also partial or not explained, with the `doubts` that say why; `shares` are
+    of the surface. Distances go from the part to the program and back."""
 
     iou: float | None
     iou_missing: str
@@ -153,6 +153,7 @@ class MeasureReply:
     to_part_mean: float
     to_part_max: float
     regions: list[RegionReply]
+    doubts: list[str]
 
 
 @dataclass(frozen=True)

@@ -269,7 +269,8 @@ class AgentSession:
         shares = {name: shorten(share) for name, share in verdict.shares.items()}
         missing = scores.iou_missing or ""
         tolerance, regions = shorten(verdict.tolerance), _regions(verdict.regions)
-        return MeasureReply(_shorten(scores.volume_iou), missing, verdict.overall, shares, tolerance, *to_program, *to_part, regions)
+        said, doubts = verdict.overall, list(verdict.doubts)
+        return MeasureReply(_shorten(scores.volume_iou), missing, said, shares, tolerance, *to_program, *to_part, regions, doubts)
 
     # --- numbers -------------------------------------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from imdim.app.fit import LEFT_OUT
+from imdim.app.fit import NOT_THE_PART
 
 LIMITED = str(Path(__file__).with_name("limited.py"))
 LOOK_S = 0.02
@@ -96,7 +96,7 @@ class Process:
             return f"took more than {self._limits.mib:g} MiB of memory and was ended"
         if status < 0:
             return f"ended by signal {_signal_name(-status)}"
-        return "" if status in (0, LEFT_OUT) else last_line(self._log) or f"ended with exit status {status}"
+        return "" if status in (0, NOT_THE_PART) else last_line(self._log) or f"ended with exit status {status}"
 
 
 def run(command: Sequence[str], limits: ProcessLimits, log: Path, cwd: Path | None = None) -> Ended:

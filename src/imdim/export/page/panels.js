@@ -63,7 +63,12 @@ function summary({ report, target }) {
     stagnation: "Evolution ended where nothing better came.",
   };
   const proof = report.proof ? ` ${report.proof[0].toUpperCase()}${report.proof.slice(1)}.` : "";
-  const lost = report.verdict && report.verdict.overall === "left out" ? " This is not the part: most of its surface is left out." : "";
+  const endings = {
+    "left out": " This is not the part: most of its surface is left out.",
+    "not explained": " This is not the part: the program does not explain what was measured.",
+    partial: " This is the part at best in part: what was measured bears out no more.",
+  };
+  const lost = (report.verdict && endings[report.verdict.overall]) || "";
   return (stops[report.stop] || `Stopped: ${report.stop}.`) + proof + lost;
 }
 
