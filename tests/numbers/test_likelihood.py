@@ -34,6 +34,13 @@ def test_it_is_the_density_of_the_mixture():
     assert found.noise.clutter == pytest.approx(1 - answer.sum() / len(points), abs=1e-9)
 
 
+def test_noise_has_a_floor():
+    points, shown = cloud(RING, 4000, sigma=0.1), SurfaceSamples.of(RING, SIGMA)
+    free, held = (shares(points, shown, Noise(SIGMA, least=least)).noise for least in (0.0, 0.8))
+    assert free.sigma < 0.8 == held.sigma == held.least
+    assert free.clutter == held.clutter
+
+
 def test_no_face_is_pulled_at_the_truth():
     """Distances to the nearest surface would move the ring's ends outward by a good part of the noise."""
     points, shown = cloud(RING, 40_000), SurfaceSamples.of(RING, SIGMA)

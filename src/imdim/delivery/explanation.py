@@ -71,16 +71,16 @@ def explain(program: Program, points: np.ndarray, model: NoiseModel) -> Explanat
     surface, and for fewer than FEWEST points."""
     points = points[np.random.default_rng(0).permutation(len(points))[:MOST_POINTS]]
     least = LEAST_NOISE * float(np.linalg.norm(np.ptp(points, axis=0)))
-    start = Noise(max(model.sigma, least))
+    start = Noise(max(model.sigma, least), least=least)
     shown, noise = SurfaceSamples.of(program, start.sigma), start
     if len(points) < FEWEST or not len(shown.points):
         return None
     for _ in range(NOISE_ROUNDS):
-        noise = _refit(points, shown, noise, least)
+        noise = shares(points, shown, noise).noise
         shown = SurfaceSamples.of(program, noise.sigma)
     bare = _is_bare(shown, points[np.abs(kernels.program_sdf(program, points)) <= STRAY * noise.sigma], noise)
     part = replace(shown, points=shown.points[~bare], normals=shown.normals[~bare], area=shown.area * float(np.mean(~bare)))
-    sheet = _tell_by_neighbours(points, start, least)
+    sheet = _tell_by_neighbours(points, start)
     whole, seen = (shares(points, s, noise).logs for s in (shown, part))
     thin = ~kernels.inside(program, shown.points - GAP * noise.sigma * shown.normals)
     gain, shown_gain = (float(np.mean(logs - sheet)) for logs in (whole, seen))
@@ -95,11 +95,6 @@ def share_borne_out(program: Program, points: np.ndarray, normals: np.ndarray, a
     return float(areas[along & (np.abs(at) <= STRAY * deviation)].sum() / areas.sum())
 
 
-def _refit(points: np.ndarray, shown: SurfaceSamples, noise: Noise, least: float) -> Noise:
-    found = shares(points, shown, noise).noise
-    return replace(found, sigma=max(found.sigma, least))
-
-
 def _is_bare(shown: SurfaceSamples, points: np.ndarray, noise: Noise) -> np.ndarray:
     """Which samples [m] of a surface none of its `points` is near, by how dense they are around the nearest one."""
     if len(points) <= EIGHTH:
@@ -111,14 +106,14 @@ def _is_bare(shown: SurfaceSamples, points: np.ndarray, noise: Noise) -> np.ndar
     return far > np.hypot(math.sqrt(EXPECTED / math.pi) * spacing[nearest], GAP * noise.sigma)
 
 
-def _tell_by_neighbours(points: np.ndarray, noise: Noise, least: float) -> np.ndarray:
+def _tell_by_neighbours(points: np.ndarray, noise: Noise) -> np.ndarray:
     """The logarithms [n] of the points' densities, each by a smooth sheet through the points of the other folds."""
     fold, logs = np.arange(len(points)) % FOLDS, np.empty(len(points))
     for number in range(FOLDS):
         asked = fold == number
         sheet, own = _smooth(points[~asked], noise.sigma), noise
         for _ in range(NOISE_ROUNDS):
-            own = _refit(points[asked], sheet, own, least)
+            own = shares(points[asked], sheet, own).noise
         logs[asked] = shares(points[asked], sheet, own).logs
     return logs
 

@@ -31,10 +31,12 @@ WIDE = 0.7  # a sample's deviation along the surface, times the side of the squa
 
 @dataclass(frozen=True)
 class Noise:
-    """`sigma`: deviation of a coordinate, in units of the points; `clutter`: share of points that belong to no surface."""
+    """`sigma`: deviation of a coordinate, in units of the points; `clutter`: share of points that belong to no surface; `least`: what
+    `sigma` is at least, however near to a surface the points lie."""
 
     sigma: float
     clutter: float = 0.01
+    least: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,7 @@ def shares(points: np.ndarray, shown: SurfaceSamples, noise: Noise) -> Share:
     offset = np.divide(moment, mass, out=np.zeros(m), where=mass > 1e-12)
     sigma = math.sqrt(square / held) if held > 0 else noise.sigma
     clutter = min(max(1 - held / len(points), 1e-3), 0.5)
-    return Share(mass, offset, Noise(sigma, clutter), -(log / len(points) + peak), logs + peak)
+    return Share(mass, offset, Noise(max(sigma, noise.least), clutter, noise.least), -(log / len(points) + peak), logs + peak)
 
 
 def _counts(areas: np.ndarray, wanted: float) -> np.ndarray:

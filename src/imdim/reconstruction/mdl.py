@@ -13,12 +13,14 @@ import numpy as np
 
 from imdim.deadline import NEVER, Deadline
 from imdim.detection.mesh_noise import DEVIATION
+from imdim.geometry import kernels
 from imdim.geometry.axes import clearest_axes, find_shared_axes, main_axes
 from imdim.geometry.sampling import subsample
 from imdim.numbers.em import EMConfig, FittedProgram, maximise_likelihood
 from imdim.numbers.likelihood import Noise, SurfaceSamples, shares
 from imdim.numbers.symmetry_normal_form import canonical
 from imdim.program.constraints import Constraint
+from imdim.program.paths import Path, leaf_paths, without
 from imdim.program.rewrite.simplify import reduce_program
 from imdim.program.tree import Primitive, Program, leaves, map_leaves
 from imdim.reconstruction.observation import Observation, UnitBody
@@ -39,6 +41,8 @@ MOST_POINTS = 8192
 QUICK_POINTS = 4096
 MOST_DRAWN = 16  # outlines that the points show, of which more than one may go through the same walls
 SCANNED = 1000  # points of a scanned mesh
+FLOOR = 0.25  # of the deviation of real things, that their noise is taken for at least: a small face bulges less than the whole
+TENTH = 0.1  # of what a leaf changes may lie farther off than its depth: a shallow dish that runs across a lip
 FITTED = 3  # starts whose numbers are fitted before one is chosen
 QUICK = EMConfig()
 BEGUN = EMConfig(rounds=8)
@@ -75,21 +79,20 @@ def reconstruct_unlabelled(
     return _NoisyCloud.of(points, noise.sigma, drawn=drawn).find_shortest(found, choose_by, fit_by)
 
 
-def reconstruct_scan(
-    body: UnitBody, policy: Policy | None, rng: np.random.Generator, choose_by: Deadline, fit_by: Deadline, drawn: bool
-) -> NoisyFit | None:
+def reconstruct_scan(body: UnitBody, rng: np.random.Generator, choose_by: Deadline, fit_by: Deadline, drawn: bool) -> NoisyFit | None:
     """A program of a scanned mesh in its unit frame, from points of its surface; None where nothing is left of them.
 
     Rounded edges, bulges and dents of a real thing are no features: they count as noise, and since they go on over many facets, few points
-    say as much of it as many do. Time as for `most_likely`.
+    say as much of it as many do. The policy is not asked: it takes a tenth of the time, and knows no scans. Time as for `most_likely`.
     """
     mesh = body.target.mesh
     if mesh is None:
         return None
     points, _ = sample_surface(mesh.vertices, np.asarray(mesh.faces), SCANNED, rng)
     sigma = max(body.noise.sigma, DEVIATION)
-    found = [p.program for p in proposals(policy, points, sigma, deadline=choose_by)]
-    return _NoisyCloud.of(points, sigma, drawn=drawn).find_shortest(found, choose_by, fit_by) if found else None
+    found = [p.program for p in proposals(None, points, sigma, deadline=choose_by)]
+    cloud = _NoisyCloud.of(points, sigma, drawn=drawn, trifle=DEVIATION)
+    return cloud.find_shortest(found, choose_by, fit_by) if found else None
 
 
 def most_likely(
@@ -107,18 +110,25 @@ def most_likely(
 
 @dataclass(frozen=True)
 class _NoisyCloud:
-    """A noisy cloud: points [n, 3], the deviation of their noise, the part's directions as columns [3, 3]; outlines if `drawn`."""
+    """A noisy cloud: points [n, 3], the deviation of their noise, the part's directions as columns [3, 3]; outlines if `drawn`. What moves
+    the surface by no more than `trifle`, the deviation of real things in a scan, is no feature."""
 
     points: np.ndarray
     sigma: float
     axes: np.ndarray
     drawn: bool
+    trifle: float = 0.0
 
     @staticmethod
-    def of(points: np.ndarray, sigma: float, *known: np.ndarray, drawn: bool) -> _NoisyCloud:
+    def of(points: np.ndarray, sigma: float, *known: np.ndarray, drawn: bool, trifle: float = 0.0) -> _NoisyCloud:
         """With the clearest of the directions: those `known` from surfaces, those of the points, and the given axes."""
         frames = [*known, main_axes(points[:QUICK_POINTS]), np.eye(3)]
-        return _NoisyCloud(points, sigma, clearest_axes(points, frames, 2 * sigma), drawn)
+        return _NoisyCloud(points, sigma, clearest_axes(points, frames, 2 * sigma), drawn, trifle)
+
+    @property
+    def _noise(self) -> Noise:
+        """What the noise is before a program tells more of it."""
+        return Noise(self.sigma, least=FLOOR * self.trifle)
 
     @cached_property
     def quick(self) -> np.ndarray:
@@ -141,13 +151,13 @@ class _NoisyCloud:
         best = self._search(programs, candidates, choose_by)
         cut = choose_by.has_passed()
         points = self.quick if cut else subsample(self.points, MOST_POINTS)
-        shorter = reduce_program(best.program, deadline=fit_by)
+        shorter = reduce_program(without_trifles(best.program, self.trifle, fit_by), deadline=fit_by)
         program, constraints = _hold_relations(_fit(shorter, points, best.noise, fit_by, CAREFUL), points, fit_by)
         return NoisyFit(program, constraints, cut or fit_by.has_passed())
 
     def _best_drawn(self, found: Sequence[Primitive]) -> list[Primitive]:
         """Without all but the MOST_DRAWN outlines that alone describe the points in the shortest way."""
-        rough = FittedProgram(found[0], Noise(self.sigma), np.inf, 0)
+        rough = FittedProgram(found[0], self._noise, np.inf, 0)
         drawn = [p for p in found if p.outline is not None]
         kept = set(best_by_mdl(drawn, self._draws, rough, MOST_DRAWN)) if len(drawn) > MOST_DRAWN else set(drawn)
         return [p for p in found if p.outline is None or p in kept]
@@ -188,7 +198,7 @@ class _NoisyCloud:
 
     def _first(self, starts: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The likeliest of several programs, with its numbers fitted as far as a search needs them."""
-        rough = FittedProgram(starts[-1], Noise(self.sigma), np.inf, 0)
+        rough = FittedProgram(starts[-1], self._noise, np.inf, 0)
         few = best_by_mdl([*dict.fromkeys(starts)], self._draws, rough, FITTED)
         return min((maximise_likelihood(p, self.quick, rough.noise, REFIT, deadline) for p in few), key=self._length)
 
@@ -224,6 +234,33 @@ def _fit(program: Program, points: np.ndarray, noise: Noise, deadline: Deadline,
     """The numbers that make the points most likely, with ends let through what they only just meet, unless that hides what they show."""
     through, as_drawn = (maximise_likelihood(program, points, noise, c, deadline) for c in (config, replace(config, through=0.0)))
     return through if through.nll < as_drawn.nll + SAME else as_drawn
+
+
+def without_trifles(program: Program, reach: float, deadline: Deadline = NEVER) -> Program:
+    """The program without the leaves that, all together, move hardly any of its surface by more than `reach`; those that move it least go
+    first, as far as time allows."""
+    gone: list[Path] = []
+    if reach:
+        moves = [(_move(program, [path], reach, deadline), path) for path, _ in leaf_paths(program)]
+        for moved, path in sorted(moves):
+            if moved <= reach and _move(program, [*gone, path], reach, deadline) <= reach:
+                gone.append(path)
+    return without(program, gone) or program
+
+
+def _move(program: Program, gone: list[Path], reach: float, deadline: Deadline) -> float:
+    """How far what a program has of its own, and what it has without the leaves that are `gone`, lies from the other's surface, but for a
+    TENTH of it; by even samples so dense that what reaches so far has some. Infinite where nothing is left, or no time."""
+    less = without(program, gone)
+    if less is None or deadline.has_passed():
+        return math.inf
+    farthest = 0.0
+    for one, other in ((program, less), (less, program)):
+        places = SurfaceSamples.of(one, reach / 4).points
+        far = np.abs(kernels.program_sdf(other, places)) if len(places) else np.array([math.inf])
+        own = far[far > reach / 20]
+        farthest = max(farthest, float(np.quantile(own, 1 - TENTH)) if len(own) else 0.0)
+    return farthest
 
 
 def _hold_relations(likely: FittedProgram, points: np.ndarray, deadline: Deadline) -> tuple[Program, tuple[Constraint, ...]]:

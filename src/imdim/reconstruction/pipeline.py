@@ -390,8 +390,9 @@ def _open_films(program: Program, seen: Observation, frame: Frame, deadline: Dea
 
 def _scanned_body(observed: UnitBody, solid: Manifold, frame: Frame, work: _Work, share: float) -> _BodyState | None:
     """The program of a scanned body, judged by the points of its surface; its error is the volume in which it differs from the solid."""
-    policy = work.policy() if time_to_propose(work.budget) else None
-    told = reconstruct_scan(observed, policy, work.rng, *_times(work.budget, share), work.settings.language == "cad")
+    # few numbers are left to be fitted, and rounding is quick: the search may take longer than a cloud's
+    times = work.budget.part_of("likely", share), work.budget.part_of("fit", share)
+    told = reconstruct_scan(observed, work.rng, *times, work.settings.language == "cad")
     if told is None:
         return None
 
