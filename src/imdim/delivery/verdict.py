@@ -35,7 +35,7 @@ FOLLOWS = 0.1  # of its own width, by which a piece may lie off a surface that s
 ALONG = 0.5  # cosine between a normal and the way to the result: it runs beside the element, not across
 STEP = 0.25  # of the tolerance: what the slope of the distance is measured over
 WHOLE = 0.99  # share of the surface that is exact, from which a part is
-MOSTLY = 0.5  # share that is left out, from which a result is none
+MOSTLY = 0.5  # share that is left out, from which a result is none; that is blurred, from which its inside is a guess
 BORNE_OUT = 0.9  # share of a scan's surface that a program must run along; what it leaves out else is more than dents and bulges
 BARE = 0.05  # share of a result's surface that no point is near, from which it is a result in part
 LEAST_TOLD = 1e-4  # share of the surface: a smaller region is not listed
@@ -79,14 +79,14 @@ class SurfaceVerdict:
     @property
     def overall(self) -> str:
         """One word for the part: "left out" where most of it is, "not explained" where the program tells a cloud's points worse than their
-        neighbours do or runs along less than half of a scan, "partial" where too much of its own surface has no points or too much of a
-        scan runs elsewhere, "exact" where nearly all of the part is."""
+        neighbours do or runs along less than half of a scan, "partial" where too much of its own surface has no points or is on walls
+        thinner than the noise, or too much of a scan runs elsewhere, "exact" where nearly all of the part is."""
         if self.shares["left out"] > MOSTLY:
             return "left out"
         told, borne_out = self.explanation, 1.0 if self.borne_out is None else self.borne_out
         if borne_out < MOSTLY or (told is not None and told.shown_gain < 0):
             return "not explained"
-        if borne_out < BORNE_OUT or (told is not None and (told.gain < 0 or told.bare > BARE)):
+        if borne_out < BORNE_OUT or (told is not None and (told.gain < 0 or told.bare > BARE or told.blurred > MOSTLY)):
             return "partial"
         whole = self.shares["exact"] >= WHOLE and (told is None or told.bare <= 1 - WHOLE)
         return "exact" if whole else "approximated"
