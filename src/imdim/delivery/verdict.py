@@ -131,9 +131,9 @@ def judge(
         # teeth that are not followed are left out as a whole, tips and roots with the flanks
         codes[one.chosen] = _most_of(elements, codes, one.chosen)
     areas = np.bincount(codes, elements.areas, len(VERDICTS))
-    shares = areas / areas.sum()
+    share_of = areas / areas.sum()
     regions = sorted(_regions(elements, codes, _furthest(elements, codes, far, tree), found), key=lambda region: -region.share)[:MOST_TOLD]
-    shares = dict(zip(VERDICTS, shares.tolist(), strict=True))
+    shares: dict[str, float] = dict(zip(VERDICTS, share_of.tolist(), strict=True))
     return SurfaceVerdict(shares, float(np.median(elements.tolerance)), tuple(regions), elements, codes, told, borne_out)
 
 
