@@ -1,7 +1,5 @@
 """Relations that hold by chance bind no edit; those that a designer may have meant stay."""
 
-from dataclasses import replace
-
 from tests.export.test_outlines import SEGMENTS
 
 from imdim.delivery.finish import finish
@@ -86,27 +84,3 @@ def test_a_face_at_the_middle_of_something_is_chance():
 def test_a_ball_is_made_larger_and_the_hole_of_its_size_stays():
     after = solid_of(change_values(delivered(*relations_of(part())), {"ball_radius": 6.0}))
     assert volume_iou(after, to_manifold(part(ball=6.0), SEGMENTS)) > 1 - 1e-6
-
-
-def test_a_cone_and_the_shaft_that_it_meets_have_one_radius():
-    """A shaft of radius 3 from 0 to 20, a cone from 6 down to 3 that ends on it, and a ball of 3 elsewhere: the ball's radius is chance."""
-    shaft, cone = Primitive("cylinder", (3.0, 20.0), (0.0, 0.0, 10.0)), Primitive("cone", (6.0, 3.0, 4.0), (0.0, 0.0, 2.0))
-    ball = Primitive("sphere", (3.0,), (30.0, 0.0, 0.0))
-    program = combine_all("union", [shaft, cone, ball])
-    same = Constraint("equal", (Ref(0, "r"), Ref(1, "r_top"), Ref(2, "r")), name="radius")
-    (tie,) = without_chance(program, [same])
-    assert set(tie.of) == {Ref(0, "r"), Ref(1, "r_top")}
-    wider = solid_of(change_values(delivered(program, [same]), {"shaft_diameter": 8.0}))
-    meant = combine_all("union", [replace(shaft, size=(4.0, 20.0)), replace(cone, size=(6.0, 4.0, 4.0)), ball])
-    assert volume_iou(wider, to_manifold(meant, SEGMENTS)) > 1 - 1e-6
-
-
-def test_round_parts_that_meet_nowhere_have_radii_of_their_own():
-    shaft = Primitive("cylinder", (3.0, 20.0), (0.0, 0.0, 10.0))
-    same = Constraint("equal", (Ref(0, "r"), Ref(1, "r_top")), name="radius")
-    beside = Primitive("cone", (6.0, 3.0, 4.0), (30.0, 0.0, 2.0))
-    behind = Primitive("cone", (6.0, 3.0, 4.0), (0.0, 0.0, -20.0))
-    hole = Primitive("cone", (6.0, 3.0, 4.0), (0.0, 0.0, 2.0))
-    assert without_chance(Combine("union", shaft, beside), [same]) == ()
-    assert without_chance(Combine("union", shaft, behind), [same]) == ()
-    assert without_chance(Combine("difference", shaft, hole), [same]) == ()
