@@ -27,6 +27,7 @@ THIN = 0.2  # of a pocket's size: a thicker wall is what the pocket leaves, and 
 AT_CORNER = 1.5  # of the width of an added feature: so near an edge a row or grid follows that edge; the spacing of holes is another part's
 AT_EDGE = 1 / 3  # of a carrier's size, within which an edge is what something is measured from
 UP = 2
+ROUND_ABOUT = ("sphere", "torus", "ellipsoid")  # which have a middle, and no plane ends
 FACES = {(0, -1): "left", (0, 1): "right", (1, -1): "front", (1, 1): "back", (2, -1): "bottom", (2, 1): "top"}
 
 
@@ -63,10 +64,12 @@ def ties(program: Program, constraints: Sequence[Constraint]) -> Iterator[Tie]:
     carriers = list(_carriers(program, parts, sign, boxes, slack))
     lowest = min((float(box[0][UP]) for box, s in zip(boxes, sign, strict=True) if s > 0), default=0.0)
     yield from _walls(parts, sign, ends, carriers, slack)
+    straight = {leaf for leaf, _, _ in ends}
     placed = []
     for leaf, axis in product(range(1, len(parts)), range(3)):
         drawn = any(parts[i].outline is not None and (i, axis, 1) not in ends for i in (leaf, *carriers[leaf][:1]))
-        if carriers[leaf] and not drawn:  # the middle of a drawing is anywhere
+        # the middle of a drawing is anywhere, and nobody measures to that of what lies aslant
+        if carriers[leaf] and not drawn and (parts[leaf].kind in ROUND_ABOUT or leaf in straight):
             tie = _place(leaf, carriers[leaf][0], axis, parts, boxes, ends, lowest, slack)
             placed.append(replace(tie, at_corner=tie.at_corner and sign[leaf] > 0))
     yield from _share_insets([tie for tie in placed if tie.at_corner], slack)
@@ -171,8 +174,6 @@ def _place(leaf: int, carrier: int, axis: int, parts: Sequence[Primitive], boxes
         return from_middle
     faces = {side: ends[carrier, axis, side] for side in (-1, 1)}
     owns = {side: ends.get((leaf, axis, side)) for side in (-1, 1)}
-    if parts[leaf].outline is None and parts[leaf].kind != "box":
-        owns = dict.fromkeys(owns)  # what is round is measured to its axis, and to the middle of its length
 
     def inset(side: int) -> float:
         own = owns[side]
