@@ -74,7 +74,7 @@ def ties(program: Program, constraints: Sequence[Constraint]) -> Iterator[Tie]:
             placed.append(replace(tie, at_corner=tie.at_corner and sign[leaf] > 0))
     yield from _share_insets([tie for tie in placed if tie.at_corner], slack)
     yield from _spacings(parts, constraints, carriers, slack)
-    yield from _pitches(parts, sign, boxes, carriers, slack)
+    yield from _pitches(parts, sign, boxes, carriers, {(t.own.leaf, t.own.axis): abs(t.value) for t in placed}, slack)
     yield from (tie for tie in placed if not tie.at_corner)
 
 
@@ -136,9 +136,16 @@ def _spacings(parts: Sequence[Primitive], constraints: Sequence[Constraint], car
                 yield Tie(Datum(own, axis), Datum(other, axis), way * float(apart[axis]), min(a, b), word, (-1 - min(a, b), axis))
 
 
-def _pitches(parts: Sequence[Primitive], sign: Sequence[int], boxes: _Boxes, carriers: Sequence[list[int]], slack: float) -> Iterator[Tie]:
+def _pitches(
+    parts: Sequence[Primitive],
+    sign: Sequence[int],
+    boxes: _Boxes,
+    carriers: Sequence[list[int]],
+    away: Mapping[tuple[int, int], float],
+    slack: float,
+) -> Iterator[Tie]:
     """Of two equal round cuts side by side, where no third is, how far they are apart, if the further one is nearer to the other than to
-    an edge."""
+    what it would be measured from: each is so far `away` from that, by leaf and axis."""
     twins: dict[object, list[int]] = {}
     for leaf, (part, s) in enumerate(zip(parts, sign, strict=True)):
         if s < 0 and part.kind == "cylinder" and carriers[leaf]:
@@ -149,12 +156,11 @@ def _pitches(parts: Sequence[Primitive], sign: Sequence[int], boxes: _Boxes, car
         along = np.flatnonzero(np.abs(apart) > slack).tolist()
         if len(along) != 1:
             continue
-        low, high = (side[along[0]] for side in boxes[carriers[a][0]])
-        to_edge = [min(parts[i].center[along[0]] - low, high - parts[i].center[along[0]]) for i in (a, b)]
-        first, last = (a, b) if to_edge[0] <= to_edge[1] else (b, a)
-        step = float(apart[along[0]]) * (1 if last == b else -1)
-        if abs(step) < max(to_edge):
-            yield Tie(Datum(last, along[0]), Datum(first, along[0]), step, min(a, b), "spacing")
+        axis = along[0]
+        first, last = (a, b) if away.get((a, axis), 0.0) <= away.get((b, axis), 0.0) else (b, a)
+        step = float(apart[axis]) * (1 if last == b else -1)
+        if abs(step) < away.get((last, axis), 0.0):
+            yield Tie(Datum(last, axis), Datum(first, axis), step, min(a, b), "spacing")
 
 
 def _share_insets(corners: Sequence[Tie], slack: float) -> Iterator[Tie]:
