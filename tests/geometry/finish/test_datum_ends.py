@@ -121,3 +121,10 @@ def test_an_end_in_a_round_part_stays_where_no_face_is() -> None:
     """A bar comes out of the wall of a disc at no place that it could be drawn from."""
     bar, disc = box(40.0, 4.0, 4.0, (10.0, 0.0, 2.0)), cylinder(10.0, 4.0, (0.0, 0.0, 2.0))  # both begin at -10
     assert changed(join(disc, bar)) == join(disc, bar)
+
+
+def test_a_boss_with_a_cone_about_its_foot_begins_at_the_base() -> None:
+    boss, foot = cylinder(5.0, 30.0, (10.0, 5.0, 15.0)), Primitive("cone", (8.0, 5.0, 6.0), (10.0, 5.0, 6.0))
+    assert changed(join(PLATE, boss, foot)) == join(PLATE, boss, foot)
+    higher = cylinder(5.0, 28.0, (10.0, 5.0, 16.0))
+    assert span(list(leaves(changed(join(PLATE, higher, foot))))[1]) == pytest.approx((0.0, 30.0))

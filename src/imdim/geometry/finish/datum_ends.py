@@ -25,7 +25,7 @@ from imdim.geometry.lowering import lower
 from imdim.geometry.solid import exact_rotation, primitive_to_manifold, to_manifold
 from imdim.program.paths import leaf_paths, without
 from imdim.program.roles import signs
-from imdim.program.tree import Primitive, Program, combine_all, leaves, longest, map_leaves
+from imdim.program.tree import Primitive, Program, leaves, longest, map_leaves
 
 ALIGNED = 1e-9  # by which the cosine to one of the world's axes may lack of 1
 TOUCH = 1e-6  # of the largest size: two places are one
@@ -205,11 +205,10 @@ def _is_enough(shown: tuple[float, float], part: Primitive, end: _End) -> bool:
 
 
 def _is_carried(ends: Sequence[_End], parts: Sequence[Primitive], end: _End, hidden: float) -> bool:
-    """Whether what a part stands in, where it comes out `hidden` behind its end, begins in the outer face as well."""
+    """Whether what a part stands in, where it comes out `hidden` behind its end, begins in the outer face as well, or may not: a cone about
+    its foot is no storey that it stands on."""
     slack = TOUCH * longest(parts)
     most = _outermost(ends)[end.axis, end.side]
-    carriers = [parts[e.leaf] for e in ends if e.leaf != end.leaf and (e.axis, e.side) == (end.axis, end.side) and most - e.place <= slack]
-    if not carriers:
-        return False
-    skin = between(parts[end.leaf], end.face, -hidden, PROBE * longest(parts) - hidden)
-    return bool(kernels.inside(lower(combine_all("union", [*carriers])), probes(skin)).all())
+    up = [e.leaf for e in ends if e.leaf != end.leaf and (e.axis, e.side) == (end.axis, end.side) and most - e.place > slack]
+    skin = probes(between(parts[end.leaf], end.face, -hidden, PROBE * longest(parts) - hidden))
+    return not any(parts[i].kind in PRISMS and kernels.inside(lower(parts[i]), skin).all() for i in up)
