@@ -106,7 +106,7 @@ def test_the_head_has_the_version_and_the_names_with_their_unit():
     lines = to_ucad(*parametrised(MOUNT)).splitlines()
     assert lines[0] == "// µcad 0.5"
     assert "hole_diameter = 6mm;" in lines
-    assert "hole_x = -30mm;" in lines
+    assert "hole_spacing_x = 60mm;" in lines
 
 
 def test_every_length_has_a_unit_and_no_exponent():

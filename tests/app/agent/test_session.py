@@ -89,7 +89,7 @@ def test_strict_refuses_what_opens_or_closes(opened):
 
 def test_ties_are_broken_and_made(opened):
     apart = opened.untie("hole_diameter")
-    assert set(apart.names) == {"hole2_diameter"}
+    assert set(apart.names) == {"hole2_diameter", "hole2_from_right"}
     assert "hole2_diameter (feature 2)" in apart.notes[0]
     wide = opened.set({"hole2_diameter": 7})
     assert wide.volume_before - wide.volume == pytest.approx(bore(7) - bore(6), abs=0.2)
@@ -215,7 +215,7 @@ def test_inches_become_millimetres(opened):
 def test_relate_finds_the_row(opened):
     opened.untie("hole_diameter")
     found = opened.relate()
-    assert found.gone == ["hole2_diameter"]
+    assert "hole2_diameter" in found.gone
     assert found.iou == pytest.approx(1, abs=1e-6)
 
 

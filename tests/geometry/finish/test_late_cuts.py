@@ -78,3 +78,6 @@ def test_a_body_comes_first_and_the_others_in_their_order() -> None:
     assert lead_with_body(cut(join(boss, cut(body, hole), pin), hole)) == cut(join(cut(body, hole), boss, pin), hole)
     assert lead_with_body(join(body, boss)) == join(body, boss)
     assert lead_with_body(boss) == boss
+    hub = cylinder(25.0, 60.0)  # has more volume than the plate that it stands on
+    plate = box(120.0, 50.0, 8.0)
+    assert lead_with_body(join(hub, plate)) == join(plate, hub)

@@ -42,13 +42,14 @@ def cut_last(program: Program, deadline: Deadline = NEVER) -> Program:
 
 
 def lead_with_body(program: Program) -> Program:
-    """The same solid, whose joined parts begin with the one that fills the largest box: what the others stand on, and are placed by."""
+    """The same solid, whose joined parts begin with the one whose box has the largest face: what the others stand on, and are placed by. A
+    boss may hold more than its plate."""
     base, cuts = spine(program)
     terms = parts(base, "union")
     if len(terms) < 2:
         return program
     boxes = [np.ptp(np.reshape(to_manifold(term, CHECK_SEGMENTS).bounding_box(), (2, 3)), axis=0) for term in terms]
-    sizes = [float(np.prod(box)) for box in boxes]
+    sizes = [float(np.prod(np.sort(box)[1:])) for box in boxes]
     body = next(i for i, size in enumerate(sizes) if size >= max(sizes) * (1 - NOTHING))
     if body == 0:
         return program
