@@ -128,3 +128,10 @@ def test_a_boss_with_a_cone_about_its_foot_begins_at_the_base() -> None:
     assert changed(join(PLATE, boss, foot)) == join(PLATE, boss, foot)
     higher = cylinder(5.0, 28.0, (10.0, 5.0, 16.0))
     assert span(list(leaves(changed(join(PLATE, higher, foot))))[1]) == pytest.approx((0.0, 30.0))
+
+
+def test_what_comes_down_to_the_base_may_go_up_to_the_top() -> None:
+    """A boss between the two lids of a shell is drawn as high as the shell."""
+    shell = cut(box(40.0, 30.0, 7.0, (0.0, 0.0, 3.5)), box(36.0, 40.0, 4.0, (0.0, 0.0, 3.5)))
+    after = list(leaves(changed(join(shell, cylinder(6.0, 4.0, (0.0, 0.0, 3.5))))))
+    assert span(after[-1]) == pytest.approx((0.0, 7.0))

@@ -130,10 +130,11 @@ def _go_out(program: Program, deadline: Deadline) -> Program:
 
 
 def _rows(program: Program, slack: float) -> list[list[_End]]:
-    """Ends of parts that keep their section, those first that are the farthest out: they carry the others."""
+    """Ends of parts that keep their section, those first that look down - what begins at the base may go on to the top - and of one way the
+    farthest out, which carry the others."""
     parts = list(leaves(program))
     rows = _alike([e for e in _ends(program) if parts[e.leaf].kind in PRISMS], parts, slack)
-    return sorted(rows, key=lambda row: -row[0].place)
+    return sorted(rows, key=lambda row: ((row[0].axis, row[0].side) != DOWN, -row[0].place))
 
 
 def _outermost(ends: Sequence[_End]) -> dict[tuple[int, int], float]:
