@@ -7,7 +7,8 @@ from imdim.delivery.finish import finish
 from imdim.export.openscad import to_openscad
 from imdim.export.openscad_reader import read_openscad
 from imdim.geometry.solid import to_manifold, volume_iou
-from imdim.program.tree import Program, combine_all
+from imdim.program.outline import Outline
+from imdim.program.tree import FULL_TURN, Primitive, Program, combine_all
 from imdim.relations.discover import exact_relations
 
 
@@ -102,3 +103,15 @@ def test_heights_are_above_the_base_and_pairs_have_a_spacing() -> None:
 def test_a_thick_wall_is_what_its_pocket_leaves(gap: float, named: bool) -> None:
     program = cut(box(100.0, 60.0, 20.0), box(100.0 - 2 * gap, 60.0 - 2 * gap, 20.0, (0.0, 0.0, 0.0)))
     assert ("plate_wall" in Edited(program).values) == named
+
+
+def knob(plate: float = 8.0, height: float = 30.0) -> Program:
+    """A turned boss on a plate, and a nipple in its side."""
+    profile = ((8.0, 0.0), (20.0, 0.0), (16.0, height), (8.0, height))
+    boss = Primitive("revolve", (FULL_TURN,), (0.0, 0.0, plate), outline=Outline((tuple((r, z, 0.0) for r, z in profile),)))
+    return join(box(100.0, 60.0, plate, (0.0, 0.0, plate / 2)), boss, Primitive("sphere", (5.0,), (18.0, 0.0, plate + 14.0)))
+
+
+def test_what_sits_in_the_side_of_a_turned_part_stays_at_its_height() -> None:
+    edited = Edited(knob())
+    assert edited.is_now(knob(plate=12.0), plate_thickness=12.0)

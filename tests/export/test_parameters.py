@@ -120,10 +120,10 @@ def test_without_constraints_every_size_has_a_name_and_cuts_go_through_what_they
     delivered = finish_flat(MOUNT)
     parameters = parametrise(MOUNT, [], delivered)
     holes = {f"hole{n}_diameter" for n in ("", 2, 3, 4, 5)}
-    assert {name for name in parameters.values if "_from_" not in name} == {
-        *("plate_length", "plate_width", "plate_thickness", "boss_diameter", "boss_height"),
-        *holes,
-    }
+    edges = {"hole": ("left", "front"), "hole2": ("left", "back"), "hole3": ("right", "front"), "hole4": ("right", "back")}
+    places = {f"{hole}_from_{edge}" for hole, both in edges.items() for edge in both}
+    sizes = {"plate_length", "plate_width", "plate_thickness", "boss_diameter", "boss_height"}
+    assert set(parameters.values) == sizes | holes | places
     assert parameters.values["hole_from_left"] == parameters.values["hole4_from_right"] == 10, "the nearest edge"
     assert list(leaves(read_openscad(to_openscad(delivered, 48, parameters)))) == list(leaves(delivered))
 

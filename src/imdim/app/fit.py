@@ -31,10 +31,8 @@ Reconstruct = Callable[["Target", Settings, "np.random.Generator"], "Iterator[Sn
 
 DELIVERY_S = 6.0
 FILES_S = 5.0  # of these, for the files of a program that is finished
-WRITING_S, WRITING_SHARE = (
-    2.0,
-    0.4,
-)  # for texts, scores and pictures, which take that long whatever the part; at most that share of a budget
+# for texts, scores and pictures, which take that long whatever the part; at most that share of a budget
+WRITING_S, WRITING_SHARE = 2.0, 0.4
 LEAST_S = 1.0  # for the reconstruction, however long loading took
 STEP_SHARE = 0.03  # of the budget, which STEP may take beyond it
 MOST_SAID = 6  # groups of holes on the screen; the report has all

@@ -1,9 +1,9 @@
 """From where features are measured: walls of pockets, distances from edges and middles of what carries them, spacings of pairs.
 
-A designer places what lies near an edge from that edge, what lies in the middle by the middle, heights from the base, and the rest from
-the face or middle that is the origin. A pocket that leaves thin walls of one thickness all about is as large as these allow; two features
-that mirror each other, and two equal holes side by side, have a spacing. Each of these is a soft equation (`Tie`): it says what is free,
-and gives way to all relations that were found.
+A designer places what lies near an edge from that edge, what lies in the middle by the middle, heights from the bottom of what carries
+it, and the rest from the face or middle that is the origin. A pocket that leaves thin walls of one thickness all about is as large as
+these allow; two features that mirror each other, and two equal holes side by side, have a spacing. Each of these is a soft equation
+(`Tie`): it says what is free, and gives way to all relations that were found.
 """
 
 from __future__ import annotations
@@ -43,7 +43,8 @@ class Datum(NamedTuple):
 class Tie:
     """`own` lies `value` beyond `datum` along the axis: a dimension of leaf `named` if it has a `word`, one for all ties of one `key`.
 
-    What stays `at_corner` does so where the middle of its row or grid is known, too.
+    What stays `at_corner` does so where the middle of its row or grid is known, too. A tie that `sizes` may settle a size as well as a
+    place.
     """
 
     own: Datum
@@ -53,24 +54,25 @@ class Tie:
     word: str = ""
     key: tuple[int, float] | None = None
     at_corner: bool = False
+    sizes: bool = False
 
 
 def ties(program: Program, constraints: Sequence[Constraint]) -> Iterator[Tie]:
     """Walls, spacings and places, those that are meant most first."""
     parts, numbers, sign = list(leaves(program)), lower(program), signs(program)
-    ends = {(e.leaf, e.axis, e.side): e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers) if e.column >= 0}
+    every = {(e.leaf, e.axis, e.side): e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers)}
+    ends = {where: e for where, e in every.items() if e.column >= 0}
     boxes = [reach_of(p, numbers.rotations[i]) for i, p in enumerate(parts)]
     slack = TOUCH * longest(parts)
     carriers = list(_carriers(program, parts, sign, boxes, slack))
-    lowest = min((float(box[0][UP]) for box, s in zip(boxes, sign, strict=True) if s > 0), default=0.0)
     yield from _walls(parts, sign, ends, carriers, slack)
     straight = {leaf for leaf, _, _ in ends}
     placed = []
     for leaf, axis in product(range(1, len(parts)), range(3)):
-        drawn = any(parts[i].outline is not None and (i, axis, 1) not in ends for i in (leaf, *carriers[leaf][:1]))
+        drawn = any(parts[i].kind == "extrude" and (i, axis, 1) not in ends for i in (leaf, *carriers[leaf][:1]))
         # the middle of a drawing is anywhere, and nobody measures to that of what lies aslant
         if carriers[leaf] and not drawn and (parts[leaf].kind in ROUND_ABOUT or leaf in straight):
-            tie = _place(leaf, carriers[leaf][0], axis, parts, boxes, ends, lowest, slack)
+            tie = _place(leaf, carriers[leaf][0], axis, parts, boxes, every, slack)
             placed.append(replace(tie, at_corner=tie.at_corner and sign[leaf] > 0))
     yield from _share_insets([tie for tie in placed if tie.at_corner], slack)
     yield from _spacings(parts, constraints, carriers, slack)
@@ -118,7 +120,8 @@ def _walls(parts: Sequence[Primitive], sign: Sequence[int], ends: _Ends, carrier
         # what is open on one side has a depth, unless thin walls all about it make it a shell
         for axis, side, gap, word in shell + (floors if len(shell) == 4 else []):
             own, face = ends[leaf, axis, side], ends[carrier, axis, side]
-            yield Tie(Datum(leaf, axis, own), Datum(carrier, axis, face), -side * gap, carrier, word, (carrier, round(gap / slack / 2)))
+            key = (carrier, round(gap / slack / 2))
+            yield Tie(Datum(leaf, axis, own), Datum(carrier, axis, face), -side * gap, carrier, word, key, sizes=True)
 
 
 def _spacings(parts: Sequence[Primitive], constraints: Sequence[Constraint], carriers: Sequence[list[int]], slack: float) -> Iterator[Tie]:
@@ -170,10 +173,11 @@ def _share_insets(corners: Sequence[Tie], slack: float) -> Iterator[Tie]:
     yield from (replace(tie, word="inset", key=key) if often[key] == 2 else tie for tie, key in zip(corners, keys, strict=True))
 
 
-def _place(leaf: int, carrier: int, axis: int, parts: Sequence[Primitive], boxes: _Boxes, ends: _Ends, lowest: float, slack: float) -> Tie:
+def _place(leaf: int, carrier: int, axis: int, parts: Sequence[Primitive], boxes: _Boxes, ends: _Ends, slack: float) -> Tie:
     """Where a leaf lies in its carrier: in the middle, so far from an edge, or from the middle."""
     middle = parts[leaf].center[axis] - parts[carrier].center[axis]
-    if abs(middle) <= slack:
+    turned = parts[carrier].kind == "revolve" and (carrier, axis, 1) in ends  # whose middle is anywhere, along its axis
+    if abs(middle) <= slack and not turned:
         return Tie(Datum(leaf, axis), Datum(carrier, axis), 0.0)
     from_middle = Tie(Datum(leaf, axis), Datum(carrier, axis), float(middle), leaf, "xyz"[axis])
     if (carrier, axis, 1) not in ends:
@@ -189,10 +193,10 @@ def _place(leaf: int, carrier: int, axis: int, parts: Sequence[Primitive], boxes
     room = place_of(faces[1], parts) - place_of(faces[-1], parts)
     near = min((-1, 1), key=lambda side: (abs(inset(side)), side))
     grounded = [side for side in (-1, 1) if abs(place_of(faces[side], parts)) <= slack]
-    if axis == UP and abs(place_of(faces[-1], parts) - lowest) <= slack:
-        near = -1  # heights are above the base
+    if axis == UP:
+        near = -1  # heights are above what something is on
     elif abs(inset(near)) > AT_EDGE * room:
-        if abs(parts[carrier].center[axis]) <= slack:
+        if abs(parts[carrier].center[axis]) <= slack and not turned:
             return from_middle
         near = grounded[0] if grounded else near
     far = inset(near)

@@ -29,8 +29,8 @@ from imdim.relations.residuals import rows_of
 ZERO = 1e-9  # coefficients
 HALVES = 1e-6  # by which a coefficient may miss a half that it stands for: the digits of files
 MOST_NAMED = 1000  # primitives, copies counted, of a program with names: equations are dense, and so many take 0.4 GB
+MOST_PLACED = 300  # primitives of a program whose places have names too; nobody reads a thousand of them
 SLOPE = 1e-6  # of a constraint's own slopes, that it may have with respect to a name
-SHELL = ("wall", "floor")  # what pockets leave, and are as large as that allows
 PATTERNS = ("linear", "circular")
 _RANKS = {"center": 0, "radius": 2, "circle": 2, "diameter": 3}  # by the last part of a word, the last are eliminated last
 
@@ -100,7 +100,8 @@ class LinearSystem:
                 for v, factor in wall.row.items():
                     row[v] = row.get(v, 0.0) - factor
                 system._add_seat(own.leaf, row, word)
-        system._add_places(ties(program, constraints))
+        if len(parts) <= MOST_PLACED:
+            system._add_places(ties(program, constraints))
         for leaf in system.heights:
             # otherwise what is turned grows upwards, as seen along its own axis
             system.ties += [(leaf, system._place(end, 1.0)) for end in ends_of(leaf, parts[leaf], numbers) if end.local == "-z"]
@@ -125,7 +126,7 @@ class LinearSystem:
         """Which number follows from which equation of `matrix`, in which each is eliminated before the next is asked for."""
         order = self._order()
         yield from self._plain_pivots(matrix, order)
-        own = [[v for v in order if v // 6 == leaf and v < self.extra] for leaf, _ in self.ties]
+        own = [sorted(range(6 * leaf, 6 * leaf + 6), key=lambda v: (v % 6 < 3, -v)) for leaf, _ in self.ties]
         spacings = [v for v in order if self._is_spacing(v)]
         firsts = {self.leaf_of(v) for v in spacings}
         for leaf, _, with_spacing in self.places:
@@ -138,15 +139,14 @@ class LinearSystem:
 
     def _plain_pivots(self, matrix: np.ndarray, order: list[int]) -> Iterator[tuple[int, int]]:
         free = np.arange(len(matrix)) < len(self.rows)
-        places = [v for v in order if v < self.extra and v % 6 > 2]
+        centres = [(v, False) for v in order if v < self.extra and v % 6 > 2]
         # how far apart flush parts are follows from their sizes, if it does so by halves
-        spacings = [v for v in order if self._is_spacing(v)]
-        early = len(places) + len(spacings)
-        for number, v in enumerate([*places, *spacings, *(v for v in order if v not in places)] if self.rows else []):
+        spacings = [(v, True) for v in order if self._is_spacing(v)]
+        rest = [(v, False) for v in order if v >= self.extra or v % 6 < 3]
+        for v, by_halves in [*centres, *spacings, *rest] if self.rows else []:
             column = np.where(free, np.abs(matrix[:, v]), 0.0)
             pivot = int(column.argmax())
-            is_early = len(places) <= number < early
-            if column[pivot] > ZERO and (not is_early or all(map(_is_plain, matrix[pivot] / matrix[pivot, v]))):
+            if column[pivot] > ZERO and not (by_halves and not all(map(_is_plain, matrix[pivot] / matrix[pivot, v]))):
                 yield v, pivot
                 free[pivot] = False
 
@@ -198,6 +198,7 @@ class LinearSystem:
     def _add_places(self, found: Iterable[Tie]) -> None:
         """Where features lie from their datums; ties of one key share a name."""
         shared: dict[tuple[str, tuple[int, float]], int] = {}
+        sizing: list[tuple[int, dict[int, float]]] = []
         for tie in found:
             row = self._datum(tie.own, 1.0)
             for v, factor in self._datum(tie.datum, -1.0).items():
@@ -209,10 +210,11 @@ class LinearSystem:
                 if key is not None:
                     shared[key] = v
                 row[v] = -math.copysign(1.0, tie.value)
-            if tie.word in SHELL:
-                self.ties.insert(0, (tie.own.leaf, row))
+            if tie.sizes:
+                sizing.append((tie.own.leaf, row))
             else:
                 self.places.append((tie.own.leaf, row, tie.at_corner))
+        self.ties = sizing + self.ties  # a shell's floor before the depth of its pocket
 
     def _datum(self, datum: Datum, sign: float) -> dict[int, float]:
         """The position of what a distance is measured from, times `sign`."""

@@ -26,6 +26,7 @@ SAME = 2e-4  # of the solid's diagonal, by which sizes and ends may differ
 THIN = 4.0  # of the slack: nothing is made as short as that
 NARROWER = 4e-3  # of a width
 NOTHING = 1e-6  # of a region's volume
+AXES = {"box": (0, 1, 2), "cylinder": (2,), "cone": (2,), "extrude": (2,)}  # along which a leaf may become shorter
 
 
 class LastOperand(NamedTuple):
@@ -79,7 +80,7 @@ def even_lengths(parts: Sequence[LastOperand], rest: Rest) -> list[LastOperand]:
 
 def ends_of(leaf: Primitive, axis: int) -> tuple[float, float]:
     """From where to where a primitive reaches along a local axis or its opposite, whichever points forward in the world."""
-    middle, length = float(_direction(leaf, axis) @ leaf.center), leaf.size[axis] if leaf.kind == "box" else leaf.size[-1]
+    middle, length = float(direction_of(leaf, axis) @ leaf.center), leaf.size[axis] if leaf.kind == "box" else leaf.size[-1]
     return middle - length / 2, middle + length / 2
 
 
@@ -93,8 +94,13 @@ def reach(solid: Manifold, leaf: Primitive, axis: int, of: float) -> tuple[float
     """From where to where a solid reaches along the leaf's axis; None if it has next to nothing of the volume `of`."""
     if solid.volume() <= NOTHING * of:
         return None
-    places = np.asarray(solid.to_mesh().vert_properties, np.float64)[:, :3] @ _direction(leaf, axis)
+    places = np.asarray(solid.to_mesh().vert_properties, np.float64)[:, :3] @ direction_of(leaf, axis)
     return float(places.min()), float(places.max())
+
+
+def direction_of(leaf: Primitive, axis: int) -> np.ndarray:
+    """The local axis [3] or its opposite, whichever points forward."""
+    return exact_rotation(leaf)[:, axis] * _forward(leaf, axis)
 
 
 def narrow(leaf: Primitive, axis: int) -> Primitive:
@@ -103,11 +109,6 @@ def narrow(leaf: Primitive, axis: int) -> Primitive:
         return inset(leaf, NARROWER / 2 * extent(leaf.outline))
     along = {"box": axis, "cylinder": 1, "cone": 2}[leaf.kind]
     return replace(leaf, size=tuple(s if i == along else s * (1 - NARROWER) for i, s in enumerate(leaf.size)))
-
-
-def _direction(leaf: Primitive, axis: int) -> np.ndarray:
-    """The local axis [3] or its opposite, whichever points forward."""
-    return exact_rotation(leaf)[:, axis] * _forward(leaf, axis)
 
 
 def _forward(leaf: Primitive, axis: int) -> int:

@@ -11,16 +11,15 @@ import numpy as np
 from manifold3d import Manifold, OpType
 
 from imdim.deadline import NEVER, Deadline
-from imdim.geometry.finish.cutter_extent import ends_of, stretch
+from imdim.geometry.finish.cutter_extent import AXES, direction_of, ends_of, stretch
 from imdim.geometry.finish.section import CHECK_SEGMENTS
-from imdim.geometry.solid import exact_rotation, primitive_to_manifold, to_manifold
+from imdim.geometry.solid import primitive_to_manifold, to_manifold
 from imdim.program.rewrite.containment_rules import parts, spine
 from imdim.program.tree import Primitive, Program, combine_all
 
 NOTHING = 1e-6  # of a volume
 ROUNDS = 4  # of nested parts that are joined
 DIGITS = 9  # decimals of the size of a cut, to which its new ends are rounded
-AXES = {"box": (0, 1, 2), "cylinder": (2,), "cone": (2,), "extrude": (2,)}  # along which a cut may become shorter
 
 
 def cut_last(program: Program, deadline: Deadline = NEVER) -> Program:
@@ -163,8 +162,6 @@ def _shorten(cut: Primitive, axis: int, air: Manifold, joined: Manifold) -> Prim
 
 def _extent(solid: Manifold, part: Primitive, axis: int) -> tuple[float, float]:
     """From where to where a solid reaches along an axis of a part, as `ends_of` counts, to some digits of the part's size."""
-    direction = exact_rotation(part)[:, axis]
-    direction = direction if direction[np.abs(direction).argmax()] > 0 else -direction
-    places = np.asarray(solid.to_mesh64().vert_properties)[:, :3] @ direction
+    places = np.asarray(solid.to_mesh64().vert_properties)[:, :3] @ direction_of(part, axis)
     decimals = DIGITS - int(np.ceil(np.log10(max(part.size))))
     return round(float(places.min()), decimals), round(float(places.max()), decimals)

@@ -15,9 +15,9 @@ import numpy as np
 from manifold3d import Manifold, OpType
 
 from imdim.deadline import NEVER, Deadline
-from imdim.geometry.finish.cutter_extent import ends_of, stretch
+from imdim.geometry.finish.cutter_extent import AXES, direction_of, ends_of, stretch
 from imdim.geometry.finish.section import CHECK_SEGMENTS
-from imdim.geometry.solid import exact_rotation, primitive_to_manifold, to_manifold
+from imdim.geometry.solid import primitive_to_manifold, to_manifold
 from imdim.program.rewrite.containment_rules import parts, spine
 from imdim.program.tree import Primitive, Program, combine_all
 
@@ -29,7 +29,6 @@ ALIGNED = 1e-9  # by which the cosine between two axes may lack of 1
 MOST = 4  # pieces
 DIGITS = 9  # of a body's length, that computed ends are rounded to
 PARTED = ("box", "cylinder", "extrude")
-AXES = {"box": (0, 1, 2), "cylinder": (2,), "cone": (2,), "extrude": (2,)}  # along which a leaf may become shorter
 
 
 def part_bodies(program: Program, is_plainer: Callable[[Program, Program], bool], deadline: Deadline = NEVER) -> Program:
@@ -66,7 +65,7 @@ def _parted(body: Primitive, cuts: Sequence[Program]) -> Iterator[list[Program]]
 
 def _span(piece: Manifold, body: Primitive, axis: int) -> Span:
     """From where to where a piece goes along a body's axis."""
-    places = np.asarray(piece.to_mesh64().vert_properties)[:, :3] @ _forward(body, axis)
+    places = np.asarray(piece.to_mesh64().vert_properties)[:, :3] @ direction_of(body, axis)
     low, high = ends_of(body, axis)
     decimals = DIGITS - math.ceil(math.log10(high - low))
     first, last = (round(float(place), decimals) for place in (places.min(), places.max()))
@@ -77,7 +76,7 @@ def _span(piece: Manifold, body: Primitive, axis: int) -> Span:
 def _cut_piece(piece: Primitive, axis: int, span: Span, cuts: Sequence[Program]) -> Program:
     solid = primitive_to_manifold(piece, CHECK_SEGMENTS)
     taken = [cut for cut in cuts if (to_manifold(cut, CHECK_SEGMENTS) ^ solid).volume() > NOTHING * solid.volume()]
-    return combine_all("difference", [piece, *(_clipped(cut, _forward(piece, axis), span) for cut in taken)])
+    return combine_all("difference", [piece, *(_clipped(cut, direction_of(piece, axis), span) for cut in taken)])
 
 
 def _clipped(cut: Program, direction: np.ndarray, span: Span) -> Program:
@@ -85,13 +84,7 @@ def _clipped(cut: Program, direction: np.ndarray, span: Span) -> Program:
     if not isinstance(cut, Primitive):
         return cut
     for axis in AXES.get(cut.kind, ()):
-        if abs(_forward(cut, axis) @ direction) > 1 - ALIGNED:
+        if abs(direction_of(cut, axis) @ direction) > 1 - ALIGNED:
             low, high = ends_of(cut, axis)
             return stretch(cut, axis, (max(low, span[0]), min(high, span[1])))
     return cut
-
-
-def _forward(leaf: Primitive, axis: int) -> np.ndarray:
-    """A local axis [3] or its opposite, whichever points forward in the world."""
-    direction = exact_rotation(leaf)[:, axis]
-    return direction if direction[np.abs(direction).argmax()] > 0 else -direction
