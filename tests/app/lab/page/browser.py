@@ -20,6 +20,7 @@ from imdim.app.lab.drawing import SPAN
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 WAIT_MS = 120_000  # for what takes a second on a machine that has nothing else to do
+DROPDOWN_MS = 5_000  # for a choice of an open dropdown
 COARSE = "?fixedDpr=0.5"  # a quarter of the pixels: without a graphics card they are what takes the time
 in_the_lab = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 # Chromium fills the address bar of each window with pages of its own, half a second of a core
@@ -182,6 +183,7 @@ class LabPage:
         """Add a constraint that has a value."""
         if not self.box("Relation").is_visible():
             self.press_folder("Write a relation")
+            self.page.wait_for_timeout(HAND_MS)  # a dropdown that is opened while its folder still grows is closed again
         self.choose("Relation", kind)
         self.field("Of").fill(of)
         self.page.wait_for_timeout(HAND_MS)
@@ -204,9 +206,17 @@ class LabPage:
         return self.page.locator(".lab-notice").inner_text()
 
     def choose(self, label, value):
-        """Of a dropdown."""
-        self.box(label).click()
-        self.page.get_by_role("option", name=value, exact=True).click()
+        """Of a dropdown, which the page closes when something moves it: then it is opened again."""
+        from playwright.sync_api import TimeoutError as PlaywrightTimeout
+
+        option, end = self.page.get_by_role("option", name=value, exact=True), time.monotonic() + WAIT_MS / 1000
+        while True:
+            if not option.is_visible():
+                self.box(label).click()
+            try:
+                return option.click(timeout=DROPDOWN_MS)
+            except PlaywrightTimeout:
+                assert time.monotonic() < end, f"{value} of {label} never stood still"
 
     def keys(self, *names):
         """Pressed where no input has the focus."""
