@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from imdim.geometry.winding import inside_mesh, triangle_tree, winding_number
+from imdim.geometry.winding import Interior, triangle_tree, winding_number
 
 
 def queries(seed: int, count: int, reach: float) -> np.ndarray:
@@ -41,13 +41,13 @@ def test_a_torus_inside_and_outside():
     clear = np.abs(gap) > 0.005  # beyond the facets' sagitta
     number = winding_number(mesh, points[clear])
     assert np.abs(number - (gap[clear] < 0)).max() < 0.1
-    assert (inside_mesh(mesh, points[clear]) == (gap[clear] < 0)).all()
+    assert (Interior(mesh).contains(points[clear]) == (gap[clear] < 0)).all()
 
 
 def test_rays_agree_with_the_closed_form_of_a_box_to_the_last_query():
     points = queries(2, 50_000, 1.0)
     mesh = trimesh.creation.box((1.0, 1.2, 0.8))
-    assert (inside_mesh(mesh, points) == (np.abs(points) < [0.5, 0.6, 0.4]).all(axis=1)).all()
+    assert (Interior(mesh).contains(points) == (np.abs(points) < [0.5, 0.6, 0.4]).all(axis=1)).all()
 
 
 @pytest.mark.parametrize(("scale", "place"), [(1e-6, 0.0), (1e6, 0.0), (1.0, 1e4)])
@@ -57,7 +57,7 @@ def test_any_unit_and_place(scale, place):
     points = queries(3, 2_000, 1.5)
     radius = np.linalg.norm(points, axis=1)
     clear = np.abs(radius - 1) > 0.02
-    inside = inside_mesh(mesh, (points[clear] + place) * scale)
+    inside = Interior(mesh).contains((points[clear] + place) * scale)
     assert (inside == (radius[clear] < 1)).all()
 
 
@@ -68,7 +68,7 @@ def test_an_open_mesh_is_told_by_the_winding_number():
     points = queries(4, 2_000, 1.5)
     radius = np.linalg.norm(points, axis=1)
     clear = (np.abs(radius - 1) > 0.02) & (points[:, 2] < 0.6)
-    assert (inside_mesh(mesh, points[clear]) == (radius[clear] < 1)).all()
+    assert (Interior(mesh).contains(points[clear]) == (radius[clear] < 1)).all()
 
 
 def test_two_solids_in_one_place_count_twice():
@@ -78,4 +78,4 @@ def test_two_solids_in_one_place_count_twice():
 
 
 def test_no_queries_give_no_answers():
-    assert inside_mesh(trimesh.creation.box(), np.zeros((0, 3))).shape == (0,)
+    assert Interior(trimesh.creation.box()).contains(np.zeros((0, 3))).shape == (0,)

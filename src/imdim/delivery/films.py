@@ -14,7 +14,7 @@ import trimesh
 from imdim.geometry.finish.cutter_walls import FILM
 from imdim.geometry.metrics import diagonal
 from imdim.geometry.triangles import distances, triangle_tree
-from imdim.geometry.winding import inside_mesh
+from imdim.geometry.winding import Interior
 from imdim.target.target import Target
 
 FAR = 5.0  # of FILM: what lies no farther from the target stands for something of it
@@ -53,12 +53,12 @@ def find_film(surface: trimesh.Trimesh, target: Target, furthest: float) -> Film
         return None
     drawn = trimesh.sample.sample_surface(surface, SAMPLES, seed=0)
     points, inward = drawn[0], -surface.face_normals[drawn[1]]
-    away = np.flatnonzero(distances(triangle_tree(target.mesh), points) > far)
-    thin = away[~inside_mesh(surface, points[away] + thick * inward[away])] if len(away) else away
+    solid, away = Interior(surface), np.flatnonzero(distances(triangle_tree(target.mesh), points) > far)
+    thin = away[~solid.contains(points[away] + thick * inward[away])] if len(away) else away
     if len(thin) < LEAST * SAMPLES:
         return None
     depths = thick * 0.75 ** np.arange(DEPTHS)
-    out = ~inside_mesh(surface, (points[thin] + depths[:, None, None] * inward[thin]).reshape(-1, 3)).reshape(DEPTHS, -1)
+    out = ~solid.contains((points[thin] + depths[:, None, None] * inward[thin]).reshape(-1, 3)).reshape(DEPTHS, -1)
     # the least depth from which the film is left behind
     left = np.where(out.all(0), DEPTHS - 1, out.argmin(0) - 1)
     low, high = points[thin].min(0), points[thin].max(0)

@@ -32,7 +32,7 @@ from imdim.target.target import Target
 
 FORMAT, VERSION = "imdim-report", 1
 
-PACKAGES = ("imdim", "numpy", "scipy", "numba", "torch", "trimesh", "manifold3d", "embreex", "cadquery-ocp-novtk")
+PACKAGES = ("imdim", "numpy", "scipy", "numba", "torch", "trimesh", "manifold3d", "cadquery-ocp-novtk")
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import trimesh
 from numba import njit
 
+from imdim.geometry.crossings import sort_columns
 from imdim.geometry.triangles import sort_leaves, sum_up
 
 LEAF_SIZE = 6
@@ -72,36 +74,36 @@ def winding_number(source: trimesh.Trimesh | np.ndarray | WindingTree, queries: 
     return _winding(tree.corners, tree.moments, tree.starts, np.ascontiguousarray(unit))
 
 
-def inside_mesh(source: trimesh.Trimesh | WindingTree, queries: np.ndarray) -> np.ndarray:
-    """Whether `queries` [m, 3] lie inside, bool [m]; the likelier answer for open meshes.
+class Interior:
+    """Where a mesh is solid; build it once where many batches of queries follow.
 
-    A closed mesh without self-overlap is asked by the parity of crossings along two oblique rays, which embree counts fast
-    but in float32; where the two disagree, and for every other mesh, the winding number decides.
+    A closed mesh without self-overlap is asked by the parity of crossings along two oblique rays; where the two disagree, and for every
+    other mesh, the winding number decides.
     """
-    queries = np.asarray(queries, float).reshape(-1, 3)
-    if isinstance(source, WindingTree) or not _suits_rays(source):
-        return winding_number(source, queries) > 0.5
-    low, high = source.bounds
-    near = np.flatnonzero(((queries > low) & (queries < high)).all(axis=1))
-    odd, other = (_odd_crossings(source, queries[near], direction) for direction in RAYS)
-    unsure = np.flatnonzero(odd != other)
-    if len(unsure):
-        odd[unsure] = winding_number(source, queries[near[unsure]]) > 0.5
-    inside = np.zeros(len(queries), bool)
-    inside[near] = odd
-    return inside
 
+    def __init__(self, mesh: trimesh.Trimesh) -> None:
+        self._mesh = mesh
+        triangles = np.asarray(mesh.vertices, float)[mesh.faces]
+        self._columns = [sort_columns(triangles, np.asarray(ray)) for ray in RAYS] if mesh.is_watertight else []
 
-def _suits_rays(mesh: trimesh.Trimesh) -> bool:
-    # embree works in float32 and its wrapper steps by absolute lengths: only ordinary sizes near the origin are safe
-    centre, scale = _unit_frame(mesh.bounds)
-    return bool(mesh.is_watertight) and 1e-4 < scale < 1e2 and float(np.linalg.norm(centre)) * scale < 10
+    @cached_property
+    def _tree(self) -> WindingTree:
+        return triangle_tree(self._mesh)
 
-
-def _odd_crossings(mesh: trimesh.Trimesh, origins: np.ndarray, direction: tuple[float, float, float]) -> np.ndarray:
-    rays = np.broadcast_to(np.asarray(direction), origins.shape)
-    ray = mesh.ray.intersects_id(origins, rays, multiple_hits=True)[1]
-    return np.bincount(ray, minlength=len(origins)) % 2 == 1
+    def contains(self, queries: np.ndarray) -> np.ndarray:
+        """Whether `queries` [m, 3] lie inside, bool [m]; the likelier answer for open meshes."""
+        queries = np.asarray(queries, float).reshape(-1, 3)
+        if not self._columns:
+            return winding_number(self._tree, queries) > 0.5
+        low, high = self._mesh.bounds
+        near = np.flatnonzero(((queries > low) & (queries < high)).all(axis=1))
+        odd, other = (columns.count_above(queries[near]) % 2 == 1 for columns in self._columns)
+        unsure = np.flatnonzero(odd != other)
+        if len(unsure):
+            odd[unsure] = winding_number(self._tree, queries[near[unsure]]) > 0.5
+        inside = np.zeros(len(queries), bool)
+        inside[near] = odd
+        return inside
 
 
 def _unit_frame(points: np.ndarray) -> tuple[np.ndarray, float]:

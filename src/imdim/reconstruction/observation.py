@@ -19,7 +19,7 @@ from imdim.detection.noise import NoiseModel, measure_noise
 from imdim.geometry import kernels
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.geometry.surface import Patch, Surface
-from imdim.geometry.winding import inside_mesh
+from imdim.geometry.winding import Interior
 from imdim.program.cost import CURVE, weigh
 from imdim.program.tree import Program
 from imdim.reconstruction.evidence import ScoringSamples
@@ -216,7 +216,7 @@ def _labeller(unit: Target, patches: list[Patch], deadline: Deadline) -> Callabl
     """The function that gives the probability of being inside [n] for points [n, 3]."""
     mesh = unit.mesh
     if mesh is not None:
-        return lambda points: inside_mesh(mesh, points)
+        return Interior(mesh).contains
     from imdim.detection.cloud_occupancy import inside_probability
 
     # single queries are right far more often than their votes are unanimous: a cell averages decisions, not doubts

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
+from imdim.geometry.crossings import sort_columns
 from imdim.target.target import sample_surface
 
 POINTS = 8192
@@ -74,7 +75,7 @@ def _sample_visible(mesh: trimesh.Trimesh, views: int, rng: np.random.Generator,
     seen = np.zeros(len(points), bool)
     for direction in VIEWS[:views]:
         facing = np.flatnonzero(~seen & (normals @ direction > 0.05))
-        seen[facing] = ~mesh.ray.intersects_any(start[facing], np.broadcast_to(direction, (len(facing), 3)))
+        seen[facing] = sort_columns(vertices[faces], direction).count_above(start[facing]) == 0
     found = rng.permutation(np.flatnonzero(seen))[:count]
     if len(found) < count:
         raise ValueError(f"only {len(found)} of {len(points)} samples are seen from {views} sides, {count} are needed")
