@@ -23,7 +23,7 @@ from imdim.search.mdl.silhouettes import outlines
 PART = cut(union(box(40, 30, 6), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(3, 40, (-12.0, 0.0, 0.0)))
 
 
-def cloud(program, n=8000, sigma=0.4, seed=0):
+def cloud(program, n=4000, sigma=0.4, seed=0):
     rng = np.random.default_rng(seed)
     return surface_points(program, n, rng)[0] + rng.normal(0, sigma, (n, 3))
 

@@ -20,6 +20,7 @@ from imdim.app.lab.drawing import SPAN
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 WAIT_MS = 120_000  # for what takes a second on a machine that has nothing else to do
+FOLDER_MS = 400  # for one that opens
 DROPDOWN_MS = 5_000  # for a choice of an open dropdown
 COARSE = "?fixedDpr=0.5"  # a quarter of the pixels: without a graphics card they are what takes the time
 in_the_lab = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
@@ -176,14 +177,14 @@ class LabPage:
         self.box(name).press("Enter")
 
     def press_folder(self, name):
-        """Open or close it."""
+        """Open or close it, and wait as a hand does: what is pressed in a folder that still grows may not take it."""
         self.page.get_by_text(name).click()
+        self.page.wait_for_timeout(FOLDER_MS)
 
     def relate(self, kind, of, value):
         """Add a constraint that has a value."""
         if not self.box("Relation").is_visible():
             self.press_folder("Write a relation")
-            self.page.wait_for_timeout(HAND_MS)  # a dropdown that is opened while its folder still grows is closed again
         self.choose("Relation", kind)
         self.field("Of").fill(of)
         self.page.wait_for_timeout(HAND_MS)
