@@ -1,23 +1,29 @@
-"""Whether delivered programs read as a designer's: ``python scripts/bench/editable.py RESULTS``
+"""Whether delivered programs read as a designer's: ``python scripts/bench/editable.py RESULTS [--sources TREES.json]``
 
-RESULTS holds results folders. For each program.json: how many of its numbers (values of names, lengths and places that follow no name,
-angles) lie on a grid of 0.05 mm, of a sixteenth of an inch, or of 0.5 degrees; how many coefficients of expressions are none of 1, 1/2, 2
-and whole numbers; how deep its operations nest, chains of one operation counted once; and how many of its outlines have no number that
-follows no name (`Parameters.free_numbers`). Programs of parts in other units than millimetres or inches fail the first by design. How many
-changes of names `imdim edit` accepts is told by `edits.py`.
+RESULTS holds results folders. For each program.json: how many of its numbers (values of names as program.scad begins with them, lengths and
+places that follow no name, angles; what is added to names is by how much cutters overshoot) lie on a grid of 0.05 mm, of a sixteenth of an
+inch, or of 0.5 degrees; how many coefficients of expressions are neither multiples of 1/2 nor cosines of places on a circle; how deep its
+operations nest, chains of one operation counted once; and how many of its outlines have no number that follows no name
+(`Parameters.free_numbers`). Programs of parts in other units than millimetres or inches fail the first by design, and so do those whose
+sources have other numbers: with the persons' programs, a JSON file of trees by part whose leaves are ["leaf", kind, numbers, matrix], the
+last line is of the parts alone whose sources' numbers all lie on the grid. How many changes of names `imdim edit` accepts is told by
+`edits.py`.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import math
 import statistics
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from imdim.export.delivered import read_values
 from imdim.export.drawn_vertex import numbers_of
-from imdim.export.numbers import Expression
+from imdim.export.numbers import Expression, angle_on_circle
 from imdim.export.parameters import Parameters, parametrise
 from imdim.program.codec import constraints_of, from_json, parse, read_folded
 from imdim.program.nary import fold_nary
@@ -49,6 +55,7 @@ class Reading(NamedTuple):
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("results", type=Path)
+    parser.add_argument("--sources", type=Path, help="the persons' programs")
     given = parser.parse_args()
     documents = sorted(given.results.glob("*/program.json"))
     if not documents:
@@ -59,9 +66,29 @@ def main() -> int:
     print("| --- " * 7 + "|")
     for path, r in zip(documents, readings, strict=True):
         print(f"| {path.parent.name} | {r} |")
-    totals = Reading(*(map(sum, zip(*readings, strict=True))))._replace(depth=statistics.median(r.depth for r in readings))
-    print(f"| all {len(documents)} | {totals} |")
+    print(f"| all {len(documents)} | {_sum_up(readings)} |")
+    if given.sources:
+        trees = json.loads(given.sources.read_text())
+        regular = [
+            r for path, r in zip(documents, readings, strict=True) if path.parent.name in trees and is_regular(trees[path.parent.name])
+        ]
+        print(f"| {len(regular)} whose sources are on the grid | {_sum_up(regular)} |")
     return 0
+
+
+def _sum_up(readings: Sequence[Reading]) -> Reading:
+    return Reading(*(map(sum, zip(*readings, strict=True))))._replace(depth=statistics.median(r.depth for r in readings))
+
+
+def is_regular(tree: Sequence[Any]) -> bool:
+    """Whether all sizes of a person's program lie on the grid, and all places of what is not turned."""
+    if tree[0] != "leaf":
+        return all(map(is_regular, tree[1]))
+    _, _kind, sizes, matrix = tree
+    lengths = [x for size in sizes.values() for x in (size if isinstance(size, list) else [size]) if not isinstance(x, bool)]
+    rows = [matrix[4 * i : 4 * i + 4] for i in range(3)]
+    upright = all(math.isclose(abs(x), round(abs(x)), abs_tol=NEAR) for row in rows for x in row[:3])
+    return all(_is_round(float(x), GRIDS_MM) for x in (*lengths, *((row[3] for row in rows) if upright else ())))
 
 
 def read(path: Path) -> Reading:
@@ -69,7 +96,8 @@ def read(path: Path) -> Reading:
     document = parse(path.read_bytes())
     program, folded = from_json(document), read_folded(document)
     named = parametrise(program, constraints_of(document), program, folded if any(repeats(folded)) else None)
-    on_grid = [*_lengths(named), *_angles(program, named)]
+    values = read_values((path.parent / "program.scad").read_text())
+    on_grid = [*_lengths(named, values), *_angles(program, named)]
     coefficients = [float(t.coefficient) for e in _expressions(named) for t in e.terms]
     odd = sum(map(is_odd, coefficients))
     free = named.free_numbers(longest(leaves(program)))
@@ -77,8 +105,9 @@ def read(path: Path) -> Reading:
 
 
 def is_odd(coefficient: float) -> bool:
-    """Whether a coefficient is neither 1/2 nor a whole number."""
-    return abs(abs(coefficient) - 0.5) > ZERO and abs(coefficient - round(coefficient)) > ZERO
+    """Whether a coefficient is neither a multiple of 1/2 (of a row of four, one stands half a spacing off the middle, the last one 3/2)
+    nor half a cosine."""
+    return abs(2 * coefficient - round(2 * coefficient)) > ZERO and angle_on_circle(abs(coefficient)) is None
 
 
 def nesting(program: Program) -> int:
@@ -92,9 +121,9 @@ def _expressions(named: Parameters) -> Iterator[Expression]:
     yield from (number for loops in named.outlines for loop in loops for number in numbers_of(loop))
 
 
-def _lengths(named: Parameters) -> Iterator[bool]:
-    yield from (_is_round(v, GRIDS_MM) for name, v in named.values.items() if name not in named.angles)
-    yield from (_is_round(e.constant, GRIDS_MM) for e in _expressions(named) if abs(e.constant) > ZERO)
+def _lengths(named: Parameters, values: Mapping[str, float]) -> Iterator[bool]:
+    yield from (_is_round(values.get(name, v), GRIDS_MM) for name, v in named.values.items() if name not in named.angles)
+    yield from (_is_round(e.constant, GRIDS_MM) for e in _expressions(named) if not e.terms and abs(e.constant) > ZERO)
 
 
 def _angles(program: Program, named: Parameters) -> Iterator[bool]:

@@ -185,6 +185,12 @@ def test_openscad_changes_counts_pitch_and_radius(found, tmp_path):
     )
     solid = rendered(text, tmp_path, "hole_count=8", "bolt_circle=66")
     assert volume_iou(solid, to_manifold(meant, SEGMENTS)) == pytest.approx(1, abs=CORNERS)
+    flat = to_openscad(expand(flange.folded), SEGMENTS, flange.parameters)
+    assert "*cos(" in flat
+    meant = cut(
+        cylinder(40, 8), *(cylinder(3, 20, (33 * math.cos(a), 33 * math.sin(a), 0.0)) for a in [i * math.tau / 6 for i in range(6)])
+    )
+    assert volume_iou(rendered(flat, tmp_path, "bolt_circle=66"), to_manifold(meant, SEGMENTS)) == pytest.approx(1, abs=CORNERS)
 
 
 def test_names_are_shared_by_what_repeats_alike(found):

@@ -92,7 +92,9 @@ def test_a_row_and_a_circle_stretch():
     steps = [b.center[0] - a.center[0] for a, b in pairwise(read[1:])]
     assert steps == pytest.approx([22.0] * 3)
     delivered, parameters = parametrised(FLANGE)
-    read = list(leaves(read_openscad(to_openscad(delivered, 48, parameters), {"bolt_circle": 66.0})))
+    text = to_openscad(delivered, 48, parameters)
+    assert "translate([bolt_circle/4, bolt_circle/2*cos(30), 0])" in text
+    read = list(leaves(read_openscad(text, {"bolt_circle": 66.0})))
     assert [math.hypot(*p.center[:2]) for p in read[1:]] == pytest.approx([33.0] * 6)
 
 

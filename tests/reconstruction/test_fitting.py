@@ -3,22 +3,28 @@
 import numpy as np
 import pytest
 from tests.deadlines import PASSED
-from tests.planted import box, cut, cylinder, mesh_of
+from tests.planted import box, common, cone, cut, cylinder, mesh_of, union
 
 from imdim.deadline import NEVER
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
+from imdim.geometry.surface import signed_distance
 from imdim.program.tree import leaves
-from imdim.reconstruction import fitting
+from imdim.reconstruction import fitting, pipeline
 from imdim.reconstruction.config import Settings
 from imdim.reconstruction.fitting import SNAP_CHANGE, SNAP_LOSS, fit_numbers, snap_numbers
 from imdim.reconstruction.observation import UnitBody, observe
 from imdim.target.target import in_unit_frame, target_from
 
 
-def rounded(program, mesh, deadline=NEVER):
+def seen_of(mesh):
+    """What is seen of a mesh, and its frame."""
     unit, frame = in_unit_frame(target_from(mesh))
     rng = np.random.default_rng(0)
-    return snap_numbers(program, observe(UnitBody.of(unit, rng), Settings().size_weight, rng), frame, deadline)
+    return observe(UnitBody.of(unit, rng), Settings().size_weight, rng), frame
+
+
+def rounded(program, mesh, deadline=NEVER):
+    return snap_numbers(program, *seen_of(mesh), deadline)
 
 
 def test_typed_numbers_come_back():
@@ -50,11 +56,45 @@ def test_an_odd_hole_becomes_like_its_fellows():
     holes = [cylinder(3, 8, (x, y, 0.0)) for x in (-14.0, 14.0) for y in (-9.0, 9.0)]
     truth = cut(box(40, 30, 6), *holes)
     found = cut(box(40, 30, 6), *holes[:3], box(5.6, 5.8, 8, (14.1, 9.0, 0.0)))
-    unit, frame = in_unit_frame(target_from(mesh_of(truth)))
-    rng = np.random.default_rng(0)
-    seen = observe(UnitBody.of(unit, rng), Settings().size_weight, rng)
+    seen, frame = seen_of(mesh_of(truth))
     alike = frame.undo(fit_numbers(frame.apply(found), seen))
     assert list(leaves(snap_numbers(alike, seen, frame)))[4] == holes[3]
+
+
+FUNNEL = cut(
+    union(
+        cone(7.45, 13.9, 10.0, (0, 0, 12.4)),
+        cylinder(13.9, 10, (0, 0, 22.4)),
+        cylinder(7.45, 13, (0, 0, 6.5)),
+        cylinder(2.05, 27.4, (0, 8.25, 13.7)),
+        cylinder(2.05, 27.4, (0, -8.25, 13.7)),
+    ),
+    cylinder(6.25, 13.2, (0, 0, 6.5)),
+    cone(6.25, 12.7, 8.8, (0, 0, 13.6)),
+    cylinder(12.7, 9.6, (0, 0, 22.8)),
+)
+
+
+def test_the_cones_that_a_stack_is_made_of_get_round_numbers_too():
+    """Found as what a long cone and a cylinder have in common, of which neither has the length that is seen."""
+    slope = 6.45 / 10.0
+    long = cone(7.45 - 6.725 * slope, 13.9 + 10 * slope, 26.725, (0, 0, 14.0375))
+    head = common(long, cylinder(13.9, 26.725, (0, 0, 14.0375)))
+    _, _, *others = leaves(FUNNEL)
+    found = cut(union(head, *others[:3]), *others[3:])
+    parts = list(leaves(pipeline._round(found, *seen_of(mesh_of(FUNNEL, 64)), NEVER)))
+    assert cone(7.45, 13.9, 10.0, (0, 0, 12.4)) in parts
+    assert cylinder(13.9, 10.0, (0, 0, 22.4)) in parts
+
+
+def test_corners_on_chords_do_not_draw_numbers_inwards():
+    """Where the pins cut the cone's facets, corners lie inside it, and a cone that is a little lower fits those better."""
+    seen, _ = seen_of(mesh_of(FUNNEL, 64))
+    walls = [patch for patch in seen.patches if patch.surface.kind == "cone"]
+    told = [fitting._true_corners(patch) for patch in walls]
+    assert any(len(few) < len(patch.points) for few, patch in zip(told, walls, strict=True))
+    assert all(np.abs(signed_distance(w.surface, few)).max() <= fitting.ON_SURFACE for few, w in zip(told, walls, strict=True))
+    assert next(leaves(rounded(FUNNEL, mesh_of(FUNNEL, 64)))).size == (7.45, 13.9, 10.0)
 
 
 def test_copies_are_rounded_together():
@@ -68,9 +108,7 @@ def test_copies_are_rounded_together():
 
 
 def judged(truth, plain):
-    unit, frame = in_unit_frame(target_from(mesh_of(truth)))
-    rng = np.random.default_rng(0)
-    seen = observe(UnitBody.of(unit, rng), Settings().size_weight, rng)
+    seen, frame = seen_of(mesh_of(truth))
     return fitting._SolidJudge(frame.apply(plain), seen), frame
 
 

@@ -1,5 +1,6 @@
 """What the bench of editability counts, on programs whose numbers are known; and the README's picture of an edit."""
 
+import json
 import sys
 from pathlib import Path
 
@@ -35,6 +36,33 @@ def test_numbers_off_the_grid_are_counted(tmp_path):
     assert inch.on_grid == inch.numbers == 3
 
 
+def leaf(sizes, x, turned=False):
+    rows = [[0.6, -0.8, 0.0, x], [0.8, 0.6, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]] if turned else [[1, 0, 0, x], [0, 1, 0, 0], [0, 0, 1, 0]]
+    return ["leaf", "box", {"size": sizes, "center": True}, [*rows[0], *rows[1], *rows[2], 0.0, 0.0, 0.0, 1.0]]
+
+
+@pytest.mark.parametrize(
+    ("tree", "regular"),
+    [
+        (leaf([4.0, 5.05, 6.35], 2.0), True),
+        (["union", [leaf([4.0, 5.0, 6.0], 2.0), leaf([4.0, 5.0, 6.01], 2.0)]], False),
+        (leaf([4.0, 5.0, 6.0], 2.123), False),
+        (leaf([4.0, 5.0, 6.0], 2.123, turned=True), True),  # where a turned part stands is nobody's choice
+    ],
+)
+def test_sources_on_the_grid_are_told_apart(tree, regular):
+    assert editable.is_regular(tree) == regular
+
+
+def test_parts_whose_sources_are_off_the_grid_are_left_out_of_the_last_line(tmp_path, capsys):
+    written(PLATE, tmp_path / "plate")
+    written(box(80.0, 50.0, 6.0), tmp_path / "bar")
+    (tmp_path / "trees.json").write_text(json.dumps({"plate": leaf([80.0, 50.123, 6.0], 0.0), "bar": leaf([80.0, 50.0, 6.0], 0.0)}))
+    sys.argv = ["editable.py", str(tmp_path), "--sources", str(tmp_path / "trees.json")]
+    assert editable.main() == 0
+    assert capsys.readouterr().out.splitlines()[-1].startswith("| 1 whose sources are on the grid | 3 | 3 (100%)")
+
+
 def test_outlines_and_nesting_are_counted(tmp_path, capsys):
     drawn = Primitive("extrude", (5.0,), (0.0, 0.0, 5.5), outline=Outline((circle(9.0),)))
     deep = combine_all(
@@ -61,11 +89,11 @@ def test_a_picture_of_an_edit(tmp_path, capsys):
     assert not (tmp_path / "no.png").exists()
 
 
-@pytest.mark.parametrize("value", [1.0, 0.5, -2.0, 3.0])
+@pytest.mark.parametrize("value", [1.0, 0.5, -2.0, 3.0, 1.5, 0.25, -0.43301270189])
 def test_plain_coefficients_are_not_odd(value):
     assert not editable.is_odd(value)
 
 
-@pytest.mark.parametrize("value", [1.5, 0.25, 0.087])
+@pytest.mark.parametrize("value", [1.25, 0.3, 0.087])
 def test_other_coefficients_are_odd(value):
     assert editable.is_odd(value)

@@ -137,7 +137,7 @@ def _followers(named: Parameters) -> dict[str, list[int]]:
 
 def _number(name: str, value: float, expression: Expression) -> dict[str, Any]:
     out = {"name": name, "value": _digits(value)}
-    return {**out, "says": write_expression(expression, lambda v: plain(_digits(v)))} if expression.terms else out
+    return {**out, "says": write_expression(expression, lambda v: plain(_digits(v)), circled=True)} if expression.terms else out
 
 
 def _feature(ref: Ref, labels: Sequence[str]) -> str:

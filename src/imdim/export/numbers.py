@@ -18,6 +18,7 @@ from imdim.program.tree import Primitive, Program, leaves, longest, map_leaves
 
 SIGNIFICANT_DIGITS = 9
 LARGEST_PART = 12  # a fraction with a larger denominator is none that a person would write
+ON_CIRCLE = 1e-8  # by which a cosine may be off: what files keep of places
 MAX_SEGMENTS = 4096  # facets of a circle in meshes and texts; a sphere has their square
 
 
@@ -122,6 +123,14 @@ def simple_fraction(value: float) -> Fraction | float:
     return fraction if abs(float(fraction) - value) < 1e-9 else value
 
 
+def angle_on_circle(coefficient: float) -> float | None:
+    """The degrees, in halves, whose cosine times a diameter is twice `coefficient` times it; None where there are none."""
+    if not 0 < coefficient < 0.5:
+        return None
+    degrees = round(2 * math.degrees(math.acos(2 * coefficient))) / 2
+    return degrees if abs(math.cos(math.radians(degrees)) - 2 * coefficient) < ON_CIRCLE else None
+
+
 def weighted_sum(*parts: tuple[Expression, Fraction | float]) -> Expression:
     """Expressions times factors, in the order in which their names first stand."""
     total: dict[str, Fraction | float] = {}
@@ -137,12 +146,13 @@ def constants(values: Sequence[float]) -> tuple[Expression, ...]:
     return tuple(Expression((), v) for v in values)
 
 
-def write_expression(expression: Expression, number: Callable[[float], str], unit: str = "") -> str:
-    """The sum as OpenSCAD, Python and, with a `unit` behind constants, µcad read it; `number` rounds the constant."""
+def write_expression(expression: Expression, number: Callable[[float], str], unit: str = "", circled: bool = False) -> str:
+    """The sum as OpenSCAD, Python and, with a `unit` behind constants, µcad read it; `number` rounds the constant. Where `circled`, places
+    on a circle are written with cosines of degrees, as OpenSCAD reads them."""
     constant = number(expression.constant)
     if not expression.terms:
         return constant + unit
-    parts = [_term(t) for t in expression.terms] + ([constant + unit] if float(constant) else [])
+    parts = [_term(t, circled) for t in expression.terms] + ([constant + unit] if float(constant) else [])
     return " + ".join(parts).replace("+ -", "- ")
 
 
@@ -160,8 +170,11 @@ def write_sizes(leaf: Primitive, sizes: Sequence[Expression], rounding: Rounding
     return [write_expression(s, partial(rounding.constant_of if s.terms else rounding.size_of, leaf.kind)) for s in sizes]
 
 
-def _term(term: Term) -> str:
+def _term(term: Term, circled: bool) -> str:
     sign, size = "-" if term.coefficient < 0 else "", abs(term.coefficient)
+    degrees = angle_on_circle(size) if circled and isinstance(size, float) else None
+    if degrees is not None:
+        return f"{sign}{term.name}/2*cos({degrees:g})"
     if isinstance(size, float):
         return f"{sign}{term.name}*{plain(round(size, 12))}"
     text = term.name if size.numerator == 1 else f"{size.numerator}*{term.name}"

@@ -177,7 +177,7 @@ def _definitions(program: Program) -> list[str]:
 def _primitive(leaf: Primitive, rounding: Rounding, named: Parameters, number: int, center: Sequence[Expression]) -> list[str]:
     """``translate(..) rotate(..) shape(..);``, the identity parts left out; of an outline each loop has a line of its own. Above it what
     holes it makes."""
-    place = _step("translate", [write_expression(c, rounding.length) for c in center])
+    place = _step("translate", [write_expression(c, rounding.length, circled=True) for c in center])
     place += _step("rotate", [rounding.angle(a) for a in leaf.rotation])
     sizes, loops = write_sizes(leaf, named.sizes[number], rounding), write_loops(leaf, named.outlines[number], rounding)
     notes = write_notes(named.notes, number, "//")

@@ -268,7 +268,11 @@ def _bend(degrees: float, number: int) -> float:
     return math.tan(math.radians(degrees) / 4)
 
 
-_FUNCTIONS: Mapping[tuple[str, int], Callable[..., float]] = {("reach", 2): _reach, ("bend", 1): _bend}
+def _cosine(degrees: float, _number: int) -> float:
+    return math.cos(math.radians(degrees))
+
+
+_FUNCTIONS: Mapping[tuple[str, int], Callable[..., float]] = {("reach", 2): _reach, ("bend", 1): _bend, ("cos", 1): _cosine}
 
 
 def _float(value: float, number: int) -> float:

@@ -15,6 +15,7 @@ from imdim.geometry.lowering import lower
 from imdim.geometry.metrics import diagonal
 from imdim.geometry.sampling import subsample
 from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.geometry.surface import Patch, signed_distance
 from imdim.numbers.circles import round_circles
 from imdim.numbers.information import Coordinates
 from imdim.numbers.measured import measure
@@ -40,9 +41,12 @@ LIKE = 2e-4  # of the diagonal, within which primitives are equal
 SHOWN = 8192  # points of a target that numbers and relations are judged by
 ROUNDED = 1e-2  # of the part, by which a number is rounded at most, if its interval is that wide
 SNAP_DEG = 3.0  # by which a rotation is rounded at most
-SNAP_LOSS = 1e-4  # of the volume IoU with a mesh, that rounder numbers may cost: typed ones cost none
+SNAP_LOSS = 1e-4  # of the volume IoU with a mesh, that rounder numbers may cost: typed ones cost none,
+FACETED = 0.03  # but for facets: as this share of what is between the surfaces
 MOST_RELATED = 120  # primitives; the time that relations take grows with the square
 RELATE_ERROR, RELATE_MOVE = 1e-2, 1e-5  # shares of mean distance and diagonal that relations may cost
+ON_SURFACE = 3e-6  # of the diagonal: what a mesh's single precision leaves between a corner and its surface
+TELLING, TELLING_SHARE = 12, 0.3  # corners on a surface, and of all that its facets have, that are enough to tell its numbers by
 JUDGING = 6000  # points by which what rounding changes of the solid is told
 SLACK = 1.5  # times the limits: what they may be off by, since they are told by points
 CAUTIONS = (1.0, 2.0, 4.0)  # by which the limits are divided until the solid is kept
@@ -153,7 +157,7 @@ def snap_numbers(program: Program, seen: Observation, frame: Frame, deadline: De
 
 
 class _SolidJudge:
-    """Tells whether programs with rounder numbers have the solid of `plain`, and miss that of a mesh by no more than it does."""
+    """Tells whether programs with rounder numbers have the solid of `plain`, and miss that of a mesh by hardly more than it does."""
 
     def __init__(self, plain: Program, seen: Observation) -> None:
         self.solid, self.target = to_manifold(plain), seen.solid
@@ -164,6 +168,9 @@ class _SolidJudge:
         self.values_of = lru_cache(MOST_ROWS)(lambda leaf: kernels.program_sdf(leaf, points))
         self.values = self._values(plain)
         self.thickness = self.solid.volume() / max(self.solid.surface_area(), 1e-300)
+        self.missed = float(np.abs(self.values).mean()) / self.thickness
+        # drawn numbers have come nearer to the facets than typed ones are
+        self.most_lost = min(SNAP_LOSS + FACETED * self.missed, SNAP_CHANGE)
 
     def _values(self, program: Program) -> np.ndarray:
         return fold(program, lambda _, leaf: self.values_of(leaf), VALUES)
@@ -173,13 +180,13 @@ class _SolidJudge:
         distance times their area, up to a tenth where they are as near as here."""
         values = self._values(trial)
         changed = float(np.abs(values - self.values).mean()) / self.thickness
-        lost = float((np.abs(values) - np.abs(self.values)).mean()) / self.thickness
-        return changed * caution < self.most and (self.target is None or lost * caution < SNAP_LOSS)
+        lost = float(np.abs(values).mean()) / self.thickness - self.missed
+        return changed * caution < self.most and (self.target is None or lost * caution < self.most_lost)
 
     def keeps(self, trial: Program) -> bool:
         """Whether exact booleans say so."""
         solid = to_manifold(trial)
-        if self.target is not None and self.iou - volume_iou(solid, self.target) >= SLACK * SNAP_LOSS:
+        if self.target is not None and self.iou - volume_iou(solid, self.target) >= SLACK * self.most_lost:
             return False
         return 1 - volume_iou(self.solid, solid) < SLACK * self.most
 
@@ -224,5 +231,14 @@ def _with_leaves(program: Program, changes: Mapping[int, Primitive]) -> Program:
 
 def _surface_points(seen: Observation) -> np.ndarray:
     """Points of the true surface: corners of a mesh's patches, or the cloud; some thousands, evenly picked."""
-    points = seen.target.points if seen.target.mesh is None else np.concatenate([subsample(p.points, 60) for p in seen.patches])
+    points = seen.target.points if seen.target.mesh is None else np.concatenate([subsample(_true_corners(p), 60) for p in seen.patches])
     return subsample(points, 6000)
+
+
+def _true_corners(patch: Patch) -> np.ndarray:
+    """The corners [n, 3] of a mesh's patch in the unit frame, for a round one those that lie on its surface, if these are many: where
+    another surface cuts the facets, corners lie on chords, which would draw its numbers inwards."""
+    if patch.surface.kind == "plane":
+        return patch.points
+    on = np.abs(signed_distance(patch.surface, patch.points)) <= ON_SURFACE
+    return patch.points[on] if on.sum() >= max(TELLING, TELLING_SHARE * len(on)) else patch.points

@@ -351,13 +351,23 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
         last = _state(fitted, seen, frame)
         found = None if found is None else scale_constraints(found, 1 / frame.scale)
         if found is None:
-            last = replace(last, program=_arrange(snap_numbers(last.program, seen, frame, fit_by), fit_by))
+            last = replace(last, program=_arrange(_round(last.program, seen, frame, fit_by), fit_by))
         else:
             last = replace(last, program=snap_measured(last.program, found, seen, frame, fit_by), found=found, noisy=True)
         # rounding may part what met
         last = replace(last, program=_open_films(last.program, seen, frame, fit_by) or last.program)
     cut = seen.cut or fit_by.has_passed()
     yield _finish_state(replace(last, stop=CUT) if cut else last, step.others, seen, frame, budget)
+
+
+def _round(program: Program, seen: Observation, frame: Frame, deadline: Deadline) -> Program:
+    """The program in the body's units with round numbers, and with those of the cylinders and cones that its turned parts are stacks of."""
+    rounded = snap_numbers(program, seen, frame, deadline)
+    if deadline.has_passed():
+        return rounded
+    # where walls are stacked is known once they are round, and then the ends that they get are to be rounded
+    stacked = preserve(rounded, stack_turned_parts(rounded), deadline=deadline)
+    return rounded if stacked == rounded else snap_numbers(stacked, seen, frame, deadline)
 
 
 def _arrange(program: Program, deadline: Deadline) -> Program:

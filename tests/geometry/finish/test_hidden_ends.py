@@ -38,3 +38,10 @@ def test_a_foot_ends_at_its_shaft_whichever_way_it_stands():
     assert list(leaves(out))[1].size == pytest.approx((18.0, 24.5, 13.0))
     assert volume_iou(to_manifold(out, 96), to_manifold(Combine("union", shaft, foot), 96)) > 1 - 1e-9
     assert np.array(list(leaves(out))[1].center) == pytest.approx((0.0, 0.0, 6.5))
+
+
+def test_a_cone_about_a_thin_shaft_in_a_thick_one_ends_at_the_thick_one():
+    thin, thick = Primitive("cylinder", (4.0, 60.0), (0.0, 0.0, 30.0)), Primitive("cylinder", (18.0, 60.0), (0.0, 0.0, 30.0))
+    foot = Primitive("cone", (24.5, 1.0, 47.0), (0.0, 0.0, 23.5))
+    for shafts in (Combine("union", thin, thick), Combine("union", thick, thin)):
+        assert list(leaves(shorten_cones(Combine("union", shafts, foot))))[2].size == pytest.approx((24.5, 18.0, 13.0))

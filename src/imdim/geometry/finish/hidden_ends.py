@@ -36,10 +36,11 @@ def shorten_cones(program: Program) -> Program:
     """The program with cones that begin at the radius of a round wall about their axis that adds or cuts as they do, not within."""
     parts, sign = list(leaves(program)), signs(program)
     slack = TOUCH * longest(parts)
-    tubes = [tube for p, s in zip(parts, sign, strict=True) for tube in _tubes(p, s)]
+    # within a wide one nothing tells where a narrow one is met
+    widest_first = sorted((tube for p, s in zip(parts, sign, strict=True) for tube in _tubes(p, s)), key=lambda tube: -tube.radius)
 
     def shortened(i: int, leaf: Primitive) -> Primitive:
-        return _shorten(leaf, [t for t in tubes if t.sign == sign[i]], slack) if leaf.kind == "cone" else leaf
+        return _shorten(leaf, [t for t in widest_first if t.sign == sign[i]], slack) if leaf.kind == "cone" else leaf
 
     return map_leaves(program, shortened)
 
