@@ -26,6 +26,7 @@ GOOD = (
     Constraint("aligned", (Ref(1), Ref(2)), Ref(-1, "x")),
     Constraint("coaxial", (Ref(1, "z"), Ref(1 + 1, "z"))),
     Constraint("concentric", (Ref(0), Ref(1))),
+    Constraint("tangent", (Ref(1, "r"), Ref(0, "+x"))),
     Constraint("symmetric", (Ref(1), Ref(3), Ref(0)), Ref(0, "x")),
     Constraint("linear", (Ref(1), Ref(0), Ref(4))),
     Constraint("circular", (Ref(1), Ref(4)), Ref(0, "z")),
@@ -58,6 +59,8 @@ def test_a_program_without_constraints_keeps_its_version():
         (Constraint("equal", (Ref(1, "r"),), name="radius"), r"constraints\[0\] 'radius' .*needs 2 or more features, got 1"),
         (Constraint("equal", (Ref(1, "r"), Ref(1, "r"))), "one feature twice, a reference of no length"),
         (Constraint("value", (Ref(1, "r"),), value=0.0), "a reference of no length"),
+        (Constraint("tangent", (Ref(0, "+x"), Ref(1, "r"))), r"0\.\+x is no radius, which the first of the two has to be"),
+        (Constraint("tangent", (Ref(1, "r"), Ref(0, "sx"))), r"0\.sx is no wall of a box"),
         (Constraint("value", (Ref(1, "r"),), value=float("nan")), "its value is not finite"),
         (Constraint("parallel", (Ref(0, "z"), Ref(1, "x"))), r"1\.x is no axis of a cylinder"),
         (Constraint("coplanar", (Ref(0, "+z"), Ref(-1, "z"))), r"world\.z is no face"),
@@ -65,7 +68,7 @@ def test_a_program_without_constraints_keeps_its_version():
         (Constraint("parallel", (Ref(0, "z"), Ref(1, "z")), Ref(0, "z")), "takes no about"),
         (Constraint("parallel", (Ref(0, "z"), Ref(1, "z")), value=1.0), "takes no value"),
         (Constraint("circular", (Ref(1), Ref(2)), Ref(1, "z")), "two members alone say nothing"),
-        (Constraint("tangent", (Ref(1), Ref(2))), "unknown kind 'tangent'; known are"),
+        (Constraint("smooth", (Ref(1), Ref(2))), "unknown kind 'smooth'; known are"),
     ],
 )
 def test_what_is_ill_formed_is_named(constraint, message):

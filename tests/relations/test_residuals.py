@@ -41,6 +41,10 @@ PARTS = [
     tilted("cone", (0.5, 0.2, 1.0), (1, -1, 1.0)),
     *ring(5, 1.2),
     *(tilted("cylinder", (0.1, 0.4), (0.5 * i, -1.0, 0.3 * i)) for i in range(3)),
+    tilted("cylinder", (0.3, 1.0), (1.48, 1.64, 0.0)),  # .8 from number 1, whose wall it touches from without
+    tilted("cylinder", (0.2, 1.0), (1.18, 1.24, 0.0)),  # and this one from within
+    tilted("sphere", (0.4,), (1.0, 0.1, 7.0)),  # a ball that touches number 1 ...
+    tilted("sphere", (0.6,), (1.0, 0.1, 6.0)),  # ... and this ball the other
 ]
 PROGRAM = combine_all("union", PARTS)  # type: ignore[arg-type]
 HOLD = [
@@ -59,6 +63,11 @@ HOLD = [
     Constraint("circular", tuple(Ref(i, "x") for i in range(5, 10)), Ref(0, "z")),
     Constraint("circular", tuple(Ref(i) for i in range(5, 10)), Ref(5, "z")),
     Constraint("linear", (Ref(10), Ref(11), Ref(12))),
+    Constraint("tangent", (Ref(1, "r"), Ref(0, "+y"))),
+    Constraint("tangent", (Ref(1, "r"), Ref(13, "r"))),
+    Constraint("tangent", (Ref(14, "r"), Ref(1, "r"))),
+    Constraint("tangent", (Ref(15, "r"), Ref(1, "r"))),
+    Constraint("tangent", (Ref(15, "r"), Ref(16, "r"))),
 ]
 
 
@@ -103,6 +112,23 @@ def moved(numbers, leaf, k, h, radius):
         angles[k - 6] = math.degrees(h / radius)
         rotations[leaf] = rotations[leaf] @ matrix_from_euler(tuple(angles))
     return replace(numbers, sizes=sizes, centers=centers, rotations=rotations)
+
+
+@pytest.mark.parametrize(
+    ("of", "apart"),
+    [
+        ((Ref(0, "r"), Ref(2, "+x")), 0.3),  # the nearer side of the plane
+        ((Ref(0, "r"), Ref(1, "r")), 0.5),  # without
+        ((Ref(3, "r"), Ref(0, "r")), -0.4),  # within
+        ((Ref(4, "r"), Ref(0, "r")), -0.5),  # about one axis: by the difference of the radii
+    ],
+)
+def test_how_far_walls_are_from_touching(of, apart):
+    tubes = [Primitive("cylinder", (r, 4.0), (x, 0.0, 0.0)) for r, x in ((2.0, 0.0), (1.0, 3.5))]
+    others = [Primitive("box", (2.0, 9.0, 4.0), (-3.3, 0.0, 0.0))]
+    within = [Primitive("cylinder", (1.0, 4.0), (0.6, 0.0, 0.0)), Primitive("cylinder", (1.5, 4.0))]
+    rows = rows_of([Constraint("tangent", of)], lower(combine_all("union", [*tubes, *others, *within])))
+    assert rows.residual == pytest.approx([apart])
 
 
 def test_what_cannot_hold_beside_the_others_names_them():

@@ -14,6 +14,8 @@ coplanar       two faces                   `value` apart (0: one plane), measure
 aligned        two faces or centres        `value` apart, measured along the axis `about`
 coaxial        an axis, axes or centres    all centres on the line through the centre of the first, along its axis
 concentric     centres, 2 or more          one point
+tangent        a radius, and a face or     the round wall touches the face's plane, or both walls each other, from within or without,
+               another radius              whichever is nearer
 symmetric      two faces or centres, and   the third lies midway between the first two, measured along the axis `about`
                a centre
 linear         centres, 3 or more          equal steps in one direction; of holes and shafts, across their axis alone
@@ -108,6 +110,7 @@ RULES: Mapping[str, _Rule] = {
     "aligned": _Rule(2, 2, "position", "axis", has_value=True),
     "coaxial": _Rule(2, 10_000, "line"),
     "concentric": _Rule(2, 10_000, "center"),
+    "tangent": _Rule(2, 2, "wall"),
     "symmetric": _Rule(3, 3, "position", "axis"),
     "linear": _Rule(3, 10_000, "center"),
     "circular": _Rule(2, 10_000, "line", "leaf axis"),
@@ -168,6 +171,8 @@ def check(number: int, constraint: Constraint, parts: Sequence[Primitive]) -> No
         raise ConstraintError(f"{where}: {'lacks' if rule.about else 'takes no'} about")
     for i, ref in enumerate(constraint.of):
         _check_ref(where, "leaf axis" if rule.of == "line" and constraint.kind == "coaxial" and i == 0 else rule.of, ref, parts)
+    if constraint.kind == "tangent" and not _is_radius(parts[constraint.of[0].leaf], constraint.of[0].feature):
+        raise ConstraintError(f"{where}: {constraint.of[0]} is no radius, which the first of the two has to be")
     if constraint.about is not None:
         _check_ref(where, rule.about, constraint.about, parts)
     if (
@@ -199,6 +204,10 @@ def _is_axis(p: Primitive, feature: str) -> bool:
     return feature in AXES_OF[p.kind]
 
 
+def _is_radius(p: Primitive, feature: str) -> bool:
+    return feature == "r" and p.kind in ("cylinder", "sphere")
+
+
 _FITS: Mapping[str, Callable[[Primitive, str], bool]] = {
     "size": lambda p, f: f in LENGTHS_OF[p.kind],
     "axis": _is_axis,
@@ -207,6 +216,7 @@ _FITS: Mapping[str, Callable[[Primitive, str], bool]] = {
     "center": lambda p, f: f == "",
     "position": lambda p, f: f == "" or _is_face(p, f),
     "line": lambda p, f: f == "" or _is_axis(p, f),
+    "wall": lambda p, f: _is_radius(p, f) or _is_face(p, f),
 }
 
 

@@ -134,6 +134,7 @@ _WORDS: Mapping[str, str] = {
     "aligned": "level",
     "coaxial": "coaxial",
     "concentric": "concentric",
+    "tangent": "tangent",
     "symmetric": "pair",
     "linear": "row",
     "circular": "circle",

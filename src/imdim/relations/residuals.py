@@ -14,7 +14,7 @@ import numpy as np
 
 from imdim.geometry.lowering import Lowered, lower
 from imdim.geometry.pose import Pose, Row
-from imdim.program.constraints import AXES, AXES_OF, WORLD, Constraint, ConstraintError, check, describe
+from imdim.program.constraints import AXES, AXES_OF, WORLD, Constraint, ConstraintError, Ref, check, describe
 from imdim.program.tree import Program, envelope, leaves
 
 HOLDS = 1e-7  # of the largest size: what a residual may be off, where files keep nine digits of each number
@@ -148,6 +148,29 @@ def _concentric(c: Constraint, pose: Pose) -> list[Row]:
     return [pose.direction(WORLD, axis).dot(offset) for offset in offsets for axis in range(3)]
 
 
+def _tangent(c: Constraint, pose: Pose) -> list[Row]:
+    first, second = c.of
+    radius = pose.size(first)
+    if second.side:
+        away, slope = (pose.center(first.leaf) - pose.position(second)).dot(pose.axis(second))
+        return [_minus((abs(away), math.copysign(1.0, away) * slope), radius)]
+    offset, other = pose.center(second.leaf) - pose.center(first.leaf), pose.size(second)
+    # a ball touches a wall across the wall's axis
+    tube = next((ref for ref in c.of if pose.kind(ref.leaf) == "cylinder"), None)
+    sides = [pose.direction(WORLD, axis) for axis in range(3)] if tube is None else pose.across(Ref(tube.leaf, "z"))
+    apart = _norm([side.dot(offset) for side in sides])
+    outside, inside = (radius[0] + other[0], radius[1] + other[1]), _minus(*sorted((radius, other), key=lambda row: -row[0]))
+    return [_minus(apart, outside if abs(apart[0] - outside[0]) <= abs(apart[0] - inside[0]) else inside)]
+
+
+def _norm(rows: Sequence[Row]) -> Row:
+    """The length of a vector of lengths; where it has none, that of its first."""
+    value = math.hypot(*(row[0] for row in rows))
+    if value == 0.0:
+        return rows[0]
+    return value, sum((row[0] / value * row[1] for row in rows), np.zeros_like(rows[0][1]))
+
+
 def _symmetric(c: Constraint, pose: Pose) -> list[Row]:
     assert c.about is not None
     first, second, middle = (pose.position(ref) for ref in c.of)
@@ -218,6 +241,7 @@ _ROWS: Mapping[str, Callable[[Constraint, Pose], list[Row]]] = {
     "aligned": _rows_of_aligned,
     "coaxial": _coaxial,
     "concentric": _concentric,
+    "tangent": _tangent,
     "symmetric": _symmetric,
     "linear": _linear,
     "circular": _circular,

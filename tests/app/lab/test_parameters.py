@@ -257,6 +257,8 @@ LABELS = ["plate", "hole", "hole", "boss", "ball"]
         (Constraint("aligned", (Ref(1), Ref(3)), Ref(-1, "y"), 4.0), "hole (1) and boss are 4 mm apart along the y axis"),
         (Constraint("coaxial", (Ref(3, "z"), Ref(1, "z"))), "boss and hole (1) share one axis"),
         (Constraint("concentric", (Ref(3), Ref(4))), "boss and ball share one centre"),
+        (Constraint("tangent", (Ref(3, "r"), Ref(0, "+x"))), "boss is tangent to the right face of plate"),
+        (Constraint("tangent", (Ref(4, "r"), Ref(3, "r"))), "ball is tangent to boss"),
         (Constraint("symmetric", (Ref(1), Ref(2), Ref(0)), Ref(-1, "x")), "plate is midway between hole (1) and hole (2) along the x axis"),
         (Constraint("linear", (Ref(1), Ref(2), Ref(3))), "hole (1, 2) and boss stand in a row with equal steps"),
         (Constraint("circular", (Ref(1), Ref(2)), Ref(3, "z")), "hole (1, 2) are spaced evenly around boss"),

@@ -19,6 +19,7 @@ from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.constraints import Constraint, Ref
 from imdim.program.edges import EdgeFeature, Face
 from imdim.program.tree import Combine, Primitive, leaves
+from imdim.relations.residuals import verify
 from imdim.target.target import Frame, target_from
 
 DOWN = np.array([0.0, 0.0, -1.0])
@@ -114,6 +115,19 @@ def test_relations_that_fit_are_said_in_words_and_hold_once_they_are_chosen(brac
     assert [part.size for part in leaves(theory.program)] == [part.size for part in leaves(BRACKET.program)]
     known = find_fitting((one, two), edits.with_constraint(BRACKET, apart.constraint))
     assert [found.is_there for found in known if found.constraint == apart.constraint] == [0]
+
+
+def test_a_wall_is_made_tangent_to_a_face_and_to_another_wall(bracket):
+    right, top, boss = bracket.pick((100, 1, 0), (-1, 0, 0)), bracket.pick((20, 5, 50), DOWN), bracket.pick((100, 0, 12), (-1, 0, 0))
+    hole = bracket.pick((30, 17, 50), DOWN, HOLE + 3)
+    assert not any("tangent" in words for words in bracket.offered(top, boss)), "the boss stands on that face"
+    along = next(found for words, found in bracket.offered(right, boss).items() if "is tangent to the right face of" in words)
+    assert not along.holds
+    verify(edits.with_constraint(BRACKET, along.constraint).program, [along.constraint])
+    beside = next(found for words, found in bracket.offered(boss, hole).items() if "is tangent to" in words)
+    program = list(leaves(edits.with_constraint(BRACKET, beside.constraint).program))
+    apart = math.dist(program[BOSS].center[:2], program[HOLE + 3].center[:2])
+    assert apart == pytest.approx(program[BOSS].size[0] + program[HOLE + 3].size[0])
 
 
 def test_of_two_plane_faces_and_of_a_face_and_an_axis(bracket):

@@ -17,6 +17,8 @@ from imdim.program.tree import Primitive, leaves
 from imdim.relations.residuals import HOLDS
 
 DIGITS = 9  # of a distance
+ROUND = ("cylinder", "sphere")  # whose walls may be tangent
+ALONG = 1e-6  # a cosine: two directions are parallel, or at a right angle
 _ROUND = ("r", "r_bottom")  # sizes by which round things are equal
 _OF_FACE = {"box": {"x": "sx", "y": "sy", "z": "sz"}, "cylinder": {"z": "h"}, "cone": {"z": "h"}, "extrude": {"z": "h"}}
 
@@ -82,16 +84,32 @@ def _of_two(one: Pick, two: Pick, parts: Sequence[Primitive], pose: Pose) -> Ite
             yield Constraint("coaxial", (axes[0], Ref(two.leaf)))
         elif not axes:
             yield Constraint("concentric", (Ref(one.leaf), Ref(two.leaf)))
+        yield from _tangent(one, Ref(two.leaf, "r"), parts, pose)
         yield from _centers(one, two, pose)
     if one.is_flat != two.is_flat:
         flat, other = (one, two) if one.is_flat else (two, one)
         if flat.face is not None and _is_centred(other, parts):
+            yield from _tangent(other, flat.face, parts, pose)
             yield _apart((flat.face, Ref(other.leaf)), Ref(flat.leaf, AXES[flat.face.axis]), pose)
     if len(axes) == 2:
         yield Constraint("parallel", tuple(axes))
         yield Constraint("perpendicular", tuple(axes))
     if one.is_flat and two.is_flat and len(sizes) == 2:
         yield Constraint("equal", tuple(sizes))
+
+
+def _tangent(pick: Pick, wall: Ref, parts: Sequence[Primitive], pose: Pose) -> Iterator[Constraint]:
+    """A round wall and what runs along it: a face, or another wall about an axis that is parallel."""
+    kinds = parts[pick.leaf].kind, parts[wall.leaf].kind
+    if kinds[0] not in ROUND or not (wall.side or kinds[1] in ROUND):
+        return
+    turned = [Ref(leaf, "z") for leaf, kind in zip((pick.leaf, wall.leaf), kinds, strict=True) if kind == "cylinder"]
+    if wall.side and kinds[0] == "cylinder":
+        fits = abs(float(pose.axis(turned[0]).value @ pose.axis(wall).value)) < ALONG
+    else:
+        fits = wall.side != 0 or len(turned) < 2 or abs(float(pose.axis(turned[0]).value @ pose.axis(turned[1]).value)) > 1 - ALONG
+    if fits:
+        yield Constraint("tangent", (Ref(pick.leaf, "r"), wall))
 
 
 def _centers(one: Pick, two: Pick, pose: Pose) -> Iterator[Constraint]:

@@ -118,6 +118,11 @@ def _say_aligned(c: Constraint, s: _Speaker) -> str:
     return f"{who} are {s.length(abs(c.value))} apart {along}" if c.value else f"{who} are level {along}"
 
 
+def _say_tangent(c: Constraint, s: _Speaker) -> str:
+    one, two = (s.thing(ref if ref.side else Ref(ref.leaf)) for ref in c.of)
+    return f"{one} is tangent to {two}"
+
+
 def _say_symmetric(c: Constraint, s: _Speaker) -> str:
     assert c.about is not None
     one, two, middle = (s.thing(ref) for ref in c.of)
@@ -144,6 +149,7 @@ _SAY: Mapping[str, Callable[[Constraint, _Speaker], str]] = {
     "aligned": _say_aligned,
     "coaxial": lambda c, s: f"{join_words(s.things(c.of))} share one axis",
     "concentric": lambda c, s: f"{join_words(s.things(c.of))} share one centre",
+    "tangent": _say_tangent,
     "symmetric": _say_symmetric,
     "linear": lambda c, s: f"{join_words(s.things(c.of))} stand in a row with equal steps",
     "circular": _say_circular,
