@@ -28,6 +28,7 @@ from imdim.target.target import load_target, target_from
 
 SAME = 0.95  # of the variants have as many features
 IOU = 5e-4
+SEGMENTS = 768  # of a circle, of which the facets of a turned one are no matter
 TURN = trimesh.transformations.rotation_matrix(np.radians(30), [1, 2, 3])
 NO_TOLERANCE = 1e-9  # of the diagonal
 
@@ -109,7 +110,7 @@ def answer(mesh: trimesh.Trimesh, settings: Settings) -> Answer:
     if target.mesh is None or not target.is_solid:
         raise SystemExit("a variant bounds no solid")
     last = reconstruct_best(target, settings)
-    return Answer(count(last.program).primitives, volume_iou(to_manifold(last.program), mesh_to_manifold(target.mesh)), last.stop or "")
+    return Answer(count(last.program).primitives, volume_iou(to_manifold(last.program, SEGMENTS), mesh_to_manifold(target.mesh)), last.stop or "")
 
 
 if __name__ == "__main__":
