@@ -5,7 +5,8 @@ import subprocess
 from dataclasses import replace
 
 import pytest
-from tests.export.blended import BOX, CASES, PLATE, RIM, chamfer, fillet, rim
+from scipy.integrate import quad
+from tests.export.blended import BOX, CASES, PLATE, RIM, box_area, chamfer, fillet, rim
 from tests.export.test_outlines import interpreter
 
 from imdim.delivery.finish import FinishedProgram, finish
@@ -71,6 +72,28 @@ def test_what_cannot_be_blended_stays_sharp_and_is_told(package, tmp_path):
     assert volume == pytest.approx(6000 - 20 * (4 - math.pi), rel=1e-9)
     assert said.startswith("fillet_edges leaves the edge at [-5.0, 0.0, 15.0] sharp: ")
     assert said.count("sharp") == 1
+
+
+@pytest.mark.tool
+@PACKAGES
+def test_edges_that_others_shorten_are_still_found(package, tmp_path):
+    """Where not all can be blended at once, each bevel moves the middles of the edges beside it."""
+    knob = Combine("union", BOX, Primitive("box", (2.0, 2.0, 2.0), (0.0, 0.0, 16.0)))
+    edges = [chamfer((2.5,), (*RIM, (Face(1, "+z"), Face(1, "+x"))))]
+    volume, said = run(WRITERS[package](knob, edges=edges), package, tmp_path)
+    assert volume == pytest.approx(27.5 * 200 + quad(lambda t: box_area(2.5 - t), 0, 2.5)[0] + 8, rel=1e-9)
+    assert said.startswith("chamfer_edges leaves the edge at [1.0, 0.0, 17.0] sharp: ")
+    assert said.count("sharp") == 1
+
+
+@pytest.mark.tool
+@PACKAGES
+def test_one_wall_of_many_that_has_no_edge_is_told(package, tmp_path):
+    """A part on the plate hides the edge of one of its eight walls."""
+    bar = Primitive("box", (2.0, 30.0, 5.0), (10.0, 0.0, 2.5))
+    volume, said = run(WRITERS[package](Combine("union", PLATE, bar), edges=[chamfer((0.5,), rim(8))]), package, tmp_path)
+    assert said == "chamfer_edges finds no edge between 1 of 8 pairs of faces"
+    assert volume < to_manifold(Combine("union", PLATE, bar)).volume() - 0.1
 
 
 @pytest.fixture(scope="module")

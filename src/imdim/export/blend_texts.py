@@ -7,9 +7,10 @@ finished part that lies on both faces is one of the feature, so that the blends 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import count
 
 from imdim.export.drawing import write_loops
 from imdim.export.drawn_vertex import DrawnPolygon
@@ -65,16 +66,21 @@ WALLS = '''def off_curve(point, start, *others):
     return abs(abs(at - center) - abs(start - center))
 
 
-def wall_face(center, loop, *numbers, height=None, turn=(0, 0, 0)):
-    """How far points are from curves of a loop, extruded to a height or, without one, turned about z."""
-    drawn = list(curves(loop))
+def wall_face(center, loop, number, height=None, turn=(0, 0, 0)):
+    """How far points are from a curve of a loop, extruded to a height or, without one, turned about z."""
+    curve = list(curves(loop))[number]
 
     def distance(point):
         x, y, z = as_placed(point, center, turn)
-        off = min(off_curve((hypot(x, y), z) if height is None else (x, y), *drawn[k]) for k in numbers)
+        off = off_curve((hypot(x, y), z) if height is None else (x, y), *curve)
         return off if height is None else max(off, abs(z) - height / 2)
 
     return distance
+
+
+def wall_faces(center, loop, *numbers, **place):
+    """The faces of several curves of a loop."""
+    return [wall_face(center, loop, number, **place) for number in numbers]
 
 
 '''
@@ -94,22 +100,36 @@ def beside(edge, face, first):
     return min(map(first, points_beside(edge, face)))
 
 
-def blended(part, change, sizes, pairs):
-    """A part with its edges between pairs of faces changed, all at once or, where that fails, one by one."""
+def blended(part, change, sizes, groups):
+    """A part with its edges between faces changed, all at once or, where that fails, one by one; each group is a face and those that it
+    meets. Says which edges there are not, and which stay sharp."""
+    pairs = [(one, other) for one, *others in groups for other in others]
     tolerance, first = min(sizes) / 100, pairs[0][0]
-    edges = edges_between(part, pairs, tolerance)
-    gone = sum(not edges_between(part, [pair], tolerance) for pair in pairs)
+
+    def rest(tried):
+        edges = edges_between(part, pairs, tolerance)
+        return [edge for edge in edges if all(dist(points_of(edge)[0], place) > tolerance for place in tried)]
+
+    edges = rest({})
+    points = [point for edge in edges for point in points_of(edge)]
+    gone = sum(all(max(one(point), other(point)) > tolerance for point in points) for one, other in pairs)
     if gone:
         print(f"{change.__name__} finds no edge between {gone} of {len(pairs)} pairs of faces")
+    tried = {}
     try:
-        return change(part, edges, sizes, first) if edges else part
+        part = change(part, edges, sizes, first) if edges else part
     except Exception:
-        for place in [points_of(edge)[0] for edge in edges]:
-            near = [edge for edge in edges_between(part, pairs, tolerance) if dist(points_of(edge)[0], place) < tolerance]
+        # what is blended shortens the edges beside it: they are looked for anew
+        while left := rest(tried):
+            place = points_of(left[0])[0]
+            tried[place] = "no reason is given"
             try:
-                part = change(part, near, sizes, first) if near else part
+                part = change(part, left[:1], sizes, first)
             except Exception as error:
-                print(f"{change.__name__} leaves the edge at {[round(c, 6) for c in place]} sharp: {error}")
+                tried[place] = str(error)
+    for place in [points_of(edge)[0] for edge in rest({})]:
+        said = [error for near, error in tried.items() if dist(near, place) <= tolerance]
+        print(f"{change.__name__} leaves the edge at {[round(c, 6) for c in place]} sharp: {(said or ['no reason is given'])[0]}")
     return part
 
 
@@ -138,6 +158,7 @@ class BlendTexts:
         sizes = [(name, size) for f in features for name, size in zip(f.size_names, f.sizes, strict=True) if name not in named.values]
         faces = _Faces(list(leaves(program)), named, rounding)
         calls = [line for feature in features for line in _calls(feature, faces, change(feature))]
+        calls = _name_loops(calls, faces.loops, {*named.values, *named.counts})
         walls = any(_loop_of(face) for feature in features for edge in feature.edges for face in edge)
         return BlendTexts([f"{name} = {rounding.size(size)}" for name, size in sizes], calls, walls)
 
@@ -162,6 +183,18 @@ def _calls(feature: EdgeFeature, faces: _Faces, change: str) -> list[str]:
     return lines
 
 
+def _name_loops(calls: list[str], loops: Iterable[str], taken: Collection[str]) -> list[str]:
+    """The calls, with the loops that they have more than once assigned to names before."""
+    text, heads = "\n".join(calls), list[str]()
+    names = (name for n in count(1) if (name := f"loop{n if n > 1 else ''}") not in taken)
+    for loop in loops:
+        if text.count(loop) > 1:
+            name = next(names)
+            text = text.replace(loop, name)
+            heads.append(f"{name} = {loop}")
+    return [*heads, *text.splitlines()]
+
+
 def _gather(feature: EdgeFeature, faces: _Faces) -> list[tuple[Face, tuple[Face, ...]]]:
     """The edges of a feature, those of one face with the walls of one loop together; without what can be none, of a sphere or a torus."""
     groups: dict[tuple[Face, int, str], list[Face]] = {}
@@ -184,13 +217,14 @@ class _Faces:
 
     def __init__(self, parts: list[Primitive], named: Parameters, rounding: Rounding) -> None:
         self._parts, self._named, self._rounding = parts, named, rounding
+        self.loops: dict[str, None] = {}  # all that walls were written with, as texts
 
     def can_write(self, face: Face) -> bool:
         """Whether a face is a plane, a cylinder, a cone or a wall."""
         return face.name != "side" or self._parts[face.leaf].kind in ("cylinder", "cone")
 
     def write(self, faces: Sequence[Face]) -> str:
-        """A face, or some walls of one loop."""
+        """A face, or some walls of one loop, as items of a group."""
         number, name = faces[0]
         leaf = self._parts[number]
         sizes = self._named.sizes[number]
@@ -209,7 +243,9 @@ class _Faces:
         loops = write_loops(leaf, self._named.outlines[number], self._rounding)
         found = [self._curve(leaf, number, face) for face in faces]
         height = [f"height={write_sizes(leaf, sizes, self._rounding)[0]}"] if leaf.kind == "extrude" else []
-        return _call("wall_face", center, loops[found[0][0]], *(str(k) for _, k in found), *height, *turn)
+        self.loops[loops[found[0][0]]] = None
+        wall = "wall_face" if len(found) == 1 else "*wall_faces"
+        return _call(wall, center, loops[found[0][0]], *(str(k) for _, k in found), *height, *turn)
 
     def _length(self, e: Expression) -> str:
         return write_expression(e, self._rounding.length)
