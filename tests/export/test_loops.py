@@ -8,6 +8,7 @@ import subprocess
 import pytest
 import trimesh
 from manifold3d import CrossSection, Manifold
+from tests.export.hole_solids import HOLES
 from tests.export.test_parameters import FLANGE, MOUNT, ROW
 from tests.export.test_ucad import read as read_ucad
 from tests.planted import ALONG_X, box, common, cone, cut, cylinder, sphere, union
@@ -130,6 +131,7 @@ NAMES = {
     "Sphere": lambda r: Part(Manifold.sphere(r, SEGMENTS)),
     "Cylinder": lambda r, h: Part(Manifold.cylinder(h, r, r, SEGMENTS, True)),
     "Cone": lambda a, b, h: Part(Manifold.cylinder(h, a, b, SEGMENTS, True)),
+    **{name: (lambda *numbers, cut=cut: Part(cut(SEGMENTS, *numbers))) for name, cut in HOLES.items()},
     "Torus": lambda a, b: Part(CrossSection.circle(b, SEGMENTS).translate((a, 0)).revolve(SEGMENTS)),
     "Pos": lambda *v: Place(lambda solid: solid.translate(v)),
     "Rot": lambda *v: Place(lambda solid: solid.rotate(v)),

@@ -186,16 +186,36 @@ def test_the_script_has_the_same_names_and_numbers(program):
 
         __add__ = __sub__ = __rmul__ = __mul__
 
+    class Hole:
+        def __init__(self, radius: float, depth: float) -> None:
+            self.radius, self.depth = radius, depth
+
+    class Place:
+        def __init__(self, x: float, y: float, z: float) -> None:
+            self.at = x, y, z
+            seen.append(self.at)
+
+        def __mul__(self, other):
+            if isinstance(other, Hole):
+                holes.append((other.radius, *self.at[:2], self.at[2] - other.depth))
+            return Part()
+
     def recorded(*numbers: float) -> Part:
         seen.append(numbers)
         return Part()
 
-    scope = {"__name__": "program", "Box": recorded, "Cylinder": recorded, "Pos": recorded}
+    holes: list[tuple[float, ...]] = []
+    scope = {"__name__": "program", "Box": recorded, "Cylinder": recorded, "Pos": Place, "Hole": Hole}
     code = "\n".join(line for line in text.splitlines() if not line.startswith("from build123d"))
     exec(compile(code, "program.py", "exec"), scope)
-    sizes = [p.size for p in leaves(delivered)]
-    places = [p.center for p in leaves(delivered) if any(p.center)]
-    for numbers in (*sizes, *places):
+
+    def is_hole(p: Primitive) -> bool:
+        bottom = (p.size[0], *p.center[:2], p.center[2] - p.size[-1] / 2)
+        return p.kind == "cylinder" and any(hole == pytest.approx(bottom, abs=1e-7) for hole in holes)
+
+    rest = [p for p in leaves(delivered) if not is_hole(p)]
+    assert len(rest) == len(list(leaves(delivered))) - len(holes) < len(list(leaves(delivered)))
+    for numbers in (*(p.size for p in rest), *(p.center for p in rest if any(p.center))):
         assert any(len(s) == len(numbers) and s == pytest.approx(numbers, abs=1e-7) for s in seen)
     assert all(scope[name] == pytest.approx(value) for name, value in parameters.values.items())
 

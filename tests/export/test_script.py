@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from manifold3d import CrossSection, Manifold
 from tests.export.coincident import MEANT
+from tests.export.hole_solids import HOLES
 from tests.known_programs import KNOWN
 
 from imdim.export.script import to_script
@@ -62,6 +63,7 @@ def build123d(monkeypatch):
         "Cylinder": lambda r, h: Solid(Manifold.cylinder(h, r, r, 96, True)),
         "Cone": lambda bottom, top, h: Solid(Manifold.cylinder(h, bottom, top, 96, True)),
         "Torus": lambda major, minor: Solid(CrossSection.circle(minor, 96).translate((major, 0)).revolve(96)),
+        **{name: (lambda *numbers, cut=cut: Solid(cut(96, *numbers))) for name, cut in HOLES.items()},
         "scale": lambda solid, by: Solid(solid.manifold.scale(by)),
         "Pos": pos,
         "Rot": rot,
@@ -81,7 +83,10 @@ def test_the_script_builds_the_same_solid(name):
     assert volume_iou(scope["part"].manifold, to_manifold(program)) == pytest.approx(1, abs=1e-6)
 
 
-def test_one_line_per_primitive():
+def test_one_line_per_primitive_or_hole():
+    """Of the bracket's seven primitives three make two holes."""
     text = to_script(MEANT["bracket"][0])
-    assert "- Pos(20, 0, 3.5) * Cone(5, 8, 3)" in [line.strip() for line in text.splitlines()]
-    assert sum(text.count(f"{kind}(") for kind in ("Box", "Cylinder", "Cone")) == 7
+    lines = [line.strip() for line in text.splitlines()]
+    assert "- Pos(20, 0, 5) * CounterSinkHole(5, 8, 10, 90)" in lines
+    assert "- Pos(0, 20, 25) * Hole(3, 30)" in lines
+    assert sum(text.count(f"{kind}(") for kind in ("Box", "Cylinder", "Cone")) == 4

@@ -2,24 +2,26 @@
 
 build123d's primitives are centred with their axis along z, as ours are. Rotations are written one axis at a time, since its
 three-angle `Rot` turns about the moved axes and OpenSCAD's about the fixed ones. Outlines are faces of true lines and arcs.
-What repeats has a name, and its copies are a list.
+Holes are build123d's own where these make the same solid. What repeats has a name, and its copies are a list.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
 from imdim.export.blend_texts import BlendTexts
 from imdim.export.chains import Chains
+from imdim.export.hole_calls import HoleCalls
 from imdim.export.loops import Loop
 from imdim.export.numbers import Expression, Rounding, plain, write_expression, write_moves
 from imdim.export.parameters import Parameters
 from imdim.program.edges import EdgeFeature
 from imdim.program.motions import Motion, move_leaf
 from imdim.program.outline import has_ellipse
-from imdim.program.repeats import Folded, Group, Repeat, starts
-from imdim.program.tree import Op, Primitive, Program, leaves
+from imdim.program.repeats import Folded, Group, Repeat, group_up, starts
+from imdim.program.tree import Op, Primitive, Program, Vec3, leaves
 
 _SHAPE: Mapping[str, Callable[..., str]] = {
     "box": lambda x, y, z: f"Box({x}, {y}, {z})",
@@ -167,7 +169,10 @@ _HELPERS = {
 }
 _RARE = (
     "Axis",
+    "CounterBoreHole",
+    "CounterSinkHole",
     "Ellipse",
+    "Hole",
     "Line",
     "Part",
     "Plane",
@@ -229,11 +234,14 @@ def to_script(
     """
     rounding, named = Rounding.of(program), parameters or Parameters.none(program, folded)
     writer = _Script(rounding, named)
-    lines = writer.flat(program) if folded is None else writer.lines(folded)
+    groups = group_up(program) if folded is None else folded
+    writer.holes = HoleCalls.of(program, groups, named, rounding)
+    lines = writer.flat(program) if folded is None and not writer.holes.calls else writer.lines(groups)
     blends = BlendTexts.of(program, edges, named, rounding)
     body = [*blends.add_sizes(named.head(rounding.size)), *helpers(program, _HELPERS), *blends.helpers(_BLENDS), *writer.parts]
     body += ["part = (", *("    " + text for text in lines), ")", *blends.calls]
-    used = [n for n in _NAMES if n not in _RARE or any(f"{n}(" in text or f"{n}." in text for text in body)]
+    text = "\n".join(body)
+    used = [n for n in _NAMES if n not in _RARE or re.search(rf"\b{n}[(.]", text)]
     return _HEAD.format(standard=standard_imports(body), names=", ".join(used)) + "\n".join(body) + "\n" + _END
 
 
@@ -250,6 +258,7 @@ def standard_imports(body: Sequence[str]) -> str:
 
 _IMPORTS: Mapping[str, Mapping[str, set[str]]] = {
     "def curves(": {"cmath": {"exp", "phase"}, "math": {"asin", "atan", "pi", "tan"}},
+    "degrees(atan(": {"math": {"atan", "degrees"}},
     "def ring(": {"math": {"cos", "pi", "radians", "sin", "sqrt", "tan"}},
     "def as_placed(": {"cmath": {"exp"}, "math": {"dist", "hypot", "inf", "radians"}},
 }
@@ -266,13 +275,19 @@ class _Script(Chains):
     """Placements are multiplied to what they place."""
 
     signs: ClassVar[Mapping[Op, str]] = {"union": "+", "difference": "-", "intersection": "&"}
+    holes: HoleCalls = HoleCalls()
 
     def _primitive(self, leaf: Primitive, number: int) -> str:
-        place = self._center(number)
+        if (hole := self.holes.calls.get(number)) is not None:
+            place = [write_expression(c, self._rounding.length) for c in hole.at]
+            return self._placed(place, hole.turn, hole.text)
+        return self._placed(self._center(number), leaf.rotation, _SHAPE[leaf.kind](*self._arguments(leaf, number)))
+
+    def _placed(self, place: Sequence[str], rotation: Vec3, shape: str) -> str:
         steps = [f"Pos({', '.join(place)})"] if any(c != "0" for c in place) else []
-        for axis, angle in reversed(list(self._turns(leaf.rotation))):
+        for axis, angle in reversed(list(self._turns(rotation))):
             steps.append(f"Rot({', '.join(angle if a == axis else '0' for a in range(3))})")
-        return " * ".join([*steps, _SHAPE[leaf.kind](*self._arguments(leaf, number))])
+        return " * ".join([*steps, shape])
 
     def _repeat(self, repeat: Repeat, first: int) -> list[str]:
         # a list alone is no part
@@ -282,6 +297,8 @@ class _Script(Chains):
     def _operands(self, group: Group, first: int) -> list[list[str]]:
         operands: list[list[str]] = []
         for part, start in starts(group, first):
+            if isinstance(part, Primitive) and start in self.holes.dropped:
+                continue
             spread = isinstance(part, Repeat) and part.join == "union" and group.op != "intersection" and start > first
             operands.append([self._copies(part, start)] if spread else self.lines(part, start))  # type: ignore[arg-type]
         if isinstance(group.parts[0], Repeat) and group.parts[0].join == group.op == "union":

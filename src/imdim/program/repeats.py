@@ -10,10 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 
 from imdim.program.motions import Motion, after, mirror, move_leaf, move_program, step, turn
-from imdim.program.tree import Op, Primitive, Program, Vec3, combine_all, leaves
+from imdim.program.nary import fold_nary
+from imdim.program.tree import OPS, Op, Primitive, Program, Vec3, combine_all, leaves
 
 REPEATS: Mapping[str, str] = {
     "linear": "count copies, each a step from the one before",
@@ -92,6 +94,15 @@ class Group:
 
 
 Folded = Primitive | Group | Repeat
+
+
+def group_up(program: Program) -> Folded:
+    """A plain program with its chains of one operation as groups; nothing repeats."""
+    return fold_nary(program, lambda _, leaf: leaf, {op: partial(_group, op) for op in OPS})
+
+
+def _group(op: Op, parts: list[Folded]) -> Folded:
+    return Group(op, tuple(parts))
 
 
 def expand(folded: Folded) -> Program:
