@@ -18,7 +18,7 @@ MOST_COLUMNS = 2**20
 
 
 @dataclass(frozen=True, eq=False)
-class Columns:
+class RayColumns:
     """Triangles of a mesh in a grid across a direction.
 
     `frame` [3, 3] has two rows across the direction and the direction; `corners` [k, 9] are in it, less `center` and times `scale`.
@@ -39,7 +39,7 @@ class Columns:
         return _count_above(self.corners, self.side, self.starts, self.members, np.ascontiguousarray(unit @ self.frame.T))
 
 
-def sort_columns(triangles: np.ndarray, direction: np.ndarray) -> Columns:
+def sort_columns(triangles: np.ndarray, direction: np.ndarray) -> RayColumns:
     """The columns of triangles [k, 3, 3] along a unit `direction` [3]."""
     frame = _frame(np.asarray(direction, float))
     low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
@@ -49,7 +49,7 @@ def sort_columns(triangles: np.ndarray, direction: np.ndarray) -> Columns:
     side = _choose_side(low, high)
     first, last = _column(low, side), _column(high, side)
     starts, members = _fill(first, last, side, np.zeros(side * side + 1, np.int64), int((last - first + 1).prod(axis=1).sum()))
-    return Columns(frame, center, scale, corners.reshape(-1, 9), side, starts, members)
+    return RayColumns(frame, center, scale, corners.reshape(-1, 9), side, starts, members)
 
 
 def _frame(direction: np.ndarray) -> np.ndarray:
