@@ -97,6 +97,19 @@ def test_coordinates_move_a_drawn_leaf_as_they_say():
     assert start.move(0 * step) == plate
 
 
+def test_a_turned_outline_stays_where_a_step_would_take_it_across_its_axis():
+    ring = Primitive("revolve", (360.0,), outline=Outline((((0.2, 0, 0), (3.0, 0, 0), (3.0, 1.0, 0), (0.2, 1.0, 0)),)))
+    start = Coordinates.of(ring)
+    assert any(next(leaves(start.move(0.3 * way))) != ring for way in np.eye(start.count)[9:])
+    for way in np.eye(start.count)[9:]:
+        for step in (0.3 * way, -0.3 * way):
+            leaf = next(leaves(start.move(step)))
+            assert leaf.outline is not None
+            assert min(x for x, *_ in leaf.outline.loops[0]) >= 0
+    thin = cloud(ring, n=400, sigma=0.3)
+    measure(ring, thin, np.zeros((0, start.count)))  # whose steps are as long as the ring's hole is wide
+
+
 @pytest.mark.parametrize(("value", "finest", "grid"), [(40, 0.1, 10), (17.5, 0.1, 0.5), (17.53, 0.1, 0), (0.05, 0.01, 0.05), (-3, 0.2, 1)])
 def test_the_grid_of_a_number(value, finest, grid):
     assert grid_of(value, finest) == pytest.approx(grid)

@@ -24,7 +24,7 @@ from imdim.numbers.face_coordinates import lift_numbers, shift_leaves
 from imdim.numbers.likelihood import NEIGHBOURS, WIDE, Noise, SurfaceSamples
 from imdim.numbers.outline_coordinates import OutlineCoordinates, outline_coordinates
 from imdim.program.outline import check_crossings
-from imdim.program.tree import KINDS, Program, leaves, map_leaves
+from imdim.program.tree import KINDS, Primitive, Program, leaves, map_leaves
 
 BESIDE = 1e-4  # of the part, between which normals are compared
 BENT = 0.2  # how far normals that near may differ on one smooth surface
@@ -70,7 +70,7 @@ class Coordinates:
         return out
 
     def move(self, step: np.ndarray) -> Program:
-        """The program after a step [count]; an outline that would bound nothing or cross itself stays."""
+        """The program after a step [count]; an outline that would bound nothing, cross itself, or its axis, stays."""
         k = len(self.numbers.kinds)
         raw = step[: 9 * k].reshape(k, 9).copy()
         raw[:, 6:] /= self.radii[:, None]
@@ -83,7 +83,14 @@ class Coordinates:
                 drawn[leaf] = outline
             except ValueError:
                 continue
-        return map_leaves(moved, lambda i, p: replace(p, outline=drawn.get(i, p.outline)))
+
+        def redraw(i: int, p: Primitive) -> Primitive:
+            try:
+                return replace(p, outline=drawn[i]) if i in drawn else p
+            except ValueError:
+                return p
+
+        return map_leaves(moved, redraw)
 
     def tangents(self, shown: SurfaceSamples) -> np.ndarray:
         """How the distance of a point at each sample grows with each coordinate [m, count]."""
