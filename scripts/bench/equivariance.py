@@ -110,7 +110,9 @@ def answer(mesh: trimesh.Trimesh, settings: Settings) -> Answer:
     if target.mesh is None or not target.is_solid:
         raise SystemExit("a variant bounds no solid")
     last = reconstruct_best(target, settings)
-    return Answer(count(last.program).primitives, volume_iou(to_manifold(last.program, SEGMENTS), mesh_to_manifold(target.mesh)), last.stop or "")
+    return Answer(
+        count(last.program).primitives, volume_iou(to_manifold(last.program, SEGMENTS), mesh_to_manifold(target.mesh)), last.stop or ""
+    )
 
 
 if __name__ == "__main__":
