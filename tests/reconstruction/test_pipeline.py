@@ -228,6 +228,16 @@ def test_a_mesh_in_python():
     assert iou(last.program, PARTS["countersink"]) >= 0.999
 
 
+def test_a_rounded_plate_with_a_slot_is_two_drawings():
+    """Of the six primitives it has nine: four cylinders and two boxes, two cylinders and a box."""
+    corners = [cylinder(6, 5, (24 * a, 14 * b, 0)) for a in (-1, 1) for b in (-1, 1)]
+    slot = [cylinder(3, 7, (-8, 4, 0)), cylinder(3, 7, (8, 4, 0)), box(16, 6, 7, (0, 4, 0))]
+    truth = cut(union(box(60, 28, 5), *corners, box(48, 40, 5)), *slot)
+    last = imdim.reconstruct(mesh_of(truth))
+    assert [leaf.kind for leaf in leaves(last.program)] == ["extrude", "extrude"]
+    assert iou(last.program, truth) >= 0.999
+
+
 def test_a_cloud_in_python():
     truth = cut(box(80, 50, 10), cylinder(12, 12))
     points = trimesh.sample.sample_surface(mesh_of(truth), 8192, seed=1)[0]

@@ -18,6 +18,7 @@ from manifold3d import Manifold
 from imdim.baselines import stump_net as stump_nets
 from imdim.baselines.stump import stumps
 from imdim.deadline import Deadline
+from imdim.geometry.finish.rounded import draw_rounded
 from imdim.geometry.solid import SEGMENTS, to_manifold, volume
 from imdim.program.cost import count
 from imdim.program.front import Choice
@@ -126,7 +127,21 @@ def auto(run: Run) -> Iterator[MethodStep]:
             yield best
     repeated = _repeat_cells(run, best)
     if repeated is not None:
-        yield repeated
+        best = repeated
+        yield best
+    rounded = _draw_rounded(run, best)
+    if rounded is not None:
+        yield rounded
+
+
+def _draw_rounded(run: Run, best: MethodStep) -> MethodStep | None:
+    """The same with rounded rectangles and slots drawn, where it is."""
+    if run.settings.language != "cad" or run.budget.end_of("search").has_passed():
+        return None
+    drawn = draw_rounded(best.program)
+    if drawn == best.program or not is_same(best.program, drawn, HIDDEN, FINELY):
+        return None
+    return replace(best, program=drawn, others=(*best.others, best.program), proof="")
 
 
 def _repeat_cells(run: Run, best: MethodStep) -> MethodStep | None:
