@@ -141,7 +141,7 @@ def _draw_rounded(run: Run, best: MethodStep) -> MethodStep | None:
     drawn = draw_rounded(best.program)
     if drawn == best.program or not is_same(best.program, drawn, HIDDEN, FINELY):
         return None
-    return replace(best, program=drawn, others=(*best.others, best.program), proof="")
+    return replace(best, stage="search", program=drawn, others=(*best.others, best.program), proof="")
 
 
 def _repeat_cells(run: Run, best: MethodStep) -> MethodStep | None:
