@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from imdim.geometry.winding import inside_mesh
+from imdim.geometry.winding import Interior
 from imdim.program.tree import Primitive, Program, combine_all
 
 CELLS = 32  # along the longest side
@@ -34,7 +34,7 @@ def voxels(mesh: trimesh.Trimesh, cells: int = CELLS) -> tuple[np.ndarray, np.nd
     counts = np.maximum(np.rint(cells * (high - low) / (high - low).max()), 1).astype(int)
     cell = (high - low) / counts
     centres = low + (np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1) + 0.5) * cell
-    return low, cell, inside_mesh(mesh, centres.reshape(-1, 3)).reshape(counts)
+    return low, cell, Interior(mesh).contains(centres.reshape(-1, 3)).reshape(counts)
 
 
 def merged(full: np.ndarray) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:

@@ -5,7 +5,7 @@ import pytest
 from tests.planted import PARTS, box, cut, cylinder, union
 
 from imdim.geometry.sampling import surface_points
-from imdim.numbers.likelihood import NEIGHBOURS, WIDE, Noise, SurfaceSamples, shares
+from imdim.numbers.likelihood import NEIGHBOURS, WIDE, Noise, SurfaceSamples, expectation_step
 
 RING = cut(cylinder(20, 6), cylinder(15, 30))
 SIGMA = 1.2  # a fifth of the ring's height
@@ -26,7 +26,7 @@ def test_it_is_the_density_of_the_mixture():
     density = np.exp(-(along**2) / SIGMA**2 / 2 - across / wide**2 / 2) / ((2 * np.pi) ** 1.5 * SIGMA * wide**2)
     reach = np.linalg.norm(away, axis=2) < 4 * wide
     whole = 0.95 * (density * reach).mean(1) + 0.05 / np.prod(np.ptp(points, axis=0))
-    found = shares(points, shown, noise)
+    found = expectation_step(points, shown, noise)
     assert found.nll == pytest.approx(-np.log(whole).mean(), rel=1e-9)
     answer = 0.95 * density * reach / len(shown.points) / whole[:, None]
     assert found.mass == pytest.approx(answer.sum(0), rel=1e-9)
@@ -36,7 +36,7 @@ def test_it_is_the_density_of_the_mixture():
 
 def test_noise_has_a_floor():
     points, shown = cloud(RING, 4000, sigma=0.1), SurfaceSamples.of(RING, SIGMA)
-    free, held = (shares(points, shown, Noise(SIGMA, least=least)).noise for least in (0.0, 0.8))
+    free, held = (expectation_step(points, shown, Noise(SIGMA, least=least)).noise for least in (0.0, 0.8))
     assert free.sigma < 0.8 == held.sigma == held.least
     assert free.clutter == held.clutter
 
@@ -44,7 +44,7 @@ def test_noise_has_a_floor():
 def test_no_face_is_pulled_at_the_truth():
     """Distances to the nearest surface would move the ring's ends outward by a good part of the noise."""
     points, shown = cloud(RING, 40_000), SurfaceSamples.of(RING, SIGMA)
-    found = shares(points, shown, Noise(SIGMA, 1e-3))
+    found = expectation_step(points, shown, Noise(SIGMA, 1e-3))
     for face in (shown.normals[:, 2] > 0.9, shown.normals[:, 2] < -0.9, np.hypot(*shown.points[:, :2].T) > 19.9):
         pull = (found.mass * found.offset)[face].sum() / found.mass[face].sum()
         assert abs(pull) < 0.05 * SIGMA
@@ -65,14 +65,14 @@ def test_no_face_is_pulled_at_the_truth():
 )
 def test_the_truth_is_likelier_than_what_is_wrong(worse):
     points = cloud(RING)
-    true, wrong = (shares(points, SurfaceSamples.of(p, SIGMA), Noise(SIGMA, 0.01)).nll for p in (RING, worse))
+    true, wrong = (expectation_step(points, SurfaceSamples.of(p, SIGMA), Noise(SIGMA, 0.01)).nll for p in (RING, worse))
     assert true < wrong - 0.01
 
 
 def test_a_wall_thinner_than_the_noise_keeps_its_thickness():
     """Samples drawn by chance are likelier where two skins lie in one: twice as many lie there, and their density is more even."""
     points = cloud(box(60, 60, 1.0), 8000, 1.0)
-    found = {t: shares(points, SurfaceSamples.of(box(60, 60, t), 1.0), Noise(1.0, 1e-3)).nll for t in (0.02, 0.5, 1.0, 1.5, 2.0)}
+    found = {t: expectation_step(points, SurfaceSamples.of(box(60, 60, t), 1.0), Noise(1.0, 1e-3)).nll for t in (0.02, 0.5, 1.0, 1.5, 2.0)}
     assert min(found, key=found.__getitem__) == 1.0
 
 
@@ -94,7 +94,7 @@ def test_a_gap_that_noise_hides_is_none():
 def test_nothing_shown_leaves_clutter():
     nothing = cut(box(1, 1, 1), box(2, 2, 2))
     points = cloud(RING, 200)
-    found = shares(points, SurfaceSamples.of(nothing, 0.1), Noise(0.1, 0.5))
+    found = expectation_step(points, SurfaceSamples.of(nothing, 0.1), Noise(0.1, 0.5))
     assert found.nll == pytest.approx(np.log(np.prod(np.ptp(points, axis=0))) - np.log(0.5))
     assert len(found.mass) == 0
 
@@ -103,7 +103,8 @@ def test_nothing_shown_leaves_clutter():
 def test_units_only_shift_it(name):
     points = cloud(PARTS[name], 2000, 0.5)
     scaled = [
-        shares(points * s, SurfaceSamples.of(_scaled(PARTS[name], s), 0.5 * s), Noise(0.5 * s)).nll - 3 * np.log(s) for s in (1.0, 1e3)
+        expectation_step(points * s, SurfaceSamples.of(_scaled(PARTS[name], s), 0.5 * s), Noise(0.5 * s)).nll - 3 * np.log(s)
+        for s in (1.0, 1e3)
     ]
     assert scaled[0] == pytest.approx(scaled[1], abs=1e-6)
 

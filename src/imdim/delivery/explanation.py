@@ -19,7 +19,7 @@ from scipy.spatial import KDTree
 from imdim.detection.noise import NoiseModel
 from imdim.geometry import kernels
 from imdim.geometry.sampling import EIGHTH, surface_spacing
-from imdim.numbers.likelihood import GAP, Noise, SurfaceSamples, shares
+from imdim.numbers.likelihood import GAP, Noise, SurfaceSamples, expectation_step
 from imdim.program.tree import Program
 
 MOST_POINTS = 8192  # that are asked
@@ -76,12 +76,12 @@ def explain(program: Program, points: np.ndarray, model: NoiseModel) -> Explanat
     if len(points) < FEWEST or not len(shown.points):
         return None
     for _ in range(NOISE_ROUNDS):
-        noise = shares(points, shown, noise).noise
+        noise = expectation_step(points, shown, noise).noise
         shown = SurfaceSamples.of(program, noise.sigma)
     bare = _is_bare(shown, points[np.abs(kernels.program_sdf(program, points)) <= STRAY * noise.sigma], noise)
     part = replace(shown, points=shown.points[~bare], normals=shown.normals[~bare], area=shown.area * float(np.mean(~bare)))
     sheet = _tell_by_neighbours(points, start)
-    whole, seen = (shares(points, s, noise).logs for s in (shown, part))
+    whole, seen = (expectation_step(points, s, noise).logs for s in (shown, part))
     thin = ~kernels.inside(program, shown.points - GAP * noise.sigma * shown.normals)
     gain, shown_gain = (float(np.mean(logs - sheet)) for logs in (whole, seen))
     return Explanation(gain, shown_gain, float(bare.mean()), float(thin.mean()), shown.points, thin, points, sheet - whole)
@@ -113,8 +113,8 @@ def _tell_by_neighbours(points: np.ndarray, noise: Noise) -> np.ndarray:
         asked = fold == number
         sheet, own = _smooth(points[~asked], noise.sigma), noise
         for _ in range(NOISE_ROUNDS):
-            own = shares(points[asked], sheet, own).noise
-        logs[asked] = shares(points[asked], sheet, own).logs
+            own = expectation_step(points[asked], sheet, own).noise
+        logs[asked] = expectation_step(points[asked], sheet, own).logs
     return logs
 
 

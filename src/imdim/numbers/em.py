@@ -18,7 +18,7 @@ from imdim.geometry.finish.overshoot import overshoot
 from imdim.geometry.lowering import Lowered, Outlines, lower
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.face_coordinates import lift_numbers, shift_leaves, step_maps
-from imdim.numbers.likelihood import MOST_SAMPLES, Noise, Share, SurfaceSamples, shares
+from imdim.numbers.likelihood import MOST_SAMPLES, Noise, Responsibilities, SurfaceSamples, expectation_step
 from imdim.numbers.normal_equations import blocks
 from imdim.numbers.outline_coordinates import OutlineCoordinates, center_leaf, outline_coordinates
 from imdim.numbers.shared_rotations import TURNS, align_rotations, frames, map_shared_turns
@@ -74,7 +74,7 @@ def maximise_likelihood(
     for done in range(config.rounds):
         trial = lift_numbers(program, start, numbers)
         shown = SurfaceSamples.of(trial, noise.sigma, config.samples)
-        share = shares(points, shown, noise)
+        share = expectation_step(points, shown, noise)
         if share.nll < best.nll:
             best = FittedProgram(trial, noise, share.nll, done)
         # a step knows nothing of the area: an end that no point holds may drift out of the cloud
@@ -114,7 +114,7 @@ def _in_its_noise(likely: FittedProgram, points: np.ndarray, noise: Noise, sampl
     """The program with the noise that explains the points beside it, `noise` or later ones: under a first guess that is too small two
     sheets are likelier than the one surface that they blur into."""
     for _ in range(NOISE_ROUNDS):
-        share = shares(points, SurfaceSamples.of(likely.program, noise.sigma, samples), noise)
+        share = expectation_step(points, SurfaceSamples.of(likely.program, noise.sigma, samples), noise)
         if share.nll >= likely.nll:
             break
         likely, noise = replace(likely, noise=noise, nll=share.nll), share.noise
@@ -122,7 +122,7 @@ def _in_its_noise(likely: FittedProgram, points: np.ndarray, noise: Noise, sampl
 
 
 def _maximisation_step(
-    numbers: Lowered, program: Program, member: np.ndarray, shown: SurfaceSamples, share: Share, config: EMConfig
+    numbers: Lowered, program: Program, member: np.ndarray, shown: SurfaceSamples, share: Responsibilities, config: EMConfig
 ) -> tuple[Lowered, Program, float]:
     """The maximisation step, the program with its outlines after it, and the longest move of a face in it.
 
@@ -168,7 +168,7 @@ def _add_outlines(
     numbers: Lowered,
     program: Program,
     shown: SurfaceSamples,
-    share: Share,
+    share: Responsibilities,
     rows: tuple[np.ndarray, np.ndarray, np.ndarray],
     equations: tuple[np.ndarray, np.ndarray],
 ) -> _Drawn:

@@ -68,7 +68,7 @@ class SurfaceSamples:
 
 
 @dataclass(frozen=True)
-class Share:
+class Responsibilities:
     """What the points say of each sample: `mass` [m] is how many of them it answers for, `offset` [m] their mean distance along its
     normal. `noise` is what explains them best, `logs` [n] the logarithms of their densities, `nll` their negative mean."""
 
@@ -79,14 +79,14 @@ class Share:
     logs: np.ndarray
 
 
-def shares(points: np.ndarray, shown: SurfaceSamples, noise: Noise) -> Share:
+def expectation_step(points: np.ndarray, shown: SurfaceSamples, noise: Noise) -> Responsibilities:
     """The expectation step for `points` [n, 3]."""
     m, box = len(shown.points), float(np.prod(np.maximum(np.ptp(points, axis=0), noise.sigma)))
     wide = max(noise.sigma, WIDE * shown.spacing)
     peak = math.log((1 - noise.clutter) / max(m, 1)) - 1.5 * math.log(2 * math.pi) - math.log(noise.sigma) - 2 * math.log(wide)
     if m == 0:
         log = math.log(noise.clutter / box)
-        return Share(np.zeros(0), np.zeros(0), noise, -log, np.full(len(points), log))
+        return Responsibilities(np.zeros(0), np.zeros(0), noise, -log, np.full(len(points), log))
     near = np.asarray(KDTree(shown.points).query(points, k=min(NEIGHBOURS, m), distance_upper_bound=4 * wide)[1]).reshape(len(points), -1)
     clutter = math.exp(math.log(noise.clutter / box) - peak)
     mass, moment, square, log, logs = _shares(points, shown.points, shown.normals, near, noise.sigma, wide, clutter)
@@ -94,7 +94,7 @@ def shares(points: np.ndarray, shown: SurfaceSamples, noise: Noise) -> Share:
     offset = np.divide(moment, mass, out=np.zeros(m), where=mass > 1e-12)
     sigma = math.sqrt(square / held) if held > 0 else noise.sigma
     clutter = min(max(1 - held / len(points), 1e-3), 0.5)
-    return Share(mass, offset, Noise(max(sigma, noise.least), clutter, noise.least), -(log / len(points) + peak), logs + peak)
+    return Responsibilities(mass, offset, Noise(max(sigma, noise.least), clutter, noise.least), -(log / len(points) + peak), logs + peak)
 
 
 def _counts(areas: np.ndarray, wanted: float) -> np.ndarray:

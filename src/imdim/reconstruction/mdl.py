@@ -17,7 +17,7 @@ from imdim.geometry import kernels
 from imdim.geometry.axes import clearest_axes, find_shared_axes, main_axes
 from imdim.geometry.sampling import subsample
 from imdim.numbers.em import EMConfig, FittedProgram, maximise_likelihood
-from imdim.numbers.likelihood import Noise, SurfaceSamples, shares
+from imdim.numbers.likelihood import Noise, SurfaceSamples, expectation_step
 from imdim.numbers.symmetry_normal_form import canonical
 from imdim.program.constraints import Constraint
 from imdim.program.paths import Path, leaf_paths, without
@@ -269,6 +269,6 @@ def _hold_relations(likely: FittedProgram, points: np.ndarray, deadline: Deadlin
         return likely.program, ()
     plain = map_leaves(likely.program, lambda _, leaf: canonical(leaf))
     found = discover(plain, points, deadline)
-    after = shares(points, SurfaceSamples.of(found.program, likely.noise.sigma, CAREFUL.samples), likely.noise).nll
+    after = expectation_step(points, SurfaceSamples.of(found.program, likely.noise.sigma, CAREFUL.samples), likely.noise).nll
     worth = 0.5 * len(found.constraints) * math.log(len(points)) / len(points)
     return (found.program, found.constraints) if after < likely.nll + worth else (likely.program, ())

@@ -24,7 +24,7 @@ ALIGNED = 1e-6  # of a cosine
 QUARTER = math.tan(math.pi / 8)  # the bulge of a quarter circle; that of a half is 1
 
 
-class _Drawing(NamedTuple):
+class _RoundedPrism(NamedTuple):
     """A prism, and which of the parts (by number) it stands for."""
 
     prism: Primitive
@@ -67,7 +67,7 @@ def _draw(items: Sequence[Program], slack: float) -> list[Program]:
 Numbered = Sequence[tuple[int, Primitive]]
 
 
-def _rectangles(boxes: Numbered, tubes: Numbered, slack: float) -> Iterator[_Drawing]:
+def _rectangles(boxes: Numbered, tubes: Numbered, slack: float) -> Iterator[_RoundedPrism]:
     for ((i, one), (j, two)), along in product(combinations(boxes, 2), range(3)):
         if math.dist(one.center, two.center) > slack:
             continue
@@ -86,10 +86,10 @@ def _rectangles(boxes: Numbered, tubes: Numbered, slack: float) -> Iterator[_Dra
         if None not in found:
             lower = ((-c, -b, 0.0), (c, -b, QUARTER), (a, -d, 0.0), (a, d, QUARTER))
             loop = (*lower, (c, b, 0.0), (-c, b, QUARTER), (-a, d, 0.0), (-a, -d, QUARTER))
-            yield _Drawing(frame.extrude(loop), frozenset({i, j, *(k for k in found if k is not None)}))
+            yield _RoundedPrism(frame.extrude(loop), frozenset({i, j, *(k for k in found if k is not None)}))
 
 
-def _slots(boxes: Numbered, tubes: Numbered, slack: float) -> Iterator[_Drawing]:
+def _slots(boxes: Numbered, tubes: Numbered, slack: float) -> Iterator[_RoundedPrism]:
     for (i, box), along, upright in product(boxes, range(3), (False, True)):
         frame = _Frame.of(box, along)
         a, r = (size / 2 for size in frame.across(box.size)[:: -1 if upright else 1])
@@ -98,7 +98,7 @@ def _slots(boxes: Numbered, tubes: Numbered, slack: float) -> Iterator[_Drawing]
         if None not in found:
             level = ((-a, -r, 0.0), (a, -r, 1.0), (a, r, 0.0), (-a, r, 1.0))
             loop = ((r, -a, 0.0), (r, a, 1.0), (-r, a, 0.0), (-r, -a, 1.0)) if upright else level
-            yield _Drawing(frame.extrude(loop), frozenset({i, *(k for k in found if k is not None)}))
+            yield _RoundedPrism(frame.extrude(loop), frozenset({i, *(k for k in found if k is not None)}))
 
 
 @dataclass(frozen=True)
