@@ -23,7 +23,7 @@ from imdim.export.openscad import to_openscad
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.reconstruction.config import Settings
 from imdim.target.scan import Condition, parse_condition, scan
-from imdim.target.target import target_from
+from imdim.target.target import load_target, target_from
 
 SCRIPTS = Path(__file__).parents[1] / "scripts" / "bench"
 sys.path.insert(0, str(SCRIPTS))  # the scripts import each other by name
@@ -320,7 +320,8 @@ def test_conditions_are_read():
     assert parse_condition("mesh") is None
     assert parse_condition("cloud+normals") == Condition(normals=True)
     assert parse_condition("noise=0.5%+outliers=2%+views=3") == Condition(noise=0.005, outliers=0.02, views=3)
-    for wrong in ("clod", "noise", "views=9", "normals=1"):
+    assert parse_condition("views=3+scanners") == Condition(views=3, scanners=True)
+    for wrong in ("clod", "noise", "views=9", "normals=1", "scanners"):
         with pytest.raises(ValueError, match=wrong.split("=")[0]):
             parse_condition(wrong)
 
@@ -344,3 +345,13 @@ def test_one_view_sees_three_faces_of_a_box_and_not_into_a_blind_side():
     assert len(points) == 8192
     assert points.max(axis=1) == pytest.approx(0.5)
     assert points.min() > -0.5
+
+
+def test_a_cloud_of_views_says_where_it_was_seen_from(tmp_path):
+    trimesh.creation.box((3.0, 4.0, 12.0)).export(tmp_path / "part.stl")
+    target = load_target(sample(tmp_path / "part.stl", "views=2+scanners", tmp_path / "part.npy"))
+    assert target.scanners is not None
+    assert target.scanners.shape == (2, 3)
+    # far off, and above what it shows
+    assert (target.scanners[0] > 1000).all()
+    assert target.points[:, 2].max() == pytest.approx(6.0)

@@ -105,7 +105,7 @@ def sample(part: Path, condition: str, out: Path) -> Path:
     """The part itself, or a cloud of it written to `out`. Raises ValueError for a part that is a cloud already."""
     if condition == "mesh":  # without a second of imports
         return part
-    from imdim.target.scan import parse_condition, scan
+    from imdim.target.scan import parse_condition, place_scanners, scan
     from imdim.target.target import load_target
 
     wanted = parse_condition(condition)
@@ -113,8 +113,12 @@ def sample(part: Path, condition: str, out: Path) -> Path:
     if mesh is None or wanted is None:
         raise ValueError(f"{part}: a cloud cannot be sampled, give --condition mesh")
     points, normals = scan(mesh, wanted, np.random.default_rng(0))
-    np.save(out, points if normals is None else np.hstack([points, normals]))
-    return out
+    table = points if normals is None else np.hstack([points, normals])
+    if not wanted.scanners:
+        np.save(out, table)
+        return out
+    np.savez(out.with_suffix(".npz"), points=table, scanners=place_scanners(mesh, wanted.views))
+    return out.with_suffix(".npz")
 
 
 def score(part: Path, answer: Path, scorer: Path | None) -> Judgement:

@@ -1,5 +1,7 @@
 """Verdicts on clouds whose points lie near a surface that is not the part's: the truth is planted, and never shown to the verdict."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -9,7 +11,7 @@ from imdim.delivery.explanation import explain, share_borne_out
 from imdim.delivery.verdict import SurfaceVerdict, judge
 from imdim.detection.noise import measure_noise
 from imdim.program.tree import Program
-from imdim.target.scan import parse_condition, scan
+from imdim.target.scan import parse_condition, place_scanners, scan
 from imdim.target.target import target_from
 
 BRACKET = cut(union(box(60, 40, 8), box(60, 8, 30, (0, 16, 15))), *(cylinder(4, 40, (x, -6, 0)) for x in (-18, 18)))
@@ -81,6 +83,20 @@ def test_surface_that_nobody_saw_is_told_with_its_share():
     assert found.overall == "partial"
     assert found.explanation.gain < 0 < found.explanation.shown_gain
     assert any("nobody saw it" in said for said in found.doubts)
+
+
+def test_what_no_scanner_could_see_is_told():
+    """Of a block, one scanner sees three faces of six; the others close it."""
+    mesh, condition = mesh_of(BLOCK), parse_condition("noise=0.3%+views=1+scanners")
+    assert condition is not None
+    points, _ = scan(mesh, condition, np.random.default_rng(4))
+    blind = target_from(points)
+    found, unknown = (judge(t, mesh, program=BLOCK) for t in (replace(blind, scanners=place_scanners(mesh, 1)), blind))
+    assert found.explanation is not None
+    assert found.explanation.unseen == pytest.approx(0.5, abs=0.05)
+    assert found.explanation.bare < 0.05 < unknown.explanation.bare  # type: ignore[union-attr]
+    assert "no scanner could see" in found.doubts[-1]
+    assert found.overall in ("approximated", "partial")
 
 
 def test_a_boss_in_the_air_is_told():

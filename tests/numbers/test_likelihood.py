@@ -5,6 +5,7 @@ import pytest
 from tests.planted import PARTS, box, cut, cylinder, union
 
 from imdim.geometry.sampling import surface_points
+from imdim.geometry.shadows import Shadows
 from imdim.numbers.likelihood import NEIGHBOURS, WIDE, Noise, SurfaceSamples, expectation_step
 
 RING = cut(cylinder(20, 6), cylinder(15, 30))
@@ -113,3 +114,14 @@ def _scaled(program, by):
     from imdim.target.target import Frame
 
     return Frame((0.0, 0.0, 0.0), by).apply(program)
+
+
+def test_what_no_scanner_could_see_needs_no_points():
+    """A scanner above a block sees its top; the density of the points is spread over that alone, and a block of any depth is as likely."""
+    rng = np.random.default_rng(0)
+    points = np.column_stack([rng.uniform(-10, 10, (4000, 2)), rng.normal(0, 0.1, 4000)])
+    shadows = Shadows.of(points, np.array([[0.0, 0.0, 2000.0]]), 0.1)
+    deep, flat = (box(20, 20, h, (0, 0, -h / 2)) for h in (30, 8))
+    blind, told = (expectation_step(points, SurfaceSamples.of(deep, 0.1, shadows=s), Noise(0.1)).nll for s in (None, shadows))
+    assert blind - told == pytest.approx(np.log((2 * 400 + 4 * 600) / 400), abs=0.35)  # the upper ends of the walls are near the points
+    assert expectation_step(points, SurfaceSamples.of(flat, 0.1, shadows=shadows), Noise(0.1)).nll == pytest.approx(told, abs=0.1)

@@ -1,6 +1,7 @@
 """Units and origin: lengths become millimetres, the part moves as it is told to, and both are said."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import trimesh
 
 from imdim.reconstruction.config import ConfigError, from_arguments
 from imdim.target.placement import place
-from imdim.target.target import InputError, frame_meta, load_target, target_from
+from imdim.target.target import InputError, frame_meta, in_unit_frame, load_target, target_from
 
 
 def block(size=(4.0, 2.0, 1.0), at=(10.0, 20.0, 30.0)):
@@ -46,7 +47,9 @@ def test_the_box_moves_to_the_origin(origin, low):
 
 def test_clouds_are_placed_too():
     points = np.random.default_rng(0).random((200, 3))
-    placed = place(target_from(points, "cloud"), "inch", "base")
+    placed = place(replace(target_from(points, "cloud"), scanners=points[:2]), "inch", "base")
+    assert placed.scanners == pytest.approx(placed.points[:2])
+    assert in_unit_frame(placed)[0].scanners == pytest.approx(in_unit_frame(placed)[0].points[:2])
     assert np.ptp(placed.points, axis=0) == pytest.approx(25.4 * np.ptp(points, axis=0))
     assert placed.points[:, 2].min() == pytest.approx(0.0, abs=1e-12)
 

@@ -150,6 +150,18 @@ def test_numpy_arrays(tmp_path):
     assert read(tmp_path / "a.npz").faces.tolist() == [[0, 1, 2]]  # type: ignore[union-attr]
 
 
+def test_a_cloud_may_say_where_its_scanners_stood(tmp_path):
+    places = [[0.0, 0.0, 9.0], [9.0, 0.0, 0.0]]
+    np.savez(tmp_path / "a.npz", points=CLOUD, scanners=np.array(places))
+    assert read(tmp_path / "a.npz").scanners.tolist() == places  # type: ignore[union-attr]
+    np.savez(tmp_path / "b.npz", points=CLOUD, scanners=np.array([[0.0, np.nan, 1.0], places[0]]))
+    with pytest.raises(InputError, match="1 of 2 scanners are nowhere"):
+        read(tmp_path / "b.npz")
+    np.savez(tmp_path / "c.npz", points=CLOUD, scanners=np.zeros((2, 4)))
+    with pytest.raises(InputError, match="3 numbers of scanners each"):
+        read(tmp_path / "c.npz")
+
+
 def test_pickles_are_refused(tmp_path):
     np.save(tmp_path / "a.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
     with pytest.raises(InputError, match=r"a\.npy"):

@@ -19,6 +19,7 @@ from scipy.spatial import KDTree
 from imdim.detection.noise import NoiseModel
 from imdim.geometry import kernels
 from imdim.geometry.sampling import EIGHTH, surface_spacing
+from imdim.geometry.shadows import Shadows
 from imdim.numbers.likelihood import GAP, Noise, SurfaceSamples, expectation_step
 from imdim.program.tree import Program
 
@@ -42,7 +43,7 @@ class Explanation:
     `gain` and `shown_gain`: nats per point by which the program tells the points better than a sheet through their neighbours, by its whole
     surface and by what points are near; `bare`: surface that no point is near; `blurred`: surface of walls thinner than the noise. Places
     of the surface `at` [m, 3] are in such a wall where `thin` [m]. Per point asked, `points` [n, 3], `losses` [n] are what the sheet tells
-    it better by.
+    it better by. `unseen` is the share of the whole surface that no known scanner could see; the others are of the rest.
     """
 
     gain: float
@@ -53,6 +54,7 @@ class Explanation:
     thin: np.ndarray
     points: np.ndarray
     losses: np.ndarray
+    unseen: float = 0.0
 
     def is_blurred(self, points: np.ndarray) -> np.ndarray:
         """Whether most of the program's surface next to each of `points` [n, 3] is in a wall thinner than the noise; the tip of a wedge is
@@ -66,25 +68,27 @@ class Explanation:
         return self.losses[near].mean(1) > 0
 
 
-def explain(program: Program, points: np.ndarray, model: NoiseModel) -> Explanation | None:
-    """How `program` explains a cloud of `points` [n, 3] in its units, whose noise is as in the `model`; None where the program has no
-    surface, and for fewer than FEWEST points."""
+def explain(program: Program, points: np.ndarray, model: NoiseModel, scanners: np.ndarray | None = None) -> Explanation | None:
+    """How `program` explains a cloud of `points` [n, 3] in its units, whose noise is as in the `model`, as `scanners` [k, 3] saw it if they
+    are known; None where the program has no surface that they could see, and for fewer than FEWEST points."""
     points = points[np.random.default_rng(0).permutation(len(points))[:MOST_POINTS]]
     least = LEAST_NOISE * float(np.linalg.norm(np.ptp(points, axis=0)))
-    start = Noise(max(model.sigma, least), least=least)
-    shown, noise = SurfaceSamples.of(program, start.sigma), start
+    shadows = None if scanners is None else Shadows.of(points, scanners, model.sigma)
+    start = Noise(max(model.sigma, least), least=least, shadows=shadows)
+    shown, noise = SurfaceSamples.of(program, start.sigma, shadows=shadows), start
     if len(points) < FEWEST or not len(shown.points):
         return None
     for _ in range(NOISE_ROUNDS):
         noise = expectation_step(points, shown, noise).noise
-        shown = SurfaceSamples.of(program, noise.sigma)
+        shown = SurfaceSamples.of(program, noise.sigma, shadows=shadows)
     bare = _is_bare(shown, points[np.abs(kernels.program_sdf(program, points)) <= STRAY * noise.sigma], noise)
     part = replace(shown, points=shown.points[~bare], normals=shown.normals[~bare], area=shown.area * float(np.mean(~bare)))
     sheet = _tell_by_neighbours(points, start)
     whole, seen = (expectation_step(points, s, noise).logs for s in (shown, part))
     thin = ~kernels.inside(program, shown.points - GAP * noise.sigma * shown.normals)
     gain, shown_gain = (float(np.mean(logs - sheet)) for logs in (whole, seen))
-    return Explanation(gain, shown_gain, float(bare.mean()), float(thin.mean()), shown.points, thin, points, sheet - whole)
+    unseen = 0.0 if shadows is None else max(1 - shown.area / SurfaceSamples.of(program, noise.sigma).area, 0.0)
+    return Explanation(gain, shown_gain, float(bare.mean()), float(thin.mean()), shown.points, thin, points, sheet - whole, unseen)
 
 
 def share_borne_out(program: Program, points: np.ndarray, normals: np.ndarray, areas: np.ndarray, deviation: float) -> float:

@@ -239,7 +239,7 @@ def _verdict(verdict: SurfaceVerdict) -> dict[str, Any]:
 
 def _explanation(told: Explanation) -> dict[str, Any]:
     """How the program explains a cloud: nats per point, and shares of its own surface."""
-    return {name: number(getattr(told, name)) for name in ("gain", "shown_gain", "bare", "blurred")}
+    return {name: number(getattr(told, name)) for name in ("gain", "shown_gain", "bare", "unseen", "blurred")}
 
 
 def _region(region: JudgedRegion) -> dict[str, Any]:

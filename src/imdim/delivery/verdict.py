@@ -86,9 +86,10 @@ class SurfaceVerdict:
         told, borne_out = self.explanation, 1.0 if self.borne_out is None else self.borne_out
         if borne_out < MOSTLY or (told is not None and told.shown_gain < 0):
             return "not explained"
-        if borne_out < BORNE_OUT or (told is not None and (told.gain < 0 or told.bare > BARE or told.blurred > MOSTLY)):
+        guessed = told is not None and (told.bare > BARE or max(told.blurred, told.unseen) > MOSTLY)
+        if borne_out < BORNE_OUT or guessed or (told is not None and told.gain < 0):
             return "partial"
-        whole = self.shares["exact"] >= WHOLE and (told is None or told.bare <= 1 - WHOLE)
+        whole = self.shares["exact"] >= WHOLE and (told is None or told.bare + told.unseen <= 1 - WHOLE)
         return "exact" if whole else "approximated"
 
     @property
@@ -119,7 +120,7 @@ def judge(
         codes = _judge_elements(elements, far, tree)
     else:
         far, codes = np.full(len(elements.points), np.inf), np.full(len(elements.points), LEFT_OUT)
-    told = None if program is None or elements.noise is None else explain(program, elements.points, elements.noise)
+    told = None if program is None or elements.noise is None else explain(program, elements.points, elements.noise, target.scanners)
     borne_out = None
     if program is not None and scanned and elements.mesh is not None:
         deviation = DEVIATION * diagonal(elements.points)
@@ -147,7 +148,10 @@ def _doubts(told: Explanation) -> Iterator[str]:
     if told.shown_gain < 0:
         yield "the program does not explain the points: a smooth sheet through their neighbours tells them better than its surface does"
     if told.bare > 1 - WHOLE:
-        yield f"no point is near {percent(told.bare)} of the program's surface: nobody saw it, or it is not there"
+        seen = "a scanner would have seen it" if told.unseen else "nobody saw it, or it is not there"
+        yield f"no point is near {percent(told.bare)} of the program's surface: {seen}"
+    if told.unseen > 1 - WHOLE:
+        yield f"no scanner could see {percent(told.unseen)} of the program's surface: it closes what was seen in the shortest way"
     if told.blurred > 1 - WHOLE:
         yield f"{percent(told.blurred)} of the program's surface is on walls thinner than the noise: their thickness is not known"
 

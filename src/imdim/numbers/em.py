@@ -73,7 +73,7 @@ def maximise_likelihood(
     best = FittedProgram(program, noise, np.inf, 0)
     for done in range(config.rounds):
         trial = lift_numbers(program, start, numbers)
-        shown = SurfaceSamples.of(trial, noise.sigma, config.samples)
+        shown = SurfaceSamples.of(trial, noise.sigma, config.samples, noise.shadows)
         share = expectation_step(points, shown, noise)
         if share.nll < best.nll:
             best = FittedProgram(trial, noise, share.nll, done)
@@ -114,7 +114,7 @@ def _in_its_noise(likely: FittedProgram, points: np.ndarray, noise: Noise, sampl
     """The program with the noise that explains the points beside it, `noise` or later ones: under a first guess that is too small two
     sheets are likelier than the one surface that they blur into."""
     for _ in range(NOISE_ROUNDS):
-        share = expectation_step(points, SurfaceSamples.of(likely.program, noise.sigma, samples), noise)
+        share = expectation_step(points, SurfaceSamples.of(likely.program, noise.sigma, samples, noise.shadows), noise)
         if share.nll >= likely.nll:
             break
         likely, noise = replace(likely, noise=noise, nll=share.nll), share.noise

@@ -135,7 +135,7 @@ def inform(points: np.ndarray, shown: SurfaceSamples, bends: np.ndarray, tangent
     mass = np.bincount(columns, weight[held], m)
     square = np.bincount(columns, (pull * away)[held], m)
     total = max(float(mass.sum()), 1.0)
-    after = Noise(float(np.sqrt(square.sum() / total)), min(max(1 - total / n, 1e-3), 0.5))
+    after = replace(noise, sigma=float(np.sqrt(square.sum() / total)), clutter=min(max(1 - total / n, 1e-3), 0.5))
     places = shown.points[np.minimum(near[np.arange(n), np.argmax(weight, axis=1)], m - 1)]
     scatter = slopes.T @ slopes
     known = (mass / noise.sigma**2 - square / noise.sigma**4)[:, None] * tangents

@@ -10,7 +10,7 @@ offset over any face is zero at the truth; and a surface without points costs, b
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -18,6 +18,7 @@ from scipy.spatial import KDTree
 
 from imdim.geometry import kernels
 from imdim.geometry.sampling import even_surface
+from imdim.geometry.shadows import Shadows
 from imdim.geometry.surface_map import surface_area
 from imdim.program.tree import Primitive, Program, leaves
 
@@ -32,16 +33,18 @@ WIDE = 0.7  # a sample's deviation along the surface, times the side of the squa
 @dataclass(frozen=True)
 class Noise:
     """`sigma`: deviation of a coordinate, in units of the points; `clutter`: share of points that belong to no surface; `least`: what
-    `sigma` is at least, however near to a surface the points lie."""
+    `sigma` is at least, however near to a surface the points lie. In the `shadows` of known scanners no surface bears points."""
 
     sigma: float
     clutter: float = 0.01
     least: float = 0.0
+    shadows: Shadows | None = None
 
 
 @dataclass(frozen=True)
 class SurfaceSamples:
-    """Samples of a program's surface: `points`, outward `normals` [m, 3], its whole `area`, and the share of it whose wall is a `skin`."""
+    """Samples of a program's surface, of what can be seen of it: `points`, outward `normals` [m, 3], its `area`, and the share of it whose
+    wall is a `skin`."""
 
     points: np.ndarray
     normals: np.ndarray
@@ -49,15 +52,18 @@ class SurfaceSamples:
     skin: float
 
     @staticmethod
-    def of(program: Program, sigma: float, most: int = MOST_SAMPLES) -> SurfaceSamples:
+    def of(program: Program, sigma: float, most: int = MOST_SAMPLES, shadows: Shadows | None = None) -> SurfaceSamples:
         """About one sample per square of APART * `sigma`, at most `most` that show, spread evenly: chance would make a density of lumps,
-        which is less likely than an even one, and less so where two sheets lie in one, so that thin walls would vanish."""
+        which is less likely than an even one, and less so where two sheets lie in one, so that thin walls would vanish. None is in the
+        `shadows`."""
         parts = list(leaves(program))
         areas = np.array([surface_area(p.kind, p.size, p.outline) for p in parts])
         glance = len(_visible(program, parts, _counts(areas, LEAST_DRAWN), GAP * sigma)[0]) / LEAST_DRAWN
         # every other sample of an even set is not even: their number has to be right at once
         wanted = np.clip(areas.sum() / (APART * sigma) ** 2, LEAST_DRAWN, min(most / max(glance, 1e-3), most / MOST_SAMPLES * MOST_DRAWN))
         points, normals = _visible(program, parts, _counts(areas, wanted), GAP * sigma)
+        if shadows is not None:
+            points, normals = shadows.leave(points, normals)
         area = len(points) / wanted * float(areas.sum())
         thin = ~kernels.inside(program, points - GAP * sigma * normals)
         return SurfaceSamples(points, normals, area, float(thin.mean()) if len(thin) else 0.0)
@@ -94,7 +100,8 @@ def expectation_step(points: np.ndarray, shown: SurfaceSamples, noise: Noise) ->
     offset = np.divide(moment, mass, out=np.zeros(m), where=mass > 1e-12)
     sigma = math.sqrt(square / held) if held > 0 else noise.sigma
     clutter = min(max(1 - held / len(points), 1e-3), 0.5)
-    return Responsibilities(mass, offset, Noise(max(sigma, noise.least), clutter, noise.least), -(log / len(points) + peak), logs + peak)
+    after = replace(noise, sigma=max(sigma, noise.least), clutter=clutter)
+    return Responsibilities(mass, offset, after, -(log / len(points) + peak), logs + peak)
 
 
 def _counts(areas: np.ndarray, wanted: float) -> np.ndarray:

@@ -16,6 +16,7 @@ from imdim.detection.mesh_noise import DEVIATION
 from imdim.geometry import kernels
 from imdim.geometry.axes import clearest_axes, find_shared_axes, main_axes
 from imdim.geometry.sampling import subsample
+from imdim.geometry.shadows import Shadows
 from imdim.numbers.em import EMConfig, FittedProgram, maximise_likelihood
 from imdim.numbers.likelihood import Noise, SurfaceSamples, expectation_step
 from imdim.numbers.symmetry_normal_form import canonical
@@ -76,7 +77,8 @@ def reconstruct_unlabelled(
     found = [p.program for p in proposals(policy, points, noise.sigma, deadline=choose_by)]
     if not found or not noise.blurs:
         return NoisyFit(found[0], (), choose_by.has_passed()) if found else None
-    return _NoisyCloud.of(points, noise.sigma, drawn=drawn).find_shortest(found, choose_by, fit_by)
+    cloud = _NoisyCloud.of(points, noise.sigma, drawn=drawn, scanners=body.target.scanners)
+    return cloud.find_shortest(found, choose_by, fit_by)
 
 
 def reconstruct_scan(body: UnitBody, rng: np.random.Generator, choose_by: Deadline, fit_by: Deadline, drawn: bool) -> NoisyFit | None:
@@ -105,30 +107,37 @@ def most_likely(
     the end).
     """
     shared = find_shared_axes([p.surface.axis for p in seen.patches], [p.area for p in seen.patches])
-    return _NoisyCloud.of(seen.target.points, seen.noise.sigma, shared, drawn=drawn).find_shortest(programs, choose_by, fit_by)
+    points, scanners = seen.target.points, seen.target.scanners
+    cloud = _NoisyCloud.of(points, seen.noise.sigma, shared, drawn=drawn, scanners=scanners)
+    return cloud.find_shortest(programs, choose_by, fit_by)
 
 
 @dataclass(frozen=True)
 class _NoisyCloud:
     """A noisy cloud: points [n, 3], the deviation of their noise, the part's directions as columns [3, 3]; outlines if `drawn`. What moves
-    the surface by no more than `trifle`, the deviation of real things in a scan, is no feature."""
+    the surface by no more than `trifle`, the deviation of real things in a scan, is no feature. The `shadows` are those of known
+    scanners."""
 
     points: np.ndarray
     sigma: float
     axes: np.ndarray
     drawn: bool
     trifle: float = 0.0
+    shadows: Shadows | None = None
 
     @staticmethod
-    def of(points: np.ndarray, sigma: float, *known: np.ndarray, drawn: bool, trifle: float = 0.0) -> _NoisyCloud:
+    def of(
+        points: np.ndarray, sigma: float, *known: np.ndarray, drawn: bool, trifle: float = 0.0, scanners: np.ndarray | None = None
+    ) -> _NoisyCloud:
         """With the clearest of the directions: those `known` from surfaces, those of the points, and the given axes."""
         frames = [*known, main_axes(points[:QUICK_POINTS]), np.eye(3)]
-        return _NoisyCloud(points, sigma, clearest_axes(points, frames, 2 * sigma), drawn, trifle)
+        shadows = None if scanners is None else Shadows.of(points, scanners, sigma)
+        return _NoisyCloud(points, sigma, clearest_axes(points, frames, 2 * sigma), drawn, trifle, shadows)
 
     @property
     def _noise(self) -> Noise:
         """What the noise is before a program tells more of it."""
-        return Noise(self.sigma, least=FLOOR * self.trifle)
+        return Noise(self.sigma, least=FLOOR * self.trifle, shadows=self.shadows)
 
     @cached_property
     def quick(self) -> np.ndarray:
@@ -136,7 +145,7 @@ class _NoisyCloud:
 
     @cached_property
     def _draws(self) -> PartTableCache:
-        return tables_of_subsample(self.quick)
+        return tables_of_subsample(self.quick, self.shadows)
 
     @cached_property
     def _cloud(self) -> Cloud:
@@ -269,6 +278,7 @@ def _hold_relations(likely: FittedProgram, points: np.ndarray, deadline: Deadlin
         return likely.program, ()
     plain = map_leaves(likely.program, lambda _, leaf: canonical(leaf))
     found = discover(plain, points, deadline)
-    after = expectation_step(points, SurfaceSamples.of(found.program, likely.noise.sigma, CAREFUL.samples), likely.noise).nll
+    noise = likely.noise
+    after = expectation_step(points, SurfaceSamples.of(found.program, noise.sigma, CAREFUL.samples, noise.shadows), noise).nll
     worth = 0.5 * len(found.constraints) * math.log(len(points)) / len(points)
     return (found.program, found.constraints) if after < likely.nll + worth else (likely.program, ())

@@ -66,4 +66,5 @@ def _moved(target: Target, factor: float, shift: np.ndarray) -> Target:
     mesh = target.mesh
     if mesh is not None:
         mesh = trimesh.Trimesh(np.asarray(mesh.vertices) * factor + shift, mesh.faces, process=False)
-    return replace(target, points=target.points * factor + shift, mesh=mesh)
+    scanners = None if target.scanners is None else target.scanners * factor + shift
+    return replace(target, points=target.points * factor + shift, mesh=mesh, scanners=scanners)

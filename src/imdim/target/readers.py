@@ -26,7 +26,7 @@ class InputError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Raw:
-    """What a file says: `points` [n, 3] float64, `normals` [n, 3] or None, `faces` [m, 3] int64 or None.
+    """What a file says: `points` [n, 3] float64, `normals` [n, 3] or None, `faces` [m, 3] int64 or None, `scanners` [k, 3] or None.
 
     `notes`, one sentence each, say what is read in another way than it is written.
     """
@@ -35,6 +35,7 @@ class Raw:
     normals: np.ndarray | None = None
     faces: np.ndarray | None = None
     notes: tuple[str, ...] = ()
+    scanners: np.ndarray | None = None
 
 
 # what numpy's and trimesh's parsers raise on files that break their format
@@ -72,17 +73,28 @@ def _one_line(error: Exception) -> str:
 
 def _check_raw(raw: Raw, path: Path) -> Raw:
     faces = raw.faces
-    for what, table in (("coordinates", raw.points), ("normals", raw.normals), ("corners", faces)):
+    for what, table in (
+        ("coordinates", raw.points),
+        ("normals", raw.normals),
+        ("corners", faces),
+        ("numbers of scanners", raw.scanners),
+    ):
         if table is not None and len(table) and (table.ndim != 2 or table.shape[1] != 3):
             raise InputError(f"{path}: 3 {what} each are needed, the shape is {list(table.shape)}")
     if raw.normals is not None and len(raw.normals) != len(raw.points):
         raise InputError(f"{path}: {len(raw.normals)} normals for {len(raw.points)} points")
     if faces is None or not len(faces):
-        return Raw(raw.points, raw.normals, notes=raw.notes)
+        return Raw(raw.points, raw.normals, notes=raw.notes, scanners=_finite(raw.scanners, path))
     bad = int(((faces < 0) | (faces >= len(raw.points))).any(axis=1).sum())
     if bad:
         raise InputError(f"{path}: {bad} of {len(faces)} faces name a vertex that is not among the {len(raw.points)}")
     return raw
+
+
+def _finite(scanners: np.ndarray | None, path: Path) -> np.ndarray | None:
+    if scanners is not None and not np.isfinite(scanners).all():
+        raise InputError(f"{path}: {int((~np.isfinite(scanners)).any(1).sum())} of {len(scanners)} scanners are nowhere (NaN or infinite)")
+    return scanners
 
 
 def read_stl(path: Path) -> Raw:
@@ -182,7 +194,7 @@ def _by_columns(table: np.ndarray, names: list[str]) -> Raw:
 
 
 def read_numpy(path: Path) -> Raw:
-    """NPY: [n, 3], or [n, 6] with normals. NPZ: `points` (or vertices, xyz, pos), `normals`, `faces`. Pickles are refused."""
+    """NPY: [n, 3], or [n, 6] with normals. NPZ: `points` (or vertices, xyz, pos), `normals`, `faces`, `scanners`. Pickles are refused."""
     with path.open("rb") as file:
         if file.read(2) != b"PK":
             file.seek(0)
@@ -192,13 +204,14 @@ def read_numpy(path: Path) -> Raw:
     pick = [next((entries[n] for n in names if n in entries), None) for names in NPZ_NAMES]
     if pick[0] is None:
         raise InputError(f"{path}: none of {', '.join(NPZ_NAMES[0])} among its {len(entries)} arrays")
-    points, normals, faces = (None if a is None else _table(a, path) for a in pick)
+    points, normals, faces, scanners = (None if a is None else _table(a, path) for a in pick)
     assert points is not None
     raw = _by_columns(points, [])
-    return Raw(raw.points, normals if normals is not None else raw.normals, None if faces is None else _whole_numbers(faces, path))
+    normals, faces = normals if normals is not None else raw.normals, None if faces is None else _whole_numbers(faces, path)
+    return Raw(raw.points, normals, faces, scanners=scanners)
 
 
-NPZ_NAMES = (("points", "vertices", "xyz", "pos", "positions"), ("normals", "normal"), ("faces", "triangles"))
+NPZ_NAMES = (("points", "vertices", "xyz", "pos", "positions"), ("normals", "normal"), ("faces", "triangles"), ("scanners",))
 
 
 def _whole_numbers(faces: np.ndarray, path: Path) -> np.ndarray:

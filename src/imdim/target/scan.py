@@ -11,22 +11,25 @@ from imdim.geometry.crossings import sort_columns
 from imdim.target.target import sample_surface
 
 POINTS = 8192
+FAR_AWAY = 1000.0  # diagonals
+SAID, MEASURED = ("cloud", "normals", "scanners"), ("noise", "outliers", "views")  # words of conditions
 VIEWS = np.array([(0.48, 0.60, 0.64), (-0.80, 0.36, 0.48), (0.28, -0.72, -0.64)])  # unit, from the part to the scanner
 
 
 @dataclass(frozen=True)
 class Condition:
     """How a part is seen: `noise` is a standard deviation relative to the box diagonal, `outliers` a share of the points,
-    `views` the number of sides it is seen from (0: all around)."""
+    `views` the number of sides it is seen from (0: all around), and `scanners` whether the cloud says from where."""
 
     normals: bool = False
     noise: float = 0.0
     outliers: float = 0.0
     views: int = 0
+    scanners: bool = False
 
 
 def parse_condition(text: str) -> Condition | None:
-    """``mesh`` (None), or ``cloud`` and what spoils or helps it, joined by +: ``cloud+normals``, ``noise=0.5%``, ``outliers=2%+views=1``.
+    """``mesh`` (None), or ``cloud`` and what spoils or helps it, joined by +: ``cloud+normals``, ``noise=0.5%``, ``views=3+scanners``.
 
     Raises ValueError that names the unknown word.
     """
@@ -35,15 +38,22 @@ def parse_condition(text: str) -> Condition | None:
     found: dict[str, float] = {}
     for word in text.split("+"):
         key, _, value = word.partition("=")
-        if key not in ("cloud", "normals", "noise", "outliers", "views") or bool(value) != (key in ("noise", "outliers", "views")):
+        if key not in (*SAID, *MEASURED) or bool(value) != (key in MEASURED):
             raise ValueError(
-                f"unknown condition {word!r} in {text!r}: mesh, or cloud, normals, noise=0.5%, outliers=2%, views=1 joined by +"
+                f"unknown condition {word!r} in {text!r}: mesh, or cloud, normals, noise=0.5%, outliers=2%, views=1, scanners joined by +"
             )
         found[key] = float(value.removesuffix("%")) / 100 if value.endswith("%") else float(value or 1)
     views = int(found.get("views", 0))
     if not 0 <= views <= len(VIEWS):
         raise ValueError(f"condition {text!r}: views must be 0 to {len(VIEWS)}, got {views}")
-    return Condition("normals" in found, found.get("noise", 0.0), found.get("outliers", 0.0), views)
+    if "scanners" in found and not views:
+        raise ValueError(f"condition {text!r}: what is seen all around has no scanners, give views=1 to {len(VIEWS)}")
+    return Condition("normals" in found, found.get("noise", 0.0), found.get("outliers", 0.0), views, "scanners" in found)
+
+
+def place_scanners(mesh: trimesh.Trimesh, views: int) -> np.ndarray:
+    """Where the scanners [views, 3] of a mesh stand: so far away that their rays are parallel."""
+    return mesh.bounds.mean(0) + FAR_AWAY * float(np.linalg.norm(np.ptp(mesh.vertices, axis=0))) * VIEWS[:views]
 
 
 def scan(

@@ -38,7 +38,8 @@ class Target:
     `points` [n, 3] float64 lie on the surface; `normals` [n, 3] are unit and point outward, or None where the file had none.
     `mesh` is None for a cloud. `is_solid` says that the mesh is closed, encloses a positive volume and is oriented
     outward, so that "inside" is exact; otherwise it is the generalised winding number's opinion. `notes` say, one sentence
-    each, what loading had to change. `units` is a word of 3MF: "millimeter", or "unspecified" where nobody said.
+    each, what loading had to change. `units` is a word of 3MF: "millimeter", or "unspecified" where nobody said. `scanners` [k, 3] are the
+    places that a cloud was seen from, None where nobody said.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Target:
     is_solid: bool
     notes: tuple[str, ...] = ()
     units: str = UNSPECIFIED
+    scanners: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,8 @@ class Frame:
         mesh = target.mesh
         if mesh is not None:
             mesh = trimesh.Trimesh(self.to_unit(mesh.vertices), mesh.faces, process=False)
-        return replace(target, points=self.to_unit(target.points), mesh=mesh)
+        scanners = None if target.scanners is None else self.to_unit(target.scanners)
+        return replace(target, points=self.to_unit(target.points), mesh=mesh, scanners=scanners)
 
     def to_unit(self, points: np.ndarray) -> np.ndarray:
         """World points [n, 3] in the unit frame."""
@@ -214,7 +217,7 @@ def _cloud_target(raw: Raw, name: str, max_points: int) -> Target:
         keep = voxel_subsample(points, max_points)
         notes.append(f"{len(points)} points thinned to {len(keep)}, one per voxel.")
         points, normals = points[keep], None if normals is None else normals[keep]
-    return Target(name, np.ascontiguousarray(points, float), normals, None, False, tuple(notes))
+    return Target(name, np.ascontiguousarray(points, float), normals, None, False, tuple(notes), scanners=raw.scanners)
 
 
 def _unit_normals(normals: np.ndarray) -> tuple[np.ndarray | None, list[str]]:

@@ -1,4 +1,5 @@
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -23,6 +24,8 @@ def test_targets_come_through(name):
     assert (back.mesh is None) == (target.mesh is None)
     if target.mesh is not None:
         assert np.array_equal(back.mesh.faces, target.mesh.faces)
+    seen = protocol.target_message(replace(target, scanners=np.eye(3)))
+    assert np.array_equal(protocol.target_of(protocol.unpack_message(protocol.pack_message(seen))).scanners, np.eye(3))
 
 
 def test_programs_and_fronts_come_through():

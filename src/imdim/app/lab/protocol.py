@@ -54,6 +54,8 @@ def target_message(target: Target) -> Message:
     arrays = {"points": target.points}
     if target.normals is not None:
         arrays["normals"] = target.normals
+    if target.scanners is not None:
+        arrays["scanners"] = target.scanners
     if target.mesh is not None:
         arrays |= {"vertices": np.asarray(target.mesh.vertices), "faces": np.asarray(target.mesh.faces)}
     return Message("target", {"name": target.name, "is_solid": target.is_solid, "notes": list(target.notes), "units": target.units}, arrays)
@@ -63,9 +65,8 @@ def target_of(message: Message) -> Target:
     """The target of a `target_message`."""
     arrays, values = message.arrays, message.values
     mesh = trimesh.Trimesh(arrays["vertices"], arrays["faces"], process=False) if "vertices" in arrays else None
-    return Target(
-        values["name"], arrays["points"], arrays.get("normals"), mesh, values["is_solid"], tuple(values["notes"]), values["units"]
-    )
+    notes, units, scanners = tuple(values["notes"]), values["units"], arrays.get("scanners")
+    return Target(values["name"], arrays["points"], arrays.get("normals"), mesh, values["is_solid"], notes, units, scanners)
 
 
 def read_document(values: object) -> tuple[Program, tuple[Constraint, ...]]:

@@ -16,6 +16,7 @@ from scipy.spatial import KDTree
 
 from imdim.geometry import kernels
 from imdim.geometry.sampling import even_surface
+from imdim.geometry.shadows import Shadows
 from imdim.geometry.surface_map import surface_area
 from imdim.numbers.likelihood import GAP, WIDE, Noise
 from imdim.program.tree import Combine, Program, leaves
@@ -45,13 +46,14 @@ class PartSamples:
 
 
 class PartTables:
-    """What was computed for single parts beside points [n, 3], for one deviation `sigma` of the noise and one `spacing` of the samples.
+    """What was computed for single parts beside points [n, 3], for one deviation `sigma` of the noise and one `spacing` of the samples, of
+    which there are none in the `shadows`.
 
     Tables over the parts: their samples that lie `near` each point (int16 [rows, n, k], -1 for none) and the `density` that they lend it.
     """
 
-    def __init__(self, points: np.ndarray, sigma: float, spacing: float) -> None:
-        self._points, self.key = points, (sigma, spacing)
+    def __init__(self, points: np.ndarray, sigma: float, spacing: float, shadows: Shadows | None = None) -> None:
+        self._points, self.key, self._shadows = points, (sigma, spacing), shadows
         self.sigma, self.spacing = LOOSE * sigma, spacing
         self.wide = max(self.sigma, WIDE * spacing)
         self.offsets = np.outer([STEP * float(np.linalg.norm(np.ptp(points, axis=0))), GAP * sigma], [-1, 1]).ravel()
@@ -80,6 +82,8 @@ class PartTables:
 
     def _sample_part(self, part: Program, row: int) -> PartSamples:
         points, normals = _samples(part, self.spacing, self.offsets[1])
+        if self._shadows is not None:
+            points, normals = self._shadows.leave(points, normals)
         self.near[row], self.density[row] = -1, 0.0
         # no sample is nearer than the surface
         close = np.flatnonzero(np.abs(kernels.program_sdf(part, self._points)) < FAR * self.wide)
@@ -94,8 +98,8 @@ class PartTables:
 class PartTableCache:
     """What was drawn beside some points, for later scenes of nearly the same noise and samples."""
 
-    def __init__(self, points: np.ndarray) -> None:
-        self.points = points
+    def __init__(self, points: np.ndarray, shadows: Shadows | None = None) -> None:
+        self.points, self._shadows = points, shadows
         self._drawn: PartTables | None = None
 
     def at(self, sigma: float, area: float) -> PartTables:
@@ -106,7 +110,7 @@ class PartTableCache:
         least = LEAST_AREA * float(np.square(np.ptp(self.points, axis=0)).sum())
         asked = max(sigma, 1e-300), math.sqrt(max(area, least, 1e-100) / SAMPLES)
         if self._drawn is None or not np.allclose(np.log(asked), np.log(self._drawn.key), rtol=0, atol=math.log(ALIKE)):
-            self._drawn = PartTables(self.points, *asked)
+            self._drawn = PartTables(self.points, *asked, self._shadows)
         return self._drawn
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from imdim.deadline import Deadline
 from imdim.geometry import kernels
 from imdim.geometry.sampling import subsample
+from imdim.geometry.shadows import Shadows
 from imdim.numbers.em import EMConfig, FittedProgram, maximise_likelihood
 from imdim.numbers.likelihood import SurfaceSamples
 from imdim.program.cost import count
@@ -67,7 +68,8 @@ def shorten(
     """
     if deadline.has_passed():
         return
-    changes = _Changes(Cloud.of(points, likely.noise.sigma), draws or tables_of_subsample(points), candidates, axes)
+    draws = draws or tables_of_subsample(points, likely.noise.shadows)
+    changes = _Changes(Cloud.of(points, likely.noise.sigma), draws, candidates, axes)
 
     def fit(points: np.ndarray, config: EMConfig) -> Callable[[_Trial], list[_Trial]]:
         return lambda trial: [trial.fitted(lambda p: maximise_likelihood(p, points, trial.likely.noise, config, deadline))]
@@ -114,14 +116,15 @@ def _worth(best: _Trial, trial: _Trial) -> float:
     return 0.0 if numbers(trial.likely.program) < numbers(best.likely.program) else WORTH
 
 
-def tables_of_subsample(points: np.ndarray) -> PartTableCache:
+def tables_of_subsample(points: np.ndarray, shadows: Shadows | None = None) -> PartTableCache:
     """The tables over a subsample of points [n, 3], with which changes are scored."""
-    return PartTableCache(subsample(points, SEEN))
+    return PartTableCache(subsample(points, SEEN), shadows)
 
 
 def best_by_mdl(programs: Sequence[Program], draws: PartTableCache, likely: FittedProgram, most: int) -> list[Program]:
     """The `most` of `programs`, as they are, with the shortest descriptions of the points of `draws`; `likely` gives noise and area."""
-    scene = PointScene(draws, likely.noise, SurfaceSamples.of(likely.program, likely.noise.sigma).area)
+    noise = likely.noise
+    scene = PointScene(draws, noise, SurfaceSamples.of(likely.program, noise.sigma, shadows=noise.shadows).area)
     lengths = BatchedLikelihood.of(scene, [], programs).lengths([(Step("union", i),) for i in range(len(programs))])
     return [programs[i] for i in np.argsort(lengths, kind="stable")[:most]]
 
@@ -145,7 +148,7 @@ class _Changes:
         offered = [*self._guesses(best, steps), *self.lent]
         compound = [p for p in offered if isinstance(p, Combine)]
         others = [*distinct([p for p in offered if isinstance(p, Primitive)], self.cloud), *compound, *_drop_leaves(steps), *spans]
-        area = SurfaceSamples.of(best.program, best.noise.sigma).area
+        area = SurfaceSamples.of(best.program, best.noise.sigma, shadows=best.noise.shadows).area
         scene = PointScene(self.draws, best.noise, area, len(self.cloud.points))
         mixture = BatchedLikelihood.of(scene, [part for _, part in steps], others)
         start: Choice = tuple(Step(op, i) for i, (op, _) in enumerate(steps))
