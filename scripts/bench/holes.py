@@ -9,7 +9,7 @@ are there already are scored alone.
 
 A hole is found if the program has one on its axis, within 0.05 all along the part. Its kind is right, or not; its sizes are if all are
 within 1 %. What the program calls a hole where none was planted is counted too. Then the body is made half as thick again by the name that
-is its thickness: a through hole stays through if its whole axis is in the air after that.
+is its thickness: a through hole stays through if what was found of it is through after that, wherever it moved with its body.
 """
 
 from __future__ import annotations
@@ -230,14 +230,14 @@ def score(folder: Path, planted: list[PlantedHole], thickness: float) -> dict[st
     """What of the planted holes came back, in counts; `wrong` says what those of other kinds are called."""
     found = _found(json.loads((folder / "program.json").read_text()))
     row: dict[str, Any] = {"holes": len(planted), "found": 0, "kind": 0, "sizes": 0, "wrong": []}
-    used = set()
+    used: dict[int, PlantedHole] = {}
     for hole in planted:
         near = [i for i, f in enumerate(found) if i not in used and _apart(hole, f) <= NEAR]
         best = min(near, key=lambda i: (found[i]["kind"] != hole.kind, _apart(hole, found[i])), default=None)
         if best is None:
             row["wrong"].append(f"{hole.kind} not found")
             continue
-        used.add(best)
+        used[best] = hole
         its = found[best]
         right = its["kind"] == hole.kind and its["through"] == hole.through
         row["found"] += 1
@@ -245,14 +245,15 @@ def score(folder: Path, planted: list[PlantedHole], thickness: float) -> dict[st
         row["sizes"] += right and len(its["sizes"]) == len(hole.sizes) and np.allclose(its["sizes"], hole.sizes, rtol=SIZES)
         row["wrong"] += [] if right else [f"{hole.kind} is {its['kind']}{' through' if its['through'] else ''}"]
     row["strange"] = len(found) - len(used)
-    return row | _thicken(folder, [hole for hole in planted if hole.through], thickness)
+    through = [tuple(found[i]["leaves"]) for i, hole in used.items() if hole.through]
+    return row | _thicken(folder, through, sum(hole.through for hole in planted), thickness)
 
 
 def _found(document: Any) -> list[dict[str, Any]]:
     from imdim.geometry.holes import find_holes
     from imdim.program.codec import from_json
 
-    return [asdict(h) | {"kind": h.kind, "sizes": h.diameters} for h in find_holes(from_json(document))]
+    return [asdict(h) | {"kind": h.kind, "sizes": h.diameters, "leaves": h.leaves} for h in find_holes(from_json(document))]
 
 
 def _apart(hole: PlantedHole, found: dict[str, Any]) -> float:
@@ -265,11 +266,12 @@ def _apart(hole: PlantedHole, found: dict[str, Any]) -> float:
     return float(np.linalg.norm(ends - np.outer(ends @ e, e), axis=1).max())
 
 
-def _thicken(folder: Path, holes: list[PlantedHole], thickness: float) -> dict[str, Any]:
-    """Of through holes how many there are and how many stay so; parts without a name for the thickness are counted."""
+def _thicken(folder: Path, found: list[tuple[int, ...]], planted: int, thickness: float) -> dict[str, Any]:
+    """Of the `planted` through holes how many stay so, by the primitives of those `found`; parts without a name for the thickness are
+    counted."""
     from imdim.app.edit import open_results
     from imdim.export.edit import EditError, change_values
-    from imdim.geometry.kernels import inside
+    from imdim.geometry.holes import find_holes
 
     delivered = open_results(folder / "program.json")
     names = [
@@ -277,21 +279,15 @@ def _thicken(folder: Path, holes: list[PlantedHole], thickness: float) -> dict[s
         for n, v in delivered.values.items()
         if abs(v - thickness) < 1e-3 and n.split("_")[-1] in ("thickness", "height", "length", "width")
     ]
-    if not holes:
-        return {"through": 0, "stayed": 0, "unnamed": 0}
-    for name in names:
+    for name in names if planted else ():
         try:
             edited = change_values(delivered, {name: thickness * THICKER})
         except EditError:
             continue
-        # along the axis, as far as either solid reaches
-        t = np.linspace(-150.0, 150.0, 3001)
-        stayed = 0
-        for hole in holes:
-            line = np.array(hole.point) + np.outer(t, np.array(hole.direction))
-            stayed += not inside(edited.program, line).any()
-        return {"through": len(holes), "stayed": stayed, "unnamed": 0}
-    return {"through": 0, "stayed": 0, "unnamed": 1}
+        left = Counter(hole.leaves for hole in find_holes(edited.program) if hole.through)
+        stayed = sum((left & Counter(found)).values())
+        return {"through": planted, "stayed": stayed, "unnamed": 0}
+    return {"through": 0, "stayed": 0, "unnamed": int(planted > 0)}
 
 
 if __name__ == "__main__":

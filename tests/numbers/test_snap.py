@@ -6,9 +6,11 @@ from tests.deadlines import PASSED
 
 from imdim.geometry import kernels
 from imdim.geometry.lowering import pack, unpack
+from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sampling import surface_points
 from imdim.numbers.design_values import Values, clusters, grids, round_to_grid
 from imdim.numbers.snap import SnapConfig, accept_changes, snap
+from imdim.numbers.symmetry_normal_form import along_axis
 from imdim.program.tree import Combine, Primitive, Program, combine_all, leaves
 
 PLATE = Primitive("box", (80.0, 50.0, 6.0), (40.0, 25.0, 3.0))
@@ -130,3 +132,16 @@ def test_once_time_is_out_nothing_more_is_rounded():
     rough = Primitive("box", (39.98, 30.01, 6.003))
     assert next(leaves(snap(rough, lambda _: 0.0))).size == (40.0, 30.0, 6.0)
     assert next(leaves(snap(rough, lambda _: 0.0, deadline=PASSED))).size == rough.size
+
+
+def test_what_is_square_to_a_tilted_plate_stays_so():
+    tilted = (33.758972918, 32.969678687, 29.401243741)
+    turn = matrix_from_euler(tilted)
+    plate = Primitive("box", (80.0, 50.0, 6.0), rotation=tilted)
+    holes = [along_axis(Primitive("cylinder", (2.0, 8.0), tuple(turn @ [x, 10.0, 0.0])), turn[:, 2]) for x in (-20.0, 20.0)]
+    lone = along_axis(Primitive("cylinder", (2.0, 8.0)), turn[:, 0])
+    cone = Primitive("cone", (2.0, 4.0, 2.0), rotation=along_axis(holes[0], turn[:, 2]).rotation)
+    box, *rest = leaves(snap(combine_all("difference", [plate, *holes, cone, lone]), lambda _: 0.0))
+    assert box.rotation != tilted
+    along = [matrix_from_euler(box.rotation).T @ matrix_from_euler(leaf.rotation)[:, 2] for leaf in rest]
+    assert np.allclose(np.abs(along), [[0, 0, 1], [0, 0, 1], [0, 0, 1], [1, 0, 0]], atol=1e-6)

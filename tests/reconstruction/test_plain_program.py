@@ -11,6 +11,7 @@ from imdim.reconstruction.observation import Observation, UnitBody, observe
 from imdim.reconstruction.plain_program import (
     count_directions,
     count_numbers,
+    has_drawings,
     is_plainer,
     length_read_once,
     may_be_plain,
@@ -106,6 +107,15 @@ def test_primitives_are_looked_for_where_they_may_be_few() -> None:
     windows = [(-0.35 + 0.04 * k, 0.0) for k in range(18)]
     row = Outline((RECTANGLE, *(tuple((x + u, y + v, 0.0) for u, v in ((0, 0), (0, 0.1), (0.02, 0.1), (0.02, 0))) for x, y in windows)))
     assert may_be_plain(Primitive("extrude", (0.1,), outline=row), -HALF, HALF)  # as many, but four curves for each
+
+
+def test_a_hexagon_alone_reads_as_a_circle_does() -> None:
+    corners = tuple((0.05 * np.cos(np.pi * k / 3), 0.05 * np.sin(np.pi * k / 3), 0.0) for k in range(6))
+    nut = Primitive("extrude", (0.2,), outline=Outline((corners,)))
+    assert not has_drawings(cut(PLAIN, nut))
+    assert not may_be_plain(cut(PLAIN, nut), -HALF, HALF)  # three boxes are no plainer
+    assert has_drawings(Primitive("extrude", (0.2,), outline=Outline((corners, circle(0.1)))))
+    assert has_drawings(cut(DRAWN, nut))
 
 
 def test_turned_drawings_need_a_primitive_for_each_wall() -> None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
+
 import numpy as np
 
 from imdim.geometry.axes import SYMMETRIES
-from imdim.geometry.lowering import Lowered
-from imdim.geometry.rotations import frame_from_axis, skew
-from imdim.program.tree import KINDS
+from imdim.geometry.lowering import Lowered, lower
+from imdim.geometry.rotations import frame_from_axis, matrix_from_euler, skew
+from imdim.numbers.symmetry_normal_form import along_axis, in_frame, is_round, round_turns, shortest_turn
+from imdim.program.tree import KINDS, Primitive, combine_all
 
 BOX, SPHERE, ELLIPSOID, EXTRUDE = (KINDS.index(kind) for kind in ("box", "sphere", "ellipsoid", "extrude"))
 FULL = (BOX, ELLIPSOID, EXTRUDE)  # kinds with three directions; a sphere has none, the others have their axis
@@ -52,6 +55,54 @@ def map_shared_turns(numbers: Lowered, member: np.ndarray) -> np.ndarray:
         back = numbers.rotations[own].transpose(0, 2, 1)
         out[own, 3:6], out[own, 6:9] = back @ across, back
     return out
+
+
+def round_together(parts: Sequence[Primitive], same_deg: float, max_deg: float) -> list[list[Mapping[int, Primitive]]]:
+    """For leaves that share directions within `same_deg` the rounder rotations that they may take together, the roundest first: a plate and
+    the holes in it stay square to each other. No leader turns by more than `max_deg`. The last offer of a group is to be exactly aligned.
+    """
+    member, directions = frames(lower(combine_all("union", list(parts))), same_deg)
+    groups = [[i for i, g in enumerate(member) if g == group] for group in range(len(directions))]
+    return [
+        list(_offers(parts, own, shared, max_deg))
+        for group, frame in zip(groups, directions, strict=True)
+        for own, shared in _directed(parts, group, frame)
+    ]
+
+
+def _directed(parts: Sequence[Primitive], group: Sequence[int], frame: np.ndarray) -> Iterator[tuple[list[int], np.ndarray]]:
+    """What turns together, and the frame that it shares: all with a leaf of three directions; what is round has but its axis to share."""
+    if any(KINDS.index(parts[i].kind) in FULL for i in group):
+        yield list(group), frame
+        return
+    axes = {i: matrix_from_euler(parts[i].rotation)[:, 2] for i in group}
+    along = {i: int(np.abs(axis @ frame).argmax()) for i, axis in axes.items()}
+    for k in sorted(set(along.values())):
+        own = [i for i in group if along[i] == k]
+        yield own, frame_from_axis(axes[own[0]])
+
+
+def _offers(parts: Sequence[Primitive], own: Sequence[int], frame: np.ndarray, max_deg: float) -> Iterator[Mapping[int, Primitive]]:
+    leader = next((parts[i] for i in own if KINDS.index(parts[i].kind) in FULL), parts[own[0]])
+    for turned in (*round_turns(leader, max_deg), leader):
+        now = _led(frame, leader, turned)
+        offer = {i: _along(parts[i], now) for i in own}
+        if any(leaf != parts[i] for i, leaf in offer.items()):
+            yield offer
+
+
+def _led(frame: np.ndarray, leader: Primitive, turned: Primitive) -> np.ndarray:
+    """A frame [3, 3] after its leader was turned."""
+    after = matrix_from_euler(turned.rotation)
+    if KINDS.index(leader.kind) in FULL:
+        return after
+    before = matrix_from_euler(leader.rotation)[:, 2]
+    return shortest_turn(before, after[:, 2] * np.sign(before @ after[:, 2])) @ frame
+
+
+def _along(leaf: Primitive, frame: np.ndarray) -> Primitive:
+    rotation = _nearest(KINDS.index(leaf.kind), matrix_from_euler(leaf.rotation), frame)
+    return along_axis(leaf, rotation[:, 2]) if is_round(leaf) else in_frame(leaf, rotation)
 
 
 def _angle(kind: int, rotation: np.ndarray, frame: np.ndarray) -> float:

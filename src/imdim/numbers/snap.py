@@ -7,7 +7,7 @@ Proposals are tried all at once and halved where they fail, so that a program wh
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -16,13 +16,15 @@ import numpy as np
 from imdim.deadline import NEVER, Deadline
 from imdim.numbers.design_values import Values, clusters, decimal, equal_groups, grids, round_to_grid, span
 from imdim.numbers.outline_values import snap_leaf
-from imdim.numbers.symmetry_normal_form import canonical, round_turns
+from imdim.numbers.shared_rotations import round_together
+from imdim.numbers.symmetry_normal_form import canonical
 from imdim.program.tree import FULL_TURN, Primitive, Program, leaves, map_leaves
 
 S = TypeVar("S")
 C = TypeVar("C")
 
 OUTLINE_SHARES = (1.0, 0.3, 0.1, 0.03, 0.01)  # of the largest move, by which an outline is rounded
+SAME_DEG = 0.05  # within which leaves have the same directions, and turn together
 ANGLE_STEPS = (15.0, 5.0, 1.0, 0.1)  # degrees
 
 
@@ -116,12 +118,12 @@ def accept_changes(state: S, changes: Sequence[C], apply: Callable[[S, C], S], b
 
 
 def _snap_rotations(parts: list[Primitive], judge: _SnapJudge, config: SnapConfig) -> list[Primitive]:
-    """Offer every leaf its rounder rotations, rank by rank; a leaf that took one is done."""
-    offers = [list(round_turns(p, config.max_deg)) for p in parts]
+    """Offer leaves of the same directions their rounder rotations, rank by rank; those that took one are done."""
+    offers = round_together(parts, SAME_DEG, config.max_deg)
     current = tuple(parts)
     for rank in range(max(map(len, offers), default=0)):
-        changes = [(i, o[rank]) for i, o in enumerate(offers) if rank < len(o) and current[i] == parts[i]]
-        current = accept_changes(current, changes, _put, judge.bears_parts, config.tries)
+        changes = [o[rank] for o in offers if rank < len(o) and all(current[i] == parts[i] for i in o[rank])]
+        current = accept_changes(current, changes, _put_all, judge.bears_parts, config.tries)
     return list(current)
 
 
@@ -143,6 +145,10 @@ def _snap_outlines(parts: tuple[Primitive, ...], judge: _SnapJudge, config: Snap
 def _put(parts: tuple[Primitive, ...], change: tuple[int, Primitive]) -> tuple[Primitive, ...]:
     i, new = change
     return (*parts[:i], new, *parts[i + 1 :])
+
+
+def _put_all(parts: tuple[Primitive, ...], change: Mapping[int, Primitive]) -> tuple[Primitive, ...]:
+    return tuple(change.get(i, part) for i, part in enumerate(parts))
 
 
 def _round(values: Values, judge: _SnapJudge, config: SnapConfig, largest: float) -> Values:

@@ -152,7 +152,7 @@ def _round_frames(frame: np.ndarray) -> Iterator[np.ndarray]:
     yield max(SYMMETRIES, key=lambda m: float((m * frame).sum()))
     world, local = np.unravel_index(np.abs(frame).argmax(), (3, 3))
     fixed = np.eye(3)[world] * np.sign(frame[world, local])
-    level = _shortest_turn(frame[:, local], fixed) @ frame
+    level = shortest_turn(frame[:, local], fixed) @ frame
     first = (local + 1) % 3
     u, v = (world + 1) % 3, (world + 2) % 3
     angle = math.degrees(math.atan2(level[v, first], level[u, first]))
@@ -168,7 +168,7 @@ def _to_step(angle: float, step: float) -> float:
     return round(angle / step) * step if step else angle
 
 
-def _shortest_turn(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def shortest_turn(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """The smallest rotation [3, 3] that takes the unit vector `a` to `b`, which must not be opposite."""
     cross = np.cross(a, b)
     sine = float(np.linalg.norm(cross))

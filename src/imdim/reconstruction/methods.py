@@ -33,7 +33,7 @@ from imdim.reconstruction.config import Settings
 from imdim.reconstruction.evolution import evolve_observation, log_generations, seeds_of
 from imdim.reconstruction.fitting import POOR
 from imdim.reconstruction.observation import SAMPLES, Observation
-from imdim.reconstruction.plain_program import SAME, is_plainer, may_be_plain, repeats_plainly
+from imdim.reconstruction.plain_program import SAME, has_drawings, is_plainer, may_be_plain, repeats_plainly
 from imdim.reconstruction.policy_beam import misfit, proposals
 from imdim.reconstruction.preserve import is_same
 from imdim.reconstruction.proof import Proofs
@@ -121,7 +121,7 @@ def auto(run: Run) -> Iterator[MethodStep]:
         return
     drawn = best
     for source in (_separate, _separate_rims, _search_primitives):
-        plain = source(run, drawn if source is _search_primitives and has_outlines(best.program) else best)
+        plain = source(run, drawn if source is _search_primitives and has_drawings(best.program) else best)
         if plain is not None and is_plainer(plain.program, best.program, run.seen):
             best = replace(plain, others=(*best.others, best.program, *plain.others))
             yield best

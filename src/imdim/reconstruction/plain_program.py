@@ -42,14 +42,25 @@ OUTSIDE = 1e-3  # of the part's size, beyond it: where a cutter ends there nothi
 
 
 def may_be_plain(drawn: Program, low: np.ndarray, high: np.ndarray) -> bool:
-    """Whether a program has outlines, and primitives may tell the part, which fills a box from `low` [3] to `high` [3]: not where even as
+    """Whether a program has drawings, and primitives may tell the part, which fills a box from `low` [3] to `high` [3]: not where even as
     many as its walls need at least are too many."""
     counts = count(drawn)
-    if not counts.curves:
+    if not has_drawings(drawn):
         return False
     fewest = sum(map(_fewest_primitives, leaves(drawn)))
     length = reading_length(drawn, low, high)
     return length - counts.primitives - CURVE_KIND * _count_kinds(drawn) + fewest <= _most(fewest) * length
+
+
+def has_drawings(program: Program) -> bool:
+    """Whether a program has outlines other than an ellipse or a regular polygon of more than four sides alone: those read as a circle
+    does, and three boxes are no plainer than the hexagon of a nut."""
+    drawings = [leaf.outline.loops for leaf in leaves(program) if leaf.outline]
+    return not all(len(loops) == 1 and _reads_as_circle(loops[0]) for loops in drawings)
+
+
+def _reads_as_circle(loop: Loop) -> bool:
+    return isinstance(loop, Ellipse) or (len(loop) > 4 and _regular(loop) is not None)
 
 
 def is_plainer(plain: Program, drawn: Program, seen: Observation) -> bool:
