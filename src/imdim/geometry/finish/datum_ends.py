@@ -56,27 +56,50 @@ def begin_at_datums(program: Program, deadline: Deadline = NEVER) -> Program:
 
     Those that are alike but for where they stand move together or not at all. Past the `deadline` (by default never) the others stay.
     """
+    seen = _Visible(program, to_manifold(program, CHECK_SEGMENTS))
     for _ in range(STOREYS):
-        back = _go_back(program, deadline)
-        if back == program:
+        back = _go_back(seen, deadline)
+        if back is seen:
             break
-        program = back
-    return _go_out(program, deadline)
+        seen = back
+    return _go_out(seen, deadline).program
 
 
-def _go_back(program: Program, deadline: Deadline) -> Program:
+class _Visible:
+    """A program with its `solid`, and where that is there by one part alone, which the two ends of a part and both ways to go ask."""
+
+    def __init__(self, program: Program, solid: Manifold) -> None:
+        self.program, self.solid = program, solid
+        self._boxes: dict[int, tuple[float, ...] | None] = {}
+
+    def along(self, end: _End) -> tuple[float, float] | None:
+        """From where to where, outward, the solid is there by the part of an `end` alone; None where it is nowhere."""
+        if end.leaf not in self._boxes:
+            self._boxes[end.leaf] = self._box(end.leaf)
+        box = self._boxes[end.leaf]
+        if box is None:
+            return None
+        low, high = box[end.axis], box[end.axis + 3]
+        return (low, high) if end.side > 0 else (-high, -low)
+
+    def _box(self, leaf: int) -> tuple[float, ...] | None:
+        rest = without(self.program, {leaf_paths(self.program)[leaf][0]})
+        shown = self.solid if rest is None else self.solid - to_manifold(rest, CHECK_SEGMENTS)
+        return None if shown.volume() <= NOTHING * self.solid.volume() else shown.bounding_box()
+
+
+def _go_back(seen: _Visible, deadline: Deadline) -> _Visible:
     """With parts that begin in the outer face, and are hidden nearly all the way or stand on what does not begin there, beginning in the
     face from which they are seen."""
-    slack = TOUCH * longest(leaves(program))
-    solid = to_manifold(program, CHECK_SEGMENTS)
-    bounds = solid.bounding_box()
+    program, solid = seen.program, seen.solid
+    slack, bounds = TOUCH * longest(leaves(program)), solid.bounding_box()
     for row in _rows(program, slack):
         parts, ends, first = list(leaves(program)), list(_ends(program)), row[0]
         outer = bounds[first.axis + 3] if first.side > 0 else -bounds[first.axis]
         if deadline.has_passed():
-            return program
+            return seen
         # of parts that are alike one tells how much is seen
-        shown = _shown(program, solid, first) if first.place >= outer - slack else None
+        shown = seen.along(first) if first.place >= outer - slack and _may_stand(first, ends, slack) else None
         hidden = 0.0 if shown is None else first.place - shown[1]
         if shown is None or hidden <= slack or not any(_is_at(e, first, shown[1], slack) for e in ends):
             continue
@@ -87,8 +110,13 @@ def _go_back(program: Program, deadline: Deadline) -> Program:
         lost = sum(primitive_to_manifold(between(parts[e.leaf], e.face, -hidden, 0.0), CHECK_SEGMENTS).volume() for e in row)
         # added parts that become shorter make the solid nowhere more
         if abs(to_manifold(trial, CHECK_SEGMENTS).volume() - solid.volume()) <= NOTHING * lost:
-            program = trial
-    return program
+            program, seen = trial, _Visible(trial, solid)
+    return seen
+
+
+def _may_stand(end: _End, ends: Sequence[_End], slack: float) -> bool:
+    """Whether another part has a face against an `end` farther in, where it may stand."""
+    return any(e.leaf != end.leaf and (e.axis, e.side) == (end.axis, -end.side) and end.place + e.place > -slack for e in ends)
 
 
 def _is_at(face: _End, end: _End, place: float, slack: float) -> bool:
@@ -96,11 +124,11 @@ def _is_at(face: _End, end: _End, place: float, slack: float) -> bool:
     return face.leaf != end.leaf and (face.axis, face.side) == (end.axis, -end.side) and abs(face.place + place) <= slack
 
 
-def _go_out(program: Program, deadline: Deadline) -> Program:
+def _go_out(seen: _Visible, deadline: Deadline) -> _Visible:
     """With parts that begin in the outer face, where what is hidden of them may go on to there."""
+    program, solid = seen.program, seen.solid
     slack = TOUCH * longest(leaves(program))
     outermost = _outermost(list(_ends(program)))
-    solid: Manifold | None = None
     for row in _rows(program, slack):
         more = outermost[row[0].axis, row[0].side] - row[0].place
         if more <= slack or deadline.has_passed():
@@ -115,9 +143,8 @@ def _go_out(program: Program, deadline: Deadline) -> Program:
         # points are cheap, and most ends may not go on
         if any(_shows(program, trial, probes(between(parts[e.leaf], e.face, 0.0, more))) for e in row):
             continue
-        solid = to_manifold(program, CHECK_SEGMENTS) if solid is None else solid
         # of parts that are alike one tells how much is seen
-        shown = _shown(program, solid, row[0])
+        shown = seen.along(row[0])
         if shown is None or not _is_enough(shown, longer[row[0].leaf], row[0]):
             continue
         if not _is_carried(list(_ends(program)), parts, row[0], row[0].place - shown[1]):
@@ -125,8 +152,8 @@ def _go_out(program: Program, deadline: Deadline) -> Program:
         added = sum(primitive_to_manifold(between(parts[e.leaf], e.face, 0.0, more), CHECK_SEGMENTS).volume() for e in row)
         # added parts that become longer make the solid nowhere less: its volume tells
         if abs(to_manifold(trial, CHECK_SEGMENTS).volume() - solid.volume()) <= NOTHING * added:
-            program = trial
-    return program
+            program, seen = trial, _Visible(trial, solid)
+    return seen
 
 
 def _rows(program: Program, slack: float) -> list[list[_End]]:
@@ -188,16 +215,6 @@ def _is_buried(program: Program, part: Primitive, face: Face, out: float) -> boo
 def _shows(program: Program, trial: Program, points: np.ndarray) -> bool:
     """Whether two programs differ at some of points [n, 3]."""
     return bool((kernels.inside(lower(program), points) != kernels.inside(lower(trial), points)).any())
-
-
-def _shown(program: Program, solid: Manifold, end: _End) -> tuple[float, float] | None:
-    """From where to where, outward, the solid is there by one part alone; None where it is nowhere."""
-    rest = without(program, {leaf_paths(program)[end.leaf][0]})
-    shown = solid if rest is None else solid - to_manifold(rest, CHECK_SEGMENTS)
-    if shown.volume() <= NOTHING * solid.volume():
-        return None
-    places = end.side * np.asarray(shown.to_mesh().vert_properties, np.float64)[:, end.axis]
-    return float(places.min()), float(places.max())
 
 
 def _is_enough(shown: tuple[float, float], part: Primitive, end: _End) -> bool:
