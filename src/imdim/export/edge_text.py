@@ -70,6 +70,7 @@ def draw_edges(
             slopes[name] = _slope(program, near, features, values, name, read, pieces, base)
         except _UnfollowedError:
             stuck.append(name)
+    slopes = {name: slope for name, slope in slopes.items() if slope.any()}
     sums = [Expression(tuple(_terms(slopes, i)), v - sum(slopes[n][i] * values[n] for n in slopes)) for i, v in enumerate(base)]
     sizes, centers, outlines = [], [], []
     rest = iter(sums)
@@ -87,12 +88,7 @@ class _UnfollowedError(Exception):
 
 
 def _terms(slopes: Mapping[str, np.ndarray], i: int) -> list[Term]:
-    terms = []
-    for name, slope in slopes.items():
-        factor = simple_fraction(float(slope[i]))
-        if abs(slope[i]) > FAINT:
-            terms.append(Term(name, factor))
-    return terms
+    return [Term(name, simple_fraction(float(slope[i]))) for name, slope in slopes.items() if abs(slope[i]) > FAINT]
 
 
 def _slope(

@@ -35,6 +35,7 @@ _OPERATORS: Mapping[type, Callable[[float, float], float]] = {
     ast.Div: operator.truediv,
 }
 
+_NAME = re.compile(r"[A-Za-z_]\w*")
 _SECTION = re.compile(r"^/\* \[[^\]]*\] \*/$")  # of OpenSCAD's Customizer
 _SWITCHES = tuple(SWITCH[drawn].partition("//")[0].strip() for drawn in (True, False))
 
@@ -68,7 +69,9 @@ def read_openscad(text: str, given: Mapping[str, float] | None = None, blended: 
         elif assigned is not None:
             values[assigned[1]] = given.get(assigned[1], _value(_parse(assigned[2], number), values, number))
         else:
-            open_blocks[-1][1].append(_primitive(line, values, number))
+            # of many readings of one text with a name moved, most statements know nothing of it
+            told = tuple((name, values[name]) for name in _names_in(line) if name in values)
+            open_blocks[-1][1].append(_primitive(line, told, number))
     if len(open_blocks) != 1 or not open_blocks[0][1]:
         raise ValueError(f"OpenSCAD text ends with {len(open_blocks) - 1} open blocks and {len(open_blocks[0][1])} solids")
     unknown = sorted(set(given) - set(values))
@@ -95,7 +98,15 @@ def _statements(text: str) -> Iterator[tuple[int, str]]:
         yield first, begun
 
 
-def _primitive(line: str, values: Values, number: int) -> Primitive:
+@lru_cache(4096)
+def _names_in(line: str) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(_NAME.findall(line)))
+
+
+@lru_cache(4096)
+def _primitive(line: str, told: tuple[tuple[str, float], ...], number: int) -> Primitive:
+    """What a statement says where its names have the values `told`."""
+    values = dict(told)
     placed = _CALLS.fullmatch(line)
     if placed is None:
         raise ValueError(f"line {number} is not flat OpenSCAD of ours: {line!r}")
