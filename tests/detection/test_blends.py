@@ -92,10 +92,28 @@ def test_corners_of_one_outline_are_no_edge_features() -> None:
     assert find_chains(meshed(slot)) == []
 
 
-def test_a_turned_parts_chamfers_are_its_profiles() -> None:
+def test_a_turned_parts_fillets_are_its_profiles() -> None:
     shaft = Primitive("cylinder", (5.0, 20.0))
-    ends = EdgeFeature("chamfer", (1.0,), ((Face(0, "+z"), Face(0, "side")), (Face(0, "-z"), Face(0, "side"))))
+    ends = EdgeFeature("fillet", (1.0,), ((Face(0, "+z"), Face(0, "side")), (Face(0, "-z"), Face(0, "side"))))
     assert find_chains(meshed(shaft, ends)) == []
+
+
+def test_narrow_chamfers_of_round_rims_are_edge_features() -> None:
+    def drilled(size: float) -> trimesh.Trimesh:
+        out = Combine("difference", BOX, Primitive("cylinder", (3.0, 20.0)))
+        for up in (1.0, -1.0):
+            wide, narrow = (3.0 + size, 3.0) if up > 0 else (3.0, 3.0 + size)
+            out = Combine("difference", out, Primitive("cone", (narrow, wide, size), (0.0, 0.0, up * (4.0 - size / 2))))
+        return meshed(out)
+
+    found = find_chains(drilled(0.6))
+    assert [(chain.is_rim, chain.outside) for chain in found] == [(True, 1), (True, 1)]
+    assert np.ravel([chain.sizes for chain in found]) == pytest.approx(4 * [0.6], rel=5e-3)
+    assert find_chains(drilled(1.6)) == []  # countersinks
+    off = sharpen(drilled(0.6), found)
+    assert off is not None
+    sharp = to_manifold(Combine("difference", BOX, Primitive("cylinder", (3.0, 20.0))), 64).volume()
+    assert off.mesh.volume == pytest.approx(sharp, rel=1e-6)
 
 
 def test_what_bounds_no_solid_then_stays() -> None:

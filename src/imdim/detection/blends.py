@@ -2,7 +2,8 @@
 
 A fillet is a piece of cylinder, torus or sphere that both its neighbours touch; a chamfer a narrow flat, or piece of a cone, of one width
 between two. What joins pieces of one size is a chain. A chain that runs in one direction alone, or about one axis, is an outline's corner
-or a turned part's profile: those draw it as well as any edge feature could, so it is no blend here.
+or a turned part's profile: those draw it as well as any edge feature could, so it is no blend here. But a narrow chamfer of a round rim
+is one: without it a hole or a pin is a cylinder, and with it a stack of two.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ SMALLEST, LARGEST = 5e-4, 0.1  # of the diagonal: a blend's size
 CORNER = 2.0  # times its squared size: the area of a small piece between blends at most
 MOSTLY = 0.7  # of a curved patch's area: one facet that has more of it is a face of its own
 STRANGE = 0.5  # of a mesh's area, that shows no carrier: beyond, it has no faces that blends could lie between
+RIM = 1 / 3  # of a hole's or a pin's radius: the chamfer of its rim at most; wider ones are countersinks, and tips
 ONE_WAY = 1.0  # degrees, within which a chain's pieces run in one direction
 
 
@@ -74,6 +76,11 @@ class Chain:
     @property
     def outside(self) -> int:
         return self.blends[0].outside
+
+    @property
+    def is_rim(self) -> bool:
+        """Whether it is the narrow chamfer of a round hole's rim, or of a pin's end."""
+        return len(self.blends) == 1 and _is_rim(self.blends[0])
 
 
 class _Piece(NamedTuple):
@@ -346,11 +353,22 @@ def _runs_one_way(chain: Chain) -> bool:
     ways = np.array([_way(blend) for blend in chain.blends])
     is_round = [blend.carrier.kind in ("torus", "cone", "sphere") for blend in chain.blends]
     if len(chain.blends) == 1:
-        return True
+        return not chain.is_rim
     parallel = bool((np.abs(ways @ ways[0]) > math.cos(math.radians(ONE_WAY))).all())
     if not parallel or len(set(is_round)) > 1:
         return False
     return not is_round[0] or _share_axis([blend.carrier for blend in chain.blends])
+
+
+def _is_rim(blend: Blend) -> bool:
+    """Whether a piece lies between a flat and a round wall about its axis, and is narrow."""
+    flat, tube = sorted(blend.sides, key=lambda side: side.kind != "plane")[:2]
+    if (blend.carrier.kind, flat.kind, tube.kind) != ("cone", "plane", "cylinder"):
+        return False
+    across = math.sin(math.radians(ONE_WAY))
+    is_square = all(np.linalg.norm(np.cross(blend.carrier.axis, side.axis)) < across for side in (flat, tube))
+    is_centred = np.linalg.norm(np.cross(tube.axis, np.asarray(blend.carrier.point) - tube.point)) < LIKE * tube.sizes[0]
+    return is_square and bool(is_centred) and max(blend.sizes) < RIM * tube.sizes[0]
 
 
 def _way(blend: Blend) -> np.ndarray:

@@ -67,7 +67,7 @@ FAR_BETTER = 0.5  # of the misfit of the search's program
 @dataclass(frozen=True)
 class Run:
     """One body to be explained: what is seen of it, and what the method may use. `share` is its part of the time that a stage has left.
-    `blended` if its fillets and chamfers were set aside."""
+    `blended` if fillets and chamfers other than those of round rims were set aside."""
 
     seen: Observation
     settings: Settings

@@ -303,12 +303,14 @@ def _body(body: Target, work: _Work, share: float = 1.0) -> Iterator[_BodyState]
     cut = body.mesh is not None and detect_by.has_passed()
     chains, kept = (tuple(place_chain(chain, frame) for chain in found) for found in (aside.chains, aside.kept))
     observed = UnitBody.of(aside.target, work.rng, aside.patches, detect_by, work.settings.language == "cad")
-    for state in _sharp_body(body, observed, frame, work, share, bool(chains)):
+    # rims lie between whole features, whether these are drawn or not
+    blended = not all(chain.is_rim for chain in chains)
+    for state in _sharp_body(body, observed, frame, work, share, blended):
         yield replace(state, chains=chains, kept=kept, stop=CUT if cut else state.stop)
 
 
 def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, share: float, blended: bool = False) -> Iterator[_BodyState]:
-    """Programs of one body as it is `observed` in its unit frame; `blended` if edges were set aside."""
+    """Programs of one body as it is `observed` in its unit frame; `blended` if edges other than rims were set aside."""
     budget, settings = work.budget, work.settings
     solid = find_solid(observed.target) if observed.scanned and work.guesses else None
     if solid is not None and (state := _scanned_body(observed, solid, frame, work, share)) is not None:
