@@ -21,12 +21,32 @@ from imdim.target.target import load_target
 SOURCE = Path(__file__).parents[2] / "dataset" / "examples" / "bracket.scad"
 SAME = 0.999
 
+THICKER = {  # by 2: what stands on the plate, or enters it from above, goes up with its face
+    "translate([0, 0, 4]) cube([80, 50, 8]": "translate([0, 0, 5]) cube([80, 50, 10]",
+    "[-40, 0, 4]) cylinder(r = 25, h = 8": "[-40, 0, 5]) cylinder(r = 25, h = 10",
+    "[40, 0, 4]) cylinder(r = 25, h = 8": "[40, 0, 5]) cylinder(r = 25, h = 10",
+    "[0, 0, 22])": "[0, 0, 24])",
+    "[0, 0, 14])": "[0, 0, 16])",
+    "[0, 19, 15])": "[0, 19, 17])",
+    "[0, -19, 15])": "[0, -19, 17])",
+    "[18, 0, 26])": "[18, 0, 28])",
+    "[0, 0, 18]) cylinder(r = 10, h = 44": "[0, 0, 20]) cylinder(r = 10, h = 48",
+    "[0, 0, 33])": "[0, 0, 35])",
+    "[-48, 0, 4]) cylinder(r = 5, h = 12": "[-48, 0, 6]) cylinder(r = 5, h = 16",
+    "[48, 0, 4]) cylinder(r = 5, h = 12": "[48, 0, 6]) cylinder(r = 5, h = 16",
+    "[-48, 0, 6.5])": "[-48, 0, 8.5])",
+    "[48, 0, 6.5])": "[48, 0, 8.5])",
+}
 EDITS = {
+    "plate thicker": ({"plate_thickness": 10.0}, THICKER),
     "holes further out": ({"m8_hole_spacing": 102.0}, {"[-48,": "[-51,", "[48,": "[51,"}),
-    "larger bore": ({"bore": 22.0}, {"r = 10, h = 44": "r = 11, h = 44", "r1 = 10, r2 = 14, h = 8": "r1 = 11, r2 = 14, h = 8"}),
+    "larger bore": (
+        {"bore": 22.0, "hole2_narrow_diameter": 22.0},
+        {"r = 10, h = 44": "r = 11, h = 44", "r1 = 10, r2 = 14, h = 8": "r1 = 11, r2 = 14, h = 8"},
+    ),
     "larger nipple": ({"ball_radius": 8.0}, {"sphere(r = 5)": "sphere(r = 8)"}),
     "higher boss": (
-        {"turned_part_height": 35.0},
+        {"turned_part_height": 32.0},
         {"22]) cylinder(r = 18, h = 28": "24]) cylinder(r = 18, h = 32", "18]) cylinder(r = 10, h = 44": "20]) cylinder(r = 10, h = 48"}
         | {"translate([0, 0, 33])": "translate([0, 0, 37])"},
     ),

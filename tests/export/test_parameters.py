@@ -19,6 +19,7 @@ from imdim.export.parameters import Parameters, parametrise
 from imdim.export.script import to_script
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.program.constraints import Constraint, Ref
+from imdim.program.outline import Outline
 from imdim.program.tree import Primitive, Program, leaves
 from imdim.relations.discover import exact_relations
 
@@ -128,6 +129,22 @@ def test_without_constraints_every_size_has_a_name_and_cuts_go_through_what_they
     assert set(parameters.values) == sizes | holes | places
     assert parameters.values["hole_from_left"] == parameters.values["hole4_from_right"] == 10, "the nearest edge"
     assert list(leaves(read_openscad(to_openscad(delivered, 48, parameters)))) == list(leaves(delivered))
+
+
+def hub(height: float) -> Program:
+    """A turned part on a plate, with a bore through both that widens at the top."""
+    half = height / 2
+    ring = ((0.0, -half, 0.0), (24.0, -half, 0.0), (18.0, 12.0 - half, 0.0), (18.0, half, 0.0), (0.0, half, 0.0))
+    turned = Primitive("revolve", (360.0,), (0.0, 0.0, 8.0 + half), outline=Outline((ring,)))
+    mouth = Primitive("cone", (10.0, 13.5, 7.0), (0.0, 0.0, height + 4.5))
+    return cut(union(box(80, 50, 8, (0.0, 0.0, 4.0)), turned), cylinder(10.0, height + 8.0, (0.0, 0.0, height / 2 + 4.0)), mouth)
+
+
+def test_what_enters_a_turned_part_follows_its_end():
+    delivered = finish_flat(hub(28.0))
+    text = to_openscad(delivered, 64, parametrise(hub(28.0), [], delivered))
+    read = read_openscad(text, {"turned_part_height": 40.0})
+    assert volume_iou(to_manifold(read, 64), to_manifold(hub(40.0), 64)) == pytest.approx(1, abs=1e-6)
 
 
 def test_a_relation_of_hidden_depths_names_them_too():

@@ -158,7 +158,7 @@ def _seats_of_ends(
     pairs = {(e.leaf, e.axis, e.side): e for e in ends}
     adding: dict[tuple[int, int], list[End]] = {}
     for e in ends:
-        if sign[e.leaf] > 0 and e.column >= 0:
+        if sign[e.leaf] > 0:
             adding.setdefault((e.axis, e.side), []).append(e)
     facing = {way: _FacingEnds(faces, pairs, parts, boxes) for way, faces in adding.items()}
     for end in ends:
@@ -174,6 +174,7 @@ def _seats_of_ends(
                 if end.column >= 0 and _is_inside(pairs, near, other, parts, slack):
                     yield Seat(other, face, "depth")
         elif end.leaf > 0:
+            near = [e for e in near if e.column >= 0]  # a turned part is far from filling its box: what lies in that is seen
             spanned = next((e for e in near if e.leaf < end.leaf and _is_spanned(pairs, e, end, parts, slack)), None)
             if spanned is not None:  # what goes from face to face goes on doing so
                 yield Seat(end, spanned, "")

@@ -22,6 +22,7 @@ from imdim.geometry.finish.rounded import draw_rounded
 from imdim.geometry.solid import SEGMENTS, to_manifold, volume
 from imdim.program.cost import count
 from imdim.program.front import Choice
+from imdim.program.rewrite.bores import separate_bores, stack_drawings
 from imdim.program.rewrite.cells import end_cuts_with_the_solid, propose_cells
 from imdim.program.rewrite.hidden_arcs import without_hidden_arcs
 from imdim.program.rewrite.rims import separate_rims
@@ -120,7 +121,7 @@ def auto(run: Run) -> Iterator[MethodStep]:
     if best is None or run.settings.objective == "primitives" or run.blended or not run.seen.evidence.exact:
         return
     drawn = best
-    for source in (_separate, _separate_rims, _search_primitives):
+    for source in (_separate, _separate_rims, _stack_drawings, _separate_bores, _search_primitives):
         plain = source(run, drawn if source is _search_primitives and has_drawings(best.program) else best)
         if plain is not None and is_plainer(plain.program, best.program, run.seen):
             best = replace(plain, others=(*best.others, best.program, *plain.others))
@@ -193,6 +194,21 @@ def _lay_bare(apart: Program, drawn: Program, deadline: Deadline) -> Program:
     cut_last = hoist_cuts(separate_holes(apart), _is_free_of(solid, deadline))
     whole = cut_last if deadline.has_passed() else without_hidden_arcs(cut_last, volume, hidden)
     return straighten(_tidy_cuts(separate_loops(whole), solid, deadline), may_hide, volume, hidden)
+
+
+def _stack_drawings(run: Run, best: MethodStep) -> MethodStep | None:
+    """The same with cylinders and cones in place of turned drawings."""
+    return _change_drawings(run, best, stack_drawings)
+
+
+def _separate_bores(run: Run, best: MethodStep) -> MethodStep | None:
+    """The same with the bores of turned drawings as features of their own."""
+    return _change_drawings(run, best, separate_bores)
+
+
+def _change_drawings(run: Run, best: MethodStep, change: Callable[[Program], Program]) -> MethodStep | None:
+    apart = change(best.program)
+    return None if apart == best.program else replace(best, program=_lay_bare(apart, best.program, run.budget.end_of("search")))
 
 
 def _separate_rims(run: Run, best: MethodStep) -> MethodStep | None:

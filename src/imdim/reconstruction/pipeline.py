@@ -22,10 +22,12 @@ from imdim.deadline import Deadline
 from imdim.detection.blends import Chain
 from imdim.geometry.finish.cutter_walls import open_films
 from imdim.geometry.finish.datum_ends import begin_at_datums
+from imdim.geometry.finish.free_ends import draw_back
 from imdim.geometry.finish.late_cuts import cut_last, lead_with_body
 from imdim.geometry.finish.overshoot import without_strays
 from imdim.geometry.finish.parted import part_bodies
 from imdim.geometry.finish.rails import part_at_posts
+from imdim.geometry.finish.turned_feet import stand_on_faces
 from imdim.geometry.solid import to_manifold
 from imdim.install import install_command
 from imdim.program.constraints import Constraint, scale_constraints
@@ -367,16 +369,20 @@ def _round(program: Program, seen: Observation, frame: Frame, deadline: Deadline
     rounded = snap_numbers(program, seen, frame, deadline)
     if deadline.has_passed():
         return rounded
-    # where walls are stacked is known once they are round, and then the ends that they get are to be rounded
-    stacked = preserve(rounded, stack_turned_parts(rounded), deadline=deadline)
-    return rounded if stacked == rounded else snap_numbers(stacked, seen, frame, deadline)
+    # where walls are stacked and parts stand is known once they are round, and then the ends that they get are to be rounded
+    flat = cut_last(rounded, deadline)
+    stood = preserve(flat, stack_turned_parts(flat), deadline=deadline)
+    if (solid := _solid_in(seen, frame)) is not None:
+        stood = stand_on_faces(stood, solid, deadline)
+    return rounded if stood == flat else snap_numbers(stood, seen, frame, deadline)
 
 
 def _arrange(program: Program, deadline: Deadline) -> Program:
-    """The same solid as a person writes it: turned parts as stacks, the body first and its cuts last, bodies that are cut in two as two,
-    bosses that begin at the base, and rails between posts; as far as time allows."""
+    """The same solid as a person writes it: cutters that end where they leave the part, turned parts as stacks, the body first and its
+    cuts last, bodies that are cut in two as two, bosses that begin at the base, and rails between posts; as far as time allows."""
     if deadline.has_passed():
         return program
+    program = preserve(program, draw_back(program, deadline), deadline=deadline)
     bounds = np.reshape(to_manifold(program).bounding_box(), (2, 3))
 
     def is_plainer(new: Program, old: Program) -> bool:
@@ -393,11 +399,17 @@ def _arrange(program: Program, deadline: Deadline) -> Program:
 
 def _open_films(program: Program, seen: Observation, frame: Frame, deadline: Deadline) -> Program | None:
     """The program, in the body's units, whose cutters go on past films that are not the body's; None where it has none, or nobody knows."""
-    if seen.solid is None:
+    solid = _solid_in(seen, frame)
+    if solid is None:
         return None
-    solid = seen.solid.scale((1 / frame.scale, 1 / frame.scale, 1 / frame.scale)).translate(frame.center)
     opened = open_films(program, solid, deadline)
     return None if opened is program else opened
+
+
+def _solid_in(seen: Observation, frame: Frame) -> Manifold | None:
+    """The solid that the body's mesh bounds, in the body's units."""
+    factor = 1 / frame.scale
+    return None if seen.solid is None else seen.solid.scale((factor, factor, factor)).translate(frame.center)
 
 
 def _scanned_body(observed: UnitBody, solid: Manifold, frame: Frame, work: _Work, share: float) -> _BodyState | None:

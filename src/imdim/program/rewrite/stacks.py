@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations, pairwise
 from typing import NamedTuple
 
@@ -17,44 +17,18 @@ import numpy as np
 
 from imdim.program.rewrite.containment import axes, dot
 from imdim.program.rewrite.containment_rules import parts, spine
-from imdim.program.tree import OPS, Combine, Op, Primitive, Program, Vec3, combine_all, fold, leaves, longest
+from imdim.program.rewrite.turned_walls import Axis, TurnedWall, decimals_for, join_walls, wall_leaf
+from imdim.program.tree import OPS, Combine, Op, Primitive, Program, combine_all, fold, leaves, longest
 
 ALIGNED = 1e-9  # by which the cosine between two axes may lack of 1
 TOUCH = 1e-6  # of the largest size: two places, or two radii, are one
-DIGITS = 9  # of the largest size, that computed ends are rounded to
-
-
-class _Axis(NamedTuple):
-    """A line through `point` along the unit `direction`, which is the local z of `rotation`."""
-
-    point: Vec3
-    direction: Vec3
-    rotation: Vec3
 
 
 class _Turned(NamedTuple):
     """A program, and the axis that all of it is turned about, if it is."""
 
     program: Program
-    axis: _Axis | None
-
-
-@dataclass(frozen=True)
-class _RoundWall:
-    """A round wall of radius `start` + `slope` z from z = `low` to `high` along an axis."""
-
-    low: float
-    high: float
-    start: float
-    slope: float
-
-    def radius(self, z: float) -> float:
-        return self.start + self.slope * z
-
-    def is_like(self, other: _RoundWall, slack: float) -> bool:
-        """Whether both are of one cylinder or cone, as far as either goes."""
-        ends = (min(self.low, other.low), max(self.high, other.high))
-        return all(abs(self.radius(z) - other.radius(z)) <= slack for z in ends)
+    axis: Axis | None
 
 
 class _Slab(NamedTuple):
@@ -62,8 +36,8 @@ class _Slab(NamedTuple):
 
     low: float
     high: float
-    inner: _RoundWall | None
-    outer: _RoundWall
+    inner: TurnedWall | None
+    outer: TurnedWall
 
 
 def stack_turned_parts(program: Program) -> Program:
@@ -73,7 +47,7 @@ def stack_turned_parts(program: Program) -> Program:
     def leaf(_: int, p: Primitive) -> _Turned:
         if p.kind not in ("cylinder", "cone"):
             return _Turned(p, None)
-        return _Turned(p, _Axis(p.center, axes(p)[2], p.rotation))
+        return _Turned(p, Axis(p.center, axes(p)[2], p.rotation))
 
     slack = TOUCH * longest(leaves(program))
 
@@ -85,7 +59,7 @@ def stack_turned_parts(program: Program) -> Program:
     return _stacked(fold(program, leaf, {op: (lambda a, b, op=op: join(op, a, b)) for op in OPS}), slack)
 
 
-def _is_one(a: _Axis, b: _Axis, slack: float) -> bool:
+def _is_one(a: Axis, b: Axis, slack: float) -> bool:
     x, y, z = (q - p for p, q in zip(a.point, b.point, strict=True))
     along = dot((x, y, z), a.direction)
     return abs(dot(a.direction, b.direction)) > 1 - ALIGNED and math.dist((x, y, z), [along * d for d in a.direction]) <= slack
@@ -99,13 +73,13 @@ def _stacked(turned: _Turned, slack: float, cuts: bool = False) -> Program:
     slabs = _profile(program, axis, slack)
     if not slabs:
         return program
-    outer = _pieces([replace(s.outer, low=s.low, high=s.high) for s in slabs], slack)
-    inner = _pieces([replace(s.inner, low=s.low, high=s.high) for s in slabs if s.inner], slack)
+    outer = join_walls([replace(s.outer, low=s.low, high=s.high) for s in slabs], slack)
+    inner = join_walls([replace(s.inner, low=s.low, high=s.high) for s in slabs if s.inner], slack)
     if len(outer) + len(inner) > len(list(leaves(program))):
         return program
-    digits = DIGITS - 1 - math.floor(math.log10(longest(leaves(program))))
-    body = combine_all("union", [_leaf(wall, axis, digits) for wall in outer])
-    return combine_all("difference", [body, *(_leaf(wall, axis, digits) for wall in inner)])
+    digits = decimals_for(longest(leaves(program)))
+    body = combine_all("union", [wall_leaf(wall, axis, digits) for wall in outer])
+    return combine_all("difference", [body, *(wall_leaf(wall, axis, digits) for wall in inner)])
 
 
 def _is_plain(program: Program, cuts: bool) -> bool:
@@ -114,7 +88,7 @@ def _is_plain(program: Program, cuts: bool) -> bool:
     return not (cuts and own) and all(isinstance(part, Primitive) for node in (base, *own) for part in parts(node, "union"))
 
 
-def _profile(program: Program, axis: _Axis, slack: float) -> list[_Slab] | None:
+def _profile(program: Program, axis: Axis, slack: float) -> list[_Slab] | None:
     """What there is at each height; None where that is more than one ring."""
     walls = [_wall(leaf, axis) for leaf in leaves(program)]
     places = sorted([*(z for wall in walls for z in (wall.low, wall.high)), *_crossings(walls)])
@@ -143,62 +117,19 @@ def _evaluate(program: Program, held: Sequence[np.ndarray]) -> np.ndarray:
     return fold(program, lambda i, _: held[i], {"union": np.logical_or, "intersection": np.logical_and, "difference": lambda a, b: a & ~b})
 
 
-def _wall(leaf: Primitive, axis: _Axis) -> _RoundWall:
+def _wall(leaf: Primitive, axis: Axis) -> TurnedWall:
     x, y, z = (c - p for c, p in zip(leaf.center, axis.point, strict=True))
     middle, height = dot((x, y, z), axis.direction), leaf.size[-1]
     bottom, top = leaf.size[0], leaf.size[-2]
     if dot(axes(leaf)[2], axis.direction) < 0:
         bottom, top = top, bottom
     slope = (top - bottom) / height
-    return _RoundWall(middle - height / 2, middle + height / 2, (bottom + top) / 2 - slope * middle, slope)
+    return TurnedWall(middle - height / 2, middle + height / 2, (bottom + top) / 2 - slope * middle, slope)
 
 
-def _crossings(walls: Sequence[_RoundWall]) -> Iterator[float]:
+def _crossings(walls: Sequence[TurnedWall]) -> Iterator[float]:
     for a, b in combinations(walls, 2):
         if a.slope != b.slope:
             z = (b.start - a.start) / (a.slope - b.slope)
             if max(a.low, b.low) < z < min(a.high, b.high):
                 yield z
-
-
-def _pieces(walls: Sequence[_RoundWall], slack: float) -> list[_RoundWall]:
-    """One cylinder or cone for each wall, from bottom to top. A cylinder goes on through what is wider above and below it, and is one with
-    those that it meets there."""
-    joined: list[_RoundWall] = []
-    for wall in walls:
-        if joined and abs(joined[-1].high - wall.low) <= slack and joined[-1].is_like(wall, slack):
-            joined[-1] = replace(joined[-1], high=wall.high)
-        else:
-            joined.append(wall)
-    out: list[_RoundWall] = []
-    for i, wall in enumerate(joined):
-        if wall.slope == 0:
-            below, above = joined[:i][::-1], joined[i + 1 :]
-            for other in below:
-                if abs(other.high - wall.low) > slack or not _is_wider(other, wall, slack):
-                    break
-                wall = replace(wall, low=other.low)
-            for other in above:
-                if abs(other.low - wall.high) > slack or not _is_wider(other, wall, slack):
-                    break
-                wall = replace(wall, high=other.high)
-        if not any(wall.slope == 0 == other.slope and other.is_like(wall, slack) and _holds(other, wall, slack) for other in out):
-            out.append(wall)
-    return out
-
-
-def _is_wider(wall: _RoundWall, cylinder: _RoundWall, slack: float) -> bool:
-    return min(wall.radius(wall.low), wall.radius(wall.high)) >= cylinder.start - slack
-
-
-def _holds(long: _RoundWall, short: _RoundWall, slack: float) -> bool:
-    return long.low <= short.low + slack and long.high >= short.high - slack
-
-
-def _leaf(wall: _RoundWall, axis: _Axis, digits: int) -> Primitive:
-    low, high = (round(z, digits) for z in (wall.low, wall.high))
-    x, y, z = (p + d * (low + high) / 2 for p, d in zip(axis.point, axis.direction, strict=True))
-    bottom, top = (max(round(wall.radius(end), digits), 0.0) for end in (wall.low, wall.high))
-    if bottom == top:
-        return Primitive("cylinder", (bottom, high - low), (x, y, z), axis.rotation)
-    return Primitive("cone", (bottom, top, high - low), (x, y, z), axis.rotation)

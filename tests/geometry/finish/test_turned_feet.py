@@ -1,0 +1,67 @@
+"""Cones and turned drawings end on the face they stand on."""
+
+import pytest
+from tests.deadlines import PASSED
+from tests.planted import ALONG_X, box, cone, cut, cylinder
+
+from imdim.geometry.finish.turned_feet import stand_on_faces
+from imdim.geometry.solid import to_manifold
+from imdim.program.outline import Outline
+from imdim.program.tree import Primitive, Program, combine_all, leaves
+
+PLATE = box(80.0, 50.0, 8.0, (0.0, 0.0, 4.0))  # from 0 to 8
+RING = ((0.0, 0.0, 0.0), (24.0, 0.0, 0.0), (18.0, 12.0, 0.0), (0.0, 12.0, 0.0))
+LONG = ((0.0, -3.0, 0.0), (25.5, -3.0, 0.0), (18.0, 12.0, 0.0), (0.0, 12.0, 0.0))  # comes out at the sides of the plate
+
+
+def join(*parts: Program) -> Program:
+    return combine_all("union", list(parts))
+
+
+def turned(ring) -> Primitive:
+    return Primitive("revolve", (360.0,), (0.0, 0.0, 8.0), outline=Outline((ring,)))
+
+
+TARGET = to_manifold(join(PLATE, turned(RING)), 96)
+
+
+def test_a_drawing_ends_where_it_is_seen() -> None:
+    foot = list(leaves(stand_on_faces(join(PLATE, turned(LONG)), TARGET)))[1]
+    assert foot.outline is not None
+    assert sorted(foot.outline.rings[0]) == [pytest.approx(v) for v in sorted(RING)]
+
+
+def test_so_does_a_cone() -> None:
+    foot = list(leaves(stand_on_faces(join(PLATE, cone(25.5, 18.0, 15.0, (0.0, 0.0, 12.5))), TARGET)))[1]
+    assert foot.size == pytest.approx((24.0, 18.0, 12.0))
+    assert foot.center[2] == pytest.approx(14.0)
+
+
+def test_a_cone_on_the_side_of_a_wall_does() -> None:
+    wall = box(8.0, 50.0, 80.0, (4.0, 0.0, 0.0))  # to x = 8
+    found = join(wall, Primitive("cone", (26.0, 18.0, 16.0), (8.0, 0.0, 0.0), (0.0, 90.0, 0.0)))
+    target = to_manifold(join(wall, Primitive("cone", (18.0, 22.0, 8.0), (12.0, 0.0, 0.0), (0.0, -90.0, 0.0))), 96)
+    foot = list(leaves(stand_on_faces(found, target)))[1]
+    assert foot.size == pytest.approx((22.0, 18.0, 8.0))
+
+
+def test_what_is_seen_on_both_sides_stays() -> None:
+    both = join(PLATE, cone(30.0, 10.0, 40.0, (0.0, 0.0, 4.0)))
+    assert stand_on_faces(both, to_manifold(both, 96)) == both
+
+
+def test_what_a_pocket_shows_is_kept() -> None:
+    """The plate is cut away below the foot, which reaches down to a smaller plate."""
+    found = join(cut(PLATE, cylinder(20.0, 20.0)), turned(LONG))
+    target = to_manifold(found, 96)
+    assert stand_on_faces(found, target) == found
+
+
+def test_past_its_deadline_all_stays() -> None:
+    found = join(PLATE, turned(LONG))
+    assert stand_on_faces(found, TARGET, PASSED) == found
+
+
+def test_cutters_and_prisms_stay() -> None:
+    found = join(cut(PLATE, cone(3.0, 9.0, 20.0)), cylinder(5.0, 20.0, (20.0, 0.0, 8.0), ALONG_X))
+    assert stand_on_faces(found, to_manifold(found, 96)) == found
