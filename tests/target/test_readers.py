@@ -105,6 +105,45 @@ def test_text_with_any_head_and_delimiter(tmp_path, name, head, delimiter):
     assert raw.normals is None
 
 
+def test_a_quoted_table_of_a_spreadsheet(tmp_path):
+    rows = "\n".join(",".join(f'"{v:.6f}"' for v in row) for row in CLOUD)
+    (tmp_path / "a.csv").write_text(f'"y","x","z"\n{rows}', encoding="utf-8")
+    assert read(tmp_path / "a.csv").points == pytest.approx(CLOUD[:, [1, 0, 2]], abs=1e-6)
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-be"])
+def test_text_in_utf_16(tmp_path, encoding):
+    mark, box = "" if encoding == "utf-16" else "\ufeff", trimesh.creation.box()
+    texts = {f"b.{kind}": box.export(file_type=kind) for kind in ("obj", "off")} | {"b.stl": box.export(file_type="stl_ascii")}
+    texts["b.ply"] = box.export(file_type="ply", encoding="ascii").decode()
+    for name, text in texts.items():
+        (tmp_path / name).write_bytes((mark + text).encode(encoding))
+        assert np.ptp(read(tmp_path / name).points, axis=0) == pytest.approx([1, 1, 1]), name
+    rows = "\r\n".join("\t".join(f"{v:.6f}" for v in row) for row in CLOUD)
+    (tmp_path / "a.txt").write_bytes(f"{mark}x\ty\tz\r\n{rows}".encode(encoding))
+    assert read(tmp_path / "a.txt").points == pytest.approx(CLOUD, abs=1e-6)
+
+
+def test_a_binary_stl_whose_head_looks_like_utf_16(tmp_path):
+    data = trimesh.creation.box().export(file_type="stl")
+    (tmp_path / "b.stl").write_bytes(b"\xff\xfe" + data[2:])
+    assert np.ptp(read(tmp_path / "b.stl").points, axis=0) == pytest.approx([1, 1, 1])
+
+
+@pytest.mark.parametrize("row", ["1,5;2,25;-3,0", '"1,5";"2,25";"3"', "1,5\t2,25\t3,0", "1,5 2 3,5"])
+@pytest.mark.parametrize("before", ["", "1;2;3\n"])
+def test_decimal_commas_are_refused_as_such(tmp_path, before, row):
+    (tmp_path / "a.csv").write_text(f"{before}{row}\n{row}\n")
+    with pytest.raises(InputError, match=r"numbers have decimal commas, as in '.*1,5.*': write them with points"):
+        read(tmp_path / "a.csv")
+
+
+def test_a_broken_row_beside_commas_that_part_numbers_is_no_decimal_comma(tmp_path):
+    (tmp_path / "a.csv").write_text("1, 2, 3\n4, 5, 6\n7, x, 9\n")
+    with pytest.raises(InputError, match="could not convert string ' x'"):
+        read(tmp_path / "a.csv")
+
+
 def test_text_columns_are_told_apart_by_header_or_by_length(tmp_path):
     colours = RNG.integers(0, 256, (60, 3))
     np.savetxt(tmp_path / "colour.xyz", np.hstack([CLOUD, colours]))

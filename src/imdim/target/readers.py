@@ -17,6 +17,7 @@ from imdim.target.gltf import read_gltf
 from imdim.target.obj import read_obj
 from imdim.target.off import read_off
 from imdim.target.ply import read_ply
+from imdim.target.text_rows import as_utf8, read_rows
 from imdim.target.threemf import read_model
 
 
@@ -100,6 +101,8 @@ def _finite(scanners: np.ndarray | None, path: Path) -> np.ndarray | None:
 def read_stl(path: Path) -> Raw:
     """Binary or ASCII, told apart by the length that a binary header promises: some binary files begin with "solid"."""
     data = path.read_bytes()
+    if 84 + 50 * int.from_bytes(data[80:84], "little") != len(data):
+        data = as_utf8(data)
     count, held = int.from_bytes(data[80:84], "little"), (len(data) - 84) // 50
     is_text = data.lstrip()[:5].lower() == b"solid"
     notes = ()
@@ -132,7 +135,7 @@ def read_scene(path: Path) -> Raw:
 
 def read_objects(path: Path) -> Raw:
     """OBJ and OFF: all objects of a file as one mesh, or a cloud where none has a face."""
-    points, faces = (read_off if path.suffix.lower() == ".off" else read_obj)(path.read_bytes())
+    points, faces = (read_off if path.suffix.lower() == ".off" else read_obj)(as_utf8(path.read_bytes()))
     return Raw(points, faces=faces)
 
 
@@ -145,7 +148,7 @@ def read_threemf(path: Path) -> Raw:
 
 def read_polygons(path: Path) -> Raw:
     """PLY: a mesh where there are faces, a cloud where there are none."""
-    points, normals, faces = read_ply(path.read_bytes())
+    points, normals, faces = read_ply(as_utf8(path.read_bytes()))
     return Raw(points, normals, faces)
 
 
@@ -154,32 +157,8 @@ def read_text(path: Path) -> Raw:
 
     A header of any length is passed over; colours are told from normals by their length.
     """
-    skip, delimiter, names = _text_head(path)
-    table = np.loadtxt(path, delimiter=delimiter, skiprows=skip, ndmin=2, comments=("#", "//"), encoding="utf-8-sig")
-    if table.shape[1] < 3:
-        raise InputError(f"{path}: {table.shape[1]} columns per row, at least 3 are needed")
+    table, names = read_rows(path)
     return _by_columns(table, names)
-
-
-def _text_head(path: Path) -> tuple[int, str | None, list[str]]:
-    """Lines before the numbers, the delimiter (None: blanks) and the column names of the last line before the numbers."""
-    names: list[str] = []
-    with path.open(encoding="utf-8-sig") as lines:
-        for i, text in enumerate(lines):
-            delimiter = next((d for d in (";", ",", "\t") if d in text), None)
-            fields = [f.strip() for f in text.strip().split(delimiter)]
-            if len(fields) >= 3 and all(map(_is_number, fields)):
-                return i, None if delimiter == "\t" else delimiter, names if len(names) == len(fields) else []
-            names = [f.strip("#/\"' ").lower() for f in text.lstrip("#/ ").strip().split(delimiter)]
-    raise InputError(f"{path}: no row of at least 3 numbers among its {i + 1} lines")
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _by_columns(table: np.ndarray, names: list[str]) -> Raw:
