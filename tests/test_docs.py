@@ -1,5 +1,6 @@
 """What the documentation says is so: its code runs, its files are there, and its lists are those of the code."""
 
+import ast
 import json
 import re
 import runpy
@@ -101,6 +102,37 @@ def test_links_and_files_are_there(page):
         assert not link or "://" in link or (page.parent / link).exists(), f"{page.name} links to {link}"
     for name in re.findall(r"`((?:src|tests|scripts|configs|dataset|models|examples|benchmarks)/[\w./-]+)`", text):
         assert (ROOT / name).exists() or name.startswith("dataset/train"), f"{page.name} names {name}"
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "benchmarks/results.md", ROOT / "models/README.md"], ids=lambda page: page.stem)
+def test_code_that_is_named_is_there(page):
+    """Every file of code, by the end of its path alone too."""
+    there = {f"/{path.relative_to(ROOT)}" for kind in ("src", "scripts", "tests", "examples", "*.py") for path in python_files(kind)}
+    spans = " ".join(re.findall(r"`([^`\n]+)`", page.read_text(encoding="utf-8")))
+    named = set(re.findall(r"(?<![\w./*-])[\w/-]+\.py\b", spans)) - {"program.py"}
+    assert [name for name in named if not any(path.endswith(f"/{name}") for path in there)] == []
+
+
+def python_files(kind):
+    return [path for found in ROOT.glob(kind) for path in ([found] if found.is_file() else found.rglob("*.py"))]
+
+
+def test_names_of_the_tour_are_those_of_the_code_beside_them():
+    tour = (ROOT / "docs/tour.md").read_text(encoding="utf-8")
+    blocks = names_in("".join(text for language, _, text in BLOCK.findall(tour) if language == "python"))
+    for section in re.split(r"^## ", BLOCK.sub("", tour), flags=re.MULTILINE)[1:]:
+        spans = re.findall(r"`([\w./]+)`", section)
+        files = [path for path in python_files("src") if any(path.as_posix().endswith(f"/{span}") for span in spans)]
+        known = blocks.union(*(names_in(path.read_text(encoding="utf-8")) for path in files))
+        asked = {word for span in spans if re.fullmatch(r"[A-Za-z]\w*(\.(?!py|toml|json|md)\w+)?", span) for word in span.split(".")}
+        assert asked <= known, section.splitlines()[0]
+
+
+def names_in(code):
+    """All that a text of Python calls by a name, or has as a word in quotes."""
+    nodes = list(ast.walk(ast.parse(code)))
+    fields = [getattr(node, field, None) for node in nodes for field in ("id", "attr", "arg", "name", "value")]
+    return {field for field in fields if isinstance(field, str)}
 
 
 def test_pictures_are_small_and_shown():
