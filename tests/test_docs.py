@@ -140,6 +140,7 @@ def test_pictures_are_small_and_shown():
     there = {path.name: path.stat().st_size for path in (ROOT / "docs/pictures").iterdir()}
     assert set(there) == shown
     assert max(there.values()) < 200_000
+    assert (ROOT / "docs/lab.gif").stat().st_size < 3_000_000
 
 
 def test_results_say_of_which_code_they_are():

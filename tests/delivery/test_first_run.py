@@ -70,7 +70,7 @@ def run(script, **variables):
 def test_the_first_run_says_that_it_compiles_and_the_second_does_not(tmp_path):
     first = run(FIRST, NUMBA_CACHE_DIR=str(tmp_path))
     lines = first.stderr.splitlines()
-    assert lines[0] == "imdim: first run on this machine: compiling, before the clock starts (about 40 s of a core)"
+    assert lines[0] == "imdim: first run on this machine: compiling, before the clock starts (about 30 s of a core)"
     assert lines[1].startswith("imdim: compiled in ")
     assert float(first.stdout) > 0.1
     second = run(FIRST, NUMBA_CACHE_DIR=str(tmp_path))

@@ -2,6 +2,9 @@
 
 Where there is a second core another process compiles those that say what a program is worth, while this one compiles those that look for
 programs, and comes to the others when they are done. They meet in numba's cache, in which files appear whole.
+
+Kernels copy arrays number by number: for one that is set as a whole numba compiles a message about shapes that do not fit, with all that
+makes text of numbers, for a second and a half.
 """
 
 from __future__ import annotations
@@ -25,12 +28,15 @@ except ImportError:  # where there are no such limits
     resource = None
 
 if TYPE_CHECKING:
+    import numpy as np
+    from trimesh import Trimesh
+
     from imdim.program.tree import Combine
     from imdim.target.target import Target
 
-ALONE_S, SHARED_S = 40, 20  # what it takes on one core and on two, to say so
-KERNELS = 270  # about so many there are, to say how far it is,
-LEFT_TO_ONE = 0.6  # and the share of them that one of two processes compiles
+ALONE_S, SHARED_S = 30, 16  # what it takes on one core and on two, to say so
+KERNELS = 240  # about so many there are, to say how far it is,
+LEFT_TO_ONE = 0.55  # and the share of them that one of two processes compiles
 SHOWN_EVERY_S = 0.2
 
 
@@ -77,6 +83,7 @@ def compile_second_half() -> None:
     Scorer(SampledTarget(points, 1.0, points, volumes, 0.0 * volumes)).score([part])
     if target.mesh is not None:
         distances(triangle_tree(target.mesh), points)
+        _see_from_outside(target.mesh, points)
 
 
 @contextmanager
@@ -167,8 +174,6 @@ def _reconstruct_small_part() -> None:
     """From a mesh to scores: a plate with a slot, a hole and a rounded end, which takes outlines, cutters and round faces."""
     from imdim.delivery.evaluate import evaluate
     from imdim.geometry.solid import to_manifold, to_trimesh
-    from imdim.geometry.visible import faces_seen
-    from imdim.geometry.winding import winding_number
     from imdim.reconstruction.config import Settings
     from imdim.reconstruction.pipeline import reconstruct_best
 
@@ -176,8 +181,15 @@ def _reconstruct_small_part() -> None:
     for language in ("cad", "csg"):
         found = reconstruct_best(target, Settings(budget_s=600.0, language=language))
         evaluate(found.program, target, samples=100)
-    surface = to_trimesh(to_manifold(found.program))
-    winding_number(surface, target.points[:1])
+    _see_from_outside(to_trimesh(to_manifold(found.program)), target.points)
+
+
+def _see_from_outside(surface: Trimesh, points: np.ndarray) -> None:
+    """What delivery alone asks for."""
+    from imdim.geometry.visible import faces_seen
+    from imdim.geometry.winding import winding_number
+
+    winding_number(surface, points[:1])
     faces_seen(surface.triangles, 1, 1)
 
 

@@ -490,7 +490,8 @@ def _fold(code, table):
     for op in code:
         if op >= 0:
             top += 1
-            values[top], owners[top] = table[op], op
+            for j in range(n):
+                values[top, j], owners[top, j] = table[op, j], op
             continue
         top -= 1
         _join(op, values[top], values[top + 1], owners[top], owners[top + 1])
@@ -503,9 +504,9 @@ def _program_values(code, kinds, sizes, centers, rotations, curves, spans, point
     value, owner = np.empty(n), np.empty(n, np.int64)
     for start in range(0, n, block):
         part = points[start : start + block]
-        value[start : start + block], owner[start : start + block] = _fold(
-            code, _leaf_table(kinds, sizes, centers, rotations, curves, spans, part)
-        )
+        values, owners = _fold(code, _leaf_table(kinds, sizes, centers, rotations, curves, spans, part))
+        for j in range(len(part)):
+            value[start + j], owner[start + j] = values[j], owners[j]
     return value, owner
 
 
@@ -540,7 +541,9 @@ def _program_inside(code, kinds, sizes, centers, rotations, curves, spans, point
                 _fill_signs(kinds[i], sizes[i], of, centers[i], rotations[i], part, table[i])
             else:
                 _fill_row(kinds[i], sizes[i], of, centers[i], rotations[i], xyz[0], xyz[1], xyz[2], table[i])
-        held[start : start + block] = _fold(code, table)[0] < 0
+        values = _fold(code, table)[0]
+        for j in range(len(part)):
+            held[start + j] = values[j] < 0
     return held
 
 

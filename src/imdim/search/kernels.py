@@ -187,7 +187,9 @@ def best_box(sums: np.ndarray, shape: tuple[int, int, int], sign: float, floor: 
     grid, first_a, first_b, first_c = merge_slabs((sign * sums).reshape(shape))
     na, nb, nc = grid.shape
     # fewest slabs first is cheapest
-    order = np.argsort(np.array([8 * na, 8 * nb + 1, 8 * nc + 2]))
+    a, b, c = 8 * na, 8 * nb + 1, 8 * nc + 2
+    order = np.empty(3, np.int64)
+    order[int(a > b) + int(a > c)], order[int(b > a) + int(b > c)], order[int(c > a) + int(c > b)] = 0, 1, 2
     turned = np.empty((grid.shape[order[0]], grid.shape[order[1]], grid.shape[order[2]]))
     at = np.empty(3, np.int64)
     for i in range(turned.shape[0]):
@@ -198,7 +200,8 @@ def best_box(sums: np.ndarray, shape: tuple[int, int, int], sign: float, floor: 
                 at[order[2]] = c
                 turned[i, k, c] = grid[at[0], at[1], at[2]]
     table = np.empty((len(turned) * (len(turned) + 1) // 2, 7))
-    box_best(turned, floor, 1, table)
+    one = min(len(out), 1)  # for a 1 that is written here the compiler would make a second kernel
+    box_best(turned, floor, one, table)
     row = table[table[:, 0].argmax()]
     if not row[0] > floor:
         return floor

@@ -88,7 +88,8 @@ def likeliest_levels(below, floor):
             while place > 0 and bound > out[place - 1, 2]:
                 place -= 1
             for k in range(PAIRS - 1, place, -1):
-                out[k] = out[k - 1]
+                for column in range(3):
+                    out[k, column] = out[k - 1, column]
             if place < PAIRS:
                 out[place, 0], out[place, 1], out[place, 2] = lo, hi, bound
     return out, largest
@@ -105,10 +106,9 @@ def find_region(graph, gains, price, thorough):
     inside, best, value = np.zeros(n + 1, np.bool_), np.zeros(n + 1, np.bool_), 0.0
     side, share, curves = np.zeros(len(graph.length), np.int8), np.empty(len(graph.length)), np.zeros(len(graph.free), np.int64)
     for start in range(2 if thorough else 1):
-        inside[:] = False
-        if start == 0:
-            inside[:n] = gains > 0
-        else:
+        for f in range(n):
+            inside[f] = start == 0 and gains[f] > 0
+        if start:
             inside[gains.argmax()] = True
         for _ in range(CUTS):
             if not inside.any():
@@ -121,11 +121,16 @@ def find_region(graph, gains, price, thorough):
                 _share_curves(graph, side, share, curves)
             won = _sum_inside(inside, gains) - price * curves.sum()
             if won > value:
-                best[:], value = inside, won
+                value = won
+                for f in range(n):
+                    best[f] = inside[f]
             after = _cut(graph, gains, price * share)
-            if np.array_equal(after, inside[:n]):
+            changed = False
+            for f in range(n):
+                changed = changed or after[f] != inside[f]
+                inside[f] = after[f]
+            if not changed:
                 break
-            inside[:n] = after
     return best, value
 
 
@@ -353,7 +358,8 @@ def _source_side(tails, heads, ahead, back, n, least):
     """
     starts, arcs = _list_arcs(tails, heads, n + 2)
     to, room = np.empty(2 * len(tails), np.int64), np.empty(2 * len(tails))
-    to[::2], to[1::2], room[::2], room[1::2] = heads, tails, ahead, back
+    for i in range(len(tails)):
+        to[2 * i], to[2 * i + 1], room[2 * i], room[2 * i + 1] = heads[i], tails[i], ahead[i], back[i]
     level, queue = np.empty(n + 2, np.int64), np.empty(n + 2, np.int64)
     while _find_levels(starts, arcs, to, room, n, level, queue, least):
         _fill_paths(starts, arcs, to, room, n, level, queue, least)

@@ -140,7 +140,8 @@ def distinct_boxes(
                     if n == most:
                         return rows[:n], places[:n], True
                     table[at] = n
-                    rows[n] = row
+                    for w in range(words):
+                        rows[n, w] = row[w]
                     places[n, 0], places[n, 1], places[n, 2] = i, j, k
                     n += 1
     return rows[:n], places[:n], False
@@ -177,7 +178,8 @@ def keep_maximal(rows: np.ndarray) -> np.ndarray:
         if held:
             continue
         keep[r] = True
-        kept[total] = rows[r]
+        for w in range(words):
+            kept[total, w] = rows[r, w]
         for w in range(words):
             v = rows[r, w]
             for b in range(64):
@@ -185,7 +187,9 @@ def keep_maximal(rows: np.ndarray) -> np.ndarray:
                     place = 64 * w + b
                     if owned[place] == owners.shape[1]:
                         wider = np.full((64 * words, 2 * owners.shape[1]), -1, np.int32)
-                        wider[:, : owners.shape[1]] = owners
+                        for i in range(len(owners)):
+                            for o in range(owners.shape[1]):
+                                wider[i, o] = owners[i, o]
                         owners = wider
                     owners[place, owned[place]] = total
                     owned[place] += 1

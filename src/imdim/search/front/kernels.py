@@ -174,6 +174,12 @@ def _join_words(op, left, right):
 
 
 @njit(nogil=True, cache=True)
+def _copy_words(to, words):
+    for w in range(len(words)):
+        to[w] = words[w]
+
+
+@njit(nogil=True, cache=True)
 def states(code, starts, depth, table, out):
     """The words [t, w] that each tree fills, from those of its leaves in `table` [*, w]; into `out`."""
     stack = np.empty((depth, table.shape[1]), np.uint64)
@@ -189,9 +195,9 @@ def states(code, starts, depth, table, out):
                 _join_words(code[i], stack[top], table[op])
             else:
                 top += 1
-                stack[top] = table[op]
+                _copy_words(stack[top], table[op])
             i += 1
-        out[t] = stack[0]
+        _copy_words(out[t], stack[0])
 
 
 @njit(nogil=True, cache=True)
