@@ -57,6 +57,18 @@ def test_slots_of_either_way_are_cut_and_joined(upright):
         assert volume_iou(to_manifold(drawn, 768), to_manifold(program, 768)) > 1 - 1e-5
 
 
+@pytest.mark.parametrize("angles", [(0, 0, 0), (20, -35, 50)])
+@pytest.mark.parametrize("place", [0.0, 5.0])
+def test_two_slots_may_share_a_cut_with_a_bridge_across_it(place, angles):
+    ends = [cylinder(4, 6, (x, 0, 0)) for x in (-30, place - 10, place + 10, 30)]
+    bridge = box(20, 10, 9, (place, 1, 0))
+    for cuts in ([cut(box(60, 8, 6), bridge), *ends], [cut(box(60, 8, 6), cut(bridge, union(*ends[1:3]))), *ends[::3]]):
+        program = turned(cut(box(90, 30, 4), *cuts), angles)
+        drawn = draw_rounded(program)
+        assert [leaf.kind for leaf in leaves(drawn)] == ["box", "extrude", "extrude"]
+        assert volume_iou(to_manifold(drawn, 768), to_manifold(program, 768)) > 1 - 1e-5
+
+
 @pytest.mark.parametrize(
     "program",
     [
@@ -67,6 +79,8 @@ def test_slots_of_either_way_are_cut_and_joined(upright):
         cut(box(60, 60, 4), *slot(20, 4, 6)[:2], box(20, 7.9, 6)),
         common(*slot(20, 4, 6)),
         cut(*slot(20, 4, 6)),
+        cut(box(90, 30, 4), cut(box(60, 8, 6), box(20, 10, 9)), *(cylinder(4, 6, (x, 0, 0)) for x in (-29, -9, 9, 29))),  # beside the ends
+        cut(box(90, 30, 4), cut(box(60, 8, 6), box(20, 6, 9)), *(cylinder(4, 6, (x, 0, 0)) for x in (-30, -10, 10, 30))),  # a narrow bridge
         cut(box(60, 60, 4), *(cylinder(4, 6, (x, 0, 0), (0, 90, 0)) for x in (-10, 10)), box(20, 8, 6)),  # about another axis
     ],
 )

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, product
 from typing import NamedTuple
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from imdim.geometry.rotations import euler_from_matrix
 from imdim.geometry.solid import exact_rotation
+from imdim.geometry.surface import vec
 from imdim.program.outline import Outline
 from imdim.program.rewrite.containment_rules import parts, spine
 from imdim.program.tree import Primitive, Program, combine_all, leaves, longest
@@ -52,7 +53,18 @@ def _draw_in(program: Program, slack: float) -> Program:
 
 
 def _draw(items: Sequence[Program], slack: float) -> list[Program]:
-    """The same with drawings in place of what they stand for, each where its first part was."""
+    """The same with drawings in place of what they stand for, each where its first part was. Of a cut that two slots share, with a bridge
+    across it, each has its own half."""
+    halved = [half for item in items for half in _halve(item, slack)]
+    apart = _draw_all(halved, slack) if len(halved) > len(items) else list(items)
+    return apart if _count_leaves(apart) < _count_leaves(items) else _draw_all(items, slack)
+
+
+def _count_leaves(items: Sequence[Program]) -> int:
+    return sum(1 for item in items for _ in leaves(item))
+
+
+def _draw_all(items: Sequence[Program], slack: float) -> list[Program]:
     boxes = [(i, p) for i, p in enumerate(items) if isinstance(p, Primitive) and p.kind == "box"]
     tubes = [(i, p) for i, p in enumerate(items) if isinstance(p, Primitive) and p.kind == "cylinder"]
     out: list[Program | None] = list(items)
@@ -62,6 +74,35 @@ def _draw(items: Sequence[Program], slack: float) -> list[Program]:
                 out[i] = None
             out[min(drawing.members)] = drawing.prism
     return [p for p in out if p is not None]
+
+
+def _halve(item: Program, slack: float) -> list[Program]:
+    """The two boxes that a box right across another one leaves of it, and what is cut out of that box; anything else as it is."""
+    whole, cuts = spine(item)
+    bridge, ends = spine(cuts[0]) if len(cuts) == 1 else (item, [])
+    if not (isinstance(whole, Primitive) and isinstance(bridge, Primitive) and whole.kind == bridge.kind == "box"):
+        return [item]
+    turn, sizes = exact_rotation(whole), _sizes_in(bridge, whole)
+    if sizes is None:
+        return [item]
+    middle, half, own = turn.T @ np.subtract(bridge.center, whole.center), np.divide(sizes, 2), np.divide(whole.size, 2)
+    # how much of it is left on either side, each way
+    left = np.array([own - half + middle, own - half - middle])
+    ways = np.flatnonzero((left > slack).all(axis=0))
+    if len(ways) != 1 or (np.delete(left, ways, axis=1) > slack).any():
+        return [item]
+    axis = int(ways[0])
+    return [
+        *(_end(whole, axis, side, float(left[max(side, 0), axis])) for side in (-1, 1)),
+        *(part for end in ends for part in parts(end, "union")),
+    ]
+
+
+def _end(box: Primitive, axis: int, side: int, length: float) -> Primitive:
+    """So much of a box, from its end on one side of an axis."""
+    size = tuple(length if k == axis else v for k, v in enumerate(box.size))
+    moved = box.center + exact_rotation(box)[:, axis] * side * (box.size[axis] - length) / 2
+    return replace(box, size=size, center=vec(moved))
 
 
 Numbered = Sequence[tuple[int, Primitive]]
