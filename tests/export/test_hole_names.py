@@ -53,6 +53,16 @@ def test_names_tell_bores_and_counterbores_apart():
     assert values["counterbore_depth"] == pytest.approx(3.0)
 
 
+def test_a_chamfer_of_a_bore_is_called_so():
+    chamfered = cut(PLATE, cylinder(5, 20), Primitive("cone", (5.0, 6.0, 1.0), (0.0, 0.0, 4.5)))
+    names = opened(chamfered).values
+    assert {name: value for name, value in names.items() if name.startswith("bore_chamfer")} == {
+        "bore_chamfer_diameter": 12.0,
+        "bore_chamfer_narrow_diameter": 10.0,
+        "bore_chamfer_depth": 1.0,
+    }
+
+
 def test_a_hole_of_an_outline_has_its_screw_as_a_name():
     plate = Primitive("extrude", (6.0,), outline=Outline((*rectangle(40.0, 30.0).loops, circle(2.75, 10.0), circle(5.0, -9.0))))
     assert {"plate_m5_hole_diameter": 5.5, "plate_hole_diameter": 10.0}.items() <= opened(plate).values.items()

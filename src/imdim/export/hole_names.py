@@ -21,7 +21,7 @@ from imdim.program.tree import Program, leaves
 Notes = Mapping[int, tuple[str, ...]]  # by the number of the primitive above which they stand
 
 SAME = 1e-4  # of a diameter, within which it is that of a hole
-_SEATS = ("counterbore", "countersink", "drill_point", "hex_pocket")
+_SEATS = ("counterbore", "countersink", "drill_point", "hex_pocket", "bore_chamfer")
 _COMMENT = re.compile(r"^(\s*)(//|#) (.*)$")
 
 
@@ -91,6 +91,8 @@ def _role(hole: Hole, section: HoleSection) -> str:
         return "hex_pocket"
     if section is hole.head:
         return hole.kind
+    if hole.is_chamfer(section):
+        return "bore_chamfer"
     return screw_word(hole)
 
 

@@ -115,6 +115,10 @@ class Hole:
             return "hex pocket" if len(self.sections) == 1 else "stepped"
         return _kind_by_head(before, bore) or ("through" if self.through else "drilled" if self._is_pointed() else "blind")
 
+    def is_chamfer(self, section: HoleSection) -> bool:
+        """Whether a section is a cone that widens an edge of the bore a little."""
+        return section is not self.bore and _is_chamfer(section, self.bore)
+
     def _before(self) -> tuple[HoleSection, ...]:
         first = next(i for i, s in enumerate(self.sections) if _is_alike(s, self.bore))
         return self.sections[:first]
