@@ -67,6 +67,14 @@ def test_an_edge_that_faces_of_two_primitives_make_is_named_once() -> None:
     assert [len(f.edges) for f in found.features] == [len(RIMS)]
 
 
+def test_where_faces_meet_for_less_than_half_a_size_is_no_edge() -> None:
+    rim = EdgeFeature("chamfer", (0.8,), tuple((Face(0, "+z"), Face(0, side)) for side in ("+x", "-x", "+y", "-y")))
+    target = target_of(Primitive("box", (40.0, 30.0, 6.0)), rim)
+    body, tooth = Primitive("box", (30.0, 30.0, 6.0), (-5.0, 0.0, 0.0)), Primitive("box", (12.0, 0.3, 6.0), (14.0, 0.0, 0.0))
+    found = find_edge_features(Combine("union", body, tooth), set_edges_aside(target).chains, target)
+    assert {face.leaf for f in found.features for edge in f.edges for face in edge} == {0}
+
+
 def test_delivery_leaves_the_faces_whose_edges_are_blended() -> None:
     inner = Combine("intersection", replace(BRACKET.left, size=(20.0,)), Primitive("cylinder", (60.0, 20.0)))
     feature = EdgeFeature("chamfer", (0.8,), RIMS)

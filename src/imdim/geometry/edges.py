@@ -89,6 +89,10 @@ class BlendedEdge:
         return max(self.sizes)
 
     @property
+    def length(self) -> float:
+        return (self.stretch.high - self.stretch.low) * (self.track.radius if self.track.is_round else 1.0)
+
+    @property
     def first_along(self) -> np.ndarray:
         """The unit vector [3] from the middle of the stretch along its first face."""
         inward = self.track.normals * np.array(self.stretch.sides)[:, None]

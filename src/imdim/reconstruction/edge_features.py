@@ -33,6 +33,7 @@ NEAR = 0.05  # of a blend's size, and
 NEAR_PART = 3e-4  # of the part's, within which a face of the program is one that a blend lies beside
 ALIGNED = 0.9995  # cosine between their normals
 RIGHT = 0.7  # of the volume of a blend that has to be right
+SHORTEST = 0.5  # of its size, that the stretches of an edge are long together at least
 TIDY = 5e-3  # of a size, by which it may be rounded
 ECHO, ECHO_AREA, ECHO_COSINE = 1e-3, 0.1, 0.9995  # of the diagonal, of the larger flat's area, and between normals
 ALONG = 7  # places of a stretch at which it is looked whether it runs along another one
@@ -193,7 +194,8 @@ def _borne_out(
     program: Program, solid: Manifold, wanted: Manifold, feature: EdgeFeature | None, taken: list[BlendedEdge]
 ) -> list[tuple[Face, Face]]:
     """Those edges of a feature that make the solid of a program more like the one `wanted`, without those that run along the ones `taken`,
-    to which they are added: faces of several primitives may lie in one plane."""
+    to which they are added: faces of several primitives may lie in one plane. What is shorter than half its size is where faces cross by
+    chance, and gone when a number changes."""
     if feature is None:
         return []
     found = find_edges(program, [feature]).edges
@@ -208,7 +210,7 @@ def _borne_out(
             volume, inside = part.volume(), (part ^ wanted).volume()
             whole += volume
             right += volume - inside if piece.cuts else inside
-        if right > RIGHT * whole > 0:
+        if right > RIGHT * whole > 0 and sum(e.length for e, _ in own) >= SHORTEST * max(feature.sizes):
             kept.append(edge)
             taken += [e for e, _ in own]
     return kept

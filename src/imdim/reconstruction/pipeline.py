@@ -50,6 +50,7 @@ from imdim.reconstruction.observation import Observation, UnitBody, UnseenError,
 from imdim.reconstruction.plain_program import is_hardly_longer
 from imdim.reconstruction.policy_beam import load, load_if_any
 from imdim.reconstruction.preserve import is_same, preserve
+from imdim.reconstruction.stand_ins import take_off_stand_ins
 from imdim.search.evolve.population import EvolutionConfig
 from imdim.target.target import Frame, InputError, Target, in_unit_frame, split_bodies, target_from
 
@@ -167,6 +168,7 @@ def _snapshots(states: Iterable[_BodyState], target: Target, work: _Work, left_o
         yield Snapshot(last.stage, last.program, last.error, work.budget.seconds(), front=front, proof=last.proof)
     if last is None:
         raise next(iter(left_out), InputError(f"{target.name}: no program found"))
+    last = _without_stand_ins(last, target, work)
     relate_by, solver = work.budget.end_of("relate"), work.settings.solver
     program, constraints = find_relations(last.program, target, last.found, relate_by) if solver else (last.program, ())
     error = last.error if program == last.program else last.measure(program)
@@ -181,6 +183,18 @@ def _snapshots(states: Iterable[_BodyState], target: Target, work: _Work, left_o
     stop = CUT if solver and relate_by.has_passed() else last.stop
     spent, found = work.budget.seconds(), edges.features
     yield Snapshot("finished", program, error, spent, stop, front, constraints, last.proof, notes, found, last.noisy)
+
+
+def _without_stand_ins(last: _BodyState, target: Target, work: _Work) -> _BodyState:
+    """The state of a mesh without primitives that stand for chamfers, which are chains then; its error stays that with them."""
+    fit_by = work.budget.end_of("fit")
+    if work.settings.language != "cad" or target.mesh is None or not target.is_solid or last.noisy or fit_by.has_passed():
+        return last
+    program, chains = take_off_stand_ins(last.program, target, fit_by)
+    if not chains:
+        return last
+    front = tuple(replace(c, program=program) if c.program == last.program else c for c in last.front)
+    return replace(last, program=program, front=front, measure=lambda _: last.error, chains=(*last.chains, *chains))
 
 
 def _policy_of(settings: Settings, notes: list[str]) -> PolicyOf:
