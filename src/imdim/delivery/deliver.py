@@ -17,7 +17,7 @@ import trimesh
 from manifold3d import Manifold
 
 from imdim.deadline import NEVER, Deadline
-from imdim.delivery.evaluate import DeliveryLoss, evaluate_file
+from imdim.delivery.evaluate import DeliveryLoss, evaluate_solid, read_solid
 from imdim.delivery.films import find_film
 from imdim.delivery.finish import FinishedProgram, finish, finish_flat
 from imdim.delivery.intervals import state_intervals, with_remarks
@@ -29,7 +29,6 @@ from imdim.export.edge_text import do_edges_matter, with_edge_sizes
 from imdim.export.folder import DIGESTS, EDIT_PICTURE, FILES, OutputError, check_untouched, check_writable, digests_of, replacing
 from imdim.export.meshes import NamedFeatures, write_meshes
 from imdim.export.numbers import round_program
-from imdim.export.openscad_reader import read_openscad
 from imdim.export.parameters import parametrise
 from imdim.export.preview import preview
 from imdim.export.step_worker import exporting, finish_or_skip_step
@@ -79,7 +78,8 @@ def deliver(
             given, found = program, finish(program, constraints, finish_by, edges) if named is None else _keep(named)
             program = found.program
             meta = frame_meta(target)
-            sharp, solid = to_manifold(program, segments), solid_with_edges(program, found.edges, segments)
+            sharp = to_manifold(program, segments)
+            solid = solid_with_edges(program, found.edges, segments) if found.edges else sharp
             drawn = do_edges_matter(sharp.volume(), solid.volume())
             intervals = state_intervals(found, target, finish_by) if run.noisy else None
             texts = compose_texts(found, meta, segments, drawn, finish_by) | ({} if named is None else dict(named.texts))
@@ -91,11 +91,10 @@ def deliver(
             with _time(seconds, "meshes"):
                 write_meshes(solid, partial, called, meta.units)
             with _time(seconds, "scores"):
-                scores = evaluate_file(partial / "program.scad", target, segments=segments)
+                delivered, count = read_solid(partial / "program.scad", segments)
+                scores = evaluate_solid(delivered, target, primitives=count)
                 kept = DeliveryLoss.of(given, sharp, target, segments)
             with _time(seconds, "verdict"):
-                text = (partial / "program.scad").read_text(encoding="utf-8")
-                delivered = to_manifold(read_openscad(text, blended=True), segments)
                 surface = to_trimesh(delivered)
                 verdict = judge(target, surface, segments, program, run.noisy)
                 coloured = verdict.colour(target)

@@ -84,10 +84,15 @@ def evaluate_file(path: Path, target: Target, samples: int = SAMPLES, segments: 
     Raises ValueError when the file holds no program that `read_openscad` reads, or no closed mesh; OSError when it cannot be read.
     """
     if path.suffix == ".scad":
-        text = path.read_text(encoding="utf-8")
-        count = sum(1 for _ in leaves(read_openscad(text)))
-        return evaluate_solid(to_manifold(read_openscad(text, blended=True), segments), target, samples, count)
+        solid, count = read_solid(path, segments)
+        return evaluate_solid(solid, target, samples, count)
     return evaluate_solid(mesh_to_manifold(trimesh.load_mesh(path)), target, samples)
+
+
+def read_solid(path: Path, segments: int = SEGMENTS) -> tuple[Manifold, int]:
+    """The solid of a delivered `.scad` file with its blends, and how many primitives it has without them."""
+    text = path.read_text(encoding="utf-8")
+    return to_manifold(read_openscad(text, blended=True), segments), sum(1 for _ in leaves(read_openscad(text)))
 
 
 def evaluate_solid(solid: Manifold, target: Target, samples: int = SAMPLES, primitives: int | None = None) -> Scores:
