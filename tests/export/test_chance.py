@@ -84,3 +84,34 @@ def test_a_face_at_the_middle_of_something_is_chance():
 def test_a_ball_is_made_larger_and_the_hole_of_its_size_stays():
     after = solid_of(change_values(delivered(*relations_of(part())), {"ball_radius": 6.0}))
     assert volume_iou(after, to_manifold(part(ball=6.0), SEGMENTS)) > 1 - 1e-6
+
+
+def test_heights_are_tied_where_parts_are_as_wide_or_begin_and_end_together():
+    """A flange as thick as another one that is wider and elsewhere is so by chance."""
+    sizes = ((12.0, 2.0, 1.0), (11.0, 2.0, 15.0), (12.0, 2.0, 30.0), (8.0, 2.0, 30.0))
+    flanges = [Primitive("cylinder", (r, h), (0.0, 0.0, z)) for r, h, z in sizes]
+    program = combine_all("union", [Primitive("box", (40.0, 40.0, 1.0)), *flanges])
+    equal = Constraint("equal", tuple(Ref(i, "h") for i in (1, 2, 3, 4)), name="boss_height")
+    assert [c.of for c in without_chance(program, [equal])] == [(Ref(1, "h"), Ref(3, "h"))]
+    together = Constraint("equal", (Ref(3, "h"), Ref(4, "h")), name="boss_height")
+    assert without_chance(program, [together]) == (together,)
+
+
+def test_the_first_part_is_tied_to_those_that_are_as_large():
+    """It is called a plate, and the others blocks."""
+    bars = combine_all("union", [Primitive("box", (2.0, 50.0, 11.0), (x, 0.0, 0.0)) for x in (-15.0, 15.0)])
+    equal = Constraint("equal", (Ref(0, "sx"), Ref(1, "sx")), name="plate_thickness")
+    assert without_chance(bars, [equal]) == (equal,)
+    other = combine_all("union", [bars.left, Primitive("box", (2.0, 40.0, 11.0), (15.0, 0.0, 0.0))])
+    assert without_chance(other, [equal]) == ()
+
+
+def test_a_boss_as_high_as_the_cavity_about_it_begins_with_that():
+    """A ring, a cavity in it from below, and a boss of the cavity's height that stands in it."""
+    ring, cavity = Primitive("cylinder", (28.0, 18.0), (0.0, 0.0, 9.0)), Primitive("cylinder", (20.0, 14.0), (0.0, 0.0, 7.0))
+    boss = Primitive("cylinder", (8.0, 14.0), (0.0, 0.0, 7.0))
+    program = Combine("union", Combine("difference", ring, cavity), boss)
+    middle = Constraint("concentric", (Ref(1, ""), Ref(2, "")), name="middle")
+    assert [(c.kind, c.of[0].feature) for c in without_chance(program, [middle])] == [("coaxial", "z"), ("coplanar", "-z")]
+    after = solid_of(change_values(delivered(program, [middle]), {"boss_height": 30.0}))
+    assert after.bounding_box()[2] == 0.0

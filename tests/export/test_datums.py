@@ -1,7 +1,7 @@
 """Features are measured from where a person measures them, and an edit moves what stands on the datum."""
 
 import pytest
-from tests.planted import box, cut, cylinder
+from tests.planted import box, cone, cut, cylinder
 
 from imdim.delivery.finish import finish
 from imdim.export.openscad import to_openscad
@@ -115,3 +115,40 @@ def knob(plate: float = 8.0, height: float = 30.0) -> Program:
 def test_what_sits_in_the_side_of_a_turned_part_stays_at_its_height() -> None:
     edited = Edited(knob())
     assert edited.is_now(knob(plate=12.0), plate_thickness=12.0)
+
+
+def rack(bar: float = 2.0, long: float = 2.0) -> Program:
+    """Two long bars, and two short ones that cross their ends."""
+    first, last = (box(long, 50.0, 11.0, (x, 0.0, 5.5)) for x in (15.0, -15.0))
+    return join(first, *(box(30.0, bar, 11.0, (0.0, y, 5.5)) for y in (-25.0, 25.0)), last)
+
+
+def test_a_bar_that_crosses_an_end_does_not_stand_on_it() -> None:
+    edited = Edited(rack())
+    bars = {name for name, value in edited.values.items() if value == 2.0}
+    assert bars == {"plate_thickness", "block_width"}, "the second long bar is as thick as the first"
+    assert edited.is_now(rack(bar=3.0), block_width=3.0)
+    assert edited.is_now(rack(long=4.0), plate_thickness=4.0)
+
+
+def sleeve(height: float = 20.0, shaft: float = 80.0) -> Program:
+    """A shaft with a boss on its end, and a bore from end to end that is wider at first."""
+    boss = cylinder(16.0, height + 1.0, (0.0, 0.0, shaft + height / 2 - 0.5))
+    body = join(cylinder(20.0, shaft, (0.0, 0.0, shaft / 2)), boss)
+    top = shaft + height
+    return cut(body, cylinder(12.0, top, (0.0, 0.0, top / 2)), cylinder(15.0, 20.0, (0.0, 0.0, 10.0)))
+
+
+def test_a_boss_carries_its_bore_and_does_not_end_where_that_does() -> None:
+    edited = Edited(sleeve())
+    assert edited.values["boss_height"] == 20.0
+    assert 100.0 not in edited.values.values(), "the bore goes through, and has no length"
+    assert edited.is_now(sleeve(height=30.0), boss_height=30.0)
+    assert edited.is_now(sleeve(shaft=90.0), shaft_height=90.0)
+
+
+def test_the_points_of_equal_cones_have_no_name() -> None:
+    posts = [(x, y) for x in (-15.0, 15.0) for y in (-25.0, 25.0)]
+    tipped = [part for x, y in posts for part in (cylinder(2.5, 15.0, (x, y, 7.5)), cone(2.7, 0.0, 3.75, (x, y, 16.875)))]
+    edited = Edited(join(box(40.0, 60.0, 4.0, (0.0, 0.0, 2.0)), *tipped))
+    assert all(edited.values.values())

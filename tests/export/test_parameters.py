@@ -249,3 +249,10 @@ def test_the_point_of_a_cone_has_no_name():
     delivered, parameters = parametrised(sunk)
     assert all(parameters.values.values())
     assert read_openscad(to_openscad(delivered, 48, parameters)) == delivered
+
+
+def test_cuts_that_end_at_one_level_have_a_depth():
+    """And not a height that says how far they stand out."""
+    program = cut(box(80, 40, 30, (0, 0, 15)), *(box(14, 14, 20, (x, 0, 21)) for x in (-20.0, 20.0)))
+    level = Constraint("coplanar", (Ref(1, "-z"), Ref(2, "-z")), name="level")
+    assert parametrise(program, (level,), program).values["pocket_depth"] == 19.0

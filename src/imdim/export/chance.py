@@ -6,18 +6,24 @@ where a cut ends that goes through. Two holes that end in one face are level by 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
-from imdim.export.seats import seats, sticks_out
+from imdim.export.seats import Seat, seats, sticks_out
 from imdim.program.constraints import WORLD, Constraint, Ref
+from imdim.program.patterns.congruence import group_by_fit
+from imdim.program.rewrite.containment import axes, dot
 from imdim.program.roles import name_constraints, roles_of, signs
-from imdim.program.tree import SIZE_NAMES, Program, leaves, longest
+from imdim.program.tree import SIZE_NAMES, Primitive, Program, leaves, longest
+from imdim.program.vectors import minus
+
+SAME = 1e-6  # of a length: two sizes are one
 
 
 def without_chance(program: Program, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
     """The constraints that a designer may have meant, named anew where some went."""
-    roles, air = roles_of(program), _in_the_air(program)
+    roles, air, parts = _roles(program), _in_the_air(program), list(leaves(program))
     out: list[Constraint] = []
     for constraint in constraints:
         meant = _seen(constraint.of, air)
@@ -27,10 +33,61 @@ def without_chance(program: Program, constraints: Sequence[Constraint]) -> tuple
         elif constraint.kind == "equal" and all(ref.leaf != WORLD for ref in constraint.of):
             groups = dict.fromkeys((roles[ref.leaf], ref.feature) for ref in meant)
             for group in groups:
-                out += _of_some(constraint, [ref for ref in meant if (roles[ref.leaf], ref.feature) == group])
+                own = [ref for ref in meant if (roles[ref.leaf], ref.feature) == group]
+                out += [tie for akin in group_by_fit(own, partial(_are_akin, parts)) for tie in _of_some(constraint, akin)]
+        elif constraint.kind == "concentric":
+            out += _by_ends(constraint, parts)
         else:
             out.append(constraint)
     return tuple(constraints) if out == list(constraints) else name_constraints(out, program)
+
+
+def rest_on_faces(constraints: Sequence[Constraint], found: Iterable[Seat], parts: Sequence[Primitive]) -> list[Constraint]:
+    """The constraints with faces in place of the ends that lie in these and follow them anyway, as is `found`: a boss carries its bore, and
+    does not end where that does."""
+    largest = longest(parts)
+    level = [(seat.own, seat.face) for seat in found if not seat.word and not sticks_out(seat, parts, largest)]
+    faces = {Ref(own.leaf, own.local): Ref(face.leaf, face.local) for own, face in level}
+    out: list[Constraint] = []
+    for c in constraints:
+        of = list(dict.fromkeys(faces.get(ref, ref) for ref in c.of)) if c.kind == "coplanar" else list(c.of)
+        out += [c] if tuple(of) == c.of else _of_some(c, of)
+    return out
+
+
+def _by_ends(concentric: Constraint, parts: Sequence[Primitive]) -> list[Constraint]:
+    """Round parts of one height that have one middle begin together: when one grows, it grows from there and not both ways."""
+    first, *others = (parts[ref.leaf] for ref in concentric.of)
+    slack = SAME * longest([first])
+    alike = (p.kind == "cylinder" and p.rotation == first.rotation and abs(p.size[1] - first.size[1]) <= slack for p in others)
+    if first.kind != "cylinder" or not all(alike):
+        return [concentric]
+    axes_of, ends = (tuple(Ref(ref.leaf, feature) for ref in concentric.of) for feature in ("z", "-z"))
+    return [replace(concentric, kind="coaxial", of=axes_of), replace(concentric, kind="coplanar", of=ends)]
+
+
+def _are_akin(parts: Sequence[Primitive], group: Sequence[Ref], ref: Ref) -> bool:
+    """Whether a size may be tied to others that are as large: heights of round parts are where these are as wide too, or begin and end
+    together."""
+    if ref.feature != "h":
+        return True
+    a, b = parts[group[0].leaf], parts[ref.leaf]
+    slack = SAME * max(*a.size, *b.size)
+    as_wide = all(abs(s - t) <= slack for s, t in zip(sorted(a.size[:-1]), sorted(b.size[:-1]), strict=False))
+    return as_wide or a.kind != b.kind or abs(dot(axes(a)[2], minus(b.center, a.center))) <= slack
+
+
+def _roles(program: Program) -> list[str]:
+    """As `roles_of`, but the first leaf, which is called after its place, has the role of those that are as large: a frame's four bars."""
+    roles, parts, sign = roles_of(program), list(leaves(program)), signs(program)
+    twins = (i for i in range(1, len(parts)) if sign[i] == sign[0] and _are_equal(parts[0], parts[i]))
+    return [roles[next(twins, 0)], *roles[1:]]
+
+
+def _are_equal(a: Primitive, b: Primitive) -> bool:
+    """Whether two primitives without outlines have one size."""
+    slack = SAME * longest([a])
+    return a.kind == b.kind and a.outline is None and all(abs(s - t) <= slack for s, t in zip(a.size, b.size, strict=True))
 
 
 def _seen(of: Sequence[Ref], air: Mapping[Ref, Ref | None]) -> list[Ref]:

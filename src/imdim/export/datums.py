@@ -16,10 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imdim.export.seats import End, cuts_of_each, ends_of, place_of, reach_of
+from imdim.export.seats import End, ends_of, place_of, reach_of
 from imdim.geometry.lowering import lower
 from imdim.program.constraints import WORLD, Constraint
-from imdim.program.roles import signs
+from imdim.program.roles import cuts_of_each, signs
 from imdim.program.tree import Primitive, Program, leaves, longest
 
 TOUCH = 1e-9  # of the largest size

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from imdim.export.chance import rest_on_faces
 from imdim.export.datums import Datum, Tie, ties
 from imdim.export.diameters import add_diameters
 from imdim.export.outline_rows import Drawn, add_outlines
@@ -77,6 +78,8 @@ class LinearSystem:
             add_repeats(system, folded, parts, fixed)
         system.drawn = add_outlines(system, parts if delivered is None else list(leaves(delivered)), folded)
         add_diameters(system, parts, folded)
+        found = list(seats(program))
+        constraints = rest_on_faces(constraints, found, parts)
         others = [c for c in constraints if c.kind not in PATTERNS or _is_slanted(c, numbers)]
         for constraint in (c for c in constraints if c not in others):
             if constraint.kind == "linear":
@@ -88,10 +91,9 @@ class LinearSystem:
         system.rows += filter(None, map(_simple, _linear(others, numbers)))
         system.rows += list(system._ground_leaf(parts[0], numbers))
         flush = {ref for c in constraints if c.kind in ("coplanar", "aligned") for ref in c.of}
-        found = list(seats(program))
         for own, face, word in found:
             # what equal bosses have in common is how far they stand out
-            if word == "height" or Ref(own.leaf, own.local) not in flush:
+            if word or Ref(own.leaf, own.local) not in flush:
                 system._add_seat(own.leaf, system._place(own, 1.0) | system._place(face, -1.0), word)
         seated = {(seat.own.leaf, seat.own.axis, seat.own.side) for seat in found}
         for own, wall, word in seats_at_walls(program, system.walls):
@@ -159,8 +161,8 @@ class LinearSystem:
         return out
 
     def is_origin(self, v: int) -> bool:
-        """Whether the variable is a coordinate that is 0: no name is needed for that."""
-        is_place = v % 6 > 2 if v < self.extra else self.extras[v - self.extra][1] in ("center_x", "center_y", "center_z")
+        """Whether the variable is 0, and a coordinate or the radius of a cone's point: no name is needed for that."""
+        is_place = v < self.extra or self.extras[v - self.extra][1] in ("center_x", "center_y", "center_z")
         return is_place and abs(self.start[v]) <= ZERO * self.length
 
     def _order(self) -> list[int]:

@@ -14,11 +14,12 @@ import numpy as np
 
 from imdim.geometry import kernels
 from imdim.geometry.lowering import Lowered, lower
-from imdim.program.roles import signs
-from imdim.program.tree import Primitive, Program, envelope, fold, leaves, longest
+from imdim.program.roles import cuts_of_each, signs
+from imdim.program.tree import Primitive, Program, envelope, leaves, longest
 
 ALIGNED = 1e-7  # how far a direction may be off the world's axes
 TOUCH = 1e-9  # of the largest size
+MOST = 0.5  # of a foot's area, that has to lie over what it sinks into to stand on that
 INSIDE = 1e-6  # of a region: its corners are looked at so far inside
 
 
@@ -58,22 +59,6 @@ class _CutAway:
         """Whether a convex leaf holds all of points [n, 3]."""
         part = self._parts[leaf]
         return part.outline is None and part.kind != "torus" and bool(kernels.inside(lower(part), points).all())
-
-
-_Taken = list[tuple[int, list[int]]]  # leaves with what is taken from them
-
-
-def cuts_of_each(program: Program) -> list[list[int]]:
-    """For each leaf the leaves that are taken from it, in order of leaves."""
-
-    def cut(a: _Taken, b: _Taken) -> _Taken:
-        taken = [leaf for leaf, _ in b]
-        return [(leaf, cuts + taken) for leaf, cuts in a] + b
-
-    def both(a: _Taken, b: _Taken) -> _Taken:
-        return a + b
-
-    return [cuts for _, cuts in fold(program, lambda i, _: [(i, [])], {"union": both, "intersection": both, "difference": cut})]
 
 
 class Seat(NamedTuple):
@@ -123,7 +108,7 @@ def seats_at_walls(program: Program, walls: Sequence[FlatWall]) -> Iterator[tupl
             yield other, entered[0], "depth"
 
 
-def sticks_out(seat: Seat, parts: list[Primitive], largest: float) -> bool:
+def sticks_out(seat: Seat, parts: Sequence[Primitive], largest: float) -> bool:
     """Whether an end lies beyond the face that it follows, and not in it; `largest` is the largest size of all parts."""
     return abs(place_of(seat.own, parts) - place_of(seat.face, parts)) > TOUCH * largest
 
@@ -180,6 +165,7 @@ def _seats_of_ends(
                 yield Seat(end, spanned, "")
                 continue
             bases = [e for e in near if e.leaf < end.leaf and _holds(pairs, e, other, parts, slack)]
+            bases = [e for e in bases if _carries(boxes[e.leaf], boxes[end.leaf], end.axis) or _touches(pairs, e, other, parts, slack)]
             face = _passed(bases, end, parts, -slack)
             if face is not None and not any(_holds(pairs, e, end, parts, slack) for e in near):
                 # what begins at the carrier's far face begins there however thick the carrier is
@@ -206,6 +192,18 @@ def _holds(pairs: _Ends, e: End, end: End, parts: list[Primitive], slack: float)
     """Whether an end lies within a leaf, or at its face."""
     low, high = _span(pairs, e, parts)
     return low - slack <= place_of(end, parts) <= high + slack
+
+
+def _touches(pairs: _Ends, e: End, end: End, parts: list[Primitive], slack: float) -> bool:
+    """Whether an end lies at a face of a leaf."""
+    return min(abs(place_of(end, parts) - place) for place in _span(pairs, e, parts)) <= slack
+
+
+def _carries(carrier: tuple[np.ndarray, np.ndarray], box: tuple[np.ndarray, np.ndarray], axis: int) -> bool:
+    """Whether most of a box lies over its carrier, as seen along an axis: a bar that crosses the end of another one stands on nothing."""
+    across = [i for i in range(3) if i != axis]
+    shared = np.minimum(box[1], carrier[1]) - np.maximum(box[0], carrier[0])
+    return bool(np.prod(shared[across]) >= MOST * np.prod((box[1] - box[0])[across]))
 
 
 def _is_spanned(pairs: _Ends, e: End, end: End, parts: list[Primitive], slack: float) -> bool:

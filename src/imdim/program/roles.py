@@ -14,6 +14,8 @@ from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.repeats import Folded, instances
 from imdim.program.tree import SIZE_NAMES, Primitive, Program, envelope, fold, leaves
 
+_Taken = list[tuple[int, list[int]]]  # leaves with what is taken from them
+
 FLAT = 0.35  # a first box thinner than this share of its next edge is a plate
 
 _ADDS: Mapping[str, str] = {
@@ -52,6 +54,19 @@ def signs(program: Program) -> list[int]:
     """+1 for each leaf that adds, -1 for each that cuts, in order."""
     keep = list.__add__
     return fold(program, lambda _, __: [1], {"union": keep, "intersection": keep, "difference": lambda a, b: a + [-sign for sign in b]})
+
+
+def cuts_of_each(program: Program) -> list[list[int]]:
+    """For each leaf the leaves that are taken from it, in order of leaves."""
+
+    def cut(a: _Taken, b: _Taken) -> _Taken:
+        taken = [leaf for leaf, _ in b]
+        return [(leaf, cuts + taken) for leaf, cuts in a] + b
+
+    def both(a: _Taken, b: _Taken) -> _Taken:
+        return a + b
+
+    return [cuts for _, cuts in fold(program, lambda i, _: [(i, [])], {"union": both, "intersection": both, "difference": cut})]
 
 
 def labels(
