@@ -142,3 +142,14 @@ def test_circles_run_one_way_whatever_they_bound():
     hole = tuple((x, y, -b) for x, y, b in SLOTTED.loops[-1]) if len(SLOTTED.loops[-1]) == 2 else ((-3.0, 0.0, -1.0), (3.0, 0.0, -1.0))
     found = snap_outline(Outline((rectangle(20.0, 20.0).loops[0], hole)), 0.01)
     assert [b for _, _, b in found.loops[1]] == [1.0, 1.0]
+
+
+def test_one_arc_that_would_no_longer_meet_its_line_leaves_the_others_round():
+    """A line and the flat cap of an arc that just dips under it: at round numbers the circle only touches the line."""
+    radius, dip, low = 5.0021, 0.0035, 9e-4
+    half = math.sqrt(2 * radius * dip - dip * dip)
+    cap = ((10.0 - half, low, dip / half), (10.0 + half, low, 0.0))
+    outline = Outline((((1e-4, low, 0.0), *cap, (30.0002, low, 0.0), (30.0002, 19.9999, 0.0), (1e-4, 19.9999, 0.0)),))
+    (loop,) = snap_outline(outline, 3e-3).loops
+    assert [(x, y) for x, y, _ in loop if x < 1 or x > 29] == [(0.0, 0.0), (30.0, 0.0), (30.0, 20.0), (0.0, 20.0)]
+    assert np.allclose(np.array(loop)[1:3], cap, atol=5e-2), "the cap stays"

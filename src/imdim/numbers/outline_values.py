@@ -99,7 +99,7 @@ def snap_outline(outline: Outline, tolerance: float, offset: Point = (0.0, 0.0))
 
 def _snap_loops(outline: Outline, tolerance: float) -> Iterator[Loop]:
     """The loops with round numbers; ellipses after the others, so that they take the centres and sizes that these have."""
-    rings = _Snapping(tuple(outline.rings), tolerance).loops() if outline.rings else []
+    rings = _snap_rings(tuple(outline.rings), tolerance) if outline.rings else []
     circles = [found for found in map(circle_of, rings) if found]
     centers, lengths = [c[:2] for c in circles], [c[2] for c in circles]
     widths = _widths(outline, tolerance)
@@ -113,6 +113,28 @@ def _snap_loops(outline: Outline, tolerance: float) -> Iterator[Loop]:
             centers.append((snapped.x, snapped.y))
             lengths += [snapped.rx, snapped.ry]
         yield snapped
+
+
+class _PartedError(ValueError):
+    """Two curves, each told by its loop and its number, no longer meet."""
+
+    def __init__(self, curves: set[tuple[int, int]], near: Point) -> None:
+        super().__init__(f"curves no longer meet near {near}")
+        self.curves = curves
+
+
+def _snap_rings(rings: tuple[Ring, ...], tolerance: float) -> list[Ring]:
+    """Loops with round numbers. Curves that would no longer meet keep theirs, for one rounding among many is no reason to leave all odd."""
+    held: set[tuple[int, int]] = set()
+    while True:
+        try:
+            return _Snapping(rings, tolerance, held).loops()
+        except _PartedError as parted:
+            # an arc first, for a line may go on beyond it
+            arcs = {(i, k) for i, k in parted.curves if rings[i][k][2]}
+            held = held | (arcs if arcs - held else parted.curves)
+            if 2 * len(held) > sum(map(len, rings)):
+                raise
 
 
 def _widths(outline: Outline, tolerance: float) -> list[float]:
@@ -165,10 +187,11 @@ def unit(degrees: float) -> Point:
 
 @dataclass
 class _Snapping:
-    """The carriers of `given` loops, changed step by step; `carriers[i][k]` is that of curve k of loop i."""
+    """The carriers of `given` loops, changed step by step; `carriers[i][k]` is that of curve k of loop i, and stays if (i, k) is `held`."""
 
     given: tuple[Ring, ...]
     tolerance: float
+    held: set[tuple[int, int]]
     carriers: list[list[Carrier]] = field(init=False)
     widths: list[float] = field(init=False)
 
@@ -186,8 +209,10 @@ class _Snapping:
             self._settle_ends(row, loop)
         for row, touches in zip(self.carriers, touching, strict=True):
             self._make_tangent(row, touches)
-        found = zip(self.given, self.carriers, touching, strict=True)
-        return [self._circle(row) if self._is_circle(loop, row) else self._meet(loop, row, touches) for loop, row, touches in found]
+        for i, k in self.held:
+            self.carriers[i][k] = _carrier(ring_curves(self.given[i])[k])
+        whole = [self._is_circle(loop, row) for loop, row in zip(self.given, self.carriers, strict=True)]
+        return [self._circle(self.carriers[i]) if is_whole else self._meet(i, touching[i]) for i, is_whole in enumerate(whole)]
 
     # --- which curves touch -------------------------------------------------------------------------------------------
 
@@ -372,22 +397,28 @@ class _Snapping:
         assert isinstance(arc, Arc)
         return circle(arc.radius, *arc.center)
 
-    def _meet(self, loop: Ring, row: Sequence[Carrier], touches: Sequence[bool]) -> Ring:
-        """The loop with its vertices where carriers meet; a vertex between two edges on one line goes."""
+    def _meet(self, i: int, touches: Sequence[bool]) -> Ring:
+        """Loop i with its vertices where carriers meet; a vertex between two edges on one line goes."""
+        row = self.carriers[i]
         kept = [k for k, carrier in enumerate(row) if not _goes_on(row[k - 1], carrier)]
         if len(kept) < 2:
             raise ValueError("a loop of one line")
-        at = {k: self._meeting(row[k - 1], row[k], touches[k - 1], loop[k][:2]) for k in kept}
+        at = {k: self._meeting(i, k, touches[k - 1]) for k in kept}
         out = []
         for k, following in zip(kept, [*kept[1:], kept[0]], strict=True):
             carrier = row[k]
             out.append((*at[k], _bulge(carrier, at[k], at[following]) if isinstance(carrier, Arc) else 0.0))
         return tuple(out)
 
-    def _meeting(self, a: Carrier, b: Carrier, touch: bool, near: Point) -> Point:
+    def _meeting(self, i: int, k: int, touch: bool) -> Point:
+        """Where curve k of loop i begins; raises _PartedError where that is nowhere near the place where it did."""
+        a, b, near = self.carriers[i][k - 1], self.carriers[i][k], self.given[i][k][:2]
+        curves = {(i, (k - 1) % len(self.given[i])), (i, k)}
+        if curves <= self.held:
+            return near
         found = _tangent_point(a, b, near) if touch else min(_crossings(a, b, near), key=lambda p: math.dist(p, near), default=None)
         if found is None or math.dist(found, near) > FARTHEST * self.tolerance:
-            raise ValueError(f"curves no longer meet near {near}")
+            raise _PartedError(curves, near)
         return found
 
 
