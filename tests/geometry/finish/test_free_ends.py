@@ -67,6 +67,12 @@ def test_in_a_round_wall_it_ends_at_a_round_place() -> None:
     assert (after.center[0] - after.size[1] / 2, after.center[0] + after.size[1] / 2) == pytest.approx((-18.0, 18.0))
 
 
+def test_a_slanted_cutter_stays_where_it_meets_no_face() -> None:
+    """Its numbers are round, and those of where it comes out are not."""
+    program = cut(PLATE, Primitive("cylinder", (2.0, 40.0), (0.0, 0.0, 4.0), (0.0, 30.0, 0.0)))
+    assert draw_back(program) == program
+
+
 def test_cutters_that_are_alike_stay_so() -> None:
     """On a step of the plate one has to go higher than the other."""
     steps = combine_all("union", [PLATE, box(20.0, 50.0, 12.0, (30.0, 0.0, 6.0))])

@@ -23,6 +23,7 @@ from imdim.program.roles import signs
 from imdim.program.tree import Primitive, Program, leaves, longest, map_leaves
 
 TOUCH = 1e-6  # of the largest size: two places, or two sizes, are one
+ALIGNED = 1e-9  # by which the cosine to one of the world's axes may lack of 1
 AXES = {"box": (0, 1, 2), "cylinder": (2,), "cone": (2,), "extrude": (2,), "revolve": (2,)}
 
 
@@ -68,8 +69,12 @@ def _spare_of(leaf: Primitive, face: Face, material: Manifold, slack: float) -> 
     if met.is_empty():
         return 0.0
     last = float((np.asarray(met.to_mesh64().vert_properties)[:, :3] @ direction).max())
+    if not _is_curved(met, direction, last, slack):
+        return end - last
+    if np.abs(direction).max() < 1 - ALIGNED:
+        return 0.0  # no place along a slanted way is round
     step = 10.0 ** math.floor(math.log10(REACH * float(np.linalg.norm(np.ptp(bounds, axis=0)))))
-    return min(end - last, max(end - step * math.ceil(last / step), 0.0)) if _is_curved(met, direction, last, slack) else end - last
+    return max(end - step * math.ceil(last / step), 0.0)
 
 
 def _is_curved(met: Manifold, direction: np.ndarray, last: float, slack: float) -> bool:
