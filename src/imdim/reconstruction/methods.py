@@ -34,7 +34,7 @@ from imdim.reconstruction.config import Settings
 from imdim.reconstruction.evolution import evolve_observation, log_generations, seeds_of
 from imdim.reconstruction.fitting import POOR
 from imdim.reconstruction.observation import SAMPLES, Observation
-from imdim.reconstruction.plain_program import SAME, has_drawings, is_plainer, may_be_plain, repeats_plainly
+from imdim.reconstruction.plain_program import SAME, has_drawings, is_better_drawn, is_plainer, may_be_plain, repeats_plainly
 from imdim.reconstruction.policy_beam import misfit, proposals
 from imdim.reconstruction.preserve import is_same
 from imdim.reconstruction.proof import Proofs
@@ -121,7 +121,7 @@ def auto(run: Run) -> Iterator[MethodStep]:
     if best is None or run.settings.objective == "primitives" or run.blended or not run.seen.evidence.exact:
         return
     drawn = best
-    for source in (_separate, _separate_rims, _stack_drawings, _separate_bores, _search_primitives):
+    for source in (_separate, _separate_rims, _search_primitives, _stack_drawings, _separate_bores):
         plain = source(run, drawn if source is _search_primitives and has_drawings(best.program) else best)
         if plain is not None and is_plainer(plain.program, best.program, run.seen):
             best = replace(plain, others=(*best.others, best.program, *plain.others))
@@ -136,11 +136,11 @@ def auto(run: Run) -> Iterator[MethodStep]:
 
 
 def _draw_rounded(run: Run, best: MethodStep) -> MethodStep | None:
-    """The same with rounded rectangles and slots drawn, where it is."""
+    """The same with rounded rectangles and slots drawn, where it is the same and there is clearly less to read."""
     if run.settings.language != "cad" or run.budget.end_of("search").has_passed():
         return None
     drawn = draw_rounded(best.program)
-    if drawn == best.program or not is_same(best.program, drawn, HIDDEN, FINELY):
+    if not is_better_drawn(drawn, best.program, *run.seen.families.arrangement.bounds) or not is_same(best.program, drawn, HIDDEN, FINELY):
         return None
     return replace(best, stage="search", program=drawn, others=(*best.others, best.program), proof="")
 
