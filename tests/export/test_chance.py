@@ -115,3 +115,22 @@ def test_a_boss_as_high_as_the_cavity_about_it_begins_with_that():
     assert [(c.kind, c.of[0].feature) for c in without_chance(program, [middle])] == [("coaxial", "z"), ("coplanar", "-z")]
     after = solid_of(change_values(delivered(program, [middle]), {"boss_height": 30.0}))
     assert after.bounding_box()[2] == 0.0
+
+
+def test_of_three_as_high_each_begins_with_the_first():
+    """A coplanar relation is of two faces."""
+    rings = [Primitive("cylinder", (r, 20.0)) for r in (5.0, 8.0, 11.0)]
+    middle = Constraint("concentric", tuple(Ref(i, "") for i in range(3)), name="middle")
+    found = without_chance(combine_all("union", [*rings]), [middle])
+    assert [(c.kind, len(c.of)) for c in found] == [("coaxial", 3), ("coplanar", 2), ("coplanar", 2)]
+
+
+def test_a_bore_ends_with_its_boss() -> None:
+    boss, bore = Primitive("cylinder", (14.0, 24.0)), Primitive("cylinder", (8.0, 24.0))
+    middle = Constraint("concentric", (Ref(0, ""), Ref(1, "")), name="middle")
+    found = without_chance(Combine("difference", boss, bore), [middle])
+    assert [(c.kind, [ref.feature for ref in c.of]) for c in found] == [
+        ("coaxial", ["z", "z"]),
+        ("coplanar", ["-z", "-z"]),
+        ("coplanar", ["+z", "+z"]),
+    ]

@@ -14,7 +14,7 @@ from imdim.export.seats import Seat, seats, sticks_out
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.patterns.congruence import group_by_fit
 from imdim.program.rewrite.containment import axes, dot
-from imdim.program.roles import name_constraints, roles_of, signs
+from imdim.program.roles import cuts_of_each, name_constraints, roles_of, signs
 from imdim.program.tree import SIZE_NAMES, Primitive, Program, leaves, longest
 from imdim.program.vectors import minus
 
@@ -23,7 +23,7 @@ SAME = 1e-6  # of a length: two sizes are one
 
 def without_chance(program: Program, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
     """The constraints that a designer may have meant, named anew where some went."""
-    roles, air, parts = _roles(program), _in_the_air(program), list(leaves(program))
+    roles, air, parts, cuts = _roles(program), _in_the_air(program), list(leaves(program)), cuts_of_each(program)
     out: list[Constraint] = []
     for constraint in constraints:
         meant = _seen(constraint.of, air)
@@ -36,7 +36,7 @@ def without_chance(program: Program, constraints: Sequence[Constraint]) -> tuple
                 own = [ref for ref in meant if (roles[ref.leaf], ref.feature) == group]
                 out += [tie for akin in group_by_fit(own, partial(_are_akin, parts)) for tie in _of_some(constraint, akin)]
         elif constraint.kind == "concentric":
-            out += _by_ends(constraint, parts)
+            out += _by_ends(constraint, parts, cuts)
         else:
             out.append(constraint)
     return tuple(constraints) if out == list(constraints) else name_constraints(out, program)
@@ -55,15 +55,18 @@ def rest_on_faces(constraints: Sequence[Constraint], found: Iterable[Seat], part
     return out
 
 
-def _by_ends(concentric: Constraint, parts: Sequence[Primitive]) -> list[Constraint]:
-    """Round parts of one height that have one middle begin together: when one grows, it grows from there and not both ways."""
+def _by_ends(concentric: Constraint, parts: Sequence[Primitive], cuts: Sequence[Sequence[int]]) -> list[Constraint]:
+    """Round parts of one height that have one middle begin together: when one grows, it grows from there and not both ways. A bore through
+    one of them ends with it, too."""
     first, *others = (parts[ref.leaf] for ref in concentric.of)
     slack = SAME * longest([first])
     alike = (p.kind == "cylinder" and p.rotation == first.rotation and abs(p.size[1] - first.size[1]) <= slack for p in others)
     if first.kind != "cylinder" or not all(alike):
         return [concentric]
-    axes_of, ends = (tuple(Ref(ref.leaf, feature) for ref in concentric.of) for feature in ("z", "-z"))
-    return [replace(concentric, kind="coaxial", of=axes_of), replace(concentric, kind="coplanar", of=ends)]
+    start, *rest = (ref.leaf for ref in concentric.of)
+    ends = [(leaf, end) for leaf in rest for end in ("-z", *(["+z"] if leaf in cuts[start] or start in cuts[leaf] else []))]
+    together = [replace(concentric, kind="coplanar", of=(Ref(start, end), Ref(leaf, end))) for leaf, end in ends]
+    return [replace(concentric, kind="coaxial", of=tuple(Ref(ref.leaf, "z") for ref in concentric.of)), *together]
 
 
 def _are_akin(parts: Sequence[Primitive], group: Sequence[Ref], ref: Ref) -> bool:

@@ -56,7 +56,7 @@ def lab(*arguments):
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.communicate()
-        assert "Traceback" not in _read(errors)
+        assert "Traceback" not in _read(errors), _read(errors)
 
 
 def _read(file):
