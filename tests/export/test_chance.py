@@ -129,8 +129,4 @@ def test_a_bore_ends_with_its_boss() -> None:
     boss, bore = Primitive("cylinder", (14.0, 24.0)), Primitive("cylinder", (8.0, 24.0))
     middle = Constraint("concentric", (Ref(0, ""), Ref(1, "")), name="middle")
     found = without_chance(Combine("difference", boss, bore), [middle])
-    assert [(c.kind, [ref.feature for ref in c.of]) for c in found] == [
-        ("coaxial", ["z", "z"]),
-        ("coplanar", ["-z", "-z"]),
-        ("coplanar", ["+z", "+z"]),
-    ]
+    assert [(c.kind, [ref.feature for ref in c.of]) for c in found] == [("coaxial", ["z", "z"]), ("coplanar", ["+z", "+z"])]

@@ -57,14 +57,14 @@ def rest_on_faces(constraints: Sequence[Constraint], found: Iterable[Seat], part
 
 def _by_ends(concentric: Constraint, parts: Sequence[Primitive], cuts: Sequence[Sequence[int]]) -> list[Constraint]:
     """Round parts of one height that have one middle begin together: when one grows, it grows from there and not both ways. A bore through
-    one of them ends with it, too."""
+    one of them ends with it, and begins below what that stands on."""
     first, *others = (parts[ref.leaf] for ref in concentric.of)
     slack = SAME * longest([first])
     alike = (p.kind == "cylinder" and p.rotation == first.rotation and abs(p.size[1] - first.size[1]) <= slack for p in others)
     if first.kind != "cylinder" or not all(alike):
         return [concentric]
     start, *rest = (ref.leaf for ref in concentric.of)
-    ends = [(leaf, end) for leaf in rest for end in ("-z", *(["+z"] if leaf in cuts[start] or start in cuts[leaf] else []))]
+    ends = [(leaf, "+z" if leaf in cuts[start] or start in cuts[leaf] else "-z") for leaf in rest]
     together = [replace(concentric, kind="coplanar", of=(Ref(start, end), Ref(leaf, end))) for leaf, end in ends]
     return [replace(concentric, kind="coaxial", of=tuple(Ref(ref.leaf, "z") for ref in concentric.of)), *together]
 
