@@ -42,6 +42,13 @@ def without_chance(program: Program, constraints: Sequence[Constraint]) -> tuple
     return tuple(constraints) if out == list(constraints) else name_constraints(out, program)
 
 
+def end_together(program: Program, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
+    """The constraints with ends of round parts that are as high in place of their one middle: an end that moves takes the others along."""
+    parts, cuts = list(leaves(program)), cuts_of_each(program)
+    out = [new for c in constraints for new in (_by_ends(c, parts, cuts) if c.kind == "concentric" else [c])]
+    return tuple(constraints) if out == list(constraints) else name_constraints(out, program)
+
+
 def rest_on_faces(constraints: Sequence[Constraint], found: Iterable[Seat], parts: Sequence[Primitive]) -> list[Constraint]:
     """The constraints with faces in place of the ends that lie in these and follow them anyway, as is `found`: a boss carries its bore, and
     does not end where that does."""
@@ -57,14 +64,14 @@ def rest_on_faces(constraints: Sequence[Constraint], found: Iterable[Seat], part
 
 def _by_ends(concentric: Constraint, parts: Sequence[Primitive], cuts: Sequence[Sequence[int]]) -> list[Constraint]:
     """Round parts of one height that have one middle begin together: when one grows, it grows from there and not both ways. A bore through
-    one of them ends with it, and begins below what that stands on."""
+    one of them begins and ends with it."""
     first, *others = (parts[ref.leaf] for ref in concentric.of)
     slack = SAME * longest([first])
     alike = (p.kind == "cylinder" and p.rotation == first.rotation and abs(p.size[1] - first.size[1]) <= slack for p in others)
     if first.kind != "cylinder" or not all(alike):
         return [concentric]
     start, *rest = (ref.leaf for ref in concentric.of)
-    ends = [(leaf, "+z" if leaf in cuts[start] or start in cuts[leaf] else "-z") for leaf in rest]
+    ends = [(leaf, end) for leaf in rest for end in (("-z", "+z") if leaf in cuts[start] or start in cuts[leaf] else ("-z",))]
     together = [replace(concentric, kind="coplanar", of=(Ref(start, end), Ref(leaf, end))) for leaf, end in ends]
     return [replace(concentric, kind="coaxial", of=tuple(Ref(ref.leaf, "z") for ref in concentric.of)), *together]
 

@@ -20,6 +20,7 @@ from manifold3d import Manifold
 
 from imdim.deadline import Deadline
 from imdim.detection.blends import Chain
+from imdim.export.chance import end_together
 from imdim.geometry.finish.cut_ends import end_cuts_in_faces
 from imdim.geometry.finish.cutter_walls import open_films
 from imdim.geometry.finish.datum_ends import begin_at_datums
@@ -172,6 +173,7 @@ def _snapshots(states: Iterable[_BodyState], target: Target, work: _Work, left_o
     last = _without_stand_ins(last, target, work)
     relate_by, solver = work.budget.end_of("relate"), work.settings.solver
     program, constraints = find_relations(last.program, target, last.found, relate_by) if solver else (last.program, ())
+    constraints = end_together(program, constraints)
     error = last.error if program == last.program else last.measure(program)
     front = tuple(replace(c, program=program) if c.program == last.program else c for c in few(last.front, last.program))
     edges = find_edge_features(program, last.chains, target)

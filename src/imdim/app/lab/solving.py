@@ -18,7 +18,7 @@ from imdim.geometry.surface import normals as surface_normals
 from imdim.numbers.face_coordinates import lift_numbers
 from imdim.program.constraints import AXES, WORLD, Constraint, ConstraintError, Ref, describe
 from imdim.program.tree import SIZE_NAMES, Primitive, Program, leaves, map_leaves
-from imdim.relations.belief import CUT, WeightedCloud, noise_of, uniform
+from imdim.relations.belief import CUT, WeightedCloud, by_faces, noise_of
 from imdim.relations.hold import MET, fit_under_constraints, onto
 from imdim.relations.residuals import rows_of
 from imdim.target.target import Target, in_unit_frame
@@ -73,12 +73,12 @@ def finish(program: Program, constraints: Sequence[Constraint], locks: Sequence[
 
 
 def follow_constraints(program: Program, constraints: Sequence[Constraint], locks: Sequence[Lock]) -> Program:
-    """The program moved by as little as the constraints need, locked numbers held; raises ConstraintError where they conflict."""
+    """The program with its faces moved by as little as the constraints need, locked numbers held; raises ConstraintError where they conflict."""
     start = lower(program)
     rows, length = [*constraints, *lock_constraints(program, locks)], extent(start)
-    numbers, off = start, math.inf
+    numbers, off, metric = start, math.inf, by_faces(list(leaves(program)))
     while True:  # each step is as long as a primitive is large at most, and what goes farther takes several rounds
-        numbers = onto(numbers, rows, length, uniform(len(start.kinds)))
+        numbers = onto(numbers, rows, length, metric)
         before, off = off, float(np.abs(rows_of(rows, numbers).residual).max(initial=0.0))
         if off <= MET * length or off > CLOSER * before:
             break
