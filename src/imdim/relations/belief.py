@@ -13,17 +13,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imdim.geometry import kernels
-from imdim.geometry.lowering import Lowered, lower
+from imdim.geometry.lowering import Lowered
 from imdim.geometry.pose import radii
 from imdim.numbers.face_coordinates import move_limited, step_maps
-from imdim.program.tree import SIZE_NAMES, Primitive, combine_all
+from imdim.program.tree import SIZE_NAMES, Primitive
 
 MAD = 1.4826  # from the median of absolute normal deviations to their standard deviation
 EDGE = 2.0  # standard deviations of the noise
 SMOOTH = 0.9  # cosine between normals of one smooth face, that far apart
 MOST, FEW = 0.3, 12.0  # share of its points and number of points that a face keeps at least
 ENDS = {"sx": 0, "sy": 1, "sz": 2, "h": 2}  # the local axis between the ends of a length
-MANY = 1e3  # points' worth, beside which what holds numbers that no point shows is nothing
+MANY = 1e9  # points' worth, beside which what holds numbers that no point shows is nothing
 CUT = 4.0  # residuals well beyond this many standard deviations say nothing
 
 
@@ -110,14 +110,14 @@ def uniform(k: int) -> Normal:
 
 
 def by_faces(parts: Sequence[Primitive]) -> Normal:
-    """A metric in which the moves of plane faces weigh alike: who moves one end of a part by the shortest way leaves the other where it is."""
-    numbers, metric = lower(combine_all("union", [*parts])), uniform(len(parts))
-    for matrix, turn, part in zip(metric.matrix, numbers.rotations, parts, strict=True):
+    """A metric in which the moves of plane faces weigh alike: who moves one end of a part by the shortest way leaves the other end."""
+    metric = uniform(len(parts))
+    for matrix, part in zip(metric.matrix, parts, strict=True):
         for column, name in enumerate(SIZE_NAMES[part.kind]):
             if name in ENDS:
-                axis = turn[:, ENDS[name]]
+                place = 3 + ENDS[name]
                 matrix[column, column] = 0.5
-                matrix[3:6, 3:6] += np.outer(axis, axis)
+                matrix[place, place] += 1.0
     return replace(metric, matrix=MANY * metric.matrix)
 
 

@@ -75,6 +75,7 @@ def name_as_it_is(program: Program, constraints: Sequence[Constraint], edges: Se
     folded = folding.folded if folding is not None and folding.order == tuple(sorted(folding.order)) else None
     kept = without_loose(program, holding(program, constraints), program, folded)
     named = parametrise(program, kept, program, folded)
+    folded = folded if named.loops else None  # copies that are a hair off have no names in common
     edges = name_edges(edges, named.values)
     named = with_edge_sizes(named, edges)
     texts = texts_of(program, named, folded, SEGMENTS, edges)

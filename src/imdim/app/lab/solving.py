@@ -73,7 +73,10 @@ def finish(program: Program, constraints: Sequence[Constraint], locks: Sequence[
 
 
 def follow_constraints(program: Program, constraints: Sequence[Constraint], locks: Sequence[Lock]) -> Program:
-    """The program with its faces moved by as little as the constraints need, locked numbers held; raises ConstraintError where they conflict."""
+    """The program with its faces moved by as little as the constraints need, locked numbers held.
+
+    Raises ConstraintError where they conflict.
+    """
     start = lower(program)
     rows, length = [*constraints, *lock_constraints(program, locks)], extent(start)
     numbers, off, metric = start, math.inf, by_faces(list(leaves(program)))
