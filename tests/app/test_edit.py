@@ -51,7 +51,7 @@ def test_the_edited_folder(source, tmp_path, capsys):
 
 def test_the_list(source, capsys):
     assert main(["edit", str(source), "--list"]) == 0
-    assert "hole_diameter     6  diameter of primitive 1, 2\n" in capsys.readouterr().out
+    assert "hole_diameter     6  diameter of hole #1, #2\n" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("named", ["", "program.scad", "program.py"])
@@ -63,7 +63,7 @@ def test_a_results_folder_or_a_text_in_it_names_the_program(source, capsys, name
     for text in ("program.scad", "program.py"):
         (source.parent / text).unlink()
     assert main(["edit", str(source.parent), "--list"]) == 0
-    assert "hole_diameter     6  diameter of primitive 1, 2\n" in capsys.readouterr().out
+    assert "hole_diameter     6  diameter of hole #1, #2\n" in capsys.readouterr().out
 
 
 def test_without_a_folder_it_says_what_it_needs(source, tmp_path):
@@ -141,7 +141,7 @@ def test_what_the_last_digits_open_is_not_told_of_the_edit(tmp_path, capsys):
     blocks = Combine("union", box(20, 20, 10), box(20, 20, 10, (0, 0, 10 + 1e-10)))
     assert len(to_manifold(blocks).decompose()) == 2
     path.write_text(codec.dumps(blocks, codec.Meta()))
-    name = next(line.split()[0] for line in listed(path, capsys) if "length along x of primitive 0" in line)
+    name = next(line.split()[0] for line in listed(path, capsys) if "length along x of body #0" in line)
     assert main(["edit", str(path), "--set", f"{name}=25", "--strict", "-o", str(tmp_path / "new")]) == 0
     assert capsys.readouterr().out.splitlines()[-1] == "in kind as before: 1 body"
 
@@ -152,11 +152,11 @@ def listed(path, capsys):
 
 
 def test_ties_are_listed_and_broken(source, tmp_path, capsys):
-    assert "ties (--untie NAME)\nhole_diameter of primitive 1, 2\n" in "\n".join([*listed(source, capsys), ""])
+    assert "ties (--untie NAME)\nhole_diameter of hole #1, #2\n" in "\n".join([*listed(source, capsys), ""])
     arguments = ["--untie", "hole_diameter", "--set", "hole2_diameter=7", "-o", str(tmp_path / "new")]
     assert main(["edit", str(source), *arguments]) == 0
     said = capsys.readouterr().out
-    assert "hole_diameter is now hole_diameter (primitive 1), hole2_diameter (primitive 2)\n" in said
+    assert "hole_diameter is now hole_diameter (hole #1), hole2_diameter (hole2 #2)\n" in said
     sizes = [part["size"] for part in json.loads((tmp_path / "new" / "program.json").read_text())["program"]["parts"]]
     assert (sizes[1]["r"], sizes[2]["r"]) == (3, 3.5)
     assert not any("ties" in line for line in listed(tmp_path / "new" / "program.json", capsys))

@@ -135,7 +135,7 @@ def test_a_polygon_needs_whole_sides():
     delivered = opened(wedge())
     with pytest.raises(EditError, match=r"plate_sides = 6.5: .* a polygon needs a whole number of 3 or more sides, got 6.5"):
         change_values(delivered, {"plate_sides": 6.5})
-    assert meanings(delivered)["plate_sides"] == "moves 0.outline"
+    assert meanings(delivered)["plate_sides"] == "moves drawing of plate #0"
 
 
 def test_arcs_that_touch_still_touch_after_an_edit():

@@ -8,7 +8,7 @@ from imdim.delivery.finish import finish
 from imdim.export.cadquery import to_cadquery
 from imdim.export.delivered import texts_of
 from imdim.export.edit import change_values, open_delivered
-from imdim.export.hole_names import hole_notes, renew_notes
+from imdim.export.hole_names import hole_notes
 from imdim.export.openscad_reader import read_openscad
 from imdim.geometry.holes import find_holes
 from imdim.program.codec import dumps, parse
@@ -34,7 +34,7 @@ def test_each_text_says_once_what_holes_there_are():
     for name, text in delivered.texts.items():
         mark = "//" if name.endswith(("scad", "ucad")) else "#"
         said = [line.strip() for line in text.split("\n") if SAID in line]
-        assert said == [f"{mark} {SAID}"], name
+        assert said == [f"{mark} m3_hole #1 and 3 copies: {SAID}"], name
 
 
 def test_a_comment_stands_where_python_and_openscad_read_over_it():
@@ -89,16 +89,10 @@ def test_comments_follow_an_edit():
     assert change_values(again, {"m3_hole_diameter": 3.4}).texts == opened(BORED).texts
 
 
-def test_a_comment_goes_with_its_hole():
-    text = "a\n  // hole, diameter 6, through\nb\n  // hole, diameter 6, through\nc\n  // note"
-    before = {1: ("hole, diameter 6, through",), 2: ("hole, diameter 6, through",)}
-    assert renew_notes(text, before, {2: ("hole, diameter 7, through",)}) == "a\nb\n  // hole, diameter 7, through\nc\n  // note"
-
-
-def test_without_holes_nothing_is_said():
+def test_without_holes_nothing_is_said_of_them():
     assert hole_notes(Combine("union", PLATE, cylinder(5, 30))) == {}
     lines = delivered_of(PLATE).texts["program.scad"].splitlines()
-    assert not any(line.strip().startswith("//") for line in lines)
+    assert [line for line in lines if line.strip().startswith("//")] == ["// plate #0"]
 
 
 def test_a_whole_turn_has_no_name():

@@ -84,9 +84,9 @@ def test_every_vertex_follows_names_alone():
 
 def test_meanings_say_which_drawings_follow():
     said = meanings(opened(plate()))
-    assert said["plate_hole_diameter"].startswith("diameter at the bottom of primitive 2")
-    assert "0.outline" in said["plate_hole_diameter"]
-    assert said["plate_corner_radius"] == "moves 0.outline"
+    assert said["plate_hole_diameter"].startswith("diameter at the bottom of countersink #2;")
+    assert "drawing of plate #0" in said["plate_hole_diameter"]
+    assert said["plate_corner_radius"] == "moves drawing of plate #0"
 
 
 @pytest.mark.parametrize(

@@ -205,7 +205,7 @@ def test_an_edit_changes_the_height_of_an_extrusion_and_the_angle_of_a_turn():
     assert volume(half.program, 1024) == pytest.approx(2 * OUTLINED_PARTS["bend"][1], rel=1e-4)
     with pytest.raises(EditError, match="at most 360"):
         change_values(bend, {angle: 361.0})
-    assert meanings(bend)[angle] == "degrees of the turn of primitive 0"
+    assert meanings(bend)[angle] == f"degrees of the turn of {bend.labels[0]} #0"
 
 
 def test_a_cut_through_a_thicker_plate_goes_along():

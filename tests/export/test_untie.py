@@ -91,7 +91,7 @@ def test_heights_between_two_planes_are_untied():
     [
         ("hole_diametr", None, "no parameter"),
         ("plate_thickness", None, "nothing to untie"),
-        ("hole_diameter", [0], "no size of primitive 0"),
+        ("hole_diameter", [0], "is no size of #0; it is one of hole"),
         ("hole_diameter", "all", "tied as they were"),
     ],
 )

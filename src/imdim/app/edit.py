@@ -51,6 +51,7 @@ def main(argv: Sequence[str]) -> int:
 def list_names(source: Path) -> str:
     """The table of names, those that several primitives share, and the holes that their numbers make. Raises ConfigError."""
     from imdim.export.delivered import meanings
+    from imdim.export.feature_names import say_features
     from imdim.export.hole_names import hole_groups
     from imdim.export.untie import list_ties
 
@@ -59,10 +60,8 @@ def list_names(source: Path) -> str:
     rows = [(name, f"{values[name]:.9g}", meaning) for name, meaning in meanings(delivered).items()]
     names, values = (max((len(row[i]) for row in rows), default=0) for i in (0, 1))
     table = "".join(f"{name:<{names}}  {value:>{values}}  {meaning}\n" for name, value, meaning in rows) or f"{source}: no names\n"
-    groups = "".join(f"{group} (primitive {', '.join(map(str, group.leaves))})\n" for group in hole_groups(delivered.program))
-    ties = "".join(
-        f"{name} of primitive {', '.join(map(str, dict.fromkeys(i for i, _ in of)))}\n" for name, of in list_ties(delivered).items()
-    )
+    groups = "".join(f"{group} ({say_features(group.leaves, delivered.labels)})\n" for group in hole_groups(delivered.program))
+    ties = "".join(f"{name} of {say_features((i for i, _ in of), delivered.labels)}\n" for name, of in list_ties(delivered).items())
     return table + (f"\nties (--untie NAME)\n{ties}" if ties else "") + (f"\nholes\n{groups}" if groups else "")
 
 
@@ -94,12 +93,14 @@ def edit_program(
         if strict and report.changes_in_kind:
             raise ValueError(f"{', '.join(f'{n} = {v:g}' for n, v in values.items())}: {report.changes_in_kind}")
         files = write(after, folder, STEP_LIMIT_S if step else 0.0, solids)
-    renamed = [f"{old} is now {_spell(names)}" for old, names in new_names(before, untied).items()] if apart else []
+    renamed = [f"{old} is now {_spell(names, untied.labels)}" for old, names in new_names(before, untied).items()] if apart else []
     return list_files(folder, files) + "".join(f"{line}\n" for line in [*renamed, *report.lines()])
 
 
-def _spell(names: Mapping[str, Sequence[int]]) -> str:
-    return ", ".join(f"{name} (primitive {', '.join(map(str, of))})" for name, of in names.items())
+def _spell(names: Mapping[str, Sequence[int]], label: Sequence[str]) -> str:
+    from imdim.export.feature_names import say_features
+
+    return ", ".join(f"{name} ({say_features(of, label)})" for name, of in names.items())
 
 
 def open_results(source: Path) -> Delivered:

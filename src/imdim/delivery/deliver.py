@@ -10,6 +10,7 @@ import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from imdim.delivery.verdict import judge
 from imdim.export import html
 from imdim.export.delivered import Delivered, texts_of, unwritten
 from imdim.export.edge_text import do_edges_matter, with_edge_sizes
+from imdim.export.feature_notes import feature_notes
 from imdim.export.folder import DIGESTS, EDIT_PICTURE, FILES, OutputError, check_untouched, check_writable, digests_of, replacing
 from imdim.export.meshes import NamedFeatures, write_meshes
 from imdim.export.numbers import round_program
@@ -166,11 +168,13 @@ def compose_texts(found: FinishedProgram, meta: Meta, segments: int, drawn: bool
 def _keep(named: Delivered) -> FinishedProgram:
     """What has its texts already, as it is."""
     parameters = with_edge_sizes(parametrise(named.program, named.constraints, named.program, named.folded), named.edges)
+    notes = feature_notes(named.program, named.labels, named.folded)
+    parameters = replace(parameters, notes=notes, labels=named.labels)
     return FinishedProgram(named.program, named.constraints, parameters, named.folded, named.edges)
 
 
 def _named(found: FinishedProgram, name: str) -> NamedFeatures:
-    return NamedFeatures.of(name, found.program, found.edges, found.constraints, found.folded)
+    return NamedFeatures.of(name, found.program, found.edges, found.labels)
 
 
 def _write(texts: Mapping[str, str], folder: Path) -> None:

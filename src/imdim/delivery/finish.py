@@ -9,6 +9,7 @@ from imdim.deadline import NEVER, Deadline
 from imdim.export.chance import without_chance
 from imdim.export.edge_text import with_edge_sizes
 from imdim.export.elimination import without_loose
+from imdim.export.feature_names import label_features
 from imdim.export.numbers import round_program
 from imdim.export.parameters import Parameters, parametrise
 from imdim.geometry.finish.commute import Commutation, CommutedProgram
@@ -39,6 +40,11 @@ class FinishedProgram:
     folded: Folded | None
     edges: tuple[EdgeFeature, ...] = ()
     order: tuple[int, ...] = ()
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What the leaves are called in all files."""
+        return self.parameters.labels or label_features(self.program, self.constraints, self.folded)
 
     def with_edges(self, edges: Sequence[EdgeFeature]) -> FinishedProgram:
         """The program with edge features of it, whose sizes have names too."""

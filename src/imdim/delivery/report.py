@@ -19,14 +19,13 @@ from imdim.delivery.finish import FinishedProgram
 from imdim.delivery.intervals import StatedInterval
 from imdim.delivery.verdict import JudgedRegion, SurfaceVerdict, describe_shares
 from imdim.export.elimination import MOST_NAMED
-from imdim.export.hole_names import hole_groups, hole_roles
+from imdim.export.hole_names import hole_groups
 from imdim.geometry.holes import MOST_WALLS, count_walls
 from imdim.program.cost import count
 from imdim.program.edges import EdgeFeature, describe_edges
 from imdim.program.hole_groups import HoleGroup
 from imdim.program.metric import screw_of
 from imdim.program.repeats import Folded, Repeat, repeats, size
-from imdim.program.roles import labels
 from imdim.program.tree import Program, leaves, longest
 from imdim.target.target import Target
 
@@ -70,7 +69,7 @@ def report_of(
     whether program.scad draws the edges, and `left_out`, a sentence each, what the program lacks. `intervals` are
     those of the names of a program that is measured off a noisy cloud."""
     program, constraints, folded = delivered.program, delivered.constraints, delivered.folded
-    counts = count(program)
+    counts, named = count(program), delivered.parameters
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -80,17 +79,18 @@ def report_of(
             "primitives": counts.primitives,
             "operations": counts.operations,
             **counts.drawn,
-            **({"free_numbers": sum(delivered.parameters.free_numbers(longest(leaves(program))))} if counts.drawn else {}),
+            **({"free_numbers": sum(named.free_numbers(longest(leaves(program))))} if counts.drawn else {}),
             "kinds": {kind: n for kind, n in counts.kinds.items() if n},
             "ops": {op: n for op, n in counts.ops.items() if n},
         },
-        "repeats": [] if folded is None else _repeats(folded, labels(program, constraints, folded, hole_roles(program))),
+        "features": [line for lines in named.notes.values() for line in lines],
+        "repeats": [] if folded is None else _repeats(folded, delivered.labels),
         "holes": [_group(group) for group in hole_groups(program)],
         "edges": [_edge_feature(feature) for feature in delivered.edges],
         "edges_drawn": drawn if delivered.edges else None,
         "left_out": [*left_out, *_left_out(program)],
         "constraints": [{"name": c.name, "kind": c.kind, "says": str(c)} for c in constraints],
-        "parameters": {name: number(value) for name, value in delivered.parameters.values.items()},
+        "parameters": {name: number(value) for name, value in named.values.items()},
         **({} if intervals is None else {"intervals": {name: _interval(interval) for name, interval in intervals.items()}}),
         "scores": _scores(scores),
         "verdict": _verdict(verdict),

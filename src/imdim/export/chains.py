@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import ClassVar
 
 from imdim.export.drawing import write_regions
-from imdim.export.hole_names import write_notes
+from imdim.export.feature_notes import write_notes
 from imdim.export.loops import Loop
 from imdim.export.numbers import Rounding, write_expression, write_sizes
 from imdim.export.parameters import Parameters

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from imdim.deadline import NEVER, Deadline
 from imdim.export.cadquery import to_cadquery
 from imdim.export.edge_text import draw_edges
+from imdim.export.feature_names import say_features
 from imdim.export.freecad import to_freecad
 from imdim.export.numbers import plain
 from imdim.export.openscad import to_openscad, to_openscad_loops
@@ -81,7 +82,8 @@ class EditError(ValueError):
 class Delivered:
     """A program with its named `values` and the `texts` that begin with them; `segments` are those of the OpenSCAD text.
 
-    `folded` has its repeats, None if there are none, and `counts` the names of how often these repeat.
+    `folded` has its repeats, None if there are none, and `counts` the names of how often these repeat. `labels` are what its leaves are
+    called, which an edit keeps.
     """
 
     program: Program
@@ -93,6 +95,7 @@ class Delivered:
     folded: Folded | None = None
     counts: Mapping[str, int] = field(default_factory=dict)
     edges: tuple[EdgeFeature, ...] = ()
+    labels: tuple[str, ...] = ()
 
 
 def texts_of(
@@ -140,20 +143,25 @@ def read(delivered: Delivered, values: Mapping[str, float]) -> Program:
 
 
 def meanings(delivered: Delivered) -> dict[str, str]:
-    """For each name the sizes and places that are its value, and those that move with it, as ``primitive.feature``.
-
-    Primitives are counted from 0 in the order of program.json, as constraints count them.
-    """
+    """For each name the sizes and places that are its value, and those that move with it, of features by label and number."""
     out: dict[str, str] = {}
     for name, found in find_followers(delivered).items():
         blended = [describe_edges(f) for f in delivered.edges if name in f.size_names]
         if blended:
             out[name] = f"size of {blended[0]}"
             continue
-        is_what = [f"{word} of primitive {_some(list(map(str, of)))}" for word, of in found.meant().items()]
-        follow = [f"moves {_some([f'{leaf}.{feature}' for leaf, feature in found.moved])}"] if found.moved else []
+        is_what = [f"{word} of {say_features(of, delivered.labels)}" for word, of in found.meant().items()]
+        follow = [f"moves {_say_moved(found.moved, delivered.labels)}"] if found.moved else []
         out[name] = "; ".join(is_what + follow) or f"nothing follows {plain(delivered.values[name])}"
     return out | dict.fromkeys(delivered.counts, "how many copies there are")
+
+
+def _say_moved(moved: Sequence[Feature], label: Sequence[str]) -> str:
+    """As "z of plate #0, boss #1 and height of hole #2 to #5"."""
+    of: dict[str, list[int]] = {}
+    for leaf, feature in moved:
+        of.setdefault(feature if feature in "xyz" else _MEANING[feature], []).append(leaf)
+    return " and ".join(f"{word} of {say_features(numbers, label)}" for word, numbers in of.items())
 
 
 def tied_sizes(delivered: Delivered) -> dict[str, list[Feature]]:
@@ -218,7 +226,3 @@ def _loop_numbers(loop: Loop) -> Iterator[float]:
         yield from (loop.rx, loop.ry, loop.x, loop.y, loop.angle)
     else:
         yield from (v for vertex in loop for v in vertex)
-
-
-def _some(words: Sequence[str], most: int = 8) -> str:
-    return ", ".join(words[:most]) + (f" and {len(words) - most} more" if len(words) > most else "")

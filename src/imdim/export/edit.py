@@ -19,8 +19,9 @@ from imdim.export.customizer import slider
 from imdim.export.delivered import AGREE, LOOPS, NAMED, Delivered, EditError, is_size, read, read_values, texts_of
 from imdim.export.edge_text import with_edge_sizes
 from imdim.export.edit_report import picture_of
+from imdim.export.feature_names import label_features
+from imdim.export.feature_notes import feature_notes, read_labels, renew_notes
 from imdim.export.folder import EDIT_PICTURE, FILES, replacing
-from imdim.export.hole_names import hole_notes, renew_notes
 from imdim.export.meshes import NamedFeatures, write_meshes
 from imdim.export.numbers import MAX_SEGMENTS, Rounding, plain, round_program, to_fixed_point
 from imdim.export.openscad_reader import are_drawn, read_openscad
@@ -63,7 +64,8 @@ def open_delivered(document: object, texts: Mapping[str, str]) -> Delivered:
     if not 3 <= segments <= MAX_SEGMENTS:
         raise EditError(f"program.scad: $fn must lie in 3..{MAX_SEGMENTS}, got {found[1][:20] if found else segments}")
     counts = {n: int(c) for file in LOOPS if folded and file in texts for n, c in read_values(texts[file]).items() if n not in values}
-    delivered = Delivered(program, meta_of(document), constraints, texts, values, segments, folded, counts, edges)
+    called = read_labels(texts["program.scad"], program, folded) or label_features(program, constraints, folded)
+    delivered = Delivered(program, meta_of(document), constraints, texts, values, segments, folded, counts, edges, called)
     _check_same(delivered)
     return delivered
 
@@ -106,7 +108,8 @@ def _read_anew(delivered: Delivered, values: Mapping[str, float]) -> Delivered:
     verify(program, delivered.constraints, AGREE)
     folded = None if delivered.folded is None else _refold(delivered.folded, exact, program)
     program = program if folded is None else expand(folded)
-    notes = hole_notes(delivered.program, delivered.folded), hole_notes(program, folded)
+    called = read_labels(delivered.texts["program.scad"], program, folded)  # none in texts of older versions
+    notes = feature_notes(delivered.program, called, delivered.folded), feature_notes(program, called, folded)
     texts = {file: renew_notes(text, *notes) for file, text in texts.items()}
     edges = with_sizes(delivered.edges, values)
     return replace(delivered, program=program, texts=texts, values={**delivered.values, **values}, folded=folded, edges=edges)
@@ -153,6 +156,7 @@ def with_counts(delivered: Delivered, counts: Mapping[str, float]) -> Delivered:
         folded=after,
         counts=named.counts,
         edges=edges,
+        labels=named.labels or label_features(program, constraints, after),
     )
 
 
@@ -215,7 +219,7 @@ def write(delivered: Delivered, folder: Path, step_limit_s: float = 0.0, solids:
         for file, text in texts.items():
             (partial / file).write_text(text, encoding="utf-8")
         name = folder.resolve().name
-        named = NamedFeatures.of(name, delivered.program, delivered.edges, delivered.constraints, delivered.folded)
+        named = NamedFeatures.of(name, delivered.program, delivered.edges, delivered.labels)
         write_meshes(solid, partial, named, delivered.meta.units)
         if solids is not None:
             picture_of(*solids).save(partial / EDIT_PICTURE)

@@ -15,7 +15,8 @@ from imdim.export import freecad_texts as texts
 from imdim.export.blend_texts import BlendTexts
 from imdim.export.drawing import circle_sums, pair_loops
 from imdim.export.drawn_vertex import BendAngle, BendRadius, Center, DrawnPolygon, DrawnVertex, Touching
-from imdim.export.hole_names import hole_roles, write_notes
+from imdim.export.feature_names import label_features
+from imdim.export.feature_notes import write_notes
 from imdim.export.numbers import SIGNIFICANT_DIGITS, Expression, Rounding, plain, simple_fraction, weighted_sum, write_expression
 from imdim.export.parameters import DrawnLoop, Parameters, is_count
 from imdim.export.script import CURVES, RINGS, standard_imports
@@ -23,7 +24,6 @@ from imdim.geometry.rotations import matrix_from_euler
 from imdim.program.edges import EdgeFeature
 from imdim.program.nary import fold_nary
 from imdim.program.outline import has_ellipse
-from imdim.program.roles import labels
 from imdim.program.tree import Op, Primitive, Program, leaves
 
 MOST_DRIVEN = 100  # curves of a loop that has constraints: FreeCAD's solver takes seconds for more
@@ -54,7 +54,7 @@ def to_freecad(program: Program, parameters: Parameters | None = None, edges: Se
     Numbers follow `parameters` if given.
     """
     rounding, named = Rounding.of(program), parameters or Parameters.none(program)
-    writer = _Macro(rounding, named, named.labels or labels(program, roles=hole_roles(program)))
+    writer = _Macro(rounding, named, named.labels or label_features(program))
     lines = fold_nary(program, writer.leaf, {op: partial(_call, word) for op, word in _WORDS.items()})
     blends = BlendTexts.of(program, edges, named, rounding, _change)
     head = blends.add_sizes(named.head(rounding.size, counted=False))
@@ -110,7 +110,7 @@ class _Macro:
         self._rounding, self._named, self._label = rounding, named, label
 
     def leaf(self, number: int, leaf: Primitive) -> list[str]:
-        """The call that makes a leaf; above it what holes it makes, and each loop of an outline on a line of its own."""
+        """The call that makes a leaf; above it what it is, and each loop of an outline on a line of its own."""
         sizes = [self._size(leaf, size) for size in self._named.sizes[number]]
         notes, label = write_notes(self._named.notes, number, "#"), _quote(self._label[number])
         place = self._place(number, leaf)

@@ -1,12 +1,10 @@
-"""Holes in the texts: what the primitives that make them are called, and a line of comment above the first of each group.
+"""Holes in the texts: what the primitives that make them are called, and what is said above the first of each group.
 
 A hole that is a counterbore and a bore is two cylinders in a program. The comment says what they are together; the names tell them apart.
 """
 
 from __future__ import annotations
 
-import re
-from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -18,11 +16,8 @@ from imdim.program.repeats import Folded, instances
 from imdim.program.roles import roles_of, signs
 from imdim.program.tree import Program, leaves
 
-Notes = Mapping[int, tuple[str, ...]]  # by the number of the primitive above which they stand
-
 SAME = 1e-4  # of a diameter, within which it is that of a hole
 _SEATS = ("counterbore", "countersink", "drill_point", "hex_pocket", "bore_chamfer")
-_COMMENT = re.compile(r"^(\s*)(//|#) (.*)$")
 
 
 def hole_groups(program: Program) -> tuple[HoleGroup, ...]:
@@ -104,26 +99,3 @@ def hole_notes(program: Program, folded: Folded | None = None) -> dict[int, tupl
         first = min(leaf if sources is None else sources[leaf] for leaf in group.leaves)
         notes[first] = (*notes.get(first, ()), str(group))
     return notes
-
-
-def write_notes(notes: Notes, leaf: int, mark: str) -> list[str]:
-    """The comments above a primitive."""
-    return [f"{mark} {line}" for line in notes.get(leaf, ())]
-
-
-def renew_notes(text: str, before: Notes, after: Notes) -> str:
-    """A text whose comments say `after` where they said `before`; those of holes that are no more are left out."""
-    waiting: dict[str, deque[str | None]] = {}
-    for leaf, lines in before.items():
-        now = after.get(leaf, ())
-        for i, line in enumerate(lines):
-            waiting.setdefault(line, deque()).append(now[i] if i < len(now) else None)
-    out = []
-    for line in text.split("\n"):
-        found = _COMMENT.match(line)
-        if found is None or not waiting.get(found[3]):
-            out.append(line)
-            continue
-        says = waiting[found[3]].popleft()
-        out += [] if says is None else [f"{found[1]}{found[2]} {says}"]
-    return "\n".join(out)

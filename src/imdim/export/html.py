@@ -16,7 +16,8 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from imdim.export.hole_names import hole_groups, hole_roles
+from imdim.export.feature_names import label_features
+from imdim.export.hole_names import hole_groups
 from imdim.export.html_surfaces import Box, solid_values, target_values
 from imdim.export.html_tree import constraint_values, leaf_values, name_values, tree_values
 from imdim.export.parameters import Parameters, parametrise
@@ -25,7 +26,6 @@ from imdim.geometry.edge_solids import surface_with_edges
 from imdim.geometry.solid import SEGMENTS
 from imdim.program.codec import constraints_of, edges_of, from_json, read_folded
 from imdim.program.edges import describe_edges
-from imdim.program.roles import labels
 from imdim.target.target import Target
 
 SCRIPTS = ("vectors.js", "meshes.js", "shapes.js", "renderer.js", "view.js", "steer.js", "tree.js", "panels.js", "main.js")
@@ -48,7 +48,7 @@ def content(
     """
     program, constraints, folded = from_json(document), constraints_of(document), read_folded(document)
     named = named or parametrise(program, constraints, program, folded)
-    label = labels(program, constraints, folded, hole_roles(program))
+    label = named.labels or label_features(program, constraints, folded)
     edges = edges_of(document)
     surface, owners = surface_with_edges(program, edges, segments)
     shown = [] if target is None else [target.points if target.mesh is None else target.mesh.vertices]

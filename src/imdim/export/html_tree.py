@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from imdim.export.feature_names import say_feature
 from imdim.export.numbers import Expression, plain, write_expression
 from imdim.export.parameters import Parameters
 from imdim.geometry.rotations import matrix_from_euler
@@ -141,5 +142,5 @@ def _number(name: str, value: float, expression: Expression) -> dict[str, Any]:
 
 
 def _feature(ref: Ref, labels: Sequence[str]) -> str:
-    where = "frame" if ref.leaf == WORLD else f"{labels[ref.leaf]} #{ref.leaf}"
+    where = "frame" if ref.leaf == WORLD else say_feature(labels[ref.leaf], ref.leaf)
     return f"{where} {ref.feature}".rstrip()

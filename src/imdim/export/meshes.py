@@ -19,16 +19,12 @@ from manifold3d import Manifold
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
-from imdim.export.hole_names import hole_roles
 from imdim.export.part_names import ADDED, NAMELESS, Colour, PartNames
 from imdim.geometry.edge_solids import with_edges
 from imdim.geometry.kernels import program_sdf
 from imdim.geometry.metrics import diagonal
 from imdim.geometry.solid import to_trimesh
-from imdim.program.constraints import Constraint
 from imdim.program.edges import EdgeFeature
-from imdim.program.repeats import Folded
-from imdim.program.roles import labels
 from imdim.program.tree import Program, leaves
 from imdim.program.units import UNSPECIFIED
 
@@ -45,12 +41,9 @@ class NamedFeatures(NamedTuple):
     names: PartNames
 
     @staticmethod
-    def of(
-        name: str, program: Program, edges: Sequence[EdgeFeature] = (), constraints: Sequence[Constraint] = (), folded: Folded | None = None
-    ) -> NamedFeatures:
-        """Features are called as everywhere else, by their roles and what is equal among them."""
-        features = labels(program, constraints, folded, hole_roles(program))
-        return NamedFeatures(program, tuple(edges), PartNames.of(program, name, tuple(features)))
+    def of(name: str, program: Program, edges: Sequence[EdgeFeature] = (), labels: Sequence[str] = ()) -> NamedFeatures:
+        """Features are called by their `labels`, by default by their roles."""
+        return NamedFeatures(program, tuple(edges), PartNames.of(program, name, tuple(labels) or None))
 
 
 def write_meshes(solid: Manifold, folder: Path, named: NamedFeatures | None = None, units: str = UNSPECIFIED) -> None:

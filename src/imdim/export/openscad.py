@@ -14,7 +14,7 @@ import numpy as np
 from imdim.export.customizer import customizer_head
 from imdim.export.drawing import write_loops
 from imdim.export.edge_text import DrawnEdges
-from imdim.export.hole_names import write_notes
+from imdim.export.feature_notes import write_notes
 from imdim.export.loops import Loop, less
 from imdim.export.numbers import Expression, Rounding, plain, write_expression, write_moves, write_sizes
 from imdim.export.parameters import Parameters
@@ -176,7 +176,7 @@ def _definitions(program: Program) -> list[str]:
 
 def _primitive(leaf: Primitive, rounding: Rounding, named: Parameters, number: int, center: Sequence[Expression]) -> list[str]:
     """``translate(..) rotate(..) shape(..);``, the identity parts left out; of an outline each loop has a line of its own. Above it what
-    holes it makes."""
+    it is."""
     place = _step("translate", [write_expression(c, rounding.length, circled=True) for c in center])
     place += _step("rotate", [rounding.angle(a) for a in leaf.rotation])
     sizes, loops = write_sizes(leaf, named.sizes[number], rounding), write_loops(leaf, named.outlines[number], rounding)

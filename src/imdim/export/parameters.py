@@ -13,7 +13,9 @@ from fractions import Fraction
 
 from imdim.export.drawn_vertex import BendRadius, DrawnEllipse, DrawnRing, DrawnVertex, map_ring, numbers_of
 from imdim.export.elimination import MOST_NAMED, LinearSystem, vector
-from imdim.export.hole_names import BoreWords, Notes, hole_notes, hole_roles
+from imdim.export.feature_names import label_features
+from imdim.export.feature_notes import Notes, feature_notes
+from imdim.export.hole_names import BoreWords
 from imdim.export.loops import Loop, loop_of
 from imdim.export.numbers import Expression, Rounding, Term, constants, simple_fraction
 from imdim.export.outline_rows import Sum
@@ -40,7 +42,7 @@ class Parameters:
     """`values` of the names in the order of the text; for each leaf the expressions of its sizes, of its centre, and of its loops.
 
     `counts` are the names that say how often parts repeat, `loops` the repeats in the order of `repeats`. The names in `angles` are
-    degrees, all others lengths. `notes` are comments above leaves, which say what holes they make; `labels` what the leaves are called, if
+    degrees, all others lengths. `notes` are comments above leaves; `labels` what the leaves are called, if
     that is known.
     """
 
@@ -102,9 +104,9 @@ def parametrise(
     """
     if count(program).primitives > MOST_NAMED:
         return Parameters.none(delivered, folded)
-    label = labels(program, constraints, folded, hole_roles(delivered))
+    label = label_features(delivered, constraints, folded)
     named = _parametrise(program, constraints, delivered, folded, values or {}, label)
-    return replace(named, notes=hole_notes(delivered, folded), labels=tuple(label))
+    return replace(named, notes=feature_notes(delivered, label, folded), labels=label)
 
 
 def _parametrise(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import unicodedata
 from typing import NamedTuple
 
-from imdim.export.hole_names import hole_roles
-from imdim.program.roles import labels, signs
+from imdim.export.feature_names import label_features
+from imdim.program.roles import signs
 from imdim.program.tree import Program
 
 NAMELESS = "part"  # what a part without a name is called
@@ -27,7 +27,7 @@ class PartNames(NamedTuple):
     @staticmethod
     def of(program: Program, part: str = NAMELESS, features: tuple[str, ...] | None = None) -> PartNames:
         """`features` are by default named by their roles."""
-        features = tuple(labels(program, roles=hole_roles(program))) if features is None else features
+        features = label_features(program) if features is None else features
         return PartNames(spell(part) or NAMELESS, features, tuple(sign < 0 for sign in signs(program)))
 
     def feature(self, leaf: int) -> tuple[str, Colour]:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from imdim.export.delivered import LOOPS, Delivered, read_values, texts_of
 from imdim.export.edge_text import with_edge_sizes
 from imdim.export.elimination import without_loose
+from imdim.export.feature_names import label_features
 from imdim.export.openscad_reader import are_drawn
 from imdim.export.parameters import parametrise
 from imdim.program.constraints import Constraint
@@ -33,5 +34,13 @@ def reword(
     texts = {file: text for file, text in written.items() if file in had}
     values = read_values(texts["program.scad"])
     return replace(
-        delivered, program=program, constraints=kept, texts=texts, values=values, folded=folded, counts=named.counts, edges=edges
+        delivered,
+        program=program,
+        constraints=kept,
+        texts=texts,
+        values=values,
+        folded=folded,
+        counts=named.counts,
+        edges=edges,
+        labels=named.labels or label_features(program, kept, folded),
     )

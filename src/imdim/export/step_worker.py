@@ -20,13 +20,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, NamedTuple
 
-from imdim.export.hole_names import hole_roles
+from imdim.export.feature_names import label_features
 from imdim.export.part_names import NAMELESS, PartNames, spell
 from imdim.export.step import StepError, path_beside, step_volume, write_stages
 from imdim.install import install_command
 from imdim.program.codec import constraints_of, edges_of, from_json, meta_of, parse, read_folded
 from imdim.program.edges import scale_edges
-from imdim.program.roles import labels
 from imdim.program.tree import Primitive, map_leaves, map_lengths
 from imdim.program.units import to_millimetres
 
@@ -158,7 +157,7 @@ def main(document: str, out: str, name: str = NAMELESS, called: str = "") -> Non
     try:
         read = parse(Path(document).read_text(encoding="utf-8"))
         program = from_json(read)
-        features = json.loads(called or "[]") or labels(program, constraints_of(read), read_folded(read), hole_roles(program))
+        features = json.loads(called or "[]") or label_features(program, constraints_of(read), read_folded(read))
         names, factor = PartNames.of(program, name, tuple(features)), to_millimetres(meta_of(read).units)
         program, edges_in = map_leaves(program, lambda _, leaf: _scale(leaf, factor)), scale_edges(edges_of(read), factor)
         for edges, sharp in write_stages(program, Path(out), edges_in, names):

@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from imdim.export.delivered import Delivered, EditError, Feature, tied_sizes
+from imdim.export.feature_names import say_features
 from imdim.export.reword import reword
 from imdim.program.constraints import LENGTHS_OF, Constraint, Ref
 from imdim.program.repeats import Folded, Repeat, expand, repeats, size, write_out
@@ -24,7 +25,7 @@ def untie(delivered: Delivered, name: str, apart: Collection[int] | None = None)
     if name not in delivered.values:
         raise EditError(f"no parameter {name!r} to untie; --list has them")
     tied = tied_sizes(delivered)[name]
-    group = _groups(name, tied, apart)
+    group = _groups(delivered, name, tied, apart)
     folded = delivered.folded
     constraints = [c for constraint in delivered.constraints for c in _split(constraint, group)]
     if folded is not None:
@@ -41,7 +42,7 @@ def untie(delivered: Delivered, name: str, apart: Collection[int] | None = None)
             return out
         binding = next(_binding(constraints, together), None)
         if binding is None:
-            raise EditError(f"{name}: primitives {', '.join(map(str, sorted(together)))} have one shape, which cannot be untied")
+            raise EditError(f"{name}: {say_features(together, delivered.labels)} have one shape, which cannot be untied")
         constraints.remove(binding)
 
 
@@ -64,19 +65,19 @@ def new_names(before: Delivered, after: Delivered) -> dict[str, dict[str, list[i
     return out
 
 
-def _groups(name: str, tied: Sequence[Feature], apart: Collection[int] | None) -> dict[Feature, int]:
+def _groups(delivered: Delivered, name: str, tied: Sequence[Feature], apart: Collection[int] | None) -> dict[Feature, int]:
     """For each size the number of the group that it shares a name with from now on."""
     of = list(dict.fromkeys(leaf for leaf, _ in tied))
     if len(of) < 2:
-        what = f"the size of primitive {of[0]} alone" if of else "a number of a drawing, of a place or of an edge"
+        what = f"the size of {say_features(of, delivered.labels)} alone" if of else "a number of a drawing, of a place or of an edge"
         raise EditError(f"{name} is {what}: there is nothing to untie")
     if apart is None:
         return {feature: of.index(feature[0]) for feature in tied}
     stranger = next((leaf for leaf in apart if leaf not in of), None)
     if stranger is not None:
-        raise EditError(f"{name} is no size of primitive {stranger}; it is one of {', '.join(map(str, of))}")
+        raise EditError(f"{name} is no size of #{stranger}; it is one of {say_features(of, delivered.labels)}")
     if len(set(apart)) == len(of):
-        raise EditError(f"{name}: all of {', '.join(map(str, of))} together are tied as they were")
+        raise EditError(f"{name}: all of {say_features(of, delivered.labels)} together are tied as they were")
     return {feature: int(feature[0] in apart) for feature in tied}
 
 

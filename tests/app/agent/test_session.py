@@ -90,7 +90,7 @@ def test_strict_refuses_what_opens_or_closes(opened):
 def test_ties_are_broken_and_made(opened):
     apart = opened.untie("hole_diameter")
     assert set(apart.names) == {"hole2_diameter", "hole2_from_right"}
-    assert "hole2_diameter (feature 2)" in apart.notes[0]
+    assert "hole2_diameter (hole2 #2)" in apart.notes[0]
     wide = opened.set({"hole2_diameter": 7})
     assert wide.volume_before - wide.volume == pytest.approx(bore(7) - bore(6), abs=0.2)
     tied = opened.tie(["hole_diameter", "hole2_diameter"])

@@ -56,10 +56,10 @@ def test_rows_are_the_names_that_the_command_lists(theory):
     assert {name: row.value for name, row in rows(theory).items()} == {**own.values, **own.counts}
     assert read_values(own.texts["program.scad"]) == own.values
     hole = rows(theory)["hole_diameter"]
-    assert (hole.drives, hole.tied) == ("diameter of hole (2, 3, 4, 5)", True)
+    assert (hole.drives, hole.tied) == ("diameter of hole #2 to #5", True)
     assert hole.shown == (2, 3, 4, 5)
     assert {lock.leaf for lock in hole.locks} == {2, 3, 4, 5}
-    assert rows(theory)["plate_thickness"].drives == "length along z of plate; moves boss, hole (2, 3, 4, 5) and hole2"
+    assert rows(theory)["plate_thickness"].drives == "length along z of plate; moves boss, hole #2 to #5 and hole2"
 
 
 def test_setting_a_value_is_the_commands_edit(theory):
@@ -244,24 +244,24 @@ LABELS = ["plate", "hole", "hole", "boss", "ball"]
 @pytest.mark.parametrize(
     ("constraint", "words"),
     [
-        (Constraint("equal", (Ref(1, "r"), Ref(2, "r"))), "hole (1, 2) have equal diameter"),
-        (Constraint("equal", (Ref(1, "r"), Ref(2, "r"), Ref(3, "r"))), "hole (1, 2) and boss have equal diameter"),
+        (Constraint("equal", (Ref(1, "r"), Ref(2, "r"))), "hole #1, #2 have equal diameter"),
+        (Constraint("equal", (Ref(1, "r"), Ref(2, "r"), Ref(3, "r"))), "hole #1, #2 and boss have equal diameter"),
         (Constraint("equal", (Ref(3, "h"), Ref(0, "sz"))), "height of boss and length along z of plate are equal"),
         (Constraint("value", (Ref(3, "r"),), value=0.5), "diameter of boss is 1 mm"),
-        (Constraint("parallel", (Ref(-1, "z"), Ref(1, "z"), Ref(3, "z"))), "hole (1) and boss are parallel to the z axis"),
+        (Constraint("parallel", (Ref(-1, "z"), Ref(1, "z"), Ref(3, "z"))), "hole #1 and boss are parallel to the z axis"),
         (Constraint("parallel", (Ref(-1, "x"), Ref(0, "x"))), "the x axis of plate is parallel to the x axis"),
         (Constraint("perpendicular", (Ref(0, "x"), Ref(3, "z"))), "the x axis of plate and boss are at a right angle"),
         (Constraint("coplanar", (Ref(0, "+z"), Ref(3, "+z"))), "the top face of plate and the top face of boss are flush"),
         (Constraint("coplanar", (Ref(0, "+z"), Ref(3, "+z")), value=2.0), "the top face of plate and the top face of boss are 2 mm apart"),
-        (Constraint("aligned", (Ref(1), Ref(2)), Ref(-1, "y")), "hole (1) and hole (2) are level along the y axis"),
-        (Constraint("aligned", (Ref(1), Ref(3)), Ref(-1, "y"), 4.0), "hole (1) and boss are 4 mm apart along the y axis"),
-        (Constraint("coaxial", (Ref(3, "z"), Ref(1, "z"))), "boss and hole (1) share one axis"),
+        (Constraint("aligned", (Ref(1), Ref(2)), Ref(-1, "y")), "hole #1 and hole #2 are level along the y axis"),
+        (Constraint("aligned", (Ref(1), Ref(3)), Ref(-1, "y"), 4.0), "hole #1 and boss are 4 mm apart along the y axis"),
+        (Constraint("coaxial", (Ref(3, "z"), Ref(1, "z"))), "boss and hole #1 share one axis"),
         (Constraint("concentric", (Ref(3), Ref(4))), "boss and ball share one centre"),
         (Constraint("tangent", (Ref(3, "r"), Ref(0, "+x"))), "boss is tangent to the right face of plate"),
         (Constraint("tangent", (Ref(4, "r"), Ref(3, "r"))), "ball is tangent to boss"),
-        (Constraint("symmetric", (Ref(1), Ref(2), Ref(0)), Ref(-1, "x")), "plate is midway between hole (1) and hole (2) along the x axis"),
-        (Constraint("linear", (Ref(1), Ref(2), Ref(3))), "hole (1, 2) and boss stand in a row with equal steps"),
-        (Constraint("circular", (Ref(1), Ref(2)), Ref(3, "z")), "hole (1, 2) are spaced evenly around boss"),
+        (Constraint("symmetric", (Ref(1), Ref(2), Ref(0)), Ref(-1, "x")), "plate is midway between hole #1 and hole #2 along the x axis"),
+        (Constraint("linear", (Ref(1), Ref(2), Ref(3))), "hole #1, #2 and boss stand in a row with equal steps"),
+        (Constraint("circular", (Ref(1), Ref(2)), Ref(3, "z")), "hole #1, #2 are spaced evenly around boss"),
     ],
 )
 def test_relations_are_said_in_words(constraint, words):

@@ -15,7 +15,6 @@ from imdim.delivery.evaluate import Scores, evaluate_solid, target_iou
 from imdim.delivery.verdict import EXACT, SurfaceVerdict, judge
 from imdim.export.delivered import Delivered
 from imdim.export.edit import solid_of
-from imdim.export.hole_names import hole_roles
 from imdim.geometry.edge_solids import blend_solids, surface_with_blends
 from imdim.geometry.kernels import program_sdf
 from imdim.geometry.metrics import diagonal, nearest_distances
@@ -23,7 +22,6 @@ from imdim.geometry.refine import split_edges
 from imdim.geometry.solid import to_trimesh
 from imdim.geometry.triangles import distances, triangle_tree
 from imdim.geometry.winding import winding_number
-from imdim.program.roles import labels
 from imdim.program.tree import leaves
 from imdim.target.target import Target
 
@@ -57,7 +55,7 @@ class MeasuredProgram:
     def names(self) -> list[str]:
         """What each feature is called, as the names of its numbers begin."""
         d = self.delivered
-        return [*labels(d.program, d.constraints, d.folded, hole_roles(d.program)), *(feature.name for feature in d.edges)]
+        return [*d.labels, *(feature.name for feature in d.edges)]
 
     @cached_property
     def solid(self) -> Manifold:

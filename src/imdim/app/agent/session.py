@@ -48,6 +48,7 @@ from imdim.delivery.verdict import JudgedRegion
 from imdim.export.delivered import Delivered, EditError, meanings, texts_of
 from imdim.export.edit import change_values, lost_edges, open_delivered, write
 from imdim.export.edit_report import EditReport
+from imdim.export.feature_names import say_features
 from imdim.export.folder import OutputError
 from imdim.export.hole_names import hole_groups
 from imdim.export.untie import list_ties, new_names, untie
@@ -324,7 +325,7 @@ class AgentSession:
         before = self._program().delivered
         after = untie(before, name, ids or None)
         said = [
-            f"{old} is now {', '.join(f'{new} (feature {chr(44).join(map(str, of))})' for new, of in names.items())}"
+            f"{old} is now {', '.join(f'{new} ({say_features(of, after.labels)})' for new, of in names.items())}"
             for old, names in new_names(before, after).items()
         ]
         return self._change(f"untie {name}", after, notes=said)

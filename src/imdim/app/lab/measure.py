@@ -10,7 +10,8 @@ import numpy as np
 
 from imdim.app.lab.edits import ConstrainedProgram
 from imdim.app.lab.picks import Pick
-from imdim.app.lab.relation_words import name_leaves, name_side
+from imdim.app.lab.relation_words import name_side
+from imdim.export.feature_names import name_leaves
 from imdim.geometry.pose import Pose
 from imdim.program.edges import describe_edges
 from imdim.program.tree import leaves

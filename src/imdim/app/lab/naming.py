@@ -11,7 +11,7 @@ from imdim.export.delivered import Delivered, Feature, Followers, find_followers
 from imdim.export.edge_text import with_edge_sizes
 from imdim.export.edit import open_delivered
 from imdim.export.elimination import without_loose
-from imdim.export.hole_names import hole_roles
+from imdim.export.feature_names import label_features
 from imdim.export.parameters import parametrise
 from imdim.geometry.solid import SEGMENTS
 from imdim.program import codec
@@ -19,7 +19,6 @@ from imdim.program.codec import Meta
 from imdim.program.constraints import Constraint
 from imdim.program.edges import EdgeFeature, name_edges
 from imdim.program.patterns.detect import fold_repeats
-from imdim.program.roles import labels
 from imdim.program.tree import Program
 from imdim.relations.residuals import holding
 
@@ -45,9 +44,8 @@ class NamedProgram:
         delivered: Delivered, constraints: Sequence[Constraint] | None = None, is_final: bool = False, origin: Program | None = None
     ) -> NamedProgram:
         """`constraints` are by default those that the texts say."""
-        called = labels(delivered.program, delivered.constraints, delivered.folded, hole_roles(delivered.program))
         kept = delivered.constraints if constraints is None else tuple(constraints)
-        return NamedProgram(delivered, kept, tuple(called), find_followers(delivered), is_final, origin)
+        return NamedProgram(delivered, kept, delivered.labels, find_followers(delivered), is_final, origin)
 
     def is_of(self, program: Program, constraints: Sequence[Constraint], edges: Sequence[EdgeFeature]) -> bool:
         """Whether these are the names of that program, and of nothing that it was before."""
@@ -64,7 +62,7 @@ def name_finished(found: FinishedProgram, meta: Meta, constraints: Sequence[Cons
     texts = texts_of(found.program, found.parameters, found.folded, SEGMENTS, found.edges)
     values = read_values(texts["program.scad"])
     counts = found.parameters.counts
-    delivered = Delivered(found.program, meta, found.constraints, texts, values, SEGMENTS, found.folded, counts, found.edges)
+    delivered = Delivered(found.program, meta, found.constraints, texts, values, SEGMENTS, found.folded, counts, found.edges, found.labels)
     return NamedProgram.of(delivered, constraints, True, origin)
 
 
@@ -78,9 +76,10 @@ def name_as_it_is(program: Program, constraints: Sequence[Constraint], edges: Se
     folded = folded if named.loops else None  # copies that are a hair off have no names in common
     edges = name_edges(edges, named.values)
     named = with_edge_sizes(named, edges)
+    called = named.labels or label_features(program, kept, folded)
     texts = texts_of(program, named, folded, SEGMENTS, edges)
     values = read_values(texts["program.scad"])
-    return NamedProgram.of(Delivered(program, meta, kept, texts, values, SEGMENTS, folded, named.counts, edges), constraints)
+    return NamedProgram.of(Delivered(program, meta, kept, texts, values, SEGMENTS, folded, named.counts, edges, called), constraints)
 
 
 def to_values(named: NamedProgram) -> dict[str, Any]:

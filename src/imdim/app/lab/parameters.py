@@ -12,11 +12,12 @@ from typing import Literal
 
 from imdim.app.lab.edits import ConstrainedProgram, LabEditError
 from imdim.app.lab.naming import NamedProgram
-from imdim.app.lab.relation_words import join_words, name_leaves
+from imdim.app.lab.relation_words import join_words
 from imdim.app.lab.solving import Lock
 from imdim.export.delivered import Delivered, Feature
 from imdim.export.edit import change_values, lost_edges, restate, solid_of
 from imdim.export.edit_report import EditReport
+from imdim.export.feature_names import name_leaves
 from imdim.export.parameters import is_count
 from imdim.export.untie import untie
 from imdim.program.edges import describe_edges

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
+from imdim.export.feature_names import name_leaves
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.program.constraints import AXES_OF, WORLD, Constraint, Ref
 from imdim.program.tree import Primitive
@@ -28,15 +29,6 @@ _SIZES: Mapping[str, str] = {
 _SIDES = (("left", "right"), ("front", "back"), ("bottom", "top"))  # by axis, of what looks down it and up it
 UPRIGHT = 1 - 1e-9  # cosine
 ROUND_SIZES = frozenset(name for name, word in _SIZES.items() if "diameter" in word)  # of which twice is said
-
-
-def name_leaves(numbers: Iterable[int], labels: Sequence[str], most: int = 10_000) -> list[str]:
-    """Primitives by what they are called, with their numbers where several are called so: "plate", "hole (3, 4)"; at most so many names."""
-    groups: dict[str, list[int]] = {}
-    for number in dict.fromkeys(numbers):
-        groups.setdefault(labels[number], []).append(number)
-    words = [label if labels.count(label) == 1 else f"{label} ({', '.join(map(str, sorted(of)))})" for label, of in groups.items()]
-    return words if len(words) <= most else [*words[:most], f"{len(words) - most} more"]
 
 
 def join_words(words: Sequence[str]) -> str:
