@@ -20,6 +20,7 @@ from imdim.delivery.intervals import StatedInterval
 from imdim.delivery.verdict import JudgedRegion, SurfaceVerdict, describe_shares
 from imdim.export.elimination import MOST_NAMED
 from imdim.export.hole_names import hole_groups
+from imdim.export.inches import inch_fractions
 from imdim.geometry.holes import MOST_WALLS, count_walls
 from imdim.program.cost import count
 from imdim.program.edges import EdgeFeature, describe_edges
@@ -91,6 +92,7 @@ def report_of(
         "left_out": [*left_out, *_left_out(program)],
         "constraints": [{"name": c.name, "kind": c.kind, "says": str(c)} for c in constraints],
         "parameters": {name: number(value) for name, value in named.values.items()},
+        **({"inches": fractions} if (fractions := inch_fractions(named)) else {}),
         **({} if intervals is None else {"intervals": {name: _interval(interval) for name, interval in intervals.items()}}),
         "scores": _scores(scores),
         "verdict": _verdict(verdict),

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Collection
 from decimal import Decimal
 
+from imdim.export.inches import inch_fractions
 from imdim.export.parameters import Parameters, is_count
 from imdim.program.edges import EDGE_KINDS
 from imdim.program.tree import FULL_TURN
@@ -19,14 +20,17 @@ EDGES = "edges"  # the section of fillets and chamfers
 
 
 def customizer_head(named: Parameters, number: Callable[[float], str], counted: bool = True) -> list[str]:
-    """As `Parameters.head` for OpenSCAD, with a line above each section and a slider behind each value that can have one."""
+    """As `Parameters.head` for OpenSCAD, with a line above each section and each fraction of an inch, and a slider behind each
+    value that can have one."""
     out: list[str] = []
+    fractions = inch_fractions(named)
     section, labels = "", set(named.labels)
     for line in named.head(number, end=";", counted=counted):
         name, _, text = line.removesuffix(";").partition(" = ")
         if line and (found := _section(name, labels) or section) != section:
             section = found
             out.append(f"/* [{section.replace('_', ' ').capitalize()}] */")
+        out += [f"// {fractions[name]}"] if name in fractions else []
         out.append(line + slider(name, text, is_copies=name in named.counts) if line else line)
     return out
 

@@ -4,10 +4,11 @@ place by itself parts them."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from imdim.numbers.design_values import grids, round_to_grid
+from imdim.numbers.inches import are_inches
 from imdim.program.motions import move_leaf, turn
 from imdim.program.patterns.detect import extent, fold_repeats
 from imdim.program.repeats import Repeat, repeats
@@ -37,7 +38,8 @@ def round_circles(before: Program, after: Program, bears: Callable[[Program], bo
         old, new = list(leaves(before)), list(leaves(after))
         if not slants and _stand_on_one(repeat, old, new, members, size):
             continue
-        for trial in [_row(repeat, old, new, members)] if slants else _circles(repeat, old, new, members, size):
+        widths = grids(size, FINEST * size, are_inches(old))
+        for trial in [_row(repeat, old, new, members)] if slants else _circles(repeat, old, new, members, size, widths):
             whole = map_leaves(after, lambda i, leaf, trial=trial: trial.get(i, leaf))
             if whole == after or bears(whole):
                 after = whole
@@ -46,7 +48,7 @@ def round_circles(before: Program, after: Program, bears: Callable[[Program], bo
 
 
 def _circles(
-    repeat: Repeat, old: list[Primitive], new: list[Primitive], members: tuple[int, ...], size: float
+    repeat: Repeat, old: list[Primitive], new: list[Primitive], members: tuple[int, ...], size: float, widths: Sequence[float]
 ) -> Iterator[dict[int, Primitive]]:
     """The members by their numbers, the roundest radius first."""
     hub = _hub(repeat, old, new, members, size)
@@ -57,7 +59,7 @@ def _circles(
     arm = minus(old[members[first]].center, repeat.point)
     arm = minus(arm, times(repeat.axis, dot(arm, repeat.axis)))
     radius = math.hypot(*arm)
-    for grid in (*grids(size, FINEST * size), 0.0):
+    for grid in (*widths, 0.0):
         rounded = round_to_grid(radius, grid) if grid else radius
         if abs(rounded - radius) <= MOST * size:
             placed = replace(leaf, center=plus(plus(hub, lift), times(unit(arm), rounded)))

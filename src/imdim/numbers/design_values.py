@@ -8,6 +8,7 @@ to `outline_values`, and so is the angle of a turned one, which is no length.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -23,6 +24,8 @@ ON_GRID = 0.9  # share of a part's numbers that are on its grid
 SURE = 7.0  # logarithm of the odds for a grid
 NORMAL_95 = 1.959964  # standard deviations to either side that hold 95 % of a normal distribution
 FINE = 0.1  # of a half-width, by which a number may be rounded without a claim
+INCH = 25.4  # millimetres
+FINEST_FRACTION = 128
 LENGTH = 3  # classes 0, 1, 2 are positions along x, y, z
 UNUSED = -1
 
@@ -169,11 +172,32 @@ def equal_groups(values: Values) -> list[np.ndarray]:
     return [np.array(g) for g in groups.values()]
 
 
-def grids(largest: float, finest: float) -> list[float]:
-    """Decimal grid widths: 1 and 5 times powers of ten, from about `largest` down to `finest`."""
+def grids(largest: float, finest: float, inches: bool = False) -> list[float]:
+    """Decimal grid widths: 1 and 5 times powers of ten, from about `largest` down to `finest`. Of a part in `inches`
+    their fractions, and between these the decimal ones, which few of its numbers are on."""
     top, bottom = math.floor(math.log10(largest)), math.ceil(math.log10(finest))
     widths = [digit * 10.0**e for e in range(top, bottom - 1, -1) for digit in (5.0, 1.0)]
-    return [w for w in widths if w <= largest]
+    widths = [w for w in widths if w <= largest]
+    if not inches:
+        return widths
+    rare = {w: w * (1 - ON_GRID) / ON_GRID for w in widths}
+    return sorted([*widths, *inch_grids(largest, finest)], key=lambda w: -rare.get(w, w))
+
+
+def inch_grids(largest: float, finest: float) -> Iterator[float]:
+    """Widths of inches and fractions of them in millimetres, coarsest first: to 64ths, of radii 128ths, since people measure diameters."""
+    width = INCH * 2.0 ** math.floor(math.log2(largest / INCH))
+    while width >= max(finest, INCH / FINEST_FRACTION):
+        yield width
+        width /= 2
+
+
+def coarsest_widths(numbers: np.ndarray, widths: Sequence[float], slack: float) -> np.ndarray:
+    """For each of the numbers [n] the widest of the grids, coarsest first, on which it lies to within the slack; 0 where it is on none."""
+    out = np.zeros(len(numbers))
+    for width in reversed(widths):
+        out[np.abs(numbers - np.round(numbers / width) * width) <= slack] = width
+    return out
 
 
 def round_to_grid(number: float, grid: float) -> float:

@@ -80,14 +80,15 @@ Carrier = Line | Arc
 Condition = Callable[[Point], tuple[float, Point]]  # of a centre: how far it is from holding, and the derivative
 
 
-def snap_outline(outline: Outline, tolerance: float, offset: Point = (0.0, 0.0)) -> Outline:
+def snap_outline(outline: Outline, tolerance: float, offset: Point = (0.0, 0.0), inches: bool = False) -> Outline:
     """The outline with round numbers in coordinates whose origin is at minus `offset`; the same one where a loop would degenerate.
+    Of a part in `inches` fractions of these are round too.
 
     No carrier moves by more than about `tolerance`, along the curve that lies on it.
     """
     placed = outline.shift(*offset)
     try:
-        snapped = Outline(tuple(_tidy_loop(loop, *offset) for loop in _snap_loops(placed, tolerance)))
+        snapped = Outline(tuple(_tidy_loop(loop, *offset) for loop in _snap_loops(placed, tolerance, inches)))
         check_crossings(snapped)
     except (ValueError, ZeroDivisionError):
         return outline
@@ -97,12 +98,12 @@ def snap_outline(outline: Outline, tolerance: float, offset: Point = (0.0, 0.0))
     return snapped if same_way else outline
 
 
-def _snap_loops(outline: Outline, tolerance: float) -> Iterator[Loop]:
+def _snap_loops(outline: Outline, tolerance: float, inches: bool) -> Iterator[Loop]:
     """The loops with round numbers; ellipses after the others, so that they take the centres and sizes that these have."""
-    rings = _snap_rings(tuple(outline.rings), tolerance) if outline.rings else []
+    rings = _snap_rings(tuple(outline.rings), tolerance, inches) if outline.rings else []
     circles = [found for found in map(circle_of, rings) if found]
     centers, lengths = [c[:2] for c in circles], [c[2] for c in circles]
-    widths = _widths(outline, tolerance)
+    widths = _widths(outline, tolerance, inches)
     left = iter(rings)
     for loop in outline.loops:
         if not isinstance(loop, Ellipse):
@@ -123,12 +124,12 @@ class _PartedError(ValueError):
         self.curves = curves
 
 
-def _snap_rings(rings: tuple[Ring, ...], tolerance: float) -> list[Ring]:
+def _snap_rings(rings: tuple[Ring, ...], tolerance: float, inches: bool) -> list[Ring]:
     """Loops with round numbers. Curves that would no longer meet keep theirs, for one rounding among many is no reason to leave all odd."""
     held: set[tuple[int, int]] = set()
     while True:
         try:
-            return _Snapping(rings, tolerance, held).loops()
+            return _Snapping(rings, tolerance, inches, held).loops()
         except _PartedError as parted:
             # an arc first, for a line may go on beyond it
             arcs = {(i, k) for i, k in parted.curves if rings[i][k][2]}
@@ -137,11 +138,11 @@ def _snap_rings(rings: tuple[Ring, ...], tolerance: float) -> list[Ring]:
                 raise
 
 
-def _widths(outline: Outline, tolerance: float) -> list[float]:
+def _widths(outline: Outline, tolerance: float, inches: bool) -> list[float]:
     """The grids, coarsest first, that numbers of an outline may be rounded to."""
     (left, low), (right, high) = outline.bounds
     largest = max(abs(v) for v in (left, low, right, high))
-    return grids(max(largest, 4 * tolerance), 0.1 * tolerance)
+    return grids(max(largest, 4 * tolerance), 0.1 * tolerance, inches)
 
 
 def _tidy_loop(loop: Loop, dx: float, dy: float) -> Loop:
@@ -151,7 +152,7 @@ def _tidy_loop(loop: Loop, dx: float, dy: float) -> Loop:
     return tuple((_tidy(x - dx), _tidy(y - dy), b) for x, y, b in loop)
 
 
-def snap_leaf(leaf: Primitive, tolerance: float) -> Primitive:
+def snap_leaf(leaf: Primitive, tolerance: float, inches: bool = False) -> Primitive:
     """The leaf with a round outline, about whose middle its centre is; of one along the world's axes, the places in the world are round."""
     if leaf.outline is None:
         return leaf
@@ -160,7 +161,7 @@ def snap_leaf(leaf: Primitive, tolerance: float) -> Primitive:
     x, y, z = (rotation.T @ leaf.center).tolist() if is_level(leaf) else (0.0, 0.0, 0.0)
     across = leaf.kind == "extrude"
     offset = (x, y) if across else (0.0, z)
-    snapped = snap_outline(leaf.outline, tolerance, offset)
+    snapped = snap_outline(leaf.outline, tolerance, offset, inches)
     if snapped is leaf.outline:
         return leaf
     (left, low), (right, high) = snapped.bounds
@@ -191,12 +192,13 @@ class _Snapping:
 
     given: tuple[Ring, ...]
     tolerance: float
+    inches: bool
     held: set[tuple[int, int]]
     carriers: list[list[Carrier]] = field(init=False)
     widths: list[float] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.widths = _widths(Outline(self.given), self.tolerance)
+        self.widths = _widths(Outline(self.given), self.tolerance, self.inches)
         self.carriers = [[_carrier(curve) for curve in ring_curves(loop)] for loop in self.given]
 
     def loops(self) -> list[Ring]:

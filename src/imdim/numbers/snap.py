@@ -15,6 +15,7 @@ import numpy as np
 
 from imdim.deadline import NEVER, Deadline
 from imdim.numbers.design_values import Values, clusters, decimal, equal_groups, grids, round_to_grid, span
+from imdim.numbers.inches import are_inches
 from imdim.numbers.outline_values import snap_leaf
 from imdim.numbers.shared_rotations import round_together
 from imdim.numbers.symmetry_normal_form import canonical
@@ -52,19 +53,20 @@ def snap(
 ) -> Program:
     """The program with rounder numbers whose `error` is at most that of `program` grown by the tolerances.
 
-    Past the `deadline` (by default never) nothing more is rounded. Grids are 1 or 5 times a power of ten.
+    Past the `deadline` (by default never) nothing more is rounded. Grids are 1 or 5 times a power of ten, and fractions of an inch where
+    the numbers tell of these.
     """
     config = config or SnapConfig()
     program = map_leaves(program, lambda _, p: canonical(p))
     judge = _SnapJudge(program, error, config, deadline)
     parts = _snap_rotations(list(leaves(program)), judge, config)
     values = Values.of(parts)
-    largest = span(parts)
+    largest, inches = span(parts), are_inches(parts)
     for share in (0.1, 0.3, 1.0) if config.equalise else ():
         changes = clusters(values, share * config.max_move * largest)
         values = accept_changes(values, changes, Values.with_numbers, judge.bears, config.tries)
-    values = _round(values, judge, config, largest)
-    return _rebuilt(program, _snap_outlines(tuple(values.primitives()), judge, config, largest))
+    values = _round(values, judge, config, grids(largest, config.finest * largest, inches), largest)
+    return _rebuilt(program, _snap_outlines(tuple(values.primitives()), judge, config, largest, inches))
 
 
 class _SnapJudge:
@@ -127,11 +129,14 @@ def _snap_rotations(parts: list[Primitive], judge: _SnapJudge, config: SnapConfi
     return list(current)
 
 
-def _snap_outlines(parts: tuple[Primitive, ...], judge: _SnapJudge, config: SnapConfig, largest: float) -> tuple[Primitive, ...]:
+def _snap_outlines(
+    parts: tuple[Primitive, ...], judge: _SnapJudge, config: SnapConfig, largest: float, inches: bool
+) -> tuple[Primitive, ...]:
     """Outlines rounded as boldly as they bear, and the angles that they turn by."""
     start = parts
     for share in OUTLINE_SHARES:
-        offers = [(i, snap_leaf(p, share * config.max_move * largest)) for i, p in enumerate(parts) if p is start[i] and p.outline]
+        slack = share * config.max_move * largest
+        offers = [(i, snap_leaf(p, slack, inches)) for i, p in enumerate(parts) if p is start[i] and p.outline]
         offers = [(i, leaf) for i, leaf in offers if leaf != parts[i]]
         parts = accept_changes(parts, offers, _put, judge.bears_parts, config.tries)
     for step in ANGLE_STEPS:
@@ -151,10 +156,10 @@ def _put_all(parts: tuple[Primitive, ...], change: Mapping[int, Primitive]) -> t
     return tuple(change.get(i, part) for i, part in enumerate(parts))
 
 
-def _round(values: Values, judge: _SnapJudge, config: SnapConfig, largest: float) -> Values:
+def _round(values: Values, judge: _SnapJudge, config: SnapConfig, widths: Sequence[float], largest: float) -> Values:
     """Coarsest grid first; values that took a grid are done, unless they turn out to have been carried by the others."""
     start, pending = values, equal_groups(values)
-    for grid in grids(largest, config.finest * largest):
+    for grid in widths:
         moves = [(group, round_to_grid(float(values.numbers[group[0]]), grid)) for group in pending]
         close = [m for m in moves if _move(values, m) <= config.max_move * largest]
         # the smallest moves stand first, so that halving parts them from the bold ones

@@ -44,7 +44,7 @@ from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.choices import choices_beside, few, unite_fronts
 from imdim.reconstruction.config import LEARNING, ConfigError, Settings, check_choices, lacking, require_extra
 from imdim.reconstruction.edge_features import SetAside, describe_kept, find_edge_features, place_chain, set_edges_aside
-from imdim.reconstruction.fitting import find_relations, fit_numbers, snap_measured, snap_numbers
+from imdim.reconstruction.fitting import find_relations, fit_numbers, snap_measured
 from imdim.reconstruction.hole_ends import complete_holes
 from imdim.reconstruction.mdl import most_likely, reconstruct_scan, reconstruct_unlabelled
 from imdim.reconstruction.methods import CUT, FINELY, HIDDEN, METHODS, Method, MethodStep, PolicyOf, Run, evolve_from, time_to_propose
@@ -52,6 +52,7 @@ from imdim.reconstruction.observation import Observation, UnitBody, UnseenError,
 from imdim.reconstruction.plain_program import is_hardly_longer
 from imdim.reconstruction.policy_beam import load, load_if_any
 from imdim.reconstruction.preserve import is_same, preserve
+from imdim.reconstruction.rounding import settle_origin, snap_numbers
 from imdim.reconstruction.stand_ins import take_off_stand_ins
 from imdim.search.evolve.population import EvolutionConfig
 from imdim.target.target import Frame, InputError, Target, in_unit_frame, split_bodies, target_from
@@ -369,6 +370,7 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
     if settings.solver:
         solve_by = budget.part_of("likely", share) if seen.noisy else fit_by
         fitted, found = _solve(simple, seen, choose_by, solve_by, settings.language == "cad")
+        frame = frame if found is not None or fit_by.has_passed() else settle_origin(frame.undo(fitted.program), seen, frame)
         last = _state(fitted, seen, frame)
         found = None if found is None else scale_constraints(found, 1 / frame.scale)
         if found is None:

@@ -9,10 +9,11 @@ from imdim.deadline import NEVER
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.geometry.surface import signed_distance
 from imdim.program.tree import leaves
-from imdim.reconstruction import fitting, pipeline
+from imdim.reconstruction import pipeline, rounding
 from imdim.reconstruction.config import Settings
-from imdim.reconstruction.fitting import SNAP_CHANGE, SNAP_LOSS, fit_numbers, snap_numbers
+from imdim.reconstruction.fitting import fit_numbers
 from imdim.reconstruction.observation import UnitBody, observe
+from imdim.reconstruction.rounding import SNAP_CHANGE, SNAP_LOSS, snap_numbers
 from imdim.target.target import in_unit_frame, target_from
 
 
@@ -91,9 +92,9 @@ def test_corners_on_chords_do_not_draw_numbers_inwards():
     """Where the pins cut the cone's facets, corners lie inside it, and a cone that is a little lower fits those better."""
     seen, _ = seen_of(mesh_of(FUNNEL, 64))
     walls = [patch for patch in seen.patches if patch.surface.kind == "cone"]
-    told = [fitting._true_corners(patch) for patch in walls]
+    told = [rounding._true_corners(patch) for patch in walls]
     assert any(len(few) < len(patch.points) for few, patch in zip(told, walls, strict=True))
-    assert all(np.abs(signed_distance(w.surface, few)).max() <= fitting.ON_SURFACE for few, w in zip(told, walls, strict=True))
+    assert all(np.abs(signed_distance(w.surface, few)).max() <= rounding.ON_SURFACE for few, w in zip(told, walls, strict=True))
     assert next(leaves(rounded(FUNNEL, mesh_of(FUNNEL, 64)))).size == (7.45, 13.9, 10.0)
 
 
@@ -109,7 +110,7 @@ def test_copies_are_rounded_together():
 
 def judged(truth, plain):
     seen, frame = seen_of(mesh_of(truth))
-    return fitting._SolidJudge(frame.apply(plain), seen), frame
+    return rounding._SolidJudge(frame.apply(plain), seen), frame
 
 
 @pytest.mark.parametrize(
@@ -126,12 +127,12 @@ def test_points_and_booleans_say_the_same_of_a_plate(thickness, kept):
 
 def test_what_booleans_refuse_is_tried_more_cautiously_and_then_left(monkeypatch):
     tried = []
-    seems = fitting._SolidJudge.seems_kept
+    seems = rounding._SolidJudge.seems_kept
     monkeypatch.setattr(
-        fitting._SolidJudge, "seems_kept", lambda judge, trial, caution: tried.append(caution) or seems(judge, trial, caution)
+        rounding._SolidJudge, "seems_kept", lambda judge, trial, caution: tried.append(caution) or seems(judge, trial, caution)
     )
-    monkeypatch.setattr(fitting._SolidJudge, "keeps", lambda judge, trial: False)
+    monkeypatch.setattr(rounding._SolidJudge, "keeps", lambda judge, trial: False)
     found = cut(box(40.0004, 29.9998, 6.0001), cylinder(3.0002, 8))
     plate, hole = leaves(rounded(found, mesh_of(cut(box(40, 30, 6), cylinder(3, 8)))))
     assert (plate, hole) == tuple(leaves(found))
-    assert list(dict.fromkeys(tried)) == list(fitting.CAUTIONS)
+    assert list(dict.fromkeys(tried)) == list(rounding.CAUTIONS)
