@@ -1,13 +1,15 @@
 """Whether delivered programs read as a designer's: ``python scripts/bench/editable.py RESULTS [--sources TREES.json]``
 
-RESULTS holds results folders. For each program.json: how many of its numbers (values of names as program.scad begins with them, lengths and
-places that follow no name, angles; what is added to names is by how much cutters overshoot) lie on a grid of 0.05 mm, of a sixteenth of an
+RESULTS holds results folders. For each program.json: how many of its numbers (values of names as program.scad begins with them, lengths
+and places that follow no name, angles; what is added to names is by how much cutters overshoot) lie on a grid of 0.05 mm, of a 64th of an
 inch, or of 0.5 degrees; how many coefficients of expressions are neither multiples of 1/2 nor cosines of places on a circle; how deep its
-operations nest, chains of one operation counted once; and how many of its outlines have no number that follows no name
-(`Parameters.free_numbers`). Programs of parts in other units than millimetres or inches fail the first by design, and so do those whose
-sources have other numbers: with the persons' programs, a JSON file of trees by part whose leaves are ["leaf", kind, numbers, matrix], the
-last line is of the parts alone whose sources' numbers all lie on the grid. How many changes of names `imdim edit` accepts is told by
-`edits.py`.
+operations nest, chains of one operation counted once; how many of its outlines have no number that follows no name
+(`Parameters.free_numbers`); by how much the volume IoU of what was delivered is less than that of the program before delivery (of all,
+the greatest loss); and how many bodies it has beyond those of the target, where the file that report.json calls its input is there: loose
+crumbs, or parts that miss each other. Programs of parts in other units than millimetres or inches fail the first by design, and so do
+those whose sources have other numbers: with the persons' programs, a JSON file of trees by part whose leaves are ["leaf", kind, numbers,
+matrix], the last line is of the parts alone whose sources' numbers all lie on the grid. How many changes of names `imdim edit` accepts is
+told by `edits.py`.
 """
 
 from __future__ import annotations
@@ -25,12 +27,15 @@ from imdim.export.delivered import read_values
 from imdim.export.drawn_vertex import numbers_of
 from imdim.export.numbers import Expression, angle_on_circle
 from imdim.export.parameters import Parameters, parametrise
+from imdim.geometry.census import census_of
+from imdim.geometry.solid import mesh_to_manifold, to_manifold
 from imdim.program.codec import constraints_of, from_json, parse, read_folded
 from imdim.program.nary import fold_nary
 from imdim.program.repeats import repeats
 from imdim.program.tree import OPS, Program, leaves, longest
+from imdim.target.target import load_target
 
-GRIDS_MM = (0.05, 25.4 / 16)
+GRIDS_MM = (0.05, 25.4 / 64)
 GRID_DEG = 0.5
 NEAR = 1e-5  # how far a number may lie from its grid: what files of single precision leave of it
 ZERO = 1e-9
@@ -45,11 +50,14 @@ class Reading(NamedTuple):
     depth: float
     outlines: int
     settled_outlines: int
+    iou_loss: float | None = None
+    crumbs: int | None = None
 
     def __str__(self) -> str:
         share = f" ({self.on_grid / self.numbers:.0%})" if self.numbers else ""
         cells = (self.numbers, f"{self.on_grid}{share}", self.odd_coefficients, f"{self.depth:g}", self.outlines, self.settled_outlines)
-        return " | ".join(map(str, cells))
+        loss = "-" if self.iou_loss is None else f"{self.iou_loss:.5f}"
+        return " | ".join(map(str, (*cells, loss, "-" if self.crumbs is None else self.crumbs)))
 
 
 def main() -> int:
@@ -62,8 +70,8 @@ def main() -> int:
         print(f"{given.results}: no folder in it has a program.json", file=sys.stderr)
         return 2
     readings = [read(path) for path in documents]
-    print("| part | numbers | on the grid | other coefficients | nesting | outlines | without free numbers |")
-    print("| --- " * 7 + "|")
+    print("| part | numbers | on the grid | other coefficients | nesting | outlines | without free numbers | IoU lost | crumbs |")
+    print("| --- " * 9 + "|")
     for path, r in zip(documents, readings, strict=True):
         print(f"| {path.parent.name} | {r} |")
     print(f"| all {len(documents)} | {_sum_up(readings)} |")
@@ -77,7 +85,11 @@ def main() -> int:
 
 
 def _sum_up(readings: Sequence[Reading]) -> Reading:
-    return Reading(*(map(sum, zip(*readings, strict=True))))._replace(depth=statistics.median(r.depth for r in readings))
+    counts = Reading(*(sum(column) for column in zip(*(r[:6] for r in readings), strict=True)))
+    losses = [r.iou_loss for r in readings if r.iou_loss is not None]
+    crumbs = [r.crumbs for r in readings if r.crumbs is not None]
+    depth = statistics.median(r.depth for r in readings)
+    return counts._replace(depth=depth, iou_loss=max(losses, default=None), crumbs=sum(crumbs) if crumbs else None)
 
 
 def is_regular(tree: Sequence[Any]) -> bool:
@@ -101,7 +113,26 @@ def read(path: Path) -> Reading:
     coefficients = [float(t.coefficient) for e in _expressions(named) for t in e.terms]
     odd = sum(map(is_odd, coefficients))
     free = named.free_numbers(longest(leaves(program)))
-    return Reading(len(on_grid), sum(on_grid), odd, nesting(program), len(free), free.count(0))
+    counts = Reading(len(on_grid), sum(on_grid), odd, nesting(program), len(free), free.count(0))
+    return counts._replace(**_told_by_report(path.parent, program))
+
+
+def _told_by_report(folder: Path, program: Program) -> dict[str, float | int | None]:
+    """What can be said of a program beside its target; nothing without a report."""
+    if not (folder / "report.json").exists():
+        return {}
+    report = json.loads((folder / "report.json").read_text())
+    found, delivered = report["found"]["volume_iou"], report["scores"]["volume_iou"]
+    loss = None if found is None or delivered is None else found - delivered
+    return {"iou_loss": loss, "crumbs": _count_crumbs(program, Path(report["input"]))}
+
+
+def _count_crumbs(program: Program, given: Path) -> int | None:
+    """Bodies beyond those of the target; None where there is no solid to compare with."""
+    target = load_target(given) if given.exists() else None
+    if target is None or target.mesh is None or not target.is_solid:
+        return None
+    return max(0, census_of(to_manifold(program)).bodies - census_of(mesh_to_manifold(target.mesh)).bodies)
 
 
 def is_odd(coefficient: float) -> bool:

@@ -9,6 +9,7 @@ from PIL import Image
 from tests.planted import box, cut, cylinder
 
 from imdim.export.edit import open_delivered, write
+from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.codec import dumps, parse
 from imdim.program.outline import Outline, circle
 from imdim.program.tree import Primitive, combine_all
@@ -73,6 +74,20 @@ def test_outlines_and_nesting_are_counted(tmp_path, capsys):
     sys.argv = ["editable.py", str(tmp_path)]
     assert editable.main() == 0
     assert capsys.readouterr().out.splitlines()[-1].startswith(f"| all 1 | {found.numbers} | {found.on_grid} (")
+
+
+def test_lost_iou_and_loose_bodies_are_told(tmp_path, capsys):
+    to_trimesh(to_manifold(PLATE)).export(tmp_path / "plate.stl")
+    folder = written(combine_all("union", [PLATE, box(1.0, 1.0, 1.0, (0.0, 0.0, 20.0))]), tmp_path / "out" / "plate")
+    told = {"input": str(tmp_path / "plate.stl"), "found": {"volume_iou": 0.9999}, "scores": {"volume_iou": 0.9997}}
+    (folder / "report.json").write_text(json.dumps(told))
+    found = editable.read(folder / "program.json")
+    assert (found.crumbs, found.iou_loss) == (1, pytest.approx(2e-4))
+    sys.argv = ["editable.py", str(tmp_path / "out")]
+    assert editable.main() == 0
+    assert capsys.readouterr().out.splitlines()[-1].endswith("| 0.00020 | 1 |")
+    (folder / "report.json").write_text(json.dumps(told | {"input": "gone.stl", "scores": {"volume_iou": None}}))
+    assert editable.read(folder / "program.json")[6:] == (None, None)
 
 
 def test_a_picture_of_an_edit(tmp_path, capsys):

@@ -54,6 +54,15 @@ def test_clouds_are_placed_too():
     assert placed.points[:, 2].min() == pytest.approx(0.0, abs=1e-12)
 
 
+def test_a_size_that_is_too_large_is_doubted():
+    (hint,) = place(block((52000.0, 30000.0, 8000.0))).notes
+    much = "The longest side measures {} mm, which is much for a part: "
+    assert hint == much.format(52000) + "if it is in micrometres, it is 52 mm long and has to be scaled."
+    *_, hint = place(block((80.0, 40.0, 20.0)), "m").notes
+    assert hint == much.format(80000) + "units=mm makes it 80, units=cm makes it 800, units=inch makes it 2032 mm."
+    assert place(block((900.0, 40.0, 20.0))).notes == ()
+
+
 def test_a_size_that_is_hardly_millimetres_is_doubted():
     (hint,) = place(block((0.0048, 0.0048, 0.002))).notes
     assert hint == "The longest side measures 0.0048, which is little for millimetres: units=m makes it 4.8 mm."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -30,6 +31,7 @@ def place(target: Target, units: str = "auto", origin: str = "keep") -> Target:
     elif units != "auto":
         factor = MILLIMETRES[WORDS[units]]
         notes += [f"Lengths are read as {SPOKEN[units]}: each becomes {factor:g} millimetres."] if factor != 1 else []
+        notes += _doubt_choice(target, units)
         target = replace(target, units=MILLIMETRE)
     elif target.units == UNSPECIFIED:
         notes += _doubt(target)
@@ -44,14 +46,35 @@ def place(target: Target, units: str = "auto", origin: str = "keep") -> Target:
 
 
 def _doubt(target: Target) -> list[str]:
-    """A hint where the part would be smaller than parts are."""
-    longest = float(np.ptp(_box(target), axis=0).max())
+    """A hint where the part would be smaller or larger than parts are."""
+    longest = _longest(target)
     would = {unit: longest * MILLIMETRES[word] for unit, word in WORDS.items() if word != MILLIMETRE}
-    likely = {unit: size for unit, size in would.items() if SMALL <= size <= LARGE}
-    if longest >= SMALL or not likely:
-        return []
-    said = ", ".join(f"units={unit} makes it {size:.4g}" for unit, size in likely.items())
-    return [f"The longest side measures {longest:.4g}, which is little for millimetres: {said} mm."]
+    if longest > LARGE:
+        return [
+            f"{_much(longest)}: if it is in micrometres, it is {longest * MILLIMETRES['micron']:.4g} mm long, and has to be scaled before."
+        ]
+    return _hint(f"The longest side measures {longest:.4g}, which is little for millimetres", would) if longest < SMALL else []
+
+
+def _doubt_choice(target: Target, units: str) -> list[str]:
+    """A hint where the units that were chosen make the part larger than parts are."""
+    longest = _longest(target)
+    would = {unit: longest * MILLIMETRES[word] for unit, word in WORDS.items() if unit != units}
+    return _hint(_much(longest * MILLIMETRES[WORDS[units]]), would) if longest * MILLIMETRES[WORDS[units]] > LARGE else []
+
+
+def _much(longest: float) -> str:
+    return f"The longest side measures {longest:.6g} mm, which is much for a part"
+
+
+def _hint(oddity: str, would: Mapping[str, float]) -> list[str]:
+    """With the units that make the size a likely one, where there are such."""
+    said = ", ".join(f"units={unit} makes it {size:.4g}" for unit, size in would.items() if SMALL <= size <= LARGE)
+    return [f"{oddity}: {said} mm."] if said else []
+
+
+def _longest(target: Target) -> float:
+    return float(np.ptp(_box(target), axis=0).max())
 
 
 def _box(target: Target) -> np.ndarray:
