@@ -50,9 +50,7 @@ def _doubt(target: Target) -> list[str]:
     longest = _longest(target)
     would = {unit: longest * MILLIMETRES[word] for unit, word in WORDS.items() if word != MILLIMETRE}
     if longest > LARGE:
-        return [
-            f"{_much(longest)}: if it is in micrometres, it is {longest * MILLIMETRES['micron']:.4g} mm long, and has to be scaled before."
-        ]
+        return [f"{_much(longest)}: if it is in micrometres, it is {longest * MILLIMETRES['micron']:.4g} mm long and has to be scaled."]
     return _hint(f"The longest side measures {longest:.4g}, which is little for millimetres", would) if longest < SMALL else []
 
 
