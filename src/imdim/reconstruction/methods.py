@@ -350,7 +350,8 @@ def _search_structure(run: Run, proofs: Proofs) -> Iterator[MethodStep]:
     deadline = run.part_of("noisy_search") if seen.noisy else run.budget.end_of("search")
     price = seen.size_weight * seen.cells.volume
     sharpener = Sharpener(seen.families, seen.label, SAMPLES, price, run.rng) if seen.evidence.exact else None
-    config, start_by = StructureConfig(size_weight=seen.size_weight), run.part_of("starts")
+    patterns = seen.copies_once and seen.evidence.exact
+    config, start_by = StructureConfig(size_weight=seen.size_weight, patterns=patterns), run.part_of("starts")
     for found in search_structure(seen.families, config, run.rng, deadline, sharpener, start_by):
         program = to_program(found.sequence, found.families)
         yield MethodStep("search", program)
@@ -445,10 +446,14 @@ def _propose_if_poor(run: Run, best: MethodStep | None) -> MethodStep | None:
 
 
 def _prove(best: MethodStep, proofs: Proofs) -> MethodStep:
-    """The best with its proof, or a shorter program that the search for one met."""
+    """The best with its proof, or a shorter program that the search for one met; where copies that repeat stand in the way of either, the
+    proof is about what is beside them."""
     program, proof = proofs.of(best.program)
-    others = (*best.others, best.program) if proof.program else best.others
-    return replace(best, stage="proof", program=program, error=None, others=others, proof=str(proof))
+    is_shorter = proof.program is not None and proofs.seen.exact_price(program) <= proofs.seen.exact_price(best.program)
+    if is_shorter:
+        best = replace(best, program=program, error=None, others=(*best.others, best.program))
+    beside = None if proof.minimal and (is_shorter or proof.program is None) else proofs.beside_repeats(best.program)
+    return replace(best, stage="proof", proof=beside or str(proof))
 
 
 def _propose(run: Run, starts: list[Program]) -> MethodStep:

@@ -21,6 +21,7 @@ from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.geometry.surface import Patch, Surface
 from imdim.geometry.winding import Interior
 from imdim.program.cost import CURVE, weigh
+from imdim.program.patterns.weigh import weigh_once
 from imdim.program.tree import Program
 from imdim.reconstruction.evidence import ScoringSamples
 from imdim.search.arrangement import ArrangementConfig, arrange
@@ -148,7 +149,12 @@ class Observation:
         return self.price(program) if iou is None else 1 - iou + self._size_price(program)
 
     def _size_price(self, program: Program) -> float:
-        return self.size_weight * weigh(program, self.curve)
+        return self.size_weight * (weigh_once if self.copies_once else weigh)(program, self.curve)
+
+    @property
+    def copies_once(self) -> bool:
+        """Whether copies that repeat are paid for once, as curves are paid for; else primitives alone are counted."""
+        return self.curve > 0
 
 
 def find_solid(target: Target) -> Manifold | None:

@@ -20,8 +20,7 @@ from imdim.geometry.lowering import lower
 from imdim.program.cost import count
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Curve, Loop, Outline, arc_center, arc_radius, has_ellipse, ring_curves
-from imdim.program.patterns.detect import extent, fold_repeats
-from imdim.program.repeats import expand, first_copies, repeats
+from imdim.program.patterns.weigh import take_first_copies
 from imdim.program.rewrite.cells import count_runs
 from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.observation import Observation
@@ -32,7 +31,6 @@ MORE, LESS = 1.25, 0.85  # times as much to read as in the drawings: what few pl
 CLEARLY = 0.95  # times as much to read, copies read once, as walls and bars have: what more than FEW cells in their place may have
 FAR_LESS, SLIGHTLY = 0.65, 0.9  # the same where copies are read once, however many they are: of a dozen drawings, and of more
 DRAWN = 0.9  # times as much to read as in plain features: what a drawing that takes the place of some may have
-NEAR = 2e-4  # of the program's size, by which copies may differ whose numbers are not fitted yet
 PER_DIRECTION = 2  # numbers that say how copies go on one way: a count and a step
 SAME = 0.8  # of a primitive's price: by how much less of the part they may be
 CURVE_KIND = 0.5  # of a number: that a curve is a line or an arc
@@ -144,11 +142,8 @@ def reading_length(program: Program, low: np.ndarray, high: np.ndarray) -> float
 
 def length_read_once(program: Program, low: np.ndarray, high: np.ndarray) -> float:
     """`reading_length` of a program whose repeated parts are written once."""
-    folding = fold_repeats(program, NEAR * extent(program))
-    if folding is None:
-        return reading_length(program, low, high)
-    directions = sum(len(repeat.counts) for _, repeat in repeats(folding.folded))
-    return reading_length(expand(first_copies(folding.folded)), low, high) + PER_DIRECTION * directions
+    first, directions = take_first_copies(program)
+    return reading_length(first, low, high) + PER_DIRECTION * directions
 
 
 def _count_kinds(program: Program) -> int:

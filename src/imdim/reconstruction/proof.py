@@ -5,16 +5,39 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
+from imdim.geometry import kernels
 from imdim.program.cost import count
-from imdim.program.tree import Program
+from imdim.program.patterns.detect import extent, fold_repeats
+from imdim.program.patterns.weigh import NEAR
+from imdim.program.repeats import repeats, size
+from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.observation import Observation
+from imdim.search.candidate_families import Families
 from imdim.search.exact.prove import Proof, Prover
 
 PROOF_S = 10.0  # for all proofs about a body, at most
 EASY, FALL = 16, 8  # primitives, up to which all of that is given, and the power that less is given with beyond: few proofs end there
 EARLY_SHARE = 0.6  # of what is left of that, for one proof before the search has ended
 MOST_EARLY = 3  # proofs before the search has ended
+
+
+BESIDE = "proved minimal over these candidates, beside what repeats"
+SHORTER = "fewer primitives do beside what repeats"
+
+
+def _part_repeats(program: Program) -> tuple[list[Primitive], int]:
+    """The leaves of a program that repeat, and the number of the others."""
+    folding = fold_repeats(program, NEAR * extent(program))
+    every = list(leaves(program))
+    if folding is None:
+        return [], len(every)
+    parts, given = list(leaves(folding.program)), set[int]()
+    for first, repeat in repeats(folding.folded):
+        given |= {first + i for i in range(size(repeat.part) * repeat.number)}
+    return [leaf for i, leaf in enumerate(parts) if i in given], len(parts) - len(given)
 
 
 @dataclass
@@ -41,6 +64,20 @@ class Proofs:
         proof = self._prover.prove(primitives, error, deadline)
         self.spent_s += self.budget.seconds() - start
         return proof.program or program, proof
+
+    def beside_repeats(self, program: Program) -> str | None:
+        """Whether beside the features that repeat, each a single one with its counts, no fewer primitives do: over the cells that none of
+        the copies holds. None where nothing repeats."""
+        given, others = _part_repeats(program)
+        if not given:
+            return None
+        cells = self.seen.cells
+        rest = cells.choose(~np.logical_or.reduce([kernels.inside(leaf, cells.points) for leaf in given]))
+        prover = Prover(Families(self.seen.families.arrangement, rest), self._prover.unit / rest.volume)
+        error = float(np.where(kernels.inside(program, rest.points), rest.w_out, rest.w_in).sum())
+        proof = prover.prove(others, error, self.budget.within(PROOF_S).earlier(self.budget.part_of("prove", self.share)))
+        # what is shorter there need not be the part where the copies are
+        return BESIDE if proof.minimal and proof.program is None else f"not proved: {proof.why or SHORTER}"
 
     def early(self, program: Program) -> tuple[Program, Proof] | None:
         """As `of`, for a program that the search passes through, where it is shorter than those before; None where that is not worth it."""

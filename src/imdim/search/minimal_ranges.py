@@ -10,15 +10,16 @@ import numpy as np
 from imdim.program.sequence import Step
 from imdim.search.arrangement import span_along
 from imdim.search.candidate_families import Candidate, Families
-from imdim.search.sequence import Covered, Pair, Sequence, apply, gaps, is_silent
+from imdim.search.sequence import Covered, Pair, Sequence, apply, gaps, is_silent, spell_out
 
 
 def tidy(sequence: Sequence, families: Families) -> Sequence:
-    """The same or a better fill of the cells, with each range shrunk from the far sentinels, and those of added solids as short as they
-    can be.
+    """The same or a better fill of the cells, with a step for each copy of a pattern, each range shrunk from the far sentinels, and those
+    of added solids as short as they can be.
 
     Better: a range may have been found on fewer cells than are known here, and then fills some that no sample of the search fell into.
     """
+    sequence = spell_out(sequence, families)
     places = list(gaps(sequence, len(families.cells.points)))
     state = np.zeros(len(families.cells.points), bool)
     for i, (_, _, silent) in enumerate(places[-2::-1]):
@@ -64,6 +65,25 @@ def _tidy_step(sequence: Sequence, i: int, before: np.ndarray, silent: np.ndarra
     return sequence
 
 
+def leave_air(candidate: Candidate, field: np.ndarray, families: Families) -> Candidate:
+    """A candidate without slabs that end at a sentinel and in which none of its cells wins or loses of a `field` [m], so that equal ones
+    have equal sizes."""
+    for axis, end in np.ndindex(len(candidate.ranges), 2):
+        while (shorter := shorten_range(candidate, axis, end, families, added=True)) is not None:
+            idle = not field[families.mask(candidate) & ~families.mask(shorter)].any()
+            if not idle or not _ends_at_sentinel(candidate, axis, end, families):
+                break
+            candidate = shorter
+    return candidate
+
+
+def _ends_at_sentinel(candidate: Candidate, axis: int, end: int, families: Families) -> bool:
+    direction = families.arrangement.directions[_direction(candidate, axis, families)]
+    low, high = span_along(families.arrangement.bounds, direction.vector)
+    at, slack = direction.offsets[candidate.ranges[axis][end]], 1e-9 * (high - low)
+    return not low + slack < at < high - slack
+
+
 def shorten_range(candidate: Candidate, axis: int, end: int, families: Families, added: bool) -> Candidate | None:
     """One slab less at one end; a cutter is only taken back from the far sentinel to the near one."""
     lo, hi = candidate.ranges[axis]
@@ -90,5 +110,5 @@ def _direction(candidate: Candidate, axis: int, families: Families) -> int:
 
 def _with(sequence: Sequence, i: int, halves: list[Candidate], families: Families) -> Sequence:
     op, old = sequence[i]
-    shape = halves[0] if isinstance(old.shape, Candidate) else Pair(old.shape.op, halves[0], halves[1])
+    shape = Pair(old.shape.op, halves[0], halves[1]) if isinstance(old.shape, Pair) else halves[0]
     return (*sequence[:i], Step(op, Covered.of(shape, families)), *sequence[i + 1 :])

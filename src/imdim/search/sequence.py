@@ -16,6 +16,7 @@ from itertools import accumulate, islice
 import numpy as np
 
 from imdim.program import sequence as signed
+from imdim.program.patterns.weigh import WAY
 from imdim.program.sequence import SignedSequence, Step, map_terms
 from imdim.program.tree import Combine, Op, Program
 from imdim.search.candidate_families import Candidate, Families
@@ -31,7 +32,15 @@ class Pair:
     right: Candidate
 
 
-Shape = Candidate | Pair
+@dataclass(frozen=True)
+class Pattern:
+    """Copies of one candidate, united, which go on along a row or circle (one of the `ways`), or a grid (two)."""
+
+    copies: tuple[Candidate, ...]
+    ways: int
+
+
+Shape = Candidate | Pair | Pattern
 OCCUPANCY: Mapping[Op, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
     "union": np.logical_or,
     "intersection": np.logical_and,
@@ -52,7 +61,15 @@ class Covered:
 
     @property
     def halves(self) -> tuple[Candidate, ...]:
+        """The candidates that it is made of."""
+        if isinstance(self.shape, Pattern):
+            return self.shape.copies
         return (self.shape,) if isinstance(self.shape, Candidate) else (self.shape.left, self.shape.right)
+
+    @property
+    def features(self) -> float:
+        """How many features are paid for: copies once, and their ways."""
+        return 1 + WAY * self.shape.ways if isinstance(self.shape, Pattern) else len(self.halves)
 
 
 Sequence = SignedSequence[Covered]
@@ -114,25 +131,39 @@ def without_one(sequence: Sequence, m: int) -> Iterator[tuple[int, np.ndarray]]:
             of_filled = np.where(step.term.mask == (step.op == "difference"), of_empty, of_filled)
 
 
-def cost(sequence: Sequence) -> int:
-    """Number of primitives."""
-    return sum(len(step.term.halves) for step in sequence)
+def cost(sequence: Sequence) -> float:
+    """Number of primitives, the copies of a pattern counted once."""
+    return sum(step.term.features for step in sequence)
 
 
 def expense(sequence: Sequence, families: Families, price: Price) -> float:
     """What the primitives and the curves of outlines cost, in volume."""
-    curves = sum(families.curve_cost(candidate) for step in sequence for candidate in step.term.halves)
+    charged = (c for step in sequence for c in step.term.halves[: 1 if isinstance(step.term.shape, Pattern) else None])
+    curves = sum(families.curve_cost(candidate) for candidate in charged)
     return price.step * cost(sequence) + curves
 
 
 def to_program(sequence: Sequence, families: Families) -> Program:
     """The program tree of the shapes; ValueError for an empty sequence."""
-    return signed.to_program(map_terms(sequence, lambda covered: _drawn(covered.shape, families)))
+    return signed.to_program(map_terms(spell_out(sequence, families), lambda covered: _drawn(covered.shape, families)))
+
+
+def spell_out(sequence: Sequence, families: Families) -> Sequence:
+    """The sequence with a step for each copy of a pattern."""
+    return tuple(part for step in sequence for part in _copies(step, families))
+
+
+def _copies(step: Step[Covered], families: Families) -> Iterator[Step[Covered]]:
+    if isinstance(step.term.shape, Pattern):
+        yield from (Step(step.op, Covered.of(copy, families)) for copy in step.term.shape.copies)
+    else:
+        yield step
 
 
 def _drawn(shape: Shape, families: Families) -> Program:
     if isinstance(shape, Candidate):
         return families.primitive(shape)
+    assert isinstance(shape, Pair)  # patterns are spelled out
     return Combine(shape.op, families.primitive(shape.left), families.primitive(shape.right))
 
 
@@ -140,6 +171,8 @@ def mask_of(shape: Shape, families: Families) -> np.ndarray:
     """The cells [m] of a shape."""
     if isinstance(shape, Candidate):
         return families.mask(shape)
+    if isinstance(shape, Pattern):
+        return reduce(np.logical_or, map(families.mask, shape.copies))
     return OCCUPANCY[shape.op](families.mask(shape.left), families.mask(shape.right))
 
 

@@ -17,6 +17,7 @@ from imdim.search.candidate_families import Families
 from imdim.search.counterexamples import Sharpener, transfer
 from imdim.search.lazy_bounds import GainBounds
 from imdim.search.lns import LocalConfig, RatedSequence, complete, grow, improve, prune, rate_sequence
+from imdim.search.pattern_steps import insert_patterns
 from imdim.search.sequence import Insertion, Price, cost, insertions, run
 
 _Finalist = tuple[RatedSequence, GainBounds]
@@ -48,6 +49,7 @@ class StructureConfig:
     abandon: float = 1.2  # a completion whose steps alone cost this many times the best objective is given up
     per_frame: int = 4
     sharpened: int = 4  # times in a row that counterexamples are looked for, at most
+    patterns: bool = True  # whether copies of a candidate are one step, at the price of one and its counts
     local_searches: int = 3  # each followed by a look for counterexamples
     local: LocalConfig = field(default_factory=LocalConfig)
 
@@ -81,6 +83,11 @@ def search(
             yield best
         elif again:
             return
+        finalists = [_insert_patterns(done, config, exact, deadline) for done in finalists]
+        for done, _ in finalists:
+            if best is None or done.objective < best.objective * (1 - 1e-9):
+                best = done
+                yield best
         for i, (start, known) in enumerate(finalists):
             for found in improve(start, config.local, exact, rng, deadline, known):
                 finalists[i] = found, known
@@ -88,6 +95,12 @@ def search(
                     best = found
                     yield best
         finalists = _foremost(finalists, 1)
+
+
+def _insert_patterns(done: _Finalist, config: StructureConfig, exact: Price, deadline: Deadline) -> _Finalist:
+    """A completed sequence with what repeats as single steps, where these are asked for and pay."""
+    found = insert_patterns(done[0], config.local, exact, deadline) if config.patterns and done[0].sequence else done[0]
+    return (found, GainBounds()) if found.objective < done[0].objective else done
 
 
 def _sharpen_finalists(

@@ -101,6 +101,16 @@ def pairs(bench: Bench, parts: list[Node], left: list[int]) -> list[RepeatCandid
         found = [p for p in found if not used & set(p.members[0])]
 
 
+def mirrored_pairs(bench: Bench, parts: list[Node], group: Sequence[int]) -> Iterator[RepeatCandidate]:
+    """Pairs among parts of one shape that a plane takes to each other."""
+    for i, j in combinations(group, 2):
+        shift = minus(parts[j].anchor, parts[i].anchor)
+        length = math.hypot(*shift)
+        if length > 8 * bench.tolerance:
+            mirrors = (r for r in _pair_repeats(bench, parts[i], parts[j], shift, length) if r.kind == "mirror")
+            yield from (found for r in mirrors for found in bench.verify(parts, (i, j), r, 0.0))
+
+
 def _pair_repeats(bench: Bench, a: Node, b: Node, shift: Vec3, length: float) -> Iterator[Repeat]:
     x, y, z = (round(s / length, 12) + 0.0 for s in shift)
     middle = tuple((p + q) / 2 for p, q in zip(a.anchor, b.anchor, strict=True))

@@ -8,11 +8,11 @@ repeats with the same motions become one. The order of what is united or cut cha
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from imdim.program.motions import is_round, step
-from imdim.program.patterns.candidate import Bench, Circling, RepeatCandidate, classes, first_leaf, pairs
+from imdim.program.patterns.candidate import Bench, Circling, RepeatCandidate, classes, first_leaf, mirrored_pairs, pairs
 from imdim.program.patterns.congruence import Node, group_by_fit, match, node_of
 from imdim.program.patterns.linear import Lattice, lattices
 from imdim.program.repeats import Folded, Group, Repeat, expand, repeats, size
@@ -58,6 +58,19 @@ def fold_repeats(program: Program, tolerance: float | None = None) -> Folding | 
         if search.found and (best is None or worth(folded) > worth(best.folded)):
             best = Folding(folded, tuple(order))
     return best
+
+
+def find_repeats(parts: Sequence[Primitive], tolerance: float) -> Iterator[tuple[tuple[int, ...], int]]:
+    """Rows, grids, circles and mirrored pairs among parts that one operation joins: the places of their copies, and in how many ways they
+    go on."""
+    nodes = [Node(None, [], part, i) for i, part in enumerate(parts)]
+    bench = Bench(tolerance, tolerance)
+    search = _FoldSearch(bench, Circling(bench, None, [p.center for p in parts]))
+    for group in classes(nodes, range(len(nodes)), tolerance):
+        found = list(search.of_class(nodes, group))
+        yield from ((choice.members[0], len(choice.repeat.counts)) for choice in found)
+        taken = {i for choice in found for i in choice.members[0]}
+        yield from ((pair.members[0], 1) for pair in mirrored_pairs(bench, nodes, [i for i in group if i not in taken]))
 
 
 def worth(folded: Folded) -> int:
@@ -127,12 +140,12 @@ class _FoldSearch:
         out: list[RepeatCandidate] = []
         left = list(range(len(parts)))
         for group in classes(parts, left, self.bench.tolerance):
-            out += self._of_class(parts, group)
+            out += self.of_class(parts, group)
         left = [i for i in left if not any(i in row for c in out for row in c.members)]
         both = (*self._merge(out), *pairs(self.bench, parts, left))
         return [c for c in both if (c.repeat.number - 1) * sum(parts[row[0]].writing for row in c.members) >= 2]
 
-    def _of_class(self, parts: list[Node], group: list[int]) -> Iterator[RepeatCandidate]:
+    def of_class(self, parts: list[Node], group: list[int]) -> Iterator[RepeatCandidate]:
         while len(group) > 2:
             best = max(self._candidates(parts, group), key=lambda c: c.saved, default=None)
             if best is None:
