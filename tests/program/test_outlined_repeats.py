@@ -77,7 +77,7 @@ def test_a_circle_of_outlines_is_written_once():
     assert same_solid(program, folding.program)
 
 
-def test_mirrored_pairs_and_grids_of_outlines_are_written_once():
+def test_pair_mirror_images_and_grids_of_outlines_are_written_once():
     row = [replace(LEAF, center=(70.0 * i - 35.0, 45.0 * k - 30.0, 0.0)) for i in range(2) for k in range(3)]
     folding = fold_repeats(combine_all("union", row))
     assert folding is not None

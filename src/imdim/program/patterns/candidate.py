@@ -101,7 +101,7 @@ def pairs(bench: Bench, parts: list[Node], left: list[int]) -> list[RepeatCandid
         found = [p for p in found if not used & set(p.members[0])]
 
 
-def mirrored_pairs(bench: Bench, parts: list[Node], group: Sequence[int]) -> Iterator[RepeatCandidate]:
+def pair_mirror_images(bench: Bench, parts: list[Node], group: Sequence[int]) -> Iterator[RepeatCandidate]:
     """Pairs among parts of one shape that a plane takes to each other."""
     for i, j in combinations(group, 2):
         shift = minus(parts[j].anchor, parts[i].anchor)

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from imdim.program.motions import is_round, step
-from imdim.program.patterns.candidate import Bench, Circling, RepeatCandidate, classes, first_leaf, mirrored_pairs, pairs
+from imdim.program.patterns.candidate import Bench, Circling, RepeatCandidate, classes, first_leaf, pair_mirror_images, pairs
 from imdim.program.patterns.congruence import Node, group_by_fit, match, node_of
 from imdim.program.patterns.linear import Lattice, lattices
 from imdim.program.repeats import Folded, Group, Repeat, expand, repeats, size
@@ -70,7 +70,7 @@ def find_repeats(parts: Sequence[Primitive], tolerance: float) -> Iterator[tuple
         found = list(search.of_class(nodes, group))
         yield from ((choice.members[0], len(choice.repeat.counts)) for choice in found)
         taken = {i for choice in found for i in choice.members[0]}
-        yield from ((pair.members[0], 1) for pair in mirrored_pairs(bench, nodes, [i for i in group if i not in taken]))
+        yield from ((pair.members[0], 1) for pair in pair_mirror_images(bench, nodes, [i for i in group if i not in taken]))
 
 
 def worth(folded: Folded) -> int:
