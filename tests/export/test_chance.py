@@ -70,7 +70,10 @@ def test_equal_sizes_are_tied_within_one_role():
     program = part()
     equal = Constraint("equal", (Ref(1, "r"), Ref(2, "r")), name="ball_hole_radius")
     assert without_chance(program, [equal]) == ()
-    pair = Constraint("equal", (Ref(3, "sx"), Ref(4, "sx")), name="pocket_length")
+    narrow = Constraint("equal", (Ref(3, "sx"), Ref(4, "sx")), name="slot_pocket_length")
+    assert without_chance(program, [narrow]) == ()
+    program = Combine("difference", program, Primitive("box", (8.0, 6.0, 4.0), (22.0, -12.0, 1.0)))
+    pair = Constraint("equal", (Ref(4, "sx"), Ref(5, "sx")), name="pocket_length")
     assert without_chance(program, [pair]) == (pair,)
 
 

@@ -33,8 +33,8 @@ def test_each_feature_has_one_line_in_each_text():
     for file in delivered.texts:
         assert sorted(comments(delivered, file)) == [
             "block #2, #3",
+            "bore #4: hole, diameter 8, through",
             "boss #1",
-            "hole #4: hole, diameter 8, through",
             "m3_hole #5 to #8: 4 x M3 clearance hole, diameter 3.4, through, on a 68 x 38 grid",
             "plate #0",
         ], file
@@ -50,7 +50,7 @@ def test_all_files_call_a_feature_alike(tmp_path):
     assert called == label == meshes == tuple(macro) == tuple(leaf["label"] for leaf in page["leaves"])
     names = meanings(delivered)
     assert names["plate_thickness"].startswith("length along z of plate #0; moves z of boss #1, block #2, #3")
-    assert names["hole_diameter"] == "diameter of hole #4"
+    assert names["bore_diameter"] == "diameter of bore #4"
     assert names["m3_hole_diameter"] == "diameter of m3_hole #5 to #8"
 
 
@@ -73,7 +73,7 @@ def test_texts_without_labels_keep_their_comments_of_holes():
     old = open_delivered(parse(dumps(before.program, before.meta, before.constraints, before.folded)), texts)
     assert not comments(old, "program.scad")
     assert old.labels == before.labels
-    assert "// hole, diameter 9, through" in change_values(old, {"hole_diameter": 9.0}).texts["program.scad"]
+    assert "// hole, diameter 9, through" in change_values(old, {"bore_diameter": 9.0}).texts["program.scad"]
 
 
 def test_a_comment_goes_with_its_hole():

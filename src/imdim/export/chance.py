@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
+from imdim.export.feature_roles import find_roles
 from imdim.export.seats import Seat, seats, sticks_out
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.patterns.congruence import group_by_fit
@@ -88,10 +89,11 @@ def _are_akin(parts: Sequence[Primitive], group: Sequence[Ref], ref: Ref) -> boo
 
 
 def _roles(program: Program) -> list[str]:
-    """As `roles_of`, but the first leaf, which is called after its place, has the role of those that are as large: a frame's four bars."""
+    """As `roles_of`, with ribs, slots and bores, but the first leaf, which is called after its place, has the role of those that are as large: a frame's four bars."""
     roles, parts, sign = roles_of(program), list(leaves(program)), signs(program)
     twins = (i for i in range(1, len(parts)) if sign[i] == sign[0] and _are_equal(parts[0], parts[i]))
-    return [roles[next(twins, 0)], *roles[1:]]
+    found = find_roles(program)
+    return [roles[next(twins, 0)], *(found[i].word if i in found else role for i, role in enumerate(roles[1:], 1))]
 
 
 def _are_equal(a: Primitive, b: Primitive) -> bool:

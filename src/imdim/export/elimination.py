@@ -24,6 +24,7 @@ from imdim.export.seats import End, FlatWall, ends_of, seats, seats_at_walls, wo
 from imdim.geometry.lowering import Lowered, lower
 from imdim.program.constraints import AXES_OF, Constraint, Ref
 from imdim.program.repeats import Folded
+from imdim.program.roles import signs
 from imdim.program.tree import KINDS, Primitive, Program, leaves, longest
 from imdim.relations.residuals import rows_of
 
@@ -76,7 +77,7 @@ class LinearSystem:
         system = LinearSystem(start, len(start), longest(parts))
         if folded is not None:
             add_repeats(system, folded, parts, fixed)
-        system.drawn = add_outlines(system, parts if delivered is None else list(leaves(delivered)), folded)
+        system.drawn = add_outlines(system, parts if delivered is None else list(leaves(delivered)), folded, signs(program))
         add_diameters(system, parts, folded)
         found = list(seats(program))
         constraints = rest_on_faces(constraints, found, parts)

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from imdim.export.hole_names import hole_roles
+from imdim.export.feature_roles import feature_roles
 from imdim.program.constraints import Constraint
 from imdim.program.repeats import Folded
 from imdim.program.roles import labels
@@ -17,7 +17,7 @@ MOST_RUNS = 8  # of numbers in a row, and of labels, that are said
 
 def label_features(program: Program, constraints: Sequence[Constraint] = (), folded: Folded | None = None) -> tuple[str, ...]:
     """The label of each leaf, by its role and by what is equal or copied; `program` is the expansion of `folded`."""
-    return tuple(labels(program, constraints, folded, hole_roles(program)))
+    return tuple(labels(program, constraints, folded, feature_roles(program, folded)))
 
 
 def say_feature(label: str, leaf: int) -> str:

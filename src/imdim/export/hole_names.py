@@ -71,7 +71,7 @@ class BoreWords:
     def word(self, leaf: int, word: str, value: float, label: str) -> str:
         """The word of a number of an outline: "m3_hole_diameter" for "hole_diameter"; without what the label says already."""
         own = label.rstrip("0123456789")
-        is_hole = own.endswith(("hole", *_SEATS))
+        is_hole = own.endswith(("hole", "bore", *_SEATS))
         if word not in ("hole_diameter", "diameter"):
             return word.removeprefix("hole_") if is_hole else word
         of = min((w for diameter, w in self.known.get(leaf, ()) if abs(diameter - value) <= SAME * value), default="")

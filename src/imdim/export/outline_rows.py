@@ -31,6 +31,7 @@ from imdim.export.drawn_vertex import (
 from imdim.export.outline_joints import HALF, DrawnArc, DrawnCurve, DrawnLine, Joint, OutlineJoints, Regular, Row, X, Y, sum_rows
 from imdim.export.outline_walls import EXACT, RoundWall, bind_coaxial
 from imdim.export.seats import FlatWall
+from imdim.export.slot_sizes import has_round_ends, size_slot
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.design_values import is_level
 from imdim.program.ellipse import Ellipse
@@ -64,8 +65,8 @@ class Sum:
 Drawn = tuple[DrawnRing[Sum], ...]
 
 
-def add_outlines(system: LinearSystem, parts: Sequence[Primitive], folded: Folded | None) -> dict[int, Drawn]:
-    """Variables and equations for the outlines of all leaves, and of each leaf what its vertices are.
+def add_outlines(system: LinearSystem, parts: Sequence[Primitive], folded: Folded | None, sign: Sequence[int]) -> dict[int, Drawn]:
+    """Variables and equations for the outlines of all leaves, and of each leaf what its vertices are; `sign` is -1 of those that cut.
 
     Copies that a repeat makes share the variables of the first, turned round where they are mirror images.
     """
@@ -76,7 +77,7 @@ def add_outlines(system: LinearSystem, parts: Sequence[Primitive], folded: Folde
         if part.outline is None:
             continue
         if source == leaf or source not in drawn:
-            dimensions = _Dimensions(system, leaf, part)
+            dimensions = _Dimensions(system, leaf, part, sign[leaf] < 0)
             drawn[leaf] = dimensions.vertices()
             circles += dimensions.circles_in_space()
             system.walls += dimensions.flat_walls()
@@ -144,8 +145,9 @@ class _Corner(NamedTuple):
 class _Dimensions:
     """The variables of one outline."""
 
-    def __init__(self, system: LinearSystem, leaf: int, part: Primitive) -> None:
+    def __init__(self, system: LinearSystem, leaf: int, part: Primitive, cuts: bool) -> None:
         assert part.outline is not None
+        self.may_be_slot = cuts and part.kind == "extrude" and has_round_ends(part.outline)
         self.system, self.leaf, self.part, self.outline = system, leaf, part, part.outline
         self.slack = EXACT * system.length
         self.joints = OutlineJoints(part.outline, self.slack)
@@ -218,6 +220,9 @@ class _Dimensions:
         """Centres of arcs that lie about a hole follow it, others the lines and arcs that they touch, as far as these say where; the lines
         beside an arc that turns far follow that."""
         arcs = [arc for arc in self.joints.arcs() if arc.end or not arc.loose]
+        if self.may_be_slot and size_slot(arcs, self._new, self.slack):
+            self._let_lines_follow()
+            return
         for arc in arcs:
             arc.size = self._radius("arc_radius" if arc.crossed and not arc.end else _ROUNDS[arc.half or arc.end, arc.inner], arc.radius)
             hole = next((center for center in holes if math.dist(center, arc.center) <= self.slack), None)
@@ -232,6 +237,9 @@ class _Dimensions:
                     arc.at[axis] = {self._new("arc_center", arc.center[axis]): 1.0}
                 elif arc.at[axis] is None:
                     arc.at[axis] = self._place("arc", axis, arc.center[axis])
+        self._let_lines_follow()
+
+    def _let_lines_follow(self) -> None:
         for (what, axis, cell), (arc, side) in self.following.items():
             self.known[what, axis, cell] = sum_rows((arc.at[axis] or {}, 1.0), (arc.size, side))
 

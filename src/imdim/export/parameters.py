@@ -15,6 +15,7 @@ from imdim.export.drawn_vertex import BendRadius, DrawnEllipse, DrawnRing, Drawn
 from imdim.export.elimination import MOST_NAMED, LinearSystem, vector
 from imdim.export.feature_names import label_features
 from imdim.export.feature_notes import Notes, feature_notes
+from imdim.export.feature_roles import size_words
 from imdim.export.hole_names import BoreWords
 from imdim.export.loops import Loop, loop_of
 from imdim.export.numbers import Expression, Rounding, Term, constants, simple_fraction
@@ -206,7 +207,7 @@ def _counts(loop: Loop, counts: dict[str, int]) -> tuple[int, ...]:
 
 def _express_numbers(system: LinearSystem, program: Program, label: Sequence[str], delivered: Program) -> Parameters:
     solved = {v: _terms(row, system) for v, row in system.solve().items()}
-    names = _names(program, label, system, solved, BoreWords.of(delivered))
+    names = _names(program, label, system, solved, BoreWords.of(delivered), size_words(delivered))
     after = vector(list(leaves(delivered)))
     built = [_expression(v, float(value), system, solved, names) for v, value in enumerate(after)]
     parts = list(leaves(delivered))
@@ -276,8 +277,11 @@ def constant_loop(loop: OutlineLoop) -> DrawnLoop:
     return tuple(DrawnVertex(Expression((), x), Expression((), y), b) for x, y, b in loop)
 
 
-def _names(program: Program, label: Sequence[str], system: LinearSystem, solved: _Solved, bores: BoreWords) -> dict[int, str]:
-    """Names of all sizes that follow from nothing, and of the places that others need; in the order of the text, leaf by leaf."""
+def _names(
+    program: Program, label: Sequence[str], system: LinearSystem, solved: _Solved, bores: BoreWords, said: Mapping[tuple[int, int], str]
+) -> dict[int, str]:
+    """Names of all sizes that follow from nothing, and of the places that others need; in the order of the text, leaf by leaf. `said` has
+    words for some sizes."""
     parts, sign = list(leaves(program)), signs(program)
     # a full turn and the point of a cone are no sizes that one would measure
     measured = [(6 * i + c, value, p.kind) for i, p in enumerate(parts) for c, value in enumerate(p.size)]
@@ -287,7 +291,7 @@ def _names(program: Program, label: Sequence[str], system: LinearSystem, solved:
     needed |= drawn - solved.keys()
     taken: set[str] = set(RESERVED)
     ordered = sorted(needed, key=lambda v: (system.leaf_of(v), not _is_across(v, system, parts), v))
-    return {v: unique(_name(v, system, parts, label, sign, bores), taken) for v in ordered}
+    return {v: unique(_name(v, system, parts, label, sign, bores, said), taken) for v in ordered}
 
 
 def _is_across(v: int, system: LinearSystem, parts: Sequence[Primitive]) -> bool:
@@ -326,12 +330,20 @@ RESERVED = (
 )
 
 
-def _name(v: int, system: LinearSystem, parts: Sequence[Primitive], label: Sequence[str], sign: Sequence[int], bores: BoreWords) -> str:
+def _name(
+    v: int,
+    system: LinearSystem,
+    parts: Sequence[Primitive],
+    label: Sequence[str],
+    sign: Sequence[int],
+    bores: BoreWords,
+    said: Mapping[tuple[int, int], str],
+) -> str:
     if v >= system.extra:
         leaf, word = system.extras[v - system.extra]
         if word == "circle" and "hole" in label[leaf]:
             return "bolt_circle"
         return f"{label[leaf]}_{bores.word(leaf, word, float(system.start[v]), label[leaf])}"
     leaf, column = divmod(v, 6)
-    word = size_word(parts[leaf], column, sign[leaf], label[leaf]) if column < 3 else "xyz"[column - 3]
+    word = said.get((leaf, column)) or (size_word(parts[leaf], column, sign[leaf], label[leaf]) if column < 3 else "xyz"[column - 3])
     return f"{label[leaf]}_{word}"

@@ -1,0 +1,67 @@
+"""Ribs, slots and bores by what lies around them, and what their sizes are called."""
+
+import pytest
+from tests.export.test_hole_names import opened
+from tests.planted import PARTS, box, cut, cylinder, union
+
+from imdim.export.edit import change_values, solid_of
+from imdim.export.feature_roles import feature_roles
+from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.program.motions import move_program, turn
+from imdim.program.outline import Outline
+from imdim.program.tree import Primitive
+
+PLATE = box(80, 50, 6)
+RIBS = [box(4, 20, 12, (x, 5, 9)) for x in (-20, 20)]
+BOSS = union(PLATE, cylinder(12, 20, (0, 0, 10)))
+
+
+def stadium(length, width, height=20.0):
+    a, r = (length - width) / 2, width / 2
+    return Primitive("extrude", (height,), (5.0, 4.0, 0.0), outline=Outline((((-a, -r, 0.0), (a, -r, 1.0), (a, r, 0.0), (-a, r, 1.0)),)))
+
+
+def test_ribs_have_a_thickness_a_height_and_a_length():
+    values = opened(union(PLATE, *RIBS)).values
+    assert {"rib_thickness": 4.0, "rib_length": 20.0, "rib_height": 12.0, "rib_spacing": 40.0}.items() <= values.items()
+
+
+def test_slots_have_a_width_and_a_length():
+    values = opened(cut(PLATE, box(30, 6, 20, (10, 3, 0)))).values
+    assert {"slot_width": 6.0, "slot_length": 30.0}.items() <= values.items()
+
+
+def test_a_slot_with_round_ends_is_as_long_as_it_is_over_them():
+    delivered = opened(cut(PLATE, stadium(22.0, 6.0)))
+    assert {"slot_width": 6.0, "slot_length": 22.0}.items() <= delivered.values.items()
+    edited = solid_of(change_values(delivered, {"slot_width": 8.0, "slot_length": 30.0}))
+    assert volume_iou(edited, to_manifold(cut(PLATE, stadium(30.0, 8.0)), 64)) == pytest.approx(1, abs=1e-6)
+
+
+def test_a_bore_is_the_large_hole_about_the_axis_of_a_boss_or_a_turned_part():
+    assert opened(cut(BOSS, cylinder(7.1, 60))).values["bore_diameter"] == pytest.approx(14.2)
+    assert opened(cut(cylinder(20, 30), cylinder(9.1, 60))).values["bore_diameter"] == pytest.approx(18.2)
+
+
+@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.6, 0.0, 0.8)])
+def test_a_tilted_part_has_the_same_roles(axis):
+    part = cut(union(PLATE, *RIBS), box(30, 6, 20, (0, -15, 0)))
+    assert feature_roles(move_program(part, turn((3.0, 4.0, 5.0), axis, 30.0))) == feature_roles(part) == ["plate", "rib", "rib", "slot"]
+
+
+@pytest.mark.parametrize(
+    ("part", "roles"),
+    [
+        (PARTS["L bracket"], ["plate", "block"]),
+        (union(PLATE, box(4, 4, 20, (0, 0, 13))), ["plate", "block"]),
+        (cut(box(60, 40, 20), box(80, 10, 10, (0, 0, 8))), ["body", "pocket"]),
+        (cut(box(60, 40, 20), box(40, 8, 10, (0, 0, 8))), ["body", "pocket"]),
+        (cut(PLATE, box(20, 16, 20)), ["plate", "pocket"]),
+        (cut(PLATE, cylinder(7.1, 60)), ["plate", "hole"]),
+        (cut(BOSS, cylinder(2.05, 60)), ["plate", "boss", "hole"]),
+        (cut(BOSS, *(cylinder(4.1, 60, (x, 0, 0)) for x in (-30, 0, 30))), ["plate", "boss", "hole", "hole", "hole"]),
+    ],
+    ids=["flange", "post", "channel", "blind", "window", "no boss", "small", "one of three"],
+)
+def test_other_features_keep_their_names(part, roles):
+    assert feature_roles(part) == roles
