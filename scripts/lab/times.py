@@ -131,7 +131,7 @@ def _first_program(page: Page) -> Took:
 
 def _edits(page: Page) -> list[tuple[Took, Took]]:
     """Seconds until the volume and until the picture have changed, for some diameters of the holes, in the parameter table."""
-    box, out = page.get_by_label("hole2_diameter", exact=True), []
+    box, out = page.get_by_label("hole_diameter", exact=True), []
     for diameter in ("8", "10", "12", "4", "14"):
         time.sleep(2.5)
         box.fill(diameter)

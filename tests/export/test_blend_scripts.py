@@ -110,7 +110,7 @@ def stand() -> FinishedProgram:
         {"plate_thickness": 7.5},
         {"plate_corner_radius": 4.0, "plate_length": 26.0},
         {"boss_diameter": 11.0, "boss_height": 3.0},
-        {"hole_diameter": 3.0},
+        {"bore_diameter": 3.0},
     ],
 )
 def test_blends_follow_the_names(package, values, stand, tmp_path):

@@ -112,7 +112,7 @@ def test_freecad_blends_the_edges(name, tmp_path):
 
 @pytest.mark.tool
 @pytest.mark.parametrize(
-    "values", [{"plate_thickness": 7.5}, {"plate_corner_radius": 4.0, "plate_length": 26.0}, {"boss_diameter": 11.0, "hole_diameter": 3.0}]
+    "values", [{"plate_thickness": 7.5}, {"plate_corner_radius": 4.0, "plate_length": 26.0}, {"boss_diameter": 11.0, "bore_diameter": 3.0}]
 )
 def test_blends_follow_the_cells(values, tmp_path):
     stand = finish(*relations_of(STAND))

@@ -89,7 +89,8 @@ def _are_akin(parts: Sequence[Primitive], group: Sequence[Ref], ref: Ref) -> boo
 
 
 def _roles(program: Program) -> list[str]:
-    """As `roles_of`, with ribs, slots and bores, but the first leaf, which is called after its place, has the role of those that are as large: a frame's four bars."""
+    """As `roles_of`, with ribs, slots and bores; but the first leaf, which is called after its place, has the role of those that are as
+    large: a frame's four bars."""
     roles, parts, sign = roles_of(program), list(leaves(program)), signs(program)
     twins = (i for i in range(1, len(parts)) if sign[i] == sign[0] and _are_equal(parts[0], parts[i]))
     found = find_roles(program)

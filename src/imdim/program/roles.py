@@ -1,9 +1,8 @@
 """Names that say what primitives and their sizes are for: plate_thickness, hole_radius, boss_height.
 
-A role follows from the kind of a primitive, whether it adds or cuts, and whether it comes first; what only the solid around it tells is for
-`export.feature_roles`. Primitives of one role whose leading
-sizes are constrained to be equal share a label, and so do the copies that a repeat makes; the next group of that role is hole2, boss2
-and so on.
+A role follows from the kind of a primitive, whether it adds or cuts, and whether it comes first; what only the solid around it tells is
+for `export.feature_roles`. Primitives of one role whose leading sizes are constrained to be equal share a label, and so do the copies that
+a repeat makes; the next group of that role is hole2, boss2 and so on.
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ def test_rows_are_the_names_that_the_command_lists(theory):
     assert (hole.drives, hole.tied) == ("diameter of hole #2 to #5", True)
     assert hole.shown == (2, 3, 4, 5)
     assert {lock.leaf for lock in hole.locks} == {2, 3, 4, 5}
-    assert rows(theory)["plate_thickness"].drives == "length along z of plate; moves boss, hole #2 to #5 and hole2"
+    assert rows(theory)["plate_thickness"].drives == "length along z of plate; moves boss, hole #2 to #5 and bore"
 
 
 def test_setting_a_value_is_the_commands_edit(theory):
@@ -88,13 +88,13 @@ def test_what_cannot_be_is_refused(theory, name, value, says):
 
 
 def test_what_parts_the_part_is_told_or_refused(theory):
-    after = set_value(theory, "hole2_diameter", 52.0)
+    after = set_value(theory, "bore_diameter", 52.0)
     changed, line = report_edit(theory.names.delivered, after.names.delivered, 1)
     assert changed
     assert "1 body became 2" in line
     assert line.endswith("1 relation no longer holds")
-    with pytest.raises(LabEditError, match="hole2_diameter = 52: 1 body became 2"):
-        set_value(theory, "hole2_diameter", 52.0, strict=True)
+    with pytest.raises(LabEditError, match="bore_diameter = 52: 1 body became 2"):
+        set_value(theory, "bore_diameter", 52.0, strict=True)
 
 
 def test_a_tie_is_broken_and_stays_so(theory):
@@ -168,7 +168,7 @@ def test_a_person_sets_holds_unties_and_takes_back(theory):
     hand.report()
     assert hand.state.notice[0] == "info"
     assert hand.state.notice[1].startswith("plate_thickness = 12.5: size 80 x 50 x 24 -> 80 x 50 x 28.5")
-    hand.set_parameter("hole2_diameter", "52")
+    hand.set_parameter("bore_diameter", "52")
     hand.report()
     assert hand.state.notice[0] == "warning"
     hand.undo()

@@ -48,14 +48,14 @@ def test_what_cannot_be_is_refused_in_one_line_and_the_value_comes_back(table):
 
 
 def test_what_changes_in_kind_is_told_or_refused(table):
-    table.set_parameter("hole_diameter", "52")  # wider than the plate
-    assert "changed in kind: 1 body became 2" in table.notice("hole_diameter = 52")
+    table.set_parameter("bore_diameter", "52")  # wider than the plate
+    assert "changed in kind: 1 body became 2" in table.notice("bore_diameter = 52")
     table.keys("Control+z")
     table.measures(EXACT)
     table.box(STRICT).check()
-    table.set_parameter("hole_diameter", "52")
+    table.set_parameter("bore_diameter", "52")
     table.notice("1 body became 2")
-    table.page.wait_for_function("document.querySelector('[data-name=hole_diameter]').value === '16'")
+    table.page.wait_for_function("document.querySelector('[data-name=bore_diameter]').value === '16'")
     table.measures(EXACT)
     table.box(STRICT).uncheck()
 
@@ -91,16 +91,16 @@ def test_a_dimension_is_held_for_the_solver(table):
 
 
 def test_a_tie_is_broken_from_its_row(table):
-    assert "hole3_diameter" not in table.parameters()
-    table.page.get_by_role("button", name="Untie hole2_diameter").click()
-    table.notice("hole2_diameter is untied")
-    table.box("hole4_diameter").wait_for()
-    table.set_parameter("hole3_diameter", "10")
+    assert "hole2_diameter" not in table.parameters()
+    table.page.get_by_role("button", name="Untie hole_diameter").click()
+    table.notice("hole_diameter is untied")
+    table.box("hole3_diameter").wait_for()
+    table.set_parameter("hole2_diameter", "10")
     table.measures(EXACT - WIDER)
-    table.notice("hole3_diameter = 10")
+    table.notice("hole2_diameter = 10")
     table.keys("Control+z", "Control+z")
     table.measures(EXACT)
-    table.box("hole4_diameter").wait_for(state="detached")
+    table.box("hole3_diameter").wait_for(state="detached")
 
 
 def test_it_is_set_in_a_narrow_window_too(phone, tmp_path):

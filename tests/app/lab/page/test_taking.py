@@ -50,7 +50,7 @@ def test_the_table_and_the_code_are_those_of_the_files(done, files):
     assert len(named) >= 9
     table = done.parameters()
     assert {name: table[name] for name in named} == named
-    assert set(table) - set(named) == {"hole2_count_x", "hole2_count_y"}, "of the texts with loops"
+    assert set(table) - set(named) == {"hole_count_x", "hole_count_y"}, "of the texts with loops"
     done.tab("Code")
     assert done.page.locator(".lab-program").text_content() == text
     done.tab("Program")
