@@ -26,6 +26,7 @@ from imdim.geometry.finish.cutter_walls import open_films
 from imdim.geometry.finish.datum_ends import begin_at_datums
 from imdim.geometry.finish.free_ends import draw_back
 from imdim.geometry.finish.late_cuts import cut_last, lead_with_body
+from imdim.geometry.finish.loose_bodies import join_bodies
 from imdim.geometry.finish.overshoot import without_strays
 from imdim.geometry.finish.parted import part_bodies
 from imdim.geometry.finish.rails import part_at_posts
@@ -379,6 +380,8 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
             last = replace(last, program=snap_measured(last.program, found, seen, frame, fit_by), found=found, noisy=True)
         # rounding may part what met
         last = replace(last, program=_open_films(last.program, seen, frame, fit_by) or last.program)
+        if (bounded := _solid_in(seen, frame)) is not None and not fit_by.has_passed():
+            last = replace(last, program=join_bodies(last.program, bounded, fit_by))
     cut = seen.cut or fit_by.has_passed()
     yield _finish_state(replace(last, stop=CUT) if cut else last, step.others, seen, frame, budget)
 

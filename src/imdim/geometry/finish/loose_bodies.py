@@ -1,0 +1,120 @@
+"""Bodies that a program has and its target has not: crumbs that cuts leave, and parts that miss each other by a hair.
+
+A crumb is what one feature adds and the cuts about it do not quite take: one of these goes on past it, or the feature ends before it. Parts
+that miss each other are joined: a feature of one of them goes on into the other, or a cut between them ends earlier. One plane face is
+moved each time, by as little as does it, and exact booleans over the whole solid decide.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from manifold3d import Manifold
+
+from imdim.deadline import NEVER, Deadline
+from imdim.geometry import kernels
+from imdim.geometry.census import SolidCensus, census_of
+from imdim.geometry.finish.extend import Face, between, length, plane_faces
+from imdim.geometry.solid import exact_rotation, to_manifold, volume_iou
+from imdim.program.roles import signs
+from imdim.program.tree import Primitive, Program, leaves, map_leaves
+
+TOUCH = 1e-6  # of the diagonal, within which a face bounds a body
+REACH = 2e-2  # of it, that a face moves by at most
+GAP = 1e-3  # of it: bodies further apart are not joined
+OVERLAP = 1e-4  # of it, by which bodies are joined at least: files and relations move faces by less
+LOST = 3e-4  # of the volume IoU, that it may cost: a whole face may have to move
+CORNERS = 400  # of a body, that tell which features bound it
+MOST = 8  # bodies that are mended
+
+
+class _Move(NamedTuple):
+    """Of one face of the leaf with a number, outward by `by`."""
+
+    by: float
+    leaf: int
+    face: Face
+
+
+def join_bodies(program: Program, solid: Manifold, deadline: Deadline = NEVER) -> Program:
+    """`program` with no more bodies than its target `solid` has, as far as a move of one face for each mends that.
+
+    Both are in one frame. No hole or void comes or goes that the target has not, and the IoU with it stays. Past the `deadline` (by default
+    never) the other bodies stay.
+    """
+    for _ in range(MOST):
+        made = to_manifold(program)
+        if deadline.has_passed() or census_of(made).bodies <= census_of(solid).bodies:
+            return program
+        mended = _mend(program, made, solid, deadline)
+        if mended is None:
+            return program
+        program = mended
+    return program
+
+
+def _mend(program: Program, made: Manifold, solid: Manifold, deadline: Deadline) -> Program | None:
+    """The program with one body less; None where no move does that."""
+    least = volume_iou(made, solid) - LOST
+    *loose, main = sorted((body for body in made.decompose() if body.volume() > 0), key=lambda body: body.volume())
+    for body in loose:
+        for move in sorted(_moves(program, body, main, solid), key=lambda move: abs(move.by)):
+            if deadline.has_passed():
+                return None
+            trial = map_leaves(program, lambda i, leaf, move=move: _moved(leaf, move) if i == move.leaf else leaf)
+            if _is_mended(census_of(made), out := to_manifold(trial), solid) and volume_iou(out, solid) >= least:
+                return trial
+    return None
+
+
+def _is_mended(before: SolidCensus, out: Manifold, solid: Manifold) -> bool:
+    """Whether there are fewer bodies, and holes and voids are no further from those of the target."""
+    after, wanted = census_of(out), census_of(solid)
+    pairs = zip(before.kind[1:], after.kind[1:], wanted.kind[1:], strict=True)
+    return after.bodies < before.bodies and all(abs(new - true) <= abs(old - true) for old, new, true in pairs)
+
+
+def _moves(program: Program, body: Manifold, main: Manifold, solid: Manifold) -> Iterator[_Move]:
+    """What may take a loose body away or, if it is the target's, join it to the `main` one."""
+    low, high = np.reshape(solid.bounding_box(), (2, 3))
+    size, corners = float(np.linalg.norm(high - low)), _corners(body)
+    is_part = (body ^ solid).volume() > body.volume() / 2
+    gap = body.min_gap(main, GAP * size) if is_part else 0.0
+    if gap >= GAP * size:
+        return
+    for i, (leaf, sign) in enumerate(zip(leaves(program), signs(program), strict=True)):
+        if np.abs(kernels.program_sdf(leaf, corners)).min() > gap + TOUCH * size:
+            continue
+        for face in plane_faces(leaf):
+            out = _heights(leaf, face, corners)
+            near, far = (out.min(), out.max()) if sign < 0 else (out.max(), out.min())
+            if is_part and np.abs([near, far]).min() <= gap + TOUCH * size:
+                yield _Move(sign * _round_up(gap + OVERLAP * size), i, face)
+            # past a cut, or behind the end of what it is of
+            if not is_part and abs(near) <= TOUCH * size < abs(far) <= REACH * size:
+                yield _Move(-sign * _round_up(abs(far) + TOUCH * size), i, face)
+
+
+def _moved(leaf: Primitive, move: _Move) -> Primitive:
+    whole = length(leaf, move.face)
+    return between(leaf, move.face, -whole, move.by) if move.by > -whole else leaf
+
+
+def _heights(leaf: Primitive, face: Face, points: np.ndarray) -> np.ndarray:
+    """How far points [n, 3] are outward of a face."""
+    axis, side = face
+    return (points - leaf.center) @ exact_rotation(leaf)[:, axis] * side - length(leaf, face) / 2
+
+
+def _corners(body: Manifold) -> np.ndarray:
+    corners = np.asarray(body.to_mesh().vert_properties, float)[:, :3]
+    return corners[:: max(1, len(corners) // CORNERS)]
+
+
+def _round_up(value: float) -> float:
+    """To one digit, for moves are added to numbers that people read."""
+    grid = 10.0 ** math.floor(math.log10(value))
+    return math.ceil(value / grid) * grid

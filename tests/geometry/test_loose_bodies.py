@@ -1,0 +1,53 @@
+"""Crumbs and parts that miss each other: one face moves, where the target hangs together."""
+
+import pytest
+from tests.deadlines import PASSED
+from tests.planted import box, cut, cylinder, union
+
+from imdim.geometry.census import census_of
+from imdim.geometry.finish.loose_bodies import join_bodies
+from imdim.geometry.solid import to_manifold, volume_iou
+from imdim.program.tree import leaves
+
+PLATE = box(60, 40, 6)
+RIB = box(10, 40, 20, (0, 0, 13))
+LOW, SLANTED = box(20, 50, 8, (0, 0, 16)), box(20, 50, 20, (0, 0, 30.3))  # what is left of the rib between them and above is loose
+
+
+def bodies(program):
+    return census_of(to_manifold(program)).bodies
+
+
+def test_a_crumb_between_two_cuts_goes():
+    truth = to_manifold(union(PLATE, box(10, 40, 9, (0, 0, 7.5))))
+    program = cut(union(PLATE, RIB), LOW, SLANTED)
+    assert bodies(program) == 2
+    mended = join_bodies(program, truth)
+    assert bodies(mended) == 1
+    assert volume_iou(to_manifold(mended), truth) > 1 - 1e-6
+    assert sum(a != b for a, b in zip(leaves(mended), leaves(program), strict=True)) == 1
+
+
+@pytest.mark.parametrize("gap", [1e-9, 3e-4, 0.01])
+def test_parts_that_miss_each_other_by_a_hair_are_joined(gap):
+    truth = to_manifold(union(PLATE, box(10, 10, 20, (0, 0, 13)), cylinder(3, 10, (20, 0, 7))))
+    program = union(PLATE, box(10, 10, 20, (0, 0, 13 + gap)), cylinder(3, 10, (20, 0, 7)))
+    assert bodies(program) == 2
+    mended = join_bodies(program, truth)
+    assert bodies(mended) == 1
+    assert volume_iou(to_manifold(mended), truth) > volume_iou(to_manifold(program), truth) - 2e-5
+
+
+def test_what_the_target_has_apart_stays_apart():
+    apart = union(PLATE, box(10, 10, 20, (0, 0, 13.01)))
+    assert join_bodies(apart, to_manifold(apart)) is apart
+    whole = union(PLATE, RIB)
+    assert join_bodies(whole, to_manifold(whole)) is whole
+
+
+def test_no_hole_is_closed_for_it_and_time_is_kept():
+    far = union(PLATE, box(10, 10, 20, (0, 0, 15)))
+    truth = to_manifold(union(PLATE, box(10, 10, 20, (0, 0, 13))))
+    assert join_bodies(far, truth) is far
+    program = cut(union(PLATE, RIB), LOW, SLANTED)
+    assert join_bodies(program, truth, PASSED) is program
