@@ -48,12 +48,12 @@ class EditReport:
         ]
 
 
-def picture_of(before: Manifold, after: Manifold) -> Image.Image:
-    """Both solids by one camera, the one before on the left."""
-    left, right = side_by_side(target_from(to_trimesh(before)), to_trimesh(after), PIXELS)
-    sheet = Image.new("RGB", (2 * PIXELS, PIXELS), "white")
+def picture_of(before: Manifold, after: Manifold, pixels: int = PIXELS) -> Image.Image:
+    """Both solids by one camera, each `pixels` square, the one before on the left."""
+    left, right = side_by_side(target_from(to_trimesh(before)), to_trimesh(after), pixels)
+    sheet = Image.new("RGB", (2 * pixels, pixels), "white")
     sheet.paste(left, (0, 0))
-    sheet.paste(right, (PIXELS, 0))
+    sheet.paste(right, (pixels, 0))
     return sheet
 
 

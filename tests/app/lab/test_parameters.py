@@ -165,7 +165,10 @@ def test_other_edits_lose_the_names_until_there_are_new_ones(theory):
 def test_a_person_sets_holds_unties_and_takes_back(theory):
     hand = document(theory)
     hand.set_parameter("plate_thickness", "12,5")
-    hand.report()
+    edit = hand.report()
+    assert edit is not None
+    assert (edit.what, edit.after) == ("plate_thickness = 12.5", hand.theory)
+    assert hand.report() is None, "once"
     assert hand.state.notice[0] == "info"
     assert hand.state.notice[1].startswith("plate_thickness = 12.5: size 80 x 50 x 24 -> 80 x 50 x 28.5")
     hand.set_parameter("bore_diameter", "52")

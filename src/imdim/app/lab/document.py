@@ -58,17 +58,19 @@ class Document:
             self.state.refused += 1
         self.changed("names")
 
-    def report(self) -> None:
-        """Say what the last edit of a parameter did to the solid; nothing where another one came since."""
+    def report(self) -> ParameterEdit | None:
+        """Say what the last edit of a parameter did to the solid, and return it; nothing where another one came since."""
         with self.lock:
             edit, self.state.edited = self.state.edited, None
         if edit is None or edit.before.names is None or edit.after.names is None:
-            return
+            return None
         lost = len(edit.before.constraints) - len(edit.after.constraints)
         changed, line = report_edit(edit.before.names.delivered, edit.after.names.delivered, max(lost, 0))
         with self.lock:
-            if self.theory is edit.after:
-                self._say("warning" if changed else "info", f"{edit.what}: {line}")
+            if self.theory is not edit.after:
+                return None
+            self._say("warning" if changed else "info", f"{edit.what}: {line}")
+        return edit
 
     def hold_parameter(self, number: int) -> None:
         """Have the solver keep what the row with that number says, or let it go."""

@@ -235,9 +235,11 @@ class Page:
         self.relate.draw(theory, selected, UNIT)
 
     def _name(self, _: Set[str]) -> None:
-        """What the last edit did, and names for the program, which may wait for the picture."""
-        self.session.report()
+        """What the last edit did, with a picture, and names for the program, which may wait for the scene."""
+        edit = self.session.report()
         self.session.give_names()
+        if edit is not None:
+            self.parameters.draw_edit(edit)
 
     def _draw_state(self) -> None:
         with self._stating:

@@ -10,13 +10,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from PIL import Image
+
 from imdim.app.lab.edits import ConstrainedProgram, LabEditError
 from imdim.app.lab.naming import NamedProgram
 from imdim.app.lab.relation_words import join_words
 from imdim.app.lab.solving import Lock
 from imdim.export.delivered import Delivered, Feature
 from imdim.export.edit import change_values, lost_edges, restate, solid_of
-from imdim.export.edit_report import EditReport
+from imdim.export.edit_report import EditReport, picture_of
 from imdim.export.feature_names import name_leaves
 from imdim.export.parameters import is_count
 from imdim.export.untie import untie
@@ -100,6 +102,11 @@ def report_edit(before: Delivered, after: Delivered, lost: int = 0) -> tuple[boo
     report = EditReport.of(solid_of(start), solid_of(after), lost_edges(start, after))
     dropped = [f"{lost} relation{'s' * (lost != 1)} no longer hold{'s' * (lost == 1)}"] if lost else []
     return bool(report.changes_in_kind), "; ".join([*(" ".join(line.split()) for line in report.lines()), *dropped])
+
+
+def picture_edit(before: Delivered, after: Delivered, pixels: int) -> Image.Image:
+    """The solids before and after an edit, each `pixels` square."""
+    return picture_of(solid_of(restate(before)), solid_of(after), pixels)
 
 
 def name_features(numbers: Iterable[int], theory: ConstrainedProgram) -> str:

@@ -191,8 +191,21 @@ def _picture(i: int, choice: Choice, shown: Program | None) -> str:
 def _render_thumbnail(program: Program) -> str:
     """A small picture as a data address; nothing for an empty solid."""
     mesh = to_trimesh(to_manifold(program, PICTURE_SEGMENTS))
+    return _address(thumbnail(mesh, PICTURE) if len(mesh.faces) else Image.new("RGB", (PICTURE, PICTURE), "white"))
+
+
+def edit_picture(what: str, picture: Image.Image) -> str:
+    """A picture of the part before and after an edit, and below it which side is which."""
+    said = html.escape(what)
+    return (
+        f'<figure class="lab-edit" style="margin:0;padding:4px 12px 8px;font-size:12.5px;color:#495057"><img src="{_address(picture)}" '
+        f'width="{picture.width}" height="{picture.height}" style="max-width:100%;height:auto" alt="the part before and after {said}">'
+        f'<figcaption style="display:flex"><span style="flex:1">before</span><span style="flex:1">{said}</span></figcaption></figure>'
+    )
+
+
+def _address(picture: Image.Image) -> str:
     buffer = io.BytesIO()
-    picture = thumbnail(mesh, PICTURE) if len(mesh.faces) else Image.new("RGB", (PICTURE, PICTURE), "white")
     picture.save(buffer, "PNG")
     return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
 

@@ -35,6 +35,20 @@ def test_a_dimension_is_set_and_all_that_stands_on_it_follows(table):
     assert table.parameters()["boss_height"] == 16, "as it is seen, not with what is hidden in the plate"
 
 
+def test_an_edit_has_a_picture_of_before_and_after(table):
+    table.set_parameter("boss_height", "30")
+    table.notice("boss_height = 30")
+    picture = table.page.get_by_alt_text("the part before and after boss_height = 30")
+    picture.wait_for()
+    assert picture.evaluate("image => [image.naturalWidth, image.naturalHeight]") == [280, 140]
+    box = picture.bounding_box()
+    panel = table.page.locator(".lab-row").first.bounding_box()
+    assert box["width"] <= panel["width"] + 24, "it fits the panel"
+    table.keys("Control+z")
+    picture.wait_for(state="detached")
+    table.measures(EXACT)
+
+
 def test_what_cannot_be_is_refused_in_one_line_and_the_value_comes_back(table):
     for value, says in (("-3", "needs a positive number"), ("wide", "'wide' is no number"), ("1e9", "boss_diameter")):
         table.set_parameter("boss_diameter", value)
