@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from operator import itemgetter
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from imdim.search.sequence import Covered, Insertion, Pattern, Price, Sequence, 
 
 LEAST = 0.04  # of a step's price, which each copy wins at least: more copies than its inverse are rare
 FEWEST = 2  # copies
+MOST = 150  # curved surfaces that are looked through
 COPIES = 64  # steps that are inserted for their copies, at most
 ALIKE = 0.3  # of the best gain, from which several of them are inserted at once
 SMALL = 12.0  # steps' prices: what wins less alone may be one of many that stand for a pattern
@@ -63,7 +65,8 @@ def _find_patterns(found: RatedSequence, config: LocalConfig, price: Price, dead
     fields = dict(_fields(sequence, families))
     for op, field in fields.items():
         # few samples fall into what is small, and boxes win as much there as the surface that it has
-        yield from _insert_repeats(op, field, [candidate for _, candidate in families.best(field, 0, low.step)], sequence, families)
+        curved = sorted(families.best(field, 0, low.step), key=itemgetter(0), reverse=True)[:MOST]
+        yield from _insert_repeats(op, field, [candidate for _, candidate in curved], sequence, families)
     if len(families.cells.points) * families.groups > config.large:
         return  # there are drawings then, which have what repeats in one plane
     added = _insert_cheaply(found, config, low, deadline)
