@@ -1,7 +1,7 @@
 """OpenSCAD text: parameters, then one line per primitive, n-ary operations, numbers as a person would write them.
 
 It is flat, or has repeated parts as modules in ``for`` loops: how often and how far apart are named parameters then. Where there are
-outlines, the text begins with a module that divides their arcs by `$fn`, as `geometry.solid` does.
+outlines, the text ends with a module that divides their arcs by `$fn`, as `geometry.solid` does.
 """
 
 from __future__ import annotations
@@ -115,19 +115,9 @@ def to_openscad(program: Program, segments: int = SEGMENTS, parameters: Paramete
     lines = fold_nary(program, line, {op: _block(op) for op in OPS})
     head = customizer_head(named, rounding.size, counted=False)
     if edges is None or not edges.pieces:
-        return "\n".join([f"$fn = {segments};", "", *head, *_definitions(program), *lines, ""])
-    return "\n".join(
-        [
-            f"$fn = {segments};",
-            "",
-            *head,
-            *_switch(edges),
-            "",
-            *(_definitions(program) or [OUTLINE]),
-            *_with_blends(lines, edges, rounding),
-            "",
-        ]
-    )
+        return "\n".join([f"$fn = {segments};", "", *head, *lines, "", *_definitions(program)])
+    drawn = [*_switch(edges), "", *_with_blends(lines, edges, rounding), ""]
+    return "\n".join([f"$fn = {segments};", "", *head, *drawn, *(_definitions(program) or [OUTLINE])])
 
 
 def _switch(edges: DrawnEdges) -> list[str]:
@@ -165,11 +155,11 @@ def to_openscad_loops(folded: Folded, segments: int, named: Parameters) -> str:
     writer = _Writer(rounding, named)
     body = writer.lines(folded, 0)
     head = customizer_head(named, rounding.size)
-    return "\n".join([f"$fn = {segments};", "", *head, *_definitions(program), *writer.modules, *body, ""])
+    return "\n".join([f"$fn = {segments};", "", *head, *writer.modules, *body, "", *_definitions(program)])
 
 
 def _definitions(program: Program) -> list[str]:
-    """What the text needs before its first statement."""
+    """What the text ends with: how its outlines are drawn. OpenSCAD knows it all the same, and a person reads the part first."""
     outlines = [leaf.outline for leaf in leaves(program) if leaf.outline]
     return [OUTLINE + (ELLIPSE if any(map(has_ellipse, outlines)) else "")] if outlines else []
 
