@@ -37,7 +37,7 @@ PICTURE = 60  # pixels
 PICTURE_SEGMENTS = 24
 _SHAPE = re.compile(r"\b(cube|sphere|cylinder|rotate_extrude|linear_extrude)\(")
 
-LEFT_OUT = f"// outline(): {OUTLINE.count(chr(10))} lines that draw what follows; the copy has them\n"
+LEFT_OUT = f"// outline(): {OUTLINE.count(chr(10))} lines that draw the loops; the copy has them\n"
 
 CLICKS = 10_000  # numbers that can be clicked on; how often that was done is counted in front of them
 # passes the number of what was clicked on to the input with that label, as if it had been typed
