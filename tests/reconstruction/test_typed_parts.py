@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 from tests.numbers.test_inches import plate
 from tests.numbers.test_snap import disturbed
 from tests.planted import box, cut, cylinder, mesh_of, union
@@ -58,6 +59,13 @@ def test_an_odd_place_that_the_surface_bears_out_stays():
     thin = mesh_of(moved(box(60, 40, 1.0), (0.0, 0.0, 0.007)))
     (leaf,) = leaves(reconstruct_best(thin, Settings(evolution=False)).program)
     assert leaf.center[2] == pytest.approx(0.007, abs=1e-9)
+
+
+def test_bodies_that_touch_are_not_moved_apart():
+    """Of two bodies each would be told where it was, and one of them may bear no move."""
+    low, high = moved(box(40, 30, 20), (0.0, 0.0, 3e-3)), moved(box(40, 30, 0.5, (0, 0, 20.25)), (0.0, 0.0, 3e-3))
+    found = reconstruct_best(trimesh.util.concatenate([mesh_of(low), mesh_of(high)]), Settings(evolution=False))
+    assert sorted(leaf.center[2] for leaf in leaves(found.program)) == pytest.approx([3e-3, 20.253], abs=1e-9)
 
 
 def test_a_rough_plate_in_inches_comes_back_in_fractions():

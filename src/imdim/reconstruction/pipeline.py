@@ -118,8 +118,8 @@ class _BodyState:
 
 @dataclass(frozen=True)
 class _Work:
-    """What all bodies of a run share. `guesses` is whether a body that shows no inside may be answered from its points alone. `notes` grow
-    as the run does without something."""
+    """What all bodies of a run share. `guesses` is whether a body that shows no inside may be answered from its points alone; `alone` is
+    whether no other stands beside it, whose places would have to move with its own. `notes` grow as the run does without something."""
 
     settings: Settings
     method: Method
@@ -128,6 +128,7 @@ class _Work:
     budget: Budget
     rng: np.random.Generator
     notes: list[str] = field(default_factory=list)
+    alone: bool = True
 
 
 def reconstruct(target: Target, settings: Settings, rng: np.random.Generator, now: Callable[[], float] | None = None) -> Iterator[Snapshot]:
@@ -233,7 +234,7 @@ def _by_body(target: Target, work: _Work, left_out: list[InputError]) -> Iterato
             break
         state = None
         try:
-            for state in _body(body, work, 1 / (len(bodies) - i)):
+            for state in _body(body, replace(work, alone=len(bodies) == 1), 1 / (len(bodies) - i)):
                 yield _together(state.stage, [*done, state])
         except InputError as error:
             left_out.append(error)
@@ -371,7 +372,8 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
     if settings.solver:
         solve_by = budget.part_of("likely", share) if seen.noisy else fit_by
         fitted, found = _solve(simple, seen, choose_by, solve_by, settings.language == "cad")
-        frame = frame if found is not None or fit_by.has_passed() else settle_origin(frame.undo(fitted.program), seen, frame)
+        if work.alone and found is None and not fit_by.has_passed():
+            frame = settle_origin(frame.undo(fitted.program), seen, frame)
         last = _state(fitted, seen, frame)
         found = None if found is None else scale_constraints(found, 1 / frame.scale)
         if found is None:
