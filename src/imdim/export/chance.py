@@ -11,6 +11,7 @@ from dataclasses import replace
 from functools import partial
 
 from imdim.export.feature_roles import find_roles
+from imdim.export.placements import Placements
 from imdim.export.seats import Seat, seats, sticks_out
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.patterns.congruence import group_by_fit
@@ -25,6 +26,7 @@ SAME = 1e-6  # of a length: two sizes are one
 def without_chance(program: Program, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
     """The constraints that a designer may have meant, named anew where some went."""
     roles, air, parts, cuts = _roles(program), _in_the_air(program), list(leaves(program)), cuts_of_each(program)
+    akin_to = partial(_are_akin, parts, Placements.of(program, constraints))
     out: list[Constraint] = []
     for constraint in constraints:
         meant = _seen(constraint.of, air)
@@ -35,7 +37,7 @@ def without_chance(program: Program, constraints: Sequence[Constraint]) -> tuple
             groups = dict.fromkeys((roles[ref.leaf], ref.feature) for ref in meant)
             for group in groups:
                 own = [ref for ref in meant if (roles[ref.leaf], ref.feature) == group]
-                out += [tie for akin in group_by_fit(own, partial(_are_akin, parts)) for tie in _of_some(constraint, akin)]
+                out += [tie for akin in group_by_fit(own, akin_to) for tie in _of_some(constraint, akin)]
         elif constraint.kind == "concentric":
             out += _by_ends(constraint, parts, cuts)
         else:
@@ -77,9 +79,11 @@ def _by_ends(concentric: Constraint, parts: Sequence[Primitive], cuts: Sequence[
     return [replace(concentric, kind="coaxial", of=tuple(Ref(ref.leaf, "z") for ref in concentric.of)), *together]
 
 
-def _are_akin(parts: Sequence[Primitive], group: Sequence[Ref], ref: Ref) -> bool:
-    """Whether a size may be tied to others that are as large: heights of round parts are where these are as wide too, or begin and end
-    together."""
+def _are_akin(parts: Sequence[Primitive], placed: Placements, group: Sequence[Ref], ref: Ref) -> bool:
+    """Whether a size may be tied to others that are as large, of features that share a placement: heights of round parts are where these
+    are as wide too, or begin and end together."""
+    if not placed.are_near(group[0].leaf, ref.leaf):
+        return False
     if ref.feature != "h":
         return True
     a, b = parts[group[0].leaf], parts[ref.leaf]
