@@ -21,6 +21,7 @@ from imdim.export.diameters import add_diameters
 from imdim.export.outline_rows import Drawn, add_outlines
 from imdim.export.repeat_rows import add_repeats
 from imdim.export.seats import End, FlatWall, ends_of, seats, seats_at_walls, world_axis
+from imdim.export.tilted_cuts import pass_aslant
 from imdim.geometry.lowering import Lowered, lower
 from imdim.program.constraints import AXES_OF, Constraint, Ref
 from imdim.program.repeats import Folded
@@ -103,6 +104,8 @@ class LinearSystem:
                 for v, factor in wall.row.items():
                     row[v] = row.get(v, 0.0) - factor
                 system._add_seat(own.leaf, row, word)
+        # both about their middles, so that neither end of the cut falls behind
+        system.ties += [(cut, {6 * cut + c: 1.0, 6 * leaf + d: -1.0}) for (cut, c), (leaf, d) in pass_aslant(program)]
         if len(parts) <= MOST_PLACED:
             system._add_places(ties(program, constraints))
         for leaf in system.heights:

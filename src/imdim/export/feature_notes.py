@@ -12,9 +12,11 @@ from dataclasses import dataclass
 
 from imdim.export.feature_names import say_feature, say_numbers
 from imdim.export.hole_names import hole_notes
+from imdim.export.surroundings import Surroundings
+from imdim.geometry.lowering import Lowered, lower
 from imdim.program.repeats import Folded, Repeat, instances, repeats, size
 from imdim.program.roles import signs
-from imdim.program.tree import Program, leaves
+from imdim.program.tree import Primitive, Program, leaves
 
 Notes = Mapping[int, tuple[str, ...]]  # by the number of the primitive above which they stand
 
@@ -28,14 +30,20 @@ def feature_notes(program: Program, label: Sequence[str], folded: Folded | None 
     holes = hole_notes(program, folded)
     if not label:
         return holes
-    sign, parts = signs(program), list(leaves(program))
+    sign, parts, solid = signs(program), list(leaves(program)), lower(program)
     notes: dict[int, tuple[str, ...]] = {}
     for run in _runs(label, folded):
         own = tuple(line for leaf in run.members for line in holes.get(leaf, ()))
         is_hole = len(own) == 1 and sign[run.first] < 0 and parts[run.first].outline is None
-        said = ", ".join([run.numbers(label[run.first]), *([] if is_hole else run.arrangement)])
+        through = ["through"] if not own and sign[run.first] < 0 and all(_goes_through(solid, parts, leaf) for leaf in run.members) else []
+        said = ", ".join([run.numbers(label[run.first]), *([] if is_hole else run.arrangement), *through])
         notes[run.first] = (f"{said}: {own[0]}",) if is_hole else (said, *own)
     return notes
+
+
+def _goes_through(solid: Lowered, parts: Sequence[Primitive], leaf: int) -> bool:
+    around = Surroundings.of(solid, leaf, parts[leaf])
+    return around is not None and around.passes_through()
 
 
 def read_labels(text: str, program: Program, folded: Folded | None = None) -> tuple[str, ...]:

@@ -63,6 +63,14 @@ class Surroundings:
         local[:, along] = STATIONS * (self.half[along] - self.step)
         return self.is_material(local)
 
+    def passes_through(self) -> bool:
+        """Whether a cut leaves the material at both ends of an axis, between two walls that face each other."""
+        return any(self.ends_in_air(axis) and self._is_walled(axis) for axis in range(3))
+
+    def _is_walled(self, axis: int) -> bool:
+        others = (a for a in range(3) if a != axis)
+        return any((self.is_beside(a, -1, axis) & self.is_beside(a, 1, axis)).any() for a in others)
+
     def ends_in_air(self, axis: int) -> bool:
         """Whether there is nothing beyond both ends along an axis."""
         return not (self.is_beyond(axis, -1).any() or self.is_beyond(axis, 1).any())
