@@ -38,6 +38,12 @@ def test_parts_that_miss_each_other_by_a_hair_are_joined(gap):
     assert volume_iou(to_manifold(mended), truth) > volume_iou(to_manifold(program), truth) - 2e-5
 
 
+def test_a_feature_that_stands_in_the_air_goes():
+    program = union(cut(PLATE, cylinder(4, 6)), cylinder(1, 2))
+    assert join_bodies(program, to_manifold(cut(PLATE, cylinder(4, 6)))) == cut(PLATE, cylinder(4, 6))
+    assert join_bodies(program, to_manifold(program)) is program
+
+
 def test_what_the_target_has_apart_stays_apart():
     apart = union(PLATE, box(10, 10, 20, (0, 0, 13.01)))
     assert join_bodies(apart, to_manifold(apart)) is apart

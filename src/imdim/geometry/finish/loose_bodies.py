@@ -1,8 +1,8 @@
 """Bodies that a program has and its target has not: crumbs that cuts leave, and parts that miss each other by a hair.
 
-A crumb is what one feature adds and the cuts about it do not quite take: one of these goes on past it, or the feature ends before it. Parts
-that miss each other are joined: a feature of one of them goes on into the other, or a cut between them ends earlier. One plane face is
-moved each time, by as little as does it, and exact booleans over the whole solid decide.
+A crumb is what one feature adds and the cuts about it do not quite take: one of these goes on past it, or the feature ends before it; a
+feature that is all crumb goes. Parts that miss each other are joined: a feature of one of them goes on into the other, or a cut between
+them ends earlier. One plane face is moved each time, by as little as does it, and exact booleans over the whole solid decide.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from imdim.geometry import kernels
 from imdim.geometry.census import SolidCensus, census_of
 from imdim.geometry.finish.extend import Face, between, length, plane_faces
 from imdim.geometry.solid import exact_rotation, to_manifold, volume_iou
+from imdim.program.paths import leaf_paths, without
 from imdim.program.roles import signs
 from imdim.program.tree import Primitive, Program, leaves, map_leaves
 
@@ -27,6 +28,7 @@ REACH = 2e-2  # of it, that a face moves by at most
 GAP = 1e-3  # of it: bodies further apart are not joined
 OVERLAP = 1e-4  # of it, by which bodies are joined at least: files and relations move faces by less
 LOST = 3e-4  # of the volume IoU, that it may cost: a whole face may have to move
+FACETED = 1e-2  # of a body's own diagonal, that its corners may lie off the feature that it is
 CORNERS = 400  # of a body, that tell which features bound it
 MOST = 8  # bodies that are mended
 
@@ -60,14 +62,31 @@ def _mend(program: Program, made: Manifold, solid: Manifold, deadline: Deadline)
     """The program with one body less; None where no move does that."""
     least = volume_iou(made, solid) - LOST
     *loose, main = sorted((body for body in made.decompose() if body.volume() > 0), key=lambda body: body.volume())
-    for body in loose:
-        for move in sorted(_moves(program, body, main, solid), key=lambda move: abs(move.by)):
-            if deadline.has_passed():
-                return None
-            trial = map_leaves(program, lambda i, leaf, move=move: _moved(leaf, move) if i == move.leaf else leaf)
-            if _is_mended(census_of(made), out := to_manifold(trial), solid) and volume_iou(out, solid) >= least:
-                return trial
+    for trial in (trial for body in loose for trial in _trials(program, body, main, solid)):
+        if deadline.has_passed():
+            return None
+        if _is_mended(census_of(made), out := to_manifold(trial), solid) and volume_iou(out, solid) >= least:
+            return trial
     return None
+
+
+def _trials(program: Program, body: Manifold, main: Manifold, solid: Manifold) -> Iterator[Program]:
+    """The program without a feature that is all of a loose body, or with one face moved, by little first."""
+    if not _is_part(body, solid):
+        yield from filter(None, (without(program, [path]) for path, leaf in leaf_paths(program) if _is_all_of(leaf, body)))
+    for move in sorted(_moves(program, body, main, solid), key=lambda move: abs(move.by)):
+        yield map_leaves(program, lambda i, leaf, move=move: _moved(leaf, move) if i == move.leaf else leaf)
+
+
+def _is_part(body: Manifold, solid: Manifold) -> bool:
+    """Whether a body is the target's."""
+    return (body ^ solid).volume() > body.volume() / 2
+
+
+def _is_all_of(leaf: Primitive, body: Manifold) -> bool:
+    """Whether a body ends where a feature does, all around."""
+    corners = _corners(body)
+    return float(np.abs(kernels.program_sdf(leaf, corners)).max()) <= FACETED * float(np.linalg.norm(np.ptp(corners, axis=0)))
 
 
 def _is_mended(before: SolidCensus, out: Manifold, solid: Manifold) -> bool:
@@ -81,7 +100,7 @@ def _moves(program: Program, body: Manifold, main: Manifold, solid: Manifold) ->
     """What may take a loose body away or, if it is the target's, join it to the `main` one."""
     low, high = np.reshape(solid.bounding_box(), (2, 3))
     size, corners = float(np.linalg.norm(high - low)), _corners(body)
-    is_part = (body ^ solid).volume() > body.volume() / 2
+    is_part = _is_part(body, solid)
     gap = body.min_gap(main, GAP * size) if is_part else 0.0
     if gap >= GAP * size:
         return
