@@ -26,3 +26,19 @@ def test_the_noise_of_a_crowded_cloud_is_not_hidden_by_its_density(count):
     assert found.sigma == pytest.approx(0.015, rel=0.3)
     assert len(kept) >= min(count, ENOUGH_POINTS)
     assert found.spacing >= found.sigma or len(kept) == min(count, ENOUGH_POINTS)
+
+
+def tube(rng, wall: float, count: int) -> np.ndarray:
+    """Points [n, 3] of the skins of an open tube of radius and height 1."""
+    turn, up = rng.uniform(0, 2 * np.pi, count), rng.random(count)
+    radius = np.where(rng.random(count) < 0.5, 1.0, 1.0 - wall)
+    return np.column_stack([radius * np.cos(turn), radius * np.sin(turn), up])
+
+
+@pytest.mark.parametrize(("wall", "count"), [(3.5, 8192), (6.0, 8192), (12.0, 8192), (30.0, 1600)])
+def test_neither_walls_of_a_few_deviations_nor_curves_count_as_noise(wall, count):
+    rng, sigma = np.random.default_rng(5), 0.012
+    points = tube(rng, wall * sigma, count) + rng.normal(scale=sigma, size=(count, 3))
+    found, kept = measure_noise(points, rng)
+    assert found.sigma == pytest.approx(sigma, rel=0.2)
+    assert len(kept) == count

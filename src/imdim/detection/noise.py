@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import KDTree
 
+from imdim.detection.sheets import measure_sheets
 from imdim.geometry.sampling import EIGHTH, surface_spacing
 
 # With this many neighbours and random triples, Gaussian noise of deviation 1 on a plane gives this tenth percentile of the
@@ -41,7 +42,8 @@ def measure_noise(points: np.ndarray, rng: np.random.Generator) -> tuple[NoiseMo
 
     Spacing is that of the points kept, from the eighth neighbours of a Poisson process on a surface; noise by least quantiles of local
     planes. Least quantiles look at a third of the neighbours only, so that the two sides of a thin wall are not taken for noise, and the
-    calmest tenth of the places counts, because noise is everywhere but curvature is not. Neighbours within the noise lie in a ball: they
+    calmest tenth of the places counts, because noise is everywhere but curvature is not. Where curves and thin walls are everywhere
+    too, bent sheets tell less noise (`sheets`). Neighbours within the noise lie in a ball: they
     show no face, take the time that faces need to be found, and hide the noise itself, so it is measured with ever fewer points.
     """
     kept = np.arange(len(points))
@@ -65,7 +67,10 @@ def _measure_spacing_and_sigma(points: np.ndarray, rng: np.random.Generator) -> 
     spacing = surface_spacing(distance[:, min(EIGHTH, count)])
     triples = np.array([rng.choice(count + 1, 3, replace=False) for _ in range(_TRIPLES)])
     least = _least_quantiles(points, np.asarray(near), triples, min(_QUANTILE, count))
-    return spacing, float(np.quantile(least, 0.1)) / _CALIBRATION
+    sigma = float(np.quantile(least, 0.1)) / _CALIBRATION
+    if sigma > _BLURRING * float(np.linalg.norm(np.ptp(points, axis=0))):
+        sigma = min(sigma, measure_sheets(points, sigma))
+    return spacing, sigma
 
 
 def _least_quantiles(points: np.ndarray, near: np.ndarray, triples: np.ndarray, rank: int) -> np.ndarray:

@@ -139,6 +139,12 @@ class _NoisyCloud:
         """What the noise is before a program tells more of it."""
         return Noise(self.sigma, least=FLOOR * self.trifle, shadows=self.shadows)
 
+    @property
+    def _count(self) -> int:
+        """Of the points that fit the numbers in the end: a search that weighed numbers by the fewer points that it looks at would leave out
+        what they all show."""
+        return min(len(self.points), MOST_POINTS)
+
     @cached_property
     def quick(self) -> np.ndarray:
         return subsample(self.points, QUICK_POINTS)
@@ -159,7 +165,7 @@ class _NoisyCloud:
         candidates = [*seen, *dict.fromkeys(leaf for p in programs for leaf in leaves(p))]
         best = self._search(programs, candidates, choose_by)
         cut = choose_by.has_passed()
-        points = self.quick if cut else subsample(self.points, MOST_POINTS)
+        points = subsample(self.points, MOST_POINTS)
         shorter = reduce_program(without_trifles(best.program, self.trifle, fit_by), deadline=fit_by)
         program, constraints = _hold_relations(_fit(shorter, points, best.noise, fit_by, CAREFUL), points, fit_by)
         return NoisyFit(program, constraints, cut or fit_by.has_passed())
@@ -203,7 +209,7 @@ class _NoisyCloud:
         return [lineage.best for lineage in sorted(lineages, key=lambda lineage: lineage.length)]
 
     def _shorten(self, start: FittedProgram, candidates: Sequence[Program], deadline: Deadline) -> Iterator[tuple[FittedProgram, float]]:
-        return shorten(start, self.quick, candidates, self.axes, deadline)
+        return shorten(start, self.quick, candidates, self.axes, deadline, stand_for=self._count)
 
     def _first(self, starts: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The likeliest of several programs, with its numbers fitted as far as a search needs them."""
@@ -217,7 +223,7 @@ class _NoisyCloud:
         return start if deadline.has_passed() else _fit(start.program, self.quick, start.noise, deadline, BEGUN)
 
     def _length(self, likely: FittedProgram) -> float:
-        return description_length(likely.program, self.quick, likely.noise, likely.nll)
+        return description_length(likely.program, self.quick, likely.noise, likely.nll, self._count)
 
 
 @dataclass

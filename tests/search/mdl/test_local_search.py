@@ -46,9 +46,14 @@ def test_what_is_not_worth_it_changes_nothing():
     assert found(95, [Stage(as_it_is, 3)], worth=5.0) == (95, 5)
 
 
-@pytest.mark.parametrize(("times", "reached"), [(0, 73), (1, 73), (3, 73), (4, 83), (7, 83), (8, 93)])
-def test_a_round_that_time_cuts_short_changes_nothing(times, reached):
+@pytest.mark.parametrize(("times", "reached"), [(0, 73), (1, 73), (2, 73), (3, 74), (4, 83), (7, 84), (8, 93)])
+def test_of_a_round_that_time_cuts_short_what_is_fitted_may_be_taken(times, reached):
     assert found(73, [Stage(as_it_is, 3)], times=times)[0] == reached
+
+
+@pytest.mark.parametrize(("times", "reached"), [(3, 73), (4, 73), (5, 83)])
+def test_a_round_that_time_cuts_before_its_last_stage_changes_nothing(times, reached):
+    assert found(73, [Stage(as_it_is, 3), Stage(as_it_is, 2)], times=times)[0] == reached
 
 
 def test_nothing_proposed_leaves_the_start():

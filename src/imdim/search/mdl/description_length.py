@@ -20,11 +20,15 @@ SKIN_SAMPLES = 3000  # that tell how much of a surface is a skin
 SKIN = 0.1  # nats that a point on a skin thinner than the noise costs
 
 
-def description_length(program: Program, points: np.ndarray, noise: Noise, fitted: float | None = None) -> float:
-    """Nats per point of `points` [n, 3]; `fitted` is the negative log-density where it is known already."""
+def description_length(
+    program: Program, points: np.ndarray, noise: Noise, fitted: float | None = None, stand_for: int | None = None
+) -> float:
+    """Nats per point of `points` [n, 3], which may stand for more: the more, the less a number weighs. `fitted` is the negative log-density
+    where it is known already."""
     shown = SurfaceSamples.of(program, noise.sigma, MOST_SAMPLES if fitted is None else SKIN_SAMPLES, noise.shadows)
     nll = expectation_step(points, shown, noise).nll if fitted is None else fitted
-    return nll + 0.5 * numbers(program) * math.log(len(points)) / len(points) + SKIN * shown.skin
+    n = stand_for or len(points)
+    return nll + 0.5 * numbers(program) * math.log(n) / n + SKIN * shown.skin
 
 
 def numbers(program: Program) -> int:

@@ -58,17 +58,18 @@ def improvements(
     """States, each better than the one before, with their objectives, until nothing proposed improves; `start` has both.
 
     `propose` gives changed states, the most promising first. Each of the `stages` fits the foremost and ranks them anew. The first whose
-    objective is lower than the best's by more than `worth(best, trial)` takes its place. A round that time cuts short changes nothing.
-    What else improved the state before is tried on top: `join(best, trial)` gives the best with the trial's change too, None where there
-    is no such state, and the last of the stages fits it.
+    objective is lower than the best's by more than `worth(best, trial)` takes its place. Of a round that time cuts short in its last stage
+    what is fitted by then may do so; one that is cut before changes nothing. What else improved the state before is tried on top:
+    `join(best, trial)` gives the best with the trial's change too, None where there is no such state, and the last of the stages fits it.
     """
     best, cost = start
     for _ in range(rounds):
         if deadline.has_passed():
             return
         trials = [(trial, np.inf) for trial in propose(best)]
-        for stage in stages:
+        for stage in stages[:-1]:
             trials = _rank([trial for trial, _ in trials], stage, objective, deadline)
+        trials = _rank([trial for trial, _ in trials], stages[-1], objective, deadline, some=True)
         better = [(trial, after) for trial, after in trials if after < cost - worth(best, trial)]
         if not better:
             return
@@ -80,12 +81,15 @@ def improvements(
         yield best, cost
 
 
-def _rank(trials: Sequence[S], stage: Stage[S], objective: Objective[S], deadline: Deadline) -> list[tuple[S, float]]:
-    """What becomes of the foremost trials, the best first; nothing where there is no time to fit them all."""
+def _rank(trials: Sequence[S], stage: Stage[S], objective: Objective[S], deadline: Deadline, some: bool = False) -> list[tuple[S, float]]:
+    """What becomes of the foremost trials, the best first; where there is no time to fit them all, of those that are fitted if `some` are
+    enough, and nothing otherwise."""
     fitted: list[S] = []
     for trial in trials[: stage.most]:
         if deadline.has_passed():
-            return []
+            if not some:
+                return []
+            break
         fitted += stage.fit(trial)
     return sorted(zip(fitted, objective(fitted), strict=True), key=itemgetter(1)) if fitted else []
 

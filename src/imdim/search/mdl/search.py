@@ -60,22 +60,23 @@ def shorten(
     axes: np.ndarray,
     deadline: Deadline,
     draws: PartTableCache | None = None,
+    stand_for: int | None = None,
 ) -> Iterator[tuple[FittedProgram, float]]:
     """Programs that describe `points` [n, 3] in ever shorter ways, each after the best changes of a round, and how long they take.
 
     `axes` [3, 3] has the part's directions as columns. Sequences of more than LONGEST steps stay as they are. `draws` of the
-    `tables_of_subsample` points keep for other calls what was computed for single parts.
+    `tables_of_subsample` points keep for other calls what was computed for single parts. The points may `stand_for` a larger cloud.
     """
     if deadline.has_passed():
         return
     draws = draws or tables_of_subsample(points, likely.noise.shadows)
-    changes = _Changes(Cloud.of(points, likely.noise.sigma), draws, candidates, axes)
+    changes = _Changes(Cloud.of(points, likely.noise.sigma), draws, candidates, axes, stand_for or len(points))
 
     def fit(points: np.ndarray, config: EMConfig) -> Callable[[_Trial], list[_Trial]]:
         return lambda trial: [trial.fitted(lambda p: maximise_likelihood(p, points, trial.likely.noise, config, deadline))]
 
     def lengths(tried: Sequence[_Trial]) -> list[float]:
-        return [description_length(t.likely.program, points, t.likely.noise, t.likely.nll) for t in tried]
+        return [description_length(t.likely.program, points, t.likely.noise, t.likely.nll, stand_for) for t in tried]
 
     start = _Trial(likely, (), (), ())
     stages = Stage(fit(points[::FEWER], FIRST), TRIED), Stage(fit(points, REFIT), REFITTED)
@@ -131,12 +132,14 @@ def best_by_mdl(programs: Sequence[Program], draws: PartTableCache, likely: Fitt
 
 @dataclass(frozen=True)
 class _Changes:
-    """What a program of a `cloud` could become: its parts, the `lent` ones and guesses along `axes`, judged by the points of `draws`."""
+    """What a program of a `cloud` could become: its parts, the `lent` ones and guesses along `axes`, judged by the points of `draws`, which
+    stand for so many as `count`."""
 
     cloud: Cloud
     draws: PartTableCache
     lent: Sequence[Program]
     axes: np.ndarray
+    count: int
 
     def promising(self, found: _Trial) -> list[_Trial]:
         """Changed programs, not fitted, the shortest description first; none of sequences of more than LONGEST steps."""
@@ -149,7 +152,7 @@ class _Changes:
         compound = [p for p in offered if isinstance(p, Combine)]
         others = [*distinct([p for p in offered if isinstance(p, Primitive)], self.cloud), *compound, *_drop_leaves(steps), *spans]
         area = SurfaceSamples.of(best.program, best.noise.sigma, shadows=best.noise.shadows).area
-        scene = PointScene(self.draws, best.noise, area, len(self.cloud.points))
+        scene = PointScene(self.draws, best.noise, area, self.count)
         mixture = BatchedLikelihood.of(scene, [part for _, part in steps], others)
         start: Choice = tuple(Step(op, i) for i, (op, _) in enumerate(steps))
         new = (c for i in range(len(steps), len(mixture.parts)) for c in uses(i, start))
