@@ -85,6 +85,15 @@ def test_the_search_starts_from_the_likeliest_program():
     assert volume_iou(to_manifold(found), to_manifold(truth)) > 0.97
 
 
+def test_all_points_fit_the_numbers_and_weigh_them_even_where_time_is_out(monkeypatch):
+    truth, fitted = box(40, 30, 8), []
+    kept = mdl._fit
+    monkeypatch.setattr(mdl, "_fit", lambda program, points, *rest: fitted.append(len(points)) or kept(program, points, *rest))
+    told([truth], cloud(truth, n=6000), PASSED)
+    assert fitted == [6000]
+    assert mdl._NoisyCloud.of(cloud(truth, n=6000), 0.3, drawn=False)._count == 6000
+
+
 def test_what_detection_missed_is_seen_in_the_points():
     truth = cut(union(box(40, 30, 8), cylinder(7, 16, (5.0, 2.0, 8.0))), cylinder(4, 20, (-12.0, 5.0, 0.0)))
     found = told([box(40, 30, 8)], cloud(truth), NEVER)

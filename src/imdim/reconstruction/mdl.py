@@ -172,9 +172,8 @@ class _NoisyCloud:
 
     def _best_drawn(self, found: Sequence[Primitive]) -> list[Primitive]:
         """Without all but the MOST_DRAWN outlines that alone describe the points in the shortest way."""
-        rough = FittedProgram(found[0], self._noise, np.inf, 0)
         drawn = [p for p in found if p.outline is not None]
-        kept = set(best_by_mdl(drawn, self._draws, rough, MOST_DRAWN)) if len(drawn) > MOST_DRAWN else set(drawn)
+        kept = set(best_by_mdl(drawn, self._draws, self._noise, MOST_DRAWN)) if len(drawn) > MOST_DRAWN else set(drawn)
         return [p for p in found if p.outline is None or p in kept]
 
     def _search(self, programs: Sequence[Program], candidates: Sequence[Program], deadline: Deadline) -> FittedProgram:
@@ -209,13 +208,12 @@ class _NoisyCloud:
         return [lineage.best for lineage in sorted(lineages, key=lambda lineage: lineage.length)]
 
     def _shorten(self, start: FittedProgram, candidates: Sequence[Program], deadline: Deadline) -> Iterator[tuple[FittedProgram, float]]:
-        return shorten(start, self.quick, candidates, self.axes, deadline, stand_for=self._count)
+        return shorten(start, self.quick, candidates, self.axes, deadline, self._draws, self._count)
 
     def _first(self, starts: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The likeliest of several programs, with its numbers fitted as far as a search needs them."""
-        rough = FittedProgram(starts[-1], self._noise, np.inf, 0)
-        few = best_by_mdl([*dict.fromkeys(starts)], self._draws, rough, FITTED)
-        return min((maximise_likelihood(p, self.quick, rough.noise, REFIT, deadline) for p in few), key=self._length)
+        few = best_by_mdl([*dict.fromkeys(starts)], self._draws, self._noise, FITTED)
+        return min((maximise_likelihood(p, self.quick, self._noise, REFIT, deadline) for p in few), key=self._length)
 
     def _start(self, programs: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The likeliest of several programs, with its numbers fitted."""

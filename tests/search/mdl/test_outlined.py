@@ -24,7 +24,7 @@ def test_numbers_of_an_outline_are_counted():
 
 
 def test_the_outline_explains_its_cloud_better_than_its_box():
-    scene = PointScene(PartTableCache(POINTS), Noise(0.2), 6000.0)
+    scene = PointScene(PartTableCache(POINTS), Noise(0.2))
     likelihood = BatchedLikelihood.of(scene, [PLATE, BLOCK], [])
     drawn, block = likelihood.lengths([(Step("union", 0),), (Step("union", 1),)])
     assert drawn < block - 0.1

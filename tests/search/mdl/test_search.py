@@ -10,7 +10,7 @@ from imdim.geometry.kernels import inside
 from imdim.geometry.sampling import surface_points
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.numbers.em import FittedProgram, maximise_likelihood
-from imdim.numbers.likelihood import Noise, SurfaceSamples
+from imdim.numbers.likelihood import Noise
 from imdim.program.cost import count
 from imdim.program.sequence import Step, map_terms, to_program, to_sequence
 from imdim.program.tree import leaves
@@ -36,15 +36,15 @@ def shortest(likely, points, lent, deadline=NEVER):
     return [likely, *(found for found, _ in shorten(likely, points, lent, np.eye(3), deadline))][-1]
 
 
-def scene_of(program, points, sigma=0.4):
-    return PointScene(PartTableCache(points), Noise(sigma), SurfaceSamples.of(program, sigma).area)
+def scene_of(points, sigma=0.4):
+    return PointScene(PartTableCache(points), Noise(sigma))
 
 
 def test_a_choice_ranks_as_its_program_does():
     points = cloud(PART)
     steps = to_sequence(PART, apart=True)
     others = [box(6, 6, 8, (10.0, -9.0, 0.0)), sphere(4, (0.0, 0.0, 3.0)), cylinder(2.0, 40, (-12.0, 0.0, 0.0))]
-    mixture = BatchedLikelihood.of(scene_of(PART, points), [p for _, p in steps], others)
+    mixture = BatchedLikelihood.of(scene_of(points), [p for _, p in steps], others)
     start = tuple(Step(op, i) for i, (op, _) in enumerate(steps))
     added = [(*start, Step("union", 3)), (*start, Step("difference", 4)), (*start[:2], Step("difference", 5))]
     choices = [start, start[:2], start[:1], *added]
@@ -60,21 +60,25 @@ def test_parts_are_drawn_once_for_nearly_the_same_noise(monkeypatch):
     points, drawn = cloud(PART), []
     near = mixture_module._near
     monkeypatch.setattr(mixture_module, "_near", lambda *given: drawn.append(1) or near(*given))
-    draws, area = PartTableCache(points), SurfaceSamples.of(PART, 0.4).area
+    draws = PartTableCache(points)
     parts = [box(6, 6, 8, (x, -9.0, 0.0)) for x in (1.0, 2.0, 3.0)]
-    before = BatchedLikelihood.of(PointScene(draws, Noise(0.4), area), parts[:2], parts[2:])
-    again = BatchedLikelihood.of(PointScene(draws, Noise(0.405), 1.02 * area), parts[1:], parts[:1])
+    before = BatchedLikelihood.of(PointScene(draws, Noise(0.4)), parts[:2], parts[2:])
+    again = BatchedLikelihood.of(PointScene(draws, Noise(0.405)), parts[1:], parts[:1])
     assert len(drawn) == 3
     choices = [(Step("union", i),) for i in range(3)]
     assert again.lengths(choices)[[2, 0, 1]] == pytest.approx(before.lengths(choices), rel=1e-12)
-    BatchedLikelihood.of(PointScene(draws, Noise(0.6), area), parts, [])
+    BatchedLikelihood.of(PointScene(draws, Noise(0.6)), parts, [])
+    assert len(drawn) == 6
+    # searches that take turns do not draw anew for one another
+    BatchedLikelihood.of(PointScene(draws, Noise(0.4)), parts, [])
+    BatchedLikelihood.of(PointScene(draws, Noise(0.6)), parts, [])
     assert len(drawn) == 6
 
 
 def test_the_tables_do_not_grow_for_ever(monkeypatch):
     monkeypatch.setattr(mixture_module, "MOST_ROWS", 4)
     points = cloud(PART, 500)
-    scene = PointScene(PartTableCache(points), Noise(0.4), SurfaceSamples.of(PART, 0.4).area)
+    scene = PointScene(PartTableCache(points), Noise(0.4))
     parts = [box(6, 6, 8, (float(x), -9.0, 0.0)) for x in range(5)]
     choices = [(Step("union", 0),)]
     first = BatchedLikelihood.of(scene, parts[:1], []).lengths(choices)
@@ -87,9 +91,15 @@ def test_the_tables_do_not_grow_for_ever(monkeypatch):
     assert len(scene.drawn.near) == 5
 
 
+def test_numbers_weigh_less_the_more_points_the_seen_ones_stand_for():
+    points, block = cloud(box(20, 14, 9), 1000), box(20, 14, 9)
+    few, many = (description_length(block, points, Noise(0.4), 2.0, stand_for=n) for n in (None, 8000))
+    assert few - many == pytest.approx(4.5 * (np.log(1000) / 1000 - np.log(8000) / 8000))
+
+
 def test_what_is_cut_away_wholly_is_infinitely_long():
     points = cloud(box(4, 4, 4), 500, 0.1)
-    mixture = BatchedLikelihood.of(scene_of(box(4, 4, 4), points, 0.1), [box(4, 4, 4), box(9, 9, 9)], [])
+    mixture = BatchedLikelihood.of(scene_of(points, 0.1), [box(4, 4, 4), box(9, 9, 9)], [])
     assert np.isinf(mixture.lengths([(Step("union", 0), Step("difference", 1))])).all()
 
 
@@ -111,7 +121,7 @@ def test_a_program_that_nothing_is_left_of_is_a_start_too():
     points, block = cloud(box(20, 14, 9)), box(20, 14, 9)
     gone = FittedProgram(cut(block, box(30, 30, 30)), Noise(0.4), np.inf, 0)
     assert shortest(gone, points, [block]).program.kind == "box"
-    assert best_by_mdl([gone.program, block], PartTableCache(points), gone, 1) == [block]
+    assert best_by_mdl([gone.program, block], PartTableCache(points), gone.noise, 1) == [block]
 
 
 def test_leaves_of_nested_parts_can_go():
@@ -131,7 +141,7 @@ def test_a_cylinder_that_tapers_becomes_a_cone():
 def test_from_one_primitive_to_the_whole_part():
     points = cloud(PART)
     lent = outlines(points, np.eye(3), 0.4)
-    start = best_by_mdl(lent, PartTableCache(points), maximise_likelihood(lent[0], points, Noise(0.5)), 1)[0]
+    start = best_by_mdl(lent, PartTableCache(points), maximise_likelihood(lent[0], points, Noise(0.5)).noise, 1)[0]
     found = settled(start, points, lent=lent)
     assert volume_iou(to_manifold(found.program), to_manifold(PART)) > 0.97
     assert count(found.program).primitives == 3

@@ -15,7 +15,7 @@ from numba import njit
 from scipy.spatial import KDTree
 
 from imdim.geometry import kernels
-from imdim.geometry.sampling import even_surface
+from imdim.geometry.sampling import EIGHTH, even_surface, surface_spacing
 from imdim.geometry.shadows import Shadows
 from imdim.geometry.surface_map import surface_area
 from imdim.numbers.likelihood import GAP, WIDE, Noise
@@ -23,13 +23,13 @@ from imdim.program.tree import Combine, Program, leaves
 from imdim.search.mdl.description_length import SKIN, numbers
 from imdim.search.mdl.local_search import Choice, pack_choices
 
-SAMPLES = 2048  # of the program's surface
-LEAST_AREA = 0.01  # of the square of the cloud's diagonal
+SAMPLES = 2048  # of the surface that the points show
+KEPT = 2  # deviations of the noise for which tables are kept
 STEP = 1e-5  # from a surface to either side, of the cloud's diagonal
 MOST = 6144  # of one part's surface
 NEIGHBOURS = 14  # samples of one part near a point
-ALIKE = 1.1  # ratio of deviations of the noise, and of spacings of the samples, up to which nothing is drawn again
-MOST_ROWS = 1500  # parts in the tables, some 170 KiB each
+ALIKE = 1.1  # ratio of deviations of the noise up to which nothing is drawn again
+MOST_ROWS = 2500  # parts in the tables, some 170 KiB each
 FAR = 3.0  # deviations along the surface, beyond which a sample lends nothing
 LOOSE = 1.5  # times the noise: parts that were not fitted yet lie a little off
 
@@ -53,7 +53,7 @@ class PartTables:
     """
 
     def __init__(self, points: np.ndarray, sigma: float, spacing: float, shadows: Shadows | None = None) -> None:
-        self._points, self.key, self._shadows = points, (sigma, spacing), shadows
+        self._points, self.asked, self._shadows = points, sigma, shadows
         self.sigma, self.spacing = LOOSE * sigma, spacing
         self.wide = max(self.sigma, WIDE * spacing)
         self.offsets = np.outer([STEP * float(np.linalg.norm(np.ptp(points, axis=0))), GAP * sigma], [-1, 1]).ravel()
@@ -96,33 +96,31 @@ class PartTables:
 
 
 class PartTableCache:
-    """What was drawn beside some points, for later scenes of nearly the same noise and samples."""
+    """What was drawn beside some points, for later scenes of nearly the same noise. The surface that the points show gets SAMPLES, whatever
+    a program has of it, so that several searches can share what was drawn."""
 
     def __init__(self, points: np.ndarray, shadows: Shadows | None = None) -> None:
         self.points, self._shadows = points, shadows
-        self._drawn: PartTables | None = None
+        eighth = KDTree(points).query(points, k=min(EIGHTH + 1, len(points)))[0][:, -1]
+        self._spacing = max(surface_spacing(eighth) * math.sqrt(len(points) / SAMPLES), 1e-100)
+        self._drawn: list[PartTables] = []
 
-    def at(self, sigma: float, area: float) -> PartTables:
-        """For the noise and an `area` that gets SAMPLES, or what is there, where neither differs by more than ALIKE.
-
-        Of a program that nothing is seen of there is none: at least a share of the points' box counts.
-        """
-        least = LEAST_AREA * float(np.square(np.ptp(self.points, axis=0)).sum())
-        asked = max(sigma, 1e-300), math.sqrt(max(area, least, 1e-100) / SAMPLES)
-        if self._drawn is None or not np.allclose(np.log(asked), np.log(self._drawn.key), rtol=0, atol=math.log(ALIKE)):
-            self._drawn = PartTables(self.points, *asked, self._shadows)
-        return self._drawn
+    def at(self, sigma: float) -> PartTables:
+        """For the noise, or what is there for one that differs by no more than ALIKE; of those that were asked for last KEPT are kept."""
+        sigma = max(sigma, 1e-300)
+        found = next((t for t in self._drawn if abs(math.log(sigma / t.asked)) < math.log(ALIKE)), None)
+        found = found or PartTables(self.points, sigma, self._spacing, self._shadows)
+        self._drawn = [found, *(t for t in self._drawn if t is not found)][:KEPT]
+        return found
 
 
 class PointScene:
-    """The points [n, 3] of `draws` that parts are judged by. `area`: of the surface that gets SAMPLES.
+    """The points [n, 3] of `draws` that parts are judged by. They may stand for a cloud of `count` points: the more, the less a number of a
+    program weighs."""
 
-    They may stand for a cloud of `count` points: the more, the less a number of a program weighs.
-    """
-
-    def __init__(self, draws: PartTableCache, noise: Noise, area: float, count: int | None = None):
+    def __init__(self, draws: PartTableCache, noise: Noise, count: int | None = None):
         points = draws.points
-        self.drawn, self.count = draws.at(noise.sigma, area), count or len(points)
+        self.drawn, self.count = draws.at(noise.sigma), count or len(points)
         self.clutter = noise.clutter
         self.box = float(np.prod(np.maximum(np.ptp(points, axis=0), self.drawn.sigma)))
 

@@ -27,6 +27,7 @@ PRICE = 1.5  # times what a number costs by the description length
 SAGITTA = 3.0  # deviations of the noise by which an arc leaves its chord
 MOST_TURN = 3.6  # radians of one arc
 LEVEL = 1.2  # deviations of the noise by which the ends of a line may leave x or y
+SLANTED = 12.0  # times half the logarithm of the number of points: what a slant must tell them better, since strays at corners tilt lines
 ALIKE = 0.12  # sine of the angle below which two lines do not cross where they meet
 ASTRAY = 10.0  # deviations of the noise that a corner may lie off the border
 LEAST = 3.0  # deviations of the noise, the side of the smallest loop
@@ -175,10 +176,17 @@ def _carry(places: np.ndarray, sums: np.ndarray, first: int, last: int, sigma: f
         return _Arc(center, u, float(np.sign(arm[0] * ahead[1] - arm[1] * ahead[0])) or 1.0)
     way = np.array([u, v]) * (np.sign(u * chord[0] + v * chord[1]) or 1.0)
     for c in (0, 1):
-        if abs(way[c]) * np.hypot(*chord) / 2 < LEVEL * sigma and abs(way[c]) < 0.5:
+        if abs(way[c]) * np.hypot(*chord) / 2 < LEVEL * sigma and abs(way[c]) < 0.5 and not _is_slanted(total, c, sigma):
             level = np.eye(2)[1 - c] * np.sign(way[1 - c])
             return _Line(np.array([x, y]), level, c)
     return _Line(np.array([x, y]), way)
+
+
+def _is_slanted(total: np.ndarray, c: int, sigma: float) -> bool:
+    """Whether a slanted line tells points with these sums of powers clearly better than one along which coordinate `c` is the same."""
+    n = max(total[0], 2.0)
+    level = total[3 + 2 * c] - total[1 + c] ** 2 / n
+    return bool(level - _carrier_of(total, 0)[1] > 2 * sigma**2 * SLANTED * 0.5 * math.log(n))
 
 
 def _meet(a: _Carrier, b: _Carrier, near: np.ndarray, sigma: float) -> list[tuple[float, float]]:

@@ -19,7 +19,7 @@ from imdim.geometry import kernels
 from imdim.geometry.sampling import subsample
 from imdim.geometry.shadows import Shadows
 from imdim.numbers.em import EMConfig, FittedProgram, maximise_likelihood
-from imdim.numbers.likelihood import SurfaceSamples
+from imdim.numbers.likelihood import Noise
 from imdim.program.cost import count
 from imdim.program.paths import leaf_paths, without
 from imdim.program.sequence import SignedSequence, Step, map_terms, to_program, to_sequence
@@ -122,10 +122,9 @@ def tables_of_subsample(points: np.ndarray, shadows: Shadows | None = None) -> P
     return PartTableCache(subsample(points, SEEN), shadows)
 
 
-def best_by_mdl(programs: Sequence[Program], draws: PartTableCache, likely: FittedProgram, most: int) -> list[Program]:
-    """The `most` of `programs`, as they are, with the shortest descriptions of the points of `draws`; `likely` gives noise and area."""
-    noise = likely.noise
-    scene = PointScene(draws, noise, SurfaceSamples.of(likely.program, noise.sigma, shadows=noise.shadows).area)
+def best_by_mdl(programs: Sequence[Program], draws: PartTableCache, noise: Noise, most: int) -> list[Program]:
+    """The `most` of `programs`, as they are, with the shortest descriptions of the points of `draws` in such noise."""
+    scene = PointScene(draws, noise)
     lengths = BatchedLikelihood.of(scene, [], programs).lengths([(Step("union", i),) for i in range(len(programs))])
     return [programs[i] for i in np.argsort(lengths, kind="stable")[:most]]
 
@@ -151,8 +150,7 @@ class _Changes:
         offered = [*self._guesses(best, steps), *self.lent]
         compound = [p for p in offered if isinstance(p, Combine)]
         others = [*distinct([p for p in offered if isinstance(p, Primitive)], self.cloud), *compound, *_drop_leaves(steps), *spans]
-        area = SurfaceSamples.of(best.program, best.noise.sigma, shadows=best.noise.shadows).area
-        scene = PointScene(self.draws, best.noise, area, self.count)
+        scene = PointScene(self.draws, best.noise, self.count)
         mixture = BatchedLikelihood.of(scene, [part for _, part in steps], others)
         start: Choice = tuple(Step(op, i) for i, (op, _) in enumerate(steps))
         new = (c for i in range(len(steps), len(mixture.parts)) for c in uses(i, start))

@@ -46,6 +46,13 @@ def test_a_turned_part_is_one_outline():
     assert best.outline.curve_count <= 8
 
 
+def test_a_wall_that_many_points_show_to_slant_is_not_made_level():
+    tapered = Primitive("revolve", (360.0,), outline=Outline((((3, -10, 0), (8, -10, 0), (8.3, 10, 0), (3, 10, 0)),)))
+    found = [*turned_outlines(cloud(tapered, 0.16), np.eye(3), 2, [np.zeros(2)], 0.16)]
+    radii = [sorted(x for loop in p.outline.loops for x, _, _ in loop) for p in found if p.outline]
+    assert any(r == pytest.approx((3, 3, 8, 8.3), abs=0.06) and r[2] < r[3] - 0.2 for r in radii)
+
+
 def test_an_extrusion_between_two_levels_is_one_outline():
     sigma = 0.3
     found = [*extruded_outlines(cloud(ANGLE, sigma), np.eye(3), 2, [-13.0, 17.0], sigma)]
