@@ -82,6 +82,8 @@ def maximise_likelihood(
             break
         if deadline.has_passed():
             return _in_its_noise(best, points, share.noise, config.samples)
+        if done == config.rounds - 1:  # nothing would look at what one step more leads to
+            break
         calmer = share.noise.sigma < (1 - config.calmer) * noise.sigma
         noise = share.noise
         numbers, program, longest = _maximisation_step(numbers, program, member, shown, share, config)
