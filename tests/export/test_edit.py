@@ -151,6 +151,14 @@ def test_what_cannot_be_is_refused(program, values, message):
     assert "\n" not in str(caught.value)
 
 
+def test_a_place_may_be_negative_whatever_its_feature_is_called():
+    """What a chamfer is called begins the name of its level, which is no size."""
+    text = "$fn = 48;\n\nbore_chamfer_base = -5;\n\ntranslate([0, 0, bore_chamfer_base]) cube([4, 4, 4], center = true);\n"
+    placed = open_delivered(parse(dumps(box(4, 4, 4, (0, 0, -5.0)), None)), {"program.scad": text})
+    (moved,) = leaves(change_values(placed, {"bore_chamfer_base": -6.0}).program)
+    assert moved.center == (0, 0, -6)
+
+
 def test_an_empty_solid_is_refused(tmp_path):
     gone = change_values(delivered_of(FLANGE), {"hole_diameter": 2000.0})
     with pytest.raises(EditError, match="no solid is left"):

@@ -179,7 +179,8 @@ def find_followers(delivered: Delivered) -> dict[str, Followers]:
 
 def is_size(delivered: Delivered, name: str) -> bool:
     """Whether some size is the named value, or the name is that of a diameter or of a size of an outline."""
-    return not _DIMENSIONS.isdisjoint(name.split("_")) or any(
+    what = [word for word in name.split("_") if not word.isdigit()][-1]  # words before it are what the feature is called
+    return what in _DIMENSIONS or any(
         feature in SIZES for _, feature in _followers(delivered, name, dict(_numbers(read(delivered, {})))).equal
     )
 

@@ -21,7 +21,7 @@ from imdim.program.tree import Primitive, Program, leaves
 Notes = Mapping[int, tuple[str, ...]]  # by the number of the primitive above which they stand
 
 _COMMENT = re.compile(r"^(\s*)(//|#) (.*)$")
-_LABEL = re.compile(r"^\s*// ([A-Za-z]\w*) #(\d{1,6})(?:(?: to |, )#(\d{1,6}))?(?: and \d+ copies)?(?:[,:] .*)?$", re.MULTILINE)
+_LABEL = re.compile(r"^\s*// ([A-Za-z]\w*) #(\d{1,6})(?:(?: to |, )#(\d{1,6}))?(?: and \d+ cop(?:y|ies))?(?:[,:] .*)?$", re.MULTILINE)
 
 
 def feature_notes(program: Program, label: Sequence[str], folded: Folded | None = None) -> Notes:
@@ -86,7 +86,8 @@ class _Run:
     def numbers(self, label: str) -> str:
         """The label with the numbers of its leaves."""
         if self.members[-1] - self.first >= len(self.members):
-            return f"{say_feature(label, self.first)} and {len(self.members) - 1} copies"
+            others = len(self.members) - 1
+            return f"{say_feature(label, self.first)} and {others} cop{'y' if others == 1 else 'ies'}"
         return f"{label} {say_numbers(self.members)}"
 
 
