@@ -67,15 +67,17 @@ class Proofs:
 
     def beside_repeats(self, program: Program) -> str | None:
         """Whether beside the features that repeat, each a single one with its counts, no fewer primitives do: over the cells that none of
-        the copies holds. None where nothing repeats."""
+        the copies holds. None where nothing repeats, and where nothing of the body is beside the copies."""
         given, others = _part_repeats(program)
         if not given:
             return None
         cells = self.seen.cells
         rest = cells.choose(~np.logical_or.reduce([kernels.inside(leaf, cells.points) for leaf in given]))
+        if rest.volume == 0:
+            return None
         prover = Prover(Families(self.seen.families.arrangement, rest), self._prover.unit / rest.volume)
         error = float(np.where(kernels.inside(program, rest.points), rest.w_out, rest.w_in).sum())
-        proof = prover.prove(others, error, self.budget.within(PROOF_S).earlier(self.budget.part_of("prove", self.share)))
+        proof = prover.prove(others, error, self.budget.within(PROOF_S - self.spent_s).earlier(self.budget.part_of("prove", self.share)))
         # what is shorter there need not be the part where the copies are
         return BESIDE if proof.minimal and proof.program is None else f"not proved: {proof.why or SHORTER}"
 
