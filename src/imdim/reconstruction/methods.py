@@ -37,7 +37,7 @@ from imdim.reconstruction.observation import SAMPLES, Observation
 from imdim.reconstruction.plain_program import SAME, has_drawings, is_better_drawn, is_plainer, may_be_plain, repeats_plainly
 from imdim.reconstruction.policy_beam import misfit, proposals
 from imdim.reconstruction.preserve import is_same
-from imdim.reconstruction.proof import Proofs
+from imdim.reconstruction.proof import DEARER, Proofs
 from imdim.search.counterexamples import Sharpener, transfer
 from imdim.search.evolve.population import EvolutionConfig, Generation
 from imdim.search.mdl.primitive_selection import Cloud
@@ -449,11 +449,14 @@ def _prove(best: MethodStep, proofs: Proofs) -> MethodStep:
     """The best with its proof, or a shorter program that the search for one met; where copies that repeat stand in the way of either, the
     proof is about what is beside them."""
     program, proof = proofs.of(best.program)
-    is_shorter = proof.program is not None and proofs.seen.exact_price(program) <= proofs.seen.exact_price(best.program)
-    if is_shorter:
+    is_cheaper = proof.program is not None and proofs.seen.exact_price(program) <= proofs.seen.exact_price(best.program)
+    if is_cheaper:
         best = replace(best, program=program, error=None, others=(*best.others, best.program))
-    beside = None if proof.minimal and (is_shorter or proof.program is None) else proofs.beside_repeats(best.program)
-    return replace(best, stage="proof", proof=beside or str(proof))
+    is_about_best = is_cheaper or proof.program is None
+    if proof.minimal and is_about_best:
+        return replace(best, stage="proof", proof=str(proof))
+    said = proofs.beside_repeats(best.program) or (str(proof) if is_about_best else DEARER)
+    return replace(best, stage="proof", proof=said)
 
 
 def _propose(run: Run, starts: list[Program]) -> MethodStep:

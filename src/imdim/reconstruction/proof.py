@@ -26,6 +26,7 @@ MOST_EARLY = 3  # proofs before the search has ended
 
 BESIDE = "proved minimal over these candidates, beside what repeats"
 SHORTER = "fewer primitives do beside what repeats"
+DEARER = "not proved: what has fewer primitives costs more in all"
 
 
 def _part_repeats(program: Program) -> tuple[list[Primitive], int]:
@@ -67,9 +68,9 @@ class Proofs:
 
     def beside_repeats(self, program: Program) -> str | None:
         """Whether beside the features that repeat, each a single one with its counts, no fewer primitives do: over the cells that none of
-        the copies holds. None where nothing repeats, and where nothing of the body is beside the copies."""
+        the copies holds. None where nothing repeats, where nothing of the body is beside the copies, and where each copy counts."""
         given, others = _part_repeats(program)
-        if not given:
+        if not given or not self.seen.copies_once:
             return None
         cells = self.seen.cells
         rest = cells.choose(~np.logical_or.reduce([kernels.inside(leaf, cells.points) for leaf in given]))
