@@ -31,6 +31,8 @@ from imdim.program.rewrite.simplify import reduce_program
 from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.budget import Budget, Stage
 from imdim.reconstruction.config import Settings
+from imdim.reconstruction.description import describe_bits
+from imdim.reconstruction.design_events import PartBox
 from imdim.reconstruction.evolution import evolve_observation, log_generations, seeds_of
 from imdim.reconstruction.fitting import POOR
 from imdim.reconstruction.observation import SAMPLES, Observation
@@ -58,6 +60,8 @@ LONG = 40  # primitives; so is one whose program is this long, which evolution s
 POOR_IF_CUT = 0.01  # of the volume; a search that was cut short and leaves more is compared with the decision tree
 TOUCH = EvolutionConfig(generations=60, patience=10)
 WORTH_MORE = 0.5  # of a primitive's price; error that a search goes on for although no fewer primitives can do
+BEYOND_DOUBT = 10.0  # bits by which a description is shorter that is chosen: a thousand to one
+FITS_AS_WELL = 1e-5  # of IoU
 NOTHING = 1e-7  # of the volume, of which a cut that takes no more takes nothing
 HIDDEN = 1e-5  # of it, by which solids of two forms of one program may differ
 FINELY = (SEGMENTS, 8 * SEGMENTS)  # of a circle, by which forms of one program are compared: arcs that end elsewhere have other corners
@@ -68,7 +72,8 @@ FAR_BETTER = 0.5  # of the misfit of the search's program
 @dataclass(frozen=True)
 class Run:
     """One body to be explained: what is seen of it, and what the method may use. `share` is its part of the time that a stage has left.
-    `blended` if fillets and chamfers other than those of round rims were set aside."""
+    `blended` if fillets and chamfers other than those of round rims were set aside. `unit` is the length of the unit frame's unit in
+    millimetres."""
 
     seen: Observation
     settings: Settings
@@ -77,6 +82,7 @@ class Run:
     rng: np.random.Generator
     share: float = 1.0
     blended: bool = False
+    unit: float = 1.0
 
     def part_of(self, stage: Stage) -> Deadline:
         """When this body's part of the time is spent that the stage may take from now on."""
@@ -130,9 +136,31 @@ def auto(run: Run) -> Iterator[MethodStep]:
     if repeated is not None:
         best = repeated
         yield best
+    chosen = _choose_described(run, best)
+    if chosen is not None:
+        best = chosen
+        yield best
     rounded = _draw_rounded(run, best)
     if rounded is not None:
         yield rounded
+
+
+def _choose_described(run: Run, best: MethodStep) -> MethodStep | None:
+    """Of programs without drawings that fit as well, the one with the shortest description, where it is shorter beyond doubt: of several
+    short programs that the search met, what a designer would write."""
+    fit, deadline = run.seen.iou(best.program), run.budget.end_of("search")
+    # the language of primitives alone is for comparisons by their count
+    if fit is None or run.settings.language != "cad" or has_outlines(best.program) or deadline.has_passed():
+        return None
+    low, high = run.seen.families.arrangement.bounds
+    part = PartBox(low, high, run.unit)
+    least, chosen = describe_bits(best.program, part) - BEYOND_DOUBT, None
+    for other in dict.fromkeys(best.others):
+        if has_outlines(other) or deadline.has_passed() or (run.seen.iou(other) or 0.0) < fit - FITS_AS_WELL:
+            continue
+        if (bits := describe_bits(other, part)) < least:
+            least, chosen = bits, other
+    return None if chosen is None else replace(best, stage="search", program=chosen, others=(*best.others, best.program), proof="")
 
 
 def _draw_rounded(run: Run, best: MethodStep) -> MethodStep | None:

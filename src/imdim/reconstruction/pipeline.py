@@ -355,7 +355,7 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
         yield replace(state, front=front, found=found, noisy=observed.noise.blurs)
         return
     step = None
-    for step in work.method(Run(seen, settings, work.policy, budget, work.rng, share, blended)):
+    for step in work.method(Run(seen, settings, work.policy, budget, work.rng, share, blended, 1 / frame.scale)):
         yield _state(step, seen, frame)
     if step is None:
         raise InputError(f"{body.name}: no solid explains its {len(seen.patches)} surfaces")

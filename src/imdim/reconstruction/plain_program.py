@@ -184,11 +184,11 @@ def _numbers(program: Program, middle: np.ndarray, half: np.ndarray, slack: floa
     for i, leaf in enumerate(leaves(program)):
         turn = solid.rotations[i]
         at, reach = turn.T @ (solid.centers[i] - middle), np.abs(turn.T) @ half + slack
-        yield from (v for axis, v in _levels(leaf, at) if abs(v) < reach[axis])
-        yield from _others(leaf, at)
+        yield from (v for axis, v in face_levels(leaf, at) if abs(v) < reach[axis])
+        yield from place_numbers(leaf, at)
 
 
-def _levels(leaf: Primitive, at: np.ndarray) -> Iterator[tuple[int, float]]:
+def face_levels(leaf: Primitive, at: np.ndarray) -> Iterator[tuple[int, float]]:
     """The axes of a leaf's plane faces, and where these are on them."""
     axes = range(3) if leaf.kind == "box" else (2,) if leaf.kind in ("cylinder", "cone", "extrude") else ()
     for axis in axes:
@@ -196,7 +196,7 @@ def _levels(leaf: Primitive, at: np.ndarray) -> Iterator[tuple[int, float]]:
         yield from ((axis, float(at[axis]) + side * size / 2) for side in (-1, 1))
 
 
-def _others(leaf: Primitive, at: np.ndarray) -> Iterator[float]:
+def place_numbers(leaf: Primitive, at: np.ndarray) -> Iterator[float]:
     """Radii, vertices, and where a leaf's axis or middle is."""
     x, y, z = map(float, at)
     if leaf.kind == "extrude":

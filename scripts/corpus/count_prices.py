@@ -1,0 +1,63 @@
+"""Counts in a corpus of designs what occurs in a designer's program, for the prices of `imdim.reconstruction.description`.
+
+python scripts/corpus/count_prices.py            # writes src/imdim/reconstruction/design_counts.json anew, and prints the prices
+The corpus is made here: thirty kinds of designs (`plates.py`, `rounds.py`), so many of each, whose numbers and choices are drawn from a
+generator. Only designs in one piece count.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+from features import Draw
+from plates import PLATES
+from rounds import ROUNDS
+
+from imdim.geometry.solid import to_manifold
+from imdim.program.tree import Program
+from imdim.reconstruction.description import COUNTS, price_events
+from imdim.reconstruction.design_events import GROUPS, Event, PartBox, read_events
+
+EACH = 10
+TRIES = 20  # numbers that are drawn for a design at most, until it is in one piece
+
+
+def make_designs(each: int) -> Iterator[tuple[Program, PartBox]]:
+    """The corpus: programs in millimetres, and the boxes that they fill."""
+    for kind, design in enumerate((*PLATES, *ROUNDS)):
+        for number in range(each):
+            for attempt in range(TRIES):
+                program = design(Draw(np.random.default_rng([kind, number, attempt])))
+                solid = to_manifold(program)
+                if len(solid.decompose()) == 1:
+                    low, high = np.reshape(solid.bounding_box(), (2, 3))
+                    yield program, PartBox(low, high)
+                    break
+
+
+def count_events(each: int) -> dict[str, dict[str, int]]:
+    """How often each event occurs in the corpus, by its group."""
+    total: Counter[Event] = Counter()
+    for program, part in make_designs(each):
+        total += read_events(program, part).events
+    return {group: {event: total[group, event] for event in events} for group, events in GROUPS.items()}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--each", type=int, default=EACH, help="designs of each kind")
+    given = parser.parse_args()
+    counts = count_events(given.each)
+    document = {"made by": "scripts/corpus/count_prices.py", "designs of each kind": given.each, "counts": counts}
+    COUNTS.write_text(json.dumps(document, indent=1) + "\n", "utf-8")
+    prices = price_events(counts)
+    for group, events in counts.items():
+        print(f"{group}: " + ", ".join(f"{event} {prices[group, event]:.1f} bits ({count})" for event, count in events.items() if count))
+
+
+if __name__ == "__main__":
+    main()

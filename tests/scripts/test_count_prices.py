@@ -1,0 +1,48 @@
+"""The corpus of designs, and the counts that the package ships."""
+
+import json
+import sys
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from imdim.reconstruction.description import COUNTS, price_events
+from imdim.reconstruction.design_events import GROUPS
+
+CORPUS = Path(__file__).parents[2] / "scripts" / "corpus"
+
+
+@pytest.fixture(scope="module")
+def counted():
+    sys.path.insert(0, str(CORPUS))
+    try:
+        import count_prices
+
+        yield count_prices
+    finally:
+        sys.path.remove(str(CORPUS))
+
+
+def test_the_shipped_counts_are_of_that_corpus(counted):
+    """Those of one design of each kind are the same each time, and like those of ten."""
+    shipped = json.loads(COUNTS.read_text("utf-8"))
+    few, again = counted.count_events(1), counted.count_events(1)
+    assert few == again
+    assert shipped["designs of each kind"] == counted.EACH
+    assert set(shipped["counts"]) == set(GROUPS)
+    for group, least in (("feature", 20), ("level add", 20), ("add flat", 20), ("cut side", 20)):
+        one, ten = Counter(few[group]), Counter(shipped["counts"][group])
+        assert sum(one.values()) >= least
+        assert all(abs(one[e] / sum(one.values()) - n / sum(ten.values())) < 0.2 for e, n in ten.items())
+
+
+def test_designs_are_in_one_piece_and_of_thirty_kinds(counted):
+    designs = list(counted.make_designs(1))
+    assert len(designs) == len(counted.PLATES) + len(counted.ROUNDS) == 30
+    assert all(part.size > 5 for _, part in designs)
+
+
+def test_what_is_rare_is_dear_and_what_never_was_has_a_price():
+    prices = price_events({"copies": {"once": 7, "more": 0}})
+    assert prices["copies", "once"] < prices["copies", "more"] == pytest.approx(3.17, abs=0.01)
