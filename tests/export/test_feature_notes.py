@@ -33,9 +33,9 @@ def test_each_feature_has_one_line_in_each_text():
     for file in delivered.texts:
         assert sorted(comments(delivered, file)) == [
             "block #2, #3",
-            "bore #4: hole, diameter 8, through",
+            "bore #4, in boss: hole, diameter 8, through",
             "boss #1",
-            "m3_hole #5 to #8: 4 x M3 clearance hole, diameter 3.4, through, on a 68 x 38 grid",
+            "m3_hole #5 to #8, in plate: 4 x M3 clearance hole, diameter 3.4, through, on a 68 x 38 grid",
             "plate #0",
         ], file
 
@@ -59,7 +59,7 @@ def test_labels_stay_when_numbers_change(tmp_path):
     after = change_values(opened(PART), {"plate_thickness": 40.0, "m3_hole_diameter": 5.0})
     again = open_delivered(parse(dumps(after.program, after.meta, after.constraints, after.folded)), after.texts)
     assert again.labels == after.labels == opened(PART).labels
-    assert "m3_hole #5 to #8: 4 x hole, diameter 5, through, on a 68 x 38 grid" in comments(again, "program.py")
+    assert "m3_hole #5 to #8, in plate: 4 x hole, diameter 5, through, on a 68 x 38 grid" in comments(again, "program.py")
     assert "plate #0" in comments(again, "program.scad")
     write(again, tmp_path / "new")
     assert b'"m3_hole"' in (tmp_path / "new" / "mesh.glb").read_bytes()

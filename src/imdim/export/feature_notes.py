@@ -1,4 +1,4 @@
-"""A line of comment above each feature in the texts: its label and number, how it repeats, and what holes it makes.
+"""A line of comment above each feature in the texts: its label and number, what it is cut into, how it repeats, and what holes it makes.
 
 The texts keep the labels that they began with, as they keep the names of numbers, and `read_labels` finds them there.
 """
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from imdim.export.feature_names import say_feature, say_numbers
 from imdim.export.hole_names import hole_notes
 from imdim.export.surroundings import Surroundings
+from imdim.geometry.hosts import hosts_of_cuts
 from imdim.geometry.lowering import Lowered, lower
 from imdim.program.repeats import Folded, Repeat, instances, repeats, size
 from imdim.program.roles import signs
@@ -31,14 +32,25 @@ def feature_notes(program: Program, label: Sequence[str], folded: Folded | None 
     if not label:
         return holes
     sign, parts, solid = signs(program), list(leaves(program)), lower(program)
+    served = _hosts_by_label(program, label)
     notes: dict[int, tuple[str, ...]] = {}
     for run in _runs(label, folded):
         own = tuple(line for leaf in run.members for line in holes.get(leaf, ()))
         is_hole = len(own) == 1 and sign[run.first] < 0 and parts[run.first].outline is None
         through = ["through"] if not own and sign[run.first] < 0 and all(_goes_through(solid, parts, leaf) for leaf in run.members) else []
-        said = ", ".join([run.numbers(label[run.first]), *([] if is_hole else run.arrangement), *through])
+        host = {served[leaf] for leaf in run.members}
+        inside = [f"in {host.pop()}"] if len(host) == 1 and served[run.first] else []
+        said = ", ".join([run.numbers(label[run.first]), *inside, *([] if is_hole else run.arrangement), *through])
         notes[run.first] = (f"{said}: {own[0]}",) if is_hole else (said, *own)
     return notes
+
+
+def _hosts_by_label(program: Program, label: Sequence[str]) -> list[str]:
+    """For each leaf that cuts the label of what it serves; empty for all others, and where only one label adds: all serve that."""
+    added = {name for name, sign in zip(label, signs(program), strict=True) if sign > 0}
+    if len(added) < 2:
+        return [""] * len(label)
+    return ["" if host is None else label[host] for host in hosts_of_cuts(program)]
 
 
 def _goes_through(solid: Lowered, parts: Sequence[Primitive], leaf: int) -> bool:

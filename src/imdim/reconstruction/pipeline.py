@@ -25,7 +25,7 @@ from imdim.geometry.finish.cut_ends import end_cuts_in_faces
 from imdim.geometry.finish.cutter_walls import open_films
 from imdim.geometry.finish.datum_ends import begin_at_datums
 from imdim.geometry.finish.free_ends import draw_back
-from imdim.geometry.finish.late_cuts import cut_last, lead_with_body
+from imdim.geometry.finish.late_cuts import cut_last, group_cuts, lead_with_body
 from imdim.geometry.finish.loose_bodies import join_bodies
 from imdim.geometry.finish.overshoot import without_strays
 from imdim.geometry.finish.parted import part_bodies
@@ -403,8 +403,8 @@ def _round(program: Program, seen: Observation, frame: Frame, deadline: Deadline
 
 def _arrange(program: Program, deadline: Deadline) -> Program:
     """The same solid as a person writes it: cutters that end where they leave the part, turned parts as stacks, the body first and its
-    cuts last, bodies that are cut in two as two, bosses that begin at the base, rails between posts, and cuts that end with what they cut;
-    as far as time allows."""
+    cuts last, bodies that are cut in two as two, bosses that begin at the base, rails between posts, and cuts that end with what they cut,
+    in the order of what they serve; as far as time allows."""
     if deadline.has_passed():
         return program
     program = preserve(program, draw_back(program, deadline), deadline=deadline)
@@ -420,7 +420,7 @@ def _arrange(program: Program, deadline: Deadline) -> Program:
         flat = preserve(flat, begin_at_datums(flat, deadline), deadline=deadline)
     # posts have come down to the base
     railed = part_at_posts(flat, is_plainer, deadline)
-    return lead_with_body(preserve(railed, end_cuts_in_faces(railed, deadline), deadline=deadline))
+    return group_cuts(lead_with_body(preserve(railed, end_cuts_in_faces(railed, deadline), deadline=deadline)))
 
 
 def _open_films(program: Program, seen: Observation, frame: Frame, deadline: Deadline) -> Program | None:

@@ -13,9 +13,10 @@ from manifold3d import Manifold, OpType
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.cutter_extent import AXES, direction_of, ends_of, stretch
 from imdim.geometry.finish.section import CHECK_SEGMENTS
+from imdim.geometry.hosts import order_by_host
 from imdim.geometry.solid import primitive_to_manifold, to_manifold
 from imdim.program.rewrite.containment_rules import parts, spine
-from imdim.program.tree import Primitive, Program, combine_all
+from imdim.program.tree import Primitive, Program, combine_all, leaves
 
 NOTHING = 1e-6  # of a volume
 ROUNDS = 4  # of nested parts that are joined
@@ -53,6 +54,15 @@ def lead_with_body(program: Program) -> Program:
     if body == 0:
         return program
     return combine_all("difference", [combine_all("union", [terms[body], *terms[:body], *terms[body + 1 :]]), *cuts])
+
+
+def group_cuts(program: Program) -> Program:
+    """The same solid, whose last cuts stand by what they serve: those of the body, then those of the second part, and so on; alike ones
+    together. What is cut from one solid may be cut in any order."""
+    base, cuts = spine(program)
+    terms = [term for node in cuts for term in parts(node, "union")]
+    order = order_by_host(program, terms, sum(1 for _ in leaves(base))) if len(terms) > 1 else []
+    return combine_all("difference", [base, *(terms[k] for k in order)]) if order != sorted(order) else program
 
 
 def _join_islands(program: Program, solid: Manifold) -> Program:
