@@ -179,7 +179,7 @@ def ears(height=8.0, radius=6.0):
     def pinned(side):
         return Combine("difference", ear(side), Primitive("cylinder", (1.0, 20.0), (side * 35.0, 0.0, 0.0)))
 
-    return Combine("union", Primitive("box", (60.0, 8.0, 6.0)), Combine("union", pinned(1), pinned(-1)))
+    return Combine("union", Primitive("box", (60.0, 7.0, 6.0)), Combine("union", pinned(1), pinned(-1)))
 
 
 @pytest.mark.parametrize(("name", "drawn", "value"), [("profile_width", "height", 10.0), ("profile_arc_radius", "radius", 7.0)])

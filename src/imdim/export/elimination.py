@@ -16,12 +16,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from imdim.export.chance import rest_on_faces
-from imdim.export.datums import Datum, Tie, ties
+from imdim.export.contacts import find_contacts, find_own_numbers
+from imdim.export.datums import UP, Datum, Tie, ties
 from imdim.export.diameters import add_diameters
 from imdim.export.outline_rows import Drawn, add_outlines
 from imdim.export.repeat_rows import add_repeats
-from imdim.export.seats import End, FlatWall, ends_of, seats, seats_at_walls, world_axis
+from imdim.export.seats import End, ends_of, reach_of, seats, world_axis
+from imdim.export.seen import SeenPlanes, find_hidden_ends
 from imdim.export.tilted_cuts import pass_aslant
+from imdim.export.wall_seats import FlatWall, seats_at_walls
 from imdim.geometry.lowering import Lowered, lower
 from imdim.program.constraints import AXES_OF, Constraint, Ref
 from imdim.program.repeats import Folded
@@ -42,8 +45,8 @@ _RANKS = {"center": 0, "radius": 2, "circle": 2, "diameter": 3}  # by the last p
 class LinearSystem:
     """Equations [m, n] that hold at `start` [n]; variables from `extra` on are those of patterns, each with its first leaf and a word.
 
-    `ties` are equations for the numbers of one leaf, that are to bind no others, `places` such for the coordinates of its centre alone, or,
-    if they say so, for the spacing of the row or grid that begins with it.
+    `ties` are equations for the numbers of one leaf, that are to bind no others, `contacts` such that may settle a line of its drawing,
+    `places` such for the coordinates of its centre alone, or, if they say so, for the spacing of the row or grid that begins with it.
     `length` is the largest size. `drawn` says of leaves with outlines what the vertices are, `heights` which variable is the height of
     turned ones whose centre is at half of it. `angles` are variables in degrees.
     """
@@ -53,6 +56,7 @@ class LinearSystem:
     length: float
     rows: list[dict[int, float]] = field(default_factory=list)
     ties: list[tuple[int, dict[int, float]]] = field(default_factory=list)
+    contacts: list[tuple[int, dict[int, float]]] = field(default_factory=list)
     places: list[tuple[int, dict[int, float], bool]] = field(default_factory=list)
     extras: list[tuple[int, str]] = field(default_factory=list)
     drawn: dict[int, Drawn] = field(default_factory=dict)
@@ -96,27 +100,30 @@ class LinearSystem:
         for own, face, word in found:
             # what equal bosses have in common is how far they stand out
             if word or Ref(own.leaf, own.local) not in flush:
-                system._add_seat(own.leaf, system._place(own, 1.0) | system._place(face, -1.0), word)
+                system._add_seat(own.leaf, system.place_of_end(own, 1.0) | system.place_of_end(face, -1.0), word)
         seated = {(seat.own.leaf, seat.own.axis, seat.own.side) for seat in found}
-        for own, wall, word in seats_at_walls(program, system.walls):
+        whole = program if delivered is None else delivered
+        for own, wall, word in seats_at_walls(program, system.walls, find_hidden_ends(whole) if system.walls else ()):
             if (own.leaf, own.axis, own.side) not in seated and Ref(own.leaf, own.local) not in flush:
-                row = system._place(own, 1.0)
+                row = system.place_of_end(own, 1.0)
                 for v, factor in wall.row.items():
                     row[v] = row.get(v, 0.0) - factor
                 system._add_seat(own.leaf, row, word)
         # both about their middles, so that neither end of the cut falls behind
         system.ties += [(cut, {6 * cut + c: 1.0, 6 * leaf + d: -1.0}) for (cut, c), (leaf, d) in pass_aslant(program)]
+        system.contacts = list(find_contacts(system, program, SeenPlanes(whole))) if system.walls else []
         if len(parts) <= MOST_PLACED:
             system._add_places(ties(program, constraints))
+            system._hold_places(parts, numbers)
         for leaf in system.heights:
             # otherwise what is turned grows upwards, as seen along its own axis
-            system.ties += [(leaf, system._place(end, 1.0)) for end in ends_of(leaf, parts[leaf], numbers) if end.local == "-z"]
+            system.ties += [(leaf, system.place_of_end(end, 1.0)) for end in ends_of(leaf, parts[leaf], numbers) if end.local == "-z"]
         return system
 
     def solve(self) -> dict[int, dict[int, float]]:
         """Each number that follows from others, with their coefficients; a constant makes up the rest. Those are wholes and halves, but
         for places on a circle; what would follow by others stays a number."""
-        equations = [*self.rows, *(row for _, row in self.ties), *(row for _, row, _ in self.places)]
+        equations = [*self.rows, *(row for _, row in self.ties), *(row for _, row in self.contacts), *(row for _, row, _ in self.places)]
         matrix = np.array([self._dense(row) for row in equations]).reshape(-1, len(self.start))
         pivots: dict[int, int] = {}
         for v, i in self._pivots(matrix):
@@ -133,6 +140,7 @@ class LinearSystem:
         order = self._order()
         yield from self._plain_pivots(matrix, order)
         own = [sorted(range(6 * leaf, 6 * leaf + 6), key=lambda v: (v % 6 < 3, -v)) for leaf, _ in self.ties]
+        own += [find_own_numbers(self, leaf, row) for leaf, row in self.contacts]
         spacings = [v for v in order if self._is_spacing(v)]
         firsts = {self.leaf_of(v) for v in spacings}
         for leaf, _, with_spacing in self.places:
@@ -224,16 +232,29 @@ class LinearSystem:
 
     def _datum(self, datum: Datum, sign: float) -> dict[int, float]:
         """The position of what a distance is measured from, times `sign`."""
-        return {6 * datum.leaf + 3 + datum.axis: sign} if datum.end is None else self._place(datum.end, sign)
+        return {6 * datum.leaf + 3 + datum.axis: sign} if datum.end is None else self.place_of_end(datum.end, sign)
 
     def _ground_leaf(self, first: Primitive, numbers: Lowered) -> Iterator[dict[int, float]]:
         """Where the first leaf stands on a plane through the origin: it keeps standing there."""
         for end in (e for e in ends_of(0, first, numbers) if e.column >= 0):
             half = first.size[end.column] / 2
             if abs(first.center[end.axis] + end.side * half) <= ZERO * half:
-                yield self._place(end, 1.0)
+                yield self.place_of_end(end, 1.0)
+        yield from (dict(w.row) for w in self.walls if w.leaf == 0 and w.span is None and abs(w.place) <= ZERO * self.length)
 
-    def _place(self, end: End, sign: float) -> dict[int, float]:
+    def _hold_places(self, parts: Sequence[Primitive], numbers: Lowered) -> None:
+        """The first leaf stays where it is, as far as nothing says where that is: the others are placed from it. What it stands on stays,
+        and across that its middle. Where the world's origin lies beside the part nothing is measured from it, and all others stay."""
+        boxes = np.array([reach_of(p, numbers.rotations[i]) for i, p in enumerate(parts)])
+        low, high = boxes[:, 0].min(0), boxes[:, 1].max(0)
+        beside = [a for a in range(3) if low[a] > ZERO * self.length or high[a] < -ZERO * self.length]
+        bottoms = [e for e in ends_of(0, parts[0], numbers) if (e.axis, e.side) == (UP, -1)]
+        held = [self.place_of_end(e) for e in bottoms] or [{3 + UP: 1.0}]
+        rows = [*held, *({3 + a: 1.0} for a in range(3) if a != UP)]
+        self.places += [(0, row, False) for row in rows if not all(self.is_origin(v) for v in row if v in (3, 4, 5))]
+        self.places += [(leaf, {6 * leaf + 3 + a: 1.0}, False) for leaf in range(1, len(parts)) for a in beside]
+
+    def place_of_end(self, end: End, sign: float = 1.0) -> dict[int, float]:
         """The position of a face, times `sign`."""
         across = 6 * end.leaf + end.column if end.column >= 0 else self.heights.get(end.leaf)
         return {6 * end.leaf + 3 + end.axis: sign} | ({} if across is None else {across: sign * end.side / 2})

@@ -29,8 +29,7 @@ from imdim.export.drawn_vertex import (
     turn_round,
 )
 from imdim.export.outline_joints import HALF, DrawnArc, DrawnCurve, DrawnLine, Joint, OutlineJoints, Regular, Row, X, Y, sum_rows
-from imdim.export.outline_walls import EXACT, RoundWall, bind_coaxial
-from imdim.export.seats import FlatWall
+from imdim.export.outline_walls import EXACT, RoundWall, bind_coaxial, find_flat_walls
 from imdim.export.slot_sizes import has_round_ends, size_slot
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.design_values import is_level
@@ -80,7 +79,7 @@ def add_outlines(system: LinearSystem, parts: Sequence[Primitive], folded: Folde
             dimensions = _Dimensions(system, leaf, part, sign[leaf] < 0)
             drawn[leaf] = dimensions.vertices()
             circles += dimensions.circles_in_space()
-            system.walls += dimensions.flat_walls()
+            system.walls += find_flat_walls(leaf, part, dimensions.joints, dimensions.row_of_line)
         elif part.outline == parts[source].outline:
             drawn[leaf] = drawn[source]
             if source in system.heights:
@@ -356,6 +355,10 @@ class _Dimensions:
         near = min(outer, key=abs, default=None)
         return near if near is not None and abs(near) - abs(place) <= NEAR * abs(near) else None
 
+    def row_of_line(self, inner: bool, axis: int, place: float) -> Row:
+        """The variables whose sum the place of a line across an axis is; none for what lies on the origin, or has no place."""
+        return self._place(_side(inner), axis, place)
+
     def _place(self, what: str, axis: int, place: float) -> Row:
         return self.known.get((what, axis, self.joints.cell(place)), {})
 
@@ -530,20 +533,6 @@ class _Dimensions:
         if self.part.kind == "revolve":
             return self._radius("tube_radius", found[2])
         return sum_rows((self._radius("hole_diameter" if self.joints.holes[i] else "diameter", 2 * found[2]), 0.5))
-
-    def flat_walls(self) -> Iterator[FlatWall]:
-        """The outermost lines of an extrusion along its own axes, where these are the world's."""
-        if self.part.kind != "extrude" or not is_level(self.part):
-            return
-        turn = [[round(c) for c in row] for row in matrix_from_euler(self.part.rotation).tolist()]
-        for k, side in ((k, side) for k in (X, Y) for side in (-1, 1)):
-            place = self.outline.bounds[side > 0][k]
-            row = self._place(_side(False), k, place)
-            axis = next(a for a in range(3) if turn[a][k])
-            way = turn[axis][k]
-            if row:
-                at = sum_rows(({6 * self.leaf + 3 + axis: 1.0}, 1.0), (row, way))
-                yield FlatWall(self.leaf, axis, side * way, self.part.center[axis] + way * place, at)
 
     def circles_in_space(self) -> Iterator[RoundWall]:
         """The circles of an extrusion along the world's axes."""

@@ -1,13 +1,17 @@
-"""Round walls of outlines and of other leaves that have one axis: what keeps them there."""
+"""Walls of outlines in space: the flat ones, and round ones that have one axis with other leaves, and what keeps them there."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from imdim.export.outline_joints import Row, sum_rows
+from imdim.export.outline_joints import DrawnLine, OutlineJoints, Row, X, Y, sum_rows
+from imdim.export.wall_seats import FlatWall
 from imdim.geometry.rotations import matrix_from_euler
+from imdim.numbers.design_values import is_level
+from imdim.program.outline import loop_area
 from imdim.program.tree import Primitive
 
 if TYPE_CHECKING:
@@ -55,3 +59,57 @@ def _round_walls(leaf: int, p: Primitive) -> Iterator[RoundWall]:
         return
     for column in range(len(p.size) - 1 if axis is not None else 0):
         yield RoundWall(leaf, axis or 0, p.center, rows, p.size[column], {6 * leaf + column: 1.0})
+
+
+def find_flat_walls(
+    leaf: int, part: Primitive, joints: OutlineJoints, row_of_line: Callable[[bool, int, float], Row]
+) -> Iterator[FlatWall]:
+    """The lines of an extrusion along its own axes, where these are the world's, and of these the outermost whatever they run along.
+
+    `row_of_line` says what the place of a line is the sum of, by whether it bounds a hole and by the axis that it lies across.
+    """
+    if part.kind != "extrude" or not is_level(part):
+        return
+    turn = [[round(c) for c in row] for row in matrix_from_euler(part.rotation).tolist()]
+    for k, side in ((k, side) for k in (X, Y) for side in (-1, 1)):
+        place = joints.outline.bounds[side > 0][k]
+        row = row_of_line(False, k, place)
+        if row:
+            yield _flat_wall(leaf, part, turn, k, side, place, row)
+    for line, side, run in _lines(joints):
+        k = line.across or X
+        row = row_of_line(line.inner, k, line.place)
+        if row or abs(line.place) <= joints.slack:
+            yield _flat_wall(leaf, part, turn, k, side, line.place, row, run)
+
+
+def _lines(joints: OutlineJoints) -> Iterator[tuple[DrawnLine, int, tuple[float, float]]]:
+    """The lines along the axes of an outline, the side to which they look, and from where to where they run."""
+    for loop, hole, found in zip(joints.outline.loops, joints.holes, joints.loops, strict=True):
+        left = (-1 if hole else 1) * (1 if loop_area(loop) > 0 else -1)  # 1 where what the outline holds is on the left
+        for joint, following in zip(found or (), [*found[1:], found[0]] if found else (), strict=True):
+            line = joint.after
+            if isinstance(line, DrawnLine) and line.across is not None:
+                run = joint.at[1 - line.across], following.at[1 - line.across]
+                yield line, int(math.copysign(1, (run[1] - run[0]) * left * (1 if line.across == X else -1))), run
+
+
+def _flat_wall(
+    leaf: int,
+    part: Primitive,
+    turn: Sequence[Sequence[int]],
+    k: int,
+    side: int,
+    place: float,
+    row: Row,
+    run: tuple[float, float] | None = None,
+) -> FlatWall:
+    """A line across axis `k` of an outline as a wall in the world; it runs from and to the places `run` along the other axis."""
+    axis, along = (next(a for a in range(3) if turn[a][j]) for j in (k, 1 - k))
+    way = turn[axis][k]
+    at = sum_rows(({6 * leaf + 3 + axis: 1.0}, 1.0), (row, way))
+    span = None
+    if run is not None:
+        low, high = sorted(part.center[along] + turn[along][1 - k] * v for v in run)
+        span = along, low, high
+    return FlatWall(leaf, axis, side * way, part.center[axis] + way * place, at, span)

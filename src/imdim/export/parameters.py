@@ -7,7 +7,7 @@ those that others need get names. What no constraint ties stays a number.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
@@ -21,6 +21,7 @@ from imdim.export.loops import Loop, loop_of
 from imdim.export.numbers import Expression, Rounding, Term, constants, simple_fraction
 from imdim.export.outline_rows import Sum
 from imdim.export.outline_walls import EXACT
+from imdim.export.seen import find_unseen
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
 from imdim.program.ellipse import Ellipse
@@ -206,7 +207,9 @@ def _counts(loop: Loop, counts: dict[str, int]) -> tuple[int, ...]:
 
 
 def _express_numbers(system: LinearSystem, program: Program, label: Sequence[str], delivered: Program) -> Parameters:
-    solved = {v: _terms(row, system) for v, row in system.solve().items()}
+    found = system.solve()
+    unseen = find_unseen(system, found, delivered)
+    solved = {v: _terms(row, system, unseen) for v, row in found.items()} | {v: [] for v in unseen}
     names = _names(program, label, system, solved, BoreWords.of(delivered), size_words(delivered))
     after = vector(list(leaves(delivered)))
     built = [_expression(v, float(value), system, solved, names) for v, value in enumerate(after)]
@@ -229,10 +232,11 @@ def _is_turn(v: int, system: LinearSystem, parts: Sequence[Primitive]) -> bool:
 _Solved = dict[int, list[tuple[int, Fraction | float]]]
 
 
-def _terms(row: dict[int, float], system: LinearSystem) -> list[tuple[int, Fraction | float]]:
-    """The coefficients, as fractions where a person would write these; a place that is 0 is left out."""
+def _terms(row: dict[int, float], system: LinearSystem, unseen: Collection[int]) -> list[tuple[int, Fraction | float]]:
+    """The coefficients, as fractions where a person would write these; a place that is 0 is left out, and what is `unseen`."""
     # places first, sizes after them, spacings and diameters last
-    kept = sorted((v for v in row if not system.is_origin(v) and abs(row[v]) >= FAINT), key=lambda v: (v >= system.extra, v % 6 < 3, v))
+    told = (v for v in row if v not in unseen and not system.is_origin(v) and abs(row[v]) >= FAINT)
+    kept = sorted(told, key=lambda v: (v >= system.extra, v % 6 < 3, v))
     return [(v, simple_fraction(row[v])) for v in kept]
 
 

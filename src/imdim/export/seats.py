@@ -45,7 +45,9 @@ class _CutAway:
         self._cuts = cuts_of_each(program)
 
     def where(self, leaf: int, cut: int) -> bool:
-        """Whether nothing of a leaf is left where a `cut` meets it, for what other cuts take there."""
+        """Whether nothing of a leaf is left where a `cut` meets it, for what other cuts take there; a part added later is not cut by it."""
+        if cut not in self._cuts[leaf]:
+            return True
         low = np.maximum(self._boxes[leaf, 0], self._boxes[cut, 0])
         high = np.minimum(self._boxes[leaf, 1], self._boxes[cut, 1])
         others = [c for c in self._cuts[leaf] if c != cut]
@@ -69,16 +71,6 @@ class Seat(NamedTuple):
     word: str
 
 
-class FlatWall(NamedTuple):
-    """The outermost flat wall of an extrusion that looks along a world axis to `side`: its `place`, and the variables whose sum that is."""
-
-    leaf: int
-    axis: int
-    side: int
-    place: float
-    row: Mapping[int, float]
-
-
 def seats(program: Program) -> Iterator[Seat]:
     """Of cuts and of what stands on something the faces that their ends follow."""
     parts, numbers, sign = list(leaves(program)), lower(program), signs(program)
@@ -86,26 +78,6 @@ def seats(program: Program) -> Iterator[Seat]:
     boxes = [reach_of(p, numbers.rotations[i]) for i, p in enumerate(parts)]
     gone = _CutAway(program, parts, numbers, boxes)
     yield from _seats_of_ends(parts, sign, ends, boxes, TOUCH * longest(parts), gone)
-
-
-def seats_at_walls(program: Program, walls: Sequence[FlatWall]) -> Iterator[tuple[End, FlatWall, str]]:
-    """Of cuts that enter an extrusion from its side the walls that their ends follow, and the end that lies inside it, as so deep."""
-    parts, numbers, sign = list(leaves(program)), lower(program), signs(program)
-    pairs = {(e.leaf, e.axis, e.side): e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers)}
-    boxes = [reach_of(p, numbers.rotations[i]) for i, p in enumerate(parts)]
-    slack = TOUCH * longest(parts)
-    for end in (e for e in pairs.values() if sign[e.leaf] < 0 and e.column >= 0):
-        other = pairs[end.leaf, end.axis, -end.side]
-        place, depth = (end.side * place_of(e, parts) for e in (end, other))
-        met = [w for w in walls if (w.axis, w.side) == (end.axis, end.side) and sign[w.leaf] > 0]
-        entered = [w for w in met if depth < end.side * w.place - slack and end.side * w.place <= place + slack]
-        entered = [w for w in entered if _meet(boxes[w.leaf], boxes[end.leaf], end.axis)]
-        if len(entered) != 1:  # what lies one behind another says no more which of them is meant
-            continue
-        yield end, entered[0], ""
-        far = next((w for w in walls if (w.leaf, w.axis, w.side) == (entered[0].leaf, end.axis, -end.side)), None)
-        if far is not None and -depth < -end.side * far.place - slack:
-            yield other, entered[0], "depth"
 
 
 def sticks_out(seat: Seat, parts: Sequence[Primitive], largest: float) -> bool:
@@ -259,9 +231,3 @@ def reach_of(p: Primitive, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray
         half = [max(p.size[:-1])] * 2 + [p.size[-1] / 2]
     reach = np.abs(rotation) @ np.array(half)
     return p.center - reach, p.center + reach
-
-
-def _meet(a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray], axis: int) -> bool:
-    """Whether two boxes share area as seen along an axis."""
-    across = [i for i in range(3) if i != axis]
-    return bool((np.minimum(a[1], b[1]) > np.maximum(a[0], b[0]))[across].all())

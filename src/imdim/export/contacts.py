@@ -1,0 +1,90 @@
+"""Where flat walls of drawings lie in one plane with faces of other leaves and touch them: those of later leaves follow these.
+
+What a person draws on an edge of what there is already stays on that edge. Plane ends of leaves have relations of their own; here at least
+one of both faces is a wall, which no relation speaks of.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from imdim.export.outline_joints import Row, sum_rows
+from imdim.export.outline_walls import EXACT
+from imdim.export.seats import ends_of, place_of, reach_of
+from imdim.export.seen import SeenPlanes
+from imdim.geometry.lowering import Lowered, lower
+from imdim.program.roles import signs
+from imdim.program.tree import Primitive, Program, leaves
+
+if TYPE_CHECKING:
+    from imdim.export.elimination import LinearSystem
+
+ROUND = frozenset(("radius", "diameter", "angle", "chamfer", "sides"))  # words of numbers that no place says
+
+
+class _Patch(NamedTuple):
+    """A rectangle `low` [3] to `high` [3] around a flat face across an `axis`, and the variables whose sum its place is."""
+
+    leaf: int
+    axis: int
+    is_wall: bool
+    low: np.ndarray
+    high: np.ndarray
+    row: Row
+
+
+def find_contacts(system: LinearSystem, program: Program, seen: SeenPlanes) -> Iterator[tuple[int, Row]]:
+    """Each wall or face that lies in one plane with a face of an earlier leaf and touches it: its leaf, and how far it is from there.
+
+    Both are `seen`, or of cuts that end beside what is: what is hidden says nothing.
+    """
+    parts, numbers, sign = list(leaves(program)), lower(program), signs(program)
+    slack = EXACT * system.length
+    boxes = [reach_of(p, numbers.rotations[i]) for i, p in enumerate(parts)]
+    known: Mapping[tuple[int, int], list[_Patch]] = defaultdict(list)
+    every = (p for p in _patches(system, parts, numbers, boxes) if seen.meet(p.axis, p.low, p.high, sign[p.leaf] < 0))
+    for patch in sorted(every, key=lambda p: p.leaf):
+        level = round(float(patch.low[patch.axis]) / (4 * slack))
+        near = [p for step in (-1, 0, 1) for p in known[patch.axis, level + step]]
+        met = [p for p in near if p.leaf < patch.leaf and (p.is_wall or patch.is_wall) and _touch(p, patch, slack)]
+        if met:
+            yield patch.leaf, sum_rows((patch.row, 1.0), (min(met, key=lambda p: p.leaf).row, -1.0))
+        known[patch.axis, level].append(patch)
+
+
+def find_own_numbers(system: LinearSystem, leaf: int, row: Row) -> list[int]:
+    """The variables by which a face of a leaf may follow another one: its place, its size, and of a drawing the lines, those that say
+    least else first."""
+    lines = [
+        v
+        for v in row
+        if v >= system.extra and system.leaf_of(v) == leaf and ROUND.isdisjoint(system.extras[v - system.extra][1].split("_"))
+    ]
+    return [*(6 * leaf + c for c in (5, 4, 3, 2, 1, 0)), *sorted(lines, reverse=True)]
+
+
+def _patches(
+    system: LinearSystem, parts: Sequence[Primitive], numbers: Lowered, boxes: Sequence[tuple[np.ndarray, np.ndarray]]
+) -> Iterator[_Patch]:
+    for leaf, part in enumerate(parts):
+        for end in (e for e in ends_of(leaf, part, numbers) if e.column >= 0):
+            yield _Patch(leaf, end.axis, False, *_flat(boxes[leaf], end.axis, place_of(end, parts)), system.place_of_end(end))
+    for wall in (w for w in system.walls if w.span is not None):
+        assert wall.span is not None
+        low, high = _flat(boxes[wall.leaf], wall.axis, wall.place)
+        low[wall.span[0]], high[wall.span[0]] = wall.span[1:]
+        yield _Patch(wall.leaf, wall.axis, True, low, high, dict(wall.row))
+
+
+def _flat(box: tuple[np.ndarray, np.ndarray], axis: int, place: float) -> tuple[np.ndarray, np.ndarray]:
+    low, high = box[0].copy(), box[1].copy()
+    low[axis] = high[axis] = place
+    return low, high
+
+
+def _touch(a: _Patch, b: _Patch, slack: float) -> bool:
+    return bool((np.minimum(a.high, b.high) >= np.maximum(a.low, b.low) - 2 * slack).all())

@@ -1,0 +1,98 @@
+"""Which ends of leaves are seen on the solid, and which numbers move only ends that are not.
+
+How far a cut goes on in the air, or how deep a boss is buried, is no dimension: nothing is measured there, and no part changes with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from trimesh import Trimesh
+
+from imdim.export.drawn_vertex import numbers_of
+from imdim.export.seats import ends_of, place_of
+from imdim.geometry.finish.section import CHECK_SEGMENTS
+from imdim.geometry.lowering import lower
+from imdim.geometry.solid import surface_with_owners
+from imdim.program.tree import Program, leaves, longest
+
+if TYPE_CHECKING:
+    from imdim.export.elimination import LinearSystem
+
+LEVEL = 1e-6  # of the largest size, within which faces are at one level
+FACING = 0.999  # the cosine to an axis of what looks along it
+NONE = 1e-9  # coefficients
+TRACE = 1e-6  # of the surface: less of a face is what rounding leaves of it
+
+
+class SeenPlanes:
+    """The flat triangles of a solid that look along the world's axes, by axis: a box [n, 3], [n, 3] around each."""
+
+    def __init__(self, program: Program) -> None:
+        surface, _ = _surface_of(program)
+        self._slack = LEVEL * longest(leaves(program))
+        corners = surface.triangles
+        flat = np.abs(surface.face_normals) > FACING
+        self._boxes = [(corners[flat[:, a]].min(1), corners[flat[:, a]].max(1)) for a in range(3)]
+
+    def meet(self, axis: int, low: np.ndarray, high: np.ndarray, beside: bool) -> bool:
+        """Whether one lies in the rectangle `low` [3] to `high` [3] across an axis, or, if it may, `beside` it."""
+        reach = np.full(3, self._slack if beside else -self._slack)
+        reach[axis] = self._slack
+        lows, highs = self._boxes[axis]
+        return bool(((lows <= high + reach) & (highs >= low - reach)).all(1).any())
+
+
+@lru_cache(maxsize=4)
+def _surface_of(program: Program) -> tuple[Trimesh, np.ndarray]:
+    return surface_with_owners(program, CHECK_SEGMENTS)
+
+
+@lru_cache(maxsize=4)
+def find_hidden_ends(program: Program) -> frozenset[tuple[int, int, int]]:
+    """The plane ends along the world's axes, by leaf, axis and side, that have no part in the surface and lie level with none that has."""
+    parts, numbers = list(leaves(program)), lower(program)
+    ends = [e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers) if e.column >= 0]
+    surface, _ = _surface_of(program)
+    slack, least = LEVEL * longest(parts), TRACE * surface.area
+    levels = [_levels(surface.triangles_center[:, a], surface.face_normals[:, a], surface.area_faces, least, slack) for a in range(3)]
+    return frozenset((e.leaf, e.axis, e.side) for e in ends if not _is_near(levels[e.axis], place_of(e, parts), slack))
+
+
+def _levels(places: np.ndarray, cosines: np.ndarray, areas: np.ndarray, least: float, slack: float) -> np.ndarray:
+    """Where along an axis flat faces lie that look along it, sorted: those of triangles at `places` [n]."""
+    flat = np.abs(cosines) > FACING
+    order = np.argsort(places[flat])
+    sorted_places, sizes = places[flat][order], areas[flat][order]
+    if not len(sorted_places):
+        return sorted_places
+    starts = np.flatnonzero(np.diff(sorted_places, prepend=-np.inf) > slack)
+    return sorted_places[starts][np.add.reduceat(sizes, starts) > least]
+
+
+def _is_near(levels: np.ndarray, place: float, slack: float) -> bool:
+    return bool(len(levels) and np.abs(levels - place).min() <= 2 * slack)
+
+
+def find_unseen(system: LinearSystem, solved: Mapping[int, Mapping[int, object]], program: Program) -> set[int]:
+    """The variables that move hidden ends of `program` alone; `solved` says what follows which."""
+    parts, numbers, hidden = list(leaves(program)), lower(program), find_hidden_ends(program)
+    ends = [e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers) if e.column >= 0]
+    told = {v for e in ends if parts[e.leaf].kind != "cone" for v in system.place_of_end(e)}
+    shown = [system.place_of_end(e) for e in ends if (e.leaf, e.axis, e.side) not in hidden]
+    shown += [{v: 1.0} for v in range(system.extra) if v not in told]
+    shown += [number.row for loops in system.drawn.values() for loop in loops for number in numbers_of(loop)]
+    hiding = {w for v in told for w in solved.get(v, (v,))}
+    return hiding - {w for row in shown for w in _follow(row, solved)}
+
+
+def _follow(row: Mapping[int, float], solved: Mapping[int, Mapping[int, object]]) -> Iterator[int]:
+    """The variables that move what is the sum of a `row`."""
+    total: dict[int, float] = {}
+    for v, factor in row.items():
+        for w, c in solved.get(v, {v: 1.0}).items():
+            total[w] = total.get(w, 0.0) + factor * float(c)  # type: ignore[arg-type]
+    yield from (w for w, c in total.items() if abs(c) > NONE)

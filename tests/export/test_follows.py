@@ -1,0 +1,113 @@
+"""What moves with what: numbers that nothing shows, first leaves that stay, walls in one plane, and ends that leave by a wall."""
+
+import pytest
+from tests.export.test_outlines import opened
+
+from imdim.export.edit import change_values
+from imdim.export.seen import find_hidden_ends
+from imdim.program.outline import Outline
+from imdim.program.tree import Combine, Primitive, leaves
+
+
+def _extrude(corners, height, center=(0.0, 0.0, 0.0), rotation=(0.0, 0.0, 0.0)):
+    return Primitive("extrude", (height,), center, rotation, Outline((tuple((x, y, 0.0) for x, y in corners),)))
+
+
+def _walls(leaf, axis):
+    return sorted({round(v[axis] + leaf.center[axis], 6) for v in leaf.outline.loops[0]})
+
+
+STEPPED = [(-30.0, -20.0), (30.0, -20.0), (30.0, 0.0), (10.0, 0.0), (10.0, 20.0), (-30.0, 20.0)]
+
+
+def test_how_far_a_cut_goes_on_in_the_air_has_no_name():
+    ball, hole = Primitive("sphere", (20.0,)), Primitive("cylinder", (5.0, 60.0))
+    program = Combine("difference", ball, hole)
+    assert find_hidden_ends(program) == {(1, 2, -1), (1, 2, 1)}
+    assert list(opened(program).values) == ["ball_radius", "hole_diameter"]
+
+
+def test_a_floor_that_is_seen_has_a_name():
+    ball, hole = Primitive("sphere", (20.0,)), Primitive("cylinder", (5.0, 40.0), (0.0, 0.0, 25.0))
+    program = Combine("difference", ball, hole)
+    assert find_hidden_ends(program) == {(1, 2, 1)}
+    assert "hole_depth" in opened(program).values
+
+
+def test_a_part_beside_the_origin_stays_where_it_is_and_stands_on_its_base():
+    """How far it is from there is no dimension of it; the plate grows upward, and the hole stays where it is in that."""
+    plate = Primitive("box", (60.0, 40.0, 6.0), (150.0, 90.0, 33.0))
+    hole = Primitive("cylinder", (3.0, 10.0), (130.0, 80.0, 33.0))
+    part = opened(Combine("difference", plate, hole))
+    assert not {name for name, value in part.values.items() if value in (150.0, 90.0, 33.0, 30.0)}
+    base, _ = leaves(change_values(part, {"plate_thickness": 10.0}).program)
+    assert base.center[2] - base.size[2] / 2 == pytest.approx(30.0)
+
+
+def test_what_is_drawn_on_an_edge_stays_on_that():
+    """A drawing whose wall lies in that of an earlier one and touches it."""
+    plate = _extrude(STEPPED, 6.0)
+    rim = _extrude([(-4.0, -10.0), (4.0, -10.0), (4.0, 10.0), (0.0, 14.0), (-4.0, 10.0)], 20.0, (26.0, -10.0, 5.0))
+    part = opened(Combine("union", plate, rim))
+    first, second = leaves(change_values(part, {"plate_length": 70.0}).program)
+    assert max(_walls(first, 0)) == max(_walls(second, 0)) == pytest.approx(35.0)
+
+
+def test_a_wall_of_the_same_level_elsewhere_stays():
+    plate = _extrude(STEPPED, 6.0)
+    far = _extrude([(-4.0, -10.0), (4.0, -10.0), (4.0, 10.0), (0.0, 14.0), (-4.0, 10.0)], 20.0, (26.0, -10.0, 50.0))
+    _, second = leaves(change_values(opened(Combine("union", plate, far)), {"plate_length": 70.0}).program)
+    assert max(_walls(second, 0)) == pytest.approx(30.0)
+
+
+def test_a_cut_that_leaves_by_an_inner_wall_goes_on_doing_so():
+    """A slot in the narrow half of a stepped plate comes out at the step."""
+    plate = _extrude(STEPPED, 6.0)
+    slot = Primitive("box", (12.0, 6.0, 20.0), (6.0, 10.0, 0.0))
+    part = opened(Combine("difference", plate, slot))
+    step = next(name for name, value in part.values.items() if value == 10.0 and "edge" in name)
+    first, second = leaves(change_values(part, {step: 14.0}).program)
+    assert 14.0 in _walls(first, 0)
+    assert second.center[0] + second.size[0] / 2 == pytest.approx(16.0)
+
+
+def test_what_stands_on_an_inner_wall_stays_on_it():
+    plate = _extrude(STEPPED, 6.0)
+    pin = Primitive("cylinder", (2.0, 12.0), (15.0, 10.0, 0.0), (0.0, 90.0, 0.0))
+    part = opened(Combine("union", plate, pin))
+    step = next(name for name, value in part.values.items() if value == 10.0 and "edge" in name)
+    _, second = leaves(change_values(part, {step: 14.0}).program)
+    assert second.center[0] - second.size[1] / 2 == pytest.approx(13.0)
+
+
+def test_a_drawing_whose_base_is_at_0_grows_from_there():
+    bracket = _extrude([(-10.0, -15.0), (10.0, -15.0), (10.0, -9.0), (-4.0, -9.0), (-4.0, 15.0), (-10.0, 15.0)], 8.0, (10.0, 15.0, 0.0))
+    part = opened(bracket)
+    (after,) = leaves(change_values(part, {"body_width": 40.0}).program)
+    assert _walls(after, 1)[0] == pytest.approx(0.0)
+    assert _walls(after, 1)[-1] == pytest.approx(40.0)
+
+
+def test_a_cut_goes_through_what_it_cuts_and_not_through_what_is_added_to_it():
+    """A hole across a body, and a plug in the middle of it: the hole follows the body's sides."""
+    body = _extrude([(-12.0, -30.0), (12.0, -30.0), (12.0, 30.0), (0.0, 32.0), (-12.0, 30.0)], 27.0)
+    across = (0.0, 90.0, 0.0)
+    hole, plug = Primitive("cylinder", (3.0, 26.0), rotation=across), Primitive("cylinder", (3.0, 6.0), rotation=across)
+    part = opened(Combine("union", Combine("difference", body, hole), plug))
+    length = next(name for name, value in part.values.items() if value == 24.0)
+    _, after, still = leaves(change_values(part, {length: 30.0}).program)
+    assert after.size[1] == pytest.approx(32.0)
+    assert still.size[1] == pytest.approx(6.0)
+
+
+def test_what_ends_level_with_a_hidden_face_does_not_follow_it():
+    """A block inside a body has a wall where a drawing above has one; nobody sees the former."""
+    body = Primitive("box", (60.0, 40.0, 20.0), (0.0, 0.0, 10.0))
+    inside = _extrude([(-6.0, -6.0), (6.0, -6.0), (6.0, 6.0), (0.0, 8.0), (-6.0, 6.0)], 20.0, (0.0, 0.0, 10.0))
+    above = _extrude([(-6.0, -6.0), (6.0, -6.0), (6.0, 3.0), (0.0, 5.0), (-6.0, 3.0)], 8.0, (0.0, 0.0, 24.0))
+    part = opened(Combine("union", Combine("union", body, inside), above))
+    own = [name for name, value in part.values.items() if value == 12.0 and name.endswith("length")]
+    assert len(own) == 2
+    _, first, second = leaves(change_values(part, {own[0]: 14.0}).program)
+    assert _walls(first, 0)[-1] == pytest.approx(7.0)
+    assert _walls(second, 0)[-1] == pytest.approx(6.0)
