@@ -9,7 +9,7 @@ from imdim.deadline import NEVER
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.geometry.surface import signed_distance
 from imdim.program.tree import leaves
-from imdim.reconstruction import pipeline, rounding
+from imdim.reconstruction import observation, pipeline, rounding
 from imdim.reconstruction.config import Settings
 from imdim.reconstruction.fitting import fit_numbers
 from imdim.reconstruction.observation import UnitBody, observe
@@ -96,6 +96,30 @@ def test_corners_on_chords_do_not_draw_numbers_inwards():
     assert any(len(few) < len(patch.points) for few, patch in zip(told, walls, strict=True))
     assert all(np.abs(signed_distance(w.surface, few)).max() <= rounding.ON_SURFACE for few, w in zip(told, walls, strict=True))
     assert next(leaves(rounded(FUNNEL, mesh_of(FUNNEL, 64)))).size == (7.45, 13.9, 10.0)
+
+
+def counted(module, monkeypatch):
+    """The solids of whose IoU a module asks from now on."""
+    asked = []
+    monkeypatch.setattr(module, "volume_iou", lambda a, b: asked.append((a, b)) or volume_iou(a, b))
+    return asked
+
+
+@pytest.mark.parametrize(("thickness", "times"), [(6 * (1 + 0.5 * SNAP_LOSS), 1), (6 * (1 + 1.4 * SNAP_LOSS), 3)])
+def test_the_mesh_is_asked_only_where_more_changes_than_it_may_lose(thickness, times, monkeypatch):
+    truth = cut(box(40, 30, 6), cylinder(3, 8))
+    judge, frame = judged(truth, truth)
+    asked = counted(rounding, monkeypatch)
+    assert judge.keeps(frame.apply(cut(box(40, 30, thickness), cylinder(3, 8))))
+    assert len(asked) == times
+
+
+def test_a_program_is_compared_with_the_mesh_once(monkeypatch):
+    plate = box(40, 30, 6)
+    seen, frame = seen_of(mesh_of(plate))
+    asked = counted(observation, monkeypatch)
+    assert seen.iou(frame.apply(plate)) == seen.iou(frame.apply(plate)) == pytest.approx(1.0)
+    assert len(asked) == 1
 
 
 def test_copies_are_rounded_together():

@@ -141,7 +141,16 @@ class Observation:
 
     def iou(self, program: Program) -> float | None:
         """Volume IoU of a program with the solid, by exact booleans; None where there is no solid."""
-        return None if self.solid is None else volume_iou(to_manifold(program), self.solid)
+        if self.solid is None:
+            return None
+        if program not in self._ious:
+            self._ious[program] = volume_iou(to_manifold(program), self.solid)
+        return self._ious[program]
+
+    @cached_property
+    def _ious(self) -> dict[Program, float]:
+        """What `iou` has told: a program is compared with one after the other."""
+        return {}
 
     def exact_price(self, program: Program) -> float:
         """As `price`, with the exact volumes where there is a solid: samples may all have missed what a program gets wrong."""

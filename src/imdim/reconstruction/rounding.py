@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -39,6 +39,7 @@ ON_SURFACE = 3e-6  # of the diagonal: what a mesh's single precision leaves betw
 TELLING, TELLING_SHARE = 12, 0.3  # corners on a surface, and of all that its facets have, that are enough to tell its numbers by
 JUDGING = 6000  # points by which what rounding changes of the solid is told
 SLACK = 1.5  # times the limits: what they may be off by, since they are told by points
+SURELY = 0.9 * SLACK  # times what an IoU may fall by: where the solid changes by less, it has not, even as booleans round
 CAUTIONS = (1.0, 2.0, 4.0)  # by which the limits are divided until the solid is kept
 SNAP_TRIES = 10  # programs that are made to find which rounder primitives can stand together
 MOST_ROWS = 256  # distances of all points to one primitive, that are kept while numbers are rounded
@@ -146,7 +147,6 @@ class _SolidJudge:
     def __init__(self, plain: Program, seen: Observation) -> None:
         self.solid, self.target = to_manifold(plain), seen.solid
         self.most = SNAP_CHANGE if seen.target.mesh is not None else 10 * SNAP_CHANGE
-        self.iou = 0.0 if self.target is None else volume_iou(self.solid, self.target)
         points = subsample(seen.target.points, JUDGING)
         # a row of the distances of all points to a leaf serves all programs that have it
         self.values_of = lru_cache(MOST_ROWS)(lambda leaf: kernels.program_sdf(leaf, points))
@@ -168,11 +168,20 @@ class _SolidJudge:
         return changed * caution < self.most and (self.target is None or lost * caution < self.most_lost)
 
     def keeps(self, trial: Program) -> bool:
-        """Whether exact booleans say so."""
+        """Whether exact booleans say so. One less an IoU is a distance (Marczewski and Steinhaus 1958): what changes the solid by less than
+        may be lost of the mesh loses no more, and the mesh, which has the most faces, is not asked."""
         solid = to_manifold(trial)
-        if self.target is not None and self.iou - volume_iou(solid, self.target) >= SLACK * self.most_lost:
+        changed = 1 - volume_iou(self.solid, solid)
+        if changed >= SLACK * self.most:
             return False
-        return 1 - volume_iou(self.solid, solid) < SLACK * self.most
+        if self.target is None or changed < SURELY * self.most_lost:
+            return True
+        return self.iou - volume_iou(solid, self.target) < SLACK * self.most_lost
+
+    @cached_property
+    def iou(self) -> float:
+        """Of the solid of `plain` with that of the mesh."""
+        return 0.0 if self.target is None else volume_iou(self.solid, self.target)
 
 
 def _group_copies(old: Sequence[Primitive], changes: Sequence[tuple[int, Primitive]]) -> list[dict[int, Primitive]]:

@@ -4,6 +4,7 @@ import pytest
 from tests.deadlines import PASSED
 from tests.planted import ALONG_X, box, cone, cut, cylinder
 
+from imdim.geometry.finish import turned_feet
 from imdim.geometry.finish.turned_feet import stand_on_faces
 from imdim.geometry.solid import to_manifold
 from imdim.program.outline import Outline
@@ -48,6 +49,15 @@ def test_a_cone_on_the_side_of_a_wall_does() -> None:
 def test_what_is_seen_on_both_sides_stays() -> None:
     both = join(PLATE, cone(30.0, 10.0, 40.0, (0.0, 0.0, 4.0)))
     assert stand_on_faces(both, to_manifold(both, 96)) == both
+
+
+def test_what_was_a_trial_is_no_other_solid(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = []
+    monkeypatch.setattr(turned_feet, "to_manifold", lambda program, segments: made.append(program) or to_manifold(program, segments))
+    feet = [cone(25.5, 18.0, 15.0, (x, 0.0, 12.5)) for x in (-60.0, 60.0)]
+    plates = [box(80.0, 50.0, 8.0, (x, 0.0, 4.0)) for x in (-60.0, 60.0)]
+    stand_on_faces(join(*plates, *feet), to_manifold(join(*plates, *feet), 96))
+    assert len(made) == len(set(made)) > 2
 
 
 def test_what_a_pocket_shows_is_kept() -> None:

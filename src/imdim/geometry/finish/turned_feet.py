@@ -7,6 +7,7 @@ then that of a place inside the plate, and where the plate is narrow the cone co
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 
 import numpy as np
 from manifold3d import Manifold
@@ -27,22 +28,18 @@ NOTHING = 1e-6  # of IoU, which rounding errors of the booleans may cost
 def stand_on_faces(program: Program, target: Manifold, deadline: Deadline = NEVER) -> Program:
     """The program whose added cones and turned drawings end at faces of other added parts, as far up as its IoU with the `target` does not
     fall: what is taken off is hidden in others, or in the air. Past the `deadline` (by default never) the others stay."""
-    known: float | None = None
+    # the program that a trial is compared with was a trial, and one end may be tried for two leaves
+    iou = lru_cache(lambda trial: volume_iou(to_manifold(trial, CHECK_SEGMENTS), target))
     for i, sign in enumerate(signs(program)):
         for side in (-1, 1) if sign > 0 else ():
             for shorter in _shorten(program, i, side):
                 if deadline.has_passed():
                     return program
-                known = _iou(program, target) if known is None else known
                 trial = map_leaves(program, lambda k, leaf, i=i, shorter=shorter: shorter if k == i else leaf)
-                if (iou := _iou(trial, target)) >= known - NOTHING:
-                    program, known = trial, iou
+                if iou(trial) >= iou(program) - NOTHING:
+                    program = trial
                     break
     return program
-
-
-def _iou(program: Program, target: Manifold) -> float:
-    return volume_iou(to_manifold(program, CHECK_SEGMENTS), target)
 
 
 def _shorten(program: Program, i: int, side: int) -> Iterator[Primitive]:
