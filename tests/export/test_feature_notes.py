@@ -98,3 +98,18 @@ def test_what_an_edit_tells_apart_has_lines_of_its_own():
     apart = ["  // hole #1, #2", "  // hole, diameter 6, through", "  // hole, diameter 8, through", "  b"]
     assert renew_notes(text, said(3), said(4)).split("\n") == apart
     assert renew_notes("\n".join(apart), said(4), said(3)) == text
+
+
+def test_blind_pockets_say_how_deep_they_are():
+    plate = box(80, 50, 6, (0, 0, 3))
+    pockets = [box(20, 10, 4, (x, 0, 5)) for x in (-25, 25)]  # from a floor at 3, past the face at 6
+    channel, window = box(90, 6, 4, (0, 20, 6)), box(10, 5, 20, (0, -18, 3))
+    said = comments(opened(cut(plate, *pockets, channel, window)), "program.scad")
+    assert sorted(line for line in said if "deep" in line) == ["pocket #1, #2: 20 x 10, 3 deep", "pocket2 #3: 6 wide, 2 deep"]
+
+
+def test_a_pocket_that_an_edit_made_deeper_says_so():
+    delivered = opened(cut(box(80, 50, 6, (0, 0, 3)), box(20, 10, 4, (5, 3, 5))))
+    after = change_values(delivered, {"pocket_depth": 4.0})
+    assert "pocket #1: 20 x 10, 3 deep" in comments(delivered, "program.scad")
+    assert "pocket #1: 20 x 10, 4 deep" in comments(after, "program.py")

@@ -12,6 +12,7 @@ from imdim.export.elimination import without_loose
 from imdim.export.feature_names import label_features
 from imdim.export.numbers import round_program
 from imdim.export.parameters import Parameters, parametrise
+from imdim.export.relation_names import name_relations
 from imdim.geometry.finish.commute import Commutation, CommutedProgram
 from imdim.geometry.finish.extend import plane_face
 from imdim.geometry.finish.overshoot import overshoot
@@ -68,7 +69,7 @@ def finish(
         constraints = without_loose(program, constraints, delivered)
         named = parametrise(program, constraints, delivered)
         order = tuple(range(count(program).primitives))
-        return FinishedProgram(delivered, rebase_constraints(delivered, constraints), named, None, order=order).with_edges(edges)
+        return FinishedProgram(delivered, _rename(delivered, constraints, named), named, None, order=order).with_edges(edges)
     given, carried = folding.program, renumber_constraints(constraints, folding.order)
     constraints = _without_rows(holding(given, carried), folding.folded)
     place = {old: new for new, old in enumerate(folding.order)}
@@ -77,7 +78,11 @@ def finish(
     delivered = expand(folded)
     constraints = without_loose(given, constraints, delivered, folded)
     named = parametrise(given, constraints, delivered, folded)
-    return FinishedProgram(delivered, rebase_constraints(delivered, constraints), named, folded, order=folding.order).with_edges(edges)
+    return FinishedProgram(delivered, _rename(delivered, constraints, named), named, folded, order=folding.order).with_edges(edges)
+
+
+def _rename(delivered: Program, constraints: Sequence[Constraint], named: Parameters) -> tuple[Constraint, ...]:
+    return name_relations(rebase_constraints(delivered, constraints), delivered, named)
 
 
 def finish_flat(program: Program, folded: Folded | None = None, deadline: Deadline = NEVER, edges: Sequence[EdgeFeature] = ()) -> Program:

@@ -15,6 +15,7 @@ from imdim.export.hole_names import hole_notes
 from imdim.export.surroundings import Surroundings
 from imdim.geometry.hosts import hosts_of_cuts
 from imdim.geometry.lowering import Lowered, lower
+from imdim.program.hole_groups import write_size
 from imdim.program.repeats import Folded, Repeat, instances, repeats, size
 from imdim.program.roles import signs
 from imdim.program.tree import Primitive, Program, leaves
@@ -41,7 +42,8 @@ def feature_notes(program: Program, label: Sequence[str], folded: Folded | None 
         host = {served[leaf] for leaf in run.members}
         inside = [f"in {host.pop()}"] if len(host) == 1 and served[run.first] else []
         said = ", ".join([run.numbers(label[run.first]), *inside, *([] if is_hole else run.arrangement), *through])
-        notes[run.first] = (f"{said}: {own[0]}",) if is_hole else (said, *own)
+        depth = "" if own or through or sign[run.first] > 0 else _say_depth(solid, parts, run.members)
+        notes[run.first] = (f"{said}: {own[0]}",) if is_hole else (f"{said}: {depth}",) if depth else (said, *own)
     return notes
 
 
@@ -56,6 +58,22 @@ def _hosts_by_label(program: Program, label: Sequence[str]) -> list[str]:
 def _goes_through(solid: Lowered, parts: Sequence[Primitive], leaf: int) -> bool:
     around = Surroundings.of(solid, leaf, parts[leaf])
     return around is not None and around.passes_through()
+
+
+def _say_depth(solid: Lowered, parts: Sequence[Primitive], members: Sequence[int]) -> str:
+    """As "20 x 10, 3 deep" of blind pockets that are alike, "6 wide, 2 deep" of channels; else nothing."""
+    said = {_depth(solid, parts[leaf], leaf) for leaf in members}
+    return said.pop() if len(said) == 1 else ""
+
+
+def _depth(solid: Lowered, p: Primitive, leaf: int) -> str:
+    around = Surroundings.of(solid, leaf, p) if p.kind in ("box", "extrude") else None
+    pocket = None if around is None else around.measure_pocket()
+    if around is None or pocket is None:
+        return ""
+    axis, depth = pocket
+    walled = [write_size(size) for a, size in enumerate(p.size) if a != axis and around.has_walls(a)] if p.kind == "box" else []
+    return ", ".join([*([f"{' x '.join(walled)}{' wide' if len(walled) == 1 else ''}"] if walled else []), f"{write_size(depth)} deep"])
 
 
 def read_labels(text: str, program: Program, folded: Folded | None = None) -> tuple[str, ...]:

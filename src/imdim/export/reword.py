@@ -11,10 +11,10 @@ from imdim.export.elimination import without_loose
 from imdim.export.feature_names import label_features
 from imdim.export.openscad_reader import are_drawn
 from imdim.export.parameters import parametrise
+from imdim.export.relation_names import name_relations
 from imdim.program.constraints import Constraint
 from imdim.program.edges import EdgeFeature, name_edges
 from imdim.program.repeats import Folded
-from imdim.program.roles import name_constraints
 from imdim.program.tree import Program
 
 
@@ -25,8 +25,9 @@ def reword(
 
     `constraints` hold for it; those that no names can keep are left out. `edges` are of it, and keep their names where these are free.
     """
-    kept = name_constraints(without_loose(program, constraints, program, folded), program)
+    kept = without_loose(program, constraints, program, folded)
     named = parametrise(program, kept, program, folded)
+    kept = name_relations(kept, program, named)
     edges = name_edges(edges, named.values)
     named = with_edge_sizes(named, edges)
     written = texts_of(program, named, folded, delivered.segments, edges, are_drawn(delivered.texts["program.scad"]))

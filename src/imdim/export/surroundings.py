@@ -13,6 +13,7 @@ from imdim.program.tree import Primitive
 
 BESIDE = 1e-2  # of the smallest edge: so far from a face it is looked
 ALONG = (-0.5, 0.0, 0.5)  # of half an edge: stations across a face
+HALVINGS = 40  # of a depth, whose digits are those of the program's numbers then
 STATIONS = np.linspace(-1.0, 1.0, 9)  # from end to end, of half an edge
 
 
@@ -66,6 +67,31 @@ class Surroundings:
     def passes_through(self) -> bool:
         """Whether a cut leaves the material at both ends of an axis, between two walls that face each other."""
         return any(self.ends_in_air(axis) and self._is_walled(axis) for axis in range(3))
+
+    def measure_pocket(self) -> tuple[int, float] | None:
+        """Of a blind cut the axis along which it goes in, and how deep from the highest wall beside it; None where it has no bottom, or
+        more than one face that it might have come through."""
+        ways = [(a, side) for a in range(3) for side in (-1, 1) if self.is_beyond(a, side).any() and not self.is_beyond(a, -side).any()]
+        return (ways[0][0], self._depth(*ways[0])) if len(ways) == 1 else None
+
+    def has_walls(self, axis: int) -> bool:
+        """Whether there is material beyond both ends along an axis."""
+        return bool(self.is_beyond(axis, -1).any() and self.is_beyond(axis, 1).any())
+
+    def _depth(self, axis: int, bottom: int) -> float:
+        """From the bottom to where the walls end that stand on it."""
+        across = [a for a in range(3) if a != axis]
+        local = np.zeros((len(across) * 2, 3))
+        for row, (a, side) in enumerate(product(across, (-1, 1))):
+            local[row, a] = side * (self.half[a] + self.step)
+        size = 2 * self.half[axis]
+        low, high = np.zeros(len(local)), np.full(len(local), size)
+        for _ in range(HALVINGS):
+            middle = (low + high) / 2
+            local[:, axis] = bottom * (self.half[axis] - middle)
+            held = self.is_material(local)
+            low, high = np.where(held, middle, low), np.where(held, high, middle)
+        return float(high.max())
 
     def _is_walled(self, axis: int) -> bool:
         others = (a for a in range(3) if a != axis)

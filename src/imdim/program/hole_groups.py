@@ -59,15 +59,15 @@ def describe_hole(hole: Hole) -> str:
     """What a drawing says of one hole."""
     screw, bore = screw_of(hole), hole.bore
     what = "" if screw is None else f"{screw.size} {screw.use} "
-    how_deep = "through" if hole.through else f"{_text(hole.depth)} deep"
+    how_deep = "through" if hole.through else f"{write_size(hole.depth)} deep"
     if hole.kind == "tapered":
-        return f"tapered hole, diameter {_text(bore.diameter)} to {_text(bore.narrow)}, {how_deep}"
+        return f"tapered hole, diameter {write_size(bore.diameter)} to {write_size(bore.narrow)}, {how_deep}"
     if hole.kind == "stepped":
-        straight = [_text(s.diameter) for s in hole.sections if not s.is_cone and not s.corners]
+        straight = [write_size(s.diameter) for s in hole.sections if not s.is_cone and not s.corners]
         return f"stepped hole, diameter {' / '.join(straight[:4])}{' ...' if len(straight) > 4 else ''}, {how_deep}"
     if bore.corners:
-        return f"hexagonal {'hole' if hole.through else 'pocket'}, {_text(bore.diameter)} across flats, {how_deep}"
-    said = [f"{what}hole, diameter {_text(bore.diameter)}", how_deep, *_head(hole)]
+        return f"hexagonal {'hole' if hole.through else 'pocket'}, {write_size(bore.diameter)} across flats, {how_deep}"
+    said = [f"{what}hole, diameter {write_size(bore.diameter)}", how_deep, *_head(hole)]
     if hole.point_section is not None:
         said.append(f"{hole.point_section.angle_deg:.0f} degree point")
     return ", ".join(said)
@@ -78,15 +78,15 @@ def _head(hole: Hole) -> Iterator[str]:
     if head is None:
         return
     if head.corners:
-        yield f"hexagonal pocket {_text(head.diameter)} across flats, {_text(head.end)} deep"
+        yield f"hexagonal pocket {write_size(head.diameter)} across flats, {write_size(head.end)} deep"
     elif head.is_cone:
-        yield f"countersink diameter {_text(head.diameter)}, {head.angle_deg:.0f} degrees"
+        yield f"countersink diameter {write_size(head.diameter)}, {head.angle_deg:.0f} degrees"
     else:
-        yield f"counterbore diameter {_text(head.diameter)}, {_text(head.end)} deep"
+        yield f"counterbore diameter {write_size(head.diameter)}, {write_size(head.end)} deep"
 
 
 def _arranged(group: HoleGroup) -> Iterator[str]:
-    lengths = [_text(s) for s in group.spacing]
+    lengths = [write_size(s) for s in group.spacing]
     if group.arrangement == "row":
         yield f"{lengths[0]} apart" if len(group.holes) == 2 else f"in a row, {lengths[0]} apart"
     elif group.arrangement == "grid" and group.counts == (2, 2):
@@ -99,7 +99,8 @@ def _arranged(group: HoleGroup) -> Iterator[str]:
         yield f"on a circle of diameter {lengths[0]}, {lengths[1]} degrees apart"
 
 
-def _text(value: float) -> str:
+def write_size(value: float) -> str:
+    """A length as comments say it."""
     return f"{value:.{DIGITS}g}"
 
 

@@ -113,13 +113,18 @@ def size_word(p: Primitive, column: int, sign: int, label: str) -> str:
     return "depth" if word == "height" and sign < 0 and p.kind != "box" else word
 
 
-def name_constraints(constraints: Sequence[Constraint], program: Program) -> tuple[Constraint, ...]:
-    """The constraints with a name each, no two alike."""
-    parts, label, sign = list(leaves(program)), labels(program, constraints), signs(program)
+def name_constraints(
+    constraints: Sequence[Constraint], program: Program, label: Sequence[str] | None = None, sizes: Mapping[Ref, str] | None = None
+) -> tuple[Constraint, ...]:
+    """The constraints with a name each, no two alike, by the `label` of each leaf, by default that of `labels`. Of `sizes` the names are
+    known already."""
+    parts, sign, known = list(leaves(program)), signs(program), sizes or {}
+    label = labels(program, constraints) if label is None else label
     taken: set[str] = set()
     out: list[Constraint] = []
     for constraint in constraints:
-        name = unique(_name(constraint, parts, label, sign), taken)
+        own = known.get(constraint.of[0]) if constraint.kind in _OF_SIZES else None
+        name = unique(own or _name(constraint, parts, label, sign), taken)
         out.append(replace(constraint, name=name))
     return tuple(out)
 
@@ -135,13 +140,14 @@ def unique(name: str, taken: set[str]) -> str:
 
 def _name(c: Constraint, parts: Sequence[Primitive], label: Sequence[str], sign: Sequence[int]) -> str:
     who = "_".join(dict.fromkeys("frame" if ref.leaf == WORLD else label[ref.leaf] for ref in c.of[:3]))
-    if c.kind in ("equal", "value"):
+    if c.kind in _OF_SIZES:
         leaf = c.of[0].leaf
         column = SIZE_NAMES[parts[leaf].kind].index(c.of[0].feature)
         return f"{label[leaf]}_{size_word(parts[leaf], column, sign[leaf], label[leaf])}"
     return f"{who}_{_WORDS[c.kind]}"
 
 
+_OF_SIZES = ("equal", "value")  # of which the first feature says what all are
 _WORDS: Mapping[str, str] = {
     "parallel": "parallel",
     "perpendicular": "square",
