@@ -168,7 +168,7 @@ class _SolidJudge:
         return changed * caution < self.most and (self.target is None or lost * caution < self.most_lost)
 
     def keeps(self, trial: Program) -> bool:
-        """Whether exact booleans say so. One less an IoU is a distance (Marczewski and Steinhaus 1958): what changes the solid by less than
+        """Whether exact booleans say so. One less an IoU is a distance between solids: what changes the solid by less than
         may be lost of the mesh loses no more, and the mesh, which has the most faces, is not asked."""
         solid = to_manifold(trial)
         changed = 1 - volume_iou(self.solid, solid)
