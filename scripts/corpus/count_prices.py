@@ -19,8 +19,8 @@ from rounds import ROUNDS
 
 from imdim.geometry.solid import to_manifold
 from imdim.program.tree import Program
-from imdim.reconstruction.description import COUNTS, price_events
-from imdim.reconstruction.design_events import GROUPS, Event, PartBox, read_events
+from imdim.reconstruction.description import COUNTS, price_events, price_reading
+from imdim.reconstruction.design_events import COPIES, GROUPS, Event, PartBox, read_events, read_features
 
 EACH = 10
 TRIES = 20  # numbers that are drawn for a design at most, until it is in one piece
@@ -47,6 +47,20 @@ def count_events(each: int) -> dict[str, dict[str, int]]:
     return {group: {event: total[group, event] for event in events} for group, events in GROUPS.items()}
 
 
+def relative_prices(counts: dict[str, dict[str, int]], each: int) -> dict[str, float]:
+    """What a curve of an outline, a way in which copies go on, and a drawing without its curves cost of a plain feature."""
+    prices, plain, drawings, curves, drawn = price_events(counts), list[float](), list[float](), 0, 0.0
+    for program, part in make_designs(each):
+        for feature in read_features(program, part)[0]:
+            outline = feature.leaf.outline
+            (plain if outline is None else drawings).append(price_reading(feature.own, prices))
+            curves += 0 if outline is None else outline.curve_count
+            drawn += price_reading(feature.drawn, prices)
+    mean = sum(plain) / len(plain)
+    way, bare = prices["copies", "more"] + COPIES, sum(drawings) / len(drawings)
+    return {"a curve": drawn / curves / mean, "a way": way / mean, "a drawing without its curves": bare / mean}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--each", type=int, default=EACH, help="designs of each kind")
@@ -55,6 +69,7 @@ def main() -> None:
     document = {"made by": "scripts/corpus/count_prices.py", "designs of each kind": given.each, "counts": counts}
     COUNTS.write_text(json.dumps(document, indent=1) + "\n", "utf-8")
     prices = price_events(counts)
+    print("of a plain feature: " + ", ".join(f"{what} {share:.2f}" for what, share in relative_prices(counts, given.each).items()))
     for group, events in counts.items():
         print(f"{group}: " + ", ".join(f"{event} {prices[group, event]:.1f} bits ({count})" for event, count in events.items() if count))
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from imdim.program.patterns.weigh import WAY
 from imdim.reconstruction.description import COUNTS, price_events
 from imdim.reconstruction.design_events import GROUPS
 
@@ -46,3 +47,9 @@ def test_designs_are_in_one_piece_and_of_thirty_kinds(counted):
 def test_what_is_rare_is_dear_and_what_never_was_has_a_price():
     prices = price_events({"copies": {"once": 7, "more": 0}})
     assert prices["copies", "once"] < prices["copies", "more"] == pytest.approx(3.17, abs=0.01)
+
+
+def test_a_way_in_which_copies_go_on_costs_what_is_counted(counted):
+    shares = counted.relative_prices(counted.count_events(2), 2)
+    assert shares["a way"] == pytest.approx(WAY, abs=0.05)
+    assert 0 < shares["a curve"] < 1

@@ -14,14 +14,18 @@ from functools import cache
 from pathlib import Path
 
 from imdim.program.tree import Program
-from imdim.reconstruction.design_events import GROUPS, Event, PartBox, read_events
+from imdim.reconstruction.design_events import GROUPS, Event, PartBox, Reading, read_events
 
 COUNTS = Path(__file__).with_name("design_counts.json")
 
 
 def describe_bits(program: Program, part: PartBox) -> float:
     """How many bits the program of a part takes."""
-    prices, reading = _counted_prices(), read_events(program, part)
+    return price_reading(read_events(program, part), _counted_prices())
+
+
+def price_reading(reading: Reading, prices: Mapping[Event, float]) -> float:
+    """Bits of what was read."""
     return reading.bits + sum(count * prices[event] for event, count in reading.events.items())
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from imdim.export.outline_joints import regular_of
 from imdim.geometry import kernels
-from imdim.geometry.lowering import Lowered, lower
+from imdim.geometry.lowering import lower
 from imdim.geometry.sampling import even_surface
 from imdim.program.ellipse import Ellipse
 from imdim.program.patterns.weigh import take_first_copies
@@ -73,20 +73,40 @@ class Reading:
         self.events[group, event] += count
 
 
+@dataclass(frozen=True)
+class ReadFeature:
+    """A leaf of those that are written, what occurs in it, and what of its outline: curves and vertices."""
+
+    leaf: Primitive
+    own: Reading
+    drawn: Reading
+
+
 def read_events(program: Program, part: PartBox) -> Reading:
     """What occurs in the program of a part."""
+    features, ways = read_features(program, part)
+    total = Reading(bits=COPIES * ways)
+    total.add("copies", "more", ways)
+    for reading in (reading for feature in features for reading in (feature.own, feature.drawn)):
+        total.events.update(reading.events)
+        total.bits += reading.bits
+    return total
+
+
+def read_features(program: Program, part: PartBox) -> tuple[list[ReadFeature], int]:
+    """What occurs in each leaf of the program of a part, the first of all copies alone, and in how many ways copies go on."""
     first, ways = take_first_copies(program)
-    parts, sign, reading = list(leaves(first)), [SIGN[s] for s in signs(first)], Reading(bits=COPIES * ways)
-    for leaf, does in zip(parts, sign, strict=True):
-        reading.add("feature", f"{does} {leaf.kind}")
-        _read_faces(leaf, does, program, SKIN * part.size, reading)
-        _read_curves(leaf, reading)
-    reading.add("copies", "once", len(parts))
-    reading.add("copies", "more", ways)
-    placed = lower(first)
-    _read_directions(parts, placed, reading)
-    _NumberReader(part, reading).read(parts, sign, placed)
-    return reading
+    placed, known, numbers, features = lower(first), list(np.eye(3)), _NumberReader(part), list[ReadFeature]()
+    for i, (leaf, sign) in enumerate(zip(leaves(first), signs(first), strict=True)):
+        feature, does = ReadFeature(leaf, Reading(), Reading()), SIGN[sign]
+        feature.own.add("feature", f"{does} {leaf.kind}")
+        feature.own.add("copies", "once")
+        _read_faces(leaf, does, program, SKIN * part.size, feature.own)
+        _read_directions(leaf, placed.rotations[i], known, feature.own)
+        _read_curves(leaf, feature.drawn)
+        numbers.read(feature, does, placed.rotations[i], placed.centers[i])
+        features.append(feature)
+    return features, ways
 
 
 def _read_faces(leaf: Primitive, does: str, program: Program, skin: float, reading: Reading) -> None:
@@ -129,53 +149,51 @@ def _read_curves(leaf: Primitive, reading: Reading) -> None:
     reading.add("loops", "end")
 
 
-def _read_directions(parts: list[Primitive], placed: Lowered, reading: Reading) -> None:
-    """Whether the axes of leaves run along those of the part or of leaves before them."""
-    known = list(np.eye(3))
-    for leaf, turn in zip(parts, placed.rotations, strict=True):
-        for axis in (turn[:, k] for k in AXES_OF.get(leaf.kind, (2,))):
-            if any(abs(float(axis @ other)) >= 1 - ONE_WAY for other in known):
-                reading.add("direction", "known")
-            else:
-                known.append(axis)
-                reading.add("direction", "turned")
-                reading.bits += ANGLE
+def _read_directions(leaf: Primitive, turn: np.ndarray, known: list[np.ndarray], reading: Reading) -> None:
+    """Whether the axes of a leaf run along those of the part or of leaves before it, which are `known`, as they are from then on."""
+    for axis in (turn[:, k] for k in AXES_OF.get(leaf.kind, (2,))):
+        if any(abs(float(axis @ other)) >= 1 - ONE_WAY for other in known):
+            reading.add("direction", "known")
+        else:
+            known.append(axis)
+            reading.add("direction", "turned")
+            reading.bits += ANGLE
 
 
 class _NumberReader:
     """Reads numbers leaf by leaf, from the middle of the part and whatever their sign, and knows those that came before."""
 
-    def __init__(self, part: PartBox, reading: Reading) -> None:
-        self.part, self.reading = part, reading
+    def __init__(self, part: PartBox) -> None:
+        self.part = part
+        self.middle, self.half = (part.low + part.high) / 2, (part.high - part.low) / 2
         self.known: dict[object, list[float]] = {}
 
-    def read(self, parts: list[Primitive], sign: list[str], placed: Lowered) -> None:
-        """All numbers of leaves that add or cut, as they are placed."""
-        part = self.part
-        middle, half = (part.low + part.high) / 2, (part.high - part.low) / 2
-        for i, (leaf, does) in enumerate(zip(parts, sign, strict=True)):
-            turn = placed.rotations[i]
-            at, reach = turn.T @ (placed.centers[i] - middle), np.abs(turn.T) @ half + OUTSIDE * part.size
-            for slot, axis, value in _slots(leaf, at):
-                # levels and places along one direction are told by each other, and so are all radii; an outline's by its own
-                known = i if slot == "vertex" else slot if axis is None else tuple(np.round(np.abs(turn[:, axis]), 3))
-                limit = reach[axis] if slot == "level" and axis is not None else part.size / 2 if slot == "radius" else math.inf
-                self._read_number(f"level {does}" if slot == "level" else slot, self.known.setdefault(known, []), abs(value), limit)
+    def read(self, feature: ReadFeature, does: str, turn: np.ndarray, center: np.ndarray) -> None:
+        """All numbers of a leaf that adds or cuts, as it is placed."""
+        at, reach = turn.T @ (center - self.middle), np.abs(turn.T) @ self.half + OUTSIDE * self.part.size
+        own: list[float] = []
+        for slot, axis, value in _slots(feature.leaf, at):
+            # levels and places along one direction are told by each other, and so are all radii; an outline's by its own
+            line = slot if axis is None else tuple(np.round(np.abs(turn[:, axis]), 3))
+            known = own if slot == "vertex" else self.known.setdefault(line, [])
+            limit = reach[axis] if slot == "level" and axis is not None else self.part.size / 2 if slot == "radius" else math.inf
+            reading = feature.drawn if slot == "vertex" else feature.own
+            self._read_number(reading, f"level {does}" if slot == "level" else slot, known, (abs(value), limit))
 
-    def _read_number(self, group: str, known: list[float], value: float, limit: float) -> None:
-        near = ONE_NUMBER * self.part.size
+    def _read_number(self, reading: Reading, group: str, known: list[float], limited: tuple[float, float]) -> None:
+        (value, limit), near = limited, ONE_NUMBER * self.part.size
         if value >= limit:
-            self.reading.add(group, "outside")
+            reading.add(group, "outside")
         elif value < near:
-            self.reading.add(group, "zero")
+            reading.add(group, "zero")
         elif any(abs(value - other) < near for other in known):
-            self.reading.add(group, "again")
-            self.reading.bits += math.log2(len(known))
+            reading.add(group, "again")
+            reading.bits += math.log2(len(known))
         else:
             known.append(value)
             name, count = _grid_of(value * self.part.unit, self.part.size * self.part.unit)
-            self.reading.add(group, name)
-            self.reading.bits += math.log2(max(count, 2.0))
+            reading.add(group, name)
+            reading.bits += math.log2(max(count, 2.0))
 
 
 def _grid_of(value: float, size: float) -> tuple[str, float]:

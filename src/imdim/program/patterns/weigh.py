@@ -8,7 +8,7 @@ from imdim.program.repeats import expand, first_copies, repeats
 from imdim.program.tree import Program
 
 NEAR = 2e-4  # of the program's size, by which copies may differ whose numbers are not fitted yet
-WAY = 1 / 3  # of a feature's price: a count and a distance, where a feature has some six numbers
+WAY = 1 / 3  # of a feature's price: about what a count and a step take in the corpus of designs (`scripts/corpus/count_prices.py`)
 
 
 def weigh_once(program: Program, curve: float = CURVE) -> float:
