@@ -24,7 +24,7 @@ def test_cuts_go_through_a_thicker_tilted_plate(axis, degrees):
     ("cutter", "says"),
     [
         (box(80, 10, 10, (0, 0, 8)), "pocket #1, through"),
-        (box(10, 8, 10, (0, 0, 8)), "pocket #1"),
+        (box(10, 8, 10, (0, 0, 8)), "pocket #1: 10 x 8, 7 deep"),
         (box(80, 10, 10, (0, 18, 8)), "pocket #1"),
         (box(20, 16, 40), "pocket #1, through"),
     ],

@@ -7,7 +7,7 @@ import pytest
 from tests.planted import ALONG_X, box, cone, cut, cylinder, union
 
 from imdim.program.outline import Outline
-from imdim.program.tree import Primitive, Program
+from imdim.program.tree import Combine, Primitive, Program, leaves
 from imdim.reconstruction import methods
 from imdim.reconstruction.budget import Budget
 from imdim.reconstruction.config import Settings
@@ -106,6 +106,10 @@ def test_of_programs_that_fit_alike_the_shortest_description_is_taken():
     assert odd in step.others
     # what is no shorter beyond doubt changes nothing
     assert methods._choose_described(run, MethodStep("search", step.program, others=(odd, step.program))) is None
+    # nor does one that has the same features
+    assert isinstance(TABLE, Combine)
+    moved = union(*leaves(TABLE.left), box(7.3, 6.7, 26.1, (17.0, 17.0, 13.0)))
+    assert methods._choose_described(run, MethodStep("search", moved, others=(TABLE,))) is None
     # nor is anything taken that counts by primitives
     counting = replace(run, settings=Settings(language="csg"))
     assert methods._choose_described(counting, MethodStep("search", odd, others=(TABLE, CROSSED))) is None

@@ -146,8 +146,8 @@ def auto(run: Run) -> Iterator[MethodStep]:
 
 
 def _choose_described(run: Run, best: MethodStep) -> MethodStep | None:
-    """Of programs without drawings that fit as well, the one with the shortest description, where it is shorter beyond doubt: of several
-    short programs that the search met, what a designer would write."""
+    """Of programs without drawings that fit as well and have other features, the one with the shortest description, where it is shorter
+    beyond doubt: of several short programs that the search met, what a designer would write."""
     fit, deadline = run.seen.iou(best.program), run.budget.end_of("search")
     # the language of primitives alone is for comparisons by their count
     if fit is None or run.settings.language != "cad" or has_outlines(best.program) or deadline.has_passed():
@@ -155,7 +155,9 @@ def _choose_described(run: Run, best: MethodStep) -> MethodStep | None:
     low, high = run.seen.families.arrangement.bounds
     part = PartBox(low, high, run.unit)
     least, chosen = describe_bits(best.program, part) - BEYOND_DOUBT, None
-    for other in dict.fromkeys(best.others):
+    # ranges of one structure are settled by other rules
+    of_its_own = (other for other in dict.fromkeys(best.others) if count(other).kinds != count(best.program).kinds)
+    for other in of_its_own:
         if has_outlines(other) or deadline.has_passed() or (run.seen.iou(other) or 0.0) < fit - FITS_AS_WELL:
             continue
         if (bits := describe_bits(other, part)) < least:

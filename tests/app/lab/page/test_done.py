@@ -70,7 +70,7 @@ def test_holes_are_listed_as_a_drawing_says_them(done):
     said.first.wait_for()
     assert any(text.startswith("4 x ") and "diameter 6, through" in text for text in said.all_inner_texts())
     said.filter(has_text="4 x ").click()
-    done.page.wait_for_selector(".lab-primitive [data-n='3'][aria-selected=true]")
+    done.page.wait_for_selector(".lab-primitive [data-n='2'][aria-selected=true]")
     done.keys("Escape")
 
 

@@ -66,7 +66,7 @@ def test_a_constraint_is_removed_and_found_again(done):
     rows = every.count()
     radii.click()
     done.page.wait_for_selector(".lab-constraint [aria-pressed=true]")
-    assert "hole #3 to #6 have equal diameter" in done.page.locator(".lab-constraint [aria-pressed=true]").inner_text()
+    assert "hole #2 to #5 have equal diameter" in done.page.locator(".lab-constraint [aria-pressed=true]").inner_text()
     done.press("Remove the relation")
     radii.wait_for(state="detached")
     assert every.count() == rows - 1
