@@ -27,7 +27,7 @@ TRIES = 20  # numbers that are drawn for a design at most, until it is in one pi
 
 
 def make_designs(each: int) -> Iterator[tuple[Program, PartBox]]:
-    """The corpus: programs in millimetres, and the boxes that they fill."""
+    """The corpus: programs in millimetres, and the boxes that they fill. Raises ValueError for a design that is never in one piece."""
     for kind, design in enumerate((*PLATES, *ROUNDS)):
         for number in range(each):
             for attempt in range(TRIES):
@@ -37,6 +37,8 @@ def make_designs(each: int) -> Iterator[tuple[Program, PartBox]]:
                     low, high = np.reshape(solid.bounding_box(), (2, 3))
                     yield program, PartBox(low, high)
                     break
+            else:
+                raise ValueError(f"{design.__name__} {number} is in pieces {TRIES} times")
 
 
 def count_events(each: int) -> dict[str, dict[str, int]]:

@@ -111,3 +111,15 @@ def test_what_ends_level_with_a_hidden_face_does_not_follow_it():
     _, first, second = leaves(change_values(part, {own[0]: 14.0}).program)
     assert _walls(first, 0)[-1] == pytest.approx(7.0)
     assert _walls(second, 0)[-1] == pytest.approx(6.0)
+
+
+def test_what_ends_level_with_a_wall_does_not_stand_on_that():
+    """A rib from a boss to the edge of its plate, whose inner end is hidden in the boss: it stays at the edge, and is not 0 high there."""
+    plate = _extrude(STEPPED, 6.0)
+    boss = Primitive("cylinder", (8.0, 20.0), (-10.0, 0.0, 10.0))
+    rib = Primitive("box", (6.0, 16.0, 12.0), (-10.0, -12.0, 6.0))
+    part = opened(Combine("union", Combine("union", plate, boss), rib))
+    assert 0.0 not in part.values.values()
+    width = next(name for name, value in part.values.items() if value == 40.0)
+    first, _, after = leaves(change_values(part, {width: 44.0}).program)
+    assert after.center[1] - after.size[1] / 2 == pytest.approx(min(_walls(first, 1)))

@@ -32,6 +32,8 @@ def test_the_shipped_counts_are_of_that_corpus(counted):
     assert few == again
     assert shipped["designs of each kind"] == counted.EACH
     assert set(shipped["counts"]) == set(GROUPS)
+    # the first designs are among the ten
+    assert all(n <= shipped["counts"][group][event] for group, events in few.items() for event, n in events.items())
     for group, least in (("feature", 20), ("level add", 20), ("add flat", 20), ("cut side", 20)):
         one, ten = Counter(few[group]), Counter(shipped["counts"][group])
         assert sum(one.values()) >= least

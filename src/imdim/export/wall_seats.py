@@ -87,8 +87,10 @@ def _find_exit(placed: _Placed, walls: Sequence[FlatWall], start: End, end: End)
 
 
 def _find_base(placed: _Placed, walls: Sequence[FlatWall], foot: End, top: End) -> FlatWall | None:
-    """The wall of an earlier leaf that something comes out of, whose foot lies in there: the nearest to that."""
+    """The wall of an earlier leaf that something comes out of, whose foot lies in there: the nearest to that. What ends level with a wall
+    does not come out of it."""
     found = [w for w in _between(placed, walls, foot, top) if w.leaf < top.leaf and _covers(w, placed.boxes[top.leaf])]
+    found = [w for w in found if w.side * w.place < placed.at(top, w.side) - placed.slack]
     return min(found, key=lambda w: w.side * w.place, default=None)
 
 
