@@ -13,6 +13,7 @@ from manifold3d import Manifold, OpType
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.cutter_extent import AXES, direction_of, ends_of, stretch
 from imdim.geometry.finish.section import CHECK_SEGMENTS
+from imdim.geometry.finish.step_order import gather_steps
 from imdim.geometry.hosts import order_by_host
 from imdim.geometry.solid import primitive_to_manifold, to_manifold
 from imdim.program.rewrite.containment_rules import parts, spine
@@ -33,7 +34,7 @@ def cut_last(program: Program, deadline: Deadline = NEVER) -> Program:
         return program
     solid = to_manifold(program, CHECK_SEGMENTS)
     for _ in range(ROUNDS):
-        flatter = program if deadline.has_passed() else _cut_late(_join_islands(program, solid), deadline)
+        flatter = program if deadline.has_passed() else _cut_late(_join_islands(gather_steps(program), solid), deadline)
         made = to_manifold(flatter, CHECK_SEGMENTS)
         if flatter == program or (made - solid).volume() + (solid - made).volume() > NOTHING * solid.volume():
             break
