@@ -5,10 +5,10 @@ import pytest
 import trimesh
 from tests.known_programs import KNOWN
 
-from imdim.delivery.evaluate import evaluate, evaluate_file
+from imdim.delivery.evaluate import DeliveryLoss, evaluate, evaluate_file
 from imdim.export.meshes import write_meshes
 from imdim.export.openscad import to_openscad
-from imdim.geometry.solid import to_manifold
+from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.tree import Combine, Primitive
 from imdim.target.target import target_from
 
@@ -89,3 +89,13 @@ def test_delivered_files_score_as_the_program(tmp_path):
         scores = evaluate_file(tmp_path / name, target)
         assert scores.volume_iou == pytest.approx(direct.volume_iou, rel=1e-6)
         assert scores.to_target.max == pytest.approx(direct.to_target.max, rel=1e-2)
+
+
+def test_the_mesh_is_asked_once_of_one_solid():
+    """A program that was delivered as it was found has the delivered one's IoU; another one's is measured."""
+    half, whole = Primitive("box", (1.0, 1.0, 0.5)), Primitive("box", (1.0, 1.0, 1.0))
+    target = target_from(to_trimesh(to_manifold(whole)))
+    assert DeliveryLoss.of(half, to_manifold(half), target, scored=0.75) == DeliveryLoss(0.75, 1.0)
+    other = DeliveryLoss.of(half, to_manifold(whole), target, scored=0.75)
+    assert (other.found, other.delivered) == (pytest.approx(0.5), pytest.approx(0.5))
+    assert DeliveryLoss.of(half, to_manifold(half), target).found == pytest.approx(0.5)

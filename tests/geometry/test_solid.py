@@ -72,3 +72,9 @@ def test_the_surface_comes_back_closed():
     assert surface.is_watertight
     assert surface.volume == pytest.approx(exact, rel=1e-3)
     assert volume_iou(mesh_to_manifold(surface), to_manifold(program, 256)) == pytest.approx(1, abs=1e-12)
+
+
+def test_a_program_that_was_just_made_is_not_made_again():
+    ball = Primitive("sphere", (1.0,))
+    assert to_manifold(ball, 24) is to_manifold(Primitive("sphere", (1.0,)), 24)
+    assert to_manifold(ball, 24).num_tri() < to_manifold(ball, 48).num_tri()

@@ -75,6 +75,11 @@ def test_which_program_is_taken(plate: Observation, plain: Program, drawn: Progr
     assert is_plainer(plain, drawn, plate) is is_taken
 
 
+def test_the_mesh_is_not_asked_where_two_programs_are_one_solid(plate: Observation, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Observation, "iou", lambda *_: pytest.fail("the mesh was asked"))
+    assert is_plainer(PLAIN, DRAWN, plate)
+
+
 def test_a_grid_of_holes_is_read_once() -> None:
     """Twenty-four holes are one of them with two counts and steps; as loops of a drawing each says where it is."""
     places = [(-0.35 + 0.14 * i, -0.24 + 0.16 * k) for i in range(6) for k in range(4)]

@@ -8,7 +8,9 @@ import imdim
 from imdim.geometry.edge_solids import solid_with_edges
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.outline import Outline
+from imdim.program.paths import without
 from imdim.program.tree import Primitive, leaves
+from imdim.reconstruction import stand_ins
 from imdim.reconstruction.edge_features import find_edge_features
 from imdim.reconstruction.stand_ins import find_stand_ins, take_off_stand_ins
 from imdim.target.target import target_from
@@ -29,6 +31,16 @@ def test_bevels_and_flat_cones_stand_for_blends():
     ]
     foot = union(PLATE, cylinder(8.0, 20.0, (0.0, 0.0, 10.0)), cone(9.5, 8.0, 1.5, (0.0, 0.0, 5.75)))
     assert found(foot) == [(2, "cone")]
+
+
+def test_what_does_not_overshoot_is_looked_at_once(monkeypatch):
+    """Cutters that stick out as far as they may do what they did; and more than slivers is no bevel."""
+    looked: list[object] = []
+    monkeypatch.setattr(stand_ins, "overshoot", lambda program, **_: program)
+    monkeypatch.setattr(stand_ins, "without", lambda program, paths: looked.append(paths) or without(program, paths))
+    part = cut(PLATE, box(12.0, 50.0, 12.0, (30.0, 0.0, 5.0), (0.0, 45.0, 0.0)))
+    assert take_off_stand_ins(part, target_from(mesh_of(part))) == (part, ())
+    assert len(looked) == 1
 
 
 def test_ridges_ramps_and_seats_stand_for_themselves():

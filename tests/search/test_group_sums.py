@@ -9,7 +9,7 @@ from tests.search.test_sequence import WEIGHTS
 from imdim.search import group_sums
 from imdim.search.candidate_families import Families
 from imdim.search.group_sums import GroupSums
-from imdim.search.kernels import count_differing, list_changes
+from imdim.search.kernels import list_changes
 from imdim.search.outline_families import PricedPlanes, find_planes
 
 
@@ -56,12 +56,10 @@ def test_gains_are_what_they_are_to_eleven_digits_and_sum_the_same_in_any_order(
         assert np.cumsum(gain[order])[-1] == gain.sum()
 
 
-def test_bits_and_changes_are_counted():
+def test_changes_are_listed():
     rng = np.random.default_rng(3)
     a, b = rng.random((2, 6400)) < 0.4
     b[:3200] = a[:3200]
-    words = [np.packbits(flags).view(np.uint64) for flags in (a, b)]
-    assert count_differing(*words) == (a != b).sum()
     cells, values = list_changes(a, b, np.arange(6400.0))
     assert np.array_equal(cells, np.flatnonzero(a != b))
     assert np.array_equal(values, np.where(b[cells], cells, -cells))

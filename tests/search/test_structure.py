@@ -11,6 +11,7 @@ from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.cost import count
 from imdim.program.sequence import Step
 from imdim.program.tree import leaves
+from imdim.search import lns
 from imdim.search.candidate_families import Candidate
 from imdim.search.minimal_ranges import tidy
 from imdim.search.sequence import Covered, cost, run, spell_out, to_program
@@ -87,3 +88,19 @@ def test_a_deadline_cuts_the_search_short():
 
 def test_even_without_time_there_is_a_sequence():
     assert list(search(planted("L bracket"), StructureConfig(), np.random.default_rng(0), PASSED))
+
+
+def test_no_move_is_made_twice_that_made_a_sequence_worse(monkeypatch):
+    """The same steps taken out of the same sequence, refilled under the same weights, end as they did."""
+    refill, worse = lns._refill, []
+
+    def watched(found, removed, weights, *rest):
+        trial = refill(found, removed, weights, *rest)
+        if trial.objective > found.objective:
+            worse.append((found, removed, weights))  # which keeps the sequence, so that its id stays its own
+        return trial
+
+    monkeypatch.setattr(lns, "_refill", watched)
+    searched("countersink")
+    moves = [(id(found), removed, weights) for found, removed, weights in worse]
+    assert len(moves) == len(set(moves)) > 0

@@ -95,7 +95,7 @@ def deliver(
             with _time(seconds, "scores"):
                 delivered, count = read_solid(partial / "program.scad", segments)
                 scores = evaluate_solid(delivered, target, primitives=count)
-                kept = DeliveryLoss.of(given, sharp, target, segments)
+                kept = DeliveryLoss.of(given, sharp, target, segments, None if found.edges else scores.volume_iou)
             with _time(seconds, "verdict"):
                 surface = to_trimesh(delivered)
                 verdict = judge(target, surface, segments, program, run.noisy)

@@ -22,6 +22,7 @@ from imdim.program.tree import Program, leaves
 from imdim.target.target import Target
 
 SAMPLES = 20_000
+ONE_SOLID = 5e-10  # of the volume IoU, which is told with nine decimals
 
 
 @dataclass(frozen=True)
@@ -66,10 +67,13 @@ class DeliveryLoss:
     delivered: float
 
     @staticmethod
-    def of(found: Program, delivered: Manifold, target: Target, segments: int = SEGMENTS) -> DeliveryLoss:
-        """By exact booleans."""
+    def of(found: Program, delivered: Manifold, target: Target, segments: int = SEGMENTS, scored: float | None = None) -> DeliveryLoss:
+        """By exact booleans; `scored` is the volume IoU of what is delivered with the target, where that is known."""
         solid = to_manifold(found, segments)
-        return DeliveryLoss(target_iou(solid, target)[0], volume_iou(solid, delivered))
+        kept = volume_iou(solid, delivered)
+        # one less an IoU is a distance between solids: two that are one miss the target, which has the most faces, by as much
+        known = scored is not None and 1 - kept < ONE_SOLID
+        return DeliveryLoss(scored if known else target_iou(solid, target)[0], kept)
 
 
 def evaluate(program: Program, target: Target, samples: int = SAMPLES, segments: int = SEGMENTS) -> Scores:

@@ -123,9 +123,9 @@ def _shoot_mesh(mesh: trimesh.Trimesh, camera: Camera) -> Shot:
     seen = owner >= 0
     face, (rows, columns) = owner[seen], np.nonzero(seen)
     flat = _drop_rays(np.column_stack([columns + 0.5 - half, half - rows - 0.5]), local, face)
-    normals = local.face_normals[face]
     points = flat / camera.scale @ camera.axes + camera.center
-    return Shot(seen, points, _facing(normals) @ camera.axes, _creases(seen, normals, flat[:, 2]), face)
+    normals = np.asarray(local.face_normals)
+    return Shot(seen, points, (_facing(normals) @ camera.axes)[face], _creases(owner, normals, flat[:, 2]), face)
 
 
 def _drop_rays(origins: np.ndarray, local: trimesh.Trimesh, face: np.ndarray) -> np.ndarray:
@@ -142,15 +142,17 @@ def _facing(normals: np.ndarray) -> np.ndarray:
     return np.where(normals[:, 2:] < 0, -normals, normals)
 
 
-def _creases(seen: np.ndarray, normals: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Seen pixels [k] at silhouettes, depth jumps and creases."""
-    full_normals, full_depth = np.zeros((*seen.shape, 3)), np.full(seen.shape, -1e9)
-    full_normals[seen], full_depth[seen] = normals, depth
+def _creases(owner: np.ndarray, normals: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """Seen pixels [k] at silhouettes, depth jumps and creases, of faces [h, w] with `normals` [f, 3]; -1 is no face."""
+    seen, normals = owner >= 0, np.append(normals, np.zeros((1, 3)), axis=0)  # the last is that of no face
+    full_depth = np.full(seen.shape, -1e9)
+    full_depth[seen] = depth
     rim = np.zeros(seen.shape, bool)
     for axis in (0, 1):
-        bend = dot_rows(full_normals, np.roll(full_normals, 1, axis)) < CREASE_COSINE
-        jump = np.abs(full_depth - np.roll(full_depth, 1, axis)) > 12.0
-        rim |= bend | jump
+        beside = np.roll(owner, 1, axis)
+        rim |= np.abs(full_depth - np.roll(full_depth, 1, axis)) > 12.0
+        apart = owner != beside  # within a face nothing bends
+        rim[apart] |= dot_rows(normals[owner[apart]], normals[beside[apart]]) < CREASE_COSINE
     return rim[seen]
 
 

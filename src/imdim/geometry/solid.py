@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     import trimesh  # half a second, which the process that writes STEP does without
 
 SEGMENTS = 96
+KEPT = 16  # solids: one step asks for what the step before it made
 
 _LOCAL: Mapping[str, Callable[[tuple[float, ...], int], Manifold]] = {
     "box": lambda s, n: Manifold.cube((s[0], s[1], s[2]), True),
@@ -62,9 +64,12 @@ def draw_section(outline: Outline, segments: int) -> CrossSection:
     return CrossSection([np.array(flatten_loop(loop, segments)) for loop in outline.loops], FillRule.EvenOdd)
 
 
+@lru_cache(KEPT)
 def to_manifold(program: Program, segments: int = SEGMENTS) -> Manifold:
     """The exact solid of `program`, with `segments` edges per circle; empty where the program is empty."""
-    return fold_nary(program, lambda _, primitive: primitive_to_manifold(primitive, segments), COMBINE)
+    solid = fold_nary(program, lambda _, primitive: primitive_to_manifold(primitive, segments), COMBINE)
+    solid.status()  # makes it now: what is put off may be made in another order with what it is combined with
+    return solid
 
 
 def exact_rotation(primitive: Primitive) -> np.ndarray:

@@ -148,9 +148,12 @@ def auto(run: Run) -> Iterator[MethodStep]:
 def _choose_described(run: Run, best: MethodStep) -> MethodStep | None:
     """Of programs without drawings that fit as well and have other features, the one with the shortest description, where it is shorter
     beyond doubt: of several short programs that the search met, what a designer would write."""
-    fit, deadline = run.seen.iou(best.program), run.budget.end_of("search")
+    deadline = run.budget.end_of("search")
     # the language of primitives alone is for comparisons by their count
-    if fit is None or run.settings.language != "cad" or has_outlines(best.program) or deadline.has_passed():
+    if run.settings.language != "cad" or has_outlines(best.program) or deadline.has_passed():
+        return None
+    fit = run.seen.iou(best.program)
+    if fit is None:
         return None
     low, high = run.seen.families.arrangement.bounds
     part = PartBox(low, high, run.unit)
@@ -244,15 +247,14 @@ def _change_drawings(run: Run, best: MethodStep, change: Callable[[Program], Pro
 def _separate_rims(run: Run, best: MethodStep) -> MethodStep | None:
     """The same with notches, teeth and lobes of rims as features of their own, and its loops too."""
     deadline, mesh, slack = run.budget.end_of("search"), run.seen.target.mesh, SAME * run.seen.size_weight
-    had = run.seen.iou(best.program)
-    if not has_outlines(best.program) or mesh is None or had is None:
+    if not has_outlines(best.program) or mesh is None or run.seen.solid is None:
         return None
     apart = separate_loops(best.program)
 
     def misfit(program: Program) -> float:
         if deadline.has_passed():
             return math.inf
-        lost = had - (run.seen.iou(program) or 0.0)
+        lost = (run.seen.iou(best.program) or 0.0) - (run.seen.iou(program) or 0.0)
         return min(lost, slack) if lost > slack and is_same(apart, program, slack) else lost
 
     parted = separate_rims(apart, misfit, slack, np.asarray(mesh.vertices))

@@ -24,7 +24,7 @@ from imdim.program.patterns.weigh import take_first_copies
 from imdim.program.rewrite.cells import count_runs
 from imdim.program.tree import Primitive, Program, leaves
 from imdim.reconstruction.observation import Observation
-from imdim.reconstruction.preserve import is_same
+from imdim.reconstruction.preserve import COARSE, is_same
 
 FEW = 12  # features, which are read one by one
 MORE, LESS = 1.25, 0.85  # times as much to read as in the drawings: what few plain features, and what more of them, may have
@@ -67,11 +67,15 @@ def is_plainer(plain: Program, drawn: Program, seen: Observation) -> bool:
     low, high = seen.families.arrangement.bounds
     if plain == drawn or not is_hardly_longer(plain, drawn, low, high):
         return False
-    have, had, slack = seen.iou(plain), seen.iou(drawn), SAME * seen.size_weight
-    if have is None or had is None:
+    if seen.solid is None:
         return False
+    slack = SAME * seen.size_weight
+    # few facets are quickest, and the mesh, which has the most, is asked only where they do not tell
+    if is_same(plain, drawn, slack, (COARSE,)):
+        return True
+    have, had = seen.iou(plain), seen.iou(drawn)
     # arcs end between the corners of the circles that they are of
-    return have >= had - slack or is_same(plain, drawn, slack)
+    return (have is not None and had is not None and have >= had - slack) or is_same(plain, drawn, slack)
 
 
 def is_better_drawn(drawn: Program, plain: Program, low: np.ndarray, high: np.ndarray) -> bool:

@@ -7,7 +7,7 @@ edge features of the program without them, where that is the same solid; the rou
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,25 +92,32 @@ def _find_both_ways(program: Program, deadline: Deadline) -> Iterator[StandIn]:
     main = _largest(program)
     if not any(_may_stand_in(leaf, main) for leaf in leaves(program)):
         return
-    known = set()
-    for trial in (program, overshoot(program, deadline=deadline)):
-        found = [s for s in find_stand_ins(trial, deadline) if s.number not in known]
-        known |= {s.number for s in found}
-        yield from found
+    found = list(find_stand_ins(program, deadline))
+    yield from found
+    longer = overshoot(program, deadline=deadline)
+    # what does not overshoot does what it did
+    moved = {i for i, (old, new) in enumerate(zip(leaves(program), leaves(longer), strict=True)) if old != new}
+    if left := moved - {s.number for s in found}:
+        yield from find_stand_ins(longer, deadline, left)
 
 
-def find_stand_ins(program: Program, deadline: Deadline = NEVER) -> Iterator[StandIn]:
-    """Those of a program, without its edge features. The seats of heads and the points of drills are of their holes, and are none."""
+def find_stand_ins(program: Program, deadline: Deadline = NEVER, among: Container[int] | None = None) -> Iterator[StandIn]:
+    """Those of a program (of the primitives `among` these numbers), without its edge features. The seats of heads and the points of drills
+    are of their holes, and are none."""
     whole, seats = to_manifold(program), _seats(program)
     volume, size = whole.volume(), float(np.linalg.norm(np.diff(np.reshape(whole.bounding_box(), (2, 3)), axis=0)))
     main = _largest(program)
     for number, (path, leaf) in enumerate(leaf_paths(program)):
         if deadline.has_passed():
             return
+        if among is not None and number not in among:
+            continue
         rest = without(program, {path}) if _may_stand_in(leaf, main) and number not in seats else None
         if rest is None:
             continue
         other = to_manifold(rest)
+        if abs(whole.volume() - other.volume()) > 2 * SHARE * volume:
+            continue  # far more than slivers, which takes long to tell piece by piece
         changes = ((False, whole - other), (True, other - whole))
         pieces = [(cuts, p) for cuts, change in changes for p in change.decompose() if p.volume() > FILM * volume]
         share = sum(p.volume() for _, p in pieces) / volume

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imdim.search.kernels import add_to_slots, add_to_some_slots, count_differing, list_changes
+from imdim.search.kernels import add_to_slots, add_to_some_slots, list_changes
 
 MOST_BYTES = 24 * 2**20  # of the sums that are kept
 MOST_LOOKS = 64  # that are kept: each new one is compared with all
@@ -38,10 +38,11 @@ class Slots(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Look:
-    """Sums [size] of the gain over some cells, by group as far as they were asked; `bits` are flags of the cells."""
+    """Sums [size] of the gain over some cells, by group as far as they were asked; `row` is that of the flags of the cells among those of
+    all looks that are kept."""
 
     changeable: np.ndarray
-    bits: np.ndarray
+    row: int
     sums: dict[int, np.ndarray] = field(default_factory=dict)
 
 
@@ -51,20 +52,21 @@ class GroupSums:
     def __init__(self, gain: np.ndarray) -> None:
         self.gain = gain
         self._kept: list[_Look] = []
+        self._bits = np.zeros((MOST_LOOKS + 1, -(-len(gain) // 64)), np.uint64)
+        self._free = list(range(MOST_LOOKS + 1))  # rows
         self._bytes = 0
 
     def look(self, changeable: np.ndarray) -> FieldSums:
         """The sums over the cells that are `changeable` [m]."""
-        bits = np.zeros(-(-len(changeable) // 64), np.uint64)
-        packed = np.packbits(changeable)
-        bits.view(np.uint8)[: len(packed)] = packed
-        apart = [count_differing(bits, look.bits) for look in self._kept]
+        row, packed = self._free[-1], np.packbits(changeable)
+        self._bits[row].view(np.uint8)[: len(packed)] = packed
+        apart = np.bitwise_count(self._bits[[look.row for look in self._kept]] ^ self._bits[row]).sum(axis=1)
         near = [self._kept[i] for i in np.argsort(apart, kind="stable").tolist()]
-        if near and min(apart) == 0:
+        if near and apart.min() == 0:
             self._kept.remove(near[0])
             self._kept.append(near[0])
             return FieldSums(self, near[0], near[1:])
-        look = _Look(changeable, bits)
+        look = _Look(changeable, self._free.pop())
         self._kept.append(look)
         self.keep(changeable)
         return FieldSums(self, look, near)
@@ -73,8 +75,9 @@ class GroupSums:
         """Count what is kept, and forget the looks that were not asked for longest where that is too much."""
         self._bytes += more.nbytes
         while len(self._kept) > 1 and (self._bytes > MOST_BYTES or len(self._kept) > MOST_LOOKS):
-            self._bytes -= sum(known.nbytes for known in (self._kept[0].changeable, *self._kept[0].sums.values()))
-            del self._kept[0]
+            oldest = self._kept.pop(0)
+            self._bytes -= sum(known.nbytes for known in (oldest.changeable, *oldest.sums.values()))
+            self._free.append(oldest.row)
 
 
 class FieldSums:

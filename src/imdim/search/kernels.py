@@ -138,22 +138,6 @@ def add_to_some_slots(before: np.ndarray, starts: np.ndarray, slots: np.ndarray,
 
 
 @njit(nogil=True, cache=True)
-def count_differing(a: np.ndarray, b: np.ndarray) -> int:
-    """The number of bits in which two rows of 64 bits each differ."""
-    total = 0
-    for i in range(len(a)):
-        x = a[i] ^ b[i]
-        if x == np.uint64(0):
-            continue
-        # pairs, fours and bytes are counted side by side, the bytes then added by one product
-        x -= (x >> np.uint64(1)) & np.uint64(0x5555555555555555)
-        x = (x & np.uint64(0x3333333333333333)) + ((x >> np.uint64(2)) & np.uint64(0x3333333333333333))
-        x = (x + (x >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
-        total += np.int64((x * np.uint64(0x0101010101010101)) >> np.uint64(56))
-    return int(total)
-
-
-@njit(nogil=True, cache=True)
 def list_changes(before: np.ndarray, now: np.ndarray, gain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The cells [k] whose flags [m] differ, and what each adds [k] to sums of `gain` [m] over the flagged ones."""
     cells, values, count = np.empty(len(gain), np.int64), np.empty(len(gain)), 0

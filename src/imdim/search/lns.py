@@ -109,18 +109,25 @@ def improve(
     attempts = _single_removals(found.sequence)
     size = max(1, len(found.sequence) * len(found.families.cells.points))
     rounds = int(np.clip(config.work / size, config.least_rounds, config.rounds))
+    worse: set[tuple[tuple[int, ...], Weights]] = set()  # moves of the sequence as it is
     for _ in range(rounds):
         if deadline.has_passed() or not found.sequence or idle >= config.patience * rounds + len(attempts):
             return
         removed = attempts.pop(0) if attempts else _choose_related(found.sequence, config, rng)
-        branches = {weights: bounds.branch() for weights, bounds in known.items()}
-        trial = _refill(found, removed, config, price, rng, deadline, branches)
+        weights = WEIGHTS[int(rng.integers(len(WEIGHTS)))] if len(removed) > 1 else price.weights
+        if (removed, weights) in worse:  # few steps are soon chosen again, and end as they did
+            idle += 1
+            continue
+        branches = {under: bounds.branch() for under, bounds in known.items()}
+        trial = _refill(found, removed, weights, config, price, deadline, branches)
         better = trial.objective < found.objective * (1 - 1e-9)
         idle = 0 if better else idle + 1
-        if trial.objective <= found.objective:
-            found = trial
-            for weights, branch in branches.items():
-                known[weights].adopt(branch)
+        if trial.objective > found.objective:
+            worse.add((removed, weights))
+        else:
+            found, worse = trial, set()
+            for under, branch in branches.items():
+                known[under].adopt(branch)
             attempts = attempts if not better else _single_removals(found.sequence)
         if better:
             yield found
@@ -143,17 +150,16 @@ def _choose_related(sequence: Sequence, config: LocalConfig, rng: np.random.Gene
 def _refill(
     found: RatedSequence,
     removed: tuple[int, ...],
+    weights: Weights,
     config: LocalConfig,
     price: Price,
-    rng: np.random.Generator,
     deadline: Deadline,
     known: dict[Weights, GainBounds],
 ) -> RatedSequence:
-    """The sequence with some steps taken out and the hole filled again, pruned."""
+    """The sequence with some steps taken out and the hole filled again, under `weights` first where it is large, pruned."""
     shorter, families = tuple(s for i, s in enumerate(found.sequence) if i not in removed), found.families
     if len(removed) > 1:
-        excess, lack = WEIGHTS[int(rng.integers(len(WEIGHTS)))]
-        phase = Price(price.step * (10.0 if excess < 1 else 1.0), (excess, lack))
+        phase = Price(price.step * (10.0 if weights[0] < 1 else 1.0), weights)
         start = rate_sequence(shorter, families, phase)
         shorter = _steps(start, len(removed) - 1, phase, known[phase.weights]).sequence
     filled = _steps(rate_sequence(shorter, families, price), len(removed) + 1, price, known[price.weights])

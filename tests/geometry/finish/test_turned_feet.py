@@ -6,7 +6,7 @@ from tests.planted import ALONG_X, box, cone, cut, cylinder
 
 from imdim.geometry.finish import turned_feet
 from imdim.geometry.finish.turned_feet import stand_on_faces
-from imdim.geometry.solid import to_manifold
+from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.outline import Outline
 from imdim.program.tree import Primitive, Program, combine_all, leaves
 
@@ -52,12 +52,20 @@ def test_what_is_seen_on_both_sides_stays() -> None:
 
 
 def test_what_was_a_trial_is_no_other_solid(monkeypatch: pytest.MonkeyPatch) -> None:
-    made = []
-    monkeypatch.setattr(turned_feet, "to_manifold", lambda program, segments: made.append(program) or to_manifold(program, segments))
+    asked = []
+    monkeypatch.setattr(turned_feet, "volume_iou", lambda solid, target: asked.append(solid) or volume_iou(solid, target))
     feet = [cone(25.5, 18.0, 15.0, (x, 0.0, 12.5)) for x in (-60.0, 60.0)]
     plates = [box(80.0, 50.0, 8.0, (x, 0.0, 4.0)) for x in (-60.0, 60.0)]
     stand_on_faces(join(*plates, *feet), to_manifold(join(*plates, *feet), 96))
-    assert len(made) == len(set(made)) > 2
+    assert len(asked) == len(set(map(id, asked))) > 1
+
+
+def test_the_target_is_not_asked_where_the_whole_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The end of a cone that is hidden in its plate goes, and nothing else changes."""
+    monkeypatch.setattr(turned_feet, "volume_iou", lambda *_: pytest.fail("the target was asked"))
+    hidden = join(box(80.0, 50.0, 8.0, (0.0, 0.0, 4.0)), cone(20.0, 18.0, 15.0, (0.0, 0.0, 12.5)))
+    foot = list(leaves(stand_on_faces(hidden, to_manifold(hidden, 96))))[1]
+    assert foot.size == pytest.approx((19.6, 18.0, 12.0))
 
 
 def test_what_a_pocket_shows_is_kept() -> None:

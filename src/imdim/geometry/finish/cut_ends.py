@@ -51,8 +51,17 @@ class _Solids:
 
     def _take(self, cut: int, leaf: int) -> Manifold:
         """What a cut takes of a leaf, and no other one does."""
-        taken, others = self.solids[cut] ^ self.solids[leaf], [self.solids[i] for i in self.cuts[leaf] if i != cut]
+        taken = self.solids[cut] ^ self.solids[leaf]
+        others = [self.solids[i] for i in self.cuts[leaf] if i != cut and _boxes_meet(self.solids[i], taken)]
         return taken - Manifold.batch_boolean(others, OpType.Add) if others else taken
+
+
+def _boxes_meet(a: Manifold, b: Manifold) -> bool:
+    """Whether the boxes of two solids have anything in common; an empty solid has none."""
+    if a.is_empty() or b.is_empty():
+        return False
+    (a_low, a_high), (b_low, b_high) = (np.reshape(solid.bounding_box(), (2, 3)) for solid in (a, b))
+    return bool(((a_low <= b_high) & (b_low <= a_high)).all())
 
 
 def end_cuts_in_faces(program: Program, deadline: Deadline = NEVER) -> Program:

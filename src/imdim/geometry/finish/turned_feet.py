@@ -30,13 +30,20 @@ def stand_on_faces(program: Program, target: Manifold, deadline: Deadline = NEVE
     fall: what is taken off is hidden in others, or in the air. Past the `deadline` (by default never) the others stay."""
     # the program that a trial is compared with was a trial, and one end may be tried for two leaves
     iou = lru_cache(lambda trial: volume_iou(to_manifold(trial, CHECK_SEGMENTS), target))
+    nothing = NOTHING * target.volume()
+
+    def is_as_near(trial: Program) -> bool:
+        # what the target says of less of one part is asked only where the whole has become less
+        lost = to_manifold(program, CHECK_SEGMENTS).volume() - to_manifold(trial, CHECK_SEGMENTS).volume()
+        return abs(lost) <= nothing or iou(trial) >= iou(program) - NOTHING
+
     for i, sign in enumerate(signs(program)):
         for side in (-1, 1) if sign > 0 else ():
             for shorter in _shorten(program, i, side):
                 if deadline.has_passed():
                     return program
                 trial = map_leaves(program, lambda k, leaf, i=i, shorter=shorter: shorter if k == i else leaf)
-                if iou(trial) >= iou(program) - NOTHING:
+                if is_as_near(trial):
                     program = trial
                     break
     return program
