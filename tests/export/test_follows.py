@@ -5,6 +5,7 @@ from tests.export.test_outlines import opened
 
 from imdim.export.edit import change_values
 from imdim.export.seen import find_hidden_ends
+from imdim.export.seen_walls import find_hidden_walls
 from imdim.program.outline import Outline
 from imdim.program.tree import Combine, Primitive, leaves
 
@@ -31,7 +32,7 @@ def test_a_floor_that_is_seen_has_a_name():
     ball, hole = Primitive("sphere", (20.0,)), Primitive("cylinder", (5.0, 40.0), (0.0, 0.0, 25.0))
     program = Combine("difference", ball, hole)
     assert find_hidden_ends(program) == {(1, 2, 1)}
-    assert "hole_depth" in opened(program).values
+    assert opened(program).values == {"ball_radius": 20.0, "hole_diameter": 10.0, "hole_z": 5.0}
 
 
 def test_a_part_beside_the_origin_stays_where_it_is_and_stands_on_its_base():
@@ -106,11 +107,10 @@ def test_what_ends_level_with_a_hidden_face_does_not_follow_it():
     inside = _extrude([(-6.0, -6.0), (6.0, -6.0), (6.0, 6.0), (0.0, 8.0), (-6.0, 6.0)], 20.0, (0.0, 0.0, 10.0))
     above = _extrude([(-6.0, -6.0), (6.0, -6.0), (6.0, 3.0), (0.0, 5.0), (-6.0, 3.0)], 8.0, (0.0, 0.0, 24.0))
     part = opened(Combine("union", Combine("union", body, inside), above))
-    own = [name for name, value in part.values.items() if value == 12.0 and name.endswith("length")]
-    assert len(own) == 2
-    _, first, second = leaves(change_values(part, {own[0]: 14.0}).program)
-    assert _walls(first, 0)[-1] == pytest.approx(7.0)
-    assert _walls(second, 0)[-1] == pytest.approx(6.0)
+    (own,) = (name for name, value in part.values.items() if value == 12.0 and name.endswith("length"))
+    _, first, second = leaves(change_values(part, {own: 14.0}).program)
+    assert _walls(first, 0)[-1] == pytest.approx(6.0)
+    assert _walls(second, 0)[-1] == pytest.approx(7.0)
 
 
 def test_what_ends_level_with_a_wall_does_not_stand_on_that():
@@ -123,3 +123,44 @@ def test_what_ends_level_with_a_wall_does_not_stand_on_that():
     width = next(name for name, value in part.values.items() if value == 40.0)
     first, _, after = leaves(change_values(part, {width: 44.0}).program)
     assert after.center[1] - after.size[1] / 2 == pytest.approx(min(_walls(first, 1)))
+
+
+def test_a_cut_with_one_end_in_the_air_lies_where_its_other_end_does():
+    """Above a ball nothing says how high a slot goes; its floor is so far above the middle of that."""
+    body = Combine("union", Primitive("box", (80.0, 60.0, 6.0), (0.0, 0.0, 3.0)), Primitive("sphere", (20.0,), (0.0, 0.0, 20.0)))
+    part = opened(Combine("difference", body, Primitive("box", (50.0, 8.0, 30.0), (0.0, 0.0, 40.0))))
+    assert sorted(part.values) == ["ball_radius", "ball_z", "plate_length", "plate_thickness", "plate_width", "pocket_width", "pocket_z"]
+    name = next(name for name, value in part.values.items() if value == 5.0)
+    *_, slot = leaves(change_values(part, {name: 7.0}).program)
+    assert slot.center[2] - slot.size[2] / 2 == pytest.approx(27.0)
+
+
+def test_a_wall_that_nobody_sees_has_no_name():
+    body = Primitive("cylinder", (20.0, 30.0))
+    around = [(-12.0, -31.0), (12.0, -31.0), (12.0, 31.0), (-12.0, 31.0)]
+    mask = _extrude(around, 40.0)
+    part = opened(Combine("intersection", body, mask))
+    assert find_hidden_walls(part.program) == {(1, 0, 0), (1, 0, 2)}
+    assert {24.0} <= set(part.values.values())
+    assert 62.0 not in part.values.values()
+
+
+def test_a_wall_of_what_lies_across_stays_level_with_a_floor():
+    """A bar that is turned about the vertical, drawn from its side: its upper wall is level with the floor of a drawn cut."""
+    plate = _extrude(STEPPED, 20.0)
+    bar = _extrude([(-4.0, -6.0), (5.0, -6.0), (5.0, 6.0), (0.0, 8.0), (-4.0, 6.0)], 30.0, (-10.0, 0.0, 0.0), (0.0, -90.0, -85.0))
+    cut = _extrude([(-8.0, -16.0), (8.0, -16.0), (8.0, 16.0), (0.0, 17.0), (-8.0, 16.0)], 6.0, (-10.0, 0.0, 8.0))
+    part = opened(Combine("union", Combine("difference", plate, cut), bar))
+    depth = next(name for name in part.values if name.endswith("depth"))
+    _, floor, bar = leaves(change_values(part, {depth: part.values[depth] + 1.0}).program)
+    assert floor.center[2] - floor.size[0] / 2 == pytest.approx(4.0)
+    assert max(v[0] for v in bar.outline.loops[0]) + bar.center[2] == pytest.approx(4.0)
+
+
+def test_a_plug_has_the_radius_of_its_hole():
+    body, hole = Primitive("box", (60.0, 40.0, 20.0)), Primitive("cylinder", (5.0, 22.0))
+    plug, apart = Primitive("cylinder", (5.0, 6.0)), Primitive("cylinder", (5.0, 6.0), (0.0, 0.0, 30.0))
+    part = opened(Combine("union", Combine("union", Combine("difference", body, hole), plug), apart))
+    assert [value for name, value in part.values.items() if name.endswith("diameter")] == [10.0, 10.0]
+    _, wider, filled, still = leaves(change_values(part, {"hole_diameter": 12.0}).program)
+    assert (wider.size[0], filled.size[0], still.size[0]) == (6.0, 6.0, 5.0)

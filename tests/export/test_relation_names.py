@@ -6,6 +6,7 @@ from imdim.delivery.finish import finish
 from imdim.export.parameters import parametrise
 from imdim.export.relation_names import name_relations
 from imdim.program.constraints import Constraint, Ref
+from imdim.program.tree import Primitive
 from imdim.reconstruction.fitting import relations_of
 
 PLATE = box(80, 50, 6, (0, 0, 3))
@@ -25,3 +26,10 @@ def test_other_relations_speak_of_the_labels_of_features():
     level = Constraint("coplanar", (Ref(1, "-z"), Ref(0, "-z")), value=0.0)
     named = parametrise(PART, [level], PART)
     assert [c.name for c in name_relations([level], PART, named)] == ["rib_plate_flush"]
+
+
+def test_a_countersink_that_stands_out_has_the_name_of_its_diameter():
+    sinks = [Primitive("cone", (1.7, 3.7, 2.0), place) for place in ((-10.0, 12.0, 5.0), (7.0, -3.0, 5.0))]
+    found = finish(*relations_of(cut(PART, *sinks)))
+    names = {c.name for c in found.constraints if c.kind == "equal" and "r_top" in str(c.of)}
+    assert names == {"countersink_diameter"}

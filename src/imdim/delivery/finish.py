@@ -6,15 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from imdim.deadline import NEVER, Deadline
-from imdim.export.chance import without_chance
+from imdim.export.chance import without_chance, without_hidden
 from imdim.export.edge_text import with_edge_sizes
 from imdim.export.elimination import without_loose
 from imdim.export.feature_names import label_features
+from imdim.export.followed_ends import find_followed_ends
 from imdim.export.numbers import round_program
 from imdim.export.parameters import Parameters, parametrise
 from imdim.export.relation_names import name_relations
 from imdim.geometry.finish.commute import Commutation, CommutedProgram
-from imdim.geometry.finish.extend import plane_face
+from imdim.geometry.finish.extend import Face, plane_face
+from imdim.geometry.finish.far_ends import reach_far
 from imdim.geometry.finish.overshoot import overshoot
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.cost import count
@@ -65,16 +67,19 @@ def finish(
     constraints = without_chance(program, constraints)
     folding = next((f for f in _foldings(program, deadline) if is_same(program, f.program)), None)
     if folding is None:
+        program = _hide_ends(program, None, deadline, edges)
+        constraints = without_hidden(program, holding(program, constraints))
         delivered = finish_flat(program, deadline=deadline, edges=edges)
         constraints = without_loose(program, constraints, delivered)
         named = parametrise(program, constraints, delivered)
         order = tuple(range(count(program).primitives))
         return FinishedProgram(delivered, _rename(delivered, constraints, named), named, None, order=order).with_edges(edges)
-    given, carried = folding.program, renumber_constraints(constraints, folding.order)
-    constraints = _without_rows(holding(given, carried), folding.folded)
     place = {old: new for new, old in enumerate(folding.order)}
     edges = renumber_edges(edges, place)
-    folded = with_leaves(folding.folded, finish_flat(given, folding.folded, deadline, edges))
+    folded = with_leaves(folding.folded, _hide_ends(folding.program, folding.folded, deadline, edges))
+    given, carried = expand(folded), renumber_constraints(constraints, folding.order)
+    constraints = without_hidden(given, _without_rows(holding(given, carried), folded))
+    folded = with_leaves(folded, finish_flat(given, folded, deadline, edges))
     delivered = expand(folded)
     constraints = without_loose(given, constraints, delivered, folded)
     named = parametrise(given, constraints, delivered, folded)
@@ -89,12 +94,27 @@ def finish_flat(program: Program, folded: Folded | None = None, deadline: Deadli
     """A program as it is delivered: cutters overshoot, as far as the solid stays, and numbers are rounded. Copies stay alike where
     `program` is the expansion of `folded`. Past the `deadline` (by default never) the other cutters stay as they are, and faces that meet
     in `edges` always do: where they end is where the blend is."""
-    alike = None if folded is None else [[i for i, _ in copies] for copies in copies_of(folded).values()]
-    named = {(face.leaf, plane_face(face.name)) for feature in edges for edge in feature.edges for face in edge}
-    kept = {(leaf, face) for leaf, face in named if face is not None}
-    return preserve(
-        round_program(program), round_program(overshoot(program, folded, deadline=deadline, kept=kept)), together=alike, deadline=deadline
-    )
+    kept = _faces_at_edges(edges)
+    further = overshoot(program, folded, deadline=deadline, kept=kept)
+    return preserve(round_program(program), round_program(further), together=_rows_of_copies(folded), deadline=deadline)
+
+
+def _hide_ends(program: Program, folded: Folded | None, deadline: Deadline, edges: Sequence[EdgeFeature]) -> Program:
+    """A program with ends that nothing is seen of far out in the air, unless an edit takes them along with a face that is seen."""
+    before, blended = program, _faces_at_edges(edges)
+    for masks in (True, False):  # what ends beyond a mask's end follows that
+        kept = blended | {(end.leaf, plane_face(end.local)) for end in find_followed_ends(program)}
+        program = reach_far(program, folded, kept, deadline, masks)
+    return preserve(before, program, together=_rows_of_copies(folded), deadline=deadline)
+
+
+def _faces_at_edges(edges: Sequence[EdgeFeature]) -> set[tuple[int, Face | None]]:
+    """The plane faces of leaves that meet in edges which have a feature."""
+    return {(face.leaf, plane_face(face.name)) for feature in edges for edge in feature.edges for face in edge}
+
+
+def _rows_of_copies(folded: Folded | None) -> list[list[int]] | None:
+    return None if folded is None else [[i for i, _ in copies] for copies in copies_of(folded).values()]
 
 
 def _foldings(program: Program, deadline: Deadline) -> list[Folding]:

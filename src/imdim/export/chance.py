@@ -12,7 +12,9 @@ from functools import partial
 
 from imdim.export.feature_roles import find_roles
 from imdim.export.placements import Placements
-from imdim.export.seats import Seat, seats, sticks_out
+from imdim.export.seats import Seat, ends_of, seats, sticks_out
+from imdim.export.seen import find_hidden_ends
+from imdim.geometry.lowering import lower
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.patterns.congruence import group_by_fit
 from imdim.program.rewrite.containment import axes, dot
@@ -42,6 +44,16 @@ def without_chance(program: Program, constraints: Sequence[Constraint]) -> tuple
             out += _by_ends(constraint, parts, cuts)
         else:
             out.append(constraint)
+    return tuple(constraints) if out == list(constraints) else name_constraints(out, program)
+
+
+def without_hidden(program: Program, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
+    """The constraints that put no end of which nothing is seen level with another: ends far out in the air are level by chance."""
+    numbers, hidden = lower(program), find_hidden_ends(program)
+    every = (end for i, p in enumerate(leaves(program)) for end in ends_of(i, p, numbers))
+    unseen = {Ref(end.leaf, end.local) for end in every if (end.leaf, end.axis, end.side) in hidden}
+    level = ("aligned", "coplanar")
+    out = [new for c in constraints for new in (_of_some(c, [r for r in c.of if r not in unseen]) if c.kind in level else [c])]
     return tuple(constraints) if out == list(constraints) else name_constraints(out, program)
 
 

@@ -9,7 +9,7 @@ these allow; two features that mirror each other, and two equal holes side by si
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple
@@ -42,13 +42,14 @@ class Datum(NamedTuple):
 @dataclass(frozen=True)
 class Tie:
     """`own` lies `value` beyond `datum` along the axis: a dimension of leaf `named` if it has a `word`, one for all ties of one `key`.
+    Without a `datum` it stays where it is, unless something else moves it.
 
     What stays `at_corner` does so where the middle of its row or grid is known, too. A tie that `sizes` may settle a size as well as a
     place.
     """
 
     own: Datum
-    datum: Datum
+    datum: Datum | None
     value: float
     named: int = 0
     word: str = ""
@@ -57,14 +58,15 @@ class Tie:
     sizes: bool = False
 
 
-def ties(program: Program, constraints: Sequence[Constraint]) -> Iterator[Tie]:
-    """Walls, spacings and places, those that are meant most first."""
+def ties(program: Program, constraints: Sequence[Constraint], hidden: Collection[tuple[int, int, int]] = ()) -> Iterator[Tie]:
+    """Walls, spacings and places, those that are meant most first. No place is that of a `hidden` end, by leaf, axis and side."""
     parts, numbers, sign = list(leaves(program)), lower(program), signs(program)
     every = {(e.leaf, e.axis, e.side): e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers)}
     ends = {where: e for where, e in every.items() if e.column >= 0}
     boxes = [reach_of(p, numbers.rotations[i]) for i, p in enumerate(parts)]
     slack = TOUCH * longest(parts)
-    carriers = list(_carriers(program, parts, sign, boxes, slack))
+    only = {(leaf, axis): ends[leaf, axis, -side] for leaf, axis, side in sorted(hidden) if (leaf, axis, -side) not in hidden}
+    carriers = list(_carriers(program, parts, sign, boxes, slack, only))
     yield from _walls(parts, sign, ends, carriers, slack)
     straight = {leaf for leaf, _, _ in ends}
     placed = []
@@ -72,23 +74,28 @@ def ties(program: Program, constraints: Sequence[Constraint]) -> Iterator[Tie]:
         drawn = any(parts[i].kind == "extrude" and (i, axis, 1) not in ends for i in (leaf, *carriers[leaf][:1]))
         # the middle of a drawing is anywhere, and nobody measures to that of what lies aslant
         if carriers[leaf] and not drawn and (parts[leaf].kind in ROUND_ABOUT or leaf in straight):
-            tie = _place(leaf, carriers[leaf][0], axis, parts, boxes, every, slack)
+            tie = _place(leaf, carriers[leaf][0], axis, parts, boxes, every, slack, only.get((leaf, axis)))
             placed.append(replace(tie, at_corner=tie.at_corner and sign[leaf] > 0))
     yield from _share_insets([tie for tie in placed if tie.at_corner], slack)
     yield from _spacings(parts, constraints, carriers, slack)
     yield from _pitches(parts, sign, boxes, carriers, {(t.own.leaf, t.own.axis): abs(t.value) for t in placed}, slack)
     yield from (tie for tie in placed if not tie.at_corner)
+    yield from (Tie(Datum(end.leaf, end.axis, end), None, 0.0) for end in only.values())
 
 
 _Ends = Mapping[tuple[int, int, int], End]  # by leaf, axis and side
 _Boxes = Sequence[tuple[np.ndarray, np.ndarray]]  # low and high corner [3] of each leaf
 
 
-def _carriers(program: Program, parts: Sequence[Primitive], sign: Sequence[int], boxes: _Boxes, slack: float) -> Iterator[list[int]]:
+def _carriers(
+    program: Program, parts: Sequence[Primitive], sign: Sequence[int], boxes: _Boxes, slack: float, only: Mapping[tuple[int, int], End]
+) -> Iterator[list[int]]:
     """For each leaf the added ones that its middle lies in, the smallest first; what is added is carried by what comes before it, and by
-    the pocket that it stands in."""
+    the pocket that it stands in. Along an axis on which nothing is seen of one end the `only` other one counts, not the middle."""
     cuts, bounds = cuts_of_each(program), np.array(boxes)  # [n, 2, 3]
     volumes, middles = np.prod(bounds[:, 1] - bounds[:, 0], axis=1), bounds.mean(1)
+    for (leaf, axis), end in only.items():
+        middles[leaf, axis] = place_of(end, parts)
     added = np.array(sign) > 0
     pockets = np.array([not a and p.kind == "box" for a, p in zip(added, parts, strict=True)])
     for leaf, middle in enumerate(middles):
@@ -173,17 +180,21 @@ def _share_insets(corners: Sequence[Tie], slack: float) -> Iterator[Tie]:
     yield from (replace(tie, word="inset", key=key) if often[key] == 2 else tie for tie, key in zip(corners, keys, strict=True))
 
 
-def _place(leaf: int, carrier: int, axis: int, parts: Sequence[Primitive], boxes: _Boxes, ends: _Ends, slack: float) -> Tie:
-    """Where a leaf lies in its carrier: in the middle, so far from an edge, or from the middle."""
-    middle = parts[leaf].center[axis] - parts[carrier].center[axis]
+def _place(
+    leaf: int, carrier: int, axis: int, parts: Sequence[Primitive], boxes: _Boxes, ends: _Ends, slack: float, only: End | None
+) -> Tie:
+    """Where a leaf lies in its carrier: in the middle, so far from an edge, or from the middle. It is the `only` end that is seen which is
+    measured to, if there is one."""
+    at_middle = parts[leaf].center[axis] if only is None else place_of(only, parts)
+    middle = at_middle - parts[carrier].center[axis]
     turned = parts[carrier].kind == "revolve" and (carrier, axis, 1) in ends  # whose middle is anywhere, along its axis
     if abs(middle) <= slack and not turned:
-        return Tie(Datum(leaf, axis), Datum(carrier, axis), 0.0)
-    from_middle = Tie(Datum(leaf, axis), Datum(carrier, axis), float(middle), leaf, "xyz"[axis])
+        return Tie(Datum(leaf, axis, only), Datum(carrier, axis), 0.0)
+    from_middle = Tie(Datum(leaf, axis, only), Datum(carrier, axis), float(middle), leaf, "xyz"[axis])
     if (carrier, axis, 1) not in ends:
         return from_middle
     faces = {side: ends[carrier, axis, side] for side in (-1, 1)}
-    owns = {side: ends.get((leaf, axis, side)) for side in (-1, 1)}
+    owns = {side: only or ends.get((leaf, axis, side)) for side in (-1, 1)}
 
     def inset(side: int) -> float:
         own = owns[side]

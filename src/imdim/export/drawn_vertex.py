@@ -83,13 +83,7 @@ class DrawnVertex(Generic[T]):
 
     def numbers(self) -> Iterator[T]:
         """All numbers but the bulge."""
-        yield from (self.x, self.y)
-        if isinstance(self.bulge, Center):
-            yield from (self.bulge.x, self.bulge.y)
-        if isinstance(self.bulge, BendRadius):
-            yield self.bulge.radius
-        if isinstance(self.bulge, BendAngle):
-            yield self.bulge.angle
+        yield from (self.x, self.y, *numbers_of_bend(self.bulge))
         if self.reach is not None:
             yield from (self.reach.radius, self.reach.off)
 
@@ -143,6 +137,16 @@ def map_ring(ring: DrawnRing[T], change: Callable[[T], U]) -> DrawnRing[U]:
 def numbers_of(ring: DrawnRing[T]) -> Iterator[T]:
     """All numbers of a loop but bulges."""
     yield from (number for v in ring for number in v.numbers()) if isinstance(ring, tuple) else ring.numbers()
+
+
+def numbers_of_bend(bend: Bend[T]) -> Iterator[T]:
+    """All numbers that an arc is told by, but for a bulge."""
+    if isinstance(bend, Center):
+        yield from (bend.x, bend.y)
+    if isinstance(bend, BendRadius):
+        yield bend.radius
+    if isinstance(bend, BendAngle):
+        yield bend.angle
 
 
 def turn_round(bend: Bend[T]) -> Bend[T]:

@@ -21,7 +21,8 @@ from imdim.export.datums import UP, Datum, Tie, ties
 from imdim.export.diameters import add_diameters
 from imdim.export.outline_rows import Drawn, add_outlines
 from imdim.export.repeat_rows import add_repeats
-from imdim.export.seats import End, ends_of, reach_of, seats, world_axis
+from imdim.export.round_contacts import bind_plugs
+from imdim.export.seats import End, Seat, ends_of, reach_of, seats, world_axis
 from imdim.export.seen import SeenPlanes, find_hidden_ends
 from imdim.export.tilted_cuts import pass_aslant
 from imdim.export.wall_seats import FlatWall, seats_at_walls
@@ -82,9 +83,13 @@ class LinearSystem:
         system = LinearSystem(start, len(start), longest(parts))
         if folded is not None:
             add_repeats(system, folded, parts, fixed)
-        system.drawn = add_outlines(system, parts if delivered is None else list(leaves(delivered)), folded, signs(program))
-        add_diameters(system, parts, folded)
-        found = list(seats(program))
+        sign = signs(program)
+        system.drawn = add_outlines(system, parts if delivered is None else list(leaves(delivered)), folded, sign)
+        sources = add_diameters(system, parts, folded)
+        system.rows += bind_plugs(parts, sources)
+        whole = program if delivered is None else delivered
+        hidden = find_hidden_ends(whole)
+        found = [seat for seat in seats(program) if not _is_cut_to_hidden(seat, sign, hidden)]
         constraints = rest_on_faces(constraints, found, parts)
         others = [c for c in constraints if c.kind not in PATTERNS or _is_slanted(c, numbers)]
         for constraint in (c for c in constraints if c not in others):
@@ -102,8 +107,7 @@ class LinearSystem:
             if word or Ref(own.leaf, own.local) not in flush:
                 system._add_seat(own.leaf, system.place_of_end(own, 1.0) | system.place_of_end(face, -1.0), word)
         seated = {(seat.own.leaf, seat.own.axis, seat.own.side) for seat in found}
-        whole = program if delivered is None else delivered
-        for own, wall, word in seats_at_walls(program, system.walls, find_hidden_ends(whole) if system.walls else ()):
+        for own, wall, word in seats_at_walls(program, system.walls, hidden):
             if (own.leaf, own.axis, own.side) not in seated and Ref(own.leaf, own.local) not in flush:
                 row = system.place_of_end(own, 1.0)
                 for v, factor in wall.row.items():
@@ -113,7 +117,7 @@ class LinearSystem:
         system.ties += [(cut, {6 * cut + c: 1.0, 6 * leaf + d: -1.0}) for (cut, c), (leaf, d) in pass_aslant(program)]
         system.contacts = list(find_contacts(system, program, SeenPlanes(whole))) if system.walls else []
         if len(parts) <= MOST_PLACED:
-            system._add_places(ties(program, constraints))
+            system._add_places(ties(program, constraints, hidden))
             system._hold_places(parts, numbers)
         for leaf in system.heights:
             # otherwise what is turned grows upwards, as seen along its own axis
@@ -215,7 +219,7 @@ class LinearSystem:
         sizing: list[tuple[int, dict[int, float]]] = []
         for tie in found:
             row = self._datum(tie.own, 1.0)
-            for v, factor in self._datum(tie.datum, -1.0).items():
+            for v, factor in ({} if tie.datum is None else self._datum(tie.datum, -1.0)).items():
                 row[v] = row.get(v, 0.0) + factor
             if tie.word:
                 key = (tie.word, tie.key) if tie.key is not None else None
@@ -297,6 +301,11 @@ class LinearSystem:
             for a, center, share in zip(plane, centers, offset, strict=True):
                 part = {diameter: -float(share)} if abs(share) > ZERO else {}
                 self.rows.append({6 * leaf + 3 + a: 1.0, center: -1.0} | part)
+
+
+def _is_cut_to_hidden(seat: Seat, sign: Sequence[int], hidden: Collection[tuple[int, int, int]]) -> bool:
+    """Whether a cut ends beyond a face of which nothing is seen: nobody would measure it from there."""
+    return sign[seat.own.leaf] < 0 and (seat.face.leaf, seat.face.axis, seat.face.side) in hidden
 
 
 def _simple(row: dict[int, float]) -> dict[int, float] | None:

@@ -7,9 +7,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from imdim.export.outline_joints import DrawnLine, OutlineJoints, Row, X, Y, sum_rows
+from imdim.export.seats import world_axis
 from imdim.export.wall_seats import FlatWall
 from imdim.geometry.rotations import matrix_from_euler
+from imdim.geometry.solid import exact_rotation
 from imdim.numbers.design_values import is_level
 from imdim.program.outline import loop_area
 from imdim.program.tree import Primitive
@@ -64,14 +68,15 @@ def _round_walls(leaf: int, p: Primitive) -> Iterator[RoundWall]:
 def find_flat_walls(
     leaf: int, part: Primitive, joints: OutlineJoints, row_of_line: Callable[[bool, int, float], Row]
 ) -> Iterator[FlatWall]:
-    """The lines of an extrusion along its own axes, where these are the world's, and of these the outermost whatever they run along.
+    """The lines of an extrusion along its own axes that lie across one of the world's, and where both its axes are the world's of these the
+    outermost whatever they run along.
 
     `row_of_line` says what the place of a line is the sum of, by whether it bounds a hole and by the axis that it lies across.
     """
-    if part.kind != "extrude" or not is_level(part):
+    if part.kind != "extrude":
         return
-    turn = [[round(c) for c in row] for row in matrix_from_euler(part.rotation).tolist()]
-    for k, side in ((k, side) for k in (X, Y) for side in (-1, 1)):
+    turn = exact_rotation(part)
+    for k, side in ((k, side) for k in (X, Y) for side in (-1, 1) if is_level(part)):
         place = joints.outline.bounds[side > 0][k]
         row = row_of_line(False, k, place)
         if row:
@@ -79,7 +84,7 @@ def find_flat_walls(
     for line, side, run in _lines(joints):
         k = line.across or X
         row = row_of_line(line.inner, k, line.place)
-        if row or abs(line.place) <= joints.slack:
+        if world_axis(turn[:, k]) is not None and (row or abs(line.place) <= joints.slack):
             yield _flat_wall(leaf, part, turn, k, side, line.place, row, run)
 
 
@@ -97,7 +102,7 @@ def _lines(joints: OutlineJoints) -> Iterator[tuple[DrawnLine, int, tuple[float,
 def _flat_wall(
     leaf: int,
     part: Primitive,
-    turn: Sequence[Sequence[int]],
+    turn: np.ndarray,
     k: int,
     side: int,
     place: float,
@@ -105,11 +110,12 @@ def _flat_wall(
     run: tuple[float, float] | None = None,
 ) -> FlatWall:
     """A line across axis `k` of an outline as a wall in the world; it runs from and to the places `run` along the other axis."""
-    axis, along = (next(a for a in range(3) if turn[a][j]) for j in (k, 1 - k))
-    way = turn[axis][k]
+    axis, along = (int(np.abs(turn[:, j]).argmax()) for j in (k, 1 - k))
+    way = round(turn[axis, k])
     at = sum_rows(({6 * leaf + 3 + axis: 1.0}, 1.0), (row, way))
     span = None
     if run is not None:
-        low, high = sorted(part.center[along] + turn[along][1 - k] * v for v in run)
-        span = along, low, high
+        low, high = sorted(float(part.center[along] + turn[along, 1 - k] * v) for v in run)
+        aside = abs(float(turn[along, 2])) * part.size[0] / 2  # of what lies aslant
+        span = along, low - aside, high + aside
     return FlatWall(leaf, axis, side * way, part.center[axis] + way * place, at, span)

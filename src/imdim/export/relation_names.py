@@ -21,5 +21,7 @@ def name_relations(constraints: Sequence[Constraint], program: Program, named: P
 def _names_of_sizes(program: Program, named: Parameters) -> Iterator[tuple[Ref, str]]:
     for leaf, (p, sizes) in enumerate(zip(leaves(program), named.sizes, strict=True)):
         for feature, e in zip(SIZE_NAMES[p.kind], sizes, strict=True):
-            if len(e.terms) == 1 and abs(e.constant) <= ZERO and e.terms[0].coefficient in WHOLE:
+            # a countersink that stands out of what it is in is wider there than its name says
+            is_plain = abs(e.constant) <= ZERO or (p.kind == "cone" and feature.startswith("r"))
+            if is_plain and len(e.terms) == 1 and e.terms[0].coefficient in WHOLE:
                 yield Ref(leaf, feature), e.terms[0].name

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from trimesh import Trimesh
 
-from imdim.export.drawn_vertex import numbers_of
 from imdim.export.seats import ends_of, place_of
+from imdim.export.seen_walls import rows_of_walls
 from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.lowering import lower
 from imdim.geometry.solid import surface_with_owners
@@ -78,14 +78,15 @@ def _is_near(levels: np.ndarray, place: float, slack: float) -> bool:
 
 
 def find_unseen(system: LinearSystem, solved: Mapping[int, Mapping[int, object]], program: Program) -> set[int]:
-    """The variables that move hidden ends of `program` alone; `solved` says what follows which."""
+    """The variables that move hidden ends and walls of `program` alone; `solved` says what follows which."""
     parts, numbers, hidden = list(leaves(program)), lower(program), find_hidden_ends(program)
     ends = [e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers) if e.column >= 0]
     told = {v for e in ends if parts[e.leaf].kind != "cone" for v in system.place_of_end(e)}
     shown = [system.place_of_end(e) for e in ends if (e.leaf, e.axis, e.side) not in hidden]
     shown += [{v: 1.0} for v in range(system.extra) if v not in told]
-    shown += [number.row for loops in system.drawn.values() for loop in loops for number in numbers_of(loop)]
-    hiding = {w for v in told for w in solved.get(v, (v,))}
+    drawn = list(rows_of_walls(system.drawn, program))
+    shown += [row for row, seen in drawn if seen]
+    hiding = {w for v in told for w in solved.get(v, (v,))} | {w for row, seen in drawn if not seen for w in _follow(row, solved)}
     return hiding - {w for row in shown for w in _follow(row, solved)}
 
 

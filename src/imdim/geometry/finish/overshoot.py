@@ -43,7 +43,7 @@ def overshoot(
     folded: Folded | None = None,
     reach: float | None = None,
     deadline: Deadline = NEVER,
-    kept: Collection[tuple[int, Face]] = (),
+    kept: Collection[tuple[int, Face | None]] = (),
 ) -> Program:
     """The same solid with cutters that stick out of what they cut, and joined parts that sink into each other.
 
