@@ -7,11 +7,12 @@
 FROM python:3.11-slim AS build
 ARG EXTRAS=step
 WORKDIR /source
-COPY pyproject.toml constraints.txt README.md LICENSE ./
+COPY pyproject.toml compiled_build.py constraints.txt README.md LICENSE ./
 COPY models models
 COPY src src
+# kernels are compiled below, where every user finds them
 RUN python -m venv /opt/imdim \
-    && /opt/imdim/bin/pip install --no-cache-dir --disable-pip-version-check -c constraints.txt ".[${EXTRAS}]"
+    && IMDIM_COMPILE=0 /opt/imdim/bin/pip install --no-cache-dir --disable-pip-version-check -c constraints.txt ".[${EXTRAS}]"
 
 FROM python:3.11-slim
 # OpenCASCADE needs libGL

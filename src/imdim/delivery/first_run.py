@@ -1,5 +1,6 @@
 """Before the first fit on a machine its kernels are compiled, outside the budget and with a word about it; later runs load them.
 
+What builds a wheel for its own machine compiles them into it (`compiled_build.py` of the source), and there is no first run.
 Where there is a second core another process compiles those that say what a program is worth, while this one compiles those that look for
 programs, and comes to the others when they are done. They meet in numba's cache, in which files appear whole.
 
@@ -186,9 +187,13 @@ def _reconstruct_small_part() -> None:
 
 def _see_from_outside(surface: Trimesh, points: np.ndarray) -> None:
     """What delivery alone asks for."""
+    from imdim.geometry.kernels import outline_sdf
+    from imdim.geometry.lowering import Outlines
     from imdim.geometry.visible import faces_seen
     from imdim.geometry.winding import winding_number
+    from imdim.program.outline import Outline, circle
 
+    outline_sdf(Outlines.pack([Outline((circle(1.0),))]).curves, points[:1, :2])
     winding_number(surface, points[:1])
     faces_seen(surface.triangles, 1, 1)
 
@@ -210,5 +215,8 @@ def _small_part() -> Combine:
 
 
 if __name__ == "__main__":
-    with _uncollected():
-        compile_second_half()
+    if sys.argv[1:] == ["all"]:
+        compile_kernels(sys.stderr)
+    else:
+        with _uncollected():
+            compile_second_half()

@@ -15,7 +15,7 @@ def faces_seen(corners: np.ndarray, width: int, height: int) -> np.ndarray:
     `corners` [f, 3, 3] are those of triangles in pixels: columns, rows (downward), and heights, of which the largest is nearest. Of equal
     heights the first face is seen.
     """
-    return _faces_seen(np.ascontiguousarray(corners, np.float64), width, height)
+    return _faces_seen(np.require(corners, np.float64, ["C", "W"]), width, height)
 
 
 @njit(nogil=True, cache=True)
