@@ -43,6 +43,12 @@ def test_a_bore_is_the_large_hole_about_the_axis_of_a_boss_or_a_turned_part():
     assert opened(cut(cylinder(20, 30), cylinder(9.1, 60))).values["bore_diameter"] == pytest.approx(18.2)
 
 
+def test_a_short_wall_between_a_boss_and_its_plate_is_a_rib():
+    """Hardly longer than thick, but held on two sides; the same block that stands alone is none."""
+    assert feature_roles(union(BOSS, box(5, 6, 14, (0, 14, 8)))) == ["plate", "boss", "rib"]
+    assert feature_roles(union(BOSS, box(5, 6, 14, (30, 14, 8)))) == ["plate", "boss", "block"]
+
+
 @pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.6, 0.0, 0.8)])
 def test_a_tilted_part_has_the_same_roles(axis):
     part = cut(union(PLATE, *RIBS), box(30, 6, 20, (0, -15, 0)))

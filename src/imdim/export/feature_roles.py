@@ -23,7 +23,7 @@ from imdim.program.repeats import Folded, instances
 from imdim.program.roles import FLAT, signs
 from imdim.program.tree import Primitive, Program, leaves, longest
 
-BRACED = 0.5  # of its next edge: a thicker wall is no rib, and one that is not held on two sides has to be a plate's share of it
+BRACED = 0.5  # of its longest edge: a thicker wall is no rib, and one that is not held on two sides has to be a plate's share of the next
 ROUND_ENDS = 1.2  # times as long as wide, with round ends: a slot; with others it has to be as narrow as a plate is thin
 LARGE = 1 / 3  # of a boss's diameter: a smaller hole is no bore
 COAXIAL = 1e-4  # of the largest size
@@ -68,10 +68,10 @@ def _rib(around: Surroundings) -> Role | None:
     size = 2 * around.half
     thin = int(size.argmin())
     others = [a for a in range(3) if a != thin]
-    if size[thin] > BRACED * size[others].min():
+    if size[thin] > BRACED * size[others].max():
         return None
     stands = [a for a in others if any(_stands(around, a, side, thin) for side in (-1, 1))]
-    if not stands or (len(stands) < 2 and size[thin] > FLAT * size[others].min()):
+    if not stands or size[thin] > (1.0 if len(stands) > 1 else FLAT) * size[others].min():
         return None
     up = max(stands, key=lambda a: abs(around.axes[2, a]))
     return Role("rib", tuple("thickness" if a == thin else "height" if a == up else "length" for a in range(3)))
