@@ -1,7 +1,7 @@
 """What the numbers of outlines are called, what follows them, and which edits are refused."""
 
 import subprocess
-from math import tan
+from math import asin, sqrt, tan
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from imdim.export.delivered import EditError, meanings
 from imdim.export.edit import change_values, solid_of
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.program.outline import Outline, circle
-from imdim.program.tree import Combine, Primitive
+from imdim.program.tree import Combine, Primitive, leaves
 
 QUARTER = tan(np.pi / 8)  # the bulge of a quarter turn
 
@@ -226,3 +226,17 @@ def test_scripts_draw_what_the_names_say(package, file, tmp_path):
     subprocess.run([python, file], check=True, cwd=tmp_path, timeout=120, capture_output=True)
     wanted = to_manifold(Primitive("extrude", (5.0,), outline=disc_and_bar(radius=14.0)), 2048).volume()
     assert shape_volume(read_step(tmp_path / "part.step"), 1e-9) == pytest.approx(wanted, rel=1e-5)
+
+
+def test_a_flat_arc_is_where_its_apex_is():
+    """A plate with a crown of radius 100: a larger radius makes it flatter and leaves its top where it is."""
+    side = sqrt(100.0**2 - 10.0**2) - 88.0  # where the circle about (0, -88) crosses the sides
+    bulge = tan(asin(0.1) / 2)
+    crown = ((-10.0, -12.0, 0.0), (10.0, -12.0, 0.0), (10.0, side, bulge), (-10.0, side, 0.0))
+    part = opened(Primitive("extrude", (4.0,), outline=Outline((crown,))))
+    assert 88.0 not in map(abs, part.values.values())
+    names = {name.split("_", 1)[1]: name for name in part.values}
+    assert part.values[names["apex_y"]] == pytest.approx(12.0)
+    (flatter,) = leaves(change_values(part, {names["arc_radius"]: 200.0}).program)
+    assert flatter.outline.bounds[1][1] + flatter.center[1] == pytest.approx(12.0)
+    assert flatter.outline.loops[0][2][1] + flatter.center[1] == pytest.approx(sqrt(200.0**2 - 10.0**2) - 188.0)

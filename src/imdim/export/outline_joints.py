@@ -120,6 +120,15 @@ class OutlineJoints:
         """All arcs; one that is written as two comes twice."""
         return (j.after for j in self.all() if isinstance(j.after, DrawnArc))
 
+    def apexes(self) -> Iterator[tuple[DrawnArc, int, int]]:
+        """Arcs of less than a quarter turn that cross lines, with the axis and the side to which they reach furthest between their ends."""
+        for loop in filter(None, self.loops):
+            for joint, following in zip(loop, [*loop[1:], loop[0]], strict=True):
+                arc = joint.after
+                if isinstance(arc, DrawnArc) and arc.crossed and not (arc.wide or arc.loose):
+                    away = [[at[axis] - arc.center[axis] for at in (joint.at, following.at)] for axis in (X, Y)]
+                    yield from ((arc, 1 - k, 1 if sum(away[1 - k]) > 0 else -1) for k in (X, Y) if away[k][0] * away[k][1] < 0)
+
     def cell(self, number: float) -> int:
         """The same for numbers that are one."""
         return round(number / (4 * self.slack))

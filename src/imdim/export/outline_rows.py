@@ -228,6 +228,7 @@ class _Dimensions:
             if hole:
                 arc.at = [self._place("center", axis, hole[axis]) for axis in (X, Y)]
         held = {(id(arc), axis) for arc, axis in self._held()}
+        self._place_by_apex([(arc, axis) for arc in arcs for axis in (X, Y) if (id(arc), axis) not in held and arc.at[axis] is None])
         loose = [(axis, arc.center[axis]) for arc in arcs for axis in (X, Y) if (id(arc), axis) not in held and arc.at[axis] is None]
         self._add("arc", loose, ("round_spacing_x", "round_spacing_y"), ("round_x", "round_y"))
         for arc in arcs:
@@ -237,6 +238,17 @@ class _Dimensions:
                 elif arc.at[axis] is None:
                     arc.at[axis] = self._place("arc", axis, arc.center[axis])
         self._let_lines_follow()
+
+    def _place_by_apex(self, free: Sequence[tuple[DrawnArc, int]]) -> None:
+        """Flat arcs are where their apex is, if that is nearer than their centre: of a radius that is ten times as large as the part,
+        a tenth more would move them out of it."""
+        apexes = {(id(arc), axis): side for arc, axis, side in self.joints.apexes()}
+        flat = [(arc, axis, apexes[id(arc), axis]) for arc, axis in free if (id(arc), axis) in apexes]
+        flat = [(arc, axis, side) for arc, axis, side in flat if abs(arc.center[axis] + side * arc.radius) < abs(arc.center[axis])]
+        places = [(axis, arc.center[axis] + side * arc.radius) for arc, axis, side in flat]
+        self._add("apex", places, ("apex_spacing_x", "apex_spacing_y"), ("apex_x", "apex_y"))
+        for (arc, axis, side), (_, place) in zip(flat, places, strict=True):
+            arc.at[axis] = sum_rows((self._place("apex", axis, place), 1.0), (arc.size, -side))
 
     def _let_lines_follow(self) -> None:
         for (what, axis, cell), (arc, side) in self.following.items():
