@@ -11,6 +11,7 @@ import sys
 import time
 from dataclasses import dataclass, fields
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,12 +19,14 @@ import trimesh
 from tests.drawn import BORED
 
 from imdim.app.cli import main as imdim
-from imdim.app.fit import EXPORT_S, NOT_THE_PART, fit, one_line, summary
+from imdim.app.fit import EXPORT_S, NOT_THE_PART, _EarlyStep, fit, one_line, summary
 from imdim.app.fit import main as run
 from imdim.app.orderly import run_in_order
 from imdim.app.piped import guess_format, load_piped
 from imdim.app.progress import show_progress
+from imdim.delivery import first_run
 from imdim.delivery.deliver import STEP_LIMIT_S
+from imdim.export import step_worker
 from imdim.geometry.solid import to_manifold, to_trimesh
 from imdim.program.front import Choice
 from imdim.program.tree import Combine, Primitive, Program
@@ -525,3 +528,18 @@ def test_edges_are_told_with_the_way_to_draw_them() -> None:
     assert "edges    chamfer 0.4 of 40 edges (program.scad draws them with -D edges=true)" in said
     assert "program.step written, 2 of 40 edges not blended" in said
     assert "-D edges=true" not in summary({**report, "edges_drawn": True}, Path("out"))
+
+
+@pytest.mark.parametrize(("cores", "early"), [(2, ["simplify"]), (1, [])])
+def test_opencascade_is_loaded_while_numbers_are_looked_for(monkeypatch, cores, early):
+    """On another core, once the structure is found."""
+    passed, started, stopped = [], [], []
+    monkeypatch.setattr(first_run, "count_cores", lambda: cores)
+    monkeypatch.setattr(step_worker, "start_worker", lambda: started.append(passed[-1]) or started)
+    monkeypatch.setattr(step_worker, "stop_worker", stopped.append)
+    with _EarlyStep() as step:
+        snapshots = (passed.append(stage) or SimpleNamespace(stage=stage) for stage in ("search", "simplify", "solve"))
+        assert [snapshot.stage for snapshot in step.watch(snapshots)] == passed
+        assert not stopped
+    assert started == early
+    assert len(stopped) == len(early)

@@ -103,6 +103,21 @@ def test_faces_have_the_names_that_are_handed_over(tmp_path):
     assert all(f"'{name}'" in text and f"'{name}'" not in plain for name in handed)
 
 
+def test_a_worker_that_waits_writes_what_it_is_told_or_is_sent_home(tmp_path):
+    program, exact = KNOWN["drilled block"]
+    (tmp_path / "program.json").write_text(dumps(program))
+    waiting, idle = step_worker.start_worker(), step_worker.start_worker()
+    with step_worker.exporting(tmp_path, worker=waiting) as job:
+        assert job.process is waiting.process
+        volumes = {}
+        assert step_worker.finish_or_skip_step(job, 60, volumes) == {}
+    assert volumes["program.step"] == pytest.approx(exact, rel=1e-9)
+    for worker in (waiting, idle):
+        step_worker.stop_worker(worker)
+        assert worker.process.poll() is not None
+        assert worker.lifeline.closed
+
+
 def test_an_export_ends_with_the_process_that_started_it(tmp_path):
     (tmp_path / "program.json").write_text(dumps(KNOWN["drilled block"][0]))
     job = step_worker.start_step(tmp_path / "program.json", tmp_path / "out.step")

@@ -8,6 +8,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, replace
 from io import StringIO
 from os import environ
@@ -24,6 +25,7 @@ from imdim.reconstruction.config import ConfigError, Settings
 if TYPE_CHECKING:
     import numpy as np
 
+    from imdim.export.step_worker import StepWorker
     from imdim.reconstruction.pipeline import Snapshot
     from imdim.target.target import Target
 
@@ -38,6 +40,7 @@ STEP_SHARE = 0.03  # of the budget, which STEP may take beyond it
 MOST_SAID = 6  # groups of holes on the screen; the report has all
 DIFFERS = 1e-3  # of the volume IoU, from which delivery says that it did not keep what was found
 SAID_REGIONS, LEAST_SAID = 3, 1e-3  # regions on the screen, and the share of the surface from which one is named
+NEARLY_DONE = ("simplify", "solve")  # stages that take about as long as OpenCASCADE to load
 EXPORT_S = 20  # for STEP, by `imdim export`
 RARELY = 20_000  # objects more, at which Python looks for cycles of dead ones: at its own 700 that is 2 to 3 % of a fit
 BAD_INPUT = 2
@@ -142,18 +145,49 @@ def fit(settings: Settings, reconstruct: Reconstruct | None = None, quiet: bool 
         reconstruct = pipeline.reconstruct
         start += compile_kernels(StringIO() if quiet else sys.stderr)
     left = max(settings.budget_s - stages["loading"] - min(WRITING_S, WRITING_SHARE * settings.budget_s), LEAST_S)
-    snapshots = reconstruct(target, replace(settings, budget_s=left), np.random.default_rng(settings.seed))
-    last = pipeline.exhaust(_until_stopped(snapshots if quiet else show_progress(snapshots, left)), stages)
-    said = {key: printable(value) if isinstance(value, str) else value for key, value in asdict(settings).items()}
-    run = RunRecord(said["input"], stages, last.stop or "finished", settings.seed, said, last.proof, last.noisy)
-    for note in last.notes if not quiet else ():
-        sys.stderr.write(f"imdim: {note}\n")
-    target = replace(target, notes=(*target.notes, *last.notes))
-    left = 0.0 if last.stop in ENDED else settings.budget_s - (time.perf_counter() - start)  # who sends signals does not wait long
-    # the other files take a few seconds; STEP, which may be slow, gets what is left
-    step_limit_s = min(max(left - DELIVERY_S, LEAST_S + STEP_SHARE * settings.budget_s), STEP_LIMIT_S)
-    finish_by = Deadline(time.perf_counter() + left - FILES_S)
-    return deliver(last.program, target, folder, run, settings.segments, step_limit_s, last.constraints, last.front, finish_by, last.edges)
+    with _EarlyStep() as step:
+        snapshots = reconstruct(target, replace(settings, budget_s=left), np.random.default_rng(settings.seed))
+        snapshots = _until_stopped(step.watch(snapshots if quiet else show_progress(snapshots, left)))
+        last = pipeline.exhaust(snapshots, stages)
+        said = {key: printable(value) if isinstance(value, str) else value for key, value in asdict(settings).items()}
+        run = RunRecord(said["input"], stages, last.stop or "finished", settings.seed, said, last.proof, last.noisy)
+        for note in last.notes if not quiet else ():
+            sys.stderr.write(f"imdim: {note}\n")
+        target = replace(target, notes=(*target.notes, *last.notes))
+        left = 0.0 if last.stop in ENDED else settings.budget_s - (time.perf_counter() - start)  # who sends signals does not wait long
+        # the other files take a few seconds; STEP, which may be slow, gets what is left
+        step_limit_s = min(max(left - DELIVERY_S, LEAST_S + STEP_SHARE * settings.budget_s), STEP_LIMIT_S)
+        finish_by = Deadline(time.perf_counter() + left - FILES_S)
+        found = last.program, target, folder, run, settings.segments, step_limit_s, last.constraints, last.front, finish_by, last.edges
+        return deliver(*found, step_worker=step.worker)
+
+
+class _EarlyStep:
+    """A process that loads OpenCASCADE on another core, if there is one, while the numbers of the program are still looked for; it ends
+    with the block."""
+
+    def __init__(self) -> None:
+        self.worker: StepWorker | None = None
+
+    def __enter__(self) -> _EarlyStep:
+        return self
+
+    def watch(self, snapshots: Iterator[Snapshot]) -> Iterator[Snapshot]:
+        """The snapshots; the process is started with the first whose structure is found."""
+        from imdim.delivery.first_run import count_cores
+        from imdim.export.step_worker import StepError, start_worker
+
+        for snapshot in snapshots:
+            if self.worker is None and snapshot.stage in NEARLY_DONE and count_cores() > 1:
+                with suppress(StepError):  # delivery says why there is none
+                    self.worker = start_worker()
+            yield snapshot
+
+    def __exit__(self, *_: object) -> None:
+        from imdim.export.step_worker import stop_worker
+
+        if self.worker is not None:
+            stop_worker(self.worker)
 
 
 def _until_stopped(snapshots: Iterator[Snapshot]) -> Iterator[Snapshot]:

@@ -33,7 +33,7 @@ from imdim.export.meshes import NamedFeatures, write_meshes
 from imdim.export.numbers import round_program
 from imdim.export.parameters import parametrise
 from imdim.export.preview import preview
-from imdim.export.step_worker import exporting, finish_or_skip_step
+from imdim.export.step_worker import StepWorker, exporting, finish_or_skip_step
 from imdim.geometry.census import census_of
 from imdim.geometry.edge_solids import solid_with_edges
 from imdim.geometry.solid import SEGMENTS, mesh_to_manifold, to_manifold, to_trimesh
@@ -64,6 +64,7 @@ def deliver(
     finish_by: Deadline = NEVER,
     edges: Sequence[EdgeFeature] = (),
     named: Delivered | None = None,
+    step_worker: StepWorker | None = None,
 ) -> dict[str, Any]:
     """Write all results for `program` (in the target's units) into `folder`, whole or not at all; returns the report.
 
@@ -71,7 +72,8 @@ def deliver(
     it `front.json` holds the program alone. Past `finish_by` (by default never) the program is finished no further (`finish`).
     `edges` are edge features of `program`. A program that is `named` already is written with its own texts, and finished no further.
 
-    STEP is skipped, and the report says why, where OpenCASCADE is missing, fails or takes longer than `step_limit_s`.
+    STEP is written by the `step_worker`, if there is one, and skipped, and the report says why, where OpenCASCADE is missing, fails or
+    takes longer than `step_limit_s`.
     Raises OutputError when the folder cannot be written or holds foreign files, ValueError when the program is empty.
     """
     seconds: dict[str, float] = {}
@@ -89,7 +91,7 @@ def deliver(
             _write(texts, partial)
             _write_front(front or [Choice(given)], given, meta, partial)
             called = _named(found, Path(target.name).stem)
-        with exporting(partial, Path(target.name).stem, called.names.features) as job:
+        with exporting(partial, Path(target.name).stem, called.names.features, step_worker) as job:
             with _time(seconds, "meshes"):
                 write_meshes(solid, partial, called, meta.units)
             with _time(seconds, "scores"):

@@ -55,7 +55,7 @@ def compile_kernels(stream: TextIO) -> float:
     start, before = time.perf_counter(), _misses()
     _first_run_mark(1)
     if _misses() > before:
-        alone = _cores() < 2
+        alone = count_cores() < 2
         try:
             with _uncollected(), _Counter(stream, alone) as counter, _helper(alone):
                 _reconstruct_small_part()
@@ -103,7 +103,7 @@ def _helper(alone: bool) -> Iterator[None]:
         process.wait()
 
 
-def _cores() -> int:
+def count_cores() -> int:
     """That this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 

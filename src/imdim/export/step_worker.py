@@ -1,8 +1,8 @@
 """STEP export in a process of its own: OpenCASCADE can take minutes or crash on a hard shape, and must not take the other results along.
 
-``python -m imdim.export.step_worker PROGRAM.json OUT.step [NAME [FEATURES]]`` writes the file, in millimetres whatever the units of the
-document, and prints its re-read volume; a failure is one line on stderr. FEATURES are the names of the features, as a list in JSON; by
-default they are found once more.
+``python -m imdim.export.step_worker`` loads OpenCASCADE, which takes a second, reads one line of JSON, [PROGRAM.json, OUT.step, NAME,
+FEATURES], writes the file, in millimetres whatever the units of the document, and prints its re-read volume; a failure is one line on
+stderr. FEATURES are the names of the features; where there are none, they are found once more.
 A part with edge features is written, and told, twice: sharp, then with as many of them as OpenCASCADE can blend. If it fails on these the
 sharp one stays. It ends with the process that started it, however that ends: its standard input closes then.
 """
@@ -15,7 +15,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, NamedTuple
@@ -23,13 +23,12 @@ from typing import IO, NamedTuple
 from imdim.export.feature_names import label_features
 from imdim.export.part_names import NAMELESS, PartNames, spell
 from imdim.export.step import StepError, path_beside, step_volume, write_stages
+from imdim.export.step_booleans import ocp
 from imdim.install import install_command
 from imdim.program.codec import constraints_of, edges_of, from_json, meta_of, parse, read_folded
 from imdim.program.edges import scale_edges
 from imdim.program.tree import Primitive, map_leaves, map_lengths
 from imdim.program.units import to_millimetres
-
-MOST_CALLED = 60_000  # characters of the names that a command carries: systems allow an argument of 128 KiB
 
 
 class Exported(NamedTuple):
@@ -50,18 +49,38 @@ class StepJob(NamedTuple):
     lifeline: IO[bytes] | None = None
 
 
-def start_step(document: Path, out: Path, name: str = NAMELESS, features: Sequence[str] = ()) -> StepJob:
-    """Start exporting the program.json `document` as a part called `name`, its features as these or, of none, by their roles; raises
-    StepError when OpenCASCADE is not installed."""
+class StepWorker(NamedTuple):
+    """A process that loads OpenCASCADE, and then waits to be told what to export; it ends when `lifeline` closes."""
+
+    process: subprocess.Popen[str]
+    lifeline: IO[bytes]
+
+
+def start_worker() -> StepWorker:
+    """Raises StepError when OpenCASCADE is not installed."""
     if find_spec("OCP") is None:
         raise StepError(f"no STEP without OpenCASCADE: {install_command('step')}")
-    command = [sys.executable, "-m", __spec__.name, str(document), str(out), spell(name)]
-    called = json.dumps(list(features))
-    command += [called] if features and len(called) < MOST_CALLED else []
     theirs, ours = os.pipe()  # no pipe of the process itself: waiting for its output would close that
     with os.fdopen(theirs, "rb") as end:
+        command = [sys.executable, "-m", __spec__.name]
         process = subprocess.Popen(command, stdin=end, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    return StepJob(process, out, os.fdopen(ours, "wb"))
+    return StepWorker(process, os.fdopen(ours, "wb"))
+
+
+def stop_worker(worker: StepWorker) -> None:
+    """End it, whatever it does, and close its pipes."""
+    _end(StepJob(worker.process, Path(), worker.lifeline))
+
+
+def start_step(document: Path, out: Path, name: str = NAMELESS, features: Sequence[str] = (), worker: StepWorker | None = None) -> StepJob:
+    """Start exporting the program.json `document` as a part called `name`, its features as these or, of none, by their roles, by a `worker`
+    that waits or by a new one; raises StepError when OpenCASCADE is not installed."""
+    process, lifeline = worker or start_worker()
+    # one that has ended already says why when it is waited for
+    with suppress(BrokenPipeError):
+        lifeline.write(json.dumps([str(document), str(out), spell(name), list(features)]).encode() + b"\n")
+        lifeline.flush()
+    return StepJob(process, out, lifeline)
 
 
 def finish_step(job: StepJob, limit_s: float) -> Exported:
@@ -112,10 +131,12 @@ def _end(job: StepJob) -> None:
 
 
 @contextmanager
-def exporting(folder: Path, name: str = NAMELESS, features: Sequence[str] = ()) -> Iterator[StepJob | StepError]:
-    """The export of the program.json in `folder`, running beside the other work; it never outlives the block."""
+def exporting(
+    folder: Path, name: str = NAMELESS, features: Sequence[str] = (), worker: StepWorker | None = None
+) -> Iterator[StepJob | StepError]:
+    """The export of the program.json in `folder`, running beside the other work; it never outlives the block, nor does the `worker`."""
     try:
-        job = start_step(folder / "program.json", folder / "program.step", name, features)
+        job = start_step(folder / "program.json", folder / "program.step", name, features, worker)
     except StepError as error:
         yield error
         return
@@ -140,6 +161,14 @@ def finish_or_skip_step(job: StepJob | StepError, limit_s: float, volumes: dict[
     return {"program.step": f"written, {exported.sharp} of {exported.edges} edges not blended{reason}"}
 
 
+def _read_line() -> bytes:
+    """The first line of the standard input, up to its end; by bytes of the file itself, which is read on later."""
+    line = bytearray()
+    while (byte := os.read(0, 1)) not in (b"", b"\n"):
+        line += byte
+    return bytes(line)
+
+
 def _end_with_parent() -> None:
     while os.read(0, 1):  # the file itself: a stream's lock, held by a thread, ends Python in an error
         pass
@@ -151,13 +180,18 @@ def _scale(leaf: Primitive, factor: float) -> Primitive:
     return leaf if factor == 1 else map_lengths(leaf, lambda s: s * factor, (x, y, z))
 
 
-def main(document: str, out: str, name: str = NAMELESS, called: str = "") -> None:
+def main() -> None:
     """The worker's side."""
+    ocp("BRepAlgoAPI")  # with it comes all that is heavy
+    asked = _read_line()
+    if not asked:
+        return  # nobody needs it any more
+    document, out, name, called = json.loads(asked)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         read = parse(Path(document).read_text(encoding="utf-8"))
         program = from_json(read)
-        features = json.loads(called or "[]") or label_features(program, constraints_of(read), read_folded(read))
+        features = called or label_features(program, constraints_of(read), read_folded(read))
         names, factor = PartNames.of(program, name, tuple(features)), to_millimetres(meta_of(read).units)
         program, edges_in = map_leaves(program, lambda _, leaf: _scale(leaf, factor)), scale_edges(edges_of(read), factor)
         for edges, sharp in write_stages(program, Path(out), edges_in, names):
@@ -168,4 +202,4 @@ def main(document: str, out: str, name: str = NAMELESS, called: str = "") -> Non
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()
