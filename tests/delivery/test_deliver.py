@@ -198,7 +198,7 @@ def test_what_is_not_looked_at_is_told(tmp_path):
     rectangle = ((-100.0, -100.0, 0.0), (100.0, -100.0, 0.0), (100.0, 100.0, 0.0), (-100.0, 100.0, 0.0))
     rings = [circle(2.0, 10.0 * i - 85, 10.0 * j - 85) for i in range(18) for j in range(18)]
     sieve = Primitive("extrude", (3.0,), outline=Outline((rectangle, *rings)))
-    report = deliver(sieve, target_from(mesh_of(sieve, 8)), tmp_path / "out", RUN, step_limit_s=0.1)
+    report = deliver(sieve, target_from(mesh_of(sieve, 8)), tmp_path / "out", RUN, 8, step_limit_s=0.1)
     assert report["holes"] == []
     assert report["left_out"] == ["holes were not looked for: 324 round walls, more than 300"]
     assert "  holes were not looked for: 324 round walls, more than 300\n" in summary(report, tmp_path / "out")
