@@ -1,11 +1,13 @@
 """Circles that rounding has parted are circles again, of a round radius, unless that is not borne."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.numbers.circles import round_circles
+from imdim.program.outline import Outline
 from imdim.program.tree import Primitive, Program, combine_all, leaves, map_leaves
 
 DISC = Primitive("cylinder", (20.0, 5.0), (3.0, 4.0, 2.5))
@@ -74,3 +76,14 @@ def test_a_circle_that_rounding_keeps_is_not_rounded_on() -> None:
 def test_what_is_on_no_circle_stays_rounded() -> None:
     before, after = bores(15.5, digits=2), bores(15.5, digits=1)
     assert round_circles(before, after, lambda trial: True) == after
+
+
+def test_what_is_turned_about_its_own_middle_stays_there() -> None:
+    """Three arms of one outline each: their common middle is no circle."""
+    arm = Outline((((-2.0, 0.0, 0.0), (2.0, 0.0, 0.0), (1.0, 20.0, 0.0), (-1.0, 20.0, 0.0)),))
+    arms = [Primitive("extrude", (4.0,), (3.0, 4.0, 9.0), (0.0, 0.0, 120.0 * k), arm) for k in range(3)]
+    before = combine_all("union", [DISC, *arms])
+    after = map_leaves(before, lambda i, leaf: replace(leaf, size=(4.1,)) if i == 1 else leaf)
+    out = list(leaves(round_circles(before, after, lambda trial: True)))
+    assert [leaf.size for leaf in out][1:] == [(4.1,)] * 3
+    assert all(leaf.center == pytest.approx((3.0, 4.0, 9.0)) for leaf in out[1:])

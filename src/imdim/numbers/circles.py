@@ -14,7 +14,7 @@ from imdim.program.patterns.detect import extent, fold_repeats
 from imdim.program.repeats import Repeat, repeats
 from imdim.program.rewrite.containment import axes, dot
 from imdim.program.tree import Primitive, Program, Vec3, leaves, map_leaves
-from imdim.program.vectors import minus, plus, times, unit
+from imdim.program.vectors import minus, plus, times
 
 SAME = 1e-9  # of the part's size
 MOST, FINEST = 1e-3, 1e-6  # of it: by how much a radius is rounded at most, and to what at least
@@ -62,7 +62,8 @@ def _circles(
     for grid in (*widths, 0.0):
         rounded = round_to_grid(radius, grid) if grid else radius
         if abs(rounded - radius) <= MOST * size:
-            placed = replace(leaf, center=plus(plus(hub, lift), times(unit(arm), rounded)))
+            # copies that are turned about their own middle have no arm
+            placed = replace(leaf, center=plus(plus(hub, lift), times(arm, rounded / radius if radius else 0.0)))
             yield {i: move_leaf(placed, turn(hub, repeat.axis, repeat.angle * (k - first))) for k, i in enumerate(members)}
 
 
