@@ -87,7 +87,7 @@ class _Seen:
 
     class families:
         class arrangement:
-            bounds = np.array([[-20.0, -20.0, 0.0], [20.0, 20.0, 30.0]])
+            part = np.array([[-20.0, -20.0, 0.0], [20.0, 20.0, 30.0]])
 
     def iou(self, program: Program) -> float:
         return 1.0

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from tests.planted import box, cut, cylinder, mesh_of, union
 
-from imdim.geometry.finish.rounded import draw_rounded
-from imdim.geometry.solid import to_manifold
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Outline, circle
 from imdim.program.tree import Primitive, Program, combine_all
@@ -14,7 +12,6 @@ from imdim.reconstruction.plain_program import (
     count_directions,
     count_numbers,
     has_drawings,
-    is_better_drawn,
     is_plainer,
     length_read_once,
     may_be_plain,
@@ -90,24 +87,6 @@ def test_a_grid_of_holes_is_read_once() -> None:
     assert reading_length(plain, -HALF, HALF) > 0.85 * reading_length(drawn, -HALF, HALF)
     seen = observe(UnitBody.of(target_from(mesh_of(plain)), np.random.default_rng(0)), 2.5e-4, np.random.default_rng(0), outlines=True)
     assert is_plainer(plain, drawn, seen)
-
-
-def test_rounded_corners_are_drawn_and_round_ends_are_not() -> None:
-    """A bar with round ends reads as well as a box and two cylinders, each of which has its own numbers."""
-    corners = [cylinder(6, 5, (24 * a, 14 * b, 0)) for a in (-1, 1) for b in (-1, 1)]
-    rounded = union(box(60, 28, 5), *corners, box(48, 40, 5))
-    bar = union(box(60, 28, 5), cylinder(14, 5, (-30, 0, 0)), cylinder(14, 5, (30, 0, 0)))
-    for plain, is_drawn in ((rounded, True), (cut(box(60, 40, 5), *slot(3, 16, 7)), True), (bar, False)):
-        low, high = np.reshape(to_manifold(plain).bounding_box(), (2, 3))
-        drawn = draw_rounded(plain)
-        assert drawn != plain
-        assert is_better_drawn(drawn, plain, low, high) == is_drawn
-
-
-def slot(radius: float, length: float, height: float) -> list[Program]:
-    """Parts of a cutter with round ends."""
-    ends: list[Program] = [cylinder(radius, height, (side * length / 2, 4.0, 0.0)) for side in (-1, 1)]
-    return [*ends, box(length, 2 * radius, height, (0.0, 4.0, 0.0))]
 
 
 def test_cells_are_read_once_and_walls_in_their_order() -> None:

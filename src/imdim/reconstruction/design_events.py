@@ -170,7 +170,9 @@ class _NumberReader:
 
     def read(self, feature: ReadFeature, does: str, turn: np.ndarray, center: np.ndarray) -> None:
         """All numbers of a leaf that adds or cuts, as it is placed."""
-        at, reach = turn.T @ (center - self.middle), np.abs(turn.T) @ self.half + OUTSIDE * self.part.size
+        # a cutter that ends level with the part is made longer when it is delivered
+        beyond = -ONE_NUMBER if does == "cut" else OUTSIDE
+        at, reach = turn.T @ (center - self.middle), np.abs(turn.T) @ self.half + beyond * self.part.size
         own: list[float] = []
         for slot, axis, value in _slots(feature.leaf, at):
             # levels and places along one direction are told by each other, and so are all radii; an outline's by its own

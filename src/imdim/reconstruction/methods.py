@@ -36,7 +36,7 @@ from imdim.reconstruction.design_events import PartBox
 from imdim.reconstruction.evolution import evolve_observation, log_generations, seeds_of
 from imdim.reconstruction.fitting import POOR
 from imdim.reconstruction.observation import SAMPLES, Observation
-from imdim.reconstruction.plain_program import SAME, has_drawings, is_better_drawn, is_plainer, may_be_plain, repeats_plainly
+from imdim.reconstruction.plain_program import SAME, has_drawings, is_plainer, may_be_plain, repeats_plainly
 from imdim.reconstruction.policy_beam import misfit, proposals
 from imdim.reconstruction.preserve import is_same
 from imdim.reconstruction.proof import DEARER, Proofs
@@ -155,7 +155,7 @@ def _choose_described(run: Run, best: MethodStep) -> MethodStep | None:
     fit = run.seen.iou(best.program)
     if fit is None:
         return None
-    low, high = run.seen.families.arrangement.bounds
+    low, high = run.seen.families.arrangement.part
     part = PartBox(low, high, run.unit)
     least, chosen = describe_bits(best.program, part) - BEYOND_DOUBT, None
     # ranges of one structure are settled by other rules
@@ -169,11 +169,11 @@ def _choose_described(run: Run, best: MethodStep) -> MethodStep | None:
 
 
 def _draw_rounded(run: Run, best: MethodStep) -> MethodStep | None:
-    """The same with rounded rectangles and slots drawn, where it is the same and there is clearly less to read."""
+    """The same with rounded rectangles and slots drawn, where it is the same."""
     if run.settings.language != "cad" or run.budget.end_of("search").has_passed():
         return None
     drawn = draw_rounded(best.program)
-    if not is_better_drawn(drawn, best.program, *run.seen.families.arrangement.bounds) or not is_same(best.program, drawn, HIDDEN, FINELY):
+    if drawn == best.program or not is_same(best.program, drawn, HIDDEN, FINELY):
         return None
     return replace(best, stage="search", program=drawn, others=(*best.others, best.program), proof="")
 

@@ -30,7 +30,6 @@ FEW = 12  # features, which are read one by one
 MORE, LESS = 1.25, 0.85  # times as much to read as in the drawings: what few plain features, and what more of them, may have
 CLEARLY = 0.95  # times as much to read, copies read once, as walls and bars have: what more than FEW cells in their place may have
 FAR_LESS, SLIGHTLY = 0.65, 0.9  # the same where copies are read once, however many they are: of a dozen drawings, and of more
-DRAWN = 0.9  # times as much to read as in plain features: what a drawing that takes the place of some may have
 PER_DIRECTION = 2  # numbers that say how copies go on one way: a count and a step
 SAME = 0.8  # of a primitive's price: by how much less of the part they may be
 CURVE_KIND = 0.5  # of a number: that a curve is a line or an arc
@@ -76,12 +75,6 @@ def is_plainer(plain: Program, drawn: Program, seen: Observation) -> bool:
     have, had = seen.iou(plain), seen.iou(drawn)
     # arcs end between the corners of the circles that they are of
     return (have is not None and had is not None and have >= had - slack) or is_same(plain, drawn, slack)
-
-
-def is_better_drawn(drawn: Program, plain: Program, low: np.ndarray, high: np.ndarray) -> bool:
-    """Whether drawings are to be preferred to the plainer features that they take the place of, in the program of a part that fills a box
-    from `low` [3] to `high` [3]: a plate with rounded corners is, a bar with round ends reads as well as a box and two cylinders."""
-    return reading_length(drawn, low, high) <= DRAWN * reading_length(plain, low, high)
 
 
 def repeats_plainly(cells: Program, walls: Program, low: np.ndarray, high: np.ndarray) -> bool:

@@ -39,16 +39,17 @@ class Direction:
 
 @dataclass(frozen=True)
 class Arrangement:
-    """Directions with offsets, curved carriers, triples of orthogonal directions (box frames), and two boxes [2, 3] of samples.
+    """Directions with offsets, curved carriers, triples of orthogonal directions (box frames), and three boxes [2, 3].
 
-    `bounds` is the part with a margin; `outer` holds the whole of every curved carrier that is not far larger than the part, so that
-    what a sphere has outside the part counts against it until something cuts it off.
+    `part` is the part's, `bounds` has a margin about it; `outer` holds the whole of every curved carrier that is not far larger than the
+    part, so that what a sphere has outside the part counts against it until something cuts it off.
     """
 
     directions: tuple[Direction, ...]
     curved: tuple[Surface, ...]
     axis_of: tuple[int, ...]  # direction index of each curved surface's axis, -1 where it has none
     frames: tuple[tuple[int, int, int], ...]
+    part: np.ndarray
     bounds: np.ndarray
     outer: np.ndarray
 
@@ -88,7 +89,7 @@ def arrange(surfaces: Sequence[Surface], areas: Sequence[float], bounds: np.ndar
     tol = config.merge * diagonal
     directions = tuple(_direction(v, _offsets(v, surfaces, areas, box, outer, tol, config), surfaces, tol) for v in vectors)
     axis_of = tuple(_axis_index(s, vectors) for s, _ in curved)
-    return Arrangement(directions, tuple(s for s, _ in curved), axis_of, frames, box, outer)
+    return Arrangement(directions, tuple(s for s, _ in curved), axis_of, frames, bounds, box, outer)
 
 
 def _outer(curved: Sequence[Surface], box: np.ndarray, reach: float) -> np.ndarray:

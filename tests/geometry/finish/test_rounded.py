@@ -50,11 +50,16 @@ def test_it_lies_as_a_person_would_draw_it():
 
 
 @pytest.mark.parametrize("upright", [False, True])
-def test_slots_of_either_way_are_cut_and_joined(upright):
-    for program in (cut(box(60, 60, 4), *slot(20, 4, 6, upright=upright)), union(box(9, 9, 30), *slot(20, 4, 6, upright=upright))):
-        drawn = draw_rounded(program)
-        assert [leaf.kind for leaf in leaves(drawn)] == ["box", "extrude"]
-        assert volume_iou(to_manifold(drawn, 768), to_manifold(program, 768)) > 1 - 1e-5
+def test_slots_of_either_way_are_drawn_and_bars_with_round_ends_are_not(upright):
+    program = cut(box(60, 60, 4), *slot(20, 4, 6, upright=upright))
+    drawn = draw_rounded(program)
+    assert [leaf.kind for leaf in leaves(drawn)] == ["box", "extrude"]
+    assert volume_iou(to_manifold(drawn, 768), to_manifold(program, 768)) > 1 - 1e-5
+    bar = union(box(9, 9, 30), *slot(20, 4, 6, upright=upright))
+    assert draw_rounded(bar) is bar
+    # what is not cut out is joined
+    island = cut(box(60, 60, 4), cut(box(40, 40, 6), *slot(20, 4, 9, upright=upright)))
+    assert draw_rounded(island) is island
 
 
 @pytest.mark.parametrize("angles", [(0, 0, 0), (20, -35, 50)])

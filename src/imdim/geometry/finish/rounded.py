@@ -1,6 +1,7 @@
 """Rounded rectangles and slots as one drawing each: not four cylinders and two crossing boxes, nor two cylinders and a box.
 
-Whoever counts primitives alone says a plate with rounded corners so; who edits it has a length, a width and a corner radius.
+Whoever counts primitives alone says a plate with rounded corners so; who edits it has a length, a width and a corner radius. A bar with
+round ends is left: a box and two cylinders are as often what a designer has, and each end is a place for more.
 """
 
 from __future__ import annotations
@@ -33,42 +34,42 @@ class _RoundedPrism(NamedTuple):
 
 
 def draw_rounded(program: Program) -> Program:
-    """The program with a drawing for each rounded rectangle and slot that cylinders and boxes are joined, or cut, as. The solid is the same
-    where these are as long as each other, which is for the caller to see."""
-    return _draw_in(program, NEAR * longest(leaves(program)))
+    """The program with a drawing for each rounded rectangle that cylinders and boxes are joined or cut as, and each slot that they are cut
+    as. The solid is the same where these are as long as each other, which is for the caller to see."""
+    return _draw_in(program, NEAR * longest(leaves(program)), False)
 
 
-def _draw_in(program: Program, slack: float) -> Program:
+def _draw_in(program: Program, slack: float, cuts_out: bool) -> Program:
     if isinstance(program, Primitive):
         return program
     base, cuts = spine(program)
     if cuts:
         own = [part for cut in cuts for part in parts(cut, "union")]
-        new, body = _draw([_draw_in(part, slack) for part in own], slack), _draw_in(base, slack)
+        new, body = _draw([_draw_in(part, slack, not cuts_out) for part in own], slack, not cuts_out), _draw_in(base, slack, cuts_out)
         return program if new == own and body == base else combine_all("difference", [body, *new])
     own = parts(program, program.op)
-    new = [_draw_in(part, slack) for part in own]
-    new = _draw(new, slack) if program.op == "union" else new
+    new = [_draw_in(part, slack, cuts_out) for part in own]
+    new = _draw(new, slack, cuts_out) if program.op == "union" else new
     return program if new == own else combine_all(program.op, new)
 
 
-def _draw(items: Sequence[Program], slack: float) -> list[Program]:
+def _draw(items: Sequence[Program], slack: float, cuts_out: bool) -> list[Program]:
     """The same with drawings in place of what they stand for, each where its first part was. Of a cut that two slots share, with a bridge
     across it, each has its own half."""
     halved = [half for item in items for half in _halve(item, slack)]
-    apart = _draw_all(halved, slack) if len(halved) > len(items) else list(items)
-    return apart if _count_leaves(apart) < _count_leaves(items) else _draw_all(items, slack)
+    apart = _draw_all(halved, slack, cuts_out) if len(halved) > len(items) else list(items)
+    return apart if _count_leaves(apart) < _count_leaves(items) else _draw_all(items, slack, cuts_out)
 
 
 def _count_leaves(items: Sequence[Program]) -> int:
     return sum(1 for item in items for _ in leaves(item))
 
 
-def _draw_all(items: Sequence[Program], slack: float) -> list[Program]:
+def _draw_all(items: Sequence[Program], slack: float, cuts_out: bool) -> list[Program]:
     boxes = [(i, p) for i, p in enumerate(items) if isinstance(p, Primitive) and p.kind == "box"]
     tubes = [(i, p) for i, p in enumerate(items) if isinstance(p, Primitive) and p.kind == "cylinder"]
     out: list[Program | None] = list(items)
-    for drawing in (*_rectangles(boxes, tubes, slack), *_slots(boxes, tubes, slack)):
+    for drawing in (*_rectangles(boxes, tubes, slack), *(_slots(boxes, tubes, slack) if cuts_out else ())):
         if all(out[i] is items[i] for i in drawing.members):
             for i in drawing.members:
                 out[i] = None
