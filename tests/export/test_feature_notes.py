@@ -108,6 +108,12 @@ def test_blind_pockets_say_how_deep_they_are():
     assert sorted(line for line in said if "deep" in line) == ["pocket #1, #2: 20 x 10, 3 deep", "pocket2 #3: 6 wide, 2 deep"]
 
 
+def test_what_is_shaved_off_has_no_depth():
+    """No wall stands beside it."""
+    delivered = opened(cut(box(40, 30, 10), box(50, 40, 4, (0, 0, 5))))
+    assert not any("deep" in line for line in comments(delivered, "program.scad"))
+
+
 def test_a_pocket_that_an_edit_made_deeper_says_so():
     delivered = opened(cut(box(80, 50, 6, (0, 0, 3)), box(20, 10, 4, (5, 3, 5))))
     after = change_values(delivered, {"pocket_depth": 4.0})

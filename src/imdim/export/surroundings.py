@@ -69,10 +69,11 @@ class Surroundings:
         return any(self.ends_in_air(axis) and self._is_walled(axis) for axis in range(3))
 
     def measure_pocket(self) -> tuple[int, float] | None:
-        """Of a blind cut the axis along which it goes in, and how deep from the highest wall beside it; None where it has no bottom, or
-        more than one face that it might have come through."""
+        """Of a blind cut the axis along which it goes in, and how deep from the highest wall beside it; None where it has no bottom or no
+        walls, or more than one face that it might have come through."""
         ways = [(a, side) for a in range(3) for side in (-1, 1) if self.is_beyond(a, side).any() and not self.is_beyond(a, -side).any()]
-        return (ways[0][0], self._depth(*ways[0])) if len(ways) == 1 else None
+        depth = self._depth(*ways[0]) if len(ways) == 1 else 0.0
+        return (ways[0][0], depth) if depth > self.step else None
 
     def has_walls(self, axis: int) -> bool:
         """Whether there is material beyond both ends along an axis."""
