@@ -153,6 +153,8 @@ def listed(path, capsys):
 
 def test_ties_are_listed_and_broken(source, tmp_path, capsys):
     assert "ties (--untie NAME)\nhole_diameter of hole #1, #2\n" in "\n".join([*listed(source, capsys), ""])
+    assert main(["edit", str(source), "--untie", "hole_diameter", "--list"]) == 0
+    assert "\nhole2_diameter " in capsys.readouterr().out
     arguments = ["--untie", "hole_diameter", "--set", "hole2_diameter=7", "-o", str(tmp_path / "new")]
     assert main(["edit", str(source), *arguments]) == 0
     said = capsys.readouterr().out

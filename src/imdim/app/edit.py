@@ -39,7 +39,7 @@ def main(argv: Sequence[str]) -> int:
     given = parser().parse_args(argv)
     source, folder = find_document(Path(given.input)), given.output
     if given.list:
-        sys.stdout.write(list_names(source))
+        sys.stdout.write(list_names(source, _primitives(given.untie)))
     elif not (given.set or given.untie) or folder is None:
         raise ConfigError("imdim edit needs --set NAME=VALUE or --untie NAME, and -o FOLDER, or --list")
     else:
@@ -48,14 +48,16 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
-def list_names(source: Path) -> str:
-    """The table of names, those that several primitives share, and the holes that their numbers make. Raises ConfigError."""
+def list_names(source: Path, apart: Mapping[str, Collection[int] | None] = MappingProxyType({})) -> str:
+    """The table of names as they are once those in `apart` are untied, those that several primitives share, and the holes that their
+    numbers make. Raises ConfigError."""
     from imdim.export.delivered import meanings
     from imdim.export.feature_names import say_features
     from imdim.export.hole_names import hole_groups
     from imdim.export.untie import list_ties
 
-    delivered = open_results(source)
+    with refusing(source):
+        delivered = _untie_all(open_results(source), apart)
     values = {**delivered.values, **delivered.counts}
     rows = [(name, f"{values[name]:.9g}", meaning) for name, meaning in meanings(delivered).items()]
     names, values = (max((len(row[i]) for row in rows), default=0) for i in (0, 1))
@@ -79,13 +81,13 @@ def edit_program(
     """
     from imdim.export.edit import change_values, lost_edges, restate, solid_of, write
     from imdim.export.edit_report import EditReport
-    from imdim.export.untie import new_names, untie
+    from imdim.export.untie import new_names
 
     if folder.resolve() == source.resolve().parent:
         raise ConfigError(f"output folder {folder} is that of {source.name}, whose report would be lost: give another")
     with refusing(source):
         before = open_results(source)
-        untied = reduce(lambda one, tie: untie(one, *tie), apart.items(), before)
+        untied = _untie_all(before, apart)
         after = change_values(untied, values)
         start = restate(before)
         solids = solid_of(start), solid_of(after)
@@ -95,6 +97,12 @@ def edit_program(
         files = write(after, folder, STEP_LIMIT_S if step else 0.0, solids)
     renamed = [f"{old} is now {_spell(names, untied.labels)}" for old, names in new_names(before, untied).items()] if apart else []
     return list_files(folder, files) + "".join(f"{line}\n" for line in [*renamed, *report.lines()])
+
+
+def _untie_all(delivered: Delivered, apart: Mapping[str, Collection[int] | None]) -> Delivered:
+    from imdim.export.untie import untie
+
+    return reduce(lambda one, tie: untie(one, *tie), apart.items(), delivered)
 
 
 def _spell(names: Mapping[str, Sequence[int]], label: Sequence[str]) -> str:
