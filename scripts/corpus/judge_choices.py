@@ -1,0 +1,130 @@
+"""How often the form of a program is taken that is closer to the designer's, where plain features compete with drawings.
+
+python scripts/corpus/judge_choices.py [--each 7]     # so many designs of each kind are fitted: some four seconds of the processor each
+Each decision between plainer features and what they stand for is watched. Of both programs it is known how many of their features have a
+like one in the design: they explain the same points of the surface (Jaccard index of at least 0.8). A table says for each threshold of
+`imdim.reconstruction.plain_program`, and for others in its place, how often the closer program is taken, and how much of the likeness is
+lost where it is not.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+from unittest import mock
+
+import numpy as np
+import trimesh
+from count_prices import make_designs
+
+import imdim
+from imdim.geometry import kernels
+from imdim.geometry.solid import to_manifold
+from imdim.program.tree import Program, leaves
+from imdim.reconstruction import methods, plain_program
+from imdim.reconstruction.observation import Observation
+
+TRIALS = {
+    "MORE": (1.0, 1.1, 1.15, 1.2, 1.25, 1.3, 1.5),
+    "LESS": (0.7, 0.85, 1.0, 1.2),
+    "FAR_LESS": (0.5, 0.65, 0.75, 0.85, 1.0),
+    "SLIGHTLY": (0.7, 0.9, 1.1),
+    "FEW": (8, 10, 12, 14, 16),
+}
+POINTS = 3000
+NEAR = 2e-3  # of the part's diagonal, within which a feature explains a point
+ALIKE = 0.8  # Jaccard index
+
+
+class Decision(NamedTuple):
+    """Plainer features and what they stand for, in the program of a part with `bounds` [2, 3], and how alike both are to the design."""
+
+    plain: Program
+    drawn: Program
+    bounds: np.ndarray
+    plain_like: float
+    drawn_like: float
+
+
+def watch_decisions(design: Program) -> Iterator[Decision]:
+    """Fits the design's mesh."""
+    asked: list[tuple[Program, Program, Observation]] = []
+    decide = methods.is_plainer
+
+    def watch(plain: Program, drawn: Program, seen: Observation) -> bool:
+        asked.append((plain, drawn, seen))
+        return decide(plain, drawn, seen)
+
+    with mock.patch.object(methods, "is_plainer", watch):
+        points, (low, high) = _fit(design)
+    wanted = _explain(design, points, NEAR * float(np.linalg.norm(high - low)))
+    for plain, drawn, seen in asked:
+        first, last = seen.families.arrangement.part
+        scale = float(np.linalg.norm(last - first) / np.linalg.norm(high - low))
+        there = (points - (low + high) / 2) * scale + (first + last) / 2
+        likes = (compare(_explain(program, there, NEAR * float(np.linalg.norm(last - first))), wanted) for program in (plain, drawn))
+        yield Decision(plain, drawn, seen.families.arrangement.bounds, *likes)
+
+
+def _fit(design: Program) -> tuple[np.ndarray, np.ndarray]:
+    """Points [n, 3] of the surface of the mesh that is fitted, and its box [2, 3]."""
+    made = to_manifold(design).to_mesh64()
+    mesh = trimesh.Trimesh(made.vert_properties[:, :3], made.tri_verts, process=False)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "design.stl"
+        mesh.export(path)
+        imdim.reconstruct(path)
+    return np.asarray(trimesh.sample.sample_surface(mesh, POINTS, seed=0)[0]), np.asarray(mesh.bounds)
+
+
+def _explain(program: Program, points: np.ndarray, near: float) -> np.ndarray:
+    """[leaves, n]: which leaf has which of points [n, 3] on its surface; leaves that have any."""
+    on = np.array([np.abs(kernels.program_sdf(leaf, points)) <= near for leaf in leaves(program)])
+    return on[on.any(axis=1)]
+
+
+def compare(ours: np.ndarray, theirs: np.ndarray) -> float:
+    """Share of features of both programs that have a like one in the other: 2 n / (a + b) of n pairs."""
+    if not len(ours) or not len(theirs):
+        return 0.0
+    common = ours.astype(float) @ theirs.T.astype(float)
+    alike = common / (ours.sum(1)[:, None] + theirs.sum(1)[None] - common) >= ALIKE
+    pairs, taken = 0, np.zeros(len(theirs), dtype=bool)
+    for row in alike:
+        free = np.flatnonzero(row & ~taken)
+        if len(free):
+            taken[free[0]] = True
+            pairs += 1
+    return 2 * pairs / (len(ours) + len(theirs))
+
+
+def judge(decisions: list[Decision]) -> tuple[int, float]:
+    """How many decisions are right with the thresholds as they are, and what likeness is lost by the others."""
+    lost = [
+        abs(d.plain_like - d.drawn_like)
+        for d in decisions
+        if plain_program.is_hardly_longer(d.plain, d.drawn, *d.bounds) != (d.plain_like > d.drawn_like)
+    ]
+    return len(decisions) - len(lost), sum(lost)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--each", type=int, default=7, help="designs of each kind")
+    seen = [decision for design, _ in make_designs(parser.parse_args().each) for decision in watch_decisions(design)]
+    telling = [decision for decision in seen if decision.plain_like != decision.drawn_like]
+    print(f"{len(seen)} decisions, {len(telling)} between programs that are not alike to the design\n")
+    print("| threshold | | right | lost |\n| --- | --- | --- | --- |")
+    for name, values in TRIALS.items():
+        own = getattr(plain_program, name)
+        for value in values:
+            with mock.patch.object(plain_program, name, value):
+                right, lost = judge(telling)
+            print(f"| {name} | {value}{' (own)' if value == own else ''} | {right} | {lost:.1f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
