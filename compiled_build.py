@@ -37,7 +37,9 @@ class BuildCompiled(build_py):
 
 def compile_beside(library: Path) -> None:
     """Let the package in a folder compile what a fit needs into that folder, or say that it could not."""
-    environment = {**os.environ, "PYTHONPATH": str(library), "PYTHONDONTWRITEBYTECODE": "1"}
+    # pip's isolated environment is a path of its own: without it the package would not find what it needs
+    paths = os.pathsep.join(filter(None, (str(library), os.environ.get("PYTHONPATH"))))
+    environment = {**os.environ, "PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": "1"}
     environment.pop("NUMBA_CACHE_DIR", None)
     if subprocess.run([sys.executable, "-m", "imdim.delivery.first_run", "all"], env=environment, check=False).returncode:
         sys.stderr.write(LEFT_OUT)

@@ -105,7 +105,8 @@ def test_kernels_are_compiled_beside_the_copied_modules_alone(tmp_path, asked):
         assert (needed, runs) == ([], [])
     else:
         assert needed == project["dependencies"]
-        assert runs == [[["-m", "imdim.delivery.first_run", "all"], str(tmp_path), False]]
+        # before what the build has already: pip's isolated environment is a path too
+        assert runs == [[["-m", "imdim.delivery.first_run", "all"], f"{tmp_path}{os.pathsep}{ROOT}", False]]
         assert done.stderr == "imdim: the kernels could not be compiled here; the first fit will do it\n"
 
 
