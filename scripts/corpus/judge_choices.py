@@ -1,6 +1,6 @@
 """How often the form of a program is taken that is closer to the designer's, where plain features compete with drawings.
 
-python scripts/corpus/judge_choices.py [--each 7]     # so many designs of each kind are fitted: some four seconds of the processor each
+python scripts/corpus/judge_choices.py [--each 7]     # so many designs of each kind are fitted: two to four seconds of the processor each
 Each decision between plainer features and what they stand for is watched. Of both programs it is known how many of their features have a
 like one in the design: they explain the same points of the surface (Jaccard index of at least 0.8). A table says for each threshold of
 `imdim.reconstruction.plain_program`, and for others in its place, how often the closer program is taken, and how much of the likeness is

@@ -1,11 +1,13 @@
 """Steps that add stand together, and so do those that cut; the solid stays."""
 
 import pytest
+from manifold3d import Manifold
+from tests.deadlines import PASSED
 from tests.planted import box, common, cut, cylinder, union
 
 from imdim.geometry.finish.step_order import gather_steps
 from imdim.geometry.solid import to_manifold
-from imdim.program.tree import Program
+from imdim.program.tree import Program, leaves
 
 PLATE, BOSS = box(60.0, 40.0, 6.0), cylinder(8.0, 20.0, (15.0, 0.0, 10.0))
 RIB, HOLE = box(4.0, 40.0, 12.0, (-20.0, 0.0, 6.0)), cylinder(3.0, 30.0, (0.0, 12.0, 0.0))
@@ -39,6 +41,24 @@ def test_a_cut_passes_what_fills_it_where_a_later_cut_takes_that() -> None:
 def test_an_intersection_cuts_what_lies_outside() -> None:
     bound = box(58.0, 38.0, 60.0)
     assert gather(union(cut(common(cut(PLATE, HOLE), bound), BORE), RIB)) == cut(union(common(PLATE, bound), RIB), HOLE, BORE)
+
+
+def test_steps_that_lie_apart_are_told_by_their_boxes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hundred holes and a hundred studs in turn: that none of them overlap needs no booleans."""
+    program, asked = box(200.0, 200.0, 6.0), []
+    for x, y in ((18.0 * (k % 10) - 90.0, 18.0 * (k // 10) - 90.0) for k in range(100)):
+        program = union(cut(program, cylinder(3.0, 20.0, (x, y, 0.0))), cylinder(4.0, 6.0, (x + 8.0, y, 5.0)))
+    overlap = Manifold.__xor__
+    monkeypatch.setattr(Manifold, "__xor__", lambda a, b: asked.append(a) or overlap(a, b))
+    after = gather_steps(program)
+    # each hole with the plate
+    assert len(asked) <= 100
+    assert [leaf.size for leaf in leaves(after)][1:] == [(4.0, 6.0)] * 100 + [(3.0, 20.0)] * 100
+
+
+def test_past_the_deadline_they_stay_as_they_are() -> None:
+    program = union(cut(PLATE, cylinder(30.0, 60.0), HOLE), box(20.0, 20.0, 6.0), BOSS)
+    assert gather_steps(program, PASSED) is program
 
 
 @pytest.mark.parametrize("program", [cut(union(PLATE, BOSS), HOLE), union(PLATE, BOSS), common(union(PLATE, BOSS), RIB)])

@@ -34,7 +34,7 @@ def cut_last(program: Program, deadline: Deadline = NEVER) -> Program:
         return program
     solid = to_manifold(program, CHECK_SEGMENTS)
     for _ in range(ROUNDS):
-        flatter = program if deadline.has_passed() else _cut_late(_join_islands(gather_steps(program), solid), deadline)
+        flatter = program if deadline.has_passed() else _cut_late(_join_islands(gather_steps(program, deadline), solid), deadline)
         made = to_manifold(flatter, CHECK_SEGMENTS)
         if flatter == program or (made - solid).volume() + (solid - made).volume() > NOTHING * solid.volume():
             break

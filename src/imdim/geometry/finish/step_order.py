@@ -12,6 +12,7 @@ from itertools import dropwhile, groupby, takewhile
 import numpy as np
 from manifold3d import Manifold
 
+from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.solid import to_manifold
 from imdim.program.rewrite.containment_rules import parts
@@ -21,13 +22,17 @@ from imdim.program.tree import Combine, Program
 NOTHING = 1e-6  # of a volume
 
 
-def gather_steps(program: Program) -> Program:
+def gather_steps(program: Program, deadline: Deadline = NEVER) -> Program:
     """The same solid with as few groups of added parts and of cuts as an order of its steps gives, cuts as late as can be; the program
-    itself where no order is better. What stands on the right of an operation, and is not of the operation's own kind, stays whole."""
+    itself where no order is better, and past the `deadline` (by default never). What stands on the right of an operation, and is not of
+    the operation's own kind, stays whole."""
     steps = _steps(program)
     if _unrest(steps) == (1, 0):
         return program
-    gathered = _gather(steps, _constraints(steps, to_manifold(program, CHECK_SEGMENTS)))
+    before = _constraints(steps, to_manifold(program, CHECK_SEGMENTS), deadline)
+    if before is None:
+        return program
+    gathered = _gather(steps, before)
     return to_program(gathered) if _unrest(gathered) < _unrest(steps) else program
 
 
@@ -48,17 +53,29 @@ def _unrest(steps: SignedSequence[Program]) -> tuple[int, int]:
     return adding, sum(not step.positive for step in steps) - last
 
 
-def _constraints(steps: SignedSequence[Program], solid: Manifold) -> np.ndarray:
-    """[n, n] of bool, true where step i has to stay before step j."""
+def _constraints(steps: SignedSequence[Program], solid: Manifold, deadline: Deadline) -> np.ndarray | None:
+    """[n, n] of bool, true where step i has to stay before step j; None where time does not allow to find out."""
     covered = _covered(steps)
-    least = NOTHING * solid.volume()
-    settled = [(made - solid if step.positive else made ^ solid).volume() <= least for step, made in zip(steps, covered, strict=True)]
-    before = np.zeros((len(steps), len(steps)), dtype=bool)
-    for i in (i for i, stays in enumerate(settled) if not stays):
-        for j in range(i + 1, len(steps)):
-            if steps[i].positive != steps[j].positive:
-                before[i, j] = (covered[i] ^ covered[j]).volume() > NOTHING * min(covered[i].volume(), covered[j].volume())
+    before = np.triu(_meet(covered), 1)
+    positive = np.array([step.positive for step in steps])
+    before &= positive[:, None] != positive
+    for i, j in np.argwhere(before):
+        if deadline.has_passed():
+            return None
+        before[i, j] = (covered[i] ^ covered[j]).volume() > NOTHING * min(covered[i].volume(), covered[j].volume())
+    # what the solid is as a step leaves it is asked last: it has the most faces
+    for i in np.flatnonzero(before.any(axis=1)):
+        if deadline.has_passed():
+            return None
+        changed = covered[i] - solid if positive[i] else covered[i] ^ solid
+        before[i] &= changed.volume() > NOTHING * solid.volume()
     return before
+
+
+def _meet(solids: list[Manifold]) -> np.ndarray:
+    """[n, n] of bool: whether the boxes of two solids have anything in common, without which they do not overlap."""
+    boxes = np.reshape([solid.bounding_box() for solid in solids], (-1, 2, 3))
+    return ((boxes[:, None, 0] <= boxes[:, 1]) & (boxes[:, 0] <= boxes[:, None, 1])).all(axis=2)
 
 
 def _covered(steps: SignedSequence[Program]) -> list[Manifold]:
