@@ -75,7 +75,7 @@ def _constraints(steps: SignedSequence[Program], solid: Manifold, deadline: Dead
 def _meet(solids: list[Manifold]) -> np.ndarray:
     """[n, n] of bool: whether the boxes of two solids have anything in common, without which they do not overlap."""
     boxes = np.reshape([solid.bounding_box() for solid in solids], (-1, 2, 3))
-    return ((boxes[:, None, 0] <= boxes[:, 1]) & (boxes[:, 0] <= boxes[:, None, 1])).all(axis=2)
+    return np.all((boxes[:, None, 0] <= boxes[:, 1]) & (boxes[:, 0] <= boxes[:, None, 1]), axis=2)
 
 
 def _covered(steps: SignedSequence[Program]) -> list[Manifold]:
