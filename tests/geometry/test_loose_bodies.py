@@ -2,12 +2,13 @@
 
 import pytest
 from tests.deadlines import PASSED
-from tests.planted import box, cut, cylinder, union
+from tests.planted import box, cut, cylinder, sphere, union
 
 from imdim.geometry.census import census_of
 from imdim.geometry.finish.loose_bodies import join_bodies
 from imdim.geometry.solid import to_manifold, volume_iou
-from imdim.program.tree import leaves
+from imdim.program.outline import Outline
+from imdim.program.tree import Primitive, leaves
 
 PLATE = box(60, 40, 6)
 RIB = box(10, 40, 20, (0, 0, 13))
@@ -57,3 +58,29 @@ def test_no_hole_is_closed_for_it_and_time_is_kept():
     assert join_bodies(far, truth) is far
     program = cut(union(PLATE, RIB), LOW, SLANTED)
     assert join_bodies(program, truth, PASSED) is program
+
+
+def test_a_drawn_wall_is_moved_where_no_level_can_be():
+    """A tab beside a plate, of which both are drawn, and are kept from each other by a wall."""
+
+    def drawn(*corners, height):
+        return Primitive("extrude", (height,), (0, 0, 0), outline=Outline((tuple((x, y, 0.0) for x, y in corners),)))
+
+    plate = drawn((0, 0), (60, 0), (50, 40), (0, 40), height=6)
+    tab = [(59.999, 0), (80, 0), (80, 30), (52.499, 30)]
+    truth = to_manifold(union(plate, drawn(*tab, height=4)))
+    program = union(plate, drawn(*((x + 0.004, y) for x, y in tab), height=4))
+    assert bodies(program) == 2
+    mended = join_bodies(program, truth)
+    assert bodies(mended) == 1
+    assert volume_iou(to_manifold(mended), truth) > volume_iou(to_manifold(program), truth) - 3e-4
+
+
+def test_a_wide_face_that_bears_little_goes_on_by_less():
+    """All of a plate under a ball, which has no face that could move, is raised by a ten thousandth of its thickness."""
+    truth = to_manifold(union(PLATE, sphere(8, (0, 0, 10.99))))
+    program = union(PLATE, sphere(8, (0, 0, 11.0001)))
+    assert bodies(program) == 2
+    mended = join_bodies(program, truth)
+    assert bodies(mended) == 1
+    assert volume_iou(to_manifold(mended), truth) > volume_iou(to_manifold(program), truth) - 3e-4

@@ -151,7 +151,7 @@ def _open_wall(program: Program, i: int, k: int, judge: _Judge) -> Program:
     assert not isinstance(ring, Ellipse)
     seen = _look_beyond(program, i, [_wall(leaf, curve) for curve in ring_curves(ring)], judge)
     for wider in _wider(ring, seen, judge.step):
-        redrawn = _redrawn(leaf, k, wider)
+        redrawn = redraw_loop(leaf, k, wider)
         if redrawn is not None and judge.allows(program, i, redrawn):
             return _with(program, i, redrawn)
     return program
@@ -249,7 +249,7 @@ def _wider(ring: Ring, seen: _Seen, step: float) -> list[Ring]:
         inner = [k for k in range(count) if seen.needed[(first + k) % len(ring)]]
         film = any(seen.film[(first + k) % len(ring)] for k in range(count))
         for start, end in dict.fromkeys([(inner[0], inner[-1] + 1), (0, count)]) if inner else ():
-            moved = _straighten(ring, (first + start) % len(ring), end - start, step)
+            moved = straighten_run(ring, (first + start) % len(ring), end - start, step)
             found += [moved] if moved and len(moved) <= len(ring) + MORE_CURVES * film else []
     return sorted(found, key=len)
 
@@ -275,7 +275,7 @@ def _around(ring: Ring, step: float) -> Ring:
     return ((left, low, 0.0), (right, low, 0.0), (right, high, 0.0), (left, high, 0.0))
 
 
-def _straighten(ring: Ring, first: int, count: int, step: float) -> Ring | None:
+def straighten_run(ring: Ring, first: int, count: int, step: float) -> Ring | None:
     """The ring with a line beyond the `count` curves from number `first` in their place; the lines beside them are prolonged to it, and
     where an arc is beside them a line leads there. None where that line has no length."""
     n = len(ring)
@@ -319,7 +319,7 @@ def _bounds_in(run: Sequence[Curve], along: np.ndarray, out: np.ndarray, start: 
     return curve_bounds([(*turn(x, y), *turn(u, v), -bulge) for x, y, u, v, bulge in run])
 
 
-def _redrawn(leaf: Primitive, k: int, ring: Loop) -> Primitive | None:
+def redraw_loop(leaf: Primitive, k: int, ring: Loop) -> Primitive | None:
     """The leaf with another loop number `k`, the box of its outline about its centre; None where curves cross."""
     assert leaf.outline is not None
     try:

@@ -2,7 +2,8 @@
 
 A crumb is what one feature adds and the cuts about it do not quite take: one of these goes on past it, or the feature ends before it; a
 feature that is all crumb goes. Parts that miss each other are joined: a feature of one of them goes on into the other, or a cut between
-them ends earlier. One plane face is moved each time, by as little as does it, and exact booleans over the whole solid decide.
+them ends earlier. One plane face or straight wall is moved each time, by as little as does it, and exact booleans over the whole solid
+decide.
 """
 
 from __future__ import annotations
@@ -17,8 +18,11 @@ from manifold3d import Manifold
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
 from imdim.geometry.census import SolidCensus, census_of
+from imdim.geometry.finish.cutter_walls import redraw_loop, straighten_run
 from imdim.geometry.finish.extend import Face, between, length, plane_faces
 from imdim.geometry.solid import exact_rotation, to_manifold, volume_iou
+from imdim.program.ellipse import Ellipse
+from imdim.program.outline import orient_loops, ring_curves
 from imdim.program.paths import leaf_paths, without
 from imdim.program.roles import signs
 from imdim.program.tree import Primitive, Program, leaves, map_leaves
@@ -26,19 +30,25 @@ from imdim.program.tree import Primitive, Program, leaves, map_leaves
 TOUCH = 1e-6  # of the diagonal, within which a face bounds a body
 REACH = 2e-2  # of it, that a face moves by at most
 GAP = 1e-3  # of it: bodies further apart are not joined
-OVERLAP = 1e-4  # of it, by which bodies are joined at least: files and relations move faces by less
+OVERLAPS = 1e-4, 1e-5  # of it, by which bodies are joined at least: files and relations move faces by less, but a wide face may bear little
 LOST = 3e-4  # of the volume IoU, that it may cost: a whole face may have to move
 FACETED = 1e-2  # of a body's own diagonal, that its corners may lie off the feature that it is
-CORNERS = 400  # of a body, that tell which features bound it
 MOST = 8  # bodies that are mended
 
 
+class _Wall(NamedTuple):
+    """A straight wall of an extrusion: its loop, and its curve there, of those that `orient_loops` gives."""
+
+    loop: int
+    curve: int
+
+
 class _Move(NamedTuple):
-    """Of one face of the leaf with a number, outward by `by`."""
+    """Of one face or wall of the leaf with a number, outward by `by`."""
 
     by: float
     leaf: int
-    face: Face
+    face: Face | _Wall
 
 
 def join_bodies(program: Program, solid: Manifold, deadline: Deadline = NEVER) -> Program:
@@ -74,7 +84,11 @@ def _trials(program: Program, body: Manifold, main: Manifold, solid: Manifold) -
     """The program without a feature that is all of a loose body, or with one face moved, by little first."""
     if not _is_part(body, solid):
         yield from filter(None, (without(program, [path]) for path, leaf in leaf_paths(program) if _is_all_of(leaf, body)))
-    for move in sorted(_moves(program, body, main, solid), key=lambda move: abs(move.by)):
+    moves = dict.fromkeys(
+        move for overlap in OVERLAPS for move in sorted(_moves(program, body, main, solid, overlap), key=lambda move: abs(move.by))
+    )
+    # a level is one number, and a wall is two corners
+    for move in sorted(moves, key=lambda move: isinstance(move.face, _Wall)):
         yield map_leaves(program, lambda i, leaf, move=move: _moved(leaf, move) if i == move.leaf else leaf)
 
 
@@ -96,7 +110,7 @@ def _is_mended(before: SolidCensus, out: Manifold, solid: Manifold) -> bool:
     return after.bodies < before.bodies and all(abs(new - true) <= abs(old - true) for old, new, true in pairs)
 
 
-def _moves(program: Program, body: Manifold, main: Manifold, solid: Manifold) -> Iterator[_Move]:
+def _moves(program: Program, body: Manifold, main: Manifold, solid: Manifold, overlap: float) -> Iterator[_Move]:
     """What may take a loose body away or, if it is the target's, join it to the `main` one."""
     low, high = np.reshape(solid.bounding_box(), (2, 3))
     size, corners = float(np.linalg.norm(high - low)), _corners(body)
@@ -104,22 +118,51 @@ def _moves(program: Program, body: Manifold, main: Manifold, solid: Manifold) ->
     gap = body.min_gap(main, GAP * size) if is_part else 0.0
     if gap >= GAP * size:
         return
+    near_main = _corners(main)
+    reach = gap + TOUCH * size
+    beside = ((near_main >= corners.min(0) - reach) & (near_main <= corners.max(0) + reach)).all(axis=1)
+    # where bodies meet, the corners may be those of either
+    corners = np.vstack([corners, near_main[beside]]) if is_part else corners
+    join = _round_up(gap + overlap * size)
     for i, (leaf, sign) in enumerate(zip(leaves(program), signs(program), strict=True)):
-        if np.abs(kernels.program_sdf(leaf, corners)).min() > gap + TOUCH * size:
+        if np.abs(kernels.program_sdf(leaf, corners)).min() > reach:
             continue
         for face in plane_faces(leaf):
             out = _heights(leaf, face, corners)
             near, far = (out.min(), out.max()) if sign < 0 else (out.max(), out.min())
-            if is_part and np.abs([near, far]).min() <= gap + TOUCH * size:
-                yield _Move(sign * _round_up(gap + OVERLAP * size), i, face)
+            if is_part and np.abs([near, far]).min() <= reach:
+                yield _Move(sign * join, i, face)
             # past a cut, or behind the end of what it is of
             if not is_part and abs(near) <= TOUCH * size < abs(far) <= REACH * size:
                 yield _Move(-sign * _round_up(abs(far) + TOUCH * size), i, face)
+        if is_part and sign > 0 and leaf.kind == "extrude":
+            yield from (_Move(join, i, wall) for wall, out in _walls(leaf, corners) if np.abs(out).min() <= reach)
+
+
+def _walls(leaf: Primitive, points: np.ndarray) -> Iterator[tuple[_Wall, np.ndarray]]:
+    """The straight walls of an extrusion, and how far points [n, 3] are outward of each."""
+    assert leaf.outline is not None
+    flat = ((points - leaf.center) @ exact_rotation(leaf))[:, :2]
+    for k, ring in enumerate(orient_loops(leaf.outline.loops)):
+        for j, (x, y, u, v, bulge) in enumerate([] if isinstance(ring, Ellipse) else ring_curves(ring)):
+            if not bulge:
+                yield _Wall(k, j), (flat - (x, y)) @ (v - y, x - u) / math.hypot(u - x, v - y)
 
 
 def _moved(leaf: Primitive, move: _Move) -> Primitive:
+    if isinstance(move.face, _Wall):
+        return _widened(leaf, move.face, move.by)
     whole = length(leaf, move.face)
     return between(leaf, move.face, -whole, move.by) if move.by > -whole else leaf
+
+
+def _widened(leaf: Primitive, wall: _Wall, by: float) -> Primitive:
+    """With a wall further out; the leaf itself where its outline allows that not."""
+    assert leaf.outline is not None
+    ring = orient_loops(leaf.outline.loops)[wall.loop]
+    assert not isinstance(ring, Ellipse)
+    wider = straighten_run(ring, wall.curve, 1, by)
+    return (redraw_loop(leaf, wall.loop, wider) if wider else None) or leaf
 
 
 def _heights(leaf: Primitive, face: Face, points: np.ndarray) -> np.ndarray:
@@ -129,8 +172,7 @@ def _heights(leaf: Primitive, face: Face, points: np.ndarray) -> np.ndarray:
 
 
 def _corners(body: Manifold) -> np.ndarray:
-    corners = np.asarray(body.to_mesh().vert_properties, float)[:, :3]
-    return corners[:: max(1, len(corners) // CORNERS)]
+    return np.asarray(body.to_mesh64().vert_properties, float)[:, :3]
 
 
 def _round_up(value: float) -> float:
