@@ -1,8 +1,8 @@
 """Counts in a corpus of designs what occurs in a designer's program, for the prices of `imdim.reconstruction.description`.
 
 python scripts/corpus/count_prices.py            # writes src/imdim/reconstruction/design_counts.json anew, and prints the prices
-The corpus is made here: thirty kinds of designs (`plates.py`, `rounds.py`), so many of each, whose numbers and choices are drawn from a
-generator. Only designs in one piece count.
+The corpus is made here: 45 kinds of designs (`plates.py`, `rounds.py`, `profiles.py`), so many of each, whose numbers and choices are drawn
+from a generator. Only designs in one piece count.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from collections.abc import Iterator
 import numpy as np
 from features import Draw
 from plates import PLATES
+from profiles import PROFILES
 from rounds import ROUNDS
 
 from imdim.geometry.solid import to_manifold
@@ -28,7 +29,7 @@ TRIES = 20  # numbers that are drawn for a design at most, until it is in one pi
 
 def make_designs(each: int) -> Iterator[tuple[Program, PartBox]]:
     """The corpus: programs in millimetres, and the boxes that they fill. Raises ValueError for a design that is never in one piece."""
-    for kind, design in enumerate((*PLATES, *ROUNDS)):
+    for kind, design in enumerate((*PLATES, *ROUNDS, *PROFILES)):
         for number in range(each):
             for attempt in range(TRIES):
                 program = design(Draw(np.random.default_rng([kind, number, attempt])))
@@ -50,17 +51,20 @@ def count_events(each: int) -> dict[str, dict[str, int]]:
 
 
 def relative_prices(counts: dict[str, dict[str, int]], each: int) -> dict[str, float]:
-    """What a curve of an outline, a way in which copies go on, and a drawing without its curves cost of a plain feature."""
-    prices, plain, drawings, curves, drawn = price_events(counts), list[float](), list[float](), 0, 0.0
+    """What a further curve of an outline, and a way in which copies go on, cost of a plain feature."""
+    prices, plain, curves, drawn = price_events(counts), list[float](), list[int](), list[float]()
     for program, part in make_designs(each):
         for feature in read_features(program, part)[0]:
-            outline = feature.leaf.outline
-            (plain if outline is None else drawings).append(price_reading(feature.own, prices))
-            curves += 0 if outline is None else outline.curve_count
-            drawn += price_reading(feature.drawn, prices)
+            bits = price_reading(feature.own, prices) + price_reading(feature.drawn, prices)
+            if feature.leaf.outline is None:
+                plain.append(bits)
+            else:
+                curves.append(feature.leaf.outline.curve_count)
+                drawn.append(bits)
     mean = sum(plain) / len(plain)
-    way, bare = prices["copies", "more"] + COPIES, sum(drawings) / len(drawings)
-    return {"a curve": drawn / curves / mean, "a way": way / mean, "a drawing without its curves": bare / mean}
+    # the least squares line: what a drawing takes at all is not its curves'
+    slope, _ = np.polyfit(curves, drawn, 1)
+    return {"a further curve": float(slope) / mean, "a way": (prices["copies", "more"] + COPIES) / mean}
 
 
 def main() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -126,6 +127,52 @@ def slot(length: float, width: float) -> Loop:
 def ring(points: Sequence[tuple[float, float]]) -> Loop:
     """Straight lines from corner to corner."""
     return tuple((x, y, 0.0) for x, y in points)
+
+
+def round_off(points: Sequence[tuple[float, float]], radii: Sequence[float]) -> Loop:
+    """A ring of straight lines whose corners are rounded, each by its radius; a radius of 0 leaves a corner sharp."""
+    out: list[tuple[float, float, float]] = []
+    for i, ((x, y), radius) in enumerate(zip(points, radii, strict=True)):
+        (x0, y0), (x1, y1) = points[i - 1], points[(i + 1) % len(points)]
+        before, after = math.atan2(y - y0, x - x0), math.atan2(y1 - y, x1 - x)
+        turn = math.remainder(after - before, 2 * math.pi)
+        reach = radius * math.tan(abs(turn) / 2)
+        if radius:
+            out.append((x - reach * math.cos(before), y - reach * math.sin(before), math.tan(turn / 4)))
+        out.append((x + reach * math.cos(after), y + reach * math.sin(after), 0.0))
+    return tuple(out)
+
+
+def wrap(circles: Sequence[tuple[float, float, float]]) -> Loop:
+    """Arcs of circles (x, y, radius) that go counterclockwise about a convex shape, and the lines that touch two of them each."""
+    normals = []
+    for i, (x0, y0, r0) in enumerate(circles):
+        x1, y1, r1 = circles[(i + 1) % len(circles)]
+        normals.append(math.atan2(y1 - y0, x1 - x0) - math.acos((r0 - r1) / math.dist((x0, y0), (x1, y1))))
+    out: list[tuple[float, float, float]] = []
+    for i, (x, y, r) in enumerate(circles):
+        first, last = normals[i - 1], normals[i]
+        bulge = math.tan((last - first) % (2 * math.pi) / 4)
+        out += [(x + r * math.cos(first), y + r * math.sin(first), bulge), (x + r * math.cos(last), y + r * math.sin(last), 0.0)]
+    return tuple(out)
+
+
+def bend(path: Sequence[tuple[float, float]], thick: float, inside: float) -> Loop:
+    """The section of a sheet that lies to the left of a path, with such a radius on the inside of its bends."""
+    turns = [math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in pairwise(path)]
+    left = [_offset(path[0], turns[0], turns[0], thick)]
+    left += [_offset(p, a, b, thick) for p, (a, b) in zip(path[1:-1], pairwise(turns), strict=True)]
+    left.append(_offset(path[-1], turns[-1], turns[-1], thick))
+    to_left = [math.remainder(b - a, 2 * math.pi) > 0 for a, b in pairwise(turns)]
+    lower = [0.0, *(inside + thick if left else inside for left in to_left), 0.0]
+    upper = [0.0, *(inside if left else inside + thick for left in to_left), 0.0]
+    return round_off([*path, *reversed(left)], [*lower, *reversed(upper)])
+
+
+def _offset(point: tuple[float, float], before: float, after: float, distance: float) -> tuple[float, float]:
+    middle, reach = (before + math.remainder(after - before, 2 * math.pi) / 2) + math.pi / 2, distance
+    reach /= math.cos(math.remainder(after - before, 2 * math.pi) / 2)
+    return point[0] + reach * math.cos(middle), point[1] + reach * math.sin(middle)
 
 
 def four(x: float, y: float) -> list[tuple[float, float]]:

@@ -101,7 +101,7 @@ def read_features(program: Program, part: PartBox) -> tuple[list[ReadFeature], i
         feature, does = ReadFeature(leaf, Reading(), Reading()), SIGN[sign]
         feature.own.add("feature", f"{does} {leaf.kind}")
         feature.own.add("copies", "once")
-        _read_faces(leaf, does, program, SKIN * part.size, feature.own)
+        _read_faces(leaf, does, program, part, feature.own)
         _read_directions(leaf, placed.rotations[i], known, feature.own)
         _read_curves(leaf, feature.drawn)
         numbers.read(feature, does, placed.rotations[i], placed.centers[i])
@@ -109,13 +109,17 @@ def read_features(program: Program, part: PartBox) -> tuple[list[ReadFeature], i
     return features, ways
 
 
-def _read_faces(leaf: Primitive, does: str, program: Program, skin: float, reading: Reading) -> None:
-    """How much of each face of a leaf is seen, and where the rest is: in material, or in the air."""
+def _read_faces(leaf: Primitive, does: str, program: Program, part: PartBox, reading: Reading) -> None:
+    """How much of each face of a leaf is seen, and where the rest is: in material, or in the air. By how much a cutter sticks out of the
+    part is how it is built, and does not count."""
+    skin = SKIN * part.size
     points, normals = even_surface(leaf, ON_A_LEAF)
     outer, inner = (kernels.inside(program, points + side * skin * normals) for side in (1, -1))
+    within = ((points > part.low - skin) & (points < part.high + skin)).all(axis=1)
     faces = _face_numbers(leaf, normals @ lower(leaf).rotations[0])
     for face in np.unique(faces):
         on = faces == face
+        on = on & within if (on & within).any() else on
         share = float((outer != inner)[on].mean())
         hidden = "inside" if (outer & inner)[on].mean() > 0.5 else "air"
         flat = "flat" if leaf.kind == "box" or face < 2 else "side"

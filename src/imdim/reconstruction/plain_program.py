@@ -29,7 +29,7 @@ from imdim.reconstruction.preserve import COARSE, is_same
 FEW = 12  # features, which are read one by one
 MORE, LESS = 1.25, 0.85  # times as much to read as in the drawings: what few plain features, and what more of them, may have
 CLEARLY = 0.95  # times as much to read, copies read once, as walls and bars have: what more than FEW cells in their place may have
-FAR_LESS, SLIGHTLY = 0.65, 0.9  # the same where copies are read once, however many they are: of a dozen drawings, and of more
+FAR_LESS, SLIGHTLY = 0.75, 0.9  # the same where copies are read once, however many they are: of a dozen drawings, and of more
 PER_DIRECTION = 2  # numbers that say how copies go on one way: a count and a step
 SAME = 0.8  # of a primitive's price: by how much less of the part they may be
 CURVE_KIND = 0.5  # of a number: that a curve is a line or an arc
