@@ -8,7 +8,7 @@ from tests.search.planted_families import planted, random_candidates
 
 from imdim.search.candidate_families import Candidate
 from imdim.search.group_sums import Slots
-from imdim.search.kernels import axial_best, best_box, best_interval, merge_slabs, slabs_of
+from imdim.search.kernels import axial_best, best_box, best_interval, group_rows, merge_rows, merge_slabs, slabs_of
 
 
 def slow_interval(sums: np.ndarray) -> float:
@@ -36,7 +36,7 @@ def test_the_best_interval_of_each_axial_family():
     slots = Slots(np.concatenate([np.array(s, np.int32) for s in in_cell]), int(ends[-1]), starts)
     for sign in (1.0, -1.0):
         out = np.empty((3, 3))
-        axial_best(slots.sum_field(field, np.flatnonzero(field)), ends, sign, out)
+        axial_best(slots.sum_values(np.flatnonzero(field), field[np.flatnonzero(field)]), ends, sign, out)
         for row, m, b, w in zip(out, members, bins, widths, strict=True):
             sums = np.array([sign * field[m[b == k]].sum() for k in range(w)])
             assert row[0] == pytest.approx(slow_interval(sums))
@@ -135,3 +135,27 @@ def test_slabs_are_those_of_a_binary_search(edges, points):
         near = [offsets, np.nextafter(offsets, np.inf), np.nextafter(offsets, -np.inf), 1e9 * offsets]
         at = np.concatenate([rng.uniform(offsets[0] - scale, offsets[-1] + scale, points), *near])
         np.testing.assert_array_equal(slabs_of(offsets, at), np.clip(np.searchsorted(offsets, at) - 1, 0, edges - 2))
+
+
+@pytest.mark.parametrize("width", [1, 2, 3])
+def test_rows_are_grouped_as_by_sorting_them(width):
+    rng = np.random.default_rng(width)
+    rows = rng.integers(0, 9, (500, width)).astype(np.uint64) << np.uint64(50)  # many hashes fall together
+    first, group = group_rows(rows)
+    expected = np.unique(rows, axis=0, return_index=True)[1]
+    assert np.array_equal(first, np.sort(expected))
+    assert np.array_equal(rows[first][group], rows)
+    empty = group_rows(rows[:0])
+    assert [len(part) for part in empty] == [0, 0]
+
+
+@pytest.mark.parametrize("sizes", [(0, 5), (40, 0), (60, 90)])
+def test_merged_rows_are_in_order_and_groups_of_all(sizes):
+    rng = np.random.default_rng(2)
+    a, b = (np.unique(rng.integers(0, 9, (size, 2)).astype(np.uint64), axis=0) for size in sizes)
+    first, group = merge_rows(a, b)
+    both = np.concatenate([a, b])
+    distinct, expected_first, expected_group = np.unique(both, axis=0, return_index=True, return_inverse=True)
+    assert np.array_equal(both[first], distinct)
+    assert np.array_equal(first, expected_first)
+    assert np.array_equal(group, expected_group.reshape(-1))

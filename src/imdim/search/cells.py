@@ -14,7 +14,7 @@ import numpy as np
 
 from imdim.geometry.rotations import frame_from_axis
 from imdim.search.arrangement import Arrangement, codes
-from imdim.search.kernels import add_axial_density, add_box_density, hash_rows
+from imdim.search.kernels import add_axial_density, add_box_density, group_rows, merge_rows
 
 # Weights of (excess, lack). Cheap excess proposes hulls to cut from, dear lack pure cuts, dear excess pure pieces.
 Weights = tuple[float, float]
@@ -25,7 +25,8 @@ THINNEST = 1e-9  # of the diagonal; where a part and its outer box end at one pl
 
 @dataclass(frozen=True)
 class Cells:
-    """m cells: a representative point [m, 3], slab indices, curved flags, and the volume inside and outside the target [m]."""
+    """m cells: a representative point [m, 3], slab indices, curved flags, and the volume inside and outside the target [m]; in the order of
+    their codes."""
 
     points: np.ndarray
     slabs: np.ndarray
@@ -81,7 +82,12 @@ def label_samples(
 def compress_samples(arrangement: Arrangement, samples: VolumeSamples) -> Cells:
     """The cells of the arrangement that hold samples, with the volume of theirs."""
     slabs, inside = codes(arrangement, samples.points)
-    first, member = _group(slabs, inside)
+    rows = _pack(slabs, inside)
+    first, member = group_rows(rows)
+    order = np.lexsort(rows[first].T[::-1])
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    first, member = first[order], place[member]
     w_in, w_out = (np.bincount(member, w, len(first)) for w in (samples.w_in, samples.w_out))
     return Cells(samples.points[first], slabs[first], inside[first], w_in, w_out)
 
@@ -89,24 +95,20 @@ def compress_samples(arrangement: Arrangement, samples: VolumeSamples) -> Cells:
 def pool_cells(cells: Cells, others: Cells, weights: tuple[float, float]) -> tuple[Cells, np.ndarray]:
     """The cells of both, of the same arrangement, with the weighted sums of their volumes, and where each went [m + k]."""
     slabs, inside = np.concatenate([cells.slabs, others.slabs]), np.concatenate([cells.inside, others.inside])
-    first, member = _group(slabs, inside)
+    first, member = merge_rows(_pack(cells.slabs, cells.inside), _pack(others.slabs, others.inside))
     w_in = np.bincount(member, np.concatenate([weights[0] * cells.w_in, weights[1] * others.w_in]))
     w_out = np.bincount(member, np.concatenate([weights[0] * cells.w_out, weights[1] * others.w_out]))
     return Cells(np.concatenate([cells.points, others.points])[first], slabs[first], inside[first], w_in, w_out), member
 
 
-def _group(slabs: np.ndarray, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First index of each distinct row of codes, and the row's group per point."""
-    packed = np.concatenate([slabs.astype(np.int16).view(np.uint8).reshape(len(slabs), -1), np.packbits(inside, axis=1)], axis=1)
-    packed = np.ascontiguousarray(packed)
-    _, first, member = np.unique(hash_rows(packed), return_index=True, return_inverse=True)
-    if not np.array_equal(packed[first[member]], packed):  # two rows share their number, which one in 10^9 runs may see
-        _, first, member = np.unique(packed, axis=0, return_index=True, return_inverse=True)
-    rows = packed[first]
-    order = np.lexsort(rows.T[::-1]) if rows.shape[1] else np.arange(len(rows))
-    place = np.empty(len(order), np.int64)
-    place[order] = np.arange(len(order))
-    return first[order], place[member.reshape(-1)]
+def _pack(slabs: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """Each row of codes as whole numbers [n, k], which sort as its bytes do."""
+    flags = np.packbits(inside, axis=1)
+    width = 2 * slabs.shape[1] + flags.shape[1]
+    packed = np.zeros((len(slabs), max(1, -(-width // 8)) * 8), np.uint8)
+    packed[:, : 2 * slabs.shape[1]] = slabs.astype(np.int16).view(np.uint8).reshape(len(slabs), -1)
+    packed[:, 2 * slabs.shape[1] : width] = flags
+    return packed.view(">u8").astype(np.uint64)
 
 
 def importance_samples(arrangement: Arrangement, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

@@ -107,15 +107,55 @@ def mark_inside_cylinder(inside, points, origin, axis, radius) -> None:
 
 
 @njit(nogil=True, cache=True)
-def hash_rows(rows: np.ndarray) -> np.ndarray:
-    """A number of 64 bits [n] for each row of bytes [n, k], the same for equal rows (FNV-1a: Fowler, Noll and Vo)."""
-    out = np.empty(len(rows), np.uint64)
+def group_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The first index [g] of each distinct row of whole numbers [n, k] of 64 bits, in order, and the row's group [n]; by a table of hashes
+    with open addresses (Knuth, volume 3, section 6.4)."""
+    size = 64
+    while size < 2 * len(rows):
+        size *= 2
+    table, mask = np.full(size, -1, np.int64), np.uint64(size - 1)
+    first, group, count = np.empty(len(rows), np.int64), np.empty(len(rows), np.int64), 0
     for i in range(len(rows)):
         h = np.uint64(0xCBF29CE484222325)
         for k in range(rows.shape[1]):
-            h = (h ^ np.uint64(rows[i, k])) * np.uint64(0x100000001B3)
-        out[i] = h
-    return out
+            h = (h ^ rows[i, k]) * np.uint64(0x9E3779B97F4A7C15)
+            h ^= h >> np.uint64(32)
+        at = h & mask
+        while table[at] >= 0 and _order_rows(rows, first[table[at]], rows, i) != 0:
+            at = (at + np.uint64(1)) & mask
+        if table[at] < 0:
+            table[at] = count
+            first[count] = i
+            count += 1
+        group[i] = table[at]
+    return first[:count].copy(), group
+
+
+@njit(nogil=True, cache=True)
+def merge_rows(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """As `group_rows` for the rows of `a` [m, k] and then those of `b` [n, k], each distinct and in order; so are the groups."""
+    first, group, count = np.empty(len(a) + len(b), np.int64), np.empty(len(a) + len(b), np.int64), 0
+    i, j = 0, 0
+    while i < len(a) or j < len(b):
+        order = 1 if i == len(a) else -1 if j == len(b) else _order_rows(a, i, b, j)
+        first[count] = i if order <= 0 else len(a) + j
+        if order <= 0:
+            group[i] = count
+            i += 1
+        if order >= 0:
+            group[len(a) + j] = count
+            j += 1
+        count += 1
+    return first[:count].copy(), group
+
+
+@njit(nogil=True, cache=True)
+def _order_rows(a, i, b, j):
+    """-1 where row `i` of `a` [m, k] comes before row `j` of `b` [n, k], 0 where they are equal, else 1."""
+    for k in range(a.shape[1]):
+        if a[i, k] != b[j, k]:
+            return -1 if a[i, k] < b[j, k] else 1
+    return 0
 
 
 @njit(nogil=True, cache=True)

@@ -20,6 +20,7 @@ from scipy.spatial import KDTree
 
 from imdim.geometry.rows import lengths
 from imdim.search.cells import Cells
+from imdim.search.kernels import group_rows
 from imdim.search.outline_kernels import Graph
 
 TANGENT, MOST = 3e-4, 8e-4  # of the unit frame: by how much a wall that is meant to touch a circle may miss it, at least and at most
@@ -135,8 +136,9 @@ class OutlinePlane:
     def faces_of(self, cells: Cells) -> np.ndarray:
         """The face [m] of each cell: of a sliver that tangents and merged crossings leave no room for, the face that fewest walls part it
         from, OUTSIDE where these are more than one; of a cell whose code several faces have, the face that holds its point."""
-        codes, member = np.unique(_pack(self.walls.sides_of(cells)), return_inverse=True)
-        member = member.reshape(-1)
+        packed = _pack(self.walls.sides_of(cells))
+        one_of, member = group_rows(packed.view(np.uint64).reshape(len(packed), packed.itemsize // 8))
+        codes = packed[one_of]
         first, last = (np.searchsorted(self.codes, codes, side) for side in ("left", "right"))
         face = np.where(last > first, np.minimum(first, self.faces - 1), OUTSIDE)
         own, others = (_unpack(c, len(self.walls.columns)) for c in (self.codes, codes[face == OUTSIDE]))
