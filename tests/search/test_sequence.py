@@ -95,6 +95,18 @@ def test_gains_of_pairs_are_changes_of_error(name):
     assert {op for _, op in kinds} == {"intersection", "difference"}
 
 
+@pytest.mark.parametrize("name", ["rounded plate", "tube on a flange"])
+@pytest.mark.parametrize("share", [0.5, 1.0])
+def test_pairs_that_win_a_share_of_the_best_are_those_among_all(name, share):
+    families, rng = planted(name), np.random.default_rng(3)
+    for length in (0, 2, 4):
+        sequence = random_sequence(families, length, rng)
+        every = pair_insertions(sequence, families, 0.0, 8)
+        assert len(every) > 1
+        wanted = [pair for pair in every if pair.gain >= share * every[0].gain]
+        assert pair_insertions(sequence, families, 0.0, 8, share) == wanted
+
+
 @pytest.mark.parametrize("name", ["countersink", "bored ball", "rounded plate"])
 def test_a_sequence_fills_the_cells_of_its_program(name):
     families, rng = planted(name), np.random.default_rng(9)

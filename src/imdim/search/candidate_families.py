@@ -110,16 +110,19 @@ class Families:
         `outlines` one per plane of them."""
         self.work += len(field) * (self.groups if per_frame else 1)
         cells = np.flatnonzero(field)
-        out = self._best_curved(self.slots[0].sum_field(field, cells), 1.0, floor)
+        values = field[cells]
+        if np.maximum(values, 0.0).sum() <= floor:
+            return []
+        out = self._best_curved(self.slots[0].sum_values(cells, values), 1.0, floor)
         for frame in range(len(self.arrangement.frames) if per_frame else 0):
-            sums = self.slots[1 + frame].sum_field(field, cells)
+            sums = self.slots[1 + frame].sum_values(cells, values)
             if per_frame == 1:
                 won, box = self._best_box(frame, sums, 1.0, max([floor, *(v for v, _ in out)]))
                 out += [(won, box)] if box else []
             else:
                 out += self._best_boxes(frame, sums, per_frame, floor)
         for plane in range(len(self.outlines.planes) if outlines else 0):
-            _, drawn = self.outlines.best(plane, self.outlines.slots[plane].sum_field(field, cells), 1.0, floor)
+            _, drawn = self.outlines.best(plane, self.outlines.slots[plane].sum_values(cells, values), 1.0, floor)
             out += [(drawn[0], Candidate(("outline", plane), *drawn[1:]))] if drawn else []
         return out
 

@@ -31,9 +31,9 @@ class Slots(NamedTuple):
             return add_to_slots(before, self.slots, cells, values)
         return add_to_some_slots(before, self.starts, self.slots, cells, values)
 
-    def sum_field(self, values: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """The sums [size] of a field [m] over some cells [k]."""
-        return self.sum_changes(np.zeros(self.size), cells, values[cells])
+    def sum_values(self, cells: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """The sums [size] of `values` [k] where `cells` [k] are."""
+        return self.sum_changes(np.zeros(self.size), cells, values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ class FieldSums:
     def __init__(self, owner: GroupSums, look: _Look, near: list[_Look]) -> None:
         self._owner, self._look, self._near = owner, look, near
         self._changes: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-        self._cells: np.ndarray | None = None
+        self._all: tuple[np.ndarray, np.ndarray] | None = None  # the cells, and what each adds
 
     def of(self, group: int, slots: Slots) -> np.ndarray:
         """The sums [size] of one group; not to be changed."""
@@ -97,14 +97,15 @@ class FieldSums:
         return known
 
     def _sum(self, group: int, slots: Slots) -> np.ndarray:
-        if self._cells is None:
-            self._cells = np.flatnonzero(self._look.changeable)
+        if self._all is None:
+            cells = np.flatnonzero(self._look.changeable)
+            self._all = cells, self._owner.gain[cells]
         near = next((look for look in self._near if group in look.sums), None)
         if near is not None:
             cells, values = self._changes_from(near)
-            if len(cells) + COPY * slots.size < len(self._cells):
+            if len(cells) + COPY * slots.size < len(self._all[0]):
                 return slots.sum_changes(near.sums[group], cells, values)
-        return slots.sum_field(self._owner.gain, self._cells)
+        return slots.sum_values(*self._all)
 
     def _changes_from(self, look: _Look) -> tuple[np.ndarray, np.ndarray]:
         """The cells that differ from another look, and what each adds."""

@@ -76,10 +76,10 @@ def _pairs(sequence: Sequence, families: Families, config: LocalConfig, price: P
     state = run(sequence, len(families.cells.points))
     if known.no_pair(state, families.cells.gain, 0.5 * price.step):
         return []
-    pairs = pair_insertions(sequence, families, 2 * price.step, config.pair_limit)
+    pairs = pair_insertions(sequence, families, 2 * price.step, config.pair_limit, share)
     if not pairs:
         known.put_no_pair(state)
-    return [p for p in pairs if p.gain >= share * pairs[0].gain]
+    return pairs
 
 
 def prune(found: RatedSequence, price: Price) -> RatedSequence:

@@ -272,7 +272,8 @@ class OutlineCells:
         cut away ends beyond the part, not in its faces."""
         plane, inside = self.planes[index], self._unpack(index, faces)
         lo, hi = ranges[0] if ranges else (0, 1)
-        sums = self.slots[index].sum_field(matters.astype(float), np.flatnonzero(matters))
+        cells = np.flatnonzero(matters)
+        sums = self.slots[index].sum_values(cells, np.ones(len(cells)))
         below = sum_below(sums, plane.faces, self._levels(plane), 1.0)
         harmless = below[:, hi] - below[:, lo] == 0
         gains = np.where(harmless, HARMLESS, np.where(inside, 1.0, -1.0))

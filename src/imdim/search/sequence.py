@@ -22,6 +22,8 @@ from imdim.program.tree import Combine, Op, Program
 from imdim.search.candidate_families import Candidate, Families
 from imdim.search.cells import TRUE, Weights
 
+NEARLY = 1 - 1e-9  # of a gain, for which rounding makes no difference
+
 
 @dataclass(frozen=True)
 class Pair:
@@ -235,33 +237,39 @@ def field_of(op: Op, heard: np.ndarray, filled: np.ndarray, gain: np.ndarray) ->
     return (empty, 0.0) if op == "difference" else (-empty, float(empty.sum()))
 
 
-def pair_insertions(sequence: Sequence, families: Families, least: float, limit: int) -> list[Insertion]:
-    """Insertions of two candidates combined (round end of a bar, bored boss) at the end of the sequence, best first.
+def pair_insertions(sequence: Sequence, families: Families, least: float, limit: int, share: float = 0.0) -> list[Insertion]:
+    """Insertions of two candidates combined (round end of a bar, bored boss) at the end of the sequence that win more than `least` and at
+    least a `share` of the best, best first.
 
     `limit` bounds how many candidates are tried as one half; the other half is the best of all for it.
     """
     gain = families.cells.gain
     position, state, free = next(gaps(sequence, len(gain)))
     out: list[Insertion] = []
+
+    def floor() -> float:
+        return max(least, NEARLY * share * max((i.gain for i in out), default=0.0))
+
     for op, field, _, _ in islice(_fields(position, state, free, gain), 2):
         for half in _promising(field, families, limit):
-            out += [Insertion(v, position, op, pair) for v, pair in _best_pairs(half, field, families, least)]
+            out += [Insertion(v, position, op, pair) for v, pair in _best_pairs(half, field, families, least, floor())]
         # what holds the most of what must not be covered: something larger less one of them may pay
         for half in _promising(-field, families, limit):
             rest = np.where(families.mask(half), 0.0, field)
-            out += [Insertion(v, position, op, Pair("difference", c, half)) for v, c in families.best(rest, 1, least)]
-    return sorted(out, key=lambda i: -i.gain)
+            out += [Insertion(v, position, op, Pair("difference", c, half)) for v, c in families.best(rest, 1, floor())]
+    out.sort(key=lambda i: -i.gain)
+    return [i for i in out if i.gain >= share * out[0].gain]
 
 
-def _best_pairs(half: Candidate, field: np.ndarray, families: Families, least: float) -> list[tuple[float, Pair]]:
-    """The best intersections with, and subtractions from, one half."""
+def _best_pairs(half: Candidate, field: np.ndarray, families: Families, least: float, floor: float) -> list[tuple[float, Pair]]:
+    """The best intersections with, and subtractions from, one half that may win more than `least`, where they win more than `floor`."""
     kept = np.where(families.mask(half), field, 0.0)
     if kept[kept > 0].sum() <= least:
         return []
     whole = float(kept.sum())
-    both = [(v, Pair("intersection", half, c)) for v, c in families.best(kept, 1, least)]
-    cuts = families.best(-kept, 1, max(least - whole, 0.0))
-    return both + [(whole + v, Pair("difference", half, c)) for v, c in cuts if whole + v > least]
+    both = [(v, Pair("intersection", half, c)) for v, c in families.best(kept, 1, floor)]
+    cuts = families.best(-kept, 1, max(floor - whole, 0.0))
+    return both + [(whole + v, Pair("difference", half, c)) for v, c in cuts if whole + v > floor]
 
 
 def _promising(field: np.ndarray, families: Families, limit: int) -> list[Candidate]:
