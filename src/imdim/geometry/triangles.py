@@ -84,41 +84,41 @@ def sum_up(values: np.ndarray, starts: np.ndarray, combine: np.ufunc) -> np.ndar
 def _distances(corners, starts, low, high, points):  # pragma: no cover - compiled
     leaves = len(starts) - 1
     out = np.empty(points.shape[0])
-    stack = np.empty(128, np.int64)
+    stack, far = np.empty(128, np.int64), np.empty(128)  # nodes, and their squared distances
     for i in range(points.shape[0]):
-        p = points[i]
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
         best = np.inf
         if i:
-            step = math.sqrt((p[0] - points[i - 1, 0]) ** 2 + (p[1] - points[i - 1, 1]) ** 2 + (p[2] - points[i - 1, 2]) ** 2)
+            step = math.sqrt((x - points[i - 1, 0]) ** 2 + (y - points[i - 1, 1]) ** 2 + (z - points[i - 1, 2]) ** 2)
             best = ((out[i - 1] + step) * AT_MOST) ** 2
-        stack[0] = 1
+        stack[0], far[0] = 1, _box2(x, y, z, low, high, 1)
         top = 1
         while top:
             top -= 1
             node = stack[top]
-            if _box2(p, low[node], high[node]) >= best:
+            if far[top] >= best:
                 continue
             if node >= leaves:
                 for t in range(starts[node - leaves], starts[node - leaves + 1]):
-                    best = min(best, _triangle2(p, corners[t, 0], corners[t, 1], corners[t, 2]))
+                    best = min(best, _triangle2(x, y, z, corners, t))
                 continue
             left = 2 * node
+            one, two = _box2(x, y, z, low, high, left), _box2(x, y, z, low, high, left + 1)
             # the nearer child goes on top of the stack
-            near_left = _box2(p, low[left], high[left]) <= _box2(p, low[left + 1], high[left + 1])
-            stack[top] = left + 1 if near_left else left
-            stack[top + 1] = left if near_left else left + 1
+            near_left = one <= two
+            stack[top], far[top] = (left + 1, two) if near_left else (left, one)
+            stack[top + 1], far[top + 1] = (left, one) if near_left else (left + 1, two)
             top += 2
         out[i] = np.sqrt(best)
     return out
 
 
 @njit(cache=True, nogil=True)
-def _box2(p, low, high):  # pragma: no cover - compiled
-    total = 0.0
-    for axis in range(3):
-        outside = max(low[axis] - p[axis], p[axis] - high[axis], 0.0)
-        total += outside * outside
-    return total
+def _box2(x, y, z, low, high, node):  # pragma: no cover - compiled
+    dx = max(low[node, 0] - x, x - high[node, 0], 0.0)
+    dy = max(low[node, 1] - y, y - high[node, 1], 0.0)
+    dz = max(low[node, 2] - z, z - high[node, 2], 0.0)
+    return dx * dx + dy * dy + dz * dz
 
 
 @njit(cache=True, nogil=True)
@@ -136,11 +136,12 @@ def _segment2(px, py, pz, ex, ey, ez):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def _triangle2(p, a, b, c):  # pragma: no cover - compiled
+def _triangle2(x, y, z, corners, face):  # pragma: no cover - compiled
     """Squared distance to a triangle: the foot of the perpendicular if it lies inside, else the nearest edge."""
-    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    wx, wy, wz = p[0] - a[0], p[1] - a[1], p[2] - a[2]
+    ax, ay, az = corners[face, 0, 0], corners[face, 0, 1], corners[face, 0, 2]
+    ux, uy, uz = corners[face, 1, 0] - ax, corners[face, 1, 1] - ay, corners[face, 1, 2] - az
+    vx, vy, vz = corners[face, 2, 0] - ax, corners[face, 2, 1] - ay, corners[face, 2, 2] - az
+    wx, wy, wz = x - ax, y - ay, z - az
     uu, uv, vv = _dot(ux, uy, uz, ux, uy, uz), _dot(ux, uy, uz, vx, vy, vz), _dot(vx, vy, vz, vx, vy, vz)
     wu, wv = _dot(wx, wy, wz, ux, uy, uz), _dot(wx, wy, wz, vx, vy, vz)
     det = uu * vv - uv * uv
