@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -43,9 +44,15 @@ def _can_share(group: Sequence[BlendSolid], piece: BlendSolid) -> bool:
     level = float((np.asarray(other.center) - first.solid.center) @ turn[:, 2])
     if abs(abs(own[:, 2] @ turn[:, 2]) - 1) > ONE_WAY or max(abs(level), abs(other.size[0] - height)) > LEVEL * height:
         return False
-    bounds = [curve_bounds(loop_curves(_loop_in(first.solid, p.solid))) for p in (*group, piece)]
+    bounds = [_bounds_in(first.solid, p.solid) for p in (*group, piece)]
     (left, bottom), (right, top) = bounds[-1]
     return not any(left < high[0] and low[0] < right and bottom < high[1] and low[1] < top for low, high in bounds[:-1])
+
+
+@lru_cache(maxsize=4096)
+def _bounds_in(first: Primitive, part: Primitive) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Both corners of the box of an extrusion's loop, as `_loop_in`."""
+    return curve_bounds(loop_curves(_loop_in(first, part)))
 
 
 def _shared(parts: Sequence[Program]) -> Primitive:

@@ -58,6 +58,7 @@ def sweep_blends(edges: Sequence[BlendedEdge]) -> tuple[BlendSolid, ...]:
     return (*pieces, *_corners(edges))
 
 
+@lru_cache(maxsize=1024)  # edges that an edit leaves where they are stay the same objects
 def sweep_edge(edge: BlendedEdge, low: float, high: float) -> Primitive:
     """The blend of one stretch, going on by lengths `low` and `high` at its ends."""
     track, stretch = edge.track, edge.stretch

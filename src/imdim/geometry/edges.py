@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -36,7 +37,7 @@ HAIR = 1e-6  # of a blend's size: how far from an end it is looked whether that 
 QUADRANTS = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Track:
     """The curve in which two faces meet: a line from `origin` along the third column of `frame`, or with a `radius`
     a circle about that. `normals` [2, 2]
@@ -71,7 +72,7 @@ class Interval(NamedTuple):
     is_closed: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BlendedEdge:
     """A stretch of an edge of a solid along which edge number `edge` of feature number `feature` is blended: with `sizes`, the first along
     the first face. `goes_on` says for each end whether what lies beyond it is as what the blend is swept through."""
@@ -214,6 +215,7 @@ class _Meetings:
         return [BlendedEdge(i, k, track, stretch, sizes, feature.kind, goes_on) for track, stretch, goes_on in along]
 
 
+@lru_cache(1024)  # those of the first program are asked for again for every other one
 def _around_ends(edge: BlendedEdge) -> np.ndarray:
     """Points [n, 3] that show where a stretch ends: in all quadrants a hair before and behind, and beyond where it may go on."""
     track, stretch, step = edge.track, edge.stretch, LOOK * edge.size
