@@ -30,6 +30,7 @@ AROUND = 0.75  # of a ring outside that has to lie in material; the rest may be 
 WIDEST = 3.0  # times the diameter of a hole: what is wider still is another hole, or no seat of a screw (DIN 974: 2 and less)
 STATIONS = 16  # along a wall, beside those between the faces of leaves
 ANGLES = np.arange(24) * 2 * np.pi / 24 + np.pi / 24  # of a ring; none is a corner of a hexagon
+COSINES, SINES = np.cos(ANGLES), np.sin(ANGLES)
 HALVINGS = 40
 CLOSE = 1e-7  # of the largest size: faces that are nearer to each other have nothing between them
 POINT = 0.05  # of the widest radius of a wall, below which its end is a point
@@ -39,12 +40,13 @@ MOST_WALLS = 300  # that are looked at, which takes seconds
 
 class Wall(NamedTuple):
     """A wall that may be there: about `origin` along unit `axis`, from `low` to `high` along it, with the radii there (of a hexagon the
-    distance of its sides), `across` a unit vector across the axis, to a corner of a hexagon."""
+    distance of its sides), `across` and `up` unit vectors across the axis, the first to a corner of a hexagon."""
 
     leaf: int
     origin: np.ndarray
     axis: np.ndarray
     across: np.ndarray
+    up: np.ndarray
     low: float
     high: float
     radius_low: float
@@ -83,7 +85,8 @@ def _walls(leaf: int, p: Primitive, numbers: Lowered) -> Iterator[Wall]:
 
     def wall(x: float, y: float, low: float, high: float, radii: tuple[float, float], corners: int = 0, angle: float = 0.0) -> Wall:
         across = turn[:, 0] * math.cos(angle) + turn[:, 1] * math.sin(angle)
-        return Wall(leaf, center + turn[:, 0] * x + turn[:, 1] * y, turn[:, 2], across, low, high, *radii, corners)
+        origin, up = center + turn[:, 0] * x + turn[:, 1] * y, np.cross(turn[:, 2], across)
+        return Wall(leaf, origin, turn[:, 2], across, up, low, high, *radii, corners)
 
     half = p.size[-1] / 2
     if p.kind == "cylinder":
@@ -321,8 +324,7 @@ def _circle(wall: Wall, at: float, radius: float) -> np.ndarray:
     if wall.corners:
         sector = 2 * np.pi / wall.corners
         reach /= np.cos(ANGLES % sector - sector / 2)
-    up = np.cross(wall.axis, wall.across)
-    return wall.origin + at * wall.axis + np.outer(reach * np.cos(ANGLES), wall.across) + np.outer(reach * np.sin(ANGLES), up)
+    return wall.origin + at * wall.axis + (reach * COSINES)[:, None] * wall.across + (reach * SINES)[:, None] * wall.up
 
 
 def _hole(chain: Sequence[_Stretch], is_low_open: bool, is_high_open: bool) -> Hole:
