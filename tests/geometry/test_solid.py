@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from tests.known_programs import KNOWN
 
-from imdim.geometry.solid import mesh_to_manifold, to_manifold, to_trimesh, volume, volume_iou
+from imdim.geometry.solid import mesh_to_manifold, symmetric_difference_volume, to_manifold, to_trimesh, volume, volume_iou
 from imdim.program.tree import Primitive
 
 ROUND = {
@@ -39,6 +39,13 @@ def test_iou_of_boxes_that_share_half():
     assert volume_iou(a, b) == pytest.approx(1 / 3)
     assert volume_iou(a, a) == 1
     assert volume_iou(a, b.translate((5.0, 0.0, 0.0))) == 0
+
+
+def test_what_solids_differ_by_is_what_one_of_them_holds():
+    a, b = (to_manifold(Primitive("box", (2.0, 2.0, 2.0), (x, 0.0, 0.0))) for x in (0.0, 0.5))
+    assert symmetric_difference_volume(a, b) == pytest.approx(2 * 0.5 * 4)
+    assert symmetric_difference_volume(a, a) == pytest.approx(0.0, abs=1e-12)
+    assert symmetric_difference_volume(a, to_manifold(Primitive("box", (2.0, 2.0, 2.0), (9.0, 0.0, 0.0)))) == pytest.approx(16)
 
 
 @pytest.mark.parametrize(("scale", "offset"), [(1.0, 0.0), (1e-6, 0.0), (1e6, 0.0), (1.0, 1e6)])

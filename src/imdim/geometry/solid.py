@@ -154,3 +154,10 @@ def volume_iou(a: Manifold, b: Manifold) -> float:
     common = (a ^ b).volume()
     joined = both - common
     return min(common / joined, 1.0) if joined > 0 else 0.0
+
+
+def symmetric_difference_volume(a: Manifold, b: Manifold) -> float:
+    """Volume that one of two solids holds and the other does not, up to rounding of either's own."""
+    # each by itself first, as there
+    both = a.volume() + b.volume()
+    return both - 2 * (a ^ b).volume()

@@ -118,12 +118,23 @@ def find_stand_ins(program: Program, deadline: Deadline = NEVER, among: Containe
         other = to_manifold(rest)
         if abs(whole.volume() - other.volume()) > 2 * SHARE * volume:
             continue  # far more than slivers, which takes long to tell piece by piece
-        changes = ((False, whole - other), (True, other - whole))
-        pieces = [(cuts, p) for cuts, change in changes for p in change.decompose() if p.volume() > FILM * volume]
+        film = FILM * volume
+        pieces = [(cuts, p) for cuts, change in _changes(whole, other, film) for p in change.decompose() if p.volume() > film]
         share = sum(p.volume() for _, p in pieces) / volume
         slivers = [_sliver(cuts, p, leaf, rest, size) for cuts, p in pieces] if 0 < share <= SHARE else []
         if slivers and all(slivers):
             yield StandIn(number, leaf.kind, share, tuple(s for s in slivers if s))
+
+
+def _changes(whole: Manifold, other: Manifold, least: float) -> Iterator[tuple[bool, Manifold]]:
+    """What one solid has that the other one has not, and whether that is cut, either way where it is more than `least`."""
+    cuts = other.volume() > whole.volume()
+    more, less = (other, whole) if cuts else (whole, other)
+    change = more - less
+    yield cuts, change
+    # what is lost and gained again leaves the volume as it is
+    if change.volume() - (more.volume() - less.volume()) > least:
+        yield not cuts, less - more
 
 
 def _largest(program: Program) -> Primitive:

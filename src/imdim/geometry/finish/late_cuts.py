@@ -15,7 +15,7 @@ from imdim.geometry.finish.cutter_extent import AXES, direction_of, ends_of, str
 from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.finish.step_order import gather_steps
 from imdim.geometry.hosts import order_by_host
-from imdim.geometry.solid import primitive_to_manifold, to_manifold
+from imdim.geometry.solid import primitive_to_manifold, symmetric_difference_volume, to_manifold
 from imdim.program.rewrite.containment_rules import parts, spine
 from imdim.program.tree import Primitive, Program, combine_all, leaves
 
@@ -36,7 +36,7 @@ def cut_last(program: Program, deadline: Deadline = NEVER) -> Program:
     for _ in range(ROUNDS):
         flatter = program if deadline.has_passed() else _cut_late(_join_islands(gather_steps(program, deadline), solid), deadline)
         made = to_manifold(flatter, CHECK_SEGMENTS)
-        if flatter == program or (made - solid).volume() + (solid - made).volume() > NOTHING * solid.volume():
+        if flatter == program or symmetric_difference_volume(made, solid) > NOTHING * solid.volume():
             break
         program = flatter
     return program
@@ -110,7 +110,7 @@ def _needed(joined: Program, later: list[Program], solid: Manifold) -> list[Prog
     for cut in later:
         rest = [other for other in kept if other is not cut]
         made = to_manifold(combine_all("difference", [joined, *rest]), CHECK_SEGMENTS)
-        if (made - solid).volume() + (solid - made).volume() <= NOTHING * solid.volume():
+        if symmetric_difference_volume(made, solid) <= NOTHING * solid.volume():
             kept = rest
     return kept
 
