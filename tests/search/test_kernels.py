@@ -8,7 +8,7 @@ from tests.search.planted_families import planted, random_candidates
 
 from imdim.search.candidate_families import Candidate
 from imdim.search.group_sums import Slots
-from imdim.search.kernels import axial_best, best_box, best_interval, group_rows, merge_rows, merge_slabs, slabs_of
+from imdim.search.kernels import axial_best, best_box, best_interval, count_apart, group_rows, merge_rows, merge_slabs, slabs_of
 
 
 def slow_interval(sums: np.ndarray) -> float:
@@ -159,3 +159,12 @@ def test_merged_rows_are_in_order_and_groups_of_all(sizes):
     assert np.array_equal(both[first], distinct)
     assert np.array_equal(first, expected_first)
     assert np.array_equal(group, expected_group.reshape(-1))
+
+
+def test_bits_apart_are_counted():
+    bits = np.random.default_rng(4).integers(0, 2**64, (5, 7), np.uint64)
+    bits[3] = ~bits[0]
+    rows = np.array([0, 2, 3])
+    flags = np.unpackbits(bits.view(np.uint8), axis=1)
+    assert count_apart(bits, rows, 0).tolist() == (flags[rows] != flags[0]).sum(axis=1).tolist()
+    assert count_apart(bits, rows, 0)[[0, 2]].tolist() == [0, 7 * 64]

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imdim.search.kernels import add_to_slots, add_to_some_slots, list_changes
+from imdim.search.kernels import add_to_slots, add_to_some_slots, count_apart, list_changes
 
 MOST_BYTES = 24 * 2**20  # of the sums that are kept
 MOST_LOOKS = 64  # that are kept: each new one is compared with all
@@ -60,7 +60,7 @@ class GroupSums:
         """The sums over the cells that are `changeable` [m]."""
         row, packed = self._free[-1], np.packbits(changeable)
         self._bits[row].view(np.uint8)[: len(packed)] = packed
-        apart = np.bitwise_count(self._bits[[look.row for look in self._kept]] ^ self._bits[row]).sum(axis=1)
+        apart = count_apart(self._bits, np.array([look.row for look in self._kept], np.int64), row)
         near = [self._kept[i] for i in np.argsort(apart, kind="stable").tolist()]
         if near and apart.min() == 0:
             self._kept.remove(near[0])

@@ -159,6 +159,21 @@ def _order_rows(a, i, b, j):
 
 
 @njit(nogil=True, cache=True)
+def count_apart(bits: np.ndarray, rows: np.ndarray, row: int) -> np.ndarray:
+    """In how many bits [k] each of some `rows` [k] of words of 64 bits [r, w] differs from another one (Warren 2013, section 5-1)."""
+    out = np.zeros(len(rows), np.int64)
+    pairs, fours, bytes_ = np.uint64(0x5555555555555555), np.uint64(0x3333333333333333), np.uint64(0x0F0F0F0F0F0F0F0F)
+    for i in range(len(rows)):
+        for k in range(bits.shape[1]):
+            word = bits[rows[i], k] ^ bits[row, k]
+            word -= (word >> np.uint64(1)) & pairs
+            word = (word & fours) + ((word >> np.uint64(2)) & fours)
+            word = (word + (word >> np.uint64(4))) & bytes_
+            out[i] += np.int64((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
+    return out
+
+
+@njit(nogil=True, cache=True)
 def add_to_slots(before: np.ndarray, slots: np.ndarray, cells: np.ndarray, values: np.ndarray) -> np.ndarray:
     """A copy of sums `before` [s] with `values` [k] added in the slots of `cells` [k], of all whose `slots` [m]."""
     sums = before.copy()
