@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import trimesh  # half a second, which the process that writes STEP does without
 
 SEGMENTS = 96
-KEPT = 16  # solids: one step asks for what the step before it made
+KEPT = 32  # solids: one step asks for what the steps before it made
 
 _LOCAL: Mapping[str, Callable[[tuple[float, ...], int], Manifold]] = {
     "box": lambda s, n: Manifold.cube((s[0], s[1], s[2]), True),
