@@ -5,8 +5,9 @@ import pytest
 import trimesh
 from tests.known_programs import KNOWN
 
-from imdim.geometry.solid import mesh_to_manifold, symmetric_difference_volume, to_manifold, to_trimesh, volume, volume_iou
-from imdim.program.tree import Primitive
+from imdim.geometry.solid import join_touching, mesh_to_manifold, symmetric_difference_volume, to_manifold, to_trimesh, volume, volume_iou
+from imdim.program.outline import Outline
+from imdim.program.tree import Combine, Primitive
 
 ROUND = {
     "sphere": (Primitive("sphere", (0.7,)), 4 / 3 * math.pi * 0.343),
@@ -85,3 +86,13 @@ def test_a_program_that_was_just_made_is_not_made_again():
     ball = Primitive("sphere", (1.0,))
     assert to_manifold(ball, 24) is to_manifold(Primitive("sphere", (1.0,)), 24)
     assert to_manifold(ball, 24).num_tri() < to_manifold(ball, 48).num_tri()
+
+
+@pytest.mark.parametrize("scale", [1.0, 10.0, 1000.0])
+def test_what_touches_but_for_the_noise_of_floats_is_one_body(scale):
+    """Written as 4.4 - 0.9, a face is not quite where 3.5 is; sections keep 27 bits behind the point besides."""
+    block = Primitive("box", (10 * scale, 7 * scale, 5 * scale))
+    drawn = tuple((x * scale, y * scale, 0.0) for x, y in ((-3.0, -0.9), (3.0, -0.9), (2.0, 0.9), (-2.0, 0.9)))
+    tab = Primitive("extrude", (5 * scale,), (0.0, 4.4 * scale, 0.0), outline=Outline((drawn,)))
+    assert len(join_touching(Combine("union", block, tab)).decompose()) == 1
+    assert join_touching(tab).volume() == pytest.approx(45 * scale**3, rel=1e-12)

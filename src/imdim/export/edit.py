@@ -30,7 +30,7 @@ from imdim.export.step_worker import exporting, finish_or_skip_step
 from imdim.geometry.edge_solids import blend_solids, solid_with_edges
 from imdim.geometry.edges import find_edges, has_room
 from imdim.geometry.lowering import lower
-from imdim.geometry.solid import SEGMENTS
+from imdim.geometry.solid import SEGMENTS, join_touching
 from imdim.program.codec import constraints_of, dumps, edges_of, from_json, meta_of, read_folded
 from imdim.program.constraints import Constraint, ConstraintError
 from imdim.program.edges import describe_size, name_edges, with_sizes
@@ -178,7 +178,7 @@ def _refold(folded: Folded, exact: Program, program: Program) -> Folded:
 
 def solid_of(delivered: Delivered) -> Manifold:
     """The exact solid; raises EditError where nothing is left of it."""
-    solid = solid_with_edges(delivered.program, delivered.edges, delivered.segments)
+    solid = solid_with_edges(delivered.program, delivered.edges, delivered.segments, join_touching)
     if not 0 < solid.volume() < LARGEST_VOLUME:
         raise EditError(f"no solid is left, its volume is {solid.volume():g}")
     return solid

@@ -7,7 +7,7 @@ goes on, so that blends mitre; where two blends meet round a corner of the other
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
@@ -86,11 +86,14 @@ def with_edges(program: Program, features: Sequence[EdgeFeature]) -> Program:
     return program if not features else join_blends(program, blend_solids(program, features))
 
 
-def solid_with_edges(program: Program, features: Sequence[EdgeFeature], segments: int = SEGMENTS) -> Manifold:
-    """The exact solid of a program with its edge features, without the skins and ledges that rounding leaves where blends meet walls."""
+def solid_with_edges(
+    program: Program, features: Sequence[EdgeFeature], segments: int = SEGMENTS, build: Callable[[Program, int], Manifold] = to_manifold
+) -> Manifold:
+    """The exact solid of a program with its edge features, as `build` makes it, without the skins and ledges that rounding leaves where
+    blends meet walls."""
     if not features:
-        return to_manifold(program, segments)
-    solid = to_manifold(with_edges(program, features), segments)
+        return build(program, segments)
+    solid = build(with_edges(program, features), segments)
     low, high = np.array(solid.bounding_box()).reshape(2, 3)
     skin = max(SKIN * float(np.linalg.norm(high - low)), 10 * JOIN * max(max(f.sizes) for f in features))
     return solid.as_original().simplify(skin)

@@ -17,12 +17,13 @@ from manifold3d import CrossSection, Error, FillRule, Manifold, Mesh64, OpType
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.program.nary import fold_nary
 from imdim.program.outline import Outline, flatten_loop
-from imdim.program.tree import FULL_TURN, Op, Primitive, Program
+from imdim.program.tree import FULL_TURN, Op, Primitive, Program, leaves, longest
 
 if TYPE_CHECKING:
     import trimesh  # half a second, which the process that writes STEP does without
 
 SEGMENTS = 96
+GRID = 1e-9  # of the power of ten above the largest size, in steps of which corners lie
 KEPT = 32  # solids: one step asks for what the steps before it made
 
 _LOCAL: Mapping[str, Callable[[tuple[float, ...], int], Manifold]] = {
@@ -62,6 +63,17 @@ def _sweep(primitive: Primitive, outline: Outline, segments: int) -> Manifold:
 def draw_section(outline: Outline, segments: int) -> CrossSection:
     """The plane region with `segments` edges per circle."""
     return CrossSection([np.array(flatten_loop(loop, segments)) for loop in outline.loops], FillRule.EvenOdd)
+
+
+def join_touching(program: Program, segments: int = SEGMENTS) -> Manifold:
+    """As `to_manifold`; corners lie on a grid, as in OpenSCAD: faces that are one to the digits of floats, and drawn ones to the 27 bits
+    behind the point that sections keep of them, touch."""
+    step = GRID * 10.0 ** math.ceil(math.log10(longest(leaves(program))))
+
+    def place(_: int, primitive: Primitive) -> Manifold:
+        return primitive_to_manifold(primitive, segments).warp_batch(lambda corners: np.round(corners / step) * step)
+
+    return fold_nary(program, place, COMBINE)
 
 
 @lru_cache(KEPT)
