@@ -22,7 +22,7 @@ from imdim.export.diameters import add_diameters
 from imdim.export.outline_rows import Drawn, add_outlines
 from imdim.export.repeat_rows import add_repeats
 from imdim.export.round_contacts import bind_plugs
-from imdim.export.seats import End, Seat, ends_of, reach_of, seats, world_axis
+from imdim.export.seats import End, Seat, ends_of, place_of, reach_of, seats, world_axis
 from imdim.export.seen import SeenPlanes, find_hidden_ends
 from imdim.export.tilted_cuts import pass_aslant
 from imdim.export.wall_seats import FlatWall, seats_at_walls
@@ -89,7 +89,8 @@ class LinearSystem:
         system.rows += bind_plugs(parts, sources)
         whole = program if delivered is None else delivered
         hidden = find_hidden_ends(whole)
-        found = [seat for seat in seats(program) if not _is_cut_to_hidden(seat, sign, hidden)]
+        at_walls = list(seats_at_walls(program, system.walls, hidden))
+        found = list(_without_farther(seats(program, hidden), at_walls, parts))
         constraints = rest_on_faces(constraints, found, parts)
         others = [c for c in constraints if c.kind not in PATTERNS or _is_slanted(c, numbers)]
         for constraint in (c for c in constraints if c not in others):
@@ -107,7 +108,7 @@ class LinearSystem:
             if word or Ref(own.leaf, own.local) not in flush:
                 system._add_seat(own.leaf, system.place_of_end(own, 1.0) | system.place_of_end(face, -1.0), word)
         seated = {(seat.own.leaf, seat.own.axis, seat.own.side) for seat in found}
-        for own, wall, word in seats_at_walls(program, system.walls, hidden):
+        for own, wall, word in at_walls:
             if (own.leaf, own.axis, own.side) not in seated and Ref(own.leaf, own.local) not in flush:
                 row = system.place_of_end(own, 1.0)
                 for v, factor in wall.row.items():
@@ -303,9 +304,13 @@ class LinearSystem:
                 self.rows.append({6 * leaf + 3 + a: 1.0, center: -1.0} | part)
 
 
-def _is_cut_to_hidden(seat: Seat, sign: Sequence[int], hidden: Collection[tuple[int, int, int]]) -> bool:
-    """Whether a cut ends beyond a face of which nothing is seen: nobody would measure it from there."""
-    return sign[seat.own.leaf] < 0 and (seat.face.leaf, seat.face.axis, seat.face.side) in hidden
+def _without_farther(found: Iterable[Seat], at_walls: Iterable[tuple[End, FlatWall, str]], parts: Sequence[Primitive]) -> Iterator[Seat]:
+    """The seats but for those of ends that leave by a wall further on: a cut through a part and a higher one goes through both."""
+    last = {(own.leaf, own.axis, own.side): wall for own, wall, word in at_walls if not word}
+    for seat in found:
+        wall = None if seat.word else last.get((seat.own.leaf, seat.own.axis, seat.own.side))
+        if wall is None or wall.side * wall.place <= seat.own.side * place_of(seat.face, parts):
+            yield seat
 
 
 def _simple(row: dict[int, float]) -> dict[int, float] | None:

@@ -6,7 +6,7 @@ the plate's faces, it does. A blind one is so deep below the face that it enters
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import product
 from typing import NamedTuple
 
@@ -71,13 +71,14 @@ class Seat(NamedTuple):
     word: str
 
 
-def seats(program: Program) -> Iterator[Seat]:
-    """Of cuts and of what stands on something the faces that their ends follow."""
+def seats(program: Program, hidden: Collection[tuple[int, int, int]] = ()) -> Iterator[Seat]:
+    """Of cuts and of what stands on something the faces that their ends follow. No cut is measured from a face that is `hidden`, by leaf,
+    axis and side."""
     parts, numbers, sign = list(leaves(program)), lower(program), signs(program)
     ends = [e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers)]
     boxes = [reach_of(p, numbers.rotations[i]) for i, p in enumerate(parts)]
     gone = _CutAway(program, parts, numbers, boxes)
-    yield from _seats_of_ends(parts, sign, ends, boxes, TOUCH * longest(parts), gone)
+    yield from _seats_of_ends(parts, sign, ends, boxes, TOUCH * longest(parts), gone, hidden)
 
 
 def sticks_out(seat: Seat, parts: Sequence[Primitive], largest: float) -> bool:
@@ -111,6 +112,7 @@ def _seats_of_ends(
     boxes: list[tuple[np.ndarray, np.ndarray]],
     slack: float,
     gone: _CutAway,
+    hidden: Collection[tuple[int, int, int]],
 ) -> Iterator[Seat]:
     pairs = {(e.leaf, e.axis, e.side): e for e in ends}
     adding: dict[tuple[int, int], list[End]] = {}
@@ -125,7 +127,7 @@ def _seats_of_ends(
         near = [] if faces is None else faces.near(end, _span(pairs, end, parts), boxes[end.leaf], least)
         if sign[end.leaf] < 0:
             near = [e for e in near if not gone.where(e.leaf, end.leaf)]
-            face = _passed(near, end, parts, slack)
+            face = _passed([e for e in near if (e.leaf, e.axis, e.side) not in hidden], end, parts, slack)
             if face is not None and not _is_inside(pairs, near, end, parts, slack):
                 yield Seat(end, face, "")
                 if end.column >= 0 and _is_inside(pairs, near, other, parts, slack):

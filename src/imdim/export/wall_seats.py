@@ -14,7 +14,8 @@ from imdim.program.tree import Primitive, Program, leaves, longest
 
 
 class FlatWall(NamedTuple):
-    """A flat wall of an extrusion that looks along a world axis to `side`: its `place`, and the variables whose sum that is.
+    """A flat wall of an extrusion, or face of what is turned, that looks along a world axis to `side`: its `place`, and the variables whose
+    sum that is.
 
     `span` says along which other axis it runs, from where to where; of the outermost one that way, all of the leaf counts.
     """
@@ -54,7 +55,8 @@ def seats_at_walls(
     for end in (e for e in pairs.values() if e.column >= 0):
         other, cuts = pairs[end.leaf, end.axis, -end.side], sign[end.leaf] < 0
         entered = _keep_cut(placed, _between(placed, whole, other, end), end) if cuts else []
-        if len(entered) == 1:  # what lies one behind another says no more which of them is meant
+        entered = [w for w in entered if w.side * w.place >= placed.at(end, w.side) - placed.slack][:1] or entered
+        if len(entered) == 1:  # what lies one behind another, and none level with the end, says no more which of them is meant
             yield end, entered[0], ""
             far = next((w for w in whole if (w.leaf, w.axis, w.side) == (entered[0].leaf, end.axis, -end.side)), None)
             if far is not None and placed.at(other, -end.side) < -end.side * far.place - placed.slack:
