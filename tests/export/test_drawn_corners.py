@@ -21,9 +21,9 @@ from imdim.program.outline import Outline, arc_center, arc_radius, circle, loop_
 from imdim.program.tree import Combine, Primitive
 
 
-def wedge(round_=4.0, x=24.0, bow=40.0, sides=6, nut=3.0):
-    """A triangle with one corner round and one side bowed outwards, and a hexagon in it; each by its own formula."""
-    a, b, c = np.array([-20.0, -12.0]), np.array([x, -9.0]), np.array([6.0, 21.0])
+def wedge(round_=4.0, x=18.0, bow=40.0, sides=6, nut=3.0):
+    """A triangle with one corner round, `x` beside another, one side bowed outwards, and a hexagon in it; each by its own formula."""
+    a, b, c = np.array([-20.0, -12.0]), np.array([6.0 + x, -9.0]), np.array([6.0, 21.0])
     into, out = (p / np.linalg.norm(p) for p in (a - b, c - b))
     half = math.acos(into @ out) / 2
     middle = b + (into + out) / np.linalg.norm(into + out) * round_ / math.sin(half)
@@ -98,7 +98,7 @@ def bends_between(outline):
 
 WEDGE = {
     "plate_corner_radius": ("round_", 5.5),
-    "plate_corner_x_2": ("x", 27.0),
+    "plate_step_x": ("x", 21.0),
     "plate_arc_radius": ("bow", 33.0),
     "plate_sides": ("sides", 8),
     "plate_polygon_radius": ("nut", 3.5),
@@ -117,17 +117,17 @@ def test_a_name_changes_what_it_says(name):
 def test_each_freedom_of_the_outline_has_one_name():
     """Three corners, a rounding and a bow; the hexagon has a place, sides and a radius, and stands as everyone draws it."""
     values = opened(wedge()).values
-    corners = {"plate_corner_x", "plate_corner_x_2", "plate_corner_x_3", "plate_corner_y", "plate_corner_y_2", "plate_corner_y_3"}
+    corners = {"plate_corner_x", "plate_corner_x_2", "plate_corner_y", "plate_corner_y_2", "plate_step_y"}
     assert set(values) == {"plate_thickness", "plate_hole_x", "plate_hole_y", *WEDGE, *corners}
 
 
 def test_small_things_far_from_the_middle_move_whole():
-    """A notch near a corner is told by steps from it."""
+    """A notch near a corner is told by steps, each from the nearest place."""
     delivered = opened(
         Primitive("extrude", (5.0,), outline=Outline((((-25.0, -9.0, 0.0), (31.0, -8.0, 0.0), (30.0, 10.0, 0.3), (28.5, 11.0, 0.0)),)))
     )
-    assert delivered.values["plate_step_x"] == -1.0
-    before, after = (d.program.outline.loops[0] for d in (delivered, change_values(delivered, {"plate_corner_x_2": 35.0})))
+    assert (delivered.values["plate_step_x"], delivered.values["plate_step_x_2"]) == (1.5, 1.0)
+    before, after = (d.program.outline.loops[0] for d in (delivered, change_values(delivered, {"plate_corner_x_2": 32.5})))
     assert [b[0] - a[0] for a, b in zip(before, after, strict=True)] == pytest.approx([0, 4, 4, 4])
 
 
@@ -195,10 +195,22 @@ def test_a_turned_outline_has_no_number_but_names_wherever_it_begins():
 
     middle, off = opened(spool(-8.0, 8.0)), opened(spool(-8.0, 10.0))
     assert "-turned_part_height/2 + turned_part_level" in middle.texts["program.scad"]
-    assert (off.values["turned_part_base"], off.values["turned_part_height"]) == (-8.0, 18.0)
+    assert off.values.keys() == middle.values.keys()
     for delivered in (middle, off):
         taller = solid_of(change_values(delivered, {"turned_part_height": 20.0})).bounding_box()
         assert (taller[2], taller[5]) == pytest.approx((2.0, 22.0))
+
+
+def test_sections_of_a_turned_part_are_as_long_as_they_are():
+    """Each from the end that is nearer, or from the section before: what is changed by a tenth runs into nothing."""
+    levels = (0.0, 4.0, 5.0, 9.0, 15.0, 17.0, 20.0)
+    section = [(0.0, levels[0] - 10), *((r, y - 10) for r, y in zip((9, 8, 7, 6, 5, 4, 3), levels, strict=True)), (0.0, levels[-1] - 10)]
+    shaft = Primitive("revolve", (360.0,), outline=Outline((tuple((float(x), y, 0.0) for x, y in section),)))
+    delivered = opened(shaft)
+    names = ("level", "step", "step_2", "depth", "step_3", "height")
+    assert [delivered.values[f"turned_part_{name}"] for name in names] == pytest.approx([4, 1, 4, 3, 2, 20])
+    longer = change_values(delivered, {"turned_part_level": 4.4}).program.outline.loops[0]
+    assert sorted({y for _, y, _ in longer}) == pytest.approx([-10, -5.6, -4.6, -0.6, 5, 7, 10])
 
 
 def test_a_window_that_reaches_from_side_to_side_has_a_wall():
@@ -252,7 +264,7 @@ def every_bend():
 EDITED = {
     "plate_sides": 5,
     "plate_corner_radius": 5.5,
-    "profile_corner_y_3": 17.0,
+    "profile_corner_y_2": 17.0,
     "profile2_arc_angle": 150.0,
     "profile3_end_radius": 10.0,
 }

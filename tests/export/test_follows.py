@@ -1,11 +1,14 @@
 """What moves with what: numbers that nothing shows, first leaves that stay, walls in one plane, and ends that leave by a wall."""
 
+import math
+
 import pytest
 from tests.export.test_outlines import opened
 
-from imdim.export.edit import change_values
+from imdim.export.edit import change_values, solid_of
 from imdim.export.seen import find_hidden_ends
 from imdim.export.seen_walls import find_hidden_walls
+from imdim.geometry.census import census_of
 from imdim.program.outline import Outline
 from imdim.program.tree import Combine, Primitive, leaves
 
@@ -108,8 +111,9 @@ def test_what_ends_level_with_a_hidden_face_does_not_follow_it():
     above = _extrude([(-6.0, -6.0), (6.0, -6.0), (6.0, 3.0), (0.0, 5.0), (-6.0, 3.0)], 8.0, (0.0, 0.0, 24.0))
     part = opened(Combine("union", Combine("union", body, inside), above))
     (own,) = (name for name, value in part.values.items() if value == 12.0 and name.endswith("length"))
+    _, before, _ = leaves(part.program)
     _, first, second = leaves(change_values(part, {own: 14.0}).program)
-    assert _walls(first, 0)[-1] == pytest.approx(6.0)
+    assert _walls(first, 0) == pytest.approx(_walls(before, 0))
     assert _walls(second, 0)[-1] == pytest.approx(7.0)
 
 
@@ -164,3 +168,53 @@ def test_a_plug_has_the_radius_of_its_hole():
     assert [value for name, value in part.values.items() if name.endswith("diameter")] == [10.0, 10.0]
     _, wider, filled, still = leaves(change_values(part, {"hole_diameter": 12.0}).program)
     assert (wider.size[0], filled.size[0], still.size[0]) == (6.0, 6.0, 5.0)
+
+
+def test_a_hole_goes_through_what_is_seen_of_a_nut():
+    """Not to the end of the prism, of which a cone that bounds the nut leaves nothing."""
+    prism = _extrude([(-6.0, 0.0), (-3.0, -5.2), (3.0, -5.2), (6.0, 0.0), (3.0, 5.2), (-3.0, 5.2)], 5.0, (0.0, 0.0, 2.5))
+    nut = Combine("intersection", prism, Primitive("cone", (9.0, 4.0, 4.0), (0.0, 0.0, 2.0)))
+    part = opened(Combine("difference", nut, Primitive("cylinder", (2.5, 40.0), (0.0, 0.0, 2.0))))
+    (name,) = (n for n, value in part.values.items() if value == 4.0 and n.endswith("height"))
+    _, cone, hole = leaves(change_values(part, {name: 30.0}).program)
+    assert hole.center[2] + hole.size[1] / 2 > cone.center[2] + cone.size[2] / 2
+
+
+def test_added_parts_that_touch_stay_together():
+    """Their faces look at each other, and nothing is seen of either."""
+    block = _extrude([(-10.0, -5.0), (10.0, -5.0), (10.0, 5.0), (0.0, 9.0), (-10.0, 5.0)], 8.0)
+    arm = _extrude([(-6.0, -5.0), (6.0, -3.0), (6.0, 3.0), (-6.0, 5.0)], 8.0, (16.0, 0.0, 0.0))
+    part = opened(Combine("union", block, arm))
+    for name in part.values:
+        for factor in (0.9, 1.1):
+            after = change_values(part, {name: part.values[name] * factor})
+            assert census_of(solid_of(after)).bodies == 1, name
+
+
+def test_a_pocket_under_a_flange_follows_it():
+    """A flat face of what is turned is a wall like others."""
+    section = Outline((((0.0, -20.0, 0.0), (6.0, -20.0, 0.0), (6.0, 14.0, 0.0), (30.0, 14.0, 0.0), (30.0, 20.0, 0.0), (0.0, 20.0, 0.0)),))
+    pocket = Primitive("box", (10.0, 8.0, 30.0), (8.0, 0.0, -1.0))
+    part = opened(Combine("difference", Primitive("revolve", (360.0,), outline=section), pocket))
+    turned, cut = leaves(change_values(part, {"turned_part_depth": 9.0}).program)
+    assert cut.center[2] + cut.size[2] / 2 == pytest.approx(turned.center[2] + 11.0)
+
+
+def test_an_arc_about_a_hole_is_as_wide_as_that():
+    """An arc in another drawing, on the axis of the hole."""
+    plate = Combine("difference", _extrude(STEPPED, 6.0), Primitive("cylinder", (5.0, 8.0), (-10.0, 0.0, 0.0)))
+    bar = Outline((((-4.0, -3.0, 0.0), (-4.0, 3.0, 0.0), (4.0, 3.0, -math.tan(math.atan(0.75) / 2)), (4.0, -3.0, 0.0)),))
+    part = opened(Combine("union", plate, Primitive("extrude", (4.0,), (-10.0, 0.0, 0.0), outline=bar)))
+    assert not any("arc_radius" in name for name in part.values)
+
+
+def test_a_cut_that_ends_level_with_a_wall_follows_that():
+    """A counterbore from the top of a post, which is drawn from its side, down into its foot: not so far above the foot."""
+    foot = Primitive("box", (60.0, 40.0, 10.0), (0.0, 0.0, 5.0))
+    post = _extrude([(-12.0, -12.0), (10.0, -12.0), (12.0, -10.0), (12.0, 20.0), (-12.0, 20.0)], 30.0, (0.0, 0.0, 20.0), (90.0, 0.0, 0.0))
+    cut = Primitive("cylinder", (5.0, 36.0), (0.0, 0.0, 22.0))
+    part = opened(Combine("difference", Combine("union", foot, post), cut))
+    for name in part.values:
+        _, post_after, cut_after = leaves(change_values(part, {name: part.values[name] * 1.1}).program)
+        top = post_after.center[2] + max(y for _, y, _ in post_after.outline.loops[0])
+        assert cut_after.center[2] + cut_after.size[1] / 2 >= top, name

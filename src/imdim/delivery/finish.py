@@ -18,6 +18,7 @@ from imdim.geometry.finish.commute import Commutation, CommutedProgram
 from imdim.geometry.finish.extend import Face, plane_face
 from imdim.geometry.finish.far_ends import reach_far
 from imdim.geometry.finish.overshoot import overshoot
+from imdim.geometry.finish.turned_ends import centre_turned
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.cost import count
 from imdim.program.edges import EdgeFeature, name_edges, renumber_edges
@@ -64,7 +65,8 @@ def finish(
     Repeats change the order of primitives. What nearly repeats, or would if it stood together, is made to if that hardly changes the solid.
     Past the `deadline` (by default never) no parts are gathered, and the other cutters end where they end.
     """
-    constraints = without_chance(program, constraints)
+    program = centre_turned(program)
+    constraints = without_chance(program, holding(program, constraints))
     folding = next((f for f in _foldings(program, deadline) if is_same(program, f.program)), None)
     if folding is None:
         program = _hide_ends(program, None, deadline, edges)

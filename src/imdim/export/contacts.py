@@ -27,10 +27,12 @@ ROUND = frozenset(("radius", "diameter", "angle", "chamfer", "sides"))  # words 
 
 
 class _Patch(NamedTuple):
-    """A rectangle `low` [3] to `high` [3] around a flat face across an `axis`, and the variables whose sum its place is."""
+    """A rectangle `low` [3] to `high` [3] around a flat face that looks along an `axis` to a `side`, and the variables whose sum its place
+    is."""
 
     leaf: int
     axis: int
+    side: int
     is_wall: bool
     low: np.ndarray
     high: np.ndarray
@@ -40,20 +42,23 @@ class _Patch(NamedTuple):
 def find_contacts(system: LinearSystem, program: Program, seen: SeenPlanes) -> Iterator[tuple[int, Row]]:
     """Each wall or face that lies in one plane with a face of an earlier leaf and touches it: its leaf, and how far it is from there.
 
-    Both are `seen`, or of cuts that end beside what is: what is hidden says nothing.
+    Both are `seen`, or of cuts that end beside what is, or join two added leaves that look at each other there: what else is hidden says
+    nothing.
     """
     parts, numbers, sign = list(leaves(program)), lower(program), signs(program)
     slack = EXACT * system.length
     boxes = [reach_of(p, numbers.rotations[i]) for i, p in enumerate(parts)]
-    known: Mapping[tuple[int, int], list[_Patch]] = defaultdict(list)
-    every = (p for p in _patches(system, parts, numbers, boxes) if seen.meet(p.axis, p.low, p.high, sign[p.leaf] < 0))
-    for patch in sorted(every, key=lambda p: p.leaf):
+    known: Mapping[tuple[int, int], list[tuple[_Patch, bool]]] = defaultdict(list)
+    for patch in sorted(_patches(system, parts, numbers, boxes), key=lambda p: p.leaf):
+        shown = seen.meet(patch.axis, patch.low, patch.high, sign[patch.leaf] < 0)
         level = round(float(patch.low[patch.axis]) / (4 * slack))
-        near = [p for step in (-1, 0, 1) for p in known[patch.axis, level + step]]
-        met = [p for p in near if p.leaf < patch.leaf and (p.is_wall or patch.is_wall) and _touch(p, patch, slack)]
+        near = [found for step in (-1, 0, 1) for found in known[patch.axis, level + step]]
+        near = [(p, also) for p, also in near if p.leaf < patch.leaf and _touch(p, patch, slack)]
+        met = [p for p, also in near if shown and also and (p.is_wall or patch.is_wall)]
+        met += [p for p, _ in near if p.side == -patch.side and min(sign[p.leaf], sign[patch.leaf]) > 0 and _share_area(p, patch, slack)]
         if met:
             yield patch.leaf, sum_rows((patch.row, 1.0), (min(met, key=lambda p: p.leaf).row, -1.0))
-        known[patch.axis, level].append(patch)
+        known[patch.axis, level].append((patch, shown))
 
 
 def find_own_numbers(system: LinearSystem, leaf: int, row: Row) -> list[int]:
@@ -72,12 +77,12 @@ def _patches(
 ) -> Iterator[_Patch]:
     for leaf, part in enumerate(parts):
         for end in (e for e in ends_of(leaf, part, numbers) if e.column >= 0):
-            yield _Patch(leaf, end.axis, False, *_flat(boxes[leaf], end.axis, place_of(end, parts)), system.place_of_end(end))
+            yield _Patch(leaf, end.axis, end.side, False, *_flat(boxes[leaf], end.axis, place_of(end, parts)), system.place_of_end(end))
     for wall in (w for w in system.walls if w.span is not None):
         assert wall.span is not None
         low, high = _flat(boxes[wall.leaf], wall.axis, wall.place)
         low[wall.span[0]], high[wall.span[0]] = wall.span[1:]
-        yield _Patch(wall.leaf, wall.axis, True, low, high, dict(wall.row))
+        yield _Patch(wall.leaf, wall.axis, wall.side, True, low, high, dict(wall.row))
 
 
 def _flat(box: tuple[np.ndarray, np.ndarray], axis: int, place: float) -> tuple[np.ndarray, np.ndarray]:
@@ -88,3 +93,9 @@ def _flat(box: tuple[np.ndarray, np.ndarray], axis: int, place: float) -> tuple[
 
 def _touch(a: _Patch, b: _Patch, slack: float) -> bool:
     return bool((np.minimum(a.high, b.high) >= np.maximum(a.low, b.low) - 2 * slack).all())
+
+
+def _share_area(a: _Patch, b: _Patch, slack: float) -> bool:
+    """Whether two rectangles that touch do so in more than an edge."""
+    wide = np.minimum(a.high, b.high) - np.maximum(a.low, b.low) > 2 * slack
+    return bool(wide.sum() == 2)

@@ -10,6 +10,7 @@ that turn far an angle. A regular polygon has a count of sides, a centre, a radi
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -34,7 +35,7 @@ from imdim.export.slot_sizes import has_round_ends, size_slot
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.design_values import is_level
 from imdim.program.ellipse import Ellipse
-from imdim.program.outline import Loop, Outline, circle_of
+from imdim.program.outline import Loop, Outline, Point, circle_of
 from imdim.program.repeats import Folded, instances
 from imdim.program.tree import Primitive
 
@@ -182,8 +183,9 @@ class _Dimensions:
             self._add_corners(_side(inner), [loop for loop in self.joints.loops if loop and loop[0].after.inner == inner], prefix)
 
     def _add_levels(self, what: str, levels: Sequence[float]) -> None:
-        """Heights of turned parts above their lowest level, which lies half the whole height below the middle, or has a name; a chamfer
-        or a countersink at the top is measured from there."""
+        """Heights of turned parts from the end that is nearer, the lowest level or the top, or from the next level on the way there that a
+        wall leads from: sections of a shaft are as long as they are, wherever it begins. The lowest level lies half the whole height below
+        the middle, or has a name."""
         low, high = (corner[Y] for corner in self.outline.bounds)
         if not any(abs(level - low) <= self.slack for level in levels):
             return  # what is round below has levels from the middle
@@ -195,24 +197,26 @@ class _Dimensions:
         else:
             base = {self._new("base", low): 1.0} if abs(low) > self.slack else {}
             roof = sum_rows((base, 1.0), ({self._new("height", top - low): 1.0}, 1.0))
-        hanging = self._hanging(top)
-        for level in levels:
-            row = base if abs(level - low) <= self.slack else roof
-            if low + self.slack < level < top and (self.joints.cell(level) not in hanging or 2 * (level - low) < top - low):
-                row = sum_rows((base, 1.0), ({self._new("level", level - low): 1.0}, 1.0))
-            elif low + self.slack < level < top:
-                row = sum_rows((roof, 1.0), ({self._new("depth", top - level): 1.0}, -1.0))
-            self.known[what, Y, self.joints.cell(level)] = row
+        rows = {self.joints.cell(low): base, self.joints.cell(top): roof}
+        beside, half = self._levels_beside(), (low + top) / 2
+        between = [level for level in levels if low + self.slack < level < top - self.slack]
+        for end, side, word in ((low, 1.0, "level"), (top, -1.0, "depth")):
+            for level in sorted((v for v in between if (v < half) == (side > 0)), key=lambda v: side * v):
+                on_the_way = (v for v in beside.get(self.joints.cell(level), ()) if side * (level - v) > self.slack)
+                before = [v for v in on_the_way if self.joints.cell(v) in rows]
+                start = max(before, key=lambda v: side * v, default=end)
+                size = self._new(word if start == end else "step", side * (level - start))
+                rows[self.joints.cell(level)] = sum_rows((rows[self.joints.cell(start)], 1.0), ({size: 1.0}, side))
+        self.known |= {(what, Y, cell): row for cell, row in rows.items()}
 
-    def _hanging(self, top: float) -> set[int]:
-        """The cells of levels from which a leaning line runs up to the top."""
-        found = set()
+    def _levels_beside(self) -> dict[int, list[float]]:
+        """The levels that a wall leads to from each, by its cell."""
+        found: dict[int, list[float]] = defaultdict(list)
         for joints in filter(None, self.joints.loops):
             for joint, following in zip(joints, [*joints[1:], joints[0]], strict=True):
-                ends = joint.at[Y], following.at[Y]
-                leans = isinstance(joint.after, DrawnLine) and joint.after.across is None
-                if leans and abs(max(ends) - top) <= self.slack:
-                    found.add(self.joints.cell(min(ends)))
+                one, two = joint.at[Y], following.at[Y]
+                found[self.joints.cell(one)].append(two)
+                found[self.joints.cell(two)].append(one)
         return found
 
     def _add_arcs(self, holes: Sequence[tuple[float, float]]) -> None:
@@ -286,31 +290,32 @@ class _Dimensions:
         return curve.across == axis and (_side(curve.inner), axis, self.joints.cell(curve.place)) not in self.following
 
     def _add_corners(self, what: str, loops: Sequence[Sequence[Joint]], prefix: str) -> None:
-        """Variables for the other corners; those near an earlier one of their loop are steps from it, so that small things move whole."""
+        """Variables for the other corners: of those that mirror each other how far they are apart, of others how far from the axis, or from
+        what is nearer of their loop and has a place, the nearest first. Small things move whole, and run into nothing beside them."""
         drawn = [[joint for joint in loop if not joint.carried and not joint.about] for loop in loops]
         every = {(axis, self.joints.cell(joint.at[axis])) for loop in drawn for joint in loop for axis in (X, Y)}
-        stepped = set[tuple[int, int]]()
         for axis, loop in product((X, Y), drawn):
-            base = 0.0
-            for place in (joint.at[axis] for joint in loop if abs(joint.at[axis]) > self.slack):
+            places = {self.joints.cell(joint.at[axis]): joint.at[axis] for joint in loop if abs(joint.at[axis]) > self.slack}
+            placed = [0.0, *(place for cell, place in places.items() if (what, axis, cell) in self.known)]
+            left = [p for cell, p in places.items() if (what, axis, cell) not in self.known and (what, axis, cell) not in self.following]
+            while left:
+                place, base = min(product(left, placed), key=lambda pair: abs(pair[0] - pair[1]))
+                left.remove(place)
+                placed.append(place)
                 cell, mirrored = (self.joints.cell(p) for p in (place, -place))
-                if (what, axis, cell) in self.following:
-                    continue
-                both = (axis, mirrored) in every and (what, axis, mirrored) not in self.known
-                if (what, axis, cell) not in self.known and abs(place - base) <= NEAR * abs(place):
-                    step = self._new(f"{prefix}step_{'xy'[axis]}", place - base)
-                    row = sum_rows((self._place(what, axis, base), 1.0), ({step: 1.0}, 1.0))
-                    stepped |= {(axis, cell), (axis, mirrored)}
-                elif (what, axis, cell) not in self.known:
-                    word, size = ("corner_spacing", 2 * abs(place)) if both else ("corner", place)
-                    row = {self._new(f"{prefix}{word}_{'xy'[axis]}", size): place / size}
-                    base = place
-                else:
-                    base = base if (axis, cell) in stepped else place
-                    continue
-                self.known[what, axis, cell] = row
-                if both:
-                    self.known[what, axis, mirrored] = sum_rows((row, -1.0))
+                if (what, axis, cell) not in self.known:
+                    both = (axis, mirrored) in every and (what, axis, mirrored) not in self.known
+                    self.known[what, axis, cell] = row = self._corner_row(what, axis, place, base, both, prefix)
+                    if both:
+                        self.known[what, axis, mirrored] = sum_rows((row, -1.0))
+
+    def _corner_row(self, what: str, axis: int, place: float, base: float, both: bool, prefix: str) -> Row:
+        """A coordinate of a corner as a step from a `base`, as its own, or, of `both` that mirror each other, as half a spacing."""
+        if base and not (both and abs(place - base) > NEAR * abs(place)):
+            step = self._new(f"{prefix}step_{'xy'[axis]}", place - base)
+            return sum_rows((self._place(what, axis, base), 1.0), ({step: 1.0}, 1.0))
+        word, size = ("corner_spacing", 2 * abs(place)) if both else ("corner", place)
+        return {self._new(f"{prefix}{word}_{'xy'[axis]}", size): place / size}
 
     def _add(self, what: str, places: Iterable[tuple[int, float]], extents: tuple[str, str], single: tuple[str, str]) -> None:
         """Variables for places along an axis, those farthest out first; none for what lies on the axis itself."""
@@ -547,21 +552,29 @@ class _Dimensions:
         return sum_rows((self._radius("hole_diameter" if self.joints.holes[i] else "diameter", 2 * found[2]), 0.5))
 
     def circles_in_space(self) -> Iterator[RoundWall]:
-        """The circles of an extrusion along the world's axes."""
+        """The circles of an extrusion along the world's axes, and its arcs that have a centre."""
         if self.part.kind != "extrude" or not is_level(self.part):
             return
         turn = [[round(c) for c in row] for row in matrix_from_euler(self.part.rotation).tolist()]
         axis = next(a for a in range(3) if turn[a][2])
-        for i, loop in enumerate(self.outline.loops):
-            found = circle_of(loop)
-            if found is None:
-                continue
-            own = [self._place("center", k, found[k]) for k in (X, Y)]
+        for center, own, radius, size in (*self._circles(), *self._arcs()):
             places, rows = [0.0, 0.0, 0.0], list[Row]([{}, {}, {}])
             for a in range(3):
-                places[a] = self.part.center[a] + turn[a][0] * found[0] + turn[a][1] * found[1]
+                places[a] = self.part.center[a] + turn[a][0] * center[0] + turn[a][1] * center[1]
                 rows[a] = sum_rows(({6 * self.leaf + 3 + a: 1.0}, 1.0), (own[0], turn[a][0]), (own[1], turn[a][1]))
-            yield RoundWall(self.leaf, axis, places, rows, found[2], self._circle_size(i))
+            yield RoundWall(self.leaf, axis, places, rows, radius, size)
+
+    def _circles(self) -> Iterator[tuple[Point, Sequence[Row], float, Row]]:
+        """Centre and radius of each circle, in numbers and in variables."""
+        for i, loop in enumerate(self.outline.loops):
+            if found := circle_of(loop):
+                x, y, radius = found
+                yield (x, y), [self._place("center", k, found[k]) for k in (X, Y)], radius, self._circle_size(i)
+
+    def _arcs(self) -> Iterator[tuple[Point, Sequence[Row], float, Row]]:
+        """Of each arc that has a centre that and its radius, as of circles."""
+        arcs = {id(arc): arc for arc in self.joints.arcs() if not arc.loose}
+        yield from ((arc.center, [row or {} for row in arc.at], arc.radius, arc.size) for arc in arcs.values())
 
 
 def _has(places: Iterable[float], place: float, slack: float) -> bool:

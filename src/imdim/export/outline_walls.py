@@ -69,13 +69,17 @@ def find_flat_walls(
     leaf: int, part: Primitive, joints: OutlineJoints, row_of_line: Callable[[bool, int, float], Row]
 ) -> Iterator[FlatWall]:
     """The lines of an extrusion along its own axes that lie across one of the world's, and where both its axes are the world's of these the
-    outermost whatever they run along.
+    outermost whatever they run along; the flat faces of what is turned about a world axis.
 
     `row_of_line` says what the place of a line is the sum of, by whether it bounds a hole and by the axis that it lies across.
     """
-    if part.kind != "extrude":
-        return
     turn = exact_rotation(part)
+    if part.kind == "revolve":
+        axis = world_axis(turn[:, 2])
+        for line, side, run in _lines(joints) if axis is not None else ():
+            if line.across == Y:
+                yield _turned_wall(leaf, part, turn, side, line.place, row_of_line(line.inner, Y, line.place), max(map(abs, run)))
+        return
     for k, side in ((k, side) for k in (X, Y) for side in (-1, 1) if is_level(part)):
         place = joints.outline.bounds[side > 0][k]
         row = row_of_line(False, k, place)
@@ -97,6 +101,15 @@ def _lines(joints: OutlineJoints) -> Iterator[tuple[DrawnLine, int, tuple[float,
             if isinstance(line, DrawnLine) and line.across is not None:
                 run = joint.at[1 - line.across], following.at[1 - line.across]
                 yield line, int(math.copysign(1, (run[1] - run[0]) * left * (1 if line.across == X else -1))), run
+
+
+def _turned_wall(leaf: int, part: Primitive, turn: np.ndarray, side: int, place: float, row: Row, reach: float) -> FlatWall:
+    """A flat face of what is turned, as far as it reaches from the axis."""
+    axis = int(np.abs(turn[:, 2]).argmax())
+    across, way = (axis + 1) % 3, round(turn[axis, 2])
+    at = sum_rows(({6 * leaf + 3 + axis: 1.0}, 1.0), (row, way))
+    span = across, part.center[across] - reach, part.center[across] + reach
+    return FlatWall(leaf, axis, side * way, part.center[axis] + way * place, at, span)
 
 
 def _flat_wall(

@@ -1,13 +1,16 @@
-"""Where turned drawings end along their axis, and how they are cut off there."""
+"""Where turned drawings end along their axis, how they are cut off there, and their centre midway."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
+from imdim.geometry.solid import exact_rotation
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Outline, Ring, Vertex, orient_loops, ring_curves
-from imdim.program.tree import Primitive
+from imdim.program.tree import Primitive, Program, map_leaves
 
 
 def reach_along(leaf: Primitive) -> tuple[float, float]:
@@ -15,6 +18,20 @@ def reach_along(leaf: Primitive) -> tuple[float, float]:
     assert leaf.outline is not None
     (_, low), (_, high) = leaf.outline.bounds
     return low, high
+
+
+def centre_turned(program: Program) -> Program:
+    """The same program; turned drawings have their centre midway between their ends, from which their height is measured both ways."""
+    return map_leaves(program, lambda _, leaf: _centre(leaf) if leaf.kind == "revolve" else leaf)
+
+
+def _centre(leaf: Primitive) -> Primitive:
+    assert leaf.outline is not None
+    middle = sum(reach_along(leaf)) / 2
+    if not middle:
+        return leaf
+    x, y, z = (np.array(leaf.center) + middle * exact_rotation(leaf)[:, 2]).tolist()
+    return replace(leaf, center=(x, y, z), outline=leaf.outline.shift(0.0, -middle))
 
 
 def cut_off(leaf: Primitive, side: int, place: float, slack: float) -> Primitive | None:
