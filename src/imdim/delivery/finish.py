@@ -17,6 +17,7 @@ from imdim.export.relation_names import name_relations
 from imdim.geometry.finish.commute import Commutation, CommutedProgram
 from imdim.geometry.finish.extend import Face, plane_face
 from imdim.geometry.finish.far_ends import reach_far
+from imdim.geometry.finish.far_walls import reach_walls_far
 from imdim.geometry.finish.overshoot import overshoot
 from imdim.geometry.finish.turned_ends import centre_turned
 from imdim.program.constraints import WORLD, Constraint, Ref
@@ -102,11 +103,13 @@ def finish_flat(program: Program, folded: Folded | None = None, deadline: Deadli
 
 
 def _hide_ends(program: Program, folded: Folded | None, deadline: Deadline, edges: Sequence[EdgeFeature]) -> Program:
-    """A program with ends that nothing is seen of far out in the air, unless an edit takes them along with a face that is seen."""
+    """A program with ends that nothing is seen of far out in the air, unless an edit takes them along with a face that is seen, and walls
+    of drawings as far out where nothing is seen of them."""
     before, blended = program, _faces_at_edges(edges)
     for masks in (True, False):  # what ends beyond a mask's end follows that
         kept = blended | {(end.leaf, plane_face(end.local)) for end in find_followed_ends(program)}
         program = reach_far(program, folded, kept, deadline, masks)
+    program = reach_walls_far(program, folded, deadline)
     return preserve(before, program, together=_rows_of_copies(folded), deadline=deadline)
 
 

@@ -96,7 +96,7 @@ def _is_level(placed: list[PosedPrimitive], i: int, face: Face) -> bool:
 
 def _moved(program: Program, placed: list[PosedPrimitive], faces: _Faces, size: float) -> Iterator[list[PosedPrimitive]]:
     """The primitives with the faces further out, furthest first; as they are where they already lie so far out."""
-    for step in _round_numbers(REACH * size):
+    for step in round_numbers(REACH * size):
         if not any(_ends_within(program, placed, i, face, step, size) for i, face in faces):
             yield placed
         parts = list(placed)
@@ -115,7 +115,7 @@ def _ends_within(program: Program, placed: list[PosedPrimitive], i: int, face: F
     return matters(program, placed, i, between(leaf, face, -min(step, length(leaf, face)), -_skin(placed[i], face, size)))
 
 
-def _round_numbers(most: float) -> list[float]:
-    """A few round numbers up to the largest that there is."""
+def round_numbers(most: float) -> list[float]:
+    """A few round numbers up to `most`, the largest first."""
     power = math.floor(math.log10(most))
     return [n for n in (digit * 10.0**p for p in (power, power - 1) for digit in ROUND) if n <= most][:TRIES]
