@@ -36,7 +36,7 @@ FACETED = 1e-2  # of a body's own diagonal, that its corners may lie off the fea
 MOST = 8  # bodies that are mended
 
 
-class _Wall(NamedTuple):
+class _DrawnWall(NamedTuple):
     """A straight wall of an extrusion: its loop, and its curve there, of those that `orient_loops` gives."""
 
     loop: int
@@ -48,7 +48,7 @@ class _Move(NamedTuple):
 
     by: float
     leaf: int
-    face: Face | _Wall
+    face: Face | _DrawnWall
 
 
 def join_bodies(program: Program, solid: Manifold, deadline: Deadline = NEVER) -> Program:
@@ -88,7 +88,7 @@ def _trials(program: Program, body: Manifold, main: Manifold, solid: Manifold) -
         move for overlap in OVERLAPS for move in sorted(_moves(program, body, main, solid, overlap), key=lambda move: abs(move.by))
     )
     # a level is one number, and a wall is two corners
-    for move in sorted(moves, key=lambda move: isinstance(move.face, _Wall)):
+    for move in sorted(moves, key=lambda move: isinstance(move.face, _DrawnWall)):
         yield map_leaves(program, lambda i, leaf, move=move: _moved(leaf, move) if i == move.leaf else leaf)
 
 
@@ -139,24 +139,24 @@ def _moves(program: Program, body: Manifold, main: Manifold, solid: Manifold, ov
             yield from (_Move(join, i, wall) for wall, out in _walls(leaf, corners) if np.abs(out).min() <= reach)
 
 
-def _walls(leaf: Primitive, points: np.ndarray) -> Iterator[tuple[_Wall, np.ndarray]]:
+def _walls(leaf: Primitive, points: np.ndarray) -> Iterator[tuple[_DrawnWall, np.ndarray]]:
     """The straight walls of an extrusion, and how far points [n, 3] are outward of each."""
     assert leaf.outline is not None
     flat = ((points - leaf.center) @ exact_rotation(leaf))[:, :2]
     for k, ring in enumerate(orient_loops(leaf.outline.loops)):
         for j, (x, y, u, v, bulge) in enumerate([] if isinstance(ring, Ellipse) else ring_curves(ring)):
             if not bulge:
-                yield _Wall(k, j), (flat - (x, y)) @ (v - y, x - u) / math.hypot(u - x, v - y)
+                yield _DrawnWall(k, j), (flat - (x, y)) @ (v - y, x - u) / math.hypot(u - x, v - y)
 
 
 def _moved(leaf: Primitive, move: _Move) -> Primitive:
-    if isinstance(move.face, _Wall):
+    if isinstance(move.face, _DrawnWall):
         return _widened(leaf, move.face, move.by)
     whole = length(leaf, move.face)
     return between(leaf, move.face, -whole, move.by) if move.by > -whole else leaf
 
 
-def _widened(leaf: Primitive, wall: _Wall, by: float) -> Primitive:
+def _widened(leaf: Primitive, wall: _DrawnWall, by: float) -> Primitive:
     """With a wall further out; the leaf itself where its outline allows that not."""
     assert leaf.outline is not None
     ring = orient_loops(leaf.outline.loops)[wall.loop]
