@@ -60,7 +60,7 @@ LONG = 40  # primitives; so is one whose program is this long, which evolution s
 POOR_IF_CUT = 0.01  # of the volume; a search that was cut short and leaves more is compared with the decision tree
 TOUCH = EvolutionConfig(generations=60, patience=10)
 WORTH_MORE = 0.5  # of a primitive's price; error that a search goes on for although no fewer primitives can do
-BEYOND_DOUBT = 10.0  # bits by which a description is shorter that is chosen: a thousand to one
+BEYOND_DOUBT = 0.9  # times the bits, that a description has at most that is chosen: prices are counted in a few hundred designs
 FITS_AS_WELL = 1e-5  # of IoU
 NOTHING = 1e-7  # of the volume, of which a cut that takes no more takes nothing
 HIDDEN = 1e-5  # of it, by which solids of two forms of one program may differ
@@ -157,7 +157,7 @@ def _choose_described(run: Run, best: MethodStep) -> MethodStep | None:
         return None
     low, high = run.seen.families.arrangement.part
     part = PartBox(low, high, run.unit)
-    least, chosen = describe_bits(best.program, part) - BEYOND_DOUBT, None
+    least, chosen = BEYOND_DOUBT * describe_bits(best.program, part), None
     # ranges of one structure are settled by other rules
     of_its_own = (other for other in dict.fromkeys(best.others) if count(other).kinds != count(best.program).kinds)
     for other in of_its_own:
