@@ -84,3 +84,14 @@ def test_a_wide_face_that_bears_little_goes_on_by_less():
     mended = join_bodies(program, truth)
     assert bodies(mended) == 1
     assert volume_iou(to_manifold(mended), truth) > volume_iou(to_manifold(program), truth) - 3e-4
+
+
+def test_parts_that_are_joined_at_two_places_have_a_hole_between_them():
+    """A bridge that misses both its feet by a hair."""
+    feet = union(box(60, 10, 6), box(10, 10, 20, (-25, 0, 13)), box(10, 10, 20, (25, 0, 13)))
+    bridge = box(60, 10, 4, (0, 0, 25.0001))
+    truth = to_manifold(union(box(60, 10, 6), box(60, 10, 25, (0, 0, 14.5))))
+    program = union(feet, bridge)
+    assert bodies(program) == 2
+    mended = join_bodies(program, truth)
+    assert (census_of(to_manifold(mended)).bodies, census_of(to_manifold(mended)).through) == (1, 1)

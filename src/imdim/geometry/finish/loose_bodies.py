@@ -104,10 +104,12 @@ def _is_all_of(leaf: Primitive, body: Manifold) -> bool:
 
 
 def _is_mended(before: SolidCensus, out: Manifold, solid: Manifold) -> bool:
-    """Whether there are fewer bodies, and holes and voids are no further from those of the target."""
+    """Whether there are fewer bodies, and holes and voids are no further from those of the target. Bodies that are joined at two places
+    have a hole more between them."""
     after, wanted = census_of(out), census_of(solid)
-    pairs = zip(before.kind[1:], after.kind[1:], wanted.kind[1:], strict=True)
-    return after.bodies < before.bodies and all(abs(new - true) <= abs(old - true) for old, new, true in pairs)
+    joined, more = before.bodies - after.bodies, after.through - wanted.through
+    holes = abs(more) <= abs(before.through - wanted.through) or 0 < more <= joined
+    return joined > 0 and holes and abs(after.voids - wanted.voids) <= abs(before.voids - wanted.voids)
 
 
 def _moves(program: Program, body: Manifold, main: Manifold, solid: Manifold, overlap: float) -> Iterator[_Move]:
