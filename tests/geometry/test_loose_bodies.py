@@ -88,7 +88,7 @@ def test_a_wide_face_that_bears_little_goes_on_by_less():
 
 def test_parts_that_are_joined_at_two_places_have_a_hole_between_them():
     """A bridge that misses both its feet by a hair."""
-    feet = union(box(60, 10, 6), box(10, 10, 20, (-25, 0, 13)), box(10, 10, 20, (25, 0, 13)))
+    feet = cut(box(60, 10, 26, (0, 0, 10)), box(40, 12, 21, (0, 0, 13.5)))
     bridge = box(60, 10, 4, (0, 0, 25.0001))
     truth = to_manifold(union(box(60, 10, 6), box(60, 10, 25, (0, 0, 14.5))))
     program = union(feet, bridge)
