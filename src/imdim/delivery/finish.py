@@ -14,12 +14,14 @@ from imdim.export.followed_ends import find_followed_ends
 from imdim.export.numbers import round_program
 from imdim.export.parameters import Parameters, parametrise
 from imdim.export.relation_names import name_relations
+from imdim.geometry.census import census_of
 from imdim.geometry.finish.commute import Commutation, CommutedProgram
 from imdim.geometry.finish.extend import Face, plane_face
 from imdim.geometry.finish.far_ends import reach_far
 from imdim.geometry.finish.far_walls import reach_walls_far
 from imdim.geometry.finish.overshoot import overshoot
 from imdim.geometry.finish.turned_ends import centre_turned
+from imdim.geometry.solid import to_manifold
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.cost import count
 from imdim.program.edges import EdgeFeature, name_edges, renumber_edges
@@ -108,9 +110,15 @@ def _hide_ends(program: Program, folded: Folded | None, deadline: Deadline, edge
     before, blended = program, _faces_at_edges(edges)
     for masks in (True, False):  # what ends beyond a mask's end follows that
         kept = blended | {(end.leaf, plane_face(end.local)) for end in find_followed_ends(program)}
-        program = reach_far(program, folded, kept, deadline, masks)
-    program = reach_walls_far(program, folded, deadline)
+        program = _unparted(program, reach_far(program, folded, kept, deadline, masks))
+    program = _unparted(program, reach_walls_far(program, folded, deadline))
     return preserve(before, program, together=_rows_of_copies(folded), deadline=deadline)
+
+
+def _unparted(before: Program, after: Program) -> Program:
+    """What comes after, unless it has other bodies or holes: what holds parts together may be too thin for its volume to tell."""
+    kinds = (census_of(to_manifold(program)).kind for program in (before, after))
+    return before if after != before and len(set(kinds)) > 1 else after
 
 
 def _faces_at_edges(edges: Sequence[EdgeFeature]) -> set[tuple[int, Face | None]]:
