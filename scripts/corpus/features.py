@@ -15,6 +15,7 @@ BEYOND = 1.0  # by which cutters stick out of what they cut, as OpenSCAD needs i
 GRIDS, SHARES = (1.0, 0.5, 0.1), (0.7, 0.2, 0.1)  # of which dimensions are multiples, and how often
 SCREWS = ((3.4, 6.5), (4.5, 8.0), (5.5, 10.0), (6.6, 11.0), (9.0, 15.0))  # clearance holes and counterbores: ISO 273 medium, ISO 4762
 TURNS: tuple[Vec3, ...] = ((0.0, 90.0, 0.0), (-90.0, 0.0, 0.0), (0.0, 0.0, 0.0))  # which bring z to x, y and z
+UPRIGHT: Vec3 = (90.0, 0.0, 0.0)  # which brings an outline's y to z
 QUARTER = math.tan(math.pi / 8)  # bulge of a quarter of a circle
 
 
@@ -173,6 +174,11 @@ def _offset(point: tuple[float, float], before: float, after: float, distance: f
     middle, reach = (before + math.remainder(after - before, 2 * math.pi) / 2) + math.pi / 2, distance
     reach /= math.cos(math.remainder(after - before, 2 * math.pi) / 2)
     return point[0] + reach * math.cos(middle), point[1] + reach * math.sin(middle)
+
+
+def hexagon(flats: float) -> Loop:
+    """A regular hexagon about the origin, by the distance between two of its sides."""
+    return ring(circle(flats / 3**0.5, 6))
 
 
 def four(x: float, y: float) -> list[tuple[float, float]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from features import (
     BEYOND,
+    UPRIGHT,
     Draw,
     blind,
     block,
@@ -24,8 +25,6 @@ from features import (
 )
 
 from imdim.program.tree import Program
-
-UPRIGHT = (90.0, 0.0, 0.0)  # which brings an outline's y to z
 
 
 def mounting_plate(draw: Draw) -> Program:

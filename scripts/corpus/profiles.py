@@ -6,13 +6,14 @@ import math
 
 from features import (
     BEYOND,
+    UPRIGHT,
     Draw,
     bend,
     block,
-    circle,
     cut,
     extrusion,
     four,
+    hexagon,
     ring,
     rod,
     round_off,
@@ -28,8 +29,6 @@ from features import (
 
 from imdim.program.outline import Loop
 from imdim.program.tree import Program
-
-UPRIGHT = (90.0, 0.0, 0.0)  # which brings an outline's y to z
 
 
 def frame(draw: Draw) -> Program:
@@ -113,9 +112,8 @@ def nut_holder(draw: Draw) -> Program:
     n, t = draw.count(1, 4), deep + draw.length(2, 8)
     pitch = across * 1.2 + draw.length(3, 8)
     places = [((i - (n - 1) / 2) * pitch, 0.0) for i in range(n)]
-    hexagon = ring([(x * across / 3**0.5, y * across / 3**0.5) for x, y in circle(1.0, 6)])
     body = stand(0, 0, 0, (n * pitch, across * 1.2 + draw.length(3, 8), t))
-    pockets = [extrusion([hexagon], (x, y, t - (deep - BEYOND) / 2), deep + BEYOND) for x, y in places]
+    pockets = [extrusion([hexagon(across)], (x, y, t - (deep - BEYOND) / 2), deep + BEYOND) for x, y in places]
     return cut(body, *pockets, *(through(hole, (x, y, 0), t) for x, y in places))
 
 
@@ -163,8 +161,7 @@ def spanner(draw: Draw) -> Program:
     ends = [rod(2 * head, (0, 0, 0), t), rod(1.6 * head, (long, 0, 0), t)]
     jaw = window(-head, 0, 0, (2 * head, across, t))
     if draw.coin():
-        hexagon = ring([(x * across / 2 / 3**0.5 * 1.5, y * across / 2 / 3**0.5 * 1.5) for x, y in circle(1.0, 6)])
-        return cut(unite(handle, *ends), jaw, extrusion([hexagon], (long, 0, t / 2), t + 2 * BEYOND))
+        return cut(unite(handle, *ends), jaw, extrusion([hexagon(0.75 * across)], (long, 0, t / 2), t + 2 * BEYOND))
     return cut(unite(handle, *ends), jaw, through(draw.length(4, head), (long, 0, 0), t))
 
 

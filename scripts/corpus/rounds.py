@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from features import BEYOND, Draw, ball, blind, circle, cut, extrusion, four, ring, rod, stand, taper, through, turned, unite, window
+from features import BEYOND, Draw, ball, blind, circle, cut, extrusion, four, hexagon, rod, stand, taper, through, turned, unite, window
 
 from imdim.program.tree import Primitive, Program
 
@@ -64,8 +64,7 @@ def knob(draw: Draw) -> Program:
 def standoff(draw: Draw) -> Program:
     """A round or hexagonal post with a hole from either end or through."""
     wide, long, bore = draw.length(5, 12), draw.length(6, 30), draw.length(2, 4)
-    corners = [(x * wide / 2 / 0.75**0.5, y * wide / 2 / 0.75**0.5) for x, y in circle(1.0, 6)]
-    body: Program = extrusion([ring(corners)], (0, 0, long / 2), long) if draw.coin() else rod(wide, (0, 0, 0), long)
+    body: Program = extrusion([hexagon(wide)], (0, 0, long / 2), long) if draw.coin() else rod(wide, (0, 0, 0), long)
     if draw.coin(0.6):
         return cut(body, through(bore, (0, 0, 0), long))
     return cut(body, blind(bore, (0, 0, long), long / 3), rod(bore, (0, 0, -BEYOND), long / 3 + BEYOND))
