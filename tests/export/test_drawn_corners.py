@@ -18,7 +18,7 @@ from imdim.export.outline_joints import regular_of
 from imdim.export.parameters import Parameters, _share_corners
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.program.outline import Outline, arc_center, arc_radius, circle, loop_curves, reverse_loop
-from imdim.program.tree import Combine, Primitive
+from imdim.program.tree import Combine, Primitive, leaves
 
 
 def wedge(round_=4.0, x=18.0, bow=40.0, sides=6, nut=3.0):
@@ -129,6 +129,15 @@ def test_small_things_far_from_the_middle_move_whole():
     assert (delivered.values["plate_step_x"], delivered.values["plate_step_x_2"]) == (1.5, 1.0)
     before, after = (d.program.outline.loops[0] for d in (delivered, change_values(delivered, {"plate_corner_x_2": 32.5})))
     assert [b[0] - a[0] for a, b in zip(before, after, strict=True)] == pytest.approx([0, 4, 4, 4])
+
+
+def test_a_step_that_nobody_would_measure_has_no_name():
+    """Two corners of a kite lie half a micron off each other: what moves one of them moves the other."""
+    ring = ((-30.0, -3.0, 0.0), (2.0, -15.0, 0.0), (25.0, 4.0, 0.0), (5.0, 17.0, 0.0), (-4.0, 17.0005, 0.0))
+    delivered = opened(Primitive("extrude", (5.0,), outline=Outline((ring,))))
+    assert min(map(abs, delivered.values.values())) > 0.1
+    outline = next(iter(leaves(change_values(delivered, {"plate_step_y_2": 16.0}).program))).outline
+    assert sorted(y for _, y, _ in outline.loops[0])[-2:] == pytest.approx([20.0, 20.0005])
 
 
 def test_a_polygon_needs_whole_sides():

@@ -177,6 +177,10 @@ class LinearSystem:
         out[list(row)] = list(row.values())
         return out
 
+    def is_step(self, v: int) -> bool:
+        """Whether a further variable is by how much one corner or level of a drawing is off another."""
+        return "step" in self.extras[v - self.extra][1].split("_")
+
     def is_origin(self, v: int) -> bool:
         """Whether the variable is 0, and a coordinate or the radius of a cone's point: no name is needed for that."""
         is_place = v < self.extra or self.extras[v - self.extra][1] in ("center_x", "center_y", "center_z")

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 LEVEL = 1e-6  # of the largest size, within which faces are at one level
 FACING = 0.999  # the cosine to an axis of what looks along it
 NONE = 1e-9  # coefficients
+SHORTEST = 1e-4  # of the largest size: a step between two corners that is shorter is what their numbers are off by
 TRACE = 1e-6  # of the surface: less of a face is what rounding leaves of it
 
 
@@ -78,7 +79,8 @@ def _is_near(levels: np.ndarray, place: float, slack: float) -> bool:
 
 
 def find_unseen(system: LinearSystem, solved: Mapping[int, Mapping[int, object]], program: Program) -> set[int]:
-    """The variables that move hidden ends and walls of `program` alone; `solved` says what follows which."""
+    """The variables that move hidden ends and walls of `program` alone, and steps from corner to corner that are too short to be meant;
+    `solved` says what follows which."""
     parts, numbers, hidden = list(leaves(program)), lower(program), find_hidden_ends(program)
     ends = [e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers) if e.column >= 0]
     told = {v for e in ends if parts[e.leaf].kind != "cone" for v in system.place_of_end(e)}
@@ -87,7 +89,8 @@ def find_unseen(system: LinearSystem, solved: Mapping[int, Mapping[int, object]]
     drawn = list(rows_of_walls(system.drawn, program))
     shown += [row for row, seen in drawn if seen]
     hiding = {w for v in told for w in solved.get(v, (v,))} | {w for row, seen in drawn if not seen for w in _follow(row, solved)}
-    return hiding - {w for row in shown for w in _follow(row, solved)}
+    short = {v for v in range(system.extra, len(system.start)) if system.is_step(v) and abs(system.start[v]) < SHORTEST * system.length}
+    return hiding - {w for row in shown for w in _follow(row, solved)} | short
 
 
 def _follow(row: Mapping[int, float], solved: Mapping[int, Mapping[int, object]]) -> Iterator[int]:
