@@ -1,17 +1,19 @@
 """How often the form of a program is taken that is closer to the designer's, where plain features compete with drawings.
 
 python scripts/corpus/judge_choices.py [--each 7]     # so many designs of each kind are fitted: two to four seconds of the processor each
+python scripts/corpus/judge_choices.py --curve 0.1 0.33 [--each 1]     # as often for each of these prices of a curve in the search
 Each decision between plainer features and what they stand for is watched. Of both programs it is known how many of their features have a
 like one in the design: they explain the same points of the surface (Jaccard index of at least 0.8). A table says for each threshold of
 `imdim.reconstruction.plain_program`, and for others in its place, how often the closer program is taken, and how much of the likeness is
-lost where it is not.
+lost where it is not; the last rows are of the description in bits in place of all thresholds, plain features having so many times as many.
+With prices of a curve, it is the programs themselves that are compared with the designs.
 """
 
 from __future__ import annotations
 
 import argparse
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 from unittest import mock
@@ -23,8 +25,11 @@ from count_prices import make_designs
 import imdim
 from imdim.geometry import kernels
 from imdim.geometry.solid import to_manifold
+from imdim.program.cost import count
 from imdim.program.tree import Program, leaves
-from imdim.reconstruction import methods, plain_program
+from imdim.reconstruction import methods, pipeline, plain_program
+from imdim.reconstruction.description import describe_bits
+from imdim.reconstruction.design_events import PartBox
 from imdim.reconstruction.observation import Observation
 
 TRIALS = {
@@ -34,19 +39,23 @@ TRIALS = {
     "SLIGHTLY": (0.7, 0.9, 1.1),
     "FEW": (8, 10, 12, 14, 16),
 }
+BITS = (1.0, 1.05, 1.1, 1.15, 1.2)
 POINTS = 3000
 NEAR = 2e-3  # of the part's diagonal, within which a feature explains a point
 ALIKE = 0.8  # Jaccard index
 
 
 class Decision(NamedTuple):
-    """Plainer features and what they stand for, in the program of a part with `bounds` [2, 3], and how alike both are to the design."""
+    """Plainer features and what they stand for, in the program of a part with `bounds` [2, 3], how alike both are to the design, and in how
+    many bits each is described."""
 
     plain: Program
     drawn: Program
     bounds: np.ndarray
     plain_like: float
     drawn_like: float
+    plain_bits: float
+    drawn_bits: float
 
 
 def watch_decisions(design: Program) -> Iterator[Decision]:
@@ -59,25 +68,37 @@ def watch_decisions(design: Program) -> Iterator[Decision]:
         return decide(plain, drawn, seen)
 
     with mock.patch.object(methods, "is_plainer", watch):
-        points, (low, high) = _fit(design)
+        _, points, (low, high) = _fit(design)
     wanted = _explain(design, points, NEAR * float(np.linalg.norm(high - low)))
     for plain, drawn, seen in asked:
         first, last = seen.families.arrangement.part
         scale = float(np.linalg.norm(last - first) / np.linalg.norm(high - low))
         there = (points - (low + high) / 2) * scale + (first + last) / 2
         likes = (compare(_explain(program, there, NEAR * float(np.linalg.norm(last - first))), wanted) for program in (plain, drawn))
-        yield Decision(plain, drawn, seen.families.arrangement.bounds, *likes)
+        bits = (describe_bits(program, PartBox(first, last, 1 / scale)) for program in (plain, drawn))
+        yield Decision(plain, drawn, seen.families.arrangement.bounds, *likes, *bits)
 
 
-def _fit(design: Program) -> tuple[np.ndarray, np.ndarray]:
-    """Points [n, 3] of the surface of the mesh that is fitted, and its box [2, 3]."""
+def _fit(design: Program) -> tuple[Program, np.ndarray, np.ndarray]:
+    """The program for the design's mesh, points [n, 3] of the surface of that, and its box [2, 3]."""
     made = to_manifold(design).to_mesh64()
     mesh = trimesh.Trimesh(made.vert_properties[:, :3], made.tri_verts, process=False)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "design.stl"
         mesh.export(path)
-        imdim.reconstruct(path)
-    return np.asarray(trimesh.sample.sample_surface(mesh, POINTS, seed=0)[0]), np.asarray(mesh.bounds)
+        found = imdim.reconstruct(path).program
+    return found, np.asarray(trimesh.sample.sample_surface(mesh, POINTS, seed=0)[0]), np.asarray(mesh.bounds)
+
+
+def judge_price(curve: float, each: int) -> tuple[float, int]:
+    """How alike the programs are to their designs in the mean, at a price of a curve, and how many features they have."""
+    likes, features = list[float](), 0
+    with mock.patch.dict(pipeline.CURVE_PRICES, description=curve):
+        for design, part in make_designs(each):
+            found, points, _ = _fit(design)
+            likes.append(compare(*(_explain(program, points, NEAR * part.size) for program in (found, design))))
+            features += count(found).primitives
+    return sum(likes) / len(likes), features
 
 
 def _explain(program: Program, points: np.ndarray, near: float) -> np.ndarray:
@@ -103,18 +124,25 @@ def compare(ours: np.ndarray, theirs: np.ndarray) -> float:
 
 def judge(decisions: list[Decision]) -> tuple[int, float]:
     """How many decisions are right with the thresholds as they are, and what likeness is lost by the others."""
-    lost = [
-        abs(d.plain_like - d.drawn_like)
-        for d in decisions
-        if plain_program.is_hardly_longer(d.plain, d.drawn, *d.bounds) != (d.plain_like > d.drawn_like)
-    ]
+    return _judge(decisions, lambda d: plain_program.is_hardly_longer(d.plain, d.drawn, *d.bounds))
+
+
+def _judge(decisions: list[Decision], is_plain: Callable[[Decision], bool]) -> tuple[int, float]:
+    lost = [abs(d.plain_like - d.drawn_like) for d in decisions if is_plain(d) != (d.plain_like > d.drawn_like)]
     return len(decisions) - len(lost), sum(lost)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--each", type=int, default=7, help="designs of each kind")
-    seen = [decision for design, _ in make_designs(parser.parse_args().each) for decision in watch_decisions(design)]
+    parser.add_argument("--curve", type=float, nargs="+", default=(), help="prices of a curve, in primitives")
+    given = parser.parse_args()
+    for curve in given.curve:
+        like, features = judge_price(curve, given.each)
+        print(f"a curve at {curve}: {like:.3f} of the features are alike, {features} features", flush=True)
+    if given.curve:
+        return
+    seen = [decision for design, _ in make_designs(given.each) for decision in watch_decisions(design)]
     telling = [decision for decision in seen if decision.plain_like != decision.drawn_like]
     print(f"{len(seen)} decisions, {len(telling)} between programs that are not alike to the design\n")
     print("| threshold | | right | lost |\n| --- | --- | --- | --- |")
@@ -124,6 +152,9 @@ def main() -> None:
             with mock.patch.object(plain_program, name, value):
                 right, lost = judge(telling)
             print(f"| {name} | {value}{' (own)' if value == own else ''} | {right} | {lost:.1f} |", flush=True)
+    for times in BITS:
+        right, lost = _judge(telling, lambda d, times=times: d.plain_bits <= times * d.drawn_bits)
+        print(f"| bits | {times} | {right} | {lost:.1f} |", flush=True)
 
 
 if __name__ == "__main__":

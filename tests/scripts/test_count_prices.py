@@ -101,6 +101,6 @@ def test_decisions_are_right_where_the_closer_program_is_taken(counted):
     judge = importlib.import_module("judge_choices")
     bounds = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
     plain, long = box(1, 1, 1), union(*(box(0.1, 0.2, 0.3 + 0.01 * k, (0.013 * k, 0.0, 0.0)) for k in range(8)))
-    right = judge.Decision(plain, long, bounds, 1.0, 0.5)
-    wrong = judge.Decision(long, plain, bounds, 1.0, 0.75)
+    right = judge.Decision(plain, long, bounds, 1.0, 0.5, 40.0, 90.0)
+    wrong = judge.Decision(long, plain, bounds, 1.0, 0.75, 90.0, 40.0)
     assert judge.judge([right, right, wrong]) == (2, 0.25)
