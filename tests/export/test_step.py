@@ -1,3 +1,4 @@
+import json
 import math
 import re
 import subprocess
@@ -92,6 +93,22 @@ def test_a_process_of_its_own_gives_the_volume_or_the_reason(tmp_path, monkeypat
         step_worker.finish_step(slow, 0)
     assert slow.process.returncode is not None
     assert sorted(path.name for path in tmp_path.glob("*.step")) == ["good.step"]
+
+
+def test_the_worker_loads_no_compiled_kernels_where_no_edge_is_blended(tmp_path):
+    (tmp_path / "program.json").write_text(dumps(KNOWN["drilled block"][0]))
+    asked = json.dumps([str(tmp_path / "program.json"), str(tmp_path / "part.step"), "part", ["slab", "bore"]]).encode() + b"\n"
+    command = [sys.executable, "-X", "importtime", "-m", step_worker.__name__]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as worker:
+        assert worker.stdin is not None
+        assert worker.stdout is not None
+        worker.stdin.write(asked)
+        worker.stdin.flush()
+        assert worker.stdout.readline().endswith(b" 0 0\n")
+        loaded = {line.split("|")[-1].strip() for line in worker.communicate()[1].decode().splitlines()}
+    assert "'slab'" in (tmp_path / "part.step").read_text()
+    assert "OCP.OCP" in loaded
+    assert not {"numba", "scipy", "trimesh"} & loaded
 
 
 def test_faces_have_the_names_that_are_handed_over(tmp_path):

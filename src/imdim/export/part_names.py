@@ -5,7 +5,6 @@ from __future__ import annotations
 import unicodedata
 from typing import NamedTuple
 
-from imdim.export.feature_names import label_features
 from imdim.program.roles import signs
 from imdim.program.tree import Program
 
@@ -27,14 +26,19 @@ class PartNames(NamedTuple):
     @staticmethod
     def of(program: Program, part: str = NAMELESS, features: tuple[str, ...] | None = None) -> PartNames:
         """`features` are by default named by their roles."""
-        features = label_features(program) if features is None else features
-        return PartNames(spell(part) or NAMELESS, features, tuple(sign < 0 for sign in signs(program)))
+        return PartNames(spell(part) or NAMELESS, features or _label(program), tuple(sign < 0 for sign in signs(program)))
 
     def feature(self, leaf: int) -> tuple[str, Colour]:
         """The name and the colour of what a leaf made; numbers beyond the leaves are blends."""
         if leaf >= len(self.features):
             return BLEND, BLENDED
         return self.features[leaf], CUT if self.cuts[leaf] else ADDED
+
+
+def _label(program: Program) -> tuple[str, ...]:
+    from imdim.export.feature_names import label_features  # with it come compiled kernels, which who hands names over does without
+
+    return label_features(program)
 
 
 def spell(name: str) -> str:

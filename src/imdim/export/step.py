@@ -15,13 +15,11 @@ from typing import Any
 import numpy as np
 
 from imdim.export.part_names import PartNames
-from imdim.export.step_blends import Blending, blend_shape, no_blends
 from imdim.export.step_booleans import StepError, boolean, build, ocp, shape_volume
 from imdim.export.step_names import write_named
-from imdim.geometry.edges import find_edges
 from imdim.geometry.solid import exact_rotation
 from imdim.install import install_command
-from imdim.program.edges import EdgeFeature
+from imdim.program.edges import Blending, EdgeFeature
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Curve, Loop, arc_center, arc_radius, circle_of, regions, ring_curves
 from imdim.program.tree import FULL_TURN, Primitive, Program, Vec3, leaves, longest
@@ -47,11 +45,21 @@ def write_step(program: Program, path: Path, edges: Sequence[EdgeFeature] = (), 
 def write_stages(program: Program, path: Path, edges: Sequence[EdgeFeature] = (), names: PartNames | None = None) -> Iterator[Blending]:
     """Write a file as `write_step` does, first with all edges sharp and then, if it has any, another in its place; after each which edges
     are sharp in it."""
-    shape, stretches = to_shape(program), find_edges(program, edges).edges if edges else ()
-    names = names or PartNames.of(program)
+    shape, names = to_shape(program), names or PartNames.of(program)
     if not _write(shape, path, program, names):
         path.unlink()
         raise StepError("OpenCASCADE built a solid that is not valid once it is read back")
+    if edges:
+        yield from _write_blended(shape, path, program, edges, names)
+    else:
+        yield Blending()
+
+
+def _write_blended(shape: Any, path: Path, program: Program, edges: Sequence[EdgeFeature], names: PartNames) -> Iterator[Blending]:
+    from imdim.export.step_blends import blend_shape, no_blends  # with it come compiled kernels, half a second of the process
+    from imdim.geometry.edges import find_edges
+
+    stretches = find_edges(program, edges).edges
     yield no_blends(stretches)
     if stretches:
         blended, blending = blend_shape(shape, program, stretches, to_shape)
@@ -101,7 +109,13 @@ def to_shape(program: Program, edges: Sequence[EdgeFeature] = ()) -> Any:
     largest = longest(leaves(program))
     if largest < SMALLEST_SIZE:
         raise StepError(f"STEP needs a part larger than {SMALLEST_SIZE:g}, its largest size is {largest:g}")
-    shape, stretches = build(program, _place), find_edges(program, edges).edges if edges else ()
+    shape = build(program, _place)
+    if not edges:
+        return shape
+    from imdim.export.step_blends import blend_shape
+    from imdim.geometry.edges import find_edges
+
+    stretches = find_edges(program, edges).edges
     return blend_shape(shape, program, stretches, to_shape)[0] if stretches else shape
 
 

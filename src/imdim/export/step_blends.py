@@ -23,6 +23,7 @@ from imdim.geometry.edge_solids import BlendSolid, sweep_blends
 from imdim.geometry.edges import BlendedEdge, has_room
 from imdim.geometry.lowering import lower
 from imdim.geometry.solid import COMBINE, to_manifold
+from imdim.program.edges import Blending, EdgeNumber
 from imdim.program.tree import Program, leaves, longest
 
 AWAY = 1e-3  # of a blend's size, within which an edge of the shape lies on one of the program
@@ -35,15 +36,6 @@ CORNER = 0.5  # of the section times the size: what the volume may be off at a c
 VOLUME_ERROR = 1e-9  # relative
 NOISE = 1e-8  # of the volume, which is no change of it
 PATIENCE_S = 8.0  # for all blends of a part; what is not tried by then stays sharp
-
-EdgeNumber = tuple[int, int]  # of the feature, and of the edge there
-
-
-class Blending(NamedTuple):
-    """The edges of a solid that were to be blended, and those of them that stayed sharp."""
-
-    edges: tuple[EdgeNumber, ...]
-    sharp: tuple[EdgeNumber, ...]
 
 
 class _ShapeEdge(NamedTuple):

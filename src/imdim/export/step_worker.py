@@ -18,16 +18,15 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import IO, Any, NamedTuple
 
-from imdim.export.feature_names import label_features
 from imdim.export.part_names import NAMELESS, PartNames, spell
 from imdim.export.step import StepError, path_beside, step_volume, write_stages
 from imdim.export.step_booleans import ocp
 from imdim.install import install_command
 from imdim.program.codec import constraints_of, edges_of, from_json, meta_of, parse, read_folded
 from imdim.program.edges import scale_edges
-from imdim.program.tree import Primitive, map_leaves, map_lengths
+from imdim.program.tree import Primitive, Program, map_leaves, map_lengths
 from imdim.program.units import to_millimetres
 
 
@@ -180,6 +179,12 @@ def _scale(leaf: Primitive, factor: float) -> Primitive:
     return leaf if factor == 1 else map_lengths(leaf, lambda s: s * factor, (x, y, z))
 
 
+def _label(program: Program, document: dict[str, Any]) -> tuple[str, ...]:
+    from imdim.export.feature_names import label_features  # with it come compiled kernels, half a second of a process
+
+    return label_features(program, constraints_of(document), read_folded(document))
+
+
 def main() -> None:
     """The worker's side."""
     ocp("BRepAlgoAPI")  # with it comes all that is heavy
@@ -191,8 +196,8 @@ def main() -> None:
     try:
         read = parse(Path(document).read_text(encoding="utf-8"))
         program = from_json(read)
-        features = called or label_features(program, constraints_of(read), read_folded(read))
-        names, factor = PartNames.of(program, name, tuple(features)), to_millimetres(meta_of(read).units)
+        features = tuple(called) or _label(program, read)
+        names, factor = PartNames.of(program, name, features), to_millimetres(meta_of(read).units)
         program, edges_in = map_leaves(program, lambda _, leaf: _scale(leaf, factor)), scale_edges(edges_of(read), factor)
         for edges, sharp in write_stages(program, Path(out), edges_in, names):
             sys.stdout.write(f"{step_volume(Path(out))!r} {len(edges)} {len(sharp)}\n")

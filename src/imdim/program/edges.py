@@ -38,6 +38,16 @@ _WALL = re.compile(r"wall\[(\d+)\]\[(\d+)\]")
 _PLANES = {"box": "xyz", "cylinder": "z", "cone": "z", "extrude": "z"}
 
 
+EdgeNumber = tuple[int, int]  # of the feature, and of the edge there
+
+
+class Blending(NamedTuple):
+    """The edges of features that were to be blended in a solid, and those of them that stayed sharp."""
+
+    edges: tuple[EdgeNumber, ...] = ()
+    sharp: tuple[EdgeNumber, ...] = ()
+
+
 class Face(NamedTuple):
     """A face of leaf number `leaf`, by its name; see the module's table."""
 
