@@ -204,3 +204,22 @@ def test_names_are_shared_by_what_repeats_alike(found):
     assert both.parameters.counts == {"hole_count_x": 3, "hole_count_y": 2}
     assert both.parameters.values["hole_spacing_x"] == pytest.approx(30)
     assert both.parameters.values["hole_spacing_y"] == pytest.approx(40)
+
+
+@pytest.mark.tool
+def test_a_mirror_in_the_middle_of_a_body_goes_with_it(tmp_path):
+    """A plate that begins at the origin: its length has a name, which takes the plane between two posts along."""
+
+    def posts(length: float, apart: float = 54.0) -> Program:
+        plate, pair = box(length, 30, 6, (length / 2, 15, 3)), (length / 2 - apart / 2, length / 2 + apart / 2)
+        return union(plate, *(p for x in pair for p in (cylinder(5, 14, (x, 12, 13)), box(6, 20, 9, (x, 15, 10.5)))))
+
+    found = finish(*relations_of(posts(70.0)))
+    assert found.folded is not None
+    assert [repeat.kind for _, repeat in repeats(found.folded)] == ["mirror"]
+    assert found.parameters.values["plate_length"] == pytest.approx(70)
+    flat = to_openscad(found.program, SEGMENTS, found.parameters)
+    loops = to_openscad_loops(found.folded, SEGMENTS, found.parameters)
+    for text in (flat, loops):
+        solid = rendered(text, tmp_path, "plate_length=90", "boss_spacing=60")
+        assert volume_iou(solid, to_manifold(posts(90.0, 60.0), SEGMENTS)) == pytest.approx(1, abs=1e-6)

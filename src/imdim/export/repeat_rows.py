@@ -31,7 +31,7 @@ def add_repeats(system: LinearSystem, folded: Folded, parts: Sequence[Primitive]
         elif repeat.kind in ("linear", "grid"):
             _add_steps(system, repeat, first, own)
         elif repeat.kind == "mirror":
-            _add_mirror(system, repeat, first, own)
+            _add_mirror(system, repeat, first, own, parts)
         else:
             _add_circle(system, repeat, first, own, parts)
 
@@ -56,13 +56,18 @@ def _word(repeat: Repeat, axis: int) -> str:
     return "spacing" if plain else f"spacing_{'xyz'[axis]}"
 
 
-def _add_mirror(system: LinearSystem, repeat: Repeat, first: int, own: int) -> None:
-    """Each leaf as far from the plane as its image; what is equally far apart has one spacing."""
+def _add_mirror(system: LinearSystem, repeat: Repeat, first: int, own: int, parts: Sequence[Primitive]) -> None:
+    """Each leaf as far from the plane as its image; what is equally far apart has one spacing. A plane through the middle of another leaf
+    goes with that: a longer plate keeps its ears at its ends."""
     axis = world_axis(repeat.axis)
+    assert axis is not None
+    others = (i for i in range(len(parts)) if not first <= i < first + own * repeat.number)
+    hub = next((i for i in others if abs(parts[i].center[axis] - repeat.point[axis]) <= ZERO * system.length), None)
+    middle = {} if hub is None else {6 * hub + 3 + axis: -2.0}
     spacings: dict[float, int] = {}
     for j, a in product(range(own), range(3)):
         image, source = 6 * (first + own + j) + 3 + a, 6 * (first + j) + 3 + a
-        system.rows.append({image: 1.0, source: 1.0 if a == axis else -1.0})
+        system.rows.append({image: 1.0, source: 1.0} | middle if a == axis else {image: 1.0, source: -1.0})
         apart = system.start[image] - system.start[source]
         if a == axis and abs(apart) > ZERO * system.length:
             key = round(abs(apart) / system.length, 9)
