@@ -59,6 +59,16 @@ def test_a_slanting_row_stays_one() -> None:
     assert [leaf.size for leaf in leaves(out)] == [leaf.size for leaf in leaves(row(0.4, 1))]
 
 
+def test_a_grid_that_slants_by_single_precision_is_rounded() -> None:
+    """Places of a mesh's balls differ by their last bits: their grid stays one, with round numbers."""
+
+    def balls(noise: float) -> Program:
+        at = [(4.5 + 6.4 * x, 4.5 + 6.45 * y, 0.8 + noise * (x + y)) for x in (0, 1) for y in range(3)]
+        return combine_all("union", [Primitive("box", (15.4, 23.4, 0.8), (7.7, 11.7, 0.4)), *(Primitive("sphere", (2.5,), c) for c in at)])
+
+    assert round_circles(balls(1e-7), balls(0.0), lambda trial: True) == balls(0.0)
+
+
 def test_a_row_along_an_axis_is_rounded_place_by_place() -> None:
     assert round_circles(row(0.0), row(0.0, 1), lambda trial: False) == row(0.0, 1)
 

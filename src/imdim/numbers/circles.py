@@ -30,7 +30,8 @@ def round_circles(before: Program, after: Program, bears: Callable[[Program], bo
     folding = fold_repeats(before)
     size = extent(before)
     for number, repeat in () if folding is None else repeats(folding.folded):
-        slants = any(sum(abs(c) > SAME * size for c in step) > 1 for step in repeat.steps)
+        # a mesh's single precision is no slant
+        slants = any(sum(abs(c) > FINEST * size for c in step) > 1 for step in repeat.steps)
         if not (repeat.kind == "circular" or slants) or not isinstance(repeat.part, Primitive):
             continue
         assert folding is not None
