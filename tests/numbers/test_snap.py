@@ -67,6 +67,32 @@ def test_the_error_never_grows_beyond_the_tolerance():
         assert error(got) <= error(odd) * (1 + rel) + absolute + 1e-9
 
 
+def single(program: Program) -> Program:
+    """Numbers as a mesh in single precision has them."""
+    _, params = pack(program)
+    return unpack(program, np.hstack([params[:, :6].astype(np.float32), params[:, 6:]]))
+
+
+def test_what_a_mesh_tells_to_its_last_bits_is_not_rounded_further():
+    """A pocket of 10.5 in the middle of a long bar, whose walls are near rounder places; a wall on no grid is rounded."""
+    bar = Primitive("box", (11.0, 47.65, 274.32), (5.5, 23.825, 137.16))
+    pockets = [Primitive("box", (10.5, 10.5, 5.3), (5.5, 23.825, z)) for z in (10.65, 263.67)]
+    odd = Primitive("box", (3.0, 5.012345, 3.0), (5.5, 2.5061725, 137.16))
+    program = combine_all("difference", [bar, *pockets, odd])
+    error = Distance(program)
+    got, bold = (snap(single(program), error, config=SnapConfig(typed=typed, abs_tolerance=1e-3)) for typed in (True, False))
+    assert list(leaves(got))[:3] == [bar, *pockets]
+    assert list(leaves(got))[3].size[1] == pytest.approx(5.0, abs=1e-9)
+    assert list(leaves(bold))[1] != pockets[0]
+
+
+def test_what_is_near_a_typed_number_comes_to_that():
+    parts = [Primitive("sphere", (r,), (0.0, 0.0, 0.0)) for r in (1.0, 1.003, 1.01, 5.0)]
+    ((members, value),) = clusters(Values.of(parts), 0.05, {1.003})
+    assert (members.tolist(), value) == ([0, 6, 12], 1.003)
+    assert clusters(Values.of(parts), 0.05, {1.0, 1.003}) == []
+
+
 def test_an_odd_radius_among_equal_ones_stays_odd():
     odd = combine_all("difference", [PLATE, *HOLES[:3], Primitive("cylinder", (2.87, 8.0), HOLES[3].center)])
     got = snap(disturbed(odd, 0.005, 0.0), Distance(odd), config=SnapConfig(rel_tolerance=0.05))

@@ -44,6 +44,17 @@ def test_what_is_moved_is_told_by_all_places_of_an_axis():
     assert find_offset(list(leaves(BRACKET)), 0.01) == (0, 0, 0)
 
 
+def test_thousandths_that_a_mesh_tells_come_back():
+    """A tray with pockets, whose walls nobody would have noticed a hundredth away: relations and repeats do not move them either."""
+    pockets = [box(36.668, 17.4, 51.846, (x, y, 28.123)) for x in (20.734, 59.802, 98.87) for y in (11.1, 30.9)]
+    tray = cut(box(119.604, 42.0, 53.046, (59.802, 21.0, 26.523)), *pockets)
+    mesh = mesh_of(tray)
+    mesh.vertices = mesh.vertices.astype(np.float32)
+    parts = leaves(reconstruct_best(mesh, Settings(evolution=False)).program)
+    walls = {round(leaf.center[0] + side * leaf.size[0] / 2, 9) for leaf in parts for side in (-1, 1)}
+    assert walls == {0.0, 2.4, 39.068, 41.468, 78.136, 80.536, 117.204, 119.604}
+
+
 def test_places_from_anywhere_tell_of_no_origin():
     rng = np.random.default_rng(3)
     for count in (2, 6, 30):

@@ -8,7 +8,7 @@ to `outline_values`, and so is the angle of a turned one, which is no length.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -148,8 +148,9 @@ def span(leaves: list[Primitive]) -> float:
     return float(max(0.0, *widths, *drawn, values.numbers[values.classes == LENGTH].max(initial=0.0)))
 
 
-def clusters(values: Values, width: float) -> list[tuple[np.ndarray, float]]:
-    """Groups (indices, common value) of two or more unequal values of one class that span at most `width`."""
+def clusters(values: Values, width: float, typed: Collection[float] = ()) -> list[tuple[np.ndarray, float]]:
+    """Groups (indices, common value) of two or more unequal values of one class that span at most `width`; where one of them was `typed`,
+    the others come to that, and where several were, nothing does."""
     found = []
     for kind in range(LENGTH + 1):
         index = np.flatnonzero(values.classes == kind)
@@ -157,8 +158,9 @@ def clusters(values: Values, width: float) -> list[tuple[np.ndarray, float]]:
         while len(index):
             close = values.numbers[index] <= values.numbers[index[0]] + width
             numbers = values.numbers[index[close]]
-            if numbers[-1] > numbers[0]:
-                found.append((index[close], float(np.median(numbers))))
+            known = {number for number in numbers.tolist() if number in typed}
+            if numbers[-1] > numbers[0] and len(known) < 2:
+                found.append((index[close], known.pop() if known else float(np.median(numbers))))
             index = index[~close]
     return found
 

@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 
 from imdim.deadline import NEVER, Deadline
-from imdim.numbers.design_values import Values, clusters, decimal, equal_groups, grids, round_to_grid, span
+from imdim.numbers.design_values import Values, clusters, coarsest_widths, decimal, equal_groups, grids, round_to_grid, span
 from imdim.numbers.inches import are_inches
 from imdim.numbers.outline_values import snap_leaf
 from imdim.numbers.shared_rotations import round_together
@@ -26,6 +26,8 @@ C = TypeVar("C")
 
 OUTLINE_SHARES = (1.0, 0.3, 0.1, 0.03, 0.01)  # of the largest move, by which an outline is rounded
 SAME_DEG = 0.05  # within which leaves have the same directions, and turn together
+LAST_BITS = 1e-7  # of the span, by which single precision moves a value
+RARE = 50  # times that: a grid so wide holds a value by chance one time in 25
 ANGLE_STEPS = (15.0, 5.0, 1.0, 0.1)  # degrees
 
 
@@ -42,6 +44,7 @@ class SnapConfig:
     tries: int = 32  # evaluations that one round of proposals may cost
     max_calls: int = 300  # evaluations in all
     equalise: bool = True  # whether values that nearly agree are made equal, on no other evidence
+    typed: bool = False  # whether values that are on a grid to the last bits of a mesh were typed, and stay
 
 
 def snap(
@@ -62,10 +65,14 @@ def snap(
     parts = _snap_rotations(list(leaves(program)), judge, config)
     values = Values.of(parts)
     largest, inches = span(parts), are_inches(parts)
+    widths = grids(largest, config.finest * largest, inches)
+    typed = frozenset[float]()
+    if config.typed:
+        values, typed = _settle_typed(values, judge, config, largest, inches)
     for share in (0.1, 0.3, 1.0) if config.equalise else ():
-        changes = clusters(values, share * config.max_move * largest)
+        changes = clusters(values, share * config.max_move * largest, typed)
         values = accept_changes(values, changes, Values.with_numbers, judge.bears, config.tries)
-    values = _round(values, judge, config, grids(largest, config.finest * largest, inches), largest)
+    values = _round(values, judge, config, widths, largest, typed)
     return _rebuilt(program, _snap_outlines(tuple(values.primitives()), judge, config, largest, inches))
 
 
@@ -156,9 +163,25 @@ def _put_all(parts: tuple[Primitive, ...], change: Mapping[int, Primitive]) -> t
     return tuple(change.get(i, part) for i, part in enumerate(parts))
 
 
-def _round(values: Values, judge: _SnapJudge, config: SnapConfig, widths: Sequence[float], largest: float) -> Values:
-    """Coarsest grid first; values that took a grid are done, unless they turn out to have been carried by the others."""
-    start, pending = values, equal_groups(values)
+def _settle_typed(values: Values, judge: _SnapJudge, config: SnapConfig, largest: float, inches: bool) -> tuple[Values, frozenset[float]]:
+    """The values with those that the last bits of a mesh keep off a grid that is far wider, on it, and these: a mesh says so exactly where
+    its faces are that a number next to it on a coarser grid is another one, and what was equal stays so."""
+    slack = LAST_BITS * largest
+    wide = [width for width in grids(largest, slack, inches) if width >= RARE * slack]
+    groups = equal_groups(values)
+    numbers = np.array([values.numbers[group[0]] for group in groups])
+    found = coarsest_widths(numbers, wide, slack)
+    moves = [(group, round_to_grid(float(v), w)) for group, v, w in zip(groups, numbers, found, strict=True) if w]
+    values = accept_changes(values, moves, Values.with_numbers, judge.bears, config.tries)
+    return values, frozenset(number for group, number in moves if values.numbers[group[0]] == number)
+
+
+def _round(
+    values: Values, judge: _SnapJudge, config: SnapConfig, widths: Sequence[float], largest: float, typed: frozenset[float]
+) -> Values:
+    """Coarsest grid first; values that took a grid are done, unless they turn out to have been carried by the others, and so are those that
+    were `typed`."""
+    start, pending = values, [group for group in equal_groups(values) if float(values.numbers[group[0]]) not in typed]
     for grid in widths:
         moves = [(group, round_to_grid(float(values.numbers[group[0]]), grid)) for group in pending]
         close = [m for m in moves if _move(values, m) <= config.max_move * largest]

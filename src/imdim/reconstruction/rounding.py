@@ -115,7 +115,7 @@ class _Rounding:
         """The program with rounder numbers, the judge's limits divided by `caution`."""
         out, move, loss = self.plain, *((1e-3, 2e-6) if self.exact else (2e-3, 2e-5))
         for boldness in (1.0, 0.1, 0.01) if self.exact else (1.0, 0.3):
-            config = SnapConfig(max_move=move * boldness, abs_tolerance=loss * boldness, max_deg=SNAP_DEG * boldness)
+            config = SnapConfig(max_move=move * boldness, abs_tolerance=loss * boldness, max_deg=SNAP_DEG * boldness, typed=self.exact)
             out, whole = self._take(out, config, caution)
             if whole:
                 break
@@ -185,7 +185,8 @@ class _SolidJudge:
 
 
 def _group_copies(old: Sequence[Primitive], changes: Sequence[tuple[int, Primitive]]) -> list[dict[int, Primitive]]:
-    """Changes of leaves by number, those of leaves that were of one kind and size together: copies are rounded as one, or not at all."""
+    """Changes of leaves by number, those of leaves that were of one kind and size together: copies are rounded as one, or not at all, and
+    stay copies."""
     groups: list[dict[int, Primitive]] = []
     for i, leaf in changes:
         known = next((group for group in groups if _are_copies(old[i], old[next(iter(group))])), None)
@@ -193,7 +194,7 @@ def _group_copies(old: Sequence[Primitive], changes: Sequence[tuple[int, Primiti
             groups.append({i: leaf})
         else:
             known[i] = leaf
-    return groups
+    return [group for group in groups if all(_are_copies(leaf, next(iter(group.values()))) for leaf in group.values())]
 
 
 def _are_copies(a: Primitive, b: Primitive) -> bool:

@@ -44,8 +44,8 @@ SAME = 1e-10  # what a number moves by rounding, as a share of the part
 FLOOR = 2e-6  # share of the part's diagonal below which no number counts as known: what exact targets differ from their design by
 MIN_SUPPORT = 6.0  # what fewer points show is not shown, as in `refine`
 SIGNIFICANCE = 1e-4  # of the test by which a relation is given up
-ROUND, ROUND_DEG = 1e-4, 0.1  # the finest grid of round numbers, of the power of ten below the part's size; and in degrees
-COARSER = 100  # times the finest grid: that of rounder numbers
+ROUND = (1e-2, 1e-5)  # grids of rounder and of round numbers, times the power of ten below the part's size
+ROUND_DEG = (10.0, 0.1)  # the same in degrees
 FIRM, FIRMER = 1e4, 1e9  # points' worth that hold a round number, and a rounder one
 REVIEWS = 8  # relations that are given up at most
 SPANNED = 1e-6  # weights in combinations of rows that vanish
@@ -104,18 +104,18 @@ def exact_relations(program: Program, deadline: Deadline = NEVER) -> Discovery:
 def _firm_where_round(program: Program, length: float) -> Normal:
     """A metric in which sizes, places and directions that are round weigh so much that the others come to them, and what is rounder by
     far more than that: of a bolt circle one hole is at 30, 0, and another at 15, 25.98, where rounding has put it."""
-    finest = ROUND * 10.0 ** np.floor(np.log10(length))
+    grids = [share * 10.0 ** np.floor(np.log10(length)) for share in ROUND]
     weights = []
     for p in leaves(program):
-        lengths = [_firmness((value,), finest, length) for value in (*p.size, *(1.0,) * (3 - len(p.size)), *p.center)]
+        lengths = [_firmness((value,), grids, length) for value in (*p.size, *(1.0,) * (3 - len(p.size)), *p.center)]
         weights.append([*lengths, *[_firmness(p.rotation, ROUND_DEG, 360.0)] * 3])
     metric = uniform(len(weights))
     return replace(metric, matrix=metric.matrix * np.array(weights)[:, :, None])
 
 
-def _firmness(values: Sequence[float], finest: float, scale: float) -> float:
-    """What numbers weigh that are all on a grid, 1 for those on none."""
-    on = (all(abs(v - grid * round(v / grid)) <= SAME * scale for v in values) for grid in (COARSER * finest, finest))
+def _firmness(values: Sequence[float], grids: Sequence[float], scale: float) -> float:
+    """What numbers weigh that are all on a coarse or a fine grid, 1 for those on none."""
+    on = (all(abs(v - grid * round(v / grid)) <= SAME * scale for v in values) for grid in grids)
     return next((weight for weight, round_ in zip((FIRMER, FIRM), on, strict=True) if round_), 1.0)
 
 
