@@ -153,3 +153,17 @@ def test_one_arc_that_would_no_longer_meet_its_line_leaves_the_others_round():
     (loop,) = snap_outline(outline, 3e-3).loops
     assert [(x, y) for x, y, _ in loop if x < 1 or x > 29] == [(0.0, 0.0), (30.0, 0.0), (30.0, 20.0), (0.0, 20.0)]
     assert np.allclose(np.array(loop)[1:3], cap, atol=5e-2), "the cap stays"
+
+
+def test_an_outline_that_a_mesh_tells_to_its_last_bits_is_not_rounded_further():
+    """Walls and a round end in hundredths, a radius on no grid: the tolerance would bear tenths, and make one wall of two."""
+    radius = 3.0712345
+    hole = ((8.03 - radius, 4.51, 1.0), (8.03 + radius, 4.51, 1.0))
+    walls = ((0.0, 0.0, 0.0), (40.03, 0.0, 0.0), (40.03, 9.02, 0.0), (20.01, 9.02, 0.0), (20.01, 9.07, 0.0), (0.0, 9.07, 0.0))
+    single = Outline(tuple(tuple((float(np.float32(x)), float(np.float32(y)), b) for x, y, b in loop) for loop in (walls, hole)))
+    found, bold = snap_outline(single, 0.1, bits=4e-6), snap_outline(single, 0.1)
+    assert {v for x, y, _ in found.loops[0] for v in (x, y)} == {0.0, 20.01, 40.03, 9.02, 9.07}
+    ((start, end),) = found.loops[1:]
+    assert ((start[0] + end[0]) / 2, start[1]) == pytest.approx((8.03, 4.51), abs=1e-12)
+    assert (end[0] - start[0]) / 2 == pytest.approx(3.0, abs=0.1)
+    assert {v for x, y, _ in bold.loops[0] for v in (x, y)} != {0.0, 20.01, 40.03, 9.02, 9.07}

@@ -26,6 +26,8 @@ NORMAL_95 = 1.959964  # standard deviations to either side that hold 95 % of a n
 FINE = 0.1  # of a half-width, by which a number may be rounded without a claim
 INCH = 25.4  # millimetres
 FINEST_FRACTION = 128
+LAST_BITS = 1e-7  # of a part's span, by which single precision moves a value
+RARE = 50  # times that: a grid so wide holds a value by chance one time in 25
 LENGTH = 3  # classes 0, 1, 2 are positions along x, y, z
 UNUSED = -1
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
-from imdim.numbers.design_values import decimal, grids, is_level, round_to_grid
+from imdim.numbers.design_values import RARE, decimal, grids, is_level, round_to_grid
 from imdim.numbers.ellipse_values import snap_ellipse
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import (
@@ -80,15 +80,15 @@ Carrier = Line | Arc
 Condition = Callable[[Point], tuple[float, Point]]  # of a centre: how far it is from holding, and the derivative
 
 
-def snap_outline(outline: Outline, tolerance: float, offset: Point = (0.0, 0.0), inches: bool = False) -> Outline:
+def snap_outline(outline: Outline, tolerance: float, offset: Point = (0.0, 0.0), inches: bool = False, bits: float = 0.0) -> Outline:
     """The outline with round numbers in coordinates whose origin is at minus `offset`; the same one where a loop would degenerate.
-    Of a part in `inches` fractions of these are round too.
+    Of a part in `inches` fractions of these are round too. Numbers that are within `bits` of a grid that is far wider are on that.
 
     No carrier moves by more than about `tolerance`, along the curve that lies on it.
     """
     placed = outline.shift(*offset)
     try:
-        snapped = Outline(tuple(_tidy_loop(loop, *offset) for loop in _snap_loops(placed, tolerance, inches)))
+        snapped = Outline(tuple(_tidy_loop(loop, *offset) for loop in _snap_loops(placed, tolerance, inches, bits)))
         check_crossings(snapped)
     except (ValueError, ZeroDivisionError):
         return outline
@@ -98,9 +98,9 @@ def snap_outline(outline: Outline, tolerance: float, offset: Point = (0.0, 0.0),
     return snapped if same_way else outline
 
 
-def _snap_loops(outline: Outline, tolerance: float, inches: bool) -> Iterator[Loop]:
+def _snap_loops(outline: Outline, tolerance: float, inches: bool, bits: float) -> Iterator[Loop]:
     """The loops with round numbers; ellipses after the others, so that they take the centres and sizes that these have."""
-    rings = _snap_rings(tuple(outline.rings), tolerance, inches) if outline.rings else []
+    rings = _snap_rings(tuple(outline.rings), tolerance, inches, bits) if outline.rings else []
     circles = [found for found in map(circle_of, rings) if found]
     centers, lengths = [c[:2] for c in circles], [c[2] for c in circles]
     widths = _widths(outline, tolerance, inches)
@@ -124,12 +124,12 @@ class _PartedError(ValueError):
         self.curves = curves
 
 
-def _snap_rings(rings: tuple[Ring, ...], tolerance: float, inches: bool) -> list[Ring]:
+def _snap_rings(rings: tuple[Ring, ...], tolerance: float, inches: bool, bits: float) -> list[Ring]:
     """Loops with round numbers. Curves that would no longer meet keep theirs, for one rounding among many is no reason to leave all odd."""
     held: set[tuple[int, int]] = set()
     while True:
         try:
-            return _Snapping(rings, tolerance, inches, held).loops()
+            return _Snapping(rings, tolerance, inches, bits, held).loops()
         except _PartedError as parted:
             # an arc first, for a line may go on beyond it
             arcs = {(i, k) for i, k in parted.curves if rings[i][k][2]}
@@ -152,8 +152,9 @@ def _tidy_loop(loop: Loop, dx: float, dy: float) -> Loop:
     return tuple((_tidy(x - dx), _tidy(y - dy), b) for x, y, b in loop)
 
 
-def snap_leaf(leaf: Primitive, tolerance: float, inches: bool = False) -> Primitive:
-    """The leaf with a round outline, about whose middle its centre is; of one along the world's axes, the places in the world are round."""
+def snap_leaf(leaf: Primitive, tolerance: float, inches: bool = False, bits: float = 0.0) -> Primitive:
+    """The leaf with a round outline, about whose middle its centre is; of one along the world's axes, the places in the world are round.
+    See `snap_outline`."""
     if leaf.outline is None:
         return leaf
     rotation = matrix_from_euler(leaf.rotation)
@@ -161,7 +162,7 @@ def snap_leaf(leaf: Primitive, tolerance: float, inches: bool = False) -> Primit
     x, y, z = (rotation.T @ leaf.center).tolist() if is_level(leaf) else (0.0, 0.0, 0.0)
     across = leaf.kind == "extrude"
     offset = (x, y) if across else (0.0, z)
-    snapped = snap_outline(leaf.outline, tolerance, offset, inches)
+    snapped = snap_outline(leaf.outline, tolerance, offset, inches, bits)
     if snapped is leaf.outline:
         return leaf
     (left, low), (right, high) = snapped.bounds
@@ -193,12 +194,17 @@ class _Snapping:
     given: tuple[Ring, ...]
     tolerance: float
     inches: bool
+    bits: float
     held: set[tuple[int, int]]
     carriers: list[list[Carrier]] = field(init=False)
     widths: list[float] = field(init=False)
+    typed: list[float] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.widths = _widths(Outline(self.given), self.tolerance, self.inches)
+        outline = Outline(self.given)
+        self.widths = _widths(outline, self.tolerance, self.inches)
+        fine = _widths(outline, TENTH * self.bits, self.inches) if self.bits else []
+        self.typed = [width for width in fine if width >= RARE * self.bits]
         self.carriers = [[_carrier(curve) for curve in ring_curves(loop)] for loop in self.given]
 
     def loops(self) -> list[Ring]:
@@ -278,9 +284,10 @@ class _Snapping:
             self.carriers[i][k] = replace(arc, center=center, radius=radius)
 
     def _center(self, arc: Arc, radii: Sequence[float]) -> Point:
-        """The arc's own centre on the coarsest grid, which is not far away even where the points would allow it."""
-        for width in self.widths:
-            center = (round_to_grid(arc.center[0], width), round_to_grid(arc.center[1], width))
+        """The arc's own centre as it was typed or on the coarsest grid, which is not far away even where the points would allow it."""
+        (x, _), (y, _) = map(self._typed, arc.center)
+        typed = [] if x is None or y is None else [(x, y)]
+        for center in (*typed, *((round_to_grid(arc.center[0], width), round_to_grid(arc.center[1], width)) for width in self.widths)):
             if math.dist(center, arc.center) <= FARTHEST * self.tolerance and self._radius(arc, center, radii) is not None:
                 return center
         return arc.center
@@ -350,20 +357,32 @@ class _Snapping:
         return list(dict.fromkeys([(0.0, 0.0), *(arc.center for _, _, arc in self._arcs()), *middles]))[:MOST_HUBS]
 
     def _round(self, number: float, slack: float | None = None) -> tuple[float, float]:
-        """The number on the coarsest grid that moves it by no more than the `slack`, and the grid's width."""
+        """The number on the coarsest grid that moves it by no more than the `slack`, and the grid's width; that which it was typed on, if
+        it was."""
         slack = self.tolerance if slack is None else slack
+        place, width = self._typed(number)
+        if place is not None and abs(place - number) <= slack:
+            return place, width
         for width in self.widths:
             rounded = round_to_grid(number, width)
             if abs(rounded - number) <= slack:
                 return rounded, width
         return number, 0.0
 
+    def _typed(self, number: float) -> tuple[float | None, float]:
+        """What a number was typed as, and the grid's width; None where nothing tells."""
+        found = ((round_to_grid(number, width), width) for width in self.typed)
+        return next(((place, width) for place, width in found if abs(place - number) <= self.bits), (None, 0.0))
+
     def _merged(self, numbers: Sequence[float]) -> list[float]:
-        """Numbers that span no more than the tolerance become their median."""
+        """Numbers that span no more than the tolerance become their median, or what one of them was typed as."""
         out, order = list(numbers), sorted(range(len(numbers)), key=numbers.__getitem__)
         while order:
             close = [i for i in order if numbers[i] <= numbers[order[0]] + self.tolerance]
-            middle = float(np.median([numbers[i] for i in close]))
+            typed = {place for i in close if (place := self._typed(numbers[i])[0]) is not None}
+            if len(typed) > 1:  # each is what it is
+                close = [i for i in close if numbers[i] <= numbers[order[0]] + 2 * self.bits]
+            middle = typed.pop() if len(typed) == 1 else float(np.median([numbers[i] for i in close]))
             for i in close:
                 out[i] = middle
             order = order[len(close) :]

@@ -14,7 +14,18 @@ from typing import TypeVar
 import numpy as np
 
 from imdim.deadline import NEVER, Deadline
-from imdim.numbers.design_values import Values, clusters, coarsest_widths, decimal, equal_groups, grids, round_to_grid, span
+from imdim.numbers.design_values import (
+    LAST_BITS,
+    RARE,
+    Values,
+    clusters,
+    coarsest_widths,
+    decimal,
+    equal_groups,
+    grids,
+    round_to_grid,
+    span,
+)
 from imdim.numbers.inches import are_inches
 from imdim.numbers.outline_values import snap_leaf
 from imdim.numbers.shared_rotations import round_together
@@ -26,8 +37,6 @@ C = TypeVar("C")
 
 OUTLINE_SHARES = (1.0, 0.3, 0.1, 0.03, 0.01)  # of the largest move, by which an outline is rounded
 SAME_DEG = 0.05  # within which leaves have the same directions, and turn together
-LAST_BITS = 1e-7  # of the span, by which single precision moves a value
-RARE = 50  # times that: a grid so wide holds a value by chance one time in 25
 ANGLE_STEPS = (15.0, 5.0, 1.0, 0.1)  # degrees
 
 
@@ -140,10 +149,10 @@ def _snap_outlines(
     parts: tuple[Primitive, ...], judge: _SnapJudge, config: SnapConfig, largest: float, inches: bool
 ) -> tuple[Primitive, ...]:
     """Outlines rounded as boldly as they bear, and the angles that they turn by."""
-    start = parts
+    start, bits = parts, LAST_BITS * largest if config.typed else 0.0
     for share in OUTLINE_SHARES:
         slack = share * config.max_move * largest
-        offers = [(i, snap_leaf(p, slack, inches)) for i, p in enumerate(parts) if p is start[i] and p.outline]
+        offers = [(i, snap_leaf(p, slack, inches, bits)) for i, p in enumerate(parts) if p is start[i] and p.outline]
         offers = [(i, leaf) for i, leaf in offers if leaf != parts[i]]
         parts = accept_changes(parts, offers, _put, judge.bears_parts, config.tries)
     for step in ANGLE_STEPS:
