@@ -227,8 +227,8 @@ def summary(report: Mapping[str, Any], folder: Path) -> str:
     sharp = "" if report.get("edges_drawn") in (True, None) else " (program.scad draws them with -D edges=true)"
     lines += [f"  {'edges':<8} {'; '.join(said)}{sharp}"] if said else []
     lines += [f"  {said}" for said in report.get("left_out", [])]
-    told = {name: said for name, said in report["files"].items() if said.startswith(("skipped", "written, "))}
-    lines += [f"  {name} {said}{_later(name, said, folder)}" for name, said in told.items() if name != "program.loops.scad"]
+    skipped = {name: said for name, said in report["files"].items() if said.startswith(("skipped", "written, "))}
+    lines += [f"  {name} {said}{_later(name, said, folder)}" for name, said in skipped.items() if name != "program.loops.scad"]
     lines += [
         f"  {what:<8} {folder / name}"
         for what, name in (("picture", "preview.png"), ("page", "report.html"), ("program", "program.scad"), ("report", "report.json"))
@@ -247,11 +247,11 @@ def _verdict_lines(report: Mapping[str, Any]) -> list[str]:
     verdict = report.get("verdict")
     if verdict is None:
         return []
-    told: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+    groups: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
     for region in verdict["regions"]:
         if region["share"] >= LEAST_SAID:
-            told.setdefault((region["verdict"], region["what"]), []).append(region)
-    parts = [_describe_regions(*key, regions) for key, regions in told.items()]
+            groups.setdefault((region["verdict"], region["what"]), []).append(region)
+    parts = [_describe_regions(*key, regions) for key, regions in groups.items()]
     more = f"; and {len(parts) - SAID_REGIONS} more" if len(parts) > SAID_REGIONS else ""
     said = "; ".join(parts[:SAID_REGIONS])
     lines = [f"  {'verdict':<8} {verdict['overall']}: {verdict['says']}"]

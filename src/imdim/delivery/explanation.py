@@ -62,7 +62,7 @@ class Explanation:
         near = np.asarray(KDTree(self.at).query(points, k=min(AROUND, len(self.at)))[1])
         return self.thin[near].reshape(len(points), -1).mean(1) > 0.5
 
-    def is_told_worse(self, points: np.ndarray) -> np.ndarray:
+    def is_explained_worse(self, points: np.ndarray) -> np.ndarray:
         """Whether the sheet tells the cloud around each of `points` [n, 3] better than the program does."""
         near = np.asarray(KDTree(self.points).query(points, k=NEIGHBOURS)[1])
         return self.losses[near].mean(1) > 0

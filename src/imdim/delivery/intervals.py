@@ -31,7 +31,7 @@ from imdim.target.target import Target, sample_surface
 POINTS = 8192  # of a target, that tell
 SAME = 1e-9  # of the largest number, within which two are one
 PROBE = 1e-6  # of the part, by which an outline's coordinates are moved to see what follows
-TOLD = 1e-6  # share of a name that may follow from numbers that are no sums of names
+DETERMINED = 1e-6  # share of a name that may follow from numbers that are no sums of names
 DIGITS = 2  # significant digits of an interval
 
 
@@ -65,13 +65,13 @@ class _ReadNumber:
 class NameReadings:
     """How the names of a program are read from its numbers.
 
-    `slopes` [n, p] are the derivatives of each name by the coordinates of `start`, `told` [n] whether sums of names alone tell it, and
-    `bound` [m, p] the combinations of coordinates that names and relations hold together.
+    `slopes` [n, p] are the derivatives of each name by the coordinates of `start`, `determined` [n] whether sums of names alone tell it,
+    and `bound` [m, p] the combinations of coordinates that names and relations hold together.
     """
 
     start: Coordinates
     slopes: np.ndarray
-    told: np.ndarray
+    determined: np.ndarray
     bound: np.ndarray
 
     @staticmethod
@@ -90,7 +90,7 @@ class NameReadings:
         held, turns = np.pad(held, ((0, 0), (0, start.count - held.shape[1]))), _fixed_turns(found, start)
         bound = np.concatenate([held, turns, left[:, rank:].T @ slopes])
         by_name = (right[:rank].T / values[:rank]) @ left[:, :rank].T @ slopes
-        return NameReadings(start, by_name, np.linalg.norm(right[rank:], axis=0) < TOLD, bound)
+        return NameReadings(start, by_name, np.linalg.norm(right[rank:], axis=0) < DETERMINED, bound)
 
 
 def state_intervals(found: FinishedProgram, target: Target, deadline: Deadline = NEVER) -> dict[str, StatedInterval]:
@@ -102,7 +102,7 @@ def state_intervals(found: FinishedProgram, target: Target, deadline: Deadline =
     if readings is None:
         return {}
     known = measure(found.program, _points(target), readings.bound, deadline)
-    half = np.where(readings.told, known.half_widths(readings.slopes), np.inf)
+    half = np.where(readings.determined, known.half_widths(readings.slopes), np.inf)
     values = found.parameters.values
     measured = np.array(list(values.values())) + readings.slopes @ known.shift
     common = MeasuredLeaves.of(known).common

@@ -226,22 +226,22 @@ def _scores(scores: Scores) -> dict[str, Any]:
 def _verdict(verdict: SurfaceVerdict) -> dict[str, Any]:
     """What became of the target's surface, shares of 1, and what speaks against the program of a cloud or a scan; `regions` are those that
     are not exact, the largest first."""
-    told = verdict.explanation
+    explanation = verdict.explanation
     return {
         "overall": verdict.overall,
         "says": describe_shares(verdict),
         "shares": {name: number(share) for name, share in verdict.shares.items()},
         "tolerance": number(verdict.tolerance),
         "doubts": list(verdict.doubts),
-        **({} if told is None else {"explanation": _explanation(told)}),
+        **({} if explanation is None else {"explanation": _explanation(explanation)}),
         **({} if verdict.borne_out is None else {"borne_out": number(verdict.borne_out)}),
         "regions": [_region(region) for region in verdict.regions],
     }
 
 
-def _explanation(told: Explanation) -> dict[str, Any]:
+def _explanation(explanation: Explanation) -> dict[str, Any]:
     """How the program explains a cloud: nats per point, and shares of its own surface."""
-    return {name: number(getattr(told, name)) for name in ("gain", "shown_gain", "bare", "unseen", "blurred")}
+    return {name: number(getattr(explanation, name)) for name in ("gain", "shown_gain", "bare", "unseen", "blurred")}
 
 
 def _region(region: JudgedRegion) -> dict[str, Any]:

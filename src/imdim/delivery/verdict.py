@@ -38,8 +38,8 @@ WHOLE = 0.99  # share of the surface that is exact, from which a part is
 MOSTLY = 0.5  # share that is left out, from which a result is none; that is blurred, from which its inside is a guess
 BORNE_OUT = 0.9  # share of a scan's surface that a program must run along; what it leaves out else is more than dents and bulges
 BARE = 0.05  # share of a result's surface that no point is near, from which it is a result in part
-LEAST_TOLD = 1e-4  # share of the surface: a smaller region is not listed
-MOST_TOLD = 40  # regions
+LEAST_LISTED = 1e-4  # share of the surface: a smaller region is not listed
+MOST_LISTED = 40  # regions
 ROUNDING = 1e-9
 FACES_ONE_WAY = 0.8  # length of the mean normal of a region that lies on one side of the part
 
@@ -83,13 +83,13 @@ class SurfaceVerdict:
         thinner than the noise, or too much of a scan runs elsewhere, "exact" where nearly all of the part is."""
         if self.shares["left out"] > MOSTLY:
             return "left out"
-        told, borne_out = self.explanation, 1.0 if self.borne_out is None else self.borne_out
-        if borne_out < MOSTLY or (told is not None and told.shown_gain < 0):
+        explanation, borne_out = self.explanation, 1.0 if self.borne_out is None else self.borne_out
+        if borne_out < MOSTLY or (explanation is not None and explanation.shown_gain < 0):
             return "not explained"
-        guessed = told is not None and (told.bare > BARE or max(told.blurred, told.unseen) > MOSTLY)
-        if borne_out < BORNE_OUT or guessed or (told is not None and told.gain < 0):
+        guessed = explanation is not None and (explanation.bare > BARE or max(explanation.blurred, explanation.unseen) > MOSTLY)
+        if borne_out < BORNE_OUT or guessed or (explanation is not None and explanation.gain < 0):
             return "partial"
-        whole = self.shares["exact"] >= WHOLE and (told is None or told.bare + told.unseen <= 1 - WHOLE)
+        whole = self.shares["exact"] >= WHOLE and (explanation is None or explanation.bare + explanation.unseen <= 1 - WHOLE)
         return "exact" if whole else "approximated"
 
     @property
@@ -120,40 +120,40 @@ def judge(
         codes = _judge_elements(elements, far, tree)
     else:
         far, codes = np.full(len(elements.points), np.inf), np.full(len(elements.points), LEFT_OUT)
-    told = None if program is None or elements.noise is None else explain(program, elements.points, elements.noise, target.scanners)
+    explanation = None if program is None or elements.noise is None else explain(program, elements.points, elements.noise, target.scanners)
     borne_out = None
     if program is not None and scanned and elements.mesh is not None:
         deviation = DEVIATION * diagonal(elements.points)
         borne_out = share_borne_out(program, elements.points, elements.normals, elements.areas, deviation)
-    if told is not None:
-        codes = np.where((codes == EXACT) & _doubted(told, elements.points), APPROXIMATED, codes)
+    if explanation is not None:
+        codes = np.where((codes == EXACT) & _doubted(explanation, elements.points), APPROXIMATED, codes)
     found = list(_recognise(elements, codes != EXACT))
     for one in found:
         # teeth that are not followed are left out as a whole, tips and roots with the flanks
         codes[one.chosen] = _most_of(elements, codes, one.chosen)
     areas = np.bincount(codes, elements.areas, len(VERDICTS))
     share_of = areas / areas.sum()
-    regions = sorted(_regions(elements, codes, _furthest(elements, codes, far, tree), found), key=lambda region: -region.share)[:MOST_TOLD]
+    regions = sorted(_regions(elements, codes, _furthest(elements, codes, far, tree), found), key=lambda r: -r.share)[:MOST_LISTED]
     shares: dict[str, float] = dict(zip(VERDICTS, share_of.tolist(), strict=True))
-    return SurfaceVerdict(shares, float(np.median(elements.tolerance)), tuple(regions), elements, codes, told, borne_out)
+    return SurfaceVerdict(shares, float(np.median(elements.tolerance)), tuple(regions), elements, codes, explanation, borne_out)
 
 
-def _doubted(told: Explanation, points: np.ndarray) -> np.ndarray:
+def _doubted(explanation: Explanation, points: np.ndarray) -> np.ndarray:
     """Which of the points [n, 3] of a cloud show the program no more than something else that runs past them."""
-    thin = told.is_blurred(points)
-    return thin | told.is_told_worse(points) if told.shown_gain < 0 else thin
+    thin = explanation.is_blurred(points)
+    return thin | explanation.is_explained_worse(points) if explanation.shown_gain < 0 else thin
 
 
-def _doubts(told: Explanation) -> Iterator[str]:
-    if told.shown_gain < 0:
+def _doubts(explanation: Explanation) -> Iterator[str]:
+    if explanation.shown_gain < 0:
         yield "the program does not explain the points: a smooth sheet through their neighbours tells them better than its surface does"
-    if told.bare > 1 - WHOLE:
-        seen = "a scanner would have seen it" if told.unseen else "nobody saw it, or it is not there"
-        yield f"no point is near {percent(told.bare)} of the program's surface: {seen}"
-    if told.unseen > 1 - WHOLE:
-        yield f"no scanner could see {percent(told.unseen)} of the program's surface: it closes what was seen in the shortest way"
-    if told.blurred > 1 - WHOLE:
-        yield f"{percent(told.blurred)} of the program's surface is on walls thinner than the noise: their thickness is not known"
+    if explanation.bare > 1 - WHOLE:
+        seen = "a scanner would have seen it" if explanation.unseen else "nobody saw it, or it is not there"
+        yield f"no point is near {percent(explanation.bare)} of the program's surface: {seen}"
+    if explanation.unseen > 1 - WHOLE:
+        yield f"no scanner could see {percent(explanation.unseen)} of the program's surface: it closes what was seen in the shortest way"
+    if explanation.blurred > 1 - WHOLE:
+        yield f"{percent(explanation.blurred)} of the program's surface is on walls thinner than the noise: their thickness is not known"
 
 
 def _judge_elements(elements: SurfaceElements, far: np.ndarray, tree: TriangleTree) -> np.ndarray:
@@ -233,8 +233,8 @@ def _regions(elements: SurfaceElements, codes: np.ndarray, far: np.ndarray, foun
     count, label = components(a[joined], b[joined], len(codes))
     areas = np.bincount(label, elements.areas * rest, count)
     bent = None if elements.facets is None else bent_two_ways(elements.facets)
-    for number in np.argsort(-areas, kind="stable")[:MOST_TOLD]:
-        if areas[number] >= LEAST_TOLD * total:
+    for number in np.argsort(-areas, kind="stable")[:MOST_LISTED]:
+        if areas[number] >= LEAST_LISTED * total:
             chosen = label == number
             free = bent is not None and elements.facets is not None and is_freeform(elements, elements.facets, bent, chosen)
             kind = "freeform" if free else ""

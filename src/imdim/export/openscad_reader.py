@@ -70,8 +70,8 @@ def read_openscad(text: str, given: Mapping[str, float] | None = None, blended: 
             values[assigned[1]] = given.get(assigned[1], _value(_parse(assigned[2], number), values, number))
         else:
             # of many readings of one text with a name moved, most statements know nothing of it
-            told = tuple((name, values[name]) for name in _names_in(line) if name in values)
-            open_blocks[-1][1].append(_primitive(line, told, number))
+            named = tuple((name, values[name]) for name in _names_in(line) if name in values)
+            open_blocks[-1][1].append(_primitive(line, named, number))
     if len(open_blocks) != 1 or not open_blocks[0][1]:
         raise ValueError(f"OpenSCAD text ends with {len(open_blocks) - 1} open blocks and {len(open_blocks[0][1])} solids")
     unknown = sorted(set(given) - set(values))
@@ -104,9 +104,9 @@ def _names_in(line: str) -> tuple[str, ...]:
 
 
 @lru_cache(4096)
-def _primitive(line: str, told: tuple[tuple[str, float], ...], number: int) -> Primitive:
-    """What a statement says where its names have the values `told`."""
-    values = dict(told)
+def _primitive(line: str, named: tuple[tuple[str, float], ...], number: int) -> Primitive:
+    """What a statement says where its names have the values `named`."""
+    values = dict(named)
     placed = _CALLS.fullmatch(line)
     if placed is None:
         raise ValueError(f"line {number} is not flat OpenSCAD of ours: {line!r}")

@@ -235,8 +235,8 @@ _Solved = dict[int, list[tuple[int, Fraction | float]]]
 def _terms(row: dict[int, float], system: LinearSystem, unseen: Collection[int]) -> list[tuple[int, Fraction | float]]:
     """The coefficients, as fractions where a person would write these; a place that is 0 is left out, and what is `unseen`."""
     # places first, sizes after them, spacings and diameters last
-    told = (v for v in row if v not in unseen and not system.is_origin(v) and abs(row[v]) >= FAINT)
-    kept = sorted(told, key=lambda v: (v >= system.extra, v % 6 < 3, v))
+    seen = (v for v in row if v not in unseen and not system.is_origin(v) and abs(row[v]) >= FAINT)
+    kept = sorted(seen, key=lambda v: (v >= system.extra, v % 6 < 3, v))
     return [(v, simple_fraction(row[v])) for v in kept]
 
 

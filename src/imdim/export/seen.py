@@ -83,12 +83,12 @@ def find_unseen(system: LinearSystem, solved: Mapping[int, Mapping[int, object]]
     `solved` says what follows which."""
     parts, numbers, hidden = list(leaves(program)), lower(program), find_hidden_ends(program)
     ends = [e for i in range(len(parts)) for e in ends_of(i, parts[i], numbers) if e.column >= 0]
-    told = {v for e in ends if parts[e.leaf].kind != "cone" for v in system.place_of_end(e)}
+    ending = {v for e in ends if parts[e.leaf].kind != "cone" for v in system.place_of_end(e)}
     shown = [system.place_of_end(e) for e in ends if (e.leaf, e.axis, e.side) not in hidden]
-    shown += [{v: 1.0} for v in range(system.extra) if v not in told]
+    shown += [{v: 1.0} for v in range(system.extra) if v not in ending]
     drawn = list(rows_of_walls(system.drawn, program))
     shown += [row for row, seen in drawn if seen]
-    hiding = {w for v in told for w in solved.get(v, (v,))} | {w for row, seen in drawn if not seen for w in _follow(row, solved)}
+    hiding = {w for v in ending for w in solved.get(v, (v,))} | {w for row, seen in drawn if not seen for w in _follow(row, solved)}
     short = {v for v in range(system.extra, len(system.start)) if system.is_step(v) and abs(system.start[v]) < SHORTEST * system.length}
     return hiding - {w for row in shown for w in _follow(row, solved)} | short
 

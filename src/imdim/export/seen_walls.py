@@ -36,7 +36,7 @@ def rows_of_walls(drawn: Mapping[int, Drawn], program: Program) -> Iterator[tupl
             if isinstance(loop, tuple) and not isinstance(ring, Ellipse) and parts[leaf].kind == "extrude":
                 curves = ring_curves(ring)
                 seen = [(leaf, n, k) not in hidden for k in range(len(curves))]
-                yield from (told for k, v in enumerate(loop) for told in _rows_of_vertex(v, k, curves, seen))
+                yield from (row for k, v in enumerate(loop) for row in _rows_of_vertex(v, k, curves, seen))
             else:
                 yield from ((number.row, True) for number in numbers_of(loop))
 

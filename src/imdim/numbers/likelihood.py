@@ -58,9 +58,9 @@ class SurfaceSamples:
         `shadows`."""
         parts = list(leaves(program))
         areas = np.array([surface_area(p.kind, p.size, p.outline) for p in parts])
-        glance = len(_visible(program, parts, _counts(areas, LEAST_DRAWN), GAP * sigma)[0]) / LEAST_DRAWN
+        visible = len(_visible(program, parts, _counts(areas, LEAST_DRAWN), GAP * sigma)[0]) / LEAST_DRAWN
         # every other sample of an even set is not even: their number has to be right at once
-        wanted = np.clip(areas.sum() / (APART * sigma) ** 2, LEAST_DRAWN, min(most / max(glance, 1e-3), most / MOST_SAMPLES * MOST_DRAWN))
+        wanted = np.clip(areas.sum() / (APART * sigma) ** 2, LEAST_DRAWN, min(most / max(visible, 1e-3), most / MOST_SAMPLES * MOST_DRAWN))
         points, normals = _visible(program, parts, _counts(areas, wanted), GAP * sigma)
         if shadows is not None:
             points, normals = shadows.leave(points, normals)

@@ -61,20 +61,20 @@ def measure(program: Program, points: np.ndarray, rows: np.ndarray, deadline: De
         if not len(shown.points):
             break
         bends = bends_of(now.numbers, shown.points, shown.normals, length)
-        told = inform(points, shown, bends, now.tangents(shown) @ basis, noise)
-        values, vectors = np.linalg.eigh(told.curvature)
+        known = inform(points, shown, bends, now.tangents(shown) @ basis, noise)
+        values, vectors = np.linalg.eigh(known.curvature)
         points_worth = values * noise.sigma**2
         seen, shown_well = points_worth >= LEAST, points_worth >= SUPPORT
         inverse = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
-        covariance, hidden = inverse @ told.scatter @ inverse, vectors[:, ~seen]
-        step = (vectors[:, shown_well] / values[shown_well]) @ (vectors[:, shown_well].T @ told.slope)
-        noise = told.noise
+        covariance, hidden = inverse @ known.scatter @ inverse, vectors[:, ~seen]
+        step = (vectors[:, shown_well] / values[shown_well]) @ (vectors[:, shown_well].T @ known.slope)
+        noise = known.noise
         step *= min(1.0, FAR * noise.sigma / max(float(np.abs(step).max(initial=0.0)), 1e-300))
         shift += step
         at = start.move(basis @ shift)
         still = np.abs(step) <= STILL * np.sqrt(np.maximum(np.diagonal(covariance), 0.0)) + 1e-12 * length
         if still.all() or deadline.has_passed() or done == rounds - 1:
-            covariance *= measure_spread(told.places, told.residual)
+            covariance *= measure_spread(known.places, known.residual)
             break
     return Measured(start, at, basis @ shift, basis @ covariance @ basis.T, basis @ hidden, noise)
 

@@ -179,7 +179,7 @@ class _NoisyCloud:
     def _search(self, programs: Sequence[Program], candidates: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The shortest that several searches come to which share the time: from the best primitive or wall, from the best drawing of each
         kind and from the best of `programs`. What grows from one part is quick and stays short; of `programs`, which are long, the best is
-        known at least where time is out. In the end what the others found is lent to the best.
+        known at least where time is out. In the end what the others found is offered to the best.
         """
         if deadline.has_passed() or not candidates:
             return self._start(programs, deadline)
@@ -188,11 +188,11 @@ class _NoisyCloud:
         # with what the others begin with each would become as they are
         drawn = [[p for p in singles if p.outline is not None and p.kind == kind] for kind in ("revolve", "extrude")]
         groups = [(plain, plain), *((own, [*plain, *own]) for own in drawn)]
-        starts = [(self._first(some, deadline), lent) for some, lent in groups if some]
+        starts = [(self._first(some, deadline), offered) for some, offered in groups if some]
         starts.append((self._start(programs, deadline), candidates))
-        best, *others = self._in_turn([_Lineage(s, self._length(s), self._shorten(s, lent, deadline)) for s, lent in starts])
-        lent = [*candidates, *(leaf for other in others for leaf in leaves(other.program))]
-        return deque([best, *(found for found, _ in self._shorten(best, lent, deadline))], maxlen=1).pop()
+        best, *others = self._in_turn([_Lineage(s, self._length(s), self._shorten(s, offered, deadline)) for s, offered in starts])
+        offered = [*candidates, *(leaf for other in others for leaf in leaves(other.program))]
+        return deque([best, *(found for found, _ in self._shorten(best, offered, deadline))], maxlen=1).pop()
 
     @staticmethod
     def _in_turn(lineages: list[_Lineage]) -> list[FittedProgram]:

@@ -10,7 +10,7 @@ import numpy as np
 from imdim.program.sequence import Step
 from imdim.search.arrangement import span_along
 from imdim.search.candidate_families import Candidate, Families
-from imdim.search.sequence import Covered, Pair, Sequence, apply, gaps, is_silent, spell_out
+from imdim.search.sequence import Covered, Pair, Sequence, apply, gaps, leave_unchanged, spell_out
 
 
 def tidy(sequence: Sequence, families: Families) -> Sequence:
@@ -22,31 +22,31 @@ def tidy(sequence: Sequence, families: Families) -> Sequence:
     sequence = spell_out(sequence, families)
     places = list(gaps(sequence, len(families.cells.points)))
     state = np.zeros(len(families.cells.points), bool)
-    for i, (_, _, silent) in enumerate(places[-2::-1]):
-        sequence = _tidy_step(sequence, i, state, silent, families)
+    for i, (_, _, unchanged) in enumerate(places[-2::-1]):
+        sequence = _tidy_step(sequence, i, state, unchanged, families)
         state = apply(state, sequence[i])
     places = list(gaps(sequence, len(families.cells.points)))
-    silent = np.ones(len(families.cells.points), bool)
+    unchanged = np.ones(len(families.cells.points), bool)
     for (_, _, free), (i, state, _) in pairwise(places):
-        sequence = _widen_step(sequence, i, state, free, silent, families)
-        silent &= is_silent(sequence[i])
+        sequence = _widen_step(sequence, i, state, free, unchanged, families)
+        unchanged &= leave_unchanged(sequence[i])
     return sequence
 
 
-def _widen_step(sequence: Sequence, i: int, before: np.ndarray, free: np.ndarray, silent: np.ndarray, families: Families) -> Sequence:
+def _widen_step(sequence: Sequence, i: int, before: np.ndarray, free: np.ndarray, unchanged: np.ndarray, families: Families) -> Sequence:
     """An outline that is cut away or kept, wider where no cell matters, of those filled `before` [m] on which the later steps were
-    `free` [m]; these are `silent` [m] by now."""
+    `free` [m]; these are `unchanged` [m] by now."""
     op, term = sequence[i]
     if op == "union" or not isinstance(term.shape, Candidate) or term.shape.source[0] != "outline":
         return sequence
     plane, ranges, faces = term.shape.source[1], term.shape.ranges, term.shape.faces
     shape = replace(term.shape, faces=families.outlines.widen(plane, ranges, faces, free & before))
     trial = _with(sequence, i, [shape], families)
-    return sequence if (silent & (apply(before, sequence[i]) != apply(before, trial[i]))).any() else trial
+    return sequence if (unchanged & (apply(before, sequence[i]) != apply(before, trial[i]))).any() else trial
 
 
-def _tidy_step(sequence: Sequence, i: int, before: np.ndarray, silent: np.ndarray, families: Families) -> Sequence:
-    """One step with shorter ranges, where cells [m] are filled `before` it and all later steps are `silent` [m] on some."""
+def _tidy_step(sequence: Sequence, i: int, before: np.ndarray, unchanged: np.ndarray, families: Families) -> Sequence:
+    """One step with shorter ranges, where cells [m] are filled `before` it and all later steps leave some `unchanged` [m]."""
     halves, gain = list(sequence[i].term.halves), families.cells.gain
     state = apply(before, sequence[i])
     for h in range(len(halves)):
@@ -59,7 +59,7 @@ def _tidy_step(sequence: Sequence, i: int, before: np.ndarray, silent: np.ndarra
                     trial = _with(sequence, i, [shorter if k == h else c for k, c in enumerate(halves)], families)
                     tried = apply(before, trial[i])
                     # other filled cells that leave more volume wrong
-                    if float(np.where(tried, -gain, gain)[silent & (tried != state)].sum()) > 0:
+                    if float(np.where(tried, -gain, gain)[unchanged & (tried != state)].sum()) > 0:
                         break
                     sequence, halves[h], state = trial, shorter, tried
     return sequence

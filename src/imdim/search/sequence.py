@@ -1,7 +1,7 @@
 """Signed sequences over the cells: what a program is during the search, and what inserting one more term anywhere would win.
 
-A cell's state is decided by the last step that speaks about it, so a term inserted after step k changes just the cells on which all
-later steps are silent. That makes the exact gain of every candidate at every position a sum of one field, which `Families.best`
+A cell's state is decided by the last step that changes it, so a term inserted after step k changes just the cells that all later steps
+leave as they are. That makes the exact gain of every candidate at every position a sum of one field, which `Families.best`
 maximises over all candidates.
 """
 
@@ -184,19 +184,19 @@ def insert(sequence: Sequence, insertion: Insertion, families: Families) -> Sequ
     return (*sequence[: insertion.position], step, *sequence[insertion.position :])
 
 
-def is_silent(step: Step[Covered]) -> np.ndarray:
+def leave_unchanged(step: Step[Covered]) -> np.ndarray:
     """The cells [m] that a step leaves as they are, whatever they are."""
     return step.term.mask if step.op == "intersection" else ~step.term.mask
 
 
 def gaps(sequence: Sequence, m: int) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-    """All places where a step can go, the end first: the cells [m] filled before it, and those on which every later step is silent."""
+    """All places where a step can go, the end first: the cells [m] filled before it, and those that every later step leaves as they are."""
     states = list(accumulate(sequence, apply, initial=np.zeros(m, bool)))
     free = np.ones(m, bool)
     for position in range(len(sequence), -1, -1):
         yield position, states[position], free
         if position:
-            free = free & is_silent(sequence[position - 1])
+            free = free & leave_unchanged(sequence[position - 1])
 
 
 def insertions(sequence: Sequence, families: Families, per_frame: int, least: float, weights: Weights = TRUE) -> list[Insertion]:
@@ -225,14 +225,14 @@ def _fields(position: int, state: np.ndarray, free: np.ndarray, gain: np.ndarray
         yield op, field, constant, float(np.maximum(field if op != "intersection" else -field, 0).sum())
 
 
-def field_of(op: Op, heard: np.ndarray, filled: np.ndarray, gain: np.ndarray) -> tuple[np.ndarray, float]:
-    """What a term wins where it is `heard` [m]: the sum of a field [m] over its cells, and a constant.
+def field_of(op: Op, deciding: np.ndarray, filled: np.ndarray, gain: np.ndarray) -> tuple[np.ndarray, float]:
+    """What a term wins over the cells that it decides, `deciding` [m]: the sum of a field [m] over its cells, and a constant.
 
     `gain` [m] is that of filling a cell, some of which are `filled` [m].
     """
     if op == "union":
-        return np.where(heard & ~filled, gain, 0.0), 0.0
-    empty = np.where(heard & filled, -gain, 0.0)
+        return np.where(deciding & ~filled, gain, 0.0), 0.0
+    empty = np.where(deciding & filled, -gain, 0.0)
     # keeping only a term wins what emptying all filled cells would win, less what emptying those in the term would
     return (empty, 0.0) if op == "difference" else (-empty, float(empty.sum()))
 

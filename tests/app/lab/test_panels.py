@@ -13,7 +13,7 @@ from imdim.reconstruction.config import LANGUAGES, Settings
 viser = pytest.importorskip("viser")
 run = pytest.importorskip("imdim.app.lab.panels.run")
 edit = pytest.importorskip("imdim.app.lab.panels.edit")
-Ear = pytest.importorskip("imdim.app.lab.input_queue").InputQueue
+InputQueue = pytest.importorskip("imdim.app.lab.input_queue").InputQueue
 GUI = ("add_html", "add_folder", "add_dropdown", "add_number", "add_button_group")
 
 
@@ -26,9 +26,9 @@ def server():
 
 @pytest.fixture
 def panel(server):
-    ear = Ear(server.get_event_loop())
-    yield run.RunPanel(server.gui, SimpleNamespace(set_units=None), ear)
-    ear.close()
+    queue = InputQueue(server.get_event_loop())
+    yield run.RunPanel(server.gui, SimpleNamespace(set_units=None), queue)
+    queue.close()
 
 
 def test_untouched_settings_are_the_defaults(panel):
@@ -48,9 +48,9 @@ def test_settings_and_rates_are_those_of_the_page(panel):
 
 
 def test_a_selected_extrusion_shows_its_numbers_and_its_outline(server):
-    ear = Ear(server.get_event_loop())
+    queue = InputQueue(server.get_event_loop())
     with server.gui.add_tab_group().add_tab("Edit") as tab:
-        panel = edit.EditPanel(server.gui, tab, SimpleNamespace(), ear)
+        panel = edit.EditPanel(server.gui, tab, SimpleNamespace(), queue)
     shown: list[str] = []
     build, panel._gui = panel._gui.add_html, SimpleNamespace(**{name: getattr(server.gui, name) for name in GUI})
     panel._gui.add_html = lambda html: shown.append(html) or build(html)
@@ -61,4 +61,4 @@ def test_a_selected_extrusion_shows_its_numbers_and_its_outline(server):
     assert [*panel._inputs][:2] == ["r", "h"]
     assert sum("<svg" in html for html in shown) == 1
     assert panel.kind.options == SIMPLE
-    ear.close()
+    queue.close()

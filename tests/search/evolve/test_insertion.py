@@ -43,7 +43,7 @@ def won(program: Program, gain: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_cell_hears_a_node_where_its_change_changes_the_solid(seed):
+def test_a_node_decides_the_cells_where_its_change_changes_the_solid(seed):
     program = random_tree(np.random.default_rng(seed), 5)
     cells = cells_of(program, planted_scene(NAME))
     root = filled(program)
@@ -55,8 +55,8 @@ def test_a_cell_hears_a_node_where_its_change_changes_the_solid(seed):
                 return ~view.value
             return cells[node] if not isinstance(node, Combine) else OPERATIONS[node.op](flipped((*path, 0)), flipped((*path, 1)))
 
-        assert np.array_equal(view.heard, flipped(()) != root)
-        assert (flipped(())[view.heard & ~view.value] == (view.sign > 0)).all()
+        assert np.array_equal(view.deciding, flipped(()) != root)
+        assert (flipped(())[view.deciding & ~view.value] == (view.sign > 0)).all()
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -19,7 +19,7 @@ from imdim.program.tree import Program, leaves
 from imdim.reconstruction.config import Settings
 from imdim.target.target import Target
 
-LISTENED_EVERY_S, TOLD_EVERY_S = 0.2, 1.0
+LISTENED_EVERY_S, REPORT_EVERY_S = 0.2, 1.0
 LATE_S = 120.0  # after the budget, by which even a slow machine has ended
 THE_LAB = "; the lab goes on"
 
@@ -42,7 +42,7 @@ def run_fit(pool: WorkerPool, target: Target, settings: Settings, progress: Prog
     """Reconstruct `target`, until `ending` is set at the latest. Raises a one-line ValueError where nothing was found."""
     answers: SimpleQueue[Message] = SimpleQueue()
     job = pool.submit(request("fit", target, settings), answers.put)
-    start, told, last, said, stop = time.perf_counter(), -TOLD_EVERY_S, None, "starting", "finished"
+    start, reported, last, said, stop = time.perf_counter(), -REPORT_EVERY_S, None, "starting", "finished"
     while True:
         try:
             message = answers.get(timeout=LISTENED_EVERY_S)
@@ -61,8 +61,8 @@ def run_fit(pool: WorkerPool, target: Target, settings: Settings, progress: Prog
             pool.stop(job)
             stop = "stopped" if ending.is_set() else "took too long"
             break
-        if message is not None or seconds - told >= TOLD_EVERY_S:
-            told = seconds
+        if message is not None or seconds - reported >= REPORT_EVERY_S:
+            reported = seconds
             progress(seconds, max(settings.budget_s, seconds), said)
     if last is None:
         raise ValueError(f"the fit found no program: {stop}")

@@ -46,9 +46,9 @@ class HandleView:
     """See the module. `follows` says whether relations are kept."""
 
     def __init__(
-        self, client: viser.ClientHandle, camera: PageCamera, session: Session, ear: InputQueue, follows: Callable[[], bool]
+        self, client: viser.ClientHandle, camera: PageCamera, session: Session, queue: InputQueue, follows: Callable[[], bool]
     ) -> None:
-        self._client, self._camera, self._session, self._ear, self._follows = client, camera, session, ear, follows
+        self._client, self._camera, self._session, self._queue, self._follows = client, camera, session, queue, follows
         self._nodes: dict[str, viser.MeshHandle] = {}
         self._handles: dict[str, Handle] = {}
         self._of: tuple[int, str] | None = None
@@ -96,16 +96,16 @@ class HandleView:
         node = self._client.scene.add_mesh_simple(
             f"/handles/{handle.name}", vertices, faces, color=tint, position=at, flat_shading=True, visible=self._shown
         )
-        node.on_drag(self._ear.now(lambda event: self._on_drag(leaf, handle.name, event)))
+        node.on_drag(self._queue.now(lambda event: self._on_drag(leaf, handle.name, event)))
         return node
 
     def _on_drag(self, leaf: int, name: str, event: Any) -> None:
         """On the event loop: only what is wanted last is done."""
         if event.phase == "start":
-            self._ear.do(lambda: self._grab(leaf, name, np.array(event.start_position)))
+            self._queue.do(lambda: self._grab(leaf, name, np.array(event.start_position)))
             return
         end = np.array(event.end_position)
-        self._ear.do_last(f"drag {name}", lambda: self._pull(end))
+        self._queue.do_last(f"drag {name}", lambda: self._pull(end))
 
     def _grab(self, leaf: int, name: str, at: np.ndarray) -> None:
         theory, target = self._session.theory, self._session.state.target

@@ -24,9 +24,9 @@ class InputQueue:
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop, self._hand = loop, ThreadPoolExecutor(1, "hand")
         self._last: dict[str, Callable[[], object]] = {}  # what is wanted last, of what comes faster than it is done
-        self._owed: dict[int, int] = {}  # of each input that is heard, what came and is not done yet
+        self._owed: dict[int, int] = {}  # of each input that is watched, what came and is not done yet
 
-    def hear(self, handle: Any, act: Callable[[Any], object]) -> None:
+    def watch(self, handle: Any, act: Callable[[Any], object]) -> None:
         """Call `act` with each value that the person gives an input."""
         handle.on_update(self._listener(handle, act))
 
@@ -71,7 +71,7 @@ class InputQueue:
             self._hand.submit(_log_errors, act)
 
     def show(self, handle: Any, value: Any, within: float = 0.0) -> None:
-        """Write a value into an input that is heard, unless it is as near as `within`, or the person has just given it another."""
+        """Write a value into an input that is watched, unless it is as near as `within`, or the person has just given it another."""
 
         def write() -> None:
             if self._owed.get(id(handle)) == 0 and (abs(handle.value - value) > within if within else handle.value != value):

@@ -50,13 +50,13 @@ LEFT, RIGHT = 304, 328  # pixels
 class Page:
     """See the module. `close` when the client has gone."""
 
-    def __init__(self, client: viser.ClientHandle, pool: WorkerPool, limits: UploadLimits, ear: InputQueue) -> None:
-        self._client, self._ear = client, ear
+    def __init__(self, client: viser.ClientHandle, pool: WorkerPool, limits: UploadLimits, queue: InputQueue) -> None:
+        self._client, self._queue = client, queue
         self._drawing = Refresher(self._draw_at_once, "draw")
         self._naming = Refresher(self._name, "name", lambda: NAME_AFTER_S, SCORE_NICE)
         self._scoring = Refresher(self._score, "score", lambda: SCORE_AFTER_S[self.session.state.live is not None], SCORE_NICE)
         self.session = Session(pool, self._drawing.poke, limits)
-        self.view = SceneView(client, ear, lambda click: self.relate.picks.click(click, self._drawn, UNIT))
+        self.view = SceneView(client, queue, lambda click: self.relate.picks.click(click, self._drawn, UNIT))
         self._scene: drawing.Drawing | None = None
         self._drawn: drawing.Drawing | None = None  # the same, cut open where there is a section
         self._scored: ConstrainedProgram | None = None
@@ -69,40 +69,40 @@ class Page:
     def close(self) -> None:
         """Frees all that this client used."""
         self.session.close()
-        self._ear.close()
+        self._queue.close()
         self.view.close()
         self._drawing.close()
         self._naming.close()
         self._scoring.close()
 
     def _build(self) -> None:
-        gui, session, ear = self._client.gui, self.session, self._ear
+        gui, session, queue = self._client.gui, self.session, self._queue
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BRAND)
         gui.set_panel_label("IMDIM Live Lab")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(RIGHT)
-        self.status = StatusPanel(gui, session, ear)
-        renderers.add_clicks(gui, "Primitive", ear, session.select)
-        renderers.add_clicks(gui, "Fitting", ear, lambda number: self.relate.picks.choose(number))
+        self.status = StatusPanel(gui, session, queue)
+        renderers.add_clicks(gui, "Primitive", queue, session.select)
+        renderers.add_clicks(gui, "Fitting", queue, lambda number: self.relate.picks.choose(number))
         upper, lower = gui.add_panel(), gui.add_panel()
-        self.parameters = ParametersPanel(gui, upper, session, ear)
-        self.parameters.listen(gui, ear, self.view.light_up)
+        self.parameters = ParametersPanel(gui, upper, session, queue)
+        self.parameters.listen(gui, queue, self.view.light_up)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Run"):
-            self.run = RunPanel(gui, session, ear)
+            self.run = RunPanel(gui, session, queue)
         with tabs.add_tab("Edit") as place:
-            self.edit = EditPanel(gui, place, session, ear)
-        self.handles = HandleView(self._client, self.view.camera, session, ear, lambda: self.edit.follow.value)
+            self.edit = EditPanel(gui, place, session, queue)
+        self.handles = HandleView(self._client, self.view.camera, session, queue, lambda: self.edit.follow.value)
         with tabs.add_tab("Relations"):
-            self.relate = RelatePanel(gui, session, ear, self.view, self._draw_again)
+            self.relate = RelatePanel(gui, session, queue, self.view, self._draw_again)
         with tabs.add_tab("View"):
             self.show = ShowPanel(
-                gui, self.view, self.handles, ear, lambda: self._scoring.poke("map"), lambda: self._drawing.poke("section")
+                gui, self.view, self.handles, queue, lambda: self._scoring.poke("map"), lambda: self._drawing.poke("section")
             )
         with tabs.add_tab("Download"):
-            self.take = TakePanel(self._client, session, ear)
+            self.take = TakePanel(self._client, session, queue)
         self.tree = TreePanel(gui, upper)
-        self.front, self.curves = FrontPanel(gui, lower, session, ear), CurvesPanel(gui, lower)
+        self.front, self.curves = FrontPanel(gui, lower, session, queue), CurvesPanel(gui, lower)
         upper.dock_left()
         upper.set_width(LEFT)
         lower.dock_below(upper)
@@ -110,7 +110,7 @@ class Page:
 
     def _commands(self) -> None:
         """What the keyboard can do; the toolkit lists it under ctrl+K."""
-        session, gui, ear = self.session, self._client.gui, self._ear
+        session, gui, queue = self.session, self._client.gui, self._queue
         keys = (
             ("Start a run", "R", None, lambda: session.start(self.run.settings())),
             ("Pause or resume", "P", None, lambda: session.resume() if session.running == "paused" else session.pause()),
@@ -134,7 +134,7 @@ class Page:
         )
         for label, key, modifier, call in keys:
             command = gui.add_command(label, hotkey=key, modifier=modifier)  # type: ignore[arg-type]
-            command.on_trigger(ear.then(call))
+            command.on_trigger(queue.then(call))
 
     def _select_by(self, step: int) -> None:
         theory, now = self.session.theory, self.session.state.selected

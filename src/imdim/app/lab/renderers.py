@@ -229,19 +229,19 @@ def _back(selected: bool) -> str:
     return "#fff3bf" if selected else "#f8f9fa"
 
 
-def add_clicks(gui: viser.GuiApi, label: str, ear: InputQueue, clicked: Callable[[int], object]) -> None:
+def add_clicks(gui: viser.GuiApi, label: str, queue: InputQueue, clicked: Callable[[int], object]) -> None:
     """The input called `label` that clicks in the texts go through, which nobody sees. `clicked` gets the number of what was clicked on.
 
     It must not lie in a tab that was never opened: what does is not in the page.
     """
     gui.add_html('<i class="lab-unseen"></i>')
-    ear.hear(gui.add_number(label, 0, step=1), lambda number: clicked(int(number) % CLICKS))
+    queue.watch(gui.add_number(label, 0, step=1), lambda number: clicked(int(number) % CLICKS))
 
 
-def add_texts(gui: viser.GuiApi, label: str, ear: InputQueue, told: Callable[[str], object]) -> None:
-    """The input called `label` that scripts of the page write into, which nobody sees. `told` gets the text after its count."""
+def add_texts(gui: viser.GuiApi, label: str, queue: InputQueue, typed: Callable[[str], object]) -> None:
+    """The input called `label` that scripts of the page write into, which nobody sees. `typed` gets the text after its count."""
     gui.add_html(f'<i class="lab-unseen" data-to="{label}"></i>')
-    ear.hear(gui.add_text(label, ""), lambda text: told(text.partition(" ")[2]))
+    queue.watch(gui.add_text(label, ""), lambda text: typed(text.partition(" ")[2]))
 
 
 def note(line: str) -> str:

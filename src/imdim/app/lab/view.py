@@ -49,8 +49,8 @@ class Click(NamedTuple):
 class SceneView:
     """Draws pieces, and tells what was clicked."""
 
-    def __init__(self, client: viser.ClientHandle, ear: InputQueue, clicked: Callable[[Click], None]) -> None:
-        self._scene, self._client, self._ear, self._clicked = client.scene, client, ear, clicked
+    def __init__(self, client: viser.ClientHandle, queue: InputQueue, clicked: Callable[[Click], None]) -> None:
+        self._scene, self._client, self._queue, self._clicked = client.scene, client, queue, clicked
         self._meshes: dict[str, tuple[Piece, viser.MeshHandle]] = {}
         self._others: dict[str, viser.SceneNodeHandle] = {}
         self._cloud = Points(client)
@@ -106,7 +106,7 @@ class SceneView:
             visible=self.shown[_LAYER_OF[name.split("/")[1]]],
         )
         for key in () if piece.leaf == CAP_OF else (None, *ADDING):
-            handle.on_click(modifier=key)(self._ear.pass_event(lambda event, leaf=piece.leaf: self._click(leaf, event)))
+            handle.on_click(modifier=key)(self._queue.pass_event(lambda event, leaf=piece.leaf: self._click(leaf, event)))
         self._meshes[name] = (piece, handle)
 
     def _click(self, leaf: int, event: viser.SceneNodePointerEvent[viser.MeshHandle]) -> None:

@@ -1,6 +1,6 @@
 """The best candidate for a place in a tree: exact, over all boxes, cylinders, cones, spheres and tori that the arrangement allows.
 
-`search/sequence.py` does so for signed sequences; a tree has more places. A cell hears a node where a change of the node's value there
+`search/sequence.py` does so for signed sequences; a tree has more places. A node decides a cell where a change of its value there
 changes the solid. What a candidate at the node would win is then a sum of one field over its cells, which `Families.best` maximises.
 """
 
@@ -26,12 +26,12 @@ PROMISING = 4  # places whose best candidates are worked out
 
 @dataclass(frozen=True)
 class NodeView:
-    """A node: its cells [m], the cells that hear it, and +1 or -1 as filling it fills or empties the solid."""
+    """A node: its cells [m], the cells that it decides, and +1 or -1 as filling it fills or empties the solid."""
 
     path: Path
     node: Program
     value: np.ndarray
-    heard: np.ndarray
+    deciding: np.ndarray
     sign: int
 
 
@@ -45,7 +45,7 @@ class Place:
 
     def field(self, gain: np.ndarray) -> tuple[np.ndarray, float]:
         """What a part at this place wins: the sum of a field [m] over its cells, and a constant; `gain` [m] is that of filling a cell."""
-        return field_of(self.op, self.view.heard, self.view.value, self.view.sign * gain)
+        return field_of(self.op, self.view.deciding, self.view.value, self.view.sign * gain)
 
 
 def views(program: Program, cells: dict[Primitive, np.ndarray]) -> list[NodeView]:
@@ -55,26 +55,26 @@ def views(program: Program, cells: dict[Primitive, np.ndarray]) -> list[NodeView
     for path, node in reversed(order):
         value[path] = cells[node] if isinstance(node, Primitive) else OCCUPANCY[node.op](value[*path, 0], value[*path, 1])
     everything = np.ones_like(value[()])
-    heard: dict[Path, tuple[np.ndarray, int]] = {(): (everything, 1)}
+    deciding: dict[Path, tuple[np.ndarray, int]] = {(): (everything, 1)}
     for path, node in order:
         if isinstance(node, Combine):
-            here, sign = heard[path]
+            here, sign = deciding[path]
             left, right = value[*path, 0], value[*path, 1]
-            heard[*path, 0] = (here & right if node.op == "intersection" else here & ~right, sign)
-            heard[*path, 1] = (here & ~left if node.op == "union" else here & left, -sign if node.op == "difference" else sign)
-    return [NodeView(path, node, value[path], *heard[path]) for path, node in order]
+            deciding[*path, 0] = (here & right if node.op == "intersection" else here & ~right, sign)
+            deciding[*path, 1] = (here & ~left if node.op == "union" else here & left, -sign if node.op == "difference" else sign)
+    return [NodeView(path, node, value[path], *deciding[path]) for path, node in order]
 
 
 def places(seen: list[NodeView], gain: np.ndarray) -> list[Place]:
     """The three operations at each node of a program, `gain` [m] being what filling a cell wins."""
     filled = seen[0].value
-    # a change that is heard and wins anything is in a cell that is wrong now: usually few
+    # a change in a deciding cell that wins anything is in a cell that is wrong now: usually few
     wrong = np.flatnonzero(np.where(filled, -gain, gain) > 0)
     weight = np.abs(gain[wrong])
     out: list[Place] = []
     for view in seen:
-        heard, value = weight * view.heard[wrong], view.value[wrong]
-        empties, fills = float(heard @ value), float(heard @ ~value)
+        deciding, value = weight * view.deciding[wrong], view.value[wrong]
+        empties, fills = float(deciding @ value), float(deciding @ ~value)
         out += [Place(view, "union", fills), Place(view, "difference", empties), Place(view, "intersection", empties)]
     return out
 
@@ -124,7 +124,7 @@ def with_best_refit(program: Program, scene: Scene, gain: np.ndarray, rng: np.ra
     if not seen:
         return None
     view = seen[rng.integers(len(seen))]
-    found = families.best(np.where(view.heard, view.sign * gain, 0.0), 1)
+    found = families.best(np.where(view.deciding, view.sign * gain, 0.0), 1)
     if not found:
         return None
     candidate = max(found, key=lambda f: f[0])[1]

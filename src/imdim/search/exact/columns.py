@@ -164,16 +164,16 @@ def keep_maximal(rows: np.ndarray) -> np.ndarray:
     owned = np.zeros(64 * words, np.int64)
     total = 0
     for r in range(n):
-        rarest, few = -1, 1 << 60
+        rarest, fewest = -1, 1 << 60
         for w in range(words):
             v = rows[r, w]
             for b in range(64):
-                if (v >> np.uint64(b)) & np.uint64(1) and owned[64 * w + b] < few:
-                    rarest, few = 64 * w + b, owned[64 * w + b]
+                if (v >> np.uint64(b)) & np.uint64(1) and owned[64 * w + b] < fewest:
+                    rarest, fewest = 64 * w + b, owned[64 * w + b]
         if rarest < 0:
             continue
         held = False
-        for o in range(few):
+        for o in range(fewest):
             held = held or _holds(kept[owners[rarest, o]], rows[r])
         if held:
             continue

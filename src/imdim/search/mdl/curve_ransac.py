@@ -18,7 +18,7 @@ LEAST = 25  # points of contrast
 FILLED = 0.3  # of the usual filling: where a curve ends
 BINS = 40
 QUIET, CROWD = 0.25, 1.3  # the share of points that lie in no crowd, and what times theirs is one
-GLANCE, KEPT = 6, 80  # each so-manieth point judges first; so many hypotheses are judged by all
+SUBSAMPLED, KEPT = 6, 80  # each so-manieth point judges first; so many hypotheses are judged by all
 FEW = 10.0  # points that a band has at least, for its standard error
 NEARBY, SCALES, NEIGHBOURS = 0.7, 3, 16  # share of draws from neighbours, in so many steps from near to far, among so many
 
@@ -54,8 +54,8 @@ def best_curve(
     judge: Callable[..., np.ndarray], points: np.ndarray, picks: np.ndarray, scored: np.ndarray, *limits: float
 ) -> tuple[float, ...]:
     """What `judge`, `circles` or `lines`, finds clearest through some of the points, `picks` [t, 2 or 3], and its contrast."""
-    few = judge(points, picks, scored[::GLANCE], *limits)
-    found = judge(points, picks[np.argsort(-few[:, -1], kind="stable")[:KEPT]], scored, *limits)
+    first = judge(points, picks, scored[::SUBSAMPLED], *limits)
+    found = judge(points, picks[np.argsort(-first[:, -1], kind="stable")[:KEPT]], scored, *limits)
     return tuple(found[found[:, -1].argmax()].tolist())
 
 

@@ -36,7 +36,7 @@ from imdim.search.mdl.primitive_selection import Cloud, distinct
 
 ROUNDS = 40
 SEEN = 2048  # points that changes are looked at with
-GLANCE = 4  # each so-manieth of them for a first look
+SUBSAMPLED = 4  # each so-manieth of them for a first look
 LOOKED = 120  # changes that get a second one
 TRIED = 16  # changes whose numbers get a first step
 FEWER = 2  # each so-manieth point for that
@@ -131,12 +131,12 @@ def best_by_mdl(programs: Sequence[Program], draws: PartTableCache, noise: Noise
 
 @dataclass(frozen=True)
 class _Changes:
-    """What a program of a `cloud` could become: its parts, the `lent` ones and guesses along `axes`, judged by the points of `draws`, which
-    stand for so many as `count`."""
+    """What a program of a `cloud` could become: its parts, the `candidates` and guesses along `axes`, judged by the points of `draws`,
+    which stand for so many as `count`."""
 
     cloud: Cloud
     draws: PartTableCache
-    lent: Sequence[Program]
+    candidates: Sequence[Program]
     axes: np.ndarray
     count: int
 
@@ -147,7 +147,7 @@ class _Changes:
         if len(steps) > LONGEST:
             return []
         spans = self._spans(best, steps)
-        offered = [*self._guesses(best, steps), *self.lent]
+        offered = [*self._guesses(best, steps), *self.candidates]
         compound = [p for p in offered if isinstance(p, Combine)]
         others = [*distinct([p for p in offered if isinstance(p, Primitive)], self.cloud), *compound, *_drop_leaves(steps), *spans]
         scene = PointScene(self.draws, best.noise, self.count)
@@ -158,9 +158,9 @@ class _Changes:
         walls = {i for i, part in enumerate(mixture.parts) if isinstance(part, Combine) and part.op == "difference"}
         moves = [*own_moves(start), *(c for c in new if all(s.positive or s.term not in walls for s in c))]
         moves += [c for at, part in enumerate(spans, len(mixture.parts) - len(spans)) for c in _in_place_of(spans[part], at, start)]
-        glance = [start, *(moves[i - 1] for i in _shortest(mixture.lengths([start, *moves], GLANCE), LOOKED))]
-        lengths = mixture.lengths(glance)
-        kept = [glance[i] for i in _shortest(lengths, TRIED) if lengths[i] < lengths[0] + SLACK]
+        first_look = [start, *(moves[i - 1] for i in _shortest(mixture.lengths([start, *moves], SUBSAMPLED), LOOKED))]
+        lengths = mixture.lengths(first_look)
+        kept = [first_look[i] for i in _shortest(lengths, TRIED) if lengths[i] < lengths[0] + SLACK]
         return [self._trial(best, choice, mixture.parts, start) for choice in kept]
 
     def _trial(self, best: FittedProgram, choice: Choice, parts: Sequence[Program], before: Choice) -> _Trial:

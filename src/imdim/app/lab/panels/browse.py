@@ -32,12 +32,12 @@ class TreePanel:
 class FrontPanel:
     """Programs as small solids and as points of a plot; what is clicked is loaded."""
 
-    def __init__(self, gui: viser.GuiApi, panel: viser.PanelHandle, session: Session, ear: InputQueue) -> None:
+    def __init__(self, gui: viser.GuiApi, panel: viser.PanelHandle, session: Session, queue: InputQueue) -> None:
         self._session = session
         self._choices: list[Choice] = []
         with panel.add_tab("Alternatives"):
             self._strip = gui.add_html("")
-            renderers.add_clicks(gui, "Choice", ear, self._load)
+            renderers.add_clicks(gui, "Choice", queue, self._load)
             self._plot = gui.add_html("")
 
     def _load(self, number: int) -> None:

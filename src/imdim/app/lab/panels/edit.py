@@ -35,30 +35,30 @@ class EditPanel:
         gui: viser.GuiApi,
         place: viser.GuiTabHandle,
         session: Session,
-        ear: InputQueue,
+        queue: InputQueue,
     ) -> None:
-        self._gui, self._place, self._session, self._ear = gui, place, session, ear
+        self._gui, self._place, self._session, self._queue = gui, place, session, queue
         self.unit = ""
         self._shown: tuple[int, str] | None = None
         self._locks: viser.GuiButtonGroupHandle | None = None
         self._inputs: dict[str, viser.GuiNumberHandle[float]] = {}
-        self._heard: list[object] = []  # inputs of the selected primitive
+        self._watched: list[object] = []  # inputs of the selected primitive
         self._numbers = gui.add_folder("Numbers")
         self._order = self._numbers.order
         with self._numbers:
             gui.add_html(renderers.note(NOTHING))
         self.follow = gui.add_checkbox("Keep relations", True, hint="What the constraints relate to an edited number moves along")
         self._undo, self._redo = (gui.add_button(word, color=GREY, disabled=True) for word in ("Undo", "Redo"))
-        ear.press(self._undo, lambda _: session.undo())
-        ear.press(self._redo, lambda _: session.redo())
+        queue.press(self._undo, lambda _: session.undo())
+        queue.press(self._redo, lambda _: session.redo())
         self._solve = gui.add_button(FIT, color=BLUE, hint="Relations hold, and what is locked stays", disabled=True)
-        ear.press(self._solve, lambda _: session.solve())
+        queue.press(self._solve, lambda _: session.solve())
         with gui.add_folder("Add or remove"):
             self.kind = gui.add_dropdown("Kind", SIMPLE, initial_value="cylinder")
             self.op = gui.add_dropdown("Joined by", OPS)
-            ear.press(gui.add_button("Add", color=GREY), lambda _: self._add())
+            queue.press(gui.add_button("Add", color=GREY), lambda _: self._add())
             self._remove = gui.add_button("Remove the selected", color=RED, disabled=True)
-            ear.press(self._remove, lambda _: self.remove())
+            queue.press(self._remove, lambda _: self.remove())
 
     def remove(self) -> None:
         number = self._session.state.selected
@@ -101,7 +101,7 @@ class EditPanel:
             self._shown = key
         for number in edits.numbers(parts[selected]):
             box = self._inputs[number.name]
-            self._ear.show(box, number.value, 0.5 * box.step)
+            self._queue.show(box, number.value, 0.5 * box.step)
         options = tuple(f"{LOCKED if Lock(selected, n) in theory.locks else ''}{n}" for n in _lockable(parts[selected]))
         if self._locks is not None and tuple(self._locks.options) != options:
             self._locks.options = options
@@ -114,15 +114,15 @@ class EditPanel:
             op = edits.operation(theory.program, leaf)
             if op is not None:
                 chosen = self._gui.add_dropdown("Operation", OPS, initial_value=op)
-                self._ear.hear(chosen, lambda value: self._operate(leaf, value))
-                self._heard.append(chosen)
+                self._queue.watch(chosen, lambda value: self._operate(leaf, value))
+                self._watched.append(chosen)
             for number in edits.numbers(part):
                 self._inputs[number.name] = self._input(leaf, part, number)
             if part.outline is not None:
                 self._gui.add_html(draw_outline(part, self.unit))
             self._locks = self._gui.add_button_group("Lock", tuple(_lockable(part)), hint="A locked number is not moved by the solver")
-            self._ear.press(self._locks, lambda value: self._lock(leaf, value.removeprefix(LOCKED)))
-            self._heard += [*self._inputs.values(), self._locks]
+            self._queue.press(self._locks, lambda value: self._lock(leaf, value.removeprefix(LOCKED)))
+            self._watched += [*self._inputs.values(), self._locks]
 
     def _draw_edges(self, edges: EdgeFeature, feature: int, number: int) -> None:
         """The sizes of a feature of edges."""
@@ -134,11 +134,11 @@ class EditPanel:
                 self._gui.add_html(_edge_heading(edges))
                 for which, word in enumerate(words):
                     self._inputs[word] = box = self._gui.add_number(f"{word} {self.unit}".strip(), 0.0, min=0.0, step=EDGE_STEP)
-                    self._ear.hear(box, lambda value, which=which: self._resize_edges(feature, which, float(value)))
-            self._locks, self._heard = None, [*self._inputs.values()]
+                    self._queue.watch(box, lambda value, which=which: self._resize_edges(feature, which, float(value)))
+            self._locks, self._watched = None, [*self._inputs.values()]
             self._shown = key
         for word, size in zip(words, edges.sizes, strict=True):
-            self._ear.show(self._inputs[word], size, 0.5 * EDGE_STEP)
+            self._queue.show(self._inputs[word], size, 0.5 * EDGE_STEP)
 
     def _resize_edges(self, feature: int, which: int, value: float) -> None:
         self._session.edit(f"number edge {feature} {which}", lambda theory: edits.with_edge_size(theory, feature, which, value))
@@ -150,7 +150,7 @@ class EditPanel:
         label = f"{number.name} {sign}".strip()
         step, shown = 10.0**-digits, round(number.value, digits) + 0.0
         box = self._gui.add_number(label, float(shown), min=least, step=step)
-        self._ear.hear(box, lambda value: self._edit(leaf, number.name, float(value)))
+        self._queue.watch(box, lambda value: self._edit(leaf, number.name, float(value)))
         return box
 
     def _edit(self, leaf: int, name: str, value: float) -> None:
@@ -168,8 +168,8 @@ class EditPanel:
         self._numbers.remove()
         with self._place:
             self._numbers = self._gui.add_folder("Numbers", order=self._order)
-        self._ear.forget(*self._heard)
-        self._inputs, self._heard = {}, []
+        self._queue.forget(*self._watched)
+        self._inputs, self._watched = {}, []
         if line:
             with self._numbers:
                 self._gui.add_html(renderers.note(line))

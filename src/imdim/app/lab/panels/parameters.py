@@ -26,20 +26,20 @@ HINT = "Refuse an edit after which the part has other bodies, through-holes or v
 class ParametersPanel:
     """See the module."""
 
-    def __init__(self, gui: viser.GuiApi, panel: viser.PanelHandle, session: Session, ear: InputQueue) -> None:
+    def __init__(self, gui: viser.GuiApi, panel: viser.PanelHandle, session: Session, queue: InputQueue) -> None:
         self._session, self._rows = session, list[ParameterRow]()
         self._shown, self._picturing = None, threading.Lock()  # the program of the table; its picture comes from another thread
         with panel.add_tab("Parameters"):
             self._table = gui.add_html(renderers.note(NONE_YET))
             self.strict = gui.add_checkbox(STRICT, False, hint=HINT, visible=False)
             self._picture = gui.add_html("")
-        ear.hear(self.strict, lambda _: None)
+        queue.watch(self.strict, lambda _: None)
 
-    def listen(self, gui: viser.GuiApi, ear: InputQueue, show: Callable[[Collection[int]], None]) -> None:
+    def listen(self, gui: viser.GuiApi, queue: InputQueue, show: Callable[[Collection[int]], None]) -> None:
         """Add the inputs by which the page tells of the table, to a place that is always there. `show` gets the features of a row."""
-        renderers.add_clicks(gui, "Parameter", ear, self._act)
-        renderers.add_texts(gui, "ParameterValue", ear, self._set)
-        renderers.add_texts(gui, "ParameterRow", ear, lambda text: show(self._shown_by(text)))
+        renderers.add_clicks(gui, "Parameter", queue, self._act)
+        renderers.add_texts(gui, "ParameterValue", queue, self._set)
+        renderers.add_texts(gui, "ParameterRow", queue, lambda text: show(self._shown_by(text)))
 
     def _set(self, text: str) -> None:
         name, _, value = text.partition("=")

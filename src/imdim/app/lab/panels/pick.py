@@ -34,14 +34,14 @@ CHOOSE = "Choose what is to hold:"
 class PickPanel:
     """See the module. `chosen` is told the number of a relation that was added, or is there already."""
 
-    def __init__(self, gui: viser.GuiApi, session: Session, ear: InputQueue, view: SceneView, chosen: Callable[[int], None]) -> None:
+    def __init__(self, gui: viser.GuiApi, session: Session, queue: InputQueue, view: SceneView, chosen: Callable[[int], None]) -> None:
         self._session, self._view, self._chosen = session, view, chosen
         self._picks: list[Pick] = []
         self._of: ConstrainedProgram | None = None
         self._fitting: list[FittingRelation] = []
         self._lock = threading.RLock()  # a person clicks, and the program changes
         self.keep = gui.add_checkbox(KEEP, False, hint=KEEP_HINT)
-        ear.hear(self.keep, lambda _: None)
+        queue.watch(self.keep, lambda _: None)
         self._text = gui.add_html(renderers.note(HOW))
 
     def click(self, click: Click, scene: Drawing | None, unit: str) -> None:

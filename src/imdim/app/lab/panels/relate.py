@@ -25,19 +25,19 @@ AMOUNT = "Distance or size"
 class RelatePanel:
     """See the module."""
 
-    def __init__(self, gui: viser.GuiApi, session: Session, ear: InputQueue, view: SceneView, changed: Callable[[], None]) -> None:
-        self._session, self._ear, self._changed = session, ear, changed
+    def __init__(self, gui: viser.GuiApi, session: Session, queue: InputQueue, view: SceneView, changed: Callable[[], None]) -> None:
+        self._session, self._queue, self._changed = session, queue, changed
         self._chosen = -1
         with gui.add_folder("Measure and relate"):
-            self.picks = PickPanel(gui, session, ear, view, self._choose)
+            self.picks = PickPanel(gui, session, queue, view, self._choose)
         self._list = gui.add_html("")
-        renderers.add_clicks(gui, "Constraint", ear, self._choose)
+        renderers.add_clicks(gui, "Constraint", queue, self._choose)
         self.amount = gui.add_number(AMOUNT, 0.0, min=0.0, step=0.001, hint="Of the relation that was clicked in the list", disabled=True)
-        ear.hear(self.amount, lambda value: self._set(float(value)))
+        queue.watch(self.amount, lambda value: self._set(float(value)))
         self._off = gui.add_button("Remove the relation", color=RED, hint="The one that was clicked in the list", disabled=True)
-        ear.press(self._off, lambda _: self._remove())
+        queue.press(self._off, lambda _: self._remove())
         self._look = gui.add_button("Look for relations", color=GREY, disabled=True)
-        ear.press(self._look, lambda _: session.relate())
+        queue.press(self._look, lambda _: session.relate())
         with gui.add_folder("Write a relation", expand_by_default=False):
             self._hint = gui.add_html("")
             self.kind = gui.add_dropdown("Relation", tuple(RULES), initial_value="equal")
@@ -45,7 +45,7 @@ class RelatePanel:
             self.about = gui.add_text("About", "", hint="An axis, as in world.z or 0.z, where the kind needs one")
             self.value = gui.add_number("Value", 0.0, step=0.001)
             self._more = gui.add_button("Add the relation", color=GREY, disabled=True)
-            ear.press(self._more, lambda _: self._add())
+            queue.press(self._more, lambda _: self._add())
 
     def _choose(self, number: int) -> None:
         self._chosen = number
@@ -90,7 +90,7 @@ class RelatePanel:
         if self.amount.disabled != (amount is None):
             self.amount.disabled = amount is None
         if amount is not None:
-            self._ear.show(self.amount, amount, 1e-9)
+            self._queue.show(self.amount, amount, 1e-9)
 
 
 def features(leaf: int, part: Primitive) -> str:

@@ -37,14 +37,14 @@ HINT = "Or drop it anywhere on the page: STL, OBJ, OFF, PLY, 3MF, GLB, XYZ, TXT,
 class RunPanel:
     """The settings and buttons of a run."""
 
-    def __init__(self, gui: viser.GuiApi, session: Session, ear: InputQueue) -> None:
-        self._session, self._ear = session, ear
+    def __init__(self, gui: viser.GuiApi, session: Session, queue: InputQueue) -> None:
+        self._session, self._queue = session, queue
         self.example = gui.add_dropdown("Example", (NONE, *NAMES))
-        ear.hear(self.example, self._open)
+        queue.watch(self.example, self._open)
         self.start = self._button(gui, "Start", lambda: session.start(self.settings()), BLUE)
         with gui.add_folder(None):
             self.go = gui.add_button_group("Run", OFFERED[""])
-            ear.press(self.go, self._on_press)
+            queue.press(self.go, self._on_press)
         with gui.add_folder("Settings"):
             self.method = gui.add_dropdown("Method", tuple(METHODS), hint="auto searches, proves and repairs; evolve changes at random")
             self.language = gui.add_dropdown(
@@ -56,7 +56,7 @@ class RunPanel:
             )
             self.seed = gui.add_number("Random seed", 0, min=0, max=2**31 - 1, step=1, hint="The same seed gives the same result")
             self.units = gui.add_dropdown("Units", READ_AS, hint="What the lengths of the file are; they become mm, and a run starts anew")
-            ear.hear(self.units, session.set_units)
+            queue.watch(self.units, session.set_units)
         with gui.add_folder("Search on from here", expand_by_default=False):
             self.mutation = gui.add_slider("Random changes", 0.0, 1.0, 0.05, Rates.mutation, hint="Share of new programs; others mix two")
             self.elitism = gui.add_slider("Best first", 0.0, 1.0, 0.05, Rates.elitism, hint="Share that comes of the better half")
@@ -66,7 +66,7 @@ class RunPanel:
 
     def _button(self, gui: viser.GuiApi, label: str, call: Callable[[], None], color: tuple[int, int, int] = GREY) -> viser.GuiButtonHandle:
         button = gui.add_button(label, color=color)
-        self._ear.press(button, lambda _: call())
+        self._queue.press(button, lambda _: call())
         return button
 
     def _open(self, name: str) -> None:
@@ -75,8 +75,8 @@ class RunPanel:
 
     def draw(self, part: str, units: str) -> None:
         """The example that is open, none where a file is: the browser tells of a choice only where it changes one. And its units."""
-        self._ear.show(self.example, part if part in NAMES else NONE)
-        self._ear.show(self.units, units)
+        self._queue.show(self.example, part if part in NAMES else NONE)
+        self._queue.show(self.units, units)
 
     def draw_state(self) -> None:
         """What the buttons can do now."""
@@ -111,12 +111,12 @@ class StatusPanel:
 
     """See the module."""
 
-    def __init__(self, gui: viser.GuiApi, session: Session, ear: InputQueue) -> None:
+    def __init__(self, gui: viser.GuiApi, session: Session, queue: InputQueue) -> None:
         self._session = session
         gui.add_html(style(SCRIPT))
         self._text, self._title = gui.add_html(""), gui.add_html("")
         upload = gui.add_upload_button("Open a file", hint=HINT, color=GREY)
-        upload.on_upload(lambda event: ear.do(lambda file=event.target.value: session.open_upload(file.name, file.content)))
+        upload.on_upload(lambda event: queue.do(lambda file=event.target.value: session.open_upload(file.name, file.content)))
 
     def draw(self, part: str, lines: list[tuple[str, str]], notice: tuple[str, str]) -> None:
         """The state of the run, name and value a line, and the last message; the tab of the browser is called by the part."""

@@ -32,27 +32,27 @@ class ShowPanel:
         gui: viser.GuiApi,
         view: SceneView,
         handles: HandleView,
-        ear: InputQueue,
+        queue: InputQueue,
         changed: Callable[[], None],
         cut: Callable[[], None],
     ) -> None:
-        self._view, self._ear, self._changed, self._cut = view, ear, changed, cut
+        self._view, self._queue, self._changed, self._cut = view, queue, changed, cut
         self._from = gui.add_button_group("Look from", tuple(STANDARD_VIEWS), hint="Keys 0 to 6")
-        ear.press(self._from, view.camera.look)
+        queue.press(self._from, view.camera.look)
         with gui.add_folder("Section"):
             self.across = gui.add_dropdown("Cut across", (NONE, *AXES), hint="Key I")
             self.share = gui.add_slider("At", 0.0, 1.0, 0.01, 0.5, hint="Of the part's extent")
             self.other = gui.add_checkbox("Other half", False)
             self._place = gui.add_html("")
         for box in (self.across, self.share, self.other):
-            ear.hear(box, lambda _: self._cut_open())
+            queue.watch(box, lambda _: self._cut_open())
         self._boxes = {layer: gui.add_checkbox(layer, shown, hint=HINTS.get(layer)) for layer, shown in LAYERS.items()}
         for layer, box in self._boxes.items():
-            ear.hear(box, lambda on, layer=layer: self._switch(layer, on))
-        ear.hear(gui.add_checkbox("Handles", True, hint="Arrows that move the selected primitive, knobs that resize it"), handles.show)
+            queue.watch(box, lambda on, layer=layer: self._switch(layer, on))
+        queue.watch(gui.add_checkbox("Handles", True, hint="Arrows that move the selected primitive, knobs that resize it"), handles.show)
         self._grid, self.scale = gui.add_html(""), gui.add_html("")
-        ear.hear(gui.add_checkbox("Turn slowly", False), view.camera.turn)
-        ear.press(gui.add_button("Show the whole part", color=GREY), lambda _: view.camera.look())
+        queue.watch(gui.add_checkbox("Turn slowly", False), view.camera.turn)
+        queue.press(gui.add_button("Show the whole part", color=GREY), lambda _: view.camera.look())
 
     def _switch(self, layer: str, on: bool) -> None:
         self._view.show(layer, on)
@@ -86,5 +86,5 @@ class ShowPanel:
     def toggle(self, layer: str) -> None:
         """On where it is off, by key."""
         on = not self._view.shown[layer]
-        self._ear.show(self._boxes[layer], on)
+        self._queue.show(self._boxes[layer], on)
         self._switch(layer, on)

@@ -38,13 +38,13 @@ _ENDINGS: Mapping[str, str] = {"program.py": ".build123d.py", "program.cq.py": "
 class TakePanel:
     """Downloads. All files come from one delivery, as `imdim fit` writes them."""
 
-    def __init__(self, client: viser.ClientHandle, session: Session, ear: InputQueue) -> None:
+    def __init__(self, client: viser.ClientHandle, session: Session, queue: InputQueue) -> None:
         self._client, self._session = client, session
         text = "The files are made together, which takes some seconds the first time."
         client.gui.add_html(renderers.note(text))
         self._buttons = {label: client.gui.add_button(f"Download {label}", color=GREY, disabled=True) for label in FORMATS}
         for label, button in self._buttons.items():
-            ear.press(button, lambda _, label=label: self.take(label))
+            queue.press(button, lambda _, label=label: self.take(label))
 
     def draw_state(self) -> None:
         """There is something to download where there is a program."""
