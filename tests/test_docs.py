@@ -135,6 +135,16 @@ def names_in(code):
     return {field for field in fields if isinstance(field, str)}
 
 
+def test_the_tour_leads_to_every_folder_of_the_code():
+    table = (ROOT / "docs/tour.md").read_text(encoding="utf-8").split("\n## ")[1]
+    source, named = ROOT / "src/imdim", set()
+    for row in re.findall(r"^\|.*\|$", table, re.MULTILINE):
+        spans = re.findall(r"`([\w./]+)`", row)
+        places = (place for home in spans if home.startswith("src/") for place in (ROOT / home, *(ROOT / home / span for span in spans)))
+        named |= {folder for place in places if place.exists() for folder in (place, *place.parents)}
+    assert not {init.parent for init in source.rglob("*/__init__.py")} - named
+
+
 def test_pictures_are_small_and_shown():
     shown = {name for page in WRITTEN for name in re.findall(r"\]\(pictures/([\w.]+)\)", page.read_text(encoding="utf-8"))}
     there = {path.name: path.stat().st_size for path in (ROOT / "docs/pictures").iterdir()}

@@ -11,7 +11,7 @@ from tests.known_programs import EVERY
 from imdim.geometry import kernels, sdf, solid
 from imdim.geometry.lowering import Outlines, pack
 from imdim.geometry.points import is_inside
-from imdim.geometry.sampling import bounding_radius
+from imdim.program.rewrite.containment import bounding_radius
 from imdim.program.tree import KINDS, Program, fold, leaves
 
 SAMPLES = 40_000

@@ -16,12 +16,13 @@ from imdim.geometry import kernels, sdf
 from imdim.geometry.finish.posed import PosedPrimitive
 from imdim.geometry.lowering import Outlines, pack, pack_all
 from imdim.geometry.pose import radii
-from imdim.geometry.sampling import bounding_radius, even_surface, leaf_surface, surface_points
+from imdim.geometry.sampling import even_surface, leaf_surface, surface_points
 from imdim.geometry.solid import primitive_to_manifold
 from imdim.geometry.surface_map import surface_area
 from imdim.program.ellipse import Ellipse, ellipse_distance, holds_point
 from imdim.program.motions import mirror, move_leaf, turn
 from imdim.program.outline import Outline, circle, flatten_loop, has_ellipse, rectangle
+from imdim.program.rewrite.containment import bounding_radius
 from imdim.program.tree import OUTLINED, Combine, Primitive
 
 STEP = 0.012

@@ -7,8 +7,8 @@ from tests.known_programs import EVERY
 from imdim.geometry.lowering import lower
 from imdim.geometry.pose import Pose, radii
 from imdim.geometry.rotations import matrix_from_euler
-from imdim.geometry.sampling import bounding_radius
 from imdim.program.constraints import WORLD, Ref
+from imdim.program.rewrite.containment import bounding_radius
 from imdim.program.tree import KINDS, Primitive, leaves
 
 TILTED = Primitive("box", (4.0, 3.0, 1.0), (1.0, 2.0, 3.0), (20.0, -35.0, 50.0))

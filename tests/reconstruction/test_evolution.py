@@ -10,7 +10,7 @@ from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.cost import count
 from imdim.program.front import Choice
 from imdim.program.tree import leaves
-from imdim.reconstruction.choices import few, unite_fronts
+from imdim.reconstruction.choices import thin_front, unite_fronts
 from imdim.reconstruction.config import Settings
 from imdim.reconstruction.evolution import log_generations
 from imdim.reconstruction.pipeline import Snapshot, reconstruct
@@ -83,7 +83,7 @@ def test_fronts_of_bodies_unite_step_by_step():
 
 def test_a_few_keep_the_delivered_one():
     long = [Choice(union(*[sphere(1 + i, (float(i), 0.0, 0.0)) for i in range(n)]), 0.7**n) for n in range(1, 20)]
-    chosen = few(long, long[12].program)
+    chosen = thin_front(long, long[12].program)
     assert len(chosen) == 7
     assert {c.program for c in chosen} >= {long[0].program, long[12].program, long[-1].program}
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -13,6 +12,7 @@ import torch
 
 from imdim.data.npz import split_samples, write_sample
 from imdim.data.synthesize import SynthesisConfig, synthesize
+from imdim.whole_file import write_text_whole
 
 CHUNK = 64  # samples from one generator; part of what a seed means
 SPLITS = ("train", "val")
@@ -74,6 +74,4 @@ def claim(config: FolderConfig) -> None:
         raise ValueError(f"{note} is of a data set with other settings; choose another folder")
     for split in SPLITS:
         (out / split).mkdir(parents=True, exist_ok=True)
-    part = note.with_suffix(".part")
-    part.write_text(settings)
-    os.replace(part, note)
+    write_text_whole(note, settings)

@@ -22,7 +22,7 @@ from imdim.geometry.finish.far_walls import reach_walls_far
 from imdim.geometry.finish.overshoot import overshoot
 from imdim.geometry.finish.turned_ends import centre_turned
 from imdim.geometry.solid import to_manifold
-from imdim.program.constraints import WORLD, Constraint, Ref
+from imdim.program.constraints import Constraint, renumber_constraints
 from imdim.program.cost import count
 from imdim.program.edges import EdgeFeature, name_edges, renumber_edges
 from imdim.program.patterns.detect import Folding, extent, fold_repeats, worth
@@ -82,7 +82,7 @@ def finish(
     place = {old: new for new, old in enumerate(folding.order)}
     edges = renumber_edges(edges, place)
     folded = with_leaves(folding.folded, _hide_ends(folding.program, folding.folded, deadline, edges))
-    given, carried = expand(folded), renumber_constraints(constraints, folding.order)
+    given, carried = expand(folded), renumber_constraints(constraints, place)
     constraints = without_hidden(given, _without_rows(holding(given, carried), folded))
     folded = with_leaves(folded, finish_flat(given, folded, deadline, edges))
     delivered = expand(folded)
@@ -183,13 +183,3 @@ def _without_rows(constraints: Sequence[Constraint], folded: Folded) -> tuple[Co
         elif c.about is not None and c.about.leaf not in members and len(members) % 2 == 0:
             out.append(replace(c, of=(c.of[0], c.of[half])))
     return tuple(out)
-
-
-def renumber_constraints(constraints: Sequence[Constraint], order: Sequence[int]) -> tuple[Constraint, ...]:
-    """The constraints of a program whose leaf i was number ``order[i]`` before."""
-    number = {old: new for new, old in enumerate(order)} | {WORLD: WORLD}
-
-    def moved(ref: Ref) -> Ref:
-        return ref._replace(leaf=number[ref.leaf])
-
-    return tuple(replace(c, of=tuple(map(moved, c.of)), about=None if c.about is None else moved(c.about)) for c in constraints)

@@ -16,13 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 import trimesh
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from imdim.detection.facets import Facets, facets_of
 from imdim.detection.mesh_surfaces import Shown, detect_shown
 from imdim.geometry.surface import Patch, Surface, normals, signed_distance, vec
 from imdim.program.edges import EdgeKind
+from imdim.target.bodies import components
 
 TANGENT = 6.0  # degrees, below which surfaces touch; coarse facets leave some
 HALF_STEP = 0.7  # of a step between facets, below which the first one touches what is beside it
@@ -144,8 +143,7 @@ def _pieces(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) -> tu
     owner = owner[facets.facet_of]
     pairs = np.asarray(mesh.face_adjacency).reshape(-1, 2)
     joined = owner[pairs[:, 0]] == owner[pairs[:, 1]]
-    links = coo_array((np.ones(int(joined.sum())), pairs[joined].T), shape=(len(owner), len(owner)))
-    piece_of = connected_components(links, directed=False)[1]
+    piece_of = components(pairs[joined, 0], pairs[joined, 1], len(owner))[1]
     owner_of = np.zeros(piece_of.max() + 1, int)
     owner_of[piece_of] = owner
     areas = np.bincount(piece_of, mesh.area_faces)
@@ -334,9 +332,9 @@ def _joined(found: Mapping[int, Blend], mesh: trimesh.Trimesh, piece_of: np.ndar
         for vertex in np.unique(mesh.faces[blend.triangles]):
             at[int(vertex)].append(i)
     numbers = {i: k for k, i in enumerate(found)}
-    links = {(numbers[a], numbers[b]) for ends in at.values() for a in ends for b in ends if a < b and _are_alike(found[a], found[b])}
-    rows, columns = zip(*links, strict=True) if links else ((), ())
-    group = connected_components(coo_array((np.ones(len(links)), (rows, columns)), shape=(len(found), len(found))), directed=False)[1]
+    links = {(numbers[a], numbers[b]) for near in at.values() for a in near for b in near if a < b and _are_alike(found[a], found[b])}
+    ends = np.array(list(links), int).reshape(-1, 2)
+    group = components(ends[:, 0], ends[:, 1], len(found))[1]
     order = list(found)
     for g in range(group.max() + 1):
         yield [order[k] for k in np.flatnonzero(group == g)]

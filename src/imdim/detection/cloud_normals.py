@@ -10,13 +10,15 @@ from scipy.spatial import KDTree
 
 from imdim.detection.noise import NoiseModel
 
+NEIGHBOURS = 18  # of a point, through pairs of which its planes go
 
-def estimate_normals(points: np.ndarray, noise: NoiseModel, rng: np.random.Generator, k: int = 18) -> tuple[np.ndarray, np.ndarray]:
+
+def estimate_normals(points: np.ndarray, noise: NoiseModel, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Normals [n, 3] of either sign and trust [n] in 0..1, by consensus of planes through each point and two of its neighbours.
 
     A consensus, unlike an average, does not blend the faces that meet at an edge or the two sides of a wall.
     """
-    k = min(k, len(points) - 1)
+    k = min(NEIGHBOURS, len(points) - 1)
     _, near = KDTree(points).query(points, k=k + 1)
     pairs = np.array([rng.choice(np.arange(1, k + 1), 2, replace=False) for _ in range(48)])
     tolerance = 0.1 * noise.spacing + 2 * noise.sigma

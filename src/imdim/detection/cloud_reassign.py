@@ -16,6 +16,7 @@ from imdim.geometry.surface import normals as surface_normals
 
 _REACH = 3.0  # spacings within which a surface's points let it explain others
 _CLIP = 3.0  # deviations; whatever is farther is a stray to every surface
+GATHERED = 8  # points of a noisy face whose middle stands for one of them
 _WORTH = 1.0  # mean gain in log likelihood per point that makes a surface worth having
 
 
@@ -144,12 +145,12 @@ def patches_of(cloud: DetectionState) -> list[Patch]:
     return sorted(out, key=lambda p: -p.area)
 
 
-def gather_points(patch: Patch, neighbours: int = 8) -> Patch:
+def gather_points(patch: Patch) -> Patch:
     """The patch with every point moved to the middle of its neighbours on it, and onto its carrier.
 
     Noise strews points past a face's edges; their neighbours' middles lie within.
     """
-    near = KDTree(patch.points).query(patch.points, k=min(neighbours, len(patch.points)))[1].reshape(len(patch.points), -1)
+    near = KDTree(patch.points).query(patch.points, k=min(GATHERED, len(patch.points)))[1].reshape(len(patch.points), -1)
     points = patch.points[near].mean(1)
     for _ in range(2):
         points = points - signed_distance(patch.surface, points)[:, None] * surface_normals(patch.surface, points)

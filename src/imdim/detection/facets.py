@@ -13,6 +13,9 @@ from scipy.sparse import csr_array
 
 FEW = 64  # facets, of which each is looked up by itself
 
+COPLANAR = 5e-6  # of the diagonal: corners no farther from a plane lie in it
+COPLANAR_DEG = 1.0  # between the normals of triangles in one plane
+
 
 @dataclass(frozen=True)
 class Facets:
@@ -82,8 +85,8 @@ def _grow(order, starts, neighbours, corners, normals, flat, cosine):
     return facet
 
 
-def facets_of(mesh: trimesh.Trimesh, flat: float = 5e-6, angle_deg: float = 1.0) -> Facets:
-    """Group the triangles of `mesh`; `flat` is the coplanarity tolerance relative to the diagonal."""
+def facets_of(mesh: trimesh.Trimesh) -> Facets:
+    """Group the triangles of `mesh`."""
     diagonal = float(np.linalg.norm(mesh.extents))
     corners = np.ascontiguousarray(mesh.vertices[mesh.faces], dtype=float)
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -93,7 +96,7 @@ def facets_of(mesh: trimesh.Trimesh, flat: float = 5e-6, angle_deg: float = 1.0)
     ways = np.concatenate([pairs, pairs[:, ::-1]]).T
     links = csr_array((np.ones(ways.shape[1], bool), (ways[0], ways[1])), shape=(len(corners), len(corners)))
     order = np.argsort(-double, kind="stable")
-    member = _grow(order, links.indptr, links.indices, corners, normals, flat * diagonal, np.cos(np.radians(angle_deg)))
+    member = _grow(order, links.indptr, links.indices, corners, normals, COPLANAR * diagonal, np.cos(np.radians(COPLANAR_DEG)))
     areas = np.bincount(member, double / 2)
     mean_normal = np.stack([np.bincount(member, normals[:, i] * double) for i in range(3)], axis=1)
     mean_normal /= np.maximum(np.linalg.norm(mean_normal, axis=1, keepdims=True), 1e-300)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from imdim.geometry.rotations import frame_from_axis, skew
+from imdim.geometry.rotations import frame_from_axis, turn_about
 from imdim.geometry.surface import Surface, ellipsoid_field, signed_distance, unit, vec
 
 DRAWN = 1e-5  # of the diagonal, within which corners lie on the surface that they were made on, and semi-axes were drawn equal
@@ -86,6 +84,5 @@ def ellipsoid_residual(center: np.ndarray, frame: np.ndarray, sizes: np.ndarray,
 def move_ellipsoid(center: np.ndarray, frame: np.ndarray, sizes: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A step [9]: of the centre, of a rotation in the frame (its vector, in radians), and of the logarithms of the semi-axes."""
     angle = float(np.linalg.norm(step[3:6]))
-    cross = skew(step[3:6] / max(angle, 1e-300))
-    turn = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+    turn = turn_about(step[3:6] / max(angle, 1e-300), angle)
     return center + step[:3], frame @ turn, sizes * np.exp(np.clip(step[6:], -0.5, 0.5))

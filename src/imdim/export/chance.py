@@ -17,10 +17,10 @@ from imdim.export.seen import find_hidden_ends
 from imdim.geometry.lowering import lower
 from imdim.program.constraints import WORLD, Constraint, Ref
 from imdim.program.patterns.congruence import group_by_fit
-from imdim.program.rewrite.containment import axes, dot
+from imdim.program.rewrite.containment import axes
 from imdim.program.roles import cuts_of_each, name_constraints, roles_of, signs
 from imdim.program.tree import SIZE_NAMES, Primitive, Program, leaves, longest
-from imdim.program.vectors import minus
+from imdim.program.vectors import dot, minus
 
 SAME = 1e-6  # of a length: two sizes are one
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 from imdim.export.seats import TOUCH, place_of, seats
 from imdim.program.constraints import Constraint
-from imdim.program.rewrite.containment import axes, dot
+from imdim.program.rewrite.containment import axes
 from imdim.program.tree import Primitive, Program, leaves, longest
+from imdim.program.vectors import dot
 
 PATTERNS = ("linear", "circular", "symmetric", "coaxial", "concentric")
 WITH_AXIS = ("cylinder", "cone", "torus")

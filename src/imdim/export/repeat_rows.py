@@ -8,8 +8,9 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 from imdim.program.repeats import Folded, Repeat, repeats, size
-from imdim.program.rewrite.containment import axes, dot
+from imdim.program.rewrite.containment import axes
 from imdim.program.tree import FULL_TURN, Primitive, Vec3
+from imdim.program.vectors import dot
 
 if TYPE_CHECKING:
     from imdim.export.elimination import LinearSystem

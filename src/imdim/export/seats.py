@@ -13,9 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from imdim.geometry import kernels
+from imdim.geometry.finish.posed import PosedPrimitive
 from imdim.geometry.lowering import Lowered, lower
 from imdim.program.roles import cuts_of_each, signs
-from imdim.program.tree import Primitive, Program, envelope, leaves, longest
+from imdim.program.tree import FLAT_ENDS, Primitive, Program, leaves, longest
 
 ALIGNED = 1e-7  # how far a direction may be off the world's axes
 TOUCH = 1e-9  # of the largest size
@@ -193,13 +194,13 @@ def _span(pairs: _Ends, e: End, parts: list[Primitive]) -> tuple[float, float]:
 
 def ends_of(leaf: int, p: Primitive, numbers: Lowered) -> Iterator[End]:
     """The plane faces of a leaf that look along the world's axes."""
-    for axis in {"box": (0, 1, 2), "cylinder": (2,), "cone": (2,), "extrude": (2,), "revolve": (2,)}.get(p.kind, ()):
+    for axis in (2,) if p.kind == "revolve" else FLAT_ENDS.get(p.kind, ()):
         direction = numbers.rotations[leaf][:, axis]
         along = world_axis(direction)
         if along is not None:
             for side in (-1, 1):
                 own = side if direction[along] > 0 else -side
-                column = -1 if p.kind == "revolve" else axis if p.kind == "box" else len(p.size) - 1
+                column = -1 if p.kind == "revolve" else FLAT_ENDS[p.kind][axis]
                 yield End(leaf, along, side, column, ("+" if own > 0 else "-") + "xyz"[axis])
 
 
@@ -224,12 +225,5 @@ def place_of(end: End, parts: Sequence[Primitive]) -> float:
 
 def reach_of(p: Primitive, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Low and high corner [3] of a box around a leaf."""
-    p = envelope(p)
-    radius = sum(p.size) if p.kind == "torus" else max(p.size)
-    half = [radius] * 3
-    if p.kind == "box":
-        half = [s / 2 for s in p.size]
-    elif p.kind in ("cylinder", "cone"):
-        half = [max(p.size[:-1])] * 2 + [p.size[-1] / 2]
-    reach = np.abs(rotation) @ np.array(half)
+    reach = np.abs(rotation) @ PosedPrimitive(p).half
     return p.center - reach, p.center + reach

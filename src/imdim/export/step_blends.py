@@ -228,12 +228,10 @@ def _blend_feature(state: _State, stretches: list[BlendedEdge], deadline: Deadli
 
 def _group(stretches: list[BlendedEdge], pairs: Sequence[Sequence[int]]) -> list[list[BlendedEdge]]:
     # a quarter of a second, which a part without edge features does without
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
+    from imdim.target.bodies import components
 
-    count = len(stretches)
-    rows, columns = np.array(pairs, dtype=int).reshape(-1, 2).T
-    found, label = connected_components(coo_matrix((np.ones(len(rows), bool), (rows, columns)), shape=(count, count)), directed=False)
+    links = np.array(pairs, dtype=int).reshape(-1, 2)
+    found, label = components(links[:, 0], links[:, 1], len(stretches))
     return [[stretches[k] for k in np.flatnonzero(label == g)] for g in range(found)]
 
 

@@ -49,12 +49,12 @@ class Surroundings:
         """Whether there is material at points [n, 3] of the box's frame, which begins at its middle."""
         return inside(self.solid, self.middle + local @ self.axes.T)
 
-    def is_beyond(self, axis: int, side: int, by: float = 1.0) -> np.ndarray:
-        """Whether there is material at nine places across a face, so many steps beyond it."""
+    def is_beyond(self, axis: int, side: int) -> np.ndarray:
+        """Whether there is material at nine places across a face, a step beyond it."""
         others = [a for a in range(3) if a != axis]
         local = np.zeros((len(ALONG) ** 2, 3))
         local[:, others] = np.array(list(product(ALONG, ALONG))) * self.half[others]
-        local[:, axis] = side * (self.half[axis] + by * self.step)
+        local[:, axis] = side * (self.half[axis] + self.step)
         return self.is_material(local)
 
     def is_beside(self, axis: int, side: int, along: int) -> np.ndarray:

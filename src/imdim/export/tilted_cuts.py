@@ -10,10 +10,9 @@ import numpy as np
 from imdim.export.seats import TOUCH, world_axis
 from imdim.geometry.lowering import lower
 from imdim.program.roles import cuts_of_each, signs
-from imdim.program.tree import Primitive, Program, envelope, leaves, longest
+from imdim.program.tree import FLAT_ENDS, PRISMS, Primitive, Program, envelope, leaves, longest
 
 PARALLEL = 1e-9
-_ENDS = {"box": (0, 1, 2), "cylinder": (2,), "extrude": (2,)}  # local axes that end in planes
 
 
 class _Span(NamedTuple):
@@ -40,8 +39,7 @@ def pass_aslant(program: Program) -> Iterator[tuple[tuple[int, int], tuple[int, 
 
 
 def _spans(leaf: int, p: Primitive, turn: np.ndarray) -> Iterator[_Span]:
-    for axis in _ENDS.get(p.kind, ()):
-        column = axis if p.kind == "box" else len(p.size) - 1
+    for axis, column in FLAT_ENDS[p.kind].items() if p.kind in PRISMS else ():
         along, half = turn[:, axis], p.size[column] / 2
         yield _Span(leaf, column, along, float(along @ p.center) - half, float(along @ p.center) + half)
 

@@ -26,6 +26,7 @@ WIDTHS = (0.10, 0.05, 0.025, 0.012)  # of the kernels, in radians, from the sear
 SHARPENING = ((0.03, 0.02), (0.01, 0.015), (0.003, 0.01))  # turns in radians, and how wide a pile of points is, of the diagonal
 EXACT = 0.5  # of the worth under a wide kernel is left under the narrowest where normals are exact
 CLEARLY = 0.9  # of the other frame's piles, that the first one must have to be kept
+OFF_DEG = 2.0  # by which a direction may be off an axis that it lies along
 STAY = 0.97  # the given axes are kept when they are worth as much as this share of the best ones
 
 
@@ -45,7 +46,7 @@ def main_axes(points: np.ndarray) -> np.ndarray:
     return nearest_equal(best)
 
 
-def find_shared_axes(directions: Sequence[Sequence[float]], weights: Sequence[float], off_deg: float = 2.0) -> np.ndarray:
+def find_shared_axes(directions: Sequence[Sequence[float]], weights: Sequence[float]) -> np.ndarray:
     """The rotation [3, 3] along whose columns most of the weighted `directions` [n, 3] lie; the given axes where they do nearly as well.
 
     For faces and axes that were fitted to many points each, which say more than the normals of a noisy cloud.
@@ -56,12 +57,12 @@ def find_shared_axes(directions: Sequence[Sequence[float]], weights: Sequence[fl
         for b in (*unit[i + 1 :], *np.eye(3)):
             across = b - (b @ a) * a
             length = np.linalg.norm(across)
-            if length > np.cos(np.radians(off_deg)) or (length > 0.1 and not (abs(unit @ a) < np.sin(np.radians(off_deg))).any()):
+            if length > np.cos(np.radians(OFF_DEG)) or (length > 0.1 and not (abs(unit @ a) < np.sin(np.radians(OFF_DEG))).any()):
                 across /= length
                 frames.append(np.column_stack([a, across, np.cross(a, across)]))
 
     def worth(frame: np.ndarray) -> float:
-        along = np.abs(unit @ frame).max(1) > np.cos(np.radians(off_deg))
+        along = np.abs(unit @ frame).max(1) > np.cos(np.radians(OFF_DEG))
         return float(np.dot(along, weights))
 
     best = max(frames, key=worth)

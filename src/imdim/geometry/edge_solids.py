@@ -17,10 +17,11 @@ from manifold3d import Manifold
 
 from imdim.geometry.edges import BlendedEdge, Interval, Track, find_edges, meet_faces
 from imdim.geometry.rotations import euler_from_matrix
-from imdim.geometry.solid import SEGMENTS, surface_with_owners, to_manifold
+from imdim.geometry.solid import SEGMENTS, bounds_of, surface_with_owners, to_manifold
+from imdim.geometry.surface import vec
 from imdim.program.edges import EdgeFeature, EdgeKind
 from imdim.program.outline import Outline, Vertex
-from imdim.program.tree import FULL_TURN, Combine, Primitive, Program, Vec3, combine_all, leaves
+from imdim.program.tree import FULL_TURN, Combine, Primitive, Program, combine_all, leaves
 
 if TYPE_CHECKING:
     import trimesh
@@ -94,7 +95,7 @@ def solid_with_edges(
     if not features:
         return build(program, segments)
     solid = build(with_edges(program, features), segments)
-    low, high = np.array(solid.bounding_box()).reshape(2, 3)
+    low, high = bounds_of(solid)
     skin = max(SKIN * float(np.linalg.norm(high - low)), 10 * JOIN * max(max(f.sizes) for f in features))
     return solid.as_original().simplify(skin)
 
@@ -157,7 +158,7 @@ def _section(track: Track, stretch: Interval, sizes: tuple[float, float], kind: 
 def _extruded(track: Track, loop: tuple[Vertex, ...], start: float, end: float) -> Primitive:
     outline, (x, y) = _centred(loop)
     center = track.origin + track.frame @ np.array([x, y, (start + end) / 2])
-    return Primitive("extrude", (end - start,), _vec3(center), euler_from_matrix(track.frame), outline)
+    return Primitive("extrude", (end - start,), vec(center), euler_from_matrix(track.frame), outline)
 
 
 def _turned(track: Track, loop: tuple[Vertex, ...], start: float, degrees: float) -> Primitive:
@@ -168,7 +169,7 @@ def _turned(track: Track, loop: tuple[Vertex, ...], start: float, degrees: float
     cosine, sine = math.cos(start), math.sin(start)
     frame = track.frame @ np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     center = track.origin + track.frame[:, 2] * middle
-    return Primitive("revolve", (min(degrees, FULL_TURN),), _vec3(center), euler_from_matrix(frame), outline)
+    return Primitive("revolve", (min(degrees, FULL_TURN),), vec(center), euler_from_matrix(frame), outline)
 
 
 def _centred(loop: tuple[Vertex, ...]) -> tuple[Outline, Corner]:
@@ -195,7 +196,3 @@ def _corners(swept: Sequence[BlendedEdge]) -> Iterator[BlendSolid]:
             continue
         one, two = (sweep_edge(s, *((GO_ON * s.size if e == end else 0.0) for e in (0, 1))) for s, end in ((a, k), (b, m)))
         yield BlendSolid(a.feature, a.edge, a.stretch.is_convex, Combine("intersection", one, two))
-
-
-def _vec3(v: np.ndarray) -> Vec3:
-    return (float(v[0]), float(v[1]), float(v[2]))

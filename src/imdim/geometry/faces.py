@@ -11,7 +11,7 @@ from imdim.geometry.lowering import Lowered
 from imdim.geometry.surface import Surface, vec
 from imdim.program.edges import Face, wall_curve
 from imdim.program.outline import arc_center, arc_middle, arc_radius
-from imdim.program.tree import Primitive
+from imdim.program.tree import FLAT_ENDS, Primitive
 
 LEVEL = 1e-12  # of a line's length, by which it may leave a right angle and still be plane, or a cylinder
 
@@ -24,7 +24,7 @@ def carrier(face: Face, leaf: Primitive, numbers: Lowered) -> Surface | None:
     turn, center = numbers.rotations[face.leaf], numbers.centers[face.leaf]
     if face.name[0] in "+-":
         axis = "xyz".index(face.name[1])
-        half = (leaf.size[axis] if leaf.kind == "box" else leaf.size[-1]) / 2
+        half = leaf.size[FLAT_ENDS[leaf.kind][axis]] / 2
         side = half if face.name[0] == "+" else -half
         return Surface("plane", vec(center + turn[:, axis] * side), vec(turn[:, axis]))
     if face.name == "side":

@@ -21,7 +21,7 @@ from imdim.geometry.lowering import Lowered, lower
 from imdim.program.ellipse import Ellipse
 from imdim.program.holes import Hole, HoleSection
 from imdim.program.outline import Loop, circle_of, ring_curves
-from imdim.program.tree import FULL_TURN, Primitive, Program, Vec3, leaves, longest
+from imdim.program.tree import FLAT_ENDS, FULL_TURN, Primitive, Program, Vec3, leaves, longest
 
 COAXIAL = 2e-4  # of the largest size, within which walls have one axis
 NEXT = 0.05  # of a diameter, by which the walls of one hole may be apart along it: a rounding between them is no wall
@@ -127,12 +127,8 @@ def _plane_faces(parts: Sequence[Primitive], numbers: Lowered) -> tuple[np.ndarr
     points, normals = [], []
     for leaf, p in enumerate(parts):
         turn, center = numbers.rotations[leaf], numbers.centers[leaf]
-        ends: list[tuple[int, float]] = []
-        if p.kind == "box":
-            ends = [(axis, side * p.size[axis] / 2) for axis in range(3) for side in (-1, 1)]
-        elif p.kind in ("cylinder", "cone", "extrude"):
-            ends = [(2, side * p.size[-1] / 2) for side in (-1, 1)]
-        elif p.kind == "revolve" and p.outline is not None:
+        ends = [(axis, side * p.size[column] / 2) for axis, column in FLAT_ENDS.get(p.kind, {}).items() for side in (-1, 1)]
+        if p.kind == "revolve" and p.outline is not None:
             ends = [(2, z) for z in sorted({y for ring in p.outline.rings for _, y, _ in ring})]
         for axis, at in ends:
             points.append(center + turn[:, axis] * at)

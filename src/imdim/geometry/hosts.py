@@ -8,7 +8,8 @@ import numpy as np
 
 from imdim.geometry import kernels
 from imdim.geometry.lowering import lower
-from imdim.geometry.sampling import bounding_radius, even_surface
+from imdim.geometry.sampling import even_surface
+from imdim.program.rewrite.containment import bounding_radius
 from imdim.program.roles import signs
 from imdim.program.tree import Program, leaves
 

@@ -117,6 +117,11 @@ def radii(numbers: Lowered) -> np.ndarray:
     return out
 
 
+def extent_of(numbers: Lowered) -> float:
+    """A length as large as the part."""
+    return float(np.linalg.norm(np.ptp(numbers.centers, axis=0)) + 2 * radii(numbers).max())
+
+
 def _drawn_radius(numbers: Lowered, leaf: int) -> float:
     """Bounding radius of an extruded or turned outline: that of the box or cylinder about its frame which holds it."""
     rows = numbers.outlines.curves[slice(*numbers.outlines.spans[leaf])]

@@ -47,6 +47,12 @@ def frame_from_axis(axis: np.ndarray) -> np.ndarray:
     return np.stack([x, np.cross(z, x), z], axis=1)
 
 
+def turn_about(axis: np.ndarray, angle: float) -> np.ndarray:
+    """The rotation [3, 3] by an angle in radians about a unit vector (Rodrigues)."""
+    cross = skew(axis)
+    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+
+
 def skew(vectors: np.ndarray) -> np.ndarray:
     """The matrices [..., 3, 3] that multiply a vector b to a x b, of each of `vectors` a [..., 3]."""
     x, y, z = np.moveaxis(vectors, -1, 0)

@@ -11,7 +11,8 @@ from imdim.geometry.lowering import lower, pack
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.surface_map import face_ends, map_surface, surface_area
 from imdim.geometry.swept_surface import sampling_areas
-from imdim.program.tree import Primitive, Program, envelope, leaves
+from imdim.program.rewrite.containment import bounding_radius
+from imdim.program.tree import Primitive, Program, leaves
 
 # A program whose boundary is a smaller share of its leaves' surfaces than about one in this many is taken to have none.
 MAX_ROUNDS = 64
@@ -87,17 +88,6 @@ def leaf_surface(primitive: Primitive, n: int, rng: np.random.Generator) -> tupl
         done = stop
     rotation = matrix_from_euler(primitive.rotation)
     return points @ rotation.T + primitive.center, normals @ rotation.T
-
-
-def bounding_radius(primitive: Primitive) -> float:
-    """Radius of a ball about the centre that holds the primitive."""
-    primitive = envelope(primitive)
-    size = primitive.size
-    if primitive.kind == "box":
-        return float(np.linalg.norm(size)) / 2
-    if primitive.kind in ("cylinder", "cone"):
-        return float(np.hypot(max(size[:-1]), size[-1] / 2))
-    return sum(size) if primitive.kind == "torus" else max(size)
 
 
 def subsample(points: np.ndarray, count: int) -> np.ndarray:

@@ -139,6 +139,16 @@ def _trimesh(mesh: Mesh64) -> trimesh.Trimesh:
     return trimesh.Trimesh(np.array(mesh.vert_properties, np.float64)[:, :3], np.array(mesh.tri_verts, np.int64), process=False)
 
 
+def corners_of(solid: Manifold) -> np.ndarray:
+    """The corners [n, 3] of a solid, in double precision."""
+    return np.asarray(solid.to_mesh64().vert_properties, np.float64)[:, :3]
+
+
+def bounds_of(solid: Manifold) -> np.ndarray:
+    """Low and high corner [2, 3] of a solid's box."""
+    return np.reshape(solid.bounding_box(), (2, 3))
+
+
 def surface_with_owners(program: Program, segments: int = SEGMENTS) -> tuple[trimesh.Trimesh, np.ndarray]:
     """The surface of `program`, and for each of its faces [f] the number of the leaf that made it."""
     owners: dict[int, int] = {}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import pickle
 import re
 import struct
@@ -26,6 +25,7 @@ from imdim.learn.seed_policy import SeedConfig, SeedPolicy
 from imdim.learn.stump.net import StumpNet
 from imdim.learn.stump.settings import StumpConfig
 from imdim.program.state import Token
+from imdim.whole_file import replace_whole
 
 FORMAT, STUMP_FORMAT, VERSION = "imdim-policy", "imdim-stump", "1"
 VOCABULARY = [Token(i).name for i in range(VOCAB)]
@@ -95,6 +95,7 @@ def load_policy(path: Path, device: torch.device | str = "cpu") -> tuple[Policy,
 
 def save_state(path: Path, state: Mapping[str, Any]) -> None:
     """A training state: nested dictionaries and lists of tensors and plain values."""
+    # torch and safetensors report a full disk as errors of other kinds, so they write to memory
     buffer = io.BytesIO()
     torch.save(dict(state), buffer)
     replace_whole(path, buffer.getbuffer())
@@ -126,23 +127,6 @@ def load_own_state(path: Path, settings: Mapping[str, object]) -> dict[str, Any]
     if other:
         raise ValueError(f"{path} is of a run with another {', '.join(other)}")
     return state
-
-
-def replace_whole(path: Path, content: bytes | memoryview) -> None:
-    """Write a file beside `path`, bring it to the disk and put it in place of `path`; nothing is left of a failure."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + ".part")
-    try:
-        # torch and safetensors report a full disk as errors of other kinds, so they write to memory
-        with part.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(part, path)
-    except OSError as error:
-        raise type(error)(error.errno, error.strerror, str(path)) from error
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _read(path: Path, form: str) -> tuple[dict[str, str], dict[str, Tensor]]:

@@ -12,9 +12,9 @@ from imdim.numbers.inches import are_inches
 from imdim.program.motions import move_leaf, turn
 from imdim.program.patterns.detect import extent, fold_repeats
 from imdim.program.repeats import Repeat, repeats
-from imdim.program.rewrite.containment import axes, dot
-from imdim.program.tree import Primitive, Program, Vec3, leaves, map_leaves
-from imdim.program.vectors import minus, plus, times
+from imdim.program.rewrite.containment import axes
+from imdim.program.tree import Primitive, Program, Vec3, leaves, replace_leaves
+from imdim.program.vectors import dot, minus, plus, times
 
 SAME = 1e-9  # of the part's size
 MOST, FINEST = 1e-3, 1e-6  # of it: by how much a radius is rounded at most, and to what at least
@@ -41,7 +41,7 @@ def round_circles(before: Program, after: Program, bears: Callable[[Program], bo
             continue
         widths = grids(size, FINEST * size, are_inches(old))
         for trial in [_row(repeat, old, new, members)] if slants else _circles(repeat, old, new, members, size, widths):
-            whole = map_leaves(after, lambda i, leaf, trial=trial: trial.get(i, leaf))
+            whole = replace_leaves(after, trial)
             if whole == after or bears(whole):
                 after = whole
                 break

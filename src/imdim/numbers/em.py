@@ -23,11 +23,10 @@ from imdim.numbers.normal_equations import blocks
 from imdim.numbers.outline_coordinates import OutlineCoordinates, center_leaf, outline_coordinates
 from imdim.numbers.shared_rotations import TURNS, align_rotations, frames, map_shared_turns
 from imdim.program.outline import check_crossings
-from imdim.program.tree import Primitive, Program, leaves, map_leaves
+from imdim.program.tree import FLAT_ENDS, PRISMS, Primitive, Program, leaves, map_leaves
 
 MOST_LET_THROUGH = 40  # leaves; the booleans that ask which ends only just meet grow with the square
 NOISE_ROUNDS = 4
-SPANS = {"box": {0: 0, 1: 1, 2: 2}, "cylinder": {2: 1}, "extrude": {2: 0}}  # kind: local axis -> the size along it
 RELAXED = 1.6  # any factor below 2 converges where 1 does (Salakhutdinov & Roweis 2003)
 
 
@@ -103,7 +102,7 @@ def clip_program(program: Program, points: np.ndarray, margin: float) -> Program
 
 def _clip(leaf: Primitive, corners: np.ndarray) -> Primitive:
     rotation, center, size = matrix_from_euler(leaf.rotation), np.array(leaf.center), list(leaf.size)
-    for axis, slot in SPANS.get(leaf.kind, {}).items():
+    for axis, slot in FLAT_ENDS[leaf.kind].items() if leaf.kind in PRISMS else ():
         along = (corners - np.array(leaf.center)) @ rotation[:, axis]
         start, end = max(-leaf.size[slot] / 2, float(along.min())), min(leaf.size[slot] / 2, float(along.max()))
         if end > start and end - start < leaf.size[slot]:

@@ -24,6 +24,7 @@ from imdim.program.outline import (
     Point,
     Ring,
     arc_center,
+    arc_middle,
     arc_radius,
     check_crossings,
     circle,
@@ -446,8 +447,7 @@ class _Snapping:
 def _carrier(curve: Curve) -> Carrier:
     x, y, u, v, bulge = curve
     if bulge:
-        middle = ((x + u + bulge * (v - y)) / 2, (y + v - bulge * (u - x)) / 2)
-        return Arc(arc_center(curve), arc_radius(curve), 1 if bulge > 0 else -1, ((x, y), middle, (u, v)))
+        return Arc(arc_center(curve), arc_radius(curve), 1 if bulge > 0 else -1, ((x, y), arc_middle(curve), (u, v)))
     degrees, middle = math.degrees(math.atan2(v - y, u - x)) % 180.0, ((x + u) / 2, (y + v) / 2)
     c, s = unit(degrees)
     return Line(degrees, -s * middle[0] + c * middle[1], middle, math.hypot(u - x, v - y))

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from imdim.geometry.axes import SYMMETRIES
-from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler, skew
+from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler, turn_about
 from imdim.program.ellipse import Ellipse
 from imdim.program.motions import is_round
 from imdim.program.outline import Loop, Outline, reverse_ring
@@ -158,7 +158,7 @@ def _round_frames(frame: np.ndarray) -> Iterator[np.ndarray]:
     angle = math.degrees(math.atan2(level[v, first], level[u, first]))
     for step in (*STEPS, 0.0):
         turned = math.radians(_to_step(angle, step) - angle)
-        yield _about(np.eye(3)[world], turned) @ level
+        yield turn_about(np.eye(3)[world], turned) @ level
     euler = euler_from_matrix(frame)
     for step in (15.0, 5.0, 1.0, 0.1, 0.01):
         yield matrix_from_euler((_to_step(euler[0], step), _to_step(euler[1], step), _to_step(euler[2], step)))
@@ -172,9 +172,4 @@ def shortest_turn(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """The smallest rotation [3, 3] that takes the unit vector `a` to `b`, which must not be opposite."""
     cross = np.cross(a, b)
     sine = float(np.linalg.norm(cross))
-    return np.eye(3) if sine == 0 else _about(cross / sine, math.atan2(sine, float(a @ b)))
-
-
-def _about(axis: np.ndarray, angle: float) -> np.ndarray:
-    cross = skew(axis)
-    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+    return np.eye(3) if sine == 0 else turn_about(cross / sine, math.atan2(sine, float(a @ b)))

@@ -225,6 +225,15 @@ def scale_constraints(constraints: Iterable[Constraint], factor: float) -> tuple
     return tuple(replace(c, value=c.value * factor) for c in constraints)
 
 
+def renumber_constraints(constraints: Iterable[Constraint], place: Mapping[int, int]) -> tuple[Constraint, ...]:
+    """The constraints of a program whose leaf number i is number `place[i]` of another one."""
+
+    def moved(ref: Ref) -> Ref:
+        return ref if ref.leaf == WORLD else ref._replace(leaf=place[ref.leaf])
+
+    return tuple(replace(c, of=tuple(map(moved, c.of)), about=None if c.about is None else moved(c.about)) for c in constraints)
+
+
 def size_of(ref: Ref, parts: Sequence[Primitive]) -> float:
     """The length of a size."""
     p = parts[ref.leaf]

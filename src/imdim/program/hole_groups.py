@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from imdim.program.holes import Hole
 from imdim.program.metric import screw_of
 from imdim.program.patterns.linear import Lattice, Ring, lattices, rings
-from imdim.program.rewrite.containment import dot
 from imdim.program.tree import Vec3
-from imdim.program.vectors import is_forward, minus, times
+from imdim.program.vectors import cross, dot, is_forward, minus, times, unit
 
 EQUAL = 5e-3  # of a hole's diameter, within which the numbers of two holes are the same
 PARALLEL = 1e-6
@@ -186,6 +185,4 @@ def _axes_across(axis: Vec3) -> tuple[Vec3, Vec3]:
     least = min(range(3), key=lambda a: abs(forward[a]))
     start: Vec3 = (float(least == 0), float(least == 1), float(least == 2))
     first = minus(start, times(forward, dot(start, forward)))
-    first = times(first, 1 / math.hypot(*first))
-    (a, b, c), (x, y, z) = forward, first
-    return first, (b * z - c * y, c * x - a * z, a * y - b * x)
+    return unit(first), cross(forward, unit(first))

@@ -13,18 +13,16 @@ from typing import Literal
 
 from imdim.program.tree import Vec3
 
-HoleKind = Literal["through", "blind", "drilled", "counterbore", "countersink", "hex pocket", "stepped", "tapered"]
-
-HOLE_KINDS: dict[HoleKind, str] = {
-    "through": "one diameter, open at both ends; the edges may be chamfered",
-    "blind": "one diameter, with a flat bottom",
-    "drilled": "one diameter, with the conical bottom that a drill leaves",
-    "counterbore": "a wider cylinder at the opening, for a screw's head",
-    "countersink": "a cone at the opening, for a countersunk head",
-    "hex pocket": "a hexagon at the opening, for a nut or a screw's head",
-    "stepped": "several diameters otherwise",
-    "tapered": "a cone alone",
-}
+HoleKind = Literal[
+    "through",  # one diameter, open at both ends; the edges may be chamfered
+    "blind",  # one diameter, with a flat bottom
+    "drilled",  # one diameter, with the conical bottom that a drill leaves
+    "counterbore",  # a wider cylinder at the opening, for a screw's head
+    "countersink",  # a cone at the opening, for a countersunk head
+    "hex pocket",  # a hexagon at the opening, for a nut or a screw's head
+    "stepped",  # several diameters otherwise
+    "tapered",  # a cone alone
+]
 
 SUNK = 1.5  # of the hole's diameter, from which a cone at its edge is for a head (ISO 10642: 1.9 and more) and not a chamfer
 POINTED = 0.2  # of the diameter, up to which a cone at the bottom is a drill's point
@@ -103,7 +101,7 @@ class Hole:
 
     @property
     def kind(self) -> HoleKind:
-        """One of HOLE_KINDS."""
+        """What a drawing calls it."""
         bore = self.bore
         if bore.is_cone:
             return "tapered"

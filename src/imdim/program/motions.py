@@ -8,8 +8,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from imdim.program.rewrite.containment import axes, dot
+from imdim.program.rewrite.containment import axes
 from imdim.program.tree import FULL_TURN, Primitive, Program, Vec3, map_leaves
+from imdim.program.vectors import dot
 
 Matrix = tuple[Vec3, Vec3, Vec3]  # rows
 

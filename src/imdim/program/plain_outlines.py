@@ -7,8 +7,9 @@ import math
 from imdim.program.ellipse import Ellipse
 from imdim.program.motions import euler
 from imdim.program.outline import Loop, Point, Ring, circle_of
-from imdim.program.rewrite.containment import along, axes
+from imdim.program.rewrite.containment import axes
 from imdim.program.tree import FULL_TURN, Primitive
+from imdim.program.vectors import along
 
 SQUARE = 1e-9  # of an edge: how far the corners of a rectangle may be off
 

@@ -36,6 +36,9 @@ SIZE_NAMES: Mapping[str, tuple[str, ...]] = {
 KINDS: tuple[str, ...] = tuple(SIZE_NAMES)
 OUTLINED = ("extrude", "revolve")  # drawn from an outline
 SIMPLE: tuple[str, ...] = tuple(kind for kind in KINDS if kind not in OUTLINED)  # the six that numbers alone describe
+PRISMS = ("box", "cylinder", "extrude")  # which keep their section from end to end
+# The local axes across which a kind has two plane ends, each with the place in `size` of the length between them.
+FLAT_ENDS: Mapping[str, Mapping[int, int]] = {"box": {0: 0, 1: 1, 2: 2}, "cylinder": {2: 1}, "cone": {2: 2}, "extrude": {2: 0}}
 FULL_TURN = 360.0
 ROUNDING = 1e-12  # of the radius, by which an arc that ends on the axis may seem to cross it
 
@@ -185,6 +188,11 @@ def longest(parts: Iterable[Primitive]) -> float:
 def map_leaves(program: Program, change: Callable[[int, Primitive], Primitive]) -> Program:
     """The same tree with each primitive replaced by `change(i, primitive)`."""
     return fold(program, lambda i, p: change(i, p), {op: (lambda a, b, op=op: Combine(op, a, b)) for op in OPS})  # type: ignore[arg-type, return-value]
+
+
+def replace_leaves(program: Program, new: Mapping[int, Primitive]) -> Program:
+    """The same tree with other primitives in the place of some, by their numbers."""
+    return map_leaves(program, lambda i, leaf: new.get(i, leaf))
 
 
 def combine_all(op: Op, programs: list[Program]) -> Program:

@@ -22,6 +22,16 @@ def times(a: Vec3, factor: float) -> Vec3:
     return a[0] * factor, a[1] * factor, a[2] * factor
 
 
+def along(p: Vec3, direction: Vec3, t: float) -> Vec3:
+    """p + t * direction."""
+    return p[0] + t * direction[0], p[1] + t * direction[1], p[2] + t * direction[2]
+
+
+def dot(a: Vec3, b: Vec3) -> float:
+    """a . b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
 def cross(a: Vec3, b: Vec3) -> Vec3:
     """a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -61,7 +61,7 @@ def _rate(before: Choice, after: Choice, volume: float) -> float:
     return ((before.error or 0.0) - (after.error or 0.0)) * volume / max(more, 1)
 
 
-def few(front: Sequence[Choice], final: Program, most: int = MOST_CHOICES) -> list[Choice]:
+def thin_front(front: Sequence[Choice], final: Program, most: int = MOST_CHOICES) -> list[Choice]:
     """At most `most` of a front, even in the logarithm of the error; the ends and `final` are among them."""
     final_at = next((i for i, c in enumerate(front) if c.program == final), len(front) - 1)
     return [front[i] for i in spread([c.error or 0.0 for c in front], most, final_at)]

@@ -16,7 +16,7 @@ import numpy as np
 
 from imdim.geometry.holes import find_holes
 from imdim.geometry.rotations import matrix_from_euler
-from imdim.geometry.surface import Patch
+from imdim.geometry.surface import Patch, vec
 from imdim.program.cost import count
 from imdim.program.holes import Hole
 from imdim.program.outline import Outline, circle_of
@@ -115,7 +115,7 @@ def _turned(hole: Hole, cone: _Cone, leaf: Primitive, number: int) -> Iterator[_
         levels = [half, bottom - top - half, -half, -half]
         profile = tuple((r, down * z, 0.0) for r, z in zip((0.0, radius, radius, 0.0), levels, strict=True))
         middle = center + ((top + half) - float((center - hole.point) @ np.array(hole.direction))) * np.array(hole.direction)
-        yield _Ends(number, loop, Primitive("revolve", (360.0,), _vec3(middle), leaf.rotation, Outline((profile,))))
+        yield _Ends(number, loop, Primitive("revolve", (360.0,), vec(middle), leaf.rotation, Outline((profile,))))
         return
 
 
@@ -155,7 +155,7 @@ def _seats(hole: Hole, patches: Sequence[Patch]) -> Iterator[Primitive]:
             near, far = (0.0, cone.far) if inwards else (cone.near, hole.depth)
             radii = (cone.radius(near), cone.radius(far))
             center = np.array(hole.point) + (near + far) / 2 * np.array(hole.direction)
-            yield Primitive("cone", (*radii, far - near), _vec3(center), _euler_to(hole.direction))
+            yield Primitive("cone", (*radii, far - near), vec(center), _euler_to(hole.direction))
 
 
 def _meets(cone: _Cone, depth: float, diameter: float) -> bool:
@@ -166,8 +166,3 @@ def _euler_to(direction: Vec3) -> Vec3:
     """Degrees that turn z to a direction."""
     x, y, z = direction
     return 0.0, math.degrees(math.atan2(math.hypot(x, y), z)), math.degrees(math.atan2(y, x)) if math.hypot(x, y) > 1e-9 else 0.0
-
-
-def _vec3(v: np.ndarray) -> Vec3:
-    x, y, z = map(float, v)
-    return x, y, z

@@ -31,7 +31,7 @@ from imdim.geometry.finish.overshoot import without_strays
 from imdim.geometry.finish.parted import part_bodies
 from imdim.geometry.finish.rails import part_at_posts
 from imdim.geometry.finish.turned_feet import stand_on_faces
-from imdim.geometry.solid import to_manifold
+from imdim.geometry.solid import bounds_of, to_manifold
 from imdim.install import install_command
 from imdim.program.constraints import Constraint, scale_constraints
 from imdim.program.cost import CURVE_PRICES, count, weigh
@@ -42,7 +42,7 @@ from imdim.program.rewrite.simplify import reduce_program
 from imdim.program.rewrite.stacks import stack_turned_parts
 from imdim.program.tree import Primitive, Program, combine_all, leaves, map_leaves
 from imdim.reconstruction.budget import Budget
-from imdim.reconstruction.choices import choices_beside, few, unite_fronts
+from imdim.reconstruction.choices import choices_beside, thin_front, unite_fronts
 from imdim.reconstruction.config import LEARNING, ConfigError, Settings, check_choices, lacking, require_extra
 from imdim.reconstruction.edge_features import SetAside, describe_kept, find_edge_features, place_chain, set_edges_aside
 from imdim.reconstruction.fitting import find_relations, fit_numbers, snap_measured
@@ -169,7 +169,7 @@ def _snapshots(states: Iterable[_BodyState], target: Target, work: _Work, left_o
     """The states as snapshots, and the last one again with its relations; `left_out` grows while the states pass."""
     last: _BodyState | None = None
     for last in states:
-        front = tuple(few(last.front, last.program)) if last.front else ()
+        front = tuple(thin_front(last.front, last.program)) if last.front else ()
         yield Snapshot(last.stage, last.program, last.error, work.budget.seconds(), front=front, proof=last.proof)
     if last is None:
         raise next(iter(left_out), InputError(f"{target.name}: no program found"))
@@ -178,7 +178,7 @@ def _snapshots(states: Iterable[_BodyState], target: Target, work: _Work, left_o
     program, constraints = find_relations(last.program, target, last.found, relate_by) if solver else (last.program, ())
     constraints = end_together(program, constraints)
     error = last.error if program == last.program else last.measure(program)
-    front = tuple(replace(c, program=program) if c.program == last.program else c for c in few(last.front, last.program))
+    front = tuple(replace(c, program=program) if c.program == last.program else c for c in thin_front(last.front, last.program))
     edges = find_edge_features(program, last.chains, target)
     notes = (
         *work.notes,
@@ -306,8 +306,8 @@ def _mean_error(errors: Sequence[float], states: Sequence[_BodyState]) -> float:
 
 def _stop(stops: list[str]) -> str:
     """How work on several bodies ended: cut if any was, else as the last one that tells more than that it ended."""
-    told = [stop for stop in stops if stop != "finished"]
-    return CUT if CUT in told else next(reversed(told), "finished")
+    telling = [stop for stop in stops if stop != "finished"]
+    return CUT if CUT in telling else next(reversed(telling), "finished")
 
 
 def _proof(proofs: list[str]) -> str:
@@ -408,7 +408,7 @@ def _arrange(program: Program, deadline: Deadline) -> Program:
     if deadline.has_passed():
         return program
     program = preserve(program, draw_back(program, deadline), deadline=deadline)
-    bounds = np.reshape(to_manifold(program).bounding_box(), (2, 3))
+    bounds = bounds_of(to_manifold(program))
 
     def is_plainer(new: Program, old: Program) -> bool:
         return is_hardly_longer(new, old, *bounds) and is_same(old, new, HIDDEN, FINELY)
@@ -442,19 +442,19 @@ def _scanned_body(observed: UnitBody, solid: Manifold, frame: Frame, work: _Work
     """The program of a scanned body, judged by the points of its surface; its error is the volume in which it differs from the solid."""
     # few numbers are left to be fitted, and rounding is quick: the search may take longer than a cloud's
     times = work.budget.part_of("likely", share), work.budget.part_of("fit", share)
-    told = reconstruct_scan(observed, work.rng, *times, work.settings.language == "cad")
-    if told is None:
+    likely = reconstruct_scan(observed, work.rng, *times, work.settings.language == "cad")
+    if likely is None:
         return None
 
     def measure(program: Program) -> float:
         made = to_manifold(frame.apply(program))
         return ((made - solid).volume() + (solid - made).volume()) / solid.volume()
 
-    program = frame.undo(told.program)
+    program = frame.undo(likely.program)
     error = measure(program)
     state = _BodyState("solve", program, error, solid.volume() / frame.scale**3, measure, (Choice(program, error),), SCANNED)
-    found = scale_constraints(told.constraints, 1 / frame.scale)
-    return replace(state, stop=CUT if told.cut else "finished", found=found, noisy=True)
+    found = scale_constraints(likely.constraints, 1 / frame.scale)
+    return replace(state, stop=CUT if likely.cut else "finished", found=found, noisy=True)
 
 
 def _state(step: MethodStep, seen: Observation, frame: Frame) -> _BodyState:
@@ -476,8 +476,8 @@ def _solve(
     relations that its points support."""
     if not seen.noisy:
         return replace(step, stage="solve", program=fit_numbers(step.program, seen, fit_by)), None
-    told = most_likely([*step.others, step.program], seen, choose_by, fit_by, drawn)
-    return replace(step, stage="solve", program=told.program, proof="").cut_if(told.cut), told.constraints
+    likely = most_likely([*step.others, step.program], seen, choose_by, fit_by, drawn)
+    return replace(step, stage="solve", program=likely.program, proof="").cut_if(likely.cut), likely.constraints
 
 
 def _finish_state(last: _BodyState, others: Sequence[Program], seen: Observation, frame: Frame, budget: Budget) -> _BodyState:
@@ -495,13 +495,13 @@ def _guess(body: UnitBody, work: _Work, share: float, cut: bool) -> tuple[Method
     if body.target.mesh is not None or not (cut or work.guesses):
         return None
     asked = work.guesses and (work.settings.method == "policy" or time_to_propose(work.budget))
-    told = reconstruct_unlabelled(
+    likely = reconstruct_unlabelled(
         body, work.policy() if asked else None, *_times(work.budget, share), calm=cut, drawn=work.settings.language == "cad"
     )
-    if told is None:
+    if likely is None:
         return None
-    step = MethodStep("policy", told.program, UNKNOWN, proof=NO_TIME if cut else NO_INSIDE)
-    return step.cut_if(cut or told.cut or not asked), told.constraints
+    step = MethodStep("policy", likely.program, UNKNOWN, proof=NO_TIME if cut else NO_INSIDE)
+    return step.cut_if(cut or likely.cut or not asked), likely.constraints
 
 
 def _times(budget: Budget, share: float) -> tuple[Deadline, Deadline]:

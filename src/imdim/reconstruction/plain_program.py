@@ -22,7 +22,7 @@ from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Curve, Loop, Outline, arc_center, arc_radius, has_ellipse, ring_curves
 from imdim.program.patterns.weigh import take_first_copies
 from imdim.program.rewrite.cells import count_runs
-from imdim.program.tree import Primitive, Program, leaves
+from imdim.program.tree import FLAT_ENDS, Primitive, Program, leaves
 from imdim.reconstruction.observation import Observation
 from imdim.reconstruction.preserve import COARSE, is_same
 
@@ -172,8 +172,8 @@ def count_numbers(program: Program, low: np.ndarray, high: np.ndarray) -> int:
     """How many different numbers say where the faces of a program are: radii, levels and vertices, from the middle of the box that its part
     fills, whatever their sign, but for zeros and for levels outside of the part."""
     size = float(np.linalg.norm(high - low))
-    told = sorted(abs(v) for v in _numbers(program, (low + high) / 2, (high - low) / 2, OUTSIDE * size) if abs(v) > ONE_NUMBER * size)
-    return sum(b - a > ONE_NUMBER * size for a, b in pairwise([0.0, *told]))
+    values = sorted(abs(v) for v in _numbers(program, (low + high) / 2, (high - low) / 2, OUTSIDE * size) if abs(v) > ONE_NUMBER * size)
+    return sum(b - a > ONE_NUMBER * size for a, b in pairwise([0.0, *values]))
 
 
 def _numbers(program: Program, middle: np.ndarray, half: np.ndarray, slack: float) -> Iterator[float]:
@@ -187,10 +187,8 @@ def _numbers(program: Program, middle: np.ndarray, half: np.ndarray, slack: floa
 
 def face_levels(leaf: Primitive, at: np.ndarray) -> Iterator[tuple[int, float]]:
     """The axes of a leaf's plane faces, and where these are on them."""
-    axes = range(3) if leaf.kind == "box" else (2,) if leaf.kind in ("cylinder", "cone", "extrude") else ()
-    for axis in axes:
-        size = leaf.size[axis] if leaf.kind == "box" else leaf.size[-1]
-        yield from ((axis, float(at[axis]) + side * size / 2) for side in (-1, 1))
+    for axis, column in FLAT_ENDS.get(leaf.kind, {}).items():
+        yield from ((axis, float(at[axis]) + side * leaf.size[column] / 2) for side in (-1, 1))
 
 
 def place_numbers(leaf: Primitive, at: np.ndarray) -> Iterator[float]:

@@ -22,7 +22,7 @@ from imdim.numbers.origin import find_offset
 from imdim.numbers.snap import SnapConfig, accept_changes, snap
 from imdim.numbers.symmetry_normal_form import canonical
 from imdim.program.outline import are_near
-from imdim.program.tree import Op, Primitive, Program, fold, leaves, longest, map_leaves
+from imdim.program.tree import Op, Primitive, Program, fold, leaves, longest, map_leaves, replace_leaves
 from imdim.reconstruction.observation import Observation
 from imdim.reconstruction.preserve import preserve
 from imdim.target.target import Frame
@@ -134,7 +134,7 @@ class _Rounding:
         # corners of a drawn wall lie on the ends of what cuts it: they do not tell that it turns
         old, new = list(leaves(out)), list(leaves(snap(out, self.distance, config=config, deadline=self.deadline)))
         changes = _group_copies(old, [(i, leaf) for i, leaf in enumerate(new) if leaf != old[i]])
-        out = accept_changes(out, changes, _with_leaves, lambda trial: self._bears(trial, caution), SNAP_TRIES)
+        out = accept_changes(out, changes, replace_leaves, lambda trial: self._bears(trial, caution), SNAP_TRIES)
         return out, list(leaves(out)) == new
 
     def _bears(self, trial: Program, caution: float) -> bool:
@@ -199,10 +199,6 @@ def _group_copies(old: Sequence[Primitive], changes: Sequence[tuple[int, Primiti
 
 def _are_copies(a: Primitive, b: Primitive) -> bool:
     return a.kind == b.kind and are_near(a.outline, b.outline, SAME_SIZE * longest([a])) and np.allclose(a.size, b.size, SAME_SIZE, 0)
-
-
-def _with_leaves(program: Program, changes: Mapping[int, Primitive]) -> Program:
-    return map_leaves(program, lambda i, leaf: changes.get(i, leaf))
 
 
 def _surface_points(seen: Observation) -> np.ndarray:

@@ -20,7 +20,7 @@ from imdim.geometry import kernels
 from imdim.geometry.edge_solids import solid_with_edges
 from imdim.geometry.finish.overshoot import overshoot
 from imdim.geometry.holes import find_holes
-from imdim.geometry.solid import exact_rotation, to_manifold, to_trimesh
+from imdim.geometry.solid import bounds_of, exact_rotation, to_manifold, to_trimesh
 from imdim.geometry.surface import Surface, vec
 from imdim.program.holes import SUNK
 from imdim.program.paths import leaf_paths, without
@@ -105,7 +105,7 @@ def find_stand_ins(program: Program, deadline: Deadline = NEVER, among: Containe
     """Those of a program (of the primitives `among` these numbers), without its edge features. The seats of heads and the points of drills
     are of their holes, and are none."""
     whole, seats = to_manifold(program), _seats(program)
-    volume, size = whole.volume(), float(np.linalg.norm(np.diff(np.reshape(whole.bounding_box(), (2, 3)), axis=0)))
+    volume, size = whole.volume(), float(np.linalg.norm(np.diff(bounds_of(whole), axis=0)))
     main = _largest(program)
     for number, (path, leaf) in enumerate(leaf_paths(program)):
         if deadline.has_passed():

@@ -15,7 +15,7 @@ from scipy.special import gammaincinv
 
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry.lowering import Lowered, lower
-from imdim.geometry.pose import Pose, radii
+from imdim.geometry.pose import Pose, extent_of
 from imdim.numbers.face_coordinates import lift_numbers
 from imdim.program.constraints import WORLD, Constraint
 from imdim.program.roles import name_constraints
@@ -93,7 +93,7 @@ def exact_relations(program: Program, deadline: Deadline = NEVER) -> Discovery:
     Numbers move by no more than that, round ones less than others. Unlike `discover`, it also sees faces that are hidden where parts meet.
     """
     start = lower(program)
-    length = _length(start)
+    length = extent_of(start)
     k, floor, metric = len(start.kinds), FLOOR * length, _firm_where_round(program, length)
     chosen = _choose(start, floor**2 * np.eye(9 * k), prior(start, length), DeterminedFaces.everything(start), metric, deadline)
     numbers = _keep_unmoved(start, onto(start, chosen.taken, length, metric), length)
@@ -160,14 +160,10 @@ def _find_most_strained(numbers: Lowered, taken: Sequence[Constraint], cloud: We
 def hold_constraints(program: Program, constraints: Sequence[Constraint]) -> tuple[Program, tuple[Constraint, ...]]:
     """The program moved onto the constraints by the shortest way, and those that then hold; numbers that none of them names stay."""
     start = lower(program)
-    length = _length(start)
+    length = extent_of(start)
     metric = _firm_where_round(program, length)
     moved = lift_numbers(program, start, _keep_unmoved(start, onto(start, constraints, length, metric), length))
     return moved, holding(moved, constraints)
-
-
-def _length(numbers: Lowered) -> float:
-    return float(np.linalg.norm(np.ptp(numbers.centers, axis=0)) + 2 * radii(numbers).max())
 
 
 # --- what was chosen, as one would say it: nothing twice, and pairs that say one thing of several features as one constraint ---------

@@ -21,6 +21,7 @@ EXACT = 1e-12  # residuals of constraints, relative to the part
 MET = 1e-9  # what counts as met
 DEPENDENT = 1e-10  # eigenvalues of the scaled A M^-1 A^T below it
 STEPS = 25
+PROJECTIONS = 12  # onto the constraints: Newton's steps
 FINISHED = 1e-7  # share of the cost that a step gains at least
 HELD = 0.05  # points' worth that hold each number beside the cloud, so that what it does not show stays unless a constraint moves it
 
@@ -45,11 +46,11 @@ def fit_under_constraints(numbers: Lowered, constraints: Sequence[Constraint], c
     return numbers, now.cost
 
 
-def onto(numbers: Lowered, constraints: Sequence[Constraint], length: float, metric: Normal, steps: int = 12) -> Lowered:
+def onto(numbers: Lowered, constraints: Sequence[Constraint], length: float, metric: Normal) -> Lowered:
     """The numbers moved onto the constraints by the shortest way in `metric`, which moves least what the points show best."""
     inverse = _inverse(metric, 0.0)
     best, least = numbers, np.inf
-    for _ in range(steps):
+    for _ in range(PROJECTIONS):
         rows = rows_of(constraints, numbers)
         off = float(np.abs(rows.residual).max(initial=0.0)) / length
         if off < least:

@@ -14,14 +14,13 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from imdim.geometry.rows import lengths
 from imdim.search.cells import Cells
 from imdim.search.kernels import group_rows
 from imdim.search.outline_kernels import Graph
+from imdim.target.bodies import components
 
 TANGENT, MOST = 3e-4, 8e-4  # of the unit frame: by how much a wall that is meant to touch a circle may miss it, at least and at most
 SAGITTA = 0.012  # of the radius, between these: the circle is drawn through the corners of facets
@@ -281,8 +280,7 @@ def _circle_crossings(walls: Walls, c: int, d: int) -> list[np.ndarray]:
 def _merge(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The group [n] of each point, and the groups' middles [g, 2]."""
     pairs = KDTree(points).query_pairs(SAME_NODE, output_type="ndarray")
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
-    count, label = connected_components(graph, directed=False)
+    count, label = components(pairs[:, 0], pairs[:, 1], len(points))
     sums = np.stack([np.bincount(label, points[:, k], count) for k in (0, 1)], axis=1)
     return label, sums / np.bincount(label, minlength=count)[:, None]
 
@@ -356,8 +354,7 @@ def _rings(walls: Walls, nodes: np.ndarray, pieces: Sequence[_Piece], length: np
     before[new] = np.append(np.flatnonzero(new)[1:], len(order)) - 1
     after = np.empty(len(order), np.int64)
     after[order ^ 1] = order[before]
-    links = coo_array((np.ones(len(order)), (np.arange(len(order)), after)), shape=(len(order), len(order)))
-    return connected_components(links, directed=False)[1]
+    return components(np.arange(len(order)), after, len(order))[1]
 
 
 def _walk(walls: Walls, piece: _Piece, reach: float, forwards: bool) -> np.ndarray:

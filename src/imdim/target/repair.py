@@ -127,14 +127,14 @@ def orient_alike(faces: np.ndarray) -> tuple[np.ndarray, int]:
     return np.where(flip[:, None], faces[:, ::-1], faces), int(flip.sum())
 
 
-def cluster(vertices: np.ndarray, faces: np.ndarray, limit: int = MAX_FACES) -> tuple[np.ndarray, np.ndarray]:
-    """At most about `limit` faces of a mesh of diagonal 1: vertices of a grid cell become their mean, collapsed faces go."""
-    cells = limit**0.5 / 2
+def cluster(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """At most about MAX_FACES faces of a mesh of diagonal 1: vertices of a grid cell become their mean, collapsed faces go."""
+    cells = MAX_FACES**0.5 / 2
     while True:
         _, label = np.unique(np.floor(vertices * cells).astype(np.int64), axis=0, return_inverse=True)
         label = label.reshape(-1)
         fewer = drop_collapsed(label[faces])
-        if len(fewer) <= limit:
+        if len(fewer) <= MAX_FACES:
             size = np.bincount(label)
             return np.stack([np.bincount(label, v) / size for v in vertices.T], axis=1), fewer
         cells *= 0.8

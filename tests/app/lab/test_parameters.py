@@ -13,13 +13,13 @@ from imdim.app.lab.relation_words import say_relation
 from imdim.app.lab.requests import request
 from imdim.app.lab.solving import Lock
 from imdim.app.lab.table import parameter_table
-from imdim.delivery.finish import finish, renumber_constraints
+from imdim.delivery.finish import finish
 from imdim.export.delivered import EditError, meanings, read_values
 from imdim.export.edit import change_values, open_delivered
 from imdim.export.openscad_reader import read_openscad
 from imdim.geometry.solid import volume
 from imdim.program import codec
-from imdim.program.constraints import Constraint, Ref
+from imdim.program.constraints import Constraint, Ref, renumber_constraints
 from imdim.program.tree import Combine, Primitive, combine_all, leaves
 from imdim.reconstruction.config import Settings
 from imdim.reconstruction.fitting import relations_of
@@ -34,7 +34,7 @@ def theory():
     """What the lab holds after a run."""
     program, constraints = relations_of(PROGRAMS["Bracket"]())
     found = finish(program, constraints)
-    kept = rebase_constraints(found.program, renumber_constraints(constraints, found.order))
+    kept = rebase_constraints(found.program, renumber_constraints(constraints, {old: new for new, old in enumerate(found.order)}))
     named = naming.name_finished(found, frame_meta(BRACKET), kept, program)
     return ConstrainedProgram(found.program, kept, named=named)
 

@@ -8,8 +8,8 @@ from tests.planted import PARTS, box, cut, cylinder, sphere, union
 from tests.search.evolve.scenes import planted_scene, scene_of
 
 from imdim.geometry.kernels import inside, program_sdf
-from imdim.geometry.sampling import bounding_radius
 from imdim.program.paths import leaf_paths
+from imdim.program.rewrite.containment import bounding_radius
 from imdim.program.tree import Combine, Primitive, Program, check_size, leaves, map_leaves
 from imdim.search.evolve.numbers import face_at, jitter, share_number, snap_number
 from imdim.search.evolve.operators import MUTATIONS, _shorten, crossover, hull, merge, move, remove, split, substitute

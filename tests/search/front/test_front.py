@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from imdim.program.tree import Primitive
-from imdim.reconstruction.choices import few
+from imdim.reconstruction.choices import thin_front
 from imdim.search.front.fitness import Score
 from imdim.search.front.front import Archive, Individual, crowding, rank_population, ranks, spread
 
@@ -86,4 +86,4 @@ def test_a_spread_is_even_and_keeps_what_it_must():
 
 def test_of_nothing_nothing_is_chosen():
     assert spread([], 5, keep=-1) == []
-    assert few((), Primitive("sphere", (1.0,))) == []
+    assert thin_front((), Primitive("sphere", (1.0,))) == []

@@ -22,8 +22,9 @@ from imdim.export.reword import reword
 from imdim.export.untie import describe_repeats
 from imdim.geometry.holes import find_holes
 from imdim.geometry.lowering import lower
+from imdim.geometry.pose import extent_of
 from imdim.geometry.solid import exact_rotation
-from imdim.program.constraints import AXES, WORLD, Constraint, Ref, check_all, scale_constraints
+from imdim.program.constraints import AXES, Constraint, Ref, check_all, renumber_constraints, scale_constraints
 from imdim.program.edges import EdgeFeature, renumber_edges, scale_edges
 from imdim.program.node_codec import MAX_PRIMITIVES, read_node
 from imdim.program.patterns.edit import refit_repeats
@@ -76,15 +77,8 @@ def add_feature(delivered: Delivered, op: Op, feature: object, before_cuts: bool
         raise EditError(f"{size(folded) + size(part)} primitives, more than {MAX_PRIMITIVES}")
     after, first = _join(folded, op, part, before_cuts)
     more = size(part)
-    place = {i: i if i < first else i + more for i in range(size(folded))} | {WORLD: WORLD}
-    constraints = [
-        replace(
-            c,
-            of=tuple(ref._replace(leaf=place[ref.leaf]) for ref in c.of),
-            about=c.about and c.about._replace(leaf=place[c.about.leaf]),
-        )
-        for c in delivered.constraints
-    ]
+    place = {i: i if i < first else i + more for i in range(size(folded))}
+    constraints = renumber_constraints(delivered.constraints, place)
     repeated = after if any(repeats(after)) else None
     return restructure(delivered, expand(after), constraints, renumber_edges(delivered.edges, place), repeated), first
 
@@ -270,7 +264,7 @@ def _hidden_ends(program: Program) -> Iterator[Lock]:
 
 def _settle(before: Program, solved: Program) -> Program:
     """Numbers that the solver hardly moved as they were, and the others as round as its error lets them be."""
-    old, slack = list(leaves(before)), SOLVED * solving.extent(lower(solved))
+    old, slack = list(leaves(before)), SOLVED * extent_of(lower(solved))
 
     def settle(was: Sequence[float], now: Sequence[float], slack: float) -> tuple[float, ...]:
         return tuple(a if abs(a - b) <= slack else _round_within(b, slack) for a, b in zip(was, now, strict=True))

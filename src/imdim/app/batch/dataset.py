@@ -19,11 +19,12 @@ from pathlib import Path
 from imdim.app.arguments import from_arguments
 from imdim.app.batch import folder
 from imdim.app.batch.engine import Job, run_jobs
-from imdim.app.batch.folder import PARTS, Part, write_whole
+from imdim.app.batch.folder import PARTS, Part
 from imdim.app.batch.process import Ended, ProcessLimits
 from imdim.app.batch.table import csv_text
 from imdim.data.folder import CHUNK, Chunk, FolderConfig, chunks, claim, is_there
 from imdim.reconstruction.config import ConfigError
+from imdim.whole_file import write_text_whole
 
 COMMAND = (sys.executable, "-m", "imdim.app.batch.share")
 FAILURES = "failures.csv"
@@ -97,7 +98,7 @@ def _record(out: Path, shares: Mapping[str, _Share], total: int, ended: Iterator
             failures[share.name] = why
             files = ((name, shares[name].files) for name in failures)
             rows = ((name, some[0], some[-1], len(some), failures[name]) for name, some in files)
-            write_whole(out / FAILURES, csv_text(("share", "first", "last", "samples", "failure"), rows))
+            write_text_whole(out / FAILURES, csv_text(("share", "first", "last", "samples", "failure"), rows))
             sys.stderr.write(f"make_dataset: {share.name}: FAILED, {why}\n")
             continue
         done += len(share.files)

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, get_type_hints
 
 from imdim.reconstruction.config import ConfigError
+from imdim.whole_file import write_text_whole
 
 PARTS, RUNNING, NOTE, LOCK = "parts", ".running", "batch.json", ".lock"
 BEGUN = (LOCK, f".{NOTE}.part")  # what there is before the note
@@ -149,7 +150,7 @@ def commit(place: Path, folder: Path, outcome: Outcome) -> None:
     ready.mkdir(exist_ok=True)
     if (folder / LOG).exists():
         (folder / LOG).rename(ready / LOG)
-    write_whole(ready / OUTCOME, json.dumps(asdict(outcome), indent=1) + "\n")
+    write_text_whole(ready / OUTCOME, json.dumps(asdict(outcome), indent=1) + "\n")
     if there.exists():
         there.rename(folder / "earlier")
     ready.rename(there)
@@ -165,16 +166,6 @@ def outcome_of(part: Part, folder: Path, seconds: float, peak_mib: float, why: s
         except (OSError, ValueError, KeyError, TypeError) as error:
             found = {"failure": f"no readable report: {type(error).__name__} {error}".splitlines()[0]}
     return Outcome(part.name, part.source.name, part.digest, seconds=round(seconds, 2), peak_mib=round(peak_mib), **found)
-
-
-def write_whole(path: Path, text: str) -> None:
-    """Write a file beside `path` and put it in its place."""
-    beside = path.with_name(f".{path.name}.part")
-    with beside.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    beside.replace(path)
 
 
 def _scores(report: Mapping[str, Any]) -> dict[str, Any]:
@@ -231,7 +222,7 @@ def _claim(note: Path, settings: Mapping[str, Any]) -> None:
     """Note the settings that decide the results, or compare with those noted."""
     wanted = {"format": FORMAT, "version": VERSION, "settings": dict(settings)}
     if not note.exists():
-        write_whole(note, json.dumps(wanted, indent=1) + "\n")
+        write_text_whole(note, json.dumps(wanted, indent=1) + "\n")
         return
     try:
         noted = json.loads(note.read_text(encoding="utf-8"))

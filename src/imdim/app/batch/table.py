@@ -10,7 +10,8 @@ from html import escape
 from pathlib import Path
 from urllib.parse import quote
 
-from imdim.app.batch.folder import LOG, OUTCOME, PARTS, Outcome, Part, to_line, write_whole
+from imdim.app.batch.folder import LOG, OUTCOME, PARTS, Outcome, Part, to_line
+from imdim.whole_file import write_text_whole
 
 REFRESH_S = 10
 LINKS = {
@@ -73,8 +74,8 @@ def write_tables(out: Path, parts: Sequence[Part], outcomes: Mapping[str, Outcom
     """Both tables, whole; the page reloads itself while `running`."""
     names = [f.name for f in fields(Outcome)]
     rows = ([getattr(outcomes[p.name], name) for name in names] for p in parts if p.name in outcomes)
-    write_whole(out / "results.csv", csv_text(names, rows))
-    write_whole(out / "results.html", html_text(out, parts, outcomes, status, running))
+    write_text_whole(out / "results.csv", csv_text(names, rows))
+    write_text_whole(out / "results.html", html_text(out, parts, outcomes, status, running))
 
 
 def csv_text(names: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

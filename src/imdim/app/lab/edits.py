@@ -18,7 +18,7 @@ from imdim.program.edges import EdgeFeature, describe_edges, renumber_edges
 from imdim.program.paths import at, leaf_paths, replace_at
 from imdim.program.paths import without as prune
 from imdim.program.roles import labels
-from imdim.program.tree import SIZE_NAMES, Combine, Op, Primitive, Program, leaves, map_leaves
+from imdim.program.tree import SIZE_NAMES, Combine, Op, Primitive, Program, leaves, map_leaves, replace_leaves
 from imdim.relations.hold import MET
 
 TURNS = ("turn_x", "turn_y", "turn_z")  # apart from the sizes of an ellipsoid, rx, ry and rz
@@ -97,7 +97,7 @@ def with_number(theory: ConstrainedProgram, leaf: int, name: str, value: float, 
         changed = _change_number(parts[leaf], name, float(value))
     except ValueError as error:
         raise LabEditError(str(error)) from error
-    program = map_leaves(theory.program, lambda i, p: changed if i == leaf else p)
+    program = replace_leaves(theory.program, {leaf: changed})
     if follow:
         held = Lock(leaf, TURN if name in TURNS else name)
         # a size that a constraint gives a value has the new one from now on

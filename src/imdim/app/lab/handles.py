@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imdim.geometry.finish.posed import PosedPrimitive
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.program.constraints import AXES
 from imdim.program.tree import SIZE_NAMES, Primitive
@@ -32,7 +33,7 @@ class Handle:
 def find_handles(part: Primitive, gap: float) -> list[Handle]:
     """Three arrows, `gap` away from the primitive, and a knob for each size that a face shows."""
     rotation, center = matrix_from_euler(part.rotation), np.array(part.center)
-    reach = np.abs(rotation) @ _half_extents(part)
+    reach = np.abs(rotation) @ PosedPrimitive(part).half
     top = center + np.array([0.0, 0.0, reach[2]])
     out = []
     for axis, letter in enumerate(AXES):
@@ -46,25 +47,6 @@ def find_handles(part: Primitive, gap: float) -> list[Handle]:
 
 def _size(part: Primitive, name: str) -> float:
     return part.size[SIZE_NAMES[part.kind].index(name)]
-
-
-def _half_extents(part: Primitive) -> np.ndarray:
-    """Half the sides [3] of the box about a primitive's own frame."""
-    size = part.size
-    if part.kind == "box":
-        return np.array(size) / 2
-    if part.outline is not None:
-        (left, low), (right, high) = part.outline.bounds
-        if part.kind == "extrude":
-            return np.array([max(-left, right), max(-low, high), size[0] / 2])
-        return np.array([right, right, max(-low, high)])
-    return {
-        "sphere": lambda: np.full(3, size[0]),
-        "cylinder": lambda: np.array([size[0], size[0], size[1] / 2]),
-        "cone": lambda: np.array([max(size[:2]), max(size[:2]), size[2] / 2]),
-        "torus": lambda: np.array([size[0] + size[1], size[0] + size[1], size[1]]),
-        "ellipsoid": lambda: np.array(size),
-    }[part.kind]()
 
 
 def _knobs(part: Primitive) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:

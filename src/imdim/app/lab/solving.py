@@ -11,7 +11,7 @@ import numpy as np
 from imdim.detection.mesh_surfaces import detect_patches
 from imdim.geometry import kernels
 from imdim.geometry.lowering import Lowered, lower
-from imdim.geometry.pose import radii
+from imdim.geometry.pose import extent_of
 from imdim.geometry.sampling import subsample
 from imdim.geometry.surface import Surface, signed_distance
 from imdim.geometry.surface import normals as surface_normals
@@ -78,7 +78,7 @@ def follow_constraints(program: Program, constraints: Sequence[Constraint], lock
     Raises ConstraintError where they conflict.
     """
     start = lower(program)
-    rows, length = [*constraints, *lock_constraints(program, locks)], extent(start)
+    rows, length = [*constraints, *lock_constraints(program, locks)], extent_of(start)
     numbers, off, metric = start, math.inf, by_faces(list(leaves(program)))
     while True:  # each step is as long as a primitive is large at most, and what goes farther takes several rounds
         numbers = onto(numbers, rows, length, metric)
@@ -93,7 +93,7 @@ def violations(program: Program, constraints: Sequence[Constraint]) -> list[floa
     """The largest residual of each constraint, a length or a sine, relative to the part."""
     numbers = lower(program)
     rows, out = rows_of(constraints, numbers), [0.0] * len(constraints)
-    for owner, residual in zip(rows.owner.tolist(), np.abs(rows.residual) / extent(numbers), strict=True):
+    for owner, residual in zip(rows.owner.tolist(), np.abs(rows.residual) / extent_of(numbers), strict=True):
         out[owner] = max(out[owner], float(residual))
     return out
 
@@ -103,11 +103,6 @@ def misfit(program: Program, target: Target) -> float:
     points = subsample(target.points, SHOWN)
     length = float(np.linalg.norm(np.ptp(points, axis=0)))
     return float(np.minimum(np.abs(kernels.program_sdf(program, points)), STRAYS * length).mean()) / length
-
-
-def extent(numbers: Lowered) -> float:
-    """A length as large as the part."""
-    return float(np.linalg.norm(np.ptp(numbers.centers, axis=0)) + 2 * radii(numbers).max())
 
 
 def _plain(program: Program, length: float) -> Program:

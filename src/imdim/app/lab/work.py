@@ -19,11 +19,11 @@ from imdim.app.lab.protocol import Message
 from imdim.deadline import NEVER
 from imdim.delivery.deliver import RunRecord, deliver
 from imdim.delivery.evaluate import evaluate
-from imdim.delivery.finish import finish, renumber_constraints
+from imdim.delivery.finish import finish
 from imdim.export.edit import open_delivered
 from imdim.geometry.winding import winding_number
 from imdim.program import codec
-from imdim.program.constraints import ConstraintError
+from imdim.program.constraints import ConstraintError, renumber_constraints
 from imdim.program.tree import Combine, Primitive
 from imdim.reconstruction.config import ConfigError, Settings, check, first_line, merge
 from imdim.reconstruction.edge_features import find_edge_features, set_edges_aside
@@ -158,7 +158,8 @@ def _finished(snapshot: Snapshot, target: Target) -> Message:
     """The last snapshot of a run: its program with the order, the numbers and the names that files have."""
     by = NEVER.ahead(FINISH_S)
     found = finish(snapshot.program, snapshot.constraints, by, snapshot.edges)
-    constraints = rebase_constraints(found.program, renumber_constraints(snapshot.constraints, found.order))
+    place = {old: new for new, old in enumerate(found.order)}
+    constraints = rebase_constraints(found.program, renumber_constraints(snapshot.constraints, place))
     named = naming.name_finished(found, frame_meta(target), constraints, snapshot.program)
     message = _snapshot(replace(snapshot, program=found.program, constraints=constraints, edges=found.edges))
     return Message(message.kind, {**message.values, "named": naming.to_values(named)}, message.arrays)

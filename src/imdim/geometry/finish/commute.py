@@ -19,11 +19,11 @@ from manifold3d import Manifold
 from imdim.geometry.finish.active_zone import matters
 from imdim.geometry.finish.cutter_extent import LastOperand, Rest, ends_of, even_lengths, narrow, reach, stretch
 from imdim.geometry.finish.posed import PosedPrimitive
+from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.solid import primitive_to_manifold, to_manifold
 from imdim.program.paths import Path, leaf_counts, nodes, polarity
-from imdim.program.tree import OPS, Combine, Op, Primitive, Program, combine_all, fold, leaves
+from imdim.program.tree import FLAT_ENDS, OPS, Combine, Op, Primitive, Program, combine_all, fold, leaves
 
-CHECK_SEGMENTS = 64
 NOTHING = 1e-5  # of the solid's volume
 LEAST = 0.05  # of a length, that is left where one end is cut off
 
@@ -118,7 +118,7 @@ def _units(program: Program, largest: int) -> Iterator[_Unit]:
 
 def _ends(leaf: Primitive, solid: Manifold, cuts: bool) -> Iterator[tuple[Primitive, Primitive]]:
     """Ends without which a cutter holds nothing of the solid, an added primitive nothing else; and what is left of the primitive."""
-    for axis in {"box": (0, 1, 2), "cylinder": (2,), "cone": (2,), "extrude": (2,)}.get(leaf.kind, ()):
+    for axis in FLAT_ENDS.get(leaf.kind, ()):
         low, high = ends_of(leaf, axis)
         core = primitive_to_manifold(narrow(leaf, axis), CHECK_SEGMENTS)
         wrong = reach(core ^ solid if cuts else core - solid, leaf, axis, core.volume())

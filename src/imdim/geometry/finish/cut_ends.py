@@ -15,11 +15,12 @@ import numpy as np
 from manifold3d import Manifold, OpType
 
 from imdim.deadline import NEVER, Deadline
-from imdim.geometry.finish.cutter_extent import AXES, direction_of, ends_of, stretch
+from imdim.geometry.finish.cutter_extent import direction_of, ends_of, stretch
 from imdim.geometry.finish.section import CHECK_SEGMENTS
-from imdim.geometry.solid import exact_rotation, primitive_to_manifold, to_manifold
+from imdim.geometry.solid import bounds_of, exact_rotation, primitive_to_manifold, to_manifold
 from imdim.program.roles import cuts_of_each, signs
-from imdim.program.tree import Primitive, Program, Vec3, leaves, map_leaves
+from imdim.program.tree import FLAT_ENDS, Primitive, Program, leaves, replace_leaves
+from imdim.program.vectors import round_vector
 
 NOTHING = 1e-6  # of a volume, and of a size: two places are one
 ALIGNED = 1e-9  # by which the cosine between two axes may lack of 1
@@ -60,7 +61,7 @@ def _boxes_meet(a: Manifold, b: Manifold) -> bool:
     """Whether the boxes of two solids have anything in common; an empty solid has none."""
     if a.is_empty() or b.is_empty():
         return False
-    (a_low, a_high), (b_low, b_high) = (np.reshape(solid.bounding_box(), (2, 3)) for solid in (a, b))
+    (a_low, a_high), (b_low, b_high) = map(bounds_of, (a, b))
     return bool(((a_low <= b_high) & (b_low <= a_high)).all())
 
 
@@ -74,15 +75,15 @@ def end_cuts_in_faces(program: Program, deadline: Deadline = NEVER) -> Program:
     if not 1 < len(sign) <= MOST or min(sign) > 0 or deadline.has_passed():
         return program
     made = _Solids.of(program)
-    cutters = [i for i, part in enumerate(made.parts) if sign[i] < 0 and part.kind in AXES]
+    cutters = [i for i, part in enumerate(made.parts) if sign[i] < 0 and part.kind in FLAT_ENDS]
     ended = {i: _end(made, i) for i in cutters if not deadline.has_passed()}
-    return map_leaves(program, lambda i, leaf: ended.get(i, leaf))
+    return replace_leaves(program, ended)
 
 
 def _end(made: _Solids, cut: int) -> Primitive:
     """A cutter with ends in the faces of what it cuts, wherever it leaves that."""
     leaf, carriers = made.parts[cut], made.carriers(cut)
-    for axis in AXES[leaf.kind] if carriers else ():
+    for axis in FLAT_ENDS[leaf.kind] if carriers else ():
         spans = list(_spans(carriers, direction_of(leaf, axis)))
         if len(spans) < len(carriers):
             continue
@@ -95,9 +96,9 @@ def _spans(carriers: Sequence[Primitive], direction: np.ndarray) -> Iterator[tup
     """From where to where carriers go along a direction, of those that have plane ends across it."""
     for part in carriers:
         turn = exact_rotation(part)
-        ways = [axis for axis in AXES.get(part.kind, ()) if abs(float(turn[:, axis] @ direction)) > 1 - ALIGNED]
+        ways = [column for axis, column in FLAT_ENDS.get(part.kind, {}).items() if abs(float(turn[:, axis] @ direction)) > 1 - ALIGNED]
         if ways:
-            along, half = float(direction @ part.center), (part.size[ways[0]] if part.kind == "box" else part.size[-1]) / 2
+            along, half = float(direction @ part.center), part.size[ways[0]] / 2
             yield along - half, along + half
 
 
@@ -124,9 +125,4 @@ def _is_free(solid: Manifold, region: Primitive) -> bool:
 def _round(leaf: Primitive) -> Primitive:
     """The leaf without what sums of decimals leave beyond theirs."""
     decimals = ROUND - math.ceil(math.log10(max(map(abs, (*leaf.size, *leaf.center)))))
-    return replace(leaf, size=tuple(round(v, decimals) for v in leaf.size), center=_round_place(leaf.center, decimals))
-
-
-def _round_place(place: Vec3, decimals: int) -> Vec3:
-    x, y, z = (round(v, decimals) + 0.0 for v in place)
-    return x, y, z
+    return replace(leaf, size=tuple(round(v, decimals) for v in leaf.size), center=round_vector(leaf.center, decimals))

@@ -15,18 +15,17 @@ import numpy as np
 from manifold3d import Manifold
 
 from imdim.geometry.finish.extend import between
-from imdim.geometry.finish.section import extent, inset
-from imdim.geometry.solid import exact_rotation, primitive_to_manifold
+from imdim.geometry.finish.section import CHECK_SEGMENTS, extent, inset
+from imdim.geometry.solid import bounds_of, corners_of, exact_rotation, primitive_to_manifold
 from imdim.program.outline import are_near
 from imdim.program.patterns.congruence import group_by_fit
-from imdim.program.tree import Primitive, Program
+from imdim.program.tree import FLAT_ENDS, Primitive, Program
 
-CHECK_SEGMENTS = 64
 SAME = 2e-4  # of the solid's diagonal, by which sizes and ends may differ
 THIN = 4.0  # of the slack: nothing is made as short as that
 NARROWER = 4e-3  # of a width
+DIGITS = 9  # of a size, that computed ends are rounded to
 NOTHING = 1e-6  # of a region's volume
-AXES = {"box": (0, 1, 2), "cylinder": (2,), "cone": (2,), "extrude": (2,)}  # along which a leaf may become shorter
 
 
 class LastOperand(NamedTuple):
@@ -46,7 +45,7 @@ class Rest:
     @property
     def bounds(self) -> np.ndarray:
         """Low and high corner [2, 3]."""
-        return np.reshape(self.solid.bounding_box(), (2, 3))
+        return bounds_of(self.solid)
 
     @property
     def diagonal(self) -> float:
@@ -80,7 +79,7 @@ def even_lengths(parts: Sequence[LastOperand], rest: Rest) -> list[LastOperand]:
 
 def ends_of(leaf: Primitive, axis: int) -> tuple[float, float]:
     """From where to where a primitive reaches along a local axis or its opposite, whichever points forward in the world."""
-    middle, length = float(direction_of(leaf, axis) @ leaf.center), leaf.size[axis] if leaf.kind == "box" else leaf.size[-1]
+    middle, length = float(direction_of(leaf, axis) @ leaf.center), leaf.size[FLAT_ENDS[leaf.kind][axis]]
     return middle - length / 2, middle + length / 2
 
 
@@ -94,8 +93,15 @@ def reach(solid: Manifold, leaf: Primitive, axis: int, of: float) -> tuple[float
     """From where to where a solid reaches along the leaf's axis; None if it has next to nothing of the volume `of`."""
     if solid.volume() <= NOTHING * of:
         return None
-    places = np.asarray(solid.to_mesh().vert_properties, np.float64)[:, :3] @ direction_of(leaf, axis)
+    places = corners_of(solid) @ direction_of(leaf, axis)
     return float(places.min()), float(places.max())
+
+
+def round_reach(solid: Manifold, leaf: Primitive, axis: int, size: float) -> tuple[float, float]:
+    """As `reach`, of a solid that has a volume, to as many digits of a `size` as computed ends have."""
+    decimals = DIGITS - math.ceil(math.log10(size))
+    places = corners_of(solid) @ direction_of(leaf, axis)
+    return round(float(places.min()), decimals), round(float(places.max()), decimals)
 
 
 def direction_of(leaf: Primitive, axis: int) -> np.ndarray:

@@ -25,7 +25,7 @@ from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.active_zone import matters_at, probes, zone_within
 from imdim.geometry.finish.extend import Face, between, length, plane_faces, within
 from imdim.geometry.finish.posed import PosedPrimitive
-from imdim.geometry.solid import exact_rotation
+from imdim.geometry.solid import bounds_of, exact_rotation
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import (
     Curve,
@@ -44,7 +44,7 @@ from imdim.program.outline import (
     ring_curves,
 )
 from imdim.program.roles import signs
-from imdim.program.tree import Primitive, Program, leaves, map_leaves
+from imdim.program.tree import Primitive, Program, leaves, replace_leaves
 
 FILM = 1e-3  # of the target's diagonal: the thickest that is taken for a film
 BEHIND = 1e-4  # of it, behind a wall, where a cutter that needs the wall takes something away
@@ -87,7 +87,7 @@ class _Judge:
 
     @staticmethod
     def of(solid: Manifold) -> _Judge:
-        corners = np.array(solid.bounding_box()).reshape(2, 3)
+        corners = bounds_of(solid)
         size = float(np.linalg.norm(corners[1] - corners[0]))
         return _Judge(solid, solid.volume(), size, 10.0 ** math.floor(math.log10(REACH * size)))
 
@@ -118,7 +118,7 @@ def _open_ends(program: Program, i: int, judge: _Judge) -> Program:
             continue
         further = between(leaf, face, -length(leaf, face), judge.step)
         if any(_look_beyond(program, i, [_end(leaf, face, judge)], judge).film) and judge.allows(program, i, further):
-            program = _with(program, i, further)
+            program = replace_leaves(program, {i: further})
     return program
 
 
@@ -153,7 +153,7 @@ def _open_wall(program: Program, i: int, k: int, judge: _Judge) -> Program:
     for wider in _wider(ring, seen, judge.step):
         redrawn = redraw_loop(leaf, k, wider)
         if redrawn is not None and judge.allows(program, i, redrawn):
-            return _with(program, i, redrawn)
+            return replace_leaves(program, {i: redrawn})
     return program
 
 
@@ -161,10 +161,6 @@ def _open_wall(program: Program, i: int, k: int, judge: _Judge) -> Program:
 def _posed(program: Program) -> list[PosedPrimitive]:
     """The leaves in their places, which every wall asks for."""
     return [PosedPrimitive(leaf) for leaf in leaves(program)]
-
-
-def _with(program: Program, i: int, leaf: Primitive) -> Program:
-    return map_leaves(program, lambda j, p: leaf if j == i else p)
 
 
 @dataclass(frozen=True)

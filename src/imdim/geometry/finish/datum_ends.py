@@ -25,7 +25,7 @@ from imdim.geometry.lowering import lower
 from imdim.geometry.solid import exact_rotation, primitive_to_manifold, to_manifold
 from imdim.program.paths import leaf_paths, without
 from imdim.program.roles import signs
-from imdim.program.tree import Primitive, Program, leaves, longest, map_leaves
+from imdim.program.tree import PRISMS, Primitive, Program, leaves, longest, replace_leaves
 
 ALIGNED = 1e-9  # by which the cosine to one of the world's axes may lack of 1
 TOUCH = 1e-6  # of the largest size: two places are one
@@ -36,7 +36,6 @@ ROW = 1e-4  # of the largest size, within which parts are alike
 SEEN_DOWN, SEEN = 0.22, 1 / 3  # of the length that the part would have: how much of it has to be seen, on a base and elsewhere
 DOWN = (2, -1)  # the way that the base looks
 STOREYS = 3  # of parts that stand on each other
-PRISMS = ("box", "cylinder", "extrude")  # which keep their section
 
 
 @dataclass(frozen=True)
@@ -106,7 +105,7 @@ def _go_back(seen: _Visible, deadline: Deadline) -> _Visible:
         if _is_enough(shown, parts[first.leaf], first) and _is_carried(ends, parts, first, hidden):
             continue
         shorter = {e.leaf: between(parts[e.leaf], e.face, -length(parts[e.leaf], e.face), -hidden) for e in row}
-        trial = map_leaves(program, lambda i, leaf, shorter=shorter: shorter.get(i, leaf))
+        trial = replace_leaves(program, shorter)
         lost = sum(primitive_to_manifold(between(parts[e.leaf], e.face, -hidden, 0.0), CHECK_SEGMENTS).volume() for e in row)
         # added parts that become shorter make the solid nowhere more
         if abs(to_manifold(trial, CHECK_SEGMENTS).volume() - solid.volume()) <= NOTHING * lost:
@@ -139,7 +138,7 @@ def _go_out(seen: _Visible, deadline: Deadline) -> _Visible:
         if not all(_is_buried(program, parts[e.leaf], e.face, PROBE * longest(parts)) for e in row):
             continue
         longer = {e.leaf: between(parts[e.leaf], e.face, -length(parts[e.leaf], e.face), more) for e in row}
-        trial = map_leaves(program, lambda i, leaf, longer=longer: longer.get(i, leaf))
+        trial = replace_leaves(program, longer)
         # points are cheap, and most ends may not go on
         if any(_shows(program, trial, probes(between(parts[e.leaf], e.face, 0.0, more))) for e in row):
             continue

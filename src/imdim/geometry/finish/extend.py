@@ -9,19 +9,17 @@ from dataclasses import replace
 
 from imdim.geometry.finish.section import extent, inset
 from imdim.geometry.solid import exact_rotation
-from imdim.program.tree import Primitive
+from imdim.program.tree import FLAT_ENDS, Primitive
 
-SHRINK = 2e-3  # fraction of a radius by which regions are narrower than their face, more than the sagitta at `placed.CHECK_SEGMENTS`
+SHRINK = 2e-3  # fraction of a radius by which regions are narrower than their face, more than the sagitta at `section.CHECK_SEGMENTS`
 
 Face = tuple[int, int]  # local axis, and +1 or -1 for the end on it
 
 
 def plane_faces(leaf: Primitive) -> Iterator[Face]:
     """The plane faces that have an area: six of a box, the ends of a cylinder, cone or extrusion."""
-    if leaf.kind == "box":
-        yield from ((axis, side) for axis in range(3) for side in (-1, 1))
-    elif leaf.kind in ("cylinder", "cone", "extrude"):
-        yield from ((2, side) for side in (-1, 1) if leaf.kind != "cone" or _end_radii(leaf, side)[0] > 0)
+    faces = ((axis, side) for axis in FLAT_ENDS.get(leaf.kind, ()) for side in (-1, 1))
+    yield from (face for face in faces if leaf.kind != "cone" or _end_radii(leaf, face[1])[0] > 0)
 
 
 def plane_face(name: str) -> Face | None:
@@ -36,7 +34,7 @@ def flip_face(face: Face) -> Face:
 
 def length(leaf: Primitive, face: Face) -> float:
     """Size of the leaf across `face`."""
-    return leaf.size[face[0]] if leaf.kind == "box" else leaf.size[-1]
+    return leaf.size[FLAT_ENDS[leaf.kind][face[0]]]
 
 
 def apex(leaf: Primitive, face: Face) -> float:

@@ -18,13 +18,13 @@ from imdim.geometry.finish.extend import Face, between, length
 from imdim.geometry.finish.overshoot import REACH
 from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.finish.turned_ends import cut_off, reach_along
-from imdim.geometry.solid import exact_rotation, primitive_to_manifold
+from imdim.geometry.solid import bounds_of, corners_of, exact_rotation, primitive_to_manifold
 from imdim.program.roles import signs
-from imdim.program.tree import Primitive, Program, leaves, longest, map_leaves
+from imdim.program.tree import FLAT_ENDS, Primitive, Program, leaves, longest, replace_leaves
 
 TOUCH = 1e-6  # of the largest size: two places, or two sizes, are one
 ALIGNED = 1e-9  # by which the cosine to one of the world's axes may lack of 1
-AXES = {"box": (0, 1, 2), "cylinder": (2,), "cone": (2,), "extrude": (2,), "revolve": (2,)}
+ENDED = (*FLAT_ENDS, "revolve")  # what has ends along an axis
 
 
 def draw_back(program: Program, deadline: Deadline = NEVER) -> Program:
@@ -40,8 +40,8 @@ def draw_back(program: Program, deadline: Deadline = NEVER) -> Program:
         parts = list(leaves(program))
         spare = min(_spare_of(parts[i], face, material, slack) for i in group)
         if spare > slack:
-            shorter = {i: _without_end(parts[i], face, spare, slack) for i in group}
-            program = map_leaves(program, lambda i, leaf, shorter=shorter: shorter.get(i) or leaf)
+            shorter = {i: new for i in group if (new := _without_end(parts[i], face, spare, slack)) is not None}
+            program = replace_leaves(program, shorter)
     return program
 
 
@@ -49,26 +49,26 @@ def _free_ends(program: Program, slack: float) -> Iterator[tuple[list[int], Face
     """The plane ends of cutters, those of leaves that are alike together."""
     rows: dict[object, list[int]] = {}
     for i, (leaf, sign) in enumerate(zip(leaves(program), signs(program), strict=True)):
-        if sign < 0 and leaf.kind in AXES:
+        if sign < 0 and leaf.kind in ENDED:
             turn = np.round(exact_rotation(leaf), 6).ravel().tolist()
             bounds = () if leaf.outline is None else np.ravel(leaf.outline.bounds)
             key = (leaf.kind, *(round(v / (100 * slack)) for v in (*leaf.size, *bounds)), *turn)
             rows.setdefault(key, []).append(i)
     for (kind, *_), group in rows.items():  # type: ignore[misc]
-        yield from ((group, (axis, side)) for axis in AXES[kind] for side in (-1, 1))
+        yield from ((group, (axis, side)) for axis in FLAT_ENDS.get(kind, (2,)) for side in (-1, 1))
 
 
 def _spare_of(leaf: Primitive, face: Face, material: Manifold, slack: float) -> float:
     """By how much a leaf is too long at an end: it stops to cut there, or a little further in; 0 where it does not stick out."""
     direction = exact_rotation(leaf)[:, face[0]] * face[1]
     end = _place(leaf, face, direction)
-    bounds = np.reshape(material.bounding_box(), (2, 3))
+    bounds = bounds_of(material)
     if end <= np.maximum(bounds[0] * direction, bounds[1] * direction).sum() + slack:
         return 0.0
     met = primitive_to_manifold(leaf, CHECK_SEGMENTS) ^ material
     if met.is_empty():
         return 0.0
-    last = float((np.asarray(met.to_mesh64().vert_properties)[:, :3] @ direction).max())
+    last = float((corners_of(met) @ direction).max())
     if not _is_curved(met, direction, last, slack):
         return end - last
     if np.abs(direction).max() < 1 - ALIGNED:

@@ -11,17 +11,16 @@ import numpy as np
 from manifold3d import Manifold, OpType
 
 from imdim.deadline import NEVER, Deadline
-from imdim.geometry.finish.cutter_extent import AXES, direction_of, ends_of, stretch
+from imdim.geometry.finish.cutter_extent import ends_of, round_reach, stretch
 from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.finish.step_order import gather_steps
 from imdim.geometry.hosts import order_by_host
-from imdim.geometry.solid import primitive_to_manifold, symmetric_difference_volume, to_manifold
+from imdim.geometry.solid import bounds_of, primitive_to_manifold, symmetric_difference_volume, to_manifold
 from imdim.program.rewrite.containment_rules import parts, spine
-from imdim.program.tree import Primitive, Program, combine_all, leaves
+from imdim.program.tree import FLAT_ENDS, Primitive, Program, combine_all, leaves
 
 NOTHING = 1e-6  # of a volume
 ROUNDS = 4  # of nested parts that are joined
-DIGITS = 9  # decimals of the size of a cut, to which its new ends are rounded
 
 
 def cut_last(program: Program, deadline: Deadline = NEVER) -> Program:
@@ -49,7 +48,7 @@ def lead_with_body(program: Program) -> Program:
     terms = parts(base, "union")
     if len(terms) < 2:
         return program
-    boxes = [np.ptp(np.reshape(to_manifold(term, CHECK_SEGMENTS).bounding_box(), (2, 3)), axis=0) for term in terms]
+    boxes = [np.ptp(bounds_of(to_manifold(term, CHECK_SEGMENTS)), axis=0) for term in terms]
     sizes = [float(np.prod(np.sort(box)[1:])) for box in boxes]
     body = next(i for i, size in enumerate(sizes) if size >= max(sizes) * (1 - NOTHING))
     if body == 0:
@@ -87,16 +86,16 @@ def _end_inside(island: Program, body: Program, solid: Manifold) -> Program | No
     """What stands in a body, shorter where it rises above what the `solid` has of it; None for what lies beside the body too."""
     if _stands_in(island, body):
         return island
-    if not isinstance(island, Primitive) or island.kind not in AXES:
+    if not isinstance(island, Primitive) or island.kind not in FLAT_ENDS:
         return None
     own = primitive_to_manifold(island, CHECK_SEGMENTS)
     seen = own ^ solid
     if seen.is_empty():
         return None
     ends, least = [], NOTHING * own.volume()
-    for axis in AXES[island.kind]:
+    for axis in FLAT_ENDS[island.kind]:
         low, high = ends_of(island, axis)
-        first, last = _extent(seen, island, axis)
+        first, last = round_reach(seen, island, axis, max(island.size))
         for k, (end, new) in enumerate(((low, first), (high, last))):
             shorter = stretch(island, axis, (new, high) if k == 0 else (low, new))
             if abs(end - new) > NOTHING * max(island.size) and (seen - primitive_to_manifold(shorter, CHECK_SEGMENTS)).volume() <= least:
@@ -148,9 +147,9 @@ def _cut_after(cut: Program, body: Manifold, beside: Manifold, joined: Manifold)
     if (solid ^ joined).volume() <= NOTHING * solid.volume():
         return cut
     air = (solid ^ body) - beside
-    if not isinstance(cut, Primitive) or cut.kind not in AXES or air.volume() <= NOTHING * solid.volume():
+    if not isinstance(cut, Primitive) or cut.kind not in FLAT_ENDS or air.volume() <= NOTHING * solid.volume():
         return None
-    for axis in AXES[cut.kind]:
+    for axis in FLAT_ENDS[cut.kind]:
         cut = _shorten(cut, axis, air, joined)
     shorter = primitive_to_manifold(cut, CHECK_SEGMENTS)
     left = air - shorter
@@ -160,7 +159,7 @@ def _cut_after(cut: Program, body: Manifold, beside: Manifold, joined: Manifold)
 def _shorten(cut: Primitive, axis: int, air: Manifold, joined: Manifold) -> Primitive:
     """The cut with ends where the `air` ends that it makes, where it meets material beyond."""
     low, high = ends_of(cut, axis)
-    first, last = _extent(air, cut, axis)
+    first, last = round_reach(air, cut, axis, max(cut.size))
     ends = [low, high]
     for k, (end, new) in enumerate(((low, first), (high, last))):
         if abs(end - new) <= NOTHING * max(cut.size):
@@ -169,10 +168,3 @@ def _shorten(cut: Primitive, axis: int, air: Manifold, joined: Manifold) -> Prim
         if (spare ^ joined).volume() > NOTHING * spare.volume():
             ends[k] = new
     return stretch(cut, axis, (ends[0], ends[1]))
-
-
-def _extent(solid: Manifold, part: Primitive, axis: int) -> tuple[float, float]:
-    """From where to where a solid reaches along an axis of a part, as `ends_of` counts, to some digits of the part's size."""
-    places = np.asarray(solid.to_mesh64().vert_properties)[:, :3] @ direction_of(part, axis)
-    decimals = DIGITS - int(np.ceil(np.log10(max(part.size))))
-    return round(float(places.min()), decimals), round(float(places.max()), decimals)

@@ -20,7 +20,7 @@ from imdim.geometry import kernels
 from imdim.geometry.census import SolidCensus, census_of
 from imdim.geometry.finish.cutter_walls import redraw_loop, straighten_run
 from imdim.geometry.finish.extend import Face, between, length, plane_faces
-from imdim.geometry.solid import exact_rotation, to_manifold, volume_iou
+from imdim.geometry.solid import bounds_of, corners_of, exact_rotation, to_manifold, volume_iou
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import orient_loops, ring_curves
 from imdim.program.paths import leaf_paths, without
@@ -99,7 +99,7 @@ def _is_part(body: Manifold, solid: Manifold) -> bool:
 
 def _is_all_of(leaf: Primitive, body: Manifold) -> bool:
     """Whether a body ends where a feature does, all around."""
-    corners = _corners(body)
+    corners = corners_of(body)
     return float(np.abs(kernels.program_sdf(leaf, corners)).max()) <= FACETED * float(np.linalg.norm(np.ptp(corners, axis=0)))
 
 
@@ -114,13 +114,13 @@ def _is_mended(before: SolidCensus, out: Manifold, solid: Manifold) -> bool:
 
 def _moves(program: Program, body: Manifold, main: Manifold, solid: Manifold, overlap: float) -> Iterator[_Move]:
     """What may take a loose body away or, if it is the target's, join it to the `main` one."""
-    low, high = np.reshape(solid.bounding_box(), (2, 3))
-    size, corners = float(np.linalg.norm(high - low)), _corners(body)
+    low, high = bounds_of(solid)
+    size, corners = float(np.linalg.norm(high - low)), corners_of(body)
     is_part = _is_part(body, solid)
     gap = body.min_gap(main, GAP * size) if is_part else 0.0
     if gap >= GAP * size:
         return
-    near_main = _corners(main)
+    near_main = corners_of(main)
     reach = gap + TOUCH * size
     beside = ((near_main >= corners.min(0) - reach) & (near_main <= corners.max(0) + reach)).all(axis=1)
     # where bodies meet, the corners may be those of either
@@ -171,10 +171,6 @@ def _heights(leaf: Primitive, face: Face, points: np.ndarray) -> np.ndarray:
     """How far points [n, 3] are outward of a face."""
     axis, side = face
     return (points - leaf.center) @ exact_rotation(leaf)[:, axis] * side - length(leaf, face) / 2
-
-
-def _corners(body: Manifold) -> np.ndarray:
-    return np.asarray(body.to_mesh64().vert_properties, float)[:, :3]
 
 
 def _round_up(value: float) -> float:

@@ -26,10 +26,10 @@ from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.active_zone import matters
 from imdim.geometry.finish.extend import Face, apex, between, beyond, flip_face, length, plane_faces, within
 from imdim.geometry.finish.posed import PosedPrimitive, diagonal
-from imdim.geometry.solid import primitive_to_manifold, to_manifold, volume_iou
+from imdim.geometry.solid import bounds_of, primitive_to_manifold, to_manifold, volume_iou
 from imdim.program.repeats import Folded, copies_of
 from imdim.program.roles import signs
-from imdim.program.tree import Program, leaves, map_leaves
+from imdim.program.tree import Program, leaves, map_leaves, replace_leaves
 
 SKIN = 1e-4  # fraction of the diagonal: what is thinner is no feature
 REACH = 2e-2  # fraction of the diagonal: the overshoot is the power of ten below it
@@ -96,7 +96,7 @@ def without_strays(program: Program, solid: Manifold, deadline: Deadline = NEVER
     The program itself where nothing strays, or no cutter can end it; its IoU with the target never falls. Past the `deadline` (by default
     never) the other cutters stay.
     """
-    corners = np.array(solid.bounding_box()).reshape(2, 3)
+    corners = bounds_of(solid)
     diagonal = float(np.linalg.norm(corners[1] - corners[0]))
     home = Manifold.cube(tuple(corners[1] - corners[0] + 2 * MARGIN * diagonal)).translate(tuple(corners[0] - MARGIN * diagonal))
 
@@ -106,12 +106,13 @@ def without_strays(program: Program, solid: Manifold, deadline: Deadline = NEVER
     out = stray(program)
     for i, sign in enumerate(signs(program)):
         for face in plane_faces(list(leaves(program))[i]) if sign < 0 else ():
+            leaf = list(leaves(program))[i]
             if out.volume() <= NOTHING * solid.volume() or deadline.has_passed():
                 return program
-            further = primitive_to_manifold(between(list(leaves(program))[i], face, 0.0, diagonal))
+            further = primitive_to_manifold(between(leaf, face, 0.0, diagonal))
             if (further ^ out).volume() <= NOTHING * solid.volume():
                 continue
-            trials = [_extend_past(program, i, face, reach * diagonal) for reach in REACHES]
+            trials = [replace_leaves(program, {i: between(leaf, face, -length(leaf, face), reach * diagonal)}) for reach in REACHES]
             left = [stray(trial).volume() for trial in trials]
             # the shortest of those that leave least
             best = next(k for k, volume in enumerate(left) if volume <= min(left) + NOTHING * solid.volume())
@@ -120,7 +121,3 @@ def without_strays(program: Program, solid: Manifold, deadline: Deadline = NEVER
             if volume_iou(to_manifold(trials[best]), solid) >= volume_iou(to_manifold(program), solid):
                 program, out = trials[best], stray(trials[best])
     return program
-
-
-def _extend_past(program: Program, index: int, face: Face, reach: float) -> Program:
-    return map_leaves(program, lambda i, leaf: between(leaf, face, -length(leaf, face), reach) if i == index else leaf)

@@ -7,7 +7,6 @@ of which its cuts leave pieces one behind the other becomes these pieces, and ea
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 
@@ -15,11 +14,11 @@ import numpy as np
 from manifold3d import Manifold, OpType
 
 from imdim.deadline import NEVER, Deadline
-from imdim.geometry.finish.cutter_extent import AXES, direction_of, ends_of, stretch
+from imdim.geometry.finish.cutter_extent import direction_of, ends_of, round_reach, stretch
 from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.solid import primitive_to_manifold, to_manifold
 from imdim.program.rewrite.containment_rules import parts, spine
-from imdim.program.tree import Primitive, Program, combine_all
+from imdim.program.tree import FLAT_ENDS, PRISMS, Primitive, Program, combine_all
 
 Span = tuple[float, float]
 
@@ -27,8 +26,6 @@ NOTHING = 1e-6  # of a volume
 TOUCH = 1e-6  # of a body's length: two places are one
 ALIGNED = 1e-9  # by which the cosine between two axes may lack of 1
 MOST = 4  # pieces
-DIGITS = 9  # of a body's length, that computed ends are rounded to
-PARTED = ("box", "cylinder", "extrude")
 
 
 def part_bodies(program: Program, is_plainer: Callable[[Program, Program], bool], deadline: Deadline = NEVER) -> Program:
@@ -39,7 +36,7 @@ def part_bodies(program: Program, is_plainer: Callable[[Program, Program], bool]
     # of a body alone all cuts are its own
     bodies = [spine(term) for term in terms] if len(terms) > 1 else [(base, cuts)]
     for i, (body, own) in enumerate(bodies):
-        if deadline.has_passed() or not own or not isinstance(body, Primitive) or body.kind not in PARTED:
+        if deadline.has_passed() or not own or not isinstance(body, Primitive) or body.kind not in PRISMS:
             continue
         for pieces in _parted(body, [cut for joined in own for cut in parts(joined, "union")]):
             joined = combine_all("union", [*terms[:i], *pieces, *terms[i + 1 :]])
@@ -57,7 +54,7 @@ def _parted(body: Primitive, cuts: Sequence[Program]) -> Iterator[list[Program]]
     left = [piece for piece in left if piece.volume() > NOTHING * whole.volume()]
     if not 1 < len(left) <= MOST:
         return
-    for axis in AXES[body.kind]:
+    for axis in FLAT_ENDS[body.kind]:
         spans = sorted(_span(piece, body, axis) for piece in left)
         if all(a[1] < b[0] for a, b in pairwise(spans)):
             yield [_cut_piece(stretch(body, axis, span), axis, span, cuts) for span in spans]
@@ -65,10 +62,8 @@ def _parted(body: Primitive, cuts: Sequence[Program]) -> Iterator[list[Program]]
 
 def _span(piece: Manifold, body: Primitive, axis: int) -> Span:
     """From where to where a piece goes along a body's axis."""
-    places = np.asarray(piece.to_mesh64().vert_properties)[:, :3] @ direction_of(body, axis)
     low, high = ends_of(body, axis)
-    decimals = DIGITS - math.ceil(math.log10(high - low))
-    first, last = (round(float(place), decimals) for place in (places.min(), places.max()))
+    first, last = round_reach(piece, body, axis, high - low)
     slack = TOUCH * (high - low)
     return low if abs(first - low) <= slack else first, high if abs(last - high) <= slack else last
 
@@ -83,7 +78,7 @@ def _clipped(cut: Program, direction: np.ndarray, span: Span) -> Program:
     """What a cut is within a span along a direction."""
     if not isinstance(cut, Primitive):
         return cut
-    for axis in AXES.get(cut.kind, ()):
+    for axis in FLAT_ENDS.get(cut.kind, ()):
         if abs(direction_of(cut, axis) @ direction) > 1 - ALIGNED:
             low, high = ends_of(cut, axis)
             return stretch(cut, axis, (max(low, span[0]), min(high, span[1])))

@@ -12,17 +12,15 @@ from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
-from manifold3d import Manifold
 
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.posed import PosedPrimitive
-from imdim.geometry.solid import primitive_to_manifold, to_manifold
+from imdim.geometry.solid import corners_of, primitive_to_manifold, to_manifold
 from imdim.program.outline import are_near
 from imdim.program.patterns.congruence import group_by_fit, node_of, same_shape
-from imdim.program.rewrite.containment import dot
 from imdim.program.roles import signs
-from imdim.program.tree import Primitive, Program, Vec3, envelope, leaves, map_leaves
-from imdim.program.vectors import minus, plus, times
+from imdim.program.tree import Primitive, Program, Vec3, envelope, leaves, replace_leaves
+from imdim.program.vectors import dot, minus, plus, times
 
 NEAR = 0.15  # of a primitive's own extent, by which its substitute may differ from it
 SEGMENTS = 32
@@ -31,7 +29,7 @@ MOST = 40  # equal primitives
 
 def regularise_outliers(program: Program, tolerance: float, score: Callable[[Program], float], deadline: Deadline = NEVER) -> Program:
     """The program with odd ones like their fellows, which agree within `tolerance`, where that has a higher `score`."""
-    solid = _corners(to_manifold(program, SEGMENTS))
+    solid = corners_of(to_manifold(program, SEGMENTS))
     parts, sign, out = list(leaves(program)), signs(program), program
     if not len(solid):
         return program
@@ -41,7 +39,7 @@ def regularise_outliers(program: Program, tolerance: float, score: Callable[[Pro
             odd = [i for i, p in enumerate(parts) if i not in group and sign[i] == sign[group[0]] and _is_nearly(p, like, solid)]
             if len(odd) != 1 or deadline.has_passed():
                 continue
-            trial = map_leaves(out, lambda i, p, odd=odd[0], like=like: like if i == odd else p)
+            trial = replace_leaves(out, {odd[0]: like})
             if score(trial) > score(out):
                 out = trial
     return out
@@ -83,12 +81,8 @@ def _is_nearly(p: Primitive, like: Primitive, solid: np.ndarray) -> bool:
     if math.dist(p.center, like.center) > far:
         return False
     room = _reach(solid @ turn)
-    mine, its = (np.clip(_reach(_corners(primitive_to_manifold(q, SEGMENTS)) @ turn), *room) for q in (p, like))
+    mine, its = (np.clip(_reach(corners_of(primitive_to_manifold(q, SEGMENTS)) @ turn), *room) for q in (p, like))
     return bool((np.abs(mine - its) <= NEAR * np.ptp(its, axis=0)).all())
-
-
-def _corners(solid: Manifold) -> np.ndarray:
-    return np.asarray(solid.to_mesh().vert_properties, np.float64)[:, :3]
 
 
 def _reach(points: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ from imdim.geometry.solid import draw_section, exact_rotation
 from imdim.program.outline import Outline, circle, ring_curves
 from imdim.program.plain_outlines import to_simple
 from imdim.program.roles import signs
-from imdim.program.tree import OPS, Combine, Primitive, Program, combine_all, fold, leaves
+from imdim.program.tree import FLAT_ENDS, OPS, Combine, Primitive, Program, combine_all, fold, leaves
 
 ALIGNED = 1e-9  # by which the cosine between two axes may lack of 1
 TOUCH = 1e-6  # of a drawing's extent: two places are one
@@ -70,7 +70,7 @@ def _footprint(leaf: Primitive, other: Primitive) -> tuple[np.ndarray, CrossSect
     axis = int(np.abs(local[:, 2]).argmax())
     if abs(local[axis, 2]) < 1 - ALIGNED or (other.kind != "box" and (axis != 2 or other.kind != "cylinder")):
         return None
-    reach = (other.size[axis] if other.kind == "box" else other.size[-1]) / 2
+    reach = other.size[FLAT_ENDS[other.kind][axis]] / 2
     if abs(z) + leaf.size[0] / 2 > reach * (1 + TOUCH):
         return None
     if other.kind == "cylinder":

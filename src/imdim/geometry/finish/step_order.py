@@ -14,7 +14,7 @@ from manifold3d import Manifold
 
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.section import CHECK_SEGMENTS
-from imdim.geometry.solid import to_manifold
+from imdim.geometry.solid import bounds_of, to_manifold
 from imdim.program.rewrite.containment_rules import parts
 from imdim.program.sequence import SignedSequence, Step, to_program
 from imdim.program.tree import Combine, Program
@@ -74,7 +74,7 @@ def _constraints(steps: SignedSequence[Program], solid: Manifold, deadline: Dead
 
 def _meet(solids: list[Manifold]) -> np.ndarray:
     """[n, n] of bool: whether the boxes of two solids have anything in common, without which they do not overlap."""
-    boxes = np.reshape([solid.bounding_box() for solid in solids], (-1, 2, 3))
+    boxes = np.array([bounds_of(solid) for solid in solids])
     return np.all((boxes[:, None, 0] <= boxes[:, 1]) & (boxes[:, 0] <= boxes[:, None, 1]), axis=2)
 
 

@@ -18,7 +18,7 @@ from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.finish.turned_ends import cut_off, reach_along
 from imdim.geometry.solid import exact_rotation, to_manifold, volume_iou
 from imdim.program.roles import signs
-from imdim.program.tree import FULL_TURN, Primitive, Program, leaves, longest, map_leaves
+from imdim.program.tree import FULL_TURN, Primitive, Program, leaves, longest, replace_leaves
 
 ALIGNED = 1e-9  # by which the cosine between an axis and the normal of a face may lack of 1
 TOUCH = 1e-6  # of the largest size: two places are one
@@ -42,7 +42,7 @@ def stand_on_faces(program: Program, target: Manifold, deadline: Deadline = NEVE
             for shorter in _shorten(program, i, side):
                 if deadline.has_passed():
                     return program
-                trial = map_leaves(program, lambda k, leaf, i=i, shorter=shorter: shorter if k == i else leaf)
+                trial = replace_leaves(program, {i: shorter})
                 if is_as_near(trial):
                     program = trial
                     break

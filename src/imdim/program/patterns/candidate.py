@@ -11,9 +11,9 @@ from imdim.program.motions import mirror
 from imdim.program.patterns.congruence import Node, group_by_fit, match, same_shape
 from imdim.program.patterns.linear import Ring, rings
 from imdim.program.repeats import Repeat
-from imdim.program.rewrite.containment import axes, dot
+from imdim.program.rewrite.containment import axes
 from imdim.program.tree import Primitive, Vec3
-from imdim.program.vectors import cross, is_forward, minus, round_vector, times, unit
+from imdim.program.vectors import cross, dot, is_forward, minus, round_vector, times, unit
 
 NUMBERS = 9  # of a primitive: sizes, place, and what it is
 COSTS = {"linear": 5, "grid": 9, "circular": 11, "mirror": 7}
@@ -33,7 +33,7 @@ class RepeatCandidate:
 
 
 @dataclass(frozen=True)
-class Bench:
+class RepeatLimits:
     """What parts are measured by: lengths agree within `tolerance`, and within `exact` they are the same."""
 
     tolerance: float
@@ -82,18 +82,18 @@ def first_leaf(node: Node) -> Primitive:
 # --- pairs -----------------------------------------------------------------------------------------------------------
 
 
-def pairs(bench: Bench, parts: list[Node], left: list[int]) -> list[RepeatCandidate]:
+def pairs(limits: RepeatLimits, parts: list[Node], left: list[int]) -> list[RepeatCandidate]:
     """Pairs of parts that one plane or one step takes to each other, as long as two primitives or more, or a drawing, are saved."""
     found: list[RepeatCandidate] = []
-    for group in classes(parts, left, bench.tolerance):
+    for group in classes(parts, left, limits.tolerance):
         for i, j in combinations(group, 2):
             shift = minus(parts[j].anchor, parts[i].anchor)
             length = math.hypot(*shift)
-            if length > 8 * bench.tolerance:
-                found += [f for r in _pair_repeats(bench, parts[i], parts[j], shift, length) for f in bench.verify(parts, (i, j), r, 0.0)]
+            if length > 8 * limits.tolerance:
+                found += [f for r in _pair_repeats(limits, parts[i], parts[j], shift, length) for f in limits.verify(parts, (i, j), r, 0.0)]
     out: list[RepeatCandidate] = []
     while True:
-        best = max((_largest(bench, parts, found, p.repeat) for p in found), key=lambda c: c.saved, default=None)
+        best = max((_largest(limits, parts, found, p.repeat) for p in found), key=lambda c: c.saved, default=None)
         if best is None or sum(parts[row[0]].writing for row in best.members) < 2:
             return out
         out.append(best)
@@ -101,35 +101,35 @@ def pairs(bench: Bench, parts: list[Node], left: list[int]) -> list[RepeatCandid
         found = [p for p in found if not used & set(p.members[0])]
 
 
-def pair_mirror_images(bench: Bench, parts: list[Node], group: Sequence[int]) -> Iterator[RepeatCandidate]:
+def pair_mirror_images(limits: RepeatLimits, parts: list[Node], group: Sequence[int]) -> Iterator[RepeatCandidate]:
     """Pairs among parts of one shape that a plane takes to each other."""
     for i, j in combinations(group, 2):
         shift = minus(parts[j].anchor, parts[i].anchor)
         length = math.hypot(*shift)
-        if length > 8 * bench.tolerance:
-            mirrors = (r for r in _pair_repeats(bench, parts[i], parts[j], shift, length) if r.kind == "mirror")
-            yield from (found for r in mirrors for found in bench.verify(parts, (i, j), r, 0.0))
+        if length > 8 * limits.tolerance:
+            mirrors = (r for r in _pair_repeats(limits, parts[i], parts[j], shift, length) if r.kind == "mirror")
+            yield from (found for r in mirrors for found in limits.verify(parts, (i, j), r, 0.0))
 
 
-def _pair_repeats(bench: Bench, a: Node, b: Node, shift: Vec3, length: float) -> Iterator[Repeat]:
+def _pair_repeats(limits: RepeatLimits, a: Node, b: Node, shift: Vec3, length: float) -> Iterator[Repeat]:
     x, y, z = (round(s / length, 12) + 0.0 for s in shift)
     middle = tuple((p + q) / 2 for p, q in zip(a.anchor, b.anchor, strict=True))
     normal, sign = (x, y, z), 1.0 if is_forward((x, y, z)) else -1.0
-    if match(a, b, mirror(middle, normal), bench.tolerance) is not None:  # type: ignore[arg-type]
+    if match(a, b, mirror(middle, normal), limits.tolerance) is not None:  # type: ignore[arg-type]
         normal = (sign * x + 0.0, sign * y + 0.0, sign * z + 0.0)
         along = dot(middle, normal)  # type: ignore[arg-type]
-        point = bench.tidy(times(normal, along))
+        point = limits.tidy(times(normal, along))
         yield Repeat("mirror", first_leaf(a), (2,), point=point, axis=normal)
     if sign > 0:
-        yield Repeat("linear", first_leaf(a), (2,), (bench.tidy(shift),))
+        yield Repeat("linear", first_leaf(a), (2,), (limits.tidy(shift),))
 
 
-def _largest(bench: Bench, parts: list[Node], pairs: list[RepeatCandidate], like: Repeat) -> RepeatCandidate:
+def _largest(limits: RepeatLimits, parts: list[Node], pairs: list[RepeatCandidate], like: Repeat) -> RepeatCandidate:
     """All pairs with the motion of one, none twice."""
     used: set[int] = set()
     rows: list[RepeatCandidate] = []
     for pair in pairs:
-        if not used & set(pair.members[0]) and bench.same_motions(pair.repeat, like):
+        if not used & set(pair.members[0]) and limits.same_motions(pair.repeat, like):
             used |= set(pair.members[0])
             rows.append(_facing(parts, pair, rows[0].members[0][0]) if rows and like.kind == "mirror" else pair)
     saved = sum(parts[r.members[0][0]].writing for r in rows) * NUMBERS - COSTS[like.kind]
@@ -152,7 +152,7 @@ def _facing(parts: list[Node], pair: RepeatCandidate, first: int) -> RepeatCandi
 class Circling:
     """`body` is the centre and axis of a body that is round, `hubs` are points that circles may have their centre at."""
 
-    bench: Bench
+    limits: RepeatLimits
     body: tuple[Vec3, Vec3] | None
     hubs: list[Vec3]
 
@@ -163,11 +163,11 @@ class Circling:
 
     def _circles(self, parts: list[Node], group: list[int], axis: Vec3) -> Iterator[RepeatCandidate]:
         u, v = _across(axis)
-        for level in _levels(parts, group, axis, 2 * self.bench.tolerance):
+        for level in _levels(parts, group, axis, 2 * self.limits.tolerance):
             height = dot(parts[level[0]].anchor, axis)
             points = [(dot(parts[i].anchor, u), dot(parts[i].anchor, v)) for i in level]
             hubs = list(dict.fromkeys((round(dot(h, u), 9), round(dot(h, v), 9)) for h in self.hubs))
-            for ring in rings(points, hubs, 2 * self.bench.tolerance) if len(level) > 2 else ():
+            for ring in rings(points, hubs, 2 * self.limits.tolerance) if len(level) > 2 else ():
                 yield from self._ring(parts, tuple(level[i] for i in ring.members), ring, (u, v, axis), height)
             yield from self._spokes(parts, level, points, axis)
 
@@ -176,23 +176,23 @@ class Circling:
     ) -> Iterator[RepeatCandidate]:
         u, v, axis = frame
         x, y, z = (ring.center[0] * u[a] + ring.center[1] * v[a] + height * axis[a] for a in range(3))
-        point = self.bench.tidy((x, y, z))
+        point = self.limits.tidy((x, y, z))
         repeat = Repeat(
             "circular", first_leaf(parts[members[0]]), (len(members),), point=point, axis=axis, angle=_tidy_angle(ring.angle, len(members))
         )
-        yield from self.bench.verify(parts, members, repeat, AT_BODY * self._is_at_body(point, axis) + 0.25 * repeat.is_full)
+        yield from self.limits.verify(parts, members, repeat, AT_BODY * self._is_at_body(point, axis) + 0.25 * repeat.is_full)
 
     def _spokes(self, parts: list[Node], level: list[int], points: list[tuple[float, float]], axis: Vec3) -> Iterator[RepeatCandidate]:
         """Parts that all have their middle on the axis, such as the bars of a star."""
         for i in level:
-            same = [j for j in level if math.dist(points[level.index(i)], points[level.index(j)]) <= 2 * self.bench.tolerance]
+            same = [j for j in level if math.dist(points[level.index(i)], points[level.index(j)]) <= 2 * self.limits.tolerance]
             if same[0] != i or len(same) < 3:
                 continue
             for angle in dict.fromkeys(whole / n for n in range(len(same), 2, -1) for whole in (360.0, 180.0)):
                 repeat = Repeat(
-                    "circular", first_leaf(parts[i]), (len(same),), point=self.bench.tidy(parts[i].anchor), axis=axis, angle=angle
+                    "circular", first_leaf(parts[i]), (len(same),), point=self.limits.tidy(parts[i].anchor), axis=axis, angle=angle
                 )
-                yield from self.bench.verify(parts, tuple(same), repeat, 0.0)
+                yield from self.limits.verify(parts, tuple(same), repeat, 0.0)
 
     def _is_at_body(self, point: Vec3, axis: Vec3) -> bool:
         if self.body is None:
@@ -200,7 +200,7 @@ class Circling:
         off = minus(point, self.body[0])
         along = dot(off, axis)
         away = math.dist(off, times(axis, along))
-        return abs(dot(axis, self.body[1])) > 1 - 1e-9 and away <= 4 * self.bench.tolerance
+        return abs(dot(axis, self.body[1])) > 1 - 1e-9 and away <= 4 * self.limits.tolerance
 
 
 def _directions(node: Node, anchors: list[Vec3]) -> list[Vec3]:

@@ -12,13 +12,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from imdim.program.motions import is_round, step
-from imdim.program.patterns.candidate import Bench, Circling, RepeatCandidate, classes, first_leaf, pair_mirror_images, pairs
+from imdim.program.patterns.candidate import Circling, RepeatCandidate, RepeatLimits, classes, first_leaf, pair_mirror_images, pairs
 from imdim.program.patterns.congruence import Node, group_by_fit, match, node_of
 from imdim.program.patterns.linear import Lattice, lattices
 from imdim.program.repeats import Folded, Group, Repeat, expand, repeats, size
-from imdim.program.rewrite.containment import axes, disjoint, dot
+from imdim.program.rewrite.containment import axes, disjoint
 from imdim.program.tree import Op, Primitive, Program, Vec3, envelope, leaves
-from imdim.program.vectors import minus
+from imdim.program.vectors import dot, minus
 
 TOLERANCE = 1e-6  # of the part's size
 MOST_PARTS = 150
@@ -49,11 +49,11 @@ def fold_repeats(program: Program, tolerance: float | None = None) -> Folding | 
     root = node_of(program)
     if root.depth > MOST_DEPTH:
         return None
-    bench = Bench(exact if tolerance is None else tolerance, exact)
-    circling = Circling(bench, _body_axis(parts[0]), [p.center for p in parts])
+    limits = RepeatLimits(exact if tolerance is None else tolerance, exact)
+    circling = Circling(limits, _body_axis(parts[0]), [p.center for p in parts])
     best: Folding | None = None
     for node in (root, to_layers(root), to_layers(root, late=True)):
-        search = _FoldSearch(bench, circling)
+        search = _FoldSearch(limits, circling)
         folded, order = search.fold_node(node)
         if search.found and (best is None or worth(folded) > worth(best.folded)):
             best = Folding(folded, tuple(order))
@@ -64,13 +64,13 @@ def find_repeats(parts: Sequence[Primitive], tolerance: float) -> Iterator[tuple
     """Rows, grids, circles and mirrored pairs among parts that one operation joins: the places of their copies, and in how many ways they
     go on."""
     nodes = [Node(None, [], part, i) for i, part in enumerate(parts)]
-    bench = Bench(tolerance, tolerance)
-    search = _FoldSearch(bench, Circling(bench, None, [p.center for p in parts]))
+    limits = RepeatLimits(tolerance, tolerance)
+    search = _FoldSearch(limits, Circling(limits, None, [p.center for p in parts]))
     for group in classes(nodes, range(len(nodes)), tolerance):
         found = list(search.of_class(nodes, group))
         yield from ((choice.members[0], len(choice.repeat.counts)) for choice in found)
         taken = {i for choice in found for i in choice.members[0]}
-        yield from ((pair.members[0], 1) for pair in pair_mirror_images(bench, nodes, [i for i in group if i not in taken]))
+        yield from ((pair.members[0], 1) for pair in pair_mirror_images(limits, nodes, [i for i in group if i not in taken]))
 
 
 def worth(folded: Folded) -> int:
@@ -94,7 +94,7 @@ def _body_axis(first: Primitive) -> tuple[Vec3, Vec3] | None:
 class _FoldSearch:
     """`found` counts repeats."""
 
-    bench: Bench
+    limits: RepeatLimits
     circling: Circling
     found: int = field(default=0)
 
@@ -139,10 +139,10 @@ class _FoldSearch:
             return []
         out: list[RepeatCandidate] = []
         left = list(range(len(parts)))
-        for group in classes(parts, left, self.bench.tolerance):
+        for group in classes(parts, left, self.limits.tolerance):
             out += self.of_class(parts, group)
         left = [i for i in left if not any(i in row for c in out for row in c.members)]
-        both = (*self._merge(out), *pairs(self.bench, parts, left))
+        both = (*self._merge(out), *pairs(self.limits, parts, left))
         return [c for c in both if (c.repeat.number - 1) * sum(parts[row[0]].writing for row in c.members) >= 2]
 
     def of_class(self, parts: list[Node], group: list[int]) -> Iterator[RepeatCandidate]:
@@ -155,7 +155,7 @@ class _FoldSearch:
 
     def _candidates(self, parts: list[Node], group: list[int]) -> Iterator[RepeatCandidate]:
         for chain in self._find_translated(parts, group):
-            for lattice in lattices([parts[i].anchor for i in chain], 4 * self.bench.tolerance):
+            for lattice in lattices([parts[i].anchor for i in chain], 4 * self.limits.tolerance):
                 yield from self._lattice(parts, chain, lattice)
         yield from self.circling.circles(parts, group)
 
@@ -164,7 +164,7 @@ class _FoldSearch:
 
         def follows(chain: list[int], i: int) -> bool:
             shift = minus(parts[i].anchor, parts[chain[0]].anchor)
-            return match(parts[chain[0]], parts[i], step(shift), self.bench.tolerance) is not None
+            return match(parts[chain[0]], parts[i], step(shift), self.limits.tolerance) is not None
 
         return [chain for chain in group_by_fit(group, follows) if len(chain) > 2]
 
@@ -174,15 +174,15 @@ class _FoldSearch:
         n, steps = lattice.counts[-1], []
         for count, stride in zip(reversed(lattice.counts), (1, n), strict=False):
             x, y, z = ((at[(count - 1) * stride][a] - at[0][a]) / (count - 1) for a in range(3))
-            steps.append(self.bench.tidy((x, y, z)))
+            steps.append(self.limits.tidy((x, y, z)))
         kind = "linear" if len(steps) == 1 else "grid"
         repeat = Repeat(kind, first_leaf(parts[members[0]]), lattice.counts, tuple(reversed(steps)))
         straight = kind == "linear" or abs(dot(*steps)) <= 1e-6 * math.hypot(*steps[0]) * math.hypot(*steps[1])
-        yield from self.bench.verify(parts, members, repeat, 0.5 * straight)
+        yield from self.limits.verify(parts, members, repeat, 0.5 * straight)
 
     def _merge(self, choices: list[RepeatCandidate]) -> list[RepeatCandidate]:
         """Repeats with the same motions as one."""
-        groups = group_by_fit(choices, lambda group, choice: self.bench.same_motions(group[0].repeat, choice.repeat))
+        groups = group_by_fit(choices, lambda group, choice: self.limits.same_motions(group[0].repeat, choice.repeat))
         return [
             replace(group[0], members=tuple(m for c in group for m in c.members), orders=tuple(o for c in group for o in c.orders))
             for group in groups

@@ -10,9 +10,8 @@ from itertools import count, product
 from imdim.program.constraints import RULES, WORLD, Constraint, Ref
 from imdim.program.edges import EdgeFeature, Face
 from imdim.program.repeats import Folded, Group, Repeat, rebuilt, size
-from imdim.program.rewrite.containment import dot
 from imdim.program.tree import Primitive, Program, Vec3, leaves
-from imdim.program.vectors import cross, minus, round_vector
+from imdim.program.vectors import cross, dot, minus, round_vector
 
 Key = tuple[object, ...]
 

@@ -8,9 +8,8 @@ from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
-from imdim.program.rewrite.containment import dot
 from imdim.program.tree import Vec3
-from imdim.program.vectors import is_forward, minus, plus, times
+from imdim.program.vectors import dot, is_forward, minus, plus, times
 
 Vec2 = tuple[float, float]
 SKEW_POINTS = 24  # of more points grids have right angles

@@ -11,9 +11,9 @@ import math
 from imdim.program.ellipse import Ellipse, are_near_ellipses
 from imdim.program.motions import Motion, is_round, move_leaf
 from imdim.program.outline import Loop, Outline, Point, Ring, ring_curves
-from imdim.program.rewrite.containment import along, axes, dot
+from imdim.program.rewrite.containment import axes
 from imdim.program.tree import Primitive, Vec3
-from imdim.program.vectors import minus
+from imdim.program.vectors import along, dot, minus
 
 
 def anchor_of(p: Primitive, outline: Outline) -> Vec3:

@@ -16,14 +16,15 @@ from itertools import combinations, groupby, product
 from imdim.program.motions import euler
 from imdim.program.outline import Loop, Outline, circle, circle_of, regions
 from imdim.program.plain_outlines import to_simple
-from imdim.program.rewrite.containment import along, axes, disjoint, dot, reach
+from imdim.program.rewrite.containment import axes, disjoint, reach
 from imdim.program.rewrite.containment_rules import parts
 from imdim.program.rewrite.separation import separate_loops
-from imdim.program.tree import Combine, Primitive, Program, Vec3, leaves, longest
-from imdim.program.vectors import plus, times
+from imdim.program.sequence import SignedSequence, Step, to_program
+from imdim.program.tree import FLAT_ENDS, PRISMS, Combine, Op, Primitive, Program, Vec3, leaves, longest
+from imdim.program.vectors import along, dot, plus, times
 
 Frame = tuple[Vec3, Vec3, Vec3]
-Term = tuple[bool, Program]  # whether it is cut from what is before it, or united with it
+Steps = SignedSequence[Program]
 DrawArea = Callable[[Sequence[Outline], Sequence[Outline]], Outline | None]
 
 PARALLEL = 1e-9  # of a cosine
@@ -53,20 +54,21 @@ def propose_cells(program: Program, draw: DrawArea) -> Iterator[Program]:
     if len(terms) == 1 or sum(1 for _ in leaves(program)) > MOST_LEAVES:
         return
     slack = SAME_LEVEL * longest(leaves(program))
-    for cuts in (True, False):
-        yield from map(_assemble, _crossings(terms, cuts, slack, draw))
-    yield from map(_assemble, _plates(terms, slack, draw))
-    yield from map(_assemble, _drawn_cells(terms, slack))
-    for i, (cuts, part) in enumerate(terms):
+    for op in ("difference", "union"):
+        yield from map(to_program, _crossings(terms, op, slack, draw))
+    yield from map(to_program, _plates(terms, slack, draw))
+    yield from map(to_program, _drawn_cells(terms, slack))
+    for i, (op, part) in enumerate(terms):
         for proposal in propose_cells(part, draw) if isinstance(part, Combine) else ():
-            yield _assemble([*terms[:i], (cuts, proposal), *terms[i + 1 :]])
+            yield to_program((*terms[:i], Step(op, proposal), *terms[i + 1 :]))
 
 
 def end_cuts_with_the_solid(program: Program) -> Program:
     """The same solid, whose cutters end where the solid does, for how far they stand out says nothing: else equal ones may look unequal."""
     terms = _terms(program)
-    solid = [part for cuts, part in terms if not cuts]
-    return _assemble([(cuts, _end(part, solid) if cuts and isinstance(part, Primitive) else part) for cuts, part in terms])
+    solid = [step.term for step in terms if step.positive]
+    ended = (_end(part, solid) if op == "difference" and isinstance(part, Primitive) else part for op, part in terms)
+    return to_program(tuple(Step(op, part) for (op, _), part in zip(terms, ended, strict=True)))
 
 
 def count_runs(program: Program) -> int:
@@ -75,7 +77,7 @@ def count_runs(program: Program) -> int:
     todo, count = [program], 0
     while todo:
         first, *others = _terms(todo.pop())
-        count += sum(1 for _ in groupby(cuts for cuts, _ in others))
+        count += sum(1 for _ in groupby(op for op, _ in others))
         todo += [part for _, part in (first, *others) if isinstance(part, Combine) and part.op != "intersection"]
     return count
 
@@ -83,7 +85,7 @@ def count_runs(program: Program) -> int:
 def _end(leaf: Primitive, solid: Sequence[Program]) -> Primitive:
     """A box or prism no longer than some programs reach."""
     size, center, frame = list(leaf.size), leaf.center, axes(leaf)
-    for at, k in {"box": ((0, 0), (1, 1), (2, 2)), "cylinder": ((1, 2),), "extrude": ((0, 2),)}.get(leaf.kind, ()):
+    for k, at in FLAT_ENDS[leaf.kind].items() if leaf.kind in PRISMS else ():
         middle, (low, high) = dot(center, frame[k]), _span(solid, frame[k])
         start, end = max(middle - size[at] / 2, low), min(middle + size[at] / 2, high)
         if start < end and end - start < size[at]:
@@ -94,8 +96,7 @@ def _end(leaf: Primitive, solid: Sequence[Program]) -> Primitive:
 def prism_along(leaf: Primitive, frame: Frame) -> Prism | None:
     """The leaf as a prism along the third axis of a frame; None where it is none, or has an ellipse."""
     own = axes(leaf)
-    ways = {"box": (0, 1, 2), "cylinder": (2,), "extrude": (2,)}.get(leaf.kind, ())
-    way = next((k for k in ways if abs(dot(own[k], frame[2])) > 1 - PARALLEL), None)
+    way = next((k for k in (FLAT_ENDS[leaf.kind] if leaf.kind in PRISMS else ()) if abs(dot(own[k], frame[2])) > 1 - PARALLEL), None)
     if way is None:
         return None
     at, half = dot(leaf.center, frame[2]), leaf.size[way if leaf.kind == "box" else -1] / 2
@@ -125,16 +126,16 @@ def _project(leaf: Primitive, own: Frame, way: int, frame: Frame) -> tuple[Loop,
 # --- walls that cross pockets ------------------------------------------------------------------------------------------
 
 
-def _crossings(terms: list[Term], cuts: bool, slack: float, draw: DrawArea) -> Iterator[list[Term]]:
-    """The terms with cavities in place of each group of cutters and the walls that cross them later; without `cuts` blocks in place of bars
-    and the slots between them."""
-    crossed = dict(_crossed(terms, cuts, slack))
+def _crossings(terms: Steps, op: Op, slack: float, draw: DrawArea) -> Iterator[Steps]:
+    """The terms with cavities in place of each group of cutters and the walls that cross them later; of what is united blocks in place of
+    bars and the slots between them."""
+    crossed = dict(_crossed(terms, op, slack))
     whole = {j for _, walls in crossed.values() for j in walls}
     for i, (side, part) in enumerate(terms):  # a wall that something else needs stays
-        if side == cuts and i not in crossed:
-            whole -= {j for j in whole if j > i and _meet(part, terms[j][1])}
+        if side == op and i not in crossed:
+            whole -= {j for j in whole if j > i and _meet(part, terms[j].term)}
     pieces: dict[int, tuple[list[Program], list[int]]] = {}
-    solid = [part for side, part in terms if not side]
+    solid = [step.term for step in terms if step.positive]
     for i, (frame, found) in crossed.items():
         walls = [j for j in found if j in whole]
         cells = _part(_leaf(terms[i]), frame, [_leaf(terms[j]) for j in walls], solid, slack, draw) if walls else None
@@ -143,23 +144,23 @@ def _crossings(terms: list[Term], cuts: bool, slack: float, draw: DrawArea) -> I
     for targets in _joined({i: walls for i, (_, walls) in pieces.items()}):
         gone = {j for i in targets for j in pieces[i][1]}
         if any(len(pieces[i][0]) > 1 for i in targets):
-            yield [
-                (side, piece)
+            yield tuple(
+                Step(side, piece)
                 for i, (side, part) in enumerate(terms)
                 if i not in gone
                 for piece in (pieces[i][0] if i in targets else [part])
-            ]
+            )
 
 
-def _crossed(terms: list[Term], cuts: bool, slack: float) -> Iterator[tuple[int, tuple[Frame, list[int]]]]:
+def _crossed(terms: Steps, op: Op, slack: float) -> Iterator[tuple[int, tuple[Frame, list[int]]]]:
     """Leaves of one kind of term, with the frame along whose third axis most of the later ones of the other kind that meet them go through
     them, and these."""
-    solid = [part for side, part in terms if not side]
-    later = [j for j, (side, part) in enumerate(terms) if side != cuts and isinstance(part, Primitive)]
+    solid = [step.term for step in terms if step.positive]
+    later = [j for j, (side, part) in enumerate(terms) if side != op and isinstance(part, Primitive)]
     for i, (side, part) in enumerate(terms):
-        if side != cuts or not isinstance(part, Primitive):
+        if side != op or not isinstance(part, Primitive):
             continue
-        met = {j: _leaf(terms[j]) for j in later if j > i and _meet(part, terms[j][1])}
+        met = {j: _leaf(terms[j]) for j in later if j > i and _meet(part, terms[j].term)}
         if met:
             frame, walls = max(((f, _through(part, f, met, solid, slack)) for f in _frames(part)), key=lambda found: len(found[1]))
             if _may_part(part, frame, [met[j] for j in walls], solid, slack):
@@ -256,21 +257,21 @@ def _joined(walls: dict[int, list[int]]) -> list[list[int]]:
 # --- bars that leave windows -------------------------------------------------------------------------------------------
 
 
-def _plates(terms: list[Term], slack: float, draw: DrawArea) -> Iterator[list[Term]]:
+def _plates(terms: Steps, slack: float, draw: DrawArea) -> Iterator[Steps]:
     """For each run of what is united, and each pair of levels that four bars or more of it have, the terms with a plate and its windows in
     place of these."""
-    for cuts, run in groupby(range(len(terms)), key=lambda i: terms[i][0]):
-        bars = [i for i in run if isinstance(terms[i][1], Primitive)]
-        if cuts or len(bars) < FEWEST_BARS:
+    for positive, run in groupby(range(len(terms)), key=lambda i: terms[i].positive):
+        bars = [i for i in run if isinstance(terms[i].term, Primitive)]
+        if not positive or len(bars) < FEWEST_BARS:
             continue
         for frame, members in _layers({i: _leaf(terms[i]) for i in bars}, slack):
             prism = next(iter(members.values()))
             area = draw([bar.outline for bar in members.values()], [])
             if area is None or all(len(region) == 1 for region in regions(area)):
                 continue
-            plates: list[Term] = [(False, plate) for plate in _sweep(area, frame, prism.low, prism.high)]
+            plates = [Step("union", plate) for plate in _sweep(area, frame, prism.low, prism.high)]
             at = min(members)
-            yield [*terms[:at], *plates, *(term for i, term in enumerate(terms) if i > at and i not in members)]
+            yield (*terms[:at], *plates, *(step for i, step in enumerate(terms) if i > at and i not in members))
 
 
 def _layers(bars: dict[int, Primitive], slack: float) -> Iterator[tuple[Frame, dict[int, Prism]]]:
@@ -306,14 +307,14 @@ def _close_a_ring(outlines: list[Outline], slack: float) -> bool:
 # --- cells in one drawing ----------------------------------------------------------------------------------------------
 
 
-def _drawn_cells(terms: list[Term], slack: float) -> Iterator[list[Term]]:
+def _drawn_cells(terms: Steps, slack: float) -> Iterator[Steps]:
     """The terms with each of the equal areas of an outline, four or more, as a leaf of its own."""
-    for i, (cuts, part) in enumerate(terms):
+    for i, (op, part) in enumerate(terms):
         if not isinstance(part, Primitive) or part.outline is None or len(part.outline.loops) < FEWEST_BARS:
             continue
         cells = [to_simple(replace(part, outline=Outline(region))) for region in regions(part.outline)]
         if len(cells) == len(part.outline.loops) and all(cell is not None and _are_alike(cell, cells[0], slack) for cell in cells):
-            yield [*terms[:i], *((cuts, cell) for cell in cells if cell is not None), *terms[i + 1 :]]
+            yield (*terms[:i], *(Step(op, cell) for cell in cells if cell is not None), *terms[i + 1 :])
 
 
 def _are_alike(a: Primitive, b: Primitive | None, slack: float) -> bool:
@@ -324,32 +325,25 @@ def _are_alike(a: Primitive, b: Primitive | None, slack: float) -> bool:
 # --- programs as terms, areas as leaves --------------------------------------------------------------------------------
 
 
-def _terms(program: Program) -> list[Term]:
-    """What the program begins with, and what is united with that and cut from it, in order."""
-    terms: list[Term] = []
+def _terms(program: Program) -> Steps:
+    """What the program begins with, and what is united with that and cut from it, in order: as `to_sequence`, but of what is united the
+    longest term comes first."""
+    steps: list[Step[Program]] = []
     while isinstance(program, Combine) and program.op != "intersection":
         if program.op == "difference":
-            terms[:0] = [(True, part) for part in parts(program.right, "union")]
+            steps[:0] = [Step(program.op, part) for part in parts(program.right, "union")]
             program = program.left
         else:
-            united = parts(program, "union")
-            main = max(range(len(united)), key=lambda i: (sum(1 for _ in leaves(united[i])), -i))
-            terms[:0] = [(False, term) for i, term in enumerate(united) if i != main]
-            program = united[main]
-    return [(False, program), *terms]
+            terms = parts(program, "union")
+            main = max(range(len(terms)), key=lambda i: (sum(1 for _ in leaves(terms[i])), -i))
+            steps[:0] = [Step(program.op, term) for i, term in enumerate(terms) if i != main]
+            program = terms[main]
+    return (Step("union", program), *steps)
 
 
-def _assemble(terms: Sequence[Term]) -> Program:
-    (_, program), *others = terms
-    for cuts, part in others:
-        program = Combine("difference" if cuts else "union", program, part)
-    return program
-
-
-def _leaf(term: Term) -> Primitive:
-    part = term[1]
-    assert isinstance(part, Primitive)
-    return part
+def _leaf(step: Step[Program]) -> Primitive:
+    assert isinstance(step.term, Primitive)
+    return step.term
 
 
 def _sweep(area: Outline, frame: Frame, low: float, high: float) -> list[Program]:

@@ -15,7 +15,7 @@ from itertools import product
 
 from imdim.program.ellipse import Ellipse
 from imdim.program.tree import Primitive, Vec3, envelope
-from imdim.program.vectors import cross
+from imdim.program.vectors import along, cross, dot
 
 SLACK = 1e-9  # of the smaller primitive's bounding radius
 _COORDINATE_NOISE = 1e-14  # of the largest coordinate: what rotating and adding doubles loses
@@ -58,15 +58,6 @@ def bounding_radius(p: Primitive) -> float:
     """Radius of the ball about the centre that holds the solid."""
     p = envelope(p)
     return _RADIUS[p.kind](p.size)
-
-
-def dot(a: Vec3, b: Vec3) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def along(p: Vec3, direction: Vec3, t: float) -> Vec3:
-    """p + t * direction."""
-    return (p[0] + t * direction[0], p[1] + t * direction[1], p[2] + t * direction[2])
 
 
 def _elliptic_overshoot(outer: Primitive, inner: Primitive) -> float:

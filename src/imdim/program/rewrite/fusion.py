@@ -10,17 +10,16 @@ from dataclasses import replace
 from functools import lru_cache
 
 from imdim.program.rewrite import containment
-from imdim.program.rewrite.containment import along, axes, contains, dot, reach
-from imdim.program.tree import Op, Primitive
-
-_AXES_OF = {"box": (0, 1, 2), "cylinder": (2,), "cone": (2,), "extrude": (2,)}
+from imdim.program.rewrite.containment import axes, contains, reach
+from imdim.program.tree import FLAT_ENDS, Op, Primitive
+from imdim.program.vectors import along, dot
 
 
 @lru_cache(maxsize=1 << 16)
 def fuse(op: Op, a: Primitive, b: Primitive, slack: float = containment.SLACK) -> Primitive | None:
     """One primitive that surely equals ``op(a, b)``, or None if none was found."""
     for p, q in ((a, b),) if op == "difference" else ((a, b), (b, a)):
-        for axis in _AXES_OF.get(p.kind, ()):
+        for axis in FLAT_ENDS.get(p.kind, ()):
             fused = _ALONG[op](p, q, axis, slack)
             if fused is not None:
                 return fused
@@ -64,7 +63,7 @@ def _fills(q: Primitive, piece: Primitive | None, slack: float) -> bool:
 
 
 def _half(p: Primitive, axis: int) -> float:
-    return p.size[axis if p.kind == "box" else -1] / 2
+    return p.size[FLAT_ENDS[p.kind][axis]] / 2
 
 
 def _extent(p: Primitive, q: Primitive, axis: int) -> tuple[float, float]:

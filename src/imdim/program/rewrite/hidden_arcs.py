@@ -13,7 +13,7 @@ from itertools import permutations
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Curve, Loop, Outline, Point, Ring, arc_center, arc_radius, check_crossings, orient_loops, ring_curves
 from imdim.program.rewrite.joints import CurveJoint, close_ring, join
-from imdim.program.tree import Primitive, Program, leaves, map_leaves
+from imdim.program.tree import Primitive, Program, leaves, replace_leaves
 
 SLACK = 1e-4  # of an outline's extent, within which arcs are of one circle, and lines are one
 MOST = 4  # ends of lines at one circle
@@ -26,8 +26,7 @@ def without_hidden_arcs(program: Program, volume: Callable[[Program], float], to
     for number, leaf in enumerate(leaves(program)):
         for outline in _fuller(leaf):
             known = volume(program) if known is None else known
-            fuller = replace(leaf, outline=outline)
-            trial = map_leaves(program, lambda i, old, i0=number, new=fuller: new if i == i0 else old)
+            trial = replace_leaves(program, {number: replace(leaf, outline=outline)})
             if abs((filled := volume(trial)) - known) <= tolerance:
                 program, known = trial, filled
                 break

@@ -15,7 +15,7 @@ from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Loop, Outline, flatten_loop, is_in_loop, regions, ring_curves, start_of
 from imdim.program.plain_outlines import to_simple
 from imdim.program.rewrite.containment_rules import parts, spine
-from imdim.program.tree import OPS, Combine, Primitive, Program, combine_all, fold, leaves, map_leaves
+from imdim.program.tree import OPS, Combine, Primitive, Program, combine_all, fold, leaves, replace_leaves
 
 SEGMENTS = 96  # of a circle, whose extent is that of its corners
 DIGITS = 6  # of a direction, which right angles leave as it is
@@ -61,15 +61,11 @@ def straighten(
                 continue
             # more of one leaf makes the solid nowhere less, or nowhere more: what changed is the change of volume
             known = volume(program) if known is None else known
-            trial = _with_leaf(program, i, box)
+            trial = replace_leaves(program, {i: box})
             if abs((filled := volume(trial)) - known) <= tolerance:
                 program, known = trial, filled
                 break
     return program
-
-
-def _with_leaf(program: Program, number: int, leaf: Primitive) -> Program:
-    return map_leaves(program, lambda i, old: leaf if i == number else old)
 
 
 def _boxes_around(leaf: Primitive) -> Iterator[Primitive]:

@@ -15,10 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imdim.program.rewrite.containment import axes, dot
+from imdim.program.rewrite.containment import axes
 from imdim.program.rewrite.containment_rules import parts, spine
 from imdim.program.rewrite.turned_walls import Axis, TurnedWall, decimals_for, join_walls, wall_leaf
 from imdim.program.tree import OPS, Combine, Op, Primitive, Program, combine_all, fold, leaves, longest
+from imdim.program.vectors import dot
 
 ALIGNED = 1e-9  # by which the cosine between two axes may lack of 1
 TOUCH = 1e-6  # of the largest size: two places, or two radii, are one

@@ -12,6 +12,7 @@ from imdim.search.evolve.insertion import random_candidate
 from imdim.search.evolve.scene import Scene
 
 KINDS = ("box", "sphere", "cylinder", "cone", "torus")
+MOST_RANDOM = 6  # primitives of a random program
 DETECTED = 0.7  # share of proposals that come from detected surfaces, where there are any
 
 
@@ -27,12 +28,12 @@ def propose(program: Program, scene: Scene, rng: np.random.Generator) -> Primiti
     return _random(point, _scale(program, point, scene, rng), scene, rng)
 
 
-def random_programs(scene: Scene, count: int, rng: np.random.Generator, most: int = 6) -> list[Program]:
-    """Random trees of up to `most` random primitives: the seeds that others are measured against."""
+def random_programs(scene: Scene, count: int, rng: np.random.Generator) -> list[Program]:
+    """Random trees of up to MOST_RANDOM random primitives: the seeds that others are measured against."""
     out: list[Program] = []
     while len(out) < count:
         program: Program | None = None
-        for _ in range(int(rng.integers(1, most + 1))):
+        for _ in range(int(rng.integers(1, MOST_RANDOM + 1))):
             primitive = _random(rng.uniform(*scene.bounds), scene.diagonal * 0.5 ** rng.uniform(1, 4), scene, rng)
             if primitive:
                 program = Combine(OPS[rng.integers(len(OPS))], program, primitive) if program else primitive

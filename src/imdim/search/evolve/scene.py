@@ -9,7 +9,8 @@ import numpy as np
 
 from imdim.geometry import kernels
 from imdim.geometry.rotations import euler_from_matrix
-from imdim.geometry.sampling import bounding_radius, subsample
+from imdim.geometry.sampling import subsample
+from imdim.program.rewrite.containment import bounding_radius
 from imdim.program.tree import Primitive, Program, Vec3, envelope, leaves
 from imdim.search.bits import unpack_words
 from imdim.search.candidate_families import Families

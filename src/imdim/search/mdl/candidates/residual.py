@@ -18,7 +18,7 @@ from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_
 from imdim.geometry.rows import lengths
 from imdim.geometry.sampling import surface_points
 from imdim.geometry.surface import vec
-from imdim.program.tree import Primitive, Program
+from imdim.program.tree import FLAT_ENDS, Primitive, Program
 from imdim.search.mdl.primitive_selection import Cloud
 from imdim.target.bodies import components
 
@@ -30,7 +30,6 @@ SAMPLED = 6000  # points of the program's surface that are looked at
 BARE = 1.2  # spacings to the nearest point
 WALLS = (0.03, 0.06)  # of the diagonal
 THINNEST = 3.0  # deviations of the noise, the least half thickness of a wall: nearer skins are one blurred surface
-ENDS = {"box": ((0, 0), (1, 1), (2, 2)), "cylinder": ((2, 1),), "cone": ((2, 2),), "sphere": ()}  # axis, and slot of the size along it
 SKINS = {"box": (2, 2, 2), "cylinder": (1, 2), "sphere": (1,)}  # walls within a size
 TRIALS = 60  # circles and balls through random points
 SEED = 0  # the same points always suggest the same primitives
@@ -64,7 +63,7 @@ def hollows(primitive: Primitive, wall: float, cloud: Cloud) -> list[Primitive]:
     if primitive.kind not in SKINS:
         return []
     rotation, center = matrix_from_euler(primitive.rotation), np.array(primitive.center)
-    slots = dict(ENDS[primitive.kind])
+    slots = FLAT_ENDS.get(primitive.kind, {})
     bare = bare_ends(primitive, cloud)
     out = []
     for thick in (max(wall, THINNEST * cloud.noise), *(w * cloud.diagonal for w in WALLS)):
@@ -80,7 +79,7 @@ def hollows(primitive: Primitive, wall: float, cloud: Cloud) -> list[Primitive]:
 
 def bare_ends(primitive: Primitive, cloud: Cloud) -> list[tuple[int, int]]:
     """The flat ends, by axis and sign, most of whose middle lies off the cloud."""
-    return [(k, sign) for k, _ in ENDS[primitive.kind] for sign in (-1, 1) if _is_bare(primitive, k, sign, cloud)]
+    return [(k, sign) for k in FLAT_ENDS.get(primitive.kind, ()) for sign in (-1, 1) if _is_bare(primitive, k, sign, cloud)]
 
 
 def _is_bare(primitive: Primitive, axis: int, sign: int, cloud: Cloud) -> bool:
@@ -98,12 +97,12 @@ def _is_bare(primitive: Primitive, axis: int, sign: int, cloud: Cloud) -> bool:
 
 def trim(primitive: Primitive, points: np.ndarray) -> list[Primitive]:
     """The primitive made as short, and as slim, as the `points` [m, 3] that it explains: a face beyond them has nothing to hold it."""
-    if not ENDS.get(primitive.kind) or len(points) < LEAST:
+    if primitive.outline is not None or primitive.kind not in FLAT_ENDS or len(points) < LEAST:
         return []
     rotation = matrix_from_euler(primitive.rotation)
     local = (points - primitive.center) @ rotation
     out = []
-    for k, slot in ENDS[primitive.kind]:
+    for k, slot in FLAT_ENDS[primitive.kind].items():
         low, high = np.quantile(local[:, k], (0.003, 0.997))
         size, middle = [*primitive.size], np.array(primitive.center) + (low + high) / 2 * rotation[:, k]
         if primitive.kind == "cone":  # of the same slope
@@ -218,7 +217,7 @@ def _reaching(guess: Primitive, program: Program, positive: bool, diagonal: floa
     if guess.kind == "sphere":
         return [guess]
     axes, sizes, center = matrix_from_euler(guess.rotation), np.array(guess.size), np.array(guess.center)
-    ends = [(sign * axes[:, k], slot) for k, slot in ENDS[guess.kind] for sign in (-1.0, 1.0)]
+    ends = [(sign * axes[:, k], slot) for k, slot in FLAT_ENDS.get(guess.kind, {}).items() for sign in (-1.0, 1.0)]
     probes = np.array([center + (sizes[slot] / 2 + LOOK * diagonal) * way for way, slot in ends])
     beyond = kernels.program_sdf(program, probes)
     longer_size, longer_center = sizes.copy(), center.copy()

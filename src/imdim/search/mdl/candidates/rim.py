@@ -11,8 +11,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
-from imdim.program.tree import Combine, Primitive, Program
-from imdim.search.mdl.candidates.residual import ENDS, LEAST, resize
+from imdim.program.tree import FLAT_ENDS, Combine, Primitive, Program
+from imdim.search.mdl.candidates.residual import LEAST, resize
 
 ABOVE = 3.0  # deviations of the noise, from which a point is no longer the face's
 TOP = 0.8  # quantile of the heights above the face: the top of a rim has more points than its walls
@@ -28,7 +28,7 @@ def rims(part: Primitive, points: np.ndarray, sigma: float) -> Iterator[Program]
     rotation = matrix_from_euler(part.rotation)
     local = (points - part.center) @ rotation
     half = np.array(part.size if part.kind == "box" else (2 * part.size[0], 2 * part.size[0], part.size[1])) / 2
-    for k, slot in ENDS[part.kind]:
+    for k, slot in FLAT_ENDS[part.kind].items():
         across = [j for j in range(3) if j != k]
         over = (np.abs(local[:, across]) < half[across] + ABOVE * sigma).all(1)
         for sign in (-1, 1):

@@ -12,8 +12,8 @@ import numpy as np
 
 from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler
 from imdim.geometry.surface import vec
-from imdim.program.tree import Combine, Primitive, Program, combine_all
-from imdim.search.mdl.candidates.residual import ENDS, bare_ends, resize
+from imdim.program.tree import FLAT_ENDS, Combine, Primitive, Program, combine_all
+from imdim.search.mdl.candidates.residual import bare_ends, resize
 from imdim.search.mdl.primitive_selection import Cloud
 
 THIN = 3.0  # deviations of the noise, a wall to begin with
@@ -27,7 +27,7 @@ def compounds(parts: Sequence[Primitive], cloud: Cloud, sigma: float) -> list[Pr
 
 def shells(part: Primitive, wall: float, cloud: Cloud, sigma: float) -> Iterator[Program]:
     """Walls of thickness `wall` with `part` in their middle: open at the ends that bear no points, or closed all around."""
-    if part.kind not in ENDS:
+    if part.outline is not None or part.kind not in (*FLAT_ENDS, "sphere"):
         return
     for bare in dict.fromkeys((tuple(bare_ends(part, cloud)), ())):
         outer, inner = _offset(part, wall / 2, bare, 0.0), _offset(part, -wall / 2, bare, wall / 2 + LEAST_ROUND * sigma)
@@ -38,7 +38,7 @@ def shells(part: Primitive, wall: float, cloud: Cloud, sigma: float) -> Iterator
 def _offset(part: Primitive, by: float, bare: Sequence[tuple[int, int]], beyond: float) -> Primitive | None:
     """The part with its skin moved outwards, but for its bare ends, which move `beyond`; None if nothing is left."""
     rotation, size, center = matrix_from_euler(part.rotation), np.array(part.size, float), np.array(part.center, float)
-    flat = {slot: k for k, slot in ENDS[part.kind]}
+    flat = {slot: k for k, slot in FLAT_ENDS.get(part.kind, {}).items()}
     ends = {slot: [beyond if (k, sign) in bare else by for sign in (-1, 1)] for slot, k in flat.items()}
     if part.kind == "cone":
         slope = (size[1] - size[0]) / size[2]

@@ -12,11 +12,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
-from imdim.program.tree import Primitive
-from imdim.search.mdl.candidates.residual import ENDS, LOOK, resize
+from imdim.program.tree import FLAT_ENDS, PRISMS, Primitive
+from imdim.search.mdl.candidates.residual import LOOK, resize
 from imdim.search.mdl.primitive_selection import Cloud
 
-STRAIGHT = {"box": ENDS["box"], "cylinder": ENDS["cylinder"], "extrude": ((2, 0),)}  # local axis and slot of the size along it
 LEVEL = math.cos(math.radians(3.0))  # of directions that are one
 OUTERMOST = (0.01, 0.99)  # quantiles of coordinates, beyond which points may be strays
 
@@ -26,7 +25,7 @@ def prolong(cut: Primitive, cloud: Cloud) -> Iterator[Primitive]:
     rotation = matrix_from_euler(cut.rotation)
     out = LOOK * cloud.diagonal
     beyond = np.quantile((cloud.points - cut.center) @ rotation, OUTERMOST, axis=0) + out * np.array([[-1.0], [1.0]])
-    for k, slot in STRAIGHT.get(cut.kind, ()):
+    for k, slot in FLAT_ENDS[cut.kind].items() if cut.kind in PRISMS else ():
         half = cut.size[slot] / 2
         bottom, top = min(-half, float(beyond[0, k])), max(half, float(beyond[1, k]))
         for low, high in dict.fromkeys([(bottom, half), (-half, top), (bottom, top)]):
@@ -44,7 +43,7 @@ def slots(hole: Primitive, cloud: Cloud) -> Iterator[Primitive]:
 
 def span(a: Primitive, b: Primitive, near: float) -> Primitive | None:
     """`a` made so long that it reaches over `b`, where that is of its kind and section, to within `near`; None where it is not."""
-    if a.kind != b.kind or a.kind not in STRAIGHT or a.outline is not None:
+    if a.kind != b.kind or a.kind not in PRISMS or a.outline is not None:
         return None
     rotation = matrix_from_euler(a.rotation)
     turned = np.abs(rotation.T @ matrix_from_euler(b.rotation))
@@ -58,7 +57,7 @@ def span(a: Primitive, b: Primitive, near: float) -> Primitive | None:
         mine = np.array(a.size) / 2
     if other is None:
         return None
-    for k, slot in STRAIGHT[a.kind]:
+    for k, slot in FLAT_ENDS[a.kind].items():
         across = [j for j in range(3) if j != k]
         if (np.abs(apart[across]) + np.abs(mine - other)[across] < near).all():
             low, high = min(-mine[k], apart[k] - other[k]), max(mine[k], apart[k] + other[k])
