@@ -60,8 +60,13 @@ def outline_values(outline: Outline) -> dict[str, Any]:
     """The number of curves, the corners of the box, the radii of arcs, largest first, and an SVG path whose y points up."""
     low, high = outline.bounds
     radii = sorted({_digits(radius) for radius in arc_radii(outline)}, reverse=True)
-    path = " ".join(_path(loop) for loop in outline.loops)
-    return {"curves": outline.curve_count, "low": list(map(_digits, low)), "high": list(map(_digits, high)), "radii": radii, "path": path}
+    corners = {"low": list(map(_digits, low)), "high": list(map(_digits, high))}
+    return {"curves": outline.curve_count, **corners, "radii": radii, "path": svg_path(outline)}
+
+
+def svg_path(outline: Outline) -> str:
+    """The loops as an SVG path whose y points up."""
+    return " ".join(map(_path, outline.loops))
 
 
 def _path(loop: Loop) -> str:

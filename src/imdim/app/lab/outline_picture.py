@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
-from imdim.program.ellipse import Ellipse, ellipse_point
-from imdim.program.outline import Loop, Outline, arc_radii, arc_radius, ring_curves
+from imdim.export.html_tree import svg_path
+from imdim.program.ellipse import Ellipse
+from imdim.program.outline import Outline, arc_radii
 from imdim.program.tree import Primitive
 
 SIDE = 180.0  # of the picture, in pixels
@@ -23,27 +22,14 @@ def draw_outline(part: Primitive, unit: str) -> str:
     width, height = right - left, high - low
     scale = SIDE / max(width, height)
     w, h = width * scale + 2 * MARGIN, height * scale + 2 * MARGIN
-    path = " ".join(_path(loop, scale, MARGIN - left * scale, MARGIN + high * scale) for loop in part.outline.loops)
+    # y of a picture runs downwards
+    turned = f"matrix({scale:.6g} 0 0 {-scale:.6g} {MARGIN - left * scale:.3f} {MARGIN + high * scale:.3f})"
     picture = (
         f'<svg role="img" aria-label="outline" width="{w:.0f}" height="{h:.0f}" viewBox="0 0 {w:.2f} {h:.2f}" style="display:block">'
-        f'<path d="{path}" fill="#d0ebff" fill-rule="evenodd" stroke="#1864ab" stroke-width="1.2"/></svg>'
+        f'<path d="{svg_path(part.outline)}" transform="{turned}" vector-effect="non-scaling-stroke" '
+        'fill="#d0ebff" fill-rule="evenodd" stroke="#1864ab" stroke-width="1.2"/></svg>'
     )
     return f"<div {_TEXT}>{picture}{_describe(part.outline, width, height, unit)}</div>"
-
-
-def _path(loop: Loop, scale: float, dx: float, dy: float) -> str:
-    """One loop as an SVG path, whose y runs downwards."""
-    if isinstance(loop, Ellipse):
-        ends = [f"{x * scale + dx:.3f} {dy - y * scale:.3f}" for x, y in (ellipse_point(loop, t) for t in (0.0, math.pi))]
-        half = f"A{loop.rx * scale:.3f} {loop.ry * scale:.3f} {-loop.angle:.3f} 0 0"
-        return f"M{ends[0]} {half} {ends[1]} {half} {ends[0]} Z"
-    steps = [f"M{loop[0][0] * scale + dx:.3f} {dy - loop[0][1] * scale:.3f}"]
-    for curve in ring_curves(loop):
-        _, _, x, y, bulge = curve
-        end = f"{x * scale + dx:.3f} {dy - y * scale:.3f}"
-        radius = arc_radius(curve) * scale if bulge else 0.0
-        steps.append(f"A{radius:.3f} {radius:.3f} 0 {int(abs(bulge) > 1)} {int(bulge < 0)} {end}" if bulge else f"L{end}")
-    return " ".join([*steps, "Z"])
 
 
 def _describe(outline: Outline, width: float, height: float, unit: str) -> str:
