@@ -26,7 +26,7 @@ import numpy as np
 from imdim.geometry.lowering import Lowered
 from imdim.geometry.pose import radii
 from imdim.geometry.rotations import euler_from_matrix, skew
-from imdim.program.tree import FULL_TURN, KINDS, SIZE_NAMES, Primitive, Program, map_leaves
+from imdim.program.tree import FLAT_ENDS, FULL_TURN, KINDS, SIZE_NAMES, Primitive, Program, map_leaves
 
 BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID, EXTRUDE, REVOLVE = range(len(KINDS))
 
@@ -44,20 +44,14 @@ def _step_map(kind: int, size: np.ndarray, radius: float) -> np.ndarray:
     out = np.diag([1.0] * 6 + [1 / radius] * 3)
     used = len(SIZE_NAMES[KINDS[kind]])
     out[used:3] = 0
-    if kind == BOX:
-        for axis in range(3):
-            _opposite_faces(out, axis, axis, axis)
-    elif kind == CYLINDER:
-        _opposite_faces(out, 1, 1, 2)
-    elif kind == CONE:
-        _opposite_faces(out, 2, 2, 2)
+    for axis, column in FLAT_ENDS.get(KINDS[kind], {}).items():
+        _opposite_faces(out, column, axis)
+    if kind == CONE:
         slope = (size[1] - size[0]) / size[2]
         for end, column in ((0, 5), (1, 2)):
             pointed = size[end] == 0
             out[end, column] = 0 if pointed else slope
             out[end, end] = not pointed
-    elif kind == EXTRUDE:
-        _opposite_faces(out, 0, 0, 2)
     full = kind == REVOLVE and size[0] == FULL_TURN
     if kind == REVOLVE:
         out[0, 0] = 0 if full else np.degrees(1 / radius)
@@ -68,9 +62,9 @@ def _step_map(kind: int, size: np.ndarray, radius: float) -> np.ndarray:
     return out
 
 
-def _opposite_faces(out: np.ndarray, size: int, column: int, axis: int) -> None:
-    """Let `column` move the face at +`axis` and column 3 + `axis` the one at -`axis`; `size` is the row of their distance."""
-    for position, sign in ((column, 1.0), (3 + axis, -1.0)):
+def _opposite_faces(out: np.ndarray, size: int, axis: int) -> None:
+    """Let column `size` move the face at +`axis` and column 3 + `axis` the one at -`axis`; their distance is in row `size`."""
+    for position, sign in ((size, 1.0), (3 + axis, -1.0)):
         out[size, position] = sign
         out[3 + axis, position] = 0.5
 

@@ -16,13 +16,12 @@ from imdim.geometry import kernels
 from imdim.geometry.lowering import Lowered
 from imdim.geometry.pose import radii
 from imdim.numbers.face_coordinates import move_limited, step_maps
-from imdim.program.tree import SIZE_NAMES, Primitive
+from imdim.program.tree import FLAT_ENDS, Primitive
 
 MAD = 1.4826  # from the median of absolute normal deviations to their standard deviation
 EDGE = 2.0  # standard deviations of the noise
 SMOOTH = 0.9  # cosine between normals of one smooth face, that far apart
 MOST, FEW = 0.3, 12.0  # share of its points and number of points that a face keeps at least
-ENDS = {"sx": 0, "sy": 1, "sz": 2, "h": 2}  # the local axis between the ends of a length
 MANY = 1e9  # points' worth, beside which what holds numbers that no point shows is nothing
 CUT = 4.0  # residuals well beyond this many standard deviations say nothing
 
@@ -113,11 +112,9 @@ def by_faces(parts: Sequence[Primitive]) -> Normal:
     """A metric in which the moves of plane faces weigh alike: who moves one end of a part by the shortest way leaves the other end."""
     metric = uniform(len(parts))
     for matrix, part in zip(metric.matrix, parts, strict=True):
-        for column, name in enumerate(SIZE_NAMES[part.kind]):
-            if name in ENDS:
-                place = 3 + ENDS[name]
-                matrix[column, column] = 0.5
-                matrix[place, place] += 1.0
+        for axis, column in FLAT_ENDS.get(part.kind, {}).items():
+            matrix[column, column] = 0.5
+            matrix[3 + axis, 3 + axis] += 1.0
     return replace(metric, matrix=MANY * metric.matrix)
 
 

@@ -10,13 +10,13 @@ import numpy as np
 from imdim.geometry.rotations import euler_from_matrix, matrix_from_euler
 from imdim.geometry.surface import vec
 from imdim.program.paths import leaf_paths, replace_at
-from imdim.program.tree import Primitive, Program, envelope, map_lengths
+from imdim.program.tree import FLAT_ENDS, Primitive, Program, envelope, map_lengths
 from imdim.search.arrangement import PARALLEL
 from imdim.search.evolve.scene import Scene
 
 LEAST_STEP = 1e-4  # of the diagonal; what fits already still tries this
 # which local axis each size spans from face to face; sizes that are not listed are radii, or the angle of a turned outline
-_SPANS = {"box": {0: 0, 1: 1, 2: 2}, "cylinder": {1: 2}, "cone": {2: 2}, "extrude": {0: 2}}
+_SPANS = {kind: {size: axis for axis, size in ends.items()} for kind, ends in FLAT_ENDS.items()}
 _RADII = {"sphere": (0,), "cylinder": (0,), "cone": (0, 1), "torus": (0, 1), "ellipsoid": (0, 1, 2)}
 
 
