@@ -1,13 +1,15 @@
 """Prolonged primitives against closed forms."""
 
 import math
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from imdim.geometry.finish.extend import apex, between, beyond, flip_face, plane_faces, within
-from imdim.geometry.solid import to_manifold
+from imdim.geometry.solid import bounds_of, to_manifold
 from imdim.program.outline import Outline, circle
-from imdim.program.tree import KINDS, OUTLINED, Primitive
+from imdim.program.tree import FLAT_ENDS, KINDS, OUTLINED, Primitive
 
 TILT = (30.0, 20.0, 10.0)
 CONE = Primitive("cone", (4.0, 1.0, 3.0))
@@ -68,3 +70,12 @@ def test_regions_lie_on_their_side_of_the_face(leaf):
 
 def test_a_mirror_image_is_turned_about_x():
     assert [flip_face(face) for face in [(0, 1), (1, -1), (2, 1)]] == [(0, -1), (1, -1), (2, 1)]
+
+
+@pytest.mark.parametrize("kind", FLAT_ENDS)
+def test_the_table_of_plane_ends_has_the_length_between_each_two(kind):
+    leaf = sized(kind)
+    for axis, column in FLAT_ENDS[kind].items():
+        longer = replace(leaf, size=tuple(s + (i == column) for i, s in enumerate(leaf.size)))
+        grown = np.ptp(bounds_of(to_manifold(longer)), axis=0) - np.ptp(bounds_of(to_manifold(leaf)), axis=0)
+        assert grown == pytest.approx(np.eye(3)[axis])
