@@ -1,8 +1,9 @@
 """The state of the house in numbers: ``python scripts/bench/house.py``.
 
 Printed are the lines of src, class names with more than one meaning, functions named by a participle (a function is a verb), conversions
-between the unit frame and a body's units, and rows of the layers in which neighbours may import each other. A name counts as a participle
-where its first word ends with "ed" or is one of IRREGULAR; properties are values, which may be named so.
+between the unit frame and a body's units, rows of the layers in which neighbours may import each other, and modules that do not say in one
+line what they are. A name counts as a participle where its first word ends with "ed" or is one of IRREGULAR; properties are values, which
+may be named so.
 """
 
 from __future__ import annotations
@@ -106,6 +107,7 @@ def main() -> int:
         "private functions named by a participle": list_of([name for name in participles if is_private(name)]),
         "frame conversions": f"{pipeline} in the pipeline, {conversions - pipeline} elsewhere",
         "layer rows in which neighbours import each other": count_open_rows(ROOT / "pyproject.toml"),
+        "modules whose docstring does not begin with a sentence on one line": list_of(without_sentence(modules)),
     }
     for what, value in rows.items():
         print(f"{what}: {value}")
@@ -170,6 +172,12 @@ def count_open_rows(project: Path) -> int:
     """Rows of the import contract whose modules may import each other."""
     contracts = tomllib.loads(project.read_text(encoding="utf-8"))["tool"]["importlinter"]["contracts"]
     return sum(":" in layer for contract in contracts for layer in contract["layers"])
+
+
+def without_sentence(modules: Mapping[str, ast.Module]) -> list[str]:
+    """Modules whose first line, all that lists of them show, is no sentence."""
+    first = {module: (ast.get_docstring(tree) or "").partition("\n")[0] for module, tree in modules.items()}
+    return [module for module, line in first.items() if not line.endswith((".", "?"))]
 
 
 def list_of(names: Sequence[str]) -> str:

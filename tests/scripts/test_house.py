@@ -31,11 +31,17 @@ def test_no_row_of_the_layers_lets_neighbours_import_each_other():
     assert house.count_open_rows(house.ROOT / "pyproject.toml") == 0
 
 
+def test_a_module_says_in_one_line_what_it_is():
+    assert house.without_sentence(MODULES) == []
+
+
 def test_what_breaks_a_rule_is_seen(tmp_path):
     tree = ast.parse("class A:\n    def told(self): ...\n    @property\n    def shown(self): ...\ndef _seen(): ...\ndef snap(): ...")
     modules = {"one": tree, "two": ast.parse("class A: ...")}
     assert house.doubled_classes(modules) == {"A": ["one", "two"]}
     assert house.participle_functions(modules) == ["one:A.told", "one:_seen"]
+    said = {"one": ast.parse('"""Whole.\\n\\nMore."""'), "two": ast.parse('"""Half of\\na line."""'), "three": ast.parse("")}
+    assert house.without_sentence(said) == ["two", "three"]
     project = tmp_path / "pyproject.toml"
     project.write_text('[[tool.importlinter.contracts]]\nlayers = ["a : b", "c | d"]\n')
     assert house.count_open_rows(project) == 1

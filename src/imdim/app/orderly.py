@@ -1,7 +1,7 @@
-"""Commands that end in order: what they have opened is closed when a signal ends them, nobody who stopped listening loses results,
-and too little memory is one line.
+"""Commands that end in order: on a signal, on a closed pipe, and for want of memory.
 
-Only the standard library is imported, so that help answers at once.
+What they have opened is closed, nobody who stopped listening loses results, and too little memory is one line. Only the
+standard library is imported, so that help answers at once.
 """
 
 from __future__ import annotations

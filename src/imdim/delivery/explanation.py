@@ -1,4 +1,4 @@
-"""Whether a program explains a cloud, told without the truth.
+"""Whether a program explains a cloud, judged without the true solid.
 
 Distances see one side of every surface: a thin cloud lies near a wrong solid, and near a skin of any thickness. Three things tell. A smooth
 sheet through most of the points, which knows nothing of solids, tells the points that were kept from it; a program that tells them worse

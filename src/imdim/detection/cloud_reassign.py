@@ -1,5 +1,6 @@
-"""After the search for surfaces: every point to its nearest one, doubles let go, all refitted; and those of a noisy cloud let go that the
-others explain: slabs through walls, cones and planes over edges that denoising rounded."""
+"""After the search for surfaces in a cloud: every point given to its nearest one, doubles dropped, all refitted.
+
+Of a noisy cloud those are dropped that the others explain: slabs through walls, cones and planes over edges that denoising rounded."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""Flat facets of a triangle mesh: triangles grown into maximal coplanar pieces, with the smooth edges between them; and what growing
-carriers over them needs: tolerances, and which facets are free with their smooth neighbours."""
+"""Flat facets of a triangle mesh: triangles grown into maximal coplanar pieces, with the smooth edges between them.
+
+And what growing carriers over them needs: tolerances, and which facets are free with their smooth neighbours."""
 
 from __future__ import annotations
 

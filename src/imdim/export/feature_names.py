@@ -1,5 +1,4 @@
-"""What features are called: one label each in all files, in `--list`, the report and the lab, and the number that tells those of one label
-apart, which is that of the primitive in program.json."""
+"""What features are called in all files, in `--list`, the report and the lab: a label, and the number of the primitive in program.json."""
 
 from __future__ import annotations
 

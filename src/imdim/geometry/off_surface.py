@@ -1,5 +1,7 @@
-"""How far points are from the surface of a primitive, with numpy alone: for a process that asks a few hundred times and would load the
-compiled kernels for longer than that takes. `sdf.py` says what is computed; here it has no sign and no derivative.
+"""How far points are from the surface of a primitive, with numpy alone.
+
+For a process that asks a few hundred times and would load the compiled kernels for longer than that takes. `sdf.py` says what is
+computed; here it has no sign and no derivative.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a training run is told, and the fresh network it starts from."""
+"""The settings of a training run, and the fresh network that it starts from."""
 
 from __future__ import annotations
 

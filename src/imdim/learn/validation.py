@@ -1,5 +1,4 @@
-"""What a network in training is worth on targets that stay the same: losses, errors of a policy's next primitive, IoU of whole programs or
-of a CSG-Stump Net's shapes."""
+"""What a network in training is worth on targets that stay the same: losses, errors of the next primitive, IoU of whole programs."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""Circles and slanting rows of equal primitives, rounded as such: places on one are round numbers at a few angles only, and rounding each
-place by itself parts them."""
+"""Circles and slanting rows of equal primitives, rounded as such.
+
+Places on one are round numbers at a few angles only, and rounding each place by itself parts them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a part is told by few drawings or by more and plainer features.
+"""Whether a part is written as few drawings or as more and plainer features.
 
 One outline may stand for a dozen primitives, and a search that counts features always draws. But a plate with two holes is a box and two
 cylinders to those who edit it: each has its own numbers, and moves by itself. So a program of plainer features is taken where there is

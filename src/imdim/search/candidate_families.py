@@ -1,5 +1,4 @@
-"""Candidate families: all the boxes, cylinders, cones, spheres, tori, ellipsoids and outlines that an arrangement allows, never listed
-one by one.
+"""Candidate families: all the solids that an arrangement of carriers allows, never listed one by one.
 
 A family is a frame of three directions (boxes), a cylinder or cone with two caps along its axis, a single sphere, torus or ellipsoid, or
 a plane arrangement (`outline_families`).

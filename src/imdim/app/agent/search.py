@@ -1,4 +1,4 @@
-"""A fit in a process of its own, which the lab's pool has: told as it goes, ended at once, and no fault in it ends the server."""
+"""A fit in a process of its own, which the lab's pool has: it reports as it goes, ends at once, and no fault in it ends the server."""
 
 from __future__ import annotations
 

@@ -137,7 +137,7 @@ def _fit_points(target: Target) -> tuple[np.ndarray, np.ndarray | None]:
     whole, frame = in_unit_frame(target)
     assert whole.mesh is not None
     unit = _lift_to_surfaces(frame.to_unit(points), normals, [p.surface for p in detect_patches(whole.mesh)])
-    return unit / frame.scale + frame.center, normals
+    return frame.to_world(unit), normals
 
 
 def _lift_to_surfaces(points: np.ndarray, facing: np.ndarray, surfaces: Sequence[Surface]) -> np.ndarray:

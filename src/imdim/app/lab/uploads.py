@@ -1,7 +1,8 @@
-"""A limit on uploads that holds before a file is in memory. The toolkit has none, and its public calls see a file only when all of it has
-come; so this stands in front of its own handlers. The names that it needs are private, and the toolkit is pinned to a minor version.
+"""A limit on uploads that holds before a file is in memory.
 
-What a sender declares is not believed: bytes are counted as they come, and a page has few transfers at once.
+The toolkit has none, and its public calls see a file only when all of it has come; so this stands in front of its own handlers. The names
+that it needs are private, and the toolkit is pinned to a minor version. What a sender declares is not
+believed: bytes are counted as they come, and a page has few transfers at once.
 """
 
 from __future__ import annotations

@@ -1,5 +1,4 @@
-"""The plane faces of a primitive, and how it is extended past them: a box or extrusion keeps its section, a cylinder its
-radius, a cone its slope."""
+"""The plane faces of a primitive, and how it is extended past them: a prism keeps its section, a cone its slope."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a CSG-Stump Net is told. A file of its own, for settings are read before any network is built."""
+"""The settings of a CSG-Stump Net, in a file of their own because they are read before any network is built."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""Programs from crude to exact: ranks and crowding for selection (NSGA-II, Deb et al. 2002), the archive of the best per size, and a
-program's own front by backward elimination.
+"""The front of programs from crude to exact: an archive of the best per size, and selection by ranks and crowding.
+
+Ranks and crowding are those of NSGA-II (Deb et al. 2002). A program has a front of its own, by backward elimination.
 """
 
 from __future__ import annotations
