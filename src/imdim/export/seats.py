@@ -13,10 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from imdim.geometry import kernels
-from imdim.geometry.finish.posed import PosedPrimitive
 from imdim.geometry.lowering import Lowered, lower
 from imdim.program.roles import cuts_of_each, signs
-from imdim.program.tree import FLAT_ENDS, Primitive, Program, leaves, longest
+from imdim.program.tree import FLAT_ENDS, Primitive, Program, envelope, leaves, longest
 
 ALIGNED = 1e-7  # how far a direction may be off the world's axes
 TOUCH = 1e-9  # of the largest size
@@ -225,5 +224,12 @@ def place_of(end: End, parts: Sequence[Primitive]) -> float:
 
 def reach_of(p: Primitive, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Low and high corner [3] of a box around a leaf."""
-    reach = np.abs(rotation) @ PosedPrimitive(p).half
+    p = envelope(p)
+    radius = sum(p.size) if p.kind == "torus" else max(p.size)
+    half = [radius] * 3
+    if p.kind == "box":
+        half = [s / 2 for s in p.size]
+    elif p.kind in ("cylinder", "cone"):
+        half = [max(p.size[:-1])] * 2 + [p.size[-1] / 2]
+    reach = np.abs(rotation) @ np.array(half)
     return p.center - reach, p.center + reach
