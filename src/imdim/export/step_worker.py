@@ -18,7 +18,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, NamedTuple
 
 from imdim.export.part_names import NAMELESS, PartNames, spell
 from imdim.export.step import StepError, path_beside, step_volume, write_stages
@@ -179,7 +179,7 @@ def _scale(leaf: Primitive, factor: float) -> Primitive:
     return leaf if factor == 1 else map_lengths(leaf, lambda s: s * factor, (x, y, z))
 
 
-def _label(program: Program, document: dict[str, Any]) -> tuple[str, ...]:
+def _label(program: Program, document: object) -> tuple[str, ...]:
     from imdim.export.feature_names import label_features  # with it come compiled kernels, half a second of a process
 
     return label_features(program, constraints_of(document), read_folded(document))
