@@ -16,13 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imdim.export.seats import End, ends_of, place_of, reach_of
+from imdim.export.seats import TOUCH, End, ends_of, place_of, reach_of
 from imdim.geometry.lowering import lower
 from imdim.program.constraints import WORLD, Constraint
 from imdim.program.roles import cuts_of_each, signs
 from imdim.program.tree import Primitive, Program, leaves, longest
 
-TOUCH = 1e-9  # of the largest size
 THIN = 0.2  # of a pocket's size: a thicker wall is what the pocket leaves, and no size of its own
 AT_CORNER = 1.5  # of the width of an added feature: so near an edge a row or grid follows that edge; the spacing of holes is another part's
 AT_EDGE = 1 / 3  # of a carrier's size, within which an edge is what something is measured from

@@ -13,7 +13,7 @@ import numpy as np
 from trimesh import Trimesh
 
 from imdim.export.seats import ends_of, place_of
-from imdim.export.seen_walls import rows_of_walls
+from imdim.export.seen_walls import TRACE, rows_of_walls
 from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.lowering import lower
 from imdim.geometry.solid import surface_with_owners
@@ -26,7 +26,6 @@ LEVEL = 1e-6  # of the largest size, within which faces are at one level
 FACING = 0.999  # the cosine to an axis of what looks along it
 NONE = 1e-9  # coefficients
 SHORTEST = 1e-4  # of the largest size: a step between two corners that is shorter is what their numbers are off by
-TRACE = 1e-6  # of the surface: less of a face is what rounding leaves of it
 
 
 class SeenPlanes:

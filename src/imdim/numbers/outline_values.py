@@ -15,7 +15,7 @@ import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.design_values import RARE, decimal, grids, is_level, round_to_grid
-from imdim.numbers.ellipse_values import snap_ellipse
+from imdim.numbers.ellipse_values import STEPS_DEG, snap_ellipse
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import (
     Curve,
@@ -34,7 +34,6 @@ from imdim.program.outline import (
 )
 from imdim.program.tree import Primitive
 
-STEPS_DEG = (15.0, 1.0, 0.1)
 FLATTEST = 0.05  # sine of the angle to an axis below which a line's crossing with the axis is no number of its own
 FARTHEST = 20.0  # tolerances that a vertex may move: where curves meet at small angles it moves further than they do
 MOST_HUBS = 8

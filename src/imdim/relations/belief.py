@@ -16,9 +16,9 @@ from imdim.geometry import kernels
 from imdim.geometry.lowering import Lowered
 from imdim.geometry.pose import radii
 from imdim.numbers.face_coordinates import move_limited, step_maps
+from imdim.numbers.measured import MAD
 from imdim.program.tree import FLAT_ENDS, Primitive
 
-MAD = 1.4826  # from the median of absolute normal deviations to their standard deviation
 EDGE = 2.0  # standard deviations of the noise
 SMOOTH = 0.9  # cosine between normals of one smooth face, that far apart
 MOST, FEW = 0.3, 12.0  # share of its points and number of points that a face keeps at least

@@ -12,6 +12,7 @@ import trimesh
 from imdim.app.lab.edits import ConstrainedProgram
 from imdim.app.lab.solving import violations
 from imdim.delivery.evaluate import target_distances
+from imdim.export.html_surfaces import SMALLEST_RANGE
 from imdim.export.preview import ramp
 from imdim.geometry.edge_solids import blend_solids, surface_with_blends
 from imdim.geometry.lowering import lower
@@ -30,7 +31,6 @@ FINE, COARSE, MANY = 96, 48, 60  # facets per circle, fewer for programs of many
 SHOWN_POINTS = 30_000  # of a cloud: more fill no more pixels
 SHOWN_OF_MESH = 5_000  # its points are samples, and fewer of them say as much
 MAP_POINTS = 20_000
-SMALLEST_RANGE = 1e-3  # of the diagonal: a perfect result is not to look patchy
 LIFT = 2e-3  # of the view: what is translucent lies before faces that it shares, cutters inside what they cut, or both show in patches
 SKIN = 1e-6  # by which cutters are drawn larger: caps that lie in the face they cut through would leave a film there
 CAP_OF = -2  # the number of what is no feature's: it cannot be clicked

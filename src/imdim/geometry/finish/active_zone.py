@@ -17,11 +17,11 @@ from manifold3d import Manifold
 from imdim.geometry import kernels
 from imdim.geometry.finish.posed import INSCRIBED, PosedPrimitive, apart, diagonal, holds
 from imdim.geometry.finish.section import extent
+from imdim.geometry.finish.tolerances import NOTHING
 from imdim.geometry.lowering import Lowered, Outlines, postfix
 from imdim.geometry.solid import exact_rotation
 from imdim.program.tree import KINDS, Op, Primitive, Program, fold
 
-NOTHING = 1e-6  # fraction of a region's volume that counts as unchanged
 PROBES = 64  # points of a region that are asked first
 
 

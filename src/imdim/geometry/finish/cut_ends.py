@@ -17,13 +17,12 @@ from manifold3d import Manifold, OpType
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.cutter_extent import direction_of, ends_of, stretch
 from imdim.geometry.finish.section import CHECK_SEGMENTS
+from imdim.geometry.finish.tolerances import ALIGNED, NOTHING
 from imdim.geometry.solid import bounds_of, exact_rotation, primitive_to_manifold, to_manifold
 from imdim.program.roles import cuts_of_each, signs
 from imdim.program.tree import FLAT_ENDS, Primitive, Program, leaves, replace_leaves
 from imdim.program.vectors import round_vector
 
-NOTHING = 1e-6  # of a volume, and of a size: two places are one
-ALIGNED = 1e-9  # by which the cosine between two axes may lack of 1
 MOST = 150  # primitives: every cutter is held against every other
 ROUND = 12  # decimals, of the largest number as 1, to which sums of decimals are what they should be
 

@@ -16,6 +16,7 @@ from manifold3d import Manifold
 
 from imdim.geometry.finish.extend import between
 from imdim.geometry.finish.section import CHECK_SEGMENTS, extent, inset
+from imdim.geometry.finish.tolerances import NOTHING
 from imdim.geometry.solid import bounds_of, corners_of, exact_rotation, primitive_to_manifold
 from imdim.program.outline import are_near
 from imdim.program.patterns.congruence import group_by_fit
@@ -25,7 +26,6 @@ SAME = 2e-4  # of the solid's diagonal, by which sizes and ends may differ
 THIN = 4.0  # of the slack: nothing is made as short as that
 NARROWER = 4e-3  # of a width
 DIGITS = 9  # of a size, that computed ends are rounded to
-NOTHING = 1e-6  # of a region's volume
 
 
 class LastOperand(NamedTuple):

@@ -25,6 +25,7 @@ from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.active_zone import matters_at, probes, zone_within
 from imdim.geometry.finish.extend import Face, between, length, plane_faces, within
 from imdim.geometry.finish.posed import PosedPrimitive
+from imdim.geometry.finish.tolerances import NOTHING
 from imdim.geometry.solid import bounds_of, exact_rotation
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import (
@@ -54,7 +55,6 @@ STEPS = 4  # from there to where a film ends, at which the cutter may matter
 ACROSS, ALONG, ABOUT = 8, 5, 12
 LEANING = 0.3  # least cosine between a line that is prolonged and the way out
 OWN = 0.1  # of what a move takes away: the share that may be the target's, whose facets lie inside its curves
-NOTHING = 1e-6  # of the target's volume
 SHOWS = 2e-3  # of the target's surface: the two sides of a film that is worth more curves
 INSIDE = (1e-3, 1e-2, 0.05, 0.2, 0.5)  # of FILM, out of a wall: where a film shows
 MORE_CURVES = 2  # that opening a film may take

@@ -21,15 +21,13 @@ from imdim.geometry import kernels
 from imdim.geometry.finish.active_zone import probes
 from imdim.geometry.finish.extend import Face, between, length, plane_faces
 from imdim.geometry.finish.section import CHECK_SEGMENTS
+from imdim.geometry.finish.tolerances import ALIGNED, NOTHING, TOUCH
 from imdim.geometry.lowering import lower
 from imdim.geometry.solid import exact_rotation, primitive_to_manifold, to_manifold
 from imdim.program.paths import leaf_paths, without
 from imdim.program.roles import signs
 from imdim.program.tree import PRISMS, Primitive, Program, leaves, longest, replace_leaves
 
-ALIGNED = 1e-9  # by which the cosine to one of the world's axes may lack of 1
-TOUCH = 1e-6  # of the largest size: two places are one
-NOTHING = 1e-6  # of what is added, that may change the solid
 PROBE, PROBES = 1e-3, 7  # how far beyond an end material is looked for, of the largest size, and at how many points each way
 RIM = 0.495  # of a width: from where to where; there may be thin walls alone
 ROW = 1e-4  # of the largest size, within which parts are alike

@@ -18,13 +18,13 @@ from imdim.geometry.finish.active_zone import matters
 from imdim.geometry.finish.extend import Face, between, beyond, flip_face, length, plane_faces, within
 from imdim.geometry.finish.overshoot import SKIN
 from imdim.geometry.finish.posed import PosedPrimitive, diagonal
+from imdim.geometry.finish.tolerances import ALIGNED
 from imdim.program.repeats import Folded, copies_of
 from imdim.program.roles import signs
 from imdim.program.tree import Program, fold, leaves, map_leaves
 
 REACH = 0.2  # of the diagonal: further out no end has to lie
 ROUND = (5, 2, 1)  # an end lies so many times a power of ten further out
-ALIGNED = 1e-9  # by which the cosine to one of the world's axes may lack of 1
 TRIES = 3  # such numbers, the largest first
 
 _Faces = Sequence[tuple[int, Face]]  # of leaves

@@ -14,6 +14,7 @@ import numpy as np
 
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.active_zone import matters
+from imdim.geometry.finish.cutter_walls import LEANING
 from imdim.geometry.finish.far_ends import round_numbers
 from imdim.geometry.finish.posed import PosedPrimitive, diagonal
 from imdim.program.ellipse import Ellipse
@@ -23,7 +24,6 @@ from imdim.program.roles import signs
 from imdim.program.tree import Primitive, Program, leaves, map_leaves
 
 REACH = 0.1  # of the diagonal: further out no wall has to lie
-LEANING = 0.3  # least cosine between a line that is prolonged and the way out
 SHORTEST = 1e-3  # of a wall's length, that it keeps
 
 

@@ -17,13 +17,12 @@ from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.extend import Face, between, length
 from imdim.geometry.finish.overshoot import REACH
 from imdim.geometry.finish.section import CHECK_SEGMENTS
+from imdim.geometry.finish.tolerances import ALIGNED, TOUCH
 from imdim.geometry.finish.turned_ends import cut_off, reach_along
 from imdim.geometry.solid import bounds_of, corners_of, exact_rotation, primitive_to_manifold
 from imdim.program.roles import signs
 from imdim.program.tree import FLAT_ENDS, Primitive, Program, leaves, longest, replace_leaves
 
-TOUCH = 1e-6  # of the largest size: two places, or two sizes, are one
-ALIGNED = 1e-9  # by which the cosine to one of the world's axes may lack of 1
 ENDED = (*FLAT_ENDS, "revolve")  # what has ends along an axis
 
 

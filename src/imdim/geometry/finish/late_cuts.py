@@ -14,12 +14,12 @@ from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.cutter_extent import ends_of, round_reach, stretch
 from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.finish.step_order import gather_steps
+from imdim.geometry.finish.tolerances import NOTHING
 from imdim.geometry.hosts import order_by_host
 from imdim.geometry.solid import bounds_of, primitive_to_manifold, symmetric_difference_volume, to_manifold
 from imdim.program.rewrite.containment_rules import parts, spine
 from imdim.program.tree import FLAT_ENDS, Primitive, Program, combine_all, leaves
 
-NOTHING = 1e-6  # of a volume
 ROUNDS = 4  # of nested parts that are joined
 
 

@@ -20,6 +20,7 @@ from imdim.geometry import kernels
 from imdim.geometry.census import SolidCensus, census_of
 from imdim.geometry.finish.cutter_walls import redraw_loop, straighten_run
 from imdim.geometry.finish.extend import Face, between, length, plane_faces
+from imdim.geometry.finish.tolerances import TOUCH
 from imdim.geometry.solid import bounds_of, corners_of, exact_rotation, to_manifold, volume_iou
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import orient_loops, ring_curves
@@ -27,7 +28,6 @@ from imdim.program.paths import leaf_paths, without
 from imdim.program.roles import signs
 from imdim.program.tree import Primitive, Program, leaves, map_leaves
 
-TOUCH = 1e-6  # of the diagonal, within which a face bounds a body
 REACH = 2e-2  # of it, that a face moves by at most
 GAP = 1e-3  # of it: bodies further apart are not joined
 OVERLAPS = 1e-4, 1e-5  # of it, by which bodies are joined at least: files and relations move faces by less, but a wide face may bear little

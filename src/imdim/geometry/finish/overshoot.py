@@ -26,6 +26,7 @@ from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.active_zone import matters
 from imdim.geometry.finish.extend import Face, apex, between, beyond, flip_face, length, plane_faces, within
 from imdim.geometry.finish.posed import PosedPrimitive, diagonal
+from imdim.geometry.finish.tolerances import NOTHING
 from imdim.geometry.solid import bounds_of, primitive_to_manifold, to_manifold, volume_iou
 from imdim.program.repeats import Folded, copies_of
 from imdim.program.roles import signs
@@ -34,7 +35,6 @@ from imdim.program.tree import Program, leaves, map_leaves, replace_leaves
 SKIN = 1e-4  # fraction of the diagonal: what is thinner is no feature
 REACH = 2e-2  # fraction of the diagonal: the overshoot is the power of ten below it
 MARGIN = 1e-3  # of the diagonal; what lies less far outside the target's box is no stray
-NOTHING = 1e-6  # of the target's volume
 REACHES = (0.1, 0.3, 1.0)  # of the diagonal, by which a cutter is prolonged to end a stray
 
 

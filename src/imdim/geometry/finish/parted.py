@@ -16,15 +16,13 @@ from manifold3d import Manifold, OpType
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.cutter_extent import direction_of, ends_of, round_reach, stretch
 from imdim.geometry.finish.section import CHECK_SEGMENTS
+from imdim.geometry.finish.tolerances import ALIGNED, NOTHING, TOUCH
 from imdim.geometry.solid import primitive_to_manifold, to_manifold
 from imdim.program.rewrite.containment_rules import parts, spine
 from imdim.program.tree import FLAT_ENDS, PRISMS, Primitive, Program, combine_all
 
 Span = tuple[float, float]
 
-NOTHING = 1e-6  # of a volume
-TOUCH = 1e-6  # of a body's length: two places are one
-ALIGNED = 1e-9  # by which the cosine between two axes may lack of 1
 MOST = 4  # pieces
 
 

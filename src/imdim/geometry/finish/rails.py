@@ -16,14 +16,13 @@ from manifold3d import CrossSection, FillRule, JoinType
 
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.section import CHECK_SEGMENTS, extent
+from imdim.geometry.finish.tolerances import ALIGNED, TOUCH
 from imdim.geometry.solid import draw_section, exact_rotation
 from imdim.program.outline import Outline, circle, ring_curves
 from imdim.program.plain_outlines import to_simple
 from imdim.program.roles import signs
 from imdim.program.tree import FLAT_ENDS, OPS, Combine, Primitive, Program, combine_all, fold, leaves
 
-ALIGNED = 1e-9  # by which the cosine between two axes may lack of 1
-TOUCH = 1e-6  # of a drawing's extent: two places are one
 MARGIN = 4e-3  # of a post's extent, by which it is taken to be thicker: arcs of one circle have their corners elsewhere
 CRUMB = 1e-3  # of a drawing's extent: what is narrower is left by facets
 DIGITS = 9  # of the extent, that computed ends are rounded to

@@ -14,12 +14,11 @@ from manifold3d import Manifold
 
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.section import CHECK_SEGMENTS
+from imdim.geometry.finish.tolerances import NOTHING
 from imdim.geometry.solid import bounds_of, to_manifold
 from imdim.program.rewrite.containment_rules import parts
 from imdim.program.sequence import SignedSequence, Step, to_program
 from imdim.program.tree import Combine, Program
-
-NOTHING = 1e-6  # of a volume
 
 
 def gather_steps(program: Program, deadline: Deadline = NEVER) -> Program:

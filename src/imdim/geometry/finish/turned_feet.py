@@ -15,13 +15,12 @@ from manifold3d import Manifold
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry.finish.extend import between, length, plane_faces
 from imdim.geometry.finish.section import CHECK_SEGMENTS
+from imdim.geometry.finish.tolerances import ALIGNED, TOUCH
 from imdim.geometry.finish.turned_ends import cut_off, reach_along
 from imdim.geometry.solid import exact_rotation, to_manifold, volume_iou
 from imdim.program.roles import signs
 from imdim.program.tree import FULL_TURN, Primitive, Program, leaves, longest, replace_leaves
 
-ALIGNED = 1e-9  # by which the cosine between an axis and the normal of a face may lack of 1
-TOUCH = 1e-6  # of the largest size: two places are one
 NOTHING = 1e-6  # of IoU, which rounding errors of the booleans may cost
 
 
