@@ -35,6 +35,7 @@ MOST_CURVES = 2000  # of one outline
 TOUCHING = 1e-9  # of the outline's extent, within which two curves touch
 AT_END = 1e-4  # of the step between corners of a circle: one as near to an arc's end is that end
 PARTING = 5e-5  # of it, by which neighbours that are all but tangent may part before they meet again
+UPRIGHT = 1e-7  # of a unit normal, below which its x is none
 LEAST_BULGE, MOST_BULGE = 1e-9, 1e9  # of an arc whose centre, or whose ends, can be told from its other numbers
 
 
@@ -223,6 +224,16 @@ def arc_middle(curve: Curve) -> Point:
     """The point halfway along an arc."""
     x, y, u, v, b = curve
     return (x + u + b * (v - y)) / 2, (y + v - b * (u - x)) / 2
+
+
+def line_of(curve: Curve) -> tuple[float, float, float]:
+    """Unit normal of a line, of one sense whichever way it runs, and its distance from the origin along that."""
+    x, y, u, v, _ = curve
+    length = math.dist((x, y), (u, v))
+    a, b = (v - y) / length, (x - u) / length
+    if a < -UPRIGHT or (a < UPRIGHT and b < 0):
+        a, b = -a, -b
+    return a, b, a * (x + u) / 2 + b * (y + v) / 2
 
 
 def is_in_loop(loop: Loop, x: float, y: float) -> bool:

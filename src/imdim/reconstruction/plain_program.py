@@ -19,7 +19,7 @@ from imdim.export.outline_joints import Regular, regular_of
 from imdim.geometry.lowering import lower
 from imdim.program.cost import count
 from imdim.program.ellipse import Ellipse
-from imdim.program.outline import Curve, Loop, Outline, arc_center, arc_radius, has_ellipse, ring_curves
+from imdim.program.outline import Loop, Outline, arc_center, arc_radius, has_ellipse, line_of, ring_curves
 from imdim.program.patterns.weigh import take_first_copies
 from imdim.program.rewrite.cells import count_runs
 from imdim.program.tree import FLAT_ENDS, Primitive, Program, leaves
@@ -108,22 +108,12 @@ def _fewest_primitives(leaf: Primitive) -> float:
         return math.inf  # which none of the six kinds has
     curves = [curve for ring in leaf.outline.rings for curve in ring_curves(ring)]
     arcs = {(*arc_center(curve), arc_radius(curve)) for curve in curves if curve[4]}
-    lines = {_carrier(curve) for curve in curves if not curve[4]}
+    lines = {line_of(curve) for curve in curves if not curve[4]}
     extent = np.abs([curve[:4] for curve in curves]).max()
     round_walls = _distinct(arcs, ONE_NUMBER * extent)
     if leaf.kind == "revolve":
         return max(1, round_walls + _distinct({line for line in lines if abs(line[0]) > ONE_WAY}, ONE_NUMBER * extent))
     return max(1, round_walls + -(-_distinct(lines, ONE_NUMBER * extent) // 4))
-
-
-def _carrier(line: Curve) -> tuple[float, float, float]:
-    """Unit normal of a line, of either sense, and its distance from the origin along that."""
-    x, y, u, v, _ = line
-    length = math.dist((x, y), (u, v))
-    a, b = (v - y) / length, (x - u) / length
-    if (round(a, 9), b) < (0, 0):
-        a, b = -a, -b
-    return a, b, a * x + b * y
 
 
 def _distinct(rows: set[tuple[float, float, float]], tolerance: float) -> int:

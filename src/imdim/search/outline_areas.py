@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from imdim.program.outline import Curve, Outline, arc_center, arc_radius, curve_bounds, has_ellipse, is_in_loop, ring_curves
+from imdim.program.outline import Curve, Outline, arc_center, arc_radius, curve_bounds, has_ellipse, is_in_loop, line_of, ring_curves
 from imdim.search.outline_drawing import draw_outline
 from imdim.search.outline_plane import ASIDE, OUTSIDE, OutlinePlane, Walls, make_plane
 
@@ -52,7 +52,7 @@ def _walls_of(kept: Sequence[Outline], cut: Sequence[Outline]) -> Walls:
     bounds = np.array([outline.bounds for outline in kept])
     low, high = bounds[:, 0].min(0), bounds[:, 1].max(0)
     curves = _curves(kept) + [curve for curve in _curves(cut) if _reaches(curve, low, high)]
-    lines = _distinct([_line(curve) for curve in curves if not curve[4]])
+    lines = _distinct([line_of(curve) for curve in curves if not curve[4]])
     rounds = _distinct([(*arc_center(curve), arc_radius(curve)) for curve in curves if curve[4]])
     window = np.stack([low - MARGIN * FINE, high + MARGIN * FINE])
     columns = tuple((k, None) for k in range(len(lines) + len(rounds)))
@@ -67,16 +67,6 @@ def _reaches(curve: Curve, low: np.ndarray, high: np.ndarray) -> bool:
     """Whether a curve comes into a rectangle, and not to its edge alone."""
     corners = curve_bounds([curve])
     return bool((corners[0] < high - ONE_WALL * FINE).all() and (corners[1] > low + ONE_WALL * FINE).all())
-
-
-def _line(curve: Curve) -> tuple[float, float, float]:
-    """Unit normal of a line, of one sense for both, and its offset along that."""
-    x, y, u, v, _ = curve
-    length = math.dist((x, y), (u, v))
-    a, b = (v - y) / length, (x - u) / length
-    if a < -ONE_WALL or (a < ONE_WALL and b < 0):
-        a, b = -a, -b
-    return a, b, a * (x + u) / 2 + b * (y + v) / 2
 
 
 def _distinct(rows: Sequence[tuple[float, float, float]]) -> np.ndarray:
