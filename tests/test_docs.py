@@ -113,6 +113,25 @@ def test_code_that_is_named_is_there(page):
     assert [name for name in named if not any(path.endswith(f"/{name}") for path in there)] == []
 
 
+WRITTEN_BY_US = {"program.py"}  # a file of results
+
+
+def test_code_that_comments_name_is_there():
+    """Beside the file that names it, or by its path from the package or the root."""
+    gone = []
+    for path in python_files("src"):
+        text = path.read_text(encoding="utf-8")
+        docs = [
+            ast.get_docstring(node) or ""
+            for node in ast.walk(ast.parse(text))
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
+        ]
+        for name in re.findall(r"(?<![\w./*-])[\w/-]+\.py\b", " ".join([*docs, *re.findall(r"#.*", text)])):
+            places = (folder / name for folder in (path.parent, ROOT, ROOT / "src/imdim"))
+            gone += [] if name in WRITTEN_BY_US or any(place.is_file() for place in places) else [f"{path.name}: {name}"]
+    assert gone == []
+
+
 def python_files(kind):
     return [path for found in ROOT.glob(kind) for path in ([found] if found.is_file() else found.rglob("*.py"))]
 

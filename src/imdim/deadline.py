@@ -15,7 +15,7 @@ class Deadline:
     """Has passed once the clock `now` shows more than `at`, in seconds."""
 
     at: float
-    # looked up when a deadline is made: scripts/processor.py puts another clock there
+    # looked up when a deadline is made: scripts/bench/processor.py puts another clock there
     now: Callable[[], float] = field(default_factory=lambda: time.perf_counter, repr=False)
 
     @staticmethod

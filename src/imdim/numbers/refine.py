@@ -2,7 +2,7 @@
 
 The residual of a surface point is the program's signed distance there. Residuals pass through the Geman-McClure function, so what the
 program does not explain does not pull. Levenberg-Marquardt: each point is decided by one leaf, so the normal equations are one [9, 9]
-block per leaf. Unknowns are the face coordinates of `faces.py`; a face that too few points show stays where it is.
+block per leaf. Unknowns are the `face_coordinates`; a face that too few points show stays where it is.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ In memory a tree is binary; on paper operations are n-ary. Writing flattens nest
 left spine of differences (``(a - b) - c`` is ``[a, b, c]``); reading folds the parts from the left. Re-reading gives the
 same solid with the same order of primitives, and writing that again the same bytes. Constraints (`constraints.py`) count the
 primitives in that order. Repeated parts may be written once (`repeats.py`): such a document reads as the expanded program, copy after
-copy. A document has the lowest version that can say it. `schema.py` publishes the JSON Schema.
+copy. A document has the lowest version that can say it. `program.schema.json` is its JSON Schema.
 """
 
 from __future__ import annotations

@@ -57,7 +57,7 @@ class Budget:
     """`whole_s` seconds by the clock `now`, from the moment that the budget is made."""
 
     whole_s: float
-    # looked up when a budget is made: scripts/processor.py puts another clock there
+    # looked up when a budget is made: scripts/bench/processor.py puts another clock there
     now: Callable[[], float] = field(default_factory=lambda: time.perf_counter, repr=False)
     start: float = field(init=False)
 

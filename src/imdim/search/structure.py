@@ -1,6 +1,6 @@
 """The structure search: from cells to the shortest signed sequence within tolerance.
 
-Beams over best insertions under several prices, each completed greedily, then local search (`local.py`), with the objective
+Beams over best insertions under several prices, each completed greedily, then local search (`lns.py`), with the objective
 error + size_weight * volume * primitives. All work is bounded by counts; a deadline only cuts it short.
 Architects of this search: Du et al. 2018 (cells as specification), Friedrich et al. 2019 (objective with a size term).
 """
