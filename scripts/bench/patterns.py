@@ -102,7 +102,7 @@ def equal_features(mesh: trimesh.Trimesh, place: float) -> list[np.ndarray]:
         normals = mesh.face_normals[faces]
         (curved if np.ptp(normals, axis=0).max() > 0.05 else flat).append(faces)
     round_ones = [f for faces in curved for f in curved_feature(mesh, faces)]
-    found = coaxial_as_one(round_ones, place) + [f for faces in flat for f in flat_feature(mesh, faces, smooth)]
+    found = coaxial_as_one(round_ones, place) + [f for faces in flat for f in flat_feature(mesh, faces)]
     classes: list[list[int]] = []
     for i, (_, numbers) in enumerate(found):
         home = next((c for c in classes if _alike(found[c[0]][1], numbers, place)), None)
@@ -178,7 +178,7 @@ def coaxial_as_one(features: list[Feature], place: float) -> list[Feature]:
     return out
 
 
-def flat_feature(mesh: trimesh.Trimesh, faces: np.ndarray, smooth: np.ndarray) -> list[Feature]:
+def flat_feature(mesh: trimesh.Trimesh, faces: np.ndarray) -> list[Feature]:
     """The middle of a face with all edges convex or all concave, its area, principal moments and normal; nothing of other faces."""
     inside = np.zeros(len(mesh.faces), bool)
     inside[faces] = True

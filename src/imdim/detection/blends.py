@@ -112,20 +112,18 @@ def find_chains(mesh: trimesh.Trimesh) -> list[Chain]:
 
 def chains_among(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) -> list[Chain]:
     """As `find_chains`, of a mesh whose facets and carriers are known."""
-    if (seen := _pieces(mesh, facets, shown)) is None:
-        return []
-    piece_of, pieces = seen
+    pieces = _pieces(mesh, facets, shown)
     diagonal = float(np.linalg.norm(mesh.extents))
     found = {p.number: blend for p in pieces.values() if (blend := _blend(p, pieces, diagonal)) is not None}
     while more := dict(_going_on(pieces, found, diagonal)) | dict(_corners(pieces, found)):
         found |= more
-    chains = [Chain(tuple(found[i] for i in group)) for group in _joined(found, mesh, piece_of)]
+    chains = [Chain(tuple(found[i] for i in group)) for group in _joined(found, mesh)]
     return sorted((c for c in chains if not _runs_one_way(c)), key=lambda c: -sum(len(b.triangles) for b in c.blends))
 
 
-def _pieces(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) -> tuple[np.ndarray, dict[int, _Piece]] | None:
-    """For each triangle [f] the number of its piece, and the pieces; a facet that shows no carrier lies in a plane of its own. None for a
-    mesh, of a scan, that shows hardly any."""
+def _pieces(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) -> dict[int, _Piece]:
+    """The pieces of the surface by their numbers; a facet that shows no carrier lies in a plane of its own. None of a mesh, of a scan, that
+    shows hardly any."""
     owner = np.full(len(facets.areas), -1)
     patches = [s.patch for s in shown]
     for i, (patch, members) in enumerate(shown):
@@ -135,7 +133,7 @@ def _pieces(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) -> tu
             owner[members] = i
     _give_back(owner, patches, facets)
     if facets.areas[owner < 0].sum() > STRANGE * facets.areas.sum():
-        return None
+        return {}
     for facet in np.flatnonzero(owner < 0):
         owner[facet] = len(patches)
         plane = Surface("plane", vec(facets.centers[facet]), vec(facets.normals[facet]))
@@ -161,7 +159,7 @@ def _pieces(mesh: trimesh.Trimesh, facets: Facets, shown: Sequence[Shown]) -> tu
     order = np.argsort(piece_of, kind="stable")
     triangles = np.split(order, np.cumsum(np.bincount(piece_of))[:-1])
     corners = [np.asarray(mesh.vertices)[np.unique(mesh.faces[t])] for t in triangles]
-    return piece_of, {
+    return {
         i: _Piece(i, patches[int(owner)], triangles[i], corners[i], float(areas[i]), steps.get(i, 0.0), borders[i])
         for i, owner in enumerate(owner_of)
     }
@@ -323,7 +321,7 @@ def _corners(pieces: Mapping[int, _Piece], found: Mapping[int, Blend]) -> Iterat
             )
 
 
-def _joined(found: Mapping[int, Blend], mesh: trimesh.Trimesh, piece_of: np.ndarray) -> Iterator[list[int]]:
+def _joined(found: Mapping[int, Blend], mesh: trimesh.Trimesh) -> Iterator[list[int]]:
     """Groups of blends of one kind, size and side that share vertices."""
     if not found:
         return

@@ -71,7 +71,7 @@ def fit_surface(
         surface, rms = _fit_plane(local, begin, reach, hold)
     else:
         frozen = _FROZEN_FRAME.get(kind, _FROZEN)[hold]
-        surface, rms = _best_of(kind, [begin] if begin else starts(kind, local, normals), local, reach, iterations, frozen)
+        surface, rms = _best_of([begin] if begin else starts(kind, local, normals), local, reach, iterations, frozen)
     return _unscale(surface, middle, size), rms * size
 
 
@@ -129,7 +129,7 @@ def _fit_weighted_plane(local: np.ndarray, weight: np.ndarray, axis: np.ndarray 
 
 
 def _best_of(
-    kind: str, begin: list[Surface], local: np.ndarray, scale: float | None, iterations: int, frozen: tuple[int, ...]
+    begin: list[Surface], local: np.ndarray, scale: float | None, iterations: int, frozen: tuple[int, ...]
 ) -> tuple[Surface, float]:
     """Polish the start that a few steps on a thinned set bring nearest."""
     if len(begin) > 1:

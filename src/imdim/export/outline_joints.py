@@ -199,7 +199,7 @@ class OutlineJoints:
         smooth = [self._goes_on(curves[k - 1], curves[k]) for k in range(n)]
         loose = {k: j.after for k, j in enumerate(joints) if isinstance(j.after, DrawnArc) and j.after.loose}
         between = [k for k in loose if smooth[k] and smooth[(k + 1) % n] and self._is_between_lines(joints, k)]
-        corners = {k: self._rounded_corner(curves[k - 1], curves[k], curves[(k + 1) % n]) for k in between}
+        corners = {k: self._rounded_corner(curves[k - 1], curves[k]) for k in between}
         ends = {k for k in between if self._is_end(loose[k], corners[k], curves[k - 1], curves[(k + 1) % n])}
         while grown := {k for k in corners if {(k - 2) % n, (k + 2) % n} & ends} - ends:
             ends |= grown  # the line between two arcs touches both alike
@@ -230,7 +230,7 @@ class OutlineJoints:
         bend = _difference(_direction(b, -1), _direction(a, 1))
         return abs(bend) * min(math.dist(c[:2], c[2:4]) for c in (a, b)) <= self.slack
 
-    def _rounded_corner(self, before: Curve, arc: Curve, after: Curve) -> Point | None:
+    def _rounded_corner(self, before: Curve, arc: Curve) -> Point | None:
         """Where two lines meet beyond the arc between them; None where they do not."""
         half = 2 * math.atan(arc[4])
         if abs(math.cos(half)) < STEEP:

@@ -406,7 +406,7 @@ def _fill_paths(starts, arcs, to, room, source, level, path, least):
     u, depth = source, 0
     while True:
         if u == source + 1:
-            depth = _fill_path(to, room, path, depth)
+            depth = _fill_path(room, path, depth)
             u = to[path[depth] ^ 1]
         arc = -1
         while at[u] < starts[u + 1]:
@@ -428,7 +428,7 @@ def _fill_paths(starts, arcs, to, room, source, level, path, least):
 
 
 @njit(nogil=True, cache=True)
-def _fill_path(to, room, path, depth):
+def _fill_path(room, path, depth):
     """Send what a path bears; the place of its first arc that is full then."""
     flow, cut = np.inf, 0
     for k in range(depth):
