@@ -148,12 +148,6 @@ class Page:
     def _draw_again(self) -> None:
         self._drawing.poke("program")
 
-    def _measure_map(self) -> None:
-        self._scoring.poke("map")
-
-    def _cut_again(self) -> None:
-        self._drawing.poke("section")
-
     # --- drawing, each in a thread of its own ----------------------------------------------------------------------------
 
     def _draw_at_once(self, topics: Set[str]) -> None:
