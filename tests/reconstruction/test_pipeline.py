@@ -185,6 +185,18 @@ def test_a_scrap_of_surface_beside_a_body_is_left_out_and_told():
         snapshots(trimesh.Trimesh(scrap, [[0, 1, 2]]))
 
 
+@pytest.mark.parametrize("tilt", [0.0, 0.3])
+def test_a_flat_scrap_that_no_time_is_left_for_is_left_out(tilt):
+    """It has no box: a fit of an open-hardware part with loose facets was lost where its budget ended."""
+    solid, far = mesh_of(complex_part(), 48), np.array([300.0, 0.0, 0.0])
+    scrap = far + np.array([(0.0, 0.0, 0.0), (5.0, 0.0, 5 * tilt), (0.0, 3.0, 0.0)])
+    block = mesh_of(box(4, 4, 4, (400.0, 0.0, 0.0)))
+    mesh = trimesh.util.concatenate([solid, trimesh.Trimesh(scrap, [[0, 1, 2]], process=False), block])
+    last = snapshots(mesh, budget_s=0.5)[-1]
+    assert [note for note in last.notes if "flat, it has no inside; left out" in note]
+    assert [note for note in last.notes if "no time was left for 1 of 3 bodies: they are boxes" in note]
+
+
 def complex_part() -> Program:
     """Some 60 primitives in three layers."""
     rng = np.random.default_rng(8)

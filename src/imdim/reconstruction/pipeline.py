@@ -67,6 +67,7 @@ UNKNOWN = 1.0  # error of a program whose body shows no inside
 NO_INSIDE = "not proved: the noisy cloud shows no inside, this is a guess from its points alone"
 SCANNED = "not proved: the mesh is a scan, its program is the likeliest by points of its surface"
 NO_TIME = "not proved: time ran out before the cloud showed its inside, this is a guess from its points alone"
+FLAT = 1e-6  # of how far a body reaches, by which a scrap of one plane may leave it
 NO_TIME_LEFT = "not proved: time ran out"
 JOINT_ERROR = 2e-3  # of the volume, that a shorter program of all bodies at once may cost
 
@@ -228,8 +229,11 @@ def _by_body(target: Target, work: _Work, left_out: list[InputError]) -> Iterato
     done: list[_BodyState] = []
     for i, body in enumerate(bodies):
         if done and work.budget.end_of("search").has_passed():
-            done += [_box_state(rest) for rest in bodies[i:]]
-            work.notes.append(f"no time was left for {len(bodies) - i} of {len(bodies)} bodies: they are boxes")
+            flat = [rest.name for rest in bodies[i:] if _is_flat(rest)]
+            left_out += [InputError(f"{name}: flat, it has no inside") for name in flat]
+            done += [_box_state(rest) for rest in bodies[i:] if rest.name not in flat]
+            if boxes := len(bodies) - i - len(flat):
+                work.notes.append(f"no time was left for {boxes} of {len(bodies)} bodies: they are boxes")
             yield _together("boxes", done)
             break
         state = None
@@ -241,6 +245,13 @@ def _by_body(target: Target, work: _Work, left_out: list[InputError]) -> Iterato
         done += [state] if state else []
     if not left_out and 1 < len(done) <= MOST_JOINT:
         yield from _jointly(target, work, _together(done[-1].stage, done))
+
+
+def _is_flat(body: Target) -> bool:
+    """Whether a body is a scrap of one plane, whose box would hold nothing."""
+    points = np.asarray(body.points if body.mesh is None else body.mesh.vertices)
+    spans = np.linalg.svd(points - points.mean(0), compute_uv=False)
+    return bool(spans[-1] <= FLAT * spans[0])
 
 
 def _box_state(body: Target) -> _BodyState:
