@@ -14,10 +14,10 @@ from imdim.export.delivered import EditError, meanings
 from imdim.export.drawn_vertex import BendRadius, DrawnVertex
 from imdim.export.edit import change_values, solid_of
 from imdim.export.numbers import Expression, Term
-from imdim.export.outline_joints import regular_of
 from imdim.export.parameters import Parameters, _share_corners
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.program.outline import Outline, arc_center, arc_radius, circle, loop_curves, reverse_loop
+from imdim.program.regular_polygon import regular_of
 from imdim.program.tree import Combine, Primitive, leaves
 
 

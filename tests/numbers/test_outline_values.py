@@ -12,6 +12,7 @@ from imdim.geometry.sampling import surface_points
 from imdim.numbers.outline_values import snap_leaf, snap_outline
 from imdim.numbers.snap import SnapConfig, snap
 from imdim.program.outline import Outline, arc_center, arc_radius, loop_curves, rectangle
+from imdim.program.regular_polygon import RegularPolygon, regular_of
 from imdim.program.tree import Combine, Primitive, Program, leaves
 
 
@@ -167,3 +168,22 @@ def test_an_outline_that_a_mesh_tells_to_its_last_bits_is_not_rounded_further():
     assert ((start[0] + end[0]) / 2, start[1]) == pytest.approx((8.03, 4.51), abs=1e-12)
     assert (end[0] - start[0]) / 2 == pytest.approx(3.0, abs=0.1)
     assert {v for x, y, _ in bold.loops[0] for v in (x, y)} != {0.0, 20.01, 40.03, 9.02, 9.07}
+
+
+@pytest.mark.parametrize("radius", [3.35, 5.5 / math.sqrt(3)])  # typed as it is, or as 5.5 across flats
+def test_sockets_of_nuts_stay_regular(radius):
+    """Line by line each side would be rounded by itself, and by another amount."""
+    sockets = [RegularPolygon(6, radius, (x, y), 0.0) for x in (-16.0, 16.0) for y in (-16.0, 16.0)]
+    given = noisy(Outline(tuple(s.ring() for s in sockets)), 3e-8, np.random.default_rng(0))
+    found = [regular_of(loop, 1e-9) for loop in snap_outline(given, 0.035, bits=4e-6).loops]
+    for got, typed in zip(found, sockets, strict=True):
+        assert got is not None
+        assert got.center == pytest.approx(typed.center, abs=1e-9)
+        assert (got.radius, got.angle) == (pytest.approx(radius, abs=1e-9), pytest.approx(0.0, abs=1e-9))
+
+
+def test_a_loop_that_is_nearly_regular_is_left_as_it_is():
+    """A hexagon that is a hundredth wider than regular."""
+    ring = tuple((1.01 * x, y, b) for x, y, b in RegularPolygon(6, 10.0, (0.0, 0.0), 0.0).ring())
+    (loop,) = snap_outline(Outline((ring,)), 0.02).loops
+    assert max(x for x, _, _ in loop) == pytest.approx(10.1, abs=1e-3)

@@ -8,7 +8,8 @@ from tests.planted import box, common, cone, cut, cylinder, mesh_of, union
 from imdim.deadline import NEVER
 from imdim.geometry.solid import mesh_to_manifold, to_manifold, volume_iou
 from imdim.geometry.surface import signed_distance
-from imdim.program.tree import leaves
+from imdim.program.outline import Outline
+from imdim.program.tree import Primitive, leaves
 from imdim.reconstruction import observation, pipeline, rounding
 from imdim.reconstruction.config import Settings
 from imdim.reconstruction.fitting import fit_numbers
@@ -120,6 +121,22 @@ def test_a_program_is_compared_with_the_mesh_once(monkeypatch):
     asked = counted(observation, monkeypatch)
     assert seen.iou(frame.apply(plate)) == seen.iou(frame.apply(plate)) == pytest.approx(1.0)
     assert len(asked) == 1
+
+
+def test_one_odd_wall_keeps_no_other_from_being_rounded():
+    """A thin web between short flanges, at a place for which no rounder one will do: the flanges have lost their last bits all the same."""
+    web = 0.501839
+    walls = ((web, 0), (web + 2, 0), (web + 2, 0.5), (web + 1, 0.5), (web + 1, 59.5), (web + 1.97, 59.5), (web + 1.97, 60), (web, 60))
+    off = ((3.2e-5, -2.9e-5) * 4)[: len(walls)]
+
+    def channel(noise):
+        loop = tuple((x, y + d * noise, 0.0) for (x, y), d in zip(walls, off, strict=True))
+        return Primitive("extrude", (30.0,), (0.0, 0.0, 15.0), (0.0, 0.0, 0.0), Outline((loop,)))
+
+    # what the program lacks of the mesh is more than rounding changes
+    (found,) = leaves(rounded(channel(1.0), mesh_of(union(channel(0.0), box(0.2, 1.2, 1.2, (web, 30.0, 15.0))))))
+    places = {round(found.center[1] + y, 9) for loop in found.outline.loops for _, y, _ in loop}
+    assert places == {0.0, 0.5, 59.5, 60.0}
 
 
 def test_copies_are_rounded_together():

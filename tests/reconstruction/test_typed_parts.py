@@ -1,5 +1,7 @@
 """Whole parts whose mesh is a hair off what was typed: moved by microns, or in inches with rough numbers. The typed numbers come back."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import trimesh
@@ -42,6 +44,13 @@ def test_what_is_moved_is_told_by_all_places_of_an_axis():
     assert find_offset(list(leaves(moved(BRACKET, MOVED))), 0.01) == pytest.approx(MOVED, abs=1e-12)
     assert find_offset(list(leaves(moved(BRACKET, (1e-3, 0.02, 0.0)))), 0.01) == pytest.approx((1e-3, 0, 0), abs=1e-12)
     assert find_offset(list(leaves(BRACKET)), 0.01) == (0, 0, 0)
+
+
+def test_one_odd_place_of_five_hides_no_origin():
+    """A cover that was moved by microns, one of whose walls was never on a grid."""
+    places = [0.0, 2.0, 7.0, 9.0, 10.9695507]
+    walls = [box(b - a, 30.0, 20.0, ((a + b) / 2 + 0.001839, 15.0, 10.0)) for a, b in pairwise(places)]
+    assert find_offset(walls, 0.01) == pytest.approx((0.001839, 0, 0), abs=1e-9)
 
 
 def test_thousandths_that_a_mesh_tells_come_back():

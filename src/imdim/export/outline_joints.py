@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Curve, Loop, Outline, Point, arc_center, arc_radius, circle_of, nesting, ring_curves
+from imdim.program.regular_polygon import regular_of
 
 HALF = 1e-6  # of a bulge, by which a half turn may differ from 1
 QUARTER = math.tan(math.pi / 8)  # the bulge of a quarter turn
@@ -81,16 +82,6 @@ class Joint:
     def carried(self) -> bool:
         """Whether an arc with a centre says where it is."""
         return any(isinstance(c, DrawnArc) and not c.loose for c in (self.before, self.after))
-
-
-@dataclass(frozen=True)
-class Regular:
-    """A regular polygon: `angle` says in degrees where its first corner is seen from the centre, at most a step from the x axis."""
-
-    sides: int
-    radius: float
-    center: Point
-    angle: float
 
 
 class OutlineJoints:
@@ -248,23 +239,6 @@ def _center(loop: Loop) -> Point | None:
         return loop.x, loop.y
     found = circle_of(loop)
     return found and found[:2]
-
-
-def regular_of(loop: Loop, slack: float) -> Regular | None:
-    """The regular polygon that a loop of lines is, within `slack`; rectangles along the axes are none."""
-    n = len(loop)
-    if isinstance(loop, Ellipse) or n < 3 or any(bulge for _, _, bulge in loop):
-        return None
-    x, y = (sum(v[axis] for v in loop) / n for axis in (X, Y))
-    radius = sum(math.hypot(u - x, v - y) for u, v, _ in loop) / n
-    way = 1 if _difference(*(math.atan2(v - y, u - x) for u, v, _ in (loop[1], loop[0]))) > 0 else -1
-    step, first = 2 * math.pi / n, math.atan2(loop[0][1] - y, loop[0][0] - x)
-    corners = [(x + radius * math.cos(first + way * k * step), y + radius * math.sin(first + way * k * step)) for k in range(n)]
-    is_level = n == 4 and abs(math.sin(2 * first)) > 1 - HALF
-    if is_level or any(math.dist(corner, v[:2]) > slack for corner, v in zip(corners, loop, strict=True)):
-        return None
-    angle = math.degrees(first) % (360 / n)
-    return Regular(n, radius, (x, y), angle if 360 / n - angle > HALF else 0.0)
 
 
 def _distance(line: Curve, point: Point) -> float:

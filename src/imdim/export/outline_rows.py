@@ -29,13 +29,14 @@ from imdim.export.drawn_vertex import (
     Touching,
     turn_round,
 )
-from imdim.export.outline_joints import HALF, DrawnArc, DrawnCurve, DrawnLine, Joint, OutlineJoints, Regular, Row, X, Y, sum_rows
+from imdim.export.outline_joints import HALF, DrawnArc, DrawnCurve, DrawnLine, Joint, OutlineJoints, Row, X, Y, sum_rows
 from imdim.export.outline_walls import EXACT, RoundWall, bind_coaxial, find_flat_walls
 from imdim.export.slot_sizes import has_round_ends, size_slot
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.design_values import is_level
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Loop, Outline, Point, circle_of
+from imdim.program.regular_polygon import RegularPolygon
 from imdim.program.repeats import Folded, instances
 from imdim.program.tree import Primitive
 
@@ -521,7 +522,7 @@ class _Dimensions:
         rows = [[sum_rows((at[axis], 1.0), (size, (v[axis] - center[axis]) / radius)) for axis in (X, Y)] for v in loop]
         return tuple(DrawnVertex(Sum(x, v[0]), Sum(y, v[1]), v[2]) for (x, y), v in zip(rows, loop, strict=True))
 
-    def _polygon(self, regular: Regular) -> DrawnPolygon[Sum]:
+    def _polygon(self, regular: RegularPolygon) -> DrawnPolygon[Sum]:
         sides = Sum(self._shared("sides", regular.sides), regular.sides)
         radius = Sum(self._radius("polygon_radius", regular.radius), regular.radius)
         return DrawnPolygon(sides, radius, *self._center_of(regular.center), self._angle("polygon_angle", regular.angle))

@@ -233,6 +233,14 @@ def common_grid(measured: np.ndarray, half: np.ndarray) -> float:
     return found
 
 
+def typed_widths(numbers: np.ndarray, widths: Sequence[float], bits: float) -> list[float]:
+    """Those of the grids, coarsest first, on which one of the numbers [n], which single precision moves by `bits`, is no chance: those far
+    wider than that, and all down to the one that the numbers are on together."""
+    common = common_grid(numbers, np.full(len(numbers), bits))
+    finest = min(RARE * bits, common) if common else RARE * bits
+    return [width for width in widths if width >= finest * (1 - 1e-9)]
+
+
 def finest_grid(half: np.ndarray | float, common: float) -> np.ndarray:
     """The finest grid that a number with a 95 % interval `half` may be rounded to in a part whose numbers lie on the `common` one."""
     coarse = COARSE * np.asarray(half, float)

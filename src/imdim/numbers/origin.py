@@ -7,12 +7,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
-from imdim.numbers.design_values import COARSE, ON_GRID, Values, coarsest_widths, decimal, grids, is_level, round_to_grid, span
+from imdim.numbers.design_values import COARSE, Values, coarsest_widths, decimal, grids, is_level, round_to_grid, span
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import arc_center, loop_curves
 from imdim.program.tree import Primitive, Vec3
 
 NEAR = 3e-6  # of the part, within which a place is on a grid: what single precision leaves
+MOST = 0.8  # of the places along an axis are on the grid then
 SURE_BITS = 20.0  # by which all places along an axis are shorter to write from the other origin, which has to be written too
 FLAT = 1e-9  # of a line's length, that its ends may differ by along an axis that it is square to
 
@@ -32,7 +33,7 @@ def _offset(places: np.ndarray, size: float, most: float) -> float:
     least, found = _bits(places, widths, slack)[0] - SURE_BITS, 0.0
     for offset in sorted(offset for offset in offsets if 0 < abs(offset) <= most):
         bits, share = _bits(places - offset, widths, slack)
-        if bits < least and share >= ON_GRID:
+        if bits < least and share >= MOST:
             least, found = bits, offset
     return found
 

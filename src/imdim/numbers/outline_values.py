@@ -14,8 +14,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
-from imdim.numbers.design_values import RARE, decimal, grids, is_level, round_to_grid
+from imdim.numbers.design_values import decimal, is_level, round_to_grid
 from imdim.numbers.ellipse_values import STEPS_DEG, snap_ellipse
+from imdim.numbers.outline_grids import OutlineGrids
+from imdim.numbers.polygon_values import snap_polygon
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import (
     Curve,
@@ -32,6 +34,7 @@ from imdim.program.outline import (
     loop_area,
     ring_curves,
 )
+from imdim.program.regular_polygon import regular_of
 from imdim.program.tree import Primitive
 
 FLATTEST = 0.05  # sine of the angle to an axis below which a line's crossing with the axis is no number of its own
@@ -40,6 +43,7 @@ MOST_HUBS = 8
 EXACT = 1e-9  # degrees by which equal directions differ
 TENTH = 10.0  # of an outline's size is the coarsest grid that its middle is put on, a hundredth of that the finest
 ROUND = 1e-9  # of its size: a middle as near to the finest is round as it is
+REGULAR = 5e-3  # of a polygon's extent, within which it is a regular one
 RESIDUE = 4e-15  # of a coordinate: what binary fractions add to decimal ones
 
 
@@ -99,21 +103,32 @@ def snap_outline(outline: Outline, tolerance: float, offset: Point = (0.0, 0.0),
 
 
 def _snap_loops(outline: Outline, tolerance: float, inches: bool, bits: float) -> Iterator[Loop]:
-    """The loops with round numbers; ellipses after the others, so that they take the centres and sizes that these have."""
-    rings = _snap_rings(tuple(outline.rings), tolerance, inches, bits) if outline.rings else []
+    """The loops with round numbers; regular polygons and ellipses after the others, so that they take the centres and sizes that these
+    have."""
+    grids = OutlineGrids.of(outline, tolerance, inches, bits)
+    regular = [regular_of(loop, min(tolerance, REGULAR * _extent(loop))) for loop in outline.loops]
+    free = tuple(loop for loop, polygon in zip(outline.loops, regular, strict=True) if not isinstance(loop, Ellipse) and polygon is None)
+    rings = _snap_rings(free, grids) if free else []
     circles = [found for found in map(circle_of, rings) if found]
     centers, lengths = [c[:2] for c in circles], [c[2] for c in circles]
-    widths = _widths(outline, tolerance, inches)
     left = iter(rings)
-    for loop in outline.loops:
+    for loop, polygon in zip(outline.loops, regular, strict=True):
+        if polygon is not None:
+            yield snap_polygon(polygon, grids, centers).ring()[:: 1 if loop_area(loop) > 0 else -1]
+            continue
         if not isinstance(loop, Ellipse):
             yield next(left)
             continue
-        snapped = snap_ellipse(loop, tolerance, widths, centers, lengths)
+        snapped = snap_ellipse(loop, tolerance, grids.widths, centers, lengths)
         if isinstance(snapped, Ellipse):
             centers.append((snapped.x, snapped.y))
             lengths += [snapped.rx, snapped.ry]
         yield snapped
+
+
+def _extent(loop: Loop) -> float:
+    (left, low), (right, high) = Outline((loop,)).bounds
+    return max(right - left, high - low)
 
 
 class _PartedError(ValueError):
@@ -124,25 +139,18 @@ class _PartedError(ValueError):
         self.curves = curves
 
 
-def _snap_rings(rings: tuple[Ring, ...], tolerance: float, inches: bool, bits: float) -> list[Ring]:
+def _snap_rings(rings: tuple[Ring, ...], grids: OutlineGrids) -> list[Ring]:
     """Loops with round numbers. Curves that would no longer meet keep theirs, for one rounding among many is no reason to leave all odd."""
     held: set[tuple[int, int]] = set()
     while True:
         try:
-            return _Snapping(rings, tolerance, inches, bits, held).loops()
+            return _Snapping(rings, grids, held).loops()
         except _PartedError as parted:
             # an arc first, for a line may go on beyond it
             arcs = {(i, k) for i, k in parted.curves if rings[i][k][2]}
             held = held | (arcs if arcs - held else parted.curves)
             if 2 * len(held) > sum(map(len, rings)):
                 raise
-
-
-def _widths(outline: Outline, tolerance: float, inches: bool) -> list[float]:
-    """The grids, coarsest first, that numbers of an outline may be rounded to."""
-    (left, low), (right, high) = outline.bounds
-    largest = max(abs(v) for v in (left, low, right, high))
-    return grids(max(largest, 4 * tolerance), 0.1 * tolerance, inches)
 
 
 def _tidy_loop(loop: Loop, dx: float, dy: float) -> Loop:
@@ -192,20 +200,16 @@ class _Snapping:
     """The carriers of `given` loops, changed step by step; `carriers[i][k]` is that of curve k of loop i, and stays if (i, k) is `held`."""
 
     given: tuple[Ring, ...]
-    tolerance: float
-    inches: bool
-    bits: float
+    grids: OutlineGrids
     held: set[tuple[int, int]]
     carriers: list[list[Carrier]] = field(init=False)
-    widths: list[float] = field(init=False)
-    typed: list[float] = field(init=False)
 
     def __post_init__(self) -> None:
-        outline = Outline(self.given)
-        self.widths = _widths(outline, self.tolerance, self.inches)
-        fine = _widths(outline, TENTH * self.bits, self.inches) if self.bits else []
-        self.typed = [width for width in fine if width >= RARE * self.bits]
         self.carriers = [[_carrier(curve) for curve in ring_curves(loop)] for loop in self.given]
+
+    @property
+    def tolerance(self) -> float:
+        return self.grids.tolerance
 
     def loops(self) -> list[Ring]:
         """The loops with all numbers round; raises ValueError where curves no longer meet."""
@@ -285,9 +289,10 @@ class _Snapping:
 
     def _center(self, arc: Arc, radii: Sequence[float]) -> Point:
         """The arc's own centre as it was typed or on the coarsest grid, which is not far away even where the points would allow it."""
-        (x, _), (y, _) = map(self._typed, arc.center)
+        (x, _), (y, _) = map(self.grids.read, arc.center)
         typed = [] if x is None or y is None else [(x, y)]
-        for center in (*typed, *((round_to_grid(arc.center[0], width), round_to_grid(arc.center[1], width)) for width in self.widths)):
+        rounded = ((round_to_grid(arc.center[0], width), round_to_grid(arc.center[1], width)) for width in self.grids.widths)
+        for center in (*typed, *rounded):
             if math.dist(center, arc.center) <= FARTHEST * self.tolerance and self._radius(arc, center, radii) is not None:
                 return center
         return arc.center
@@ -298,7 +303,7 @@ class _Snapping:
         low, high = max(spread) - self.tolerance, min(spread) + self.tolerance
         if low > high:
             return None
-        rounded, _ = self._round((low + high) / 2, (high - low) / 2)
+        rounded, _ = self.grids.round((low + high) / 2, (high - low) / 2)
         return next((radius for radius in known if low <= radius <= high), rounded)
 
     def _settle_lines(self) -> None:
@@ -332,20 +337,20 @@ class _Snapping:
         (nx, ny), level = line.normal, end.offset * (end.normal[0] + end.normal[1])
         slack = self.tolerance / max(abs(ny if end.normal[1] == 0.0 else nx), FLATTEST)
         if end.normal[1] == 0.0:
-            return level, self._round((line.offset - nx * level) / ny, slack)[0]
-        return self._round((line.offset - ny * level) / nx, slack)[0], level
+            return level, self.grids.round((line.offset - nx * level) / ny, slack)[0]
+        return self.grids.round((line.offset - ny * level) / nx, slack)[0], level
 
     def _round_offset(self, normal: Point, offset: float, hubs: Sequence[Point]) -> float:
         """Of a line along an axis its place; of others the distance from a hub, or where they cross a line along an axis through it,
         whichever is rounder."""
         if 0.0 in normal:
             sign = normal[0] + normal[1]
-            return sign * self._round(sign * offset)[0]
+            return sign * self.grids.round(sign * offset)[0]
         best, width = offset, 0.0
         for hub in hubs:
             start = normal[0] * hub[0] + normal[1] * hub[1]
             for scale in (1.0, *(c for c in normal if abs(c) > FLATTEST)):
-                number, grid = self._round((offset - start) / scale, self.tolerance / abs(scale))
+                number, grid = self.grids.round((offset - start) / scale, self.tolerance / abs(scale))
                 if grid > width:
                     best, width = start + scale * number, grid
         return best
@@ -353,35 +358,17 @@ class _Snapping:
     def _hubs(self) -> list[Point]:
         """What offsets may be measured from: the origin, centres of arcs, and the middles of polygons."""
         means = [(math.fsum(v[0] for v in loop) / len(loop), math.fsum(v[1] for v in loop) / len(loop)) for loop in self.given]
-        middles = [(self._round(x)[0], self._round(y)[0]) for x, y in means]
+        middles = [(self.grids.round(x)[0], self.grids.round(y)[0]) for x, y in means]
         return list(dict.fromkeys([(0.0, 0.0), *(arc.center for _, _, arc in self._arcs()), *middles]))[:MOST_HUBS]
-
-    def _round(self, number: float, slack: float | None = None) -> tuple[float, float]:
-        """The number on the coarsest grid that moves it by no more than the `slack`, and the grid's width; that which it was typed on, if
-        it was."""
-        slack = self.tolerance if slack is None else slack
-        place, width = self._typed(number)
-        if place is not None and abs(place - number) <= slack:
-            return place, width
-        for width in self.widths:
-            rounded = round_to_grid(number, width)
-            if abs(rounded - number) <= slack:
-                return rounded, width
-        return number, 0.0
-
-    def _typed(self, number: float) -> tuple[float | None, float]:
-        """What a number was typed as, and the grid's width; None where nothing tells."""
-        found = ((round_to_grid(number, width), width) for width in self.typed)
-        return next(((place, width) for place, width in found if abs(place - number) <= self.bits), (None, 0.0))
 
     def _merged(self, numbers: Sequence[float]) -> list[float]:
         """Numbers that span no more than the tolerance become their median, or what one of them was typed as."""
         out, order = list(numbers), sorted(range(len(numbers)), key=numbers.__getitem__)
         while order:
             close = [i for i in order if numbers[i] <= numbers[order[0]] + self.tolerance]
-            typed = {place for i in close if (place := self._typed(numbers[i])[0]) is not None}
+            typed = {place for i in close if (place := self.grids.read(numbers[i])[0]) is not None}
             if len(typed) > 1:  # each is what it is
-                close = [i for i in close if numbers[i] <= numbers[order[0]] + 2 * self.bits]
+                close = [i for i in close if numbers[i] <= numbers[order[0]] + 2 * self.grids.bits]
             middle = typed.pop() if len(typed) == 1 else float(np.median([numbers[i] for i in close]))
             for i in close:
                 out[i] = middle

@@ -16,7 +16,6 @@ import numpy as np
 from imdim.deadline import NEVER, Deadline
 from imdim.numbers.design_values import (
     LAST_BITS,
-    RARE,
     Values,
     clusters,
     coarsest_widths,
@@ -25,6 +24,7 @@ from imdim.numbers.design_values import (
     grids,
     round_to_grid,
     span,
+    typed_widths,
 )
 from imdim.numbers.inches import are_inches
 from imdim.numbers.outline_values import snap_leaf
@@ -35,7 +35,7 @@ from imdim.program.tree import FULL_TURN, Primitive, Program, leaves, map_leaves
 S = TypeVar("S")
 C = TypeVar("C")
 
-OUTLINE_SHARES = (1.0, 0.3, 0.1, 0.03, 0.01)  # of the largest move, by which an outline is rounded
+OUTLINE_SHARES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)  # of the largest move, by which an outline is rounded
 SAME_DEG = 0.05  # within which leaves have the same directions, and turn together
 ANGLE_STEPS = (15.0, 5.0, 1.0, 0.1)  # degrees
 
@@ -75,14 +75,15 @@ def snap(
     values = Values.of(parts)
     largest, inches = span(parts), are_inches(parts)
     widths = grids(largest, config.finest * largest, inches)
-    typed = frozenset[float]()
-    if config.typed:
-        values, typed = _settle_typed(values, judge, config, largest, inches)
+    bits = _bits(parts, largest) if config.typed else 0.0
+    values, typed = (
+        _settle_typed(values, judge, config, grids(largest, bits, inches), bits) if config.typed else (values, frozenset[float]())
+    )
     for share in (0.1, 0.3, 1.0) if config.equalise else ():
         changes = clusters(values, share * config.max_move * largest, typed)
         values = accept_changes(values, changes, Values.with_numbers, judge.bears, config.tries)
     values = _round(values, judge, config, widths, largest, typed)
-    return _rebuilt(program, _snap_outlines(tuple(values.primitives()), judge, config, largest, inches))
+    return _rebuilt(program, _snap_outlines(tuple(values.primitives()), judge, config, largest, inches, bits))
 
 
 class _SnapJudge:
@@ -146,10 +147,10 @@ def _snap_rotations(parts: list[Primitive], judge: _SnapJudge, config: SnapConfi
 
 
 def _snap_outlines(
-    parts: tuple[Primitive, ...], judge: _SnapJudge, config: SnapConfig, largest: float, inches: bool
+    parts: tuple[Primitive, ...], judge: _SnapJudge, config: SnapConfig, largest: float, inches: bool, bits: float
 ) -> tuple[Primitive, ...]:
     """Outlines rounded as boldly as they bear, and the angles that they turn by."""
-    start, bits = parts, LAST_BITS * largest if config.typed else 0.0
+    start = parts
     for share in OUTLINE_SHARES:
         slack = share * config.max_move * largest
         offers = [(i, snap_leaf(p, slack, inches, bits)) for i, p in enumerate(parts) if p is start[i] and p.outline]
@@ -172,14 +173,19 @@ def _put_all(parts: tuple[Primitive, ...], change: Mapping[int, Primitive]) -> t
     return tuple(change.get(i, part) for i, part in enumerate(parts))
 
 
-def _settle_typed(values: Values, judge: _SnapJudge, config: SnapConfig, largest: float, inches: bool) -> tuple[Values, frozenset[float]]:
-    """The values with those that the last bits of a mesh keep off a grid that is far wider, on it, and these: a mesh says so exactly where
-    its faces are that a number next to it on a coarser grid is another one, and what was equal stays so."""
-    slack = LAST_BITS * largest
-    wide = [width for width in grids(largest, slack, inches) if width >= RARE * slack]
+def _bits(parts: Sequence[Primitive], largest: float) -> float:
+    """By how much single precision moves a place of these parts, wherever they lie."""
+    return LAST_BITS * max(largest, *(abs(v) for part in parts for v in part.center))
+
+
+def _settle_typed(
+    values: Values, judge: _SnapJudge, config: SnapConfig, widths: Sequence[float], bits: float
+) -> tuple[Values, frozenset[float]]:
+    """The values with those that the last `bits` of a mesh keep off a grid that is far wider, or the part's own, on it, and these: a mesh
+    says so exactly where its faces are that a number next to it on a coarser grid is another one, and what was equal stays so."""
     groups = equal_groups(values)
     numbers = np.array([values.numbers[group[0]] for group in groups])
-    found = coarsest_widths(numbers, wide, slack)
+    found = coarsest_widths(numbers, typed_widths(numbers, widths, bits), bits)
     moves = [(group, round_to_grid(float(v), w)) for group, v, w in zip(groups, numbers, found, strict=True) if w]
     values = accept_changes(values, moves, Values.with_numbers, judge.bears, config.tries)
     return values, frozenset(number for group, number in moves if values.numbers[group[0]] == number)

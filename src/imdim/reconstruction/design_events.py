@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from imdim.export.outline_joints import regular_of
 from imdim.geometry import kernels
 from imdim.geometry.lowering import lower
 from imdim.geometry.sampling import even_surface
 from imdim.program.ellipse import Ellipse
 from imdim.program.patterns.weigh import take_first_copies
+from imdim.program.regular_polygon import regular_of
 from imdim.program.roles import signs
 from imdim.program.tree import KINDS, Primitive, Program, leaves
 from imdim.reconstruction.plain_program import AXES_OF, ONE_NUMBER, ONE_WAY, OUTSIDE, face_levels, place_numbers

@@ -15,12 +15,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from imdim.export.outline_joints import Regular, regular_of
 from imdim.geometry.lowering import lower
 from imdim.program.cost import count
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Loop, Outline, arc_center, arc_radius, has_ellipse, line_of, ring_curves
 from imdim.program.patterns.weigh import take_first_copies
+from imdim.program.regular_polygon import RegularPolygon, regular_of
 from imdim.program.rewrite.cells import count_runs
 from imdim.program.tree import FLAT_ENDS, Primitive, Program, leaves
 from imdim.reconstruction.observation import Observation
@@ -142,7 +142,7 @@ def _count_kinds(program: Program) -> int:
     return count(program).curves - alone - sides
 
 
-def _regular(loop: Loop) -> Regular | None:
+def _regular(loop: Loop) -> RegularPolygon | None:
     return None if isinstance(loop, Ellipse) else regular_of(loop, ONE_NUMBER * max(abs(v) for vertex in loop for v in vertex[:2]))
 
 

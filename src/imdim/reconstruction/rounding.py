@@ -114,7 +114,7 @@ class _Rounding:
     def run(self, caution: float) -> Program:
         """The program with rounder numbers, the judge's limits divided by `caution`."""
         out, move, loss = self.plain, *((1e-3, 2e-6) if self.exact else (2e-3, 2e-5))
-        for boldness in (1.0, 0.1, 0.01) if self.exact else (1.0, 0.3):
+        for boldness in (1.0, 0.1, 0.01, 0.001) if self.exact else (1.0, 0.3):
             config = SnapConfig(max_move=move * boldness, abs_tolerance=loss * boldness, max_deg=SNAP_DEG * boldness, typed=self.exact)
             out, whole = self._take(out, config, caution)
             if whole:
