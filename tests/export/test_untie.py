@@ -9,7 +9,7 @@ from tests.export.test_parameters import MOUNT, ROW
 from tests.planted import box, cut, cylinder, union
 
 from imdim.delivery.finish import finish
-from imdim.export.delivered import Delivered, EditError, tied_sizes
+from imdim.export.delivered import Delivered, EditError, list_tied_sizes
 from imdim.export.edit import change_values, open_delivered, solid_of
 from imdim.export.untie import list_ties, new_names, untie
 from imdim.program.codec import dumps, parse
@@ -30,14 +30,14 @@ def delivered_of(program: Program) -> Delivered:
 
 
 def name_of(delivered: Delivered, feature: tuple[int, str]) -> str:
-    return next(name for name, sizes in tied_sizes(delivered).items() if feature in sizes)
+    return next(name for name, sizes in list_tied_sizes(delivered).items() if feature in sizes)
 
 
 @pytest.mark.parametrize(("program", "holes"), [(MOUNT, 4), (ROW, 4), (CIRCLE, 6)], ids=["mount", "row", "circle"])
 def test_each_hole_gets_a_diameter_of_its_own(program, holes):
     before = delivered_of(program)
     name = max(list_ties(before), key=lambda n: len(list_ties(before)[n]) * ("diameter" in n))
-    members = [leaf for leaf, _ in tied_sizes(before)[name]]
+    members = [leaf for leaf, _ in list_tied_sizes(before)[name]]
     assert len(members) == holes
     after = untie(before, name)
     own = [name_of(after, (leaf, "r")) for leaf in members]
@@ -55,7 +55,7 @@ def test_each_hole_gets_a_diameter_of_its_own(program, holes):
 def test_some_primitives_are_parted_from_the_others():
     before = delivered_of(MOUNT)
     name = next(n for n in list_ties(before) if n == "hole_diameter")
-    members = [leaf for leaf, _ in tied_sizes(before)[name]]
+    members = [leaf for leaf, _ in list_tied_sizes(before)[name]]
     after = untie(before, name, members[2:])
     assert name_of(after, (members[0], "r")) == name_of(after, (members[1], "r"))
     assert name_of(after, (members[2], "r")) == name_of(after, (members[3], "r")) != name_of(after, (members[0], "r"))
@@ -97,6 +97,6 @@ def test_heights_between_two_planes_are_untied():
 )
 def test_what_is_not_tied_is_refused(name, apart, message):
     before = delivered_of(MOUNT)
-    everything = [leaf for leaf, _ in tied_sizes(before)["hole_diameter"]]
+    everything = [leaf for leaf, _ in list_tied_sizes(before)["hole_diameter"]]
     with pytest.raises(EditError, match=message):
         untie(before, name, everything if apart == "all" else apart)

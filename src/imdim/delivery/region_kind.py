@@ -258,7 +258,7 @@ def _heights(elements: SurfaceElements, facets: Facets, chosen: np.ndarray, face
     return ((elements.points[chosen] - facets.centers[largest]) * facets.normals[largest]).sum(1)
 
 
-def bent_two_ways(facets: Facets) -> np.ndarray:
+def find_double_bends(facets: Facets) -> np.ndarray:
     """Which facets [u] turn towards their neighbours about axes of more than one direction."""
     pairs, _, _ = chord_pairs(facets)
     turns = unit(np.cross(facets.normals[pairs[:, 0]], facets.normals[pairs[:, 1]]))

@@ -19,7 +19,7 @@ import trimesh
 from scipy.spatial import KDTree
 
 from imdim.delivery.explanation import Explanation, explain, share_borne_out
-from imdim.delivery.region_kind import Recognised, bent_two_ways, find_teeth, find_text, is_freeform
+from imdim.delivery.region_kind import Recognised, find_double_bends, find_teeth, find_text, is_freeform
 from imdim.delivery.surface_elements import SurfaceElements, elements_of
 from imdim.detection.mesh_noise import DEVIATION
 from imdim.export.verdict_colours import VERDICTS, ColouredTarget
@@ -232,7 +232,7 @@ def _regions(elements: SurfaceElements, codes: np.ndarray, far: np.ndarray, foun
     joined = rest[a] & rest[b] & (codes[a] == codes[b])
     count, label = components(a[joined], b[joined], len(codes))
     areas = np.bincount(label, elements.areas * rest, count)
-    bent = None if elements.facets is None else bent_two_ways(elements.facets)
+    bent = None if elements.facets is None else find_double_bends(elements.facets)
     for number in np.argsort(-areas, kind="stable")[:MOST_LISTED]:
         if areas[number] >= LEAST_LISTED * total:
             chosen = label == number

@@ -164,7 +164,7 @@ def _say_moved(moved: Sequence[Feature], label: Sequence[str]) -> str:
     return " and ".join(f"{word} of {say_features(numbers, label)}" for word, numbers in of.items())
 
 
-def tied_sizes(delivered: Delivered) -> dict[str, list[Feature]]:
+def list_tied_sizes(delivered: Delivered) -> dict[str, list[Feature]]:
     """For each name the sizes of primitives that are its value, or half of it; more than one where they are tied."""
     found = find_followers(delivered)
     return {name: [feature for feature in (*f.across, *f.equal) if feature[1] in SIZES] for name, f in found.items()}

@@ -15,7 +15,7 @@ from imdim.program.tree import FLAT_ENDS, PRISMS, Primitive, Program, envelope, 
 PARALLEL = 1e-9
 
 
-class _Span(NamedTuple):
+class _LeafSpan(NamedTuple):
     """From where to where a leaf reaches along one of its axes, a unit vector [3]; `column` is that size."""
 
     leaf: int
@@ -38,13 +38,13 @@ def pass_aslant(program: Program) -> Iterator[tuple[tuple[int, int], tuple[int, 
             yield (own.leaf, own.column), (met[0].leaf, met[0].column)
 
 
-def _spans(leaf: int, p: Primitive, turn: np.ndarray) -> Iterator[_Span]:
+def _spans(leaf: int, p: Primitive, turn: np.ndarray) -> Iterator[_LeafSpan]:
     for axis, column in FLAT_ENDS[p.kind].items() if p.kind in PRISMS else ():
         along, half = turn[:, axis], p.size[column] / 2
-        yield _Span(leaf, column, along, float(along @ p.center) - half, float(along @ p.center) + half)
+        yield _LeafSpan(leaf, column, along, float(along @ p.center) - half, float(along @ p.center) + half)
 
 
-def _meets(parts: Sequence[Primitive], turns: np.ndarray, own: _Span, other: _Span) -> bool:
+def _meets(parts: Sequence[Primitive], turns: np.ndarray, own: _LeafSpan, other: _LeafSpan) -> bool:
     """Whether the middle line of a cut passes the box of another leaf across its axis."""
     box, turn = envelope(parts[other.leaf]), turns[other.leaf]
     half = np.array(box.size if box.kind == "box" else (2 * box.size[0], 2 * box.size[0], box.size[-1])) / 2
@@ -52,7 +52,7 @@ def _meets(parts: Sequence[Primitive], turns: np.ndarray, own: _Span, other: _Sp
     return bool((off <= half)[np.abs(turn.T @ own.along) < 0.5].all())
 
 
-def _is_within(inner: _Span, outer: _Span, slack: float) -> bool:
+def _is_within(inner: _LeafSpan, outer: _LeafSpan, slack: float) -> bool:
     """Whether a leaf's span, by its middle and half length, lies within another one's."""
     way = 1 if inner.along @ outer.along > 0 else -1
     low, high = sorted((way * inner.low, way * inner.high))

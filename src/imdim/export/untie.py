@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from imdim.export.delivered import Delivered, EditError, Feature, tied_sizes
+from imdim.export.delivered import Delivered, EditError, Feature, list_tied_sizes
 from imdim.export.feature_names import say_features
 from imdim.export.reword import reword
 from imdim.program.constraints import LENGTHS_OF, Constraint, Ref
@@ -24,7 +24,7 @@ def untie(delivered: Delivered, name: str, apart: Collection[int] | None = None)
     have one, and the others another. Raises EditError where nothing is tied, and where it cannot be untied."""
     if name not in delivered.values:
         raise EditError(f"no parameter {name!r} to untie; --list has them")
-    tied = tied_sizes(delivered)[name]
+    tied = list_tied_sizes(delivered)[name]
     group = _groups(delivered, name, tied, apart)
     folded = delivered.folded
     constraints = [c for constraint in delivered.constraints for c in _split(constraint, group)]
@@ -48,14 +48,14 @@ def untie(delivered: Delivered, name: str, apart: Collection[int] | None = None)
 
 def list_ties(delivered: Delivered) -> dict[str, list[Feature]]:
     """The names that several sizes share, with these."""
-    return {name: sizes for name, sizes in tied_sizes(delivered).items() if len({leaf for leaf, _ in sizes}) > 1}
+    return {name: sizes for name, sizes in list_tied_sizes(delivered).items() if len({leaf for leaf, _ in sizes}) > 1}
 
 
 def new_names(before: Delivered, after: Delivered) -> dict[str, dict[str, list[int]]]:
     """For each name of the program before whose sizes have other names now, these, with the primitives that they are sizes of."""
-    now = {feature: name for name, sizes in tied_sizes(after).items() for feature in sizes}
+    now = {feature: name for name, sizes in list_tied_sizes(after).items() for feature in sizes}
     out: dict[str, dict[str, list[int]]] = {}
-    for name, sizes in tied_sizes(before).items():
+    for name, sizes in list_tied_sizes(before).items():
         names: dict[str, list[int]] = {}
         for feature in sizes:
             if feature in now:
@@ -125,7 +125,7 @@ def _named(delivered: Delivered, folded: Folded | None, constraints: Sequence[Co
 
 def _still_tied(delivered: Delivered, group: Mapping[Feature, int]) -> set[int]:
     """Primitives of several groups whose sizes share a name; none where there are none."""
-    for sizes in tied_sizes(delivered).values():
+    for sizes in list_tied_sizes(delivered).values():
         mine = {feature: group[feature] for feature in sizes if feature in group}
         if len(set(mine.values())) > 1:
             return {leaf for leaf, _ in mine}

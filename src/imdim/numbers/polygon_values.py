@@ -1,5 +1,7 @@
-"""The numbers that a person would have typed for a regular polygon: its centre, the circle through its corners or across its flats, and
-the angle at which it lies."""
+"""The numbers that a person would have typed for a regular polygon: its centre, its size and the angle at which it lies.
+
+The size is that of the circle through its corners, or across its flats.
+"""
 
 from __future__ import annotations
 

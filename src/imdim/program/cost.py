@@ -47,14 +47,14 @@ def curves_of(leaf: Primitive) -> int:
     return 0 if leaf.outline is None else leaf.outline.curve_count
 
 
-def charged_curves(curves: int) -> float:
+def count_charged_curves(curves: int) -> float:
     """How many curves of an outline are paid for."""
     return max(curves - FREE_CURVES, DRAWN)
 
 
 def weigh(program: Program, curve: float = CURVE) -> float:
     """Primitives, each charged curve of an outline counted as `curve` of one: what the search brings down beside the error."""
-    return sum(1 + (curve * charged_curves(curves_of(leaf)) if leaf.outline else 0) for leaf in leaves(program))
+    return sum(1 + (curve * count_charged_curves(curves_of(leaf)) if leaf.outline else 0) for leaf in leaves(program))
 
 
 def count(program: Program) -> Counts:

@@ -186,7 +186,7 @@ class Families:
         surface = self.arrangement.curved[index]
         axis = self.arrangement.axis_of[index]
         if axis < 0:
-            return closed_solid(surface)
+            return solid_within(surface)
         direction = self.arrangement.directions[axis]
         lo, hi = (float(direction.offsets[i]) for i in candidate.ranges[0])
         return _cap(surface, direction.vector, lo, hi)
@@ -210,7 +210,7 @@ def _between(slab: np.ndarray, bounds: tuple[int, int]) -> np.ndarray:
     return (slab >= bounds[0]) & (slab < bounds[1])
 
 
-def closed_solid(surface: Surface) -> Primitive:
+def solid_within(surface: Surface) -> Primitive:
     """The solid that a sphere, torus or ellipsoid bounds by itself."""
     if surface.kind == "sphere":
         return Primitive("sphere", surface.sizes, surface.point)

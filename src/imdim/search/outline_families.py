@@ -16,7 +16,7 @@ import numpy as np
 from imdim.geometry.rotations import euler_from_matrix
 from imdim.geometry.rows import lengths
 from imdim.geometry.surface import Surface, vec
-from imdim.program.cost import charged_curves
+from imdim.program.cost import count_charged_curves
 from imdim.program.outline import Outline
 from imdim.program.plain_outlines import to_simple
 from imdim.program.tree import FULL_TURN, Primitive
@@ -261,7 +261,7 @@ class OutlineCells:
         region = best_region(plane, below[:, hi] - below[:, lo], self.outlines.curve_price, flips)
         if region is None:
             return None
-        won = region.gain - self.outlines.curve_price * charged_curves(region.curves)
+        won = region.gain - self.outlines.curve_price * count_charged_curves(region.curves)
         return won, ((lo, hi),) if plane.kind == "extrude" else (), np.packbits(region.inside).tobytes()
 
     def _levels(self, plane: OutlinePlane) -> int:
@@ -294,7 +294,7 @@ class OutlineCells:
         known = self._costs.get((index, faces))
         if known is None:
             curves = count_curves(self.planes[index], self._unpack(index, faces))
-            known = self._costs[index, faces] = self.outlines.curve_price * charged_curves(curves)
+            known = self._costs[index, faces] = self.outlines.curve_price * count_charged_curves(curves)
         return known
 
     def _outline(self, index: int, faces: bytes) -> Outline:

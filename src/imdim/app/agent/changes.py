@@ -15,7 +15,7 @@ from imdim.app.lab import edits, solving
 from imdim.app.lab.edits import ConstrainedProgram
 from imdim.app.lab.solving import TURN, Lock
 from imdim.delivery.finish import finish
-from imdim.export.delivered import Delivered, EditError, tied_sizes
+from imdim.export.delivered import Delivered, EditError, list_tied_sizes
 from imdim.export.edit import change_values
 from imdim.export.numbers import Rounding
 from imdim.export.reword import reword
@@ -153,7 +153,7 @@ def tie_sizes(delivered: Delivered, names: Sequence[str]) -> Delivered:
     """The sizes of several names as one, with the value of the first name. Raises EditError for names that are none of sizes alike."""
     if len(set(names)) < 2:
         raise EditError("tying needs two names or more")
-    tied = tied_sizes(delivered)
+    tied = list_tied_sizes(delivered)
     for name in names:
         if name not in delivered.values:
             raise EditError(f"no parameter {name!r} to tie; the parameters have it under another name")

@@ -17,7 +17,7 @@ from imdim.geometry.rotations import frame_from_axis
 from imdim.geometry.rows import lengths
 from imdim.geometry.sampling import subsample
 from imdim.program.tree import Primitive
-from imdim.search.mdl.candidates.drawn import extruded_outlines, turned_outlines
+from imdim.search.mdl.candidates.drawn import trace_extruded_outlines, trace_turned_outlines
 from imdim.search.mdl.candidates.residual import place
 from imdim.search.mdl.curve_ransac import (
     BAND,
@@ -96,8 +96,8 @@ def outlines(
         for center in centers:
             out += [] if deadline.has_passed() else _profile(view, center, rng)
         if drawn and not deadline.has_passed():
-            out += turned_outlines(points, axes, k, centers, sigma)
-            out += extruded_outlines(points, axes, k, _levels(local[:, k], sigma), sigma, deadline)
+            out += trace_turned_outlines(points, axes, k, centers, sigma)
+            out += trace_extruded_outlines(points, axes, k, _levels(local[:, k], sigma), sigma, deadline)
     return out
 
 

@@ -7,7 +7,7 @@ from imdim.geometry.sampling import surface_points
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.program.outline import Outline, circle
 from imdim.program.tree import Primitive
-from imdim.search.mdl.candidates.drawn import extruded_outlines, redraw, turned_outlines
+from imdim.search.mdl.candidates.drawn import redraw, trace_extruded_outlines, trace_turned_outlines
 
 NOZZLE = Primitive(
     "revolve",
@@ -39,7 +39,7 @@ def best_iou(found, leaf):
 
 def test_a_turned_part_is_one_outline():
     sigma = 0.3
-    found = [*turned_outlines(cloud(NOZZLE, sigma), np.eye(3), 1, [np.array([5.0, 3.0])], sigma)]
+    found = [*trace_turned_outlines(cloud(NOZZLE, sigma), np.eye(3), 1, [np.array([5.0, 3.0])], sigma)]
     assert best_iou(found, NOZZLE) > 0.97
     best = max(found, key=lambda p: best_iou([p], NOZZLE))
     assert best.outline is not None
@@ -48,21 +48,21 @@ def test_a_turned_part_is_one_outline():
 
 def test_a_wall_that_many_points_show_to_slant_is_not_made_level():
     tapered = Primitive("revolve", (360.0,), outline=Outline((((3, -10, 0), (8, -10, 0), (8.3, 10, 0), (3, 10, 0)),)))
-    found = [*turned_outlines(cloud(tapered, 0.16), np.eye(3), 2, [np.zeros(2)], 0.16)]
+    found = [*trace_turned_outlines(cloud(tapered, 0.16), np.eye(3), 2, [np.zeros(2)], 0.16)]
     radii = [sorted(x for loop in p.outline.loops for x, _, _ in loop) for p in found if p.outline]
     assert any(r == pytest.approx((3, 3, 8, 8.3), abs=0.06) and r[2] < r[3] - 0.2 for r in radii)
 
 
 def test_an_extrusion_between_two_levels_is_one_outline():
     sigma = 0.3
-    found = [*extruded_outlines(cloud(ANGLE, sigma), np.eye(3), 2, [-13.0, 17.0], sigma)]
+    found = [*trace_extruded_outlines(cloud(ANGLE, sigma), np.eye(3), 2, [-13.0, 17.0], sigma)]
     assert best_iou(found, ANGLE) > 0.95
 
 
 def test_what_does_not_go_all_around_is_not_turned():
     sigma = 0.3
     block = Primitive("box", (60.0, 40.0, 30.0))
-    assert best_iou([*turned_outlines(cloud(block, sigma), np.eye(3), 2, [np.zeros(2)], sigma), ANGLE], block) < 0.9
+    assert best_iou([*trace_turned_outlines(cloud(block, sigma), np.eye(3), 2, [np.zeros(2)], sigma), ANGLE], block) < 0.9
 
 
 def test_plainer_outlines_are_offered_the_nearest_first():

@@ -38,7 +38,7 @@ NEAR = 2.5  # deviations of the noise
 MOST_REDRAWN = 6
 
 
-def turned_outlines(points: np.ndarray, axes: np.ndarray, k: int, centers: Iterable[np.ndarray], sigma: float) -> Iterator[Primitive]:
+def trace_turned_outlines(points: np.ndarray, axes: np.ndarray, k: int, centers: Iterable[np.ndarray], sigma: float) -> Iterator[Primitive]:
     """Solids turned about lines along column `k` of `axes` [3, 3] through the `centers` [2] in the other two."""
     frame, local = frame_from_axis(axes[:, k]), points @ axes
     across = [(k + 1) % 3, (k + 2) % 3]
@@ -53,7 +53,7 @@ def turned_outlines(points: np.ndarray, axes: np.ndarray, k: int, centers: Itera
             yield simplest(leaf)
 
 
-def extruded_outlines(
+def trace_extruded_outlines(
     points: np.ndarray, axes: np.ndarray, k: int, levels: list[float], sigma: float, deadline: Deadline = NEVER
 ) -> Iterator[Primitive]:
     """Solids extruded along column `k` of `axes` [3, 3] between two of the `levels`, given in their order."""
