@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,6 +39,15 @@ class Candidate:
     faces: bytes = b""
 
 
+class _Grid(NamedTuple):
+    """The `shape` of a box frame's grid, the `places` [s, 3] of it that hold cells, in their order, and the slot of each cell among these:
+    of many planes most of a grid is empty."""
+
+    slots: Slots
+    places: np.ndarray
+    shape: tuple[int, int, int]
+
+
 class Families:
     """The families of an arrangement over one set of cells, with `outlines` those of its plane arrangements too.
 
@@ -61,7 +71,11 @@ class Families:
     @cached_property
     def slots(self) -> list[Slots]:
         """Where each group sums the cells: the curved families' slabs in one long row, the boxes' grids, the faces and levels of planes."""
-        return [self._pack_axial(), *map(self._pack_frame, self.arrangement.frames), *self.outlines.slots]
+        return [self._pack_axial(), *(grid.slots for grid in self._grids), *self.outlines.slots]
+
+    @cached_property
+    def _grids(self) -> list[_Grid]:
+        return [self._pack_frame(axes) for axes in self.arrangement.frames]
 
     @cached_property
     def _ends(self) -> np.ndarray:
@@ -76,15 +90,16 @@ class Families:
         slots = (self._ends[family] + np.where(axis >= 0, self._slabs[cell, axis], 0)).astype(np.int32)
         return Slots(slots, int(self._ends[-1]), np.searchsorted(cell, np.arange(len(self._slabs) + 1)))
 
-    def _pack_frame(self, axes: tuple[int, int, int]) -> Slots:
-        """Each cell's place in a frame's grid."""
-        places = np.ravel_multi_index([self._slabs[:, a].astype(np.int64) for a in axes], self._shape(axes))
-        return Slots(places.astype(np.int32), math.prod(self._shape(axes)))
-
-    def _shape(self, axes: tuple[int, int, int]) -> tuple[int, int, int]:
-        """The shape of a frame's grid."""
+    def _pack_frame(self, axes: tuple[int, int, int]) -> _Grid:
+        """The grid of a box frame."""
         a, b, c = (len(self.arrangement.directions[axis].offsets) - 1 for axis in axes)
-        return a, b, c
+        at = np.ravel_multi_index([self._slabs[:, axis].astype(np.int64) for axis in axes], (a, b, c))
+        numbers = np.full(a * b * c, -1, np.int32)
+        numbers[at] = 0
+        held = np.flatnonzero(numbers == 0)
+        numbers[held] = np.arange(len(held))
+        places = np.column_stack(np.unravel_index(held, (a, b, c))).astype(np.int32)
+        return _Grid(Slots(numbers[at], len(held)), places, (a, b, c))
 
     @property
     def groups(self) -> int:
@@ -141,7 +156,8 @@ class Families:
     def _best_box(self, frame: int, sums: np.ndarray, sign: float, floor: float) -> tuple[float, Candidate | None]:
         """As `best_of`, for a box frame."""
         out = np.empty(7)
-        most = best_box(sums, self._shape(self.arrangement.frames[frame]), sign, floor, out)
+        grid = self._grids[frame]
+        most = best_box(sums, grid.places, grid.shape, sign, floor, out)
         if out[0] == -np.inf:
             return most, None
         i, j, k, m, n, o = out[1:].astype(int).tolist()
@@ -149,7 +165,8 @@ class Families:
 
     def _best_boxes(self, frame: int, sums: np.ndarray, count: int, floor: float) -> list[tuple[float, Candidate]]:
         """The best boxes of a frame, of different slabs along one of its axes."""
-        grid, *first = merge_slabs(sums.reshape(self._shape(self.arrangement.frames[frame])))
+        known = self._grids[frame]
+        grid, *first = merge_slabs(sums, known.places, known.shape)
         order = sorted(range(3), key=lambda a: grid.shape[a])  # fewest slabs first is cheapest for the compiled loop
         grid = np.ascontiguousarray(grid.transpose(order))
         table = np.empty((len(grid) * (len(grid) + 1) // 2, 7))

@@ -214,8 +214,8 @@ def axial_best(sums: np.ndarray, ends: np.ndarray, sign: float, out: np.ndarray)
 
 
 @njit(nogil=True, cache=True)
-def best_box(sums: np.ndarray, shape: tuple[int, int, int], sign: float, floor: float, out: np.ndarray) -> float:
-    """The box that wins most by `sign` times the `sums` of a grid, into out [7] as (sum, i, j, k, l, m, n) if it is above `floor`, else
+def best_box(sums: np.ndarray, places: np.ndarray, shape: tuple[int, int, int], sign: float, floor: float, out: np.ndarray) -> float:
+    """The box that wins most by `sign` times the grid of `merge_slabs`, into out [7] as (sum, i, j, k, l, m, n) if it is above `floor`, else
     a sum of -inf; what no box is above."""
     out[0] = -np.inf
     most = 0.0
@@ -223,7 +223,7 @@ def best_box(sums: np.ndarray, shape: tuple[int, int, int], sign: float, floor: 
         most += max(sign * sums[k], 0.0)
     if most <= floor:
         return most
-    grid, first_a, first_b, first_c = merge_slabs((sign * sums).reshape(shape))
+    grid, first_a, first_b, first_c = merge_slabs(sign * sums, places, shape)
     na, nb, nc = grid.shape
     # fewest slabs first is cheapest
     a, b, c = 8 * na, 8 * nb + 1, 8 * nc + 2
@@ -253,27 +253,25 @@ def best_box(sums: np.ndarray, shape: tuple[int, int, int], sign: float, floor: 
 
 
 @njit(nogil=True, cache=True)
-def merge_slabs(grid: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """`grid` [a, b, c] with adjoining slabs that win nothing anywhere summed into one, along each axis, and where the new slabs begin.
+def merge_slabs(
+    sums: np.ndarray, places: np.ndarray, shape: tuple[int, int, int]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The grid of this `shape` that has `sums` [s] at `places` [s, 3] and nothing elsewhere, with adjoining slabs that win nothing anywhere
+    summed into one along each axis, and where the new slabs begin.
 
     The box with the largest sum neither begins nor ends in a slab without a positive cell, so that it can still be told, by the
     beginnings [a' + 1], [b' + 1], [c' + 1], each with the old length at its end.
     """
-    na, nb, nc = grid.shape
-    wins_a, wins_b, wins_c = np.zeros(na, np.bool_), np.zeros(nb, np.bool_), np.zeros(nc, np.bool_)
-    for i in range(na):
-        for k in range(nb):
-            for c in range(nc):
-                if grid[i, k, c] > 0.0:
-                    wins_a[i], wins_b[k], wins_c[c] = True, True, True
+    wins_a, wins_b, wins_c = np.zeros(shape[0], np.bool_), np.zeros(shape[1], np.bool_), np.zeros(shape[2], np.bool_)
+    for k in range(len(sums)):
+        if sums[k] > 0.0:
+            wins_a[places[k, 0]], wins_b[places[k, 1]], wins_c[places[k, 2]] = True, True, True
     group_a, first_a = _runs(wins_a)
     group_b, first_b = _runs(wins_b)
     group_c, first_c = _runs(wins_c)
     out = np.zeros((len(first_a) - 1, len(first_b) - 1, len(first_c) - 1))
-    for i in range(na):
-        for k in range(nb):
-            for c in range(nc):
-                out[group_a[i], group_b[k], group_c[c]] += grid[i, k, c]
+    for k in range(len(sums)):
+        out[group_a[places[k, 0]], group_b[places[k, 1]], group_c[places[k, 2]]] += sums[k]
     return out, first_a, first_b, first_c
 
 
