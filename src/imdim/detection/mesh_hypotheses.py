@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from imdim.detection.mesh_support import members_of
 from imdim.geometry.surface import Surface, vec
 
 LEAST_CORNERS = 11  # of an ellipsoid, which nine fix
+RINGS = (8, 30, 150)  # facets
 NEAR_CUTS = 10  # times as far off as drawn corners may be those of a ring, many of which a cut has made
 
 
@@ -38,8 +40,8 @@ def hypotheses(seed: int, state: Growing) -> list[tuple[float, Surface]]:
     if len(ring) >= 4:
         points, point_normals = _corner_normals(facets, ring)
         # a small ring keeps clear of cuts, a wide one is more exact
-        for size in (8, 30, 150):
-            chosen = points_of(facets, ring_of(seed, alike, state, size))
+        for around in _rings(seed, alike, state):
+            chosen = points_of(facets, around)
             if len(chosen) >= 5:
                 out.append((1.0, fit_surface("sphere", chosen)[0]))
             if len(chosen) >= LEAST_CORNERS and not lies_on(out[-1][1], chosen, facets.diagonal):
@@ -60,6 +62,17 @@ def ring_of(seed: int, near: list[int], state: Growing, most: int) -> np.ndarray
         known.update(fresh)
         found += fresh
     return np.array(found[:most])
+
+
+def _rings(seed: int, near: list[int], state: Growing) -> Iterator[np.ndarray]:
+    """Wider and wider rings, as far as there are more facets."""
+    known = 0
+    for most in RINGS:
+        ring = ring_of(seed, near, state, most)
+        if len(ring) == known:
+            return
+        known = len(ring)
+        yield ring
 
 
 def _corner_normals(facets: Facets, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -108,16 +108,24 @@ def members_of(surface: Surface, state: Growing, slack: float, among: np.ndarray
     facets, config = state.facets, state.config
     triangles = np.flatnonzero(state.free[facets.facet_of]) if among is None else facets.triangles(among)
     state.spent += len(triangles)
-    corners = facets.corners[triangles]
-    off = np.abs(signed_distance(surface, corners.reshape(-1, 3))) > slack * config.on_surface * facets.diagonal
-    good = np.logical_not(off.reshape(-1, 3).any(axis=1))
+    good = _lie_on(surface, facets, triangles, slack * config.on_surface * facets.diagonal)
     fine = triangles[good]
-    along = _following(surface, corners[good], facets.normals[facets.facet_of[fine]], 10 * config.on_surface * facets.diagonal)
+    along = _following(surface, facets.corners[fine], facets.normals[facets.facet_of[fine]], 10 * config.on_surface * facets.diagonal)
     good[good] = along >= np.cos(np.radians(config.follow_deg))
     bad = np.ones(len(facets.areas), bool)
     bad[facets.facet_of[triangles]] = False
     bad[facets.facet_of[triangles[~good]]] = True
     return _without_flats(surface, np.flatnonzero(~bad), fine, along, state)
+
+
+def _lie_on(surface: Surface, facets: Facets, triangles: np.ndarray, slack: float) -> np.ndarray:
+    """Whether every corner of triangles [t] lies on a carrier, within `slack`; of many, each corner that several share is asked once."""
+    points, place = facets.distinct
+    if len(points) < 3 * len(triangles):
+        off = (np.abs(signed_distance(surface, points)) > slack)[place[triangles]]
+    else:
+        off = (np.abs(signed_distance(surface, facets.corners[triangles].reshape(-1, 3))) > slack).reshape(-1, 3)
+    return ~(off[:, 0] | off[:, 1] | off[:, 2])
 
 
 def _following(surface: Surface, corners: np.ndarray, facing: np.ndarray, blur: float) -> np.ndarray:

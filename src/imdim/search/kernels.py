@@ -215,8 +215,8 @@ def axial_best(sums: np.ndarray, ends: np.ndarray, sign: float, out: np.ndarray)
 
 @njit(nogil=True, cache=True)
 def best_box(sums: np.ndarray, places: np.ndarray, shape: tuple[int, int, int], sign: float, floor: float, out: np.ndarray) -> float:
-    """The box that wins most by `sign` times the grid of `merge_slabs`, into out [7] as (sum, i, j, k, l, m, n) if it is above `floor`, else
-    a sum of -inf; what no box is above."""
+    """The box that wins most by `sign` times the grid of `merge_slabs`, into out [7] as (sum, i, j, k, l, m, n) if it is above `floor`,
+    else a sum of -inf; what no box is above."""
     out[0] = -np.inf
     most = 0.0
     for k in range(len(sums)):
