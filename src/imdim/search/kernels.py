@@ -253,9 +253,7 @@ def best_box(sums: np.ndarray, places: np.ndarray, shape: tuple[int, int, int], 
 
 
 @njit(nogil=True, cache=True)
-def merge_slabs(
-    sums: np.ndarray, places: np.ndarray, shape: tuple[int, int, int]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def merge_slabs(sums: np.ndarray, places: np.ndarray, shape: tuple[int, int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The grid of this `shape` that has `sums` [s] at `places` [s, 3] and nothing elsewhere, with adjoining slabs that win nothing anywhere
     summed into one along each axis, and where the new slabs begin.
 
