@@ -76,12 +76,19 @@ def join_touching(program: Program, segments: int = SEGMENTS) -> Manifold:
     return fold_nary(program, place, COMBINE)
 
 
-@lru_cache(KEPT)
 def to_manifold(program: Program, segments: int = SEGMENTS) -> Manifold:
     """The exact solid of `program`, with `segments` edges per circle; empty where the program is empty."""
+    # a primitive is made in a moment, and takes no other's place among those that are kept
+    return _make(program, segments) if isinstance(program, Primitive) else _make_once(program, segments)
+
+
+def _make(program: Program, segments: int) -> Manifold:
     solid = fold_nary(program, lambda _, primitive: primitive_to_manifold(primitive, segments), COMBINE)
     solid.status()  # makes it now: what is put off may be made in another order with what it is combined with
     return solid
+
+
+_make_once = lru_cache(KEPT)(_make)
 
 
 def exact_rotation(primitive: Primitive) -> np.ndarray:

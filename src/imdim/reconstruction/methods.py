@@ -18,8 +18,9 @@ from manifold3d import Manifold
 from imdim.baselines import stump_net as stump_nets
 from imdim.baselines.stump import stumps
 from imdim.deadline import Deadline
+from imdim.geometry.finish.active_zone import change_with
 from imdim.geometry.finish.rounded import draw_rounded
-from imdim.geometry.solid import SEGMENTS, to_manifold, volume
+from imdim.geometry.solid import SEGMENTS, to_manifold
 from imdim.program.cost import count
 from imdim.program.front import Choice
 from imdim.program.rewrite.bores import separate_bores, stack_drawings
@@ -225,8 +226,8 @@ def _lay_bare(apart: Program, drawn: Program, deadline: Deadline) -> Program:
         return min(filled, more.volume() - filled) < hidden
 
     cut_last = hoist_cuts(separate_holes(apart), _is_free_of(solid, deadline))
-    whole = cut_last if deadline.has_passed() else without_hidden_arcs(cut_last, volume, hidden)
-    return straighten(_tidy_cuts(separate_loops(whole), solid, deadline), may_hide, volume, hidden)
+    whole = cut_last if deadline.has_passed() else without_hidden_arcs(cut_last, change_with, hidden)
+    return straighten(_tidy_cuts(separate_loops(whole), solid, deadline), may_hide, change_with, hidden)
 
 
 def _stack_drawings(run: Run, best: MethodStep) -> MethodStep | None:

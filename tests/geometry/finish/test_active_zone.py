@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from imdim.geometry.finish import active_zone
-from imdim.geometry.finish.active_zone import matters
+from imdim.geometry.finish.active_zone import change_with, matters
 from imdim.geometry.finish.posed import PosedPrimitive
-from imdim.geometry.solid import to_manifold
+from imdim.geometry.solid import to_manifold, volume
 from imdim.program.tree import Combine, Primitive, leaves, map_leaves
 
 PLATE = Primitive("box", (10.0, 10.0, 2.0))
@@ -64,3 +64,29 @@ def _random(rng, n):
         return Combine(ops[rng.integers(3)], _random(rng, n // 2), _random(rng, n - n // 2))
     center, turn = rng.normal(0, 0.3, 3).tolist(), rng.uniform(-90, 90, 3).tolist()
     return Primitive("box", tuple(rng.uniform(0.4, 1.2, 3).tolist()), tuple(center), tuple(turn))
+
+
+def test_the_change_by_a_larger_leaf_is_that_of_the_volume():
+    rng, changed = np.random.default_rng(4), []
+    for _ in range(40):
+        program = Primitive("box", tuple(rng.uniform(4, 6, 3)))
+        for _ in range(4):
+            kind, size = ("box", rng.uniform(1, 3, 3)) if rng.random() < 0.5 else ("cylinder", rng.uniform(0.5, 3, 2))
+            turn = tuple(rng.choice([0.0, 30.0, 90.0], 3).tolist())
+            leaf = Primitive(kind, tuple(size.tolist()), tuple(rng.uniform(-3, 3, 3).tolist()), turn)
+            program = Combine(str(rng.choice(["union", "difference"])), program, leaf)
+        index = int(rng.integers(5))
+        old = list(leaves(program))[index]
+        larger = replace(old, size=tuple(s * rng.uniform(1.0, 1.3) for s in old.size))
+        trial = map_leaves(program, lambda i, leaf, index=index, larger=larger: larger if i == index else leaf)
+        changed.append(change_with(program, index, larger))
+        assert changed[-1] == pytest.approx(abs(volume(trial) - volume(program)), abs=1e-9)
+    assert sum(c > 1e-3 for c in changed) > 20
+
+
+def test_the_change_by_a_larger_leaf_asks_only_what_reaches_there(monkeypatch):
+    far = Combine("union", Combine("union", PLATE, BLOCK), Primitive("sphere", (1.0,), (30.0, 0.0, 0.0)))
+    made = []
+    monkeypatch.setattr(PosedPrimitive, "solid", property(lambda part: made.append(part.leaf.kind) or to_manifold(part.leaf)))
+    assert change_with(far, 1, replace(BLOCK, size=(5.0, 4.0, 4.0))) == pytest.approx(16.0)
+    assert "sphere" not in made

@@ -5,6 +5,7 @@ import math
 import pytest
 from tests.planted import cylinder
 
+from imdim.geometry.finish.active_zone import change_with
 from imdim.geometry.solid import to_manifold, volume, volume_iou
 from imdim.program.outline import Outline, Ring, arc_radii
 from imdim.program.rewrite.hidden_arcs import without_hidden_arcs
@@ -44,7 +45,7 @@ def curves(program: Program) -> list[int]:
 @pytest.mark.parametrize("place", PLACES, ids=["flat", "turned"])
 def test_a_frame_between_posts_is_two_rectangles(place) -> None:
     drawn = combine_all("union", [frame(place), posts(place)])
-    program = without_hidden_arcs(drawn, volume, 1e-9 * volume(drawn))
+    program = without_hidden_arcs(drawn, change_with, 1e-9 * volume(drawn))
     assert curves(program) == [8, 4]
     assert volume_iou(to_manifold(program), to_manifold(drawn)) == pytest.approx(1.0, abs=1e-7)
     box, inner, *round_parts = leaves(separate_loops(program))
@@ -55,7 +56,7 @@ def test_a_frame_between_posts_is_two_rectangles(place) -> None:
 def test_arcs_that_show_stay() -> None:
     """Three posts of four: the circle of the fourth is bare, and only that."""
     drawn = combine_all("union", [frame({}), posts({}, 3)])
-    program = without_hidden_arcs(drawn, volume, 1e-9 * volume(drawn))
+    program = without_hidden_arcs(drawn, change_with, 1e-9 * volume(drawn))
     assert volume_iou(to_manifold(program), to_manifold(drawn)) == pytest.approx(1.0, abs=1e-7)
     walls = next(leaf for leaf in leaves(program) if leaf.outline)
     assert walls.outline is not None
@@ -66,4 +67,4 @@ def test_a_round_hole_is_no_arc_that_is_hidden() -> None:
     """A plug hides the hole that it fills, but no line runs into it."""
     plate = Primitive("extrude", (2.0,), outline=Outline((((-6, -6, 0), (6, -6, 0), (6, 6, 0), (-6, 6, 0.1)), ((-1, 0, 1), (1, 0, 1)))))
     drawn = combine_all("union", [plate, cylinder(1.0, 2.0)])
-    assert without_hidden_arcs(drawn, volume, 1e-9) == drawn
+    assert without_hidden_arcs(drawn, change_with, 1e-9) == drawn

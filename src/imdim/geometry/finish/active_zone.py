@@ -19,8 +19,8 @@ from imdim.geometry.finish.posed import INSCRIBED, PosedPrimitive, apart, diagon
 from imdim.geometry.finish.section import extent
 from imdim.geometry.finish.tolerances import NOTHING
 from imdim.geometry.lowering import Lowered, Outlines, postfix
-from imdim.geometry.solid import exact_rotation
-from imdim.program.tree import KINDS, Op, Primitive, Program, fold
+from imdim.geometry.solid import SEGMENTS, exact_rotation
+from imdim.program.tree import KINDS, Op, Primitive, Program, fold, leaves
 
 PROBES = 64  # points of a region that are asked first
 
@@ -83,6 +83,15 @@ def _decides(program: Program, placed: list[PosedPrimitive], index: int, region:
     """`matters` by exact booleans."""
     left = zone_within(program, placed, index, region, region.solid)
     return left if isinstance(left, bool) else left.volume() > NOTHING * region.solid.volume()
+
+
+def change_with(program: Program, index: int, larger: Primitive, segments: int = SEGMENTS) -> float:
+    """Volume in which the solid of `program` changes where `larger`, which holds primitive `index`, takes its place. What does not reach
+    there is not asked: a tenth of the time of making the solid anew."""
+    placed, new = [PosedPrimitive(leaf, segments) for leaf in leaves(program)], PosedPrimitive(larger, segments)
+    more = new.solid - placed[index].solid
+    zone = zone_within(program, placed, index, new, more)
+    return (zone if isinstance(zone, Manifold) else more if zone else Manifold()).volume()
 
 
 def zone_within(program: Program, placed: list[PosedPrimitive], index: int, held_by: PosedPrimitive, region: Manifold) -> Manifold | bool:

@@ -24,6 +24,7 @@ class PosedPrimitive:
     """A primitive with what is asked of it again and again, made when it is first asked for."""
 
     leaf: Primitive
+    segments: int = CHECK_SEGMENTS
 
     @cached_property
     def rotation(self) -> np.ndarray:
@@ -66,8 +67,8 @@ class PosedPrimitive:
 
     @cached_property
     def solid(self) -> Manifold:
-        """The polyhedron, of CHECK_SEGMENTS facets a circle."""
-        return primitive_to_manifold(self.leaf, CHECK_SEGMENTS)
+        """The polyhedron, of `segments` facets a circle."""
+        return primitive_to_manifold(self.leaf, self.segments)
 
 
 _CUBE = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])

@@ -19,16 +19,14 @@ SLACK = 1e-4  # of an outline's extent, within which arcs are of one circle, and
 MOST = 4  # ends of lines at one circle
 
 
-def without_hidden_arcs(program: Program, volume: Callable[[Program], float], tolerance: float) -> Program:
-    """The program with the lines of its extruded outlines prolonged into the circles at which they end, where that changes the `volume` by
-    no more than `tolerance`: more of one leaf makes the solid nowhere less, or nowhere more."""
-    known: float | None = None
+def without_hidden_arcs(program: Program, change: Callable[[Program, int, Primitive], float], tolerance: float) -> Program:
+    """The program with the lines of its extruded outlines prolonged into the circles at which they end, where the volume in which they
+    `change` the solid of a program, of whose leaves they replace one, is no more than `tolerance`."""
     for number, leaf in enumerate(leaves(program)):
         for outline in _fuller(leaf):
-            known = volume(program) if known is None else known
-            trial = replace_leaves(program, {number: replace(leaf, outline=outline)})
-            if abs((filled := volume(trial)) - known) <= tolerance:
-                program, known = trial, filled
+            fuller = replace(leaf, outline=outline)
+            if change(program, number, fuller) <= tolerance:
+                program = replace_leaves(program, {number: fuller})
                 break
     return program
 

@@ -49,21 +49,18 @@ def hoist_cuts(program: Program, is_free: Callable[[Program], bool]) -> Program:
 
 
 def straighten(
-    program: Program, may_hide: Callable[[Primitive, Primitive], bool], volume: Callable[[Program], float], tolerance: float
+    program: Program,
+    may_hide: Callable[[Primitive, Primitive], bool],
+    change: Callable[[Program, int, Primitive], float],
+    tolerance: float,
 ) -> Program:
-    """Boxes in place of drawings whose other walls are hidden, such as a rib's end in the round boss that it leans on, where they change
-    the `volume` by no more than `tolerance`. It is asked only where a leaf's box, by what it has more than the leaf, `may_hide` in the
-    solid or beside it."""
-    known: float | None = None
+    """Boxes in place of drawings whose other walls are hidden, such as a rib's end in the round boss that it leans on, where the volume in
+    which they `change` the solid of a program, of whose leaves they replace one, is no more than `tolerance`. It is asked only where a
+    leaf's box, by what it has more than the leaf, `may_hide` in the solid or beside it."""
     for i, leaf in enumerate(leaves(program)):
         for box in _boxes_around(leaf):
-            if not may_hide(leaf, box):
-                continue
-            # more of one leaf makes the solid nowhere less, or nowhere more: what changed is the change of volume
-            known = volume(program) if known is None else known
-            trial = replace_leaves(program, {i: box})
-            if abs((filled := volume(trial)) - known) <= tolerance:
-                program, known = trial, filled
+            if may_hide(leaf, box) and change(program, i, box) <= tolerance:
+                program = replace_leaves(program, {i: box})
                 break
     return program
 
