@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -39,6 +41,18 @@ def test_both_ways_give_the_same_settings():
 
 def test_typed_arguments_win():
     assert from_arguments(["seed=3"], seed=4).seed == 4
+
+
+def test_typed_settings_alone_are_read_without_omegaconf():
+    code = "import sys; from imdim.reconstruction.config import from_arguments as f; s = f([], input='${x}', budget_s=5.0, seed=2)"
+    code += "; print(s.input, s.budget_s, s.seed, 'omegaconf' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["${x}", "5.0", "2", "False"]
+    assert from_arguments([], input="${x}", budget_s=5.0, seed=2) == from_arguments(["seed=2"], input="${x}", budget_s=5.0)
+    with pytest.raises(ConfigError, match="budget_s"):
+        from_arguments([], budget_s="soon")
+    with pytest.raises(ConfigError, match="seed"):
+        from_arguments([], seed=-1)
 
 
 def test_nested_parts_are_merged_and_stay_typed():

@@ -5,6 +5,7 @@ from tests.deadlines import PASSED
 from tests.planted import box, cut, cylinder
 
 from imdim.export.seats import seats
+from imdim.geometry.finish import datum_ends
 from imdim.geometry.finish.datum_ends import begin_at_datums
 from imdim.geometry.solid import to_manifold
 from imdim.program.outline import Outline, circle
@@ -135,3 +136,13 @@ def test_what_comes_down_to_the_base_may_go_up_to_the_top() -> None:
     shell = cut(box(40.0, 30.0, 7.0, (0.0, 0.0, 3.5)), box(36.0, 40.0, 4.0, (0.0, 0.0, 3.5)))
     after = list(leaves(changed(join(shell, cylinder(6.0, 4.0, (0.0, 0.0, 3.5))))))
     assert span(after[-1]) == pytest.approx((0.0, 7.0))
+
+
+def test_what_is_seen_of_a_part_alone_is_of_that_part():
+    """A bored boss on a plate: the solid less all but the plate has slivers along the bore, as high as the boss."""
+    half = Outline((((0.0, -16.0, 0.0), (14.0, -16.0, 0.0), (14.0, 16.0, 0.0), (0.0, 16.0, 0.0)),))
+    plate, boss = box(130.0, 50.0, 8.0, (0.0, 0.0, 4.0)), Primitive("revolve", (360.0,), (0.0, 0.0, 20.0), outline=half)
+    program = cut(join(plate, boss), cylinder(10.0, 50.0, (0.0, 0.0, 20.0)))
+    seen = datum_ends._Visible(program, to_manifold(program, datum_ends.CHECK_SEGMENTS))
+    top = next(end for end in datum_ends._ends(program) if (end.leaf, end.axis, end.side) == (0, 2, 1))
+    assert seen.along(top) == pytest.approx((0.0, 8.0))

@@ -18,13 +18,13 @@ from manifold3d import Manifold
 
 from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
-from imdim.geometry.finish.active_zone import probes
+from imdim.geometry.finish.active_zone import probes, zone_within
 from imdim.geometry.finish.extend import Face, between, length, plane_faces
+from imdim.geometry.finish.posed import PosedPrimitive
 from imdim.geometry.finish.section import CHECK_SEGMENTS
 from imdim.geometry.finish.tolerances import ALIGNED, NOTHING, TOUCH
 from imdim.geometry.lowering import lower
 from imdim.geometry.solid import exact_rotation, primitive_to_manifold, to_manifold
-from imdim.program.paths import leaf_paths, without
 from imdim.program.roles import signs
 from imdim.program.tree import PRISMS, Primitive, Program, leaves, longest, replace_leaves
 
@@ -80,8 +80,9 @@ class _Visible:
         return (low, high) if end.side > 0 else (-high, -low)
 
     def _box(self, leaf: int) -> tuple[float, ...] | None:
-        rest = without(self.program, {leaf_paths(self.program)[leaf][0]})
-        shown = self.solid if rest is None else self.solid - to_manifold(rest, CHECK_SEGMENTS)
+        placed = [PosedPrimitive(part) for part in leaves(self.program)]
+        zone = zone_within(self.program, placed, leaf, placed[leaf], placed[leaf].solid)
+        shown = zone if isinstance(zone, Manifold) else placed[leaf].solid if zone else Manifold()
         return None if shown.volume() <= NOTHING * self.solid.volume() else shown.bounding_box()
 
 
