@@ -150,3 +150,10 @@ def test_a_fit_opens_what_its_search_leaves_closed(name, monkeypatch):
     monkeypatch.setitem(METHODS, "tree", lambda run: iter([found]))
     *_, last = reconstruct(meant, Settings(method="tree", solver=False), np.random.default_rng(0))
     assert find_film(to_trimesh(to_manifold(last.program)), meant, math.inf) is None
+
+
+def test_sides_that_a_move_leaves_where_they_are_do_not_send_the_end_of_a_step_out():
+    """A step across the whole width of a bar ends in the air: further out its end opens nothing at its sides, which are along the bar's."""
+    bar, step = Primitive("box", (15.0, 40.0, 10.0)), extrude(6.0, rectangle(15.0, 12.0), (0.0, -16.0, 4.0))
+    stepped = cut(bar, step)
+    assert open_films(stepped, to_manifold(stepped)) == stepped

@@ -58,6 +58,7 @@ OWN = 0.1  # of what a move takes away: the share that may be the target's, whos
 SHOWS = 2e-3  # of the target's surface: the two sides of a film that is worth more curves
 INSIDE = (1e-3, 1e-2, 0.05, 0.2, 0.5)  # of FILM, out of a wall: where a film shows
 MORE_CURVES = 2  # that opening a film may take
+STAYS = 1e-3  # of a step: a wall that has moved by less is where it was
 
 
 def open_films(program: Program, solid: Manifold, deadline: Deadline = NEVER) -> Program:
@@ -246,8 +247,25 @@ def _wider(ring: Ring, seen: _Seen, step: float) -> list[Ring]:
         film = any(seen.film[(first + k) % len(ring)] for k in range(count))
         for start, end in dict.fromkeys([(inner[0], inner[-1] + 1), (0, count)]) if inner else ():
             moved = straighten_run(ring, (first + start) % len(ring), end - start, step)
-            found += [moved] if moved and len(moved) <= len(ring) + MORE_CURVES * film else []
+            # a wall that stays where it was is not opened, and would be asked for again and again
+            opens = moved and not any(_is_along(moved, ring_curves(ring)[(first + k) % len(ring)], step) for k in inner)
+            found += [moved] if moved and opens and len(moved) <= len(ring) + MORE_CURVES * film else []
     return sorted(found, key=len)
+
+
+def _is_along(ring: Ring, wall: Curve, step: float) -> bool:
+    """Whether a line of a ring runs along a straight wall."""
+    x, y, u, v, bulge = wall
+    lines = [] if bulge else [np.array(c[:4]).reshape(2, 2) for c in ring_curves(ring) if not c[4]]
+    middle = np.array([x + u, y + v]) / 2
+    return any(_off_line(middle, line) < STAYS * step for line in lines)
+
+
+def _off_line(point: np.ndarray, line: np.ndarray) -> float:
+    """Distance of a point [2] from a line between two [2, 2]."""
+    along = line[1] - line[0]
+    share = np.clip((point - line[0]) @ along / max(float(along @ along), 1e-300), 0.0, 1.0)
+    return float(np.linalg.norm(point - line[0] - share * along))
 
 
 def _runs(flags: Sequence[bool]) -> Iterator[tuple[int, int]]:
