@@ -5,7 +5,16 @@ import pytest
 import trimesh
 from tests.known_programs import KNOWN
 
-from imdim.geometry.solid import join_touching, mesh_to_manifold, symmetric_difference_volume, to_manifold, to_trimesh, volume, volume_iou
+from imdim.geometry.solid import (
+    SEGMENTS,
+    join_touching,
+    mesh_to_manifold,
+    symmetric_difference_volume,
+    to_manifold,
+    to_trimesh,
+    volume,
+    volume_iou,
+)
 from imdim.program.outline import Outline
 from imdim.program.tree import Combine, Primitive
 
@@ -83,9 +92,14 @@ def test_the_surface_comes_back_closed():
 
 
 def test_a_program_that_was_just_made_is_not_made_again():
-    ball = Primitive("sphere", (1.0,))
-    assert to_manifold(ball, 24) is to_manifold(Primitive("sphere", (1.0,)), 24)
-    assert to_manifold(ball, 24).num_tri() < to_manifold(ball, 48).num_tri()
+    def bored() -> Combine:
+        return Combine("difference", Primitive("sphere", (1.0,)), Primitive("cylinder", (0.5, 3.0)))
+
+    made = to_manifold(bored())
+    for size in range(1, 60):  # primitives take nobody's place
+        to_manifold(Primitive("box", (1.0 * size, 1.0, 1.0)))
+    assert to_manifold(bored(), SEGMENTS) is made
+    assert to_manifold(bored(), 24).num_tri() < made.num_tri()
 
 
 @pytest.mark.parametrize("scale", [1.0, 10.0, 1000.0])
