@@ -6,7 +6,7 @@ from outlined_samples import random_drawn
 from tests.known_programs import AWAY, DRAWN_LEAVES, LEAVES, TILT
 
 from imdim.geometry.kernels import program_sdf
-from imdim.geometry.off_surface import LOCAL, off_surface
+from imdim.geometry.off_surface import LOCAL, measure_distances
 from imdim.geometry.sampling import bounding_radius
 from imdim.geometry.surface_map import map_surface
 from imdim.program.outline import Outline, circle, ellipse, rectangle
@@ -24,11 +24,11 @@ def test_each_kind_has_its_distance():
 def test_distances_are_those_of_the_kernels(leaf):
     rng = np.random.default_rng(3)
     around = np.asarray(leaf.center) + rng.uniform(-1.5, 1.5, (300, 3)) * bounding_radius(leaf)
-    assert off_surface(leaf, around) == pytest.approx(np.abs(program_sdf(leaf, around)), abs=1e-12)
+    assert measure_distances(leaf, around) == pytest.approx(np.abs(program_sdf(leaf, around)), abs=1e-12)
 
 
 @pytest.mark.parametrize("leaf", [Primitive(leaf.kind, leaf.size, outline=leaf.outline) for leaf in (*LEAVES, *DRAWN_LEAVES)])
 def test_points_of_the_surface_are_on_it(leaf):
     u = np.random.default_rng(5).random((200, 3))
     points, _, share = map_surface(leaf, u)
-    assert off_surface(leaf, points[share > 0]).max() < 1e-9
+    assert measure_distances(leaf, points[share > 0]).max() < 1e-9

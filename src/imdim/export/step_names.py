@@ -15,7 +15,7 @@ import numpy as np
 
 from imdim.export.part_names import Colour, PartNames
 from imdim.export.step_booleans import ocp
-from imdim.geometry.off_surface import off_surface
+from imdim.geometry.off_surface import measure_distances
 from imdim.program.tree import Program, leaves, longest
 
 ON = 1e-5  # of the part's largest size, within which a point lies on a feature
@@ -53,7 +53,7 @@ def name_faces(shape: Any, program: Program, names: PartNames) -> Iterator[tuple
     faces, points = _faces_and_points(shape, longest(leaves(program)))
     if not faces:
         return
-    off = np.stack([off_surface(leaf, points) for leaf in leaves(program)])
+    off = np.stack([measure_distances(leaf, points) for leaf in leaves(program)])
     near: np.ndarray = off <= ON * longest(leaves(program))
     owners = np.where(np.any(near, axis=0), np.argmax(near, axis=0), len(off))
     for face, owner in zip(faces, owners.tolist(), strict=True):

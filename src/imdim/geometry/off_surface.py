@@ -20,7 +20,7 @@ from imdim.program.tree import FULL_TURN, Primitive
 _Local = Callable[[Primitive, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
-def off_surface(leaf: Primitive, points: np.ndarray) -> np.ndarray:
+def measure_distances(leaf: Primitive, points: np.ndarray) -> np.ndarray:
     """Distances [n] of `points` [n, 3] from the surface of a primitive, of an ellipsoid as `sdf.py` has it."""
     local = (points - np.asarray(leaf.center)) @ matrix_from_euler(leaf.rotation)
     return np.abs(LOCAL[leaf.kind](leaf, *local.T))
