@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from benchmark_part import Row
 
-from imdim.app.batch.folder import write_whole
+from imdim.whole_file import write_text_whole
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -25,8 +25,8 @@ FEW = 12  # features, with which a part is still read at a glance
 def write_tables(rows: list[Row], title: str, budget: float, out: Path) -> str:
     """`table.md` and `table.csv`, whole; the text of the first."""
     text = f"# {title}\n\n{markdown(rows)}\n\n" + "\n".join(f"- {s}" for s in summary(rows, budget)) + "\n"
-    write_whole(out / "table.md", text)
-    write_whole(out / "table.csv", csv_text(rows))
+    write_text_whole(out / "table.md", text)
+    write_text_whole(out / "table.csv", csv_text(rows))
     return text
 
 
