@@ -197,6 +197,16 @@ def test_a_flat_scrap_that_no_time_is_left_for_is_left_out(tilt):
     assert [note for note in last.notes if "no time was left for 1 of 3 bodies: they are boxes" in note]
 
 
+def test_scraps_beside_a_part_take_none_of_its_time(monkeypatch):
+    solid = mesh_of(complex_part(), 48)
+    scraps = [trimesh.Trimesh(np.eye(3) + (300.0 + 9 * k, 0.0, 0.0), [[0, 1, 2]], process=False) for k in range(9)]
+    shares = []
+    kept = pipeline._body
+    monkeypatch.setattr(pipeline, "_body", lambda body, work, share=1.0: shares.append(share) or kept(body, work, share))
+    snapshots(trimesh.util.concatenate([solid, *scraps]), budget_s=0.5)
+    assert shares[0] > 0.9
+
+
 def complex_part() -> Program:
     """Some 60 primitives in three layers."""
     rng = np.random.default_rng(8)
