@@ -199,7 +199,7 @@ def test_a_flat_scrap_that_no_time_is_left_for_is_left_out(tilt):
 
 def test_scraps_beside_a_part_take_none_of_its_time(monkeypatch):
     solid = mesh_of(complex_part(), 48)
-    scraps = [trimesh.Trimesh(np.eye(3) + (300.0 + 9 * k, 0.0, 0.0), [[0, 1, 2]], process=False) for k in range(9)]
+    scraps = [trimesh.Trimesh(np.eye(3) + np.array([300.0 + 9 * k, 0.0, 0.0]), [[0, 1, 2]], process=False) for k in range(9)]
     shares = []
     kept = pipeline._body
     monkeypatch.setattr(pipeline, "_body", lambda body, work, share=1.0: shares.append(share) or kept(body, work, share))
