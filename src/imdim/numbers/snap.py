@@ -76,9 +76,9 @@ def snap(
     largest, inches = span(parts), are_inches(parts)
     widths = grids(largest, config.finest * largest, inches)
     bits = _bits(parts, largest) if config.typed else 0.0
-    values, typed = (
-        _settle_typed(values, judge, config, grids(largest, bits, inches), bits) if config.typed else (values, frozenset[float]())
-    )
+    typed = frozenset[float]()
+    if config.typed:
+        values, typed = _settle_typed(values, judge, config, grids(largest, bits, inches), bits)
     for share in (0.1, 0.3, 1.0) if config.equalise else ():
         changes = clusters(values, share * config.max_move * largest, typed)
         values = accept_changes(values, changes, Values.with_numbers, judge.bears, config.tries)
