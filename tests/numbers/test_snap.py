@@ -80,7 +80,7 @@ def test_what_a_mesh_tells_to_its_last_bits_is_not_rounded_further():
     odd = Primitive("box", (3.0, 5.012345, 3.0), (5.5, 2.5061725, 137.16))
     program = combine_all("difference", [bar, *pockets, odd])
     error = Distance(program)
-    got, bold = (snap(single(program), error, config=SnapConfig(typed=typed, abs_tolerance=1e-3)) for typed in (True, False))
+    got, bold = (snap(single(program), error, config=SnapConfig(precision=bits, abs_tolerance=1e-3)) for bits in (2.8e-5, 0.0))
     assert list(leaves(got))[:3] == [bar, *pockets]
     assert list(leaves(got))[3].size[1] == pytest.approx(5.0, abs=1e-9)
     assert list(leaves(bold))[1] != pockets[0]

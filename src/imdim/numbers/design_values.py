@@ -28,6 +28,7 @@ INCH = 25.4  # millimetres
 FINEST_FRACTION = 128
 LAST_BITS = 1e-7  # of a part's span, by which single precision moves a value
 RARE = 50  # times that: a grid so wide holds a value by chance one time in 25
+SCARCE = 20  # times that: the least for a grid that all numbers of a part are on
 LENGTH = 3  # classes 0, 1, 2 are positions along x, y, z
 UNUSED = -1
 
@@ -234,10 +235,10 @@ def common_grid(measured: np.ndarray, half: np.ndarray) -> float:
 
 
 def typed_widths(numbers: np.ndarray, widths: Sequence[float], bits: float) -> list[float]:
-    """Those of the grids, coarsest first, on which one of the numbers [n], which single precision moves by `bits`, is no chance: those far
-    wider than that, and all down to the one that the numbers are on together."""
+    """Those of the grids, coarsest first, on which one of the numbers [n], which may be off by `bits`, is no chance: those far wider than
+    that, and all down to the one that the numbers are on together."""
     common = common_grid(numbers, np.full(len(numbers), bits))
-    finest = min(RARE * bits, common) if common else RARE * bits
+    finest = min(RARE * bits, common) if common >= SCARCE * bits else RARE * bits
     return [width for width in widths if width >= finest * (1 - 1e-9)]
 
 

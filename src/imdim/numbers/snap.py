@@ -15,7 +15,6 @@ import numpy as np
 
 from imdim.deadline import NEVER, Deadline
 from imdim.numbers.design_values import (
-    LAST_BITS,
     Values,
     clusters,
     coarsest_widths,
@@ -53,7 +52,7 @@ class SnapConfig:
     tries: int = 32  # evaluations that one round of proposals may cost
     max_calls: int = 300  # evaluations in all
     equalise: bool = True  # whether values that nearly agree are made equal, on no other evidence
-    typed: bool = False  # whether values that are on a grid to the last bits of a mesh were typed, and stay
+    precision: float = 0.0  # in the program's unit, by which a mesh's places are off at most: values that it keeps off a grid were typed
 
 
 def snap(
@@ -75,15 +74,14 @@ def snap(
     values = Values.of(parts)
     largest, inches = span(parts), are_inches(parts)
     widths = grids(largest, config.finest * largest, inches)
-    bits = _bits(parts, largest) if config.typed else 0.0
     typed = frozenset[float]()
-    if config.typed:
-        values, typed = _settle_typed(values, judge, config, grids(largest, bits, inches), bits)
+    if config.precision:
+        values, typed = _settle_typed(values, judge, config, grids(largest, config.precision, inches))
     for share in (0.1, 0.3, 1.0) if config.equalise else ():
         changes = clusters(values, share * config.max_move * largest, typed)
         values = accept_changes(values, changes, Values.with_numbers, judge.bears, config.tries)
     values = _round(values, judge, config, widths, largest, typed)
-    return _rebuilt(program, _snap_outlines(tuple(values.primitives()), judge, config, largest, inches, bits))
+    return _rebuilt(program, _snap_outlines(tuple(values.primitives()), judge, config, largest, inches))
 
 
 class _SnapJudge:
@@ -147,13 +145,13 @@ def _snap_rotations(parts: list[Primitive], judge: _SnapJudge, config: SnapConfi
 
 
 def _snap_outlines(
-    parts: tuple[Primitive, ...], judge: _SnapJudge, config: SnapConfig, largest: float, inches: bool, bits: float
+    parts: tuple[Primitive, ...], judge: _SnapJudge, config: SnapConfig, largest: float, inches: bool
 ) -> tuple[Primitive, ...]:
     """Outlines rounded as boldly as they bear, and the angles that they turn by."""
     start = parts
     for share in OUTLINE_SHARES:
         slack = share * config.max_move * largest
-        offers = [(i, snap_leaf(p, slack, inches, bits)) for i, p in enumerate(parts) if p is start[i] and p.outline]
+        offers = [(i, snap_leaf(p, slack, inches, config.precision)) for i, p in enumerate(parts) if p is start[i] and p.outline]
         offers = [(i, leaf) for i, leaf in offers if leaf != parts[i]]
         parts = accept_changes(parts, offers, _put, judge.bears_parts, config.tries)
     for step in ANGLE_STEPS:
@@ -173,19 +171,12 @@ def _put_all(parts: tuple[Primitive, ...], change: Mapping[int, Primitive]) -> t
     return tuple(change.get(i, part) for i, part in enumerate(parts))
 
 
-def _bits(parts: Sequence[Primitive], largest: float) -> float:
-    """By how much single precision moves a place of these parts, wherever they lie."""
-    return LAST_BITS * max(largest, *(abs(v) for part in parts for v in part.center))
-
-
-def _settle_typed(
-    values: Values, judge: _SnapJudge, config: SnapConfig, widths: Sequence[float], bits: float
-) -> tuple[Values, frozenset[float]]:
-    """The values with those that the last `bits` of a mesh keep off a grid that is far wider, or the part's own, on it, and these: a mesh
-    says so exactly where its faces are that a number next to it on a coarser grid is another one, and what was equal stays so."""
+def _settle_typed(values: Values, judge: _SnapJudge, config: SnapConfig, widths: Sequence[float]) -> tuple[Values, frozenset[float]]:
+    """The values with those that a mesh's precision keeps off a grid that is far wider, or the part's own, on it, and these: a mesh says so
+    exactly where its faces are that a number next to it on a coarser grid is another one, and what was equal stays so."""
     groups = equal_groups(values)
     numbers = np.array([values.numbers[group[0]] for group in groups])
-    found = coarsest_widths(numbers, typed_widths(numbers, widths, bits), bits)
+    found = coarsest_widths(numbers, typed_widths(numbers, widths, config.precision), config.precision)
     moves = [(group, round_to_grid(float(v), w)) for group, v, w in zip(groups, numbers, found, strict=True) if w]
     values = accept_changes(values, moves, Values.with_numbers, judge.bears, config.tries)
     return values, frozenset(number for group, number in moves if values.numbers[group[0]] == number)

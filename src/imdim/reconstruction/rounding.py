@@ -19,6 +19,7 @@ from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.geometry.surface import Patch, signed_distance
 from imdim.numbers.circles import round_circles
 from imdim.numbers.origin import find_offset
+from imdim.numbers.precision import precision_of
 from imdim.numbers.snap import SnapConfig, accept_changes, snap
 from imdim.numbers.symmetry_normal_form import canonical
 from imdim.program.outline import are_near
@@ -79,7 +80,9 @@ def snap_numbers(program: Program, seen: Observation, frame: Frame, deadline: De
     if deadline.has_passed():
         return plain
     judge = _SolidJudge(frame.apply(plain), seen)
-    rounding = _Rounding(plain, _distance_from(seen, frame), judge, frame, seen.target.mesh is not None, deadline)
+    mesh = seen.target.mesh
+    precision = 0.0 if mesh is None else precision_of(frame.to_world(mesh.vertices))
+    rounding = _Rounding(plain, _distance_from(seen, frame), judge, frame, precision, deadline)
     for caution in CAUTIONS:
         out = rounding.run(caution)
         if out == plain or judge.keeps(frame.apply(out)):
@@ -102,25 +105,28 @@ def _distance_from(seen: Observation, frame: Frame) -> Callable[[Program], float
 
 @dataclass(frozen=True)
 class _Rounding:
-    """Rounds the numbers of `plain`, of a body whose target is `exact`, as boldly as its solid bears."""
+    """Rounds the numbers of `plain`, of a body of whose mesh places are off by the `precision`, as boldly as its solid bears; that of a
+    cloud is 0."""
 
     plain: Program
     distance: Callable[[Program], float]
     judge: _SolidJudge
     frame: Frame
-    exact: bool
+    precision: float
     deadline: Deadline
 
     def run(self, caution: float) -> Program:
         """The program with rounder numbers, the judge's limits divided by `caution`."""
-        out, move, loss = self.plain, *((1e-3, 2e-6) if self.exact else (2e-3, 2e-5))
-        for boldness in (1.0, 0.1, 0.01, 0.001) if self.exact else (1.0, 0.3):
-            config = SnapConfig(max_move=move * boldness, abs_tolerance=loss * boldness, max_deg=SNAP_DEG * boldness, typed=self.exact)
+        out, move, loss = self.plain, *((1e-3, 2e-6) if self.precision else (2e-3, 2e-5))
+        for boldness in (1.0, 0.1, 0.01, 0.001) if self.precision else (1.0, 0.3):
+            config = SnapConfig(
+                max_move=move * boldness, abs_tolerance=loss * boldness, max_deg=SNAP_DEG * boldness, precision=self.precision
+            )
             out, whole = self._take(out, config, caution)
             if whole:
                 break
         most = (1 + SnapConfig().rel_tolerance) * min(self.distance(self.plain), self.distance(out)) + loss
-        if self.exact:
+        if self.precision:
             out, _ = self._take(out, ROUGH, caution)
             most = max(most, self.distance(out))
         if self.deadline.has_passed():
