@@ -12,8 +12,8 @@ WRITTEN = 0.5  # of the different coordinates that all have so many digits, at m
 
 
 def precision_of(vertices: np.ndarray) -> float:
-    """By how much a coordinate of vertices [n, 3] may be off, in their unit: by what single precision leaves of the largest of them, or half
-    of the last digit where all have as many after the point and most use them."""
+    """By how much a coordinate of vertices [n, 3] may be off, in their unit: by what single precision leaves of the largest, or half of the
+    last digit where all have as many after the point and most use them."""
     extent = float(np.abs(vertices).max(initial=0.0))
     bits = LAST_BITS * max(extent, float(np.ptp(vertices, axis=0).max(initial=0.0)))
     coordinates = np.unique(vertices)
