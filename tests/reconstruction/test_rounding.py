@@ -139,6 +139,23 @@ def test_one_odd_wall_keeps_no_other_from_being_rounded():
     assert places == {0.0, 0.5, 59.5, 60.0}
 
 
+def test_a_part_that_lies_anywhere_has_round_sizes():
+    """Walls of a thin box of 0.8 at no round place: each would be rounded, or stay, by itself."""
+    at, walls = (-101.4371839, 57.0031417, 12.3456789), ((20, 14, 9), (18.4, 12.4, 9))
+    moved = [
+        box(*size, tuple(a + b for a, b in zip(at, middle, strict=True)))
+        for size, middle in zip(walls, [(0, 0, 0), (0, 0, 0.8)], strict=True)
+    ]
+    mesh = mesh_of(cut(*moved))
+    mesh.vertices = np.float32(mesh.vertices)
+    off = [box(*(v + 3e-6 for v in leaf.size), tuple(c + 2e-6 for c in leaf.center)) for leaf in moved]
+    outer, inner = leaves(rounded(cut(*off), mesh))
+    assert outer.size == pytest.approx((20, 14, 9), abs=1e-9)
+    assert inner.size[:2] == pytest.approx((18.4, 12.4), abs=1e-9)
+    assert inner.center[:2] == outer.center[:2]
+    assert outer.center == pytest.approx(at, abs=2e-5)
+
+
 def test_copies_are_rounded_together():
     """A tray with numbers in thousandths, of which rounder ones of all its pockets cost more than they may: no single pocket has them."""
     pockets = [box(36.668, 17.4, 51.846, (39.068 * i, 19.8 * j, 1.6)) for i in (-1, 0, 1) for j in (-0.5, 0.5)]

@@ -27,6 +27,8 @@ def find_offset(leaves: Sequence[Primitive], most: float) -> Vec3:
 
 def _offset(places: np.ndarray, size: float, most: float) -> float:
     """Of the places [n] along one axis."""
+    if not len(places):
+        return 0.0
     slack = NEAR * size
     widths = grids(max(size, float(np.abs(places).max(initial=0.0)), COARSE * slack), COARSE * slack)
     offsets = {decimal(place - round_to_grid(place, width)) for place in places.tolist() for width in widths}

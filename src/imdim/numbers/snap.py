@@ -73,7 +73,8 @@ def snap(
     parts = _snap_rotations(list(leaves(program)), judge, config)
     values = Values.of(parts)
     largest, inches = span(parts), are_inches(parts)
-    widths = grids(largest, config.finest * largest, inches)
+    # five times a power of ten may be as wide as the finest where that is not
+    widths = [width for width in grids(largest, config.finest * largest / 2, inches) if width >= config.finest * largest]
     typed = frozenset[float]()
     if config.precision:
         values, typed = _settle_typed(values, judge, config, grids(largest, config.precision, inches))

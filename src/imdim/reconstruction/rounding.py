@@ -5,6 +5,7 @@ Rounding is judged by the distance of surface points, which is fast, and so is t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -18,12 +19,15 @@ from imdim.geometry.sampling import subsample
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.geometry.surface import Patch, signed_distance
 from imdim.numbers.circles import round_circles
+from imdim.numbers.design_values import decimal, round_to_grid
+from imdim.numbers.inches import are_inches
 from imdim.numbers.origin import find_offset
 from imdim.numbers.precision import precision_of
 from imdim.numbers.snap import SnapConfig, accept_changes, snap
 from imdim.numbers.symmetry_normal_form import canonical
 from imdim.program.outline import are_near
-from imdim.program.tree import Op, Primitive, Program, fold, leaves, longest, map_leaves, replace_leaves
+from imdim.program.tree import Op, Primitive, Program, Vec3, fold, leaves, longest, map_leaves, replace_leaves
+from imdim.program.vectors import minus
 from imdim.reconstruction.observation import Observation
 from imdim.reconstruction.preserve import preserve
 from imdim.target.target import Frame
@@ -43,6 +47,7 @@ SLACK = 1.5  # times the limits: what they may be off by, since they are told by
 SURELY = 0.9 * SLACK  # times what an IoU may fall by: where the solid changes by less, it has not, even as booleans round
 CAUTIONS = (1.0, 2.0, 4.0)  # by which the limits are divided until the solid is kept
 SNAP_TRIES = 10  # programs that are made to find which rounder primitives can stand together
+ORIGIN = (0.0, 0.0, 0.0)
 MOST_ROWS = 256  # distances of all points to one primitive, that are kept while numbers are rounded
 VALUES: Mapping[Op, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {  # of a program at some points, from those of its parts
     "union": np.minimum,
@@ -79,15 +84,39 @@ def snap_numbers(program: Program, seen: Observation, frame: Frame, deadline: De
     plain = map_leaves(program, lambda _, leaf: canonical(leaf))
     if deadline.has_passed():
         return plain
-    judge = _SolidJudge(frame.apply(plain), seen)
     mesh = seen.target.mesh
     precision = 0.0 if mesh is None else precision_of(frame.to_world(mesh.vertices))
-    rounding = _Rounding(plain, _distance_from(seen, frame), judge, frame, precision, deadline)
+    # a part that lies anywhere has round sizes all the same, and its places are rounded from where most of them are round
+    offset = _offset_of(plain, precision) if precision else ORIGIN
+    near = replace(frame, center=minus(frame.center, offset))
+    start = _move(plain, minus(ORIGIN, offset))
+    judge = _SolidJudge(near.apply(start), seen)
+    rounding = _Rounding(start, _distance_from(seen, near), judge, near, precision, deadline)
     for caution in CAUTIONS:
         out = rounding.run(caution)
-        if out == plain or judge.keeps(frame.apply(out)):
-            return out
+        if out == start or judge.keeps(near.apply(out)):
+            return plain if out == start else _move(out, offset)
     return plain
+
+
+def _offset_of(program: Program, precision: float) -> Vec3:
+    """By how much the places of a part are off the grid, to the precision of its mesh; parts in inches stay where they are."""
+    parts = list(leaves(program))
+    if are_inches(parts):
+        return ORIGIN
+    digit = 10.0 ** math.floor(math.log10(precision))
+    x, y, z = (round_to_grid(v, digit) for v in find_offset(parts, math.inf))
+    return x, y, z
+
+
+def _move(program: Program, by: Vec3) -> Program:
+    """A program moved, with decimal places."""
+    if by == ORIGIN:
+        return program
+    x, y, z = by
+    return map_leaves(
+        program, lambda _, p: replace(p, center=(decimal(p.center[0] + x), decimal(p.center[1] + y), decimal(p.center[2] + z)))
+    )
 
 
 def _distance_from(seen: Observation, frame: Frame) -> Callable[[Program], float]:
