@@ -15,6 +15,7 @@ from imdim.program.tree import Primitive, Vec3
 NEAR = 3e-6  # of the part, within which a place is on a grid: what single precision leaves
 MOST = 0.8  # of the places along an axis are on the grid then
 SURE_BITS = 20.0  # by which all places along an axis are shorter to write from the other origin, which has to be written too
+MOST_ASKED = 24  # places that may tell of the origin
 FLAT = 1e-9  # of a line's length, that its ends may differ by along an axis that it is square to
 
 
@@ -31,7 +32,9 @@ def _offset(places: np.ndarray, size: float, most: float) -> float:
         return 0.0
     slack = NEAR * size
     widths = grids(max(size, float(np.abs(places).max(initial=0.0)), COARSE * slack), COARSE * slack)
-    offsets = {decimal(place - round_to_grid(place, width)) for place in places.tolist() for width in widths}
+    # most places tell of the offset, if there is one, and so do most of a few
+    told_by = places[:: -(-len(places) // MOST_ASKED)].tolist()
+    offsets = {decimal(place - round_to_grid(place, width)) for place in told_by for width in widths}
     least, found = _bits(places, widths, slack)[0] - SURE_BITS, 0.0
     for offset in sorted(offset for offset in offsets if 0 < abs(offset) <= most):
         bits, share = _bits(places - offset, widths, slack)
