@@ -223,3 +223,16 @@ def test_a_mirror_in_the_middle_of_a_body_goes_with_it(tmp_path):
     for text in (flat, loops):
         solid = rendered(text, tmp_path, "plate_length=90", "boss_spacing=60")
         assert volume_iou(solid, to_manifold(posts(90.0, 60.0), SEGMENTS)) == pytest.approx(1, abs=1e-6)
+
+
+def test_mirrored_posts_that_nothing_is_midway_of_have_a_place():
+    """The plate's middle lies elsewhere, and the hole between the posts is no datum: it is where they are, if anything."""
+    plate, hole = box(90, 30, 6, (45, 15, 3)), cylinder(3, 20, (35, 15, 3))
+    posts = [p for x in (15.0, 55.0) for p in (cylinder(5, 14, (x, 12, 13)), box(6, 20, 9, (x, 15, 10.5)))]
+    found = finish(*relations_of(cut(union(plate, *posts), hole)))
+    assert found.folded is not None
+    assert [repeat.kind for _, repeat in repeats(found.folded)] == ["mirror"]
+    assert len(found.parameters.loops) == 1
+    used = [{term.name for term in row[0].terms} for row in found.parameters.centers]
+    assert used[1] == used[2] == {"boss_x"}
+    assert used[3] == used[4] == {"boss_x", "boss_spacing"}

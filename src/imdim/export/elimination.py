@@ -81,9 +81,9 @@ class LinearSystem:
         parts, numbers = list(leaves(program)), lower(program)
         start = vector(parts).tolist()
         system = LinearSystem(start, len(start), longest(parts))
-        if folded is not None:
-            add_repeats(system, folded, parts, fixed)
         sign = signs(program)
+        if folded is not None:
+            add_repeats(system, folded, parts, sign, fixed)
         system.drawn = add_outlines(system, parts if delivered is None else list(leaves(delivered)), folded, sign)
         sources = add_diameters(system, parts, folded)
         system.rows += bind_plugs(parts, sources)

@@ -19,8 +19,11 @@ ALIGNED = 1e-9  # of a unit vector
 ZERO = 1e-9  # of the largest size
 
 
-def add_repeats(system: LinearSystem, folded: Folded, parts: Sequence[Primitive], fixed: Collection[int]) -> None:
-    """The equations of all repeats; those with numbers in `fixed`, and those along no axis of the world, have places that stay."""
+def add_repeats(system: LinearSystem, folded: Folded, parts: Sequence[Primitive], sign: Sequence[int], fixed: Collection[int]) -> None:
+    """The equations of all repeats among leaves, whose `sign` is -1 where they cut.
+
+    Those with numbers in `fixed`, and those along no axis of the world, have places that stay.
+    """
     for number, (first, repeat) in enumerate(repeats(folded)):
         own = size(repeat.part)
         for leaf in range(first + own, first + own * repeat.number):
@@ -32,7 +35,7 @@ def add_repeats(system: LinearSystem, folded: Folded, parts: Sequence[Primitive]
         elif repeat.kind in ("linear", "grid"):
             _add_steps(system, repeat, first, own)
         elif repeat.kind == "mirror":
-            _add_mirror(system, repeat, first, own, parts)
+            _add_mirror(system, repeat, first, own, parts, sign)
         else:
             _add_circle(system, repeat, first, own, parts)
 
@@ -57,18 +60,28 @@ def _word(repeat: Repeat, axis: int) -> str:
     return "spacing" if plain else f"spacing_{'xyz'[axis]}"
 
 
-def _add_mirror(system: LinearSystem, repeat: Repeat, first: int, own: int, parts: Sequence[Primitive]) -> None:
-    """Each leaf as far from the plane as its image; what is equally far apart has one spacing. A plane through the middle of another leaf
-    goes with that: a longer plate keeps its ears at its ends."""
+def _add_mirror(system: LinearSystem, repeat: Repeat, first: int, own: int, parts: Sequence[Primitive], sign: Sequence[int]) -> None:
+    """Each leaf as far from the plane as its image; what is equally far apart has one spacing.
+
+    A plane through the middle of another leaf that adds goes with that: a longer plate keeps its ears at its ends. One through the origin
+    stays, and any other is midway between the first leaf and its image, wherever these are.
+    """
     axis = world_axis(repeat.axis)
     assert axis is not None
-    others = (i for i in range(len(parts)) if not first <= i < first + own * repeat.number)
+    others = (i for i in range(len(parts)) if sign[i] > 0 and not first <= i < first + own * repeat.number)
     hub = next((i for i in others if abs(parts[i].center[axis] - repeat.point[axis]) <= ZERO * system.length), None)
-    middle = {} if hub is None else {6 * hub + 3 + axis: -2.0}
+    at_origin = abs(repeat.point[axis]) <= ZERO * system.length
     spacings: dict[float, int] = {}
     for j, a in product(range(own), range(3)):
         image, source = 6 * (first + own + j) + 3 + a, 6 * (first + j) + 3 + a
-        system.rows.append({image: 1.0, source: 1.0} | middle if a == axis else {image: 1.0, source: -1.0})
+        if a != axis:
+            system.rows.append({image: 1.0, source: -1.0})
+        elif hub is not None:
+            system.rows.append({image: 1.0, source: 1.0, 6 * hub + 3 + axis: -2.0})
+        elif at_origin:
+            system.rows.append({image: 1.0, source: 1.0})
+        elif j:
+            system.rows.append({image: 1.0, source: 1.0, 6 * (first + own) + 3 + a: -1.0, 6 * first + 3 + a: -1.0})
         apart = system.start[image] - system.start[source]
         if a == axis and abs(apart) > ZERO * system.length:
             key = round(abs(apart) / system.length, 9)
