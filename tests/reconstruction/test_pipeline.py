@@ -197,14 +197,23 @@ def test_a_flat_scrap_that_no_time_is_left_for_is_left_out(tilt):
     assert [note for note in last.notes if "no time was left for 1 of 3 bodies: they are boxes" in note]
 
 
-def test_scraps_beside_a_part_take_none_of_its_time(monkeypatch):
-    solid = mesh_of(complex_part(), 48)
-    scraps = [trimesh.Trimesh(np.eye(3) + np.array([300.0 + 9 * k, 0.0, 0.0]), [[0, 1, 2]], process=False) for k in range(9)]
+@pytest.mark.parametrize(
+    ("others", "least"),
+    [
+        ([trimesh.Trimesh(np.eye(3) + np.array([300.0 + 9 * k, 0.0, 0.0]), [[0, 1, 2]], process=False) for k in range(9)], 0.9),
+        ([trimesh.creation.icosphere(6).apply_translation((300.0, 0.0, 0.0))], 0.5),
+    ],
+    ids=["scraps", "a ball of many facets"],
+)
+def test_what_lies_beside_a_part_takes_none_of_its_time(others, least, monkeypatch):
     shares = []
     kept = pipeline._body
-    monkeypatch.setattr(pipeline, "_body", lambda body, work, share=1.0: shares.append(share) or kept(body, work, share))
-    snapshots(trimesh.util.concatenate([solid, *scraps]), budget_s=0.5)
-    assert shares[0] > 0.9
+    monkeypatch.setattr(pipeline, "_body", lambda body, work, share=1.0: shares.append((body, share)) or kept(body, work, share))
+    solid = mesh_of(complex_part(), 48)
+    snapshots(trimesh.util.concatenate([solid, *others]), budget_s=0.5)
+    body, share = shares[0]
+    assert len(body.mesh.faces) == len(solid.faces)
+    assert share >= least
 
 
 def complex_part() -> Program:

@@ -35,7 +35,10 @@ def _offset(places: np.ndarray, size: float, most: float) -> float:
     # most places tell of the offset, if there is one, and so do most of a few
     told_by = places[:: -(-len(places) // MOST_ASKED)].tolist()
     offsets = {decimal(place - round_to_grid(place, width)) for place in told_by for width in widths}
-    least, found = _bits(places, widths, slack)[0] - SURE_BITS, 0.0
+    bits, share = _bits(places, widths, slack)
+    if share >= MOST:
+        return 0.0  # from another origin they would be shorter, but not rounder
+    least, found = bits - SURE_BITS, 0.0
     for offset in sorted(offset for offset in offsets if 0 < abs(offset) <= most):
         bits, share = _bits(places - offset, widths, slack)
         if bits < least and share >= MOST:

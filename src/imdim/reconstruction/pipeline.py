@@ -239,7 +239,9 @@ def _by_body(target: Target, work: _Work, left_out: list[InputError]) -> Iterato
             break
         state = None
         try:
-            for state in _body(body, replace(work, alone=len(bodies) == 1), facets[i] / sum(facets[i:])):
+            # many facets may be one ball: no body has less than an equal part of the time that is left
+            share = max(facets[i] / sum(facets[i:]), 1 / (len(bodies) - i))
+            for state in _body(body, replace(work, alone=len(bodies) == 1), share):
                 yield _together(state.stage, [*done, state])
         except InputError as error:
             left_out.append(error)
@@ -249,7 +251,7 @@ def _by_body(target: Target, work: _Work, left_out: list[InputError]) -> Iterato
 
 
 def _count_facets(body: Target) -> int:
-    """Facets of a body, or points of a cloud's, by which bodies share the time: a dozen scraps beside a part take none of its own."""
+    """Facets of a body, or points of a cloud's: a dozen scraps beside a part take none of its time."""
     return max(1, len(body.points) if body.mesh is None else len(body.mesh.faces))
 
 
