@@ -225,11 +225,12 @@ def test_a_mirror_in_the_middle_of_a_body_goes_with_it(tmp_path):
         assert volume_iou(solid, to_manifold(posts(90.0, 60.0), SEGMENTS)) == pytest.approx(1, abs=1e-6)
 
 
-def test_mirrored_posts_that_nothing_is_midway_of_have_a_place():
-    """The plate's middle lies elsewhere, and the hole between the posts is no datum: it is where they are, if anything."""
-    plate, hole = box(90, 30, 6, (45, 15, 3)), cylinder(3, 20, (35, 15, 3))
+@pytest.mark.parametrize("holes", [[], [cylinder(3, 20, (35, 15, 3))]], ids=["alone", "beside a hole"])
+def test_mirrored_posts_that_nothing_is_midway_of_have_a_place(holes):
+    """The plate's middle lies elsewhere, and a hole between the posts is no datum: it is where they are, if anything."""
+    plate = box(90, 30, 6, (45, 15, 3))
     posts = [p for x in (15.0, 55.0) for p in (cylinder(5, 14, (x, 12, 13)), box(6, 20, 9, (x, 15, 10.5)))]
-    found = finish(*relations_of(cut(union(plate, *posts), hole)))
+    found = finish(*relations_of(cut(union(plate, *posts), *holes)))
     assert found.folded is not None
     assert [repeat.kind for _, repeat in repeats(found.folded)] == ["mirror"]
     assert len(found.parameters.loops) == 1
