@@ -1,5 +1,6 @@
 """Outlines whose lines lean and whose arcs meet corners: what their names say, that what touched still touches, and who else reads them."""
 
+import cmath
 import math
 import subprocess
 from fractions import Fraction
@@ -34,6 +35,12 @@ def wedge(round_=4.0, x=18.0, bow=40.0, sides=6, nut=3.0):
     corners = [2 * math.pi * k / sides for k in range(sides)]
     hexagon = tuple((2 + nut * math.cos(t), 1 + nut * math.sin(t), 0.0) for t in corners)
     return Primitive("extrude", (5.0,), outline=Outline((as_floats(loop), reverse_loop(as_floats(hexagon)))))
+
+
+def socket(width, x=0.0, sides=6):
+    """A hole for a nut, which is `width` across flats."""
+    corners = [cmath.rect(width / 2 / math.cos(math.pi / sides), 2 * math.pi * k / sides) for k in range(sides)]
+    return reverse_loop(as_floats((x + c.real, c.imag, 0.0) for c in corners))
 
 
 def as_floats(loop):
@@ -112,6 +119,23 @@ def test_a_name_changes_what_it_says(name):
     assert delivered.values[name] == pytest.approx(wedge.__defaults__[wedge.__code__.co_varnames.index(drawn)])
     after = change_values(delivered, {name: value})
     assert volume_iou(solid_of(after), to_manifold(wedge(**{drawn: value}), SEGMENTS)) > 1 - 1e-7
+
+
+def test_a_nut_is_measured_across_its_flats():
+    """5.5 for M3, not the 3.175426 of its corners; of three or five sides none faces another."""
+
+    def plate(width, sides=6):
+        square = ((-10.0, -10.0, 0.0), (10.0, -10.0, 0.0), (10.0, 10.0, 0.0), (-10.0, 10.0, 0.0))
+        return Primitive("extrude", (5.0,), outline=Outline((square, socket(width, 0.0, sides))))
+
+    delivered = opened(plate(5.5))
+    assert delivered.values["plate_across_flats"] == pytest.approx(5.5)
+    assert not any("polygon_radius" in name for name in delivered.values)
+    for sides in (6, 8):
+        after = change_values(delivered, {"plate_across_flats": 6.0, "plate_sides": sides})
+        assert volume_iou(solid_of(after), to_manifold(plate(6.0, sides), SEGMENTS)) > 1 - 1e-7
+    assert "plate_polygon_radius" in opened(plate(5.5, 5)).values
+    assert "plate_polygon_radius" in opened(plate(2 * 3.35 * math.cos(math.pi / 6))).values, "its corners have the rounder number"
 
 
 def test_each_freedom_of_the_outline_has_one_name():
@@ -257,11 +281,12 @@ def test_mirror_images_are_edited_together():
 
 
 def every_bend():
-    """All that a text may say of arcs: in the wedge, in the snake behind it, in a disc with a slanted flat, and in the lever."""
+    """All that a text may say of arcs: in the wedge, in the snake behind it, in a disc with a slanted flat, and in the lever; and a hexagon
+    that is measured from side to side."""
     a, b, middle = (math.radians(t) for t in (20, 70, 225))
     ends = [(10 * math.cos(t), 10 * math.sin(t)) for t in (a, b, middle)]
     wide = math.tan((middle - b) / 4)
-    disc = Outline((((*ends[0], 0.0), (*ends[1], wide), (*ends[2], wide)), circle(3.0)))
+    disc = Outline((((*ends[0], 0.0), (*ends[1], wide), (*ends[2], wide)), circle(3.0), socket(3.0, -6.0)))
     parts = [
         Primitive("extrude", (5.0,), (40.0, 0.0, 1.0), outline=snake().outline),
         Primitive("extrude", (5.0,), (-45.0, 0.0, 1.0), outline=disc),
@@ -276,13 +301,24 @@ EDITED = {
     "profile_corner_y_2": 17.0,
     "profile2_arc_angle": 150.0,
     "profile3_end_radius": 10.0,
+    "profile2_across_flats": 4.0,
 }
 
 
 def test_openscad_draws_every_bend(tmp_path):
     delivered = opened(every_bend())
     text = delivered.texts["program.scad"]
-    assert all(said in text for said in ("ngon(", "[plate_corner_radius]", '"before"', "bend(profile2_arc_angle)", "[plate_arc_radius, 1]"))
+    assert all(
+        said in text
+        for said in (
+            "ngon(",
+            "across_flats(profile2_sides, profile2_across_flats, ",
+            "[plate_corner_radius]",
+            '"before"',
+            "bend(profile2_arc_angle)",
+            "[plate_arc_radius, 1]",
+        )
+    )
     for values in ({}, EDITED):
         mesh = rendered(text, tmp_path, *(f"{name}={value}" for name, value in values.items()))
         ours = solid_of(change_values(delivered, values) if values else delivered)

@@ -61,7 +61,7 @@ def test_openscad_renders_the_same_solid(name, tmp_path):
 
 
 def test_a_changed_definition_of_outlines_is_not_ours():
-    with pytest.raises(ValueError, match="line 14 is no primitive of ours"):
+    with pytest.raises(ValueError, match="line 15 is no primitive of ours"):
         read_openscad(to_openscad(PLATE).replace("rings = [for", "rings = [ for"))
     with pytest.raises(ValueError, match="is no loop or vertex of ours"):
         read_openscad("$fn = 96;\nlinear_extrude(height = 4, center = true) outline([[[1, 2, 3, 4], [0, 0], [0, 1]]]);")

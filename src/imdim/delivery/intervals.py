@@ -186,7 +186,11 @@ def _of_ring(ring: DrawnRing[Expression], loop: _Loop) -> Iterator[tuple[Express
     if isinstance(ring, DrawnPolygon | DrawnEllipse):
         whole = loop[0]
         pairs = (("x", ring.x), ("y", ring.y))
-        sizes = (("whole", ring.radius),) if isinstance(ring, DrawnPolygon) else (("rx", ring.rx), ("ry", ring.ry))
+        sizes = (
+            (("flats" if ring.is_across_flats else "whole", ring.size),)
+            if isinstance(ring, DrawnPolygon)
+            else (("rx", ring.rx), ("ry", ring.ry))
+        )
         if isinstance(ring, DrawnPolygon):
             pairs = (("whole_x", ring.x), ("whole_y", ring.y))
         yield from ((e, [whole[word]]) for word, e in (*pairs, *sizes) if word in whole)
@@ -226,7 +230,8 @@ def _numbers(outline: Outline) -> list[list[dict[str, float]]]:
         if not isinstance(loop, Ellipse):
             x, y = (float(np.mean([c[axis] for c in curves])) for axis in "xy")
             size = float(np.mean([math.hypot(c["x"] - x, c["y"] - y) for c in curves]))
-            curves[0] |= {"whole_x": x, "whole_y": y, "whole": size}
+            flats = 2 * size * math.cos(math.pi / len(curves))  # of a regular polygon
+            curves[0] |= {"whole_x": x, "whole_y": y, "whole": size, "flats": flats}
         out.append(curves)
     return out
 

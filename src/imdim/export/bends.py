@@ -32,6 +32,11 @@ def regular_polygon(sides: float, radius: float, x: float = 0.0, y: float = 0.0,
     return tuple((x + c.real, y + c.imag, 0.0) for c in corners)
 
 
+def polygon_across_flats(sides: float, width: float, x: float = 0.0, y: float = 0.0, angle: float = 0.0) -> Loop:
+    """The same by twice the radius of the circle that its sides touch."""
+    return regular_polygon(sides, width / 2 / math.cos(math.pi / max(sides, 3)), x, y, angle)
+
+
 def _round_corners(vertices: Sequence[tuple[float, float, Arc]]) -> tuple[list[complex], list[Arc]]:
     """Vertices and arcs without those that stand at a corner or at their centre: these have bulges and ends of their own."""
     n, at, arcs = len(vertices), [complex(x, y) for x, y, _ in vertices], [arc for _, _, arc in vertices]

@@ -1,6 +1,7 @@
 """Outlines as the texts write them: lists of loops, of vertices ``[x, y]`` from which a line runs, and ``[x, y, bulge]`` for an arc.
 
-A circle is ``ring(r, x, y)``, an ellipse ``ellipse(rx, ry, x, y, angle)`` and a regular polygon ``ngon(sides, r, x, y, angle)``, functions
+A circle is ``ring(r, x, y)``, an ellipse ``ellipse(rx, ry, x, y, angle)`` and a regular polygon ``ngon(sides, r, x, y, angle)``
+or ``across_flats(sides, width, x, y, angle)``, functions
 of each text. In place of a bulge a vertex
 may have ``[x, y, way]``, the centre that the arc runs about and 1 for counter-clockwise or -1; ``[r, way]``, its radius, and if both its
 ends are written at one place, that is its centre, and the lines beside it touch it; ``[r]`` if it rounds the corner that is written at
@@ -70,7 +71,7 @@ def _loop(loop: DrawnLoop, way: float, rounding: Rounding) -> str:
         written = [*map(write, lengths), write_expression(angle, rounding.angle)]
         while written[-1] == "0":
             written.pop()
-        return f"{'ngon' if isinstance(loop, DrawnPolygon) else 'ellipse'}({', '.join(written)})"
+        return f"{loop.function if isinstance(loop, DrawnPolygon) else 'ellipse'}({', '.join(written)})"
     ring = circle_sums(loop, way)
     if ring is not None:
         written = list(map(write, ring))

@@ -90,21 +90,30 @@ class DrawnVertex(Generic[T]):
 
 @dataclass(frozen=True)
 class DrawnPolygon(Generic[T]):
-    """A regular polygon: how many sides, from the centre to a corner, the centre, and the degrees from the x axis to a corner."""
+    """A regular polygon: how many sides, how large, the centre, and the degrees from the x axis to a corner.
+
+    Its size is the radius of the circle through its corners or, `is_across_flats`, twice that of the circle that its sides touch.
+    """
 
     sides: T
-    radius: T
+    size: T
     x: T
     y: T
     angle: T
+    is_across_flats: bool = False
+
+    @property
+    def function(self) -> str:
+        """What draws it in the texts."""
+        return "across_flats" if self.is_across_flats else "ngon"
 
     def map(self, change: Callable[[T], U]) -> DrawnPolygon[U]:
         """With all numbers changed."""
-        return DrawnPolygon(*map(change, self.numbers()))
+        return DrawnPolygon(*map(change, self.numbers()), is_across_flats=self.is_across_flats)
 
     def numbers(self) -> Iterator[T]:
         """All numbers."""
-        yield from (self.sides, self.radius, self.x, self.y, self.angle)
+        yield from (self.sides, self.size, self.x, self.y, self.angle)
 
 
 @dataclass(frozen=True)

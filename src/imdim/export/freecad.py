@@ -86,7 +86,8 @@ def _helpers(program: Program, lines: Sequence[str], blends: BlendTexts) -> list
         # a line of a name and a number alone would be a parameter
         constants = f'MOST_DRIVEN = {MOST_DRIVEN}  # curves of a loop\nFACE_MAKER = "Part::FaceMakerBullseye"\n\n'
         found += [constants, CURVES, texts.SKETCHES]
-        found += [texts.POLYGON] if "polygon(" in used else []
+        found += [texts.POLYGON] if "polygon(" in used or "across_flats(" in used else []
+        found += [texts.ACROSS_FLATS] if "across_flats(" in used else []
         found += [texts.ELLIPSE] if any(has_ellipse(leaf.outline) for leaf in outlined if leaf.outline) else []
         found += [text for kind, text in (("extrude", texts.EXTRUDED), ("revolve", texts.TURNED)) if any(p.kind == kind for p in outlined)]
     found += [RINGS] if blends.has_walls and blends.calls else []
@@ -152,7 +153,8 @@ class _Macro:
             written.append(_sum(angle, self._rounding.angle, ANGLE))
             while written[-1] == "0":
                 written.pop()
-            return f"{'polygon' if is_polygon else 'ellipse'}({', '.join(written)})"
+            word = "ellipse" if not is_polygon else "across_flats" if loop.is_across_flats else "polygon"
+            return f"{word}({', '.join(written)})"
         bulge = loop[0].bulge
         ring = circle_sums(loop, bulge) if isinstance(bulge, int | float) else None
         if ring is not None and self._value(ring[0]) > 0:

@@ -173,6 +173,14 @@ POLYGON = '''def polygon(sides, r, x=0, y=0, angle=0):
 
 '''
 
+ACROSS_FLATS = '''def across_flats(sides, width, x=0, y=0, angle=0):
+    """The same by its width from side to side."""
+    length = width if isinstance(width, str) else f"{width} mm"
+    return polygon(sides, f"({length}) / (2 * cos(180 deg / ({sides})))", x, y, angle)
+
+
+'''
+
 ELLIPSE = '''def ellipse(rx, ry, x=0, y=0, angle=0):
     """A loop that is an ellipse, its first semi-axis at an angle. FreeCAD has the longer one first."""
     if read_number(rx) < read_number(ry):

@@ -31,9 +31,11 @@ OUTLINE = """\
 // [x, y, bulge], bulge = tan(turn / 4). In place of the bulge [x, y, way] is its centre, way 1 for counter-clockwise or -1; [r, way] its
 // radius, and with both ends written as its centre one that the lines beside it touch; [r] that of one that rounds the corner at both its
 // ends; "before" or "after" the curve that it touches; bend(degrees) its turn.
-// A ring is a circle, an ngon a regular polygon with a corner at an angle; reach is half a chord, d from the centre.
+// A ring is a circle, an ngon a regular polygon with a corner at an angle, across_flats the same by its width from side to side; reach is
+// half a chord, d from the centre.
 function ring(r, x = 0, y = 0) = [[x - r, y, 1], [x + r, y, 1]];
 function ngon(sides, r, x = 0, y = 0, angle = 0) = [for (k = [0 : sides - 1]) [x, y] + r * direction(angle + 360 * k / sides)];
+function across_flats(sides, width, x = 0, y = 0, angle = 0) = ngon(sides, width / 2 / cos(180 / sides), x, y, angle);
 function direction(angle) = [cos(angle), sin(angle)];
 function reach(r, d) = sqrt(r * r - d * d);
 function bend(degrees) = tan(degrees / 4);

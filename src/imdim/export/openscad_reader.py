@@ -16,7 +16,7 @@ from collections.abc import Callable, Container, Iterator, Mapping
 from functools import lru_cache
 from typing import Any
 
-from imdim.export.bends import SIDES, Arc, regular_polygon, to_loop
+from imdim.export.bends import SIDES, Arc, polygon_across_flats, regular_polygon, to_loop
 from imdim.export.openscad import ELLIPSE, OUTLINE, SWITCH, WHERE_DRAWN
 from imdim.program import fields
 from imdim.program.outline import MOST_CURVES, Loop, Outline, circle, ellipse
@@ -35,6 +35,7 @@ _OPERATORS: Mapping[type, Callable[[float, float], float]] = {
     ast.Div: operator.truediv,
 }
 
+_POLYGONS = {"ngon": regular_polygon, "across_flats": polygon_across_flats}
 _NAME = re.compile(r"[A-Za-z_]\w*")
 _SECTION = re.compile(r"^/\* \[[^\]]*\] \*/$")  # of OpenSCAD's Customizer
 _SWITCHES = tuple(SWITCH[drawn].partition("//")[0].strip() for drawn in (True, False))
@@ -168,8 +169,8 @@ def _loop(node: ast.expr, values: Values, number: int) -> Loop:
             return circle(*numbers)
         if node.func.id == "ellipse" and 2 <= len(numbers) <= 5:
             return ellipse(*numbers)
-        if node.func.id == "ngon" and 2 <= len(numbers) <= 5:
-            return _drawn(lambda: regular_polygon(*numbers), number)
+        if node.func.id in _POLYGONS and 2 <= len(numbers) <= 5:
+            return _drawn(lambda: _POLYGONS[node.func.id](*numbers), number)
     vertices = [_vertex(v, values, number) for v in _elements(node, number)]
     return _drawn(lambda: to_loop(vertices), number)
 

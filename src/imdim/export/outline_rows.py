@@ -524,8 +524,10 @@ class _Dimensions:
 
     def _polygon(self, regular: RegularPolygon) -> DrawnPolygon[Sum]:
         sides = Sum(self._shared("sides", regular.sides), regular.sides)
-        radius = Sum(self._radius("polygon_radius", regular.radius), regular.radius)
-        return DrawnPolygon(sides, radius, *self._center_of(regular.center), self._angle("polygon_angle", regular.angle))
+        is_across = regular.is_measured_across_flats
+        word, value = ("across_flats", regular.across_flats) if is_across else ("polygon_radius", regular.radius)
+        size, angle = Sum(self._radius(word, value), value), self._angle("polygon_angle", regular.angle)
+        return DrawnPolygon(sides, size, *self._center_of(regular.center), angle, is_across)
 
     def _ellipse(self, loop: Ellipse, hole: bool) -> DrawnEllipse[Sum]:
         """An ellipse by its length and width; holes have their own."""

@@ -323,6 +323,7 @@ RESERVED = (
     "export_step",
     "ring",
     "ngon",
+    "across_flats",
     "ellipse",
     "reach",
     "bend",

@@ -61,6 +61,11 @@ def ngon(sides, r, x=0, y=0, angle=0):
     return [[x + r * cos(turn), y + r * sin(turn)] for turn in turns]
 
 
+def across_flats(sides, width, x=0, y=0, angle=0):
+    """A regular polygon by its width from side to side."""
+    return ngon(sides, width / 2 / cos(pi / sides), x, y, angle)
+
+
 '''
 
 CURVES = '''def curves(loop):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Loop, Point, Ring
 
+DECIMALS = 6  # of lengths in the texts
 WHOLE = 1e-6  # degrees, or of a sine, by which an angle may miss a round one
 
 
@@ -26,10 +27,20 @@ class RegularPolygon:
         """Twice the radius of the circle that its sides touch."""
         return 2 * self.radius * math.cos(math.pi / self.sides)
 
+    @property
+    def is_measured_across_flats(self) -> bool:
+        """Whether that is what a person gave: sides that face each other, apart by a number with fewer digits than the radius has."""
+        return self.sides % 2 == 0 and _count_digits(self.across_flats) < _count_digits(self.radius)
+
     def ring(self) -> Ring:
         """Its corners, counter-clockwise."""
         turns = (math.radians(self.angle + 360 * k / self.sides) for k in range(self.sides))
         return tuple((self.center[0] + self.radius * math.cos(t), self.center[1] + self.radius * math.sin(t), 0.0) for t in turns)
+
+
+def _count_digits(length: float) -> int:
+    """The decimals that a length is written with."""
+    return len(f"{length:.{DECIMALS}f}".rstrip("0").partition(".")[2])
 
 
 def regular_of(loop: Loop, slack: float) -> RegularPolygon | None:
