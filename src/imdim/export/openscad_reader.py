@@ -170,7 +170,8 @@ def _loop(node: ast.expr, values: Values, number: int) -> Loop:
         if node.func.id == "ellipse" and 2 <= len(numbers) <= 5:
             return ellipse(*numbers)
         if node.func.id in _POLYGONS and 2 <= len(numbers) <= 5:
-            return _drawn(lambda: _POLYGONS[node.func.id](*numbers), number)
+            draw = _POLYGONS[node.func.id]
+            return _drawn(lambda: draw(*numbers), number)
     vertices = [_vertex(v, values, number) for v in _elements(node, number)]
     return _drawn(lambda: to_loop(vertices), number)
 
