@@ -84,6 +84,19 @@ def test_faces_that_disagree_are_turned():
     assert "15 of 48 faces" in target.notes[0]
 
 
+def test_bodies_that_hold_nothing_are_left_out_of_a_solid():
+    """A triangle walked both ways, and a folded strip: exporters leave such scraps beside a part, which is a solid all the same."""
+    scraps = [
+        trimesh.Trimesh([[2, 0, 0], [3, 0, 0], [2, 1, 0]], [[0, 1, 2], [2, 1, 0]], process=False),
+        trimesh.Trimesh([[0, 2, 0], [1, 2, 0], [1, 3, 0], [0, 3, 0]], [[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]], process=False),
+    ]
+    target = target_from(trimesh.util.concatenate([BOX(), *scraps]))
+    assert target.is_solid
+    assert target.notes == ("2 bodies that hold nothing left out.",)
+    assert target.mesh is not None
+    assert target.mesh.bounds == pytest.approx(BOX().bounds), "nothing is sampled on them"
+
+
 def test_a_hole_leaves_an_open_mesh_with_a_note():
     mesh = BOX().subdivide()
     target = target_from(trimesh.Trimesh(mesh.vertices, mesh.faces[1:], process=False))

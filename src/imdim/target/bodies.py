@@ -12,6 +12,7 @@ from imdim.geometry.sampling import subsample
 from imdim.geometry.winding import winding_number
 
 PROBES = 7  # vertices of a body that must all lie inside another for it to be nested
+THIN = 1e-9  # volume relative to the area to the power of 1.5, up to which a body is a scrap of a surface walked both ways
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +84,14 @@ def find_bodies(vertices: np.ndarray, faces: np.ndarray) -> Bodies:
     root = np.array([next((j for j in h if depth[j] == 0), i) for i, h in zip(own, holders, strict=True)])
     parent = np.array([max(h, key=lambda j: depth[j], default=i) for i, h in zip(own, holders, strict=True)])
     return Bodies(label, volume, depth, root, parent)
+
+
+def leave_out_flat(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, int]:
+    """The faces of those bodies of a closed mesh that hold something, and how many others there were; all where none does."""
+    label = _pieces(faces)
+    volume, area = (np.bincount(label, v) for v in (_face_volumes(vertices, faces, label), face_normals(vertices, faces)[1]))
+    holds = np.abs(volume) > THIN * area**1.5
+    return (faces[holds[label]], int((~holds).sum())) if holds.any() else (faces, 0)
 
 
 def split_faces(vertices: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:

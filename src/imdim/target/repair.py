@@ -9,7 +9,17 @@ from manifold3d import Error, Manifold, OpType
 from scipy.spatial import KDTree
 
 from imdim.geometry.solid import drop_collapsed, solid_of
-from imdim.target.bodies import compact, components, count_bodies, edge_table, face_normals, find_bodies, mesh_volume, split_faces
+from imdim.target.bodies import (
+    compact,
+    components,
+    count_bodies,
+    edge_table,
+    face_normals,
+    find_bodies,
+    leave_out_flat,
+    mesh_volume,
+    split_faces,
+)
 from imdim.target.readers import InputError
 
 MAX_FACES = 200_000
@@ -49,7 +59,10 @@ def clean_mesh(vertices: np.ndarray, faces: np.ndarray, name: str) -> Cleaned:
         raise InputError(f"{name}: the mesh has 0 faces with three different corners")
     if len(faces) >= 4 * MAX_BODIES and (count := count_bodies(faces)) > MAX_BODIES:
         raise InputError(f"{name}: the mesh has {count} separate bodies, at most {MAX_BODIES}")
+    faces, flat = (faces, 0) if find_unpaired(faces).size else leave_out_flat(unit, faces)
     faces, notes = _orient(unit, faces)
+    if flat:
+        notes.insert(0, f"{flat} {'bodies that hold' if flat > 1 else 'body that holds'} nothing left out.")
     volume = mesh_volume(unit, faces)
     if abs(volume) < FLAT:
         raise InputError(
