@@ -8,7 +8,7 @@ from imdim.geometry import kernels
 from imdim.geometry.lowering import pack, unpack
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sampling import surface_points
-from imdim.numbers.design_values import Values, clusters, grids, round_to_grid
+from imdim.numbers.design_values import Values, clusters, grids, parted_groups, plainest_first, round_to_grid
 from imdim.numbers.snap import SnapConfig, accept_changes, snap
 from imdim.numbers.symmetry_normal_form import along_axis
 from imdim.program.tree import Combine, Primitive, Program, combine_all, leaves
@@ -141,6 +141,22 @@ def test_clusters_join_close_values_of_one_class_only():
     ]
     values = Values.of(parts)
     assert sorted((values.classes[i[0]], len(i), round(v, 3)) for i, v in clusters(values, 0.05)) == [(0, 2, 1.01), (3, 2, 1.005)]
+
+
+def test_a_number_that_is_round_already_is_that_of_its_cluster():
+    """Not the middle of it and of one that a mesh of single precision says."""
+    parts = [Primitive("sphere", (r,), (0.0, 0.0, z)) for r, z in ((1.0, -645.820007324), (2.0, -645.82), (3.0, 7.0))]
+    assert [value for _, value in clusters(Values.of(parts), 1e-3)] == [-645.82]
+
+
+def test_values_that_were_equal_and_are_no_longer_are_told():
+    before, after = (
+        Values.of([Primitive("box", (size, 2.0, 2.0), (x, 0.0, 0.0)), Primitive("box", (4.0, 1.0, 5.0))])
+        for size, x in ((4.0, 0.0), (4.002, -0.001))
+    )
+    (group,) = parted_groups(before, after, 1e-6)
+    assert sorted(after.numbers[group]) == pytest.approx([-2.002, -2.0])
+    assert plainest_first(after.numbers[group])[0] == -2.0
 
 
 def test_values_read_back_exactly():

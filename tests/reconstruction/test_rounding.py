@@ -1,5 +1,7 @@
 """Rounding to typed numbers: taken where it costs nothing of the target, left where the target has other numbers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.deadlines import PASSED
@@ -166,6 +168,25 @@ def test_copies_are_rounded_together():
     assert len({leaf.size for leaf in found[6:]}) == 1
 
 
+def test_faces_of_one_plane_stay_in_it():
+    """What is rounded in one box, and would cost too much in the other, too, is the same number again."""
+    plain = union(box(33.0, 60.0, 13.0, (-357.278, 0.0, 0.0)), box(33.0, 4.7, 3.4, (-357.278, -20.0, 8.2)))
+    judge, frame = judged(plain, plain)
+    rounding_ = rounding._Rounding(plain, lambda _: 0.0, judge, frame, 1e-5, NEVER)
+    wall, rim = leaves(plain)
+    parted = union(wall, replace(rim, size=(33.002, 4.7, 3.4), center=(-357.279, -20.0, 8.2)))
+    assert [leaf.size[0] for leaf in leaves(rounding_._rejoin(parted, 1.0, 1.0))] in ([33.0, 33.0], [33.002, 33.002])
+
+
+def test_what_costs_hardly_more_is_kept_where_all_has_been_spent():
+    truth = box(40, 30, 6)
+    judge, frame = judged(truth, truth)
+    spent = judge.costs(frame.apply(box(40, 30, 6 * (1 + 4 * SNAP_LOSS))))
+    assert spent.lost > judge.most_lost
+    for more, kept in ((1e-6, True), (2e-5, False)):
+        assert judge.seems_kept(frame.apply(box(40 * (1 + more), 30, 6 * (1 + 4 * SNAP_LOSS))), 1.0, spent) == kept
+
+
 def judged(truth, plain):
     seen, frame = seen_of(mesh_of(truth))
     return rounding._SolidJudge(frame.apply(plain), seen), frame
@@ -187,7 +208,9 @@ def test_what_booleans_refuse_is_tried_more_cautiously_and_then_left(monkeypatch
     tried = []
     seems = rounding._SolidJudge.seems_kept
     monkeypatch.setattr(
-        rounding._SolidJudge, "seems_kept", lambda judge, trial, caution: tried.append(caution) or seems(judge, trial, caution)
+        rounding._SolidJudge,
+        "seems_kept",
+        lambda judge, trial, caution, *spent: tried.append(caution) or seems(judge, trial, caution, *spent),
     )
     monkeypatch.setattr(rounding._SolidJudge, "keeps", lambda judge, trial: False)
     found = cut(box(40.0004, 29.9998, 6.0001), cylinder(3.0002, 8))

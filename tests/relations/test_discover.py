@@ -202,6 +202,17 @@ def test_what_rounding_broke_is_held_again():
     assert constraints == (equal, already)
 
 
+@pytest.mark.parametrize("widths", [(8.65, 8.651, 8.651), (8.652, 8.651, 8.651), (8.652, 8.65, 8.651)])
+def test_round_numbers_that_give_way_meet_at_a_round_place(widths):
+    """Three tabs of one width, which rounding has left a thousandth apart: their mean is no number that anyone typed."""
+    equal = Constraint("equal", tuple(Ref(i, "sx") for i in range(3)))
+    tabs = [box(width, 10.0, 4.0, (12.0 * i, 0.0, 0.0)) for i, width in enumerate(widths)]
+    program, held = hold_constraints(union(*tabs), [equal])
+    assert held == (equal,)
+    found = [leaf.size[0] for leaf in leaves(program)]
+    assert found == pytest.approx([round(found[0], 3)] * 3, abs=1e-9)
+
+
 def test_round_numbers_stay_where_others_come_to_them():
     plate, rib = box(40, 20, 6), replace(box(3, 10, 4, (8.5, 2.5, 5)), rotation=(0.0, 0.0, 30.0))
     other = replace(box(3, 10, 4, (-8.5, 2.5, 5)), rotation=(0.0, 0.0, 30.00002))

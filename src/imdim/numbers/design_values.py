@@ -26,6 +26,7 @@ NORMAL_95 = 1.959964  # standard deviations to either side that hold 95 % of a n
 FINE = 0.1  # of a half-width, by which a number may be rounded without a claim
 INCH = 25.4  # millimetres
 FINEST_FRACTION = 128
+FEWER = 5  # digits, than one beside it, that a number has which is rounded already
 LAST_BITS = 1e-7  # of a part's span, by which single precision moves a value
 RARE = 50  # times that: a grid so wide holds a value by chance one time in 25
 SCARCE = 20  # times that: the least for a grid that all numbers of a part are on
@@ -163,9 +164,24 @@ def clusters(values: Values, width: float, typed: Collection[float] = ()) -> lis
             numbers = values.numbers[index[close]]
             known = {number for number in numbers.tolist() if number in typed}
             if numbers[-1] > numbers[0] and len(known) < 2:
-                found.append((index[close], known.pop() if known else float(np.median(numbers))))
+                found.append((index[close], known.pop() if known else _common_value(numbers)))
             index = index[~close]
     return found
+
+
+def _common_value(numbers: np.ndarray) -> float:
+    """Of numbers that nearly agree the one that is rounded already, or else the middle one."""
+    plainest, middle = plainest_first(numbers)[0], float(np.median(numbers))
+    return plainest if _count_digits(plainest) + FEWER <= _count_digits(middle) else middle
+
+
+def plainest_first(numbers: np.ndarray) -> list[float]:
+    """The different ones of some numbers, those with the fewest digits first."""
+    return sorted(set(numbers.tolist()), key=lambda number: (_count_digits(number), number))
+
+
+def _count_digits(number: float) -> int:
+    return len(f"{abs(number):.12g}")
 
 
 def equal_groups(values: Values) -> list[np.ndarray]:
@@ -175,6 +191,18 @@ def equal_groups(values: Values) -> list[np.ndarray]:
         if key[0] != UNUSED:
             groups.setdefault(key, []).append(i)
     return [np.array(g) for g in groups.values()]
+
+
+def parted_groups(before: Values, after: Values, slack: float) -> list[np.ndarray]:
+    """The indices of values of one class that were equal `before`, within the slack, and are no longer `after`; those of leaves that are
+    read otherwise then are in none."""
+    found = []
+    for kind in range(LENGTH + 1):
+        index = np.flatnonzero((before.classes == kind) & (after.classes == kind))
+        index = index[np.argsort(before.numbers[index], kind="stable")]
+        gaps = np.flatnonzero(np.diff(before.numbers[index]) > slack) + 1
+        found += [group for group in np.split(index, gaps) if len(group) and np.ptp(after.numbers[group]) > slack]
+    return found
 
 
 def grids(largest: float, finest: float, inches: bool = False) -> list[float]:

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from imdim.geometry.sampling import subsample
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.geometry.surface import Patch, signed_distance
 from imdim.numbers.circles import round_circles
-from imdim.numbers.design_values import decimal, round_to_grid
+from imdim.numbers.design_values import Values, decimal, parted_groups, plainest_first, round_to_grid
 from imdim.numbers.inches import are_inches
 from imdim.numbers.origin import find_offset
 from imdim.numbers.precision import precision_of
@@ -37,6 +38,7 @@ SAME_CONES = 2e-5  # of the volume, that cones may change that begin where they 
 SAME_SIZE = 1e-6  # of a length, within which leaves are copies of one: what a mesh's single precision leaves of equal ones
 SNAP_DEG = 3.0  # by which a rotation is rounded at most
 SNAP_LOSS = 1e-4  # of the volume IoU with a mesh, that rounder numbers may cost: typed ones cost none,
+HARDLY = 5e-6  # of the volume: what each round of rounding may cost all the same where those before have taken all,
 FACETED = 0.03  # but for facets: as this share of what is between the surfaces
 ROUGH = SnapConfig(max_move=2e-5, abs_tolerance=2e-5, finest=4e-4, max_deg=0.0)  # numbers as near to a grid twenty times as wide
 MOVED, MOVED_LOSS = 1e-4, 5e-4  # of the diagonal and of the volume IoU, that a part is moved by at most to have its places on the grid
@@ -46,6 +48,7 @@ JUDGING = 6000  # points by which what rounding changes of the solid is told
 SLACK = 1.5  # times the limits: what they may be off by, since they are told by points
 SURELY = 0.9 * SLACK  # times what an IoU may fall by: where the solid changes by less, it has not, even as booleans round
 CAUTIONS = (1.0, 2.0, 4.0)  # by which the limits are divided until the solid is kept
+CHOICES = 3  # numbers of those that were equal, that are tried for all
 SNAP_TRIES = 10  # programs that are made to find which rounder primitives can stand together
 ORIGIN = (0.0, 0.0, 0.0)
 MOST_ROWS = 256  # distances of all points to one primitive, that are kept while numbers are rounded
@@ -132,6 +135,16 @@ def _distance_from(seen: Observation, frame: Frame) -> Callable[[Program], float
     return distance
 
 
+class Costs(NamedTuple):
+    """What rounder numbers change of a solid, and lose of it against its target, as shares of its volume."""
+
+    changed: float
+    lost: float
+
+
+NOTHING = Costs(0.0, 0.0)
+
+
 @dataclass(frozen=True)
 class _Rounding:
     """Rounds the numbers of `plain`, of a body of whose mesh places are off by the `precision`, as boldly as its solid bears; that of a
@@ -158,6 +171,7 @@ class _Rounding:
         if self.precision:
             out, _ = self._take(out, ROUGH, caution)
             most = max(most, self.distance(out))
+        out = self._rejoin(out, most, caution)
         if self.deadline.has_passed():
             return out
         return round_circles(self.plain, out, lambda trial: self._bears(trial, caution) and self.distance(trial) <= most)
@@ -169,11 +183,32 @@ class _Rounding:
         # corners of a drawn wall lie on the ends of what cuts it: they do not tell that it turns
         old, new = list(leaves(out)), list(leaves(snap(out, self.distance, config=config, deadline=self.deadline)))
         changes = _group_copies(old, [(i, leaf) for i, leaf in enumerate(new) if leaf != old[i]])
-        out = accept_changes(out, changes, replace_leaves, lambda trial: self._bears(trial, caution), SNAP_TRIES)
+        spent = self.judge.costs(self.frame.apply(out))
+        out = accept_changes(out, changes, replace_leaves, lambda trial: self._bears(trial, caution, spent), SNAP_TRIES)
         return out, list(leaves(out)) == new
 
-    def _bears(self, trial: Program, caution: float) -> bool:
-        return not self.deadline.has_passed() and self.judge.seems_kept(self.frame.apply(trial), caution)
+    def _rejoin(self, out: Program, most: float, caution: float) -> Program:
+        """What was equal made equal again, if the solid bears it: what is rounded in one leaf and not in another is one plane no longer."""
+        before, slack = Values.of(list(leaves(self.plain))), SAME_SIZE * longest(list(leaves(self.plain)))
+        spent = self.judge.costs(self.frame.apply(out))
+
+        def rejoined(values: Values) -> Program | None:
+            parts = values.primitives_or_none()
+            return None if parts is None else map_leaves(out, lambda i, _: parts[i])
+
+        def bears(values: Values) -> bool:
+            trial = rejoined(values)
+            return trial is not None and self._bears(trial, caution, spent) and self.distance(trial) <= most
+
+        values = Values.of(list(leaves(out)))
+        for rank in range(CHOICES):
+            groups = parted_groups(before, values, slack)
+            offers = [(group, choices[rank]) for group in groups if rank < len(choices := plainest_first(values.numbers[group]))]
+            values = accept_changes(values, offers, Values.with_numbers, bears, SNAP_TRIES)
+        return rejoined(values) or out
+
+    def _bears(self, trial: Program, caution: float, spent: Costs = NOTHING) -> bool:
+        return not self.deadline.has_passed() and self.judge.seems_kept(self.frame.apply(trial), caution, spent)
 
 
 class _SolidJudge:
@@ -194,13 +229,18 @@ class _SolidJudge:
     def _values(self, program: Program) -> np.ndarray:
         return fold(program, lambda _, leaf: self.values_of(leaf), VALUES)
 
-    def seems_kept(self, trial: Program, caution: float) -> bool:
-        """Whether the distances of the target's points say so, by limits divided by `caution`: what lies between two surfaces is their mean
-        distance times their area, up to a tenth where they are as near as here."""
+    def costs(self, trial: Program) -> Costs:
+        """As the distances of the target's points say: what lies between two surfaces is their mean distance times their area, up to a
+        tenth where they are as near as here."""
         values = self._values(trial)
         changed = float(np.abs(values - self.values).mean()) / self.thickness
-        lost = float(np.abs(values).mean()) / self.thickness - self.missed
-        return changed * caution < self.most and (self.target is None or lost * caution < self.most_lost)
+        return Costs(changed, 0.0 if self.target is None else float(np.abs(values).mean()) / self.thickness - self.missed)
+
+    def seems_kept(self, trial: Program, caution: float, spent: Costs = NOTHING) -> bool:
+        """Whether it costs no more than limits divided by `caution`, or hardly more than was `spent` before: where the first numbers took
+        all, the others may still become those that are all but theirs."""
+        costs, limits = self.costs(trial), (self.most, self.most_lost)
+        return all(cost < max(limit / caution, before + HARDLY) for cost, limit, before in zip(costs, limits, spent, strict=True))
 
     def keeps(self, trial: Program) -> bool:
         """Whether exact booleans say so. One less an IoU is a distance between solids: what changes the solid by less than

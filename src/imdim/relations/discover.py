@@ -7,6 +7,7 @@ must shorten the description (`relations.select`). The numbers then move onto al
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -46,6 +47,7 @@ MIN_SUPPORT = 6.0  # what fewer points show is not shown, as in `refine`
 SIGNIFICANCE = 1e-4  # of the test by which a relation is given up
 ROUND = (1e-2, 1e-5)  # grids of rounder and of round numbers, times the power of ten below the part's size
 ROUND_DEG = (10.0, 0.1)  # the same in degrees
+NO_DIGITS = 99  # decimals of a number that is not round
 FIRM, FIRMER = 1e4, 1e9  # points' worth that hold a round number, and a rounder one
 REVIEWS = 8  # relations that are given up at most
 SPANNED = 1e-6  # weights in combinations of rows that vanish
@@ -96,7 +98,7 @@ def exact_relations(program: Program, deadline: Deadline = NEVER) -> Discovery:
     length = extent_of(start)
     k, floor, metric = len(start.kinds), FLOOR * length, _firm_where_round(program, length)
     chosen = _choose(start, floor**2 * np.eye(9 * k), prior(start, length), DeterminedFaces.everything(start), metric, deadline)
-    numbers = _keep_unmoved(start, onto(start, chosen.taken, length, metric), length)
+    numbers = _keep_unmoved(start, _hold_roundly(start, chosen.taken, length, metric), length)
     constraints = name_constraints(merge_transitive(prune_implied(chosen.taken, numbers)), program)
     return Discovery(lift_numbers(program, start, numbers), constraints)
 
@@ -134,6 +136,43 @@ def _choose(
     return choice
 
 
+def _hold_roundly(start: Lowered, constraints: Sequence[Constraint], length: float, metric: Normal) -> Lowered:
+    """The numbers moved onto the constraints; round ones that gave way to each other go to one round place."""
+    held = onto(start, constraints, length, metric)
+    if _count_round(held, length) >= _count_round(start, length):
+        return held
+    digits = [_digits_of(values, length) for values in (start.sizes, start.centers)]
+    tried = [held]
+    # numbers with few digits and with more meet on the grid of these
+    for least in range(_most_digits(length) + 1):
+        sizes, centers = (_round_to(v, np.maximum(d, least)) for v, d in zip((held.sizes, held.centers), digits, strict=True))
+        tried.append(onto(replace(held, sizes=sizes, centers=centers), constraints, length, metric))
+    return max(tried, key=lambda numbers: _count_round(numbers, length))
+
+
+def _count_round(numbers: Lowered, length: float) -> int:
+    return sum(int((_digits_of(values, length) < NO_DIGITS).sum()) for values in (numbers.sizes, numbers.centers))
+
+
+def _digits_of(values: np.ndarray, length: float) -> np.ndarray:
+    """How many decimals numbers have, NO_DIGITS for those that are not round in a part of this length."""
+    digits = np.full(values.shape, NO_DIGITS)
+    for count in range(_most_digits(length), -1, -1):
+        digits[np.abs(values - np.round(values, count)) <= SAME * length] = count
+    return digits
+
+
+def _most_digits(length: float) -> int:
+    """The decimals of a round number in a part of this length."""
+    return max(round(-math.log10(ROUND[1])) - math.floor(math.log10(length)), 0)
+
+
+def _round_to(values: np.ndarray, digits: np.ndarray) -> np.ndarray:
+    """Numbers rounded to so many decimals, those of NO_DIGITS as they are."""
+    scale = 10.0**digits
+    return np.where(digits < NO_DIGITS, np.round(values * scale) / scale, values)
+
+
 def _keep_unmoved(before: Lowered, after: Lowered, length: float) -> Lowered:
     """`after`, with the numbers of `before` wherever only rounding moved them."""
 
@@ -162,7 +201,7 @@ def hold_constraints(program: Program, constraints: Sequence[Constraint]) -> tup
     start = lower(program)
     length = extent_of(start)
     metric = _firm_where_round(program, length)
-    moved = lift_numbers(program, start, _keep_unmoved(start, onto(start, constraints, length, metric), length))
+    moved = lift_numbers(program, start, _keep_unmoved(start, _hold_roundly(start, constraints, length, metric), length))
     return moved, holding(moved, constraints)
 
 
