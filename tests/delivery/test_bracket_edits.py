@@ -1,5 +1,6 @@
 """Edits that a person would make of the bundled bracket do what the same edits of its source do, and nothing else."""
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -20,6 +21,7 @@ from imdim.target.target import load_target
 
 SOURCE = Path(__file__).parents[2] / "dataset" / "examples" / "bracket.scad"
 SAME = 0.999
+COARSE = 24  # facets of the nipple, a hundredth of the bracket: OpenSCAD takes ten seconds for those of a fine one
 
 THICKER = {  # by 2: what stands on the plate, or enters it from above, goes up with its face
     "translate([0, 0, 4]) cube([80, 50, 8]": "translate([0, 0, 5]) cube([80, 50, 10]",
@@ -71,6 +73,7 @@ def drawn(folder: Path, changes: dict[str, str]):
     for before, after in changes.items():
         assert before in text
         text = text.replace(before, after)
+    text = re.sub(r"sphere\((r = \d+)\)", rf"sphere(\1, $fn = {COARSE})", text)
     (folder / "source.scad").write_text(text)
     subprocess.run([tool, "-o", folder / "source.stl", folder / "source.scad"], check=True, capture_output=True, timeout=120)
     return mesh_to_manifold(trimesh.load_mesh(folder / "source.stl"))
