@@ -53,6 +53,13 @@ def turn_about(axis: np.ndarray, angle: float) -> np.ndarray:
     return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
 
 
+def shortest_turn(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The smallest rotation [3, 3] that takes the unit vector `a` to `b`, which must not be opposite."""
+    cross = np.cross(a, b)
+    sine = float(np.linalg.norm(cross))
+    return np.eye(3) if sine == 0 else turn_about(cross / sine, math.atan2(sine, float(a @ b)))
+
+
 def skew(vectors: np.ndarray) -> np.ndarray:
     """The matrices [..., 3, 3] that multiply a vector b to a x b, of each of `vectors` a [..., 3]."""
     x, y, z = np.moveaxis(vectors, -1, 0)

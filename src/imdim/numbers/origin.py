@@ -26,6 +26,18 @@ def find_offset(leaves: Sequence[Primitive], most: float) -> Vec3:
     return x, y, z
 
 
+def share_round_centers(leaves: Sequence[Primitive], offset: Vec3 = (0.0, 0.0, 0.0)) -> float:
+    """The share of the coordinates of centres that are on a grid from an origin at `offset`."""
+    centers, size = np.unique(np.round([leaf.center for leaf in leaves], 9), axis=0) - offset, span(list(leaves))
+    return float((widths_on_grid(centers.ravel(), size) > 0).mean())
+
+
+def widths_on_grid(places: np.ndarray, size: float) -> np.ndarray:
+    """Of the grid that each of the places [n] of a part as long as `size` is on, 0 where it is on none."""
+    slack = NEAR * size
+    return coarsest_widths(places, grids(max(size, float(np.abs(places).max(initial=0.0)), COARSE * slack), COARSE * slack), slack)
+
+
 def _offset(places: np.ndarray, size: float, most: float) -> float:
     """Of the places [n] along one axis."""
     if not len(places):

@@ -8,8 +8,8 @@ import numpy as np
 
 from imdim.geometry.axes import SYMMETRIES
 from imdim.geometry.lowering import Lowered, lower
-from imdim.geometry.rotations import frame_from_axis, matrix_from_euler, skew
-from imdim.numbers.symmetry_normal_form import along_axis, in_frame, is_round, round_turns, shortest_turn
+from imdim.geometry.rotations import frame_from_axis, matrix_from_euler, shortest_turn, skew
+from imdim.numbers.symmetry_normal_form import along_axis, in_frame, is_round, round_turns
 from imdim.program.tree import KINDS, Primitive, combine_all
 
 BOX, SPHERE, ELLIPSOID, EXTRUDE = (KINDS.index(kind) for kind in ("box", "sphere", "ellipsoid", "extrude"))

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from imdim.geometry.axes import SYMMETRIES
-from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler, turn_about
+from imdim.geometry.rotations import euler_from_matrix, frame_from_axis, matrix_from_euler, shortest_turn, turn_about
 from imdim.program.ellipse import Ellipse
 from imdim.program.motions import is_round
 from imdim.program.outline import Loop, Outline, reverse_ring
@@ -166,10 +166,3 @@ def _round_frames(frame: np.ndarray) -> Iterator[np.ndarray]:
 
 def _to_step(angle: float, step: float) -> float:
     return round(angle / step) * step if step else angle
-
-
-def shortest_turn(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The smallest rotation [3, 3] that takes the unit vector `a` to `b`, which must not be opposite."""
-    cross = np.cross(a, b)
-    sine = float(np.linalg.norm(cross))
-    return np.eye(3) if sine == 0 else turn_about(cross / sine, math.atan2(sine, float(a @ b)))

@@ -99,7 +99,10 @@ def place_chain(chain: Chain, frame: Frame) -> Chain:
 
     def surface(s: Surface) -> Surface:
         sizes = s.sizes if s.kind == "cone" else tuple(size / frame.scale for size in s.sizes)
-        return replace(s, point=vec(frame.to_world(np.asarray(s.point))), sizes=sizes)
+        axis, across = (vec(frame.turn_back(np.asarray(v))) for v in (s.axis, s.across))
+        return replace(
+            s, point=vec(frame.to_world(np.asarray(s.point))), axis=s.axis if s.kind == "sphere" else axis, across=across, sizes=sizes
+        )
 
     def blend(b: Blend) -> Blend:
         sizes = tuple(size / frame.scale for size in b.sizes)

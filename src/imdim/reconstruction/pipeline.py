@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from itertools import islice
 from typing import TYPE_CHECKING
 
@@ -33,7 +33,7 @@ from imdim.geometry.finish.rails import part_at_posts
 from imdim.geometry.finish.turned_feet import stand_on_faces
 from imdim.geometry.solid import bounds_of, to_manifold
 from imdim.install import install_command
-from imdim.program.constraints import Constraint, scale_constraints
+from imdim.program.constraints import WORLD, Constraint, scale_constraints
 from imdim.program.cost import CURVE_PRICES, count, weigh
 from imdim.program.edges import EdgeFeature
 from imdim.program.front import Choice
@@ -50,6 +50,7 @@ from imdim.reconstruction.hole_ends import complete_holes
 from imdim.reconstruction.mdl import most_likely, reconstruct_scan, reconstruct_unlabelled
 from imdim.reconstruction.methods import CUT, FINELY, HIDDEN, METHODS, Method, MethodStep, PolicyOf, Run, evolve_from, time_to_propose
 from imdim.reconstruction.observation import Observation, UnitBody, UnseenError, find_solid, observe
+from imdim.reconstruction.own_frame import find_own_frame, is_placed, turn_back
 from imdim.reconstruction.plain_program import is_hardly_longer
 from imdim.reconstruction.policy_beam import load, load_if_any
 from imdim.reconstruction.preserve import is_same, preserve
@@ -120,7 +121,8 @@ class _BodyState:
 @dataclass(frozen=True)
 class _Work:
     """What all bodies of a run share. `guesses` is whether a body that shows no inside may be answered from its points alone; `alone` is
-    whether no other stands beside it, whose places would have to move with its own. `notes` grow as the run does without something."""
+    whether no other stands beside it, whose places would have to move with its own. `notes` grow as the run does without something. `own`
+    is the frame that the part is turned into, if it is."""
 
     settings: Settings
     method: Method
@@ -130,6 +132,7 @@ class _Work:
     rng: np.random.Generator
     notes: list[str] = field(default_factory=list)
     alone: bool = True
+    own: Frame | None = None
 
 
 def reconstruct(target: Target, settings: Settings, rng: np.random.Generator, now: Callable[[], float] | None = None) -> Iterator[Snapshot]:
@@ -149,7 +152,12 @@ def reconstruct(target: Target, settings: Settings, rng: np.random.Generator, no
     notes: list[str] = []
     budget = Budget(settings.budget_s, now or time.perf_counter)
     work = _Work(settings, METHODS[settings.method], settings.method in GUESSING, _policy_of(settings, notes), budget, rng, notes)
-    yield from _snapshots(_by_body(target, work, left_out), target, work, left_out)
+    own = find_own_frame(target)
+    if own is None:
+        states = _by_body(target, work, left_out)
+    else:
+        states = _turn_back(_by_body(own.normalise(target), replace(work, own=own), left_out), own)
+    yield from _snapshots(states, target, work, left_out)
 
 
 def resume(
@@ -190,6 +198,22 @@ def _snapshots(states: Iterable[_BodyState], target: Target, work: _Work, left_o
     stop = CUT if solver and relate_by.has_passed() else last.stop
     spent, found = work.budget.seconds(), edges.features
     yield Snapshot("finished", program, error, spent, stop, front, constraints, last.proof, notes, found, last.noisy)
+
+
+def _turn_back(states: Iterable[_BodyState], own: Frame) -> Iterator[_BodyState]:
+    """The states of a part in its own frame, in the world; relations to the axes of that frame are none to the world's."""
+    for state in states:
+        # relations tell of the leaves' own axes
+        undo = own.undo if state.found is not None else partial(turn_back, own=own)
+        found = None if state.found is None else tuple(c for c in state.found if all(ref.leaf != WORLD for ref in (*c.of, c.about) if ref))
+        chains, kept = (tuple(place_chain(chain, own) for chain in each) for each in (state.chains, state.kept))
+        front = tuple(replace(choice, program=undo(choice.program)) for choice in state.front)
+        measure = partial(_measure_own, state.measure, own)
+        yield replace(state, program=undo(state.program), front=front, measure=measure, found=found, chains=chains, kept=kept)
+
+
+def _measure_own(measure: Callable[[Program], float], own: Frame, program: Program) -> float:
+    return measure(own.apply(program))
 
 
 def _without_stand_ins(last: _BodyState, target: Target, work: _Work) -> _BodyState:
@@ -396,7 +420,7 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
         last = _state(fitted, seen, frame)
         found = None if found is None else scale_constraints(found, 1 / frame.scale)
         if found is None:
-            last = replace(last, program=_arrange(_round(last.program, seen, frame, fit_by), fit_by))
+            last = replace(last, program=_arrange(_round(last.program, seen, frame, fit_by, work.own), fit_by))
         else:
             last = replace(last, program=snap_measured(last.program, found, seen, frame, fit_by), found=found, noisy=True)
         # rounding may part what met
@@ -407,9 +431,10 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
     yield _finish_state(replace(last, stop=CUT) if cut else last, step.others, seen, frame, budget)
 
 
-def _round(program: Program, seen: Observation, frame: Frame, deadline: Deadline) -> Program:
+def _round(program: Program, seen: Observation, frame: Frame, deadline: Deadline, own: Frame | None) -> Program:
     """The program in the body's units with round numbers, and with those of the cylinders and cones that its turned parts are stacks of."""
-    rounded = snap_numbers(program, seen, frame, deadline)
+    placed = own if own is not None and is_placed(program, own) else None
+    rounded = _snap(program, seen, frame, deadline, placed)
     if deadline.has_passed():
         return rounded
     # where walls are stacked and parts stand is known once they are round, and then the ends that they get are to be rounded
@@ -417,7 +442,14 @@ def _round(program: Program, seen: Observation, frame: Frame, deadline: Deadline
     stood = preserve(flat, stack_turned_parts(flat), deadline=deadline)
     if (solid := _solid_in(seen, frame)) is not None:
         stood = stand_on_faces(stood, solid, deadline)
-    return rounded if stood == flat else snap_numbers(stood, seen, frame, deadline)
+    return rounded if stood == flat else _snap(stood, seen, frame, deadline, placed)
+
+
+def _snap(program: Program, seen: Observation, frame: Frame, deadline: Deadline, placed: Frame | None) -> Program:
+    """The program with typed numbers: those of the world where the parts of a body that lies aslant were `placed` there."""
+    if placed is None:
+        return snap_numbers(program, seen, frame, deadline)
+    return placed.apply(snap_numbers(turn_back(program, placed), seen, frame.within(placed), deadline))
 
 
 def _arrange(program: Program, deadline: Deadline) -> Program:

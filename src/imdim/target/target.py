@@ -14,6 +14,7 @@ import numpy as np
 import trimesh
 
 from imdim.program.codec import Meta
+from imdim.program.motions import IDENTITY, Matrix, Motion, move_leaf
 from imdim.program.tree import Primitive, Program, Vec3, map_leaves, map_lengths
 from imdim.program.units import UNSPECIFIED
 from imdim.target.bodies import compact, face_normals, split_faces
@@ -54,10 +55,11 @@ class Target:
 
 @dataclass(frozen=True)
 class Frame:
-    """The similarity ``unit = (world - center) * scale``."""
+    """The similarity ``unit = turn.T @ (world - center) * scale``; the columns of `turn` are the unit frame's axes in the world."""
 
     center: Vec3
     scale: float
+    turn: Matrix = IDENTITY
 
     @staticmethod
     def of(target: Target) -> Frame:
@@ -68,20 +70,31 @@ class Frame:
         return Frame((x, y, z), float(1 / np.linalg.norm(high - low)))
 
     def normalise(self, target: Target) -> Target:
-        """The target in the unit frame; normals do not change."""
+        """The target in the unit frame; normals only turn."""
         mesh = target.mesh
         if mesh is not None:
             mesh = trimesh.Trimesh(self.to_unit(mesh.vertices), mesh.faces, process=False)
         scanners = None if target.scanners is None else self.to_unit(target.scanners)
-        return replace(target, points=self.to_unit(target.points), mesh=mesh, scanners=scanners)
+        normals = target.normals if target.normals is None or self.turn == IDENTITY else target.normals @ np.array(self.turn)
+        return replace(target, points=self.to_unit(target.points), normals=normals, mesh=mesh, scanners=scanners)
+
+    def within(self, outer: Frame) -> Frame:
+        """The frame of the world that this one is of what is in the unit frame of `outer`."""
+        x, y, z = outer.to_world(np.array([self.center]))[0].tolist()
+        return Frame((x, y, z), self.scale * outer.scale, as_matrix(np.array(outer.turn) @ np.array(self.turn)))
 
     def to_unit(self, points: np.ndarray) -> np.ndarray:
         """World points [n, 3] in the unit frame."""
-        return (np.asarray(points, float) - self.center) * self.scale
+        moved = np.asarray(points, float) - self.center
+        return (moved if self.turn == IDENTITY else moved @ self.turn) * self.scale
 
     def to_world(self, points: np.ndarray) -> np.ndarray:
         """Points [..., 3] in the unit frame, in the target's units and place."""
-        return np.asarray(points, float) / self.scale + self.center
+        return self.turn_back(np.asarray(points, float)) / self.scale + self.center
+
+    def turn_back(self, directions: np.ndarray) -> np.ndarray:
+        """Directions [..., 3] of the unit frame in the world."""
+        return directions if self.turn == IDENTITY else directions @ np.transpose(self.turn)
 
     def undo(self, program: Program) -> Program:
         """A program in the unit frame, put back into the target's units and place."""
@@ -93,11 +106,19 @@ class Frame:
 
     def _apply_leaf(self, leaf: Primitive) -> Primitive:
         x, y, z = ((c - origin) * self.scale for c, origin in zip(leaf.center, self.center, strict=True))
-        return map_lengths(leaf, lambda s: s * self.scale, (x, y, z))
+        scaled = map_lengths(leaf, lambda s: s * self.scale, (x, y, z))
+        return scaled if self.turn == IDENTITY else move_leaf(scaled, Motion(as_matrix(np.transpose(self.turn)), (0.0, 0.0, 0.0)))
 
     def _undo_leaf(self, leaf: Primitive) -> Primitive:
+        leaf = leaf if self.turn == IDENTITY else move_leaf(leaf, Motion(self.turn, (0.0, 0.0, 0.0)))
         x, y, z = (c / self.scale + origin for c, origin in zip(leaf.center, self.center, strict=True))
         return map_lengths(leaf, lambda s: s / self.scale, (x, y, z))
+
+
+def as_matrix(rows: np.ndarray) -> Matrix:
+    """A matrix [3, 3] of plain floats."""
+    first, second, third = ((float(x), float(y), float(z)) for x, y, z in rows)
+    return first, second, third
 
 
 def in_unit_frame(target: Target) -> tuple[Target, Frame]:
