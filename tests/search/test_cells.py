@@ -10,7 +10,7 @@ from tests.search.planted_families import arrangement_of, cells_of, planted
 from imdim.geometry import kernels
 from imdim.geometry.surface import Surface
 from imdim.search.arrangement import ArrangementConfig, arrange, codes
-from imdim.search.cells import importance_samples
+from imdim.search.cells import VolumeSamples, compress_samples, importance_samples
 
 TILT = (20.0, -35.0, 50.0)
 VOLUMES = {
@@ -100,3 +100,32 @@ def test_slabs_and_flags_are_what_they_say():
     for z, slab in zip((20.0, 4.0, 1.0), slabs[:, up], strict=True):
         assert offsets[slab] < z < offsets[slab + 1]
     assert np.isin((0, 5, 30), np.round(offsets, 9)).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_cell_in_two_pieces_has_its_point_in_the_larger(seed):
+    """The hollow between a fillet and its wall has the code of the plate beyond the fillet."""
+    wall, fillet = (
+        Surface("cylinder", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.2,)),
+        Surface("torus", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.22, 0.02)),
+    )
+    bounds = np.array([[-0.5, -0.5, -0.1], [0.5, 0.5, 0.1]])
+    arrangement = arrange([wall, fillet], [1.0, 1.0], bounds, ArrangementConfig())
+    points = np.random.default_rng(seed).uniform([0.2, -0.1, -0.02], [0.24, 0.1, 0.02], (20_000, 3))
+    hollow, beyond = (points[r] for r in (np.hypot(points[:, 0], points[:, 1]) < 0.206, np.hypot(points[:, 0], points[:, 1]) > 0.234))
+    ordered = np.concatenate([hollow, beyond, beyond + np.array([0.1, 0.0, 0.0])])
+    weight = np.ones(len(ordered))
+    cells = compress_samples(arrangement, VolumeSamples(ordered, weight, weight))
+    slabs, inside = codes(arrangement, ordered)
+    for cell in range(len(cells.points)):
+        members = ((slabs == cells.slabs[cell]).all(1) & (inside == cells.inside[cell]).all(1)).nonzero()[0]
+        near = np.hypot(*ordered[members, :2].T) < 0.22
+        assert (np.hypot(*cells.points[cell, :2]) < 0.22) == (near.sum() > len(near) / 2)
+
+
+def test_directions_that_show_as_much_have_an_order_of_their_own():
+    plates = [Surface("plane", (0.1, 0.1, 0.1), axis) for axis in ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))]
+    bounds = np.array([[-0.5, -0.5, -0.1], [0.5, 0.5, 0.1]])
+    for areas in ([1.0, 1.0 - 1e-12, 3.0], [1.0 - 1e-12, 1.0, 3.0]):
+        directions = arrange(plates, areas, bounds, ArrangementConfig()).directions
+        assert [int(np.argmax(d.vector)) for d in directions] == [2, 0, 1]

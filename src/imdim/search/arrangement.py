@@ -18,6 +18,7 @@ from imdim.geometry.surface import AXISLESS, CLOSED_KINDS, Surface, signed_dista
 from imdim.search.kernels import mark_inside_cylinder, slabs_of
 
 PARALLEL = 1 - 1e-6  # cosine above which two axes are one direction (0.08 degrees)
+SAME_WEIGHT = 1e-5  # of the visible area, within which two directions show as much
 ORTHOGONAL = 1.5e-3  # largest cosine of a right angle
 
 
@@ -114,10 +115,14 @@ def _outer(curved: Sequence[Surface], box: np.ndarray, reach: float) -> np.ndarr
 
 
 def _direction_vectors(surfaces: Sequence[Surface], areas: Sequence[float], config: ArrangementConfig) -> list[np.ndarray]:
-    """Distinct plane normals and axes by falling weight, completed so that each has two orthogonal partners."""
+    """Distinct plane normals and axes by falling weight, completed so that each has two orthogonal partners.
+
+    Of directions that weigh the same the one nearest to x comes first, then to y: the last digits of areas are those of a turn.
+    """
     vectors, weights = _weigh_vectors(surfaces, areas)
-    least = config.least_direction * sum(areas)
-    order = [i for i in sorted(range(len(vectors)), key=lambda i: -weights[i]) if weights[i] >= least][: config.max_directions]
+    least, same = config.least_direction * sum(areas), SAME_WEIGHT * sum(areas)
+    ranked = sorted(range(len(vectors)), key=lambda i: (-round(weights[i] / same), *(-abs(vectors[i]).round(6)).tolist()))
+    order = [i for i in ranked if weights[i] >= least][: config.max_directions]
     kept = [vectors[i] for i in order] or [np.array([0.0, 0.0, 1.0])]
     return _complete(kept)
 

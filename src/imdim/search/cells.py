@@ -14,7 +14,7 @@ import numpy as np
 
 from imdim.geometry.rotations import frame_from_axis
 from imdim.search.arrangement import Arrangement, codes
-from imdim.search.kernels import add_axial_density, add_box_density, group_rows, merge_rows
+from imdim.search.kernels import add_axial_density, add_box_density, group_rows, mark_inside_cylinder, merge_rows
 
 # Weights of (excess, lack). Cheap excess proposes hulls to cut from, dear lack pure cuts, dear excess pure pieces.
 Weights = tuple[float, float]
@@ -88,8 +88,25 @@ def compress_samples(arrangement: Arrangement, samples: VolumeSamples) -> Cells:
     place = np.empty_like(order)
     place[order] = np.arange(len(order))
     first, member = first[order], place[member]
+    first = _choose_typical(arrangement, samples, first, member)
     w_in, w_out = (np.bincount(member, w, len(first)) for w in (samples.w_in, samples.w_out))
     return Cells(samples.points[first], slabs[first], inside[first], w_in, w_out)
+
+
+def _choose_typical(arrangement: Arrangement, samples: VolumeSamples, first: np.ndarray, member: np.ndarray) -> np.ndarray:
+    """The `first` sample of each cell, by their `member` [n], or the first of those that lie as most of its volume does, nearer to the axes
+    of tori than the middle of their tubes or farther from them: no code tells the hollow of a fillet from what is beyond it."""
+    tori = [surface for surface in arrangement.curved if surface.kind == "torus"]
+    if not tori:
+        return first
+    hubs = np.empty((len(member), len(tori)), bool, order="F")
+    points = np.ascontiguousarray(samples.points)
+    for column, torus in zip(hubs.T, tori, strict=True):
+        mark_inside_cylinder(column, points, np.array(torus.point), np.array(torus.axis), torus.sizes[0])
+    parts, part = group_rows(_pack(member.astype(np.int32).view(np.int16).reshape(-1, 2), hubs))
+    volume, cell = np.bincount(part, samples.w_in + samples.w_out), member[parts]
+    order = np.lexsort((-volume, cell))
+    return parts[order[np.unique(cell[order], return_index=True)[1]]]
 
 
 def pool_cells(cells: Cells, others: Cells, weights: tuple[float, float]) -> tuple[Cells, np.ndarray]:
