@@ -44,7 +44,7 @@ def placed(program: Program) -> Program:
 
 
 def is_same(new: Program, old: Program) -> bool:
-    a, b = to_manifold(new, 768), to_manifold(old, 768)
+    a, b = to_manifold(new, 96), to_manifold(old, 96)
     return (a - b).volume() + (b - a).volume() < 1e-5 * b.volume()
 
 
