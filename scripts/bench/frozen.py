@@ -3,7 +3,8 @@
     OMP_NUM_THREADS=1 python scripts/bench/frozen.py [--jobs 2] [--only NAME,NAME] [--write]
 
 Reconstructed are the bundled bracket, its cloud, and planted parts as meshes, as clouds and as noisy clouds, each in a process of its own
-with one seed and a budget that cuts nothing, so that the clock decides nothing. Programs are of the six primitives alone. The sha256 of
+with one seed and a budget that cuts nothing, so that the clock decides nothing. Programs are of the six primitives alone, what repeats
+read once. The sha256 of
 each `program.json` is compared with benchmarks/frozen.json; `--write` writes that file, in a commit that says why digits changed. Exit
 status 1: a program changed.
 """
@@ -59,7 +60,7 @@ def main() -> int:
 def _hash(name: str, folder: Path) -> str:
     """The sha256 of the program of one input."""
     out, start = folder / f"{name}.out", time.perf_counter()
-    given = ["-o", str(out), "--budget", str(BUDGET_S), "language=csg"]
+    given = ["-o", str(out), "--budget", str(BUDGET_S), "language=csg", "objective=description"]
     command = [sys.executable, "-m", "imdim.app.cli", "fit", str(_input(name, folder)), *given]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:

@@ -57,6 +57,7 @@ class Snap:
     notes: tuple = ()
     edges: tuple = ()
     noisy: bool = False
+    noise: None = None
 
 
 def box_found(target, settings, rng):
@@ -278,7 +279,7 @@ def test_an_output_that_cannot_be_written_is_one_line(part, tmp_path, capsys):
         (["nonsense"], "key=value"),
         (["segments=2"], "at least 3, got 2"),
         (["language=step"], "unknown language 'step'; known are csg, cad"),
-        (["objective=curves"], "unknown objective 'curves'; known are description, primitives"),
+        (["objective=curves"], "unknown objective 'curves'; known are auto, description, primitives"),
     ],
 )
 def test_a_bad_setting_is_one_line(part, tmp_path, capsys, arguments, said):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import imdim
-from imdim.reconstruction.config import ConfigError, Settings, from_arguments, from_hydra, merge
+from imdim.reconstruction.config import LANGUAGES, ConfigError, Settings, from_arguments, from_hydra, merge
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -114,7 +114,7 @@ def test_an_empty_word_is_an_empty_word():
     ("key", "said"),
     [
         ("language", "unknown language 'step'; known are csg, cad"),
-        ("objective", "unknown objective 'step'; known are description, primitives"),
+        ("objective", "unknown objective 'step'; known are auto, description, primitives"),
     ],
 )
 def test_python_refuses_an_unknown_choice_too(key, said):
@@ -128,3 +128,10 @@ def test_names_of_files_are_taken_literally(name, monkeypatch):
     monkeypatch.setenv("SECRET", "hunter2")
     assert merge(Settings, {"input": name}).input == name
     assert from_arguments([], input=name).input == name
+
+
+def test_what_is_counted_goes_by_the_language_unless_it_is_said():
+    """Published programs of primitives alone are compared by their number."""
+    assert {language: Settings(language=language).counted for language in LANGUAGES} == {"cad": "description", "csg": "primitives"}
+    for said in ("description", "primitives"):
+        assert {Settings(language=language, objective=said).counted for language in LANGUAGES} == {said}

@@ -97,6 +97,16 @@ def test_a_tray_has_pockets_and_no_walls_across_them():
     assert count(fewest.program).primitives < 7
 
 
+def test_with_primitives_alone_each_copy_counts():
+    """Twelve equal windows are one to read and many to count: a plate, a cavity and the bars in it are fewer."""
+    places = [(x, y, 0.0) for x in (-36.0, -12.0, 12.0, 36.0) for y in (-20.0, 0.0, 20.0)]
+    plate = mesh_of(cut(box(110, 80, 4), *(box(18, 15, 6, place) for place in places)))
+    fewest, read = (snapshots(plate, language="csg", **given)[-1].program for given in ({}, {"objective": "description"}))
+    assert count(fewest).primitives <= 7
+    assert count(read).primitives == 13
+    assert iou(fewest, read) > 0.9999
+
+
 def counted(name: str) -> Snapshot:
     """What is found where a drawing counts as one primitive."""
     *_, last = reconstruct(target_from(mesh_of(PARTS[name])), Settings(objective="primitives"), np.random.default_rng(0))

@@ -9,10 +9,10 @@ import pytest
 
 from imdim.geometry.kernels import inside
 from imdim.geometry.solid import to_manifold, to_trimesh, volume_iou
-from imdim.program.cost import curves_of
+from imdim.program.cost import CURVE_PRICES, curves_of
 from imdim.program.outline import Outline, check_crossings, circle
 from imdim.program.tree import Combine, Primitive, leaves
-from imdim.reconstruction.config import OBJECTIVES, Settings
+from imdim.reconstruction.config import Settings
 from imdim.reconstruction.observation import UnitBody, observe
 from imdim.reconstruction.pipeline import reconstruct
 from imdim.search.outline_drawing import trace_loops
@@ -181,7 +181,7 @@ def test_chamfers_that_are_not_worth_their_curves_are_drawn_where_primitives_alo
     c = 0.2  # each corner is 8e-6 of the area, and a curve costs 2.5e-5
     corners = [(-30 + c, -20), (30 - c, -20), (30, -20 + c), (30, 20 - c), (30 - c, 20), (-30 + c, 20), (-30, 20 - c), (-30, -20 + c)]
     chamfered = Primitive("extrude", (6.0,), outline=Outline((tuple((x, y, 0.0) for x, y in corners),)))
-    plain, drawn = (next(leaves(reconstructed(chamfered, objective=what))) for what in OBJECTIVES)
+    plain, drawn = (next(leaves(reconstructed(chamfered, objective=what))) for what in CURVE_PRICES)
     assert curves_of(plain) < curves_of(drawn) == 8
 
 

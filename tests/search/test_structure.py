@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from tests.deadlines import PASSED
-from tests.planted import PARTS, box, common, cylinder
+from tests.planted import PARTS, box, common, cut, cylinder, union
 from tests.search.planted_families import families_of, planted
 
 from imdim.deadline import NEVER, Deadline
@@ -13,6 +13,7 @@ from imdim.program.sequence import Step
 from imdim.program.tree import leaves
 from imdim.search import lns
 from imdim.search.candidate_families import Candidate
+from imdim.search.lns import LocalConfig
 from imdim.search.minimal_ranges import tidy
 from imdim.search.sequence import Covered, cost, run, spell_out, to_program
 from imdim.search.structure import StructureConfig, search
@@ -104,3 +105,16 @@ def test_no_move_is_made_twice_that_made_a_sequence_worse(monkeypatch):
     searched("countersink")
     moves = [(id(found), removed, weights) for found, removed, weights in worse]
     assert len(moves) == len(set(moves)) > 0
+
+
+@pytest.mark.parametrize("across", [[(5, -28), (7, -3), (4, 25)], [(4, -31), (6, -8), (7, 29)]])
+def test_windows_are_a_cavity_with_bars(across):
+    """Twelve windows between bars, each (width, place): a plate, a cavity and the bars in it are fewer primitives."""
+    bars = [*(box(w, 62, 4, (x, 0, 0)) for w, x in across), *(box(92, w, 4, (0, y, 0)) for w, y in [(6, -13), (5, 12)])]
+    part = union(cut(box(110, 80, 4), box(92, 62, 6)), *bars)
+    families = families_of(part)
+    config = StructureConfig(patterns=False, local=LocalConfig(kinds=True))
+    *_, found = search(families, config, np.random.default_rng(0), NEVER)
+    program = to_program(found.sequence, families)
+    assert count(program).primitives <= count(part).primitives
+    assert volume_iou(to_manifold(program), to_manifold(part)) > 0.999

@@ -24,7 +24,8 @@ from imdim.program.units import ORIGINS, READ_AS
 
 T = TypeVar("T")
 LANGUAGES = ("csg", "cad")
-OBJECTIVES = tuple(CURVE_PRICES)
+AUTO = "auto"  # as an objective: by the language
+OBJECTIVES = (AUTO, *CURVE_PRICES)
 LEARNING = ("torch", "safetensors")  # what networks need
 NONE = "none"  # as a checkpoint: no network at all
 # a source tree, and where pip puts the data of a wheel: in an environment, with --user and with --target
@@ -59,7 +60,7 @@ class Settings:
     budget_s: float = 60.0
     method: str = "auto"
     language: str = "cad"
-    objective: str = "description"
+    objective: str = AUTO
     size_weight: float = 2.5e-4
     segments: int = 96
     units: str = "auto"
@@ -71,6 +72,12 @@ class Settings:
     synthesis: bool = True
     solver: bool = True
 
+    @property
+    def counted(self) -> str:
+        """What is counted beside the error, one of CURVE_PRICES: with an objective of AUTO by the language, since published programs of
+        primitives alone are compared by their number."""
+        return {"cad": "description", "csg": "primitives"}[self.language] if self.objective == AUTO else self.objective
+
 
 MEANINGS: Mapping[str, str] = {
     "input": "the part, a file; - reads it from stdin",
@@ -80,8 +87,9 @@ MEANINGS: Mapping[str, str] = {
     "method": "how programs are found: auto, evolve (generations of trees), tree (a decision tree), policy (a network writes them), stump"
     " or stump-net (CSG-Stump, to compare with)",
     "language": "what programs are made of: language=cad of six primitives and extruded and turned outlines, language=csg of the six alone",
-    "objective": "what the search counts beside the error: objective=description primitives and the curves of outlines,"
-    " and plainer features are taken for drawings where they read as well; objective=primitives primitives alone",
+    "objective": "what the search counts beside the error: objective=description primitives and the curves of outlines, copies that repeat"
+    " once, and plainer features are taken for drawings where they read as well; objective=primitives primitives alone, each copy too;"
+    " objective=auto description with language=cad, primitives with language=csg",
     "size_weight": "the share of the volume that one more primitive must set right; larger gives shorter and cruder programs",
     "segments": "facets per circle in meshes",
     "units": "what the lengths of the file are: mm, cm, m or inch, which become millimetres; auto: what the file says, else as they are",

@@ -43,6 +43,7 @@ from imdim.reconstruction.preserve import is_same
 from imdim.reconstruction.proof import DEARER, Proofs
 from imdim.search.counterexamples import Sharpener, transfer
 from imdim.search.evolve.population import EvolutionConfig, Generation
+from imdim.search.lns import LocalConfig
 from imdim.search.mdl.primitive_selection import Cloud
 from imdim.search.minimal_ranges import tidy
 from imdim.search.outline_areas import draw_area
@@ -125,7 +126,12 @@ def auto(run: Run) -> Iterator[MethodStep]:
     for best in _search_all(run):
         yield best
     # what has blends stays drawn: their edges lie between the walls of one drawing, and not between faces of many features
-    if best is None or run.settings.objective == "primitives" or run.blended or not run.seen.evidence.exact:
+    if best is None or run.blended or not run.seen.evidence.exact:
+        return
+    if run.settings.counted == "primitives":
+        fewer = _repeat_cells(run, best, lambda new, old: count(new).primitives < count(old).primitives)
+        if fewer is not None:
+            yield fewer
         return
     drawn = best
     for source in (_separate, _separate_rims, _search_primitives, _stack_drawings, _separate_bores):
@@ -133,7 +139,8 @@ def auto(run: Run) -> Iterator[MethodStep]:
         if plain is not None and is_plainer(plain.program, best.program, run.seen):
             best = replace(plain, others=(*best.others, best.program, *plain.others))
             yield best
-    repeated = _repeat_cells(run, best)
+    bounds = run.seen.families.arrangement.bounds
+    repeated = _repeat_cells(run, best, lambda new, old: repeats_plainly(new, old, *bounds))
     if repeated is not None:
         best = repeated
         yield best
@@ -179,11 +186,10 @@ def _draw_rounded(run: Run, best: MethodStep) -> MethodStep | None:
     return replace(best, stage="search", program=drawn, others=(*best.others, best.program), proof="")
 
 
-def _repeat_cells(run: Run, best: MethodStep) -> MethodStep | None:
-    """The same with cavities in place of the walls between them, and plates with windows in place of bars, where these repeat and so there
-    is less to read."""
-    drawn, low, high = run.settings.language == "cad", *run.seen.families.arrangement.bounds
-    deadline, solid = run.budget.end_of("search"), None
+def _repeat_cells(run: Run, best: MethodStep, is_better: Callable[[Program, Program], bool]) -> MethodStep | None:
+    """The same with cavities in place of the walls between them, and plates with windows in place of bars, where this `is_better` than what
+    it stands for: where it repeats and so there is less to read, or where it is fewer primitives."""
+    drawn, deadline, solid = run.settings.language == "cad", run.budget.end_of("search"), None
     start = program = end_cuts_with_the_solid(best.program)
     found = True
     while found:
@@ -191,13 +197,13 @@ def _repeat_cells(run: Run, best: MethodStep) -> MethodStep | None:
         for proposal in propose_cells(program, draw_area):
             if deadline.has_passed():
                 break
-            if (has_outlines(proposal) and not drawn) or not repeats_plainly(proposal, program, low, high):
+            if (has_outlines(proposal) and not drawn) or not is_better(proposal, program):
                 continue
             if not is_same(start, proposal, HIDDEN, FINELY):
                 continue
             solid = to_manifold(start) if solid is None else solid
             tidied = _tidy_cuts(proposal, solid, deadline)
-            if repeats_plainly(tidied, program, low, high):
+            if is_better(tidied, program):
                 program, found = tidied, True
                 break
     if program == start:
@@ -384,7 +390,8 @@ def _search_structure(run: Run, proofs: Proofs) -> Iterator[MethodStep]:
     price = seen.size_weight * seen.cells.volume
     sharpener = Sharpener(seen.families, seen.label, SAMPLES, price, run.rng) if seen.evidence.exact else None
     patterns = seen.copies_once and seen.evidence.exact
-    config, start_by = StructureConfig(size_weight=seen.size_weight, patterns=patterns), run.part_of("starts")
+    local = LocalConfig(kinds=not seen.copies_once)
+    config, start_by = StructureConfig(size_weight=seen.size_weight, patterns=patterns, local=local), run.part_of("starts")
     for found in search_structure(seen.families, config, run.rng, deadline, sharpener, start_by):
         program = to_program(found.sequence, found.families)
         yield MethodStep("search", program)

@@ -307,7 +307,7 @@ def _jointly(target: Target, work: _Work, apart: _BodyState) -> Iterator[_BodySt
         *_, joint = _body(target, work)
     except InputError:  # all is told by the bodies
         return
-    curve = CURVE_PRICES[work.settings.objective]
+    curve = CURVE_PRICES[work.settings.counted]
     shorter = weigh(joint.program, curve) < weigh(apart.program, curve) and not any(_is_in_pieces(leaf) for leaf in leaves(joint.program))
     if shorter and joint.error < apart.error + JOINT_ERROR:
         yield replace(joint, stage="joint", stop=_stop([apart.stop, joint.stop]))
@@ -383,7 +383,7 @@ def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, sha
         return
     try:
         detect_by, label_by = budget.part_of("detect", share), budget.part_of("label", share)
-        outlines, curve = settings.language == "cad", CURVE_PRICES[settings.objective]
+        outlines, curve = settings.language == "cad", CURVE_PRICES[settings.counted]
         seen = observe(observed, settings.size_weight, work.rng, detect_by, label_by, outlines, curve)
     except UnseenError as error:
         guess = _guess(observed, work, share, error.cut) if work.method in METHODS.values() else None  # a person's program is not dropped

@@ -1,23 +1,43 @@
 """Moves on one sequence: greedy completion, pruning, and a local search that removes related steps and refills the hole.
 
 The local search is a large neighbourhood search (Shaw 1998): a step and some that touch it are removed, the hole is refilled under
-a price drawn at random (pure cuts first, pure pieces first, or the true one), and the result stays if it is no worse.
+a price drawn at random (pure cuts first, pure pieces first, or the true one), and the result stays if it is no worse. Where each copy is
+paid for, all steps of one kind are removed at once, too: twelve windows are fewer steps as a cavity with five bars, and four corners that
+are rounded off one by one may be as a plate that is drawn round.
 """
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from imdim.deadline import Deadline
-from imdim.search.candidate_families import Families
+from imdim.search.candidate_families import Candidate, Families
 from imdim.search.cells import CUTS, HULLS, PIECES, TRUE, Weights
 from imdim.search.lazy_bounds import GainBounds, apart, best_insertions, insert_all
-from imdim.search.sequence import Insertion, Price, Sequence, cost, error, error_of, expense, insert, pair_insertions, run, without_one
+from imdim.search.sequence import (
+    Insertion,
+    Pair,
+    Price,
+    Sequence,
+    Shape,
+    cost,
+    error,
+    error_of,
+    expense,
+    insert,
+    pair_insertions,
+    run,
+    without_one,
+)
 
 WEIGHTS = (TRUE, CUTS, PIECES, HULLS)  # under which holes are refilled
+PURE = (20.0, 1.0)  # and those of all steps of a kind: many pieces that are a little too large are much too large together
+MANY = 3  # steps of one kind, from which they are removed at once
+_Removal = tuple[tuple[int, ...], Weights | None]  # numbers of steps; the weights to refill under, None for any
 
 
 @dataclass
@@ -33,6 +53,7 @@ class LocalConfig:
     least_rounds: int = 40
     patience: float = 0.3  # of the rounds, without an improvement, before it ends
     most_removed: int = 4
+    kinds: bool = False  # whether all steps of one kind are removed at once, too: not where copies are paid for once
 
 
 @dataclass(frozen=True)
@@ -105,16 +126,16 @@ def improve(
 ) -> Iterator[RatedSequence]:
     """Yield better and better sequences; `completed` is what their completion learned."""
     idle = 0
-    known = {weights: GainBounds() for weights in WEIGHTS} | {price.weights: completed}
-    attempts = _single_removals(found.sequence)
+    known = {weights: GainBounds() for weights in (*WEIGHTS, PURE)} | {price.weights: completed}
+    attempts = _first_removals(found.sequence, config)
     size = max(1, len(found.sequence) * len(found.families.cells.points))
     rounds = int(np.clip(config.work / size, config.least_rounds, config.rounds))
     worse: set[tuple[tuple[int, ...], Weights]] = set()  # moves of the sequence as it is
     for _ in range(rounds):
         if deadline.has_passed() or not found.sequence or idle >= config.patience * rounds + len(attempts):
             return
-        removed = attempts.pop(0) if attempts else _choose_related(found.sequence, config, rng)
-        weights = WEIGHTS[int(rng.integers(len(WEIGHTS)))] if len(removed) > 1 else price.weights
+        removed, said = attempts.pop(0) if attempts else (_choose_related(found.sequence, config, rng), None)
+        weights = said or (WEIGHTS[int(rng.integers(len(WEIGHTS)))] if len(removed) > 1 else price.weights)
         if (removed, weights) in worse:  # few steps are soon chosen again, and end as they did
             idle += 1
             continue
@@ -122,19 +143,45 @@ def improve(
         trial = _refill(found, removed, weights, config, price, deadline, branches)
         better = trial.objective < found.objective * (1 - 1e-9)
         idle = 0 if better else idle + 1
-        if trial.objective > found.objective:
+        # the numbers of all of a kind, which come first, are those in this sequence and in no other that is as good
+        if trial.objective > found.objective or (said and not better):
             worse.add((removed, weights))
         else:
             found, worse = trial, set()
             for under, branch in branches.items():
                 known[under].adopt(branch)
-            attempts = attempts if not better else _single_removals(found.sequence)
+            attempts = attempts if not better else _first_removals(found.sequence, config)
         if better:
             yield found
 
 
-def _single_removals(sequence: Sequence) -> list[tuple[int, ...]]:
-    return [(i,) for i in range(len(sequence))] if len(sequence) <= 40 else []
+def _first_removals(sequence: Sequence, config: LocalConfig) -> list[_Removal]:
+    """What is removed of a new sequence first: all steps of a kind, under each weighting, and then each step alone."""
+    singles: list[_Removal] = [((i,), None) for i in range(len(sequence))] if len(sequence) <= 40 else []
+    kinds = _removals_by_kind(sequence) if config.kinds else []
+    return [*((removed, weights) for removed in kinds for weights in (*WEIGHTS, PURE)), *singles]
+
+
+def _removals_by_kind(sequence: Sequence) -> list[tuple[int, ...]]:
+    """The numbers of all steps of each kind of which there are many, alone and with the step of another operation that shares most cells
+    with them: what they are cut from, or go into."""
+    kinds: defaultdict[tuple[str, ...], list[int]] = defaultdict(list)
+    for i, step in enumerate(sequence):
+        kinds[step.op, *_kind(step.term.shape)].append(i)
+    out: list[tuple[int, ...]] = []
+    for (op, *_), members in kinds.items():
+        if len(members) >= MANY:
+            covered = np.logical_or.reduce([sequence[i].term.mask for i in members])
+            shared = {i: int((step.term.mask & covered).sum()) for i, step in enumerate(sequence) if step.op != op}
+            host = max(shared, key=lambda i: (shared[i], -i), default=None)
+            out += [tuple(members), *([] if host is None else [tuple(sorted([*members, host]))])]
+    return out
+
+
+def _kind(shape: Shape) -> tuple[str, ...]:
+    if isinstance(shape, Candidate):
+        return (shape.source[0],)
+    return (shape.op, shape.left.source[0], shape.right.source[0]) if isinstance(shape, Pair) else ("pattern",)
 
 
 def _choose_related(sequence: Sequence, config: LocalConfig, rng: np.random.Generator) -> tuple[int, ...]:
