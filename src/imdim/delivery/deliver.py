@@ -100,7 +100,7 @@ def deliver(
                 kept = DeliveryLoss.of(given, sharp, target, segments, None if found.edges else scores.volume_iou)
             with _time(seconds, "verdict"):
                 surface = to_trimesh(delivered)
-                verdict = judge(target, surface, segments, program, run.noisy)
+                verdict = judge(target, surface, segments, program, run.noisy, run.noise)
                 coloured = verdict.colour(target)
             with _time(seconds, "preview"):
                 preview(target, surface, scores.to_result.max, coloured).save(partial / "preview.png")

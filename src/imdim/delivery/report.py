@@ -18,6 +18,7 @@ from imdim.delivery.explanation import Explanation
 from imdim.delivery.finish import FinishedProgram
 from imdim.delivery.intervals import StatedInterval
 from imdim.delivery.verdict import JudgedRegion, SurfaceVerdict, describe_shares
+from imdim.detection.noise import MeasuredNoise
 from imdim.export.elimination import MOST_NAMED
 from imdim.export.hole_names import hole_groups
 from imdim.export.inches import inch_fractions
@@ -40,7 +41,7 @@ class RunRecord:
     """How a program was found: the input as given, seconds per stage, why it stopped, the seed, and the settings as plain values.
 
     `proof` says whether it was proved minimal, and why not; it is empty where the method does not ask. `noisy` is whether its numbers are
-    measured off a noisy cloud or scan, rather than exact.
+    measured off a noisy cloud or scan, rather than exact, and `noise` what was measured of the target, None where nobody did.
     """
 
     input: str
@@ -50,6 +51,7 @@ class RunRecord:
     settings: Mapping[str, Any] = field(default_factory=dict)
     proof: str = ""
     noisy: bool = False
+    noise: MeasuredNoise | None = None
 
 
 def report_of(

@@ -23,6 +23,7 @@ from manifold3d import Manifold
 from imdim.delivery import first_run
 from imdim.delivery.deliver import STEP_LIMIT_S, RunRecord, check_untouched, compose_texts, deliver
 from imdim.delivery.finish import FinishedProgram, finish
+from imdim.detection.noise import MeasuredNoise
 from imdim.export.edge_text import do_edges_matter
 from imdim.export.step_worker import finish_step, start_step, stop_step
 from imdim.geometry.edge_solids import solid_with_edges
@@ -45,7 +46,7 @@ class Reconstruction:
     """What was found for `target`, in its units.
 
     `constraints` hold for `program`, and `edges` are fillets and chamfers of it. `front` holds programs from crude to exact, `error`,
-    `stop`, `proof`, `notes` and `noisy` are as a `pipeline.Snapshot`'s. `stages` are seconds.
+    `stop`, `proof`, `notes`, `noisy` and `noise` are as a `pipeline.Snapshot`'s. `stages` are seconds.
     """
 
     target: Target
@@ -61,6 +62,7 @@ class Reconstruction:
     seed: int
     stages: Mapping[str, float]
     noisy: bool = False
+    noise: MeasuredNoise | None = None
 
     def __repr__(self) -> str:
         return f"<{self.target.name}: {count(self.program)}, error {self.error:.3g}, {sum(self.stages.values()):.1f} s ({self.stop})>"
@@ -80,7 +82,7 @@ class Reconstruction:
         if not force:
             check_untouched(Path(folder))
         name = self.settings.input or self.target.name
-        run = RunRecord(name, self.stages, self.stop, self.seed, asdict(self.settings), self.proof, self.noisy)
+        run = RunRecord(name, self.stages, self.stop, self.seed, asdict(self.settings), self.proof, self.noisy, self.noise)
         target = replace(self.target, notes=(*self.target.notes, *self.notes))
         rest = {"constraints": self.constraints, "front": self.front, "edges": self.edges}
         return deliver(self.program, target, Path(folder), run, self.settings.segments, step_limit_s, **rest)
@@ -176,4 +178,4 @@ def reconstruct(
     first_run.compile_kernels(sys.stderr)
     last = pipeline.exhaust(pipeline.reconstruct(target, settings, np.random.default_rng(seed)), stages)
     found = (last.program, last.edges, last.constraints, last.front, last.error, last.stop or "finished", last.proof, last.notes)
-    return Reconstruction(target, *found, settings=settings, seed=seed, stages=stages, noisy=last.noisy)
+    return Reconstruction(target, *found, settings=settings, seed=seed, stages=stages, noisy=last.noisy, noise=last.noise)

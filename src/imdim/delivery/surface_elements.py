@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 from imdim.detection.cloud_normals import estimate_normals
 from imdim.detection.faceting import ON_SURFACE, chord_heights
 from imdim.detection.facets import Facets, MeshSurfaceConfig, facets_of
-from imdim.detection.noise import NoiseModel, measure_noise
+from imdim.detection.noise import MeasuredNoise, NoiseModel, measure_noise
 from imdim.geometry.metrics import diagonal
 from imdim.geometry.refine import split_edges
 from imdim.geometry.sampling import subsample
@@ -55,15 +55,15 @@ class SurfaceElements:
         return self.points[chosen] if self.mesh is None else np.asarray(self.mesh.vertices)[self.mesh.faces[chosen]].reshape(-1, 3)
 
 
-def elements_of(target: Target, segments: int = SEGMENTS) -> SurfaceElements:
-    """The elements of a target; a result to be judged by them has `segments` edges per circle."""
-    return _of_mesh(target.mesh, target.points, segments) if target.mesh is not None else _of_cloud(target, segments)
+def elements_of(target: Target, segments: int = SEGMENTS, noise: MeasuredNoise | None = None) -> SurfaceElements:
+    """The elements of a target; a result to be judged by them has `segments` edges per circle. Its `noise` is measured unless it was."""
+    noise = noise or MeasuredNoise(*measure_noise(target.points, np.random.default_rng(NOISE_SEED)))
+    return _of_cloud(target, segments, noise) if target.mesh is None else _of_mesh(target.mesh, segments, noise.model)
 
 
-def _of_mesh(mesh: trimesh.Trimesh, points: np.ndarray, segments: int) -> SurfaceElements:
+def _of_mesh(mesh: trimesh.Trimesh, segments: int, noise: NoiseModel) -> SurfaceElements:
     facets = facets_of(mesh)
     height, radius = chord_heights(facets)
-    noise, _ = measure_noise(points, np.random.default_rng(NOISE_SEED))
     # a scan is noisy; a mesh's chords lie off the curve, and so do the result's
     tolerance = ON_SURFACE * facets.diagonal + DEVIATIONS * noise.sigma + height + radius * (1 - math.cos(math.pi / segments))
     vertices, faces, parents = split_edges(np.asarray(mesh.vertices), np.asarray(mesh.faces), facets.diagonal / FINENESS, MOST_ELEMENTS)
@@ -88,12 +88,12 @@ def _of_mesh(mesh: trimesh.Trimesh, points: np.ndarray, segments: int) -> Surfac
     )
 
 
-def _of_cloud(target: Target, segments: int) -> SurfaceElements:
-    rng = np.random.default_rng(NOISE_SEED)
-    noise, kept = measure_noise(target.points, rng)
+def _of_cloud(target: Target, segments: int, measured: MeasuredNoise) -> SurfaceElements:
+    noise, kept = measured.model, np.arange(len(target.points)) if measured.kept is None else measured.kept
     kept = subsample(np.sort(kept), MOST_POINTS)
     points = target.points[kept]
-    normals = estimate_normals(points, noise, rng)[0] if target.normals is None else target.normals[kept]
+    chosen = np.random.default_rng(NOISE_SEED)
+    normals = estimate_normals(points, noise, chosen)[0] if target.normals is None else target.normals[kept]
     away, near = (np.asarray(found) for found in KDTree(points).query(points, k=NEIGHBOURS + 1))
     links = np.column_stack([np.repeat(np.arange(len(points)), NEIGHBOURS), near[:, 1:].ravel()])
     links = np.unique(np.sort(links, axis=1), axis=0)

@@ -22,6 +22,7 @@ from imdim.delivery.explanation import Explanation, explain, share_borne_out
 from imdim.delivery.region_kind import Recognised, find_double_bends, find_teeth, find_text, is_freeform
 from imdim.delivery.surface_elements import SurfaceElements, elements_of
 from imdim.detection.mesh_noise import DEVIATION
+from imdim.detection.noise import MeasuredNoise
 from imdim.export.verdict_colours import VERDICTS, ColouredTarget
 from imdim.geometry.metrics import diagonal
 from imdim.geometry.solid import SEGMENTS
@@ -109,11 +110,18 @@ class SurfaceVerdict:
 
 
 def judge(
-    target: Target, result: trimesh.Trimesh, segments: int = SEGMENTS, program: Program | None = None, scanned: bool = False
+    target: Target,
+    result: trimesh.Trimesh,
+    segments: int = SEGMENTS,
+    program: Program | None = None,
+    scanned: bool = False,
+    noise: MeasuredNoise | None = None,
 ) -> SurfaceVerdict:
     """The verdict on each region of `target`, by the surface of a result that has `segments` edges per circle; all of it is left out where
-    that is empty. With the `program` of the result, it is asked too whether that explains a cloud, or a mesh that was `scanned`."""
-    elements = elements_of(target, segments)
+    that is empty. With the `program` of the result, it is asked too whether that explains a cloud, or a mesh that was `scanned`.
+    The target's `noise` is measured where the run that found the result did not.
+    """
+    elements = elements_of(target, segments, noise)
     tree = triangle_tree(result) if len(result.faces) else None
     if tree is not None:
         far = distances(tree, elements.points)

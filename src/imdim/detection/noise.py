@@ -33,6 +33,19 @@ class NoiseModel:
         """Whether the noise is so large that edges and walls are blurred."""
         return self.sigma > _BLURRING * self.diagonal
 
+    def scale(self, factor: float) -> NoiseModel:
+        """The noise where lengths are `factor` times as long."""
+        return NoiseModel(factor * self.spacing, factor * self.sigma, factor * self.diagonal)
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredNoise:
+    """A target's noise, in its units, as it is measured once in a run, and the indices `kept` [m] of a cloud's points that show faces; None
+    for a mesh."""
+
+    model: NoiseModel
+    kept: np.ndarray | None = None
+
 
 EXACT = NoiseModel(0.0, 0.0, 1.0)  # of a mesh in its unit frame
 

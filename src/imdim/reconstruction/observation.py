@@ -45,11 +45,13 @@ class UnseenError(InputError):
 
 @dataclass(frozen=True)
 class UnitBody:
-    """A body in its unit frame, its noise there, a mesh's `patches`; of a crowded cloud so many points that they show its faces."""
+    """A body in its unit frame, its noise there, a mesh's `patches`; of a crowded cloud so many points that they show its faces, those
+    `kept` [m] of all."""
 
     target: Target
     noise: NoiseModel
     patches: list[Patch] | None = None
+    kept: np.ndarray | None = None
 
     @staticmethod
     def of(
@@ -63,7 +65,7 @@ class UnitBody:
         noise, kept = measure_noise(unit.points, rng)
         if len(kept) < len(unit.points):
             unit = replace(unit, points=unit.points[kept], normals=None if unit.normals is None else unit.normals[kept])
-        return UnitBody(unit, noise)
+        return UnitBody(unit, noise, kept=kept)
 
     @property
     def scanned(self) -> bool:

@@ -20,6 +20,7 @@ from manifold3d import Manifold
 
 from imdim.deadline import Deadline
 from imdim.detection.blends import Chain
+from imdim.detection.noise import MeasuredNoise
 from imdim.export.chance import end_together
 from imdim.geometry.finish.cut_ends import end_cuts_in_faces
 from imdim.geometry.finish.cutter_walls import open_films
@@ -82,7 +83,7 @@ class Snapshot:
     an evolution shows its front as it goes. `proof` says whether the program was proved minimal, and why not; it is empty where the
     method does not ask. The last one's `notes` say, a sentence each, what was left out, and its `edges` are the target's fillets and
     chamfers, which were set aside: the program is that of the sharp part, and `error` is relative to it. `noisy` is whether its numbers are
-    measured off a noisy cloud or a scan.
+    measured off a noisy cloud or a scan, `noise` what was measured of the target, None where nobody did.
     """
 
     stage: str
@@ -96,13 +97,14 @@ class Snapshot:
     notes: tuple[str, ...] = ()
     edges: tuple[EdgeFeature, ...] = ()
     noisy: bool = False
+    noise: MeasuredNoise | None = None
 
 
 @dataclass(frozen=True)
 class _BodyState:
     """A program of one body without its `chains` of fillets and chamfers, but with those `kept`, it and the `volume` in the body's units;
     `error` is relative to that, as `measure` gives it for any program of its structure. `found` are the relations that its points support,
-    None if they were not asked. `stop` is as a step's, `noisy` as a snapshot's."""
+    None if they were not asked. `stop` is as a step's, `noisy` and `noise` as a snapshot's."""
 
     stage: str
     program: Program
@@ -116,6 +118,7 @@ class _BodyState:
     chains: tuple[Chain, ...] = ()
     kept: tuple[Chain, ...] = ()
     noisy: bool = False
+    noise: MeasuredNoise | None = None
 
 
 @dataclass(frozen=True)
@@ -197,7 +200,7 @@ def _snapshots(states: Iterable[_BodyState], target: Target, work: _Work, left_o
     )
     stop = CUT if solver and relate_by.has_passed() else last.stop
     spent, found = work.budget.seconds(), edges.features
-    yield Snapshot("finished", program, error, spent, stop, front, constraints, last.proof, notes, found, last.noisy)
+    yield Snapshot("finished", program, error, spent, stop, front, constraints, last.proof, notes, found, last.noisy, last.noise)
 
 
 def _turn_back(states: Iterable[_BodyState], own: Frame) -> Iterator[_BodyState]:
@@ -329,7 +332,9 @@ def _together(stage: str, states: list[_BodyState]) -> _BodyState:
     error, volume = _mean_error([s.error for s in states], states), sum(s.volume for s in states)
     chains, kept = (tuple(chain for found in each for chain in found) for each in zip(*((s.chains, s.kept) for s in states), strict=True))
     state = _BodyState(stage, program, error, volume, lambda p: _error(p, states), tuple(front), proof, stop, states[0].found, chains, kept)
-    return replace(state, noisy=any(s.noisy for s in states))
+    noises = [s.noise for s in states if s.noise is not None]
+    noise = max(noises, key=lambda noise: noise.model.sigma, default=None)
+    return replace(state, noisy=any(s.noisy for s in states), noise=noise)
 
 
 def _error(program: Program, states: Sequence[_BodyState]) -> float:
@@ -370,8 +375,9 @@ def _body(body: Target, work: _Work, share: float = 1.0) -> Iterator[_BodyState]
     observed = UnitBody.of(aside.target, work.rng, aside.patches, detect_by, work.settings.language == "cad")
     # rims lie between whole features, whether these are drawn or not
     blended = not all(chain.is_rim for chain in chains)
+    noise = MeasuredNoise(observed.noise.scale(1 / frame.scale), observed.kept)
     for state in _sharp_body(body, observed, frame, work, share, blended):
-        yield replace(state, chains=chains, kept=kept, stop=CUT if cut else state.stop)
+        yield replace(state, chains=chains, kept=kept, stop=CUT if cut else state.stop, noise=noise)
 
 
 def _sharp_body(body: Target, observed: UnitBody, frame: Frame, work: _Work, share: float, blended: bool = False) -> Iterator[_BodyState]:
