@@ -8,7 +8,19 @@ from tests.search.planted_families import planted, random_candidates
 
 from imdim.search.candidate_families import Candidate
 from imdim.search.group_sums import Slots
-from imdim.search.kernels import axial_best, best_box, best_interval, count_apart, group_rows, merge_rows, merge_slabs, slabs_of
+from imdim.search.kernels import (
+    axial_best,
+    best_box,
+    best_interval,
+    changeable_cells,
+    count_apart,
+    group_rows,
+    merge_rows,
+    merge_slabs,
+    pick_flags,
+    slabs_of,
+    sum_where,
+)
 
 
 def slow_interval(sums: np.ndarray) -> float:
@@ -171,3 +183,33 @@ def test_bits_apart_are_counted():
     flags = np.unpackbits(bits.view(np.uint8), axis=1)
     assert count_apart(bits, rows, 0).tolist() == (flags[rows] != flags[0]).sum(axis=1).tolist()
     assert count_apart(bits, rows, 0)[[0, 2]].tolist() == [0, 7 * 64]
+
+
+@pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 127, 128, 129, 136, 1000, 70_001])
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_chosen_values_are_added_up_as_numpy_does(count, share):
+    rng = np.random.default_rng(count)
+    values, flags = rng.random(count) * 10.0 ** rng.uniform(-9, 0, count), rng.random(count) < share
+    assert sum_where(values, flags, True) == values[flags].sum()
+    assert sum_where(values, flags, False) == values[~flags].sum()
+
+
+def test_cells_that_a_term_can_change():
+    rng = np.random.default_rng(5)
+    free, state, gain = rng.random(90) < 0.7, rng.random(90) < 0.5, rng.integers(-9, 9, 90).astype(float)
+    none = np.zeros(0, bool)
+    empty, held, differs, won = changeable_cells(free, state, gain, none, none)
+    assert np.array_equal(empty, free & ~state)
+    assert np.array_equal(held, free & state)
+    assert differs == (True, True)
+    assert won == gain[held].sum()
+    assert changeable_cells(free, state, gain, empty, held)[2] == (False, False)
+    last = empty.copy()
+    last[-1] = not last[-1]
+    assert changeable_cells(free, state, gain, last, held)[2] == (True, False)
+    assert changeable_cells(free, state, gain, empty, ~held)[2] == (False, True)
+
+
+def test_flags_are_picked():
+    which, flags, others = np.array(np.meshgrid(*3 * [[False, True]])).reshape(3, -1)
+    assert np.array_equal(pick_flags(which, flags, others), np.where(which, flags, others))

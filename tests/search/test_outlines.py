@@ -16,6 +16,7 @@ from imdim.reconstruction.config import Settings
 from imdim.reconstruction.observation import UnitBody, observe
 from imdim.reconstruction.pipeline import reconstruct
 from imdim.search.outline_drawing import trace_loops
+from imdim.search.outline_kernels import offer_outlines
 from imdim.search.outline_plane import OUTSIDE, Walls, _unpack, make_plane
 from imdim.search.outline_region import best_region, count_curves
 from imdim.target.target import in_unit_frame, target_from
@@ -95,6 +96,28 @@ def _share_of_best(seed, price):
     assert region.curves == count_curves(found, region.inside)
     check_crossings(Outline(trace_loops(found, region.inside)))
     return value(region.inside) / max(value(np.array(bits, bool)) for bits in product((False, True), repeat=found.faces))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_outlines_on_offer_are_the_best_regions_between_levels(seed):
+    rng, levels, price, paid = np.random.default_rng(seed), 4, 0.05, (4, 0.5)
+    found = plane(rng, 3, 1)
+    sums = rng.normal(0, 1, (found.faces + 1) * levels)
+    slabs = -sums[: found.faces * levels].reshape(-1, levels)
+    most, count, lo, hi, wins, faces = offer_outlines(found.graph, sums, found.faces, levels, -1.0, 0.0, price, paid)
+
+    def value(region, gains):
+        return gains[region].sum() - price * max(count_curves(found, region) - paid[0], paid[1])
+
+    # a slot is of what lies right below its level
+    gains = slabs[:, lo + 1 : hi + 1].sum(1)
+    assert wins[0] >= wins[count - 1] > 0
+    for won, region in zip(wins[:count], faces, strict=False):
+        assert won == pytest.approx(value(region, gains))
+    region = best_region(found, gains, price)
+    assert wins[0] == pytest.approx(value(region.inside, gains)) or wins[0] > value(region.inside, gains)
+    assert wins[0] <= most
+    assert offer_outlines(found.graph, sums, found.faces, levels, -1.0, most, price, paid)[1] == 0
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-6, 3e-5, 6e-4, -6e-4])

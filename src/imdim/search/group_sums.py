@@ -7,6 +7,7 @@ alone, those of an edit. Sums of gains are exact in any order (`Cells.gain_under
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -53,6 +54,7 @@ class GroupSums:
         self.gain = gain
         self._kept: list[_Look] = []
         self._bits = np.zeros((MOST_LOOKS + 1, -(-len(gain) // 64)), np.uint64)
+        self._rows = np.zeros(MOST_LOOKS + 1, np.int64)  # of the flags of each kept look
         self._free = list(range(MOST_LOOKS + 1))  # rows
         self._bytes = 0
 
@@ -60,31 +62,40 @@ class GroupSums:
         """The sums over the cells that are `changeable` [m]."""
         row, packed = self._free[-1], np.packbits(changeable)
         self._bits[row].view(np.uint8)[: len(packed)] = packed
-        apart = count_apart(self._bits, np.array([look.row for look in self._kept], np.int64), row)
-        near = [self._kept[i] for i in np.argsort(apart, kind="stable").tolist()]
-        if near and apart.min() == 0:
-            self._kept.remove(near[0])
-            self._kept.append(near[0])
-            return FieldSums(self, near[0], near[1:])
+        kept = list(self._kept)
+        apart = count_apart(self._bits, self._rows[: len(kept)], row)
+        nearest = int(apart.argmin()) if kept else 0
+        if kept and apart[nearest] == 0:
+            self._append(self._drop(nearest))
+            return FieldSums(self, kept[nearest], kept, apart)
         look = _Look(changeable, self._free.pop())
-        self._kept.append(look)
+        self._append(look)
         self.keep(changeable)
-        return FieldSums(self, look, near)
+        return FieldSums(self, look, kept, apart)
+
+    def _append(self, look: _Look) -> None:
+        self._rows[len(self._kept)] = look.row
+        self._kept.append(look)
+
+    def _drop(self, i: int) -> _Look:
+        self._rows[i:-1] = self._rows[i + 1 :]
+        return self._kept.pop(i)
 
     def keep(self, more: np.ndarray) -> None:
         """Count what is kept, and forget the looks that were not asked for longest where that is too much."""
         self._bytes += more.nbytes
         while len(self._kept) > 1 and (self._bytes > MOST_BYTES or len(self._kept) > MOST_LOOKS):
-            oldest = self._kept.pop(0)
+            oldest = self._drop(0)
             self._bytes -= sum(known.nbytes for known in (oldest.changeable, *oldest.sums.values()))
             self._free.append(oldest.row)
 
 
 class FieldSums:
-    """The sums of one look, found where they are asked for: from the nearest look that knows them, `near` first, or from all cells."""
+    """The sums of one look, found where they are asked for: from the nearest of the `others` that knows them, of which each is so many
+    cells `apart` [k] from it, or from all cells."""
 
-    def __init__(self, owner: GroupSums, look: _Look, near: list[_Look]) -> None:
-        self._owner, self._look, self._near = owner, look, near
+    def __init__(self, owner: GroupSums, look: _Look, others: list[_Look], apart: np.ndarray) -> None:
+        self._owner, self._look, self._others, self._apart = owner, look, others, apart
         self._changes: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         self._all: tuple[np.ndarray, np.ndarray] | None = None  # the cells, and what each adds
 
@@ -100,12 +111,16 @@ class FieldSums:
         if self._all is None:
             cells = np.flatnonzero(self._look.changeable)
             self._all = cells, self._owner.gain[cells]
-        near = next((look for look in self._near if group in look.sums), None)
+        near = next((look for look in self._nearest_first if group in look.sums), None)
         if near is not None:
             cells, values = self._changes_from(near)
             if len(cells) + COPY * slots.size < len(self._all[0]):
                 return slots.sum_changes(near.sums[group], cells, values)
         return slots.sum_values(*self._all)
+
+    @cached_property
+    def _nearest_first(self) -> list[_Look]:
+        return [self._others[i] for i in np.argsort(self._apart, kind="stable").tolist()]
 
     def _changes_from(self, look: _Look) -> tuple[np.ndarray, np.ndarray]:
         """The cells that differ from another look, and what each adds."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+PAIRWISE = 128  # values, that are added up eight abreast
 TABLE = 1024  # even steps between the first and the last edge of slabs, and how many points pay for them
 
 
@@ -404,3 +405,76 @@ def most_added(before: np.ndarray, now: np.ndarray, sign: float, gain: np.ndarra
             if before[i] != now[i]:
                 total += max(sign * gain[i] if now[i] else -sign * gain[i], 0.0)
     return total
+
+
+@njit(nogil=True, cache=True)
+def changeable_cells(free, state, gain, empty_before, held_before):
+    """Of the `free` cells [m] those that are not filled in `state` [m], and those that are; whether each differ from the ones before, which
+    may be none [0]; and the sum of the gain of those that are filled."""
+    m, won = len(gain), 0.0
+    empty, held = np.empty(m, np.bool_), np.empty(m, np.bool_)
+    empty_differs, held_differs = len(empty_before) != m, len(held_before) != m
+    for i in range(m):
+        empty[i] = free[i] > state[i]
+        held[i] = free[i] & state[i]
+    for i in range(m):
+        if held[i]:
+            won += gain[i]
+    for i in range(m if not empty_differs else 0):
+        empty_differs |= empty[i] != empty_before[i]
+    for i in range(m if not held_differs else 0):
+        held_differs |= held[i] != held_before[i]
+    return empty, held, (empty_differs, held_differs), won
+
+
+@njit(nogil=True, cache=True)
+def sum_where(values, flags, wanted):
+    """The sum of those `values` [m] whose flags [m] are as `wanted`, pairwise as numpy adds them up (Higham 1993), to the same bits."""
+    chosen, count = np.empty(len(values) + 1), 0
+    for i in range(len(values)):
+        chosen[count] = values[i]
+        count += flags[i] == wanted
+    return _sum_pairwise(chosen[:count])
+
+
+@njit(nogil=True, cache=True)
+def _sum_pairwise(values):
+    """Halves are added up each by itself, and where there are few, eight abreast; without recursion, which numba's cache does not bear."""
+    rest, counts, sums, is_left = np.empty(64, np.int64), np.empty(64, np.int64), np.empty(64), np.empty(64, np.bool_)
+    first, count, depth = 0, len(values), 0
+    while True:
+        while count > PAIRWISE:
+            half = count // 2 // 8 * 8
+            rest[depth], counts[depth], is_left[depth] = first + half, count - half, True
+            count, depth = half, depth + 1
+        total = _sum_abreast(values[first : first + count])
+        while depth and not is_left[depth - 1]:
+            depth -= 1
+            total = sums[depth] + total
+        if not depth:
+            return total
+        sums[depth - 1], is_left[depth - 1] = total, False
+        first, count = rest[depth - 1], counts[depth - 1]
+
+
+@njit(nogil=True, cache=True)
+def _sum_abreast(values):
+    total, whole = 0.0, len(values) // 8 * 8
+    if whole:
+        a, b, c, d, e, f, g, h = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(0, whole, 8):
+            a, b, c, d = a + values[i], b + values[i + 1], c + values[i + 2], d + values[i + 3]
+            e, f, g, h = e + values[i + 4], f + values[i + 5], g + values[i + 6], h + values[i + 7]
+        total = ((a + b) + (c + d)) + ((e + f) + (g + h))
+    for i in range(whole, len(values)):
+        total += values[i]
+    return total
+
+
+@njit(nogil=True, cache=True)
+def pick_flags(which: np.ndarray, flags: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """The `flags` [m] where `which` [m] says so, elsewhere the `others` [m]."""
+    out = np.empty(len(which), np.bool_)
+    for i in range(len(which)):
+        out[i] = (which[i] & flags[i]) | (which[i] < others[i])
+    return out

@@ -17,8 +17,8 @@ import numpy as np
 from imdim.program.sequence import Step
 from imdim.program.tree import Op
 from imdim.search.candidate_families import Families
-from imdim.search.group_sums import FieldSums, GroupSums
-from imdim.search.kernels import most_added
+from imdim.search.group_sums import GroupSums
+from imdim.search.kernels import changeable_cells, most_added
 from imdim.search.sequence import Covered, Insertion, Price, Sequence, gaps, mask_of
 
 NEIGHBOURS = 3  # places just asked that bound the next
@@ -116,16 +116,16 @@ def best_insertions(sequence: Sequence, families: Families, price: Price, known:
     """
     sums = known.sums_of(families, price)
     gain = sums.gain
-    places = sorted(_places(sequence, gain, families.groups if price.boxes else 1, known), key=lambda p: -(p.total + p.caps.max()))
+    hopes = ((p.total + float(p.caps.max()), p) for p in _places(sequence, gain, families.groups if price.boxes else 1, known))
     least = price.step
     found: list[Insertion] = []
     asked: dict[Op, list[_Asked]] = {}
-    for order, place in enumerate(places):
-        if place.total + place.caps.max() <= least:
+    for order, (hope, place) in enumerate(sorted(hopes, key=lambda hoped: -hoped[0])):
+        if hope <= least:
             break
         near = asked.setdefault(place.op, [])
         _tighten(place, near, gain)
-        for insertion in _ask_groups(place, sums.look(place.changeable), families, least, share):
+        for insertion in _ask_groups(place, sums, families, least, share):
             found.append(insertion)
             least = max(least, share * insertion.gain)
         insort(near, (place.position, order, place))
@@ -166,15 +166,16 @@ def _tighten(place: _Place, asked: list[_Asked], gain: np.ndarray) -> None:
         np.minimum(place.caps, other.caps + most_added(other.changeable, place.changeable, place.sign, gain), out=place.caps)
 
 
-def _ask_groups(place: _Place, sums: FieldSums, families: Families, least: float, share: float) -> Iterator[Insertion]:
+def _ask_groups(place: _Place, sums: GroupSums, families: Families, least: float, share: float) -> Iterator[Insertion]:
     """What the groups of one place win; their bounds become what was found."""
+    caps, look = place.caps.tolist(), None
     for group in np.argsort(-place.caps, kind="stable").tolist():
         floor = least - place.total
-        if place.caps[group] <= floor:
+        if caps[group] <= floor:
             break
-        slots = families.slots[group]
-        most, found = families.best_of(group, sums.of(group, slots), place.sign, max(floor, 0.0))
-        place.caps[group] = min(place.caps[group], most)
+        look = look or sums.look(place.changeable)
+        most, found = families.best_of(group, look.of(group, families.slots[group]), place.sign, max(floor, 0.0))
+        place.caps[group] = min(caps[group], most)
         if found and most > floor:
             least = max(least, share * (place.total + most))
             yield Insertion(place.total + most, place.position, place.op, found)
@@ -183,24 +184,22 @@ def _ask_groups(place: _Place, sums: FieldSums, families: Families, least: float
 def _places(sequence: Sequence, gain: np.ndarray, groups: int, known: GainBounds) -> Iterator[_Place]:
     """Each place and operation with the bounds of its groups; a place where nothing differs from the one behind it is left out."""
     behind: dict[Op, _GroupBound | None] = {}
-    before: dict[Op, np.ndarray] = {}
+    empty = held = np.zeros(0, bool)  # those of the place behind, which has none at the end
     for position, state, free in gaps(sequence, len(gain)):
         step = sequence[position] if position < len(sequence) else None
-        for op, changeable, sign in _kinds(free, state, position > 0):
+        empty, held, differs, won = changeable_cells(free, state, gain, empty, held)
+        for op, changeable, sign in _kinds(empty, held, position > 0):
             key = (id(step), op)
             look = behind[op] = known.get(key) or behind.get(op)
-            if op in before and not (before[op] != changeable).any():
-                continue
-            before[op] = changeable
-            total = -sign * float(gain[changeable].sum()) if op == "intersection" else 0.0
-            yield _Place(position, op, changeable, sign, total, _caps(look, changeable, sign, gain, groups), key, step)
+            if differs[0 if op == "union" else 1]:
+                total = -won if op == "intersection" else 0.0
+                yield _Place(position, op, changeable, sign, total, _caps(look, changeable, sign, gain, groups), key, step)
 
 
-def _kinds(free: np.ndarray, state: np.ndarray, filled: bool) -> Iterator[tuple[Op, np.ndarray, float]]:
+def _kinds(empty: np.ndarray, held: np.ndarray, filled: bool) -> Iterator[tuple[Op, np.ndarray, float]]:
     """(operation, cells [m] that it can change, sign of the gain that a term's cells count with)."""
-    yield "union", free & ~state, 1.0
+    yield "union", empty, 1.0
     if filled:
-        held = free & state
         yield "difference", held, -1.0
         # keeping only a term wins what emptying all would win less what emptying the term would
         yield "intersection", held, 1.0

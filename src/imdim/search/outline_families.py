@@ -16,7 +16,7 @@ import numpy as np
 from imdim.geometry.rotations import euler_from_matrix
 from imdim.geometry.rows import lengths
 from imdim.geometry.surface import Surface, vec
-from imdim.program.cost import count_charged_curves
+from imdim.program.cost import DRAWN, FREE_CURVES, count_charged_curves
 from imdim.program.outline import Outline
 from imdim.program.plain_outlines import to_simple
 from imdim.program.tree import FULL_TURN, Primitive
@@ -24,10 +24,11 @@ from imdim.search.arrangement import ORTHOGONAL, Arrangement
 from imdim.search.cells import Cells
 from imdim.search.group_sums import Slots
 from imdim.search.outline_drawing import draw_outline
-from imdim.search.outline_kernels import add_won, likeliest_levels, sum_below
+from imdim.search.outline_kernels import offer_outlines, sum_below
 from imdim.search.outline_plane import OutlinePlane, Walls, make_plane
 from imdim.search.outline_region import best_region, count_curves
 
+PAID = (FREE_CURVES, DRAWN)  # how many curves of an outline are free, and what is charged at least
 CURVE_OF_WIDER, HARMLESS = 1e-3, 1e-6  # of a face that matters: what a curve costs, and a harmless face wins, where an outline is widened
 SAME_AXIS = 4e-4  # of the unit frame, within which two axes are one
 MOST_WALLS = 90  # of one plane; the faces grow with the square
@@ -226,27 +227,14 @@ class OutlineCells:
         """What the best outline of a plane wins by `sign` times the sums over its slots, less its curves' price, its levels and its faces,
         None below `floor`; before it what none is above."""
         plane = self.outlines.planes[index]
-        levels = self._levels(plane)
-        won = add_won(sums, plane.faces, levels, sign)
-        if won <= floor:
-            return won, None
-        below = sum_below(sums, plane.faces, levels, sign)
-        pairs, most = likeliest_levels(below, floor)
-        best: Drawn | None = None
-        least = floor
-        for lo, hi, bound in pairs:
-            if bound <= least:
-                break
-            found = self._drawn(plane, below, int(lo), int(hi), flips=False)
-            if found is not None and found[0] > least:
-                least, best = found[0], found
-        if best is None:
-            return min(most, floor), None
-        lo, hi = best[1][0] if best[1] else (0, 1)
-        better = self._drawn(plane, below, lo, hi, flips=True)
-        offers = [best] if better is None or better[0] <= best[0] else [better, best]
-        offer = next((offer for offer in offers if self._is_drawable(index, offer[2])), None)
-        return (floor, None) if offer is None else (offer[0], offer)
+        price = self.outlines.curve_price
+        most, count, lo, hi, wins, faces = offer_outlines(plane.graph, sums, plane.faces, self._levels(plane), sign, floor, price, PAID)
+        ranges = ((lo, hi),) if plane.kind == "extrude" else ()
+        for won, inside in zip(wins[:count].tolist(), faces, strict=False):
+            packed = np.packbits(inside).tobytes()
+            if self._is_drawable(index, packed):
+                return won, (won, ranges, packed)
+        return floor if count else most, None
 
     def _is_drawable(self, index: int, faces: bytes) -> bool:
         """Whether the boundary of a region crosses nothing: a few regions among walls that nearly coincide have none that does not."""
@@ -255,14 +243,6 @@ class OutlineCells:
         except ValueError:
             return False
         return True
-
-    def _drawn(self, plane: OutlinePlane, below: np.ndarray, lo: int, hi: int, flips: bool) -> Drawn | None:
-        """What is found between two levels."""
-        region = best_region(plane, below[:, hi] - below[:, lo], self.outlines.curve_price, flips)
-        if region is None:
-            return None
-        won = region.gain - self.outlines.curve_price * count_charged_curves(region.curves)
-        return won, ((lo, hi),) if plane.kind == "extrude" else (), np.packbits(region.inside).tobytes()
 
     def _levels(self, plane: OutlinePlane) -> int:
         return len(self.arrangement.directions[plane.direction].offsets) if plane.kind == "extrude" else 2

@@ -96,6 +96,52 @@ def likeliest_levels(below, floor):
 
 
 @njit(nogil=True, cache=True)
+def offer_outlines(graph, sums, faces, levels, sign, floor, price, paid):
+    """The outlines of a plane that win most by `sign` times the sums over its slots, at most two, best first: (what none is above, offers,
+    lower level, upper level, what each wins [2], the faces of each [2, f]). A curve costs its `price`, where `paid` (so many that are free,
+    least that is charged)."""
+    wins, offers = np.zeros(2), np.zeros((2, faces), np.bool_)
+    most = add_won(sums, faces, levels, sign)
+    if most <= floor:
+        return most, 0, 0, 0, wins, offers
+    below = sum_below(sums, faces, levels, sign)
+    pairs, most = likeliest_levels(below, floor)
+    low, high, least = -1, -1, floor
+    for k in range(len(pairs)):
+        if pairs[k, 2] <= least:
+            break
+        lo, hi = int(pairs[k, 0]), int(pairs[k, 1])
+        won, inside = _price_region(graph, below[:, hi] - below[:, lo], price, paid, False)
+        if won > least:
+            least, low, high = won, lo, hi
+            _fill_offer(wins, offers, 0, won, inside)
+    if low < 0:
+        return min(most, floor), 0, 0, 0, wins, offers
+    won, inside = _price_region(graph, below[:, high] - below[:, low], price, paid, True)
+    if won <= wins[0]:
+        return most, 1, low, high, wins, offers
+    _fill_offer(wins, offers, 1, wins[0], offers[0])
+    _fill_offer(wins, offers, 0, won, inside)
+    return most, 2, low, high, wins, offers
+
+
+@njit(nogil=True, cache=True)
+def _fill_offer(wins, offers, row, won, inside):
+    wins[row] = won
+    for f in range(offers.shape[1]):
+        offers[row, f] = inside[f]
+
+
+@njit(nogil=True, cache=True)
+def _price_region(graph, gains, price, paid, thorough):
+    """What the best region wins by `gains` [f] less what its curves cost, -inf where there is none, and the region [f + 1]."""
+    inside, won = find_region(graph, gains, price, thorough)
+    if won <= 0 or not mend_region(graph, gains, inside):
+        return -np.inf, inside
+    return _sum_inside(inside, gains) - price * max(count_runs(graph, inside) - paid[0], paid[1]), inside
+
+
+@njit(nogil=True, cache=True)
 def find_region(graph, gains, price, thorough):
     """The region that wins most by `gains` [f] and a `price` for a curve, among those tried, and what it wins.
 

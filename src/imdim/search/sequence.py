@@ -21,6 +21,7 @@ from imdim.program.sequence import SignedSequence, Step, map_terms
 from imdim.program.tree import Combine, Op, Program
 from imdim.search.candidate_families import Candidate, Families
 from imdim.search.cells import TRUE, Weights
+from imdim.search.kernels import pick_flags, sum_where
 
 NEARLY = 1 - 1e-9  # of a gain, for which rounding makes no difference
 
@@ -114,7 +115,7 @@ def error(sequence: Sequence, families: Families, weights: Weights = TRUE) -> fl
 def error_of(state: np.ndarray, families: Families, weights: Weights = TRUE) -> float:
     """As `error`, for the filled cells [m]."""
     cells = families.cells
-    return weights[0] * float(cells.w_out[state].sum()) + weights[1] * float(cells.w_in[~state].sum())
+    return weights[0] * sum_where(cells.w_out, state, True) + weights[1] * sum_where(cells.w_in, state, False)
 
 
 def without_one(sequence: Sequence, m: int) -> Iterator[tuple[int, np.ndarray]]:
@@ -125,12 +126,13 @@ def without_one(sequence: Sequence, m: int) -> Iterator[tuple[int, np.ndarray]]:
     states = list(accumulate(sequence[:-1], apply, initial=np.zeros(m, bool)))
     of_empty, of_filled = np.zeros(m, bool), np.ones(m, bool)
     for i in range(len(sequence) - 1, -1, -1):
-        yield i, np.where(states[i], of_filled, of_empty)
+        yield i, pick_flags(states[i], of_filled, of_empty)
         step = sequence[i]
         if step.op == "union":
-            of_empty = np.where(step.term.mask, of_filled, of_empty)
+            of_empty = pick_flags(step.term.mask, of_filled, of_empty)
         else:
-            of_filled = np.where(step.term.mask == (step.op == "difference"), of_empty, of_filled)
+            emptied = step.term.mask if step.op == "difference" else ~step.term.mask
+            of_filled = pick_flags(emptied, of_empty, of_filled)
 
 
 def cost(sequence: Sequence) -> float:
