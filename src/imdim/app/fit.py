@@ -16,6 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
+from imdim.app.deferred import defer_modules
 from imdim.app.orderly import SIGNALS, EndSignal
 from imdim.app.piped import STDIN, load_piped
 from imdim.app.progress import show_progress
@@ -103,8 +104,13 @@ def _dumps(report: Mapping[str, Any]) -> str:
 
 def _fit_or_refuse(settings: Settings, reconstruct: Reconstruct | None, quiet: bool, force: bool) -> dict[str, Any]:
     """As `fit`, with every refusal a ConfigError; imports the numeric libraries, which a misspelt setting need not wait for."""
-    from imdim.delivery.deliver import OutputError
-    from imdim.target.target import InputError
+    gc.disable()
+    with defer_modules():
+        import imdim.reconstruction.pipeline  # noqa: F401 - for `fit`
+        from imdim.delivery.deliver import OutputError
+        from imdim.target.target import InputError
+    gc.freeze()  # what modules hold stays: no dead ones are looked for among it
+    gc.enable()
 
     try:
         return fit(settings, reconstruct, quiet, force)
