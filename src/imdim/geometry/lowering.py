@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from imdim.program.ellipse import Ellipse
 from imdim.program.outline import Curve, Outline, arc_center, arc_radius, has_ellipse, loop_curves, nesting
 from imdim.program.tree import KINDS, OPS, SIZE_NAMES, Op, Primitive, Program, fold, leaves, map_leaves
 
+NO_CURVES = np.empty((0, 8))
+KEPT = 256  # outlines: of one program again and again the same
 OP_CODES: dict[Op, int] = {op: -1 - i for i, op in enumerate(OPS)}
 
 
@@ -51,18 +54,19 @@ class Outlines:
     @staticmethod
     def pack(outlines: Sequence[Outline | None]) -> Outlines:
         """One entry a leaf, None for one that is not drawn."""
-        lists = [[] if outline is None else _rows(outline) for outline in outlines]
+        lists = [NO_CURVES if outline is None else _rows(outline) for outline in outlines]
         ends = np.cumsum([0, *map(len, lists)])
-        rows = [row for rows in lists for row in rows]
-        return Outlines(np.array(rows, float).reshape(-1, 8), np.stack([ends[:-1], ends[1:]], axis=1).astype(np.int64))
+        return Outlines(np.concatenate([NO_CURVES, *lists]), np.stack([ends[:-1], ends[1:]], axis=1).astype(np.int64))
 
 
-def _rows(outline: Outline) -> list[tuple[float, ...]]:
+@lru_cache(KEPT)
+def _rows(outline: Outline) -> np.ndarray:
+    """The curves [c, 8] of one; not to be changed."""
     if not has_ellipse(outline):
-        return [_row(curve) for curve in outline.curves]
+        return np.array([_row(curve) for curve in outline.curves], float).reshape(-1, 8)
     # other curves say by the way that they run where a hole is
     sides = zip(outline.loops, nesting(outline.loops), strict=True)
-    return [_ellipse_row(c, side) if isinstance(c, Ellipse) else _row(c) for loop, side in sides for c in loop_curves(loop)]
+    return np.array([_ellipse_row(c, side) if isinstance(c, Ellipse) else _row(c) for loop, side in sides for c in loop_curves(loop)])
 
 
 def _ellipse_row(e: Ellipse, side: int) -> tuple[float, ...]:
@@ -83,7 +87,7 @@ def row_curve(row: np.ndarray) -> Curve | Ellipse:
     return x, y, u, v, bulge
 
 
-NO_OUTLINES = Outlines(np.empty((0, 8)), np.empty((0, 2), np.int64))
+NO_OUTLINES = Outlines(NO_CURVES, np.empty((0, 2), np.int64))
 
 
 def unpack(program: Program, params: np.ndarray) -> Program:

@@ -41,17 +41,18 @@ def matters_at(program: Program, placed: list[PosedPrimitive], index: int, point
     sizes, outlines = np.stack([part.sizes[k] for part in placed]), Outlines.pack([part.outlines[k] for part in placed])
     reach = size + np.ptp(points, axis=0).sum() if len(points) else size
     # a ball that holds everything in the primitive's place, and one that holds nothing
-    both = []
+    both, code = [], postfix(program)
     for radius in (4 * reach, 1e-9 * reach):
         sizes[index], centers[index] = radius, (points[0] if len(points) else 0.0) + (0.0 if radius > reach else 2 * reach)
-        both.append(kernels.inside(Lowered(postfix(program), kinds, sizes, centers, rotations, outlines), points))
+        both.append(kernels.inside(Lowered(code, kinds, sizes, centers, rotations, outlines), points))
     return both[0] != both[1]
 
 
 def _shows_at_probes(program: Program, placed: list[PosedPrimitive], index: int, region: Primitive) -> bool:
     """Whether a point of the region shows it, by the primitives' true surfaces and by those that their polyhedra have at least."""
     points = probes(region)
-    return bool(len(points) and (matters_at(program, placed, index, points) & matters_at(program, placed, index, points, held=True)).any())
+    shown = matters_at(program, placed, index, points) if len(points) else np.zeros(0, bool)
+    return bool(shown.any() and (shown & matters_at(program, placed, index, points, held=True)).any())
 
 
 def probes(region: Primitive) -> np.ndarray:
