@@ -18,14 +18,16 @@ from imdim.deadline import NEVER, Deadline
 from imdim.detection.blends import Blend, Chain
 from imdim.geometry import kernels
 from imdim.geometry.edge_solids import solid_with_edges
+from imdim.geometry.finish.active_zone import zone_within
 from imdim.geometry.finish.overshoot import overshoot
+from imdim.geometry.finish.posed import PosedPrimitive
 from imdim.geometry.holes import find_holes
-from imdim.geometry.solid import bounds_of, exact_rotation, to_manifold, to_trimesh
+from imdim.geometry.solid import SEGMENTS, bounds_of, exact_rotation, to_manifold, to_trimesh
 from imdim.geometry.surface import Surface, vec
 from imdim.program.holes import SUNK
-from imdim.program.paths import leaf_paths, without
+from imdim.program.paths import Path, at, leaf_paths, without
 from imdim.program.roles import signs
-from imdim.program.tree import Primitive, Program, leaves
+from imdim.program.tree import Combine, Primitive, Program, leaves
 from imdim.reconstruction.edge_features import find_edge_features
 from imdim.target.target import Target
 
@@ -37,6 +39,7 @@ MOSTLY = 0.7  # of an area
 ALIKE = 1 - 1e-5  # cosine between normals of one plane
 NEAR = 1e-6  # of the part's diagonal
 CHORDS = 1e-3  # of a cone's radius, by which its facets miss it
+ROUGHLY = 1.1  # times SHARE; what is near it is looked at
 FILM = 1e-6  # of the part's volume: a smaller piece is nothing
 PLAIN = 4  # lines of a prism at most
 SAME = 0.1  # of what a primitive does, that edges in its place may do otherwise
@@ -106,13 +109,14 @@ def find_stand_ins(program: Program, deadline: Deadline = NEVER, among: Containe
     are of their holes, and are none."""
     whole, seats = to_manifold(program), _seats(program)
     volume, size = whole.volume(), float(np.linalg.norm(np.diff(bounds_of(whole), axis=0)))
-    main = _largest(program)
+    main, placed = _largest(program), [PosedPrimitive(leaf, SEGMENTS) for leaf in leaves(program)]
     for number, (path, leaf) in enumerate(leaf_paths(program)):
         if deadline.has_passed():
             return
         if among is not None and number not in among:
             continue
-        rest = without(program, {path}) if _may_stand_in(leaf, main) and number not in seats else None
+        may = _may_stand_in(leaf, main) and number not in seats
+        rest = without(program, {path}) if may and _may_be_slivers(program, path, placed, number, volume) else None
         if rest is None:
             continue
         other = to_manifold(rest)
@@ -124,6 +128,18 @@ def find_stand_ins(program: Program, deadline: Deadline = NEVER, among: Containe
         slivers = [_sliver(cuts, p, leaf, rest, size) for cuts, p in pieces] if 0 < share <= SHARE else []
         if slivers and all(slivers):
             yield StandIn(number, leaf.kind, share, tuple(s for s in slivers if s))
+
+
+def _may_be_slivers(program: Program, path: Path, placed: list[PosedPrimitive], number: int, volume: float) -> bool:
+    """Whether what a primitive changes may be slivers, told by where in it the solid depends on it: most change far more, or nothing, which
+    takes long to see on the whole solid made anew."""
+    above = (at(program, path[:depth]) for depth in range(len(path)))
+    if any(isinstance(node, Combine) and node.op == "intersection" for node in above):
+        return True  # without it the other part is not cut any more, beyond the primitive too
+    own = placed[number].solid
+    zone = zone_within(program, placed, number, placed[number], own)
+    changed = zone.volume() if isinstance(zone, Manifold) else own.volume() if zone else 0.0
+    return FILM / 2 * volume < changed < ROUGHLY * SHARE * volume
 
 
 def _changes(whole: Manifold, other: Manifold, least: float) -> Iterator[tuple[bool, Manifold]]:
