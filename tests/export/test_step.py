@@ -111,6 +111,12 @@ def test_the_worker_loads_no_compiled_kernels_where_no_edge_is_blended(tmp_path)
     assert not {"numba", "scipy", "trimesh"} & loaded
 
 
+def test_the_process_ends_without_taking_opencascade_apart():
+    code = "import atexit, runpy; atexit.register(print, 'apart'); runpy.run_module('imdim.export.step_worker', run_name='__main__')"
+    done = subprocess.run([sys.executable, "-c", code], stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
 def test_faces_have_the_names_that_are_handed_over(tmp_path):
     (tmp_path / "program.json").write_text(dumps(KNOWN["drilled block"][0]))
     handed, own = ["slab", "bore"], []

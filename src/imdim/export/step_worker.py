@@ -208,3 +208,5 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+    sys.stdout.flush()
+    os._exit(0)  # to take all classes of OpenCASCADE apart first is a third of a second, for which the fit would wait
