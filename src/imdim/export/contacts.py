@@ -7,26 +7,25 @@ one of both faces is a wall, which no relation speaks of.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from imdim.export.outline_joints import Row, sum_rows
-from imdim.export.outline_walls import EXACT
 from imdim.export.seats import ends_of, place_of, reach_of
-from imdim.export.seen import SeenPlanes
-from imdim.geometry.lowering import Lowered, lower
+from imdim.export.seen import HAIR, SeenPlanes
+from imdim.geometry.lowering import lower
 from imdim.program.roles import signs
-from imdim.program.tree import Primitive, Program, leaves
+from imdim.program.tree import Program, leaves
 
 if TYPE_CHECKING:
     from imdim.export.elimination import LinearSystem
 
-ROUND = frozenset(("radius", "diameter", "angle", "chamfer", "sides"))  # words of numbers that no place says
+ROUND = frozenset(("radius", "diameter", "angle", "chamfer", "sides", "gap"))  # words of numbers that no place says
 
 
-class _Patch(NamedTuple):
+class FlatFace(NamedTuple):
     """A rectangle `low` [3] to `high` [3] around a flat face that looks along an `axis` to a `side`, and the variables whose sum its place
     is."""
 
@@ -45,11 +44,9 @@ def find_contacts(system: LinearSystem, program: Program, seen: SeenPlanes) -> I
     Both are `seen`, or of cuts that end beside what is, or join two added leaves that look at each other there: what else is hidden says
     nothing.
     """
-    parts, numbers, sign = list(leaves(program)), lower(program), signs(program)
-    slack = EXACT * system.length
-    boxes = [reach_of(p, numbers.rotations[i]) for i, p in enumerate(parts)]
-    known: Mapping[tuple[int, int], list[tuple[_Patch, bool]]] = defaultdict(list)
-    for patch in sorted(_patches(system, parts, numbers, boxes), key=lambda p: p.leaf):
+    sign, slack = signs(program), HAIR * system.length
+    known: Mapping[tuple[int, int], list[tuple[FlatFace, bool]]] = defaultdict(list)
+    for patch in sorted(list_flat_faces(system, program), key=lambda p: p.leaf):
         shown = seen.meet(patch.axis, patch.low, patch.high, sign[patch.leaf] < 0)
         level = round(float(patch.low[patch.axis]) / (4 * slack))
         near = [found for step in (-1, 0, 1) for found in known[patch.axis, level + step]]
@@ -72,17 +69,18 @@ def find_own_numbers(system: LinearSystem, leaf: int, row: Row) -> list[int]:
     return [*(6 * leaf + c for c in (5, 4, 3, 2, 1, 0)), *sorted(lines, reverse=True)]
 
 
-def _patches(
-    system: LinearSystem, parts: Sequence[Primitive], numbers: Lowered, boxes: Sequence[tuple[np.ndarray, np.ndarray]]
-) -> Iterator[_Patch]:
+def list_flat_faces(system: LinearSystem, program: Program) -> Iterator[FlatFace]:
+    """The plane ends of leaves along the world's axes, and the flat walls of drawings."""
+    parts, numbers = list(leaves(program)), lower(program)
+    boxes = [reach_of(p, numbers.rotations[i]) for i, p in enumerate(parts)]
     for leaf, part in enumerate(parts):
         for end in (e for e in ends_of(leaf, part, numbers) if e.column >= 0):
-            yield _Patch(leaf, end.axis, end.side, False, *_flat(boxes[leaf], end.axis, place_of(end, parts)), system.place_of_end(end))
+            yield FlatFace(leaf, end.axis, end.side, False, *_flat(boxes[leaf], end.axis, place_of(end, parts)), system.place_of_end(end))
     for wall in (w for w in system.walls if w.span is not None):
         assert wall.span is not None
         low, high = _flat(boxes[wall.leaf], wall.axis, wall.place)
         low[wall.span[0]], high[wall.span[0]] = wall.span[1:]
-        yield _Patch(wall.leaf, wall.axis, wall.side, True, low, high, dict(wall.row))
+        yield FlatFace(wall.leaf, wall.axis, wall.side, True, low, high, dict(wall.row))
 
 
 def _flat(box: tuple[np.ndarray, np.ndarray], axis: int, place: float) -> tuple[np.ndarray, np.ndarray]:
@@ -91,11 +89,11 @@ def _flat(box: tuple[np.ndarray, np.ndarray], axis: int, place: float) -> tuple[
     return low, high
 
 
-def _touch(a: _Patch, b: _Patch, slack: float) -> bool:
+def _touch(a: FlatFace, b: FlatFace, slack: float) -> bool:
     return bool((np.minimum(a.high, b.high) >= np.maximum(a.low, b.low) - 2 * slack).all())
 
 
-def _share_area(a: _Patch, b: _Patch, slack: float) -> bool:
+def _share_area(a: FlatFace, b: FlatFace, slack: float) -> bool:
     """Whether two rectangles that touch do so in more than an edge."""
     wide = np.minimum(a.high, b.high) - np.maximum(a.low, b.low) > 2 * slack
     return bool(wide.sum() == 2)

@@ -23,7 +23,7 @@ from imdim.export.outline_rows import Drawn, add_outlines
 from imdim.export.repeat_rows import add_repeats
 from imdim.export.round_contacts import bind_plugs
 from imdim.export.seats import End, Seat, ends_of, place_of, reach_of, seats, world_axis
-from imdim.export.seen import SeenPlanes, find_hidden_ends
+from imdim.export.seen import HAIR, SeenPlanes, find_hidden_ends
 from imdim.export.tilted_cuts import pass_aslant
 from imdim.export.wall_seats import FlatWall, seats_at_walls
 from imdim.geometry.lowering import Lowered, lower
@@ -46,7 +46,8 @@ _RANKS = {"center": 0, "radius": 2, "circle": 2, "diameter": 3}  # by the last p
 class LinearSystem:
     """Equations [m, n] that hold at `start` [n]; variables from `extra` on are those of patterns, each with its first leaf and a word.
 
-    `ties` are equations for the numbers of one leaf, that are to bind no others, `contacts` such that may settle a line of its drawing,
+    `apart` are equations that keep the curves of a leaf's drawing apart, `ties` such for the numbers of one leaf, that are to bind no
+    others, `contacts` such that may settle a line of its drawing,
     `places` such for the coordinates of its centre alone, or, if they say so, for the spacing of the row or grid that begins with it.
     `length` is the largest size. `drawn` says of leaves with outlines what the vertices are, `heights` which variable is the height of
     turned ones whose centre is at half of it. `angles` are variables in degrees.
@@ -56,6 +57,7 @@ class LinearSystem:
     extra: int
     length: float
     rows: list[dict[int, float]] = field(default_factory=list)
+    apart: list[tuple[int, dict[int, float]]] = field(default_factory=list)
     ties: list[tuple[int, dict[int, float]]] = field(default_factory=list)
     contacts: list[tuple[int, dict[int, float]]] = field(default_factory=list)
     places: list[tuple[int, dict[int, float], bool]] = field(default_factory=list)
@@ -116,7 +118,7 @@ class LinearSystem:
                 system._add_seat(own.leaf, row, word)
         # both about their middles, so that neither end of the cut falls behind
         system.ties += [(cut, {6 * cut + c: 1.0, 6 * leaf + d: -1.0}) for (cut, c), (leaf, d) in pass_aslant(program)]
-        system.contacts = list(find_contacts(system, program, SeenPlanes(whole))) if system.walls else []
+        system.contacts = list(find_contacts(system, program, SeenPlanes(whole, HAIR))) if system.walls else []
         if len(parts) <= MOST_PLACED:
             system._add_places(ties(program, constraints, hidden))
             system._hold_places(parts, numbers)
@@ -128,7 +130,8 @@ class LinearSystem:
     def solve(self) -> dict[int, dict[int, float]]:
         """Each number that follows from others, with their coefficients; a constant makes up the rest. Those are wholes and halves, but
         for places on a circle; what would follow by others stays a number."""
-        equations = [*self.rows, *(row for _, row in self.ties), *(row for _, row in self.contacts), *(row for _, row, _ in self.places)]
+        soft = (*self.ties, *self.contacts, *self.apart)
+        equations = [*self.rows, *(row for _, row in soft), *(row for _, row, _ in self.places)]
         matrix = np.array([self._dense(row) for row in equations]).reshape(-1, len(self.start))
         pivots: dict[int, int] = {}
         for v, i in self._pivots(matrix):
@@ -146,6 +149,7 @@ class LinearSystem:
         yield from self._plain_pivots(matrix, order)
         own = [sorted(range(6 * leaf, 6 * leaf + 6), key=lambda v: (v % 6 < 3, -v)) for leaf, _ in self.ties]
         own += [find_own_numbers(self, leaf, row) for leaf, row in self.contacts]
+        own += [[v for v in find_own_numbers(self, leaf, row) if v >= self.extra] for leaf, row in self.apart]
         spacings = [v for v in order if self._is_spacing(v)]
         firsts = {self.leaf_of(v) for v in spacings}
         for leaf, _, with_spacing in self.places:

@@ -331,7 +331,7 @@ class _Dimensions:
                 continue
             outer = self._next_out(what, axis, place)
             both = (axis, self.joints.cell(-place)) in found and self.part.kind != "revolve"
-            if both and outer is None and self._add_wall(what, axis, abs(place)):
+            if outer is None and (self._add_walls(what, axis, abs(place)) if both else self._add_wall(what, axis, place)):
                 continue
             if outer is not None and (not both or (what, axis, self.joints.cell(-outer)) in self.known):
                 gap = self._new(f"inset_{'xy'[axis]}", abs(outer) - abs(place))
@@ -347,6 +347,16 @@ class _Dimensions:
                 self.known[what, axis, cell] = {self._new(single[axis], place / share): share}
 
     def _add_wall(self, what: str, axis: int, place: float) -> bool:
+        """Of a window on one side what is left between its edge and the outline's, where that is thin."""
+        outer = self._next_out(_side(False), axis, place) if what == _side(True) else None
+        edge = {} if outer is None else self._place(_side(False), axis, outer)
+        if outer is None or not edge:
+            return False
+        wall = self._new(f"wall_{'xy'[axis]}", abs(outer - place))
+        self.known[what, axis, self.joints.cell(place)] = sum_rows((edge, 1.0), ({wall: 1.0}, -math.copysign(1.0, place)))
+        return True
+
+    def _add_walls(self, what: str, axis: int, place: float) -> bool:
         """Of a window that reaches from side to side what is left beside it, where that is thin."""
         windows = (loop for loop in self.joints.loops if loop and loop[0].after.inner)
         sides = ({c.place for c in (j.after for j in loop) if isinstance(c, DrawnLine) and c.across == axis} for loop in windows)

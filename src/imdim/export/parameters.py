@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
+from imdim.export.collisions import solve_apart
 from imdim.export.drawn_vertex import BendRadius, DrawnEllipse, DrawnRing, DrawnVertex, map_ring, numbers_of
 from imdim.export.elimination import MOST_NAMED, LinearSystem, vector
 from imdim.export.feature_names import label_features
@@ -21,7 +22,6 @@ from imdim.export.loops import Loop, loop_of
 from imdim.export.numbers import Expression, Rounding, Term, constants, simple_fraction
 from imdim.export.outline_rows import Sum
 from imdim.export.outline_walls import EXACT
-from imdim.export.seen import find_unseen
 from imdim.program.constraints import Constraint
 from imdim.program.cost import count
 from imdim.program.ellipse import Ellipse
@@ -207,8 +207,7 @@ def _counts(loop: Loop, counts: dict[str, int]) -> tuple[int, ...]:
 
 
 def _express_numbers(system: LinearSystem, program: Program, label: Sequence[str], delivered: Program) -> Parameters:
-    found = system.solve()
-    unseen = find_unseen(system, found, delivered)
+    found, unseen = solve_apart(system, delivered)
     solved = {v: _terms(row, system, unseen) for v, row in found.items()} | {v: [] for v in unseen}
     names = _names(program, label, system, solved, BoreWords.of(delivered), size_words(delivered))
     after = vector(list(leaves(delivered)))

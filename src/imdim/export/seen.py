@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from imdim.export.elimination import LinearSystem
 
 LEVEL = 1e-6  # of the largest size, within which faces are at one level
+HAIR = 1e-5  # of the largest size, by which a fit may miss that two faces lie in one plane
 FACING = 0.999  # the cosine to an axis of what looks along it
 NONE = 1e-9  # coefficients
 SHORTEST = 1e-4  # of the largest size: a step between two corners that is shorter is what their numbers are off by
@@ -31,9 +32,9 @@ SHORTEST = 1e-4  # of the largest size: a step between two corners that is short
 class SeenPlanes:
     """The flat triangles of a solid that look along the world's axes, by axis: a box [n, 3], [n, 3] around each."""
 
-    def __init__(self, program: Program) -> None:
+    def __init__(self, program: Program, slack: float = LEVEL) -> None:
         surface, _ = _surface_of(program)
-        self._slack = LEVEL * longest(leaves(program))
+        self._slack = slack * longest(leaves(program))
         corners = surface.triangles
         flat = np.abs(surface.face_normals) > FACING
         self._boxes = [(corners[flat[:, a]].min(1), corners[flat[:, a]].max(1)) for a in range(3)]

@@ -1,0 +1,114 @@
+"""From where to where the curves of drawings reach along the world's axes, and what these places are the sums of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from imdim.export.contacts import list_flat_faces
+from imdim.export.drawn_vertex import DrawnVertex
+from imdim.export.outline_joints import Row, sum_rows
+from imdim.export.outline_rows import Sum
+from imdim.export.seats import reach_of, world_axis
+from imdim.export.seen import HAIR, SeenPlanes
+from imdim.export.seen_walls import find_hidden_walls
+from imdim.geometry.solid import exact_rotation
+from imdim.program.ellipse import Ellipse
+from imdim.program.outline import Curve, Ring, circle_of, curve_bounds, ring_curves
+from imdim.program.roles import signs
+from imdim.program.tree import Primitive, Program, leaves
+
+if TYPE_CHECKING:
+    from imdim.export.elimination import LinearSystem
+
+
+class Span(NamedTuple):
+    """What fills a box `low` [3] to `high` [3], as seen along an `axis`: of its low and its high side the rows that say where it is, and
+    where that is which a person would measure to, with its row: of a circle its centre."""
+
+    leaf: int
+    axis: int
+    low: np.ndarray
+    high: np.ndarray
+    sides: tuple[Row, Row]
+    datums: tuple[tuple[float, Row], tuple[float, Row]]
+
+
+def list_spans(system: LinearSystem, program: Program) -> Iterator[Span]:
+    """Of the lines of drawings along the world's axes that are seen; and of extrusions whose drawings lie along these, of circles and of
+    other lines and arcs."""
+    seen, sign = SeenPlanes(program, HAIR), signs(program)
+    for p in list_flat_faces(system, program):
+        if p.is_wall and seen.meet(p.axis, p.low, p.high, sign[p.leaf] < 0):
+            at = float(p.low[p.axis]), p.row
+            yield Span(p.leaf, p.axis, p.low, p.high, (p.row, p.row), (at, at))
+    hidden = find_hidden_walls(program)
+    for leaf, part in enumerate(leaves(program)):
+        drawing = LevelDrawing.of(leaf, part) if leaf in system.drawn else None
+        loops = () if drawing is None or part.outline is None else part.outline.loops
+        for i, (loop, ring) in enumerate(zip(loops, system.drawn[leaf] if loops else (), strict=True)):
+            if drawing is not None and not isinstance(loop, Ellipse) and isinstance(ring, tuple):
+                seen_curves = [(leaf, i, k) not in hidden for k in range(len(loop))]
+                yield from drawing.spans_of_loop(loop, ring, seen_curves)
+
+
+class LevelDrawing(NamedTuple):
+    """The drawing of an extrusion: its frame, a box around it, and which axis of the world each of its own is."""
+
+    leaf: int
+    part: Primitive
+    turn: np.ndarray
+    box: tuple[np.ndarray, np.ndarray]
+    axes: tuple[int, int]
+
+    @staticmethod
+    def of(leaf: int, part: Primitive) -> LevelDrawing | None:
+        """None where it is no extrusion, or its axes are not the world's."""
+        turn = exact_rotation(part)
+        axes = world_axis(turn[:, 0]), world_axis(turn[:, 1])
+        if part.kind != "extrude" or axes[0] is None or axes[1] is None:
+            return None
+        return LevelDrawing(leaf, part, turn, reach_of(part, turn), (axes[0], axes[1]))
+
+    def spans_of_loop(self, loop: Ring, ring: tuple[DrawnVertex[Sum], ...], seen: Sequence[bool]) -> Iterator[Span]:
+        """Of a circle, or of those curves that are seen and are no lines along the axes."""
+        curves = ring_curves(loop)
+        if circle_of(loop):
+            yield from self.spans_of_circle(curves, ring)
+            return
+        for k, (x, y, u, v, bulge) in enumerate(curves):
+            if seen[k] and (bulge or (x != u and y != v)):
+                yield from self.spans_of_curve(curves[k], ring[k], ring[(k + 1) % len(ring)])
+
+    def spans_of_circle(self, curves: list[Curve], ring: tuple[DrawnVertex[Sum], ...]) -> Iterator[Span]:
+        """Of a circle, which is measured to its centre."""
+        low, high = self._box(curve_bounds(curves))
+        rows = [[self._row(k, (v.x, v.y)[k]) for v in ring] for k in (0, 1)]
+        centres = [sum_rows(*((row, 1 / len(ring)) for row in of_axis)) for of_axis in rows]
+        (x, y, *_), k = curves[0], 0 if abs(curves[0][2] - curves[0][0]) > abs(curves[0][3] - curves[0][1]) else 1
+        way = 1.0 if self.turn[self.axes[k], k] * (curves[0][2 + k] - (x, y)[k]) > 0 else -1.0
+        rim = sum_rows((rows[k][1], way / 2), (rows[k][0], -way / 2))  # its vertices lie on both sides of its centre
+        for axis, centre in zip(self.axes, centres, strict=True):
+            at = float(low[axis] + high[axis]) / 2, centre
+            yield Span(self.leaf, axis, low, high, (sum_rows((centre, 1.0), (rim, -1.0)), sum_rows((centre, 1.0), (rim, 1.0))), (at, at))
+
+    def spans_of_curve(self, curve: Curve, start: DrawnVertex[Sum], end: DrawnVertex[Sum]) -> Iterator[Span]:
+        """Of a line or arc, whose sides are where its ends are."""
+        low, high = self._box(curve_bounds([curve]))
+        for k, axis in enumerate(self.axes):
+            numbers = sorted(((v.x, v.y)[k] for v in (start, end)), key=lambda n: n.value * self.turn[axis, k])
+            rows = self._row(k, numbers[0]), self._row(k, numbers[1])
+            yield Span(self.leaf, axis, low, high, rows, ((float(low[axis]), rows[0]), (float(high[axis]), rows[1])))
+
+    def _row(self, k: int, number: Sum) -> Row:
+        axis = self.axes[k]
+        return sum_rows(({6 * self.leaf + 3 + axis: 1.0}, 1.0), (number.row, float(round(self.turn[axis, k]))))
+
+    def _box(self, bounds: tuple[tuple[float, float], tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
+        low, high = (side.copy() for side in self.box)
+        for k, axis in enumerate(self.axes):
+            ends = sorted(self.part.center[axis] + self.turn[axis, k] * corner[k] for corner in bounds)
+            low[axis], high[axis] = ends
+        return low, high

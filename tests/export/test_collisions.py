@@ -1,0 +1,64 @@
+"""What a tenth more would run into is measured from that: holes near edges and each other, windows, faces that miss a plane."""
+
+import pytest
+from tests.export.test_outlines import opened
+
+from imdim.export.edit import change_values, solid_of
+from imdim.geometry.census import census_of
+from imdim.program.outline import Outline, circle, rectangle
+from imdim.program.tree import Combine, Primitive, leaves
+
+RIM = ((-4.0, -10.0, 0.0), (4.0, -10.0, 0.0), (4.0, 10.0, 0.0), (0.0, 14.0, 0.0), (-4.0, 10.0, 0.0))
+
+
+def _plate(*loops, thickness=3.0):
+    return Primitive("extrude", (thickness,), outline=Outline(loops))
+
+
+def _bounds(loop):
+    xs, ys = [v[0] for v in loop], [v[1] for v in loop]
+    return min(xs), max(xs), min(ys), max(ys)
+
+
+def _rectangle(left, right, low, high):
+    return ((left, low, 0.0), (right, low, 0.0), (right, high, 0.0), (left, high, 0.0))
+
+
+def test_a_hole_near_the_end_of_a_plate_follows_that():
+    """Holes 52 apart in a plate 60 long: one of 54 would cut through them."""
+    part = opened(_plate(rectangle(60.0, 30.0).loops[0], circle(1.7, -26.0, 0.0), circle(1.7, 26.0, 0.0)))
+    assert 4.0 in part.values.values()
+    (edited,) = leaves(change_values(part, {"plate_length": 54.0}).program)
+    _, right, _, _ = _bounds(edited.outline.loops[0])
+    assert right == pytest.approx(27.0)
+    assert sorted(sum(_bounds(loop)[:2]) / 2 for loop in edited.outline.loops[1:]) == pytest.approx([-23.0, 23.0])
+
+
+def test_holes_that_nothing_is_near_have_a_spacing():
+    part = opened(_plate(rectangle(60.0, 30.0).loops[0], circle(1.7, -15.0, 0.0), circle(1.7, 15.0, 0.0)))
+    assert part.values["plate_hole_spacing_x"] == 30.0
+
+
+def test_a_hole_near_another_one_is_measured_from_that():
+    part = opened(_plate(rectangle(40.0, 140.0).loops[0], circle(10.0, 0.0, 43.0), circle(1.5, 0.0, 28.0)))
+    for name in part.values:
+        for factor in (0.9, 1.1):
+            assert census_of(solid_of(change_values(part, {name: factor * part.values[name]}))).kind == (1, 2, 0)
+
+
+def test_a_window_near_an_edge_has_a_wall():
+    """Not in the middle of the plate, so that no two of its edges mirror each other."""
+    part = opened(_plate(_rectangle(-30.0, 30.0, -20.0, 20.0), _rectangle(-12.0, 27.0, -9.0, 4.0)))
+    assert part.values["plate_wall_x"] == pytest.approx(3.0)
+    (edited,) = leaves(change_values(part, {"plate_length": 66.0}).program)
+    assert _bounds(edited.outline.loops[1])[1] == pytest.approx(30.0)
+
+
+def test_what_misses_a_wall_by_a_hair_follows_it():
+    """A rim that a fit put a fifth of a thousandth of a millimetre beside the end of its plate."""
+    plate = _plate(_rectangle(-30.0, 30.0, -20.0, 20.0), thickness=6.0)
+    rim = Primitive("extrude", (20.0,), (25.9998, -10.0, 5.0), outline=Outline((RIM,)))
+    part = opened(Combine("union", plate, rim))
+    first, second = leaves(change_values(part, {"plate_length": 66.0}).program)
+    assert _bounds(first.outline.loops[0])[1] == pytest.approx(33.0)
+    assert second.center[0] + _bounds(second.outline.loops[0])[1] == pytest.approx(32.9998)
