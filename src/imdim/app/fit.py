@@ -105,12 +105,14 @@ def _dumps(report: Mapping[str, Any]) -> str:
 def _fit_or_refuse(settings: Settings, reconstruct: Reconstruct | None, quiet: bool, force: bool) -> dict[str, Any]:
     """As `fit`, with every refusal a ConfigError; imports the numeric libraries, which a misspelt setting need not wait for."""
     gc.disable()
-    with defer_modules():
-        import imdim.reconstruction.pipeline  # noqa: F401 - for `fit`
-        from imdim.delivery.deliver import OutputError
-        from imdim.target.target import InputError
-    gc.freeze()  # what modules hold stays: no dead ones are looked for among it
-    gc.enable()
+    try:
+        with defer_modules():
+            import imdim.reconstruction.pipeline  # noqa: F401 - for `fit`
+            from imdim.delivery.deliver import OutputError
+            from imdim.target.target import InputError
+    finally:
+        gc.freeze()  # what modules hold stays: no dead ones are looked for among it
+        gc.enable()
 
     try:
         return fit(settings, reconstruct, quiet, force)
