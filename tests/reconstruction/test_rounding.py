@@ -86,7 +86,7 @@ def test_the_cones_that_a_stack_is_made_of_get_round_numbers_too():
     head = common(long, cylinder(13.9, 26.725, (0, 0, 14.0375)))
     _, _, *others = leaves(FUNNEL)
     found = cut(union(head, *others[:3]), *others[3:])
-    parts = list(leaves(pipeline._round(found, *seen_of(mesh_of(FUNNEL, 64)), NEVER)))
+    parts = list(leaves(pipeline._round(found, *seen_of(mesh_of(FUNNEL, 64)), NEVER, None)))
     assert cone(7.45, 13.9, 10.0, (0, 0, 12.4)) in parts
     assert cylinder(13.9, 10.0, (0, 0, 22.4)) in parts
 
