@@ -8,7 +8,7 @@ from imdim.geometry import kernels
 from imdim.geometry.lowering import pack, unpack
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.geometry.sampling import surface_points
-from imdim.numbers.design_values import Values, clusters, grids, parted_groups, plainest_first, round_to_grid
+from imdim.numbers.design_values import Values, clusters, find_parted_groups, grids, plainest_first, round_to_grid
 from imdim.numbers.snap import SnapConfig, accept_changes, snap
 from imdim.numbers.symmetry_normal_form import along_axis
 from imdim.program.tree import Combine, Primitive, Program, combine_all, leaves
@@ -154,7 +154,7 @@ def test_values_that_were_equal_and_are_no_longer_are_told():
         Values.of([Primitive("box", (size, 2.0, 2.0), (x, 0.0, 0.0)), Primitive("box", (4.0, 1.0, 5.0))])
         for size, x in ((4.0, 0.0), (4.002, -0.001))
     )
-    (group,) = parted_groups(before, after, 1e-6)
+    (group,) = find_parted_groups(before, after, 1e-6)
     assert sorted(after.numbers[group]) == pytest.approx([-2.002, -2.0])
     assert plainest_first(after.numbers[group])[0] == -2.0
 

@@ -193,7 +193,7 @@ def equal_groups(values: Values) -> list[np.ndarray]:
     return [np.array(g) for g in groups.values()]
 
 
-def parted_groups(before: Values, after: Values, slack: float) -> list[np.ndarray]:
+def find_parted_groups(before: Values, after: Values, slack: float) -> list[np.ndarray]:
     """The indices of values of one class that were equal `before`, within the slack, and are no longer `after`; those of leaves that are
     read otherwise then are in none."""
     found = []

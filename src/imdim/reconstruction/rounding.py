@@ -20,7 +20,7 @@ from imdim.geometry.sampling import subsample
 from imdim.geometry.solid import to_manifold, volume_iou
 from imdim.geometry.surface import Patch, signed_distance
 from imdim.numbers.circles import round_circles
-from imdim.numbers.design_values import Values, decimal, parted_groups, plainest_first, round_to_grid
+from imdim.numbers.design_values import Values, decimal, find_parted_groups, plainest_first, round_to_grid
 from imdim.numbers.inches import are_inches
 from imdim.numbers.origin import find_offset
 from imdim.numbers.precision import precision_of
@@ -202,7 +202,7 @@ class _Rounding:
 
         values = Values.of(list(leaves(out)))
         for rank in range(CHOICES):
-            groups = parted_groups(before, values, slack)
+            groups = find_parted_groups(before, values, slack)
             offers = [(group, choices[rank]) for group in groups if rank < len(choices := plainest_first(values.numbers[group]))]
             values = accept_changes(values, offers, Values.with_numbers, bears, SNAP_TRIES)
         return rejoined(values) or out
