@@ -147,21 +147,29 @@ def draw(sketch, loop):
             constrain(sketch, "Angle", 720 * atan(abs(arc)) / pi, curve[i])
 
 
+def sketch_of(label, loops):
+    """A sketch of loops that are lists of vertices or circles (r, x, y)."""
+    sketch = document.addObject("Sketcher::SketchObject", label + "_sketch")
+    for loop in loops:
+        draw_circle(sketch, *loop) if isinstance(loop, tuple) else draw(sketch, loop)
+    if sketch.solve() != 0:
+        print(f"{sketch.Label} stays as it is drawn: FreeCAD does not solve its constraints")
+        for datum in reversed(range(sketch.ConstraintCount)):
+            sketch.setExpression(f"Constraints[{datum}]", None)
+            sketch.delConstraint(datum)
+    return sketch
+
+
 def area(label, loops):
-    """What an odd number of loops hold: a sketch of those that are lists of vertices or circles (r, x, y), and what else others make."""
+    """What an odd number of loops hold: a sketch of those that are drawn, and what others make.
+
+    Beside others each has a sketch of its own: of loops in a sketch and loops beside it FreeCAD makes faces that overlap.
+    """
     drawn = [loop for loop in loops if not callable(loop)]
-    shapes = [loop(label) for loop in loops if callable(loop)]
-    if drawn:
-        sketch = document.addObject("Sketcher::SketchObject", label + "_sketch")
-        for loop in drawn:
-            draw_circle(sketch, *loop) if isinstance(loop, tuple) else draw(sketch, loop)
-        if sketch.solve() != 0:
-            print(f"{sketch.Label} stays as it is drawn: FreeCAD does not solve its constraints")
-            for datum in reversed(range(sketch.ConstraintCount)):
-                sketch.setExpression(f"Constraints[{datum}]", None)
-                sketch.delConstraint(datum)
-        shapes = [sketch, *shapes]
-    return shapes[0] if drawn and len(shapes) == 1 else add("Compound", label + "_loops", Links=shapes)
+    others = [loop(label) for loop in loops if callable(loop)]
+    if not others:
+        return sketch_of(label, drawn)
+    return add("Compound", label + "_loops", Links=[*(sketch_of(label, [loop]) for loop in drawn), *others])
 
 
 '''
