@@ -29,8 +29,8 @@ class RegularPolygon:
 
     @property
     def is_measured_across_flats(self) -> bool:
-        """Whether that is what a person gave: sides that face each other, apart by a number with fewer digits than the radius has."""
-        return self.sides % 2 == 0 and _count_digits(self.across_flats) < _count_digits(self.radius)
+        """Whether that is what a person gave: sides that face each other, apart by a number with fewer decimals than the radius has."""
+        return self.sides % 2 == 0 and _count_decimals(self.across_flats) < _count_decimals(self.radius)
 
     def ring(self) -> Ring:
         """Its corners, counter-clockwise."""
@@ -38,7 +38,7 @@ class RegularPolygon:
         return tuple((self.center[0] + self.radius * math.cos(t), self.center[1] + self.radius * math.sin(t), 0.0) for t in turns)
 
 
-def _count_digits(length: float) -> int:
+def _count_decimals(length: float) -> int:
     """The decimals that a length is written with."""
     return len(f"{length:.{DECIMALS}f}".rstrip("0").partition(".")[2])
 
