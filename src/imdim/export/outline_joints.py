@@ -1,4 +1,4 @@
-"""Which curves of an outline's loops meet where, and how: the ground that `outline_rows` puts variables on."""
+"""Which curves of an outline's loops meet where, and how: the ground that `outline_dimensions` puts variables on."""
 
 from __future__ import annotations
 
