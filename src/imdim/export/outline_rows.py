@@ -63,9 +63,9 @@ def add_outlines(system: LinearSystem, parts: Sequence[Primitive], folded: Folde
             continue
         if source == leaf or source not in drawn:
             dimensions = OutlineDimensions(system, leaf, part, sign[leaf] < 0)
-            drawing = _Drawing(dimensions)
-            drawn[leaf] = drawing.vertices()
-            circles += drawing.circles_in_space()
+            sums = _VertexSums(dimensions)
+            drawn[leaf] = sums.vertices()
+            circles += sums.circles_in_space()
             system.walls += find_flat_walls(leaf, part, dimensions.joints, dimensions.row_of_line)
         elif part.outline == parts[source].outline:
             drawn[leaf] = drawn[source]
@@ -116,7 +116,7 @@ def _constant(outline: Outline | None) -> Drawn:
     return tuple(map(constant, outline.loops))
 
 
-class _Drawing:
+class _VertexSums:
     """What the vertices of an outline are the sums of, by its dimensions."""
 
     def __init__(self, dimensions: OutlineDimensions) -> None:
