@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import trimesh
 from tests.planted import box, cut, cylinder, mesh_of, union
+from tests.threaded import bolt
 
 from imdim.delivery.verdict import SurfaceVerdict, judge, percent
 from imdim.program.outline import Outline
@@ -165,6 +166,20 @@ def test_slots_of_a_grating_are_no_teeth():
     found = verdict_on(cut(PLATE, *(box(1, 30, 20, (x, 0, 0)) for x in range(-24, 25, 2))), PLATE)
     assert len(found.regions) == 25
     assert {region.kind for region in found.regions} == {""}
+
+
+@pytest.mark.parametrize("place", [np.eye(4), trimesh.transformations.rotation_matrix(0.7, [1, 2, 3], [9, 0, 0])], ids=["plain", "aslant"])
+def test_a_thread_is_one_thing(place):
+    head, rod = mesh_of(cylinder(6.5, 5, (0, 0, -2.5))), mesh_of(cylinder(4, 16, (0, 0, 8)))
+    plain = trimesh.boolean.union([head, rod]).apply_transform(place)
+    found = judge(target_from(bolt().apply_transform(place)), plain)
+    (region,) = [region for region in found.regions if region.kind == "thread"]
+    assert region.what.startswith("thread M8 x 1.25, pitch 1.25, diameters 6.4")
+    assert region.share > 0.95 * (found.shares["left out"] + found.shares["approximated"])
+
+
+def test_a_thread_that_the_result_has_is_not_told():
+    assert not judge(target_from(bolt()), bolt()).regions
 
 
 def test_teeth_in_a_row():

@@ -1,4 +1,4 @@
-"""What kind of thing a region of a mesh is that a program does not hold: teeth, text on a face, or freeform.
+"""What kind of thing a region of a mesh is that a program does not hold: a thread, teeth, text on a face, or freeform.
 
 Only the target is looked at, and where its elements lie off the result. What cannot be told reliably has no kind.
 """
@@ -16,12 +16,13 @@ from imdim.delivery.surface_elements import SurfaceElements
 from imdim.detection.faceting import ON_SURFACE, chord_pairs
 from imdim.detection.facets import Facets
 from imdim.detection.fit_surface import MIN_POINTS, fit_surface
+from imdim.detection.threads import describe_thread, find_threads
 from imdim.geometry.rotations import frame_from_axis
 from imdim.geometry.sampling import subsample
 from imdim.geometry.surface import CLOSED_KINDS, unit
 from imdim.target.bodies import components
 
-Kind = Literal["teeth", "text", "freeform"]
+Kind = Literal["thread", "teeth", "text", "freeform"]
 
 LEAST_TEETH = 8
 ALIKE = 0.01  # relative, by which areas of equal flanks differ: roots lie on chords
@@ -63,6 +64,14 @@ class _Row:
     radius: float
     teeth: int
     chain: np.ndarray = field(default_factory=lambda: np.empty(0, np.int64))
+
+
+def find_thread_regions(elements: SurfaceElements, facets: Facets, off: np.ndarray) -> Iterator[Recognised]:
+    """Threads most of whose surface is `off` [n], as far as it is: their crests may lie on the program's cylinder."""
+    for thread in find_threads(facets):
+        own = np.isin(elements.facet, thread.facets)
+        if elements.areas[own & off].sum() > elements.areas[own].sum() / 2:
+            yield Recognised(own & off, "thread", describe_thread(thread))
 
 
 def find_teeth(elements: SurfaceElements, facets: Facets, off: np.ndarray) -> Iterator[Recognised]:

@@ -19,7 +19,7 @@ import trimesh
 from scipy.spatial import KDTree
 
 from imdim.delivery.explanation import Explanation, explain, share_borne_out
-from imdim.delivery.region_kind import Recognised, find_double_bends, find_teeth, find_text, is_freeform
+from imdim.delivery.region_kind import Recognised, find_double_bends, find_teeth, find_text, find_thread_regions, is_freeform
 from imdim.delivery.surface_elements import SurfaceElements, elements_of
 from imdim.detection.mesh_noise import DEVIATION
 from imdim.detection.noise import MeasuredNoise
@@ -49,8 +49,8 @@ FACES_ONE_WAY = 0.8  # length of the mean normal of a region that lies on one si
 class JudgedRegion:
     """A connected piece of the target's surface with one verdict, or pieces that make one thing, such as teeth.
 
-    `share` of the target's surface; `low` and `high` corners of its box; `furthest` from the result, all in model units. `kind` is teeth,
-    text, freeform or empty where it could not be told. In words: `what` it is, of which size, and `where`.
+    `share` of the target's surface; `low` and `high` corners of its box; `furthest` from the result, all in model units. `kind` is thread,
+    teeth, text, freeform or empty where it could not be told. In words: `what` it is, of which size, and `where`.
     """
 
     verdict: str
@@ -216,10 +216,10 @@ def _sides(elements: SurfaceElements, chosen: np.ndarray, tree: TriangleTree) ->
 
 
 def _recognise(elements: SurfaceElements, off: np.ndarray) -> Iterator[Recognised]:
-    """Teeth, and text among what is left then."""
+    """Threads, teeth among what is left then, and text."""
     if elements.facets is None or not off.any():
         return
-    for find in (find_teeth, find_text):
+    for find in (find_thread_regions, find_teeth, find_text):
         for one in find(elements, elements.facets, off):
             off = off & ~one.chosen
             yield one

@@ -4,8 +4,8 @@ A diameter alone says something where a standard has it and nobody would choose 
 is a round number. A round one is believed where the counterbore, the countersink or the pocket beside it fits the same screw. Blind holes
 are for threads, and are compared with tap drills alone.
 
-The tables are those of ISO 273 (clearance holes), ISO 4762 (socket head cap screws), ISO 10642 (countersunk ones), ISO 4032 (nuts) and
-ISO 2306 (tap drills, coarse threads), as makers of fasteners print them.
+The tables are those of ISO 273 (clearance holes), ISO 4762 (socket head cap screws), ISO 10642 (countersunk ones), ISO 4032 (nuts),
+ISO 2306 (tap drills, coarse threads) and ISO 261 (pitches of threads), as makers of fasteners print them.
 """
 
 from __future__ import annotations
@@ -49,6 +49,31 @@ NUT: Mapping[str, float] = dict(  # ISO 4032: width across flats
 TAP_DRILL: Mapping[str, float] = dict(  # ISO 2306
     zip(CLEARANCE, (1.25, 1.6, 2.05, 2.5, 3.3, 4.2, 5.0, 6.8, 8.5, 10.2, 14.0, 17.5), strict=True)
 )
+PITCHES: Mapping[str, tuple[float, ...]] = {  # ISO 261: coarse, and fine ones in use
+    "M1.6": (0.35, 0.2),
+    "M2": (0.4, 0.25),
+    "M2.5": (0.45, 0.35),
+    "M3": (0.5, 0.35),
+    "M4": (0.7, 0.5),
+    "M5": (0.8, 0.5),
+    "M6": (1.0, 0.75),
+    "M8": (1.25, 1.0, 0.75),
+    "M10": (1.5, 1.25, 1.0, 0.75),
+    "M12": (1.75, 1.5, 1.25, 1.0),
+    "M14": (2.0, 1.5),
+    "M16": (2.0, 1.5, 1.0),
+    "M18": (2.5, 2.0, 1.5),
+    "M20": (2.5, 2.0, 1.5, 1.0),
+    "M22": (2.5, 2.0, 1.5),
+    "M24": (3.0, 2.0, 1.5),
+    "M27": (3.0, 2.0),
+    "M30": (3.5, 2.0, 1.5),
+    "M36": (4.0, 3.0, 2.0),
+    "M42": (4.5, 3.0),
+    "M48": (5.0, 3.0),
+    "M56": (5.5, 4.0),
+    "M64": (6.0, 4.0),
+}
 
 SAME = 0.02  # mm, within which a diameter is that of a table
 ROUND = 1.0  # mm, whose multiples are chosen for no screw
@@ -56,6 +81,8 @@ HEAD_ROOM = (1.0, 1.35)  # times a head's diameter, between which a counterbore 
 SUNK_ROOM = (0.8, 1.15)
 NUT_ROOM = (0.995, 1.06)
 SUNK_DEG = (87.0, 93.0)
+SAME_PITCH = 0.01  # relative
+BOLT_ALLOWANCE, NUT_ALLOWANCE = (0.965, 1.005), (0.995, 1.04)  # of the major diameter: bolts are drawn thinner, nuts wider (ISO 965-1)
 
 
 class Screw(NamedTuple):
@@ -63,6 +90,16 @@ class Screw(NamedTuple):
 
     size: str
     use: str
+
+
+def metric_thread(major: float, pitch: float, internal: bool) -> str | None:
+    """The size of a thread of this major diameter, as "M8 x 1.25"; None where it is no metric one."""
+    allowance = NUT_ALLOWANCE if internal else BOLT_ALLOWANCE
+    for size, pitches in PITCHES.items():
+        found = next((p for p in pitches if abs(p - pitch) <= SAME_PITCH * p), None)
+        if found and _is_within(major / float(size[1:]), allowance):
+            return f"{size} x {found:g}"
+    return None
 
 
 def screw_of(hole: Hole) -> Screw | None:

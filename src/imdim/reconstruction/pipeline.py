@@ -57,6 +57,7 @@ from imdim.reconstruction.policy_beam import load, load_if_any
 from imdim.reconstruction.preserve import is_same, preserve
 from imdim.reconstruction.rounding import settle_origin, snap_numbers
 from imdim.reconstruction.stand_ins import take_off_stand_ins
+from imdim.reconstruction.threads_aside import Unthreaded, set_threads_aside
 from imdim.search.evolve.population import EvolutionConfig
 from imdim.target.target import Frame, InputError, Target, in_unit_frame, split_bodies, target_from
 
@@ -369,7 +370,9 @@ def _body(body: Target, work: _Work, share: float = 1.0) -> Iterator[_BodyState]
     """Better and better programs of one body without its fillets and chamfers; it may take a share of the time left."""
     unit, frame = in_unit_frame(body)
     detect_by = work.budget.part_of("detect", share)
-    aside = set_edges_aside(unit, detect_by) if work.settings.language == "cad" else SetAside(unit)
+    plain = set_threads_aside(unit, 1 / frame.scale) if work.settings.language == "cad" else Unthreaded(unit)
+    work.notes.extend(note for note in plain.notes if note not in work.notes)
+    aside = set_edges_aside(plain.target, detect_by) if work.settings.language == "cad" else SetAside(unit)
     cut = body.mesh is not None and detect_by.has_passed()
     chains, kept = (tuple(place_chain(chain, frame) for chain in found) for found in (aside.chains, aside.kept))
     observed = UnitBody.of(aside.target, work.rng, aside.patches, detect_by, work.settings.language == "cad")
