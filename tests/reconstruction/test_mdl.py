@@ -179,6 +179,16 @@ def test_a_noisy_clouds_time_is_not_spent_on_the_decision_tree(noisy):
     assert asked[-1] is seen
 
 
+def test_where_every_cell_is_outside_the_search_has_no_program(monkeypatch):
+    """Of a part that is as thin as its noise all cells may be taken for outside, and a sequence of no steps is best."""
+    empty = SimpleNamespace(sequence=(), families=None)
+    monkeypatch.setattr(methods, "search_structure", lambda *_: iter([empty]))
+    cells = SimpleNamespace(volume=1.0)
+    seen = SimpleNamespace(noisy=True, cells=cells, size_weight=1.0, evidence=SimpleNamespace(exact=False), copies_once=True, families=None)
+    run = SimpleNamespace(seen=seen, settings=Settings(), part_of=lambda _: NEVER, rng=None)
+    assert not list(methods._search_structure(run, None))
+
+
 def test_only_a_cloud_whose_neighbours_are_nearer_than_its_noise_is_thinned():
     mesh, rng = mesh_of(box(40, 30, 20)), np.random.default_rng(6)
     points, normals = sample_surface(mesh.vertices, mesh.faces, 40_000, rng)

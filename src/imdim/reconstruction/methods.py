@@ -393,6 +393,8 @@ def _search_structure(run: Run, proofs: Proofs) -> Iterator[MethodStep]:
     local = LocalConfig(kinds=not seen.copies_once)
     config, start_by = StructureConfig(size_weight=seen.size_weight, patterns=patterns, local=local), run.part_of("starts")
     for found in search_structure(seen.families, config, run.rng, deadline, sharpener, start_by):
+        if not found.sequence:  # in noise no cell of a thin part need be inside
+            continue
         program = to_program(found.sequence, found.families)
         yield MethodStep("search", program)
         # what the labels of a noisy cloud prove is not worth the time
@@ -402,7 +404,7 @@ def _search_structure(run: Run, proofs: Proofs) -> Iterator[MethodStep]:
         enough = bool(proof and proof.minimal and proof.extra < WORTH_MORE)
         if enough or (seen.noisy and deadline.has_passed()):
             break
-    if found is None:
+    if found is None or not found.sequence:
         return
     cut = deadline.has_passed() and not enough
     # a range is as short as all cells that were ever seen allow
