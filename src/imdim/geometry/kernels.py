@@ -10,12 +10,13 @@ All compiled functions stay in this one file: numba's on-disk cache does not not
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numba import njit
 
-from imdim.geometry.lowering import NO_OUTLINES, Lowered, Outlines, lower, split_params
-from imdim.program.tree import KINDS, SIMPLE, Program
+from imdim.geometry.lowering import NO_OUTLINES, Lowered, Outlines, lower, pack_all, postfix, split_params
+from imdim.program.tree import KINDS, SIMPLE, Primitive, Program, leaves
 
 BOX, SPHERE, CYLINDER, CONE, TORUS, ELLIPSOID, EXTRUDE, REVOLVE = range(len(KINDS))
 
@@ -39,6 +40,21 @@ def program_sdf(program: Program | Lowered, points: np.ndarray) -> np.ndarray:
 def inside(program: Program | Lowered, points: np.ndarray) -> np.ndarray:
     """Whether each of `points` [n, 3] lies in the open solid, bool [n]: the sign of `program_sdf`, known long before its value."""
     return _program_inside(*_arguments(program, points))
+
+
+def inside_each(parts: Sequence[Program], points: np.ndarray, ranges: np.ndarray | None = None) -> np.ndarray:
+    """Whether each of `points` [n, 3] lies in each of the open solids `parts`, bool [p, n]; of part i those from `ranges[i]` to
+    `ranges[i + 1]` alone, one part after another, bool [ranges[p] - ranges[0]], where these are given."""
+    own = [leaf for part in parts for leaf in leaves(part)]
+    kinds, params = pack_all(own)
+    outlines = Outlines.of(own)
+    codes = [np.zeros(1, np.int64) if isinstance(part, Primitive) else postfix(part) for part in parts]
+    firsts = np.cumsum([0, *((len(code) + 1) // 2 for code in codes)])
+    starts = np.zeros(len(parts), np.int64) if ranges is None else np.require(ranges[:-1], np.int64, ["C", "W"])
+    ends = np.full(len(parts), len(points)) if ranges is None else np.require(ranges[1:], np.int64, ["C", "W"])
+    lists = np.concatenate([np.empty(0, np.int64), *codes]), firsts, kinds, *split_params(params), outlines.curves, outlines.spans
+    held = _each_inside(*lists, _as_points(points), starts, ends)
+    return held.reshape(len(parts), len(points)) if ranges is None else held
 
 
 def program_tangent(program: Program | Lowered, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -529,21 +545,65 @@ def _fill_signs(kind, s, curves, center, rotation, points, row):
 
 
 @njit(nogil=True, cache=True)
-def _program_inside(code, kinds, sizes, centers, rotations, curves, spans, points):
-    n, block = len(points), 1024
-    held = np.empty(n, np.bool_)
+def _fold_signs(code, table, stack, n):
+    """Write the signs of the program at the first `n` columns of `table`, which has those of the leaves, into the first row of `stack`."""
+    top = -1
+    for op in code:
+        if op >= 0:
+            top += 1
+            for j in range(n):
+                stack[top, j] = table[op, j]
+            continue
+        top -= 1
+        left, right = stack[top], stack[top + 1]
+        for j in range(n):
+            if op == -1:
+                left[j] = min(left[j], right[j])
+            elif op == -2:
+                left[j] = max(left[j], right[j])
+            else:
+                left[j] = max(left[j], -right[j])
+
+
+@njit(nogil=True, cache=True)
+def _write_inside(code, first, kinds, sizes, centers, rotations, curves, spans, points, held):
+    """Write whether each of `points` [n, 3] lies within the program of instructions `code`, whose leaves begin with the one at `first`."""
+    n, block, deep = len(points), 1024, len(code) // 2 + 1
+    table, stack = np.empty((deep, block), np.int8), np.empty((deep, block), np.int8)
     for start in range(0, n, block):
         part = points[start : start + block]
-        table, xyz = np.empty((len(kinds), len(part))), np.ascontiguousarray(part.T)
-        for i in range(len(kinds)):
+        xyz, row = np.ascontiguousarray(part.T), np.empty(len(part))
+        for k in range(deep):
+            i = first + k
             of = _curves_of(i, kinds, curves, spans)
             if kinds[i] >= EXTRUDE:
-                _fill_signs(kinds[i], sizes[i], of, centers[i], rotations[i], part, table[i])
+                _fill_signs(kinds[i], sizes[i], of, centers[i], rotations[i], part, row)
             else:
-                _fill_row(kinds[i], sizes[i], of, centers[i], rotations[i], xyz[0], xyz[1], xyz[2], table[i])
-        values = _fold(code, table)[0]
+                _fill_row(kinds[i], sizes[i], of, centers[i], rotations[i], xyz[0], xyz[1], xyz[2], row)
+            for j in range(len(part)):
+                table[k, j] = -1 if row[j] < 0 else 1 if row[j] > 0 else 0
+        _fold_signs(code, table, stack, len(part))
         for j in range(len(part)):
-            held[start + j] = values[j] < 0
+            held[start + j] = stack[0, j] < 0
+
+
+@njit(nogil=True, cache=True)
+def _program_inside(code, kinds, sizes, centers, rotations, curves, spans, points):
+    held = np.empty(len(points), np.bool_)
+    _write_inside(code, 0, kinds, sizes, centers, rotations, curves, spans, points, held)
+    return held
+
+
+@njit(nogil=True, cache=True)
+def _each_inside(code, firsts, kinds, sizes, centers, rotations, curves, spans, points, starts, ends):
+    """Of program i, whose leaves begin with number `firsts[i]`, whether each of the points from `starts[i]` to `ends[i]` lies in it,
+    program after program. The instructions of one with k leaves are 2 k - 1 of `code`."""
+    held, done = np.empty((ends - starts).sum(), np.bool_), 0
+    for i in range(len(starts)):
+        own, n = code[2 * firsts[i] - i : 2 * firsts[i + 1] - i - 1], ends[i] - starts[i]
+        some = points[starts[i] : ends[i]]
+        _write_inside(own, firsts[i], kinds, sizes, centers, rotations, curves, spans, some, held[done : done + n])
+        done += n
     return held
 
 

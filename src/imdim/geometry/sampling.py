@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from imdim.geometry import kernels
+from imdim.geometry.even_points import GOLDEN, PLASTIC, draw_even
 from imdim.geometry.lowering import lower, pack
 from imdim.geometry.rotations import matrix_from_euler
-from imdim.geometry.surface_map import face_ends, map_surface, surface_area
-from imdim.geometry.swept_surface import sampling_areas
+from imdim.geometry.surface_map import map_surface, surface_area
+from imdim.geometry.swept_surface import draw_even_swept, sampling_areas
 from imdim.program.rewrite.containment import bounding_radius
 from imdim.program.tree import Primitive, Program, leaves
 
 # A program whose boundary is a smaller share of its leaves' surfaces than about one in this many is taken to have none.
 MAX_ROUNDS = 64
 EIGHTH = 8  # neighbour whose distance tells the spacing of points
-GOLDEN, PLASTIC = 0.6180339887498949, 0.7548776662466927  # the golden ratio's inverse, that of the plastic number
 
 
 def surface_points(program: Program, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -57,22 +58,27 @@ def even_surface(primitive: Primitive, n: int) -> tuple[np.ndarray, np.ndarray]:
     Multiples of the golden ratio are so far from all fractions that a lattice made of them stays even however it is stretched along its
     axes (Swinbank & Purser 2006 for the sphere), and each map stretches it so. Of a torus and an ellipsoid fewer than `n` are kept.
     """
-    if primitive.outline is not None:  # of which so many points are dropped that it would show
-        drawn = (primitive.kind, primitive.size, primitive.outline)
-        n = round(n * sampling_areas(*drawn).sum() / surface_area(*drawn))
-    i = np.arange(n)
-    first, golden = (i + 0.5) / max(n, 1), (i * GOLDEN) % 1.0
-    ends = face_ends(primitive.kind, primitive.size, primitive.outline)
-    if ends is None:
-        u = np.column_stack([first, golden, golden])
-    else:
-        bounds = np.array([0.0, *ends])
-        face = np.clip(np.searchsorted(bounds, first, side="right") - 1, 0, len(ends) - 1)
-        u = np.column_stack([first, (first - bounds[face]) / np.maximum(np.diff(bounds)[face], 1e-300), golden])
-    local, direction, share = map_surface(primitive, u)
-    keep = (i * PLASTIC) % 1.0 < share
+    if primitive.outline is None:
+        return draw_even([primitive], [n])[:2]
+    # of an outline so many points are dropped that it would show
+    drawn = (primitive.kind, primitive.size, primitive.outline)
+    n = round(n * sampling_areas(*drawn).sum() / surface_area(*drawn))
+    local, direction = draw_even_swept(*drawn, n, (GOLDEN, PLASTIC))
     rotation = matrix_from_euler(primitive.rotation)
-    return local[keep] @ rotation.T + primitive.center, direction[keep] @ rotation.T
+    return local @ rotation.T + primitive.center, direction @ rotation.T
+
+
+def even_surfaces(parts: Sequence[Primitive], counts: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`even_surface` of all `parts`, about `counts` points each: points and normals [n, 3], one part after another, and where those of each
+    part begin, int64 [k + 1]."""
+    if all(part.outline is None for part in parts):
+        return draw_even(parts, counts)
+    plain = [i for i, part in enumerate(parts) if part.outline is None]
+    points, normals, starts = draw_even([parts[i] for i in plain], [counts[i] for i in plain])
+    found = {i: (points[a:b], normals[a:b]) for i, a, b in zip(plain, starts[:-1].tolist(), starts[1:].tolist(), strict=True)}
+    drawn = [found[i] if i in found else even_surface(part, counts[i]) for i, part in enumerate(parts)]
+    points, normals = (np.concatenate(column) for column in zip(*drawn, strict=True))
+    return points, normals, np.cumsum([0, *(len(own) for own, _ in drawn)])
 
 
 def leaf_surface(primitive: Primitive, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from imdim.geometry.swept_surface import face_areas, map_swept, sampling_areas
+from imdim.geometry.swept_surface import face_areas, map_swept
 from imdim.program.outline import Outline
 from imdim.program.tree import Primitive
 
@@ -49,17 +49,6 @@ def _ellipsoid_area(size: tuple[float, ...]) -> float:
     ring = np.sqrt(1 - z**2)[:, None]
     stretch = a * b * c * np.sqrt((ring * np.cos(angle) / a) ** 2 + (ring * np.sin(angle) / b) ** 2 + (z[:, None] / c) ** 2)
     return float(2 * math.pi * (stretch.mean(1) * weight).sum())
-
-
-def face_ends(kind: str, size: tuple[float, ...], outline: Outline | None = None) -> np.ndarray | None:
-    """Where the first of the uniform numbers passes on to the next face, the last end (1) included; None for kinds of one face."""
-    if outline is not None:
-        return np.cumsum(areas := sampling_areas(kind, size, outline)) / areas.sum()
-    if kind == "box":
-        return np.concatenate([_box_ends(size), 1 + _box_ends(size)]) / 2
-    if kind == "cylinder":
-        return _cone_ends((size[0], size[0], size[1]))
-    return _cone_ends(size) if kind == "cone" else None
 
 
 def map_surface(primitive: Primitive, u: np.ndarray) -> Mapped:

@@ -10,6 +10,7 @@ import math
 from functools import lru_cache
 
 import numpy as np
+from numba import njit
 
 from imdim.geometry.kernels import outline_sdf
 from imdim.geometry.lowering import Outlines, row_curve
@@ -65,6 +66,68 @@ def map_swept(kind: str, size: tuple[float, ...], outline: Outline, u: np.ndarra
     cosine, sine = np.cos(angle), np.sin(angle)
     points = np.column_stack([flat[:, 0] * cosine, flat[:, 0] * sine, flat[:, 1]])
     return points, np.column_stack([normal[:, 0] * cosine - side * sine, normal[:, 0] * sine + side * cosine, normal[:, 1]]), share
+
+
+def draw_even_swept(
+    kind: str, size: tuple[float, ...], outline: Outline, n: int, steps: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Local points and outward unit normals [m, 3]: those of `n` places that lie even as leaves about a stem, by the `steps` of the second
+    number and of the chance by which one is kept, which are not dropped. What `map_swept` gives for them, a point at a time."""
+    curves, areas = _curves(outline), sampling_areas(kind, size, outline)
+    bounds, box = np.concatenate([[0.0], np.cumsum(areas) / areas.sum()]), np.array(outline.bounds)
+    points, normals, kept, on_end = _draw_swept(kind == "revolve", size[0], curves, _widest(outline), bounds, box, n, *steps)
+    # on an end of a turned outline the plane of the outline is that of the radius and the height
+    flat = points[on_end, :2] if kind == "extrude" else np.column_stack([np.hypot(points[on_end, 0], points[on_end, 1]), points[on_end, 2]])
+    kept[on_end] = outline_sdf(curves, flat) < 0
+    return points[kept], normals[kept]
+
+
+@njit(nogil=True, cache=True)
+def _draw_swept(turned, size, curves, widest, bounds, box, n, step, chance):  # pragma: no cover - compiled
+    points, normals = np.empty((n, 3)), np.empty((n, 3))
+    kept, on_end, face, count = np.ones(n, np.bool_), np.zeros(n, np.bool_), 0, len(curves)
+    for i in range(n):
+        u, other = (i + 0.5) / n, (i * step) % 1.0
+        while face < count + 1 and u >= bounds[face + 1]:
+            face += 1
+        at, side, share = (u - bounds[face]) / max(bounds[face + 1] - bounds[face], 1e-300), 0.0, 1.0
+        x, y, nx, ny = box[0, 0] + (box[1, 0] - box[0, 0]) * at, box[0, 1] + (box[1, 1] - box[0, 1]) * other, 0.0, 0.0
+        if face < count:
+            x, y, nx, ny, share = _place_on_curve(curves[face], at)
+            share *= x / max(widest[face], 1e-300) if turned else 1.0
+        else:
+            on_end[i], side = True, 1.0 if face > count else -1.0
+        kept[i] = (i * chance) % 1.0 < share
+        if not turned:
+            points[i, 0], points[i, 1], points[i, 2] = x, y, (side / 2 if side else other - 0.5) * size
+            normals[i, 0], normals[i, 1], normals[i, 2] = nx, ny, side
+            continue
+        angle = math.radians(size) * ((1.0 if side > 0 else 0.0) if side else other)
+        cosine, sine = math.cos(angle), math.sin(angle)
+        points[i, 0], points[i, 1], points[i, 2] = x * cosine, x * sine, y
+        normals[i, 0], normals[i, 1], normals[i, 2] = nx * cosine - side * sine, nx * sine + side * cosine, ny
+    return points, normals, kept, on_end
+
+
+@njit(nogil=True, cache=True)
+def _place_on_curve(curve, at):  # pragma: no cover - compiled
+    """The point at the share `at` of a curve, the unit normal to its right, and the share of such points to keep."""
+    x, y, u, v, bulge, cx, cy, radius = curve
+    if radius < 0:
+        ax, ay, angle, across = (u - x) / 2, (v - y) / 2, 2 * math.pi * at, abs(bulge)
+        cosine, sine = math.cos(angle), math.sin(angle)
+        bx, by = -across * ay, across * ax
+        nx, ny = cosine * ax * across + sine * bx / max(across, 1e-300), cosine * ay * across + sine * by / max(across, 1e-300)
+        length = math.copysign(max(math.hypot(nx, ny), 1e-300), bulge)
+        rx, ry = -radius, radius * bulge
+        speed = math.hypot(rx * sine, ry * cosine) / max(rx, abs(ry), 1e-300)
+        return cx + cosine * ax + sine * bx, cy + cosine * ay + sine * by, nx / length, ny / length, speed
+    if bulge != 0:
+        angle, sign = math.atan2(y - cy, x - cx) + 4 * math.atan(bulge) * at, math.copysign(1.0, bulge)
+        cosine, sine = math.cos(angle), math.sin(angle)
+        return cx + radius * cosine, cy + radius * sine, sign * cosine, sign * sine, 1.0
+    length = math.hypot(u - x, v - y)
+    return x + at * (u - x), y + at * (v - y), (v - y) / length, (x - u) / length, 1.0
 
 
 @lru_cache(256)

@@ -16,6 +16,7 @@ from imdim.deadline import NEVER, Deadline
 from imdim.geometry import kernels
 from imdim.geometry.finish.overshoot import overshoot
 from imdim.geometry.lowering import Lowered, Outlines, lower
+from imdim.geometry.point_grid import measure_diagonal
 from imdim.geometry.rotations import matrix_from_euler
 from imdim.numbers.face_coordinates import lift_numbers, shift_leaves, step_maps
 from imdim.numbers.likelihood import MOST_SAMPLES, Noise, Responsibilities, SurfaceSamples, expectation_step
@@ -135,7 +136,7 @@ def _maximisation_step(
     matrix, gradient = blocks(leaf, tangent, share.offset, share.mass, plain)
     maps, turns = step_maps(numbers), map_shared_turns(numbers, member)
     basis = np.zeros((k, 9, TURNS * k + 3 * groups))
-    size = max(float(np.linalg.norm(np.ptp(shown.points, axis=0))) / 2, share.noise.sigma)
+    size = max(measure_diagonal(shown.points) / 2, share.noise.sigma)
     for i in range(k):
         basis[i, :, TURNS * i : TURNS * (i + 1)] = maps[i, :, :TURNS]
         if member[i] >= 0:
@@ -176,22 +177,22 @@ def _add_outlines(
     """The `equations` of all other unknowns with those of the outlines; `rows` are each sample's leaf, its tangent [m, 9], and the leaves'
     basis [k, 9, p]."""
     (leaf, tangent, basis), (matrix, gradient) = rows, equations
-    found = []
-    for i, part in enumerate(leaves(program)):
-        if part.outline is None:
-            continue
-        coordinates = outline_coordinates(part.outline, part.kind == "revolve")
+    drawn = [(i, outline_coordinates(part.outline, part.kind == "revolve"), part) for i, part in enumerate(leaves(program)) if part.outline]
+    ends = np.cumsum([len(matrix), *(c.count for _, c, _ in drawn)])
+    whole, slope = np.zeros((ends[-1], ends[-1])), np.zeros(ends[-1])
+    whole[: len(matrix), : len(matrix)], slope[: len(gradient)] = matrix, gradient
+    for (i, coordinates, part), first, last in zip(drawn, ends, ends[1:], strict=False):
         own = np.flatnonzero(leaf == i)
         places, normals = in_plane(part.kind, numbers.centers[i], numbers.rotations[i], shown.points[own], shown.normals[own])
         moves = -coordinates.rows(places, normals)
         weighed = share.mass[own, None] * moves
-        others = np.zeros((len(own), len(matrix)))
-        others[:, : basis.shape[2]] = tangent[own] @ basis[i]
-        across = others.T @ weighed
-        found.append((i, coordinates, len(matrix)))
-        matrix = np.block([[matrix, across], [across.T, moves.T @ weighed]])
-        gradient = np.concatenate([gradient, weighed.T @ share.offset[own]])
-    return _Drawn(matrix, gradient, found)
+        # what moves a leaf as a whole are few of the unknowns
+        moving = np.flatnonzero(basis[i].any(0))
+        across = basis[i][:, moving].T @ (tangent[own].T @ weighed)
+        whole[moving, first:last], whole[first:last, moving] = across, across.T
+        whole[first:last, first:last] = moves.T @ weighed
+        slope[first:last] = weighed.T @ share.offset[own]
+    return _Drawn(whole, slope, [(i, coordinates, int(first)) for (i, coordinates, _), first in zip(drawn, ends, strict=False)])
 
 
 def in_plane(kind: str, center: np.ndarray, rotation: np.ndarray, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -14,16 +14,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
-from scipy.spatial import KDTree
 
 from imdim.geometry import kernels
-from imdim.geometry.sampling import even_surface
+from imdim.geometry.lowering import Lowered, lower
+from imdim.geometry.point_grid import PointGrid, find_bounds, measure_diagonal
+from imdim.geometry.sampling import even_surfaces
 from imdim.geometry.shadows import Shadows
 from imdim.geometry.surface_map import surface_area
 from imdim.program.tree import Primitive, Program, leaves
 
 NEIGHBOURS = 40  # both skins of a thin wall, and the walls of a corner, have to be among them
-APART = 1.4  # deviations of the noise between samples: nearer ones would need more neighbours to reach as far
+APART = 1.4  # deviations of the noise between samples: nearer ones would be more work
+REACH = 4.0  # deviations, the wider ones, beyond which a sample lends nothing
+VANISHING = 80.0  # squared deviations at which a density is nought
 MOST_SAMPLES = 10_000
 LEAST_DRAWN, MOST_DRAWN = 1024, 65_536  # hidden ones included
 GAP = 2.0  # deviations of the noise
@@ -56,16 +59,16 @@ class SurfaceSamples:
         """About one sample per square of APART * `sigma`, at most `most` that show, spread evenly: chance would make a density of lumps,
         which is less likely than an even one, and less so where two sheets lie in one, so that thin walls would vanish. None is in the
         `shadows`."""
-        parts = list(leaves(program))
+        parts, lowered = list(leaves(program)), lower(program)
         areas = np.array([surface_area(p.kind, p.size, p.outline) for p in parts])
-        visible = len(_visible(program, parts, _counts(areas, LEAST_DRAWN), GAP * sigma)[0]) / LEAST_DRAWN
+        visible = len(_visible(lowered, parts, _counts(areas, LEAST_DRAWN), GAP * sigma)[0]) / LEAST_DRAWN
         # every other sample of an even set is not even: their number has to be right at once
         wanted = np.clip(areas.sum() / (APART * sigma) ** 2, LEAST_DRAWN, min(most / max(visible, 1e-3), most / MOST_SAMPLES * MOST_DRAWN))
-        points, normals = _visible(program, parts, _counts(areas, wanted), GAP * sigma)
+        points, normals = _visible(lowered, parts, _counts(areas, wanted), GAP * sigma)
         if shadows is not None:
             points, normals = shadows.leave(points, normals)
         area = len(points) / wanted * float(areas.sum())
-        thin = ~kernels.inside(program, points - GAP * sigma * normals)
+        thin = ~kernels.inside(lowered, points - GAP * sigma * normals)
         return SurfaceSamples(points, normals, area, float(thin.mean()) if len(thin) else 0.0)
 
     @property
@@ -87,15 +90,20 @@ class Responsibilities:
 
 def expectation_step(points: np.ndarray, shown: SurfaceSamples, noise: Noise) -> Responsibilities:
     """The expectation step for `points` [n, 3]."""
-    m, box = len(shown.points), float(np.prod(np.maximum(np.ptp(points, axis=0), noise.sigma)))
+    m, (low, high) = len(shown.points), find_bounds(points)
+    box = float(np.prod(np.maximum(high - low, noise.sigma)))
     wide = max(noise.sigma, WIDE * shown.spacing)
     peak = math.log((1 - noise.clutter) / max(m, 1)) - 1.5 * math.log(2 * math.pi) - math.log(noise.sigma) - 2 * math.log(wide)
     if m == 0:
         log = math.log(noise.clutter / box)
         return Responsibilities(np.zeros(0), np.zeros(0), noise, -log, np.full(len(points), log))
-    near = np.asarray(KDTree(shown.points).query(points, k=min(NEIGHBOURS, m), distance_upper_bound=4 * wide)[1]).reshape(len(points), -1)
+    grid = PointGrid.of(shown.points, REACH * wide)
     clutter = math.exp(math.log(noise.clutter / box) - peak)
-    mass, moment, square, log, logs = _shares(points, shown.points, shown.normals, near, noise.sigma, wide, clutter)
+    arrays = np.ascontiguousarray(points), shown.points[grid.order], shown.normals[grid.order]
+    cells = grid.first, grid.low, grid.cell, grid.shape
+    sorted_mass, sorted_moment, square, log, logs = _shares(*arrays, *cells, noise.sigma, wide, REACH * wide, clutter)
+    mass, moment = np.empty(m), np.empty(m)
+    mass[grid.order], moment[grid.order] = sorted_mass, sorted_moment
     held = float(mass.sum())
     offset = np.divide(moment, mass, out=np.zeros(m), where=mass > 1e-12)
     sigma = math.sqrt(square / held) if held > 0 else noise.sigma
@@ -108,14 +116,13 @@ def _counts(areas: np.ndarray, wanted: float) -> np.ndarray:
     return np.ceil(wanted * areas / areas.sum()).astype(int)
 
 
-def _visible(program: Program, parts: list[Primitive], counts: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
+def _visible(program: Lowered, parts: list[Primitive], counts: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
     """Of `counts` samples of each leaf those on the program's boundary, with the program's outward normals.
 
     A gap that the noise hides is none: where two faces only just met, a step of either would open it.
     """
-    drawn = [even_surface(p, n) for p, n in zip(parts, counts.tolist(), strict=True)]
-    points, normals = (np.concatenate(column) for column in zip(*drawn, strict=True))
-    step = 1e-6 * float(np.linalg.norm(np.ptp(points, axis=0)))
+    points, normals, _ = even_surfaces(parts, counts.tolist())
+    step = 1e-6 * measure_diagonal(points)
     behind, ahead = (kernels.inside(program, points + side * normals) for side in (-step, step))
     normals = np.where(behind, 1.0, -1.0)[:, None] * normals
     keep = behind != ahead
@@ -125,33 +132,41 @@ def _visible(program: Program, parts: list[Primitive], counts: np.ndarray, gap: 
 
 
 @njit(nogil=True, cache=True)
-def _shares(points, samples, normals, near, sigma, wide, clutter):  # pragma: no cover - compiled
-    n, k = near.shape
-    m = len(samples)
+def _shares(points, samples, normals, first, low, cell, shape, sigma, wide, reach, clutter):  # pragma: no cover - compiled
+    """What the samples, cell after cell of a grid (`PointGrid`), have of the points, by the densities of those within `reach`."""
+    n, m = len(points), len(samples)
     mass, moment = np.zeros(m), np.zeros(m)
     square, log = 0.0, 0.0
-    logs, density, along = np.empty(n), np.empty(k), np.empty(k)
+    logs, density, along, who = np.empty(n), np.empty(m), np.empty(m), np.empty(m, np.int64)
+    flat, across, bound = 1 / (sigma * sigma), 1 / (wide * wide), reach * reach
+    at = np.empty(3, np.int64)
     for i in range(n):
-        total = clutter
-        for j in range(k):
-            q = near[i, j]
-            if q >= m:
-                density[j] = 0.0
-                continue
-            a, b = 0.0, 0.0
-            for c in range(3):
-                e = points[i, c] - samples[q, c]
-                a += e * normals[q, c]
-                b += e * e
-            along[j] = a
-            density[j] = math.exp(-0.5 * (a * a / (sigma * sigma) + max(b - a * a, 0.0) / (wide * wide)))
-            total += density[j]
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        for c in range(3):
+            # a place beyond the margin is near nothing, wherever it is looked for
+            share = min(max((points[i, c] - low[c]) / cell, 0.0), shape[c] - 1.0)
+            at[c] = int(share)
+        total, count = clutter, 0
+        bottom, top = max(at[2] - 1, 0), min(at[2] + 1, shape[2] - 1)
+        for a in range(max(at[0] - 1, 0), min(at[0] + 2, shape[0])):
+            for b in range(max(at[1] - 1, 0), min(at[1] + 2, shape[1])):
+                row = (a * shape[1] + b) * shape[2]
+                for q in range(first[row + bottom], first[row + top + 1]):
+                    u, v, w = x - samples[q, 0], y - samples[q, 1], z - samples[q, 2]
+                    far = u * u + v * v + w * w
+                    if far >= bound:
+                        continue
+                    off = u * normals[q, 0] + v * normals[q, 1] + w * normals[q, 2]
+                    power = off * off * flat + max(far - off * off, 0.0) * across
+                    if power < VANISHING:
+                        density[count], along[count], who[count] = math.exp(-0.5 * power), off, q
+                        total += density[count]
+                        count += 1
         logs[i] = math.log(total)
         log += logs[i]
-        for j in range(k):
-            if density[j] > 0:
-                r = density[j] / total
-                mass[near[i, j]] += r
-                moment[near[i, j]] += r * along[j]
-                square += r * along[j] * along[j]
+        for j in range(count):
+            r = density[j] / total
+            mass[who[j]] += r
+            moment[who[j]] += r * along[j]
+            square += r * along[j] * along[j]
     return mass, moment, square, log, logs

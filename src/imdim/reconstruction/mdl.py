@@ -27,9 +27,9 @@ from imdim.program.tree import Primitive, Program, leaves, map_leaves
 from imdim.reconstruction.observation import Observation, UnitBody
 from imdim.reconstruction.policy_beam import proposals
 from imdim.relations.discover import discover
-from imdim.search.mdl.batched_likelihood import PartTableCache
 from imdim.search.mdl.candidates.shell_slot import compounds
 from imdim.search.mdl.description_length import description_length
+from imdim.search.mdl.part_tables import PartTableCache
 from imdim.search.mdl.primitive_selection import Cloud, distinct
 from imdim.search.mdl.search import REFIT, best_by_mdl, shorten, tables_of_subsample
 from imdim.search.mdl.silhouettes import outlines
@@ -208,7 +208,7 @@ class _NoisyCloud:
         return [lineage.best for lineage in sorted(lineages, key=lambda lineage: lineage.length)]
 
     def _shorten(self, start: FittedProgram, candidates: Sequence[Program], deadline: Deadline) -> Iterator[tuple[FittedProgram, float]]:
-        return shorten(start, self.quick, candidates, self.axes, deadline, self._draws, self._count)
+        return shorten(start, self.quick, candidates, self.axes, deadline, self._draws, self._count, self.sigma)
 
     def _first(self, starts: Sequence[Program], deadline: Deadline) -> FittedProgram:
         """The likeliest of several programs, with its numbers fitted as far as a search needs them."""

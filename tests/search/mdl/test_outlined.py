@@ -7,8 +7,9 @@ from tests.planted import box
 from imdim.geometry.sampling import surface_points
 from imdim.numbers.likelihood import Noise
 from imdim.program.sequence import Step
-from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PartTableCache, PointScene
+from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PointScene
 from imdim.search.mdl.description_length import numbers
+from imdim.search.mdl.part_tables import PartTableCache
 from imdim.search.mdl.primitive_selection import Cloud, PoolConfig, PrimitivePool, distinct
 
 PLATE = centred(BRACKET, 8.0)

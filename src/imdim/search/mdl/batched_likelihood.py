@@ -1,7 +1,8 @@
 """The likelihood of a noisy cloud under many choices among the same parts: what depends on one part alone is computed once.
 
-The density is that of `likelihood`, over coarser samples. Which of a part's samples lie within every other part is kept in bits, and how
-near each point lies to them as densities, so that a choice costs a pass over bits and a sum: a thousand choices take about a second.
+The density is that of `likelihood`, over coarser samples. Which parts hold the places beside a sample is kept in bits, and to which points
+it lends how much of density in lists (`part_tables`). A choice changes little of the sequence that it is a change of, so that it costs a
+pass over the bits and the lists of those samples that come to the surface or leave it: ten thousand choices take less than a second.
 """
 
 from __future__ import annotations
@@ -12,106 +13,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from scipy.spatial import KDTree
 
 from imdim.geometry import kernels
-from imdim.geometry.sampling import EIGHTH, even_surface, surface_spacing
-from imdim.geometry.shadows import Shadows
-from imdim.geometry.surface_map import surface_area
-from imdim.numbers.likelihood import GAP, WIDE, Noise
-from imdim.program.tree import Combine, Program, leaves
+from imdim.numbers.likelihood import Noise
+from imdim.program.tree import Program
 from imdim.search.mdl.description_length import SKIN, numbers
 from imdim.search.mdl.local_search import Choice, pack_choices
+from imdim.search.mdl.part_tables import PartSamples, PartTableCache, in_batches
 
-SAMPLES = 2048  # of the surface that the points show
-KEPT = 2  # deviations of the noise for which tables are kept
-STEP = 1e-5  # from a surface to either side, of the cloud's diagonal
-MOST = 6144  # of one part's surface
-NEIGHBOURS = 14  # samples of one part near a point
-ALIKE = 1.1  # ratio of deviations of the noise up to which nothing is drawn again
-MOST_ROWS = 2500  # parts in the tables, some 170 KiB each
-FAR = 3.0  # deviations along the surface, beyond which a sample lends nothing
-LOOSE = 1.5  # times the noise: parts that were not fitted yet lie a little off
-
-
-@dataclass(frozen=True)
-class PartSamples:
-    """A part seen alone: samples of its surface with outward `normals` [s, 3], and whether the part itself holds the places just behind
-    and ahead of them, and those a gap away (`selves` [s, 4]). `row` is the part's in the tables of `PartTables`."""
-
-    points: np.ndarray
-    normals: np.ndarray
-    selves: np.ndarray
-    row: int
-
-
-class PartTables:
-    """What was computed for single parts beside points [n, 3], for one deviation `sigma` of the noise and one `spacing` of the samples, of
-    which there are none in the `shadows`.
-
-    Tables over the parts: their samples that lie `near` each point (int16 [rows, n, k], -1 for none) and the `density` that they lend it.
-    """
-
-    def __init__(self, points: np.ndarray, sigma: float, spacing: float, shadows: Shadows | None = None) -> None:
-        self._points, self.asked, self._shadows = points, sigma, shadows
-        self.sigma, self.spacing = LOOSE * sigma, spacing
-        self.wide = max(self.sigma, WIDE * spacing)
-        self.offsets = np.outer([STEP * float(np.linalg.norm(np.ptp(points, axis=0))), GAP * sigma], [-1, 1]).ravel()
-        self._forget()
-
-    def parts(self, parts: Sequence[Program]) -> list[PartSamples]:
-        """The parts' samples, drawn when first asked for; the tables have their rows."""
-        missing = list(dict.fromkeys(p for p in parts if p not in self._seen))
-        if len(self._seen) + len(missing) > MOST_ROWS:
-            self._forget()
-            missing = list(dict.fromkeys(parts))
-        self._widen(len(self._seen) + len(missing))
-        for part in missing:
-            self._seen[part] = self._sample_part(part, len(self._seen))
-        return [self._seen[p] for p in parts]
-
-    def _forget(self) -> None:
-        shape = (0, len(self._points), NEIGHBOURS)
-        self._seen: dict[Program, PartSamples] = {}
-        self.near, self.density = np.empty(shape, np.int16), np.empty(shape, np.float32)
-
-    def _widen(self, rows: int) -> None:
-        more = max(rows, min(2 * len(self.near), MOST_ROWS)) - len(self.near)
-        if rows > len(self.near):
-            self.near, self.density = (np.concatenate([t, np.empty((more, *t.shape[1:]), t.dtype)]) for t in (self.near, self.density))
-
-    def _sample_part(self, part: Program, row: int) -> PartSamples:
-        points, normals = _samples(part, self.spacing, self.offsets[1])
-        if self._shadows is not None:
-            points, normals = self._shadows.leave(points, normals)
-        self.near[row], self.density[row] = -1, 0.0
-        # no sample is nearer than the surface
-        close = np.flatnonzero(np.abs(kernels.program_sdf(part, self._points)) < FAR * self.wide)
-        self.near[row, close], self.density[row, close] = _near(points, normals, self._points[close], self.sigma, self.wide)
-        return PartSamples(points, normals, kernels.inside(part, self.probes(points, normals)).reshape(-1, 4), row)
-
-    def probes(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """The places [4 s, 3] behind and ahead of samples [s, 3]."""
-        return (points[:, None] + self.offsets[:, None] * normals[:, None]).reshape(-1, 3)
-
-
-class PartTableCache:
-    """What was drawn beside some points, for later scenes of nearly the same noise. The surface that the points show gets SAMPLES, whatever
-    a program has of it, so that several searches can share what was drawn."""
-
-    def __init__(self, points: np.ndarray, shadows: Shadows | None = None) -> None:
-        self.points, self._shadows = points, shadows
-        eighth = KDTree(points).query(points, k=min(EIGHTH + 1, len(points)))[0][:, -1]
-        self._spacing = max(surface_spacing(eighth) * math.sqrt(len(points) / SAMPLES), 1e-100)
-        self._drawn: list[PartTables] = []
-
-    def at(self, sigma: float) -> PartTables:
-        """For the noise, or what is there for one that differs by no more than ALIKE; of those that were asked for last KEPT are kept."""
-        sigma = max(sigma, 1e-300)
-        found = next((t for t in self._drawn if abs(math.log(sigma / t.asked)) < math.log(ALIKE)), None)
-        found = found or PartTables(self.points, sigma, self._spacing, self._shadows)
-        self._drawn = [found, *(t for t in self._drawn if t is not found)][:KEPT]
-        return found
+MOST_SETTLED = 62  # parts, of which each has a bit
+FACTORS = 4  # densities that are multiplied before their logarithm is taken
+SMALLEST = 1e-250  # such a product that is no denormal number
 
 
 class PointScene:
@@ -119,7 +31,7 @@ class PointScene:
     program weighs."""
 
     def __init__(self, draws: PartTableCache, noise: Noise, count: int | None = None):
-        points = draws.points
+        points = self.points = draws.points
         self.drawn, self.count = draws.at(noise.sigma), count or len(points)
         self.clutter = noise.clutter
         self.box = float(np.prod(np.maximum(np.ptp(points, axis=0), self.drawn.sigma)))
@@ -127,135 +39,216 @@ class PointScene:
 
 @dataclass(frozen=True)
 class BatchedLikelihood:
-    """Tables over `parts` (p) for the points of a scene: samples of part i are `starts[i]` to `starts[i + 1]`; `rows` [p] are the parts' in
-    the tables of `PartTables`; `own` [p] is how many numbers a part has. Only the first parts, the settled ones, may stand together; of the
-    others a choice has one at most.
+    """Tables over `parts` (p) for the points of a scene: samples of part i are `starts[i]` to `starts[i + 1]`, `own` [p] is how many
+    numbers a part has. Only the first parts, the settled ones, may stand together, in their order, but for one of them; of the others a
+    choice has one at most.
 
-    Which parts hold the places just behind and ahead of a sample, and those a gap away, is in `sides` [settled, s, 4] for the settled,
-    in `over` [others, s of the settled, 4] for the others, and in `selves` [s, 4] for the sample's own part.
+    Which of the settled parts hold the places just behind and ahead of a sample, and those a gap away, is in `held` int64 [s, 4], the last
+    part in the lowest bit; whether others hold those of the settled parts' samples is in the lowest bits of `over` uint8 [others, s of the
+    settled], and whether they hold their own in `selves` uint8 [s of the others]. What a sample lends to points is listed as in
+    `PartSamples`, one after another: `first` [s + 1], `lent` and `density`.
     """
 
     scene: PointScene
     parts: tuple[Program, ...]
+    settled: int
     starts: np.ndarray
-    sides: np.ndarray
+    held: np.ndarray
     over: np.ndarray
     selves: np.ndarray
-    rows: np.ndarray
+    first: np.ndarray
+    lent: np.ndarray
+    density: np.ndarray
     own: np.ndarray
 
     @staticmethod
     def of(scene: PointScene, settled: Sequence[Program], others: Sequence[Program]) -> BatchedLikelihood:
+        """Raises ValueError for more than MOST_SETTLED settled parts."""
+        if len(settled) > MOST_SETTLED:
+            raise ValueError(f"{len(settled)} settled parts, at most {MOST_SETTLED} are possible")
         parts = (*settled, *others)
         drawn = scene.drawn.parts(parts)
         starts = np.cumsum([0, *(len(d.points) for d in drawn)])
-        # a part at a time: all places at once are a hundred megabytes
-        sides = np.concatenate([_sides(settled, scene.drawn.probes(d.points, d.normals)) for d in drawn], axis=1)
-        known = np.concatenate([np.empty((0, 3)), *(scene.drawn.probes(d.points, d.normals) for d in drawn[: len(settled)])])
-        selves = np.concatenate([d.selves for d in drawn])
-        rows, own = np.array([d.row for d in drawn]), np.array([numbers(p) for p in parts])
-        return BatchedLikelihood(scene, parts, starts, sides, _sides(others, known), selves, rows, own)
+        # some parts at a time: all places at once are a hundred megabytes
+        held = np.concatenate([_find_holders(settled, _probes_of(scene, some)) for some in in_batches(drawn)])
+        over = _pack_flags(kernels.inside_each(others, _probes_of(scene, drawn[: len(settled)]))).reshape(len(others), starts[len(settled)])
+        selves = _pack_flags(np.concatenate([np.empty((0, 4), bool), *(d.selves for d in drawn[len(settled) :])]))
+        counts = np.cumsum([0, *(len(d.lent) for d in drawn)])
+        first = np.concatenate([*(d.first[:-1] + count for d, count in zip(drawn, counts, strict=False)), counts[-1:]])
+        lent, density = (np.concatenate(c) for c in ([d.lent for d in drawn], [d.density for d in drawn]))
+        own = np.array([numbers(p) for p in parts])
+        return BatchedLikelihood(scene, parts, len(settled), starts, held, over, selves, first, lent, density, own)
 
-    def lengths(self, choices: Sequence[Choice], every: int = 1) -> np.ndarray:
+    def lengths(self, choices: Sequence[Choice]) -> np.ndarray:
         """Description length of the points under each choice, in nats per point (see `description_length`); infinite where nothing is left.
 
-        Only each so-manieth point is looked at.
+        Raises ValueError for a choice that is more than the settled parts without some of them, turned, and with one part in some place.
         """
         scene, drawn, clutter = self.scene, self.scene.drawn, self.scene.clutter
         lattice = 1.5 * math.log(2 * math.pi) + math.log(drawn.sigma) + 2 * math.log(drawn.wide)
-        arrays = self.starts, self.sides, self.over, self.selves, self.rows, drawn.near, drawn.density
-        nll, skin = _lengths(*pack_choices(choices), *arrays, every, clutter / scene.box, math.log1p(-clutter) - lattice)
+        changes = _read_changes(*pack_choices(choices), self.settled)
+        if (changes[:, 0] < -1).any():
+            raise ValueError(f"{choices[int((changes[:, 0] < -1).argmax())]} is no change of {self.settled} parts in their order")
+        arrays = self.starts, self.held, self.over, self.selves, self.first, self.lent, self.density
+        scale = clutter / scene.box, math.log1p(-clutter) - lattice
+        nll, skin = _lengths(changes, self.settled, *arrays, len(scene.points), *scale)
         n = scene.count
         own = np.array([sum(self.own[i] for _, i in c) for c in choices])
         return nll + 0.5 * own * math.log(n) / n + SKIN * skin
 
 
-def _sides(parts: Sequence[Program], probes: np.ndarray) -> np.ndarray:
-    """Which of the parts [p] hold which of the probes, four of each sample: [p, s, 4]."""
-    return np.array([kernels.inside(part, probes) for part in parts], bool).reshape(len(parts), len(probes) // 4, 4)
+def _probes_of(scene: PointScene, drawn: Sequence[PartSamples]) -> np.ndarray:
+    points, normals = (np.concatenate([np.empty((0, 3)), *column]) for column in ([d.points for d in drawn], [d.normals for d in drawn]))
+    return scene.drawn.probes(points, normals)
 
 
-def _samples(part: Program, spacing: float, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points and outward normals [s, 3] of a part's own surface, one per square of the spacing, within limits."""
-    drawn = []
-    for leaf in leaves(part):
-        count = int(np.clip(math.ceil(surface_area(leaf.kind, leaf.size, leaf.outline) / spacing**2), 16, MOST))
-        drawn.append(even_surface(leaf, count))
-    points, normals = (np.concatenate(c) for c in zip(*drawn, strict=True))
-    if not isinstance(part, Combine):
-        return points, normals
-    behind, ahead = (kernels.inside(part, points + side * normals) for side in (-step, step))
-    normals = np.where(behind, 1.0, -1.0)[:, None] * normals
-    return points[behind != ahead], normals[behind != ahead]
+def _find_holders(settled: Sequence[Program], probes: np.ndarray) -> np.ndarray:
+    """Which of the settled parts hold the probes, four of each sample, as bits int64 [s, 4]."""
+    out = np.zeros(len(probes), np.int64)
+    for place, holds in enumerate(kernels.inside_each(settled, probes)):
+        out |= holds.astype(np.int64) << (len(settled) - 1 - place)
+    return out.reshape(-1, 4)
 
 
-def _near(places: np.ndarray, normals: np.ndarray, points: np.ndarray, sigma: float, wide: float) -> tuple[np.ndarray, np.ndarray]:
-    """Of each point the nearest samples [n, k] and their densities, relative to that of a sample at its own place."""
-    if not len(places) or not len(points):
-        return np.full((len(points), NEIGHBOURS), -1, np.int16), np.zeros((len(points), NEIGHBOURS), np.float32)
-    found = np.asarray(KDTree(places).query(points, k=NEIGHBOURS, distance_upper_bound=FAR * wide)[1]).reshape(len(points), -1)
-    none = found >= len(places)
-    found = np.where(none, 0, found)
-    away = points[:, None] - places[found]
-    along = np.einsum("nkc,nkc->nk", away, normals[found])
-    across = np.maximum((away**2).sum(-1) - along**2, 0.0)
-    density = np.exp(-0.5 * ((along / sigma) ** 2 + across / wide**2))
-    return np.where(none, -1, found).astype(np.int16), density.astype(np.float32)
+def _pack_flags(flags: np.ndarray) -> np.ndarray:
+    """Flags [..., 4 s] as the lowest four bits of uint8 [s]."""
+    return np.packbits(flags.reshape(-1, 4), axis=1, bitorder="little")[:, 0]
 
 
 @njit(nogil=True, cache=True)
-def _lengths(lengths, index, sign, starts, sides, over, selves, rows, near, density, every, strewn, held):  # pragma: no cover - compiled
-    count, n = len(index), near.shape[1]
+def _read_changes(lengths, index, sign, settled):  # pragma: no cover - compiled
+    """Of each choice int64 [c, 5]: the part that is put in (-1 for none; -2 where it is no single change), before which settled part, its
+    sign, and as bits the settled parts that stay and those that are united."""
+    out = np.zeros((len(lengths), 5), np.int64)
+    for c in range(len(lengths)):
+        k, put = lengths[c], -1
+        for t in range(k):
+            put = t if index[c, t] >= settled else put
+        if put < 0:
+            moved = 0
+            while moved < k and not _is_sorted(index[c], k, moved):
+                moved += 1
+            put = moved if moved < k and not _is_sorted(index[c], k, -1) else -1
+        stay, united, last, before = 0, 0, -1, settled
+        if 0 <= put < k - 1:
+            before = index[c, put + 1]
+        for t in range(k):
+            if t == put:
+                continue
+            i = index[c, t]
+            if i <= last or i >= settled:
+                out[c, 0] = -2
+            last = i
+            bit = 1 << (settled - 1 - i)
+            stay |= bit
+            united |= bit if sign[c, t] else 0
+        out[c, 0] = -2 if out[c, 0] == -2 else (index[c, put] if put >= 0 else -1)
+        out[c, 1], out[c, 2], out[c, 3], out[c, 4] = before, put >= 0 and sign[c, put], stay, united
+    return out
+
+
+@njit(nogil=True, cache=True)
+def _is_sorted(row, k, without):  # pragma: no cover - compiled
+    """Whether the first `k` entries of a row rise but for the one at `without`."""
+    last = -1
+    for t in range(k):
+        if t != without:
+            if row[t] <= last:
+                return False
+            last = row[t]
+    return True
+
+
+@njit(nogil=True, cache=True)
+def _is_in(bits, part_holds, part_united, after, united):  # pragma: no cover - compiled
+    """Whether a place is in the solid: the last part that holds it says so. Settled parts are in `bits`, the last in the lowest; a part
+    more comes before those in `after`."""
+    later = bits & after
+    if later:
+        return (later & (~later + 1)) & united != 0
+    if part_holds:
+        return part_united
+    return (bits & (~bits + 1)) & united != 0
+
+
+@njit(nogil=True, cache=True)
+def _tell_side(m0, m1, m2, m3, holds, part_united, after, united):  # pragma: no cover - compiled
+    """0 where a sample is not on the surface, or faces it across a gap, 1 where it is, 2 where its wall is thin."""
+    behind = _is_in(m0, holds & 1, part_united, after, united)
+    ahead = _is_in(m1, holds & 2, part_united, after, united)
+    if behind == ahead:
+        return 0
+    deep = _is_in(m2, holds & 4, part_united, after, united)
+    far = _is_in(m3, holds & 8, part_united, after, united)
+    if ahead:
+        deep, far = far, deep
+    return 0 if far else 1 if deep else 2
+
+
+@njit(nogil=True, cache=True)
+def _lengths(changes, settled, starts, held, over, selves, first, lent, density, n, strewn, peak_of_one):  # pragma: no cover - compiled
+    count, end = len(changes), starts[settled]
     nll, skin = np.full(count, np.inf), np.zeros(count)
-    visible = np.zeros(starts[-1], np.bool_)
+    base, base_total = np.zeros(end, np.int8), np.zeros(n)
+    whole, united = np.int64((1 << settled) - 1), changes[0, 4]
+    for s in range(end):
+        base[s] = _tell_side(held[s, 0], held[s, 1], held[s, 2], held[s, 3], 0, False, 0, united)
+        if base[s]:
+            for q in range(first[s], first[s + 1]):
+                base_total[lent[q]] += density[q]
+    total = np.empty(n)
     for c in range(count):
-        k = lengths[c]
-        shown, thin = _show(index[c, :k], sign[c, :k], starts, sides, over, selves, visible)
+        put, before, its, stay, now = changes[c]
+        after, shown, thin = (1 << (settled - before)) - 1, 0, 0
+        gone = whole & ~stay
+        own = 0 if put < 0 or put >= settled else 1 << (settled - 1 - put)
+        alike = now == united & stay
+        for i in range(n):
+            total[i] = base_total[i]
+        for a in range(settled):
+            stays = (stay >> (settled - 1 - a)) & 1 or a == put
+            for s in range(starts[a], starts[a + 1]):
+                side = 0
+                if stays:
+                    m0, m1, m2, m3 = held[s, 0], held[s, 1], held[s, 2], held[s, 3]
+                    holds = 0
+                    if put >= settled:
+                        holds = over[put - settled, s]
+                    elif own:
+                        holds = (m0 & own != 0) | (m1 & own != 0) << 1 | (m2 & own != 0) << 2 | (m3 & own != 0) << 3
+                    if alike and not holds and not (m0 | m1 | m2 | m3) & gone:
+                        side = base[s]
+                    else:
+                        side = _tell_side(m0 & stay, m1 & stay, m2 & stay, m3 & stay, holds, its != 0, after & stay, now)
+                if side:
+                    shown += 1
+                    thin += side == 2
+                if (side > 0) != (base[s] > 0):
+                    for q in range(first[s], first[s + 1]):
+                        total[lent[q]] += density[q] if side else -density[q]
+        if put >= settled:
+            for s in range(starts[put], starts[put + 1]):
+                m0, m1, m2, m3 = held[s, 0] & stay, held[s, 1] & stay, held[s, 2] & stay, held[s, 3] & stay
+                side = _tell_side(m0, m1, m2, m3, selves[s - end], its != 0, after & stay, now)
+                if side:
+                    shown += 1
+                    thin += side == 2
+                    for q in range(first[s], first[s + 1]):
+                        total[lent[q]] += density[q]
         if shown == 0:
             continue
-        peak = held - math.log(shown)
-        clutter = strewn / math.exp(peak)
-        log = 0.0
-        for i in range(0, n, every):
-            total = clutter
-            for t in range(k):
-                e = index[c, t]
-                row = rows[e]
-                for j in range(near.shape[2]):
-                    q = near[row, i, j]
-                    if q < 0:
-                        break
-                    if visible[starts[e] + q]:
-                        total += density[row, i, j]
-            log += math.log(total)
-        nll[c] = -(log / ((n + every - 1) // every) + peak)
+        peak = peak_of_one - math.log(shown)
+        clutter, log, i = strewn / math.exp(peak), 0.0, 0
+        while i < n:
+            product = 1.0
+            for j in range(i, min(i + FACTORS, n)):
+                product *= clutter + max(total[j], 0.0)
+            if product > SMALLEST:
+                log += math.log(product)
+            else:
+                for j in range(i, min(i + FACTORS, n)):
+                    log += math.log(clutter + max(total[j], 0.0))
+            i += FACTORS
+        nll[c] = -(log / n + peak)
         skin[c] = thin / shown
     return nll, skin
-
-
-@njit(nogil=True, cache=True)
-def _show(index, sign, starts, sides, over, selves, visible):  # pragma: no cover - compiled
-    """Marks the samples of the fold's surface, but those that face it across a gap; how many, and how many of them have a thin wall."""
-    shown, thin = 0, 0
-    for e in index:
-        for s in range(starts[e], starts[e + 1]):
-            behind, ahead, deep, far = False, False, False, False
-            for u in range(len(index)):
-                o = index[u]
-                held = selves[s] if o == e else sides[o, s] if o < len(sides) else over[o - len(sides), s]
-                if held[0]:
-                    behind = sign[u]
-                if held[1]:
-                    ahead = sign[u]
-                if held[2]:
-                    deep = sign[u]
-                if held[3]:
-                    far = sign[u]
-            if ahead:
-                deep, far = far, deep
-            visible[s] = behind != ahead and not far
-            if visible[s]:
-                shown += 1
-                if not deep:
-                    thin += 1
-    return shown, thin

@@ -9,6 +9,7 @@ scored by one `batched_likelihood`; the numbers of the most promising are fitted
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -24,7 +25,7 @@ from imdim.program.cost import count
 from imdim.program.paths import leaf_paths, without
 from imdim.program.sequence import SignedSequence, Step, map_terms, to_program, to_sequence
 from imdim.program.tree import Combine, Primitive, Program, leaves, map_leaves
-from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PartTableCache, PointScene
+from imdim.search.mdl.batched_likelihood import BatchedLikelihood, PointScene
 from imdim.search.mdl.candidates.drawn import redraw
 from imdim.search.mdl.candidates.residual import alternatives, hollows, missing, trim
 from imdim.search.mdl.candidates.rim import rims
@@ -32,12 +33,11 @@ from imdim.search.mdl.candidates.shell_slot import shells, stadiums
 from imdim.search.mdl.candidates.span import prolong, slots, span
 from imdim.search.mdl.description_length import description_length, numbers
 from imdim.search.mdl.local_search import Choice, Stage, improvements, merge, own_moves, uses
+from imdim.search.mdl.part_tables import PartTableCache
 from imdim.search.mdl.primitive_selection import Cloud, distinct
 
 ROUNDS = 40
 SEEN = 2048  # points that changes are looked at with
-SUBSAMPLED = 4  # each so-manieth of them for a first look
-LOOKED = 120  # changes that get a second one
 TRIED = 16  # changes whose numbers get a first step
 FEWER = 2  # each so-manieth point for that
 REFITTED = 4  # of them, whose numbers are fitted
@@ -61,25 +61,29 @@ def shorten(
     deadline: Deadline,
     draws: PartTableCache | None = None,
     stand_for: int | None = None,
+    sigma: float | None = None,
 ) -> Iterator[tuple[FittedProgram, float]]:
     """Programs that describe `points` [n, 3] in ever shorter ways, each after the best changes of a round, and how long they take.
 
     `axes` [3, 3] has the part's directions as columns. Sequences of more than LONGEST steps stay as they are. `draws` of the
     `tables_of_subsample` points keep for other calls what was computed for single parts. The points may `stand_for` a larger cloud.
+    `sigma` is the deviation of their noise where the cloud itself has told it: in that of a program that runs between the skins of a thin
+    wall is the wall.
     """
     if deadline.has_passed():
         return
     draws = draws or tables_of_subsample(points, likely.noise.shadows)
-    changes = _Changes(Cloud.of(points, likely.noise.sigma), draws, candidates, axes, stand_for or len(points))
+    told = sigma or likely.noise.sigma
+    changes = _Changes(Cloud.of(points, told), draws, candidates, axes, stand_for or len(points))
 
-    def fit(points: np.ndarray, config: EMConfig) -> Callable[[_Trial], list[_Trial]]:
-        return lambda trial: [trial.fitted(lambda p: maximise_likelihood(p, points, trial.likely.noise, config, deadline))]
+    def fit(points: np.ndarray, config: EMConfig, most: float = math.inf) -> Callable[[_Trial], list[_Trial]]:
+        return lambda trial: [trial.fitted(lambda p: maximise_likelihood(p, points, _limit(trial.likely.noise, most), config, deadline))]
 
     def lengths(tried: Sequence[_Trial]) -> list[float]:
         return [description_length(t.likely.program, points, t.likely.noise, t.likely.nll, stand_for) for t in tried]
 
     start = _Trial(likely, (), (), ())
-    stages = Stage(fit(points[::FEWER], FIRST), TRIED), Stage(fit(points, REFIT), REFITTED)
+    stages = Stage(fit(points[::FEWER], FIRST, told), TRIED), Stage(fit(points, REFIT), REFITTED)
     begin = start, lengths([start])[0]
     for trial, length in improvements(begin, changes.promising, stages, lengths, _worth, ROUNDS, deadline, _join):
         yield trial.likely, length
@@ -111,6 +115,11 @@ def _join(best: _Trial, other: _Trial) -> _Trial | None:
     parts = tuple(part[step.term] for step in choice)
     program = to_program(tuple(Step(step.op, p) for step, p in zip(choice, parts, strict=True)))
     return _Trial(replace(best.likely, program=program), choice, parts, best.before)
+
+
+def _limit(noise: Noise, most: float) -> Noise:
+    """The noise, of a deviation of `most` at most."""
+    return replace(noise, sigma=min(noise.sigma, most))
 
 
 def _worth(best: _Trial, trial: _Trial) -> float:
@@ -150,7 +159,7 @@ class _Changes:
         offered = [*self._guesses(best, steps), *self.candidates]
         compound = [p for p in offered if isinstance(p, Combine)]
         others = [*distinct([p for p in offered if isinstance(p, Primitive)], self.cloud), *compound, *_drop_leaves(steps), *spans]
-        scene = PointScene(self.draws, best.noise, self.count)
+        scene = PointScene(self.draws, _limit(best.noise, self.cloud.noise), self.count)
         mixture = BatchedLikelihood.of(scene, [part for _, part in steps], others)
         start: Choice = tuple(Step(op, i) for i, (op, _) in enumerate(steps))
         new = (c for i in range(len(steps), len(mixture.parts)) for c in uses(i, start))
@@ -158,9 +167,8 @@ class _Changes:
         walls = {i for i, part in enumerate(mixture.parts) if isinstance(part, Combine) and part.op == "difference"}
         moves = [*own_moves(start), *(c for c in new if all(s.positive or s.term not in walls for s in c))]
         moves += [c for at, part in enumerate(spans, len(mixture.parts) - len(spans)) for c in _in_place_of(spans[part], at, start)]
-        first_look = [start, *(moves[i - 1] for i in _shortest(mixture.lengths([start, *moves], SUBSAMPLED), LOOKED))]
-        lengths = mixture.lengths(first_look)
-        kept = [first_look[i] for i in _shortest(lengths, TRIED) if lengths[i] < lengths[0] + SLACK]
+        lengths = mixture.lengths([start, *moves])
+        kept = [moves[i - 1] for i in _shortest(lengths, TRIED) if lengths[i] < lengths[0] + SLACK]
         return [self._trial(best, choice, mixture.parts, start) for choice in kept]
 
     def _trial(self, best: FittedProgram, choice: Choice, parts: Sequence[Program], before: Choice) -> _Trial:
@@ -203,7 +211,7 @@ class _Changes:
                 if op == "difference":
                     out += slots(part, cloud)
                 if op == "union" and own.any():
-                    out += [*_hollow(part, value[own], cloud, sigma), *rims(part, cloud.points, sigma)]
+                    out += [*_hollow(part, value[own], cloud, min(cloud.noise, sigma)), *rims(part, cloud.points, sigma)]
         return out
 
 
