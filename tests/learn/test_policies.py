@@ -382,7 +382,7 @@ def test_base_learns_a_few_programs_by_heart():
     policy = BasePolicy(SMALL, 4)
     optimizer = torch.optim.AdamW(policy.parameters(), 3e-3)
     data = synthesize(24, config, generator(0))
-    for _ in range(150):
+    for _ in range(80):
         optimizer.zero_grad()
         policy.losses(data)["loss"].backward()
         torch.nn.utils.clip_grad_norm_(policy.parameters(), 1.0)
