@@ -95,3 +95,29 @@ def test_parts_that_are_joined_at_two_places_have_a_hole_between_them():
     assert bodies(program) == 2
     mended = join_bodies(program, truth)
     assert (census_of(to_manifold(mended)).bodies, census_of(to_manifold(mended)).through) == (1, 1)
+
+
+def test_a_crumb_beside_a_drawn_cut_goes():
+    """What a drawn cut leaves of one of two drawn ribs; one of the walls goes on past it."""
+
+    def drawn(*corners, depth):
+        return Primitive("extrude", (depth,), (0, 0, 13), (90, 0, 0), outline=Outline((tuple((x, y, 0.0) for x, y in corners),)))
+
+    ribs = drawn((-5, -15), (25, -15), (25, 10), (15, 10), (15, -11), (5, -11), (5, 10), (-5, 9), depth=40)
+    window = drawn((-7, -9.9), (4, -9.9), (4, 12), (-7, 11), depth=50)
+    slit = drawn((-9, -11), (9, -9), (9, -8), (-9, -9.5), depth=50)
+    program = cut(union(PLATE, ribs), slit, window)
+    truth = to_manifold(union(PLATE, box(10, 40, 26, (20, 0, 10))))
+    assert bodies(program) == 2
+    mended = join_bodies(program, truth)
+    assert bodies(mended) == 1
+    assert volume_iou(to_manifold(mended), truth) > volume_iou(to_manifold(program), truth)
+
+
+def test_a_wrong_hole_may_end_where_parts_are_joined():
+    pad = box(10, 10, 20, (0, 0, 13.001))
+    truth = to_manifold(cut(union(PLATE, box(10, 10, 20, (0, 0, 13))), cylinder(2, 9, (20, 0, 0))))
+    program = union(cut(PLATE, cylinder(1, 9)), pad)
+    assert bodies(program) == 2
+    mended = join_bodies(program, truth)
+    assert (census_of(to_manifold(mended)).bodies, census_of(to_manifold(mended)).through) == (1, 0)

@@ -70,12 +70,16 @@ def join_bodies(program: Program, solid: Manifold, deadline: Deadline = NEVER) -
 
 def _mend(program: Program, made: Manifold, solid: Manifold, deadline: Deadline) -> Program | None:
     """The program with one body less; None where no move does that."""
-    least = volume_iou(made, solid) - LOST
+    now, before, wanted = volume_iou(made, solid), census_of(made), census_of(solid)
     *loose, main = sorted((body for body in made.decompose() if body.volume() > 0), key=lambda body: body.volume())
     for trial in (trial for body in loose for trial in _trials(program, body, main, solid)):
         if deadline.has_passed():
             return None
-        if _is_mended(census_of(made), out := to_manifold(trial), solid) and volume_iou(out, solid) >= least:
+        out = to_manifold(trial)
+        if (holes := _lost_holes(before, census_of(out), wanted)) is None:
+            continue
+        # what brings the solid nearer to the target belongs there, and a hole that ends with it came by what parted the bodies
+        if (gain := volume_iou(out, solid) - now) >= -LOST and (not holes or gain > 0):
             return trial
     return None
 
@@ -103,13 +107,15 @@ def _is_all_of(leaf: Primitive, body: Manifold) -> bool:
     return float(np.abs(kernels.program_sdf(leaf, corners)).max()) <= FACETED * float(np.linalg.norm(np.ptp(corners, axis=0)))
 
 
-def _is_mended(before: SolidCensus, out: Manifold, solid: Manifold) -> bool:
-    """Whether there are fewer bodies, and holes and voids are no further from those of the target. Bodies that are joined at two places
-    have a hole more between them."""
-    after, wanted = census_of(out), census_of(solid)
+def _lost_holes(before: SolidCensus, after: SolidCensus, wanted: SolidCensus) -> int | None:
+    """How many holes of the target go where bodies are joined; None where no body goes, or holes and voids are further from those of the
+    target. Bodies that are joined at two places have a hole more between them."""
     joined, more = before.bodies - after.bodies, after.through - wanted.through
-    holes = abs(more) <= abs(before.through - wanted.through) or 0 < more <= joined
-    return joined > 0 and holes and abs(after.voids - wanted.voids) <= abs(before.voids - wanted.voids)
+    if joined <= 0 or abs(after.voids - wanted.voids) > abs(before.voids - wanted.voids):
+        return None
+    if abs(more) <= abs(before.through - wanted.through) or 0 < more <= joined:
+        return 0
+    return -more if -joined <= more < 0 else None
 
 
 def _moves(program: Program, body: Manifold, main: Manifold, solid: Manifold, overlap: float) -> Iterator[_Move]:
@@ -129,16 +135,18 @@ def _moves(program: Program, body: Manifold, main: Manifold, solid: Manifold, ov
     for i, (leaf, sign) in enumerate(zip(leaves(program), signs(program), strict=True)):
         if np.abs(kernels.program_sdf(leaf, corners)).min() > reach:
             continue
-        for face in plane_faces(leaf):
-            out = _heights(leaf, face, corners)
+        faces: list[tuple[Face | _DrawnWall, np.ndarray]] = [(face, _heights(leaf, face, corners)) for face in plane_faces(leaf)]
+        walls = list(_walls(leaf, corners)) if leaf.kind == "extrude" else []
+        if is_part:
+            ends = ((face, np.array([out.min(), out.max()])) for face, out in faces)
+            yield from (_Move(sign * join, i, face) for face, out in ends if np.abs(out).min() <= reach)
+            yield from (_Move(join, i, wall) for wall, out in walls if sign > 0 and np.abs(out).min() <= reach)
+            continue
+        for face, out in (*faces, *walls):
             near, far = (out.min(), out.max()) if sign < 0 else (out.max(), out.min())
-            if is_part and np.abs([near, far]).min() <= reach:
-                yield _Move(sign * join, i, face)
             # past a cut, or behind the end of what it is of
-            if not is_part and abs(near) <= TOUCH * size < abs(far) <= REACH * size:
+            if abs(near) <= TOUCH * size < abs(far) <= REACH * size:
                 yield _Move(-sign * _round_up(abs(far) + TOUCH * size), i, face)
-        if is_part and sign > 0 and leaf.kind == "extrude":
-            yield from (_Move(join, i, wall) for wall, out in _walls(leaf, corners) if np.abs(out).min() <= reach)
 
 
 def _walls(leaf: Primitive, points: np.ndarray) -> Iterator[tuple[_DrawnWall, np.ndarray]]:
