@@ -68,6 +68,17 @@ def test_what_is_exported_has_names_to_edit(tmp_path):
     assert json.loads((tmp_path / "out" / "program.json").read_text())["constraints"]
 
 
+def test_an_export_of_an_export_has_its_names(tmp_path):
+    """A cutter that overshoots is wider there than what one sees of it, and only the texts know that."""
+    source, out, again = tmp_path / "program.json", tmp_path / "out", tmp_path / "again"
+    source.write_text(codec.dumps(PARTS["countersink"]))
+    assert main(["export", str(source), "-o", str(out)]) == 0
+    assert main(["export", str(out), "-o", str(again), "--segments", "24"]) == 0
+    for name in ("program.scad", "program.py", "program.FCMacro"):
+        assert (again / name).read_text() == (out / name).read_text().replace("$fn = 96;", "$fn = 24;")
+    assert len(trimesh.load_mesh(again / "mesh.stl").faces) < len(trimesh.load_mesh(out / "mesh.stl").faces)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

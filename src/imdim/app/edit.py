@@ -10,7 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from imdim.app.export import find_document, list_files, refusing
+from imdim.app.export import find_document, list_files, read_texts, refusing
 from imdim.reconstruction.config import ConfigError, one_line
 
 if TYPE_CHECKING:
@@ -113,14 +113,11 @@ def _spell(names: Mapping[str, Sequence[int]], label: Sequence[str]) -> str:
 
 def open_results(source: Path) -> Delivered:
     """The program in `source`, a program.json, with the texts beside it. Raises ConfigError."""
-    from imdim.export.delivered import TEXTS
     from imdim.export.edit import open_delivered
     from imdim.program import codec
 
     with refusing(source):
-        document = codec.parse(source.read_bytes())
-        texts = {name: (source.parent / name).read_text(encoding="utf-8") for name in TEXTS if (source.parent / name).is_file()}
-        return open_delivered(document, texts)
+        return open_delivered(codec.parse(source.read_bytes()), read_texts(source))
 
 
 def _assignments(given: Sequence[str]) -> dict[str, float]:

@@ -15,9 +15,10 @@ MESSAGE = 1000  # characters, of what is in a document or a text that was change
 def export_program(source: Path, folder: Path, pick: int | None, segments: int) -> str:
     """Write the files, and say what was written. Raises ConfigError for a file, a pick or a folder that cannot be used.
 
-    Of a results folder it is front.json where there is something to `pick`, else program.json.
+    Of a results folder it is front.json where there is something to `pick`, else program.json; its names are those of the texts beside it.
     """
     from imdim.delivery.deliver import export
+    from imdim.export.edit import open_delivered
     from imdim.program import codec, front
     from imdim.program.tree import leaves, longest
     from imdim.target.target import LARGEST
@@ -34,15 +35,17 @@ def export_program(source: Path, folder: Path, pick: int | None, segments: int) 
             number = document.get("picked") or len(choices) if pick is None else pick
             if not 1 <= number <= len(choices):
                 raise ConfigError(f"{source}: pick must lie in 1..{len(choices)}, got {number}")
-            program, edges = choices[number - 1].program, ()
+            program, edges, named = choices[number - 1].program, (), None
         elif pick is not None:
             raise ConfigError(f"{source}: holds one program, there is nothing to pick")
         else:
             program, meta, edges = codec.from_json(document), codec.meta_of(document), codec.edges_of(document)
+            texts = read_texts(source)
+            named = open_delivered(document, texts) if "program.scad" in texts else None
         largest = max(longest(leaves(program)), *(abs(c) for leaf in leaves(program) for c in leaf.center))
         if largest > LARGEST:
             raise ConfigError(f"{source}: a length or a place of {largest:.3g} is beyond {LARGEST:g}")
-        files = export(program, folder, meta, segments, edges=edges)
+        files = export(program, folder, meta, segments, edges=edges, named=named)
     return list_files(folder, files)
 
 
@@ -54,6 +57,13 @@ def find_document(source: Path, name: str = "program.json") -> Path:
         return source / name
     beside = source.with_name(name)
     return beside if source.name in TEXTS and beside.is_file() else source
+
+
+def read_texts(source: Path) -> dict[str, str]:
+    """The texts that lie beside a program.json, by their names."""
+    from imdim.export.delivered import TEXTS
+
+    return {name: (source.parent / name).read_text(encoding="utf-8") for name in TEXTS if (source.parent / name).is_file()}
 
 
 @contextmanager

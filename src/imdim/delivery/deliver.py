@@ -25,7 +25,7 @@ from imdim.delivery.intervals import state_intervals, with_remarks
 from imdim.delivery.report import RunRecord, dumps, report_of
 from imdim.delivery.verdict import judge
 from imdim.export import html
-from imdim.export.delivered import Delivered, texts_of, unwritten
+from imdim.export.delivered import Delivered, texts_of, unwritten, with_segments
 from imdim.export.edge_text import do_edges_matter, with_edge_sizes
 from imdim.export.feature_notes import feature_notes
 from imdim.export.folder import DIGESTS, EDIT_PICTURE, FILES, OutputError, check_untouched, check_writable, digests_of, replacing
@@ -139,18 +139,21 @@ def export(
     segments: int = SEGMENTS,
     step_limit_s: float = STEP_LIMIT_S,
     edges: Sequence[EdgeFeature] = (),
+    named: Delivered | None = None,
 ) -> dict[str, str]:
     """Write what needs no target for `program` into `folder`, whole or not at all: texts with the names of
-    what its own numbers relate, meshes, the page without a target, and STEP; what became of each file.
+    what its own numbers relate, meshes, the page without a target, and STEP; what became of each file. A program that is `named` already
+    is written with its own texts.
 
     Raises as `deliver` does.
     """
     with replacing(folder) as partial:
-        found = finish(*relations_of(program), edges=edges)
+        found = finish(*relations_of(program), edges=edges) if named is None else _keep(named)
         program = found.program
         solid = solid_with_edges(program, found.edges, segments)
         drawn = do_edges_matter(to_manifold(program, segments).volume(), solid.volume())
-        _write(compose_texts(found, meta, segments, drawn), partial)
+        kept = {} if named is None else with_segments(named.texts, segments)
+        _write(compose_texts(found, meta, segments, drawn) | kept, partial)
         called = _named(found, folder.resolve().name)
         with exporting(partial, folder.resolve().name, called.names.features) as job:
             write_meshes(solid, partial, called, meta.units)
@@ -169,7 +172,8 @@ def compose_texts(found: FinishedProgram, meta: Meta, segments: int, drawn: bool
 
 def _keep(named: Delivered) -> FinishedProgram:
     """What has its texts already, as it is."""
-    parameters = with_edge_sizes(parametrise(named.program, named.constraints, named.program, named.folded), named.edges)
+    parameters = parametrise(named.program, named.constraints, named.program, named.folded, named.values)
+    parameters = with_edge_sizes(parameters, named.edges)
     notes = feature_notes(named.program, named.labels, named.folded)
     parameters = replace(parameters, notes=notes, labels=named.labels)
     return FinishedProgram(named.program, named.constraints, parameters, named.folded, named.edges)

@@ -55,6 +55,7 @@ _MEANING: Mapping[str, str] = {
 _ACROSS = ("r", "r_bottom", "r_top")  # radii that are measured as diameters
 _DIMENSIONS = frozenset(("circle", "radius", "diameter", "length", "width", "chamfer", "depth", "height", "distance", "second"))
 NAMED = re.compile(r"^([A-Za-z_]\w*) = (-?[\d.]+(?:e[+-]?\d+)?)(mm)?(;?)( // \[[^\]\n]*\])?$", re.MULTILINE)
+SEGMENTS_LINE = re.compile(r"^\$fn = (\d{1,18});$", re.MULTILINE)
 SIZES = frozenset(name for names in SIZE_NAMES.values() for name in names)
 
 Feature = tuple[int, str]  # the primitive's number, and the name of a size or of a coordinate; those of an outline are counted
@@ -132,6 +133,11 @@ def texts_of(
 def unwritten(program: Program) -> dict[str, str]:
     """The texts that cannot say `program`, with the reason."""
     return {"program.ucad": "skipped: µcad has no polygons"} if any(leaf.outline for leaf in leaves(program)) else {}
+
+
+def with_segments(texts: Mapping[str, str], segments: int) -> dict[str, str]:
+    """The texts with so many facets per circle, where they say how many."""
+    return {file: SEGMENTS_LINE.sub(f"$fn = {segments};", text) for file, text in texts.items()}
 
 
 def read(delivered: Delivered, values: Mapping[str, float]) -> Program:

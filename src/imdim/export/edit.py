@@ -16,7 +16,7 @@ from pathlib import Path
 from manifold3d import Manifold
 
 from imdim.export.customizer import slider
-from imdim.export.delivered import AGREE, LOOPS, NAMED, Delivered, EditError, is_size, read, read_values, texts_of
+from imdim.export.delivered import AGREE, LOOPS, NAMED, SEGMENTS_LINE, Delivered, EditError, is_size, read, read_values, texts_of
 from imdim.export.edge_text import with_edge_sizes
 from imdim.export.edit_report import picture_of
 from imdim.export.feature_names import label_features
@@ -44,8 +44,6 @@ from imdim.relations.residuals import verify
 
 LARGEST_VOLUME = 1e30  # mesh files hold single precision
 
-_SEGMENTS = re.compile(r"^\$fn = (\d{1,18});$", re.MULTILINE)
-
 
 def open_delivered(document: object, texts: Mapping[str, str]) -> Delivered:
     """A program.json with the texts that lie beside it, by their names in TEXTS; without program.scad names come from the constraints.
@@ -59,7 +57,7 @@ def open_delivered(document: object, texts: Mapping[str, str]) -> Delivered:
         named = with_edge_sizes(parametrise(program, constraints, program, folded), edges)
         texts = texts_of(program, named, folded, SEGMENTS, edges)
     values = read_values(texts["program.scad"])
-    found = _SEGMENTS.search(texts["program.scad"])
+    found = SEGMENTS_LINE.search(texts["program.scad"])
     segments = int(found[1]) if found else SEGMENTS
     if not 3 <= segments <= MAX_SEGMENTS:
         raise EditError(f"program.scad: $fn must lie in 3..{MAX_SEGMENTS}, got {found[1][:20] if found else segments}")
