@@ -109,6 +109,15 @@ def test_a_drill_goes_through_both_ears_of_a_fork():
     assert (only(fork).kind, only(fork).depth) == ("through", pytest.approx(30.0, abs=1e-6))
 
 
+def test_two_screws_that_face_each_other_have_a_hole_each():
+    """One drill through both plates, and a countersink on the inner face of each."""
+    plates = union(box(60, 40, 10), box(60, 40, 10, (0, 0, 40)))
+    seats = [Primitive("cone", (2.0, 4.0, 2.0), (10, 5, 4)), Primitive("cone", (4.0, 2.0, 2.0), (10, 5, 36))]
+    found = find_holes(cut(plates, cylinder(2, 80, (10, 5, 20)), *seats))
+    assert [(hole.kind, hole.diameters, hole.through) for hole in found] == [("countersink", (4.0, 8.0), True)] * 2
+    assert sorted(hole.point[2] for hole in found) == pytest.approx([5.0, 35.0], abs=1e-6)
+
+
 def test_a_bore_of_a_turned_part_is_a_hole():
     collar = turned((4, -5), (10, -5), (10, 5), (7, 5), (7, 2), (4, 2))
     assert (only(collar).kind, only(collar).diameters) == ("counterbore", pytest.approx((8.0, 14.0)))

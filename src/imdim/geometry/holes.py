@@ -19,7 +19,7 @@ import numpy as np
 from imdim.geometry.kernels import inside
 from imdim.geometry.lowering import Lowered, lower
 from imdim.program.ellipse import Ellipse
-from imdim.program.holes import Hole, HoleSection
+from imdim.program.holes import SUNK, Hole, HoleSection
 from imdim.program.outline import Loop, circle_of, ring_curves
 from imdim.program.tree import FLAT_ENDS, FULL_TURN, Primitive, Program, Vec3, leaves, longest
 
@@ -181,6 +181,12 @@ class _Stretch(NamedTuple):
     radius_start: float
     radius_end: float
 
+    @property
+    def is_seat(self) -> bool:
+        """Whether it widens so much that a screw's head sits in it: another screw comes from across."""
+        narrow, wide = sorted((self.radius_start, self.radius_end))
+        return wide >= narrow * SUNK
+
 
 @dataclass(frozen=True)
 class _Solid:
@@ -286,7 +292,7 @@ class _Solid:
         small, large = sorted((a.radius_end, b.radius_start))
         gap = b.start - a.end
         same = a.wall.corners == b.wall.corners and large - small <= SKIN * large
-        if large > WIDEST * small or (gap > NEXT * 2 * large and not same):
+        if large > WIDEST * small or (gap > NEXT * 2 * large and (not same or a.is_seat or b.is_seat)):
             return False
         at = np.linspace(a.end, b.start, STATIONS + 2)[1:-1, None]
         return gap <= 1e-6 * self.length or not inside(self.numbers, a.wall.origin + at * a.wall.axis).any()
