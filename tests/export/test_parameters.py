@@ -99,6 +99,19 @@ def test_a_row_and_a_circle_stretch():
     assert [math.hypot(*p.center[:2]) for p in read[1:]] == pytest.approx([33.0] * 6)
 
 
+def test_a_circle_is_placed_by_its_centre_even_where_that_is_a_later_hole():
+    """On a plate whose middle is elsewhere: no hole is measured from another one on the circle."""
+    angles = [math.radians(60 * i + 15) for i in range(6)]
+    around = [cylinder(2.25, 8, (22 * math.cos(a), 22 * math.sin(a), 0.0)) for a in angles]
+    delivered, parameters = parametrised(cut(box(95, 76, 8, (2.0, 3.0, 0.0)), *around, cylinder(12, 8)))
+    text = to_openscad(delivered, 48, parameters)
+    assert "bolt_circle*" not in text
+    assert text.count("bolt_circle/2*cos(") == 12
+    read = list(leaves(read_openscad(text, {"bolt_circle": 50.0})))
+    assert [math.hypot(*p.center[:2]) for p in read[1:7]] == pytest.approx([25.0] * 6)
+    assert read[7].center[:2] == (0.0, 0.0)
+
+
 def test_a_name_that_is_not_there_is_refused():
     delivered, parameters = parametrised(MOUNT)
     with pytest.raises(ValueError, match="no parameter 'holes'; it has plate_length"):

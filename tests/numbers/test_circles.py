@@ -97,3 +97,18 @@ def test_what_is_turned_about_its_own_middle_stays_there() -> None:
     out = list(leaves(round_circles(before, after, lambda trial: True)))
     assert [leaf.size for leaf in out][1:] == [(4.1,)] * 3
     assert all(leaf.center == pytest.approx((3.0, 4.0, 9.0)) for leaf in out[1:])
+
+
+@pytest.mark.parametrize("flipped", [False, True])
+def test_a_circle_stands_at_a_round_angle(flipped: bool) -> None:
+    def turned(degrees: float, digits: int) -> Program:
+        program = bores(15.5, count=5)
+        c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+        places = [(leaf.center[0] - 3.0, leaf.center[1] - 4.0) for leaf in leaves(program)]
+        at = [(round(3.0 + c * x - s * y, digits), round(4.0 + s * x + c * y, digits), 2.5) for x, y in places]
+        up = (180.0, 0.0, 0.0) if flipped else (0.0, 0.0, 0.0)
+        return map_leaves(program, lambda i, leaf: replace(leaf, center=at[i], rotation=up) if i else leaf)
+
+    out = list(leaves(round_circles(turned(10.002, 9), turned(10.002, 2), lambda trial: True)))[1:]
+    angles = sorted(math.degrees(math.atan2(leaf.center[1] - 4.0, leaf.center[0] - 3.0)) % 72.0 for leaf in out)
+    assert angles == pytest.approx([10.0] * 5, abs=1e-9)

@@ -50,7 +50,7 @@ class LinearSystem:
     others, `contacts` such that may settle a line of its drawing,
     `places` such for the coordinates of its centre alone, or, if they say so, for the spacing of the row or grid that begins with it.
     `length` is the largest size. `drawn` says of leaves with outlines what the vertices are, `heights` which variable is the height of
-    turned ones whose centre is at half of it. `angles` are variables in degrees.
+    turned ones whose centre is at half of it. `angles` are variables in degrees, `on_circles` the places of what stands on a circle.
     """
 
     start: list[float]
@@ -66,6 +66,7 @@ class LinearSystem:
     walls: list[FlatWall] = field(default_factory=list)
     heights: dict[int, int] = field(default_factory=dict)
     angles: set[int] = field(default_factory=set)
+    on_circles: set[int] = field(default_factory=set)
 
     @staticmethod
     def of(
@@ -162,7 +163,8 @@ class LinearSystem:
 
     def _plain_pivots(self, matrix: np.ndarray, order: list[int]) -> Iterator[tuple[int, int]]:
         free = np.arange(len(matrix)) < len(self.rows)
-        centres = [(v, False) for v in order if v < self.extra and v % 6 > 2]
+        # what stands on a circle follows its centre, even where that is the place of a later leaf
+        centres = [(v, False) for v in sorted(order, key=lambda v: v not in self.on_circles) if v < self.extra and v % 6 > 2]
         # how far apart flush parts are follows from their sizes, if it does so by halves
         spacings = [(v, True) for v in order if self._is_spacing(v)]
         rest = [(v, False) for v in order if v >= self.extra or v % 6 < 3]
@@ -309,6 +311,7 @@ class LinearSystem:
         for leaf, offset in zip(members, offsets / self.start[diameter], strict=True):
             for a, center, share in zip(plane, centers, offset, strict=True):
                 part = {diameter: -float(share)} if abs(share) > ZERO else {}
+                self.on_circles.add(6 * leaf + 3 + a)
                 self.rows.append({6 * leaf + 3 + a: 1.0, center: -1.0} | part)
 
 

@@ -109,6 +109,7 @@ def _add_circle(system: LinearSystem, repeat: Repeat, first: int, own: int, part
             for a, center in zip(plane, centers, strict=True):
                 share = (at[a] - repeat.point[a]) / (2 * radius) if circle is not None else 0.0
                 out = {circle: -share} if circle is not None and abs(share) > ZERO else {}
+                system.on_circles.add(6 * leaf + 3 + a)
                 system.rows.append({6 * leaf + 3 + a: 1.0, center: -1.0} | out)
 
 

@@ -19,6 +19,7 @@ from imdim.program.vectors import dot, minus, plus, times
 
 SAME = 1e-9  # of the part's size
 MOST, FINEST = 1e-3, 1e-6  # of it: by how much a radius is rounded at most, and to what at least
+STEPS_DEG, MOST_TURNED = (15.0, 5.0, 1.0, 0.5), 1e-4  # of it: by how far a circle's members turn about it at most to stand at such an angle
 ON_AXIS = 1e-6  # of it, within which an axis is that of another leaf
 
 
@@ -52,7 +53,7 @@ def round_circles(before: Program, after: Program, bears: Callable[[Program], bo
 def _circles(
     repeat: Repeat, old: list[Primitive], new: list[Primitive], members: tuple[int, ...], size: float, widths: Sequence[float]
 ) -> Iterator[dict[int, Primitive]]:
-    """The members by their numbers, the roundest radius first."""
+    """The members by their numbers, at the roundest angle first, and of these with the roundest radius."""
     hub = _hub(repeat, old, new, members, size)
     # what is turned least is as round as it was
     first = min(range(len(members)), key=lambda k: sorted(map(abs, minus(old[members[k]].center, repeat.point))))
@@ -61,12 +62,29 @@ def _circles(
     arm = minus(old[members[first]].center, repeat.point)
     arm = minus(arm, times(repeat.axis, dot(arm, repeat.axis)))
     radius = math.hypot(*arm)
-    for grid in (*widths, 0.0):
-        rounded = round_to_grid(radius, grid) if grid else radius
-        if abs(rounded - radius) <= MOST * size:
-            # copies that are turned about their own middle have no arm
-            placed = replace(leaf, center=plus(plus(hub, lift), times(arm, rounded / radius if radius else 0.0)))
-            yield {i: move_leaf(placed, turn(hub, repeat.axis, repeat.angle * (k - first))) for k, i in enumerate(members)}
+    for turned in dict.fromkeys((_angle_to_step(arm, repeat.axis, radius, size), 0.0)):
+        for grid in (*widths, 0.0):
+            rounded = round_to_grid(radius, grid) if grid else radius
+            if abs(rounded - radius) <= MOST * size:
+                # copies that are turned about their own middle have no arm
+                placed = replace(leaf, center=plus(plus(hub, lift), times(arm, rounded / radius if radius else 0.0)))
+                angles = (repeat.angle * (k - first) + turned for k in range(len(members)))
+                yield {i: move_leaf(placed, turn(hub, repeat.axis, angle)) for i, angle in zip(members, angles, strict=True)}
+
+
+def _angle_to_step(arm: Vec3, axis: Vec3, radius: float, size: float) -> float:
+    """Degrees by which an arm turns to a round angle about an axis of the world; 0 about others, and where that is far."""
+    level = [a for a in range(3) if abs(axis[a]) > 1 - SAME]
+    if not level or not radius:
+        return 0.0
+    first, second = ((1, 2), (2, 0), (0, 1))[level[0]]
+    angle = math.degrees(math.atan2(arm[second], arm[first]))
+    most = math.degrees(MOST_TURNED * size / radius)
+    for step in STEPS_DEG:
+        turned = round(angle / step) * step - angle
+        if abs(turned) <= most:
+            return turned * math.copysign(1.0, axis[level[0]])
+    return 0.0
 
 
 def _row(repeat: Repeat, old: list[Primitive], new: list[Primitive], members: tuple[int, ...]) -> dict[int, Primitive]:
