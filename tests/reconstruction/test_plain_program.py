@@ -1,5 +1,7 @@
 """Plainer features are taken for drawings where there is hardly more to read in them, and the part is the same."""
 
+import math
+
 import numpy as np
 import pytest
 from tests.planted import box, cut, cylinder, mesh_of, union
@@ -11,7 +13,9 @@ from imdim.reconstruction.observation import Observation, UnitBody, observe
 from imdim.reconstruction.plain_program import (
     count_directions,
     count_numbers,
+    count_odd_directions,
     has_drawings,
+    is_hardly_longer,
     is_plainer,
     length_read_once,
     may_be_plain,
@@ -49,6 +53,18 @@ def test_tilted_boxes_have_directions_of_their_own() -> None:
     assert count_directions(PLAIN) == count_directions(DRAWN) == 3
     assert count_directions(cut(PLAIN, tilted)) == 5
     assert count_directions(Primitive("sphere", (0.1,))) == 0
+
+
+@pytest.mark.parametrize(("degrees", "odd"), [(5.735, 2), (30.0, 0), (12.5, 0), (29.97, 2)])
+def test_blocks_that_lean_at_odd_angles_are_never_plainer(degrees: float, odd: int) -> None:
+    """A bar is a rectangle of any direction for one drawing, and four vertices are as many numbers as it has."""
+    bar = Primitive("box", (0.5, 0.1, 0.1), rotation=(0.0, 0.0, degrees))
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    ring = tuple((c * x - s * y, s * x + c * y, 0.0) for x, y in ((-0.25, -0.05), (0.25, -0.05), (0.25, 0.05), (-0.25, 0.05)))
+    drawn = Primitive("extrude", (0.1,), outline=Outline((ring,)))
+    assert count_odd_directions(bar) == odd
+    assert count_odd_directions(drawn) == 0
+    assert is_hardly_longer(bar, drawn, -HALF, HALF) == (odd == 0)
 
 
 def test_a_turned_frame_has_the_numbers_of_its_own_directions() -> None:

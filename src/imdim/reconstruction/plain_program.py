@@ -36,6 +36,7 @@ CURVE_KIND = 0.5  # of a number: that a curve is a line or an arc
 AXES_OF = {"box": (0, 1, 2), "extrude": (0, 1, 2), "ellipsoid": (0, 1, 2), "sphere": ()}  # of others the third
 ONE_WAY = 1e-6  # of the cosine between two directions, from which they are two
 ONE_NUMBER = 1e-4  # of the part's size, within which two numbers are one
+HALF_DEG, ODD_DEG = 0.5, 0.02  # of angles that are typed, and how far others are from these: by more than a fit misses
 OUTSIDE = 1e-3  # of the part's size, beyond it: where a cutter ends there nothing is to be read
 
 
@@ -88,7 +89,10 @@ def repeats_plainly(cells: Program, walls: Program, low: np.ndarray, high: np.nd
 
 def is_hardly_longer(plain: Program, drawn: Program, low: np.ndarray, high: np.ndarray) -> bool:
     """Whether there is hardly more to read in plainer features than in what they stand for - or, where they are many, clearly less - in the
-    program of a part that fills a box from `low` [3] to `high` [3]."""
+    program of a part that fills a box from `low` [3] to `high` [3]. Blocks that lean at odd angles are never plainer: a line of a drawing
+    leans because it goes from here to there, or touches two circles."""
+    if count_odd_directions(plain) > count_odd_directions(drawn):
+        return False
     if reading_length(plain, low, high) <= _most(count(plain).primitives) * reading_length(drawn, low, high):
         return True
     # where even the drawings are many features, no more of them are to be feared
@@ -149,13 +153,23 @@ def _regular(loop: Loop) -> RegularPolygon | None:
 def count_directions(program: Program) -> int:
     """How many different directions, of either sense, the axes of a program's leaves have: three of what has corners, one of what is round,
     none of a ball. Slanted walls are lines of a drawing, but tilted boxes without one."""
+    return len(_directions(program))
+
+
+def count_odd_directions(program: Program) -> int:
+    """How many of these are at angles to the axes of the world that are no halves of a degree."""
+    angles = [np.degrees(np.arccos(np.minimum(np.abs(axis), 1.0))) / HALF_DEG for axis in _directions(program)]
+    return sum(bool((np.abs(angle - np.round(angle)) * HALF_DEG > ODD_DEG).any()) for angle in angles)
+
+
+def _directions(program: Program) -> list[np.ndarray]:
     turns = lower(program).rotations
     axes = [turn[:, k] for turn, leaf in zip(turns, leaves(program), strict=True) for k in AXES_OF.get(leaf.kind, (2,))]
     known: list[np.ndarray] = []
     for axis in axes:
         if all(abs(float(axis @ other)) < 1 - ONE_WAY for other in known):
             known.append(axis)
-    return len(known)
+    return known
 
 
 def count_numbers(program: Program, low: np.ndarray, high: np.ndarray) -> int:
