@@ -1,6 +1,7 @@
 """Outlines as people draw them, with the numbers that they typed: a filleted bracket, a plate with slots, a gear, a hexagon."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -43,7 +44,21 @@ def hexagon(across_flats: float = 19.0, x: float = 7.5, y: float = 3.0) -> Outli
     return Outline((tuple((x + radius * math.cos(a), y + radius * math.sin(a), 0.0) for a in angles), circle(5, x, y)))
 
 
-DRAWN = {"bracket": BRACKET, "slots": SLOTTED, "gear": gear(), "hexagon": hexagon()}
+def rounded_off(corners: Sequence[tuple[float, float]], radius: float) -> Loop:
+    """A polygon, counter-clockwise and convex, whose corners are rounded off."""
+    loop = []
+    for k, (x, y) in enumerate(corners):
+        (a, b), (c, d) = corners[k - 1], corners[(k + 1) % len(corners)]
+        ways = [((u - x) / math.dist((u, v), (x, y)), (v - y) / math.dist((u, v), (x, y))) for u, v in ((a, b), (c, d))]
+        inside = math.acos(sum(p * q for p, q in zip(*ways, strict=True)))
+        off = radius / math.tan(inside / 2)
+        ends = [(x + off * u, y + off * v) for u, v in ways]
+        loop += [(*ends[0], math.tan((math.pi - inside) / 4)), (*ends[1], 0.0)]
+    return tuple(loop)
+
+
+CROOKED = Outline((rounded_off(((-40, -30), (35, -36), (50, 0), (38, 34), (-20, 40), (-45, 10)), 4), ((-8, -9, 0), (9, -4, 0), (2, 11, 0))))
+DRAWN = {"crooked": CROOKED, "bracket": BRACKET, "slots": SLOTTED, "gear": gear(), "hexagon": hexagon()}
 
 
 def noisy(outline: Outline, share: float, rng: np.random.Generator) -> Outline:

@@ -144,13 +144,19 @@ class OutlineJoints:
         x, y, u, v, bulge = curve
         if bulge:
             # the digits of three vertices say no more of a circle
-            digits = -math.floor(math.log10(self.slack))
-            (a, b), radius = arc_center(curve), arc_radius(curve)
-            center = round(a, digits) + 0.0, round(b, digits) + 0.0
-            return DrawnArc(center, round(radius, digits), abs(abs(bulge) - 1) < HALF, abs(bulge) > QUARTER + HALF, inner)
+            radius = round(arc_radius(curve), self._digits)
+            return DrawnArc(self._round(arc_center(curve)), radius, abs(abs(bulge) - 1) < HALF, abs(bulge) > QUARTER + HALF, inner)
         if abs(u - x) <= self.slack:
             return DrawnLine(X, x, inner)
         return DrawnLine(Y, y, inner) if abs(v - y) <= self.slack else DrawnLine(None, 0.0, inner)
+
+    @property
+    def _digits(self) -> int:
+        return -math.floor(math.log10(self.slack))
+
+    def _round(self, point: Point) -> Point:
+        x, y = point
+        return round(x, self._digits) + 0.0, round(y, self._digits) + 0.0
 
     def _is_one(self, a: DrawnCurve, b: DrawnCurve) -> bool:
         """Whether two arcs are of one circle."""
@@ -230,7 +236,7 @@ class OutlineJoints:
         length = chord / 2 / math.cos(half)
         corner = arc[0] + length * math.cos(way), arc[1] + length * math.sin(way)
         far = math.dist(corner, arc[2:4]) - length
-        return corner if length > 0 and abs(far) <= self.slack else None
+        return self._round(corner) if length > 0 and abs(far) <= self.slack else None
 
 
 def _center(loop: Loop) -> Point | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,12 +17,15 @@ FINER = 10.0  # times a tolerance is wider than the finest grid
 @dataclass(frozen=True)
 class OutlineGrids:
     """Widths of grids, coarsest first: those that numbers may be moved to by a `tolerance`, and those on which a number is no chance that
-    single precision moves by `bits`; none of these where a target is known less well."""
+    single precision moves by `bits`; none of these where a target is known less well. Lines across x and y that are near one of
+    their `levels` are on it, and arcs have one of the `radii` that they may have."""
 
     widths: tuple[float, ...]
     typed: tuple[float, ...]
     tolerance: float
     bits: float
+    levels: tuple[tuple[float, ...], tuple[float, ...]] = ((), ())
+    radii: tuple[float, ...] = ()
 
     @staticmethod
     def of(outline: Outline, tolerance: float, inches: bool, bits: float) -> OutlineGrids:
@@ -47,6 +51,11 @@ class OutlineGrids:
             if abs(rounded - number) <= slack:
                 return rounded, width
         return number, 0.0
+
+    def place(self, axis: int, number: float) -> float:
+        """Where a line across the axis is, that is at this number."""
+        near = min(self.levels[axis], key=lambda level: abs(level - number), default=math.inf)
+        return near if abs(near - number) <= self.tolerance else self.round(number)[0]
 
     def read(self, number: float) -> tuple[float | None, float]:
         """What a number was typed as, and the grid's width; None where nothing tells."""

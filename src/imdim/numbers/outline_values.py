@@ -14,20 +14,34 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from imdim.geometry.rotations import matrix_from_euler
+from imdim.numbers.carriers import (
+    Arc,
+    Carrier,
+    Line,
+    bulge_of,
+    carrier_of,
+    crossings,
+    fit_between_parallels,
+    fold_degrees,
+    goes_on,
+    move_onto,
+    offset_of,
+    tangency,
+    tangent_distance,
+    tangent_point,
+    tidy,
+    unit,
+)
 from imdim.numbers.design_values import decimal, is_level, round_to_grid
 from imdim.numbers.ellipse_values import STEPS_DEG, snap_ellipse
 from imdim.numbers.outline_grids import OutlineGrids
 from imdim.numbers.polygon_values import snap_polygon
 from imdim.program.ellipse import Ellipse
 from imdim.program.outline import (
-    Curve,
     Loop,
     Outline,
     Point,
     Ring,
-    arc_center,
-    arc_middle,
-    arc_radius,
     check_crossings,
     circle,
     circle_of,
@@ -39,49 +53,13 @@ from imdim.program.tree import Primitive
 
 FLATTEST = 0.05  # sine of the angle to an axis below which a line's crossing with the axis is no number of its own
 FARTHEST = 20.0  # tolerances that a vertex may move: where curves meet at small angles it moves further than they do
+SHARPEST = 5.0  # degrees between lines below which the corner where they would meet is no place of its own
+HUB = 0.5  # of its radius, that the middle of an arc is beyond its chord where lines touch it and do not meet beyond: 120 degrees
 MOST_HUBS = 8
 EXACT = 1e-9  # degrees by which equal directions differ
 TENTH = 10.0  # of an outline's size is the coarsest grid that its middle is put on, a hundredth of that the finest
 ROUND = 1e-9  # of its size: a middle as near to the finest is round as it is
 REGULAR = 5e-3  # of a polygon's extent, within which it is a regular one
-RESIDUE = 4e-15  # of a coordinate: what binary fractions add to decimal ones
-
-
-@dataclass(frozen=True)
-class Line:
-    """All points p with ``normal . p = offset``, along `degrees` (0 to 180); `middle` and `length` are the curve's."""
-
-    degrees: float
-    offset: float
-    middle: Point
-    length: float
-
-    @property
-    def direction(self) -> Point:
-        return unit(self.degrees)
-
-    @property
-    def normal(self) -> Point:
-        x, y = self.direction
-        return -y + 0.0, x
-
-
-@dataclass(frozen=True)
-class Arc:
-    """A circle, +1 where the curve runs counter-clockwise, else -1, and the curve's start, middle and end as they were given."""
-
-    center: Point
-    radius: float
-    sense: int
-    points: tuple[Point, Point, Point]
-
-    def spread(self, center: Point) -> list[float]:
-        """Distances of the points from another centre."""
-        return [math.dist(center, p) for p in self.points]
-
-
-Carrier = Line | Arc
-Condition = Callable[[Point], tuple[float, Point]]  # of a centre: how far it is from holding, and the derivative
 
 
 def snap_outline(outline: Outline, tolerance: float, offset: Point = (0.0, 0.0), inches: bool = False, bits: float = 0.0) -> Outline:
@@ -91,8 +69,12 @@ def snap_outline(outline: Outline, tolerance: float, offset: Point = (0.0, 0.0),
     No carrier moves by more than about `tolerance`, along the curve that lies on it.
     """
     placed = outline.shift(*offset)
+    return _redraw(outline, placed, offset, OutlineGrids.of(placed, tolerance, inches, bits))
+
+
+def _redraw(outline: Outline, placed: Outline, offset: Point, grids: OutlineGrids) -> Outline:
     try:
-        snapped = Outline(tuple(_tidy_loop(loop, *offset) for loop in _snap_loops(placed, tolerance, inches, bits)))
+        snapped = Outline(tuple(_tidy_loop(loop, *offset) for loop in _snap_loops(placed, grids)))
         check_crossings(snapped)
     except (ValueError, ZeroDivisionError):
         return outline
@@ -102,11 +84,10 @@ def snap_outline(outline: Outline, tolerance: float, offset: Point = (0.0, 0.0),
     return snapped if same_way else outline
 
 
-def _snap_loops(outline: Outline, tolerance: float, inches: bool, bits: float) -> Iterator[Loop]:
+def _snap_loops(outline: Outline, grids: OutlineGrids) -> Iterator[Loop]:
     """The loops with round numbers; regular polygons and ellipses after the others, so that they take the centres and sizes that these
     have."""
-    grids = OutlineGrids.of(outline, tolerance, inches, bits)
-    regular = [regular_of(loop, min(tolerance, REGULAR * _extent(loop))) for loop in outline.loops]
+    regular = [regular_of(loop, min(grids.tolerance, REGULAR * _extent(loop))) for loop in outline.loops]
     free = tuple(loop for loop, polygon in zip(outline.loops, regular, strict=True) if not isinstance(loop, Ellipse) and polygon is None)
     rings = _snap_rings(free, grids) if free else []
     circles = [found for found in map(circle_of, rings) if found]
@@ -119,7 +100,7 @@ def _snap_loops(outline: Outline, tolerance: float, inches: bool, bits: float) -
         if not isinstance(loop, Ellipse):
             yield next(left)
             continue
-        snapped = snap_ellipse(loop, tolerance, grids.widths, centers, lengths)
+        snapped = snap_ellipse(loop, grids.tolerance, grids.widths, centers, lengths)
         if isinstance(snapped, Ellipse):
             centers.append((snapped.x, snapped.y))
             lengths += [snapped.rx, snapped.ry]
@@ -156,13 +137,18 @@ def _snap_rings(rings: tuple[Ring, ...], grids: OutlineGrids) -> list[Ring]:
 def _tidy_loop(loop: Loop, dx: float, dy: float) -> Loop:
     """The loop moved back by an offset."""
     if isinstance(loop, Ellipse):
-        return replace(loop, x=_tidy(loop.x - dx), y=_tidy(loop.y - dy))
-    return tuple((_tidy(x - dx), _tidy(y - dy), b) for x, y, b in loop)
+        return replace(loop, x=tidy(loop.x - dx), y=tidy(loop.y - dy))
+    return tuple((tidy(x - dx), tidy(y - dy), b) for x, y, b in loop)
 
 
 def snap_leaf(leaf: Primitive, tolerance: float, inches: bool = False, bits: float = 0.0) -> Primitive:
     """The leaf with a round outline, about whose middle its centre is; of one along the world's axes, the places in the world are round.
     See `snap_outline`."""
+    return redraw_leaf(leaf, lambda placed: OutlineGrids.of(placed, tolerance, inches, bits))
+
+
+def redraw_leaf(leaf: Primitive, grids: Callable[[Outline], OutlineGrids], stays: bool = False) -> Primitive:
+    """The leaf with its outline on `grids` of what it is where it stands, as `snap_leaf` has it; its centre may be one that `stays`."""
     if leaf.outline is None:
         return leaf
     rotation = matrix_from_euler(leaf.rotation)
@@ -170,13 +156,16 @@ def snap_leaf(leaf: Primitive, tolerance: float, inches: bool = False, bits: flo
     x, y, z = (rotation.T @ leaf.center).tolist() if is_level(leaf) else (0.0, 0.0, 0.0)
     across = leaf.kind == "extrude"
     offset = (x, y) if across else (0.0, z)
-    snapped = snap_outline(leaf.outline, tolerance, offset, inches, bits)
+    placed = leaf.outline.shift(*offset)
+    snapped = _redraw(leaf.outline, placed, offset, grids(placed))
     if snapped is leaf.outline:
         return leaf
+    if stays:
+        return replace(leaf, outline=snapped)
     (left, low), (right, high) = snapped.bounds
     size = max(right - left, high - low)
     middle = (_round_middle(left, right, offset[0], size) if across else 0.0, _round_middle(low, high, offset[1], size))
-    a, b, c = (_tidy(float(v)) for v in leaf.center + rotation @ ((*middle, 0.0) if across else (0.0, 0.0, middle[1])))
+    a, b, c = (tidy(float(v)) for v in leaf.center + rotation @ ((*middle, 0.0) if across else (0.0, 0.0, middle[1])))
     return replace(leaf, center=(a, b, c), outline=Outline(tuple(_tidy_loop(loop, *middle) for loop in snapped.loops)))
 
 
@@ -186,13 +175,6 @@ def _round_middle(low: float, high: float, offset: float, size: float) -> float:
     middle = decimal((low + high) / 2 + offset)
     near = round_to_grid(middle, grid / TENTH**2)
     return decimal((near if abs(near - middle) <= ROUND * size else round_to_grid(middle, grid)) - offset)
-
-
-def unit(degrees: float) -> Point:
-    """Cosine and sine, exact for quarter turns."""
-    quarter, rest = divmod(degrees, 90.0)
-    c, s = math.cos(math.radians(rest)), math.sin(math.radians(rest))
-    return ((c, s), (-s, c), (-c, -s), (s, -c))[int(quarter) % 4]
 
 
 @dataclass
@@ -205,7 +187,7 @@ class _Snapping:
     carriers: list[list[Carrier]] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.carriers = [[_carrier(curve) for curve in ring_curves(loop)] for loop in self.given]
+        self.carriers = [[carrier_of(curve) for curve in ring_curves(loop)] for loop in self.given]
 
     @property
     def tolerance(self) -> float:
@@ -217,12 +199,12 @@ class _Snapping:
         self._turn_lines()
         self._settle_arcs()
         self._settle_lines()
-        for row, loop in zip(self.carriers, self.given, strict=True):
-            self._settle_ends(row, loop)
+        for i, touches in enumerate(touching):
+            self._settle_corners(i, touches)
         for row, touches in zip(self.carriers, touching, strict=True):
             self._make_tangent(row, touches)
         for i, k in self.held:
-            self.carriers[i][k] = _carrier(ring_curves(self.given[i])[k])
+            self.carriers[i][k] = carrier_of(ring_curves(self.given[i])[k])
         whole = [self._is_circle(loop, row) for loop, row in zip(self.given, self.carriers, strict=True)]
         return [self._circle(self.carriers[i]) if is_whole else self._meet(i, touching[i]) for i, is_whole in enumerate(whole)]
 
@@ -239,9 +221,9 @@ class _Snapping:
             line, arc = (a, b) if isinstance(a, Line) else (b, a)
             assert isinstance(line, Line)
             assert isinstance(arc, Arc)
-            return abs(abs(_off(line, arc.center)) - arc.radius) <= self.tolerance
+            return abs(abs(offset_of(line, arc.center)) - arc.radius) <= self.tolerance
         apart = math.dist(a.center, b.center)
-        return apart > self.tolerance and abs(apart - _tangent_distance(a, b)) <= self.tolerance
+        return apart > self.tolerance and abs(apart - tangent_distance(a, b)) <= self.tolerance
 
     def _is_circle(self, loop: Ring, row: Sequence[Carrier]) -> bool:
         a, b = row[0], row[-1]
@@ -257,14 +239,14 @@ class _Snapping:
         known: list[float] = []
         for i, k, line in sorted(self._lines(), key=lambda found: -found[2].length):
             turned = self._direction(line, known)
-            if all(abs(_fold(turned - degrees, 90.0)) > EXACT for degrees in known):
+            if all(abs(fold_degrees(turned - degrees, 90.0)) > EXACT for degrees in known):
                 known.append(turned)
             nx, ny = (-unit(turned)[1], unit(turned)[0])
             self.carriers[i][k] = replace(line, degrees=turned, offset=nx * line.middle[0] + ny * line.middle[1])
 
     def _direction(self, line: Line, known: Sequence[float]) -> float:
         offers = [round(line.degrees / STEPS_DEG[0]) * STEPS_DEG[0]]
-        offers += [line.degrees - _fold(line.degrees - degrees, 90.0) for degrees in known]
+        offers += [line.degrees - fold_degrees(line.degrees - degrees, 90.0) for degrees in known]
         offers += [round(decimal(line.degrees / step)) * step for step in STEPS_DEG[1:]]
         for degrees in offers:
             if line.length / 2 * abs(math.sin(math.radians(degrees - line.degrees))) <= self.tolerance:
@@ -279,7 +261,7 @@ class _Snapping:
         The centre of a short arc is poorly known, so that it is the points that must not move.
         """
         centers: list[Point] = []
-        radii: list[float] = []
+        radii = list(self.grids.radii)
         for i, k, arc in sorted(self._arcs(), key=lambda found: -math.dist(*found[2].points[:2]) / found[2].radius):
             center = next((c for c in centers if self._radius(arc, c, radii) is not None), None) or self._center(arc, radii)
             radius = self._radius(arc, center, radii) or arc.radius
@@ -316,21 +298,65 @@ class _Snapping:
             for (i, k, line), offset in zip(alike, offsets, strict=True):
                 self.carriers[i][k] = replace(line, offset=self._round_offset(line.normal, offset, hubs))
 
-    def _settle_ends(self, row: list[Carrier], loop: Ring) -> None:
-        """A line that leans at no round angle between two along the axes has round ends on these: the radii and levels of a cone."""
-        for k, (line, curve) in enumerate(zip(row, ring_curves(loop), strict=True)):
-            before, after = row[k - 1], row[(k + 1) % len(row)]
-            ends = [other for other in (before, after) if isinstance(other, Line) and 0.0 in other.normal]
-            if not isinstance(line, Line) or 0.0 in line.normal or len(ends) < 2 or _fold(line.degrees, STEPS_DEG[0]) == 0:
+    def _settle_corners(self, i: int, touches: Sequence[bool]) -> None:
+        """A line of loop i that leans at no round angle, and as no other does, has round corners with the lines beside it: the vertices of
+        a polygon, the radii and levels of a cone. An arc may round a corner off: it has a round radius then, and its centre follows."""
+        row, given = self.carriers[i], [carrier_of(curve) for curve in ring_curves(self.given[i])]  # not yet turned to round angles
+        settled = list(row)
+        for k, line in enumerate(row):
+            if not isinstance(line, Line) or not self._is_free(line):
                 continue
-            given = _carrier(curve)  # not yet turned to a round angle
-            assert isinstance(given, Line)
-            (ax, ay), (bx, by) = (self._round_end(given, end) for end in ends)
-            if math.hypot(bx - ax, by - ay) <= FARTHEST * self.tolerance:
+            beside = [self._beside(row, given, touches, k, step) for step in (-1, 1)]
+            start, end = (self._round_corner(row, given, k, other) for other in beside)
+            if start is None or end is None or math.dist(start, end) <= FARTHEST * self.tolerance:
                 continue
+            (ax, ay), (bx, by) = start, end
             degrees = math.degrees(math.atan2(by - ay, bx - ax)) % 180.0
             c, s = unit(degrees)
-            row[k] = replace(line, degrees=degrees, offset=-s * ax + c * ay)
+            settled[k] = replace(line, degrees=degrees, offset=-s * ax + c * ay)
+            for arc, between in ((given[m], m) for m in (k - 1, (k + 1) % len(row)) if m % len(row) not in beside):
+                assert isinstance(arc, Arc)
+                settled[between] = replace(arc, radius=self.grids.round(arc.radius)[0])
+        row[:] = settled
+
+    def _is_free(self, line: Line) -> bool:
+        """Whether a line leans at no round angle, and no other is parallel or square to it."""
+        if 0.0 in line.normal or fold_degrees(line.degrees, STEPS_DEG[0]) == 0:
+            return False
+        alike = sum(abs(fold_degrees(other.degrees - line.degrees, 90.0)) <= EXACT for _, _, other in self._lines())
+        return alike == 1
+
+    def _beside(self, row: Sequence[Carrier], given: Sequence[Carrier], touches: Sequence[bool], k: int, step: int) -> int | None:
+        """The line before or after line k, also across an arc that rounds off the corner of both; None where there is none."""
+        n = len(row)
+        first, second = (k + step) % n, (k + 2 * step) % n
+        arc = given[first]
+        if isinstance(arc, Line):
+            return first
+        joints = (k, first) if step > 0 else (first, second)
+        smooth = second != k and isinstance(row[second], Line) and all(touches[j] for j in joints)
+        return second if smooth and not self._is_hub(arc) else None
+
+    def _is_hub(self, arc: Arc) -> bool:
+        """Whether lines follow from an arc that they touch: it turns far, or its centre was typed."""
+        (start, middle, end), typed = arc.points, [self.grids.read(c)[0] for c in arc.center]
+        turns_far = math.dist(middle, ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2)) > arc.radius * HUB
+        return turns_far or None not in typed
+
+    def _round_corner(self, row: Sequence[Carrier], given: Sequence[Carrier], k: int, beside: int | None) -> Point | None:
+        """Where line k meets the one beside it, as round as may be; None where that line has another say in it."""
+        if beside is None:
+            return None
+        line, other, end = given[k], given[beside], row[beside]
+        assert isinstance(line, Line)
+        assert isinstance(other, Line)
+        assert isinstance(end, Line)
+        if 0.0 in end.normal:
+            return self._round_end(line, end)
+        if not self._is_free(end) or abs(fold_degrees(line.degrees - other.degrees, 180.0)) < SHARPEST:
+            return None
+        x, y = next(crossings(line, other, line.middle))
+        return self.grids.round(x)[0], self.grids.round(y)[0]
 
     def _round_end(self, line: Line, end: Line) -> Point:
         """Where the line meets one along an axis, that place rounded."""
@@ -345,7 +371,7 @@ class _Snapping:
         whichever is rounder."""
         if 0.0 in normal:
             sign = normal[0] + normal[1]
-            return sign * self.grids.round(sign * offset)[0]
+            return sign * self.grids.place(int(normal[0] == 0.0), sign * offset)
         best, width = offset, 0.0
         for hub in hubs:
             start = normal[0] * hub[0] + normal[1] * hub[1]
@@ -394,8 +420,8 @@ class _Snapping:
             arc = row[k]
             assert isinstance(arc, Arc)
             others = [row[m] for m in beside[k] if isinstance(row[m], Line) or m in settled]
-            arc = _between_parallels(arc, others)
-            row[k] = replace(arc, center=_onto(arc.center, [_tangency(arc, other) for other in others]))
+            arc = fit_between_parallels(arc, others)
+            row[k] = replace(arc, center=move_onto(arc.center, [tangency(arc, other) for other in others]))
             settled.add(k)
 
     # --- vertices -----------------------------------------------------------------------------------------------------
@@ -408,14 +434,14 @@ class _Snapping:
     def _meet(self, i: int, touches: Sequence[bool]) -> Ring:
         """Loop i with its vertices where carriers meet; a vertex between two edges on one line goes."""
         row = self.carriers[i]
-        kept = [k for k, carrier in enumerate(row) if not _goes_on(row[k - 1], carrier)]
+        kept = [k for k, carrier in enumerate(row) if not goes_on(row[k - 1], carrier)]
         if len(kept) < 2:
             raise ValueError("a loop of one line")
         at = {k: self._meeting(i, k, touches[k - 1]) for k in kept}
         out = []
         for k, following in zip(kept, [*kept[1:], kept[0]], strict=True):
             carrier = row[k]
-            out.append((*at[k], _bulge(carrier, at[k], at[following]) if isinstance(carrier, Arc) else 0.0))
+            out.append((*at[k], bulge_of(carrier, at[k], at[following]) if isinstance(carrier, Arc) else 0.0))
         return tuple(out)
 
     def _meeting(self, i: int, k: int, touch: bool) -> Point:
@@ -424,134 +450,7 @@ class _Snapping:
         curves = {(i, (k - 1) % len(self.given[i])), (i, k)}
         if curves <= self.held:
             return near
-        found = _tangent_point(a, b, near) if touch else min(_crossings(a, b, near), key=lambda p: math.dist(p, near), default=None)
+        found = tangent_point(a, b, near) if touch else min(crossings(a, b, near), key=lambda p: math.dist(p, near), default=None)
         if found is None or math.dist(found, near) > FARTHEST * self.tolerance:
             raise _PartedError(curves, near)
         return found
-
-
-def _carrier(curve: Curve) -> Carrier:
-    x, y, u, v, bulge = curve
-    if bulge:
-        return Arc(arc_center(curve), arc_radius(curve), 1 if bulge > 0 else -1, ((x, y), arc_middle(curve), (u, v)))
-    degrees, middle = math.degrees(math.atan2(v - y, u - x)) % 180.0, ((x + u) / 2, (y + v) / 2)
-    c, s = unit(degrees)
-    return Line(degrees, -s * middle[0] + c * middle[1], middle, math.hypot(u - x, v - y))
-
-
-def _off(line: Line, point: Point) -> float:
-    """Signed distance of a point."""
-    nx, ny = line.normal
-    return nx * point[0] + ny * point[1] - line.offset
-
-
-def _tangent_distance(a: Arc, b: Arc) -> float:
-    """How far apart the centres are where one circle touches the other, from without or from within, whichever is nearer to what is."""
-    apart = math.dist(a.center, b.center)
-    return min((a.radius + b.radius, abs(a.radius - b.radius)), key=lambda d: abs(d - apart))
-
-
-def _fold(degrees: float, period: float) -> float:
-    """The same modulo `period`, around 0."""
-    return (degrees + period / 2) % period - period / 2
-
-
-def _between_parallels(arc: Arc, others: Sequence[Carrier]) -> Arc:
-    """An arc that joins two parallel lines has their distance as its diameter."""
-    lines = [other for other in others if isinstance(other, Line)]
-    if len(lines) == 2 and lines[0].degrees == lines[1].degrees and lines[0].offset != lines[1].offset:
-        return replace(arc, radius=decimal(abs(lines[0].offset - lines[1].offset) / 2))
-    return arc
-
-
-def _tangency(arc: Arc, other: Carrier) -> Condition:
-    """That an arc's centre is a radius away from a line, or as far as it takes from another centre."""
-    if isinstance(other, Line):
-        side = math.copysign(arc.radius, _off(other, arc.center))
-        return lambda center: (_off(other, center) - side, other.normal)
-    wanted, (x, y) = _tangent_distance(arc, other), other.center
-
-    def from_center(center: Point) -> tuple[float, Point]:
-        apart = math.dist(center, other.center)
-        return apart - wanted, ((center[0] - x) / apart, (center[1] - y) / apart)
-
-    return from_center
-
-
-def _onto(center: Point, conditions: Sequence[Condition]) -> Point:
-    """The nearest centre that meets all conditions, by Newton's method."""
-    for _ in range(30 if conditions else 0):
-        rows = [condition(center) for condition in conditions]
-        step = np.linalg.lstsq(np.array([slope for _, slope in rows]), -np.array([off for off, _ in rows]), rcond=1e-9)[0]
-        center = (center[0] + float(step[0]), center[1] + float(step[1]))
-        if np.abs(step).max() <= RESIDUE * max(map(abs, center)):
-            break
-    return _tidy(center[0]), _tidy(center[1])
-
-
-def _goes_on(a: Carrier, b: Carrier) -> bool:
-    """Whether two edges are on one line."""
-    return isinstance(a, Line) and isinstance(b, Line) and (a.degrees, a.offset) == (b.degrees, b.offset)
-
-
-def _tangent_point(a: Carrier, b: Carrier, near: Point) -> Point:
-    if isinstance(a, Arc) and isinstance(b, Arc):
-        apart = math.dist(a.center, b.center)
-        way = ((b.center[0] - a.center[0]) / apart, (b.center[1] - a.center[1]) / apart)
-        ends = [(a.center[0] + s * a.radius * way[0], a.center[1] + s * a.radius * way[1]) for s in (1, -1)]
-        return min(ends, key=lambda p: math.dist(p, near))
-    line, arc = (a, b) if isinstance(a, Line) else (b, a)
-    assert isinstance(line, Line)
-    assert isinstance(arc, Arc)
-    off, (nx, ny) = _off(line, arc.center), line.normal
-    return arc.center[0] - off * nx, arc.center[1] - off * ny
-
-
-def _crossings(a: Carrier, b: Carrier, near: Point) -> Iterator[Point]:
-    if isinstance(a, Line) and isinstance(b, Line):
-        (ax, ay), (bx, by) = a.normal, b.normal
-        cross = ax * by - ay * bx
-        if abs(cross) > 1e-9:
-            yield (a.offset * by - b.offset * ay) / cross, (ax * b.offset - bx * a.offset) / cross
-    elif isinstance(a, Arc) and isinstance(b, Arc):
-        yield from _circle_crossings(a, b, near)
-    else:
-        line, arc = (a, b) if isinstance(a, Line) else (b, a)
-        assert isinstance(line, Line)
-        assert isinstance(arc, Arc)
-        yield from _line_crossings(line, arc)
-
-
-def _line_crossings(line: Line, arc: Arc) -> Iterator[Point]:
-    off, (nx, ny), (ux, uy) = _off(line, arc.center), line.normal, line.direction
-    if abs(off) <= arc.radius:
-        half = math.sqrt(arc.radius**2 - off**2)
-        for t in (half, -half):
-            yield arc.center[0] - off * nx + t * ux, arc.center[1] - off * ny + t * uy
-
-
-def _circle_crossings(a: Arc, b: Arc, near: Point) -> Iterator[Point]:
-    dx, dy = b.center[0] - a.center[0], b.center[1] - a.center[1]
-    apart = math.hypot(dx, dy)
-    if apart == 0:
-        if a.radius == b.radius:  # one circle: the vertex stays at its angle
-            far = math.dist(near, a.center)
-            yield tuple(c + a.radius * (p - c) / far for c, p in zip(a.center, near, strict=True))  # type: ignore[misc]
-        return
-    along = (apart**2 + a.radius**2 - b.radius**2) / (2 * apart)
-    if abs(along) <= a.radius:
-        half = math.sqrt(a.radius**2 - along**2)
-        for t in (half, -half):
-            yield a.center[0] + (along * dx - t * dy) / apart, a.center[1] + (along * dy + t * dx) / apart
-
-
-def _bulge(arc: Arc, start: Point, end: Point) -> float:
-    (ax, ay), (bx, by) = ((x - arc.center[0], y - arc.center[1]) for x, y in (start, end))
-    sweep = math.atan2(ax * by - ay * bx, ax * bx + ay * by) * arc.sense % (2 * math.pi)
-    return arc.sense * _tidy(math.tan(sweep / 4))
-
-
-def _tidy(number: float) -> float:
-    """Without what binary fractions add to a decimal number; other numbers keep all their digits."""
-    rounded = decimal(number)
-    return rounded if abs(rounded - number) <= RESIDUE * max(abs(number), 1.0) else number + 0.0

@@ -24,6 +24,7 @@ from imdim.numbers.design_values import Values, decimal, find_parted_groups, pla
 from imdim.numbers.inches import are_inches
 from imdim.numbers.origin import find_offset
 from imdim.numbers.precision import precision_of
+from imdim.numbers.shared_numbers import find_split_numbers, share_number
 from imdim.numbers.snap import SnapConfig, accept_changes, snap
 from imdim.numbers.symmetry_normal_form import canonical
 from imdim.program.outline import are_near
@@ -36,9 +37,11 @@ from imdim.target.target import Frame
 SNAP_CHANGE = 5e-4  # of the volume, that rounder numbers may move
 SAME_CONES = 2e-5  # of the volume, that cones may change that begin where they are seen
 SAME_SIZE = 1e-6  # of a length, within which leaves are copies of one: what a mesh's single precision leaves of equal ones
+HAIR = 5e-5  # of the largest size, by which places and radii differ that nobody drew as two
 SNAP_DEG = 3.0  # by which a rotation is rounded at most
 SNAP_LOSS = 1e-4  # of the volume IoU with a mesh, that rounder numbers may cost: typed ones cost none,
 HARDLY = 5e-6  # of the volume: what each round of rounding may cost all the same where those before have taken all,
+SHARED = 5e-5  # and what it may cost that all places are one which are a hair apart,
 FACETED = 0.03  # but for facets: as this share of what is between the surfaces
 ROUGH = SnapConfig(max_move=2e-5, abs_tolerance=2e-5, finest=4e-4, max_deg=0.0)  # numbers as near to a grid twenty times as wide
 MOVED, MOVED_LOSS = 1e-4, 5e-4  # of the diagonal and of the volume IoU, that a part is moved by at most to have its places on the grid
@@ -172,6 +175,8 @@ class _Rounding:
             out, _ = self._take(out, ROUGH, caution)
             most = max(most, self.distance(out))
         out = self._rejoin(out, most, caution)
+        most = max(most, self.distance(out) + loss)
+        out = self._share_numbers(out, most, caution)
         if self.deadline.has_passed():
             return out
         return round_circles(self.plain, out, lambda trial: self._bears(trial, caution) and self.distance(trial) <= most)
@@ -207,8 +212,20 @@ class _Rounding:
             values = accept_changes(values, offers, Values.with_numbers, bears, SNAP_TRIES)
         return rejoined(values) or out
 
-    def _bears(self, trial: Program, caution: float, spent: Costs = NOTHING) -> bool:
-        return not self.deadline.has_passed() and self.judge.seems_kept(self.frame.apply(trial), caution, spent)
+    def _share_numbers(self, out: Program, most: float, caution: float) -> Program:
+        """Places and radii that are a hair from each other made one, if the solid bears it."""
+        spent, parts = self.judge.costs(self.frame.apply(out)), tuple(leaves(out))
+
+        def bears(parts: tuple[Primitive, ...]) -> bool:
+            trial = map_leaves(out, lambda i, _: parts[i])
+            return self._bears(trial, caution, spent, SHARED) and self.distance(trial) <= most
+
+        split = find_split_numbers(parts, HAIR * longest(parts)) if self.precision else []
+        parts = accept_changes(parts, split, share_number, bears, SNAP_TRIES)
+        return map_leaves(out, lambda i, _: parts[i])
+
+    def _bears(self, trial: Program, caution: float, spent: Costs = NOTHING, more: float = HARDLY) -> bool:
+        return not self.deadline.has_passed() and self.judge.seems_kept(self.frame.apply(trial), caution, spent, more)
 
 
 class _SolidJudge:
@@ -236,11 +253,11 @@ class _SolidJudge:
         changed = float(np.abs(values - self.values).mean()) / self.thickness
         return Costs(changed, 0.0 if self.target is None else float(np.abs(values).mean()) / self.thickness - self.missed)
 
-    def seems_kept(self, trial: Program, caution: float, spent: Costs = NOTHING) -> bool:
-        """Whether it costs no more than limits divided by `caution`, or hardly more than was `spent` before: where the first numbers took
+    def seems_kept(self, trial: Program, caution: float, spent: Costs = NOTHING, more: float = HARDLY) -> bool:
+        """Whether it costs no more than limits divided by `caution`, or hardly `more` than was `spent` before: where the first numbers took
         all, the others may still become those that are all but theirs."""
         costs, limits = self.costs(trial), (self.most, self.most_lost)
-        return all(cost < max(limit / caution, before + HARDLY) for cost, limit, before in zip(costs, limits, spent, strict=True))
+        return all(cost < max(limit / caution, before + more) for cost, limit, before in zip(costs, limits, spent, strict=True))
 
     def keeps(self, trial: Program) -> bool:
         """Whether exact booleans say so. One less an IoU is a distance between solids: what changes the solid by less than
