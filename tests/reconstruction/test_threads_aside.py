@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 import trimesh
+from tests.threaded import MINOR, bolt, tapped_block
 
 from imdim.program.tree import leaves
 from imdim.reconstruction.config import Settings
 from imdim.reconstruction.pipeline import reconstruct_best
 from imdim.reconstruction.threads_aside import set_threads_aside
 from imdim.target.target import target_from
-from tests.threaded import MINOR, bolt, tapped_block
 
 TURN = np.array(trimesh.transformations.rotation_matrix(0.5, [1, 2, 3]), float)
 TURN[:3, 3] = [30, -20, 50]

@@ -188,14 +188,14 @@ class _Rounding:
         # corners of a drawn wall lie on the ends of what cuts it: they do not tell that it turns
         old, new = list(leaves(out)), list(leaves(snap(out, self.distance, config=config, deadline=self.deadline)))
         changes = _group_copies(old, [(i, leaf) for i, leaf in enumerate(new) if leaf != old[i]])
-        spent = self.judge.costs(self.frame.apply(out))
+        spent = self._costs(out)
         out = accept_changes(out, changes, replace_leaves, lambda trial: self._bears(trial, caution, spent), SNAP_TRIES)
         return out, list(leaves(out)) == new
 
     def _rejoin(self, out: Program, most: float, caution: float) -> Program:
         """What was equal made equal again, if the solid bears it: what is rounded in one leaf and not in another is one plane no longer."""
         before, slack = Values.of(list(leaves(self.plain))), SAME_SIZE * longest(list(leaves(self.plain)))
-        spent = self.judge.costs(self.frame.apply(out))
+        spent = self._costs(out)
 
         def rejoined(values: Values) -> Program | None:
             parts = values.primitives_or_none()
@@ -214,7 +214,7 @@ class _Rounding:
 
     def _share_numbers(self, out: Program, most: float, caution: float) -> Program:
         """Places and radii that are a hair from each other made one, if the solid bears it."""
-        spent, parts = self.judge.costs(self.frame.apply(out)), tuple(leaves(out))
+        spent, parts = self._costs(out), tuple(leaves(out))
 
         def bears(parts: tuple[Primitive, ...]) -> bool:
             trial = map_leaves(out, lambda i, _: parts[i])
@@ -223,6 +223,9 @@ class _Rounding:
         split = find_split_numbers(parts, HAIR * longest(parts)) if self.precision else []
         parts = accept_changes(parts, split, share_number, bears, SNAP_TRIES)
         return map_leaves(out, lambda i, _: parts[i])
+
+    def _costs(self, program: Program) -> Costs:
+        return self.judge.costs(self.frame.apply(program))
 
     def _bears(self, trial: Program, caution: float, spent: Costs = NOTHING, more: float = HARDLY) -> bool:
         return not self.deadline.has_passed() and self.judge.seems_kept(self.frame.apply(trial), caution, spent, more)
