@@ -41,6 +41,7 @@ from imdim.reconstruction.plain_program import SAME, has_drawings, is_plainer, m
 from imdim.reconstruction.policy_beam import misfit, proposals
 from imdim.reconstruction.preserve import is_same
 from imdim.reconstruction.proof import DEARER, Proofs
+from imdim.reconstruction.toothed_rims import draw_teeth
 from imdim.search.counterexamples import Sharpener, transfer
 from imdim.search.evolve.population import EvolutionConfig, Generation
 from imdim.search.lns import LocalConfig
@@ -133,8 +134,14 @@ def auto(run: Run) -> Iterator[MethodStep]:
         if fewer is not None:
             yield fewer
         return
+    toothed = _draw_teeth(run, best)
+    if toothed is not None:
+        best = toothed
+        yield best
     drawn = best
     for source in (_separate, _separate_rims, _search_primitives, _stack_drawings, _separate_bores):
+        if source is _search_primitives and toothed is not None:
+            continue  # which would have to tell each tooth
         plain = source(run, drawn if source is _search_primitives and has_drawings(best.program) else best)
         if plain is not None and is_plainer(plain.program, best.program, run.seen):
             best = replace(plain, others=(*best.others, best.program, *plain.others))
@@ -249,6 +256,24 @@ def _separate_bores(run: Run, best: MethodStep) -> MethodStep | None:
 def _change_drawings(run: Run, best: MethodStep, change: Callable[[Program], Program]) -> MethodStep | None:
     apart = change(best.program)
     return None if apart == best.program else replace(best, program=_lay_bare(apart, best.program, run.budget.end_of("search")))
+
+
+def _draw_teeth(run: Run, best: MethodStep) -> MethodStep | None:
+    """The same with rims of equal teeth as discs and one tooth each, where that is nearer to the mesh."""
+    solid, deadline, program = run.seen.solid, run.budget.end_of("search"), best.program
+    if run.settings.language != "cad" or solid is None:
+        return None
+    while True:
+        better = (trial for trial in draw_teeth(program, solid, deadline) if _gain(run, trial, program) > SAME * run.seen.size_weight)
+        trial = next(better, None)
+        if trial is None:
+            break
+        program = trial
+    return None if program == best.program else replace(best, program=program, others=(*best.others, best.program), proof="")
+
+
+def _gain(run: Run, new: Program, old: Program) -> float:
+    return (run.seen.iou(new) or 0.0) - (run.seen.iou(old) or 0.0)
 
 
 def _separate_rims(run: Run, best: MethodStep) -> MethodStep | None:
