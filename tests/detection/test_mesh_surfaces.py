@@ -140,3 +140,16 @@ def test_past_the_deadline_no_curved_surface_is_looked_for():
     mesh = mesh_of(CASES["egg on a plate"], 64)
     patches = detect_patches(mesh, PASSED)
     assert {patch.surface.kind for patch in patches} == {"plane"}
+
+
+@pytest.mark.parametrize("straight", [1.0, 4.0, 12.0])
+def test_the_sides_of_a_small_slot_are_flat(straight):
+    """With a strip of the round end on either side each lies on a wide cylinder, whose sagitta is no more than others have on a large part."""
+    half = straight / 2
+    ends = [cylinder(1.7, 10, (12.0, y, 0.0)) for y in (-half, half)]
+    mesh = mesh_of(cut(box(80, 60, 5), union(*ends, box(3.4, straight, 10, (12.0, 0.0, 0.0)))))
+    patches = detect_patches(mesh)
+    round_ones = [patch.surface for patch in patches if patch.surface.kind != "plane"]
+    assert [surface.sizes[0] for surface in round_ones] == pytest.approx([1.7] * 2, abs=1e-4)
+    sides = [patch.surface for patch in patches if patch.surface.kind == "plane" and abs(patch.surface.axis[0]) > 0.999]
+    assert sorted(float(np.asarray(side.point)[0]) for side in sides) == pytest.approx([-40.0, 10.3, 13.7, 40.0], abs=1e-4)

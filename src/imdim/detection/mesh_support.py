@@ -20,6 +20,7 @@ LEAN = 0.6  # of what it leans by at a corner: what a facet may lean by in its m
 LEVEL = math.radians(2.0)  # beside that
 MOSTLY = 0.75  # of its corners, that lie on an elliptic cylinder
 UNROUND = 4e-4  # of the diagonal, by which the semi-axes of an ellipse differ; with less a circle does it
+FEW_STRIPS, STANDS_OUT = 7, 4.0  # of a cylinder, among which one that is wider by more than this factor is a flat between strips of others
 LEAST_TURN = {"ellipsoid": 30.0, "elliptic": 60.0}  # degrees, on the ball; any smooth surface is one for less
 
 
@@ -175,11 +176,29 @@ def believable(surface: Surface, members: np.ndarray, facets: Facets) -> bool:
         least = 8  # nearly flat
     if len(members) < least:
         return False
+    if surface.kind == "cylinder" and len(members) <= FEW_STRIPS and _stands_out(surface, members, facets):
+        return False
     if surface.kind in LEAST_STEPS and _least_steps(surface, members, facets) < LEAST_STEPS[surface.kind]:
         return False
     n = to_ball(surface, facets.normals[members]) if surface.kind in FRAMED else facets.normals[members]
     turn = np.arccos(np.clip((n @ n.T).min() if len(n) < 800 else -1.0, -1, 1))
     return turn > np.radians(LEAST_TURN.get(surface.kind, 4.0))
+
+
+def _stands_out(surface: Surface, members: np.ndarray, facets: Facets) -> bool:
+    """Whether one facet takes far more of a cylinder's turn than any other: the straight side of a slot and a strip or two of the round end
+    on either side lie on a wide cylinder, as any four lines do of which one pair is the mirror image of the other."""
+    triangles = facets.triangles(members)
+    number = np.searchsorted(np.sort(members), facets.facet_of[triangles])
+    radial = facets.corners[triangles] - surface.point
+    facing = facets.normals[facets.facet_of[triangles]]
+    aside = np.cross(np.asarray(surface.axis), facing)
+    angles = np.arctan2(np.einsum("tci,ti->tc", radial, aside), np.abs(np.einsum("tci,ti->tc", radial, facing)))
+    low, high = np.full(len(members), np.inf), np.full(len(members), -np.inf)
+    np.minimum.at(low, number, angles.min(1))
+    np.maximum.at(high, number, angles.max(1))
+    *_, second, widest = np.sort(high - low)
+    return bool(widest > STANDS_OUT * second)
 
 
 def _least_steps(surface: Surface, members: np.ndarray, facets: Facets) -> float:
