@@ -147,3 +147,13 @@ def test_rounding_goes_as_far_as_the_intervals():
     assert rounded.size[0] == 40
     assert rounded.size[2] == 20
     assert not bounds.allow(with_size(40, 30, 20))
+
+
+def test_a_size_that_may_be_nothing_is_not_rounded_to_it():
+    """Of a shallow pocket in coarse noise the interval holds 0, the coarsest grid's nearest place."""
+    plate = cut(box(40, 30, 0.3), cylinder(5, 0.15, (0.0, 0.0, 0.075)))
+    bounds = MeasuredLeaves.of(measure(plate, cloud(plate, 150, 1.0, seed=1), FREE.repeat(2, 1)))
+    depth = bounds.parts[1].size[1]
+    assert depth < bounds._half_widths(1, np.eye(6))[1]
+    _, pocket = leaves(bounds.round_sizes(bounds.known.program))
+    assert pocket.size[1] == pytest.approx(depth, abs=0.15)

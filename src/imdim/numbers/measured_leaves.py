@@ -70,8 +70,8 @@ class MeasuredLeaves:
             for number in (*range(len(part.size)), 3, 4, 5):
                 # where both ends were rounded, what lies between was not: it starts again from what was measured
                 others = [i for i in np.flatnonzero(matrix[number]).tolist() if i != number]
-                anew = reduce(lambda p, i: _with_number(p, i, _trimmed(float(own[i]), float(half[i]))), others, part)
-                offers = _offers(float(own[number]), float(half[number]), self.common)
+                anew = reduce(lambda p, i: _with_number(p, i, _trimmed(float(own[i]), float(half[i])) or float(own[i])), others, part)
+                offers = (v for v in _offers(float(own[number]), float(half[number]), self.common) if v > 0 or number >= len(part.size))
                 trials = (_with_number(start, number, value) for value in offers for start in (part, anew))
                 part = next((trial for trial in trials if self._allows(leaf, trial, self.parts[leaf])), part)
             return part
